@@ -1,0 +1,85 @@
+# How everything in this tree is compiled, and helpers for its targets.
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+set(CMAKE_LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib)
+
+find_program(SIDESTEP_CCACHE ccache)
+if(SIDESTEP_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${SIDESTEP_CCACHE})
+endif()
+
+set(SIDESTEP_SANITIZE "" CACHE STRING "Sanitizers for -fsanitize=, e.g. address,undefined")
+if(SIDESTEP_SANITIZE)
+  add_compile_options(-fsanitize=${SIDESTEP_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=${SIDESTEP_SANITIZE})
+endif()
+
+# Warnings are errors for our own code only.
+function(sidestep_warnings target)
+  target_compile_options(${target} PRIVATE
+    -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wno-missing-field-initializers -Werror)
+endfunction()
+
+# sidestep_add_layer(NAME SOURCES ... [DEPENDS layer...] [LINK library...])
+# One layer of the framework: an object library that becomes part of libsidestep_sdk or
+# libsidestep_runtime.
+function(sidestep_add_layer name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;LINK" ${ARGN})
+  add_library(sidestep_layer_${name} OBJECT ${ARG_SOURCES})
+  target_include_directories(sidestep_layer_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/framework/include>)
+  target_link_libraries(sidestep_layer_${name} PUBLIC Eigen3::Eigen tl::expected PRIVATE ${ARG_LINK})
+  sidestep_warnings(sidestep_layer_${name})
+endfunction()
+
+# sidestep_add_test(NAME SOURCES ... [LINK library...] [LABELS label...])
+# A GoogleTest executable whose cases become ctest tests.
+function(sidestep_add_test name)
+  if(NOT SIDESTEP_TESTS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE GTest::gtest_main GTest::gmock ${ARG_LINK})
+  target_compile_definitions(${name} PRIVATE
+    SIDESTEP_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    SIDESTEP_SHARED_DATA="${PROJECT_SOURCE_DIR}/../shared/data"
+    SIDESTEP_SHARED_FACTS="${PROJECT_SOURCE_DIR}/../shared/facts")
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  sidestep_warnings(${name})
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600)
+endfunction()
+
+# sidestep_add_benchmark(NAME SOURCES ... [LINK library...])
+# A google-benchmark executable; ctest runs each for an instant so that none rots.
+function(sidestep_add_benchmark name)
+  if(NOT SIDESTEP_BENCHMARKS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE benchmark::benchmark_main ${ARG_LINK})
+  target_compile_definitions(${name} PRIVATE
+    SIDESTEP_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    SIDESTEP_SHARED_DATA="${PROJECT_SOURCE_DIR}/../shared/data")
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  sidestep_warnings(${name})
+  if(SIDESTEP_TESTS)
+    add_test(NAME benchmark.${name} COMMAND ${name} --benchmark_min_time=0.001)
+    set_tests_properties(benchmark.${name} PROPERTIES LABELS benchmark TIMEOUT 300)
+  endif()
+endfunction()
+
+# Adds every subfolder that has a CMakeLists.txt, in the order of their names.
+function(sidestep_add_subfolders)
+  file(GLOB lists CONFIGURE_DEPENDS RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} */CMakeLists.txt)
+  foreach(list IN LISTS lists)
+    get_filename_component(folder ${list} DIRECTORY)
+    add_subdirectory(${folder})
+  endforeach()
+endfunction()

@@ -1,0 +1,27 @@
+# sidestep_add_plugin(NAME KIND kind SOURCES ... [LINK library...])
+#
+# A Sidestep plugin: the shared library lib<kind>_<name>.so, whose one exported symbol is
+# sidestep_plugin(). KIND is source, mapper, field, robot, optimiser or executor. In a build of
+# Sidestep itself it lands beside the others; elsewhere, in the current binary folder. Installed
+# with Sidestep, for third parties too.
+function(sidestep_add_plugin name)
+  cmake_parse_arguments(ARG "" "KIND" "SOURCES;LINK" ${ARGN})
+  set(target ${ARG_KIND}_${name})
+  add_library(${target} MODULE ${ARG_SOURCES})
+  target_compile_features(${target} PRIVATE cxx_std_20)
+  set_target_properties(${target} PROPERTIES
+    CXX_EXTENSIONS OFF
+    CXX_VISIBILITY_PRESET hidden
+    VISIBILITY_INLINES_HIDDEN ON)
+  target_link_libraries(${target} PRIVATE Sidestep::sdk ${ARG_LINK})
+  if(NOT SIDESTEP_SANITIZE)
+    target_link_options(${target} PRIVATE LINKER:--no-undefined)
+  endif()
+  if(COMMAND sidestep_warnings)  # inside Sidestep's own tree
+    sidestep_warnings(${target})
+    set_target_properties(${target} PROPERTIES
+      LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib/sidestep/plugins
+      INSTALL_RPATH "$ORIGIN/../..")
+    install(TARGETS ${target} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/sidestep/plugins)
+  endif()
+endfunction()

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/geometry/grid.hpp>
+
+namespace sidestep {
+
+/// What a field knows about a point.
+enum class FieldStatus : std::uint8_t {
+  kKnown,    ///< Observed by the map.
+  kUnknown,  ///< Inside the field, never observed; the distance is to known obstacles only.
+  kOutside,  ///< Outside the field; distance and gradient are those at the nearest inner point.
+};
+
+struct FieldInfo {
+  GridSpec grid;
+  bool is_signed = false;       ///< Negative inside obstacles; else 0 there.
+  double max_distance_m = 0.0;  ///< Distances are cut off here; infinity if they are not.
+  std::int64_t sequence = 0;    ///< Number of updates that went into it.
+  Stamp stamp;                  ///< Of the newest frame in it.
+};
+
+/// The Euclidean distance to the nearest obstacle, as one immutable snapshot of a map. [any]
+class SIDESTEP_EXPORT DistanceField {
+ public:
+  explicit DistanceField(FieldInfo info) : info_(std::move(info)) {}
+  virtual ~DistanceField() = default;
+
+  [[nodiscard]] const FieldInfo& info() const noexcept { return info_; }
+
+  /// Trilinear interpolation between voxel centres, and its analytic gradient.
+  ///
+  /// points_m: n points, world frame. distances_m: n. gradients: n, dimensionless (metres per
+  /// metre), or empty where none are wanted. statuses: n, or empty. Does not allocate.
+  virtual void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
+                     std::span<Eigen::Vector3d> gradients,
+                     std::span<FieldStatus> statuses) const noexcept = 0;
+
+ private:
+  FieldInfo info_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include <sidestep/geometry/scene.hpp>
+
+namespace sidestep {
+
+struct RayHit {
+  double distance_m = 0.0;  ///< Along the (unit) direction; infinity without a hit.
+  int object = -1;
+  Eigen::Vector3d normal_world = Eigen::Vector3d::Zero();  ///< Unit length, towards the ray.
+};
+
+/// Casts rays into a scene with Embree; curved shapes are cast exactly, not as facets.
+/// set_time() is [simulation] only and must not run beside cast(); cast() is [any].
+class RayCaster {
+ public:
+  explicit RayCaster(const Scene& scene);
+  ~RayCaster();
+  RayCaster(RayCaster&&) noexcept;
+  RayCaster& operator=(RayCaster&&) noexcept;
+
+  /// Moves the objects to where they are at `time_s`.
+  void set_time(double time_s);
+
+  /// The first hit of each ray; origins and unit directions in the world frame. All three
+  /// spans have the same length. Does not allocate.
+  void cast(std::span<const Eigen::Vector3d> origins, std::span<const Eigen::Vector3d> directions,
+            std::span<RayHit> hits) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <memory>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/mapping/mapper.hpp>
+
+namespace sidestep {
+
+/// Turns a map into distance fields, one snapshot per update.
+class SIDESTEP_EXPORT FieldBuilder {
+ public:
+  virtual ~FieldBuilder() = default;
+
+  /// Binds the builder to a mapper, which must outlive it; called once, before anything else.
+  /// Fails with kUnsupported where the mapper does not offer the view that the field needs,
+  /// naming that view. [mapping]; allocates.
+  [[nodiscard]] virtual Result<void> attach(Mapper& mapper) = 0;
+
+  /// The field after `update`, the newest of the attached mapper. Every update must be given,
+  /// in order. Snapshots already handed out never change. [mapping]; allocates.
+  [[nodiscard]] virtual Result<std::shared_ptr<const DistanceField>> update(
+      const MapUpdate& update) = 0;
+};
+
+}  // namespace sidestep

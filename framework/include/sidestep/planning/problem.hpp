@@ -1,0 +1,77 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/planning/state_cost.hpp>
+#include <sidestep/robot/robot_model.hpp>
+#include <sidestep/trajectory/trajectory.hpp>
+
+namespace sidestep {
+
+/// What a region without measurements counts as. There is no default: a configuration says.
+enum class Space { kFree, kOccupied };
+
+struct SpacePolicy {
+  Space unknown = Space::kOccupied;
+  Space outside = Space::kOccupied;
+};
+
+/// At which states of the trajectory a cost applies.
+enum class Placement {
+  kStart,                   ///< The first support state.
+  kGoal,                    ///< The last support state.
+  kSupport,                 ///< Every support state.
+  kSupportAndInterpolated,  ///< Those and `interpolated_checks` states within each interval.
+};
+
+struct CostTerm {
+  std::shared_ptr<const StateCost> cost;
+  Placement placement = Placement::kSupport;
+};
+
+/// A motion to be found: from start to goal, on support states dt_s apart, under a GP prior
+/// and cost terms. Sampling planners use the start, the goal, the limits and the field;
+/// optimisers use everything. Plain data, shared by reference.
+struct Problem {
+  std::shared_ptr<const RobotModel> robot;
+  std::shared_ptr<const DistanceField> field;  ///< The one snapshot that a solve sees.
+  SpacePolicy space;
+  double collision_margin_m = 0.0;  ///< Least distance between spheres and obstacles.
+
+  RobotState start;
+  RobotState goal;
+  int support_states = 0;  ///< At least 3, both ends included.
+  double dt_s = 0.0;
+  Eigen::VectorXd qc;           ///< Diagonal of Qc, one positive value a joint.
+  int interpolated_checks = 0;  ///< States between each two support states that costs see.
+  double speed_fraction = 1.0;  ///< Share of the velocity limits that a plan may use, (0, 1].
+  std::vector<CostTerm> terms;
+
+  /// Fails with kInvalidArgument, naming the joint or the number, where the problem makes no
+  /// sense: sizes, NaN, limits broken by start or goal.
+  [[nodiscard]] Result<void> validate() const;
+};
+
+/// The weights of the standard cost terms (docs: numerics).
+struct CostSettings {
+  double epsilon_m = 0.5;        ///< Obstacle hinge: cost begins this far from a sphere.
+  double sigma_obstacle = 0.05;  ///< m
+  double self_collision_epsilon_m = 0.02;
+  double sigma_self_collision = 0.05;   ///< m; 0 leaves the term out.
+  double sigma_position_limit = 0.01;   ///< m, rad; 0 leaves the term out.
+  double position_limit_margin = 0.01;  ///< m, rad
+  double sigma_velocity_limit = 0.05;   ///< m/s, rad/s; 0 leaves the term out.
+  double sigma_endpoint = 1e-4;         ///< Of start and goal, position and velocity.
+};
+
+/// The standard terms for problem.robot, field, start and goal: obstacle, self-collision,
+/// position limits, velocity limits (scaled by speed_fraction), start, goal.
+[[nodiscard]] std::vector<CostTerm> standard_terms(const Problem& problem,
+                                                   const CostSettings& settings);
+
+}  // namespace sidestep

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/planning/problem.hpp>
+#include <sidestep/robot/robot_model.hpp>
+#include <sidestep/trajectory/trajectory.hpp>
+
+namespace sidestep {
+
+struct Violation {
+  enum class Kind { kCollision, kSelfCollision, kPositionLimit, kVelocityLimit, kUnproven };
+  Kind kind = Kind::kCollision;
+  std::string subject;  ///< Link or joint.
+  std::string other;    ///< The other link or the obstacle, where there is one.
+  double time_s = 0.0;  ///< Where it is worst.
+  double amount = 0.0;  ///< By how much: penetration in m, or beyond the limit in its unit.
+
+  /// E.g. "arm_roll_link is 0.013 m inside an obstacle at 2.35 s".
+  [[nodiscard]] std::string describe() const;
+};
+[[nodiscard]] std::string_view to_string(Violation::Kind kind) noexcept;
+
+struct Verdict {
+  enum class Outcome { kValid, kInvalid, kUnknown };
+  Outcome outcome = Outcome::kUnknown;
+  double min_clearance_m = 0.0;  ///< Smallest distance from the robot to an obstacle.
+  std::string min_clearance_link;
+  double min_clearance_time_s = 0.0;
+  double min_self_clearance_m = 0.0;
+  double unknown_share = 0.0;         ///< Share of sphere checks that fell into unknown space.
+  std::vector<Violation> violations;  ///< The worst of each subject and kind, worst first.
+
+  [[nodiscard]] bool valid() const noexcept { return outcome == Outcome::kValid; }
+  /// One sentence: "valid, 0.042 m clear", or the first violations.
+  [[nodiscard]] std::string describe() const;
+};
+[[nodiscard]] std::string_view to_string(Verdict::Outcome outcome) noexcept;
+
+/// Decides whether a trajectory is safe, over continuous time. Immutable; [any] thread.
+class SIDESTEP_EXPORT ValidityCheck {
+ public:
+  virtual ~ValidityCheck() = default;
+  /// Checks from `from_s` to the end. Fails with kInvalidArgument for a malformed trajectory
+  /// and kDeadlineExceeded; allocates.
+  [[nodiscard]] virtual Result<Verdict> check(const Trajectory& trajectory, double from_s,
+                                              const Deadline& deadline) const = 0;
+};
+
+struct FieldCheckSettings {
+  double margin_m = 0.0;          ///< Clearance that spheres must keep.
+  double max_step_m = 0.02;       ///< First spacing of checks, as sphere motion.
+  double min_step_m = 1e-4;       ///< Bisection ends here with "unproven".
+  double speed_fraction = 1.0;    ///< Velocity limits that must hold.
+  double limit_tolerance = 1e-6;  ///< Of positions and velocities, in their units.
+};
+
+/// The check on one pinned snapshot: the robot's spheres against the distance field, and
+/// against each other, with bisection until the motion between two checks is proven clear
+/// (numerics: continuous-time validity); limits from the extrema of the cubic interpolant.
+[[nodiscard]] std::unique_ptr<ValidityCheck> make_field_check(
+    std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
+    SpacePolicy space, FieldCheckSettings settings);
+
+}  // namespace sidestep

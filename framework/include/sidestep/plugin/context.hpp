@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include <sidestep/core/log.hpp>
+#include <sidestep/core/node.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/core/worker_pool.hpp>
+#include <sidestep/robot/robot_model.hpp>
+
+namespace sidestep {
+
+/// What the host lends to a plugin at creation; everything outlives the plugin's objects.
+struct HostContext {
+  Log& log;
+  const Clock& clock;
+  WorkerPool& workers;
+  const DocumentReader& documents;
+  std::uint64_t seed = 0;  ///< The plugin's own, derived from the run's.
+  /// Folders in which profiles and scenes that are named rather than given by path are found.
+  std::vector<std::filesystem::path> robot_paths;
+  std::vector<std::filesystem::path> scene_paths;
+  /// The robot of the run; null while the robot itself is being created.
+  std::shared_ptr<const RobotModel> robot;
+};
+
+}  // namespace sidestep

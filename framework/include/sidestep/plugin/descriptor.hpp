@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+
+#include <sidestep/plugin/context.hpp>
+#include <sidestep/plugin/schema.hpp>
+
+namespace sidestep {
+
+inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
+inline constexpr std::uint16_t kSdkMajor = 0;
+inline constexpr std::uint16_t kSdkMinor = 1;
+
+enum class PluginKind : std::uint32_t {
+  kSource = 1,
+  kMapper = 2,
+  kField = 3,
+  kRobot = 4,
+  kOptimiser = 5,
+  kExecutor = 6,
+};
+
+/// Versions of the interface of each kind: raised whenever its virtuals or the data they
+/// exchange change.
+inline constexpr std::uint32_t kSourceInterface = 1;
+inline constexpr std::uint32_t kMapperInterface = 1;
+inline constexpr std::uint32_t kFieldInterface = 1;
+inline constexpr std::uint32_t kRobotInterface = 1;
+inline constexpr std::uint32_t kOptimiserInterface = 1;
+inline constexpr std::uint32_t kExecutorInterface = 1;
+
+/// How a binary was built, as far as it decides whether C++ objects may cross between it and
+/// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.
+struct AbiStamp {
+  char compiler_abi[32];              ///< E.g. "gcc-abi-1017".
+  std::uint32_t libstdcxx_cxx11_abi;  ///< _GLIBCXX_USE_CXX11_ABI
+  std::uint32_t reserved;
+  std::int64_t cplusplus;               ///< __cplusplus
+  std::uint32_t eigen_version;          ///< world * 10000 + major * 100 + minor
+  std::uint32_t eigen_max_align_bytes;  ///< EIGEN_MAX_ALIGN_BYTES
+  char sanitizers[32];                  ///< "none", "address", "thread"
+};
+
+/// What a plugin's library exports. The prefix up to `abi` has a layout that never changes;
+/// the host reads nothing behind it before the stamp has been found equal.
+struct PluginDescriptor {
+  std::uint32_t size;   ///< sizeof(PluginDescriptor)
+  std::uint32_t magic;  ///< kPluginMagic
+  std::uint16_t sdk_major;
+  std::uint16_t sdk_minor;
+  std::uint32_t interface_version;
+  AbiStamp abi;
+  PluginKind kind;
+  const char* name;
+  const char* version;
+  const char* doc;  ///< One line.
+  /// The parameters, declared once.
+  const Schema& (*schema)();
+  /// A new object of the kind's interface, or null and *error. `parameters` has been checked
+  /// against the schema. Must not throw; the host catches what does.
+  void* (*create)(const Node& parameters, const HostContext& context, Error* error);
+  void (*destroy)(void* object);
+};
+
+/// The name of the one function that a plugin's library exports:
+/// extern "C" const PluginDescriptor* sidestep_plugin().
+inline constexpr const char* kPluginSymbol = "sidestep_plugin";
+
+}  // namespace sidestep

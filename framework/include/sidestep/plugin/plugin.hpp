@@ -1,0 +1,137 @@
+#pragma once
+
+#include <cstring>
+#include <memory>
+
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/mapping/mapper.hpp>
+#include <sidestep/planning/executor.hpp>
+#include <sidestep/planning/optimiser.hpp>
+#include <sidestep/plugin/descriptor.hpp>
+#include <sidestep/robot/robot_model.hpp>
+#include <sidestep/sensing/source.hpp>
+
+/// Everything that a plugin's one .cpp needs:
+///
+///     struct Options {
+///       double radius_m = 0.1;
+///       static Fields<Options> fields() {
+///         return Fields<Options>().add("radius_m", &Options::radius_m, "Radius of the point.",
+///                                      {.unit = "m", .min = 0.0});
+///       }
+///     };
+///     Result<std::unique_ptr<RobotModel>> create(const Options& options, const HostContext&);
+///     SIDESTEP_PLUGIN(RobotModel, Options, create, "point", "0.1.0", "A point in the plane")
+
+namespace sidestep {
+
+/// Kind and interface version of each interface a plugin can implement.
+template <class Interface>
+struct PluginTraits;
+template <>
+struct PluginTraits<Source> {
+  static constexpr PluginKind kKind = PluginKind::kSource;
+  static constexpr std::uint32_t kVersion = kSourceInterface;
+};
+template <>
+struct PluginTraits<Mapper> {
+  static constexpr PluginKind kKind = PluginKind::kMapper;
+  static constexpr std::uint32_t kVersion = kMapperInterface;
+};
+template <>
+struct PluginTraits<FieldBuilder> {
+  static constexpr PluginKind kKind = PluginKind::kField;
+  static constexpr std::uint32_t kVersion = kFieldInterface;
+};
+template <>
+struct PluginTraits<RobotModel> {
+  static constexpr PluginKind kKind = PluginKind::kRobot;
+  static constexpr std::uint32_t kVersion = kRobotInterface;
+};
+template <>
+struct PluginTraits<Optimiser> {
+  static constexpr PluginKind kKind = PluginKind::kOptimiser;
+  static constexpr std::uint32_t kVersion = kOptimiserInterface;
+};
+template <>
+struct PluginTraits<Executor> {
+  static constexpr PluginKind kKind = PluginKind::kExecutor;
+  static constexpr std::uint32_t kVersion = kExecutorInterface;
+};
+
+/// The stamp of the binary that this is compiled into.
+[[nodiscard]] inline AbiStamp abi_stamp() noexcept {
+  AbiStamp stamp{};
+#if defined(__clang__) || defined(__GNUC__)
+  // g++ and clang++ share the Itanium ABI; __GXX_ABI_VERSION tells its revision.
+  const char digits[] = {'0' + __GXX_ABI_VERSION / 1000 % 10, '0' + __GXX_ABI_VERSION / 100 % 10,
+                         '0' + __GXX_ABI_VERSION / 10 % 10, '0' + __GXX_ABI_VERSION % 10, '\0'};
+  std::strcpy(stamp.compiler_abi, "itanium-");
+  std::strcat(stamp.compiler_abi, digits);
+#endif
+  stamp.libstdcxx_cxx11_abi = _GLIBCXX_USE_CXX11_ABI;
+  stamp.cplusplus = __cplusplus;
+  stamp.eigen_version =
+      EIGEN_WORLD_VERSION * 10000 + EIGEN_MAJOR_VERSION * 100 + EIGEN_MINOR_VERSION;
+  stamp.eigen_max_align_bytes = EIGEN_MAX_ALIGN_BYTES;
+#if defined(__SANITIZE_ADDRESS__)
+  std::strcpy(stamp.sanitizers, "address");
+#elif defined(__SANITIZE_THREAD__)
+  std::strcpy(stamp.sanitizers, "thread");
+#else
+  std::strcpy(stamp.sanitizers, "none");
+#endif
+  return stamp;
+}
+
+namespace detail {
+
+template <class Interface, class Options,
+          Result<std::unique_ptr<Interface>> (*kCreate)(const Options&, const HostContext&)>
+struct PluginGlue {
+  static void* create(const Node& parameters, const HostContext& context, Error* error) {
+    Options options;
+    std::vector<Error> errors;
+    Options::fields().read(parameters, options, errors);
+    if (!errors.empty()) {
+      *error = std::move(errors.front());
+      return nullptr;
+    }
+    auto created = kCreate(options, context);
+    if (!created) {
+      *error = std::move(created.error());
+      return nullptr;
+    }
+    return created->release();
+  }
+  static void destroy(void* object) { delete static_cast<Interface*>(object); }
+};
+
+}  // namespace detail
+}  // namespace sidestep
+
+/// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser or
+/// Executor. OPTIONS: a struct with `static Fields<OPTIONS> fields()`. CREATE: a function
+/// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&).
+#define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC)              \
+  extern "C" SIDESTEP_EXPORT const ::sidestep::PluginDescriptor* sidestep_plugin() { \
+    using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;         \
+    using Traits = ::sidestep::PluginTraits<INTERFACE>;                              \
+    static const ::sidestep::Schema schema = OPTIONS::fields().schema();             \
+    static const ::sidestep::PluginDescriptor descriptor{                            \
+        sizeof(::sidestep::PluginDescriptor),                                        \
+        ::sidestep::kPluginMagic,                                                    \
+        ::sidestep::kSdkMajor,                                                       \
+        ::sidestep::kSdkMinor,                                                       \
+        Traits::kVersion,                                                            \
+        ::sidestep::abi_stamp(),                                                     \
+        Traits::kKind,                                                               \
+        NAME,                                                                        \
+        VERSION,                                                                     \
+        DOC,                                                                         \
+        []() -> const ::sidestep::Schema& { return schema; },                        \
+        &Glue::create,                                                               \
+        &Glue::destroy};                                                             \
+    return &descriptor;                                                              \
+  }

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/node.hpp>
+
+namespace sidestep {
+
+enum class ParameterType {
+  kBool,
+  kInt,
+  kDouble,
+  kString,
+  kPath,
+  kChoice,
+  kDoubles,
+  kInts,
+  kStrings,
+  kObject,   ///< A map with fields of its own.
+  kObjects,  ///< A list of such maps.
+  kNode,     ///< Any structure; whoever reads it checks it.
+};
+[[nodiscard]] std::string_view to_string(ParameterType type) noexcept;
+
+/// One parameter, as declared. Everything that is shown or checked comes from here.
+struct Parameter {
+  std::string name;
+  ParameterType type = ParameterType::kNode;
+  std::string unit;          ///< "m", "s", ...; empty for none.
+  std::string doc;           ///< One sentence.
+  std::string default_text;  ///< As one would write it in a file; empty if required.
+  bool required = false;
+  double min = -std::numeric_limits<double>::infinity();
+  double max = std::numeric_limits<double>::infinity();
+  std::vector<std::string> choices;
+  std::optional<std::size_t> size;  ///< Of a list; nothing for any length.
+  std::vector<Parameter> fields;    ///< Of an object, or of each object of a list.
+};
+
+using Schema = std::vector<Parameter>;
+
+/// Checks a map against a schema: unknown and missing keys, types, ranges, choices, NaN and
+/// infinities, at every depth. Appends one kConfig error per mistake, with position and the
+/// nearest valid name. Keys in `also_allowed` are the caller's own.
+void check_against_schema(const Node& map, const Schema& schema,
+                          const std::vector<std::string>& also_allowed, std::vector<Error>& errors);
+
+}  // namespace sidestep
+
+#include <sidestep/plugin/detail/fields.hpp>

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/scratch.hpp>
+#include <sidestep/geometry/shape.hpp>
+#include <sidestep/geometry/transform.hpp>
+
+namespace sidestep {
+
+/// One planned degree of freedom. Units: m for prismatic, rad for revolute and continuous.
+struct Joint {
+  enum class Type { kRevolute, kContinuous, kPrismatic };
+  std::string name;
+  Type type = Type::kRevolute;
+  double lower = 0.0;  ///< -infinity for a continuous joint.
+  double upper = 0.0;
+  double max_velocity = 0.0;      ///< Per second; positive.
+  double max_acceleration = 0.0;  ///< Per second squared; infinity where unknown.
+};
+
+struct Link {
+  std::string name;
+  int parent = -1;  ///< Index of the parent link; -1 for the root.
+};
+
+/// A collision sphere, fixed to a link.
+struct CollisionSphere {
+  int link = 0;
+  Eigen::Vector3d centre_link_m = Eigen::Vector3d::Zero();
+  double radius_m = 0.0;
+};
+
+/// A collision shape of the URDF, fixed to a link: the truth the spheres must cover.
+struct CollisionShape {
+  int link = 0;
+  Shape shape;
+  Transform T_link_shape = Transform::Identity();
+};
+
+struct NamedPose {
+  std::string name;
+  /// One entry per joint of the model; nothing for joints the pose leaves as they are.
+  std::vector<std::optional<double>> positions;
+};
+
+/// All that is constant about a robot. Plain data.
+struct RobotDescription {
+  std::string name;
+  std::vector<Joint> joints;  ///< The planned ones; fixes the order of every q.
+  std::vector<Link> links;    ///< Parents before children.
+  std::vector<CollisionSphere> spheres;
+  std::vector<CollisionShape> shapes;
+  /// Pairs of link indices, lower first, that are checked against each other for
+  /// self-collision; those that always or never touch are left out.
+  std::vector<std::pair<int, int>> self_collision_pairs;
+  std::vector<NamedPose> poses;
+
+  [[nodiscard]] int dof() const noexcept { return static_cast<int>(joints.size()); }
+  [[nodiscard]] std::optional<int> joint_index(std::string_view joint_name) const noexcept;
+  [[nodiscard]] std::optional<int> link_index(std::string_view link_name) const noexcept;
+  [[nodiscard]] const NamedPose* find_pose(std::string_view pose_name) const noexcept;
+};
+
+/// A robot's kinematics. Configurations are batches: q holds n rows of dof() values, row by
+/// row, in description().joints order. Immutable; temporaries live in the caller's Scratch.
+/// Every method: [any] thread with its own Scratch; no allocation once the Scratch is warm.
+class SIDESTEP_EXPORT RobotModel {
+ public:
+  virtual ~RobotModel() = default;
+
+  [[nodiscard]] virtual const RobotDescription& description() const noexcept = 0;
+
+  /// Poses of all links for one configuration. q: dof(). T_world_link: links.size().
+  virtual void link_poses(std::span<const double> q, std::span<Transform> T_world_link,
+                          Scratch& scratch) const = 0;
+
+  /// Centres of all spheres. q: n x dof(). centres_m: n x spheres.size(), world frame.
+  virtual void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                              Scratch& scratch) const = 0;
+
+  /// Centres and their Jacobians. jacobians: n x spheres.size() x dof() columns, each the
+  /// derivative of one centre by one joint (m per m or m per rad), world frame.
+  virtual void sphere_jacobians(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                                std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const = 0;
+
+  /// Maps gradients at sphere centres onto joints: joint_gradients[b][j] = sum over spheres s
+  /// of jacobian[b][s][j] . sphere_gradients[b][s]. joint_gradients: n x dof().
+  virtual void pull_back(std::span<const double> q,
+                         std::span<const Eigen::Vector3d> sphere_gradients,
+                         std::span<double> joint_gradients, Scratch& scratch) const = 0;
+};
+
+}  // namespace sidestep

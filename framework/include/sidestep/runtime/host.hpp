@@ -1,0 +1,115 @@
+#pragma once
+
+#include <cstdint>
+#include <exception>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/log.hpp>
+#include <sidestep/core/worker_pool.hpp>
+#include <sidestep/plugin/plugin.hpp>
+#include <sidestep/runtime/install_layout.hpp>
+
+namespace sidestep {
+
+/// One plugin that was found and fits this host.
+struct PluginInfo {
+  PluginKind kind = PluginKind::kSource;
+  std::string name;
+  std::string version;
+  std::string doc;
+  std::filesystem::path library;
+  Schema schema;
+};
+[[nodiscard]] std::string_view to_string(PluginKind kind) noexcept;  ///< "source", "mapper", ...
+
+/// A library in the search path that is not a usable plugin, and why.
+struct PluginRejection {
+  std::filesystem::path library;
+  Error error;
+};
+
+struct HostSettings {
+  /// Searched first to last: the configuration's `plugin_paths`, SIDESTEP_PLUGIN_PATH, the
+  /// installation's own folder (host_plugin_paths() puts them together).
+  std::vector<std::filesystem::path> plugin_paths;
+  std::vector<std::filesystem::path> robot_paths;
+  std::vector<std::filesystem::path> scene_paths;
+  std::uint64_t seed = 0;
+};
+
+/// The search path: `configured`, then SIDESTEP_PLUGIN_PATH (colon separated), then `layout`'s.
+[[nodiscard]] std::vector<std::filesystem::path> host_plugin_paths(
+    const std::vector<std::filesystem::path>& configured, const InstallLayout& layout);
+
+/// Finds, checks and creates plugins, and lends them what they need. Libraries are loaded with
+/// RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE and never unloaded. [main] thread.
+class Host {
+ public:
+  Host(HostSettings settings, Log& log, const Clock& clock, WorkerPool& workers,
+       const DocumentReader& documents);
+  ~Host();
+  Host(const Host&) = delete;
+  Host& operator=(const Host&) = delete;
+
+  /// Every usable plugin in the search path, by kind then name; scanned once.
+  [[nodiscard]] const std::vector<PluginInfo>& plugins();
+  /// Every library in the search path that is not, with the reason.
+  [[nodiscard]] const std::vector<PluginRejection>& rejections();
+
+  /// The plugin that a block such as `{plugin: edt, signed: false}` names. Fails with kPlugin,
+  /// listing the paths tried and why each failed, what exists, and the nearest name.
+  [[nodiscard]] Result<PluginInfo> find(PluginKind kind, const Node& block);
+
+  /// Checks a block against its plugin's schema; appends all mistakes.
+  void check(PluginKind kind, const Node& block, std::vector<Error>& errors);
+
+  /// The block with every default that it leaves open filled in, marked as default; for the
+  /// effective configuration.
+  [[nodiscard]] Node with_defaults(PluginKind kind, const Node& block);
+
+  /// Creates the object a block describes. An exception that escapes becomes an Error naming
+  /// the plugin. `robot` is lent to the plugin; null while the robot is created.
+  template <class Interface>
+  [[nodiscard]] Result<std::unique_ptr<Interface, void (*)(void*)>> create(
+      const Node& block, std::shared_ptr<const RobotModel> robot = nullptr) {
+    auto made = create_object(PluginTraits<Interface>::kKind, block, std::move(robot));
+    if (!made) return tl::make_unexpected(std::move(made.error()));
+    return std::unique_ptr<Interface, void (*)(void*)>(static_cast<Interface*>(made->object),
+                                                       made->destroy);
+  }
+
+ private:
+  struct Impl;
+  struct Made {
+    void* object;
+    void (*destroy)(void*);
+  };
+  [[nodiscard]] Result<Made> create_object(PluginKind kind, const Node& block,
+                                           std::shared_ptr<const RobotModel> robot);
+  std::unique_ptr<Impl> impl_;
+};
+
+template <class Interface>
+using PluginPtr = std::unique_ptr<Interface, void (*)(void*)>;
+
+/// Calls into a plugin; an exception that escapes becomes a kPlugin error naming the plugin.
+/// `call` returns a Result.
+template <class Call>
+[[nodiscard]] auto guarded(std::string_view plugin, Call&& call) -> std::invoke_result_t<Call> {
+  try {
+    return call();
+  } catch (const std::exception& exception) {
+    return fail(ErrorCode::kPlugin, std::string("threw: ") + exception.what(),
+                "plugin " + std::string(plugin));
+  } catch (...) {
+    return fail(ErrorCode::kPlugin, "threw something that is not a std::exception",
+                "plugin " + std::string(plugin));
+  }
+}
+
+}  // namespace sidestep

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <filesystem>
+
+namespace sidestep {
+
+/// Where an installation (or a build tree) keeps its parts, found from where the running
+/// library lies, so that it may be moved.
+struct InstallLayout {
+  std::filesystem::path plugins;  ///< Shared libraries of plugins.
+  std::filesystem::path robots;   ///< One folder a profile.
+  std::filesystem::path configs;  ///< Experiments; scenes/ and parts/ below it.
+};
+
+/// <prefix>/lib/libsidestep_runtime.so: <prefix>/lib/sidestep/plugins,
+/// <prefix>/share/sidestep/{robots,configs}. A build tree keeps libraries in <build>/lib,
+/// plugins in <build>/lib/sidestep/plugins, and links <build>/share/sidestep to the sources.
+[[nodiscard]] InstallLayout install_layout();
+
+}  // namespace sidestep

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/log.hpp>
+#include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/mapping/mapper.hpp>
+#include <sidestep/runtime/snapshot_slot.hpp>
+#include <sidestep/sensing/source.hpp>
+
+namespace sidestep {
+
+/// What one step of the mapping loop did and how long each stage took, wall time.
+struct MappingStep {
+  std::int64_t frame_sequence = 0;
+  Stamp stamp;
+  MapUpdate update;
+  double read_ms = 0.0;  ///< Source; not part of the frame time.
+  double integrate_ms = 0.0;
+  double field_ms = 0.0;
+
+  /// From the frame in hand to the published field.
+  [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms; }
+};
+
+/// The mapping loop: Source -> Mapper -> FieldBuilder -> SnapshotSlot (Finean 2021, Fig. 2).
+/// Owns nothing but the order of the calls. [mapping]
+class MappingPipeline {
+ public:
+  struct Parts {
+    Source& source;
+    Mapper& mapper;
+    FieldBuilder& field_builder;
+    SnapshotSlot& slot;
+    Log& log;
+  };
+  explicit MappingPipeline(Parts parts) : parts_(parts) {}
+
+  /// Binds the field builder to the mapper. Call once, first.
+  [[nodiscard]] Result<void> attach();
+
+  /// Maps the next frame and publishes the field; nothing at the end of the stream. An
+  /// unusable frame is logged, counted, and skipped.
+  [[nodiscard]] Result<std::optional<MappingStep>> step(const Deadline& deadline);
+
+  [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
+
+ private:
+  Parts parts_;
+  std::vector<Error> bad_frames_;
+};
+
+}  // namespace sidestep

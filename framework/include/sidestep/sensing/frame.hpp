@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/time.hpp>
+#include <sidestep/geometry/transform.hpp>
+
+namespace sidestep {
+
+/// A pinhole camera without distortion. Optical frame: z forward, x right, y down. Pixel
+/// (u, v) has its centre at integer coordinates.
+struct CameraIntrinsics {
+  int width_px = 0;
+  int height_px = 0;
+  double fx_px = 0.0;
+  double fy_px = 0.0;
+  double cx_px = 0.0;
+  double cy_px = 0.0;
+
+  /// The point seen by pixel (u, v) at `depth_m` along z, in the optical frame.
+  [[nodiscard]] Eigen::Vector3d unproject(double u, double v, double depth_m) const noexcept {
+    return {(u - cx_px) / fx_px * depth_m, (v - cy_px) / fy_px * depth_m, depth_m};
+  }
+};
+
+/// Depth along the optical axis in metres, row by row. 0 where nothing came back (out of
+/// range, dropout); NaN where the measurement is known to be wrong. Both are no measurement.
+struct DepthImage {
+  CameraIntrinsics camera;
+  std::vector<float> depth_m;  ///< width * height values.
+
+  [[nodiscard]] float at(int u, int v) const noexcept {
+    return depth_m[static_cast<std::size_t>(v) * static_cast<std::size_t>(camera.width_px) +
+                   static_cast<std::size_t>(u)];
+  }
+};
+
+/// Unorganised points in the optical frame of the camera. NaN points are ignored.
+struct PointCloud {
+  std::vector<Eigen::Vector3f> points_m;
+};
+
+/// One measurement: what was seen, from where, when, and how the robot stood then.
+struct Frame {
+  std::int64_t sequence = 0;  ///< Number of the frame within its source.
+  Stamp stamp;
+  Transform T_world_camera = Transform::Identity();
+  std::variant<DepthImage, PointCloud> measurement;
+  /// Joint positions at `stamp`, in the robot model's order; the mapper removes the robot's
+  /// own points with them. Absent where the robot is not in view or not known.
+  std::optional<Eigen::VectorXd> joint_positions;
+};
+
+}  // namespace sidestep

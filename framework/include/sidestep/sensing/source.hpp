@@ -1,0 +1,36 @@
+#pragma once
+
+#include <optional>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/geometry/scene.hpp>
+#include <sidestep/sensing/frame.hpp>
+
+namespace sidestep {
+
+/// Where frames come from: a camera, a recording, a simulation.
+class SIDESTEP_EXPORT Source {
+ public:
+  virtual ~Source() = default;
+
+  /// The next frame; nothing at the end of the stream. Fails with kBadFrame, naming file and
+  /// frame, where one frame is unusable: the caller may go on with the next call. Fails with
+  /// kDeadlineExceeded where no frame came in time, and with any other code for good.
+  /// [mapping]; allocates.
+  [[nodiscard]] virtual Result<std::optional<Frame>> next(const Deadline& deadline) = 0;
+
+  /// How many frames there are in all; nothing where it cannot be known.
+  [[nodiscard]] virtual std::optional<std::int64_t> frame_count() const = 0;
+};
+
+/// What a source offers in addition when the scene behind its frames is known exactly.
+class SIDESTEP_EXPORT GroundTruth {
+ public:
+  virtual ~GroundTruth() = default;
+  /// The scene; frames are taken at scene time `frame.stamp.seconds()`. [any]
+  [[nodiscard]] virtual const Scene& scene() const = 0;
+};
+
+}  // namespace sidestep
