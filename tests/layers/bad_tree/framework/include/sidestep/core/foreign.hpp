@@ -1,0 +1,3 @@
+#include <ceres/ceres.h>
+#include <Eigen/Core>
+#include <vector>

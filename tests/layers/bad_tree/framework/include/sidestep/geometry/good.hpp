@@ -1,0 +1,1 @@
+#include <sidestep/core/error.hpp>

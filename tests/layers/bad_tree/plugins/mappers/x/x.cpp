@@ -1,0 +1,2 @@
+#include <sidestep/runtime/host.hpp>
+#include <octomap/octomap.h>

@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Fails where a file includes what its place forbids.
+#
+#   check_layers.sh ROOT
+#
+#  - Each layer of framework/ includes itself and the layers its line below allows.
+#  - Public headers include only the standard library, Eigen, tl::expected and Sidestep's own.
+#  - Plugins include the SDK, never the runtime; only a plugin includes its own folder.
+set -euo pipefail
+cd "$1"
+
+sdk="core geometry sensing field robot mapping trajectory planning plugin"
+allowed() {
+  case $1 in
+    core) echo "core" ;;
+    geometry) echo "core geometry" ;;
+    sensing | field | robot) echo "core geometry $1" ;;
+    mapping | trajectory) echo "core geometry sensing field robot $1" ;;
+    planning) echo "core geometry sensing field robot mapping trajectory planning" ;;
+    plugin | plugins) echo "$sdk" ;;
+    runtime) echo "$sdk runtime" ;;
+    experiments) echo "$sdk runtime experiments" ;;
+  esac
+}
+
+# check_file FILE LAYER PUBLIC
+check_file() {
+  awk -v file="$1" -v layer="$2" -v public="$3" -v allowed=" $(allowed "$2") " '
+    !/^#[ ]*include/ { next }
+    match($0, /[<"]sidestep\/[a-z_]+\//) {
+      other = substr($0, RSTART + 10, RLENGTH - 11)
+      if (index(allowed, " " other " ") == 0)
+        printf "%s:%d: %s may not include sidestep/%s/\n", file, NR, layer, other
+      next
+    }
+    /[<"]plugins\// { printf "%s:%d: a plugin is included by its own folder only\n", file, NR; next }
+    public && match($0, /<[A-Za-z0-9_]+\//) {
+      library = substr($0, RSTART + 1, RLENGTH - 2)
+      if (library != "Eigen" && library != "tl")
+        printf "%s:%d: public headers may not include <%s/...>\n", file, NR, library
+    }' "$1"
+}
+
+violations=$(
+  for layer in $sdk runtime experiments; do
+    find "framework/include/sidestep/$layer" -name '*.hpp' 2>/dev/null | sort |
+      while read -r file; do check_file "$file" "$layer" 1; done
+    find "framework/src/$layer" -name '*.[hc]pp' 2>/dev/null | sort |
+      while read -r file; do check_file "$file" "$layer" 0; done
+  done
+  find plugins -name '*.[hc]pp' -not -path '*/tests/*' -not -path '*/bench/*' 2>/dev/null | sort |
+    while read -r file; do check_file "$file" plugins 0; done
+)
+if [ -n "$violations" ]; then
+  echo "$violations"
+  exit 1
+fi

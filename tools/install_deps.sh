@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Installs, with apt, the Debian 12 packages that building, testing and running Sidestep needs.
+# Does nothing when all are there. Uses sudo when not root.
+#
+#   tools/install_deps.sh          what building, testing and running need
+#   tools/install_deps.sh --dev    also clang-format and clang-tidy
+set -euo pipefail
+
+packages=(
+  # build
+  build-essential cmake ninja-build ccache pkg-config git ca-certificates
+  # the SDK
+  libeigen3-dev libexpected-dev libtbb-dev libembree-dev
+  # the host and the command
+  libyaml-cpp-dev libsqlite3-dev libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libfcl-dev
+  # pictures
+  libcairo2-dev fontconfig fonts-dejavu-core
+  # plugins
+  libpng-dev liboctomap-dev libdynamicedt3d-dev liburdfdom-dev liburdfdom-headers-dev
+  libceres-dev libompl-dev
+  # tests and benchmarks
+  libgtest-dev libgmock-dev libbenchmark-dev
+)
+if [ "${1:-}" = "--dev" ]; then
+  packages+=(clang-format clang-tidy)
+elif [ $# -gt 0 ]; then
+  echo "usage: tools/install_deps.sh [--dev]" >&2
+  exit 2
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  state=$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null || true)
+  [ "$state" = installed ] || missing+=("$package")
+done
+if [ ${#missing[@]} -eq 0 ]; then
+  exit 0
+fi
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  command -v sudo >/dev/null || {
+    echo "install_deps.sh: run as root, or install sudo; missing: ${missing[*]}" >&2
+    exit 1
+  }
+  as_root=(sudo)
+fi
+
+echo "Installing with apt: ${missing[*]}"
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+  apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+echo "Installed ${#missing[@]} packages."
