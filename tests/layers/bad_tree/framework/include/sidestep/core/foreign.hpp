@@ -1,3 +1,4 @@
 #include <ceres/ceres.h>
+
 #include <Eigen/Core>
 #include <vector>
