@@ -1,2 +1,2 @@
-#include <sidestep/runtime/host.hpp>
 #include <octomap/octomap.h>
+#include <sidestep/runtime/host.hpp>
