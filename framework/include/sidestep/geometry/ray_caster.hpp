@@ -13,7 +13,9 @@ struct RayHit {
   Eigen::Vector3d normal_world = Eigen::Vector3d::Zero();  ///< Unit length, towards the ray.
 };
 
-/// Casts rays into a scene with Embree; curved shapes are cast exactly, not as facets.
+/// Casts rays into a scene with Embree; curved shapes are cast exactly, not as facets. A ray
+/// that starts inside an object hits that object's surface from within. Keeps its own copy of
+/// the scene. The constructor throws std::runtime_error where Embree cannot start.
 /// set_time() is [simulation] only and must not run beside cast(); cast() is [any].
 class RayCaster {
  public:

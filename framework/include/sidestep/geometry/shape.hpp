@@ -31,10 +31,15 @@ struct Capsule {
 };
 /// The half-space z <= 0 of the local frame.
 struct HalfSpace {};
+class MeshIndex;
+
 /// A triangle mesh; closed and outward-facing for signed distances to mean anything.
 struct Mesh {
   std::vector<Eigen::Vector3d> vertices_m;
   std::vector<Eigen::Vector3i> triangles;
+  /// Makes distances logarithmic in the number of triangles; from indexed_mesh(). Null: every
+  /// triangle is visited.
+  std::shared_ptr<const MeshIndex> index;
 };
 
 using Shape = std::variant<Box, Sphere, Cylinder, Capsule, HalfSpace, std::shared_ptr<const Mesh>>;
@@ -45,6 +50,9 @@ using Shape = std::variant<Box, Sphere, Cylinder, Capsule, HalfSpace, std::share
 /// Exact signed Euclidean distance from a point in the shape's frame to its surface: negative
 /// inside. A mesh gives the distance to its triangles, signed by the winding number. [any]
 [[nodiscard]] double signed_distance_m(const Shape& shape, const Eigen::Vector3d& p_shape);
+
+/// A mesh with the tree that signed_distance_m() searches. Scale and move vertices before.
+[[nodiscard]] std::shared_ptr<const Mesh> indexed_mesh(Mesh mesh);
 
 /// Reads a triangle mesh: STL (text and binary) and OBJ. Fails with kNotFound, kIo or
 /// kConfig, naming the file and, where it is text, the line.

@@ -1,0 +1,272 @@
+#include <sidestep/geometry/ray_caster.hpp>
+
+#include <embree3/rtcore.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+#include "ray_shape.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// Embree works in single precision: bounds grow by this share, so that rounding never culls a
+/// hit that is then computed in double.
+constexpr double kBoundsSlack = 1e-5;
+
+struct DeviceDeleter {
+  void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
+};
+struct SceneDeleter {
+  void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
+};
+struct GeometryDeleter {
+  void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
+};
+using DevicePtr = std::unique_ptr<RTCDeviceTy, DeviceDeleter>;
+using ScenePtr = std::unique_ptr<RTCSceneTy, SceneDeleter>;
+using GeometryPtr = std::unique_ptr<RTCGeometryTy, GeometryDeleter>;
+
+/// An object as Embree holds it: an analytic shape as user geometry in world coordinates, a
+/// mesh as an instance of a scene of its own.
+struct CastObject {
+  SceneObject source;
+  Transform T_world_object = Transform::Identity();
+  ScenePtr mesh_scene;
+  GeometryPtr geometry;
+};
+
+/// What travels with one ray through Embree: the ray in double, and the nearest analytic hit.
+struct RayContext : RTCIntersectContext {
+  const Eigen::Vector3d* origin = nullptr;
+  const Eigen::Vector3d* direction = nullptr;
+  ShapeHit hit;  ///< Normal in the world frame.
+};
+
+template <class S>
+ShapeHit first_hit_world(const S& shape, const Transform& T_world_object,
+                         const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
+  const Eigen::Matrix3d& R_world_object = T_world_object.linear();
+  ShapeHit hit =
+      first_hit(shape, R_world_object.transpose() * (origin - T_world_object.translation()),
+                R_world_object.transpose() * direction);
+  hit.normal = R_world_object * hit.normal;
+  return hit;
+}
+
+void analytic_bounds(const RTCBoundsFunctionArguments* arguments) {
+  const auto& object = *static_cast<const CastObject*>(arguments->geometryUserPtr);
+  Eigen::Vector3d half_m = std::visit(
+      [](const auto& shape) -> Eigen::Vector3d {
+        if constexpr (requires { half_extent_m(shape); }) {
+          return half_extent_m(shape);
+        } else {
+          return Eigen::Vector3d::Zero();
+        }
+      },
+      object.source.shape);
+  half_m = object.T_world_object.linear().cwiseAbs() * half_m;
+  const Eigen::Vector3d& centre = object.T_world_object.translation();
+  half_m.array() += kBoundsSlack * (1.0 + centre.cwiseAbs().maxCoeff() + half_m.maxCoeff());
+  const Eigen::Vector3f lower = (centre - half_m).cast<float>();
+  const Eigen::Vector3f upper = (centre + half_m).cast<float>();
+  *arguments->bounds_o =
+      RTCBounds{lower.x(), lower.y(), lower.z(), 0.0F, upper.x(), upper.y(), upper.z(), 0.0F};
+}
+
+void intersect_analytic(const RTCIntersectFunctionNArguments* arguments) {
+  if (arguments->valid[0] == 0) return;
+  const auto& object = *static_cast<const CastObject*>(arguments->geometryUserPtr);
+  auto& context = *static_cast<RayContext*>(arguments->context);
+  const ShapeHit hit = std::visit(
+      [&](const auto& shape) -> ShapeHit {
+        if constexpr (requires { first_hit(shape, *context.origin, *context.direction); }) {
+          return first_hit_world(shape, object.T_world_object, *context.origin, *context.direction);
+        } else {
+          return {};
+        }
+      },
+      object.source.shape);
+  auto& ray_hit = *reinterpret_cast<RTCRayHit*>(arguments->rayhit);
+  if (!(hit.distance_m < static_cast<double>(ray_hit.ray.tfar))) return;
+  context.hit = hit;
+  ray_hit.ray.tfar = static_cast<float>(hit.distance_m);
+  ray_hit.hit.geomID = arguments->geomID;
+  ray_hit.hit.primID = arguments->primID;
+  ray_hit.hit.instID[0] = arguments->context->instID[0];
+}
+
+ScenePtr build_mesh_scene(RTCDevice device, const Mesh& mesh) {
+  GeometryPtr geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
+  auto* vertices = static_cast<float*>(
+      rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                              3 * sizeof(float), mesh.vertices_m.size()));
+  auto* indices = static_cast<unsigned*>(
+      rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                              3 * sizeof(unsigned), mesh.triangles.size()));
+  if (vertices == nullptr || indices == nullptr) {
+    throw std::runtime_error("Embree has no memory for a mesh");
+  }
+  for (const Eigen::Vector3d& vertex : mesh.vertices_m) {
+    for (int axis = 0; axis < 3; ++axis) *vertices++ = static_cast<float>(vertex[axis]);
+  }
+  for (const Eigen::Vector3i& triangle : mesh.triangles) {
+    for (int corner = 0; corner < 3; ++corner) *indices++ = static_cast<unsigned>(triangle[corner]);
+  }
+  rtcCommitGeometry(geometry.get());
+  ScenePtr scene(rtcNewScene(device));
+  rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_ROBUST);
+  rtcAttachGeometry(scene.get(), geometry.get());
+  rtcCommitScene(scene.get());
+  return scene;
+}
+
+RTCRayHit embree_ray(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+                     double limit_m) {
+  RTCRayHit query{};
+  const Eigen::Vector3f o = origin.cast<float>();
+  const Eigen::Vector3f d = direction.cast<float>();
+  query.ray.org_x = o.x();
+  query.ray.org_y = o.y();
+  query.ray.org_z = o.z();
+  query.ray.dir_x = d.x();
+  query.ray.dir_y = d.y();
+  query.ray.dir_z = d.z();
+  query.ray.tfar = static_cast<float>(limit_m);
+  query.ray.mask = ~0U;
+  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  return query;
+}
+
+/// Where the ray meets the plane of the triangle that Embree found, in double.
+ShapeHit refined_mesh_hit(const CastObject& object, const RTCRayHit& query,
+                          const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
+  const Mesh& mesh = *std::get<std::shared_ptr<const Mesh>>(object.source.shape);
+  const Eigen::Vector3i& triangle = mesh.triangles[query.hit.primID];
+  const auto corner = [&](int i) -> Eigen::Vector3d {
+    return object.T_world_object * mesh.vertices_m[static_cast<std::size_t>(triangle[i])];
+  };
+  const Eigen::Vector3d a = corner(0);
+  const Eigen::Vector3d normal = (corner(1) - a).cross(corner(2) - a).normalized();
+  const double slope = normal.dot(direction);
+  const auto found_m = static_cast<double>(query.ray.tfar);
+  const double plane_m = normal.dot(a - origin) / slope;
+  // Nearly along the plane the quotient says nothing.
+  return {std::abs(slope) > 1e-6 && plane_m > 0.0 ? plane_m : found_m, normal};
+}
+
+}  // namespace
+
+struct RayCaster::Impl {
+  DevicePtr device;
+  ScenePtr scene;
+  std::vector<CastObject> objects;
+  std::vector<std::size_t> half_spaces;
+
+  void add(std::size_t index);
+  void place(CastObject& object) const;
+  [[nodiscard]] RayHit cast(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
+};
+
+void RayCaster::Impl::add(std::size_t index) {
+  CastObject& object = objects[index];
+  if (std::holds_alternative<HalfSpace>(object.source.shape)) {
+    half_spaces.push_back(index);
+    return;
+  }
+  if (const auto* mesh = std::get_if<std::shared_ptr<const Mesh>>(&object.source.shape)) {
+    object.mesh_scene = build_mesh_scene(device.get(), **mesh);
+    object.geometry.reset(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
+    rtcSetGeometryInstancedScene(object.geometry.get(), object.mesh_scene.get());
+    rtcSetGeometryTimeStepCount(object.geometry.get(), 1);
+  } else {
+    object.geometry.reset(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_USER));
+    rtcSetGeometryUserPrimitiveCount(object.geometry.get(), 1);
+    rtcSetGeometryUserData(object.geometry.get(), &object);
+    rtcSetGeometryBoundsFunction(object.geometry.get(), analytic_bounds, nullptr);
+    rtcSetGeometryIntersectFunction(object.geometry.get(), intersect_analytic);
+  }
+  place(object);
+  rtcAttachGeometryByID(scene.get(), object.geometry.get(), static_cast<unsigned>(index));
+}
+
+void RayCaster::Impl::place(CastObject& object) const {
+  if (object.geometry == nullptr) return;
+  if (object.mesh_scene != nullptr) {
+    const Eigen::Matrix<float, 3, 4> matrix =
+        object.T_world_object.matrix().topRows<3>().cast<float>();
+    rtcSetGeometryTransform(object.geometry.get(), 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
+                            matrix.data());
+  }
+  rtcCommitGeometry(object.geometry.get());
+}
+
+RayHit RayCaster::Impl::cast(const Eigen::Vector3d& origin,
+                             const Eigen::Vector3d& direction) const {
+  RayHit nearest{kInfinity};
+  const auto take = [&](const ShapeHit& hit, std::size_t object) {
+    if (!(hit.distance_m < nearest.distance_m)) return;
+    nearest = {hit.distance_m, static_cast<int>(object),
+               hit.normal.dot(direction) > 0.0 ? Eigen::Vector3d(-hit.normal) : hit.normal};
+  };
+  for (const std::size_t index : half_spaces) {
+    take(first_hit_world(HalfSpace{}, objects[index].T_world_object, origin, direction), index);
+  }
+  RayContext context{};
+  rtcInitIntersectContext(&context);
+  context.origin = &origin;
+  context.direction = &direction;
+  RTCRayHit query = embree_ray(origin, direction, nearest.distance_m);
+  rtcIntersect1(scene.get(), &context, &query);
+  if (query.hit.instID[0] != RTC_INVALID_GEOMETRY_ID) {
+    const std::size_t index = query.hit.instID[0];
+    take(refined_mesh_hit(objects[index], query, origin, direction), index);
+  } else if (query.hit.geomID != RTC_INVALID_GEOMETRY_ID) {
+    take(context.hit, query.hit.geomID);
+  }
+  return nearest;
+}
+
+RayCaster::RayCaster(const Scene& scene) : impl_(std::make_unique<Impl>()) {
+  impl_->device.reset(rtcNewDevice(nullptr));
+  if (impl_->device == nullptr) throw std::runtime_error("Embree cannot start on this machine");
+  impl_->scene.reset(rtcNewScene(impl_->device.get()));
+  rtcSetSceneFlags(impl_->scene.get(), RTC_SCENE_FLAG_DYNAMIC | RTC_SCENE_FLAG_ROBUST);
+  impl_->objects.reserve(scene.objects().size());  // Embree keeps pointers to them
+  for (const SceneObject& object : scene.objects()) {
+    CastObject& added = impl_->objects.emplace_back();
+    added.source = object;
+    added.T_world_object = object.T_world_object(0.0);
+  }
+  for (std::size_t i = 0; i < impl_->objects.size(); ++i) impl_->add(i);
+  rtcCommitScene(impl_->scene.get());
+  if (rtcGetDeviceError(impl_->device.get()) != RTC_ERROR_NONE) {
+    throw std::runtime_error("Embree cannot build the scene");
+  }
+}
+
+RayCaster::~RayCaster() = default;
+RayCaster::RayCaster(RayCaster&&) noexcept = default;
+RayCaster& RayCaster::operator=(RayCaster&&) noexcept = default;
+
+void RayCaster::set_time(double time_s) {
+  bool changed = false;
+  for (CastObject& object : impl_->objects) {
+    if (!object.source.moves()) continue;
+    object.T_world_object = object.source.T_world_object(time_s);
+    impl_->place(object);
+    changed = true;
+  }
+  if (changed) rtcCommitScene(impl_->scene.get());
+}
+
+void RayCaster::cast(std::span<const Eigen::Vector3d> origins,
+                     std::span<const Eigen::Vector3d> directions, std::span<RayHit> hits) const {
+  for (std::size_t i = 0; i < hits.size(); ++i) hits[i] = impl_->cast(origins[i], directions[i]);
+}
+
+}  // namespace sidestep

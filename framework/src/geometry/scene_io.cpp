@@ -1,0 +1,253 @@
+#include <algorithm>
+#include <set>
+
+#include <sidestep/geometry/scene.hpp>
+
+namespace sidestep {
+namespace {
+
+using Names = std::vector<std::string>;
+
+std::string quoted_list(const Names& names) {
+  std::string out;
+  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
+
+/// Reads one document; every mistake goes to errors_, and reading goes on.
+class SceneReader {
+ public:
+  SceneReading read(const Node& document) {
+    std::vector<SceneObject> objects;
+    if (!document.is_map()) {
+      add(document.error("expected a scene, which is a map with the key 'objects', found " +
+                         document.kind()));
+    } else {
+      check_keys(document, {"objects"});
+      if (const Node* list = require(document, "objects", "a scene")) {
+        if (!list->is_list()) add(list->error("expected a list of objects, found " + list->kind()));
+        for (const Node& item : list->items()) objects.push_back(read_object(item));
+      }
+    }
+    SceneReading reading;
+    // An object whose reading failed is not fit for use; neither is a scene that lacks it.
+    if (errors_.empty()) reading.scene = Scene(std::move(objects));
+    reading.errors = std::move(errors_);
+    return reading;
+  }
+
+ private:
+  void add(Error error) { errors_.push_back(std::move(error)); }
+
+  template <class T>
+  std::optional<T> keep(Result<T> result) {
+    if (result) return std::move(*result);
+    add(std::move(result.error()));
+    return {};
+  }
+
+  void check_keys(const Node& map, const Names& known) {
+    for (const Node::Entry& entry : map.entries()) {
+      if (std::ranges::find(known, entry.key) != known.end()) continue;
+      const std::string nearest = nearest_name(entry.key, known);
+      add(Error{
+          ErrorCode::kConfig, "unknown key '" + entry.key + "'", entry.key_mark.to_string(),
+          nearest.empty() ? "known here: " + quoted_list(known) : "did you mean '" + nearest + "'?",
+          nullptr});
+    }
+  }
+
+  const Node* require(const Node& map, const std::string& key, const std::string& owner) {
+    const Node* value = map.find(key);
+    if (value == nullptr || value->is_null()) {
+      add(map.error(owner + " needs the key '" + key + "'"));
+      return nullptr;
+    }
+    return value;
+  }
+
+  SceneObject read_object(const Node& node) {
+    SceneObject object;
+    if (!node.is_map()) {
+      add(node.error("expected an object, which is a map, found " + node.kind()));
+      return object;
+    }
+    check_keys(node, {"name", "shape", "pose", "waypoints", "repeat"});
+    read_name(node, object);
+    if (const Node* shape = require(node, "shape", "an object")) object.shape = read_shape(*shape);
+    if (const Node* repeat = node.find("repeat")) {
+      object.repeat = keep(repeat->as_bool()).value_or(false);
+    }
+    const Node* pose = node.find("pose");
+    const Node* waypoints = node.find("waypoints");
+    if (pose != nullptr && waypoints != nullptr) {
+      add(waypoints->error("an object has either a 'pose' or 'waypoints', not both"));
+    }
+    if (waypoints != nullptr) {
+      read_waypoints(*waypoints, object);
+    } else {
+      object.waypoints.push_back(
+          {0.0, pose != nullptr ? read_pose(*pose, {"xyz_m", "rpy_rad"}) : Transform::Identity()});
+    }
+    if (object.repeat && waypoints == nullptr) {
+      add(node.find("repeat")->error("only an object with 'waypoints' can repeat"));
+    }
+    return object;
+  }
+
+  void read_name(const Node& node, SceneObject& object) {
+    const Node* name = require(node, "name", "an object");
+    if (name == nullptr) return;
+    object.name = keep(name->as_string()).value_or("");
+    if (name->is_scalar() && object.name.empty()) add(name->error("an object's name is empty"));
+    if (!object.name.empty() && !names_.insert(object.name).second) {
+      add(name->error("another object is named '" + object.name + "' already"));
+    }
+  }
+
+  Shape read_shape(const Node& node) {
+    const Names kinds = {"box", "sphere", "cylinder", "capsule", "half_space", "plane", "mesh"};
+    if (node.is_scalar() && (node.text() == "half_space" || node.text() == "plane")) {
+      return HalfSpace{};
+    }
+    if (!node.is_map() || node.entries().size() != 1) {
+      add(node.error(
+          "expected a shape such as {sphere: {radius_m: 0.1}}, found " +
+              (node.is_map() ? "a map of " + std::to_string(node.entries().size()) + " entries"
+                             : node.kind()),
+          "shapes are: " + quoted_list(kinds)));
+      return Box{};
+    }
+    const auto& [kind, kind_mark, sizes] = node.entries().front();
+    if (std::ranges::find(kinds, kind) == kinds.end()) {
+      const std::string nearest = nearest_name(kind, kinds);
+      add(Error{
+          ErrorCode::kConfig, "there is no shape '" + kind + "'", kind_mark.to_string(),
+          nearest.empty() ? "shapes are: " + quoted_list(kinds) : "did you mean '" + nearest + "'?",
+          nullptr});
+      return Box{};
+    }
+    if (kind == "half_space" || kind == "plane") {
+      check_keys(sizes, {});
+      return HalfSpace{};
+    }
+    if (!sizes.is_map()) {
+      add(sizes.is_null() ? node.error("a " + kind + " needs its sizes")
+                          : sizes.error("expected a map with the sizes, found " + sizes.kind()));
+      return Box{};
+    }
+    return read_sizes(kind, sizes);
+  }
+
+  Shape read_sizes(const std::string& kind, const Node& sizes) {
+    if (kind == "box") {
+      check_keys(sizes, {"size_m"});
+      return Box{read_box_size(sizes)};
+    }
+    if (kind == "sphere") {
+      check_keys(sizes, {"radius_m"});
+      return Sphere{read_length(sizes, "radius_m", kind)};
+    }
+    if (kind == "mesh") return read_mesh_shape(sizes);
+    check_keys(sizes, {"radius_m", "length_m"});
+    const double radius_m = read_length(sizes, "radius_m", kind);
+    const double length_m = read_length(sizes, "length_m", kind);
+    if (kind == "cylinder") return Cylinder{radius_m, length_m};
+    return Capsule{radius_m, length_m};
+  }
+
+  double read_length(const Node& map, const std::string& key, const std::string& kind) {
+    const Node* node = require(map, key, "a " + kind);
+    return node == nullptr ? 1.0 : positive(*node, key);
+  }
+
+  double positive(const Node& node, const std::string& what) {
+    const auto value = keep(node.as_double());
+    if (value && *value > 0.0) return *value;
+    if (value) add(node.error(what + " must be greater than 0, found " + node.text()));
+    return 1.0;
+  }
+
+  Eigen::Vector3d read_box_size(const Node& sizes) {
+    const Node* node = require(sizes, "size_m", "a box");
+    Eigen::Vector3d size_m = Eigen::Vector3d::Ones();
+    if (node == nullptr || !keep(node->as_doubles(3))) return size_m;
+    for (int axis = 0; axis < 3; ++axis) {
+      size_m[axis] = positive(node->items()[static_cast<std::size_t>(axis)], "size_m");
+    }
+    return size_m;
+  }
+
+  Shape read_mesh_shape(const Node& node) {
+    check_keys(node, {"file", "scale"});
+    double scale = 1.0;
+    if (const Node* factor = node.find("scale")) scale = positive(*factor, "scale");
+    const Node* file = require(node, "file", "a mesh");
+    if (file == nullptr) return Box{};
+    const auto path = keep(file->as_path());
+    if (!path) return Box{};
+    auto mesh = read_mesh(path->string());
+    if (!mesh) {
+      add(mesh.error().wrapped(ErrorCode::kConfig, "the mesh cannot be used",
+                               file->mark().to_string()));
+      return Box{};
+    }
+    for (Eigen::Vector3d& vertex : mesh->vertices_m) vertex *= scale;
+    return indexed_mesh(std::move(*mesh));
+  }
+
+  Transform read_pose(const Node& node, const Names& known) {
+    if (!node.is_map()) {
+      add(node.error("expected a pose such as {xyz_m: [0, 0, 1], rpy_rad: [0, 0, 0]}, found " +
+                     node.kind()));
+      return Transform::Identity();
+    }
+    check_keys(node, known);
+    return transform_from_xyz_rpy(read_vector(node, "xyz_m"), read_vector(node, "rpy_rad"));
+  }
+
+  Eigen::Vector3d read_vector(const Node& map, const std::string& key) {
+    const Node* node = map.find(key);
+    if (node == nullptr) return Eigen::Vector3d::Zero();
+    const auto values = keep(node->as_doubles(3));
+    return values ? Eigen::Vector3d((*values)[0], (*values)[1], (*values)[2])
+                  : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  }
+
+  void read_waypoints(const Node& list, SceneObject& object) {
+    if (!list.is_list() || list.items().empty()) {
+      add(list.error("expected a list of at least one waypoint, found " +
+                     (list.is_list() ? "an empty one" : list.kind())));
+      return;
+    }
+    std::optional<double> previous_s;
+    for (const Node& item : list.items()) {
+      Waypoint waypoint;
+      waypoint.T_world_object = read_pose(item, {"time_s", "xyz_m", "rpy_rad"});
+      const Node* time = item.is_map() ? require(item, "time_s", "a waypoint") : nullptr;
+      const auto time_s = time != nullptr ? keep(time->as_double()) : std::nullopt;
+      if (!time_s) continue;
+      if (previous_s && *time_s <= *previous_s) {
+        add(time->error("time_s must increase from waypoint to waypoint, found " + time->text() +
+                        " after " + previous_text_));
+      }
+      previous_s = time_s;
+      previous_text_ = time->text();
+      waypoint.time_s = *time_s;
+      object.waypoints.push_back(waypoint);
+    }
+    if (object.repeat && list.items().size() < 2) {
+      add(list.error("an object that repeats needs at least two waypoints"));
+    }
+  }
+
+  std::vector<Error> errors_;
+  std::set<std::string> names_;
+  std::string previous_text_;
+};
+
+}  // namespace
+
+SceneReading read_scene(const Node& document) { return SceneReader().read(document); }
+
+}  // namespace sidestep
