@@ -153,6 +153,13 @@ Error Node::error(std::string message, std::string hint) const {
   return Error{ErrorCode::kConfig, std::move(message), mark_.to_string(), std::move(hint), nullptr};
 }
 
+Result<Node> DocumentReader::read(const std::filesystem::path& file) const {
+  std::vector<Error> errors;
+  Result<Node> node = read_leniently(file, errors);
+  if (node && !errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  return node;
+}
+
 std::string nearest_name(std::string_view name, const std::vector<std::string>& candidates) {
   std::string best;
   std::size_t best_distance = std::max<std::size_t>(2, name.size() / 2) + 1;

@@ -93,12 +93,18 @@ struct Node::Entry {
   Node value;
 };
 
-/// Reads a document from a file. Implemented by the host. [any]
+/// Reads documents from files. Implemented by the host. [any]
 class DocumentReader {
  public:
   virtual ~DocumentReader() = default;
+
   /// Fails with kNotFound, kIo or kConfig (syntax, duplicate keys), naming file:line:col.
-  [[nodiscard]] virtual Result<Node> read(const std::filesystem::path& file) const = 0;
+  [[nodiscard]] Result<Node> read(const std::filesystem::path& file) const;
+
+  /// As read(), but goes on after mistakes that leave the rest readable (duplicate keys: the
+  /// first one counts), and appends them to `errors`.
+  [[nodiscard]] virtual Result<Node> read_leniently(const std::filesystem::path& file,
+                                                    std::vector<Error>& errors) const = 0;
 };
 
 /// The candidate nearest to `name` by edit distance, or empty if none is near.

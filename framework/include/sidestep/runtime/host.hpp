@@ -46,6 +46,9 @@ struct HostSettings {
 [[nodiscard]] std::vector<std::filesystem::path> host_plugin_paths(
     const std::vector<std::filesystem::path>& configured, const InstallLayout& layout);
 
+/// The map with every default of `schema` that it leaves open filled in, marked as default.
+[[nodiscard]] Node fill_defaults(const Node& map, const Schema& schema);
+
 /// Finds, checks and creates plugins, and lends them what they need. Libraries are loaded with
 /// RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE and never unloaded. [main] thread.
 class Host {

@@ -52,6 +52,8 @@ class MappingPipeline {
   [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
 
  private:
+  void skip(Error error);
+
   Parts parts_;
   std::vector<Error> bad_frames_;
 };

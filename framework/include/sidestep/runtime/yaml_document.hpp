@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <sidestep/core/node.hpp>
 
@@ -12,11 +13,13 @@ namespace sidestep {
 /// errors with file:line:col. Anchors and aliases work; tags are refused. [any]
 class YamlDocumentReader final : public DocumentReader {
  public:
-  [[nodiscard]] Result<Node> read(const std::filesystem::path& file) const override;
-  /// `name` stands for the file in marks. Relative paths in it resolve against the working
-  /// directory.
-  [[nodiscard]] Result<Node> parse(std::string_view text, const std::string& name) const;
+  [[nodiscard]] Result<Node> read_leniently(const std::filesystem::path& file,
+                                            std::vector<Error>& errors) const override;
 };
+
+/// Parses YAML text; `name` stands for the file in marks.
+[[nodiscard]] Result<Node> parse_yaml(std::string_view text, const std::string& name,
+                                      std::vector<Error>& errors);
 
 /// A document as YAML text; with `origins`, each scalar's mark as a trailing comment.
 [[nodiscard]] std::string to_yaml(const Node& node, bool origins);

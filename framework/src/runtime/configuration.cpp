@@ -1,0 +1,208 @@
+#include <sidestep/runtime/configuration.hpp>
+
+#include <algorithm>
+#include <charconv>
+
+#include <sidestep/runtime/yaml_document.hpp>
+
+namespace sidestep {
+namespace {
+
+constexpr int kSchemaVersion = 1;
+
+const std::vector<std::string> kTopLevelKeys = {
+    "schema_version", "base",  "plugin_paths", "experiment", "robot", "source",
+    "mapper",         "field", "optimiser",    "planning",   "check", "output"};
+
+/// `over` laid on `under`, key by key. A map that names another plugin replaces the whole map.
+Node merged(Node under, const Node& over) {
+  if (!under.is_map() || !over.is_map()) return over;
+  const Node* old_plugin = under.find("plugin");
+  const Node* new_plugin = over.find("plugin");
+  if (old_plugin != nullptr && new_plugin != nullptr && old_plugin->text() != new_plugin->text()) {
+    return over;
+  }
+  for (const Node::Entry& entry : over.entries()) {
+    if (Node* value = under.find(entry.key)) {
+      *value = merged(std::move(*value), entry.value);
+    } else {
+      under.entries().push_back(entry);
+    }
+  }
+  under.set_mark(over.mark());
+  return under;
+}
+
+class Reader {
+ public:
+  Reader(const DocumentReader& documents, std::vector<Error>& errors)
+      : documents_(documents), errors_(errors) {}
+
+  /// The document of a file, merged with its bases; an empty map where it cannot be read.
+  Node read(const std::filesystem::path& file, const SourceMark& named_at) {
+    const Node empty(Node::Map{}, {file.string(), 1, 1});
+    const std::filesystem::path identity = std::filesystem::weakly_canonical(file);
+    if (std::ranges::find(open_, identity) != open_.end()) {
+      errors_.push_back(Error{ErrorCode::kConfig, "'" + file.string() + "' is its own base",
+                              named_at.to_string(), {}, nullptr});
+      return empty;
+    }
+    Result<Node> document = documents_.read_leniently(file, errors_);
+    if (!document) {
+      Error error = std::move(document.error());
+      if (named_at.line > 0) {
+        error = error.wrapped(ErrorCode::kConfig, "the base cannot be read", named_at.to_string());
+      }
+      errors_.push_back(std::move(error));
+      return empty;
+    }
+    if (!document->is_map()) {
+      errors_.push_back(document->error("expected a map, found " + document->kind()));
+      return empty;
+    }
+    open_.push_back(identity);
+    Node result = with_bases(*document);
+    open_.pop_back();
+    return result;
+  }
+
+ private:
+  Node with_bases(Node& document) {
+    const Node* base = document.find("base");
+    if (base == nullptr) return document;
+    std::vector<Node> bases =
+        base->is_list() ? base->items() : std::vector<Node>{*base};
+    Node under(Node::Map{}, document.mark());
+    for (const Node& one : bases) {
+      const auto path = one.as_path();
+      if (!path) {
+        errors_.push_back(path.error());
+      } else {
+        under = merged(std::move(under), read(*path, one.mark()));
+      }
+    }
+    std::erase_if(document.entries(), [](const Node::Entry& e) { return e.key == "base"; });
+    return merged(std::move(under), document);
+  }
+
+  const DocumentReader& documents_;
+  std::vector<Error>& errors_;
+  std::vector<std::filesystem::path> open_;
+};
+
+/// Gives every node of an override the same origin.
+void set_origin(Node& node, const SourceMark& origin) {
+  node.set_mark(origin);
+  if (node.is_list()) {
+    for (Node& item : node.items()) set_origin(item, origin);
+  } else if (node.is_map()) {
+    for (Node::Entry& entry : node.entries()) {
+      entry.key_mark = origin;
+      set_origin(entry.value, origin);
+    }
+  }
+}
+
+/// Where an override's path leads, made on the way; null where a list has no such item or a
+/// scalar is in the way.
+Node* descend(Node& root, std::string_view path, const SourceMark& origin) {
+  Node* node = &root;
+  while (!path.empty()) {
+    const std::size_t dot = path.find('.');
+    const std::string_view key = path.substr(0, dot);
+    path = dot == std::string_view::npos ? std::string_view{} : path.substr(dot + 1);
+    if (node->is_list()) {
+      std::size_t index = 0;
+      const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), index);
+      if (error != std::errc{} || end != key.data() + key.size() || index >= node->items().size()) {
+        return nullptr;
+      }
+      node = &node->items()[index];
+      continue;
+    }
+    if (node->is_null()) *node = Node(Node::Map{}, origin);
+    if (!node->is_map()) return nullptr;
+    Node* next = node->find(key);
+    if (next == nullptr) {
+      node->entries().push_back({std::string(key), origin, Node{}});
+      next = &node->entries().back().value;
+      next->set_mark(origin);
+    }
+    node = next;
+  }
+  return node;
+}
+
+void apply_override(Node& root, const std::string& override_text, std::vector<Error>& errors) {
+  const SourceMark origin{"--set " + override_text, 0, 0};
+  const std::size_t equals = override_text.find('=');
+  const std::string path = override_text.substr(0, equals);
+  const bool malformed = equals == std::string::npos || path.empty() || path.front() == '.' ||
+                         path.back() == '.' || path.find("..") != std::string::npos;
+  if (malformed) {
+    errors.push_back(Error{ErrorCode::kConfig, "expected key.key=value", origin.to_string(),
+                           {}, nullptr});
+    return;
+  }
+  Result<Node> value = parse_yaml(override_text.substr(equals + 1), origin.file, errors);
+  if (!value) {
+    errors.push_back(Error{ErrorCode::kConfig, value.error().message, origin.to_string(), {},
+                           nullptr});
+    return;
+  }
+  set_origin(*value, origin);
+  // A change of plugin drops the parameters of the plugin before, as it does between files.
+  const std::size_t dot = path.find('.');
+  if (dot != std::string::npos && path.substr(dot) == ".plugin") {
+    Node block(Node::Map{{"plugin", origin, *value}}, origin);
+    Node over(Node::Map{{path.substr(0, dot), origin, std::move(block)}}, origin);
+    root = merged(std::move(root), over);
+    return;
+  }
+  Node* target = descend(root, path, origin);
+  if (target == nullptr) {
+    errors.push_back(Error{ErrorCode::kConfig, "there is no '" + path + "' to set",
+                           origin.to_string(), {}, nullptr});
+    return;
+  }
+  *target = std::move(*value);
+}
+
+void check_top_level(const Node& root, const std::filesystem::path& file,
+                     std::vector<Error>& errors) {
+  for (const Node::Entry& entry : root.entries()) {
+    if (std::ranges::find(kTopLevelKeys, entry.key) != kTopLevelKeys.end()) continue;
+    const std::string nearest = nearest_name(entry.key, kTopLevelKeys);
+    errors.push_back(Error{ErrorCode::kConfig, "unknown key '" + entry.key + "'",
+                           entry.key_mark.to_string(),
+                           nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr});
+  }
+  const Node* version = root.find("schema_version");
+  const std::string supported = "this version reads schema_version: " + std::to_string(kSchemaVersion);
+  if (version == nullptr) {
+    errors.push_back(Error{ErrorCode::kConfig, "'schema_version' is missing",
+                           SourceMark{file.string(), 1, 1}.to_string(), supported, nullptr});
+  } else if (const auto number = version->as_int(); !number) {
+    errors.push_back(number.error());
+  } else if (*number != kSchemaVersion) {
+    errors.push_back(version->error("schema_version " + version->text() + " is not known", supported));
+  }
+}
+
+}  // namespace
+
+ConfigurationReading read_configuration(const std::filesystem::path& file,
+                                        const std::vector<std::string>& overrides,
+                                        const DocumentReader& documents) {
+  ConfigurationReading reading;
+  reading.configuration.name = file.stem().string();
+  reading.configuration.file = file;
+  Node root = Reader(documents, reading.errors).read(file, {});
+  const bool unreadable = root.entries().empty() && !reading.errors.empty();
+  for (const std::string& text : overrides) apply_override(root, text, reading.errors);
+  if (!unreadable) check_top_level(root, file, reading.errors);
+  reading.configuration.root = std::move(root);
+  return reading;
+}
+
+}  // namespace sidestep

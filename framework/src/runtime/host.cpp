@@ -1,0 +1,271 @@
+#include <sidestep/runtime/host.hpp>
+
+#include <algorithm>
+#include <cstdlib>
+#include <set>
+
+#include <sidestep/core/seed.hpp>
+
+#include "plugin_library.hpp"
+
+namespace sidestep {
+namespace {
+
+std::vector<std::filesystem::path> split_path_list(const char* list) {
+  std::vector<std::filesystem::path> paths;
+  std::string_view rest = list != nullptr ? list : "";
+  while (!rest.empty()) {
+    const std::size_t colon = rest.find(':');
+    if (colon != 0) paths.emplace_back(rest.substr(0, colon));
+    rest = colon == std::string_view::npos ? std::string_view{} : rest.substr(colon + 1);
+  }
+  return paths;
+}
+
+Node default_node(const Parameter& parameter) {
+  const SourceMark mark{"default", 0, 0};
+  if (parameter.type == ParameterType::kObject) {
+    Node::Map map;
+    for (const Parameter& field : parameter.fields) {
+      if (!field.required) map.push_back({field.name, mark, default_node(field)});
+    }
+    return Node(std::move(map), mark);
+  }
+  const std::string& text = parameter.default_text;
+  if (text == "null" || text.empty()) {
+    Node null;
+    null.set_mark(mark);
+    return null;
+  }
+  if (text == "\"\"") return Node(Node::Scalar{"", true}, mark);
+  if (text.front() == '[') {
+    Node::List list;
+    std::string_view rest = std::string_view(text).substr(1, text.size() - 2);
+    while (!rest.empty()) {
+      const std::size_t comma = rest.find(", ");
+      list.emplace_back(Node::Scalar{std::string(rest.substr(0, comma)), false}, mark);
+      rest = comma == std::string_view::npos ? std::string_view{} : rest.substr(comma + 2);
+    }
+    return Node(std::move(list), mark);
+  }
+  return Node(Node::Scalar{text, false}, mark);
+}
+
+}  // namespace
+
+Node fill_defaults(const Node& map, const Schema& schema) {
+  Node filled = map;
+  if (!filled.is_map()) return filled;
+  for (const Parameter& parameter : schema) {
+    Node* value = filled.find(parameter.name);
+    if (value == nullptr || value->is_null()) {
+      if (parameter.required) continue;
+      Node fallback = default_node(parameter);
+      if (value != nullptr) {
+        *value = std::move(fallback);
+      } else {
+        filled.entries().push_back({parameter.name, {"default", 0, 0}, std::move(fallback)});
+      }
+    } else if (parameter.type == ParameterType::kObject) {
+      *value = fill_defaults(*value, parameter.fields);
+    } else if (parameter.type == ParameterType::kObjects && value->is_list()) {
+      for (Node& item : value->items()) item = fill_defaults(item, parameter.fields);
+    }
+  }
+  return filled;
+}
+
+std::string_view to_string(PluginKind kind) noexcept {
+  switch (kind) {
+    case PluginKind::kSource: return "source";
+    case PluginKind::kMapper: return "mapper";
+    case PluginKind::kField: return "field";
+    case PluginKind::kRobot: return "robot";
+    case PluginKind::kOptimiser: return "optimiser";
+    case PluginKind::kExecutor: return "executor";
+  }
+  return "unknown";
+}
+
+std::vector<std::filesystem::path> host_plugin_paths(
+    const std::vector<std::filesystem::path>& configured, const InstallLayout& layout) {
+  std::vector<std::filesystem::path> paths = configured;
+  const auto from_environment = split_path_list(std::getenv("SIDESTEP_PLUGIN_PATH"));
+  paths.insert(paths.end(), from_environment.begin(), from_environment.end());
+  paths.push_back(layout.plugins);
+  return paths;
+}
+
+struct Host::Impl {
+  struct Found {
+    PluginInfo info;
+    const PluginDescriptor* descriptor;
+  };
+
+  HostSettings settings;
+  Log& log;
+  const Clock& clock;
+  WorkerPool& workers;
+  const DocumentReader& documents;
+  bool scanned = false;
+  std::vector<Found> found;
+  std::vector<PluginInfo> infos;
+  std::vector<PluginRejection> rejections;
+  std::vector<std::string> searched;  ///< Each folder, and what came of it.
+
+  void scan() {
+    if (std::exchange(scanned, true)) return;
+    for (const auto& folder : settings.plugin_paths) scan_folder(folder);
+    std::ranges::sort(found, {}, [](const Found& f) {
+      return std::pair(static_cast<std::uint32_t>(f.info.kind), f.info.name);
+    });
+    for (const Found& f : found) infos.push_back(f.info);
+  }
+
+  void scan_folder(const std::filesystem::path& folder) {
+    std::error_code error;
+    std::set<std::filesystem::path> libraries;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+      if (entry.path().extension() == ".so") libraries.insert(entry.path());
+    }
+    searched.push_back(folder.string() + (error ? ": " + error.message()
+                                                : ": " + std::to_string(libraries.size()) +
+                                                      (libraries.size() == 1 ? " library"
+                                                                             : " libraries")));
+    for (const auto& library : libraries) add_library(library);
+  }
+
+  void add_library(const std::filesystem::path& library) {
+    const auto descriptor = open_plugin_library(library);
+    if (!descriptor) {
+      log.debug(descriptor.error().describe());
+      rejections.push_back({library, descriptor.error()});
+      return;
+    }
+    const PluginDescriptor& d = **descriptor;
+    const auto same = std::ranges::find_if(found, [&](const Found& f) {
+      return f.info.kind == d.kind && f.info.name == d.name;
+    });
+    if (same != found.end()) {
+      log.info("plugin " + std::string(to_string(d.kind)) + " '" + d.name + "' is taken from " +
+               same->info.library.string() + ", not from " + library.string());
+      return;
+    }
+    found.push_back({{d.kind, d.name, d.version, d.doc, library, d.schema()}, &d});
+  }
+
+  Result<const Found*> find(PluginKind kind, const Node& block) {
+    scan();
+    const std::string kind_name(to_string(kind));
+    if (!block.is_map()) {
+      return tl::make_unexpected(
+          block.error("'" + kind_name + "' must be a map with a plugin, found " + block.kind(),
+                      kind_name + ": {plugin: NAME}"));
+    }
+    const Node* name = block.find("plugin");
+    if (name == nullptr || !name->is_scalar()) {
+      return tl::make_unexpected(block.error("'" + kind_name + "' does not name a plugin",
+                                             "add 'plugin: NAME', one of " + names_of(kind)));
+    }
+    for (const Found& f : found) {
+      if (f.info.kind == kind && f.info.name == name->text()) return &f;
+    }
+    return tl::make_unexpected(not_found(kind, *name));
+  }
+
+  std::vector<std::string> name_list(PluginKind kind) const {
+    std::vector<std::string> names;
+    for (const Found& f : found) {
+      if (f.info.kind == kind) names.push_back(f.info.name);
+    }
+    return names;
+  }
+
+  std::string names_of(PluginKind kind) const {
+    std::string text;
+    for (const std::string& name : name_list(kind)) text += (text.empty() ? "" : ", ") + name;
+    return text.empty() ? "(none found)" : text;
+  }
+
+  Error not_found(PluginKind kind, const Node& name) const {
+    const std::string kind_name(to_string(kind));
+    std::string message = "there is no " + kind_name + " plugin '" + name.text() + "'";
+    message += "\n  plugins of this kind: " + names_of(kind) + "\n  searched:";
+    for (const std::string& folder : searched) message += "\n    " + folder;
+    if (!rejections.empty()) message += "\n  refused:";
+    for (const PluginRejection& rejection : rejections) {
+      message += "\n    " + rejection.error.describe();
+    }
+    const std::string nearest = nearest_name(name.text(), name_list(kind));
+    return Error{ErrorCode::kPlugin, std::move(message), name.mark().to_string(),
+                 nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr};
+  }
+};
+
+Host::Host(HostSettings settings, Log& log, const Clock& clock, WorkerPool& workers,
+           const DocumentReader& documents)
+    : impl_(new Impl{std::move(settings), log, clock, workers, documents}) {}
+
+Host::~Host() = default;
+
+const std::vector<PluginInfo>& Host::plugins() {
+  impl_->scan();
+  return impl_->infos;
+}
+
+const std::vector<PluginRejection>& Host::rejections() {
+  impl_->scan();
+  return impl_->rejections;
+}
+
+Result<PluginInfo> Host::find(PluginKind kind, const Node& block) {
+  const auto found = impl_->find(kind, block);
+  if (!found) return tl::make_unexpected(found.error());
+  return (*found)->info;
+}
+
+void Host::check(PluginKind kind, const Node& block, std::vector<Error>& errors) {
+  const auto found = impl_->find(kind, block);
+  if (!found) {
+    errors.push_back(found.error());
+    return;
+  }
+  check_against_schema(block, (*found)->info.schema, {"plugin"}, errors);
+}
+
+Node Host::with_defaults(PluginKind kind, const Node& block) {
+  const auto found = impl_->find(kind, block);
+  return found ? fill_defaults(block, (*found)->info.schema) : block;
+}
+
+Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
+                                       std::shared_ptr<const RobotModel> robot) {
+  const auto found = impl_->find(kind, block);
+  if (!found) return tl::make_unexpected(found.error());
+  std::vector<Error> errors;
+  check_against_schema(block, (*found)->info.schema, {"plugin"}, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+
+  const std::string name = std::string(to_string(kind)) + " " + (*found)->info.name;
+  const HostContext context{impl_->log,
+                            impl_->clock,
+                            impl_->workers,
+                            impl_->documents,
+                            derive_seed(impl_->settings.seed, name),
+                            impl_->settings.robot_paths,
+                            impl_->settings.scene_paths,
+                            std::move(robot)};
+  const PluginDescriptor& descriptor = *(*found)->descriptor;
+  return guarded(name, [&]() -> Result<Made> {
+    Error error;
+    void* object = descriptor.create(block, context, &error);
+    if (object != nullptr) return Made{object, descriptor.destroy};
+    if (error.message.empty()) {
+      return fail(ErrorCode::kPlugin, "could not be created and did not say why", "plugin " + name);
+    }
+    if (error.where.empty()) error.where = "plugin " + name;
+    return tl::make_unexpected(std::move(error));
+  });
+}
+
+}  // namespace sidestep

@@ -1,0 +1,51 @@
+#include <sidestep/runtime/pipeline.hpp>
+
+#include <sidestep/core/time.hpp>
+#include <sidestep/runtime/host.hpp>
+
+namespace sidestep {
+
+Result<void> MappingPipeline::attach() {
+  return guarded("field", [&] { return parts_.field_builder.attach(parts_.mapper); });
+}
+
+Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadline) {
+  for (;;) {
+    MappingStep step;
+    Stopwatch watch;
+    auto frame = guarded("source", [&] { return parts_.source.next(deadline); });
+    step.read_ms = watch.elapsed_ms();
+    if (!frame && frame.error().code == ErrorCode::kBadFrame) {
+      skip(std::move(frame.error()));
+      continue;
+    }
+    if (!frame) return tl::make_unexpected(std::move(frame.error()));
+    if (!*frame) return std::optional<MappingStep>{};
+    step.frame_sequence = (*frame)->sequence;
+    step.stamp = (*frame)->stamp;
+
+    watch.restart();
+    auto update = guarded("mapper", [&] { return parts_.mapper.integrate(**frame); });
+    step.integrate_ms = watch.elapsed_ms();
+    if (!update && update.error().code == ErrorCode::kBadFrame) {
+      skip(std::move(update.error()));
+      continue;
+    }
+    if (!update) return tl::make_unexpected(std::move(update.error()));
+    step.update = std::move(*update);
+
+    watch.restart();
+    auto field = guarded("field", [&] { return parts_.field_builder.update(step.update); });
+    if (!field) return tl::make_unexpected(std::move(field.error()));
+    parts_.slot.publish(std::move(*field));
+    step.field_ms = watch.elapsed_ms();
+    return step;
+  }
+}
+
+void MappingPipeline::skip(Error error) {
+  parts_.log.warn("skipped: " + error.describe());
+  bad_frames_.push_back(std::move(error));
+}
+
+}  // namespace sidestep

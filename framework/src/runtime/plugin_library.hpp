@@ -1,0 +1,18 @@
+#pragma once
+
+#include <filesystem>
+
+#include <sidestep/plugin/descriptor.hpp>
+
+namespace sidestep {
+
+/// Opens a library and returns its descriptor once everything about it has been found to fit
+/// this host. The library stays loaded for good. Fails with kPlugin, saying what does not fit
+/// and what to do.
+[[nodiscard]] Result<const PluginDescriptor*> open_plugin_library(
+    const std::filesystem::path& library);
+
+/// The interface version that this host speaks; nothing for a kind it does not know.
+[[nodiscard]] std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept;
+
+}  // namespace sidestep

@@ -1,0 +1,226 @@
+#include <sidestep/runtime/yaml_document.hpp>
+
+#include <fstream>
+#include <sstream>
+#include <unordered_map>
+
+#include <yaml-cpp/yaml.h>
+
+namespace sidestep {
+namespace {
+
+/// Turns a YAML tree into Nodes. What leaves the rest readable is appended to `errors`.
+class Converter {
+ public:
+  Converter(std::string file, std::vector<Error>& errors)
+      : file_(std::move(file)), errors_(errors) {}
+
+  Result<Node> convert(const YAML::Node& yaml) {
+    const SourceMark mark = mark_of(yaml.Mark());
+    if (++depth_ > kMaxDepth) return fail(ErrorCode::kConfig, "nested too deeply", mark.to_string());
+    Result<Node> node = convert_any(yaml, mark);
+    --depth_;
+    return node;
+  }
+
+ private:
+  static constexpr int kMaxDepth = 100;
+
+  Result<Node> convert_any(const YAML::Node& yaml, const SourceMark& mark) {
+    // "?" is yaml-cpp's tag of a plain node, "!" that of a quoted scalar.
+    const std::string& tag = yaml.Tag();
+    if (!tag.empty() && tag != "?" && tag != "!") {
+      return fail(ErrorCode::kConfig, "the tag '" + tag + "' is not supported", mark.to_string());
+    }
+    switch (yaml.Type()) {
+      case YAML::NodeType::Undefined:
+      case YAML::NodeType::Null: {
+        Node null;
+        null.set_mark(mark);
+        return null;
+      }
+      case YAML::NodeType::Scalar: return Node(Node::Scalar{yaml.Scalar(), tag == "!"}, mark);
+      case YAML::NodeType::Sequence: return convert_list(yaml, mark);
+      case YAML::NodeType::Map: return convert_map(yaml, mark);
+    }
+    return fail(ErrorCode::kInternal, "unknown kind of YAML node", mark.to_string());
+  }
+
+  Result<Node> convert_list(const YAML::Node& yaml, const SourceMark& mark) {
+    Node::List list;
+    list.reserve(yaml.size());
+    for (const YAML::Node& item : yaml) {
+      Result<Node> node = convert(item);
+      if (!node) return node;
+      list.push_back(std::move(*node));
+    }
+    return Node(std::move(list), mark);
+  }
+
+  Result<Node> convert_map(const YAML::Node& yaml, const SourceMark& mark) {
+    Node::Map map;
+    std::unordered_map<std::string, std::string> seen;
+    for (const auto& pair : yaml) {
+      const SourceMark key_mark = mark_of(pair.first.Mark());
+      if (!pair.first.IsScalar()) {
+        return fail(ErrorCode::kConfig, "a key must be a plain string", key_mark.to_string());
+      }
+      const std::string& key = pair.first.Scalar();
+      const auto [first, is_new] = seen.emplace(key, key_mark.to_string());
+      if (!is_new) {
+        errors_.push_back(Error{ErrorCode::kConfig, "the key '" + key + "' appears twice",
+                                key_mark.to_string(), "first at " + first->second, nullptr});
+        continue;
+      }
+      Result<Node> value = convert(pair.second);
+      if (!value) return value;
+      // yaml-cpp gives nulls no position; the key's will do.
+      if (value->is_null()) value->set_mark(key_mark);
+      map.push_back({key, key_mark, std::move(*value)});
+    }
+    return Node(std::move(map), mark);
+  }
+
+  SourceMark mark_of(const YAML::Mark& mark) const {
+    if (mark.is_null()) return {file_, 0, 0};
+    return {file_, mark.line + 1, mark.column + 1};
+  }
+
+  std::string file_;
+  std::vector<Error>& errors_;
+  int depth_ = 0;
+};
+
+bool needs_quotes(const std::string& text) {
+  if (text.empty()) return true;
+  if (text.find_first_of(":#{}[],&*!|>'\"%@`\n\t") != std::string::npos) return true;
+  if (text.front() == ' ' || text.back() == ' ' || text.front() == '-' || text.front() == '?') {
+    return true;
+  }
+  return text == "true" || text == "false" || text == "null" || text == "~";
+}
+
+std::string scalar_text(const Node& node) {
+  if (node.is_null()) return "null";
+  if (node.kind() != "a string") return node.text();
+  if (!needs_quotes(node.text()) && Node(Node::Scalar{node.text(), false}, {}).kind() == "a string") {
+    return node.text();
+  }
+  std::string quoted = "\"";
+  for (const char c : node.text()) {
+    if (c == '\n') {
+      quoted += "\\n";
+    } else if (c == '\t') {
+      quoted += "\\t";
+    } else {
+      if (c == '"' || c == '\\') quoted += '\\';
+      quoted += c;
+    }
+  }
+  return quoted + '"';
+}
+
+bool is_flat(const Node& node) {
+  for (const Node& item : node.items()) {
+    if (!item.is_scalar()) return false;
+  }
+  return true;
+}
+
+std::string flow_text(const Node& list) {
+  std::string text = "[";
+  for (const Node& item : list.items()) {
+    if (text.size() > 1) text += ", ";
+    text += scalar_text(item);
+  }
+  return text + "]";
+}
+
+class Writer {
+ public:
+  explicit Writer(bool origins) : origins_(origins) {}
+
+  void write(const Node& node, int indent) {
+    if (node.is_map()) {
+      for (const Node::Entry& entry : node.entries()) {
+        pad(indent);
+        out_ << scalar_text(Node(Node::Scalar{entry.key, false}, {})) << ':';
+        write_value(entry.value, indent);
+      }
+    } else {
+      for (const Node& item : node.items()) {
+        pad(indent);
+        out_ << '-';
+        write_value(item, indent);
+      }
+    }
+  }
+
+  std::string text() const { return out_.str(); }
+
+ private:
+  void pad(int indent) { out_ << std::string(static_cast<std::size_t>(indent), ' '); }
+
+  void write_value(const Node& value, int indent) {
+    if (value.is_map() && value.entries().empty()) {
+      out_ << " {}\n";
+    } else if (value.is_map() || (value.is_list() && !is_flat(value))) {
+      out_ << '\n';
+      write(value, indent + 2);
+    } else {
+      out_ << ' ' << (value.is_list() ? flow_text(value) : scalar_text(value));
+      if (origins_ && !value.mark().file.empty()) out_ << "  # " << value.mark().to_string();
+      out_ << '\n';
+    }
+  }
+
+  std::ostringstream out_;
+  bool origins_;
+};
+
+}  // namespace
+
+Result<Node> YamlDocumentReader::read_leniently(const std::filesystem::path& file,
+                                                std::vector<Error>& errors) const {
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) {
+    return fail(ErrorCode::kNotFound, "there is no such file", file.string());
+  }
+  if (std::filesystem::is_directory(file, error)) {
+    return fail(ErrorCode::kIo, "this is a folder, not a file", file.string());
+  }
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  if (!stream) return fail(ErrorCode::kIo, "cannot be read", file.string());
+  return parse_yaml(text.str(), file.string(), errors);
+}
+
+Result<Node> parse_yaml(std::string_view text, const std::string& name,
+                        std::vector<Error>& errors) {
+  try {
+    const std::vector<YAML::Node> documents = YAML::LoadAll(std::string(text));
+    if (documents.empty()) {
+      Node empty;
+      empty.set_mark({name, 1, 1});
+      return empty;
+    }
+    if (documents.size() > 1) {
+      return fail(ErrorCode::kConfig, "more than one document in a file",
+                  SourceMark{name, documents[1].Mark().line + 1, 1}.to_string());
+    }
+    return Converter(name, errors).convert(documents.front());
+  } catch (const YAML::Exception& exception) {
+    const SourceMark mark{name, exception.mark.line + 1, exception.mark.column + 1};
+    return fail(ErrorCode::kConfig, "not valid YAML: " + exception.msg, mark.to_string());
+  }
+}
+
+std::string to_yaml(const Node& node, bool origins) {
+  if (node.is_scalar() || node.is_null()) return scalar_text(node) + "\n";
+  Writer writer(origins);
+  writer.write(node, 0);
+  return writer.text();
+}
+
+}  // namespace sidestep
