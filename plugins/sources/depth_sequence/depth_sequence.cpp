@@ -1,0 +1,220 @@
+#include "depth_sequence.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "png_depth.hpp"
+#include "pose.hpp"
+#include "sequence.hpp"
+
+namespace sidestep::depth_sequence {
+namespace {
+
+constexpr ImageSize kVga{640, 480};
+constexpr std::uint16_t kRawNothing = 0;
+constexpr std::uint16_t kRawInvalid = 65535;
+
+std::string size_text(const ImageSize& size) {
+  return std::to_string(size.width_px) + " x " + std::to_string(size.height_px);
+}
+
+struct Settings {
+  CameraIntrinsics camera;
+  Transform T_world_sequence = Transform::Identity();
+  double depth_scale = 1000.0;
+  double depth_min_m = 0.0;
+  double depth_max_m = 0.0;
+};
+
+class DepthSequence final : public Source {
+ public:
+  DepthSequence(std::unique_ptr<Sequence> sequence, std::vector<SequenceEntry> selected,
+                Settings settings)
+      : sequence_(std::move(sequence)),
+        selected_(std::move(selected)),
+        settings_(std::move(settings)) {}
+
+  Result<std::optional<Frame>> next(const Deadline& deadline) override {
+    if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "reading was cancelled");
+    if (at_ >= selected_.size()) return std::optional<Frame>();
+    if (deadline.expired()) {
+      return fail(ErrorCode::kDeadlineExceeded, "no time was left to read a frame");
+    }
+    const std::size_t index = at_++;
+    auto frame = read(selected_[index], static_cast<std::int64_t>(index));
+    if (!frame) return tl::make_unexpected(std::move(frame.error()));
+    return std::optional<Frame>(std::move(*frame));
+  }
+
+  std::optional<std::int64_t> frame_count() const override {
+    return static_cast<std::int64_t>(selected_.size());
+  }
+
+ private:
+  [[nodiscard]] Result<Frame> read(const SequenceEntry& entry, std::int64_t index) const {
+    const auto bad = [&](const std::string& message, const std::string& file) {
+      return fail(ErrorCode::kBadFrame, message,
+                  "frame " + std::to_string(entry.number) + " (" + file + ")");
+    };
+    const auto pose = sequence_->T_sequence_camera(entry);
+    if (!pose) return bad(pose.error().message, pose.error().where);
+    const auto raw = read_png_depth(entry.depth_file);
+    if (!raw) return bad(raw.error().message, raw.error().where);
+    const ImageSize expected{settings_.camera.width_px, settings_.camera.height_px};
+    if (raw->size != expected) {
+      return bad("the image has " + size_text(raw->size) + " pixels, the sequence's have " +
+                     size_text(expected),
+                 entry.depth_file.string());
+    }
+    Frame frame;
+    frame.sequence = index;
+    frame.stamp = entry.stamp;
+    frame.T_world_camera = settings_.T_world_sequence * *pose;
+    frame.measurement = DepthImage{settings_.camera, to_metres(raw->values)};
+    return frame;
+  }
+
+  [[nodiscard]] std::vector<float> to_metres(const std::vector<std::uint16_t>& raw) const {
+    const double min_m = settings_.depth_min_m;
+    const double max_m = settings_.depth_max_m;
+    std::vector<float> depth_m(raw.size());
+    std::ranges::transform(raw, depth_m.begin(), [&](std::uint16_t value) {
+      if (value == kRawNothing) return 0.0F;
+      if (value == kRawInvalid) return std::numeric_limits<float>::quiet_NaN();
+      const double metres = value / settings_.depth_scale;
+      return metres >= min_m && metres <= max_m ? static_cast<float>(metres) : 0.0F;
+    });
+    return depth_m;
+  }
+
+  std::unique_ptr<Sequence> sequence_;
+  std::vector<SequenceEntry> selected_;
+  Settings settings_;
+  std::size_t at_ = 0;
+};
+
+Result<std::vector<SequenceEntry>> select(const Sequence& sequence, const Options& options) {
+  const auto& all = sequence.entries();
+  std::vector<SequenceEntry> selected;
+  const auto stride = static_cast<std::size_t>(options.stride);
+  const auto limit = options.max_frames > 0 ? static_cast<std::size_t>(options.max_frames)
+                                            : all.size();
+  for (auto i = static_cast<std::size_t>(options.first_frame);
+       i < all.size() && selected.size() < limit; i += stride) {
+    selected.push_back(all[i]);
+  }
+  if (selected.empty()) {
+    return fail(ErrorCode::kConfig,
+                "first_frame is " + std::to_string(options.first_frame) +
+                    ", but the sequence has only " + std::to_string(all.size()) + " frames",
+                options.path.string());
+  }
+  return selected;
+}
+
+/// The size that most of the first readable images have, so that one odd file, even the first,
+/// does not decide.
+Result<ImageSize> image_size(const std::vector<SequenceEntry>& entries, const Options& options) {
+  constexpr int kSurveyed = 5;
+  if (options.camera.width_px && options.camera.height_px) {
+    return ImageSize{*options.camera.width_px, *options.camera.height_px};
+  }
+  std::vector<std::pair<ImageSize, int>> votes;
+  int readable = 0;
+  for (const SequenceEntry& entry : entries) {
+    const auto size = read_png_size(entry.depth_file);
+    if (!size) continue;
+    auto vote = std::ranges::find(votes, *size, &std::pair<ImageSize, int>::first);
+    if (vote == votes.end()) vote = votes.insert(votes.end(), {*size, 0});
+    ++vote->second;
+    if (++readable == kSurveyed) break;
+  }
+  if (votes.empty()) {
+    return fail(ErrorCode::kNotFound, "none of the sequence's depth images can be read",
+                options.path.string());
+  }
+  ImageSize size = std::ranges::max_element(votes, {}, &std::pair<ImageSize, int>::second)->first;
+  size.width_px = options.camera.width_px.value_or(size.width_px);
+  size.height_px = options.camera.height_px.value_or(size.height_px);
+  return size;
+}
+
+/// From the options, else camera-intrinsics.txt, else what the layout's VGA cameras have.
+Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& size,
+                                    const Options& options, Log& log) {
+  CameraIntrinsics camera{size.width_px, size.height_px};
+  const auto file = options.path / "camera-intrinsics.txt";
+  const CameraOptions& given = options.camera;
+  const bool all_given = given.fx_px && given.fy_px && given.cx_px && given.cy_px;
+  const auto matrix = read_matrix(file, 3, 3, ErrorCode::kConfig);
+  if (matrix) {
+    camera.fx_px = (*matrix)(0, 0);
+    camera.fy_px = (*matrix)(1, 1);
+    camera.cx_px = (*matrix)(0, 2);
+    camera.cy_px = (*matrix)(1, 2);
+  } else if (matrix.error().code != ErrorCode::kNotFound) {
+    return tl::make_unexpected(matrix.error());
+  } else if (!all_given && size != kVga) {
+    return fail(ErrorCode::kConfig,
+                "the intrinsics of the images of " + size_text(size) + " pixels are not known",
+                options.path.string(), "give camera-intrinsics.txt or source.camera");
+  } else if (!all_given) {
+    const LayoutDefaults defaults = sequence.defaults();
+    camera.fx_px = camera.fy_px = defaults.focal_px;
+    camera.cx_px = defaults.cx_px;
+    camera.cy_px = defaults.cy_px;
+    log.info(options.path.string() + ": no camera-intrinsics.txt, taking those usual for " +
+             std::string(sequence.layout()));
+  }
+  camera.fx_px = given.fx_px.value_or(camera.fx_px);
+  camera.fy_px = given.fy_px.value_or(camera.fy_px);
+  camera.cx_px = given.cx_px.value_or(camera.cx_px);
+  camera.cy_px = given.cy_px.value_or(camera.cy_px);
+  const std::string where = matrix ? file.string() : options.path.string();
+  if (!(camera.fx_px > 0.0 && camera.fy_px > 0.0 && std::isfinite(camera.fx_px) &&
+        std::isfinite(camera.fy_px))) {
+    return fail(ErrorCode::kConfig, "the focal lengths must be greater than 0", where);
+  }
+  if (!(camera.cx_px > 0.0 && camera.cx_px < size.width_px && camera.cy_px > 0.0 &&
+        camera.cy_px < size.height_px)) {
+    return fail(ErrorCode::kConfig,
+                "the principal point lies outside the images of " + size_text(size) + " pixels",
+                where, "are these the intrinsics of another camera?");
+  }
+  return camera;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
+                                              const DocumentReader& documents) {
+  if (options.depth_min_m >= options.depth_max_m) {
+    return fail(ErrorCode::kConfig, "depth_min_m must be less than depth_max_m");
+  }
+  auto sequence = open_sequence(options, log);
+  if (!sequence) return tl::make_unexpected(sequence.error());
+  auto selected = select(**sequence, options);
+  if (!selected) return tl::make_unexpected(selected.error());
+  const auto size = image_size(*selected, options);
+  if (!size) return tl::make_unexpected(size.error());
+  const auto camera = intrinsics(**sequence, *size, options, log);
+  if (!camera) return tl::make_unexpected(camera.error());
+
+  Settings settings;
+  settings.camera = *camera;
+  settings.depth_scale = options.depth_scale.value_or((*sequence)->defaults().depth_scale);
+  settings.depth_min_m = options.depth_min_m;
+  settings.depth_max_m = options.depth_max_m;
+  const auto world_file = options.path / "world.yaml";
+  if (options.use_world && std::filesystem::exists(world_file)) {
+    const auto T_world_sequence = read_T_world_sequence(world_file, documents);
+    if (!T_world_sequence) return tl::make_unexpected(T_world_sequence.error());
+    settings.T_world_sequence = *T_world_sequence;
+  }
+  return std::unique_ptr<Source>(std::make_unique<DepthSequence>(
+      std::move(*sequence), std::move(*selected), std::move(settings)));
+}
+
+}  // namespace sidestep::depth_sequence
