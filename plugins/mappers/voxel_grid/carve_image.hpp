@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <sidestep/core/worker_pool.hpp>
+#include <sidestep/mapping/mapper.hpp>
+#include <sidestep/mapping/point_rules.hpp>
+#include <sidestep/mapping/self_filter.hpp>
+
+#include "kernels.hpp"
+#include "voxel_marks.hpp"
+
+namespace sidestep::voxel_grid {
+
+/// A depth image as the projective method wants it: how far each pixel's ray is free, and the
+/// nearest and farthest of these over square tiles, to judge whole blocks at once.
+class CarveImage {
+ public:
+  static constexpr int kTile_px = 16;
+
+  CarveImage(const GridSpec& grid, const PointRules& rules, bool clear_no_return, float band_m);
+
+  /// Reads an image; the voxels of its points go to `hits`, each pixel is counted once.
+  IntegrationCounts read(const Frame& frame, const DepthImage& image, const SelfFilter& self,
+                         VoxelMarks& hits, WorkerPool& workers);
+
+  [[nodiscard]] const float* carve_m() const noexcept { return carve_m_.data(); }
+  [[nodiscard]] float farthest_m() const noexcept { return farthest_m_; }
+  /// Least and greatest |carve| over the tiles that hold the pixels [u0, u1] x [v0, v1].
+  struct Bounds {
+    float least_m;
+    float greatest_m;
+  };
+  [[nodiscard]] Bounds bounds(int u0, int v0, int u1, int v1) const noexcept;
+
+ private:
+  struct Ball {
+    Eigen::Vector3f centre_m;  ///< Camera frame.
+    float radius_m;
+    int u0, v0, u1, v1;  ///< Pixels that may see it, inclusive.
+  };
+  void project_balls(const Frame& frame, const CameraIntrinsics& camera, const SelfFilter& self);
+  void mask_self(const DepthImage& image, int v);
+  IntegrationCounts read_row(const DepthImage& image, int v, PixelRow row, VoxelMarks& hits);
+  void reduce_tiles(const CameraIntrinsics& camera, int tile_v);
+
+  GridSpec grid_;
+  double max_range_m_;
+  PixelRules rules_;
+  std::vector<float> carve_m_;
+  std::vector<Ball> balls_;
+  std::vector<std::uint8_t> self_;
+  int tiles_u_ = 0;
+  std::vector<Bounds> tiles_;
+  float farthest_m_ = 0.0F;
+};
+
+}  // namespace sidestep::voxel_grid

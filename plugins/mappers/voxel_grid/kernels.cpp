@@ -1,0 +1,220 @@
+#include "kernels.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include <sidestep/mapping/point_rules.hpp>
+
+// Sanitizers run before the resolvers of multi-versioned functions could.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__OPTIMIZE__)
+#define SIDESTEP_KERNEL [[gnu::target_clones("default", "arch=haswell", "arch=skylake-avx512")]]
+#else
+#define SIDESTEP_KERNEL
+#endif
+#define SIDESTEP_INLINE [[gnu::always_inline]] inline
+
+namespace sidestep::voxel_grid {
+namespace {
+
+/// Bit i of the result is lane i; lanes are 0 or 1.
+SIDESTEP_INLINE std::uint32_t pack(const std::uint8_t (&lanes)[kLanes]) {
+  std::uint64_t low;
+  std::uint64_t high;
+  std::memcpy(&low, lanes, 8);
+  std::memcpy(&high, lanes + 8, 8);
+  // The product gathers byte i's lowest bit at bit 56 + i; no two terms meet, so no carries.
+  constexpr std::uint64_t kGather = 0x0102040810204080U;
+  return static_cast<std::uint32_t>((low * kGather) >> 56) |
+         (static_cast<std::uint32_t>((high * kGather) >> 56) << 8);
+}
+
+/// Adds `delta` to a row, clamps, and brings its bits up to date; 0 leaves a voxel as it is.
+SIDESTEP_INLINE bool add_row(const LogOdds& model, const std::int16_t (&delta)[kLanes],
+                             std::int16_t* log_odds, std::uint64_t& occupied, std::uint64_t& known,
+                             unsigned shift) {
+  std::uint8_t touched[kLanes];
+  std::uint8_t high[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    const auto sum = static_cast<std::int16_t>(log_odds[i] + delta[i]);
+    const std::int16_t clamped = std::min(std::max(sum, model.min), model.max);
+    log_odds[i] = clamped;
+    touched[i] = delta[i] != 0;
+    high[i] = clamped >= model.occupied_at;
+  }
+  const std::uint64_t known_before = (known >> shift) & 0xffffU;
+  const std::uint64_t occupied_before = (occupied >> shift) & 0xffffU;
+  const std::uint64_t known_after = known_before | pack(touched);
+  const std::uint64_t occupied_after = known_after & pack(high);
+  known |= known_after << shift;
+  occupied ^= (occupied_before ^ occupied_after) << shift;
+  return known_before != known_after || occupied_before != occupied_after;
+}
+
+SIDESTEP_INLINE std::size_t word_of(const BlockRows& block, int y, int z) {
+  return static_cast<std::size_t>(y) * block.y_stride +
+         static_cast<std::size_t>(z) * block.z_stride;
+}
+
+SIDESTEP_INLINE std::int16_t* row_of(const BlockRows& block, int y, int z) {
+  return block.log_odds + kLanes * (y + kLanes * z);
+}
+
+/// Lanes outside the grid stay as they are.
+SIDESTEP_INLINE void cut(std::int16_t (&delta)[kLanes], int nx) {
+  for (int i = nx; i < kLanes; ++i) delta[i] = 0;
+}
+
+SIDESTEP_INLINE void select(std::uint32_t bits, std::int16_t chosen,
+                            std::int16_t (&delta)[kLanes]) {
+  for (int i = 0; i < kLanes; ++i) {
+    const auto bit = static_cast<std::uint16_t>(1U << i);
+    delta[i] = (static_cast<std::uint16_t>(bits) & bit) != 0 ? chosen : delta[i];
+  }
+}
+
+/// Hit, miss or nothing for the 16 voxels of a row, by comparing their depth with the image.
+SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], std::int16_t hit,
+                                 std::int16_t miss, std::int16_t (&delta)[kLanes]) {
+  float depth[kLanes];
+  std::int32_t pixel[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    const auto step = static_cast<float>(i);
+    const float z = first[2] + step * p.column[0][2];
+    const float inverse = 1.0F / z;
+    const float u = (first[0] + step * p.column[0][0]) * inverse;
+    const float v = (first[1] + step * p.column[0][1]) * inverse;
+    const bool seen = (z > p.near_m) & (u >= 0.0F) & (u < p.width) & (v >= 0.0F) & (v < p.height);
+    const auto column = static_cast<std::int32_t>(seen ? u : 0.0F);
+    const auto row = static_cast<std::int32_t>(seen ? v : 0.0F);
+    pixel[i] = row * p.width_px + column;
+    depth[i] = seen ? z : std::numeric_limits<float>::infinity();
+  }
+  std::int32_t change[kLanes];
+  for (int i = 0; i < kLanes; ++i) {
+    const float carve = p.carve_m[pixel[i]];
+    const float gap = std::fabs(carve) - depth[i];
+    const bool on_surface = (carve > 0.0F) & (std::fabs(gap) <= p.band_m);
+    change[i] = gap > p.band_m ? miss : (on_surface ? hit : 0);
+  }
+  for (int i = 0; i < kLanes; ++i) delta[i] = static_cast<std::int16_t>(change[i]);
+}
+
+}  // namespace
+
+SIDESTEP_KERNEL
+BlockOutcome integrate_projected(const Projection& projection, const LogOdds& model,
+                                 const BlockRows& block, const float (&base)[3],
+                                 int first_surface_layer, const std::uint16_t (&hits)[kBlockRows]) {
+  bool changed = false;
+  for (int z = 0; z < block.nz; ++z) {
+    const std::int16_t surface_hit = z >= first_surface_layer ? model.hit : std::int16_t{0};
+    for (int y = 0; y < block.ny; ++y) {
+      float first[3];
+      for (int c = 0; c < 3; ++c) {
+        first[c] = base[c] + static_cast<float>(y) * projection.column[1][c] +
+                   static_cast<float>(z) * projection.column[2][c];
+      }
+      alignas(64) std::int16_t delta[kLanes];
+      compare_row(projection, first, surface_hit, model.miss, delta);
+      select(hits[y + kLanes * z], model.hit, delta);
+      if (block.nx < kLanes) cut(delta, block.nx);
+      const std::size_t word = word_of(block, y, z);
+      changed |= add_row(model, delta, row_of(block, y, z), block.occupied[word], block.known[word],
+                         block.shift);
+    }
+  }
+  return {changed, false};
+}
+
+SIDESTEP_KERNEL
+BlockOutcome integrate_free(const LogOdds& model, const BlockRows& block) {
+  alignas(64) std::int16_t delta[kLanes];
+  for (int i = 0; i < kLanes; ++i) delta[i] = i < block.nx ? model.miss : std::int16_t{0};
+  bool changed = false;
+  int unsettled = 0;
+  for (int z = 0; z < block.nz; ++z) {
+    for (int y = 0; y < block.ny; ++y) {
+      std::int16_t* log_odds = row_of(block, y, z);
+      const std::size_t word = word_of(block, y, z);
+      changed |=
+          add_row(model, delta, log_odds, block.occupied[word], block.known[word], block.shift);
+      for (int i = 0; i < kLanes; ++i) unsettled |= (delta[i] != 0) & (log_odds[i] != model.min);
+    }
+  }
+  return {changed, unsettled == 0};
+}
+
+SIDESTEP_KERNEL
+BlockOutcome integrate_marked(const LogOdds& model, const BlockRows& block,
+                              const std::uint16_t (&hits)[kBlockRows],
+                              const std::uint16_t (&misses)[kBlockRows]) {
+  bool changed = false;
+  for (int z = 0; z < block.nz; ++z) {
+    for (int y = 0; y < block.ny; ++y) {
+      const std::uint32_t hit = hits[y + kLanes * z];
+      const std::uint32_t miss = misses[y + kLanes * z];
+      if ((hit | miss) == 0) continue;
+      alignas(64) std::int16_t delta[kLanes] = {};
+      select(miss, model.miss, delta);
+      select(hit, model.hit, delta);
+      const std::size_t word = word_of(block, y, z);
+      changed |= add_row(model, delta, row_of(block, y, z), block.occupied[word], block.known[word],
+                         block.shift);
+    }
+  }
+  return {changed, false};
+}
+
+SIDESTEP_KERNEL
+void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
+  constexpr auto kInsert = static_cast<std::int32_t>(PointFate::kInsert);
+  constexpr auto kFloor = static_cast<std::int32_t>(PointFate::kFloor);
+  constexpr auto kOutOfRange = static_cast<std::int32_t>(PointFate::kOutOfRange);
+  constexpr auto kInvalid = static_cast<std::int32_t>(PointFate::kInvalid);
+  const float max_range_sq = rules.max_range_m * rules.max_range_m;
+  std::int32_t fate[kPixelChunk];
+  std::int32_t in_grid[kPixelChunk];
+  for (int i = 0; i < row.count; ++i) {
+    const float d = row.depth_m[i];
+    const float x = row.x_first + static_cast<float>(i) * row.x_step;
+    const float ray_sq = 1.0F + x * x + row.y * row.y;
+    const float range_sq = d * d * ray_sq;
+    const float farthest_m = rules.max_range_m / std::sqrt(ray_sq);
+    const bool valid =
+        (d > 0.0F) & (d <= std::numeric_limits<float>::max()) & (range_sq > rules.min_range_sq);
+    const bool far = range_sq > max_range_sq;
+    const float along_m = far ? farthest_m : d;
+    float p_vox[3];
+    for (int c = 0; c < 3; ++c) {
+      p_vox[c] = row.start_vox[c] + along_m * (row.across_vox[c] * x + row.along_vox[c]);
+    }
+    const bool low = p_vox[2] < rules.floor_top_vox;
+    const bool inserted = valid & !far & !low;
+    const bool cleared = (d == 0.0F) & rules.clear_no_return;
+    fate[i] = valid ? (far ? kOutOfRange : (low ? kFloor : kInsert)) : kInvalid;
+    row.carve_m[i] = valid ? (inserted ? d : -(along_m + rules.band_m))
+                           : (cleared ? -(farthest_m + rules.band_m) : 0.0F);
+    bool inside = inserted;
+    for (int c = 0; c < 3; ++c) inside &= (p_vox[c] >= 0.0F) & (p_vox[c] < rules.size_vox[c]);
+    in_grid[i] = inside;
+    for (int c = 0; c < 3; ++c) {
+      fates.voxel[c][i] = static_cast<std::int32_t>(inside ? p_vox[c] : 0.0F);
+    }
+  }
+  for (int i = 0; i < row.count; ++i) {
+    fates.fate[i] = static_cast<std::uint8_t>(fate[i]);
+    fates.in_grid[i] = static_cast<std::uint8_t>(in_grid[i]);
+  }
+  if (row.self == nullptr) return;
+  for (int i = 0; i < row.count; ++i) {
+    if (row.self[i] == 0) continue;
+    fates.fate[i] = PixelFates::kSelf;
+    fates.in_grid[i] = 0;
+    row.carve_m[i] = 0.0F;
+  }
+}
+
+}  // namespace sidestep::voxel_grid

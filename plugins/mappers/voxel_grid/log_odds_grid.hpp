@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <sidestep/geometry/grid.hpp>
+#include <sidestep/mapping/occupancy_view.hpp>
+
+namespace sidestep::voxel_grid {
+
+/// The inverse sensor model in fixed point: 1000 units are a log-odds of 1.
+struct LogOdds {
+  static constexpr double kUnits = 1000.0;
+  static constexpr double kLargest = 16.0;  // so that any sum of two fits 16 bits
+
+  std::int16_t hit = 0;
+  std::int16_t miss = 0;
+  std::int16_t min = 0;
+  std::int16_t max = 0;
+  std::int16_t occupied_at = 0;
+};
+
+/// Gives pages back to the system.
+struct Unmap {
+  std::size_t bytes = 0;
+  void operator()(std::int16_t* memory) const noexcept;
+};
+
+/// Log-odds of every voxel, stored block by block (kBlockSide_vox^3 each, x fastest), and the
+/// occupied and known bits in the layout of OccupancyView. Rows of blocks along x may be
+/// changed by different threads at once: no two share a word.
+class LogOddsGrid {
+ public:
+  static constexpr int kBlockVoxels = kBlockSide_vox * kBlockSide_vox * kBlockSide_vox;
+
+  LogOddsGrid(const GridSpec& spec, LogOdds model);
+
+  [[nodiscard]] const GridSpec& spec() const noexcept { return spec_; }
+  [[nodiscard]] const LogOdds& model() const noexcept { return model_; }
+  [[nodiscard]] const Eigen::Vector3i& counts() const noexcept { return counts_; }
+  [[nodiscard]] int block_count() const noexcept { return counts_.prod(); }
+  [[nodiscard]] int words_per_row() const noexcept { return words_per_row_; }
+  [[nodiscard]] std::size_t row(int y, int z) const noexcept {
+    return static_cast<std::size_t>(y) +
+           static_cast<std::size_t>(spec_.size_vox.y()) * static_cast<std::size_t>(z);
+  }
+
+  [[nodiscard]] std::int16_t* block(std::int32_t linear) noexcept {
+    return log_odds_.get() + static_cast<std::size_t>(linear) * kBlockVoxels;
+  }
+  [[nodiscard]] double log_odds(const Eigen::Vector3i& voxel) const noexcept;
+
+  [[nodiscard]] std::uint64_t* occupied_words() noexcept { return occupied_.data(); }
+  [[nodiscard]] std::uint64_t* known_words() noexcept { return known_.data(); }
+  [[nodiscard]] VoxelBits occupied() const noexcept { return {occupied_, words_per_row_}; }
+  [[nodiscard]] VoxelBits known() const noexcept { return {known_, words_per_row_}; }
+
+  /// Whether every voxel of a block is known and at the lower clamp, so that misses change
+  /// nothing. Kept by whoever writes the block.
+  [[nodiscard]] std::uint8_t& settled_free(std::int32_t linear) noexcept {
+    return settled_free_[static_cast<std::size_t>(linear)];
+  }
+  [[nodiscard]] std::uint8_t& changed(std::int32_t linear) noexcept {
+    return changed_[static_cast<std::size_t>(linear)];
+  }
+  /// The blocks marked as changed, ascending; the marks are taken off.
+  [[nodiscard]] std::vector<std::int32_t> take_changed_blocks();
+
+ private:
+  GridSpec spec_;
+  LogOdds model_;
+  Eigen::Vector3i counts_;
+  int words_per_row_ = 0;
+  std::unique_ptr<std::int16_t[], Unmap> log_odds_;
+  std::vector<std::uint64_t> occupied_;
+  std::vector<std::uint64_t> known_;
+  std::vector<std::uint8_t> settled_free_;
+  std::vector<std::uint8_t> changed_;
+};
+
+}  // namespace sidestep::voxel_grid

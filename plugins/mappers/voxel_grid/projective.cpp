@@ -1,0 +1,182 @@
+#include "projective.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "block_rows.hpp"
+
+namespace sidestep::voxel_grid {
+namespace {
+
+constexpr double kNear_m = 0.01;
+/// Guards the tests of whole blocks against the rounding of single precision.
+constexpr float kDepthSlack_m = 1e-4F;
+constexpr int kPixelSlack = 1;
+
+}  // namespace
+
+struct ProjectiveIntegrator::View {
+  Projection projection;
+  Eigen::Vector3d base;     // as Projection's base, for voxel (0, 0, 0) of the grid
+  Eigen::Matrix3d columns;  // per voxel
+  int width_px;
+  int height_px;
+  BlockRange range;
+
+  /// Least and greatest value of n . (U, V, Z) over the voxel centres of a block.
+  struct Interval {
+    double least;
+    double greatest;
+  };
+  [[nodiscard]] Interval over_block(const Eigen::Vector3d& centre, double half,
+                                    const Eigen::RowVector3d& n) const {
+    const double middle = n * centre;
+    const double reach = half * (n * columns).cwiseAbs().sum();
+    return {middle - reach, middle + reach};
+  }
+};
+
+ProjectiveIntegrator::ProjectiveIntegrator(const VoxelGridOptions& options, LogOddsGrid& map,
+                                           VoxelMarks& hits, WorkerPool& workers)
+    : map_(map),
+      hits_(hits),
+      workers_(workers),
+      image_(options.grid(), options.rules(), options.clear_no_return,
+             static_cast<float>(options.surface_band_vox * options.resolution_m)),
+      band_m_(static_cast<float>(options.surface_band_vox * options.resolution_m)) {
+  // The lowest layer whose centres lie above the floor's clearance.
+  const double layer =
+      (options.rules().floor_top_m() - options.origin_m.z()) / options.resolution_m - 0.5;
+  first_surface_layer_ = static_cast<int>(
+      std::ceil(std::clamp(layer, -1.0, static_cast<double>(options.size_vox.z()))));
+}
+
+IntegrationCounts ProjectiveIntegrator::integrate(const Frame& frame, const DepthImage& image,
+                                                  const SelfFilter& self) {
+  const IntegrationCounts counts = image_.read(frame, image, self, hits_, workers_);
+  const View view = view_of(frame, image.camera);
+  const Eigen::Vector3i extent = view.range.last - view.range.first + Eigen::Vector3i::Ones();
+  if ((extent.array() <= 0).any()) return counts;
+  workers_.run(extent.y() * extent.z(), [&](int row) {
+    Eigen::Vector3i block(0, view.range.first.y() + row % extent.y(),
+                          view.range.first.z() + row / extent.y());
+    for (block.x() = view.range.first.x(); block.x() <= view.range.last.x(); ++block.x()) {
+      visit(view, block);
+    }
+  });
+  return counts;
+}
+
+ProjectiveIntegrator::View ProjectiveIntegrator::view_of(const Frame& frame,
+                                                         const CameraIntrinsics& camera) const {
+  const GridSpec& grid = map_.spec();
+  Eigen::Matrix3d pixels;
+  // Half a pixel on top, so that rounding down finds the pixel whose centre is nearest.
+  pixels << camera.fx_px, 0.0, camera.cx_px + 0.5, 0.0, camera.fy_px, camera.cy_px + 0.5, 0.0, 0.0,
+      1.0;
+  const Eigen::Matrix3d to_pixels = pixels * frame.T_world_camera.linear().transpose();
+  View view;
+  view.columns = to_pixels * grid.resolution_m;
+  view.base =
+      to_pixels * (grid.centre_m(Eigen::Vector3i::Zero()) - frame.T_world_camera.translation());
+  view.width_px = camera.width_px;
+  view.height_px = camera.height_px;
+  view.range = blocks_in_view(frame, camera);
+  Projection& projection = view.projection;
+  projection.carve_m = image_.carve_m();
+  projection.width_px = camera.width_px;
+  projection.width = static_cast<float>(camera.width_px);
+  projection.height = static_cast<float>(camera.height_px);
+  projection.near_m = static_cast<float>(kNear_m);
+  projection.band_m = band_m_;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int c = 0; c < 3; ++c) {
+      projection.column[axis][c] = static_cast<float>(view.columns(c, axis));
+    }
+  }
+  return view;
+}
+
+ProjectiveIntegrator::BlockRange ProjectiveIntegrator::blocks_in_view(
+    const Frame& frame, const CameraIntrinsics& camera) const {
+  const GridSpec& grid = map_.spec();
+  const double far_m = image_.farthest_m() + 2.0 * band_m_ + grid.resolution_m;
+  Eigen::Vector3d lower = frame.T_world_camera.translation();
+  Eigen::Vector3d upper = lower;
+  for (const double u : {-1.0, static_cast<double>(camera.width_px)}) {
+    for (const double v : {-1.0, static_cast<double>(camera.height_px)}) {
+      const Eigen::Vector3d corner = frame.T_world_camera * camera.unproject(u, v, far_m);
+      lower = lower.cwiseMin(corner);
+      upper = upper.cwiseMax(corner);
+    }
+  }
+  const double block_m = grid.resolution_m * kBlockSide_vox;
+  const auto clamped = [&](const Eigen::Vector3d& p, double low, const Eigen::Vector3i& high) {
+    const Eigen::Vector3d block = ((p - grid.origin_m) / block_m).array().floor();
+    return Eigen::Vector3i(block.cwiseMax(low).cwiseMin(high.cast<double>()).cast<int>());
+  };
+  const Eigen::Vector3d slack = Eigen::Vector3d::Constant(grid.resolution_m);
+  // Clamped to one beyond the grid on either side, so that what misses it stays empty.
+  return {clamped(lower - slack, -1.0, map_.counts()).cwiseMax(0),
+          clamped(upper + slack, -1.0, map_.counts())
+              .cwiseMin(map_.counts() - Eigen::Vector3i::Ones())};
+}
+
+void ProjectiveIntegrator::visit(const View& view, const Eigen::Vector3i& block) {
+  constexpr double kHalf = 0.5 * (kBlockSide_vox - 1);
+  const std::int32_t linear = block_linear(block, map_.counts());
+  const bool hit = hits_.in_block(linear);
+  const Eigen::Vector3d first = view.base + view.columns * (block * kBlockSide_vox).cast<double>();
+  const Eigen::Vector3d centre = first + view.columns * Eigen::Vector3d::Constant(kHalf);
+  const auto over = [&](double u, double v, double z) {
+    return view.over_block(centre, kHalf, {u, v, z});
+  };
+  const auto depth = over(0, 0, 1);
+  const auto out_of_view = [&] {
+    return depth.greatest < kNear_m || over(1, 0, 0).greatest < 0 || over(0, 1, 0).greatest < 0 ||
+           over(-1, 0, view.width_px).greatest < 0 || over(0, -1, view.height_px).greatest < 0;
+  };
+  if (!hit && out_of_view()) return;
+
+  int u0 = 0, v0 = 0, u1 = view.width_px - 1, v1 = view.height_px - 1;
+  bool whole = false;  // every voxel of the block is in the image
+  if (depth.least > kNear_m) {
+    Eigen::Array2d lower(INFINITY, INFINITY);
+    Eigen::Array2d upper(-INFINITY, -INFINITY);
+    for (int corner = 0; corner < 8; ++corner) {
+      const Eigen::Vector3d offset(corner & 1, (corner >> 1) & 1, corner >> 2);
+      const Eigen::Vector3d c = first + view.columns * offset * (kBlockSide_vox - 1);
+      lower = lower.min(c.head<2>().array() / c.z());
+      upper = upper.max(c.head<2>().array() / c.z());
+    }
+    const Eigen::Array2d size(view.width_px, view.height_px);
+    whole = (lower >= kPixelSlack).all() && (upper < size - kPixelSlack).all();
+    lower = (lower - kPixelSlack).max(0.0).min(size - 1.0);
+    upper = (upper + kPixelSlack).max(0.0).min(size - 1.0);
+    u0 = static_cast<int>(lower.x());
+    v0 = static_cast<int>(lower.y());
+    u1 = static_cast<int>(upper.x());
+    v1 = static_cast<int>(upper.y());
+  }
+  const CarveImage::Bounds free_m = image_.bounds(u0, v0, u1, v1);
+  if (!hit && depth.least > static_cast<double>(free_m.greatest_m + band_m_ + kDepthSlack_m))
+    return;
+
+  const bool free = !hit && whole &&
+                    depth.greatest < static_cast<double>(free_m.least_m - band_m_ - kDepthSlack_m);
+  if (free && map_.settled_free(linear) != 0) return;
+  const BlockRows rows = block_rows(map_, block);
+  if (free) {
+    note(map_, block, integrate_free(map_.model(), rows));
+    return;
+  }
+  std::uint16_t hits[kBlockRows];
+  take_marks(hits_, map_, block, rows, hits);
+  const float base[3] = {static_cast<float>(first.x()), static_cast<float>(first.y()),
+                         static_cast<float>(first.z())};
+  note(map_, block,
+       integrate_projected(view.projection, map_.model(), rows, base,
+                           first_surface_layer_ - block.z() * kBlockSide_vox, hits));
+}
+
+}  // namespace sidestep::voxel_grid
