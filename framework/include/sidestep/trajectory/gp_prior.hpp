@@ -9,7 +9,7 @@ namespace sidestep {
 /// the 2x2 structure, so nothing is ever built dense.
 ///
 /// Residual of one interval, whitened: for joint j with e = Phi(dt) x_i - x_{i+1},
-/// r_j = L^T e_j / sqrt(qc_j), where L L^T is the Cholesky factor of Q(dt)^-1 for Qc = 1.
+/// r_j = U e_j / sqrt(qc_j), where U^T U = Q(dt)^-1 for Qc = 1.
 class GpPrior {
  public:
   /// `qc`: one positive value per joint. `dt_s` > 0.

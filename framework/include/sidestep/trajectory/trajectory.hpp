@@ -74,18 +74,20 @@ struct Horizon {
   double dt_s = 0.0;
 };
 
-/// Number of support states for a motion: the slowest joint's distance at `speed_fraction`
-/// (0..1] of its velocity limit, in steps of dt_s, rounded up.
+/// Number of support states for a motion: the least time of a straight cubic motion from rest
+/// to rest within every joint's limits (peak velocity 1.5 distance / T at `speed_fraction`,
+/// (0..1], of its limit; peak acceleration 6 distance / T^2), in steps of dt_s, rounded up. At
+/// most 10,000 states, whatever the numbers.
 [[nodiscard]] Horizon estimate_horizon(const RobotDescription& robot,
                                        std::span<const double> q_start,
                                        std::span<const double> q_goal, double dt_s,
                                        double speed_fraction);
 
 /// Times a path of configurations (n x dof, row by row) within the robot's velocity limits
-/// scaled by `speed_fraction`, at rest at both ends, with smooth (cubic Hermite) motion
-/// between. Every interpolated velocity respects the limits; the path is followed exactly in
-/// shape between vertices up to the rounding of corners that continuity of velocity needs:
-/// the robot stops at every vertex where the direction changes.
+/// scaled by `speed_fraction` and its acceleration limits where they are known. The path is
+/// followed exactly: each straight stretch is one cubic Hermite piece from rest to rest, so the
+/// robot stops at every vertex where the direction changes and only there. Fails with
+/// kInvalidArgument, naming the joint, for a malformed path or a robot without velocity limits.
 [[nodiscard]] Result<Trajectory> time_path(const RobotDescription& robot,
                                            std::span<const double> path, double speed_fraction);
 
