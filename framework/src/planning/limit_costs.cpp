@@ -1,0 +1,97 @@
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include <sidestep/planning/costs.hpp>
+
+namespace sidestep {
+namespace {
+
+/// The hinge of each value of a state beyond an interval of its own; its Jacobian is diagonal.
+class IntervalHinge {
+ public:
+  IntervalHinge(std::vector<double> lower, std::vector<double> upper, double sigma)
+      : lower_(std::move(lower)), upper_(std::move(upper)), weight_(1.0 / sigma) {}
+
+  [[nodiscard]] int size() const noexcept { return static_cast<int>(lower_.size()); }
+
+  /// values: n x d. residuals: n x d or empty. jacobian: n x d x d or empty.
+  void evaluate(std::span<const double> values, std::span<double> residuals,
+                std::span<double> jacobian) const noexcept {
+    const std::size_t d = lower_.size();
+    std::ranges::fill(jacobian, 0.0);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const std::size_t j = i % d;
+      const double below = lower_[j] - values[i];
+      const double above = values[i] - upper_[j];
+      const bool inside = below <= 0.0 && above <= 0.0;  // false for NaN
+      if (!residuals.empty()) residuals[i] = inside ? 0.0 : weight_ * std::max(above, below);
+      if (!jacobian.empty() && !inside) jacobian[i * d + j] = above > below ? weight_ : -weight_;
+    }
+  }
+
+ private:
+  std::vector<double> lower_;
+  std::vector<double> upper_;
+  double weight_;
+};
+
+class PositionLimitCost final : public StateCost {
+ public:
+  explicit PositionLimitCost(IntervalHinge hinge) : hinge_(std::move(hinge)) {}
+
+  [[nodiscard]] std::string_view name() const noexcept override { return "position_limit"; }
+  [[nodiscard]] int residual_count() const noexcept override { return hinge_.size(); }
+  [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
+  void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
+    hinge_.evaluate(states.q, out.residuals, out.jacobian_q);
+    std::ranges::fill(out.jacobian_qdot, 0.0);
+  }
+
+ private:
+  IntervalHinge hinge_;
+};
+
+class VelocityLimitCost final : public StateCost {
+ public:
+  explicit VelocityLimitCost(IntervalHinge hinge) : hinge_(std::move(hinge)) {}
+
+  [[nodiscard]] std::string_view name() const noexcept override { return "velocity_limit"; }
+  [[nodiscard]] int residual_count() const noexcept override { return hinge_.size(); }
+  [[nodiscard]] bool depends_on_velocity() const noexcept override { return true; }
+  void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
+    hinge_.evaluate(states.qdot, out.residuals, out.jacobian_qdot);
+    std::ranges::fill(out.jacobian_q, 0.0);
+  }
+
+ private:
+  IntervalHinge hinge_;
+};
+
+}  // namespace
+
+std::unique_ptr<StateCost> make_position_limit_cost(std::shared_ptr<const RobotModel> robot,
+                                                    double margin, double sigma) {
+  std::vector<double> lower, upper;
+  for (const Joint& joint : robot->description().joints) {
+    const double inset = std::min(margin, 0.5 * (joint.upper - joint.lower));
+    lower.push_back(joint.lower + inset);
+    upper.push_back(joint.upper - inset);
+  }
+  return std::make_unique<PositionLimitCost>(
+      IntervalHinge(std::move(lower), std::move(upper), sigma));
+}
+
+std::unique_ptr<StateCost> make_velocity_limit_cost(std::shared_ptr<const RobotModel> robot,
+                                                    double speed_fraction, double sigma) {
+  std::vector<double> lower, upper;
+  for (const Joint& joint : robot->description().joints) {
+    upper.push_back(speed_fraction * joint.max_velocity);
+    lower.push_back(-upper.back());
+  }
+  return std::make_unique<VelocityLimitCost>(
+      IntervalHinge(std::move(lower), std::move(upper), sigma));
+}
+
+}  // namespace sidestep

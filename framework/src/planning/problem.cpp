@@ -1,0 +1,140 @@
+#include <sidestep/planning/problem.hpp>
+
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include <sidestep/planning/costs.hpp>
+
+namespace sidestep {
+namespace {
+
+constexpr double kLimitTolerance = 1e-6;
+
+std::string text(double value) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.6g", value);
+  return buffer;
+}
+
+tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
+  return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
+}
+
+Result<void> check_numbers(const Problem& problem) {
+  if (problem.support_states < 3) {
+    return invalid("a problem needs at least 3 support states, not " +
+                   std::to_string(problem.support_states));
+  }
+  if (!(problem.dt_s > 0.0) || !std::isfinite(problem.dt_s)) {
+    return invalid("the time between support states is " + text(problem.dt_s) +
+                   " s, but must be positive");
+  }
+  if (problem.interpolated_checks < 0) {
+    return invalid("the number of interpolated checks is negative");
+  }
+  if (!(problem.speed_fraction > 0.0 && problem.speed_fraction <= 1.0)) {
+    return invalid("the speed fraction is " + text(problem.speed_fraction) +
+                   ", but must lie in (0, 1]");
+  }
+  if (!(problem.collision_margin_m >= 0.0) || !std::isfinite(problem.collision_margin_m)) {
+    return invalid("the collision margin is " + text(problem.collision_margin_m) +
+                   " m, but must not be negative");
+  }
+  for (const CostTerm& term : problem.terms) {
+    if (!term.cost) return invalid("a cost term of the problem is missing");
+  }
+  return {};
+}
+
+Result<void> check_joint(const Joint& joint, double qc) {
+  if (!(qc > 0.0) || !std::isfinite(qc)) {
+    return invalid("qc of joint " + joint.name + " is " + text(qc) + ", but must be positive");
+  }
+  if (!(joint.lower <= joint.upper)) {
+    return invalid("joint " + joint.name + " has its lower limit above its upper one");
+  }
+  if (!(joint.max_velocity > 0.0)) {
+    return invalid("joint " + joint.name + " has a velocity limit of " + text(joint.max_velocity) +
+                   ", but it must be positive");
+  }
+  return {};
+}
+
+Result<void> check_state(const RobotDescription& robot, const RobotState& state,
+                         const std::string& which) {
+  if (state.q.size() != robot.dof() || state.qdot.size() != robot.dof()) {
+    return invalid("the " + which + " has " + std::to_string(state.q.size()) + " positions and " +
+                   std::to_string(state.qdot.size()) + " velocities, but " + robot.name + " has " +
+                   std::to_string(robot.dof()) + " joints");
+  }
+  for (int j = 0; j < robot.dof(); ++j) {
+    const Joint& joint = robot.joints[static_cast<std::size_t>(j)];
+    const double q = state.q[j];
+    const double qdot = state.qdot[j];
+    if (!std::isfinite(q) || !std::isfinite(qdot)) {
+      return invalid("joint " + joint.name + " of the " + which + " is not a finite number");
+    }
+    if (q < joint.lower - kLimitTolerance || q > joint.upper + kLimitTolerance) {
+      return invalid("joint " + joint.name + " of the " + which + " is at " + text(q) +
+                     ", outside its limits [" + text(joint.lower) + ", " + text(joint.upper) + "]");
+    }
+    if (std::abs(qdot) > joint.max_velocity + kLimitTolerance) {
+      return invalid("joint " + joint.name + " of the " + which + " moves at " + text(qdot) +
+                     ", beyond its velocity limit of " + text(joint.max_velocity));
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<void> Problem::validate() const {
+  if (!robot) return invalid("the problem has no robot");
+  const RobotDescription& description = robot->description();
+  if (auto checked = check_numbers(*this); !checked) return checked;
+  if (qc.size() != description.dof()) {
+    return invalid("qc has " + std::to_string(qc.size()) + " values, but " + description.name +
+                   " has " + std::to_string(description.dof()) + " joints");
+  }
+  for (int j = 0; j < description.dof(); ++j) {
+    const Joint& joint = description.joints[static_cast<std::size_t>(j)];
+    if (auto checked = check_joint(joint, qc[j]); !checked) return checked;
+  }
+  if (auto checked = check_state(description, start, "start"); !checked) return checked;
+  return check_state(description, goal, "goal");
+}
+
+std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings& settings) {
+  std::vector<CostTerm> terms;
+  const auto add = [&](std::unique_ptr<StateCost> cost, Placement placement) {
+    terms.push_back({std::move(cost), placement});
+  };
+  const auto everywhere = Placement::kSupportAndInterpolated;
+  add(make_state_prior("start", problem.start, settings.sigma_endpoint), Placement::kStart);
+  add(make_state_prior("goal", problem.goal, settings.sigma_endpoint), Placement::kGoal);
+  if (problem.field) {
+    add(make_obstacle_cost(problem.robot, problem.field, problem.space, settings.epsilon_m,
+                           settings.sigma_obstacle),
+        everywhere);
+  }
+  if (settings.sigma_self_collision > 0.0 &&
+      !problem.robot->description().self_collision_pairs.empty()) {
+    add(make_self_collision_cost(problem.robot, settings.self_collision_epsilon_m,
+                                 settings.sigma_self_collision),
+        everywhere);
+  }
+  if (settings.sigma_position_limit > 0.0) {
+    add(make_position_limit_cost(problem.robot, settings.position_limit_margin,
+                                 settings.sigma_position_limit),
+        everywhere);
+  }
+  if (settings.sigma_velocity_limit > 0.0) {
+    add(make_velocity_limit_cost(problem.robot, problem.speed_fraction,
+                                 settings.sigma_velocity_limit),
+        everywhere);
+  }
+  return terms;
+}
+
+}  // namespace sidestep
