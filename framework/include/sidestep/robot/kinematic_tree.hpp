@@ -43,10 +43,39 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
                  std::span<double> joint_gradients, Scratch& scratch) const override;
 
  private:
+  /// Links that are rigidly attached to each other, moved as one by the joint of the first.
+  /// Its frame is that link's, turned so that the joint's axis is z.
+  struct Body {
+    int parent = -1;  ///< Index of the parent body; -1 for the world.
+    TreeJoint::Motion motion = TreeJoint::Motion::kFixed;
+    int joint = -1;
+    double multiplier = 1.0;
+    double offset = 0.0;
+    Eigen::Matrix3d R_parent_joint = Eigen::Matrix3d::Identity();
+    Eigen::Vector3d p_parent_joint = Eigen::Vector3d::Zero();
+  };
+  struct BodySphere {
+    int body = 0;
+    Eigen::Vector3d p_body = Eigen::Vector3d::Zero();
+  };
+  struct Pose {
+    Eigen::Matrix3d R;
+    Eigen::Vector3d p;
+  };
+
   KinematicTree(RobotDescription description, std::vector<TreeJoint> tree_joints);
+  void add_link(std::size_t link);
+  void place_bodies(const double* q, std::span<Pose> bodies) const noexcept;
+  [[nodiscard]] std::span<Pose> take_poses(Scratch::Scope& scope) const;
 
   RobotDescription description_;
   std::vector<TreeJoint> tree_joints_;
+  std::vector<Body> bodies_;         // parents before children
+  std::vector<int> body_of_link_;    // per link
+  std::vector<Pose> T_body_link_;    // per link
+  std::vector<BodySphere> spheres_;  // per sphere
+  std::vector<int> movers_;          // per body, the bodies from it to the root that q moves
+  std::vector<int> movers_begin_;    // movers_ of body b: [movers_begin_[b], movers_begin_[b + 1])
 };
 
 }  // namespace sidestep
