@@ -1,0 +1,298 @@
+#include "build_robot.hpp"
+
+#include <algorithm>
+#include <set>
+
+#include "joint_table.hpp"
+#include "mesh_files.hpp"
+#include "sphere_fit.hpp"
+
+namespace sidestep::urdf_robot {
+namespace {
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+/// Builds the description part by part; what is wrong goes to errors.
+class RobotBuilder {
+ public:
+  RobotBuilder(const UrdfModel& model, const Profile& profile, Log& log, std::vector<Error>& errors)
+      : model_(model), profile_(profile), log_(log), errors_(errors) {}
+
+  std::unique_ptr<KinematicTree> run() {
+    const JointTable joints(model_, profile_, errors_);
+    robot_.name = profile_.name.empty() ? model_.name : profile_.name;
+    robot_.joints = joints.planned();
+    add_links(joints);
+    add_shapes();
+    add_spheres();
+    add_poses();
+    if (profile_.self_collision.pairs.is_null()) {
+      if (errors_.empty()) guess_pairs();
+    } else {
+      add_pairs();
+    }
+    if (!errors_.empty()) return nullptr;
+    auto tree = KinematicTree::create(std::move(robot_), std::move(tree_joints_));
+    if (tree) return std::move(*tree);
+    errors_.push_back(tree.error().wrapped(ErrorCode::kConfig, "the robot does not fit together",
+                                           model_.file.string()));
+    return nullptr;
+  }
+
+ private:
+  /// A link's name that the URDF does not have.
+  std::string free_name(std::string name) const {
+    while (model_.link_index(name)) name += "_";
+    return name;
+  }
+
+  void add_base_links() {
+    const auto add = [&](const std::string& name, TreeJoint joint) {
+      robot_.links.push_back({free_name(name), static_cast<int>(robot_.links.size()) - 1});
+      tree_joints_.push_back(std::move(joint));
+    };
+    add("world", TreeJoint{"world"});
+    for (int i = 0; i < 2; ++i) {
+      TreeJoint joint{robot_.joints[at(i)].name, TreeJoint::Motion::kTranslation};
+      joint.axis = Eigen::Vector3d::Unit(i);
+      joint.joint = i;
+      add(i == 0 ? "base_x" : "base_y", joint);
+    }
+  }
+
+  void add_links(const JointTable& joints) {
+    const bool drives = profile_.base.type == "holonomic" && robot_.joints.size() >= 3;
+    if (drives) add_base_links();
+    first_link_ = static_cast<int>(robot_.links.size());
+    for (const UrdfLink& link : model_.links) {
+      robot_.links.push_back(
+          {link.name, link.parent == -1 ? first_link_ - 1 : first_link_ + link.parent});
+      if (link.joint) {
+        tree_joints_.push_back(joints.tree_joint(*link.joint));
+        continue;
+      }
+      TreeJoint root{"root"};
+      if (drives) {
+        root.name = robot_.joints[2].name;
+        root.motion = TreeJoint::Motion::kRotation;
+        root.joint = 2;
+      }
+      tree_joints_.push_back(std::move(root));
+    }
+  }
+
+  void add_shapes() {
+    const MeshFinder meshes(model_.file, package_paths());
+    const bool needed = profile_.spheres.empty() && profile_.spheres_from == "fit";
+    for (std::size_t i = 0; i < model_.links.size(); ++i) {
+      for (const UrdfShape& entry : model_.links[i].shapes) {
+        CollisionShape shape{first_link_ + static_cast<int>(i), entry.shape, entry.T_link_shape};
+        if (!entry.mesh_uri.empty()) {
+          auto mesh = meshes.load(entry.mesh_uri, entry.mesh_scale);
+          if (!mesh) {
+            const std::string what = "link '" + model_.links[i].name + "': ";
+            if (needed) {
+              mesh.error().message = what + mesh.error().message;
+              errors_.push_back(std::move(mesh.error()));
+            } else {
+              log_.warn(what +
+                        "its mesh is left out of the collision shapes: " + mesh.error().describe());
+            }
+            continue;
+          }
+          shape.shape = std::move(*mesh);
+        }
+        robot_.shapes.push_back(std::move(shape));
+      }
+    }
+  }
+
+  std::vector<std::filesystem::path> package_paths() {
+    std::vector<std::filesystem::path> paths;
+    const Node& node = profile_.package_paths;
+    if (!node.is_list() && !node.is_null())
+      errors_.push_back(node.error("'package_paths' is a list of folders, found " + node.kind()));
+    for (const Node& item : node.items()) {
+      auto path = item.as_path();
+      if (path) {
+        paths.push_back(std::move(*path));
+      } else {
+        errors_.push_back(std::move(path.error()));
+      }
+    }
+    return paths;
+  }
+
+  void add_spheres() {
+    for (std::size_t i = 0; i < profile_.spheres.size(); ++i) {
+      const SphereOptions& sphere = profile_.spheres[i];
+      const Node* item = profile_.item("spheres", i);
+      const Node* name = item == nullptr ? nullptr : item->find("link");
+      const auto link = name == nullptr ? std::nullopt : find_link(sphere.link, *name);
+      if (link) robot_.spheres.push_back({*link, sphere.centre_m, sphere.radius_m});
+    }
+    if (!profile_.spheres.empty()) return;
+    const bool fit = profile_.spheres_from == "fit";
+    for (const CollisionShape& shape : robot_.shapes) {
+      if (!fit && !std::holds_alternative<Sphere>(shape.shape)) continue;
+      const auto spheres = fit_spheres(shape, profile_.sphere_protrusion_m);
+      robot_.spheres.insert(robot_.spheres.end(), spheres.begin(), spheres.end());
+    }
+    if (!robot_.spheres.empty() || !errors_.empty()) return;
+    const Node* list = profile_.document.find("spheres");
+    const std::string where =
+        list != nullptr ? list->mark().to_string()
+                        : (profile_.document.is_null() ? model_.file.string()
+                                                       : profile_.document.mark().to_string());
+    errors_.push_back({ErrorCode::kConfig, "the robot has no collision spheres", where,
+                       "list them under 'spheres', or set 'spheres_from' to urdf or fit", nullptr});
+  }
+
+  /// A link by name; reports an unknown one.
+  std::optional<int> find_link(const std::string& name, const Node& where) {
+    if (const auto link = robot_.link_index(name)) return link;
+    std::vector<std::string> names;
+    for (const Link& link : robot_.links) names.push_back(link.name);
+    const std::string nearest = nearest_name(name, names);
+    errors_.push_back(where.error("the URDF has no link '" + name + "'",
+                                  nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
+    return {};
+  }
+
+  void add_pairs() {
+    const Node& pairs = profile_.self_collision.pairs;
+    if (!pairs.is_list()) {
+      errors_.push_back(pairs.error("'pairs' is a list of pairs of links, found " + pairs.kind()));
+    }
+    std::set<std::pair<int, int>> seen;
+    for (const Node& item : pairs.items()) {
+      if (item.items().size() != 2) {
+        errors_.push_back(item.error("expected the names of two links"));
+        continue;
+      }
+      const auto a = find_link(item.items()[0].text(), item.items()[0]);
+      const auto b = find_link(item.items()[1].text(), item.items()[1]);
+      if (!a || !b) continue;
+      if (*a == *b) {
+        errors_.push_back(item.error("a link cannot be checked against itself"));
+      } else if (!seen.insert(std::minmax(*a, *b)).second) {
+        errors_.push_back(item.error("the pair is listed twice"));
+      }
+    }
+    robot_.self_collision_pairs.assign(seen.begin(), seen.end());
+  }
+
+  /// Without a list: links with spheres that no single joint connects and that do not touch at
+  /// the default configuration.
+  void guess_pairs() {
+    std::vector<double> q;
+    for (const Joint& joint : robot_.joints) {
+      q.push_back(std::clamp(0.0, joint.lower, joint.upper));
+    }
+    const auto tree = KinematicTree::create(robot_, tree_joints_);
+    if (!tree) return;  // run() reports it
+    std::vector<Eigen::Vector3d> centres(robot_.spheres.size());
+    Scratch scratch;
+    (*tree)->sphere_centres(q, centres, scratch);
+    std::set<std::pair<int, int>> apart;
+    std::set<std::pair<int, int>> touching;
+    for (std::size_t s = 0; s < centres.size(); ++s) {
+      for (std::size_t t = s + 1; t < centres.size(); ++t) {
+        const auto pair = std::minmax(robot_.spheres[s].link, robot_.spheres[t].link);
+        if (moving_joints_between(pair.first, pair.second) < 2) continue;
+        const double reach = robot_.spheres[s].radius_m + robot_.spheres[t].radius_m;
+        ((centres[s] - centres[t]).norm() < reach ? touching : apart).insert(pair);
+      }
+    }
+    for (const auto& pair : apart) {
+      if (!touching.contains(pair)) robot_.self_collision_pairs.push_back(pair);
+    }
+  }
+
+  int moving_joints_between(int a, int b) const {
+    int count = 0;
+    while (a != b) {
+      int& lower = a > b ? a : b;  // parents come first, so the higher index is no ancestor
+      if (tree_joints_[at(lower)].joint != -1) ++count;
+      lower = robot_.links[at(lower)].parent;
+    }
+    return count;
+  }
+
+  void add_poses() {
+    const Node& poses = profile_.poses;
+    if (!poses.is_map() && !poses.is_null())
+      errors_.push_back(poses.error("'poses' is a map from names to poses, found " + poses.kind()));
+    for (const Node::Entry& entry : poses.entries()) {
+      NamedPose pose{entry.key, std::vector<std::optional<double>>(robot_.joints.size())};
+      if (entry.value.is_list()) {
+        read_pose_list(entry.value, pose);
+      } else if (entry.value.is_map()) {
+        read_pose_map(entry.value, pose);
+      } else {
+        errors_.push_back(entry.value.error(
+            "a pose is a map from joints to positions or a list, found " + entry.value.kind()));
+      }
+      robot_.poses.push_back(std::move(pose));
+    }
+  }
+
+  void read_pose_list(const Node& list, NamedPose& pose) {
+    if (list.items().size() != robot_.joints.size()) {
+      errors_.push_back(list.error("pose '" + pose.name + "' has " +
+                                   std::to_string(list.items().size()) + " positions for " +
+                                   std::to_string(robot_.joints.size()) + " planned joints"));
+      return;
+    }
+    for (std::size_t j = 0; j < list.items().size(); ++j) set_position(list.items()[j], j, pose);
+  }
+
+  void read_pose_map(const Node& map, NamedPose& pose) {
+    for (const Node::Entry& entry : map.entries()) {
+      if (const auto joint = robot_.joint_index(entry.key)) {
+        set_position(entry.value, at(*joint), pose);
+        continue;
+      }
+      std::vector<std::string> names;
+      for (const Joint& joint : robot_.joints) names.push_back(joint.name);
+      const std::string nearest = nearest_name(entry.key, names);
+      const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
+      errors_.push_back(
+          key.error("pose '" + pose.name + "' names '" + entry.key + "', which is no planned joint",
+                    nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
+    }
+  }
+
+  void set_position(const Node& node, std::size_t index, NamedPose& pose) {
+    const auto value = node.as_double();
+    if (!value) {
+      errors_.push_back(value.error());
+      return;
+    }
+    const Joint& joint = robot_.joints[index];
+    if (*value < joint.lower || *value > joint.upper) {
+      errors_.push_back(node.error("pose '" + pose.name + "' has joint '" + joint.name +
+                                   "' outside of its limits, " + std::to_string(joint.lower) +
+                                   " to " + std::to_string(joint.upper)));
+      return;
+    }
+    pose.positions[index] = *value;
+  }
+
+  const UrdfModel& model_;
+  const Profile& profile_;
+  Log& log_;
+  std::vector<Error>& errors_;
+  RobotDescription robot_;
+  std::vector<TreeJoint> tree_joints_;
+  int first_link_ = 0;  // of the URDF's own
+};
+
+}  // namespace
+
+std::unique_ptr<KinematicTree> build_robot(const UrdfModel& model, const Profile& profile, Log& log,
+                                           std::vector<Error>& errors) {
+  return RobotBuilder(model, profile, log, errors).run();
+}
+
+}  // namespace sidestep::urdf_robot

@@ -1,0 +1,237 @@
+#include "joint_table.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace sidestep::urdf_robot {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+std::string did_you_mean(const std::string& name, const std::vector<std::string>& candidates) {
+  const std::string nearest = nearest_name(name, candidates);
+  return nearest.empty() ? "" : "did you mean '" + nearest + "'?";
+}
+
+Joint::Type planned_type(UrdfJoint::Type type) {
+  switch (type) {
+    case UrdfJoint::Type::kContinuous: return Joint::Type::kContinuous;
+    case UrdfJoint::Type::kPrismatic: return Joint::Type::kPrismatic;
+    default: return Joint::Type::kRevolute;
+  }
+}
+
+}  // namespace
+
+JointTable::JointTable(const UrdfModel& model, const Profile& profile, std::vector<Error>& errors)
+    : model_(model), profile_(profile), errors_(errors) {
+  if (profile.base.type == "holonomic") add_base(profile.base);
+  read_limits();
+  read_fixed();
+  choose_planned();
+}
+
+void JointTable::add_base(const BaseOptions& base) {
+  if (base.joints.size() != 3 || base.lower_m.size() != 2 || base.upper_m.size() != 2) return;
+  for (std::size_t i = 0; i < 2; ++i) {
+    planned_.push_back({base.joints[i], Joint::Type::kPrismatic, base.lower_m[i], base.upper_m[i],
+                        base.max_velocity_mps, base.max_acceleration_mps2.value_or(kInfinity)});
+  }
+  planned_.push_back({base.joints[2], Joint::Type::kContinuous, -kInfinity, kInfinity,
+                      base.max_turn_rate_radps,
+                      base.max_turn_acceleration_radps2.value_or(kInfinity)});
+}
+
+Error JointTable::unknown_joint(const Node& where, const std::string& name) const {
+  return where.error("the URDF has no moving joint '" + name + "'",
+                     did_you_mean(name, model_.joint_names()));
+}
+
+void JointTable::read_limits() {
+  const Node& node = profile_.joint_limits;
+  if (!node.is_map() && !node.is_null()) {
+    errors_.push_back(
+        node.error("'joint_limits' is a map from joints to limits, found " + node.kind()));
+  }
+  const Fields<JointLimitOptions> fields = JointLimitOptions::fields();
+  for (const Node::Entry& entry : node.entries()) {
+    const UrdfJoint* joint = model_.find_joint(entry.key);
+    const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
+    if (joint == nullptr || joint->type == UrdfJoint::Type::kFixed) {
+      errors_.push_back(unknown_joint(key, entry.key));
+      continue;
+    }
+    if (!entry.value.is_map()) {
+      errors_.push_back(entry.value.error("expected a map of limits, found " + entry.value.kind()));
+      continue;
+    }
+    const std::size_t before = errors_.size();
+    check_against_schema(entry.value, fields.schema(), {}, errors_);
+    if (errors_.size() == before) fields.read(entry.value, limits_[entry.key], errors_);
+  }
+}
+
+void JointTable::read_fixed() {
+  const Node& node = profile_.fixed_joints;
+  if (!node.is_map() && !node.is_null()) {
+    errors_.push_back(
+        node.error("'fixed_joints' is a map from joints to positions, found " + node.kind()));
+  }
+  for (const Node::Entry& entry : node.entries()) {
+    const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
+    const UrdfJoint* joint = model_.find_joint(entry.key);
+    if (joint == nullptr || joint->type == UrdfJoint::Type::kFixed) {
+      errors_.push_back(unknown_joint(key, entry.key));
+      continue;
+    }
+    if (joint->mimic) {
+      errors_.push_back(key.error("joint '" + entry.key + "' cannot be fixed: it mimics '" +
+                                  joint->mimic->joint + "'"));
+      continue;
+    }
+    const auto value = entry.value.as_double();
+    if (!value) {
+      errors_.push_back(value.error());
+      continue;
+    }
+    const bool bounded = joint->limits && joint->type != UrdfJoint::Type::kContinuous;
+    if (bounded && (*value < joint->limits->lower || *value > joint->limits->upper)) {
+      errors_.push_back(entry.value.error(
+          "joint '" + entry.key + "' would be fixed outside of its limits, " +
+          std::to_string(joint->limits->lower) + " to " + std::to_string(joint->limits->upper)));
+      continue;
+    }
+    fixed_[entry.key] = *value;
+  }
+}
+
+std::vector<std::string> JointTable::default_joints() const {
+  std::vector<std::string> names;
+  if (profile_.tip_link.empty()) {
+    for (const UrdfLink& link : model_.links) {
+      const auto& joint = link.joint;
+      if (joint && joint->type != UrdfJoint::Type::kFixed && !joint->mimic &&
+          !fixed_.contains(joint->name))
+        names.push_back(joint->name);
+    }
+    return names;
+  }
+  for (int link = model_.link_index(profile_.tip_link).value_or(0); link > 0;
+       link = model_.links[static_cast<std::size_t>(link)].parent) {
+    const auto& joint = model_.links[static_cast<std::size_t>(link)].joint;
+    if (joint->type != UrdfJoint::Type::kFixed && !joint->mimic && !fixed_.contains(joint->name))
+      names.insert(names.begin(), joint->name);
+  }
+  return names;
+}
+
+void JointTable::choose_planned() {
+  const bool chosen = !profile_.joints.empty();
+  if (!chosen && !profile_.tip_link.empty() && !model_.link_index(profile_.tip_link)) {
+    errors_.push_back({ErrorCode::kConfig, "the URDF has no link '" + profile_.tip_link + "'",
+                       model_.file.string(), did_you_mean(profile_.tip_link, model_.link_names()),
+                       nullptr});
+    return;
+  }
+  const std::vector<std::string> names = chosen ? profile_.joints : default_joints();
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Node* item = profile_.item("joints", i);
+    const Node where = item != nullptr ? *item : Node(Node::Scalar{}, {model_.file.string()});
+    const UrdfJoint* joint = model_.find_joint(names[i]);
+    if (joint == nullptr || joint->type == UrdfJoint::Type::kFixed) {
+      errors_.push_back(unknown_joint(where, names[i]));
+    } else if (joint->mimic) {
+      errors_.push_back(where.error(
+          "joint '" + names[i] + "' cannot be planned: it mimics '" + joint->mimic->joint + "'",
+          "plan '" + joint->mimic->joint + "' instead"));
+    } else if (fixed_.contains(names[i])) {
+      errors_.push_back(where.error("joint '" + names[i] + "' is both planned and fixed"));
+    } else if (std::ranges::find(planned_, names[i], &Joint::name) != planned_.end()) {
+      errors_.push_back(where.error("joint '" + names[i] + "' is planned twice"));
+    } else {
+      add_planned(*joint, chosen ? &where : nullptr);
+    }
+  }
+  if (planned_.empty() && errors_.empty()) {
+    errors_.push_back({ErrorCode::kConfig,
+                       "the robot has no joint that could be planned",
+                       model_.file.string(),
+                       {},
+                       nullptr});
+  }
+}
+
+void JointTable::add_planned(const UrdfJoint& joint, const Node* where) {
+  const auto override_of = limits_.find(joint.name);
+  const JointLimitOptions own =
+      override_of == limits_.end() ? JointLimitOptions{} : override_of->second;
+  Joint out{joint.name, planned_type(joint.type)};
+  const SourceMark mark = where != nullptr && where->mark().line > 0 ? where->mark() : joint.mark;
+  const auto missing = [&](const std::string& what) {
+    errors_.push_back({ErrorCode::kConfig,
+                       "joint '" + joint.name + "' has no " + what + " in the URDF (" +
+                           joint.mark.to_string() + ")",
+                       mark.to_string(), "give it under 'joint_limits'", nullptr});
+  };
+  if (joint.type == UrdfJoint::Type::kContinuous) {
+    out.lower = own.lower.value_or(-kInfinity);
+    out.upper = own.upper.value_or(kInfinity);
+    if (own.lower && own.upper) out.type = Joint::Type::kRevolute;
+  } else if (!joint.limits && !(own.lower && own.upper)) {
+    missing("position limits");
+  } else {
+    out.lower = own.lower ? *own.lower : joint.limits->lower;
+    out.upper = own.upper ? *own.upper : joint.limits->upper;
+  }
+  if (out.lower > out.upper) {
+    errors_.push_back({ErrorCode::kConfig,
+                       "joint '" + joint.name + "' has its lower limit above its upper one",
+                       mark.to_string(),
+                       {},
+                       nullptr});
+  }
+  out.max_velocity = own.max_velocity ? *own.max_velocity
+                     : joint.limits   ? joint.limits->velocity
+                                      : 0.0;
+  if (!(out.max_velocity > 0.0)) missing("velocity limit above zero");
+  out.max_acceleration = own.max_acceleration.value_or(kInfinity);
+  planned_.push_back(std::move(out));
+}
+
+double JointTable::rest_value(const UrdfJoint& joint) const {
+  const auto it = fixed_.find(joint.name);
+  if (it != fixed_.end()) return it->second;
+  if (!joint.limits || joint.type == UrdfJoint::Type::kContinuous ||
+      joint.limits->lower > joint.limits->upper)
+    return 0.0;
+  return std::clamp(0.0, joint.limits->lower, joint.limits->upper);
+}
+
+TreeJoint JointTable::tree_joint(const UrdfJoint& joint) const {
+  TreeJoint out;
+  out.name = joint.name;
+  out.T_parent_joint = joint.T_parent_joint;
+  if (joint.type == UrdfJoint::Type::kFixed) return out;
+  out.motion = joint.type == UrdfJoint::Type::kPrismatic ? TreeJoint::Motion::kTranslation
+                                                         : TreeJoint::Motion::kRotation;
+  out.axis = joint.axis;
+  // value = multiplier * master + offset, through every joint that mimics another.
+  const UrdfJoint* master = &joint;
+  while (master->mimic) {
+    out.offset += out.multiplier * master->mimic->offset;
+    out.multiplier *= master->mimic->multiplier;
+    const UrdfJoint* next = model_.find_joint(master->mimic->joint);
+    if (next == nullptr) break;  // above the chosen root: it stays at zero
+    master = next;
+  }
+  const auto it = std::ranges::find(planned_, master->name, &Joint::name);
+  if (it != planned_.end()) {
+    out.joint = static_cast<int>(it - planned_.begin());
+  } else {
+    out.offset += out.multiplier * (master->mimic ? 0.0 : rest_value(*master));
+    out.multiplier = 1.0;
+  }
+  return out;
+}
+
+}  // namespace sidestep::urdf_robot

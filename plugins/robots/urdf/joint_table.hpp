@@ -1,0 +1,46 @@
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <sidestep/robot/kinematic_tree.hpp>
+
+#include "profile.hpp"
+#include "urdf_file.hpp"
+
+namespace sidestep::urdf_robot {
+
+/// Which of the URDF's joints are planned, where the others stay, and the limits of the former.
+class JointTable {
+ public:
+  /// Appends every mistake of the profile to `errors`.
+  JointTable(const UrdfModel& model, const Profile& profile, std::vector<Error>& errors);
+
+  /// The planned joints: the base's, then the URDF's.
+  [[nodiscard]] const std::vector<Joint>& planned() const noexcept { return planned_; }
+
+  /// How a joint of the URDF moves its link, with mimicry resolved to the planned joint or to
+  /// the fixed value behind it.
+  [[nodiscard]] TreeJoint tree_joint(const UrdfJoint& joint) const;
+
+ private:
+  void add_base(const BaseOptions& base);
+  void read_limits();
+  void read_fixed();
+  void choose_planned();
+  void add_planned(const UrdfJoint& joint, const Node* where);
+  [[nodiscard]] std::vector<std::string> default_joints() const;
+  [[nodiscard]] Error unknown_joint(const Node& where, const std::string& name) const;
+  [[nodiscard]] double rest_value(const UrdfJoint& joint) const;
+
+  const UrdfModel& model_;
+  const Profile& profile_;
+  std::vector<Error>& errors_;
+  std::vector<Joint> planned_;
+  std::map<std::string, JointLimitOptions> limits_;
+  std::map<std::string, double> fixed_;
+};
+
+}  // namespace sidestep::urdf_robot

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <sidestep/geometry/shape.hpp>
+
+namespace sidestep::urdf_robot {
+
+/// Finds and reads the meshes that a URDF names: package://NAME/PATH (and model://), file://,
+/// absolute, or relative to the URDF. A package is looked for in `package_paths` (as
+/// FOLDER/NAME, or FOLDER itself if it is called NAME) and among the folders above the URDF.
+class MeshFinder {
+ public:
+  MeshFinder(std::filesystem::path urdf, std::vector<std::filesystem::path> package_paths)
+      : urdf_(std::move(urdf)), package_paths_(std::move(package_paths)) {}
+
+  /// Fails with kNotFound, listing the places tried, or as read_mesh() does.
+  [[nodiscard]] Result<std::shared_ptr<const Mesh>> load(const std::string& uri,
+                                                         const Eigen::Vector3d& scale) const;
+
+ private:
+  [[nodiscard]] std::vector<std::filesystem::path> candidates(const std::string& uri) const;
+
+  std::filesystem::path urdf_;
+  std::vector<std::filesystem::path> package_paths_;
+};
+
+}  // namespace sidestep::urdf_robot

@@ -1,0 +1,222 @@
+#include "urdf_file.hpp"
+
+#include <console_bridge/console.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+
+#include "urdf_outline.hpp"
+
+namespace sidestep::urdf_robot {
+namespace {
+
+/// Keeps what urdfdom prints; its output handler is global to the process, hence the mutex.
+class CapturedMessages final : public console_bridge::OutputHandler {
+ public:
+  CapturedMessages() : lock_(mutex_), level_(console_bridge::getLogLevel()) {
+    console_bridge::setLogLevel(console_bridge::CONSOLE_BRIDGE_LOG_WARN);
+    console_bridge::useOutputHandler(this);
+  }
+  ~CapturedMessages() override {
+    console_bridge::restorePreviousOutputHandler();
+    console_bridge::setLogLevel(level_);
+  }
+  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
+    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR && first_.empty()) first_ = text;
+  }
+  [[nodiscard]] const std::string& first() const noexcept { return first_; }
+
+ private:
+  static std::mutex mutex_;
+  std::lock_guard<std::mutex> lock_;
+  console_bridge::LogLevel level_;
+  std::string first_;
+};
+
+std::mutex CapturedMessages::mutex_;
+
+Eigen::Vector3d vector3(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
+
+Transform transform(const urdf::Pose& pose) {
+  Transform T = Transform::Identity();
+  T.translate(vector3(pose.position));
+  Eigen::Quaterniond rotation;
+  pose.rotation.getQuaternion(rotation.x(), rotation.y(), rotation.z(), rotation.w());
+  T.rotate(rotation.normalized());
+  return T;
+}
+
+UrdfShape shape_of(const urdf::Collision& collision) {
+  UrdfShape out;
+  out.T_link_shape = transform(collision.origin);
+  if (const auto* box = dynamic_cast<const urdf::Box*>(collision.geometry.get())) {
+    out.shape = Box{vector3(box->dim)};
+  } else if (const auto* sphere = dynamic_cast<const urdf::Sphere*>(collision.geometry.get())) {
+    out.shape = Sphere{sphere->radius};
+  } else if (const auto* cylinder = dynamic_cast<const urdf::Cylinder*>(collision.geometry.get())) {
+    out.shape = Cylinder{cylinder->radius, cylinder->length};
+  } else if (const auto* mesh = dynamic_cast<const urdf::Mesh*>(collision.geometry.get())) {
+    out.shape = std::shared_ptr<const Mesh>();
+    out.mesh_uri = mesh->filename;
+    out.mesh_scale = vector3(mesh->scale);
+  }
+  return out;
+}
+
+/// The smallest extent of a shape; meshes are looked at when they are read.
+double smallest_extent(const UrdfShape& shape) {
+  if (const auto* box = std::get_if<Box>(&shape.shape)) return box->size_m.minCoeff();
+  if (const auto* sphere = std::get_if<Sphere>(&shape.shape)) return sphere->radius_m;
+  if (const auto* cylinder = std::get_if<Cylinder>(&shape.shape))
+    return std::min(cylinder->radius_m, cylinder->length_m);
+  return shape.mesh_scale.cwiseAbs().minCoeff();
+}
+
+UrdfJoint joint_of(const urdf::Joint& joint, const UrdfOutline::Joint& outline) {
+  UrdfJoint out;
+  out.name = joint.name;
+  out.mark = outline.mark;
+  out.T_parent_joint = transform(joint.parent_to_joint_origin_transform);
+  out.axis = vector3(joint.axis);
+  switch (joint.type) {
+    case urdf::Joint::REVOLUTE: out.type = UrdfJoint::Type::kRevolute; break;
+    case urdf::Joint::CONTINUOUS: out.type = UrdfJoint::Type::kContinuous; break;
+    case urdf::Joint::PRISMATIC: out.type = UrdfJoint::Type::kPrismatic; break;
+    default: out.type = UrdfJoint::Type::kFixed; break;
+  }
+  if (outline.has_limits && joint.limits) {
+    out.limits = UrdfLimits{joint.limits->lower, joint.limits->upper, joint.limits->velocity};
+  }
+  if (joint.mimic && out.type != UrdfJoint::Type::kFixed) {
+    out.mimic = UrdfMimic{joint.mimic->joint_name, joint.mimic->multiplier, joint.mimic->offset};
+  }
+  return out;
+}
+
+void check_numbers(UrdfLink& link, std::vector<Error>& errors) {
+  const auto report = [&](const SourceMark& mark, std::string message) {
+    errors.push_back({ErrorCode::kConfig, std::move(message), mark.to_string(), {}, nullptr});
+  };
+  for (const UrdfShape& shape : link.shapes) {
+    const double extent = smallest_extent(shape);
+    if (!(extent > 0.0) || !std::isfinite(extent) || !shape.T_link_shape.matrix().allFinite())
+      report(link.mark,
+             "link '" + link.name + "' has a collision shape that is empty or not finite");
+  }
+  if (!link.joint) return;
+  UrdfJoint& joint = *link.joint;
+  if (!joint.T_parent_joint.matrix().allFinite())
+    report(joint.mark, "joint '" + joint.name + "' has an origin that is not finite");
+  if (joint.type == UrdfJoint::Type::kFixed) return;
+  const double length = joint.axis.norm();
+  if (!(length > 1e-9) || !std::isfinite(length))
+    report(joint.mark, "joint '" + joint.name + "' has an axis of no length");
+  else
+    joint.axis /= length;
+}
+
+UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& outline,
+                      std::vector<Error>& errors) {
+  UrdfModel model;
+  model.name = outline.robot_name;
+  std::vector<int> placed(outline.links.size(), -1);
+  for (const int index : outline.order) {
+    const UrdfOutline::Link& entry = outline.links[static_cast<std::size_t>(index)];
+    UrdfLink link;
+    link.name = entry.name;
+    link.mark = entry.mark;
+    const auto parsed_link = parsed.getLink(entry.name);
+    for (const auto& collision : parsed_link->collision_array) {
+      link.shapes.push_back(shape_of(*collision));
+    }
+    if (entry.parent_joint != -1) {
+      const auto& joint = outline.joints[static_cast<std::size_t>(entry.parent_joint)];
+      link.parent = placed[static_cast<std::size_t>(outline.link(joint.parent))];
+      link.joint = joint_of(*parsed.getJoint(joint.name), joint);
+    }
+    check_numbers(link, errors);
+    placed[static_cast<std::size_t>(index)] = static_cast<int>(model.links.size());
+    model.links.push_back(std::move(link));
+  }
+  return model;
+}
+
+}  // namespace
+
+const UrdfJoint* UrdfModel::find_joint(const std::string& joint_name) const noexcept {
+  const auto it = std::ranges::find_if(
+      links, [&](const UrdfLink& link) { return link.joint && link.joint->name == joint_name; });
+  return it == links.end() ? nullptr : &*it->joint;
+}
+
+std::optional<int> UrdfModel::link_index(const std::string& link_name) const noexcept {
+  const auto it = std::ranges::find(links, link_name, &UrdfLink::name);
+  if (it == links.end()) return {};
+  return static_cast<int>(it - links.begin());
+}
+
+std::vector<std::string> UrdfModel::joint_names() const {
+  std::vector<std::string> names;
+  for (const UrdfLink& link : links) {
+    if (link.joint && link.joint->type != UrdfJoint::Type::kFixed)
+      names.push_back(link.joint->name);
+  }
+  return names;
+}
+
+std::vector<std::string> UrdfModel::link_names() const {
+  std::vector<std::string> names;
+  for (const UrdfLink& link : links) names.push_back(link.name);
+  return names;
+}
+
+std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vector<Error>& errors) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file, ignored)) {
+    errors.push_back(
+        {ErrorCode::kNotFound, "there is no such URDF file", file.string(), {}, nullptr});
+    return {};
+  }
+  std::ifstream stream(file, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  if (stream.bad()) {
+    errors.push_back({ErrorCode::kIo, "the URDF file cannot be read", file.string(), {}, nullptr});
+    return {};
+  }
+  const std::size_t before = errors.size();
+  std::vector<Error> mistakes;
+  const UrdfOutline outline = outline_urdf(text, file.string(), mistakes);
+  if (mistakes.empty()) {
+    CapturedMessages messages;
+    const auto parsed = urdf::parseURDF(outline.reduced_text);
+    if (parsed == nullptr) {
+      mistakes.push_back(
+          {ErrorCode::kConfig,
+           "the URDF cannot be read: " +
+               (messages.first().empty() ? std::string("no reason is known") : messages.first()),
+           file.string(),
+           {},
+           nullptr});
+    } else {
+      UrdfModel model = build_model(*parsed, outline, mistakes);
+      model.file = file;
+      if (mistakes.empty()) return model;
+    }
+  }
+  errors.insert(errors.begin() + static_cast<std::ptrdiff_t>(before), mistakes.begin(),
+                mistakes.end());
+  return {};
+}
+
+Error all_of(std::vector<Error> errors, const std::string& what) {
+  if (errors.size() == 1) return std::move(errors.front());
+  std::string message = what + " has " + std::to_string(errors.size()) + " mistakes:";
+  for (const Error& error : errors) message += "\n  " + error.describe();
+  return Error{errors.front().code, std::move(message), {}, {}, nullptr};
+}
+
+}  // namespace sidestep::urdf_robot
