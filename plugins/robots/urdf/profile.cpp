@@ -160,7 +160,7 @@ Result<std::filesystem::path> find_profile(const Node& profile,
 Profile read_profile(const std::filesystem::path& file, const DocumentReader& documents,
                      std::vector<Error>& errors) {
   Profile profile;
-  auto document = documents.read(file);
+  auto document = documents.read_leniently(file, errors);
   if (!document) {
     errors.push_back(std::move(document.error()));
     return profile;

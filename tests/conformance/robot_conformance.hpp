@@ -1,0 +1,173 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/robot/robot_model.hpp>
+
+/// What every RobotModel must hold, for the test of a robot plugin:
+///
+///     TEST(MyRobot, Conforms) { sidestep::conformance::check_robot(*load_my_robot()); }
+namespace sidestep::conformance {
+
+/// `n` configurations within the limits, uniform; unbounded joints within +-pi.
+inline std::vector<double> random_configurations(const RobotDescription& robot, int n,
+                                                 std::uint64_t seed) {
+  std::mt19937_64 generator(seed);
+  std::vector<double> q;
+  for (int i = 0; i < n; ++i) {
+    for (const Joint& joint : robot.joints) {
+      const double lower = std::isfinite(joint.lower) ? joint.lower : -M_PI;
+      const double upper = std::isfinite(joint.upper) ? joint.upper : M_PI;
+      q.push_back(std::uniform_real_distribution<double>(lower, upper)(generator));
+    }
+  }
+  return q;
+}
+
+/// Names, parents, limits and sizes that every user of a description relies on.
+inline void check_description(const RobotDescription& robot) {
+  EXPECT_FALSE(robot.name.empty());
+  ASSERT_FALSE(robot.joints.empty());
+  ASSERT_FALSE(robot.links.empty());
+  ASSERT_FALSE(robot.spheres.empty());
+  for (const Joint& joint : robot.joints) {
+    SCOPED_TRACE(joint.name);
+    EXPECT_EQ(&robot.joints[static_cast<std::size_t>(*robot.joint_index(joint.name))], &joint);
+    EXPECT_LE(joint.lower, joint.upper);
+    EXPECT_GT(joint.max_velocity, 0.0);
+    EXPECT_GT(joint.max_acceleration, 0.0);
+    if (joint.type != Joint::Type::kContinuous) {
+      EXPECT_TRUE(std::isfinite(joint.lower) && std::isfinite(joint.upper));
+    }
+  }
+  const int links = static_cast<int>(robot.links.size());
+  EXPECT_EQ(robot.links.front().parent, -1);
+  for (int i = 1; i < links; ++i) {
+    const Link& link = robot.links[static_cast<std::size_t>(i)];
+    EXPECT_TRUE(link.parent >= 0 && link.parent < i) << link.name;
+    EXPECT_EQ(robot.link_index(link.name), i);
+  }
+  for (const CollisionSphere& sphere : robot.spheres) {
+    EXPECT_TRUE(sphere.link >= 0 && sphere.link < links);
+    EXPECT_GT(sphere.radius_m, 0.0);
+  }
+  for (const auto& [a, b] : robot.self_collision_pairs) {
+    EXPECT_TRUE(0 <= a && a < b && b < links);
+  }
+  for (const NamedPose& pose : robot.poses) {
+    SCOPED_TRACE(pose.name);
+    EXPECT_EQ(robot.find_pose(pose.name), &pose);
+    ASSERT_EQ(pose.positions.size(), robot.joints.size());
+    for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+      if (!pose.positions[j]) continue;
+      EXPECT_GE(*pose.positions[j], robot.joints[j].lower) << robot.joints[j].name;
+      EXPECT_LE(*pose.positions[j], robot.joints[j].upper) << robot.joints[j].name;
+    }
+  }
+}
+
+/// A batch gives what its rows give one by one, and sphere_centres what link_poses says.
+inline void check_centres(const RobotModel& model, int n, std::uint64_t seed) {
+  const RobotDescription& robot = model.description();
+  const std::size_t dof = robot.joints.size();
+  const std::size_t count = robot.spheres.size();
+  const std::vector<double> q = random_configurations(robot, n, seed);
+  std::vector<Eigen::Vector3d> batch(static_cast<std::size_t>(n) * count);
+  Scratch scratch;
+  model.sphere_centres(q, batch, scratch);
+  std::vector<Transform> T_world_link(robot.links.size());
+  for (std::size_t row = 0; row < static_cast<std::size_t>(n); ++row) {
+    model.link_poses(std::span(q).subspan(row * dof, dof), T_world_link, scratch);
+    for (std::size_t s = 0; s < count; ++s) {
+      const CollisionSphere& sphere = robot.spheres[s];
+      const Eigen::Vector3d expected =
+          T_world_link[static_cast<std::size_t>(sphere.link)] * sphere.centre_link_m;
+      EXPECT_LT((batch[row * count + s] - expected).norm(), 1e-12) << "sphere " << s;
+    }
+  }
+}
+
+/// Jacobians against central differences, pull_back against the explicit sum.
+inline void check_derivatives(const RobotModel& model, int n, std::uint64_t seed) {
+  const RobotDescription& robot = model.description();
+  const std::size_t dof = robot.joints.size();
+  const std::size_t count = robot.spheres.size();
+  const std::size_t rows = static_cast<std::size_t>(n);
+  const std::vector<double> q = random_configurations(robot, n, seed);
+  std::vector<Eigen::Vector3d> centres(rows * count), ahead(count), behind(count);
+  std::vector<Eigen::Vector3d> jacobians(rows * count * dof, Eigen::Vector3d::Constant(NAN));
+  Scratch scratch;
+  model.sphere_jacobians(q, centres, jacobians, scratch);
+
+  std::vector<Eigen::Vector3d> plain(rows * count);
+  model.sphere_centres(q, plain, scratch);
+  for (std::size_t i = 0; i < plain.size(); ++i) EXPECT_LT((plain[i] - centres[i]).norm(), 1e-12);
+
+  constexpr double kStep = 1e-6;
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t j = 0; j < dof; ++j) {
+      std::vector<double> moved(q.begin() + static_cast<std::ptrdiff_t>(row * dof),
+                                q.begin() + static_cast<std::ptrdiff_t>((row + 1) * dof));
+      moved[j] += kStep;
+      model.sphere_centres(moved, ahead, scratch);
+      moved[j] -= 2.0 * kStep;
+      model.sphere_centres(moved, behind, scratch);
+      for (std::size_t s = 0; s < count; ++s) {
+        const Eigen::Vector3d difference = (ahead[s] - behind[s]) / (2.0 * kStep);
+        EXPECT_LT((jacobians[(row * count + s) * dof + j] - difference).norm(), 1e-7)
+            << "sphere " << s << ", joint " << robot.joints[j].name;
+      }
+    }
+  }
+
+  std::mt19937_64 generator(seed + 1);
+  std::normal_distribution<double> normal;
+  std::vector<Eigen::Vector3d> gradients(rows * count);
+  for (auto& g : gradients) g = {normal(generator), normal(generator), normal(generator)};
+  std::vector<double> pulled(rows * dof, NAN);
+  model.pull_back(q, gradients, pulled, scratch);
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t j = 0; j < dof; ++j) {
+      double sum = 0.0;
+      for (std::size_t s = 0; s < count; ++s)
+        sum += jacobians[(row * count + s) * dof + j].dot(gradients[row * count + s]);
+      EXPECT_NEAR(pulled[row * dof + j], sum, 1e-10 * (1.0 + std::abs(sum)));
+    }
+  }
+}
+
+/// Several threads with a Scratch each get the same as one.
+inline void check_threads(const RobotModel& model, std::uint64_t seed) {
+  const RobotDescription& robot = model.description();
+  const std::vector<double> q = random_configurations(robot, 64, seed);
+  std::vector<std::vector<Eigen::Vector3d>> results(4);
+  {
+    std::vector<std::jthread> threads;
+    for (auto& result : results) {
+      result.resize(64 * robot.spheres.size());
+      threads.emplace_back([&] {
+        Scratch scratch;
+        for (int i = 0; i < 10; ++i) model.sphere_centres(q, result, scratch);
+      });
+    }
+  }
+  for (const auto& result : results) EXPECT_EQ(result, results.front());
+}
+
+/// All of the above.
+inline void check_robot(const RobotModel& model, int configurations = 20, std::uint64_t seed = 1) {
+  check_description(model.description());
+  if (::testing::Test::HasFatalFailure()) return;
+  check_centres(model, configurations, seed);
+  check_derivatives(model, configurations, seed);
+  check_threads(model, seed);
+}
+
+}  // namespace sidestep::conformance
