@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <functional>
 #include <limits>
 #include <optional>
-#include <set>
+#include <utility>
 #include <vector>
 
-#include <sidestep/field/dense_field.hpp>
+#include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 
 #include "squared_transform.hpp"
@@ -78,13 +78,16 @@ class EdtBuilder final : public FieldBuilder {
       return fail(ErrorCode::kUnsupported, "the mapper offers no OccupancyView", "field edt",
                   "voxel_grid and octomap do");
     }
-    info_.grid = view_->occupancy_grid();
-    info_.is_signed = options_.is_signed;
+    grid_ = view_->occupancy_grid();
     const double limit_m = options_.max_distance_m;
-    info_.max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity();
-    transforms_.emplace(info_.grid, cap_vox2(options_, info_.grid), options_.is_signed,
-                        info_.max_distance_m, workers_);
-    const Eigen::Vector3i& size = info_.grid.size_vox;
+    const FieldInfo info{
+        .grid = grid_,
+        .is_signed = options_.is_signed,
+        .max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity()};
+    publisher_.emplace(info, *view_, workers_);
+    transforms_.emplace(grid_, cap_vox2(options_, grid_), options_.is_signed, info.max_distance_m,
+                        workers_);
+    const Eigen::Vector3i& size = grid_.size_vox;
     const auto rows = static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(size.z());
     const int words = view_->occupied().words_per_row;
     for (BitGrid* bits : {&obstacles_, &inverse_}) {
@@ -92,8 +95,6 @@ class EdtBuilder final : public FieldBuilder {
       bits->words.assign(rows * static_cast<std::size_t>(words), 0);
     }
     row_changed_.assign(rows, 1);
-    const Eigen::Vector3i counts = block_counts(info_.grid);
-    blocks_.assign(static_cast<std::size_t>(counts.prod()), nullptr);
     return {};
   }
 
@@ -101,20 +102,15 @@ class EdtBuilder final : public FieldBuilder {
     if (view_ == nullptr) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt");
     }
-    const bool first = blocks_.front() == nullptr;
-    std::vector<std::uint8_t> block_changed(blocks_.size(), first ? 1 : 0);
-    for (const std::int32_t block : update.changed_blocks) {
-      block_changed[static_cast<std::size_t>(block)] = 1;
-    }
-    if (!first) mark_rows(update.changed_blocks);
+    if (!std::exchange(first_, false)) mark_rows(update.changed_blocks);
     take_over_rows();
     const auto tiles = transforms_->update(obstacles_.view(), inverse_.view(), row_changed_);
-    mark_blocks(tiles, block_changed);
-    publish(block_changed);
-
-    info_.sequence = update.sequence;
-    info_.stamp = update.stamp;
-    return std::make_shared<const DenseField>(info_, blocks_);
+    auto changed = publisher_->changed_blocks(update);
+    mark_blocks(tiles, changed);
+    return publisher_->publish(update, changed,
+                               [this](int x, int y, int z, int count, float* distances_m) {
+                                 transforms_->row(x, y, z, count, distances_m);
+                               });
   }
 
   /// The first squared distance, in voxels, at or beyond the limit.
@@ -129,8 +125,8 @@ class EdtBuilder final : public FieldBuilder {
  private:
   void mark_rows(const std::vector<std::int32_t>& changed_blocks) {
     std::ranges::fill(row_changed_, 0);
-    const Eigen::Vector3i counts = block_counts(info_.grid);
-    const Eigen::Vector3i& size = info_.grid.size_vox;
+    const Eigen::Vector3i counts = block_counts(grid_);
+    const Eigen::Vector3i& size = grid_.size_vox;
     for (const std::int32_t block : changed_blocks) {
       const int by = block / counts.x() % counts.y();
       const int bz = block / (counts.x() * counts.y());
@@ -148,7 +144,7 @@ class EdtBuilder final : public FieldBuilder {
     const VoxelBits known = view_->known();
     const bool unknown_blocks = options_.unknown == "occupied";
     const int words = obstacles_.words_per_row;
-    const int size_x = info_.grid.size_vox.x();
+    const int size_x = grid_.size_vox.x();
     workers_.run_banded(static_cast<int>(row_changed_.size()), 256, [&](int begin, int end) {
       for (int row = begin; row < end; ++row) {
         if (row_changed_[static_cast<std::size_t>(row)] == 0) continue;
@@ -169,8 +165,8 @@ class EdtBuilder final : public FieldBuilder {
 
   void mark_blocks(const std::vector<std::uint64_t>& tiles,
                    std::vector<std::uint8_t>& block_changed) const {
-    const Eigen::Vector3i counts = block_counts(info_.grid);
-    const Eigen::Vector3i& size = info_.grid.size_vox;
+    const Eigen::Vector3i counts = block_counts(grid_);
+    const Eigen::Vector3i& size = grid_.size_vox;
     for (int z = 0; z < size.z(); ++z) {
       for (int y = 0; y < size.y(); ++y) {
         const std::uint64_t mask = tiles[row_index(y, z)];
@@ -184,58 +180,20 @@ class EdtBuilder final : public FieldBuilder {
     }
   }
 
-  /// New blocks where something changed; equal ones stay shared with earlier snapshots.
-  void publish(const std::vector<std::uint8_t>& block_changed) {
-    const Eigen::Vector3i counts = block_counts(info_.grid);
-    const VoxelBits known = view_->known();
-    workers_.run_banded(static_cast<int>(blocks_.size()), 8, [&](int begin, int end) {
-      for (int b = begin; b < end; ++b) {
-        const auto block = static_cast<std::size_t>(b);
-        if (block_changed[block] == 0) continue;
-        auto fresh = std::make_shared<FieldBlock>();
-        fill_block({b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y())},
-                   known, *fresh);
-        const FieldBlock* old = blocks_[block].get();
-        if (old == nullptr || old->distance_m != fresh->distance_m || old->known != fresh->known) {
-          blocks_[block] = std::move(fresh);
-        }
-      }
-    });
-  }
-
-  void fill_block(const Eigen::Vector3i& block, const VoxelBits& known, FieldBlock& out) const {
-    const Eigen::Vector3i& size = info_.grid.size_vox;
-    const int x = block.x() * kSide;
-    const int count = std::min(kSide, size.x() - x);
-    out.distance_m.fill(0.0f);
-    out.known.fill(0);
-    for (int k = 0; k < kSide && block.z() * kSide + k < size.z(); ++k) {
-      for (int j = 0; j < kSide && block.y() * kSide + j < size.y(); ++j) {
-        const int y = block.y() * kSide + j;
-        const int z = block.z() * kSide + k;
-        const auto row_in_block = static_cast<std::size_t>(j + kSide * k);
-        transforms_->row(x, y, z, count, out.distance_m.data() + row_in_block * kSide);
-        const std::uint64_t word =
-            known.words[row_index(y, z) * static_cast<std::size_t>(known.words_per_row) +
-                        static_cast<std::size_t>(x / 64)];
-        out.known[row_in_block] = static_cast<std::uint16_t>(word >> (x % 64));
-      }
-    }
-  }
-
   [[nodiscard]] std::size_t row_index(int y, int z) const noexcept {
     return static_cast<std::size_t>(y) +
-           static_cast<std::size_t>(info_.grid.size_vox.y()) * static_cast<std::size_t>(z);
+           static_cast<std::size_t>(grid_.size_vox.y()) * static_cast<std::size_t>(z);
   }
 
   Options options_;
   WorkerPool& workers_;
   const OccupancyView* view_ = nullptr;
-  FieldInfo info_;
+  GridSpec grid_;
+  bool first_ = true;
   std::optional<Transforms<Value>> transforms_;
   BitGrid obstacles_, inverse_;
   std::vector<std::uint8_t> row_changed_;
-  DenseField::BlockTable blocks_;
+  std::optional<DenseFieldPublisher> publisher_;
 };
 
 /// Chooses the width of squared distances once the grid is known.
