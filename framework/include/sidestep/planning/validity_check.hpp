@@ -1,6 +1,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,11 +21,13 @@ struct Violation {
   enum class Kind { kCollision, kSelfCollision, kPositionLimit, kVelocityLimit, kUnproven };
   Kind kind = Kind::kCollision;
   std::string subject;  ///< Link or joint.
-  std::string other;    ///< The other link or the obstacle, where there is one.
+  std::string other;  ///< What it hits or breaks: a link, "an obstacle", "its upper limit of ...".
   double time_s = 0.0;  ///< Where it is worst.
   double amount = 0.0;  ///< By how much: penetration in m, or beyond the limit in its unit.
 
-  /// E.g. "arm_roll_link is 0.013 m inside an obstacle at 2.35 s".
+  /// E.g. "arm_roll_link is 0.013 m inside an obstacle".
+  [[nodiscard]] std::string what() const;
+  /// what() and when, e.g. "arm_roll_link is 0.013 m inside an obstacle at 2.35 s".
   [[nodiscard]] std::string describe() const;
 };
 [[nodiscard]] std::string_view to_string(Violation::Kind kind) noexcept;
@@ -31,7 +35,7 @@ struct Violation {
 struct Verdict {
   enum class Outcome { kValid, kInvalid, kUnknown };
   Outcome outcome = Outcome::kUnknown;
-  double min_clearance_m = 0.0;  ///< Smallest distance from the robot to an obstacle.
+  double min_clearance_m = 0.0;  ///< Smallest at the times checked; infinity without obstacles.
   std::string min_clearance_link;
   double min_clearance_time_s = 0.0;
   double min_self_clearance_m = 0.0;
@@ -65,8 +69,26 @@ struct FieldCheckSettings {
 /// The check on one pinned snapshot: the robot's spheres against the distance field, and
 /// against each other, with bisection until the motion between two checks is proven clear
 /// (numerics: continuous-time validity); limits from the extrema of the cubic interpolant.
+///
+/// A sphere's clearance is the field's value at its centre minus its radius. The field measures
+/// from voxel centre to voxel centre, and what occupies a voxel may reach up to half its
+/// diagonal beyond its centre: `margin_m` is what covers that; the independent check
+/// (runtime/shape_check.hpp) sees whole voxels. The proof holds for every field whose values at
+/// voxel centres are exact distances and whose status is one per voxel.
+///
+/// The outcome is kInvalid where a checked instant collides or a limit is broken, else kUnknown
+/// where some motion could not be shown clear down to min_step_m, else kValid.
 [[nodiscard]] std::unique_ptr<ValidityCheck> make_field_check(
     std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
     SpacePolicy space, FieldCheckSettings settings);
+
+/// What is worst about one configuration (dof values): the deepest collision with the field
+/// beyond `margin_m`, else the deepest self-collision, else the position limit that is broken
+/// the most; nothing where all is well. Says why a start or a goal cannot be used. [any];
+/// allocates.
+[[nodiscard]] std::optional<Violation> state_violation(
+    const std::shared_ptr<const RobotModel>& robot,
+    const std::shared_ptr<const DistanceField>& field, const SpacePolicy& space, double margin_m,
+    std::span<const double> q);
 
 }  // namespace sidestep

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include <sidestep/core/export.hpp>
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/planning/problem.hpp>
+#include <sidestep/robot/robot_model.hpp>
+
+namespace sidestep {
+
+/// Shows straight motions in joint space clear on one snapshot, for planners that join
+/// configurations: the robot's spheres against the field and against each other, over the
+/// whole motion, by the same proof as the field check. Keeps its temporaries: one object per
+/// thread; no allocation once warm.
+class SIDESTEP_EXPORT MotionCheck {
+ public:
+  /// `margin_m`: clearance that spheres must keep (see make_field_check).
+  MotionCheck(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
+              SpacePolicy space, double margin_m);
+  ~MotionCheck();
+  MotionCheck(MotionCheck&&) noexcept;
+  MotionCheck& operator=(MotionCheck&&) noexcept;
+
+  /// True if one configuration (dof values) is clear. Limits are the caller's affair.
+  [[nodiscard]] bool is_clear(std::span<const double> q);
+
+  /// True if the straight line between two configurations is shown to be clear, ends included.
+  /// A motion that cannot be shown clear before no sphere moves more than `resolution_m`
+  /// between checks counts as blocked, so nothing is ever called clear that is not.
+  [[nodiscard]] bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
+                              double resolution_m);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace sidestep

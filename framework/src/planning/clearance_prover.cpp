@@ -1,0 +1,352 @@
+#include "clearance_prover.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <sidestep/planning/costs.hpp>
+
+namespace sidestep {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+const double kSqrt3 = std::sqrt(3.0);
+/// More open gaps than this in one motion are not worth halving: the motion is absurd.
+constexpr std::size_t kMaxGaps = std::size_t{1} << 18;
+/// Largest number of voxels looked at to show that a gap stays in known space.
+constexpr int kMaxVoxels = 64;
+
+std::size_t at(int value) { return static_cast<std::size_t>(value); }
+
+/// To the nearest face of the grid, negative outside. 1-Lipschitz.
+double inside_grid_m(const GridSpec& grid, const Eigen::Vector3d& p) {
+  return std::min((p - grid.origin_m).minCoeff(), (grid.upper_m() - p).minCoeff());
+}
+
+}  // namespace
+
+struct ClearanceProver::Interval {
+  double begin = 0.0;
+  double end = 0.0;
+  std::size_t first_gap = 0;
+  std::size_t last_gap = 0;  // one past
+};
+
+struct ClearanceProver::Gap {
+  int item = 0;
+  ClearanceReading a;
+  ClearanceReading b;
+};
+
+struct ClearanceProver::Measurement {
+  int row = 0;  // of the batch of configurations
+  int item = 0;
+  ClearanceReading reading;
+};
+
+struct ClearanceProver::Workspace {
+  std::vector<Interval> intervals;
+  std::vector<Gap> gaps;
+  std::vector<Interval> next_intervals;
+  std::vector<Gap> next_gaps;
+  std::vector<Measurement> measurements;
+  std::vector<double> times;
+  std::vector<double> q;  // one row per time
+  std::vector<double> variation;
+  std::vector<Eigen::Vector3d> centres;
+  std::vector<Eigen::Vector3d> points;
+  std::vector<double> distances;
+  std::vector<FieldStatus> statuses;
+  std::vector<std::size_t> targets;  // measurement of each point
+  Scratch scratch;
+};
+
+void ClearanceProver::WorkspaceDeleter::operator()(Workspace* workspace) const noexcept {
+  delete workspace;
+}
+
+ClearanceProver::WorkspacePtr ClearanceProver::make_workspace() const {
+  return WorkspacePtr(new Workspace());
+}
+
+ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
+                                 std::shared_ptr<const DistanceField> field, SpacePolicy space,
+                                 double margin_m)
+    : robot_(std::move(robot)),
+      field_(std::move(field)),
+      space_(space),
+      margin_m_(margin_m),
+      bounds_(*robot_) {
+  const RobotDescription& description = robot_->description();
+  sphere_count_ = static_cast<int>(description.spheres.size());
+  pair_count_ = static_cast<int>(description.self_collision_pairs.size());
+  spheres_of_link_.resize(description.links.size());
+  const FieldInfo& info = field_->info();
+  for (int s = 0; s < sphere_count_; ++s) {
+    const CollisionSphere& sphere = description.spheres[at(s)];
+    spheres_of_link_[at(sphere.link)].push_back(s);
+    // In a cell that touches an occupied voxel the interpolant is at most one diagonal.
+    const bool is_beyond_surface = sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
+    fall_factor_.push_back(info.is_signed && !is_beyond_surface ? 2.0 : 1.0);
+  }
+}
+
+double ClearanceProver::way_m(int item, std::span<const double> levers,
+                              std::span<const double> variation) const noexcept {
+  const std::size_t dof = variation.size();
+  const std::span<const double> row = item < sphere_count_
+                                          ? levers.subspan(at(item) * dof, dof)
+                                          : bounds_.pair_levers(item - sphere_count_);
+  double sum = 0.0;
+  for (std::size_t j = 0; j < dof; ++j) {
+    if (variation[j] != 0.0) sum += row[j] * variation[j];
+  }
+  return sum;
+}
+
+double ClearanceProver::fall_m(int item, double way_m) const noexcept {
+  if (item >= sphere_count_) return way_m;
+  return fall_factor_[at(item)] *
+         std::min(kSqrt3 * way_m, way_m + kSqrt3 * field_->info().grid.resolution_m);
+}
+
+bool ClearanceProver::violates(int item, const ClearanceReading& reading) const noexcept {
+  if (!(reading.clearance_m >= required_m(item))) return true;
+  return (reading.status == FieldStatus::kUnknown && space_.unknown == Space::kOccupied) ||
+         (reading.status == FieldStatus::kOutside && space_.outside == Space::kOccupied);
+}
+
+void ClearanceProver::measure(Workspace& w) const {
+  const RobotDescription& description = robot_->description();
+  const std::size_t rows = description.joints.empty() ? 1 : w.q.size() / description.joints.size();
+  w.centres.resize(rows * description.spheres.size());
+  robot_->sphere_centres(w.q, w.centres, w.scratch);
+  measure_spheres(w);
+  measure_pairs(w);
+}
+
+void ClearanceProver::measure_spheres(Workspace& w) const {
+  const RobotDescription& description = robot_->description();
+  const FieldInfo& info = field_->info();
+  w.points.clear();
+  w.targets.clear();
+  for (std::size_t m = 0; m < w.measurements.size(); ++m) {
+    const Measurement& measurement = w.measurements[m];
+    if (measurement.item >= sphere_count_) continue;
+    w.points.push_back(w.centres[at(measurement.row) * at(sphere_count_) + at(measurement.item)]);
+    w.targets.push_back(m);
+  }
+  w.distances.resize(w.points.size());
+  w.statuses.resize(w.points.size());
+  query_with_policy(*field_, space_, w.points, w.distances, {}, w.statuses);
+  for (std::size_t i = 0; i < w.points.size(); ++i) {
+    Measurement& measurement = w.measurements[w.targets[i]];
+    const double radius_m = description.spheres[at(measurement.item)].radius_m;
+    ClearanceReading& reading = measurement.reading;
+    reading.clearance_m = w.distances[i] - radius_m;
+    reading.smooth_m = reading.clearance_m;
+    reading.status = w.statuses[i];
+    reading.centre_m = w.points[i];
+    reading.inside_m = inside_grid_m(info.grid, w.points[i]);
+    if (reading.status == FieldStatus::kOutside && space_.outside == Space::kFree) {
+      double smooth_m = 0.0;
+      field_->query({&w.points[i], 1}, {&smooth_m, 1}, {}, {});
+      reading.smooth_m = smooth_m - radius_m;
+    }
+  }
+}
+
+void ClearanceProver::measure_pairs(Workspace& w) const {
+  const RobotDescription& description = robot_->description();
+  for (Measurement& measurement : w.measurements) {
+    if (measurement.item < sphere_count_) continue;
+    const auto [first, second] =
+        description.self_collision_pairs[at(measurement.item - sphere_count_)];
+    const Eigen::Vector3d* centres = w.centres.data() + at(measurement.row) * at(sphere_count_);
+    double nearest_m = kInfinity;
+    for (const int a : spheres_of_link_[at(first)]) {
+      for (const int b : spheres_of_link_[at(second)]) {
+        const double radii_m =
+            description.spheres[at(a)].radius_m + description.spheres[at(b)].radius_m;
+        nearest_m = std::min(nearest_m, (centres[a] - centres[b]).norm() - radii_m);
+      }
+    }
+    measurement.reading.clearance_m = nearest_m;
+    measurement.reading.smooth_m = nearest_m;
+  }
+}
+
+void ClearanceProver::read(std::span<const double> q, std::span<ClearanceReading> readings,
+                           Workspace& w) const {
+  w.q.assign(q.begin(), q.end());
+  w.measurements.clear();
+  for (int item = 0; item < item_count(); ++item) w.measurements.push_back({0, item, {}});
+  measure(w);
+  for (std::size_t i = 0; i < w.measurements.size(); ++i) readings[i] = w.measurements[i].reading;
+}
+
+double ClearanceProver::shortfall_m(const Gap& gap, double way_m, Workspace& w) const {
+  const ClearanceReading& a = gap.a;
+  const ClearanceReading& b = gap.b;
+  const double clear_m = 0.5 * (a.smooth_m + b.smooth_m - fall_m(gap.item, way_m));
+  const double shortfall = required_m(gap.item) - clear_m;
+  if (gap.item >= sphere_count_) return shortfall;
+  if (space_.outside == Space::kFree) {
+    if (0.5 * (a.inside_m + b.inside_m + way_m) < 0.0) return 0.0;  // never comes inside
+  } else {
+    const double inside_m = 0.5 * (a.inside_m + b.inside_m - way_m);
+    if (!(inside_m > 0.0)) return std::max(shortfall, way_m);
+  }
+  if (!(shortfall <= 0.0) || space_.unknown == Space::kFree) return shortfall;
+  return stays_known(gap, way_m, w) ? shortfall : way_m;
+}
+
+bool ClearanceProver::stays_known(const Gap& gap, double way_m, Workspace& w) const {
+  const GridSpec& grid = field_->info().grid;
+  const Eigen::Vector3d middle = 0.5 * (gap.a.centre_m + gap.b.centre_m);
+  const double radius_m = 0.5 * way_m;
+  if (!(radius_m < kMaxVoxels * grid.resolution_m)) return false;
+  const Eigen::Array3d last_voxel = grid.size_vox.cast<double>().array() - 1.0;
+  const auto voxel_near = [&](double shift_m) -> Eigen::Vector3i {
+    const Eigen::Array3d voxel = ((middle - grid.origin_m).array() + shift_m) / grid.resolution_m;
+    return voxel.floor().min(last_voxel).max(0.0).cast<int>().matrix();
+  };
+  const Eigen::Vector3i low = voxel_near(-radius_m);
+  const Eigen::Vector3i high = voxel_near(radius_m);
+  w.points.clear();
+  for (int k = low.z(); k <= high.z(); ++k) {
+    for (int j = low.y(); j <= high.y(); ++j) {
+      for (int i = low.x(); i <= high.x(); ++i) {
+        const Eigen::Vector3d centre = grid.centre_m({i, j, k});
+        const Eigen::Array3d away =
+            ((middle - centre).array().abs() - 0.5 * grid.resolution_m).max(0.0);
+        if (away.matrix().squaredNorm() > radius_m * radius_m) continue;
+        if (w.points.size() == at(kMaxVoxels)) return false;
+        w.points.push_back(centre);
+      }
+    }
+  }
+  w.distances.resize(w.points.size());
+  w.statuses.resize(w.points.size());
+  field_->query(w.points, w.distances, {}, w.statuses);
+  return std::find(w.statuses.begin(), w.statuses.end(), FieldStatus::kUnknown) == w.statuses.end();
+}
+
+ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& listener,
+                                            const Deadline& deadline, Workspace& w) const {
+  w.variation.resize(robot_->description().joints.size());
+  if (deadline.expired()) return End::kDeadline;
+  if (!start(request, listener, w)) return End::kStopped;
+  while (true) {
+    if (!sift(request, listener, w)) return End::kStopped;
+    if (w.intervals.empty()) return End::kFinished;
+    if (deadline.expired()) return End::kDeadline;
+    if (!halve(request, listener, w)) return End::kStopped;
+  }
+}
+
+bool ClearanceProver::start(const Request& request, Listener& listener, Workspace& w) const {
+  const std::size_t dof = w.variation.size();
+  const int steps = request.steps;
+  const int items = item_count();
+  w.times.clear();
+  for (int k = 0; k <= steps; ++k) {
+    const double share = steps == 0 ? 0.0 : static_cast<double>(k) / steps;
+    w.times.push_back(k == steps && k > 0 ? request.to
+                                          : request.from + share * (request.to - request.from));
+  }
+  w.q.resize(w.times.size() * dof);
+  w.measurements.clear();
+  for (std::size_t k = 0; k < w.times.size(); ++k) {
+    request.motion.configuration(w.times[k], std::span(w.q).subspan(k * dof, dof));
+    for (int item = 0; item < items; ++item) {
+      w.measurements.push_back({static_cast<int>(k), item, {}});
+    }
+  }
+  measure(w);
+  w.intervals.clear();
+  w.gaps.clear();
+  for (const Measurement& m : w.measurements) {
+    if (!listener.on_reading(w.times[at(m.row)], m.item, m.reading)) return false;
+  }
+  for (std::size_t k = 0; k + 1 < w.times.size(); ++k) {
+    const std::size_t first = w.gaps.size();
+    for (int item = 0; item < items; ++item) {
+      const Measurement* here = w.measurements.data() + k * at(items) + at(item);
+      w.gaps.push_back({item, here->reading, here[items].reading});
+    }
+    w.intervals.push_back({w.times[k], w.times[k + 1], first, w.gaps.size()});
+  }
+  return true;
+}
+
+/// Leaves only the gaps that must be halved.
+bool ClearanceProver::sift(const Request& request, Listener& listener, Workspace& w) const {
+  w.next_intervals.clear();
+  std::size_t kept = 0;
+  const bool is_absurd = w.gaps.size() > kMaxGaps;
+  for (const Interval& interval : w.intervals) {
+    const double middle = 0.5 * (interval.begin + interval.end);
+    const bool is_divisible = middle > interval.begin && middle < interval.end && !is_absurd;
+    request.motion.variation(interval.begin, interval.end, w.variation);
+    const std::size_t first = kept;
+    for (std::size_t g = interval.first_gap; g < interval.last_gap; ++g) {
+      const Gap& gap = w.gaps[g];
+      if (violates(gap.item, gap.a) || violates(gap.item, gap.b)) continue;
+      const double way = way_m(gap.item, request.levers, w.variation);
+      const double shortfall = shortfall_m(gap, way, w);
+      if (shortfall <= 0.0) continue;
+      if (!is_divisible || !(way > request.min_step_m)) {
+        if (!listener.on_unproven(middle, gap.item, shortfall)) return false;
+        continue;
+      }
+      if (kept != g) w.gaps[kept] = gap;
+      ++kept;
+    }
+    if (kept > first) w.next_intervals.push_back({interval.begin, interval.end, first, kept});
+  }
+  w.gaps.resize(kept);
+  w.intervals.swap(w.next_intervals);
+  return true;
+}
+
+bool ClearanceProver::halve(const Request& request, Listener& listener, Workspace& w) const {
+  const std::size_t dof = w.variation.size();
+  w.times.clear();
+  w.measurements.clear();
+  w.q.resize(w.intervals.size() * dof);
+  for (std::size_t i = 0; i < w.intervals.size(); ++i) {
+    const Interval& interval = w.intervals[i];
+    w.times.push_back(0.5 * (interval.begin + interval.end));
+    request.motion.configuration(w.times[i], std::span(w.q).subspan(i * dof, dof));
+    for (std::size_t g = interval.first_gap; g < interval.last_gap; ++g) {
+      w.measurements.push_back({static_cast<int>(i), w.gaps[g].item, {}});
+    }
+  }
+  measure(w);
+  for (const Measurement& m : w.measurements) {
+    if (!listener.on_reading(w.times[at(m.row)], m.item, m.reading)) return false;
+  }
+  w.next_intervals.clear();
+  w.next_gaps.clear();
+  for (std::size_t i = 0; i < w.intervals.size(); ++i) {
+    const Interval& interval = w.intervals[i];
+    for (const bool is_left : {true, false}) {
+      const std::size_t first = w.next_gaps.size();
+      for (std::size_t g = interval.first_gap; g < interval.last_gap; ++g) {
+        const Gap& gap = w.gaps[g];
+        const ClearanceReading& middle = w.measurements[g].reading;
+        w.next_gaps.push_back(is_left ? Gap{gap.item, gap.a, middle}
+                                      : Gap{gap.item, middle, gap.b});
+      }
+      w.next_intervals.push_back({is_left ? interval.begin : w.times[i],
+                                  is_left ? w.times[i] : interval.end, first, w.next_gaps.size()});
+    }
+  }
+  w.intervals.swap(w.next_intervals);
+  w.gaps.swap(w.next_gaps);
+  return true;
+}
+
+}  // namespace sidestep

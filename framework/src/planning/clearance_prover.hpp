@@ -1,0 +1,134 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/scratch.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/planning/problem.hpp>
+#include <sidestep/robot/robot_model.hpp>
+
+#include "motion_bounds.hpp"
+
+namespace sidestep {
+
+/// A path of configurations over one parameter (seconds, or a fraction of a straight line).
+class Motion {
+ public:
+  virtual ~Motion() = default;
+  virtual void configuration(double t, std::span<double> q) const = 0;
+  /// Length of each joint's way between two parameters, there and back counted both.
+  virtual void variation(double from, double to, std::span<double> v) const = 0;
+};
+
+/// What the prover measures: items [0, spheres) are the robot's spheres against the field,
+/// the rest its self_collision_pairs.
+struct ClearanceReading {
+  double clearance_m = 0.0;  ///< Distance minus radius under the space policy.
+  double smooth_m = 0.0;     ///< The same without the policy: what the Lipschitz bound is about.
+  double inside_m = 0.0;     ///< Of the centre to the field's border; negative outside.
+  FieldStatus status = FieldStatus::kKnown;
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+};
+
+/// Shows that a motion keeps clear between checks, or where it does not (numerics:
+/// continuous-time validity). Let L bound the way of a sphere's centre between two checks at
+/// which its clearances are a and b. The interpolated field falls by at most drop(L) along it,
+/// so the clearance in between is at least (a + b - drop(L)) / 2; where that is less than
+/// required, the interval is halved, for that sphere alone, until L is below `min_step_m`.
+///
+/// drop(L) = min(sqrt(3) L, L + sqrt(3) resolution): distances at voxel centres are
+/// 1-Lipschitz, so every partial derivative of their trilinear interpolant is at most 1; and
+/// the interpolant differs from the true distance by at most sqrt(3)/2 resolution. A signed
+/// field jumps by two voxels across a surface, which doubles both for spheres that may come
+/// that near. The field itself is taken to be exact.
+///
+/// Where unknown space counts as occupied, all voxels within L/2 of the middle of the two
+/// centres must be known, too; where the outside does, the centre must stay inside.
+class ClearanceProver {
+ public:
+  ClearanceProver(std::shared_ptr<const RobotModel> robot,
+                  std::shared_ptr<const DistanceField> field, SpacePolicy space, double margin_m);
+
+  /// Hears what the prover finds; returning false ends the proof.
+  class Listener {
+   public:
+    virtual ~Listener() = default;
+    virtual bool on_reading(double t, int item, const ClearanceReading& reading) = 0;
+    /// Not shown clear around t: the bound falls short of what is required by `shortfall_m`.
+    virtual bool on_unproven(double t, int item, double shortfall_m) = 0;
+  };
+
+  struct Request {
+    const Motion& motion;
+    double from = 0.0;
+    double to = 0.0;
+    int steps = 1;                   ///< Intervals to start with; 0 checks `from` alone.
+    std::span<const double> levers;  ///< spheres x dof, valid for all of the motion.
+    double min_step_m = 0.0;
+  };
+
+  /// The temporaries of a proof, one per thread.
+  struct Workspace;
+  struct WorkspaceDeleter {
+    void operator()(Workspace* workspace) const noexcept;
+  };
+  using WorkspacePtr = std::unique_ptr<Workspace, WorkspaceDeleter>;
+  [[nodiscard]] WorkspacePtr make_workspace() const;
+
+  enum class End { kFinished, kStopped, kDeadline };
+  End prove(const Request& request, Listener& listener, const Deadline& deadline,
+            Workspace& workspace) const;
+
+  /// Readings of all items at one configuration.
+  void read(std::span<const double> q, std::span<ClearanceReading> readings,
+            Workspace& workspace) const;
+
+  [[nodiscard]] int sphere_count() const noexcept { return sphere_count_; }
+  [[nodiscard]] int item_count() const noexcept { return sphere_count_ + pair_count_; }
+  /// Clearance that an item must keep.
+  [[nodiscard]] double required_m(int item) const noexcept {
+    return item < sphere_count_ ? margin_m_ : 0.0;
+  }
+  [[nodiscard]] bool violates(int item, const ClearanceReading& reading) const noexcept;
+  [[nodiscard]] const MotionBounds& bounds() const noexcept { return bounds_; }
+  [[nodiscard]] const RobotModel& robot() const noexcept { return *robot_; }
+  [[nodiscard]] const SpacePolicy& space() const noexcept { return space_; }
+
+  /// Bound on the way of an item for given variations; `levers` as in Request.
+  [[nodiscard]] double way_m(int item, std::span<const double> levers,
+                             std::span<const double> variation) const noexcept;
+
+ private:
+  struct Interval;
+  struct Gap;
+  struct Measurement;
+
+  void measure(Workspace& workspace) const;
+  void measure_spheres(Workspace& workspace) const;
+  void measure_pairs(Workspace& workspace) const;
+  [[nodiscard]] double fall_m(int item, double way_m) const noexcept;
+  /// What the required clearance exceeds the proven one by; at most 0 where all is proven.
+  [[nodiscard]] double shortfall_m(const Gap& gap, double way_m, Workspace& workspace) const;
+  [[nodiscard]] bool stays_known(const Gap& gap, double way_m, Workspace& workspace) const;
+  bool start(const Request& request, Listener& listener, Workspace& workspace) const;
+  bool sift(const Request& request, Listener& listener, Workspace& workspace) const;
+  bool halve(const Request& request, Listener& listener, Workspace& workspace) const;
+
+  std::shared_ptr<const RobotModel> robot_;
+  std::shared_ptr<const DistanceField> field_;
+  SpacePolicy space_;
+  double margin_m_ = 0.0;
+  MotionBounds bounds_;
+  int sphere_count_ = 0;
+  int pair_count_ = 0;
+  std::vector<std::vector<int>> spheres_of_link_;
+  std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
+};
+
+}  // namespace sidestep

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include <sidestep/trajectory/trajectory.hpp>
+
+#include "clearance_prover.hpp"
+
+namespace sidestep {
+
+/// One joint between two support states: q0 + v0 s + c2 s^2 + c3 s^3, s seconds after the first.
+struct Cubic {
+  double q0 = 0.0;
+  double v0 = 0.0;
+  double c2 = 0.0;
+  double c3 = 0.0;
+
+  [[nodiscard]] static Cubic hermite(double q0, double v0, double q1, double v1,
+                                     double h) noexcept {
+    const double slope = (q1 - q0) / h;
+    return {q0, v0, (3.0 * slope - 2.0 * v0 - v1) / h, (v0 + v1 - 2.0 * slope) / (h * h)};
+  }
+  [[nodiscard]] double position(double s) const noexcept {
+    return q0 + s * (v0 + s * (c2 + s * c3));
+  }
+  [[nodiscard]] double velocity(double s) const noexcept {
+    return v0 + s * (2.0 * c2 + s * 3.0 * c3);
+  }
+  /// Where the velocity is extreme; NaN where it is linear.
+  [[nodiscard]] double inflection() const noexcept {
+    return c3 == 0.0 ? std::nan("") : -c2 / (3.0 * c3);
+  }
+  /// Where the velocity is zero, ascending; NaN for roots that do not exist.
+  [[nodiscard]] std::array<double, 2> turning_points() const noexcept {
+    const double a = 3.0 * c3;
+    const double half_b = c2;
+    const double discriminant = half_b * half_b - a * v0;
+    if (!(discriminant >= 0.0)) return {std::nan(""), std::nan("")};
+    const double sum = -(half_b + std::copysign(std::sqrt(discriminant), half_b));
+    double first = sum == 0.0 ? 0.0 : v0 / sum;
+    double second = a == 0.0 ? std::nan("") : sum / a;
+    if (first > second) std::swap(first, second);
+    return {first, second};
+  }
+  /// Length of the way from s = a to s = b, there and back counted both.
+  [[nodiscard]] double variation(double a, double b) const noexcept {
+    double total = 0.0;
+    double from = a;
+    for (const double turn : turning_points()) {
+      if (!(turn > from && turn < b)) continue;
+      total += std::abs(position(turn) - position(from));
+      from = turn;
+    }
+    return total + std::abs(position(b) - position(from));
+  }
+};
+
+/// A trajectory between two of its support states.
+class CubicMotion final : public Motion {
+ public:
+  void set(const Trajectory& trajectory, int state) {
+    const std::size_t dof = static_cast<std::size_t>(trajectory.dof);
+    begin_s_ = trajectory.times_s[static_cast<std::size_t>(state)];
+    const double h = trajectory.times_s[static_cast<std::size_t>(state) + 1] - begin_s_;
+    joints_.resize(dof);
+    for (std::size_t j = 0; j < dof; ++j) {
+      joints_[j] = Cubic::hermite(trajectory.q(state)[j], trajectory.qdot(state)[j],
+                                  trajectory.q(state + 1)[j], trajectory.qdot(state + 1)[j], h);
+    }
+  }
+  [[nodiscard]] const std::vector<Cubic>& joints() const noexcept { return joints_; }
+  [[nodiscard]] double begin_s() const noexcept { return begin_s_; }
+
+  void configuration(double t, std::span<double> q) const override {
+    for (std::size_t j = 0; j < joints_.size(); ++j) q[j] = joints_[j].position(t - begin_s_);
+  }
+  void variation(double from, double to, std::span<double> v) const override {
+    for (std::size_t j = 0; j < joints_.size(); ++j) {
+      v[j] = joints_[j].variation(from - begin_s_, to - begin_s_);
+    }
+  }
+
+ private:
+  double begin_s_ = 0.0;
+  std::vector<Cubic> joints_;
+};
+
+}  // namespace sidestep

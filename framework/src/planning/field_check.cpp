@@ -1,0 +1,259 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include <sidestep/planning/validity_check.hpp>
+
+#include "clearance_prover.hpp"
+#include "cubic_motion.hpp"
+#include "violation_ledger.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr int kMaxSteps = 4096;  // checks between two support states to start with
+
+/// Collects what the prover finds into a verdict.
+class VerdictBuilder final : public ClearanceProver::Listener {
+ public:
+  explicit VerdictBuilder(const ClearanceProver& prover) : prover_(prover) {}
+
+  bool on_reading(double t, int item, const ClearanceReading& reading) override {
+    if (prover_.violates(item, reading)) ledger_.add(violation_of(prover_, item, reading, t));
+    if (item >= prover_.sphere_count()) {
+      min_self_clearance_m_ = std::min(min_self_clearance_m_, reading.clearance_m);
+      return true;
+    }
+    ++sphere_checks_;
+    if (reading.status == FieldStatus::kUnknown) ++unknown_checks_;
+    if (reading.clearance_m < min_clearance_m_) {
+      min_clearance_m_ = reading.clearance_m;
+      min_clearance_item_ = item;
+      min_clearance_time_s_ = t;
+    }
+    return true;
+  }
+  bool on_unproven(double t, int item, double shortfall_m) override {
+    ledger_.add(unproven(prover_, item, shortfall_m, t));
+    return true;
+  }
+  ViolationLedger& ledger() noexcept { return ledger_; }
+
+  [[nodiscard]] Verdict verdict() const {
+    Verdict verdict;
+    verdict.violations = ledger_.sorted();
+    verdict.outcome = Verdict::Outcome::kValid;
+    if (!verdict.violations.empty()) {
+      const bool is_proven = verdict.violations.front().kind != Violation::Kind::kUnproven;
+      verdict.outcome = is_proven ? Verdict::Outcome::kInvalid : Verdict::Outcome::kUnknown;
+    }
+    const RobotDescription& robot = prover_.robot().description();
+    verdict.min_clearance_m = min_clearance_m_;
+    verdict.min_self_clearance_m = min_self_clearance_m_;
+    if (min_clearance_item_ >= 0) {
+      const int link = robot.spheres[static_cast<std::size_t>(min_clearance_item_)].link;
+      verdict.min_clearance_link = robot.links[static_cast<std::size_t>(link)].name;
+      verdict.min_clearance_time_s = min_clearance_time_s_;
+    }
+    if (sphere_checks_ > 0) {
+      verdict.unknown_share =
+          static_cast<double>(unknown_checks_) / static_cast<double>(sphere_checks_);
+    }
+    return verdict;
+  }
+
+ private:
+  const ClearanceProver& prover_;
+  ViolationLedger ledger_;
+  double min_clearance_m_ = std::numeric_limits<double>::infinity();
+  int min_clearance_item_ = -1;
+  double min_clearance_time_s_ = 0.0;
+  double min_self_clearance_m_ = std::numeric_limits<double>::infinity();
+  std::int64_t sphere_checks_ = 0;
+  std::int64_t unknown_checks_ = 0;
+};
+
+class FieldCheck final : public ValidityCheck {
+ public:
+  FieldCheck(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
+             SpacePolicy space, FieldCheckSettings settings)
+      : robot_(std::move(robot)),
+        prover_(robot_, std::move(field), space, settings.margin_m),
+        settings_(settings) {}
+
+  [[nodiscard]] Result<Verdict> check(const Trajectory& trajectory, double from_s,
+                                      const Deadline& deadline) const override;
+
+ private:
+  [[nodiscard]] Result<void> validate(const Trajectory& trajectory, double from_s) const;
+  void check_limits(const CubicMotion& motion, double from_s, double to_s,
+                    ViolationLedger& ledger) const;
+  void check_state_limits(const Trajectory& trajectory, int state, ViolationLedger& ledger) const;
+  void check_position(std::size_t joint, double position, double time_s,
+                      ViolationLedger& ledger) const;
+  void check_velocity(std::size_t joint, double velocity, double time_s,
+                      ViolationLedger& ledger) const;
+  [[nodiscard]] Error late(const Trajectory& trajectory, double time_s) const;
+
+  std::shared_ptr<const RobotModel> robot_;
+  ClearanceProver prover_;
+  FieldCheckSettings settings_;
+};
+
+/// A motion that stands still.
+class Rest final : public Motion {
+ public:
+  explicit Rest(std::span<const double> q) : q_(q) {}
+  void configuration(double, std::span<double> q) const override {
+    std::copy(q_.begin(), q_.end(), q.begin());
+  }
+  void variation(double, double, std::span<double> v) const override {
+    std::fill(v.begin(), v.end(), 0.0);
+  }
+
+ private:
+  std::span<const double> q_;
+};
+
+Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
+                                  const Deadline& deadline) const {
+  if (auto sound = validate(trajectory, from_s); !sound) {
+    return tl::make_unexpected(std::move(sound.error()));
+  }
+  const std::size_t dof = static_cast<std::size_t>(trajectory.dof);
+  const std::size_t spheres = static_cast<std::size_t>(prover_.sphere_count());
+  const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
+  const auto workspace = prover_.make_workspace();
+  VerdictBuilder builder(prover_);
+  Scratch scratch;
+  CubicMotion motion;
+  std::vector<double> variation(dof);
+  std::vector<double> levers(spheres * dof);
+  std::vector<Eigen::Vector3d> centres(spheres);
+  std::vector<Eigen::Vector3d> jacobians(spheres * dof);
+
+  if (begin_s >= trajectory.duration_s()) {
+    const int last = trajectory.size() - 1;
+    check_state_limits(trajectory, last, builder.ledger());
+    const Rest rest(trajectory.q(last));
+    const ClearanceProver::Request request{rest, begin_s, begin_s, 0, levers, settings_.min_step_m};
+    if (prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kFinished) {
+      return tl::make_unexpected(late(trajectory, begin_s));
+    }
+    return builder.verdict();
+  }
+  for (int i = 0; i + 1 < trajectory.size(); ++i) {
+    const double from = std::max(begin_s, trajectory.times_s[static_cast<std::size_t>(i)]);
+    const double to = trajectory.times_s[static_cast<std::size_t>(i) + 1];
+    if (to <= begin_s) continue;
+    motion.set(trajectory, i);
+    check_limits(motion, from, to, builder.ledger());
+    motion.variation(motion.begin_s(), to, variation);
+    robot_->sphere_jacobians(trajectory.q(i), centres, jacobians, scratch);
+    prover_.bounds().local_levers(jacobians, variation, levers);
+    double way_m = 0.0;
+    for (int s = 0; s < prover_.sphere_count(); ++s) {
+      way_m = std::max(way_m, prover_.way_m(s, levers, variation));
+    }
+    const double steps = std::ceil(way_m / settings_.max_step_m);
+    const ClearanceProver::Request request{
+        motion, from,
+        to,     steps < kMaxSteps ? std::max(1, static_cast<int>(steps)) : kMaxSteps,
+        levers, settings_.min_step_m};
+    if (prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kFinished) {
+      return tl::make_unexpected(late(trajectory, from));
+    }
+  }
+  return builder.verdict();
+}
+
+Result<void> FieldCheck::validate(const Trajectory& trajectory, double from_s) const {
+  const int dof = robot_->description().dof();
+  if (trajectory.dof != dof) {
+    return fail(ErrorCode::kInvalidArgument, "the trajectory moves " +
+                                                 std::to_string(trajectory.dof) +
+                                                 " joints, the robot has " + std::to_string(dof));
+  }
+  if (auto sound = trajectory.validate(); !sound) return sound;
+  if (trajectory.size() == 0) return fail(ErrorCode::kInvalidArgument, "the trajectory is empty");
+  if (std::isnan(from_s)) {
+    return fail(ErrorCode::kInvalidArgument, "the time to check from is not a number");
+  }
+  return {};
+}
+
+void FieldCheck::check_position(std::size_t joint, double position, double time_s,
+                                ViolationLedger& ledger) const {
+  const Joint& limits = robot_->description().joints[joint];
+  const double tolerance = settings_.limit_tolerance;
+  if (position >= limits.lower - tolerance && position <= limits.upper + tolerance) return;
+  const bool is_low = position < limits.lower;
+  const double limit = is_low ? limits.lower : limits.upper;
+  ledger.add({.kind = Violation::Kind::kPositionLimit,
+              .subject = limits.name,
+              .other = limit_name(limits, is_low ? "lower limit" : "upper limit", limit, false),
+              .time_s = time_s,
+              .amount = std::abs(position - limit)});
+}
+
+void FieldCheck::check_velocity(std::size_t joint, double velocity, double time_s,
+                                ViolationLedger& ledger) const {
+  const Joint& limits = robot_->description().joints[joint];
+  const double limit = settings_.speed_fraction * limits.max_velocity;
+  if (std::abs(velocity) <= limit + settings_.limit_tolerance) return;
+  ledger.add({.kind = Violation::Kind::kVelocityLimit,
+              .subject = limits.name,
+              .other = limit_name(limits, "velocity limit", limit, true),
+              .time_s = time_s,
+              .amount = std::abs(velocity) - limit});
+}
+
+void FieldCheck::check_limits(const CubicMotion& motion, double from_s, double to_s,
+                              ViolationLedger& ledger) const {
+  const double begin = from_s - motion.begin_s();
+  const double end = to_s - motion.begin_s();
+  for (std::size_t j = 0; j < motion.joints().size(); ++j) {
+    const Cubic& cubic = motion.joints()[j];
+    const auto within = [&](double s) { return s > begin && s < end; };
+    for (const double s : {begin, end}) {
+      check_position(j, cubic.position(s), motion.begin_s() + s, ledger);
+      check_velocity(j, cubic.velocity(s), motion.begin_s() + s, ledger);
+    }
+    for (const double s : cubic.turning_points()) {
+      if (within(s)) check_position(j, cubic.position(s), motion.begin_s() + s, ledger);
+    }
+    const double s = cubic.inflection();
+    if (within(s)) check_velocity(j, cubic.velocity(s), motion.begin_s() + s, ledger);
+  }
+}
+
+void FieldCheck::check_state_limits(const Trajectory& trajectory, int state,
+                                    ViolationLedger& ledger) const {
+  const double time_s = trajectory.times_s[static_cast<std::size_t>(state)];
+  for (std::size_t j = 0; j < static_cast<std::size_t>(trajectory.dof); ++j) {
+    check_position(j, trajectory.q(state)[j], time_s, ledger);
+    check_velocity(j, trajectory.qdot(state)[j], time_s, ledger);
+  }
+}
+
+Error FieldCheck::late(const Trajectory& trajectory, double time_s) const {
+  return Error{ErrorCode::kDeadlineExceeded,
+               "the validity check ran out of time " + std::to_string(time_s) + " s into " +
+                   std::to_string(trajectory.duration_s()) + " s of motion",
+               {},
+               {},
+               nullptr};
+}
+
+}  // namespace
+
+std::unique_ptr<ValidityCheck> make_field_check(std::shared_ptr<const RobotModel> robot,
+                                                std::shared_ptr<const DistanceField> field,
+                                                SpacePolicy space, FieldCheckSettings settings) {
+  return std::make_unique<FieldCheck>(std::move(robot), std::move(field), space, settings);
+}
+
+}  // namespace sidestep

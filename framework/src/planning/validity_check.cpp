@@ -1,0 +1,188 @@
+#include <sidestep/planning/validity_check.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+#include "clearance_prover.hpp"
+#include "violation_ledger.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr std::size_t kDescribed = 3;
+
+std::string number(double value, const char* format) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+std::string metres(double value) { return number(value, "%.3f m"); }
+
+/// Metres by which a violation of a kind that is measured in metres fails, for sorting.
+bool is_worse(const Violation& a, const Violation& b) {
+  if (a.kind != b.kind) return a.kind < b.kind;
+  return a.amount > b.amount;
+}
+
+const std::string& link_name(const RobotDescription& robot, int link) {
+  return robot.links[static_cast<std::size_t>(link)].name;
+}
+
+}  // namespace
+
+std::string_view to_string(Violation::Kind kind) noexcept {
+  switch (kind) {
+    case Violation::Kind::kCollision: return "collision";
+    case Violation::Kind::kSelfCollision: return "self_collision";
+    case Violation::Kind::kPositionLimit: return "position_limit";
+    case Violation::Kind::kVelocityLimit: return "velocity_limit";
+    case Violation::Kind::kUnproven: return "unproven";
+  }
+  return "unproven";
+}
+
+std::string_view to_string(Verdict::Outcome outcome) noexcept {
+  switch (outcome) {
+    case Verdict::Outcome::kValid: return "valid";
+    case Verdict::Outcome::kInvalid: return "invalid";
+    case Verdict::Outcome::kUnknown: return "unknown";
+  }
+  return "unknown";
+}
+
+std::string Violation::what() const {
+  switch (kind) {
+    case Kind::kCollision:
+    case Kind::kSelfCollision:
+      return subject + " is " + metres(amount) + " inside " +
+             (other.empty() ? "an obstacle" : other);
+    case Kind::kPositionLimit:
+    case Kind::kVelocityLimit:
+      return subject + " is " + number(amount, "%.3g") + " beyond " +
+             (other.empty() ? "its limit" : other);
+    case Kind::kUnproven:
+      return subject + " could not be shown clear of " + (other.empty() ? "obstacles" : other);
+  }
+  return subject;
+}
+
+std::string Violation::describe() const { return what() + number(time_s, " at %.2f s"); }
+
+std::string Verdict::describe() const {
+  if (valid()) {
+    return std::isfinite(min_clearance_m) ? "valid, " + metres(min_clearance_m) + " clear"
+                                          : "valid, nothing near";
+  }
+  std::string text = outcome == Outcome::kInvalid ? "invalid" : "not shown to be valid";
+  for (std::size_t i = 0; i < std::min(kDescribed, violations.size()); ++i) {
+    text += (i == 0 ? ": " : "; ") + violations[i].describe();
+  }
+  if (violations.size() > kDescribed) {
+    text += "; and " + std::to_string(violations.size() - kDescribed) + " more";
+  }
+  return text;
+}
+
+void ViolationLedger::add(Violation violation) {
+  for (Violation& known : violations_) {
+    if (known.kind != violation.kind || known.subject != violation.subject) continue;
+    if (is_worse(violation, known)) known = std::move(violation);
+    return;
+  }
+  violations_.push_back(std::move(violation));
+}
+
+std::vector<Violation> ViolationLedger::sorted() const {
+  std::vector<Violation> sorted = violations_;
+  std::stable_sort(sorted.begin(), sorted.end(), is_worse);
+  return sorted;
+}
+
+Violation violation_of(const ClearanceProver& prover, int item, const ClearanceReading& reading,
+                       double time_s) {
+  const RobotDescription& robot = prover.robot().description();
+  Violation violation;
+  violation.time_s = time_s;
+  violation.amount = prover.required_m(item) - reading.clearance_m;
+  if (item >= prover.sphere_count()) {
+    const auto [first, second] =
+        robot.self_collision_pairs[static_cast<std::size_t>(item - prover.sphere_count())];
+    violation.kind = Violation::Kind::kSelfCollision;
+    violation.subject = link_name(robot, second);
+    violation.other = link_name(robot, first);
+    return violation;
+  }
+  violation.kind = Violation::Kind::kCollision;
+  violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
+  if (reading.status == FieldStatus::kOutside) {
+    violation.other = "the space outside the map";
+  } else if (reading.status == FieldStatus::kUnknown &&
+             prover.space().unknown == Space::kOccupied) {
+    violation.other = "unknown space";
+  } else if (reading.clearance_m >= 0.0) {
+    violation.other = "the margin of an obstacle";
+  } else {
+    violation.other = "an obstacle";
+    violation.amount = -reading.clearance_m;
+  }
+  return violation;
+}
+
+Violation unproven(const ClearanceProver& prover, int item, double shortfall_m, double time_s) {
+  const RobotDescription& robot = prover.robot().description();
+  Violation violation;
+  violation.kind = Violation::Kind::kUnproven;
+  violation.time_s = time_s;
+  violation.amount = shortfall_m;
+  if (item >= prover.sphere_count()) {
+    const auto [first, second] =
+        robot.self_collision_pairs[static_cast<std::size_t>(item - prover.sphere_count())];
+    violation.subject = link_name(robot, second);
+    violation.other = link_name(robot, first);
+  } else {
+    violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
+    violation.other = "obstacles";
+  }
+  return violation;
+}
+
+std::string limit_name(const Joint& joint, std::string_view which, double value, bool is_velocity) {
+  const char* unit = joint.type == Joint::Type::kPrismatic ? " m" : " rad";
+  return "its " + std::string(which) + " of " + number(value, "%.4g") + unit +
+         (is_velocity ? "/s" : "");
+}
+
+std::optional<Violation> state_violation(const std::shared_ptr<const RobotModel>& robot,
+                                         const std::shared_ptr<const DistanceField>& field,
+                                         const SpacePolicy& space, double margin_m,
+                                         std::span<const double> q) {
+  const std::vector<Joint>& joints = robot->description().joints;
+  ViolationLedger ledger;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const double position = j < q.size() ? q[j] : std::nan("");
+    const bool is_low = position < joints[j].lower;
+    if (!is_low && position <= joints[j].upper) continue;
+    const double limit = is_low ? joints[j].lower : joints[j].upper;
+    ledger.add(
+        {.kind = Violation::Kind::kPositionLimit,
+         .subject = joints[j].name,
+         .other = limit_name(joints[j], is_low ? "lower limit" : "upper limit", limit, false),
+         .amount = std::abs(position - limit)});
+    if (!std::isfinite(position)) return ledger.sorted().front();
+  }
+  const ClearanceProver prover(robot, field, space, margin_m);
+  const auto workspace = prover.make_workspace();
+  std::vector<ClearanceReading> readings(static_cast<std::size_t>(prover.item_count()));
+  prover.read(q, readings, *workspace);
+  for (int item = 0; item < prover.item_count(); ++item) {
+    const ClearanceReading& reading = readings[static_cast<std::size_t>(item)];
+    if (prover.violates(item, reading)) ledger.add(violation_of(prover, item, reading, 0.0));
+  }
+  if (ledger.empty()) return std::nullopt;
+  return ledger.sorted().front();
+}
+
+}  // namespace sidestep

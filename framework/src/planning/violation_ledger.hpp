@@ -1,0 +1,35 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <sidestep/planning/validity_check.hpp>
+
+#include "clearance_prover.hpp"
+
+namespace sidestep {
+
+/// Keeps the worst violation of each subject and kind, and turns them into a verdict.
+class ViolationLedger {
+ public:
+  void add(Violation violation);
+  [[nodiscard]] bool empty() const noexcept { return violations_.empty(); }
+  /// Worst first: collisions, self-collisions, limits, unproven; the larger amount first.
+  [[nodiscard]] std::vector<Violation> sorted() const;
+
+ private:
+  std::vector<Violation> violations_;
+};
+
+/// The violation that a reading of a sphere or of a pair of links amounts to.
+[[nodiscard]] Violation violation_of(const ClearanceProver& prover, int item,
+                                     const ClearanceReading& reading, double time_s);
+/// An item whose motion could not be shown clear.
+[[nodiscard]] Violation unproven(const ClearanceProver& prover, int item, double shortfall_m,
+                                 double time_s);
+
+/// "its upper limit of 2.617 rad" and the like.
+[[nodiscard]] std::string limit_name(const Joint& joint, std::string_view which, double value,
+                                     bool is_velocity);
+
+}  // namespace sidestep
