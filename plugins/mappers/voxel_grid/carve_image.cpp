@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "counts.hpp"
+#include <sidestep/mapping/ray_ends.hpp>
 
 namespace sidestep::voxel_grid {
 namespace {
@@ -67,13 +67,15 @@ IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
         row.along_vox[c] = static_cast<float>(rotation_vox(c, 1) * y + rotation_vox(c, 2));
       }
       if (!balls_.empty()) mask_self(image, v);
-      add(counts[static_cast<std::size_t>(tile_v)], read_row(image, v, row, hits));
+      add_counts(counts[static_cast<std::size_t>(tile_v)], read_row(image, v, row, hits));
     }
     reduce_tiles(camera, tile_v);
   });
   farthest_m_ = 0.0F;
   for (const Bounds& tile : tiles_) farthest_m_ = std::max(farthest_m_, tile.greatest_m);
-  return sum(counts);
+  IntegrationCounts all;
+  for (const IntegrationCounts& part : counts) add_counts(all, part);
+  return all;
 }
 
 IntegrationCounts CarveImage::read_row(const DepthImage& image, int v, PixelRow row,

@@ -14,6 +14,7 @@
 #else
 #define SIDESTEP_KERNEL
 #endif
+// Clones have internal linkage, or their resolvers would be visible symbols of the plugin.
 #define SIDESTEP_INLINE [[gnu::always_inline]] inline
 
 namespace sidestep::voxel_grid {
@@ -102,12 +103,10 @@ SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], s
   for (int i = 0; i < kLanes; ++i) delta[i] = static_cast<std::int16_t>(change[i]);
 }
 
-}  // namespace
-
 SIDESTEP_KERNEL
-BlockOutcome integrate_projected(const Projection& projection, const LogOdds& model,
-                                 const BlockRows& block, const float (&base)[3],
-                                 int first_surface_layer, const std::uint16_t (&hits)[kBlockRows]) {
+BlockOutcome projected(const Projection& projection, const LogOdds& model, const BlockRows& block,
+                       const float (&base)[3], int first_surface_layer,
+                       const std::uint16_t (&hits)[kBlockRows]) {
   bool changed = false;
   for (int z = 0; z < block.nz; ++z) {
     const std::int16_t surface_hit = z >= first_surface_layer ? model.hit : std::int16_t{0};
@@ -130,7 +129,7 @@ BlockOutcome integrate_projected(const Projection& projection, const LogOdds& mo
 }
 
 SIDESTEP_KERNEL
-BlockOutcome integrate_free(const LogOdds& model, const BlockRows& block) {
+BlockOutcome free_block(const LogOdds& model, const BlockRows& block) {
   alignas(64) std::int16_t delta[kLanes];
   for (int i = 0; i < kLanes; ++i) delta[i] = i < block.nx ? model.miss : std::int16_t{0};
   bool changed = false;
@@ -148,9 +147,9 @@ BlockOutcome integrate_free(const LogOdds& model, const BlockRows& block) {
 }
 
 SIDESTEP_KERNEL
-BlockOutcome integrate_marked(const LogOdds& model, const BlockRows& block,
-                              const std::uint16_t (&hits)[kBlockRows],
-                              const std::uint16_t (&misses)[kBlockRows]) {
+BlockOutcome marked(const LogOdds& model, const BlockRows& block,
+                    const std::uint16_t (&hits)[kBlockRows],
+                    const std::uint16_t (&misses)[kBlockRows]) {
   bool changed = false;
   for (int z = 0; z < block.nz; ++z) {
     for (int y = 0; y < block.ny; ++y) {
@@ -169,7 +168,7 @@ BlockOutcome integrate_marked(const LogOdds& model, const BlockRows& block,
 }
 
 SIDESTEP_KERNEL
-void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
+void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   constexpr auto kInsert = static_cast<std::int32_t>(PointFate::kInsert);
   constexpr auto kFloor = static_cast<std::int32_t>(PointFate::kFloor);
   constexpr auto kOutOfRange = static_cast<std::int32_t>(PointFate::kOutOfRange);
@@ -215,6 +214,28 @@ void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& f
     fates.in_grid[i] = 0;
     row.carve_m[i] = 0.0F;
   }
+}
+
+}  // namespace
+
+BlockOutcome integrate_projected(const Projection& projection, const LogOdds& model,
+                                 const BlockRows& block, const float (&base)[3],
+                                 int first_surface_layer, const std::uint16_t (&hits)[kBlockRows]) {
+  return projected(projection, model, block, base, first_surface_layer, hits);
+}
+
+BlockOutcome integrate_free(const LogOdds& model, const BlockRows& block) {
+  return free_block(model, block);
+}
+
+BlockOutcome integrate_marked(const LogOdds& model, const BlockRows& block,
+                              const std::uint16_t (&hits)[kBlockRows],
+                              const std::uint16_t (&misses)[kBlockRows]) {
+  return marked(model, block, hits, misses);
+}
+
+void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
+  classify(row, rules, fates);
 }
 
 }  // namespace sidestep::voxel_grid

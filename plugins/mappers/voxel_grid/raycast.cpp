@@ -4,43 +4,14 @@
 #include <bit>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "block_rows.hpp"
-#include "counts.hpp"
 
 namespace sidestep::voxel_grid {
 namespace {
 
 constexpr int kRaysAtOnce = 64;
-constexpr int kPointsAtOnce = 2048;
-
-/// The part [enter, leave] of from + t * (to - from), 0 <= t <= 1, inside the box [0, upper].
-struct Clip {
-  double enter;
-  double leave;
-};
-std::optional<Clip> clip(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
-                         const Eigen::Vector3d& upper) {
-  Clip part{0.0, 1.0};
-  for (int axis = 0; axis < 3; ++axis) {
-    const double along = to[axis] - from[axis];
-    if (along == 0.0) {
-      if (from[axis] < 0.0 || from[axis] >= upper[axis]) return std::nullopt;
-      continue;
-    }
-    const double a = (0.0 - from[axis]) / along;
-    const double b = (upper[axis] - from[axis]) / along;
-    part.enter = std::max(part.enter, std::min(a, b));
-    part.leave = std::min(part.leave, std::max(a, b));
-  }
-  if (part.enter >= part.leave) return std::nullopt;
-  return part;
-}
-
-Eigen::Vector3i voxel_of(const Eigen::Vector3d& p_vox, const Eigen::Vector3i& size_vox) {
-  return p_vox.array().floor().cast<int>().max(0).min(size_vox.array() - 1).matrix();
-}
+constexpr std::size_t kPointsAtOnce = 2048;
 
 }  // namespace
 
@@ -55,104 +26,35 @@ RaycastIntegrator::RaycastIntegrator(const VoxelGridOptions& options, LogOddsGri
       free_ends_(options.grid()) {}
 
 IntegrationCounts RaycastIntegrator::integrate(const Frame& frame, const SelfFilter& self) {
-  const auto* image = std::get_if<DepthImage>(&frame.measurement);
-  const IntegrationCounts counts =
-      image != nullptr ? add_image(frame, *image, self)
-                       : add_cloud(frame, std::get<PointCloud>(frame.measurement), self);
+  const RayEnds ends(map_.spec(), rules_, clear_no_return_, self, frame);
+  const std::size_t chunks = (ends.size() + kPointsAtOnce - 1) / kPointsAtOnce;
+  std::vector<IntegrationCounts> counts(chunks);
+  workers_.run(static_cast<int>(chunks), [&](int chunk) {
+    const std::size_t begin = static_cast<std::size_t>(chunk) * kPointsAtOnce;
+    counts[static_cast<std::size_t>(chunk)] =
+        mark_ends(ends, begin, std::min(begin + kPointsAtOnce, ends.size()));
+  });
   gather_rays();
-  const Eigen::Vector3d camera_vox =
-      (frame.T_world_camera.translation() - map_.spec().origin_m) / map_.spec().resolution_m;
+  const Eigen::Vector3d camera_vox = ends.camera_vox();
   workers_.run_banded(static_cast<int>(rays_.size()), kRaysAtOnce, [&](int begin, int end) {
     for (int r = begin; r < end; ++r) walk(camera_vox, rays_[static_cast<std::size_t>(r)]);
   });
   update_map();
+  IntegrationCounts all;
+  for (const IntegrationCounts& part : counts) add_counts(all, part);
+  return all;
+}
+
+IntegrationCounts RaycastIntegrator::mark_ends(const RayEnds& ends, std::size_t begin,
+                                               std::size_t end) {
+  IntegrationCounts counts;
+  for (std::size_t index = begin; index < end; ++index) {
+    const auto ray = ends.at(index, counts);
+    if (!ray) continue;
+    const Eigen::Vector3i voxel = nearest_voxel(map_.spec(), ray->p_vox);
+    (ray->hit ? hits_ : free_ends_).insert(voxel.x(), voxel.y(), voxel.z());
+  }
   return counts;
-}
-
-IntegrationCounts RaycastIntegrator::add_image(const Frame& frame, const DepthImage& image,
-                                               const SelfFilter& self) {
-  const CameraIntrinsics& camera = image.camera;
-  std::vector<IntegrationCounts> counts(static_cast<std::size_t>(camera.height_px));
-  workers_.run(camera.height_px, [&](int v) {
-    IntegrationCounts row;
-    for (int u = 0; u < camera.width_px; ++u) {
-      const float depth_m = image.at(u, v);
-      if (depth_m > 0.0F) {
-        add_point(frame, self, camera.unproject(u, v, static_cast<double>(depth_m)), row);
-        continue;
-      }
-      ++row.invalid;
-      if (!clear_no_return_ || depth_m != 0.0F) continue;
-      const Eigen::Vector3d ray = camera.unproject(u, v, 1.0);
-      add_free(frame.T_world_camera.translation(),
-               frame.T_world_camera * Eigen::Vector3d(ray.normalized() * rules_.max_range_m));
-    }
-    counts[static_cast<std::size_t>(v)] = row;
-  });
-  return sum(counts);
-}
-
-IntegrationCounts RaycastIntegrator::add_cloud(const Frame& frame, const PointCloud& cloud,
-                                               const SelfFilter& self) {
-  const std::size_t size = cloud.points_m.size();
-  const std::size_t chunks = (size + kPointsAtOnce - 1) / kPointsAtOnce;
-  std::vector<IntegrationCounts> counts(chunks);
-  workers_.run(static_cast<int>(chunks), [&](int chunk) {
-    const std::size_t begin = static_cast<std::size_t>(chunk) * kPointsAtOnce;
-    const std::size_t end = std::min(begin + kPointsAtOnce, size);
-    IntegrationCounts part;
-    for (std::size_t p = begin; p < end; ++p) {
-      add_point(frame, self, cloud.points_m[p].cast<double>(), part);
-    }
-    counts[static_cast<std::size_t>(chunk)] = part;
-  });
-  return sum(counts);
-}
-
-void RaycastIntegrator::add_point(const Frame& frame, const SelfFilter& self,
-                                  const Eigen::Vector3d& p_camera, IntegrationCounts& counts) {
-  const Eigen::Vector3d p_world = frame.T_world_camera * p_camera;
-  const PointFate fate = rules_.fate(p_camera, p_world);
-  if (fate == PointFate::kInvalid) {
-    ++counts.invalid;
-    return;
-  }
-  ++counts.points;
-  if (self.contains(p_world)) {
-    ++counts.self;
-    return;
-  }
-  const Eigen::Vector3d& from_world = frame.T_world_camera.translation();
-  if (fate == PointFate::kFloor) {
-    ++counts.floor;
-    add_free(from_world, p_world);
-  } else if (fate == PointFate::kOutOfRange) {
-    ++counts.out_of_range;
-    const double share = rules_.max_range_m / p_camera.norm();
-    add_free(from_world, from_world + share * (p_world - from_world));
-  } else {
-    const Eigen::Vector3d p_vox = (p_world - map_.spec().origin_m) / map_.spec().resolution_m;
-    if ((p_vox.array() >= 0.0).all() &&
-        (p_vox.array() < map_.spec().size_vox.cast<double>().array()).all()) {
-      ++counts.inserted;
-      const Eigen::Vector3i voxel = p_vox.cast<int>();
-      hits_.insert(voxel.x(), voxel.y(), voxel.z());
-    } else {
-      ++counts.outside_grid;
-      add_free(from_world, p_world);
-    }
-  }
-}
-
-void RaycastIntegrator::add_free(const Eigen::Vector3d& from_world,
-                                 const Eigen::Vector3d& to_world) {
-  const GridSpec& grid = map_.spec();
-  const Eigen::Vector3d from = (from_world - grid.origin_m) / grid.resolution_m;
-  const Eigen::Vector3d to = (to_world - grid.origin_m) / grid.resolution_m;
-  const auto part = clip(from, to, grid.size_vox.cast<double>());
-  if (!part) return;
-  const Eigen::Vector3i last = voxel_of(from + part->leave * (to - from), grid.size_vox);
-  free_ends_.insert(last.x(), last.y(), last.z());
 }
 
 void RaycastIntegrator::gather_rays() {
@@ -183,12 +85,11 @@ void RaycastIntegrator::gather_block(const Eigen::Vector3i& block) {
 }
 
 void RaycastIntegrator::walk(const Eigen::Vector3d& camera_vox, const Ray& ray) {
-  const Eigen::Vector3i& size = map_.spec().size_vox;
   const Eigen::Vector3d to = ray.end.cast<double>() + Eigen::Vector3d::Constant(0.5);
-  const auto part = clip(camera_vox, to, size.cast<double>());
+  const auto part = clip_to_box(camera_vox, to, map_.spec().size_vox.cast<double>());
   if (!part) return;
   const Eigen::Vector3d along = to - camera_vox;
-  Eigen::Vector3i voxel = voxel_of(camera_vox + part->enter * along, size);
+  Eigen::Vector3i voxel = nearest_voxel(map_.spec(), camera_vox + part->enter * along);
   Eigen::Vector3i step;
   Eigen::Vector3d next;   // parameter at which the ray leaves the voxel along each axis
   Eigen::Vector3d delta;  // parameter from one plane of voxels to the next

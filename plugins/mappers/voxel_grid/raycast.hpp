@@ -4,8 +4,7 @@
 #include <vector>
 
 #include <sidestep/core/worker_pool.hpp>
-#include <sidestep/mapping/mapper.hpp>
-#include <sidestep/mapping/self_filter.hpp>
+#include <sidestep/mapping/ray_ends.hpp>
 
 #include "log_odds_grid.hpp"
 #include "options.hpp"
@@ -28,11 +27,7 @@ class RaycastIntegrator {
     Eigen::Vector3i end;
     bool end_is_free;
   };
-  void add_point(const Frame& frame, const SelfFilter& self, const Eigen::Vector3d& p_camera,
-                 IntegrationCounts& counts);
-  void add_free(const Eigen::Vector3d& from_world, const Eigen::Vector3d& to_world);
-  IntegrationCounts add_image(const Frame& frame, const DepthImage& image, const SelfFilter& self);
-  IntegrationCounts add_cloud(const Frame& frame, const PointCloud& cloud, const SelfFilter& self);
+  IntegrationCounts mark_ends(const RayEnds& ends, std::size_t begin, std::size_t end);
   void gather_rays();
   void gather_block(const Eigen::Vector3i& block);
   void walk(const Eigen::Vector3d& camera_vox, const Ray& ray);

@@ -40,10 +40,15 @@ class SIDESTEP_EXPORT OccupancyView {
 };
 
 /// A view that a Mapper may offer: its OctoMap. Valid until the next integrate(). [mapping]
+///
+/// The tree's change detection is on. integrate() starts by resetting it, so that afterwards it
+/// holds the changes of the newest frame and no others. Whoever consumes the view may read and
+/// reset them (DynamicEDTOctomap does), but must leave change detection on and the tree's
+/// nodes as they are; the mapper relies on neither after integrate() has returned.
 class SIDESTEP_EXPORT OctreeView {
  public:
   virtual ~OctreeView() = default;
-  /// Not const: OctoMap's own change tracking needs resetting by whoever consumes it.
+  /// Not const: resetting the change detection is up to the consumer.
   [[nodiscard]] virtual octomap::OcTree& octree() noexcept = 0;
 };
 
