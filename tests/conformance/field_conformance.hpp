@@ -1,0 +1,343 @@
+#pragma once
+
+#include <atomic>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <ostream>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/core/worker_pool.hpp>
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/mapping/field_builder.hpp>
+
+#include "conformance/grid_map.hpp"
+
+/// What every field must do, as tests that run on yours. In one .cpp of a test program:
+///
+///     INSTANTIATE_TEST_SUITE_P(my_field, FieldConformance, testing::Values(FieldCase{...}));
+///
+/// Values are compared with a search over all obstacles, with the distance to a ball known in
+/// closed form, and gradients with finite differences.
+namespace sidestep::conformance {
+
+struct FieldCase {
+  std::string name;
+  /// A new builder that works with these threads. `workers` outlives it.
+  std::function<std::unique_ptr<FieldBuilder>(WorkerPool& workers)> create;
+  /// A map of the kind that the field reads.
+  std::function<std::unique_ptr<GridMap>(const GridSpec& grid)> create_map =
+      [](const GridSpec& grid) { return std::make_unique<GridMap>(grid); };
+  bool is_signed = false;
+  bool unknown_is_occupied = false;
+  double max_distance_m = std::numeric_limits<double>::infinity();
+  /// Largest error that the field states against the exact transform; 0: equal as float.
+  double max_error_m = 0.0;
+};
+
+inline void PrintTo(const FieldCase& field, std::ostream* out) { *out << field.name; }
+
+/// Distances by searching all obstacles.
+class BruteForce {
+ public:
+  BruteForce(const GridMap& map, const FieldCase& field) : grid_(map.grid()), field_(field) {
+    const Eigen::Vector3i& size = grid_.size_vox;
+    for (int z = 0; z < size.z(); ++z) {
+      for (int y = 0; y < size.y(); ++y) {
+        for (int x = 0; x < size.x(); ++x) {
+          const Eigen::Vector3i voxel(x, y, z);
+          const bool unknown = field.unknown_is_occupied && !map.known().at(grid_, voxel);
+          (map.occupied().at(grid_, voxel) || unknown ? obstacles_ : free_).push_back(voxel);
+        }
+      }
+    }
+  }
+
+  /// Nothing to compare with where there is no obstacle and no limit.
+  [[nodiscard]] bool defined() const {
+    return std::isfinite(field_.max_distance_m) || (!obstacles_.empty() && !free_.empty());
+  }
+
+  [[nodiscard]] float at(const Eigen::Vector3i& voxel) const {
+    const float outside = nearest(voxel, obstacles_);
+    return field_.is_signed ? outside - nearest(voxel, free_) : outside;
+  }
+
+ private:
+  [[nodiscard]] float nearest(const Eigen::Vector3i& voxel,
+                              const std::vector<Eigen::Vector3i>& candidates) const {
+    int best = std::numeric_limits<int>::max();
+    for (const Eigen::Vector3i& candidate : candidates) {
+      best = std::min(best, (candidate - voxel).squaredNorm());
+    }
+    const auto limit = static_cast<float>(field_.max_distance_m);
+    if (best == std::numeric_limits<int>::max()) return limit;
+    return std::min(limit,
+                    static_cast<float>(grid_.resolution_m * std::sqrt(static_cast<double>(best))));
+  }
+
+  GridSpec grid_;
+  const FieldCase& field_;
+  std::vector<Eigen::Vector3i> obstacles_, free_;
+};
+
+class FieldConformance : public testing::TestWithParam<FieldCase> {
+ protected:
+  static GridSpec grid(int x, int y, int z) {
+    GridSpec grid;
+    grid.resolution_m = 0.05;
+    grid.origin_m = Eigen::Vector3d(-0.5, 0.25, -0.1);
+    grid.size_vox = {x, y, z};
+    return grid;
+  }
+
+  void attach(const GridSpec& grid) {
+    map_ = GetParam().create_map(grid);
+    builder_ = GetParam().create(workers_);
+    const auto attached = builder_->attach(*map_);
+    ASSERT_TRUE(attached) << attached.error().describe();
+  }
+
+  std::shared_ptr<const DistanceField> update() {
+    auto field = builder_->update(map_->take_update());
+    EXPECT_TRUE(field) << field.error().describe();
+    return field ? *field : nullptr;
+  }
+
+  void observe_all(bool occupied) {
+    const Eigen::Vector3i& size = map_->grid().size_vox;
+    for (int z = 0; z < size.z(); ++z) {
+      for (int y = 0; y < size.y(); ++y) {
+        for (int x = 0; x < size.x(); ++x) map_->set({x, y, z}, occupied);
+      }
+    }
+  }
+
+  /// Sets the voxels whose centres lie in a ball.
+  void set_ball(const Eigen::Vector3d& centre_m, double radius_m, bool occupied) {
+    const GridSpec& grid = map_->grid();
+    for (int z = 0; z < grid.size_vox.z(); ++z) {
+      for (int y = 0; y < grid.size_vox.y(); ++y) {
+        for (int x = 0; x < grid.size_vox.x(); ++x) {
+          if ((grid.centre_m({x, y, z}) - centre_m).norm() <= radius_m) {
+            map_->set({x, y, z}, occupied);
+          }
+        }
+      }
+    }
+  }
+
+  static double distance(const DistanceField& field, const Eigen::Vector3d& p) {
+    double d = 0.0;
+    field.query({&p, 1}, {&d, 1}, {}, {});
+    return d;
+  }
+
+  /// Values at the centres of all voxels.
+  static std::vector<double> all_values(const DistanceField& field) {
+    const GridSpec& grid = field.info().grid;
+    std::vector<Eigen::Vector3d> centres;
+    for (int z = 0; z < grid.size_vox.z(); ++z) {
+      for (int y = 0; y < grid.size_vox.y(); ++y) {
+        for (int x = 0; x < grid.size_vox.x(); ++x) centres.push_back(grid.centre_m({x, y, z}));
+      }
+    }
+    std::vector<double> values(centres.size());
+    field.query(centres, values, {}, {});
+    return values;
+  }
+
+  void expect_equals_brute_force(const DistanceField& field) {
+    const BruteForce truth(*map_, GetParam());
+    if (!truth.defined()) return;
+    const std::vector<double> values = all_values(field);
+    const Eigen::Vector3i& size = map_->grid().size_vox;
+    std::size_t n = 0;
+    for (int z = 0; z < size.z(); ++z) {
+      for (int y = 0; y < size.y(); ++y) {
+        for (int x = 0; x < size.x(); ++x, ++n) {
+          // A query at a centre rounds the position, which moves the value by about 1e-15.
+          ASSERT_NEAR(values[n], static_cast<double>(truth.at({x, y, z})),
+                      GetParam().max_error_m + 1e-12)
+              << "voxel " << x << " " << y << " " << z << " after update " << field.info().sequence;
+        }
+      }
+    }
+  }
+
+  WorkerPool workers_{2};
+  std::unique_ptr<GridMap> map_;
+  std::unique_ptr<FieldBuilder> builder_;
+};
+
+TEST_P(FieldConformance, EqualsBruteForceWhileObstaclesComeAndGo) {
+  std::mt19937 random(7);
+  const auto below = [&](int n) { return std::uniform_int_distribution<int>(0, n - 1)(random); };
+  // Sizes around the block side and the word, and one voxel wide.
+  for (const Eigen::Vector3i& size : {Eigen::Vector3i(70, 17, 5), Eigen::Vector3i(16, 33, 8),
+                                      Eigen::Vector3i(64, 1, 31), Eigen::Vector3i(12, 13, 24)}) {
+    attach(grid(size.x(), size.y(), size.z()));
+    std::vector<Eigen::Vector3i> placed;
+    for (int step = 0; step < 8; ++step) {
+      for (int i = below(25); i >= 0; --i) {
+        placed.push_back({below(size.x()), below(size.y()), below(size.z())});
+        map_->set(placed.back(), true);
+      }
+      for (int i = below(static_cast<int>(placed.size())); i > 0 && step % 2 == 1; --i) {
+        map_->set(placed.back(), false);
+        placed.pop_back();
+      }
+      const auto field = update();
+      ASSERT_TRUE(field);
+      expect_equals_brute_force(*field);
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
+TEST_P(FieldConformance, MeasuresTheDistanceToABall) {
+  attach(grid(40, 40, 40));
+  observe_all(false);
+  const Eigen::Vector3d centre = map_->grid().centre_m({20, 20, 20});
+  const double radius_m = 0.32;
+  set_ball(centre, radius_m, true);
+  const auto field = update();
+  ASSERT_TRUE(field);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> offset(-0.9, 0.9);
+  // The nearest obstacle's centre lies in the ball, at most a voxel's diagonal below its surface.
+  const double below_surface_m = map_->grid().resolution_m * std::sqrt(3.0);
+  for (int i = 0; i < 500; ++i) {
+    const Eigen::Vector3d p =
+        centre + Eigen::Vector3d(offset(random), offset(random), offset(random));
+    const double truth = (p - centre).norm() - radius_m;
+    if (truth < below_surface_m) continue;
+    const double limit = GetParam().max_distance_m;
+    const double value = distance(*field, p);
+    EXPECT_GE(value, std::min(truth, limit - below_surface_m) - GetParam().max_error_m - 1e-6);
+    EXPECT_LE(value, std::min(truth + below_surface_m, limit) + GetParam().max_error_m + 1e-6);
+  }
+}
+
+TEST_P(FieldConformance, GradientsAreTheDerivativesOfTheValues) {
+  attach(grid(32, 30, 28));
+  observe_all(false);
+  set_ball(map_->grid().centre_m({16, 15, 14}), 0.2, true);
+  const auto field = update();
+  ASSERT_TRUE(field);
+  const GridSpec& grid = map_->grid();
+  std::mt19937 random(5);
+  // Inside a cell of the interpolation, away from its faces, where the value has kinks; and in the
+  // rim beyond the outermost centres.
+  std::uniform_int_distribution<int> cell(-1, 31);
+  std::uniform_real_distribution<double> within(0.1, 0.9);
+  const double step_m = 1e-4 * grid.resolution_m;
+  for (int i = 0; i < 1000; ++i) {
+    Eigen::Vector3d p;
+    for (int axis = 0; axis < 3; ++axis) {
+      const int c = std::min(cell(random), grid.size_vox[axis] - 1);
+      p[axis] = grid.origin_m[axis] + (c + 0.5 + within(random)) * grid.resolution_m;
+    }
+    double value = 0.0;
+    Eigen::Vector3d gradient;
+    field->query({&p, 1}, {&value, 1}, {&gradient, 1}, {});
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::Vector3d h = Eigen::Vector3d::Unit(axis) * step_m;
+      const double slope = (distance(*field, p + h) - distance(*field, p - h)) / (2.0 * step_m);
+      EXPECT_NEAR(gradient[axis], slope, 1e-6) << "at " << p.transpose() << " along " << axis;
+    }
+  }
+}
+
+TEST_P(FieldConformance, TellsKnownUnknownAndOutside) {
+  attach(grid(20, 20, 20));
+  map_->set({3, 4, 5}, false);
+  map_->set({15, 4, 5}, true);
+  const auto field = update();
+  ASSERT_TRUE(field);
+  const GridSpec& grid = map_->grid();
+  const double half_m = 0.5 * grid.resolution_m;
+  const std::vector<Eigen::Vector3d> points = {
+      grid.centre_m({3, 4, 5}),
+      grid.centre_m({15, 4, 5}),
+      grid.centre_m({8, 8, 8}),
+      grid.origin_m - Eigen::Vector3d::Constant(1e-6),
+      grid.upper_m() + Eigen::Vector3d(1e-6, -half_m, -half_m),
+      Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()),
+      Eigen::Vector3d::Constant(1e300),
+      Eigen::Vector3d::Constant(-std::numeric_limits<double>::infinity())};
+  std::vector<double> distances(points.size());
+  std::vector<Eigen::Vector3d> gradients(points.size());
+  std::vector<FieldStatus> statuses(points.size());
+  field->query(points, distances, gradients, statuses);
+  EXPECT_EQ(statuses[0], FieldStatus::kKnown);
+  EXPECT_EQ(statuses[1], FieldStatus::kKnown);
+  EXPECT_EQ(statuses[2], FieldStatus::kUnknown);
+  for (std::size_t i = 3; i < points.size(); ++i)
+    EXPECT_EQ(statuses[i], FieldStatus::kOutside) << i;
+  for (const Eigen::Vector3d& gradient : gradients) EXPECT_TRUE(gradient.allFinite());
+  EXPECT_EQ(field->info().sequence, 1);
+  EXPECT_EQ(field->info().stamp, Stamp::from_seconds(1.0));
+}
+
+TEST_P(FieldConformance, SnapshotsNeverChange) {
+  attach(grid(48, 32, 32));
+  observe_all(false);
+  set_ball(map_->grid().centre_m({10, 10, 10}), 0.2, true);
+  const auto before = update();
+  ASSERT_TRUE(before);
+  const std::vector<double> values = all_values(*before);
+  set_ball(map_->grid().centre_m({10, 10, 10}), 0.2, false);
+  set_ball(map_->grid().centre_m({30, 20, 15}), 0.3, true);
+  const auto after = update();
+  ASSERT_TRUE(after);
+  EXPECT_EQ(all_values(*before), values);
+  EXPECT_NE(all_values(*after), values);
+}
+
+TEST_P(FieldConformance, ReadersNeedNoLocks) {
+  attach(grid(32, 32, 32));
+  observe_all(false);
+  map_->set({16, 16, 16}, true);
+  const auto pinned = update();
+  ASSERT_TRUE(pinned);
+  const std::vector<double> values = all_values(*pinned);
+  std::atomic<bool> done = false;
+  std::atomic<int> mismatches = 0;
+  std::thread reader([&] {
+    do {
+      if (all_values(*pinned) != values) ++mismatches;
+    } while (!done);
+  });
+  for (int i = 0; i < 20; ++i) {
+    map_->set({i, 16, 16}, i % 2 == 0);
+    EXPECT_TRUE(update());
+  }
+  done = true;
+  reader.join();
+  EXPECT_EQ(mismatches, 0);
+}
+
+TEST_P(FieldConformance, RefusesAMapperThatDoesNotFit) {
+  class Blind final : public Mapper {
+   public:
+    Result<MapUpdate> integrate(const Frame&) override { return MapUpdate{}; }
+    const GridSpec& grid() const noexcept override { return grid_; }
+
+   private:
+    GridSpec grid_{Eigen::Vector3d::Zero(), 0.1, Eigen::Vector3i(8, 8, 8)};
+  } blind;
+  const auto attached = GetParam().create(workers_)->attach(blind);
+  ASSERT_FALSE(attached);
+  EXPECT_EQ(attached.error().code, ErrorCode::kUnsupported);
+  EXPECT_NE(attached.error().message.find("View"), std::string::npos)
+      << attached.error().describe();
+}
+
+}  // namespace sidestep::conformance
