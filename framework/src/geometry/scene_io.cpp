@@ -203,7 +203,8 @@ class SceneReader {
       return Transform::Identity();
     }
     check_keys(node, known);
-    return transform_from_xyz_rpy(read_vector(node, "xyz_m"), read_vector(node, "rpy_rad"));
+    const Eigen::Vector3d xyz_m = read_vector(node, "xyz_m");
+    return transform_from_xyz_rpy(xyz_m, read_vector(node, "rpy_rad"));
   }
 
   Eigen::Vector3d read_vector(const Node& map, const std::string& key) {

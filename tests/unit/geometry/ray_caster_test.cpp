@@ -175,7 +175,7 @@ TEST(RayCaster, GivesTheSameHitsFromManyThreads) {
   std::vector<RayHit> alone(kRays);
   caster.cast(origins, directions, alone);
   std::vector<RayHit> together(kRays);
-  WorkerPool workers(4);
+  WorkerPool workers(2);
   workers.run_banded(kRays, 64, [&](int begin, int end) {
     const auto at = static_cast<std::size_t>(begin);
     const auto count = static_cast<std::size_t>(end - begin);

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <sidestep/core/worker_pool.hpp>
+#include <sidestep/sensing/frame.hpp>
+
+#include "depth_renderer.hpp"
+#include "options.hpp"
+
+namespace sidestep::simulator {
+
+/// Depths outside this range return nothing.
+struct Range {
+  double min_m = 0.0;
+  double max_m = 0.0;
+};
+
+/// Turns what is there into what a sensor reports: nothing but the range for model `none`; for
+/// `kinect`, the errors of a structured-light camera (README.md). The random numbers of a pixel
+/// depend on the seed, the frame's number and the pixel alone, not on threads.
+class DepthSensor {
+ public:
+  DepthSensor(const CameraIntrinsics& camera, const Range& range, const NoiseOptions& noise,
+              std::uint64_t seed);
+
+  void measure(const ExactImage& exact, std::int64_t frame, WorkerPool& workers,
+               std::vector<float>& depth_m) const;
+
+ private:
+  [[nodiscard]] float measure_pixel(const ExactImage& exact, std::uint64_t frame_seed, int u,
+                                    int v) const;
+  [[nodiscard]] bool is_edge(const ExactImage& exact, int u, int v) const;
+  [[nodiscard]] float in_range(double depth_m) const;
+  [[nodiscard]] std::size_t index(int u, int v) const;
+
+  CameraIntrinsics camera_;
+  Range range_;
+  NoiseOptions noise_;
+  std::uint64_t seed_;
+};
+
+/// Standard deviation of a Kinect's depth along the optical axis, of a surface at `depth_m`
+/// whose normal is `incidence_rad` away from the ray (Nguyen, Izadi, Lovell 2012, "Modeling
+/// Kinect sensor noise for improved 3D reconstruction and tracking", eq. 3 and 4).
+[[nodiscard]] double kinect_axial_sigma_m(double depth_m, double incidence_rad) noexcept;
+
+/// Factor by which the deviation across the axis grows with the angle (ibid., eq. 1): 1 face on.
+[[nodiscard]] double kinect_lateral_growth(double incidence_rad) noexcept;
+
+}  // namespace sidestep::simulator

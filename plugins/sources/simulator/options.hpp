@@ -1,0 +1,124 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/plugin/schema.hpp>
+
+namespace sidestep::simulator {
+
+/// The defaults are those of the Xtion on the HSR's head.
+struct CameraOptions {
+  int width_px = 640;
+  int height_px = 480;
+  double fx_px = 554.38;
+  double fy_px = 554.38;
+  double cx_px = 319.5;
+  double cy_px = 239.5;
+
+  static Fields<CameraOptions> fields() {
+    using C = CameraOptions;
+    return Fields<C>()
+        .add("width_px", &C::width_px, "Width of the image.", {.unit = "px", .min = 1, .max = 8192})
+        .add("height_px", &C::height_px, "Height of the image.",
+             {.unit = "px", .min = 1, .max = 8192})
+        .add("fx_px", &C::fx_px, "Focal length along x.", {.unit = "px", .min = 1e-3})
+        .add("fy_px", &C::fy_px, "Focal length along y.", {.unit = "px", .min = 1e-3})
+        .add("cx_px", &C::cx_px, "Column of the principal point.", {.unit = "px"})
+        .add("cy_px", &C::cy_px, "Row of the principal point.", {.unit = "px"});
+  }
+};
+
+/// Where the camera is at one time, and where it looks.
+struct CameraWaypoint {
+  double time_s = 0.0;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> look_at_m;
+  std::optional<Eigen::Vector3d> rpy_rad;
+
+  static Fields<CameraWaypoint> fields() {
+    using W = CameraWaypoint;
+    return Fields<W>()
+        .add("time_s", &W::time_s, "When the camera is here; increases along the path.",
+             {.unit = "s", .required = true})
+        .add("position_m", &W::position_m, "Where it is, in the world frame.",
+             {.unit = "m", .required = true})
+        .add("look_at_m", &W::look_at_m, "A point in the world in the middle of the image.",
+             {.unit = "m"})
+        .add("rpy_rad", &W::rpy_rad,
+             "Instead of look_at_m: roll, pitch and yaw of a camera body that looks along its x.",
+             {.unit = "rad"});
+  }
+};
+
+struct NoiseOptions {
+  std::string model = "none";
+  double axial_scale = 1.0;
+  double lateral_sigma_px = 0.8;
+  double baseline_m = 0.075;
+  double disparity_step_px = 0.125;
+  double grazing_limit_rad = 1.4;
+  double edge_jump_m = 0.1;
+  double edge_dropout = 0.5;
+  double random_dropout = 0.002;
+
+  static Fields<NoiseOptions> fields() {
+    using N = NoiseOptions;
+    return Fields<N>()
+        .add("model", &N::model, "none: exact depth; kinect: as the README describes.",
+             {.choices = {"none", "kinect"}})
+        .add("axial_scale", &N::axial_scale, "Factor on the standard deviation along the axis.",
+             {.min = 0.0})
+        .add("lateral_sigma_px", &N::lateral_sigma_px,
+             "Standard deviation across the axis, of a surface seen face on.",
+             {.unit = "px", .min = 0.0})
+        .add("baseline_m", &N::baseline_m, "Between the projector and the camera.",
+             {.unit = "m", .min = 1e-3})
+        .add("disparity_step_px", &N::disparity_step_px,
+             "Disparity is rounded to multiples of this; 0: not at all.",
+             {.unit = "px", .min = 0.0})
+        .add("grazing_limit_rad", &N::grazing_limit_rad,
+             "Surfaces seen farther from face on than this return nothing.",
+             {.unit = "rad", .min = 0.0, .max = 1.5707963267948966})
+        .add("edge_jump_m", &N::edge_jump_m,
+             "Difference in depth to a neighbour that makes a pixel an edge.",
+             {.unit = "m", .min = 0.0})
+        .add("edge_dropout", &N::edge_dropout, "Share of edge pixels that return nothing.",
+             {.min = 0.0, .max = 1.0})
+        .add("random_dropout", &N::random_dropout, "Share of all pixels that return nothing.",
+             {.min = 0.0, .max = 1.0});
+  }
+};
+
+struct Options {
+  std::filesystem::path scene = "room";
+  int frames = 100;
+  double rate_hz = 30.0;
+  double range_min_m = 0.4;
+  double range_max_m = 5.0;
+  CameraOptions camera;
+  std::vector<CameraWaypoint> camera_path;
+  NoiseOptions noise;
+
+  static Fields<Options> fields() {
+    using O = Options;
+    return Fields<O>()
+        .add("scene", &O::scene, "A scene file, or the name of one among the host's scenes.")
+        .add("frames", &O::frames, "Frames until the stream ends; 0: it never does.", {.min = 0})
+        .add("rate_hz", &O::rate_hz, "Frames a second of scene time.", {.unit = "Hz", .min = 1e-3})
+        .add("range_min_m", &O::range_min_m, "Nearer surfaces return nothing.",
+             {.unit = "m", .min = 0.0})
+        .add("range_max_m", &O::range_max_m, "Farther surfaces return nothing.",
+             {.unit = "m", .min = 0.0})
+        .add("camera", &O::camera, "Intrinsics of the camera.")
+        .add("camera_path", &O::camera_path, "At least one waypoint, rested at before and after.",
+             {.required = true})
+        .add("noise", &O::noise, "How measurements differ from the truth.");
+  }
+};
+
+}  // namespace sidestep::simulator
