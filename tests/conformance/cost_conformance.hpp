@@ -1,0 +1,138 @@
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/planning/state_cost.hpp>
+
+/// What every StateCost must hold. Call expect_conforms(cost, states) from a test of your own.
+namespace sidestep::conformance {
+
+/// States that own their values.
+struct States {
+  int dof = 0;
+  std::vector<double> q, qdot, times_s;
+
+  [[nodiscard]] int count() const { return static_cast<int>(times_s.size()); }
+  [[nodiscard]] StateBatch batch() const { return {count(), dof, q, qdot, times_s}; }
+  [[nodiscard]] States one(int i) const {
+    const auto row = [&](const std::vector<double>& values) {
+      return std::vector<double>(values.begin() + i * dof, values.begin() + (i + 1) * dof);
+    };
+    return {dof, row(q), row(qdot), {times_s[static_cast<std::size_t>(i)]}};
+  }
+};
+
+/// `count` states with positions uniform in +-q_range and velocities in +-qdot_range.
+[[nodiscard]] inline States random_states(int dof, int count, double q_range, double qdot_range,
+                                          unsigned seed = 1) {
+  std::mt19937 generator(seed);
+  const auto draw = [&](double range) {
+    std::uniform_real_distribution<double> uniform(-range, range);
+    std::vector<double> values(static_cast<std::size_t>(count * dof));
+    for (double& value : values) value = uniform(generator);
+    return values;
+  };
+  States states{dof, draw(q_range), draw(qdot_range), {}};
+  for (int i = 0; i < count; ++i) states.times_s.push_back(0.1 * i);
+  return states;
+}
+
+/// Everything that a cost computes for a batch; NaN where it wrote nothing.
+struct Evaluation {
+  std::vector<double> residuals, jacobian_q, jacobian_qdot;
+};
+
+[[nodiscard]] inline Evaluation evaluate(const StateCost& cost, const States& states,
+                                         bool jacobians = true) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto rows = static_cast<std::size_t>(states.count() * cost.residual_count());
+  const std::size_t entries = jacobians ? rows * static_cast<std::size_t>(states.dof) : 0;
+  Evaluation out{std::vector<double>(rows, nan), std::vector<double>(entries, nan),
+                 std::vector<double>(entries, nan)};
+  Scratch scratch;
+  cost.evaluate(states.batch(), {out.residuals, out.jacobian_q, out.jacobian_qdot}, scratch);
+  return out;
+}
+
+/// Every element is written, and a batch gives what its states give one by one.
+inline void expect_batch_consistent(const StateCost& cost, const States& states) {
+  SCOPED_TRACE(std::string(cost.name()));
+  const Evaluation all = evaluate(cost, states);
+  for (const auto* values : {&all.residuals, &all.jacobian_q, &all.jacobian_qdot}) {
+    for (std::size_t i = 0; i < values->size(); ++i) {
+      ASSERT_TRUE(std::isfinite((*values)[i])) << "element " << i << " was not written";
+    }
+  }
+  if (!cost.depends_on_velocity()) {
+    for (const double entry : all.jacobian_qdot) ASSERT_EQ(entry, 0.0);
+  }
+  EXPECT_EQ(evaluate(cost, states, false).residuals, all.residuals)
+      << "residuals change when no Jacobian is asked for";
+  const auto part = [&](const std::vector<double>& values, int i) {
+    const auto size = static_cast<std::ptrdiff_t>(values.size()) / states.count();
+    return std::vector<double>(values.begin() + i * size, values.begin() + (i + 1) * size);
+  };
+  for (int i = 0; i < states.count(); ++i) {
+    const Evaluation alone = evaluate(cost, states.one(i));
+    EXPECT_EQ(alone.residuals, part(all.residuals, i)) << "state " << i;
+    EXPECT_EQ(alone.jacobian_q, part(all.jacobian_q, i)) << "state " << i;
+    EXPECT_EQ(alone.jacobian_qdot, part(all.jacobian_qdot, i)) << "state " << i;
+  }
+}
+
+/// Jacobians against central differences. Where the one-sided differences disagree there is a
+/// kink, and nothing to compare. Returns the number of non-zero Jacobian entries compared, so
+/// that a test can see that the cost was active at all.
+[[nodiscard]] inline int expect_jacobians_match_differences(const StateCost& cost,
+                                                            const States& states,
+                                                            double relative_tolerance = 1e-5) {
+  SCOPED_TRACE(std::string(cost.name()));
+  constexpr double kStep = 1e-6;
+  const int d = states.dof;
+  const int m = cost.residual_count();
+  const Evaluation at = evaluate(cost, states);
+  int compared = 0;
+  for (int velocity = 0; velocity < 2; ++velocity) {
+    const std::vector<double>& jacobian = velocity ? at.jacobian_qdot : at.jacobian_q;
+    for (int j = 0; j < d; ++j) {
+      States above = states, below = states;
+      for (int i = 0; i < states.count(); ++i) {
+        const auto k = static_cast<std::size_t>(i * d + j);
+        (velocity ? above.qdot : above.q)[k] += kStep;
+        (velocity ? below.qdot : below.q)[k] -= kStep;
+      }
+      const std::vector<double> up = evaluate(cost, above, false).residuals;
+      const std::vector<double> down = evaluate(cost, below, false).residuals;
+      for (std::size_t row = 0; row < up.size(); ++row) {
+        const double forward = (up[row] - at.residuals[row]) / kStep;
+        const double backward = (at.residuals[row] - down[row]) / kStep;
+        const double scale = 1.0 + std::abs(forward) + std::abs(backward);
+        if (std::abs(forward - backward) > 1e-3 * scale) continue;
+        const double entry =
+            jacobian[row * static_cast<std::size_t>(d) + static_cast<std::size_t>(j)];
+        EXPECT_NEAR(entry, 0.5 * (forward + backward), relative_tolerance * scale)
+            << "state " << row / static_cast<std::size_t>(m) << ", residual "
+            << row % static_cast<std::size_t>(m) << ", by "
+            << (velocity ? "velocity " : "position ") << j;
+        if (entry != 0.0) ++compared;
+      }
+    }
+  }
+  return compared;
+}
+
+/// All of the above; `states` must include some at which the cost is not zero.
+inline void expect_conforms(const StateCost& cost, const States& states) {
+  EXPECT_FALSE(cost.name().empty());
+  expect_batch_consistent(cost, states);
+  EXPECT_GT(expect_jacobians_match_differences(cost, states), 0)
+      << cost.name() << " is zero at every state of the test";
+}
+
+}  // namespace sidestep::conformance
