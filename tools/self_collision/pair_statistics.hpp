@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <sidestep/robot/kinematic_tree.hpp>
+
+namespace sidestep {
+
+/// How often the collision shapes of two links touch over random configurations.
+struct PairStatistics {
+  enum class Verdict {
+    kChecked,   ///< Touch sometimes.
+    kAdjacent,  ///< Only one planned joint lies between them.
+    kAlways,    ///< Touch in nearly every configuration.
+    kNever,     ///< Touch in none.
+  };
+  int a = 0;  ///< Link indices, lower first.
+  int b = 0;
+  int shapes_touch = 0;   ///< Number of samples; the shapes padded by the margin.
+  int spheres_touch = 0;  ///< Number of samples.
+  Verdict verdict = Verdict::kChecked;
+};
+
+struct SamplingOptions {
+  int samples = 20000;
+  double margin_m = 0.01;      ///< Half of it is added to each shape.
+  double always_share = 0.95;  ///< Of the samples, from which on a pair counts as always touching.
+  std::uint64_t seed = 1;
+};
+
+/// Samples configurations within the limits and tells every pair of links that have shapes (or,
+/// lacking shapes, spheres) and can move against each other apart. FCL on the URDF's own shapes.
+[[nodiscard]] std::vector<PairStatistics> sample_pairs(const KinematicTree& tree,
+                                                       const SamplingOptions& options);
+
+/// Pairs of links whose shapes, unpadded, touch in one configuration.
+[[nodiscard]] std::vector<std::pair<int, int>> touching_pairs(const KinematicTree& tree,
+                                                              std::span<const double> q);
+
+}  // namespace sidestep
