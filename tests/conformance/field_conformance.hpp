@@ -17,7 +17,7 @@
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 
-#include "conformance/grid_map.hpp"
+#include "grid_map.hpp"
 
 /// What every field must do, as tests that run on yours. In one .cpp of a test program:
 ///

@@ -1,0 +1,102 @@
+// A complete distance-field plugin: the chessboard distance (the L-infinity metric), which is never
+// more than the Euclidean one, so planning with it is on the safe side. Two sweeps over the grid
+// (Rosenfeld and Pfaltz, 1968).
+
+#include <algorithm>
+#include <optional>
+#include <vector>
+
+#include <sidestep/mapping/dense_field_publisher.hpp>
+#include <sidestep/plugin/plugin.hpp>
+
+namespace {
+
+using namespace sidestep;
+
+/// The parameters, declared once: names, units, ranges and docs here, types and defaults above.
+struct Options {
+  double max_distance_m = 0.8;
+
+  static Fields<Options> fields() {
+    return Fields<Options>().add("max_distance_m", &Options::max_distance_m,
+                                 "Distances are cut off here.", {.unit = "m", .min = 0.01});
+  }
+};
+
+class ChessboardBuilder final : public FieldBuilder {
+ public:
+  ChessboardBuilder(const Options& options, WorkerPool& workers)
+      : options_(options), workers_(workers) {}
+
+  Result<void> attach(Mapper& mapper) override {
+    // What a mapper offers beyond integrate() is asked for by type.
+    view_ = dynamic_cast<const OccupancyView*>(&mapper);
+    if (view_ == nullptr) {
+      return fail(ErrorCode::kUnsupported, "the mapper offers no OccupancyView", "field chessboard",
+                  "voxel_grid and octomap do");
+    }
+    grid_ = view_->occupancy_grid();
+    publisher_.emplace(FieldInfo{.grid = grid_, .max_distance_m = options_.max_distance_m}, *view_,
+                       workers_);
+    return {};
+  }
+
+  Result<std::shared_ptr<const DistanceField>> update(const MapUpdate& update) override {
+    if (!publisher_) {
+      return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field chessboard");
+    }
+    sweep();
+    // Every block is offered; the publisher shares those that come out equal.
+    const std::vector<std::uint8_t> changed(publisher_->changed_blocks(update).size(), 1);
+    return publisher_->publish(
+        update, changed, [this](int x, int y, int z, int count, float* distances_m) {
+          for (int i = 0; i < count; ++i) {
+            distances_m[i] = static_cast<float>(std::min(
+                options_.max_distance_m, grid_.resolution_m * steps_[grid_.linear({x + i, y, z})]));
+          }
+        });
+  }
+
+ private:
+  void sweep() {
+    const int far = grid_.size_vox.maxCoeff();
+    steps_.assign(grid_.voxel_count(), far);
+    const VoxelBits occupied = view_->occupied();
+    for (const bool forward : {true, false}) {
+      for (int n = 0; n < grid_.size_vox.prod(); ++n) {
+        const int at = forward ? n : grid_.size_vox.prod() - 1 - n;
+        const Eigen::Vector3i voxel(at % grid_.size_vox.x(),
+                                    at / grid_.size_vox.x() % grid_.size_vox.y(),
+                                    at / (grid_.size_vox.x() * grid_.size_vox.y()));
+        relax(voxel, occupied);
+      }
+    }
+  }
+
+  /// One more than the nearest neighbour, or 0 in an obstacle.
+  void relax(const Eigen::Vector3i& voxel, const VoxelBits& occupied) {
+    int& steps = steps_[grid_.linear(voxel)];
+    if (occupied.at(grid_, voxel)) steps = 0;
+    for (int i = 0; i < 27; ++i) {
+      const Eigen::Vector3i neighbour =
+          voxel + Eigen::Vector3i(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1);
+      if (grid_.contains(neighbour)) steps = std::min(steps, steps_[grid_.linear(neighbour)] + 1);
+    }
+  }
+
+  Options options_;
+  WorkerPool& workers_;
+  const OccupancyView* view_ = nullptr;
+  GridSpec grid_;
+  std::vector<int> steps_;
+  std::optional<DenseFieldPublisher> publisher_;
+};
+
+Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostContext& context) {
+  return std::make_unique<ChessboardBuilder>(options, context.workers);
+}
+
+}  // namespace
+
+SIDESTEP_PLUGIN(sidestep::FieldBuilder, Options, create, "chessboard", "0.1.0",
+                "Chessboard distance, a lower bound of the Euclidean one")

@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# usage: check_consumer.sh BUILD SOURCE WORK CXX
+set -euo pipefail
+build=$1 source=$2 work=$3 cxx=$4
+
+say() { printf '%s\n' "$*"; }
+expect() { # expect TEXT FILE
+  grep -qF -- "$1" "$2" || { say "expected '$1' in:"; cat "$2"; exit 1; }
+}
+
+rm -rf "$work"
+mkdir -p "$work"
+cmake --install "$build" --prefix "$work/first" >"$work/install.log"
+# Moved: nothing may point back to where it was installed or built.
+mv "$work/first" "$work/moved"
+prefix=$work/moved
+
+cp -r "$source/plugins/template" "$work/template"
+cmake -S "$work/template" -B "$work/plugin" -DCMAKE_PREFIX_PATH="$prefix" \
+  -DCMAKE_CXX_COMPILER="$cxx" -DCMAKE_BUILD_TYPE=Release >"$work/configure.log"
+cmake --build "$work/plugin" >"$work/build.log" 2>&1 || { cat "$work/build.log"; exit 1; }
+
+sidestep=$prefix/bin/sidestep
+env -u LD_LIBRARY_PATH "$sidestep" plugins >"$work/plugins.txt"
+expect "voxel_grid" "$work/plugins.txt"
+expect "gp_ceres" "$work/plugins.txt"
+if grep -q chessboard "$work/plugins.txt"; then
+  say "the template is found without being on the search path"
+  exit 1
+fi
+SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" plugins chessboard >"$work/chessboard.txt"
+expect "max_distance_m" "$work/chessboard.txt"
+expect "$work/plugin" "$work/chessboard.txt"
+
+# The installed command runs an installed configuration by name with the third party's field.
+SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard
+
+# Its libraries and plugins are its own, not the build tree's.
+if ldd "$sidestep" | grep -F "$build"; then
+  say "the installed command uses the build tree"
+  exit 1
+fi
