@@ -17,7 +17,7 @@
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/optimiser.hpp>
 
-#include "conformance/analytic_models.hpp"
+#include "analytic_models.hpp"
 
 /// What every Optimiser must hold. In a test of your own:
 ///

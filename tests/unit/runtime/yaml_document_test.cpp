@@ -1,0 +1,85 @@
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/runtime/yaml_document.hpp>
+
+namespace sidestep {
+namespace {
+
+Node parse(const std::string& text) {
+  std::vector<Error> errors;
+  auto node = parse_yaml(text, "t.yaml", errors);
+  EXPECT_TRUE(node) << node.error().describe();
+  EXPECT_TRUE(errors.empty());
+  return node.value_or(Node{});
+}
+
+std::string error_of(const std::string& text) {
+  std::vector<Error> errors;
+  const auto node = parse_yaml(text, "t.yaml", errors);
+  if (!node) return node.error().describe();
+  return errors.empty() ? "no error" : errors.front().describe();
+}
+
+TEST(YamlDocument, KeepsPositionsOrderAndQuoting) {
+  const Node root = parse("b: 1\na:\n  - x\n  - \"2\"\n");
+  ASSERT_EQ(root.entries().size(), 2u);
+  EXPECT_EQ(root.entries()[0].key, "b");
+  const Node& second = root.find("a")->items()[1];
+  EXPECT_EQ(second.mark().to_string(), "t.yaml:4:5");
+  EXPECT_EQ(second.kind(), "a string");
+  EXPECT_EQ(root.find("b")->kind(), "a number");
+}
+
+TEST(YamlDocument, AnchorsAndNullsWork) {
+  const Node root = parse("a: &x {k: 1}\nb: *x\nc:\nd: ~\n");
+  EXPECT_EQ(root.find("b")->find("k")->text(), "1");
+  EXPECT_TRUE(root.find("c")->is_null());
+  EXPECT_TRUE(root.find("d")->is_null());
+  EXPECT_TRUE(parse("").is_null());
+}
+
+TEST(YamlDocument, MistakesHavePositions) {
+  EXPECT_EQ(error_of("a: 1\nb: 2\na: 3\n"),
+            "t.yaml:3:1: the key 'a' appears twice (first at t.yaml:1:1)");
+  EXPECT_TRUE(error_of("a: [1, 2\nb: 3\n").starts_with("t.yaml:2:"));
+  EXPECT_NE(error_of("a: !!python/object x\n").find("is not supported"), std::string::npos);
+  EXPECT_NE(error_of("a: 1\n---\nb: 2\n").find("more than one document"), std::string::npos);
+  EXPECT_NE(error_of("? [1, 2]\n: 3\n").find("a key must be"), std::string::npos);
+}
+
+TEST(YamlDocument, FilesThatCannotBeRead) {
+  const YamlDocumentReader reader;
+  const auto missing = reader.read("/no/such/file.yaml");
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
+  const auto folder = reader.read(testing::TempDir());
+  ASSERT_FALSE(folder);
+  EXPECT_EQ(folder.error().code, ErrorCode::kIo);
+}
+
+/// Every value of a document, however it is written, survives being written and read again.
+void expect_same(const Node& a, const Node& b) {
+  ASSERT_EQ(a.kind(), b.kind()) << a.text() << " / " << b.text();
+  EXPECT_EQ(a.text(), b.text());
+  ASSERT_EQ(a.items().size(), b.items().size());
+  for (std::size_t i = 0; i < a.items().size(); ++i) expect_same(a.items()[i], b.items()[i]);
+  ASSERT_EQ(a.entries().size(), b.entries().size());
+  for (std::size_t i = 0; i < a.entries().size(); ++i) {
+    EXPECT_EQ(a.entries()[i].key, b.entries()[i].key);
+    expect_same(a.entries()[i].value, b.entries()[i].value);
+  }
+}
+
+TEST(YamlDocument, WhatIsWrittenReadsBackTheSame) {
+  const Node root = parse(
+      "a: {b: [1, 2.5, x, \"3\", \"true\"], c: \"with: colon # and \\\"quotes\\\"\"}\n"
+      "list:\n  - {x: 1, y: []}\n  - [a, b]\n  - - nested\n    - {deep: true}\n"
+      "empty: {}\nnothing:\ntext: \"two\\nlines\"\nblank: \"\"\n\"odd key: 1\": -7\n");
+  expect_same(root, parse(to_yaml(root, false)));
+  expect_same(root, parse(to_yaml(root, true)));
+}
+
+}  // namespace
+}  // namespace sidestep
