@@ -13,6 +13,7 @@ namespace sidestep {
 namespace {
 
 constexpr std::size_t kDescribed = 3;
+constexpr double kLimitTolerance = 1e-6;  // m, rad
 
 std::string number(double value, const char* format) {
   char text[64];
@@ -21,7 +22,6 @@ std::string number(double value, const char* format) {
 }
 std::string metres(double value) { return number(value, "%.3f m"); }
 
-/// Metres by which a violation of a kind that is measured in metres fails, for sorting.
 bool is_worse(const Violation& a, const Violation& b) {
   if (a.kind != b.kind) return a.kind < b.kind;
   return a.amount > b.amount;
@@ -163,8 +163,11 @@ std::optional<Violation> state_violation(const std::shared_ptr<const RobotModel>
   ViolationLedger ledger;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const double position = j < q.size() ? q[j] : std::nan("");
+    if (position >= joints[j].lower - kLimitTolerance &&
+        position <= joints[j].upper + kLimitTolerance) {
+      continue;
+    }
     const bool is_low = position < joints[j].lower;
-    if (!is_low && position <= joints[j].upper) continue;
     const double limit = is_low ? joints[j].lower : joints[j].upper;
     ledger.add(
         {.kind = Violation::Kind::kPositionLimit,
