@@ -272,8 +272,8 @@ class RobotBuilder {
     const Joint& joint = robot_.joints[index];
     if (*value < joint.lower || *value > joint.upper) {
       errors_.push_back(node.error("pose '" + pose.name + "' has joint '" + joint.name +
-                                   "' outside of its limits, " + std::to_string(joint.lower) +
-                                   " to " + std::to_string(joint.upper)));
+                                   "' outside of its limits, " + detail::number_text(joint.lower) +
+                                   " to " + detail::number_text(joint.upper)));
       return;
     }
     pose.positions[index] = *value;

@@ -96,9 +96,10 @@ void JointTable::read_fixed() {
     }
     const bool bounded = joint->limits && joint->type != UrdfJoint::Type::kContinuous;
     if (bounded && (*value < joint->limits->lower || *value > joint->limits->upper)) {
-      errors_.push_back(entry.value.error(
-          "joint '" + entry.key + "' would be fixed outside of its limits, " +
-          std::to_string(joint->limits->lower) + " to " + std::to_string(joint->limits->upper)));
+      errors_.push_back(entry.value.error("joint '" + entry.key +
+                                          "' would be fixed outside of its limits, " +
+                                          detail::number_text(joint->limits->lower) + " to " +
+                                          detail::number_text(joint->limits->upper)));
       continue;
     }
     fixed_[entry.key] = *value;

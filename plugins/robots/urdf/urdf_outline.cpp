@@ -15,12 +15,15 @@ class Outliner {
       : file_(std::move(file)), errors_(errors) {}
 
   UrdfOutline run(const std::string& text) {
-    // TinyXML stops at a zero byte and reports no error for a document without any element.
     TiXmlDocument document;
     document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
     if (document.Error()) {
-      report({file_, document.ErrorRow(), document.ErrorCol()},
-             std::string("not well-formed XML: ") + document.ErrorDesc());
+      if (document.ErrorId() == TiXmlBase::TIXML_ERROR_DOCUMENT_EMPTY) {
+        report({file_, 1, 1}, "expected a URDF, whose outermost element is <robot>");
+      } else {
+        report({file_, document.ErrorRow(), document.ErrorCol()},
+               std::string("not well-formed XML: ") + document.ErrorDesc());
+      }
       return {};
     }
     const TiXmlElement* robot = document.RootElement();

@@ -1,0 +1,88 @@
+#include <benchmark/benchmark.h>
+
+#include "conformance/robot_conformance.hpp"
+#include "robot_testing.hpp"
+
+namespace {
+
+using namespace sidestep;
+
+constexpr std::size_t kBatch = 64;
+
+/// The HSR, 64 random configurations and room for the results.
+struct Bench {
+  Bench()
+      : robot(loader.load_or_fail("{profile: hsr}")),
+        q(conformance::random_configurations(robot->description(), kBatch, 1)),
+        spheres(robot->description().spheres.size()),
+        dof(robot->description().joints.size()),
+        centres(kBatch * spheres),
+        jacobians(kBatch * spheres * dof),
+        gradients(kBatch * dof),
+        poses(robot->description().links.size()) {}
+  testing_robot::Loader loader;
+  std::unique_ptr<KinematicTree> robot;
+  std::vector<double> q;
+  std::size_t spheres;
+  std::size_t dof;
+  std::vector<Eigen::Vector3d> centres;
+  std::vector<Eigen::Vector3d> jacobians;
+  std::vector<double> gradients;
+  std::vector<Transform> poses;
+  Scratch scratch;
+};
+
+void count(benchmark::State& state) {
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(kBatch));
+}
+
+void BM_HsrSphereCentres(benchmark::State& state) {
+  Bench b;
+  for (auto _ : state) {
+    b.robot->sphere_centres(b.q, b.centres, b.scratch);
+    benchmark::DoNotOptimize(b.centres.data());
+  }
+  count(state);
+}
+BENCHMARK(BM_HsrSphereCentres);
+
+/// The reference: every link's pose, then each centre.
+void BM_HsrSphereCentresByLinkPoses(benchmark::State& state) {
+  Bench b;
+  const auto& spheres = b.robot->description().spheres;
+  for (auto _ : state) {
+    for (std::size_t row = 0; row < kBatch; ++row) {
+      b.robot->link_poses(std::span(b.q).subspan(row * b.dof, b.dof), b.poses, b.scratch);
+      for (std::size_t s = 0; s < b.spheres; ++s) {
+        b.centres[row * b.spheres + s] =
+            b.poses[static_cast<std::size_t>(spheres[s].link)] * spheres[s].centre_link_m;
+      }
+    }
+    benchmark::DoNotOptimize(b.centres.data());
+  }
+  count(state);
+}
+BENCHMARK(BM_HsrSphereCentresByLinkPoses);
+
+void BM_HsrSphereJacobians(benchmark::State& state) {
+  Bench b;
+  for (auto _ : state) {
+    b.robot->sphere_jacobians(b.q, b.centres, b.jacobians, b.scratch);
+    benchmark::DoNotOptimize(b.jacobians.data());
+  }
+  count(state);
+}
+BENCHMARK(BM_HsrSphereJacobians);
+
+void BM_HsrPullBack(benchmark::State& state) {
+  Bench b;
+  b.robot->sphere_centres(b.q, b.centres, b.scratch);
+  for (auto _ : state) {
+    b.robot->pull_back(b.q, b.centres, b.gradients, b.scratch);
+    benchmark::DoNotOptimize(b.gradients.data());
+  }
+  count(state);
+}
+BENCHMARK(BM_HsrPullBack);
+
+}  // namespace

@@ -1,0 +1,92 @@
+#include <limits>
+
+#include <sidestep/runtime/host.hpp>
+
+#include "conformance/robot_conformance.hpp"
+#include "robot_testing.hpp"
+
+namespace sidestep {
+namespace {
+
+using testing_robot::Loader;
+
+/// Robots as a run gets them: from the built plugins, through the host.
+class RobotPlugins : public ::testing::Test {
+ protected:
+  Result<PluginPtr<RobotModel>> create(const std::string& yaml) {
+    std::vector<Error> errors;
+    const auto block = parse_yaml(yaml, "config.yaml", errors);
+    if (!block) return tl::make_unexpected(block.error());
+    host_.check(PluginKind::kRobot, *block, errors);
+    if (!errors.empty()) return tl::make_unexpected(errors.front());
+    return host_.create<RobotModel>(*block);
+  }
+
+  Loader loader_;
+  Host host_{{{install_layout().plugins}, {SIDESTEP_SOURCE_DIR "/robots"}, {}, 0},
+             loader_.log,
+             loader_.clock,
+             loader_.workers,
+             loader_.documents};
+};
+
+TEST_F(RobotPlugins, EveryProfileConforms) {
+  int found = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(SIDESTEP_SOURCE_DIR "/robots")) {
+    if (!entry.is_directory()) continue;
+    const std::string name = entry.path().filename().string();
+    SCOPED_TRACE(name);
+    const auto robot = create("{plugin: urdf, profile: " + name + "}");
+    ASSERT_TRUE(robot) << robot.error().describe();
+    EXPECT_EQ((*robot)->description().name, name);
+    EXPECT_FALSE((*robot)->description().poses.empty());
+    conformance::check_robot(**robot, 5);
+    ++found;
+  }
+  EXPECT_GE(found, 3);
+  EXPECT_EQ(loader_.log.text, "");
+}
+
+TEST_F(RobotPlugins, PointIsABallInThePlane) {
+  const auto robot = create("{plugin: point, radius_m: 0.4, height_m: 0.5, upper_m: [3, 4]}");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  conformance::check_robot(**robot);
+  const RobotDescription& point = (*robot)->description();
+  EXPECT_EQ(point.joints[1].upper, 4.0);
+  ASSERT_EQ(point.spheres.size(), 1u);
+  EXPECT_EQ(point.spheres[0].radius_m, 0.4);
+  std::vector<Eigen::Vector3d> centre(1);
+  Scratch scratch;
+  (*robot)->sphere_centres(std::vector<double>{1.0, -2.0}, centre, scratch);
+  EXPECT_EQ(centre[0], Eigen::Vector3d(1.0, -2.0, 0.5));
+}
+
+TEST_F(RobotPlugins, PointAndPlanarProfileAreTheSameRobot) {
+  const auto point = create("{plugin: point}");
+  const auto planar = create("{plugin: urdf, profile: planar}");
+  ASSERT_TRUE(point && planar);
+  const auto q = conformance::random_configurations((*point)->description(), 10, 3);
+  std::vector<Eigen::Vector3d> a(10), b(10);
+  Scratch scratch;
+  (*point)->sphere_centres(q, a, scratch);
+  (*planar)->sphere_centres(q, b, scratch);
+  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_LT((a[i] - b[i]).norm(), 1e-15);
+  EXPECT_EQ((*point)->description().spheres[0].radius_m,
+            (*planar)->description().spheres[0].radius_m);
+}
+
+TEST_F(RobotPlugins, BadParametersAreConfigurationErrors) {
+  for (const char* block :
+       {"{plugin: point, lower_m: [1, 2, 3]}", "{plugin: point, lower_m: [11, 0]}",
+        "{plugin: point, radius_m: -1}", "{plugin: point, radius: 1}",
+        "{plugin: urdf, profile: hsr, base: sideways}", "{plugin: urdf}",
+        "{plugin: urdf, profile: [hsr]}",
+        "{plugin: urdf, profile: hsr, fixed_joints: {head: 0}}"}) {
+    const auto robot = create(block);
+    ASSERT_FALSE(robot) << block;
+    EXPECT_EQ(robot.error().code, ErrorCode::kConfig) << robot.error().describe();
+  }
+}
+
+}  // namespace
+}  // namespace sidestep

@@ -1,0 +1,188 @@
+#include "profile_text.hpp"
+#include "robot_testing.hpp"
+
+namespace sidestep {
+namespace {
+
+using testing_robot::Loader;
+using testing_robot::test_folder;
+using testing_robot::write_file;
+
+const char* const kUrdf = R"(<robot name="arm">
+<link name="base"/><link name="upper"/><link name="lower"/><link name="finger"/><link name="thumb"/>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+  <limit lower="-1" upper="1" velocity="2" effort="3"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><axis xyz="0 1 0"/>
+  <origin xyz="1 0 0"/><limit lower="-2" upper="2" velocity="2" effort="3"/></joint>
+<joint name="grip" type="prismatic"><parent link="lower"/><child link="finger"/><axis xyz="1 0 0"/>
+  <limit lower="0" upper="0.1" velocity="2" effort="3"/></joint>
+<joint name="grip_too" type="prismatic"><parent link="lower"/><child link="thumb"/><axis xyz="1 0 0"/>
+  <limit lower="0" upper="0.1" velocity="2" effort="3"/><mimic joint="grip"/></joint>
+</robot>
+)";
+
+const char* const kGood = R"(name: arm
+urdf: arm.urdf
+joints: [elbow, shoulder]
+joint_limits:
+  elbow: {lower: -0.5, max_acceleration: 4.0}
+fixed_joints: {grip: 0.05}
+spheres:
+  - {link: lower, centre_m: [0.1, 0, 0], radius_m: 0.1}
+  - {link: base, centre_m: [0, 0, 0], radius_m: 0.2}
+self_collision:
+  pairs: [[lower, base]]
+poses:
+  bent: {elbow: 1.0}
+  all: [0.1, 0.2]
+)";
+
+class ProfileFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = test_folder();
+    write_file(folder_ / "arm/arm.urdf", kUrdf);
+  }
+  Result<std::unique_ptr<KinematicTree>> load(const std::string& profile) {
+    write_file(folder_ / "arm/profile.yaml", profile);
+    return loader_.load("{profile: " + (folder_ / "arm/profile.yaml").string() + "}");
+  }
+  std::filesystem::path folder_;
+  Loader loader_;
+};
+
+TEST_F(ProfileFile, SaysWhatTheRobotIs) {
+  const auto robot = load(kGood);
+  ASSERT_TRUE(robot) << robot.error().describe();
+  const RobotDescription& arm = (*robot)->description();
+  EXPECT_EQ(arm.joints[0].name, "elbow");
+  EXPECT_EQ(arm.joints[0].lower, -0.5);
+  EXPECT_EQ(arm.joints[0].upper, 2.0);
+  EXPECT_EQ(arm.joints[0].max_acceleration, 4.0);
+  EXPECT_TRUE(std::isinf(arm.joints[1].max_acceleration));
+  EXPECT_EQ(arm.self_collision_pairs,
+            (std::vector<std::pair<int, int>>{
+                {arm.link_index("base").value(), arm.link_index("lower").value()}}));
+  EXPECT_EQ(arm.find_pose("bent")->positions[0], 1.0);
+  EXPECT_FALSE(arm.find_pose("bent")->positions[1]);
+  EXPECT_EQ(arm.find_pose("all")->positions[1], 0.2);
+  const Transform thumb = testing_robot::link_pose(**robot, {0.0, 0.0}, "thumb");
+  EXPECT_NEAR(thumb.translation().x(), 1.05, 1e-15);
+}
+
+TEST_F(ProfileFile, IsFoundByNameFolderOrFile) {
+  write_file(folder_ / "arm/profile.yaml", kGood);
+  loader_.context.robot_paths = {"/nowhere", folder_};
+  EXPECT_TRUE(loader_.load("{profile: arm}"));
+  EXPECT_TRUE(loader_.load("{profile: " + (folder_ / "arm").string() + "}"));
+  const auto wrong = loader_.load("{profile: arms}");
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().code, ErrorCode::kNotFound);
+  const std::string text = wrong.error().describe();
+  EXPECT_NE(text.find("config.yaml:1:11: there is no robot profile 'arms'"), std::string::npos)
+      << text;
+  EXPECT_NE(text.find("did you mean 'arm'?"), std::string::npos) << text;
+}
+
+TEST_F(ProfileFile, TellsAllItsMistakesInOnePass) {
+  const auto robot = load(R"(name: arm
+urdf: arm.urdf
+joints: [elbow, sholder, grip_too, elbow]
+joint_limits:
+  elbow: {lowest: -0.5}
+  wrist: {lower: 0.0}
+fixed_joints: {grip: 0.5, grip_too: 0.0}
+spheres:
+  - {link: lover, centre_m: [0.1, 0, 0], radius_m: 0.1}
+  - {link: base, centre_m: [0, 0], radius_m: -0.2}
+self_collision:
+  pairs: [[lower, bass], [base, base]]
+poses:
+  bent: {elbow: 9.0, gripp: 0.0}
+  long: [0.1, 0.2, 0.3]
+colour: red
+)");
+  ASSERT_FALSE(robot);
+  const std::string text = robot.error().describe();
+  for (const char* part :
+       {"profile.yaml:3:17: the URDF has no moving joint 'sholder' (did you mean 'shoulder'?)",
+        "profile.yaml:3:26: joint 'grip_too' cannot be planned: it mimics 'grip'",
+        "profile.yaml:3:36: joint 'elbow' is planned twice",
+        "profile.yaml:5:11: ", "profile.yaml:6:3: the URDF has no moving joint 'wrist'",
+        "profile.yaml:7:22: joint 'grip' would be fixed outside of its limits",
+        "profile.yaml:7:27: joint 'grip_too' cannot be fixed: it mimics 'grip'",
+        "profile.yaml:9:12: the URDF has no link 'lover' (did you mean 'lower'?)",
+        "profile.yaml:10:", "profile.yaml:12:19: the URDF has no link 'bass'",
+        "profile.yaml:12:26: a link cannot be checked against itself",
+        "profile.yaml:14:17: pose 'bent' has joint 'elbow' outside of its limits",
+        "profile.yaml:14:22: pose 'bent' names 'gripp'",
+        "profile.yaml:15:9: pose 'long' has 3 positions", "profile.yaml:16:1: "}) {
+    EXPECT_NE(text.find(part), std::string::npos) << "no '" << part << "' in:\n" << text;
+  }
+}
+
+struct BadProfile {
+  const char* name;
+  const char* text;
+  const char* expected;
+  friend void PrintTo(const BadProfile& bad, std::ostream* out) { *out << bad.name; }
+};
+class BadProfiles : public ProfileFile, public ::testing::WithParamInterface<BadProfile> {};
+
+TEST_P(BadProfiles, EndInAClearError) {
+  const auto robot = load(GetParam().text);
+  ASSERT_FALSE(robot);
+  EXPECT_NE(robot.error().describe().find(GetParam().expected), std::string::npos)
+      << robot.error().describe();
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, BadProfiles,
+    ::testing::Values(
+        BadProfile{"empty", "", "profile.yaml"}, BadProfile{"a_list", "[1, 2]", "is a map"},
+        BadProfile{"not_yaml", "name: [", "profile.yaml"},
+        BadProfile{"no_urdf", "name: arm\n", "urdf"},
+        BadProfile{"lost_urdf", "name: arm\nurdf: leg.urdf\n", "there is no such URDF file"},
+        BadProfile{"no_spheres", "name: arm\nurdf: arm.urdf\n", "no collision spheres"},
+        BadProfile{
+            "bad_base",
+            "name: arm\nurdf: arm.urdf\nbase: {type: holonomic, lower_m: [1, 1], upper_m: [0, "
+            "0]}\nspheres:\n  - {link: base, centre_m: [0, 0, 0], radius_m: 1}\n",
+            "profile.yaml:3:7: 'lower_m' lies above 'upper_m'"},
+        BadProfile{"two_base_joints",
+                   "name: arm\nurdf: arm.urdf\nbase: {type: holonomic, joints: [x, y]}\nspheres:\n"
+                   "  - {link: base, centre_m: [0, 0, 0], radius_m: 1}\n",
+                   "three names"},
+        BadProfile{"scalar_limits", "name: arm\nurdf: arm.urdf\njoint_limits: 5\n",
+                   "'joint_limits' is a map"},
+        BadProfile{"planned_and_fixed",
+                   "name: arm\nurdf: arm.urdf\njoints: [elbow]\nfixed_joints: {elbow: 0.0}\n",
+                   "both planned and fixed"},
+        BadProfile{"pair_twice",
+                   "name: arm\nurdf: arm.urdf\nself_collision: {pairs: [[base, lower], [lower, "
+                   "base]]}\n",
+                   "listed twice"}),
+    [](const auto& test) { return test.param.name; });
+
+TEST_F(ProfileFile, AdmitsNothingBesideItThatItSaysItself) {
+  write_file(folder_ / "arm/profile.yaml", kGood);
+  const std::string file = (folder_ / "arm/profile.yaml").string();
+  const auto robot = loader_.load("{profile: " + file + ", base: holonomic}");
+  ASSERT_FALSE(robot);
+  EXPECT_NE(robot.error().describe().find("'base' cannot stand beside 'profile'"),
+            std::string::npos);
+  EXPECT_TRUE(loader_.load("{profile: " + file + ", fixed_joints: {grip: 0.1}}"));
+}
+
+TEST(ProfileText, ReplacesOnlyTheSelfCollisionBlock) {
+  const std::string before = "# top\nname: a\nself_collision:\n  # old\n  pairs:\n    - [x, y]\n";
+  const std::string after = "# keep\nposes:\n  p: [1]\n";
+  const std::string block = "self_collision:\n  pairs: []\n";
+  EXPECT_EQ(with_self_collision(before + after, block), "# top\nname: a\n" + block + after);
+  EXPECT_EQ(with_self_collision("name: a\n", block), "name: a\n\n" + block);
+  EXPECT_EQ(with_self_collision(with_self_collision(before + after, block), block),
+            with_self_collision(before + after, block));
+}
+
+}  // namespace
+}  // namespace sidestep
