@@ -9,12 +9,15 @@ namespace sidestep::voxel_grid {
 namespace {
 
 void count_pixels(const PixelFates& fates, int count, IntegrationCounts& counts) {
-  std::int64_t by_fate[8] = {};
-  std::int64_t in_grid = 0;
-  for (int i = 0; i < count; ++i) {
-    ++by_fate[fates.fate[i]];
-    in_grid += fates.in_grid[i];
+  // At most kPixelChunk of each, so bytes do not overflow and the loop becomes SIMD.
+  std::uint8_t by_fate[PixelFates::kSelf + 1] = {};
+  std::uint8_t in_grid = 0;
+  for (std::uint8_t fate = 0; fate <= PixelFates::kSelf; ++fate) {
+    std::uint8_t pixels = 0;
+    for (int i = 0; i < count; ++i) pixels += fates.fate[i] == fate;
+    by_fate[fate] = pixels;
   }
+  for (int i = 0; i < count; ++i) in_grid += fates.in_grid[i];
   const auto of = [&](PointFate fate) { return by_fate[static_cast<std::size_t>(fate)]; };
   counts.points += count - of(PointFate::kInvalid);
   counts.invalid += of(PointFate::kInvalid);

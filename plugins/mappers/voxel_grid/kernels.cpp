@@ -1,7 +1,6 @@
 #include "kernels.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -20,6 +19,17 @@
 namespace sidestep::voxel_grid {
 namespace {
 
+// The clones inline neither std::min nor std::fabs, which are compiled for another target.
+template <class T>
+SIDESTEP_INLINE T lesser(T a, T b) {
+  return b < a ? b : a;
+}
+template <class T>
+SIDESTEP_INLINE T greater(T a, T b) {
+  return a < b ? b : a;
+}
+SIDESTEP_INLINE float magnitude(float a) { return __builtin_fabsf(a); }
+
 /// Bit i of the result is lane i; lanes are 0 or 1.
 SIDESTEP_INLINE std::uint32_t pack(const std::uint8_t (&lanes)[kLanes]) {
   std::uint64_t low;
@@ -33,14 +43,14 @@ SIDESTEP_INLINE std::uint32_t pack(const std::uint8_t (&lanes)[kLanes]) {
 }
 
 /// Adds `delta` to a row, clamps, and brings its bits up to date; 0 leaves a voxel as it is.
-SIDESTEP_INLINE bool add_row(const LogOdds& model, const std::int16_t (&delta)[kLanes],
+SIDESTEP_INLINE bool add_row(LogOdds model, const std::int16_t (&delta)[kLanes],
                              std::int16_t* log_odds, std::uint64_t& occupied, std::uint64_t& known,
                              unsigned shift) {
   std::uint8_t touched[kLanes];
   std::uint8_t high[kLanes];
   for (int i = 0; i < kLanes; ++i) {
     const auto sum = static_cast<std::int16_t>(log_odds[i] + delta[i]);
-    const std::int16_t clamped = std::min(std::max(sum, model.min), model.max);
+    const std::int16_t clamped = lesser(greater(sum, model.min), model.max);
     log_odds[i] = clamped;
     touched[i] = delta[i] != 0;
     high[i] = clamped >= model.occupied_at;
@@ -77,28 +87,35 @@ SIDESTEP_INLINE void select(std::uint32_t bits, std::int16_t chosen,
 }
 
 /// Hit, miss or nothing for the 16 voxels of a row, by comparing their depth with the image.
-SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], std::int16_t hit,
-                                 std::int16_t miss, std::int16_t (&delta)[kLanes]) {
+SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], std::int32_t hit,
+                                 std::int32_t miss, std::int16_t (&delta)[kLanes]) {
   float depth[kLanes];
   std::int32_t pixel[kLanes];
+  std::int32_t seen[kLanes];  // all ones or zero: masks, for no branch ever becomes SIMD
+  const float last_u = p.width - 1.0F;
+  const float last_v = p.height - 1.0F;
   for (int i = 0; i < kLanes; ++i) {
     const auto step = static_cast<float>(i);
     const float z = first[2] + step * p.column[0][2];
     const float inverse = 1.0F / z;
     const float u = (first[0] + step * p.column[0][0]) * inverse;
     const float v = (first[1] + step * p.column[0][1]) * inverse;
-    const bool seen = (z > p.near_m) & (u >= 0.0F) & (u < p.width) & (v >= 0.0F) & (v < p.height);
-    const auto column = static_cast<std::int32_t>(seen ? u : 0.0F);
-    const auto row = static_cast<std::int32_t>(seen ? v : 0.0F);
+    seen[i] = -static_cast<std::int32_t>((z > p.near_m) & (u >= 0.0F) & (u < p.width) &
+                                         (v >= 0.0F) & (v < p.height));
+    // In this order, NaN becomes 0.
+    const auto column = static_cast<std::int32_t>(lesser(greater(0.0F, u), last_u));
+    const auto row = static_cast<std::int32_t>(lesser(greater(0.0F, v), last_v));
     pixel[i] = row * p.width_px + column;
-    depth[i] = seen ? z : std::numeric_limits<float>::infinity();
+    depth[i] = z;
   }
   std::int32_t change[kLanes];
   for (int i = 0; i < kLanes; ++i) {
     const float carve = p.carve_m[pixel[i]];
-    const float gap = std::fabs(carve) - depth[i];
-    const bool on_surface = (carve > 0.0F) & (std::fabs(gap) <= p.band_m);
-    change[i] = gap > p.band_m ? miss : (on_surface ? hit : 0);
+    const float gap = magnitude(carve) - depth[i];
+    const std::int32_t free = -static_cast<std::int32_t>(gap > p.band_m);
+    const std::int32_t surface =
+        -static_cast<std::int32_t>((carve > 0.0F) & (magnitude(gap) <= p.band_m));
+    change[i] = seen[i] & ((free & miss) | (surface & hit));
   }
   for (int i = 0; i < kLanes; ++i) delta[i] = static_cast<std::int16_t>(change[i]);
 }
@@ -173,46 +190,52 @@ void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   constexpr auto kFloor = static_cast<std::int32_t>(PointFate::kFloor);
   constexpr auto kOutOfRange = static_cast<std::int32_t>(PointFate::kOutOfRange);
   constexpr auto kInvalid = static_cast<std::int32_t>(PointFate::kInvalid);
-  const float max_range_sq = rules.max_range_m * rules.max_range_m;
+  const PixelRow pixels = row;  // copies, which no store below can alias
+  const PixelRules limits = rules;
+  const float max_range_sq = limits.max_range_m * limits.max_range_m;
+  float depth_m[kPixelChunk] = {};
+  std::copy(pixels.depth_m, pixels.depth_m + pixels.count, depth_m);
+  float carve_m[kPixelChunk];
   std::int32_t fate[kPixelChunk];
   std::int32_t in_grid[kPixelChunk];
-  for (int i = 0; i < row.count; ++i) {
-    const float d = row.depth_m[i];
-    const float x = row.x_first + static_cast<float>(i) * row.x_step;
-    const float ray_sq = 1.0F + x * x + row.y * row.y;
+  for (int i = 0; i < kPixelChunk; ++i) {
+    const float d = depth_m[i];
+    const float x = pixels.x_first + static_cast<float>(i) * pixels.x_step;
+    const float ray_sq = 1.0F + x * x + pixels.y * pixels.y;
     const float range_sq = d * d * ray_sq;
-    const float farthest_m = rules.max_range_m / std::sqrt(ray_sq);
+    const float farthest_m = limits.max_range_m / __builtin_sqrtf(ray_sq);
     const bool valid =
-        (d > 0.0F) & (d <= std::numeric_limits<float>::max()) & (range_sq > rules.min_range_sq);
+        (d > 0.0F) & (d <= std::numeric_limits<float>::max()) & (range_sq > limits.min_range_sq);
     const bool far = range_sq > max_range_sq;
     const float along_m = far ? farthest_m : d;
     float p_vox[3];
     for (int c = 0; c < 3; ++c) {
-      p_vox[c] = row.start_vox[c] + along_m * (row.across_vox[c] * x + row.along_vox[c]);
+      p_vox[c] = pixels.start_vox[c] + along_m * (pixels.across_vox[c] * x + pixels.along_vox[c]);
     }
-    const bool low = p_vox[2] < rules.floor_top_vox;
+    const bool low = p_vox[2] < limits.floor_top_vox;
     const bool inserted = valid & !far & !low;
-    const bool cleared = (d == 0.0F) & rules.clear_no_return;
+    const bool cleared = (d == 0.0F) & limits.clear_no_return;
     fate[i] = valid ? (far ? kOutOfRange : (low ? kFloor : kInsert)) : kInvalid;
-    row.carve_m[i] = valid ? (inserted ? d : -(along_m + rules.band_m))
-                           : (cleared ? -(farthest_m + rules.band_m) : 0.0F);
+    carve_m[i] = valid ? (inserted ? d : -(along_m + limits.band_m))
+                       : (cleared ? -(farthest_m + limits.band_m) : 0.0F);
     bool inside = inserted;
-    for (int c = 0; c < 3; ++c) inside &= (p_vox[c] >= 0.0F) & (p_vox[c] < rules.size_vox[c]);
+    for (int c = 0; c < 3; ++c) inside &= (p_vox[c] >= 0.0F) & (p_vox[c] < limits.size_vox[c]);
     in_grid[i] = inside;
     for (int c = 0; c < 3; ++c) {
       fates.voxel[c][i] = static_cast<std::int32_t>(inside ? p_vox[c] : 0.0F);
     }
   }
-  for (int i = 0; i < row.count; ++i) {
+  for (int i = 0; i < kPixelChunk; ++i) {
     fates.fate[i] = static_cast<std::uint8_t>(fate[i]);
     fates.in_grid[i] = static_cast<std::uint8_t>(in_grid[i]);
   }
-  if (row.self == nullptr) return;
-  for (int i = 0; i < row.count; ++i) {
-    if (row.self[i] == 0) continue;
+  std::copy(carve_m, carve_m + pixels.count, pixels.carve_m);
+  if (pixels.self == nullptr) return;
+  for (int i = 0; i < pixels.count; ++i) {
+    if (pixels.self[i] == 0) continue;
     fates.fate[i] = PixelFates::kSelf;
     fates.in_grid[i] = 0;
-    row.carve_m[i] = 0.0F;
+    pixels.carve_m[i] = 0.0F;
   }
 }
 

@@ -93,7 +93,8 @@ struct PixelFates {
   std::int32_t voxel[3][kPixelChunk];
 };
 
-/// Decides what each pixel of a chunk does, and how far its ray is free.
+/// Decides what each pixel of a chunk does, and how far its ray is free. Entries of `fates` from
+/// row.count on are void.
 void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates);
 
 }  // namespace sidestep::voxel_grid
