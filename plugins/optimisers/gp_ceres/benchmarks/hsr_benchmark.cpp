@@ -1,0 +1,159 @@
+// The HSR drives around a table and reaches over it: the plan of 8 joints that Sidestep is for.
+#include <algorithm>
+#include <stdexcept>
+
+#include <benchmark/benchmark.h>
+
+#include <sidestep/planning/costs.hpp>
+#include <sidestep/runtime/yaml_document.hpp>
+
+#include "gp_ceres.hpp"
+#include "load_robot.hpp"
+#include "state_rows.hpp"
+#include "support/sampled_field.hpp"
+
+namespace sidestep {
+namespace {
+
+class NoClock final : public Clock {
+ public:
+  [[nodiscard]] Stamp now() const noexcept override { return {}; }
+};
+
+class NoLog final : public Log {
+ public:
+  void write(LogLevel, std::string_view) override {}
+};
+
+std::shared_ptr<const RobotModel> load_hsr() {
+  NoLog log;
+  NoClock clock;
+  WorkerPool workers(1);
+  YamlDocumentReader documents;
+  const HostContext context{log, clock, workers, documents, 0, {SIDESTEP_SOURCE_DIR "/robots"},
+                            {},  {}};
+  urdf_robot::Options options;
+  options.profile = Node(Node::Scalar{"hsr", false}, {});
+  auto robot = urdf_robot::load_robot(options, context);
+  if (!robot) throw std::runtime_error(robot.error().describe());
+  return std::move(*robot);
+}
+
+double box_distance(const Eigen::Vector3d& p, const Eigen::Vector3d& lower,
+                    const Eigen::Vector3d& upper) {
+  const Eigen::Vector3d outside = (lower - p).cwiseMax(p - upper);
+  return outside.cwiseMax(0.0).norm() + std::min(outside.maxCoeff(), 0.0);
+}
+
+/// A table, a cupboard and a chair on 6 x 6 m at 5 cm, cut off at 0.8 m as a map's field is.
+std::shared_ptr<const DistanceField> room() {
+  GridSpec grid;
+  grid.origin_m = {-3.0, -3.0, -0.2};
+  grid.resolution_m = 0.05;
+  grid.size_vox = {128, 128, 48};
+  return testing_support::sampled_field(grid, [](const Eigen::Vector3d& p) {
+    return std::min({0.8, box_distance(p, {0.6, -0.6, 0.66}, {1.4, 0.6, 0.7}),
+                     box_distance(p, {0.65, -0.05, 0.0}, {0.75, 0.05, 0.66}),
+                     box_distance(p, {-0.6, 1.2, 0.0}, {0.2, 1.6, 2.0}),
+                     box_distance(p, {-0.3, -0.9, 0.0}, {0.1, -0.5, 0.8})});
+  });
+}
+
+Problem hsr_problem(int states, int checks) {
+  Problem problem;
+  problem.robot = load_hsr();
+  problem.field = room();
+  problem.space = {Space::kFree, Space::kFree};
+  const int d = problem.robot->description().dof();
+  problem.start = {Eigen::VectorXd::Zero(d), Eigen::VectorXd::Zero(d)};
+  problem.goal = problem.start;
+  problem.start.q << -2.0, -1.2, 0.5, 0.0, 0.0, -1.57, -1.57, 0.0;  // the pose "go"
+  problem.goal.q << 0.25, 0.1, 0.0, 0.34, -0.9, 0.0, -0.67, 0.0;    // "reach_table"
+  const Horizon horizon = estimate_horizon(
+      problem.robot->description(), {problem.start.q.data(), static_cast<std::size_t>(d)},
+      {problem.goal.q.data(), static_cast<std::size_t>(d)}, 0.1, 0.8);
+  problem.support_states = states;
+  problem.dt_s = horizon.states * horizon.dt_s / (states - 1);
+  problem.qc = Eigen::VectorXd::Ones(d);
+  problem.interpolated_checks = checks;
+  problem.speed_fraction = 0.9;
+  problem.terms = standard_terms(problem, {.epsilon_m = 0.2});
+  return problem;
+}
+
+Trajectory line_of(const Problem& problem) {
+  return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+}
+
+void solve_hsr(benchmark::State& state) {
+  const Problem problem =
+      hsr_problem(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
+  const Trajectory initial = line_of(problem);
+  const auto optimiser = make_gp_ceres({.relative_tolerance = state.range(2) ? 1e-2 : 1e-5});
+  Solution solution;
+  for (auto _ : state) {
+    auto result = optimiser->solve(problem, initial, Deadline());
+    if (!result || result->status == SolveStatus::kFailed) state.SkipWithError("no solution");
+    solution = std::move(*result);
+  }
+  state.counters["iterations"] = solution.iterations;
+  state.counters["cost"] = solution.cost;
+  state.counters["ms_per_iteration"] = solution.solve_ms / std::max(1, solution.iterations);
+}
+BENCHMARK(solve_hsr)
+    ->ArgNames({"states", "checks", "replan"})
+    ->ArgsProduct({{20, 40}, {0, 4}, {0, 1}})
+    ->Unit(benchmark::kMillisecond);
+
+/// One evaluation of all costs with Jacobians at all states.
+void evaluate_hsr(benchmark::State& state) {
+  const Problem problem = hsr_problem(static_cast<int>(state.range(0)), 4);
+  const GpPrior prior(problem.qc, problem.dt_s);
+  StateRows rows(problem, prior);
+  const Trajectory initial = line_of(problem);
+  std::vector<double> support;
+  for (int i = 0; i < initial.size(); ++i) {
+    support.insert(support.end(), initial.q(i).begin(), initial.q(i).end());
+    support.insert(support.end(), initial.qdot(i).begin(), initial.qdot(i).end());
+  }
+  for (auto _ : state) {
+    rows.update(support);
+    benchmark::DoNotOptimize(rows.rows(0).data());
+  }
+  state.SetItemsProcessed(state.iterations() * rows.state_count());
+}
+BENCHMARK(evaluate_hsr)->ArgName("states")->Arg(20)->Arg(40)->Unit(benchmark::kMicrosecond);
+
+/// One term alone, at the states of the straight line.
+void evaluate_term(benchmark::State& state) {
+  Problem problem = hsr_problem(40, 4);
+  const CostTerm& term = problem.terms[static_cast<std::size_t>(state.range(0))];
+  const auto dof = static_cast<std::size_t>(problem.robot->description().dof());
+  const Trajectory initial = line_of(problem);
+  std::vector<double> times_s(196), q(196 * dof), qdot(196 * dof);
+  for (std::size_t i = 0; i < times_s.size(); ++i) {
+    times_s[i] = 0.2 * problem.dt_s * static_cast<double>(i);
+    initial.sample(times_s[i], std::span(q).subspan(i * dof, dof),
+                   std::span(qdot).subspan(i * dof, dof));
+  }
+  const std::size_t rows = times_s.size() * static_cast<std::size_t>(term.cost->residual_count());
+  std::vector<double> residuals(rows), by_q(rows * dof), by_qdot(rows * dof);
+  const bool jacobians = state.range(1) != 0;
+  Scratch scratch;
+  for (auto _ : state) {
+    term.cost->evaluate({196, static_cast<int>(dof), q, qdot, times_s},
+                        {residuals, jacobians ? std::span<double>(by_q) : std::span<double>(),
+                         jacobians ? std::span<double>(by_qdot) : std::span<double>()},
+                        scratch);
+    benchmark::DoNotOptimize(residuals.data());
+  }
+  state.SetLabel(std::string(term.cost->name()));
+  state.SetItemsProcessed(state.iterations() * 196);
+}
+BENCHMARK(evaluate_term)
+    ->ArgNames({"term", "jacobians"})
+    ->ArgsProduct({{2, 3, 4, 5}, {0, 1}})
+    ->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace sidestep

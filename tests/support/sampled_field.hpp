@@ -1,0 +1,40 @@
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include <sidestep/field/dense_field.hpp>
+
+namespace sidestep::testing_support {
+
+/// A dense field, known everywhere, whose value at each voxel's centre is distance(centre).
+template <class Distance>
+[[nodiscard]] std::shared_ptr<const DenseField> sampled_field(const GridSpec& grid,
+                                                              Distance distance) {
+  const Eigen::Vector3i counts = block_counts(grid);
+  DenseField::BlockTable blocks;
+  for (int b = 0; b < counts.prod(); ++b) {
+    const Eigen::Vector3i first =
+        kBlockSide_vox *
+        Eigen::Vector3i(b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y()));
+    auto block = std::make_shared<FieldBlock>();
+    block->known.fill(0xffff);
+    for (int v = 0; v < FieldBlock::kVoxels; ++v) {
+      const Eigen::Vector3i voxel =
+          first + Eigen::Vector3i(v % kBlockSide_vox, v / kBlockSide_vox % kBlockSide_vox,
+                                  v / (kBlockSide_vox * kBlockSide_vox));
+      block->distance_m[static_cast<std::size_t>(v)] =
+          static_cast<float>(distance(grid.centre_m(voxel)));
+    }
+    blocks.push_back(std::move(block));
+  }
+  FieldInfo info;
+  info.grid = grid;
+  info.is_signed = true;
+  info.max_distance_m = std::numeric_limits<double>::infinity();
+  return std::make_shared<DenseField>(info, std::move(blocks));
+}
+
+}  // namespace sidestep::testing_support
