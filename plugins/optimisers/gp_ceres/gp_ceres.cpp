@@ -165,6 +165,8 @@ class ChainProblem {
 ceres::Solver::Options solver_options(const GpCeresSettings& settings, StoppingRule& rule) {
   ceres::Solver::Options options;
   options.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
+  // Chains of 20 to 40 states of 16: SuiteSparse, CXSparse and Eigen take the same time, the
+  // Schur solvers 1.3 to 1.5 times as long, a dense Cholesky 20 to 60 times (solve_hsr).
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.initial_trust_region_radius = 1.0 / settings.initial_damping;
   options.min_trust_region_radius = 1e-10;
