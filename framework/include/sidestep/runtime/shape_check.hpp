@@ -1,7 +1,8 @@
 #pragma once
 
 #include <memory>
-#include <span>
+#include <string>
+#include <vector>
 
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
@@ -21,16 +22,32 @@ struct ShapeObstacles {
 /// Centres of all occupied voxels of a view.
 [[nodiscard]] std::vector<Eigen::Vector3d> occupied_centres(const OccupancyView& view);
 
-struct ShapeCheckSettings {
-  double max_step_m = 0.01;  ///< Largest motion of any point of the robot between checks.
-  double speed_fraction = 1.0;
-  double limit_tolerance = 1e-6;
+/// A link that may touch an object of the scene, e.g. a wheel the floor.
+struct AllowedContact {
+  std::string link;
+  std::string object;
 };
 
-/// The independent check: the collision shapes of the robot's URDF against occupied voxels or
-/// the true scene, and against each other, with FCL, at steps no point of the robot moves
-/// more than max_step_m between; distances, so that clearances are exact at the steps. Shares
-/// no code with the planner's own check: its own limits, its own spheres-free geometry.
+struct ShapeCheckSettings {
+  double max_step_m = 0.01;  ///< Largest motion of any point of the robot between checks.
+  double min_step_m = 5e-4;  ///< Steps get this short near obstacles before "unproven".
+  double farthest_m = 0.5;   ///< Clearances are searched up to this; what is farther counts so.
+  double speed_fraction = 1.0;
+  double limit_tolerance = 1e-6;
+  std::vector<AllowedContact> allowed_contacts;
+};
+
+/// The independent check: the collision shapes of the robot's URDF against occupied voxels (as
+/// boxes) and the true scene at its times, and against each other, with FCL. No point of the
+/// robot moves more than max_step_m between two checks, nor more than the clearance found, so
+/// that what passes is clear in between, too; where that would take steps below min_step_m the
+/// outcome is kUnknown. Clearances are exact (to 1e-5 m) at the steps; a depth is that into a
+/// single box or shape. Meshes are surfaces: what is wholly inside one does not touch it. Moving
+/// objects may not jump (a repeated motion ends where it began).
+///
+/// Shares no code with the planner's own check: its own limits, its own bounds on motion, no
+/// spheres. Fails with kInvalidArgument for a robot without collision shapes, for obstacles or
+/// settings that make no sense, and for allowed contacts that name no link or object.
 [[nodiscard]] Result<std::unique_ptr<ValidityCheck>> make_shape_check(
     std::shared_ptr<const RobotModel> robot, ShapeObstacles obstacles, ShapeCheckSettings settings);
 

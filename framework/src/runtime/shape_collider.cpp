@@ -1,0 +1,360 @@
+#include "shape_collider.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include <fcl/broadphase/broadphase_dynamic_AABB_tree.h>
+#include <fcl/geometry/bvh/BVH_model.h>
+#include <fcl/geometry/shape/box.h>
+#include <fcl/geometry/shape/capsule.h>
+#include <fcl/geometry/shape/cylinder.h>
+#include <fcl/geometry/shape/sphere.h>
+#include <fcl/narrowphase/collision.h>
+#include <fcl/narrowphase/collision_object.h>
+#include <fcl/narrowphase/distance.h>
+
+#include "voxel_boxes.hpp"
+
+namespace sidestep {
+namespace {
+
+using Geometry = std::shared_ptr<fcl::CollisionGeometryd>;
+using Object = fcl::CollisionObjectd;
+
+constexpr int kVoxelOwner = -1;
+constexpr double kTouching_m = 1e-6;  // FCL's own tolerance
+constexpr double kDistanceTolerance_m = 1e-9;
+constexpr std::size_t kMaxContacts = 16;
+const char* const kVoxelName = "occupied voxels";
+
+std::size_t at(int value) { return static_cast<std::size_t>(value); }
+
+/// FCL's geometry for a shape; null for a half-space, which FCL cannot measure distances to.
+struct ToGeometry {
+  Geometry operator()(const Box& box) const {
+    return std::make_shared<fcl::Boxd>(box.size_m.x(), box.size_m.y(), box.size_m.z());
+  }
+  Geometry operator()(const Sphere& sphere) const {
+    return std::make_shared<fcl::Sphered>(sphere.radius_m);
+  }
+  Geometry operator()(const Cylinder& cylinder) const {
+    return std::make_shared<fcl::Cylinderd>(cylinder.radius_m, cylinder.length_m);
+  }
+  Geometry operator()(const Capsule& capsule) const {
+    return std::make_shared<fcl::Capsuled>(capsule.radius_m, capsule.length_m);
+  }
+  Geometry operator()(const HalfSpace&) const { return nullptr; }
+  Geometry operator()(const std::shared_ptr<const Mesh>& mesh) const {
+    auto model = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
+    model->beginModel(static_cast<int>(mesh->triangles.size()),
+                      static_cast<int>(mesh->vertices_m.size()));
+    std::vector<fcl::Triangle> triangles;
+    for (const Eigen::Vector3i& t : mesh->triangles) {
+      triangles.emplace_back(at(t.x()), at(t.y()), at(t.z()));
+    }
+    model->addSubModel(mesh->vertices_m, triangles);
+    model->endModel();
+    return model;
+  }
+};
+
+/// How far the lowest point of a shape lies above the plane z = 0 of a frame.
+struct LowestPoint {
+  Transform T_plane_shape;
+
+  [[nodiscard]] double centre() const { return T_plane_shape.translation().z(); }
+  [[nodiscard]] Eigen::Vector3d down() const {  // the plane's normal in the shape's frame
+    return T_plane_shape.linear().row(2).transpose();
+  }
+  double operator()(const Box& box) const {
+    return centre() - 0.5 * box.size_m.dot(down().cwiseAbs());
+  }
+  double operator()(const Sphere& sphere) const { return centre() - sphere.radius_m; }
+  double operator()(const Cylinder& cylinder) const {
+    const Eigen::Vector3d n = down();
+    return centre() - 0.5 * cylinder.length_m * std::abs(n.z()) -
+           cylinder.radius_m * std::hypot(n.x(), n.y());
+  }
+  double operator()(const Capsule& capsule) const {
+    return centre() - 0.5 * capsule.length_m * std::abs(down().z()) - capsule.radius_m;
+  }
+  double operator()(const HalfSpace&) const { return -std::numeric_limits<double>::infinity(); }
+  double operator()(const std::shared_ptr<const Mesh>& mesh) const {
+    double lowest = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& vertex : mesh->vertices_m) {
+      lowest = std::min(lowest, centre() + down().dot(vertex));
+    }
+    return lowest;
+  }
+};
+
+fcl::Transform3d to_fcl(const Transform& transform) {
+  fcl::Transform3d out = fcl::Transform3d::Identity();
+  out.linear() = transform.linear();
+  out.translation() = transform.translation();
+  return out;
+}
+
+void move(Object& object, const Transform& transform) {
+  object.setTransform(to_fcl(transform));
+  object.computeAABB();
+}
+
+/// The depth of the deepest contact; 0 where there is none.
+double contact_depth_m(const Object& a, const Object& b) {
+  if (!a.getAABB().overlap(b.getAABB())) return 0.0;
+  const fcl::CollisionRequestd request(kMaxContacts, true);
+  fcl::CollisionResultd result;
+  if (fcl::collide(&a, &b, request, result) == 0) return 0.0;
+  double depth_m = 0.0;
+  for (std::size_t i = 0; i < result.numContacts(); ++i) {
+    depth_m = std::max(depth_m, std::abs(result.getContact(i).penetration_depth));
+  }
+  return std::max(depth_m, kTouching_m);
+}
+
+/// Distance of two objects that do not overlap, or `bound_m` if they are farther apart.
+double separation_m(const Object& a, const Object& b, double bound_m) {
+  if (a.getAABB().distance(b.getAABB()) >= bound_m) return bound_m;
+  // With the default tolerance cylinders come out 5e-5 m too far away.
+  const fcl::DistanceRequestd request(false, false, 0.0, 0.0, kDistanceTolerance_m);
+  fcl::DistanceResultd result;
+  fcl::distance(&a, &b, request, result);
+  return std::min(bound_m, std::max(0.0, result.min_distance));
+}
+
+/// Minus the depth if they overlap, else their distance up to the bound.
+double proximity_m(const Object& a, const Object& b, double bound_m) {
+  const double depth_m = contact_depth_m(a, b);
+  return depth_m > 0.0 ? -depth_m : separation_m(a, b, bound_m);
+}
+
+struct RobotShape {
+  int link = 0;
+  Shape shape;
+  Transform T_link_shape;
+  Geometry geometry;
+  std::set<int> ignored;  // scene objects this link may touch
+};
+
+/// What a walk through the static obstacles carries along.
+struct Nearest {
+  const std::set<int>& ignored;
+  double clearance_m;
+  int owner = kVoxelOwner;
+  bool is_found = false;
+
+  void hear(double clearance, int its_owner) {
+    if (clearance >= clearance_m) return;
+    clearance_m = clearance;
+    owner = its_owner;
+    is_found = true;
+  }
+};
+
+int owner_of(const Object& object) {
+  return static_cast<int>(reinterpret_cast<std::intptr_t>(object.getUserData()));
+}
+
+/// FCL hands over the pair in either order; the robot's objects carry this owner.
+constexpr int kRobotOwner = -2;
+
+const Object& obstacle_of(const Object& a, const Object& b) {
+  return owner_of(a) == kRobotOwner ? b : a;
+}
+
+bool on_overlap(Object* a, Object* b, void* data) {
+  auto& nearest = *static_cast<Nearest*>(data);
+  const int owner = owner_of(obstacle_of(*a, *b));
+  if (nearest.ignored.count(owner) != 0) return false;
+  const double depth_m = contact_depth_m(*a, *b);
+  if (depth_m > 0.0) nearest.hear(-depth_m, owner);
+  return false;
+}
+
+bool on_distance(Object* a, Object* b, void* data, double& distance_m) {
+  auto& nearest = *static_cast<Nearest*>(data);
+  const int owner = owner_of(obstacle_of(*a, *b));
+  if (nearest.ignored.count(owner) == 0) {
+    nearest.hear(separation_m(*a, *b, nearest.clearance_m), owner);
+  }
+  distance_m = nearest.clearance_m;
+  return false;
+}
+
+}  // namespace
+
+struct ShapeCollider::Impl {
+  std::vector<RobotShape> shapes;
+  std::vector<std::pair<int, int>> pairs;  // of shapes
+  std::shared_ptr<const Scene> scene;
+  std::vector<Geometry> scene_geometry;  // per scene object; null for half-spaces
+  std::vector<std::unique_ptr<Object>> fixed;
+  fcl::DynamicAABBTreeCollisionManagerd fixed_tree;
+  std::vector<int> moving;       // scene objects
+  std::vector<int> half_spaces;  // scene objects
+
+  void add_fixed(Geometry geometry, const Transform& T_world_shape, int owner) {
+    fixed.push_back(std::make_unique<Object>(std::move(geometry), to_fcl(T_world_shape)));
+    fixed.back()->computeAABB();
+    fixed.back()->setUserData(reinterpret_cast<void*>(static_cast<std::intptr_t>(owner)));
+  }
+  void add_robot(const RobotDescription& robot);
+  void add_voxels(const ShapeObstacles& obstacles);
+  void add_scene(const std::shared_ptr<const Scene>& its);
+  void allow(const RobotDescription& robot, const std::vector<AllowedContact>& allowed);
+  [[nodiscard]] std::string name(int owner) const {
+    return owner == kVoxelOwner ? kVoxelName : scene->objects()[at(owner)].name;
+  }
+};
+
+class ShapeCollider::Pose {
+ public:
+  std::vector<Object> shapes;
+  std::vector<Transform> T_world_shape;
+  std::vector<Object> moving;  // in Impl::moving's order
+  std::vector<Transform> T_half_space_world;
+};
+
+void ShapeCollider::Impl::add_robot(const RobotDescription& robot) {
+  for (const CollisionShape& shape : robot.shapes) {
+    shapes.push_back(
+        {shape.link, shape.shape, shape.T_link_shape, std::visit(ToGeometry{}, shape.shape), {}});
+  }
+  for (const auto& [first, second] : robot.self_collision_pairs) {
+    for (std::size_t a = 0; a < shapes.size(); ++a) {
+      for (std::size_t b = 0; b < shapes.size(); ++b) {
+        if (shapes[a].link == first && shapes[b].link == second) {
+          pairs.emplace_back(static_cast<int>(a), static_cast<int>(b));
+        }
+      }
+    }
+  }
+}
+
+void ShapeCollider::Impl::add_voxels(const ShapeObstacles& obstacles) {
+  for (const Eigen::AlignedBox3d& box :
+       merge_voxels(obstacles.occupied_centres_m, obstacles.resolution_m)) {
+    Transform pose = Transform::Identity();
+    pose.translation() = box.center();
+    add_fixed(ToGeometry{}(Box{box.sizes()}), pose, kVoxelOwner);
+  }
+}
+
+void ShapeCollider::Impl::add_scene(const std::shared_ptr<const Scene>& its) {
+  scene = its;
+  if (!scene) return;
+  for (int i = 0; i < static_cast<int>(scene->objects().size()); ++i) {
+    const SceneObject& object = scene->objects()[at(i)];
+    scene_geometry.push_back(std::visit(ToGeometry{}, object.shape));
+    if (scene_geometry.back() == nullptr) {
+      half_spaces.push_back(i);
+    } else if (object.moves()) {
+      moving.push_back(i);
+    } else {
+      add_fixed(scene_geometry.back(), object.T_world_object(0.0), i);
+    }
+  }
+}
+
+void ShapeCollider::Impl::allow(const RobotDescription& robot,
+                                const std::vector<AllowedContact>& allowed) {
+  for (const AllowedContact& contact : allowed) {
+    for (int i = 0; scene && i < static_cast<int>(scene->objects().size()); ++i) {
+      if (scene->objects()[at(i)].name != contact.object) continue;
+      for (RobotShape& shape : shapes) {
+        if (robot.links[at(shape.link)].name == contact.link) shape.ignored.insert(i);
+      }
+    }
+  }
+}
+
+ShapeCollider::ShapeCollider(const RobotDescription& robot, const ShapeObstacles& obstacles,
+                             const std::vector<AllowedContact>& allowed) {
+  auto impl = std::make_unique<Impl>();
+  impl->add_robot(robot);
+  impl->add_voxels(obstacles);
+  impl->add_scene(obstacles.scene);
+  impl->allow(robot, allowed);
+  std::vector<Object*> objects;
+  for (const auto& object : impl->fixed) objects.push_back(object.get());
+  impl->fixed_tree.registerObjects(objects);
+  impl->fixed_tree.setup();
+  impl_ = std::move(impl);
+}
+
+ShapeCollider::~ShapeCollider() = default;
+void ShapeCollider::PoseDeleter::operator()(Pose* pose) const noexcept { delete pose; }
+
+ShapeCollider::PosePtr ShapeCollider::make_pose() const {
+  PosePtr pose(new Pose());
+  for (const RobotShape& shape : impl_->shapes) {
+    pose->shapes.emplace_back(shape.geometry);
+    pose->shapes.back().setUserData(
+        reinterpret_cast<void*>(static_cast<std::intptr_t>(kRobotOwner)));
+  }
+  for (const int object : impl_->moving) {
+    pose->moving.emplace_back(impl_->scene_geometry[at(object)]);
+  }
+  pose->T_world_shape.resize(impl_->shapes.size());
+  pose->T_half_space_world.resize(impl_->half_spaces.size());
+  return pose;
+}
+
+void ShapeCollider::place(Pose& pose, std::span<const Transform> T_world_link,
+                          double scene_time_s) const {
+  for (std::size_t i = 0; i < impl_->shapes.size(); ++i) {
+    const RobotShape& shape = impl_->shapes[i];
+    pose.T_world_shape[i] = T_world_link[at(shape.link)] * shape.T_link_shape;
+    move(pose.shapes[i], pose.T_world_shape[i]);
+  }
+  for (std::size_t i = 0; i < impl_->moving.size(); ++i) {
+    const SceneObject& object = impl_->scene->objects()[at(impl_->moving[i])];
+    move(pose.moving[i], object.T_world_object(scene_time_s));
+  }
+  for (std::size_t i = 0; i < impl_->half_spaces.size(); ++i) {
+    const SceneObject& object = impl_->scene->objects()[at(impl_->half_spaces[i])];
+    pose.T_half_space_world[i] = object.T_world_object(scene_time_s).inverse();
+  }
+}
+
+int ShapeCollider::shape_count() const noexcept { return static_cast<int>(impl_->shapes.size()); }
+int ShapeCollider::pair_count() const noexcept { return static_cast<int>(impl_->pairs.size()); }
+std::pair<int, int> ShapeCollider::pair_links(int pair) const noexcept {
+  const auto [a, b] = impl_->pairs[at(pair)];
+  return {impl_->shapes[at(a)].link, impl_->shapes[at(b)].link};
+}
+
+ShapeCollider::Proximity ShapeCollider::to_obstacles(int shape, const Pose& pose,
+                                                     double bound_m) const {
+  const RobotShape& robot_shape = impl_->shapes[at(shape)];
+  // FCL's interface is not const-correct; neither call changes the object or the tree.
+  auto* object = const_cast<Object*>(&pose.shapes[at(shape)]);
+  Nearest nearest{robot_shape.ignored, bound_m};
+  if (!impl_->fixed.empty()) {
+    impl_->fixed_tree.collide(object, &nearest, on_overlap);
+    if (nearest.clearance_m > 0.0) impl_->fixed_tree.distance(object, &nearest, on_distance);
+  }
+  for (std::size_t i = 0; i < impl_->moving.size(); ++i) {
+    if (robot_shape.ignored.count(impl_->moving[i]) != 0) continue;
+    nearest.hear(proximity_m(*object, pose.moving[i], std::max(0.0, nearest.clearance_m)),
+                 impl_->moving[i]);
+  }
+  for (std::size_t i = 0; i < impl_->half_spaces.size(); ++i) {
+    if (robot_shape.ignored.count(impl_->half_spaces[i]) != 0) continue;
+    const LowestPoint lowest{pose.T_half_space_world[i] * pose.T_world_shape[at(shape)]};
+    nearest.hear(std::visit(lowest, robot_shape.shape), impl_->half_spaces[i]);
+  }
+  return {nearest.clearance_m, nearest.is_found ? impl_->name(nearest.owner) : std::string()};
+}
+
+double ShapeCollider::between_pair(int pair, const Pose& pose, double bound_m) const {
+  const auto [a, b] = impl_->pairs[at(pair)];
+  return proximity_m(pose.shapes[at(a)], pose.shapes[at(b)], bound_m);
+}
+
+}  // namespace sidestep
