@@ -1,9 +1,12 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
@@ -20,8 +23,10 @@ struct ExperimentContext {
   const DocumentReader& documents;
   std::filesystem::path out;  ///< Existing folder for its files.
   std::uint64_t seed = 0;
+  int threads = 1;       ///< Of the host's worker pool; for the record.
   std::stop_token stop;  ///< Requested on Ctrl-C: save and return.
-  /// Progress for people: done and total work items, and a word on what is being done.
+  /// Progress for people: done and total work items (0 where unknown), and a word on what is
+  /// being done. May be empty.
   std::function<void(std::int64_t done, std::int64_t total, std::string_view what)> progress;
 };
 
@@ -40,14 +45,36 @@ struct ExperimentType {
   std::string doc;
   Schema (*schema)();               ///< Of the `experiment` block.
   std::vector<std::string> blocks;  ///< Top-level blocks it needs, e.g. "robot", "mapper".
+  /// Mistakes beyond schemas, in a configuration whose blocks fit theirs.
+  void (*check)(const Configuration& configuration, Host& host, std::vector<Error>& errors);
+  /// Measures, and saves to context.out/results.sqlite.
   Result<ExperimentOutcome> (*run)(ExperimentContext& context);
 };
 
 [[nodiscard]] const std::vector<ExperimentType>& experiment_types();
 
+/// What every experiment's block says of the run itself, read before there is a host; mistakes
+/// are left to check_configuration().
+struct RunSettings {
+  std::uint64_t seed = 0;
+  int threads = 0;  ///< 0 for one per core.
+  std::vector<std::filesystem::path> plugin_paths;
+};
+[[nodiscard]] RunSettings read_run_settings(const Configuration& configuration);
+
 /// All mistakes in a configuration that can be known without running it: experiment type and
 /// its parameters, plugin blocks, planning settings, poses of plans.
 [[nodiscard]] std::vector<Error> check_configuration(const Configuration& configuration,
                                                      Host& host);
+
+/// The configuration with every default filled in and every value's origin: what
+/// effective_config.yaml holds.
+[[nodiscard]] Node effective_configuration(const Configuration& configuration, Host& host);
+
+/// Runs a checked configuration and leaves in context.out: effective_config.yaml,
+/// results.sqlite, summary.json, report.html and its pictures. Files of an earlier run are
+/// removed first. Fails where the experiment could not be done at all (exit codes 2 to 4); a
+/// task that fails is an outcome.
+[[nodiscard]] Result<ExperimentOutcome> run_experiment(ExperimentContext& context);
 
 }  // namespace sidestep

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/planning/problem.hpp>
+#include <sidestep/plugin/schema.hpp>
+
+namespace sidestep {
+
+/// The `planning` block of a configuration: how a problem is posed, whoever solves it.
+struct PlanningSettings : CostSettings {
+  std::string unknown;  ///< "free" or "occupied".
+  std::string outside;
+  double dt_s = 0.25;
+  double speed_fraction = 0.8;
+  double duration_scale = 1.5;
+  double qc = 1.0;
+  int interpolated_checks = 4;
+  double collision_margin_m = 0.0;
+  double time_limit_s = 10.0;
+  int attempts = 1;
+
+  static Fields<PlanningSettings> fields();
+  [[nodiscard]] SpacePolicy space() const;
+};
+
+/// The `check` block: what a plan must pass before it counts.
+struct CheckSettings {
+  double margin_m = 0.0;
+  double max_step_m = 0.02;
+  double shape_max_step_m = 0.01;
+
+  static Fields<CheckSettings> fields();
+};
+
+/// A `start` or `goal` block: a configuration of the robot.
+struct RobotStateEntry {
+  std::string pose;
+  Node joints;
+
+  static Fields<RobotStateEntry> fields();
+};
+
+/// From start to goal in `field`: horizon, prior and standard terms as the settings say.
+/// `slower` >= 1 stretches the motion's time beyond settings.duration_scale.
+[[nodiscard]] Problem make_problem(std::shared_ptr<const RobotModel> robot,
+                                   std::shared_ptr<const DistanceField> field,
+                                   const PlanningSettings& settings, const Eigen::VectorXd& q_start,
+                                   const Eigen::VectorXd& q_goal, double slower = 1.0);
+
+/// Reads a configuration of the robot: `{pose: NAME, joints: {NAME: value, ...}}`, where
+/// `joints` overrides the named pose, and together they give every joint. Appends a kConfig
+/// error for each unknown pose, unknown or missing joint, and value beyond its joint's limits.
+/// The block has been checked against RobotStateEntry's schema. Returns what could be read.
+[[nodiscard]] Eigen::VectorXd read_robot_state(const Node& block, const RobotDescription& robot,
+                                               std::vector<Error>& errors);
+
+}  // namespace sidestep

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <sidestep/core/error.hpp>
+
+namespace sidestep {
+
+/// Draws the pictures of a run and writes report.html, which holds them all, from what the run
+/// left in its folder: summary.json, results.sqlite, effective_config.yaml. The pictures are
+/// written beside it as PNG. Fails with kNotFound where the folder holds no run, kIo where its
+/// files are damaged or nothing can be written. [main]
+[[nodiscard]] Result<void> write_report(const std::filesystem::path& run);
+
+/// A table that compares several runs, for a terminal; and the same as a self-contained page in
+/// `html`, which may be empty for none. Fails as write_report() does.
+[[nodiscard]] Result<std::string> compare_runs(const std::vector<std::filesystem::path>& runs,
+                                               const std::filesystem::path& html);
+
+/// Whether a file of this name is a picture that write_report() writes.
+[[nodiscard]] bool is_report_picture(std::string_view file_name);
+
+}  // namespace sidestep

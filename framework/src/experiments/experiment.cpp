@@ -1,0 +1,184 @@
+#include <sidestep/experiments/experiment.hpp>
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <thread>
+
+#include <sidestep/experiments/planning_settings.hpp>
+#include <sidestep/experiments/report.hpp>
+#include <sidestep/runtime/yaml_document.hpp>
+
+#include "html.hpp"
+#include "plan.hpp"
+
+namespace sidestep {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::vector<ExperimentType> kTypes = {plan_experiment()};
+
+constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
+                                     PluginKind::kField,     PluginKind::kRobot,
+                                     PluginKind::kOptimiser, PluginKind::kExecutor};
+
+/// The schema of a top-level block that is not a plugin's; nothing for other names.
+std::optional<Schema> settings_schema(std::string_view block) {
+  if (block == "planning") return PlanningSettings::fields().schema();
+  if (block == "check") return CheckSettings::fields().schema();
+  return std::nullopt;
+}
+
+const ExperimentType* find_type(const Configuration& configuration, std::vector<Error>& errors) {
+  const Node* block = configuration.root.find("experiment");
+  if (block == nullptr) {
+    errors.push_back(configuration.root.error("there is no `experiment` block",
+                                              "add e.g. experiment: {type: plan, ...}"));
+    return nullptr;
+  }
+  const Node* type = block->find("type");
+  std::vector<std::string> names;
+  for (const ExperimentType& known : kTypes) {
+    if (type != nullptr && known.name == type->text()) return &known;
+    names.push_back(known.name);
+  }
+  std::string list = "there are:";
+  for (const std::string& name : names) list += " " + name;
+  if (type == nullptr) {
+    errors.push_back(block->error("the experiment has no `type`", list));
+    return nullptr;
+  }
+  const std::string nearest = nearest_name(type->text(), names);
+  errors.push_back(type->error("there is no experiment type '" + type->text() + "'",
+                               nearest.empty() ? list : "did you mean '" + nearest + "'?"));
+  return nullptr;
+}
+
+void check_blocks(const Configuration& configuration, const ExperimentType* type, Host& host,
+                  std::vector<Error>& errors) {
+  if (type != nullptr) {
+    for (const std::string& needed : type->blocks) {
+      if (configuration.root.find(needed) != nullptr) continue;
+      errors.push_back(configuration.root.error("experiment '" + type->name + "' needs a `" +
+                                                needed + "` block, and there is none"));
+    }
+    check_against_schema(*configuration.root.find("experiment"), type->schema(), {}, errors);
+  }
+  for (const Node::Entry& entry : configuration.root.entries()) {
+    if (const auto schema = settings_schema(entry.key)) {
+      check_against_schema(entry.value, *schema, {}, errors);
+    }
+    for (const PluginKind kind : kPluginKinds) {
+      if (entry.key == to_string(kind)) host.check(kind, entry.value, errors);
+    }
+  }
+}
+
+/// Appends what a schema declares and a map leaves open.
+Node filled_in(Node map, const Schema& schema) {
+  const YamlDocumentReader yaml;
+  if (map.is_null()) map = Node(Node::Map{}, {"default", 0, 0});
+  if (!map.is_map()) return map;
+  for (const Parameter& parameter : schema) {
+    if (map.find(parameter.name) != nullptr || parameter.required) continue;
+    auto value = yaml.parse(parameter.default_text, "default");
+    if (!value) continue;
+    value->set_mark({"default", 0, 0});
+    map.entries().push_back({parameter.name, {"default", 0, 0}, std::move(*value)});
+  }
+  return map;
+}
+
+/// Removes what an earlier run left, so that nothing of it can be taken for this run's.
+Result<void> clear_results(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> stale;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    const bool fixed = name == "effective_config.yaml" || name == "summary.json" ||
+                       name == "report.html" || name.starts_with("results.sqlite");
+    if (fixed || is_report_picture(name)) stale.push_back(entry.path());
+  }
+  for (const fs::path& file : stale) {
+    if (!error) fs::remove(file, error);
+  }
+  if (error)
+    return fail(ErrorCode::kIo, "cannot use the folder: " + error.message(), folder.string());
+  return {};
+}
+
+}  // namespace
+
+const std::vector<ExperimentType>& experiment_types() { return kTypes; }
+
+RunSettings read_run_settings(const Configuration& configuration) {
+  RunSettings settings;
+  if (const Node* experiment = configuration.root.find("experiment")) {
+    const Node* seed = experiment->find("seed");
+    const Node* threads = experiment->find("threads");
+    if (seed != nullptr) settings.seed = static_cast<std::uint64_t>(seed->as_int().value_or(0));
+    if (threads != nullptr) {
+      settings.threads =
+          static_cast<int>(std::clamp<std::int64_t>(threads->as_int().value_or(0), 0, 1024));
+    }
+  }
+  if (settings.threads == 0) {
+    settings.threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  }
+  if (const Node* paths = configuration.root.find("plugin_paths")) {
+    for (const Node& path : paths->items()) {
+      if (auto read = path.as_path()) settings.plugin_paths.push_back(std::move(*read));
+    }
+  }
+  return settings;
+}
+
+std::vector<Error> check_configuration(const Configuration& configuration, Host& host) {
+  std::vector<Error> errors;
+  const ExperimentType* type = find_type(configuration, errors);
+  check_blocks(configuration, type, host, errors);
+  if (type != nullptr && errors.empty()) type->check(configuration, host, errors);
+  return errors;
+}
+
+Node effective_configuration(const Configuration& configuration, Host& host) {
+  Node root = configuration.root;
+  std::vector<Error> ignored;
+  const ExperimentType* type = find_type(configuration, ignored);
+  for (Node::Entry& entry : root.entries()) {
+    if (entry.key == "experiment" && type != nullptr) {
+      entry.value = filled_in(std::move(entry.value), type->schema());
+    } else if (const auto schema = settings_schema(entry.key)) {
+      entry.value = filled_in(std::move(entry.value), *schema);
+    }
+    for (const PluginKind kind : kPluginKinds) {
+      if (entry.key == to_string(kind)) entry.value = host.with_defaults(kind, entry.value);
+    }
+  }
+  return root;
+}
+
+Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
+  std::vector<Error> errors;
+  const ExperimentType* type = find_type(context.configuration, errors);
+  if (type == nullptr) return tl::make_unexpected(std::move(errors.front()));
+  auto done = clear_results(context.out);
+  if (done) {
+    done = write_file(context.out / "effective_config.yaml",
+                      to_yaml(effective_configuration(context.configuration, context.host), true));
+  }
+  if (!done) return tl::make_unexpected(std::move(done.error()));
+  auto outcome = type->run(context);
+  if (!outcome) return outcome;
+  if (auto written = write_file(context.out / "summary.json", outcome->summary_json); !written) {
+    return tl::make_unexpected(std::move(written.error()));
+  }
+  if (context.progress) context.progress(0, 0, "drawing the report");
+  if (auto drawn = write_report(context.out); !drawn) {
+    return tl::make_unexpected(std::move(drawn.error()));
+  }
+  return outcome;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <sidestep/sensing/source.hpp>
+
+namespace sidestep {
+
+/// A depth image kept for the report: at most `kMaxWidth_px` wide, every n-th pixel.
+struct DepthPicture {
+  static constexpr int kMaxWidth_px = 320;
+  std::int64_t frame_sequence = 0;
+  int rows = 0;
+  int columns = 0;
+  std::vector<float> depth_m;
+};
+
+/// Passes on at most `limit` frames (0: all) of another source, and keeps some depth images,
+/// spread evenly over them. [mapping]
+class FrameTap final : public Source {
+ public:
+  FrameTap(Source& source, std::int64_t limit, int pictures);
+
+  [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
+  [[nodiscard]] std::optional<std::int64_t> frame_count() const override;
+
+  [[nodiscard]] const std::vector<DepthPicture>& pictures() const noexcept { return pictures_; }
+
+ private:
+  void keep(const Frame& frame);
+
+  Source& source_;
+  std::int64_t limit_;
+  int wanted_;
+  std::int64_t passed_ = 0;  ///< Frames asked for, usable or not.
+  std::int64_t stride_ = 1;  ///< Every stride_-th frame is kept.
+  std::vector<DepthPicture> pictures_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <cstdint>
+
+#include <sidestep/planning/problem.hpp>
+
+namespace sidestep {
+
+/// The first guess of a solve. Attempt 0: the straight line. Later ones: the straight line bent
+/// by a few smooth random waves, larger with every attempt, inside the joints' limits, with
+/// start and goal where they were; the same for the same seed and attempt.
+[[nodiscard]] Trajectory initial_guess(const Problem& problem, int attempt, std::uint64_t seed);
+
+}  // namespace sidestep

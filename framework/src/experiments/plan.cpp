@@ -1,0 +1,274 @@
+#include "plan.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <set>
+
+#include <sidestep/runtime/pipeline.hpp>
+#include <sidestep/runtime/results_store.hpp>
+
+#include "frame_tap.hpp"
+#include "plan_one.hpp"
+#include "plan_recording.hpp"
+#include "plan_summary.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr std::int64_t kCommitEvery = 50;  // frames
+
+const Node kNothing;
+
+const Node& block_of(const Configuration& configuration, std::string_view name) {
+  const Node* block = configuration.root.find(name);
+  return block != nullptr ? *block : kNothing;
+}
+
+/// Reads a block whose schema has been checked; what could still fail is kept for the caller.
+template <class Settings>
+Settings read_block(const Configuration& configuration, std::string_view name,
+                    std::vector<Error>& errors) {
+  Settings settings;
+  Settings::fields().read(block_of(configuration, name), settings, errors);
+  return settings;
+}
+
+struct PlanSettings {
+  PlanExperimentSettings experiment;
+  PlanningSettings planning;
+  CheckSettings check;
+};
+
+Result<PlanSettings> read_settings(const Configuration& configuration) {
+  std::vector<Error> errors;
+  PlanSettings settings{read_block<PlanExperimentSettings>(configuration, "experiment", errors),
+                        read_block<PlanningSettings>(configuration, "planning", errors),
+                        read_block<CheckSettings>(configuration, "check", errors)};
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  return settings;
+}
+
+/// Start and goal of every plan, read from the configuration where mistakes have a position.
+std::vector<PlanRecord> read_plans(const Configuration& configuration,
+                                   const RobotDescription& robot, std::vector<Error>& errors) {
+  std::vector<PlanRecord> plans;
+  const Node* list = block_of(configuration, "experiment").find("plans");
+  if (list == nullptr) return plans;
+  std::set<std::string> names;
+  for (const Node& entry : list->items()) {
+    PlanRecord plan;
+    const Node* name = entry.find("name");
+    const Node* start = entry.find("start");
+    const Node* goal = entry.find("goal");
+    if (name == nullptr || start == nullptr || goal == nullptr) continue;  // the schema told
+    plan.name = name->text();
+    if (!names.insert(plan.name).second) {
+      errors.push_back(name->error("a plan before this one is named '" + plan.name + "', too"));
+    }
+    plan.q_start = read_robot_state(*start, robot, errors);
+    plan.q_goal = read_robot_state(*goal, robot, errors);
+    plans.push_back(std::move(plan));
+  }
+  if (list->items().empty()) errors.push_back(list->error("there is nothing to plan"));
+  return plans;
+}
+
+void check_plans(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  const auto robot = host.create<RobotModel>(block_of(configuration, "robot"));
+  if (!robot) {
+    errors.push_back(robot.error());
+    return;
+  }
+  (void)read_plans(configuration, (*robot)->description(), errors);
+}
+
+/// Maps every frame of the source; stops early on request, with what there is.
+Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, SnapshotSlot& slot,
+                             Recorder& recorder, ExperimentContext& context) {
+  MapRecord map;
+  if (auto attached = pipeline.attach(); !attached) {
+    return tl::make_unexpected(std::move(attached.error()));
+  }
+  const std::int64_t total = source.frame_count().value_or(0);
+  while (!context.stop.stop_requested()) {
+    auto step = pipeline.step(Deadline(context.stop));
+    if (!step) {
+      if (context.stop.stop_requested()) break;
+      return tl::make_unexpected(std::move(step.error()));
+    }
+    if (!*step) break;
+    const auto item = static_cast<std::int64_t>(map.steps.size());
+    record_frame(**step, item, recorder);
+    map.steps.push_back(std::move(**step));
+    if (item % kCommitEvery == kCommitEvery - 1) {
+      if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
+    }
+    if (context.progress) {
+      const auto bad = static_cast<std::int64_t>(pipeline.bad_frames().size());
+      context.progress(item + 1 + bad, total, "mapping");
+    }
+  }
+  map.bad_frames = pipeline.bad_frames();
+  map.interrupted = context.stop.stop_requested();
+  map.field = slot.pin();
+  return map;
+}
+
+std::int64_t count(const VoxelBits& bits) {
+  std::int64_t total = 0;
+  for (const std::uint64_t word : bits.words) total += std::popcount(word);
+  return total;
+}
+
+RunProvenance provenance_of(const ExperimentContext& context) {
+  RunProvenance provenance = current_provenance();
+  provenance.configuration = context.configuration.name;
+  provenance.seed = context.seed;
+  provenance.threads = context.threads;
+  return provenance;
+}
+
+/// The parts of the run that plugins provide.
+struct Parts {
+  std::shared_ptr<const RobotModel> robot;
+  PluginPtr<Source> source;
+  PluginPtr<Mapper> mapper;
+  PluginPtr<FieldBuilder> field_builder;
+  PluginPtr<Optimiser> optimiser;
+  const OccupancyView* occupancy;  ///< Of the mapper.
+  const GroundTruth* truth;        ///< Of the source; may be null.
+};
+
+Result<Parts> make_parts(ExperimentContext& context) {
+  const Configuration& configuration = context.configuration;
+  auto own_robot = context.host.create<RobotModel>(block_of(configuration, "robot"));
+  if (!own_robot) return tl::make_unexpected(std::move(own_robot.error()));
+  const std::shared_ptr<const RobotModel> robot = std::move(*own_robot);
+  auto source = context.host.create<Source>(block_of(configuration, "source"), robot);
+  if (!source) return tl::make_unexpected(std::move(source.error()));
+  auto mapper = context.host.create<Mapper>(block_of(configuration, "mapper"), robot);
+  if (!mapper) return tl::make_unexpected(std::move(mapper.error()));
+  auto field_builder = context.host.create<FieldBuilder>(block_of(configuration, "field"), robot);
+  if (!field_builder) return tl::make_unexpected(std::move(field_builder.error()));
+  auto optimiser = context.host.create<Optimiser>(block_of(configuration, "optimiser"), robot);
+  if (!optimiser) return tl::make_unexpected(std::move(optimiser.error()));
+  const auto* occupancy = dynamic_cast<const OccupancyView*>(mapper->get());
+  if (occupancy == nullptr) {
+    return fail(ErrorCode::kUnsupported,
+                "the independent check needs a mapper that offers its occupied voxels",
+                block_of(configuration, "mapper").mark().to_string());
+  }
+  const auto* truth = dynamic_cast<const GroundTruth*>(source->get());
+  return Parts{robot,
+               std::move(*source),
+               std::move(*mapper),
+               std::move(*field_builder),
+               std::move(*optimiser),
+               occupancy,
+               truth};
+}
+
+/// Plans through a finished map, recording each plan as soon as it is there.
+Result<std::vector<PlanRecord>> make_plans(Parts& parts, const MapRecord& map,
+                                           std::vector<PlanRecord> endpoints,
+                                           const PlanSettings& settings, Recorder& recorder,
+                                           ExperimentContext& context) {
+  std::shared_ptr<const Scene> scene;
+  if (parts.truth != nullptr) scene = std::make_shared<const Scene>(parts.truth->scene());
+  auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, scene,
+                               map.steps.back().stamp.seconds(), settings.planning, settings.check);
+  if (!world) return tl::make_unexpected(std::move(world.error()));
+  const PlanSurroundings surroundings{*parts.robot,
+                                      *map.field,
+                                      settings.planning.space(),
+                                      *parts.occupancy,
+                                      settings.planning.speed_fraction,
+                                      settings.check.margin_m,
+                                      settings.experiment.slice_heights_m};
+  std::vector<PlanRecord> plans;
+  const auto total = static_cast<std::int64_t>(endpoints.size());
+  for (PlanRecord& plan : endpoints) {
+    const auto index = static_cast<std::int64_t>(plans.size());
+    if (context.stop.stop_requested()) break;
+    if (context.progress) context.progress(index, total, "planning " + plan.name);
+    auto made = make_plan(*world, *parts.optimiser, std::move(plan), context.seed, context.log,
+                          context.stop);
+    if (!made) return tl::make_unexpected(std::move(made.error()));
+    record_plan(*made, index, surroundings, recorder);
+    plans.push_back(std::move(*made));
+    if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
+  }
+  if (context.progress) context.progress(total, total, "planning");
+  return plans;
+}
+
+Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
+  const auto settings = read_settings(context.configuration);
+  if (!settings) return tl::make_unexpected(settings.error());
+  auto parts = make_parts(context);
+  if (!parts) return tl::make_unexpected(std::move(parts.error()));
+  std::vector<Error> errors;
+  auto endpoints = read_plans(context.configuration, parts->robot->description(), errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+
+  const RunProvenance provenance = provenance_of(context);
+  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
+  if (!store) return tl::make_unexpected(std::move(store.error()));
+  Recorder recorder(**store);
+  record_joints(parts->robot->description(), recorder);
+
+  FrameTap source(*parts->source, settings->experiment.max_frames,
+                  settings->experiment.depth_pictures);
+  SnapshotSlot slot;
+  MappingPipeline pipeline({source, *parts->mapper, *parts->field_builder, slot, context.log});
+  auto map = map_frames(pipeline, source, slot, recorder, context);
+  if (!map) return tl::make_unexpected(std::move(map.error()));
+  map->occupied_vox = count(parts->occupancy->occupied());
+  map->known_vox = count(parts->occupancy->known());
+  record_bad_frames(map->bad_frames, recorder);
+  record_depth_pictures(source.pictures(), recorder);
+  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
+
+  if (map->steps.empty() || map->interrupted) return summarise_plans(provenance, *map, {});
+  auto plans = make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context);
+  if (!plans) return tl::make_unexpected(std::move(plans.error()));
+  map->interrupted = context.stop.stop_requested();
+  return summarise_plans(provenance, *map, *plans);
+}
+
+}  // namespace
+
+Fields<PlanEntry> PlanEntry::fields() {
+  return Fields<PlanEntry>()
+      .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
+      .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
+      .add("goal", &PlanEntry::goal, "Where the robot is to be.", {.required = true});
+}
+
+Fields<PlanExperimentSettings> PlanExperimentSettings::fields() {
+  using S = PlanExperimentSettings;
+  return Fields<S>()
+      .add("type", &S::type, "Type of the experiment.", {.required = true})
+      .add("seed", &S::seed, "Seed of everything random in the run.", {.min = 0})
+      .add("threads", &S::threads, "Threads to work with; 0 for one per core.",
+           {.min = 0, .max = 1024})
+      .add("max_frames", &S::max_frames, "Frames to map; 0 for all that the source has.",
+           {.min = 0})
+      .add("depth_pictures", &S::depth_pictures, "Depth images to show in the report.",
+           {.min = 0, .max = 24})
+      .add("slice_heights_m", &S::slice_heights_m,
+           "Heights at which the report cuts the field; empty: chosen from each plan.",
+           {.unit = "m"})
+      .add("plans", &S::plans, "The plans to make, in this order.", {.required = true});
+}
+
+ExperimentType plan_experiment() {
+  return {"plan",
+          "A map from a source, and one or more plans through it",
+          [] { return PlanExperimentSettings::fields().schema(); },
+          {"robot", "source", "mapper", "field", "optimiser", "planning"},
+          &check_plans,
+          &run_plan};
+}
+
+}  // namespace sidestep

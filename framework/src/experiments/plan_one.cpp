@@ -1,0 +1,172 @@
+#include "plan_one.hpp"
+
+#include <cmath>
+
+#include <sidestep/core/seed.hpp>
+#include <sidestep/runtime/host.hpp>
+#include <sidestep/runtime/shape_check.hpp>
+
+#include "initial_guess.hpp"
+#include "text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kEndpointTolerance = 1e-3;  // m, rad
+constexpr double kSlowerEachAttempt = 1.25;
+
+/// What is wrong with standing still at `q`; empty if nothing is.
+Result<std::string> state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
+                                  const std::string& what) {
+  Trajectory still = make_trajectory(static_cast<int>(q.size()), 2, world.planning.dt_s);
+  for (int i = 0; i < still.size(); ++i) {
+    std::copy(q.data(), q.data() + q.size(), still.q(i).begin());
+  }
+  auto verdict = world.in_snapshot->check(still, 0.0, Deadline());
+  if (!verdict) return tl::make_unexpected(std::move(verdict.error()));
+  if (verdict->valid()) return std::string();
+  return what + ": " + verdict->describe();
+}
+
+/// How the trajectory fails to lead from start to goal; empty if it does not fail.
+std::string endpoint_problem(const PlanRecord& plan, const RobotDescription& robot) {
+  const Trajectory& trajectory = plan.solution.trajectory;
+  const auto compare = [&](std::span<const double> at, const Eigen::VectorXd& wanted,
+                           const std::string& verb) -> std::string {
+    for (std::size_t j = 0; j < at.size(); ++j) {
+      const double off = std::abs(at[j] - wanted[static_cast<Eigen::Index>(j)]);
+      if (off <= kEndpointTolerance) continue;
+      return "the trajectory " + verb + " with joint '" + robot.joints[j].name + "' " +
+             format("%.4g", off) +
+             (robot.joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") + " off";
+    }
+    return "";
+  };
+  std::string problem = compare(trajectory.q(0), plan.q_start, "starts");
+  if (problem.empty()) problem = compare(trajectory.q(trajectory.size() - 1), plan.q_goal, "ends");
+  return problem;
+}
+
+/// Runs the checks on the record's trajectory and states the first reason to refuse it.
+Result<void> check_plan(const PlanWorld& world, PlanRecord& plan, const Deadline& deadline) {
+  plan.reason = endpoint_problem(plan, world.robot->description());
+  const auto apply = [&](const ValidityCheck* check, std::optional<Verdict>& into,
+                         const std::string& where) -> Result<void> {
+    if (check == nullptr) return {};
+    auto verdict = check->check(plan.solution.trajectory, 0.0, deadline);
+    if (!verdict) return tl::make_unexpected(std::move(verdict.error()));
+    if (!verdict->valid() && plan.reason.empty()) plan.reason = where + verdict->describe();
+    into = std::move(*verdict);
+    return {};
+  };
+  auto done = apply(world.in_snapshot.get(), plan.in_snapshot, "in the field, ");
+  if (done) done = apply(world.in_voxels.get(), plan.in_voxels, "among the occupied voxels, ");
+  if (done) done = apply(world.in_scene.get(), plan.in_scene, "in the true scene, ");
+  if (done && plan.reason.empty() && !(plan.min_clearance_m().value_or(0.0) > 0.0)) {
+    plan.reason = "the robot touches an obstacle";
+  }
+  return done;
+}
+
+std::string solver_problem(const Solution& solution) {
+  std::string text =
+      "the optimiser found no trajectory (" + std::string(to_string(solution.status));
+  if (!solution.reason.empty()) text += ": " + solution.reason;
+  return text + ")";
+}
+
+/// One attempt: pose the problem, solve it, check the solution.
+Result<void> attempt_plan(const PlanWorld& world, Optimiser& optimiser, std::uint64_t seed,
+                          PlanRecord& plan, std::stop_token stop) {
+  const int attempt = plan.attempts++;
+  const Problem problem = make_problem(world.robot, world.field, world.planning, plan.q_start,
+                                       plan.q_goal, std::pow(kSlowerEachAttempt, attempt));
+  if (auto sound = problem.validate(); !sound) {
+    plan.reason = "the problem makes no sense: " + sound.error().describe();
+    return {};
+  }
+  const double spent_ms = plan.solution.solve_ms;
+  auto solution = guarded("optimiser", [&] {
+    return optimiser.solve(problem, initial_guess(problem, attempt, seed),
+                           Deadline::after_s(world.planning.time_limit_s, stop));
+  });
+  if (!solution) return tl::make_unexpected(std::move(solution.error()));
+  plan.solution = std::move(*solution);
+  plan.solution.solve_ms += spent_ms;
+  plan.in_snapshot = plan.in_voxels = plan.in_scene = std::nullopt;
+  if (!plan.has_trajectory()) {
+    plan.reason = solver_problem(plan.solution);
+    return {};
+  }
+  if (auto sound = plan.solution.trajectory.validate(); !sound) {
+    plan.reason = "the optimiser returned a broken trajectory: " + sound.error().describe();
+    plan.solution.trajectory = {};
+    return {};
+  }
+  return check_plan(world, plan, Deadline(stop));
+}
+
+}  // namespace
+
+Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
+                                  std::shared_ptr<const DistanceField> field,
+                                  const OccupancyView& occupancy,
+                                  std::shared_ptr<const Scene> scene, double scene_time_s,
+                                  const PlanningSettings& planning, const CheckSettings& check) {
+  PlanWorld world;
+  world.in_snapshot =
+      make_field_check(robot, field, planning.space(),
+                       FieldCheckSettings{.margin_m = check.margin_m,
+                                          .max_step_m = check.max_step_m,
+                                          .speed_fraction = planning.speed_fraction});
+  const ShapeCheckSettings shapes{.max_step_m = check.shape_max_step_m,
+                                  .speed_fraction = planning.speed_fraction};
+  ShapeObstacles voxels;
+  voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
+  voxels.occupied_centres_m = occupied_centres(occupancy);
+  auto in_voxels = make_shape_check(robot, std::move(voxels), shapes);
+  if (!in_voxels) return tl::make_unexpected(std::move(in_voxels.error()));
+  world.in_voxels = std::move(*in_voxels);
+  if (scene) {
+    ShapeObstacles truth;
+    truth.scene = std::move(scene);
+    truth.scene_time_s = scene_time_s;
+    auto in_scene = make_shape_check(robot, std::move(truth), shapes);
+    if (!in_scene) return tl::make_unexpected(std::move(in_scene.error()));
+    world.in_scene = std::move(*in_scene);
+  }
+  world.robot = std::move(robot);
+  world.field = std::move(field);
+  world.planning = planning;
+  return world;
+}
+
+Result<PlanRecord> make_plan(const PlanWorld& world, Optimiser& optimiser, PlanRecord plan,
+                             std::uint64_t seed, Log& log, std::stop_token stop) {
+  for (const auto& [q, what] : {std::pair(&plan.q_start, "the start is not valid"),
+                                std::pair(&plan.q_goal, "the goal is not valid")}) {
+    auto problem = state_problem(world, *q, what);
+    if (!problem) return tl::make_unexpected(std::move(problem.error()));
+    if (problem->empty()) continue;
+    plan.reason = std::move(*problem);
+    return plan;
+  }
+  const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
+  do {
+    if (auto done = attempt_plan(world, optimiser, plan_seed, plan, stop); !done) {
+      if (!stop.stop_requested()) return tl::make_unexpected(std::move(done.error()));
+    }
+    if (stop.stop_requested()) {
+      plan.interrupted = true;
+      if (plan.reason.empty()) plan.reason = "interrupted";
+      return plan;
+    }
+    if (!plan.success()) {
+      log.warn("plan '" + plan.name + "', attempt " + std::to_string(plan.attempts) + " of " +
+               std::to_string(world.planning.attempts) + ": " + plan.reason);
+    }
+  } while (!plan.success() && plan.attempts < world.planning.attempts);
+  return plan;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/experiments/planning_settings.hpp>
+#include <sidestep/planning/optimiser.hpp>
+#include <sidestep/planning/validity_check.hpp>
+#include <sidestep/runtime/pipeline.hpp>
+
+namespace sidestep {
+
+/// One entry of `experiment.plans`.
+struct PlanEntry {
+  std::string name;
+  RobotStateEntry start;
+  RobotStateEntry goal;
+
+  static Fields<PlanEntry> fields();
+};
+
+/// The `experiment` block of a plan experiment.
+struct PlanExperimentSettings {
+  std::string type;
+  std::int64_t seed = 0;
+  int threads = 0;
+  std::int64_t max_frames = 0;
+  int depth_pictures = 6;
+  std::vector<double> slice_heights_m;
+  std::vector<PlanEntry> plans;
+
+  static Fields<PlanExperimentSettings> fields();
+};
+
+/// What mapping came to.
+struct MapRecord {
+  std::vector<MappingStep> steps;
+  std::vector<Error> bad_frames;
+  std::shared_ptr<const DistanceField> field;
+  std::int64_t occupied_vox = 0;
+  std::int64_t known_vox = 0;
+  bool interrupted = false;
+};
+
+/// What one plan came to.
+struct PlanRecord {
+  std::string name;
+  Eigen::VectorXd q_start;
+  Eigen::VectorXd q_goal;
+  int attempts = 0;
+  int support_states = 0;
+  double initial_length_s = 0.0;
+  Solution solution;
+  std::optional<Verdict> in_snapshot;  ///< Spheres against the field that was planned in.
+  std::optional<Verdict> in_voxels;    ///< Shapes against the occupied voxels.
+  std::optional<Verdict> in_scene;     ///< Shapes against the true scene, where it is known.
+  std::string reason;                  ///< Why it is not a success; empty if it is.
+  bool interrupted = false;
+
+  [[nodiscard]] bool success() const noexcept { return reason.empty(); }
+  [[nodiscard]] bool has_trajectory() const noexcept { return solution.trajectory.size() > 0; }
+  [[nodiscard]] bool valid_independent() const noexcept {
+    return in_voxels && in_voxels->valid() && (!in_scene || in_scene->valid());
+  }
+  /// The smallest of all checks made; nothing if none was.
+  [[nodiscard]] std::optional<double> min_clearance_m() const noexcept;
+};
+
+}  // namespace sidestep

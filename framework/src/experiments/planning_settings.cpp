@@ -1,0 +1,225 @@
+#include <sidestep/experiments/planning_settings.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include <sidestep/plugin/plugin.hpp>
+
+namespace sidestep {
+namespace {
+
+/// A member that PlanningSettings inherits, as a member of its own.
+constexpr double PlanningSettings::*inherited(double CostSettings::*member) { return member; }
+
+std::string joint_unit(const Joint& joint) {
+  return joint.type == Joint::Type::kPrismatic ? "m" : "rad";
+}
+
+std::vector<std::string> joint_names(const RobotDescription& robot) {
+  std::vector<std::string> names;
+  for (const Joint& joint : robot.joints) names.push_back(joint.name);
+  return names;
+}
+
+std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates) {
+  const std::string nearest = nearest_name(name, candidates);
+  if (!nearest.empty()) return "did you mean '" + nearest + "'?";
+  std::string list = "there are:";
+  for (const std::string& candidate : candidates) list += " " + candidate;
+  return list;
+}
+
+/// A configuration while it is read: the values, and the node that gave each of them.
+struct PartialState {
+  Eigen::VectorXd q;
+  std::vector<const Node*> origin;  ///< Null for a joint that nothing has given yet.
+
+  void set(std::size_t joint, double value, const Node& node) {
+    q[static_cast<Eigen::Index>(joint)] = value;
+    origin[joint] = &node;
+  }
+  /// One mistake, one error: what an unreadable part would have given is not missing.
+  void set_rest(const Node& node) {
+    for (const Node*& of_joint : origin) of_joint = of_joint == nullptr ? &node : of_joint;
+  }
+};
+
+void apply_pose(const Node& pose, const RobotDescription& robot, PartialState& state,
+                std::vector<Error>& errors) {
+  const NamedPose* named = robot.find_pose(pose.text());
+  if (named == nullptr) {
+    std::vector<std::string> names;
+    for (const NamedPose& candidate : robot.poses) names.push_back(candidate.name);
+    errors.push_back(pose.error("robot '" + robot.name + "' has no pose '" + pose.text() + "'",
+                                did_you_mean(pose.text(), names)));
+    state.set_rest(pose);
+    return;
+  }
+  for (std::size_t j = 0; j < named->positions.size(); ++j) {
+    if (named->positions[j]) state.set(j, *named->positions[j], pose);
+  }
+}
+
+void apply_joints(const Node& joints, const RobotDescription& robot, PartialState& state,
+                  std::vector<Error>& errors) {
+  if (!joints.is_map()) {
+    errors.push_back(
+        joints.error("expected a map of joint names to values, found " + joints.kind()));
+    state.set_rest(joints);
+    return;
+  }
+  for (const Node::Entry& entry : joints.entries()) {
+    const auto index = robot.joint_index(entry.key);
+    if (!index) {
+      errors.push_back(
+          Error{ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + entry.key + "'",
+                entry.key_mark.to_string(), did_you_mean(entry.key, joint_names(robot)), nullptr});
+      continue;
+    }
+    const auto value = entry.value.as_double();
+    if (!value) errors.push_back(value.error());
+    const auto joint = static_cast<std::size_t>(*index);
+    state.set(joint, value.value_or(robot.joints[joint].lower), entry.value);
+  }
+}
+
+void check_limits(const RobotDescription& robot, const PartialState& state,
+                  std::vector<Error>& errors) {
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    const Joint& joint = robot.joints[j];
+    const double value = state.q[static_cast<Eigen::Index>(j)];
+    if (state.origin[j] == nullptr || (value >= joint.lower && value <= joint.upper)) continue;
+    errors.push_back(state.origin[j]->error(
+        "joint '" + joint.name + "' is at " + detail::number_text(value) + " " + joint_unit(joint) +
+        ", outside its limits [" + detail::number_text(joint.lower) + ", " +
+        detail::number_text(joint.upper) + "]"));
+  }
+}
+
+}  // namespace
+
+Fields<PlanningSettings> PlanningSettings::fields() {
+  using S = PlanningSettings;
+  const FieldOptions space{.required = true, .choices = {"free", "occupied"}};
+  return Fields<S>()
+      .add("unknown", &S::unknown, "What space that no frame has seen counts as.", space)
+      .add("outside", &S::outside, "What space outside the map counts as.", space)
+      .add("dt_s", &S::dt_s, "Time between support states.",
+           {.unit = "s", .min = 1e-3, .max = 60.0})
+      .add("speed_fraction", &S::speed_fraction,
+           "Share of the velocity limits that a plan may use.", {.min = 0.01, .max = 1.0})
+      .add("duration_scale", &S::duration_scale,
+           "Duration of a plan, relative to the slowest joint's straight way at full speed: room "
+           "to accelerate and to go around.",
+           {.min = 1.0, .max = 100.0})
+      .add("qc", &S::qc, "Power spectral density of the GP prior, for every joint.",
+           {.min = 1e-9, .max = 1e9})
+      .add("interpolated_checks", &S::interpolated_checks,
+           "States between each two support states at which obstacle costs apply.",
+           {.min = 0, .max = 100})
+      .add("collision_margin_m", &S::collision_margin_m,
+           "Least distance that planners keep between spheres and obstacles.",
+           {.unit = "m", .min = 0.0, .max = 10.0})
+      .add("time_limit_s", &S::time_limit_s, "Time for one solve.", {.unit = "s", .min = 1e-3})
+      .add("attempts", &S::attempts,
+           "How often to try from another first guess when a plan does not pass its checks.",
+           {.min = 1, .max = 100})
+      .add("epsilon_m", inherited(&CostSettings::epsilon_m),
+           "Obstacle cost begins at this distance from a sphere.", {.unit = "m", .min = 0.0})
+      .add("sigma_obstacle", inherited(&CostSettings::sigma_obstacle),
+           "Standard deviation of the obstacle cost.", {.unit = "m", .min = 1e-9})
+      .add("self_collision_epsilon_m", inherited(&CostSettings::self_collision_epsilon_m),
+           "Self-collision cost begins at this distance between spheres.",
+           {.unit = "m", .min = 0.0})
+      .add("sigma_self_collision", inherited(&CostSettings::sigma_self_collision),
+           "Standard deviation of the self-collision cost; 0 leaves it out.",
+           {.unit = "m", .min = 0.0})
+      .add("sigma_position_limit", inherited(&CostSettings::sigma_position_limit),
+           "Standard deviation of the joint limit cost (m, rad); 0 leaves it out.", {.min = 0.0})
+      .add("position_limit_margin", inherited(&CostSettings::position_limit_margin),
+           "Joint limit cost begins this far inside the limits (m, rad).", {.min = 0.0})
+      .add("sigma_velocity_limit", inherited(&CostSettings::sigma_velocity_limit),
+           "Standard deviation of the velocity limit cost (m/s, rad/s); 0 leaves it out.",
+           {.min = 0.0})
+      .add("sigma_endpoint", inherited(&CostSettings::sigma_endpoint),
+           "Standard deviation of start and goal.", {.min = 1e-9});
+}
+
+SpacePolicy PlanningSettings::space() const {
+  const auto space = [](const std::string& text) {
+    return text == "free" ? Space::kFree : Space::kOccupied;
+  };
+  return {space(unknown), space(outside)};
+}
+
+Fields<CheckSettings> CheckSettings::fields() {
+  using S = CheckSettings;
+  return Fields<S>()
+      .add("margin_m", &S::margin_m, "Clearance that the robot's spheres must keep in the field.",
+           {.unit = "m", .min = 0.0, .max = 10.0})
+      .add("max_step_m", &S::max_step_m, "First spacing of checks in the field, as sphere motion.",
+           {.unit = "m", .min = 1e-4, .max = 1.0})
+      .add("shape_max_step_m", &S::shape_max_step_m,
+           "Largest motion of any point of the robot between independent checks.",
+           {.unit = "m", .min = 1e-4, .max = 1.0});
+}
+
+Fields<RobotStateEntry> RobotStateEntry::fields() {
+  using S = RobotStateEntry;
+  return Fields<S>()
+      .add("pose", &S::pose, "A named pose of the robot.")
+      .add("joints", &S::joints,
+           "Positions by joint name (m, rad): what the pose leaves open, or overrides of it.");
+}
+
+Problem make_problem(std::shared_ptr<const RobotModel> robot,
+                     std::shared_ptr<const DistanceField> field, const PlanningSettings& settings,
+                     const Eigen::VectorXd& q_start, const Eigen::VectorXd& q_goal, double slower) {
+  const RobotDescription& description = robot->description();
+  const Eigen::VectorXd at_rest = Eigen::VectorXd::Zero(q_start.size());
+  const Horizon horizon = estimate_horizon(
+      description, std::span(q_start.data(), static_cast<std::size_t>(q_start.size())),
+      std::span(q_goal.data(), static_cast<std::size_t>(q_goal.size())), settings.dt_s,
+      settings.speed_fraction / (settings.duration_scale * slower));
+  Problem problem;
+  problem.robot = std::move(robot);
+  problem.field = std::move(field);
+  problem.space = settings.space();
+  problem.collision_margin_m = settings.collision_margin_m;
+  problem.start = {q_start, at_rest};
+  problem.goal = {q_goal, at_rest};
+  problem.support_states = std::max(3, horizon.states);
+  problem.dt_s = horizon.dt_s;
+  problem.qc = Eigen::VectorXd::Constant(q_start.size(), settings.qc);
+  problem.interpolated_checks = settings.interpolated_checks;
+  problem.speed_fraction = settings.speed_fraction;
+  problem.terms = standard_terms(problem, settings);
+  return problem;
+}
+
+Eigen::VectorXd read_robot_state(const Node& block, const RobotDescription& robot,
+                                 std::vector<Error>& errors) {
+  PartialState state{Eigen::VectorXd::Zero(robot.dof()),
+                     std::vector<const Node*>(robot.joints.size(), nullptr)};
+  if (const Node* pose = block.find("pose"); pose != nullptr && !pose->is_null()) {
+    apply_pose(*pose, robot, state, errors);
+  }
+  const std::size_t before = errors.size();
+  if (const Node* joints = block.find("joints"); joints != nullptr && !joints->is_null()) {
+    apply_joints(*joints, robot, state, errors);
+  }
+  std::string missing;
+  for (std::size_t j = 0; j < state.origin.size(); ++j) {
+    if (state.origin[j] != nullptr) continue;
+    missing += (missing.empty() ? "'" : ", '") + robot.joints[j].name + "'";
+  }
+  // A misspelt joint is the likeliest reason for a missing one: reported once is enough.
+  if (!missing.empty() && errors.size() == before) {
+    errors.push_back(block.error("the state says nothing of " + missing,
+                                 "give every joint a value in `joints`, or name a pose that does"));
+  }
+  check_limits(robot, state, errors);
+  return state.q;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,225 @@
+#include <sidestep/experiments/report.hpp>
+
+#include <cmath>
+#include <optional>
+
+#include <nlohmann/json.hpp>
+
+#include <sidestep/runtime/results_store.hpp>
+
+#include "figures.hpp"
+#include "html.hpp"
+#include "text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+Result<Json> read_summary(const fs::path& run) {
+  const fs::path file = run / "summary.json";
+  auto text = read_file(file);
+  if (!text) {
+    return fail(ErrorCode::kNotFound, "the folder holds no finished run", file.string(),
+                "give the folder that `sidestep run` wrote to");
+  }
+  Json summary = Json::parse(*text, nullptr, false);
+  if (!summary.is_object()) return fail(ErrorCode::kIo, "the summary is damaged", file.string());
+  return summary;
+}
+
+/// The value at a JSON pointer, or null.
+Json at(const Json& json, const char* pointer) {
+  const Json::json_pointer where(pointer);
+  return json.contains(where) ? json.at(where) : Json();
+}
+
+/// A cell: a number as `pattern` writes it, text as it is, "-" for nothing.
+std::string cell(const Json& value, const char* pattern = "%g") {
+  if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
+  if (value.is_number()) return format(pattern, value.get<double>());
+  if (value.is_string()) return value.get<std::string>();
+  return "-";
+}
+
+using Row = std::vector<std::string>;
+
+std::string html_table(const Row& header, const std::vector<Row>& rows) {
+  std::string html = "<div class=\"wide\"><table>\n<tr>";
+  for (const std::string& name : header) html += "<th>" + escape_html(name) + "</th>";
+  html += "</tr>\n";
+  for (const Row& row : rows) {
+    html += "<tr>";
+    for (const std::string& value : row) html += "<td>" + escape_html(value) + "</td>";
+    html += "</tr>\n";
+  }
+  html += "</table></div>\n";
+  return html;
+}
+
+std::string map_section(const Json& summary) {
+  std::string html = "<h2>Map</h2>\n";
+  html += html_table(
+      {"frames", "unusable", "frame time p50", "p95", "max", "occupied voxels", "resolution"},
+      {{cell(at(summary, "/frames")), cell(at(summary, "/bad_frames")),
+        cell(at(summary, "/map/frame_ms/p50"), "%.1f ms"),
+        cell(at(summary, "/map/frame_ms/p95"), "%.1f ms"),
+        cell(at(summary, "/map/frame_ms/max"), "%.1f ms"),
+        cell(at(summary, "/map/occupied_vox"), "%.0f"),
+        cell(at(summary, "/map/resolution_m"), "%.3f m")}});
+  const Json errors = at(summary, "/bad_frame_errors");
+  if (!errors.is_array() || errors.empty()) return html;
+  html += "<details><summary>Unusable frames</summary><pre>";
+  for (const Json& error : errors) html += escape_html(cell(error)) + "\n";
+  return html + "</pre></details>\n";
+}
+
+std::string plans_table(const Json& plans) {
+  std::vector<Row> rows;
+  for (const Json& plan : plans) {
+    const Json clearance_m = at(plan, "/min_clearance_m");
+    rows.push_back({cell(at(plan, "/name")),
+                    at(plan, "/success") == Json(true) ? "success" : "failed",
+                    cell(at(plan, "/valid_snapshot")), cell(at(plan, "/valid_independent")),
+                    cell(clearance_m, "%.3f m"), cell(at(plan, "/duration_s"), "%.2f s"),
+                    cell(at(plan, "/solve_ms"), "%.1f ms"), cell(at(plan, "/iterations")),
+                    cell(at(plan, "/cost"), "%.4g"), cell(at(plan, "/attempts"))});
+  }
+  return html_table({"plan", "result", "valid in the field", "valid independently", "clearance",
+                     "duration", "solve", "iterations", "cost", "attempts"},
+                    rows);
+}
+
+std::string checks_table(const Json& plan) {
+  std::vector<Row> rows;
+  for (const auto& [key, words] : {std::pair("snapshot", "spheres in the distance field"),
+                                   {"voxels", "collision shapes among the occupied voxels"},
+                                   {"scene", "collision shapes in the true scene"}}) {
+    const Json check = at(plan, ("/checks/" + std::string(key)).c_str());
+    if (!check.is_object()) continue;
+    rows.push_back(
+        {words, cell(at(check, "/outcome")), cell(at(check, "/min_clearance_m"), "%.3f m"),
+         cell(at(check, "/min_clearance_link")), cell(at(check, "/min_clearance_time_s"), "%.2f s"),
+         cell(at(check, "/min_self_clearance_m"), "%.3f m")});
+  }
+  if (rows.empty()) return "";
+  return html_table({"check", "outcome", "clearance", "of", "at", "self-clearance"}, rows);
+}
+
+/// Writes the pictures beside the report and returns them embedded.
+Result<std::string> figure_section(const std::vector<Figure>& figures, const fs::path& run) {
+  std::string html;
+  for (const Figure& figure : figures) {
+    const fs::path png = run / (figure.file + ".png");
+    auto written = figure.canvas.write_png(png);
+    if (written) written = figure.canvas.write_svg(run / (figure.file + ".svg"));
+    if (!written) return tl::make_unexpected(std::move(written.error()));
+    const auto image = embedded_png(png);
+    if (!image) return tl::make_unexpected(image.error());
+    html += "<figure><img alt=\"" + escape_html(figure.caption) + "\" src=\"" + *image +
+            "\"><figcaption>" + escape_html(figure.caption) + "</figcaption></figure>\n";
+  }
+  return html;
+}
+
+std::string origin_section(const Json& summary, const fs::path& run) {
+  std::string html = "<h2>Made with</h2>\n<table>\n";
+  const Json provenance = at(summary, "/provenance");
+  if (provenance.is_object()) {
+    for (const auto& [key, value] : provenance.items()) {
+      html += "<tr><td>" + escape_html(key) + "</td><td class=\"text\">" +
+              escape_html(cell(value, "%.0f")) + "</td></tr>\n";
+    }
+  }
+  html += "</table>\n";
+  if (const auto config = read_file(run / "effective_config.yaml")) {
+    html += "<h2>Configuration, as it took effect</h2>\n<pre>" + escape_html(*config) + "</pre>\n";
+  }
+  return html;
+}
+
+/// Everything that summary and store tell of a run, verdict first.
+Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run) {
+  const bool success = at(summary, "/success") == Json(true);
+  std::string html = "<h1>" + escape_html(cell(at(summary, "/configuration"))) + "</h1>\n";
+  html += std::string("<p class=\"verdict ") + (success ? "success" : "failure") + "\">" +
+          escape_html(cell(at(summary, "/verdict"))) + "</p>\n";
+  const Json plans = at(summary, "/plans");
+  if (plans.is_array() && !plans.empty()) html += plans_table(plans);
+  std::int64_t item = 0;
+  for (const Json& plan : plans) {
+    const std::string name = cell(at(plan, "/name"));
+    html += "<h2>Plan " + escape_html(name) + "</h2>\n";
+    if (const std::string reason = cell(at(plan, "/reason")); !reason.empty() && reason != "-") {
+      html += "<p class=\"verdict failure\">" + escape_html(reason) + "</p>\n";
+    }
+    html += checks_table(plan);
+    auto figures = plan_figures(results, item++, name);
+    if (!figures) return tl::make_unexpected(std::move(figures.error()));
+    const auto section = figure_section(*figures, run);
+    if (!section) return section;
+    html += *section;
+  }
+  html += map_section(summary);
+  auto figures = map_figures(results);
+  if (!figures) return tl::make_unexpected(std::move(figures.error()));
+  const auto section = figure_section(*figures, run);
+  if (!section) return section;
+  html += *section;
+  html += origin_section(summary, run);
+  return html;
+}
+
+}  // namespace
+
+bool is_report_picture(std::string_view file_name) {
+  const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
+  return picture && (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
+                     file_name.starts_with("frame_times."));
+}
+
+Result<void> write_report(const fs::path& run) {
+  const auto summary = read_summary(run);
+  if (!summary) return tl::make_unexpected(summary.error());
+  auto results = ResultsReader::open(run / "results.sqlite");
+  if (!results) return tl::make_unexpected(std::move(results.error()));
+  auto body = report_body(*summary, **results, run);
+  if (!body) return tl::make_unexpected(std::move(body.error()));
+  const std::string title = "Sidestep: " + cell(at(*summary, "/configuration"));
+  return write_file(run / "report.html", html_page(title, *body));
+}
+
+Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html) {
+  const Row header = {"run",   "plan",       "result",    "clearance", "duration",
+                      "solve", "iterations", "frame p50", "frames",    "commit"};
+  std::vector<Row> rows;
+  for (const fs::path& run : runs) {
+    const auto summary = read_summary(run);
+    if (!summary) return tl::make_unexpected(summary.error());
+    const auto add = [&](const Json& plan) {
+      rows.push_back({cell(at(*summary, "/configuration")), cell(at(plan, "/name")),
+                      at(plan, "/success") == Json(true) ? "success" : "failed",
+                      cell(at(plan, "/min_clearance_m"), "%.3f m"),
+                      cell(at(plan, "/duration_s"), "%.2f s"),
+                      cell(at(plan, "/solve_ms"), "%.1f ms"), cell(at(plan, "/iterations")),
+                      cell(at(*summary, "/map/frame_ms/p50"), "%.1f ms"),
+                      cell(at(*summary, "/frames")), cell(at(*summary, "/provenance/git_hash"))});
+    };
+    const Json plans = at(*summary, "/plans");
+    for (const Json& plan : plans) add(plan);
+    if (!plans.is_array() || plans.empty()) add(Json::object());
+  }
+  TextTable table(header);
+  for (const Row& row : rows) table.add(row);
+  if (!html.empty()) {
+    const std::string page =
+        html_page("Sidestep: comparison", "<h1>Runs compared</h1>\n" + html_table(header, rows));
+    if (auto written = write_file(html, page); !written) {
+      return tl::make_unexpected(std::move(written.error()));
+    }
+  }
+  return table.text();
+}
+
+}  // namespace sidestep
