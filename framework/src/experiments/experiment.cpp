@@ -75,21 +75,6 @@ void check_blocks(const Configuration& configuration, const ExperimentType* type
   }
 }
 
-/// Appends what a schema declares and a map leaves open.
-Node filled_in(Node map, const Schema& schema) {
-  const YamlDocumentReader yaml;
-  if (map.is_null()) map = Node(Node::Map{}, {"default", 0, 0});
-  if (!map.is_map()) return map;
-  for (const Parameter& parameter : schema) {
-    if (map.find(parameter.name) != nullptr || parameter.required) continue;
-    auto value = yaml.parse(parameter.default_text, "default");
-    if (!value) continue;
-    value->set_mark({"default", 0, 0});
-    map.entries().push_back({parameter.name, {"default", 0, 0}, std::move(*value)});
-  }
-  return map;
-}
-
 /// Removes what an earlier run left, so that nothing of it can be taken for this run's.
 Result<void> clear_results(const fs::path& folder) {
   std::error_code error;
@@ -144,13 +129,17 @@ std::vector<Error> check_configuration(const Configuration& configuration, Host&
 
 Node effective_configuration(const Configuration& configuration, Host& host) {
   Node root = configuration.root;
+  if (root.is_map() && root.find("check") == nullptr) {
+    const SourceMark origin{"default", 0, 0};
+    root.entries().push_back({"check", origin, Node(Node::Map{}, origin)});
+  }
   std::vector<Error> ignored;
   const ExperimentType* type = find_type(configuration, ignored);
   for (Node::Entry& entry : root.entries()) {
     if (entry.key == "experiment" && type != nullptr) {
-      entry.value = filled_in(std::move(entry.value), type->schema());
+      entry.value = fill_defaults(entry.value, type->schema());
     } else if (const auto schema = settings_schema(entry.key)) {
-      entry.value = filled_in(std::move(entry.value), *schema);
+      entry.value = fill_defaults(entry.value, *schema);
     }
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key == to_string(kind)) entry.value = host.with_defaults(kind, entry.value);

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "session.hpp"
+
+namespace sidestep {
+
+struct RunOptions {
+  std::vector<std::string> configurations;
+  std::vector<std::string> overrides;  ///< "a.b=value"
+  std::optional<std::filesystem::path> out;
+  bool json = false;
+};
+/// Runs each configuration; the worst of their exit codes.
+[[nodiscard]] ExitCode run_command(const RunOptions& options);
+
+/// Validates each configuration without running it.
+[[nodiscard]] ExitCode check_command(const std::vector<std::string>& configurations,
+                                     const std::vector<std::string>& overrides);
+
+/// Lists the plugins that are there, or tells all about those of one name.
+[[nodiscard]] ExitCode plugins_command(const std::optional<std::string>& name, bool json);
+
+/// Rebuilds the reports of finished runs, and compares several.
+[[nodiscard]] ExitCode report_command(const std::vector<std::filesystem::path>& runs,
+                                      const std::filesystem::path& comparison);
+
+}  // namespace sidestep

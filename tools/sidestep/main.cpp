@@ -1,0 +1,108 @@
+#include <cstdio>
+#include <exception>
+
+#include <CLI/CLI.hpp>
+
+#include <sidestep/runtime/results_store.hpp>
+
+#include "commands.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr const char* kConfigHelp =
+    "Configuration: a file, or the name of an installed one, e.g. demo";
+
+/// What the command line asks for.
+struct CommandLine {
+  RunOptions run;
+  std::optional<std::uint64_t> seed;
+  std::optional<int> threads;
+  std::optional<std::string> plugin;
+  std::vector<std::filesystem::path> report_runs;
+  std::filesystem::path comparison = "comparison.html";
+};
+
+void add_configurations(CLI::App& command, CommandLine& line) {
+  command.add_option("CONFIG", line.run.configurations, kConfigHelp)->required();
+  // One value an occurrence, so that `--set a=1 CONFIG` does not take CONFIG for a value.
+  command
+      .add_option("--set", line.run.overrides,
+                  "Override a value of the configuration, e.g. mapper.resolution_m=0.05")
+      ->type_name("KEY=VALUE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+void add_commands(CLI::App& app, CommandLine& line) {
+  app.set_version_flag("--version", [] {
+    const RunProvenance build = current_provenance();
+    return "sidestep " + build.version + " (" + build.git_hash + ")";
+  });
+  app.require_subcommand(0, 1);
+
+  CLI::App* run = app.add_subcommand("run", "Run experiments");
+  add_configurations(*run, line);
+  run->add_option("--out", line.run.out,
+                  "Folder for the results; files of an earlier run in it "
+                  "are replaced (default: out/CONFIG-TIME)")
+      ->type_name("DIR");
+  run->add_option("--seed", line.seed, "Seed; same as --set experiment.seed=N")->type_name("N");
+  run->add_option("--threads", line.threads, "Threads; same as --set experiment.threads=N")
+      ->type_name("N");
+  run->add_flag("--json", line.run.json, "Print the summary, and nothing else, on stdout");
+
+  CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
+  add_configurations(*check, line);
+
+  CLI::App* plugins = app.add_subcommand("plugins", "List the plugins, or one plugin's parameters");
+  plugins->add_option("NAME", line.plugin, "Name of a plugin");
+  plugins->add_flag("--json", line.run.json, "Print as JSON");
+
+  CLI::App* report = app.add_subcommand(
+      "report", "Rebuild the reports of runs from their results; compare several");
+  report->add_option("DIR", line.report_runs, "Folder that a run wrote to")->required();
+  report->add_option("--comparison", line.comparison, "Page that compares several runs")
+      ->type_name("FILE")
+      ->capture_default_str();
+}
+
+ExitCode dispatch(const CLI::App& app, CommandLine& line) {
+  if (line.seed) line.run.overrides.push_back("experiment.seed=" + std::to_string(*line.seed));
+  if (line.threads) {
+    line.run.overrides.push_back("experiment.threads=" + std::to_string(*line.threads));
+  }
+  if (app.got_subcommand("run")) return run_command(line.run);
+  if (app.got_subcommand("check")) {
+    return check_command(line.run.configurations, line.run.overrides);
+  }
+  if (app.got_subcommand("plugins")) return plugins_command(line.plugin, line.run.json);
+  if (app.got_subcommand("report")) return report_command(line.report_runs, line.comparison);
+  std::printf("%s", app.help().c_str());
+  return ExitCode::kSuccess;
+}
+
+int command(int argc, char** argv) {
+  CLI::App app("Scene reconstruction and whole-body motion planning", "sidestep");
+  CommandLine line;
+  add_commands(app, line);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    // Help and version are "errors" of code 0; every other is a mistake in usage.
+    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::kConfiguration);
+  }
+  return static_cast<int>(dispatch(app, line));
+}
+
+}  // namespace
+}  // namespace sidestep
+
+int main(int argc, char** argv) {
+  try {
+    return sidestep::command(argc, argv);
+  } catch (const std::exception& exception) {
+    std::fprintf(stderr, "error: a fault in Sidestep: %s\n", exception.what());
+  }
+  return static_cast<int>(sidestep::ExitCode::kFault);
+}

@@ -1,0 +1,117 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+
+namespace sidestep {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json to_json(const Schema& schema) {
+  Json list = Json::array();
+  for (const Parameter& parameter : schema) {
+    Json json = {{"name", parameter.name},
+                 {"type", to_string(parameter.type)},
+                 {"doc", parameter.doc},
+                 {"required", parameter.required}};
+    if (!parameter.unit.empty()) json["unit"] = parameter.unit;
+    if (!parameter.required) json["default"] = parameter.default_text;
+    if (std::isfinite(parameter.min)) json["min"] = parameter.min;
+    if (std::isfinite(parameter.max)) json["max"] = parameter.max;
+    if (!parameter.choices.empty()) json["choices"] = parameter.choices;
+    if (parameter.size) json["size"] = *parameter.size;
+    if (!parameter.fields.empty()) json["fields"] = to_json(parameter.fields);
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
+Json to_json(const PluginInfo& plugin) {
+  return {{"kind", to_string(plugin.kind)}, {"name", plugin.name},
+          {"version", plugin.version},      {"doc", plugin.doc},
+          {"library", plugin.library},      {"parameters", to_json(plugin.schema)}};
+}
+
+/// E.g. "double [m], 0 to 10, default 0.5".
+std::string type_line(const Parameter& parameter) {
+  std::string line(to_string(parameter.type));
+  if (!parameter.unit.empty()) line += " [" + parameter.unit + "]";
+  if (parameter.size) line += ", " + std::to_string(*parameter.size) + " values";
+  for (std::size_t i = 0; i < parameter.choices.size(); ++i) {
+    line += (i == 0 ? ": " : " | ") + parameter.choices[i];
+  }
+  const bool has_min = std::isfinite(parameter.min);
+  const bool has_max = std::isfinite(parameter.max);
+  if (has_min && has_max) {
+    line += ", " + detail::number_text(parameter.min) + " to " + detail::number_text(parameter.max);
+  } else if (has_min) {
+    line += ", at least " + detail::number_text(parameter.min);
+  } else if (has_max) {
+    line += ", at most " + detail::number_text(parameter.max);
+  }
+  return line + (parameter.required ? ", required" : ", default " + parameter.default_text);
+}
+
+void print_parameters(const Schema& schema, int indent) {
+  for (const Parameter& parameter : schema) {
+    std::printf("%*s%s: %s\n", indent, "", parameter.name.c_str(), type_line(parameter).c_str());
+    std::printf("%*s%s\n", indent + 4, "", parameter.doc.c_str());
+    print_parameters(parameter.fields, indent + 4);
+  }
+}
+
+void print_list(const std::vector<PluginInfo>& plugins) {
+  std::size_t widest = 0;
+  for (const PluginInfo& plugin : plugins) widest = std::max(widest, plugin.name.size());
+  for (const PluginInfo& plugin : plugins) {
+    std::printf("%-10s %-*s  %-8s %s\n", std::string(to_string(plugin.kind)).c_str(),
+                static_cast<int>(widest), plugin.name.c_str(), plugin.version.c_str(),
+                plugin.doc.c_str());
+  }
+}
+
+ExitCode print_unknown(const std::string& name, const std::vector<PluginInfo>& plugins) {
+  std::vector<std::string> names;
+  for (const PluginInfo& plugin : plugins) names.push_back(plugin.name);
+  const std::string nearest = nearest_name(name, names);
+  const std::string hint = nearest.empty() ? "`sidestep plugins` lists those that are there"
+                                           : "did you mean '" + nearest + "'?";
+  print_errors({Error{ErrorCode::kPlugin, "there is no plugin '" + name + "'", "", hint, nullptr}});
+  return ExitCode::kPlugin;
+}
+
+}  // namespace
+
+ExitCode plugins_command(const std::optional<std::string>& name, bool json) {
+  Console console;
+  Session session(RunSettings{.threads = 1}, console);
+  const std::vector<PluginInfo>& plugins = session.host().plugins();
+  std::vector<PluginInfo> wanted;
+  std::ranges::copy_if(plugins, std::back_inserter(wanted),
+                       [&](const PluginInfo& plugin) { return !name || plugin.name == *name; });
+  if (name && wanted.empty()) return print_unknown(*name, plugins);
+  for (const PluginRejection& rejection : session.host().rejections()) {
+    console.warn(rejection.library.string() + " is not usable: " + rejection.error.describe());
+  }
+  if (json) {
+    Json list = Json::array();
+    for (const PluginInfo& plugin : wanted) list.push_back(to_json(plugin));
+    std::printf("%s\n", list.dump(2).c_str());
+  } else if (!name) {
+    print_list(wanted);
+  } else {
+    for (const PluginInfo& plugin : wanted) {
+      std::printf("%s plugin '%s', version %s\n%s.\n%s\n\n",
+                  std::string(to_string(plugin.kind)).c_str(), plugin.name.c_str(),
+                  plugin.version.c_str(), plugin.doc.c_str(), plugin.library.c_str());
+      print_parameters(plugin.schema, 0);
+    }
+  }
+  return ExitCode::kSuccess;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,117 @@
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+
+#include "commands.hpp"
+#include "stop_on_signal.hpp"
+
+namespace sidestep {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string time_stamp() {
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  localtime_r(&now, &local);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y%m%d-%H%M%S", &local);
+  return text;
+}
+
+/// Where a run's files go: `wanted`, a folder of each configuration's own below it where there
+/// are several, or a new folder below out/.
+Result<fs::path> make_out_folder(const std::optional<fs::path>& wanted, const std::string& name,
+                                 bool several) {
+  std::error_code error;
+  fs::path folder;
+  if (wanted) {
+    folder = several ? *wanted / name : *wanted;
+  } else {
+    const std::string base = name + "-" + time_stamp();
+    folder = fs::path("out") / base;
+    for (int n = 2; fs::exists(folder, error); ++n) {
+      folder = fs::path("out") / (base + "-" + std::to_string(n));
+    }
+  }
+  fs::create_directories(folder, error);
+  if (error) {
+    return fail(ErrorCode::kIo, "cannot make the folder: " + error.message(), folder.string());
+  }
+  return folder;
+}
+
+/// The table and the verdict, on stdout.
+void print_outcome(const ExperimentOutcome& outcome, const fs::path& folder) {
+  std::printf("\n%s\n%s\n\nreport: %s\n", outcome.table.c_str(), outcome.verdict.c_str(),
+              (folder / "report.html").c_str());
+}
+
+struct RunResult {
+  ExitCode code = ExitCode::kSuccess;
+  std::string summary_json;  ///< Empty where there is none.
+};
+
+RunResult refused(const Error& error, Console& console) {
+  console.end_progress();
+  console.error(error.describe());
+  return {exit_code(error), ""};
+}
+
+RunResult run_one(const std::string& name, const RunOptions& options, std::stop_token stop) {
+  Console console;
+  CheckedConfiguration loaded = load_configuration(name, options.overrides, console);
+  if (!loaded.errors.empty()) {
+    print_errors(loaded.errors);
+    std::fprintf(stderr, "%s: %zu error%s\n", name.c_str(), loaded.errors.size(),
+                 loaded.errors.size() == 1 ? "" : "s");
+    return {exit_code(loaded.errors), ""};
+  }
+  const auto folder =
+      make_out_folder(options.out, loaded.configuration.name, options.configurations.size() > 1);
+  if (!folder) return refused(folder.error(), console);
+  if (auto opened = console.open_file(*folder / "run.log"); !opened) {
+    return refused(opened.error(), console);
+  }
+  console.info("running " + loaded.configuration.file.string() + " into " + folder->string());
+  ExperimentContext context{loaded.configuration,
+                            loaded.session->host(),
+                            console,
+                            loaded.session->documents(),
+                            *folder,
+                            loaded.settings.seed,
+                            loaded.settings.threads,
+                            std::move(stop),
+                            [&](std::int64_t done, std::int64_t total, std::string_view what) {
+                              console.progress(done, total, what);
+                            }};
+  const auto outcome = run_experiment(context);
+  if (!outcome) return refused(outcome.error(), console);
+  console.end_progress();
+  console.info(outcome->verdict);
+  if (!options.json) print_outcome(*outcome, *folder);
+  return {outcome->success ? ExitCode::kSuccess : ExitCode::kTaskFailed, outcome->summary_json};
+}
+
+}  // namespace
+
+ExitCode run_command(const RunOptions& options) {
+  const StopOnSignal stop;
+  ExitCode code = ExitCode::kSuccess;
+  std::string summaries;
+  for (const std::string& name : options.configurations) {
+    if (stop.token().stop_requested()) return worse(code, ExitCode::kTaskFailed);
+    const RunResult result = run_one(name, options, stop.token());
+    code = worse(code, result.code);
+    if (result.summary_json.empty()) continue;
+    if (!summaries.empty()) summaries += ",\n";
+    summaries += result.summary_json;
+  }
+  if (options.json) {
+    const bool several = options.configurations.size() > 1;
+    std::printf(several ? "[\n%s]\n" : "%s", summaries.c_str());
+  }
+  return code;
+}
+
+}  // namespace sidestep

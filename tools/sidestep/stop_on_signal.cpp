@@ -1,0 +1,43 @@
+#include "stop_on_signal.hpp"
+
+#include <pthread.h>
+
+#include <csignal>
+#include <ctime>
+
+namespace sidestep {
+namespace {
+
+sigset_t handled_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  return signals;
+}
+
+void wait_for_signals(const std::stop_token& done, std::stop_source stop) {
+  const sigset_t signals = handled_signals();
+  const timespec interval{0, 100'000'000};
+  while (!done.stop_requested()) {
+    const int signal = sigtimedwait(&signals, nullptr, &interval);
+    if (signal < 0) continue;
+    if (stop.request_stop()) continue;
+    std::signal(signal, SIG_DFL);
+    pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
+    std::raise(signal);
+  }
+}
+
+}  // namespace
+
+StopOnSignal::StopOnSignal() {
+  const sigset_t signals = handled_signals();
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  waiter_ =
+      std::jthread([stop = stop_](const std::stop_token& done) { wait_for_signals(done, stop); });
+}
+
+StopOnSignal::~StopOnSignal() = default;
+
+}  // namespace sidestep
