@@ -37,6 +37,13 @@ Colour sequential_colour(double share) {
   return interpolate(kAnchors, share);
 }
 
+Colour pale_colour(double share) {
+  constexpr double kWhite = 0.45;
+  const Colour full = sequential_colour(share);
+  const auto mix = [](double value) { return value + kWhite * (1.0 - value); };
+  return {mix(full.red), mix(full.green), mix(full.blue), 1.0};
+}
+
 Colour warm_colour(double share) {
   constexpr std::array kAnchors = {colour(0xFFE3B3), colour(0xF5A64A), colour(0xD55E00),
                                    colour(0x7A2E00)};
@@ -89,7 +96,9 @@ Axes::Axes(Canvas& canvas, const Area& area, const Range& x, const Range& y, con
       x_(x),
       y_(y),
       labels_(labels),
-      area_(area) {}
+      area_(area),
+      x_ticks_(ticks(x, std::clamp(static_cast<int>(plot_.width / 55.0), 3, 12))),
+      y_ticks_(ticks(y, std::clamp(static_cast<int>(plot_.height / 28.0), 3, 12))) {}
 
 Point Axes::at(double x, double y) const {
   return {plot_.x + (x - x_.lower) / (x_.upper - x_.lower) * plot_.width,
@@ -98,8 +107,8 @@ Point Axes::at(double x, double y) const {
 
 void Axes::grid() {
   const Stroke thin{colour(0xECECEC), 1.0, {}};
-  for (const double x : ticks(x_, 8)) vertical(x, thin);
-  for (const double y : ticks(y_, 6)) horizontal(y, thin);
+  for (const double x : x_ticks_) vertical(x, thin);
+  for (const double y : y_ticks_) horizontal(y, thin);
 }
 
 void Axes::line(const std::vector<double>& x, const std::vector<double>& y, const Stroke& stroke) {
@@ -133,19 +142,15 @@ void Axes::finish() {
   const TextStyle small{.size = 11.0, .align = Align::kCentre};
   const double bottom = plot_.y + plot_.height;
   canvas_.outline(plot_, frame);
-  const int most_x = std::clamp(static_cast<int>(plot_.width / 55.0), 3, 12);
-  const int most_y = std::clamp(static_cast<int>(plot_.height / 28.0), 3, 12);
-  const std::vector<double> xs = ticks(x_, most_x);
-  for (const double x : xs) {
+  for (const double x : x_ticks_) {
     const Point p = at(x, y_.lower);
     canvas_.line(std::array{Point{p.x, bottom}, Point{p.x, bottom + kTickLength}}, frame);
-    canvas_.text({p.x, bottom + 16.0}, tick_text(x, spacing_of(xs)), small);
+    canvas_.text({p.x, bottom + 16.0}, tick_text(x, spacing_of(x_ticks_)), small);
   }
-  const std::vector<double> ys = ticks(y_, most_y);
-  for (const double y : ys) {
+  for (const double y : y_ticks_) {
     const Point p = at(x_.lower, y);
     canvas_.line(std::array{Point{plot_.x - kTickLength, p.y}, Point{plot_.x, p.y}}, frame);
-    canvas_.text({plot_.x - 7.0, p.y + 4.0}, tick_text(y, spacing_of(ys)),
+    canvas_.text({plot_.x - 7.0, p.y + 4.0}, tick_text(y, spacing_of(y_ticks_)),
                  {.size = 11.0, .align = Align::kRight});
   }
   canvas_.text({plot_.x + 0.5 * plot_.width, bottom + 34.0}, labels_.x,

@@ -22,6 +22,8 @@ inline constexpr Colour kPale = colour(0xE4E4E4);
 
 /// Dark blue over teal to light yellow for `share` from 0 to 1, of steadily growing lightness.
 [[nodiscard]] Colour sequential_colour(double share);
+/// The same, half way to white: a background to draw on.
+[[nodiscard]] Colour pale_colour(double share);
 /// White over orange to dark brown, of steadily falling lightness: for time, over the former.
 [[nodiscard]] Colour warm_colour(double share);
 
@@ -73,6 +75,8 @@ class Axes {
   Range y_;
   Labels labels_;
   Area area_;
+  std::vector<double> x_ticks_;
+  std::vector<double> y_ticks_;
 };
 
 /// How one kind of thing in a picture looks, for its legend.

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kWidth = 900.0;
 constexpr double kDistanceShown_m = 1.0;
-constexpr Colour kUnknown = colour(0xC9C9C9);
+constexpr Colour kUnknown = colour(0xB4B4B4);
 constexpr Colour kOutside = colour(0xFFFFFF);
 constexpr Colour kLimit = colour(0xF0F0F0);
 
@@ -71,7 +71,7 @@ Raster slice_raster(const FieldSlice& slice, double shown_m) {
         case SliceState::kOccupied: raster.pixels.push_back(palette::kBlack); break;
         case SliceState::kUnknown: raster.pixels.push_back(kUnknown); break;
         case SliceState::kOutside: raster.pixels.push_back(kOutside); break;
-        default: raster.pixels.push_back(sequential_colour(slice.distance_m.values[i] / shown_m));
+        default: raster.pixels.push_back(pale_colour(slice.distance_m.values[i] / shown_m));
       }
     }
   }
@@ -94,8 +94,8 @@ void draw_spheres(Canvas& canvas, const Axes& axes, const StoredArray& circles) 
     if (!end) canvas.ring(at, radius, {warm_colour(share).with_alpha(0.55), 0.7, {}});
   });
   each([&](const Point& at, double radius, double share) {
-    if (share == 0.0) canvas.ring(at, radius, {palette::kSky, 1.8, {}});
-    if (share == 1.0) canvas.ring(at, radius, {palette::kPurple, 1.8, {}});
+    if (share == 0.0) canvas.ring(at, radius, {palette::kBlue, 2.2, {}});
+    if (share == 1.0) canvas.ring(at, radius, {palette::kPurple, 2.2, {}});
   });
   canvas.unclip();
 }
@@ -108,7 +108,7 @@ void draw_path(Canvas& canvas, const Axes& axes, const StoredArray& path, const 
     points.push_back(axes.at(path.values[i], path.values[i + 1]));
   }
   canvas.clip(axes.plot());
-  canvas.line(points, {palette::kBlack, stroke.width + 1.6, stroke.dashes});
+  canvas.line(points, {colour(0xFFFFFF), stroke.width + 2.0, {}});
   canvas.line(points, stroke);
   canvas.unclip();
 }
@@ -133,22 +133,22 @@ Figure slice_figure(const FieldSlice& slice, std::string file) {
             {slice.title, slice.u_label, slice.v_label});
   canvas.raster(slice_raster(slice, kDistanceShown_m), axes.plot());
   draw_spheres(canvas, axes, slice.circles);
-  const Stroke base{colour(0xFFFFFF), 2.0, {}};
-  const Stroke tip{palette::kOrange, 2.0, {6.0, 4.0}};
+  const Stroke base{palette::kBlack, 2.0, {}};
+  const Stroke tip{palette::kVermilion, 2.0, {6.0, 4.0}};
   draw_path(canvas, axes, slice.base_path, base);
   draw_path(canvas, axes, slice.tip_path, tip);
   axes.finish();
   draw_colour_bar(canvas,
                   {plot_width + across + 8.0, axes.plot().y, kBar, std::min(plot_height, 320.0)},
-                  {"distance to obstacles [m]", {0.0, kDistanceShown_m}, &sequential_colour});
+                  {"distance to obstacles [m]", {0.0, kDistanceShown_m}, &pale_colour});
   std::vector<LegendEntry> legend = {
       {"occupied", LegendEntry::Mark::kBox, {palette::kBlack, 1.0, {}}},
       {"never seen", LegendEntry::Mark::kBox, {kUnknown, 1.0, {}}},
-      {"robot at the start", LegendEntry::Mark::kCircle, {palette::kSky, 1.8, {}}},
+      {"robot at the start", LegendEntry::Mark::kCircle, {palette::kBlue, 2.2, {}}},
       {"on its way", LegendEntry::Mark::kCircle, {warm_colour(0.5), 1.0, {}}},
-      {"at the goal", LegendEntry::Mark::kCircle, {palette::kPurple, 1.8, {}}}};
+      {"at the goal", LegendEntry::Mark::kCircle, {palette::kPurple, 2.2, {}}}};
   if (slice.base_path.rows > 1)
-    legend.push_back({"path of the base", LegendEntry::Mark::kLine, {palette::kGrey, 2.0, {}}});
+    legend.push_back({"path of the base", LegendEntry::Mark::kLine, base});
   if (slice.tip_path.rows > 1) legend.push_back({"path of the tip", LegendEntry::Mark::kLine, tip});
   draw_legend(canvas, {58.0, plot_height + down + 2.0}, kWidth - 60.0, legend);
   return figure;
