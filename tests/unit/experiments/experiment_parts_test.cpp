@@ -1,0 +1,176 @@
+#include <cmath>
+#include <numeric>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sidestep/robot/kinematic_tree.hpp>
+
+#include "chart.hpp"
+#include "frame_tap.hpp"
+#include "initial_guess.hpp"
+#include "plan_summary.hpp"
+#include "text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+using testing::ElementsAre;
+
+/// Gives `count` frames whose one pixel is the frame's number; every `bad_every`-th is bad.
+class CountingSource final : public Source {
+ public:
+  CountingSource(std::int64_t count, bool tells_count, std::int64_t bad_every = 0)
+      : count_(count), tells_count_(tells_count), bad_every_(bad_every) {}
+
+  Result<std::optional<Frame>> next(const Deadline&) override {
+    if (given_ == count_) return std::nullopt;
+    const std::int64_t number = given_++;
+    if (bad_every_ > 0 && number % bad_every_ == 0) return fail(ErrorCode::kBadFrame, "bad");
+    Frame frame;
+    frame.sequence = number;
+    DepthImage image;
+    image.camera.width_px = 1;
+    image.camera.height_px = 1;
+    image.depth_m = {static_cast<float>(number)};
+    frame.measurement = std::move(image);
+    return frame;
+  }
+  std::optional<std::int64_t> frame_count() const override {
+    return tells_count_ ? std::optional(count_) : std::nullopt;
+  }
+
+ private:
+  std::int64_t count_;
+  bool tells_count_;
+  std::int64_t bad_every_;
+  std::int64_t given_ = 0;
+};
+
+/// Takes every frame; returns how many were usable.
+int drain(FrameTap& tap) {
+  int usable = 0;
+  for (;;) {
+    const auto frame = tap.next(Deadline());
+    if (!frame) continue;
+    if (!*frame) return usable;
+    ++usable;
+  }
+}
+
+std::vector<std::int64_t> kept(const FrameTap& tap) {
+  std::vector<std::int64_t> numbers;
+  for (const DepthPicture& picture : tap.pictures()) numbers.push_back(picture.frame_sequence);
+  return numbers;
+}
+
+TEST(FrameTap, SpreadsItsPicturesOverAllFrames) {
+  CountingSource source(100, true);
+  FrameTap tap(source, 0, 4);
+  EXPECT_EQ(tap.frame_count(), 100);
+  EXPECT_EQ(drain(tap), 100);
+  EXPECT_THAT(kept(tap), ElementsAre(0, 25, 50, 75));
+}
+
+TEST(FrameTap, EndsTheStreamAtItsLimitCountingBadFrames) {
+  CountingSource source(100, true, 2);
+  FrameTap tap(source, 10, 2);
+  EXPECT_EQ(tap.frame_count(), 10);
+  EXPECT_EQ(drain(tap), 5);
+}
+
+TEST(FrameTap, ThinsOutWhenTheLengthIsNotKnown) {
+  CountingSource source(100, false);
+  FrameTap tap(source, 0, 4);
+  EXPECT_FALSE(tap.frame_count());
+  EXPECT_EQ(drain(tap), 100);
+  EXPECT_THAT(kept(tap), ElementsAre(0, 32, 64, 96));
+}
+
+/// Two joints in a row, sliding along x and turning about z.
+std::shared_ptr<const RobotModel> two_joints() {
+  RobotDescription robot;
+  robot.name = "two";
+  robot.joints = {{"slide", Joint::Type::kPrismatic, -1.0, 1.0, 1.0, 1.0},
+                  {"turn", Joint::Type::kContinuous, -INFINITY, INFINITY, 1.0, 1.0}};
+  robot.links = {{"base", -1}, {"hand", 0}};
+  TreeJoint slide{"slide"}, turn{"turn"};
+  slide.motion = TreeJoint::Motion::kTranslation;
+  slide.axis = Eigen::Vector3d::UnitX();
+  slide.joint = 0;
+  turn.motion = TreeJoint::Motion::kRotation;
+  turn.joint = 1;
+  auto tree = KinematicTree::create(std::move(robot), {slide, turn});
+  EXPECT_TRUE(tree) << tree.error().describe();
+  return std::shared_ptr<const RobotModel>(std::move(*tree));
+}
+
+Problem two_joint_problem() {
+  Problem problem;
+  problem.robot = two_joints();
+  problem.start = {Eigen::Vector2d(-0.9, 0.0), Eigen::Vector2d::Zero()};
+  problem.goal = {Eigen::Vector2d(0.9, 3.0), Eigen::Vector2d::Zero()};
+  problem.support_states = 21;
+  problem.dt_s = 0.1;
+  return problem;
+}
+
+TEST(InitialGuess, IsTheStraightLineFirst) {
+  const Problem problem = two_joint_problem();
+  const Trajectory guess = initial_guess(problem, 0, 5);
+  EXPECT_EQ(guess.positions, straight_line(problem.start, problem.goal, 21, 0.1).positions);
+}
+
+TEST(InitialGuess, BendsTheSameWayForTheSameSeed) {
+  const Problem problem = two_joint_problem();
+  const Trajectory guess = initial_guess(problem, 1, 5);
+  EXPECT_EQ(guess.positions, initial_guess(problem, 1, 5).positions);
+  EXPECT_NE(guess.positions, initial_guess(problem, 1, 6).positions);
+  EXPECT_NE(guess.positions, initial_guess(problem, 2, 5).positions);
+  EXPECT_NE(guess.positions, initial_guess(problem, 0, 5).positions);
+}
+
+TEST(InitialGuess, KeepsItsEndsAndTheLimits) {
+  const Problem problem = two_joint_problem();
+  for (int attempt = 1; attempt < 20; ++attempt) {
+    const Trajectory guess = initial_guess(problem, attempt, 5);
+    ASSERT_TRUE(guess.validate());
+    EXPECT_THAT(guess.q(0), ElementsAre(-0.9, 0.0));
+    EXPECT_THAT(guess.q(20), ElementsAre(0.9, 3.0));
+    for (int i = 0; i < guess.size(); ++i) {
+      EXPECT_LE(std::abs(guess.q(i)[0]), 1.0);
+    }
+  }
+}
+
+TEST(Percentile, IsLinearBetweenValues) {
+  EXPECT_EQ(percentile({}, 0.5), 0.0);
+  EXPECT_EQ(percentile({3.0}, 0.95), 3.0);
+  EXPECT_EQ(percentile({4.0, 1.0, 2.0, 3.0}, 0.5), 2.5);
+  EXPECT_EQ(percentile({4.0, 1.0, 2.0, 3.0}, 1.0), 4.0);
+  EXPECT_NEAR(percentile({0.0, 10.0}, 0.95), 9.5, 1e-12);
+}
+
+TEST(Ticks, AreRoundAndInside) {
+  EXPECT_THAT(ticks({0.0, 1.0}, 6),
+              ElementsAre(0.0, 0.2, testing::DoubleEq(0.4), testing::DoubleEq(0.6),
+                          testing::DoubleEq(0.8), 1.0));
+  EXPECT_THAT(ticks({-7.0, 23.0}, 4), ElementsAre(0.0, 10.0, 20.0));
+  EXPECT_EQ(tick_text(0.30000000000000004, 0.1), "0.3");
+  EXPECT_EQ(tick_text(0.25, 0.25), "0.25");
+  EXPECT_EQ(tick_text(20.0, 10.0), "20");
+}
+
+TEST(TextTable, AlignsItsColumns) {
+  TextTable table({"plan", "time"});
+  table.add({"über", "1.5 s"});
+  table.add({"a", "12.25 s"});
+  EXPECT_EQ(table.text(),
+            "plan     time\n"
+            "-------------\n"
+            "über    1.5 s\n"
+            "a     12.25 s\n");
+}
+
+}  // namespace
+}  // namespace sidestep

@@ -1,0 +1,110 @@
+#include <sidestep/experiments/planning_settings.hpp>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sidestep/plugin/plugin.hpp>
+#include <sidestep/runtime/yaml_document.hpp>
+
+namespace sidestep {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+RobotDescription small_robot() {
+  RobotDescription robot;
+  robot.name = "small";
+  robot.joints = {{"base_x", Joint::Type::kPrismatic, -2.0, 2.0, 1.0, 1.0},
+                  {"shoulder", Joint::Type::kRevolute, -1.5, 1.5, 1.0, 1.0},
+                  {"elbow", Joint::Type::kRevolute, 0.0, 2.5, 1.0, 1.0}};
+  robot.poses = {{"home", {std::nullopt, 0.5, 1.0}}, {"bent", {0.0, 9.0, 1.0}}};
+  return robot;
+}
+
+struct Reading {
+  Eigen::VectorXd q;
+  std::vector<std::string> errors;  // where: message (hint)
+};
+
+Node parse(const std::string& text) {
+  std::vector<Error> errors;
+  const auto node = parse_yaml(text, "c.yaml", errors);
+  EXPECT_TRUE(node && errors.empty()) << text;
+  return node.value_or(Node());
+}
+
+Reading read(const std::string& text) {
+  std::vector<Error> errors;
+  Reading reading;
+  reading.q = read_robot_state(parse(text), small_robot(), errors);
+  for (const Error& error : errors) {
+    EXPECT_EQ(error.code, ErrorCode::kConfig);
+    reading.errors.push_back(error.describe());
+  }
+  return reading;
+}
+
+TEST(RobotState, JoinsAPoseAndJoints) {
+  const Reading reading = read("{pose: home, joints: {base_x: -0.4, elbow: 0.25}}");
+  EXPECT_THAT(reading.errors, ElementsAre());
+  EXPECT_EQ(reading.q, Eigen::Vector3d(-0.4, 0.5, 0.25));
+}
+
+TEST(RobotState, NeedsNoPose) {
+  const Reading reading = read("joints: {base_x: 1, shoulder: -1.5, elbow: 2.5}");
+  EXPECT_THAT(reading.errors, ElementsAre());
+  EXPECT_EQ(reading.q, Eigen::Vector3d(1.0, -1.5, 2.5));
+}
+
+TEST(RobotState, NamesEveryMissingJoint) {
+  EXPECT_THAT(read("pose: home").errors,
+              ElementsAre(AllOf(HasSubstr("c.yaml:1:"), HasSubstr("nothing of 'base_x'"))));
+  EXPECT_THAT(read("joints: {shoulder: 0}").errors,
+              ElementsAre(HasSubstr("nothing of 'base_x', 'elbow'")));
+}
+
+TEST(RobotState, OffersTheNearestNames) {
+  EXPECT_THAT(read("pose: hone\njoints: {base_x: 0}").errors,
+              ElementsAre("c.yaml:1:7: robot 'small' has no pose 'hone' (did you mean 'home'?)"));
+  EXPECT_THAT(
+      read("pose: home\njoints:\n  base_y: 0").errors,
+      ElementsAre("c.yaml:3:3: robot 'small' has no joint 'base_y' (did you mean 'base_x'?)"));
+}
+
+TEST(RobotState, RefusesWhatIsNoNumberOrBeyondALimit) {
+  EXPECT_THAT(read("pose: home\njoints: {base_x: far}").errors,
+              ElementsAre(HasSubstr("c.yaml:2:")));
+  EXPECT_THAT(read("pose: home\njoints: {base_x: .nan}").errors,
+              ElementsAre(HasSubstr("finite number")));
+  EXPECT_THAT(read("pose: home\njoints: {base_x: 2.001}").errors,
+              ElementsAre("c.yaml:2:18: joint 'base_x' is at 2.001 m, outside its limits [-2, 2]"));
+  EXPECT_THAT(read("pose: bent").errors, ElementsAre(HasSubstr("'shoulder' is at 9 rad")));
+  EXPECT_THAT(read("pose: home\njoints: [1, 2]").errors, ElementsAre(HasSubstr("expected a map")));
+}
+
+TEST(PlanningSettings, RequireAChoiceForUnseenSpace) {
+  const Node block = parse("unknown: perhaps");
+  std::vector<Error> errors;
+  check_against_schema(block, PlanningSettings::fields().schema(), {}, errors);
+  ASSERT_EQ(errors.size(), 2u);  // a wrong choice for one, nothing for the other
+  EXPECT_THAT(errors[0].describe() + errors[1].describe(),
+              AllOf(HasSubstr("perhaps"), HasSubstr("outside")));
+}
+
+TEST(PlanningSettings, ReadWeightsInheritedFromTheCosts) {
+  const Node block =
+      parse("{unknown: free, outside: occupied, sigma_obstacle: 0.125, epsilon_m: 0.3}");
+  std::vector<Error> errors;
+  check_against_schema(block, PlanningSettings::fields().schema(), {}, errors);
+  PlanningSettings settings;
+  PlanningSettings::fields().read(block, settings, errors);
+  ASSERT_TRUE(errors.empty()) << errors.front().describe();
+  EXPECT_EQ(settings.sigma_obstacle, 0.125);
+  EXPECT_EQ(settings.epsilon_m, 0.3);
+  EXPECT_EQ(settings.space().unknown, Space::kFree);
+  EXPECT_EQ(settings.space().outside, Space::kOccupied);
+}
+
+}  // namespace
+}  // namespace sidestep
