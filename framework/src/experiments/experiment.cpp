@@ -123,7 +123,7 @@ std::vector<Error> check_configuration(const Configuration& configuration, Host&
   std::vector<Error> errors;
   const ExperimentType* type = find_type(configuration, errors);
   check_blocks(configuration, type, host, errors);
-  if (type != nullptr && errors.empty()) type->check(configuration, host, errors);
+  if (type != nullptr) type->check(configuration, host, errors);
   return errors;
 }
 

@@ -60,7 +60,9 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     const Node* name = entry.find("name");
     const Node* start = entry.find("start");
     const Node* goal = entry.find("goal");
-    if (name == nullptr || start == nullptr || goal == nullptr) continue;  // the schema told
+    const bool fits =
+        name != nullptr && start != nullptr && goal != nullptr && start->is_map() && goal->is_map();
+    if (!fits) continue;  // its schema told
     plan.name = name->text();
     if (!names.insert(plan.name).second) {
       errors.push_back(name->error("a plan before this one is named '" + plan.name + "', too"));
@@ -69,12 +71,17 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     plan.q_goal = read_robot_state(*goal, robot, errors);
     plans.push_back(std::move(plan));
   }
-  if (list->items().empty()) errors.push_back(list->error("there is nothing to plan"));
+  if (list->is_list() && list->items().empty())
+    errors.push_back(list->error("there is nothing to plan"));
   return plans;
 }
 
 void check_plans(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  const auto robot = host.create<RobotModel>(block_of(configuration, "robot"));
+  const Node& block = block_of(configuration, "robot");
+  std::vector<Error> told;
+  host.check(PluginKind::kRobot, block, told);
+  if (!told.empty()) return;
+  const auto robot = host.create<RobotModel>(block);
   if (!robot) {
     errors.push_back(robot.error());
     return;

@@ -46,6 +46,10 @@ struct PartialState {
 
 void apply_pose(const Node& pose, const RobotDescription& robot, PartialState& state,
                 std::vector<Error>& errors) {
+  if (!pose.is_scalar()) {  // its schema told
+    state.set_rest(pose);
+    return;
+  }
   const NamedPose* named = robot.find_pose(pose.text());
   if (named == nullptr) {
     std::vector<std::string> names;

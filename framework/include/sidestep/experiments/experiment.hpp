@@ -45,7 +45,8 @@ struct ExperimentType {
   std::string doc;
   Schema (*schema)();               ///< Of the `experiment` block.
   std::vector<std::string> blocks;  ///< Top-level blocks it needs, e.g. "robot", "mapper".
-  /// Mistakes beyond schemas, in a configuration whose blocks fit theirs.
+  /// Appends mistakes that no schema can know of. Blocks that do not fit their schemas have been
+  /// reported, and are passed over here.
   void (*check)(const Configuration& configuration, Host& host, std::vector<Error>& errors);
   /// Measures, and saves to context.out/results.sqlite.
   Result<ExperimentOutcome> (*run)(ExperimentContext& context);
