@@ -145,8 +145,10 @@ Figure slice_figure(const FieldSlice& slice, std::string file) {
       {"occupied", LegendEntry::Mark::kBox, {palette::kBlack, 1.0, {}}},
       {"never seen", LegendEntry::Mark::kBox, {kUnknown, 1.0, {}}},
       {"robot at the start", LegendEntry::Mark::kCircle, {palette::kBlue, 2.2, {}}},
-      {"on its way", LegendEntry::Mark::kCircle, {warm_colour(0.5), 1.0, {}}},
       {"at the goal", LegendEntry::Mark::kCircle, {palette::kPurple, 2.2, {}}}};
+  if (slice.tip_path.rows > 1) {
+    legend.push_back({"on its way", LegendEntry::Mark::kCircle, {warm_colour(0.5), 1.0, {}}});
+  }
   if (slice.base_path.rows > 1)
     legend.push_back({"path of the base", LegendEntry::Mark::kLine, base});
   if (slice.tip_path.rows > 1) legend.push_back({"path of the tip", LegendEntry::Mark::kLine, tip});
@@ -275,8 +277,7 @@ Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
   figures.push_back(
       curves_figure(time_s, positions, prefix + "joints", "Joint positions against their limits."));
   figures.push_back(curves_figure(time_s, velocities, prefix + "velocities",
-                                  "Joint velocities against the share of their limits that plans "
-                                  "may use."));
+                                  "Joint velocities against the limits that plans must keep."));
   return {};
 }
 

@@ -11,14 +11,11 @@ namespace sidestep {
 namespace {
 
 constexpr int kWaves = 3;
-constexpr double kContinuousRange_rad = 2.0 * std::numbers::pi;
-constexpr double kUnlimitedRange_m = 2.0;
+constexpr double kLargestBend = 0.4;  // m, rad
 
-/// How far a joint may be bent in the first attempt that bends: a tenth of its range.
+/// How far a joint is bent in the first attempt that bends.
 double bend_scale(const Joint& joint) {
-  const double range = joint.upper - joint.lower;
-  if (std::isfinite(range)) return 0.1 * range;
-  return 0.1 * (joint.type == Joint::Type::kPrismatic ? kUnlimitedRange_m : kContinuousRange_rad);
+  return std::min(0.15 * (joint.upper - joint.lower), kLargestBend);
 }
 
 }  // namespace

@@ -189,7 +189,7 @@ Result<std::vector<PlanRecord>> make_plans(Parts& parts, const MapRecord& map,
                                       *map.field,
                                       settings.planning.space(),
                                       *parts.occupancy,
-                                      settings.planning.speed_fraction,
+                                      settings.check.speed_fraction,
                                       settings.check.margin_m,
                                       settings.experiment.slice_heights_m};
   std::vector<PlanRecord> plans;

@@ -15,17 +15,16 @@ namespace {
 constexpr double kEndpointTolerance = 1e-3;  // m, rad
 constexpr double kSlowerEachAttempt = 1.25;
 
-/// What is wrong with standing still at `q`; empty if nothing is.
-Result<std::string> state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
-                                  const std::string& what) {
-  Trajectory still = make_trajectory(static_cast<int>(q.size()), 2, world.planning.dt_s);
-  for (int i = 0; i < still.size(); ++i) {
-    std::copy(q.data(), q.data() + q.size(), still.q(i).begin());
-  }
-  auto verdict = world.in_snapshot->check(still, 0.0, Deadline());
-  if (!verdict) return tl::make_unexpected(std::move(verdict.error()));
-  if (verdict->valid()) return std::string();
-  return what + ": " + verdict->describe();
+/// What is wrong with being at `q`; empty if nothing is.
+std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
+                          const std::string& what) {
+  const auto violation =
+      state_violation(world.robot, world.field, world.planning.space(), world.margin_m,
+                      std::span(q.data(), static_cast<std::size_t>(q.size())));
+  if (!violation) return "";
+  // A state has no time of its own.
+  const std::string text = violation->describe();
+  return what + ": " + text.substr(0, text.rfind(" at "));
 }
 
 /// How the trajectory fails to lead from start to goal; empty if it does not fail.
@@ -114,13 +113,12 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
                                   std::shared_ptr<const Scene> scene, double scene_time_s,
                                   const PlanningSettings& planning, const CheckSettings& check) {
   PlanWorld world;
-  world.in_snapshot =
-      make_field_check(robot, field, planning.space(),
-                       FieldCheckSettings{.margin_m = check.margin_m,
-                                          .max_step_m = check.max_step_m,
-                                          .speed_fraction = planning.speed_fraction});
+  world.in_snapshot = make_field_check(robot, field, planning.space(),
+                                       FieldCheckSettings{.margin_m = check.margin_m,
+                                                          .max_step_m = check.max_step_m,
+                                                          .speed_fraction = check.speed_fraction});
   const ShapeCheckSettings shapes{.max_step_m = check.shape_max_step_m,
-                                  .speed_fraction = planning.speed_fraction};
+                                  .speed_fraction = check.speed_fraction};
   ShapeObstacles voxels;
   voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
   voxels.occupied_centres_m = occupied_centres(occupancy);
@@ -138,6 +136,7 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
   world.robot = std::move(robot);
   world.field = std::move(field);
   world.planning = planning;
+  world.margin_m = check.margin_m;
   return world;
 }
 
@@ -145,11 +144,8 @@ Result<PlanRecord> make_plan(const PlanWorld& world, Optimiser& optimiser, PlanR
                              std::uint64_t seed, Log& log, std::stop_token stop) {
   for (const auto& [q, what] : {std::pair(&plan.q_start, "the start is not valid"),
                                 std::pair(&plan.q_goal, "the goal is not valid")}) {
-    auto problem = state_problem(world, *q, what);
-    if (!problem) return tl::make_unexpected(std::move(problem.error()));
-    if (problem->empty()) continue;
-    plan.reason = std::move(*problem);
-    return plan;
+    plan.reason = state_problem(world, *q, what);
+    if (!plan.reason.empty()) return plan;
   }
   const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
   do {

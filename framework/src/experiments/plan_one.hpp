@@ -18,6 +18,7 @@ struct PlanWorld {
   std::shared_ptr<const RobotModel> robot;
   std::shared_ptr<const DistanceField> field;
   PlanningSettings planning;
+  double margin_m = 0.0;  ///< That spheres must keep from obstacles.
   std::unique_ptr<ValidityCheck> in_snapshot;
   std::unique_ptr<ValidityCheck> in_voxels;
   std::unique_ptr<ValidityCheck> in_scene;  ///< Null where no scene is known.

@@ -169,7 +169,7 @@ double percentile(std::vector<double> values, double share) {
 
 std::optional<double> PlanRecord::min_clearance_m() const noexcept {
   std::optional<double> least;
-  for (const auto* verdict : {&in_snapshot, &in_voxels, &in_scene}) {
+  for (const auto* verdict : {&in_snapshot, &in_voxels}) {
     if (!*verdict) continue;
     least = std::min(least.value_or((*verdict)->min_clearance_m), (*verdict)->min_clearance_m);
   }

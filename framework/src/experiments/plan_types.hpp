@@ -65,7 +65,8 @@ struct PlanRecord {
   [[nodiscard]] bool valid_independent() const noexcept {
     return in_voxels && in_voxels->valid() && (!in_scene || in_scene->valid());
   }
-  /// The smallest of all checks made; nothing if none was.
+  /// The smaller of both checks in the map; nothing if none was made. The true scene, whose floor
+  /// the robot stands on, has its clearance in its own verdict.
   [[nodiscard]] std::optional<double> min_clearance_m() const noexcept;
 };
 

@@ -165,7 +165,11 @@ Fields<CheckSettings> CheckSettings::fields() {
            {.unit = "m", .min = 1e-4, .max = 1.0})
       .add("shape_max_step_m", &S::shape_max_step_m,
            "Largest motion of any point of the robot between independent checks.",
-           {.unit = "m", .min = 1e-4, .max = 1.0});
+           {.unit = "m", .min = 1e-4, .max = 1.0})
+      .add("speed_fraction", &S::speed_fraction,
+           "Share of the velocity limits that must hold; planning aims for a smaller one, since "
+           "its costs are soft.",
+           {.min = 0.01, .max = 1.0});
 }
 
 Fields<RobotStateEntry> RobotStateEntry::fields() {

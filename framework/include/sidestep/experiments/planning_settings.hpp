@@ -31,6 +31,7 @@ struct CheckSettings {
   double margin_m = 0.0;
   double max_step_m = 0.02;
   double shape_max_step_m = 0.01;
+  double speed_fraction = 1.0;
 
   static Fields<CheckSettings> fields();
 };
