@@ -1,0 +1,286 @@
+#include <algorithm>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <sidestep/runtime/results_store.hpp>
+
+#include "command_line.hpp"
+
+namespace sidestep::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using Json = nlohmann::json;
+
+const std::string kTiny = std::string(SIDESTEP_SOURCE_DIR) + "/tests/integration/configs/tiny.yaml";
+
+class CommandTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = fs::path(::testing::TempDir()) / (std::string("command_") + test->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  /// `sidestep run` of the tiny configuration into a folder of this test's.
+  [[nodiscard]] Finished run_tiny(std::vector<std::string> more, const std::string& out = "run") {
+    std::vector<std::string> arguments = {"run", kTiny, "--out", (folder_ / out).string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run(arguments);
+  }
+  [[nodiscard]] Json summary(const std::string& out = "run") const {
+    return Json::parse(read_file(folder_ / out / "summary.json"), nullptr, false);
+  }
+  [[nodiscard]] std::string config(const std::string& text) const {
+    const fs::path file = folder_ / "config.yaml";
+    std::ofstream(file) << text;
+    return file.string();
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(CommandTest, PlansAroundAPillar) {
+  const Finished finished = run_tiny({});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  EXPECT_THAT(finished.out, HasSubstr("Success: plan 'around' passed every check"));
+  EXPECT_THAT(finished.out, HasSubstr("report.html"));
+  for (const char* file :
+       {"effective_config.yaml", "summary.json", "results.sqlite", "run.log", "report.html",
+        "depth.png", "frame_times.png", "plan-1-around-slice-1.png", "plan-1-around-joints.png",
+        "plan-1-around-velocities.png", "plan-1-around-clearance.png"}) {
+    EXPECT_TRUE(fs::exists(folder_ / "run" / file)) << file;
+  }
+  EXPECT_THAT(read_file(folder_ / "run" / "effective_config.yaml"), HasSubstr("max_distance_m"));
+
+  const Json json = summary();
+  EXPECT_EQ(json.at("success"), true);
+  EXPECT_EQ(json.at("frames"), 8);
+  EXPECT_EQ(json.at("bad_frames"), 0);
+  EXPECT_EQ(json.at("configuration"), "tiny");
+  EXPECT_GT(json.at("/map/occupied_vox"_json_pointer), 0);
+  for (const char* key : {"p50", "p95", "max"}) {
+    EXPECT_GT(json.at("map").at("frame_ms").at(key), 0.0);
+  }
+  const Json& plan = json.at("plans").at(0);
+  EXPECT_EQ(plan.at("name"), "around");
+  for (const char* key : {"success", "valid_snapshot", "valid_independent"}) {
+    EXPECT_EQ(plan.at(key), true) << key;
+  }
+  for (const char* key : {"min_clearance_m", "duration_s", "solve_ms", "iterations"}) {
+    EXPECT_GT(plan.at(key), 0) << key;
+  }
+  EXPECT_EQ(plan.at("checks").at("scene").at("outcome"), "valid");
+  EXPECT_EQ(plan.at("reason"), "");
+}
+
+TEST_F(CommandTest, PrintsNothingButTheSummaryAsJson) {
+  const Finished finished = run_tiny({"--json"});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error;
+  EXPECT_EQ(finished.out, read_file(folder_ / "run" / "summary.json"));
+  EXPECT_TRUE(Json::accept(finished.out));
+}
+
+TEST_F(CommandTest, GivesTheSamePlanForTheSameSeed) {
+  const std::vector<std::string> options = {"--seed", "5", "--threads", "1", "--json"};
+  ASSERT_EQ(run_tiny(options, "first").exit_code, 0);
+  ASSERT_EQ(run_tiny(options, "second").exit_code, 0);
+  EXPECT_EQ(summary("first").at("/provenance/seed"_json_pointer), 5);
+  EXPECT_EQ(summary("first").at("/provenance/threads"_json_pointer), 1);
+  std::vector<double> columns[2];
+  for (const int i : {0, 1}) {
+    auto results = ResultsReader::open(folder_ / (i == 0 ? "first" : "second") / "results.sqlite");
+    ASSERT_TRUE(results) << results.error().describe();
+    columns[i] = (*results)->column("trajectory/0", "q.x").value();
+  }
+  EXPECT_FALSE(columns[0].empty());
+  EXPECT_EQ(columns[0], columns[1]);
+}
+
+TEST_F(CommandTest, NamesTheLinkOfAGoalInCollision) {
+  const Finished finished = run_tiny({"--set", "experiment.plans.0.goal.joints.x=1.5"});
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  const Json plan = summary().at("plans").at(0);
+  EXPECT_EQ(plan.at("success"), false);
+  EXPECT_THAT(std::string(plan.at("reason")), HasSubstr("the goal is not valid: "));
+  EXPECT_THAT(std::string(plan.at("reason")), HasSubstr("m inside an obstacle"));
+  EXPECT_THAT(finished.out, HasSubstr(std::string(plan.at("reason"))));
+  EXPECT_EQ(plan.at("attempts"), 0);
+  EXPECT_TRUE(plan.at("min_clearance_m").is_null());
+  EXPECT_TRUE(fs::exists(folder_ / "run" / "plan-1-around-slice-1.png"));
+}
+
+TEST_F(CommandTest, SavesThePlansBesideOneThatFails) {
+  const Finished finished = run({"run",
+                                 config("base: " + kTiny +
+                                        "\nschema_version: 1\nexperiment:\n  plans:\n"
+                                        "    - {name: into, start: {joints: {x: 0.3, y: 0.05}}, "
+                                        "goal: {joints: {x: 1.5, y: 0.0}}}\n"
+                                        "    - {name: aside, start: {joints: {x: 0.3, y: 0.05}}, "
+                                        "goal: {joints: {x: 0.3, y: -0.8}}}\n"),
+                                 "--out", (folder_ / "run").string()});
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_EQ(summary().at("plans").at(0).at("success"), false);
+  EXPECT_EQ(summary().at("plans").at(1).at("success"), true);
+  EXPECT_THAT(finished.out, HasSubstr("1 of 2 plans did not succeed"));
+}
+
+TEST_F(CommandTest, ReportsEveryMistakeInOnePass) {
+  const std::string file = config(R"(schema_version: 1
+experiment:
+  type: plan
+  sead: 7
+  threads: -1
+  plans:
+    - {name: a, start: {joints: {x: 0, z: 1}}, goal: {joints: {x: 99, y: 0}}}
+robot: {plugin: point, radius_m: .nan}
+source: {plugin: simulator, frames: many, camera_path: []}
+mapper: {plugin: voxel_grid, resolution_m: -0.1, resolution_m: 0.1}
+field: {plugin: edt, signed: maybe}
+optimiser: {plugin: gp_cerez}
+planing: {}
+)");
+  const Finished checked = run({"check", file});
+  EXPECT_EQ(checked.exit_code, 2);
+  for (const char* part :
+       {":4:3: unknown key 'sead' (did you mean 'seed'?)", ":5:12: 'threads'", ":8:34: 'radius_m'",
+        ":9:37: 'frames'", ":10:50:", ":11:30: 'signed'", ":11:8: 'unknown' is missing",
+        ":12:21: there is no optimiser plugin 'gp_cerez' (did you mean 'gp_ceres'?)",
+        ":13:1: unknown key 'planing'", "`planning`"}) {
+    EXPECT_THAT(checked.error, HasSubstr(part));
+  }
+  EXPECT_THAT(checked.error, HasSubstr(file + ":"));
+  EXPECT_EQ(run({"run", file, "--out", (folder_ / "run").string()}).exit_code, 2);
+  EXPECT_FALSE(fs::exists(folder_ / "run"));
+}
+
+TEST_F(CommandTest, ChecksThePosesOfPlans) {
+  const Finished checked = run({"check", kTiny, "--set", "experiment.plans.0.goal.pose=table",
+                                "--set", "experiment.plans.0.start.joints={x: 1, w: 0}"});
+  EXPECT_EQ(checked.exit_code, 2);
+  EXPECT_THAT(checked.error, HasSubstr("has no pose 'table'"));
+  EXPECT_THAT(checked.error, HasSubstr("has no joint 'w'"));
+  EXPECT_THAT(checked.out, HasSubstr("2 errors"));
+}
+
+TEST_F(CommandTest, EndsWithThreeForAMissingPlugin) {
+  const Finished finished = run_tiny({"--set", "optimiser.plugin=gp_cerez"});
+  EXPECT_EQ(finished.exit_code, 3);
+  EXPECT_THAT(finished.error, HasSubstr("did you mean 'gp_ceres'?"));
+}
+
+TEST_F(CommandTest, EndsWithFourForMissingData) {
+  const Finished finished =
+      run_tiny({"--set", "source={plugin: depth_sequence, path: /no/such/data}"});
+  EXPECT_EQ(finished.exit_code, 4) << finished.error;
+  EXPECT_THAT(finished.error, HasSubstr("/no/such/data"));
+  EXPECT_THAT(read_file(folder_ / "run" / "run.log"), HasSubstr("/no/such/data"));
+}
+
+TEST_F(CommandTest, EndsWithTwoForWrongUsage) {
+  EXPECT_EQ(run({"frobnicate"}).exit_code, 2);
+  EXPECT_EQ(run({"run"}).exit_code, 2);
+  EXPECT_EQ(run({"run", kTiny, "--threads", "many"}).exit_code, 2);
+  EXPECT_EQ(run({"run", kTiny, "--frobnicate"}).exit_code, 2);
+  const Finished unknown = run({"check", "no_such_configuration"});
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.error, HasSubstr("no_such_configuration"));
+}
+
+TEST_F(CommandTest, HelpsWithoutArguments) {
+  for (const auto& arguments : {std::vector<std::string>{}, {"--help"}}) {
+    const Finished finished = run(arguments);
+    EXPECT_EQ(finished.exit_code, 0);
+    for (const char* word : {"run", "check", "plugins", "report"}) {
+      EXPECT_THAT(finished.out, HasSubstr(word));
+    }
+  }
+  EXPECT_THAT(run({"--version"}).out, HasSubstr("sidestep "));
+}
+
+TEST_F(CommandTest, KeepsWhatWasMeasuredWhenInterrupted) {
+  CommandLine command({"run", kTiny, "--out", (folder_ / "run").string(), "--set",
+                       "source.frames=0"});  // a stream without end
+  ASSERT_TRUE(command.wait_for("mapping 1"));
+  command.send(SIGINT);
+  const Finished finished = command.wait();
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_THAT(finished.out, HasSubstr("Interrupted"));
+  EXPECT_EQ(summary().at("interrupted"), true);
+  EXPECT_EQ(summary().at("success"), false);
+  const int frames = summary().at("frames");
+  EXPECT_GT(frames, 0);
+  auto results = ResultsReader::open(folder_ / "run" / "results.sqlite");
+  ASSERT_TRUE(results) << results.error().describe();
+  EXPECT_EQ((*results)->column("frame", "field_ms")->size(), static_cast<std::size_t>(frames));
+  EXPECT_TRUE(fs::exists(folder_ / "run" / "report.html"));
+}
+
+TEST_F(CommandTest, ReplacesAnEarlierRunsFilesAndNoOthers) {
+  ASSERT_EQ(run_tiny({}).exit_code, 0);
+  std::ofstream(folder_ / "run" / "notes.txt") << "mine";
+  std::ofstream(folder_ / "run" / "plan-2-old-joints.png") << "stale";
+  const Finished finished =
+      run_tiny({"--set", "source={plugin: depth_sequence, path: /no/such/data}"});
+  EXPECT_EQ(finished.exit_code, 4);
+  EXPECT_FALSE(fs::exists(folder_ / "run" / "summary.json"));
+  EXPECT_FALSE(fs::exists(folder_ / "run" / "report.html"));
+  EXPECT_FALSE(fs::exists(folder_ / "run" / "plan-2-old-joints.png"));
+  EXPECT_EQ(read_file(folder_ / "run" / "notes.txt"), "mine");
+}
+
+TEST_F(CommandTest, RebuildsAndComparesReports) {
+  ASSERT_EQ(run_tiny({}, "a").exit_code, 0);
+  ASSERT_EQ(run_tiny({"--set", "source.frames=4"}, "b").exit_code, 0);
+  const std::string before = read_file(folder_ / "a" / "report.html");
+  fs::remove(folder_ / "a" / "report.html");
+  fs::remove(folder_ / "a" / "depth.png");
+  const fs::path comparison = folder_ / "comparison.html";
+  const Finished finished = run({"report", (folder_ / "a").string(), (folder_ / "b").string(),
+                                 "--comparison", comparison.string()});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error;
+  EXPECT_EQ(read_file(folder_ / "a" / "report.html"), before);
+  EXPECT_TRUE(fs::exists(folder_ / "a" / "depth.png"));
+  EXPECT_THAT(finished.out, HasSubstr("around"));
+  EXPECT_THAT(read_file(comparison), HasSubstr("<td>around</td>"));
+
+  const Finished none = run({"report", folder_.string()});
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_THAT(none.error, HasSubstr("no finished run"));
+}
+
+TEST_F(CommandTest, ListsPluginsAndTheirParameters) {
+  const Finished list = run({"plugins"});
+  EXPECT_EQ(list.exit_code, 0);
+  EXPECT_THAT(list.out, HasSubstr("gp_ceres"));
+  const Finished one = run({"plugins", "voxel_grid"});
+  EXPECT_THAT(one.out, HasSubstr("resolution_m: number [m]"));
+  const Json json = Json::parse(run({"plugins", "--json"}).out);
+  EXPECT_TRUE(std::ranges::any_of(json, [](const Json& plugin) {
+    return plugin.at("name") == "edt" && plugin.at("kind") == "field";
+  }));
+  const Finished unknown = run({"plugins", "voxel_gird"});
+  EXPECT_EQ(unknown.exit_code, 3);
+  EXPECT_THAT(unknown.error, HasSubstr("did you mean 'voxel_grid'?"));
+}
+
+TEST_F(CommandTest, FindsNoMistakeInTheConfigurationsThatAreInstalled) {
+  int checked = 0;
+  for (const auto& entry : fs::directory_iterator(std::string(SIDESTEP_SOURCE_DIR) + "/configs")) {
+    if (entry.path().extension() != ".yaml") continue;
+    const Finished finished = run({"check", entry.path().string()});
+    EXPECT_EQ(finished.exit_code, 0) << finished.error;
+    ++checked;
+  }
+  EXPECT_GT(checked, 0);
+}
+
+}  // namespace
+}  // namespace sidestep::testing
