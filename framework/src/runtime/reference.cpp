@@ -1,0 +1,129 @@
+#include <sidestep/runtime/reference.hpp>
+
+#include <cmath>
+#include <sstream>
+
+#include <nlohmann/json.hpp>
+
+namespace sidestep {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Text for a cell of a Markdown table.
+std::string cell(std::string text) {
+  for (std::size_t at = 0; (at = text.find('|', at)) != std::string::npos; at += 2) {
+    text.insert(at, "\\");
+  }
+  return text;
+}
+
+void write_rows(std::ostringstream& out, const Schema& schema, const std::string& prefix) {
+  for (const Parameter& parameter : schema) {
+    const std::string name = prefix + parameter.name;
+    out << "| `" << name << "` | " << cell(parameter_summary(parameter)) << " | "
+        << cell(parameter.doc) << " |\n";
+    write_rows(out, parameter.fields,
+               name + (parameter.type == ParameterType::kObjects ? "[]." : "."));
+  }
+}
+
+Json schema_of_map(const Schema& schema);
+
+Json schema_of(const Parameter& parameter) {
+  const auto scalar = [&](const char* type) {
+    Json json = {{"type", type}};
+    if (std::isfinite(parameter.min)) json["minimum"] = parameter.min;
+    if (std::isfinite(parameter.max)) json["maximum"] = parameter.max;
+    return json;
+  };
+  const auto list = [&](Json items) {
+    Json json = {{"type", "array"}, {"items", std::move(items)}};
+    if (parameter.size) json["minItems"] = json["maxItems"] = *parameter.size;
+    return json;
+  };
+  Json json = Json::object();
+  switch (parameter.type) {
+    case ParameterType::kBool: json = {{"type", "boolean"}}; break;
+    case ParameterType::kInt: json = scalar("integer"); break;
+    case ParameterType::kDouble: json = scalar("number"); break;
+    case ParameterType::kString:
+    case ParameterType::kPath: json = {{"type", "string"}}; break;
+    case ParameterType::kChoice: json = {{"enum", parameter.choices}}; break;
+    case ParameterType::kDoubles: json = list(scalar("number")); break;
+    case ParameterType::kInts: json = list(scalar("integer")); break;
+    case ParameterType::kStrings: json = list({{"type", "string"}}); break;
+    case ParameterType::kObject: json = schema_of_map(parameter.fields); break;
+    case ParameterType::kObjects: json = list(schema_of_map(parameter.fields)); break;
+    case ParameterType::kNode: break;
+  }
+  json["description"] =
+      parameter.unit.empty() ? parameter.doc : parameter.doc + " [" + parameter.unit + "]";
+  return json;
+}
+
+Json schema_of_map(const Schema& schema) {
+  Json properties = Json::object();
+  Json required = Json::array();
+  for (const Parameter& parameter : schema) {
+    properties[parameter.name] = schema_of(parameter);
+    if (parameter.required) required.push_back(parameter.name);
+  }
+  Json json = {{"type", "object"}, {"properties", properties}, {"additionalProperties", false}};
+  if (!required.empty()) json["required"] = required;
+  return json;
+}
+
+}  // namespace
+
+std::string parameter_summary(const Parameter& parameter) {
+  std::string line(to_string(parameter.type));
+  if (!parameter.unit.empty()) line += " [" + parameter.unit + "]";
+  if (parameter.size) line += ", " + std::to_string(*parameter.size) + " values";
+  for (std::size_t i = 0; i < parameter.choices.size(); ++i) {
+    line += (i == 0 ? ": " : " | ") + parameter.choices[i];
+  }
+  const bool has_min = std::isfinite(parameter.min);
+  const bool has_max = std::isfinite(parameter.max);
+  if (has_min && has_max) {
+    line += ", " + detail::number_text(parameter.min) + " to " + detail::number_text(parameter.max);
+  } else if (has_min) {
+    line += ", at least " + detail::number_text(parameter.min);
+  } else if (has_max) {
+    line += ", at most " + detail::number_text(parameter.max);
+  }
+  return line + (parameter.required ? ", required" : ", default " + parameter.default_text);
+}
+
+std::string reference_markdown(const std::vector<PluginInfo>& plugins) {
+  std::ostringstream out;
+  out << "# Plugins\n\nEvery plugin and its parameters, written by `sidestep plugins "
+         "--markdown`.\n";
+  for (const PluginInfo& plugin : plugins) {
+    out << "\n## " << to_string(plugin.kind) << ": " << plugin.name << "\n\n"
+        << plugin.doc << ".\n";
+    if (plugin.schema.empty()) continue;
+    out << "\n| parameter | type | meaning |\n| --- | --- | --- |\n";
+    write_rows(out, plugin.schema, "");
+  }
+  return out.str();
+}
+
+std::string configuration_json_schema(const std::vector<PluginInfo>& plugins) {
+  Json properties = {{"schema_version", {{"const", 1}}}, {"base", Json::object()}};
+  for (const PluginInfo& plugin : plugins) {
+    Json block = schema_of_map(plugin.schema);
+    block["title"] = plugin.name;
+    block["description"] = plugin.doc;
+    block["properties"]["plugin"] = {{"const", plugin.name}};
+    block["required"].push_back("plugin");
+    properties[std::string(to_string(plugin.kind))]["oneOf"].push_back(std::move(block));
+  }
+  const Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+                       {"title", "Sidestep configuration"},
+                       {"type", "object"},
+                       {"properties", properties}};
+  return schema.dump(2);
+}
+
+}  // namespace sidestep
