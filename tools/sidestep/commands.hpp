@@ -22,8 +22,11 @@ struct RunOptions {
 [[nodiscard]] ExitCode check_command(const std::vector<std::string>& configurations,
                                      const std::vector<std::string>& overrides);
 
+enum class PluginsFormat { kText, kJson, kMarkdown, kJsonSchema };
+
 /// Lists the plugins that are there, or tells all about those of one name.
-[[nodiscard]] ExitCode plugins_command(const std::optional<std::string>& name, bool json);
+[[nodiscard]] ExitCode plugins_command(const std::optional<std::string>& name,
+                                       PluginsFormat format);
 
 /// Rebuilds the reports of finished runs, and compares several.
 [[nodiscard]] ExitCode report_command(const std::vector<std::filesystem::path>& runs,

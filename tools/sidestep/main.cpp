@@ -19,6 +19,8 @@ struct CommandLine {
   std::optional<std::uint64_t> seed;
   std::optional<int> threads;
   std::optional<std::string> plugin;
+  bool markdown = false;
+  bool json_schema = false;
   std::vector<std::filesystem::path> report_runs;
   std::filesystem::path comparison = "comparison.html";
 };
@@ -58,6 +60,9 @@ void add_commands(CLI::App& app, CommandLine& line) {
   CLI::App* plugins = app.add_subcommand("plugins", "List the plugins, or one plugin's parameters");
   plugins->add_option("NAME", line.plugin, "Name of a plugin");
   plugins->add_flag("--json", line.run.json, "Print as JSON");
+  plugins->add_flag("--markdown", line.markdown, "Print the reference page")->excludes("--json");
+  plugins->add_flag("--schema", line.json_schema, "Print a JSON Schema of configurations")
+      ->excludes("--json", "--markdown");
 
   CLI::App* report = app.add_subcommand(
       "report", "Rebuild the reports of runs from their results; compare several");
@@ -76,7 +81,12 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
   if (app.got_subcommand("check")) {
     return check_command(line.run.configurations, line.run.overrides);
   }
-  if (app.got_subcommand("plugins")) return plugins_command(line.plugin, line.run.json);
+  if (app.got_subcommand("plugins")) {
+    return plugins_command(line.plugin, line.markdown      ? PluginsFormat::kMarkdown
+                                        : line.json_schema ? PluginsFormat::kJsonSchema
+                                        : line.run.json    ? PluginsFormat::kJson
+                                                           : PluginsFormat::kText);
+  }
   if (app.got_subcommand("report")) return report_command(line.report_runs, line.comparison);
   std::printf("%s", app.help().c_str());
   return ExitCode::kSuccess;

@@ -4,6 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/runtime/reference.hpp>
+
 #include "commands.hpp"
 
 namespace sidestep {
@@ -36,29 +38,10 @@ Json to_json(const PluginInfo& plugin) {
           {"library", plugin.library},      {"parameters", to_json(plugin.schema)}};
 }
 
-/// E.g. "double [m], 0 to 10, default 0.5".
-std::string type_line(const Parameter& parameter) {
-  std::string line(to_string(parameter.type));
-  if (!parameter.unit.empty()) line += " [" + parameter.unit + "]";
-  if (parameter.size) line += ", " + std::to_string(*parameter.size) + " values";
-  for (std::size_t i = 0; i < parameter.choices.size(); ++i) {
-    line += (i == 0 ? ": " : " | ") + parameter.choices[i];
-  }
-  const bool has_min = std::isfinite(parameter.min);
-  const bool has_max = std::isfinite(parameter.max);
-  if (has_min && has_max) {
-    line += ", " + detail::number_text(parameter.min) + " to " + detail::number_text(parameter.max);
-  } else if (has_min) {
-    line += ", at least " + detail::number_text(parameter.min);
-  } else if (has_max) {
-    line += ", at most " + detail::number_text(parameter.max);
-  }
-  return line + (parameter.required ? ", required" : ", default " + parameter.default_text);
-}
-
 void print_parameters(const Schema& schema, int indent) {
   for (const Parameter& parameter : schema) {
-    std::printf("%*s%s: %s\n", indent, "", parameter.name.c_str(), type_line(parameter).c_str());
+    std::printf("%*s%s: %s\n", indent, "", parameter.name.c_str(),
+                parameter_summary(parameter).c_str());
     std::printf("%*s%s\n", indent + 4, "", parameter.doc.c_str());
     print_parameters(parameter.fields, indent + 4);
   }
@@ -86,7 +69,7 @@ ExitCode print_unknown(const std::string& name, const std::vector<PluginInfo>& p
 
 }  // namespace
 
-ExitCode plugins_command(const std::optional<std::string>& name, bool json) {
+ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat format) {
   Console console;
   Session session(RunSettings{.threads = 1}, console);
   const std::vector<PluginInfo>& plugins = session.host().plugins();
@@ -97,7 +80,11 @@ ExitCode plugins_command(const std::optional<std::string>& name, bool json) {
   for (const PluginRejection& rejection : session.host().rejections()) {
     console.warn(rejection.library.string() + " is not usable: " + rejection.error.describe());
   }
-  if (json) {
+  if (format == PluginsFormat::kMarkdown) {
+    std::printf("%s", reference_markdown(wanted).c_str());
+  } else if (format == PluginsFormat::kJsonSchema) {
+    std::printf("%s\n", configuration_json_schema(wanted).c_str());
+  } else if (format == PluginsFormat::kJson) {
     Json list = Json::array();
     for (const PluginInfo& plugin : wanted) list.push_back(to_json(plugin));
     std::printf("%s\n", list.dump(2).c_str());
