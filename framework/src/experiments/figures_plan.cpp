@@ -274,10 +274,12 @@ Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
   figures.push_back(clearance_figure(time_s, column_of(**motion, 1),
                                      margin_m ? margin_m->value_or(0.0) : 0.0,
                                      prefix + "clearance"));
-  figures.push_back(
-      curves_figure(time_s, positions, prefix + "joints", "Joint positions against their limits."));
+  figures.push_back(curves_figure(
+      time_s, positions, prefix + "joints",
+      "Joint positions against their limits; a limit far from the curve is not drawn."));
   figures.push_back(curves_figure(time_s, velocities, prefix + "velocities",
-                                  "Joint velocities against the limits that plans must keep."));
+                                  "Joint velocities against the limits that plans must keep; a "
+                                  "limit far from the curve is not drawn."));
   return {};
 }
 
