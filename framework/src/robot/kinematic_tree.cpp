@@ -67,8 +67,9 @@ void KinematicTree::add_link(std::size_t link) {
   const TreeJoint& joint = tree_joints_[link];
   const int parent_link = description_.links[link].parent;
   const int parent_body = parent_link == -1 ? -1 : body_of_link_[at(parent_link)];
-  const Pose T_body_parent = parent_link == -1 ? Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()}
- : T_body_link_[at(parent_link)];
+  const Pose T_body_parent = parent_link == -1
+                                 ? Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()}
+                                 : T_body_link_[at(parent_link)];
 
   Pose joint_pose{T_body_parent.R * joint.T_parent_joint.linear(),
                   T_body_parent.R * joint.T_parent_joint.translation() + T_body_parent.p};
