@@ -42,7 +42,8 @@ function(sidestep_add_layer name)
 endfunction()
 
 # sidestep_add_test(NAME SOURCES ... [LINK library...] [LABELS label...])
-# A GoogleTest executable whose cases become ctest tests.
+# A GoogleTest executable whose cases become ctest tests. Those with the label `threads` are what
+# ThreadSanitizer runs; the target sidestep_thread_tests builds them.
 function(sidestep_add_test name)
   if(NOT SIDESTEP_TESTS)
     return()
@@ -56,6 +57,9 @@ function(sidestep_add_test name)
     SIDESTEP_SHARED_FACTS="${PROJECT_SOURCE_DIR}/../shared/facts")
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   sidestep_warnings(${name})
+  if("threads" IN_LIST ARG_LABELS)
+    add_dependencies(sidestep_thread_tests ${name})
+  endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600)
 endfunction()
 
