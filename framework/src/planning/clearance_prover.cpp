@@ -14,6 +14,11 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const double kSqrt3 = std::sqrt(3.0);
 /// More open gaps than this in one motion are not worth halving: the motion is absurd.
 constexpr std::size_t kMaxGaps = std::size_t{1} << 18;
+/// Voxels whose status is remembered; a power of two.
+constexpr std::size_t kRemembered = 4096;
+/// Levers are taken anew after about this much motion.
+constexpr double kPiece_m = 0.3;
+constexpr int kMaxPieces = 1 << 14;
 /// Largest number of voxels looked at to show that a gap stays in known space.
 constexpr int kMaxVoxels = 64;
 
@@ -53,12 +58,18 @@ struct ClearanceProver::Workspace {
   std::vector<Measurement> measurements;
   std::vector<double> times;
   std::vector<double> q;  // one row per time
+  std::vector<double> piece_times;
+  std::vector<ClearanceReading> piece_ends;  // all items at each of piece_times
   std::vector<double> variation;
+  std::vector<double> levers;  // spheres x dof
+  std::vector<Eigen::Vector3d> jacobians;
   std::vector<Eigen::Vector3d> centres;
   std::vector<Eigen::Vector3d> points;
   std::vector<double> distances;
   std::vector<FieldStatus> statuses;
-  std::vector<std::size_t> targets;  // measurement of each point
+  std::vector<std::size_t> targets;  // measurement or voxel of each point
+  /// By voxel number modulo kRemembered: the voxels last found known, by number + 1.
+  std::vector<std::size_t> known_voxels = std::vector<std::size_t>(kRemembered, 0);
   Scratch scratch;
 };
 
@@ -86,23 +97,29 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
   for (int s = 0; s < sphere_count_; ++s) {
     const CollisionSphere& sphere = description.spheres[at(s)];
     spheres_of_link_[at(sphere.link)].push_back(s);
+    radius_m_.push_back(sphere.radius_m);
     // In a cell that touches an occupied voxel the interpolant is at most one diagonal.
     const bool is_beyond_surface = sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
     fall_factor_.push_back(info.is_signed && !is_beyond_surface ? 2.0 : 1.0);
   }
 }
 
-double ClearanceProver::way_m(int item, std::span<const double> levers,
-                              std::span<const double> variation) const noexcept {
-  const std::size_t dof = variation.size();
+double ClearanceProver::way_m(int item, const Workspace& w) const noexcept {
+  const std::size_t dof = w.variation.size();
   const std::span<const double> row = item < sphere_count_
-                                          ? levers.subspan(at(item) * dof, dof)
+                                          ? std::span(w.levers).subspan(at(item) * dof, dof)
                                           : bounds_.pair_levers(item - sphere_count_);
   double sum = 0.0;
   for (std::size_t j = 0; j < dof; ++j) {
-    if (variation[j] != 0.0) sum += row[j] * variation[j];
+    if (w.variation[j] != 0.0) sum += row[j] * w.variation[j];
   }
   return sum;
+}
+
+double ClearanceProver::longest_way_m(const Workspace& w) const noexcept {
+  double longest = 0.0;
+  for (int item = 0; item < item_count(); ++item) longest = std::max(longest, way_m(item, w));
+  return longest;
 }
 
 double ClearanceProver::fall_m(int item, double way_m) const noexcept {
@@ -119,7 +136,8 @@ bool ClearanceProver::violates(int item, const ClearanceReading& reading) const 
 
 void ClearanceProver::measure(Workspace& w) const {
   const RobotDescription& description = robot_->description();
-  const std::size_t rows = description.joints.empty() ? 1 : w.q.size() / description.joints.size();
+  if (w.measurements.empty()) return;
+  const std::size_t rows = at(w.measurements.back().row) + 1;
   w.centres.resize(rows * description.spheres.size());
   robot_->sphere_centres(w.q, w.centres, w.scratch);
   measure_spheres(w);
@@ -127,7 +145,6 @@ void ClearanceProver::measure(Workspace& w) const {
 }
 
 void ClearanceProver::measure_spheres(Workspace& w) const {
-  const RobotDescription& description = robot_->description();
   const FieldInfo& info = field_->info();
   w.points.clear();
   w.targets.clear();
@@ -142,7 +159,7 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
   query_with_policy(*field_, space_, w.points, w.distances, {}, w.statuses);
   for (std::size_t i = 0; i < w.points.size(); ++i) {
     Measurement& measurement = w.measurements[w.targets[i]];
-    const double radius_m = description.spheres[at(measurement.item)].radius_m;
+    const double radius_m = radius_m_[at(measurement.item)];
     ClearanceReading& reading = measurement.reading;
     reading.clearance_m = w.distances[i] - radius_m;
     reading.smooth_m = reading.clearance_m;
@@ -167,9 +184,12 @@ void ClearanceProver::measure_pairs(Workspace& w) const {
     double nearest_m = kInfinity;
     for (const int a : spheres_of_link_[at(first)]) {
       for (const int b : spheres_of_link_[at(second)]) {
-        const double radii_m =
-            description.spheres[at(a)].radius_m + description.spheres[at(b)].radius_m;
-        nearest_m = std::min(nearest_m, (centres[a] - centres[b]).norm() - radii_m);
+        const double radii_m = radius_m_[at(a)] + radius_m_[at(b)];
+        const double squared = (centres[a] - centres[b]).squaredNorm();
+        const double beaten_m = nearest_m + radii_m;
+        if (beaten_m > 0.0 && squared < beaten_m * beaten_m) {
+          nearest_m = std::sqrt(squared) - radii_m;
+        }
       }
     }
     measurement.reading.clearance_m = nearest_m;
@@ -214,7 +234,9 @@ bool ClearanceProver::stays_known(const Gap& gap, double way_m, Workspace& w) co
   };
   const Eigen::Vector3i low = voxel_near(-radius_m);
   const Eigen::Vector3i high = voxel_near(radius_m);
+  if (low == high) return true;  // the voxel of both ends, which are known
   w.points.clear();
+  w.targets.clear();
   for (int k = low.z(); k <= high.z(); ++k) {
     for (int j = low.y(); j <= high.y(); ++j) {
       for (int i = low.x(); i <= high.x(); ++i) {
@@ -222,8 +244,11 @@ bool ClearanceProver::stays_known(const Gap& gap, double way_m, Workspace& w) co
         const Eigen::Array3d away =
             ((middle - centre).array().abs() - 0.5 * grid.resolution_m).max(0.0);
         if (away.matrix().squaredNorm() > radius_m * radius_m) continue;
+        const std::size_t voxel = grid.linear({i, j, k});
+        if (w.known_voxels[voxel % kRemembered] == voxel + 1) continue;
         if (w.points.size() == at(kMaxVoxels)) return false;
         w.points.push_back(centre);
+        w.targets.push_back(voxel);
       }
     }
   }
@@ -235,9 +260,65 @@ bool ClearanceProver::stays_known(const Gap& gap, double way_m, Workspace& w) co
 
 ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& listener,
                                             const Deadline& deadline, Workspace& w) const {
-  w.variation.resize(robot_->description().joints.size());
   if (deadline.expired()) return End::kDeadline;
-  if (!start(request, listener, w)) return End::kStopped;
+  const int pieces = piece_count(request, w);
+  w.times.clear();
+  for (int p = 0; p <= pieces; ++p) {
+    const double share = pieces == 0 ? 0.0 : static_cast<double>(p) / pieces;
+    w.times.push_back(p == pieces && p > 0 ? request.to
+                                           : request.from + share * (request.to - request.from));
+  }
+  if (!measure_all(request.motion, listener, w)) return End::kStopped;
+  w.piece_times = w.times;
+  w.piece_ends.clear();
+  for (const Measurement& m : w.measurements) w.piece_ends.push_back(m.reading);
+  if (pieces == 0 && request.to > request.from) {
+    for (int item = 0; item < item_count(); ++item) {
+      if (!listener.on_unproven(request.from, item, kInfinity)) return End::kStopped;
+    }
+  }
+  for (int p = 0; p < pieces; ++p) {
+    const End end = prove_piece(request, p, listener, deadline, w);
+    if (end != End::kFinished) return end;
+  }
+  return End::kFinished;
+}
+
+int ClearanceProver::piece_count(const Request& request, Workspace& w) const {
+  const std::size_t dof = robot_->description().joints.size();
+  w.variation.resize(dof);
+  if (!(request.to > request.from)) return 0;
+  request.motion.variation(request.from, request.to, w.variation);
+  w.levers.clear();
+  for (int s = 0; s < sphere_count_; ++s) {
+    const auto row = bounds_.sphere_levers(s);
+    w.levers.insert(w.levers.end(), row.begin(), row.end());
+  }
+  const double pieces = std::ceil(longest_way_m(w) / kPiece_m);
+  return pieces <= kMaxPieces ? std::max(1, static_cast<int>(pieces)) : 0;
+}
+
+bool ClearanceProver::measure_all(const Motion& motion, Listener& listener, Workspace& w) const {
+  const std::size_t dof = w.variation.size();
+  w.q.resize(w.times.size() * dof);
+  w.measurements.clear();
+  for (std::size_t k = 0; k < w.times.size(); ++k) {
+    motion.configuration(w.times[k], std::span(w.q).subspan(k * dof, dof));
+    for (int item = 0; item < item_count(); ++item) {
+      w.measurements.push_back({static_cast<int>(k), item, {}});
+    }
+  }
+  measure(w);
+  for (const Measurement& m : w.measurements) {
+    if (!listener.on_reading(w.times[at(m.row)], m.item, m.reading)) return false;
+  }
+  return true;
+}
+
+ClearanceProver::End ClearanceProver::prove_piece(const Request& request, int piece,
+                                                  Listener& listener, const Deadline& deadline,
+                                                  Workspace& w) const {
+  if (!open_piece(request, piece, listener, w)) return End::kStopped;
   while (true) {
     if (!sift(request, listener, w)) return End::kStopped;
     if (w.intervals.empty()) return End::kFinished;
@@ -246,37 +327,40 @@ ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& li
   }
 }
 
-bool ClearanceProver::start(const Request& request, Listener& listener, Workspace& w) const {
+/// Levers for one piece, and its first intervals.
+bool ClearanceProver::open_piece(const Request& request, int piece, Listener& listener,
+                                 Workspace& w) const {
   const std::size_t dof = w.variation.size();
-  const int steps = request.steps;
-  const int items = item_count();
+  const double from = w.piece_times[at(piece)];
+  const double to = w.piece_times[at(piece) + 1];
+  w.q.resize(dof);
+  w.centres.resize(at(sphere_count_));
+  w.jacobians.resize(at(sphere_count_) * dof);
+  request.motion.configuration(from, w.q);
+  robot_->sphere_jacobians(w.q, w.centres, w.jacobians, w.scratch);
+  request.motion.variation(from, to, w.variation);
+  bounds_.local_levers(w.jacobians, w.variation, w.levers);
+
+  const double steps = std::max(1.0, std::ceil(longest_way_m(w) / request.max_step_m));
   w.times.clear();
-  for (int k = 0; k <= steps; ++k) {
-    const double share = steps == 0 ? 0.0 : static_cast<double>(k) / steps;
-    w.times.push_back(k == steps && k > 0 ? request.to
-                                          : request.from + share * (request.to - request.from));
-  }
-  w.q.resize(w.times.size() * dof);
-  w.measurements.clear();
-  for (std::size_t k = 0; k < w.times.size(); ++k) {
-    request.motion.configuration(w.times[k], std::span(w.q).subspan(k * dof, dof));
-    for (int item = 0; item < items; ++item) {
-      w.measurements.push_back({static_cast<int>(k), item, {}});
-    }
-  }
-  measure(w);
+  for (double k = 1.0; k < steps; k += 1.0) w.times.push_back(from + k / steps * (to - from));
+  if (!measure_all(request.motion, listener, w)) return false;
+
+  const std::size_t items = at(item_count());
+  const std::size_t inner = w.times.size();
+  const auto reading = [&](std::size_t step, std::size_t item) -> const ClearanceReading& {
+    if (step > 0 && step <= inner) return w.measurements[(step - 1) * items + item].reading;
+    return w.piece_ends[(at(piece) + (step == 0 ? 0 : 1)) * items + item];
+  };
   w.intervals.clear();
   w.gaps.clear();
-  for (const Measurement& m : w.measurements) {
-    if (!listener.on_reading(w.times[at(m.row)], m.item, m.reading)) return false;
-  }
-  for (std::size_t k = 0; k + 1 < w.times.size(); ++k) {
+  for (std::size_t k = 0; k <= inner; ++k) {
     const std::size_t first = w.gaps.size();
-    for (int item = 0; item < items; ++item) {
-      const Measurement* here = w.measurements.data() + k * at(items) + at(item);
-      w.gaps.push_back({item, here->reading, here[items].reading});
+    for (std::size_t item = 0; item < items; ++item) {
+      w.gaps.push_back({static_cast<int>(item), reading(k, item), reading(k + 1, item)});
     }
-    w.intervals.push_back({w.times[k], w.times[k + 1], first, w.gaps.size()});
+    w.intervals.push_back(
+        {k == 0 ? from : w.times[k - 1], k == inner ? to : w.times[k], first, w.gaps.size()});
   }
   return true;
 }
@@ -294,7 +378,7 @@ bool ClearanceProver::sift(const Request& request, Listener& listener, Workspace
     for (std::size_t g = interval.first_gap; g < interval.last_gap; ++g) {
       const Gap& gap = w.gaps[g];
       if (violates(gap.item, gap.a) || violates(gap.item, gap.b)) continue;
-      const double way = way_m(gap.item, request.levers, w.variation);
+      const double way = way_m(gap.item, w);
       const double shortfall = shortfall_m(gap, way, w);
       if (shortfall <= 0.0) continue;
       if (!is_divisible || !(way > request.min_step_m)) {

@@ -67,10 +67,9 @@ class ClearanceProver {
   struct Request {
     const Motion& motion;
     double from = 0.0;
-    double to = 0.0;
-    int steps = 1;                   ///< Intervals to start with; 0 checks `from` alone.
-    std::span<const double> levers;  ///< spheres x dof, valid for all of the motion.
-    double min_step_m = 0.0;
+    double to = 0.0;          ///< Equal to `from`: that instant alone.
+    double max_step_m = 0.0;  ///< First spacing of checks, as motion of spheres.
+    double min_step_m = 0.0;  ///< Halving ends here.
   };
 
   /// The temporaries of a proof, one per thread.
@@ -96,19 +95,21 @@ class ClearanceProver {
     return item < sphere_count_ ? margin_m_ : 0.0;
   }
   [[nodiscard]] bool violates(int item, const ClearanceReading& reading) const noexcept;
-  [[nodiscard]] const MotionBounds& bounds() const noexcept { return bounds_; }
   [[nodiscard]] const RobotModel& robot() const noexcept { return *robot_; }
   [[nodiscard]] const SpacePolicy& space() const noexcept { return space_; }
-
-  /// Bound on the way of an item for given variations; `levers` as in Request.
-  [[nodiscard]] double way_m(int item, std::span<const double> levers,
-                             std::span<const double> variation) const noexcept;
 
  private:
   struct Interval;
   struct Gap;
   struct Measurement;
 
+  /// Bound on the way of an item for the variations and levers in the workspace.
+  [[nodiscard]] double way_m(int item, const Workspace& workspace) const noexcept;
+  [[nodiscard]] double longest_way_m(const Workspace& workspace) const noexcept;
+  /// How many pieces with levers of their own a motion is worth; 0 if it is absurdly long.
+  [[nodiscard]] int piece_count(const Request& request, Workspace& workspace) const;
+  /// All items at workspace.times; false if the listener ends it.
+  bool measure_all(const Motion& motion, Listener& listener, Workspace& workspace) const;
   void measure(Workspace& workspace) const;
   void measure_spheres(Workspace& workspace) const;
   void measure_pairs(Workspace& workspace) const;
@@ -116,7 +117,10 @@ class ClearanceProver {
   /// What the required clearance exceeds the proven one by; at most 0 where all is proven.
   [[nodiscard]] double shortfall_m(const Gap& gap, double way_m, Workspace& workspace) const;
   [[nodiscard]] bool stays_known(const Gap& gap, double way_m, Workspace& workspace) const;
-  bool start(const Request& request, Listener& listener, Workspace& workspace) const;
+  End prove_piece(const Request& request, int piece, Listener& listener, const Deadline& deadline,
+                  Workspace& workspace) const;
+  bool open_piece(const Request& request, int piece, Listener& listener,
+                  Workspace& workspace) const;
   bool sift(const Request& request, Listener& listener, Workspace& workspace) const;
   bool halve(const Request& request, Listener& listener, Workspace& workspace) const;
 
@@ -128,6 +132,7 @@ class ClearanceProver {
   int sphere_count_ = 0;
   int pair_count_ = 0;
   std::vector<std::vector<int>> spheres_of_link_;
+  std::vector<double> radius_m_;
   std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
 };
 

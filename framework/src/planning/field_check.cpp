@@ -14,8 +14,6 @@
 namespace sidestep {
 namespace {
 
-constexpr int kMaxSteps = 4096;  // checks between two support states to start with
-
 /// Collects what the prover finds into a verdict.
 class VerdictBuilder final : public ClearanceProver::Listener {
  public:
@@ -123,49 +121,30 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
   if (auto sound = validate(trajectory, from_s); !sound) {
     return tl::make_unexpected(std::move(sound.error()));
   }
-  const std::size_t dof = static_cast<std::size_t>(trajectory.dof);
-  const std::size_t spheres = static_cast<std::size_t>(prover_.sphere_count());
   const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
   const auto workspace = prover_.make_workspace();
   VerdictBuilder builder(prover_);
-  Scratch scratch;
-  CubicMotion motion;
-  std::vector<double> variation(dof);
-  std::vector<double> levers(spheres * dof);
-  std::vector<Eigen::Vector3d> centres(spheres);
-  std::vector<Eigen::Vector3d> jacobians(spheres * dof);
-
+  const auto prove = [&](const Motion& motion, double from, double to) {
+    const ClearanceProver::Request request{motion, from, to, settings_.max_step_m,
+                                           settings_.min_step_m};
+    return prover_.prove(request, builder, deadline, *workspace) == ClearanceProver::End::kFinished;
+  };
   if (begin_s >= trajectory.duration_s()) {
     const int last = trajectory.size() - 1;
     check_state_limits(trajectory, last, builder.ledger());
-    const Rest rest(trajectory.q(last));
-    const ClearanceProver::Request request{rest, begin_s, begin_s, 0, levers, settings_.min_step_m};
-    if (prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kFinished) {
+    if (!prove(Rest(trajectory.q(last)), begin_s, begin_s)) {
       return tl::make_unexpected(late(trajectory, begin_s));
     }
     return builder.verdict();
   }
+  CubicMotion motion;
   for (int i = 0; i + 1 < trajectory.size(); ++i) {
     const double from = std::max(begin_s, trajectory.times_s[static_cast<std::size_t>(i)]);
     const double to = trajectory.times_s[static_cast<std::size_t>(i) + 1];
     if (to <= begin_s) continue;
     motion.set(trajectory, i);
     check_limits(motion, from, to, builder.ledger());
-    motion.variation(motion.begin_s(), to, variation);
-    robot_->sphere_jacobians(trajectory.q(i), centres, jacobians, scratch);
-    prover_.bounds().local_levers(jacobians, variation, levers);
-    double way_m = 0.0;
-    for (int s = 0; s < prover_.sphere_count(); ++s) {
-      way_m = std::max(way_m, prover_.way_m(s, levers, variation));
-    }
-    const double steps = std::ceil(way_m / settings_.max_step_m);
-    const ClearanceProver::Request request{
-        motion, from,
-        to,     steps < kMaxSteps ? std::max(1, static_cast<int>(steps)) : kMaxSteps,
-        levers, settings_.min_step_m};
-    if (prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kFinished) {
-      return tl::make_unexpected(late(trajectory, from));
-    }
+    if (!prove(motion, from, to)) return tl::make_unexpected(late(trajectory, from));
   }
   return builder.verdict();
 }

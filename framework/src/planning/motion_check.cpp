@@ -9,6 +9,8 @@
 namespace sidestep {
 namespace {
 
+constexpr double kFirstStep_m = 0.1;
+
 class StraightMotion final : public Motion {
  public:
   StraightMotion(std::span<const double> from, std::span<const double> to) : from_(from), to_(to) {}
@@ -46,23 +48,11 @@ struct MotionCheck::Impl {
        SpacePolicy space, double margin_m)
       : prover(std::move(robot), std::move(field), space, margin_m),
         workspace(prover.make_workspace()),
-        readings(static_cast<std::size_t>(prover.item_count())) {
-    const std::size_t dof = prover.robot().description().joints.size();
-    const std::size_t spheres = static_cast<std::size_t>(prover.sphere_count());
-    variation.resize(dof);
-    levers.resize(spheres * dof);
-    centres.resize(spheres);
-    jacobians.resize(spheres * dof);
-  }
+        readings(static_cast<std::size_t>(prover.item_count())) {}
 
   ClearanceProver prover;
   ClearanceProver::WorkspacePtr workspace;
   std::vector<ClearanceReading> readings;
-  std::vector<double> variation;
-  std::vector<double> levers;
-  std::vector<Eigen::Vector3d> centres;
-  std::vector<Eigen::Vector3d> jacobians;
-  Scratch scratch;
 };
 
 MotionCheck::MotionCheck(std::shared_ptr<const RobotModel> robot,
@@ -84,11 +74,8 @@ bool MotionCheck::is_clear(std::span<const double> q) {
 bool MotionCheck::is_clear(std::span<const double> q_from, std::span<const double> q_to,
                            double resolution_m) {
   const StraightMotion motion(q_from, q_to);
-  motion.variation(0.0, 1.0, impl_->variation);
-  impl_->prover.robot().sphere_jacobians(q_from, impl_->centres, impl_->jacobians, impl_->scratch);
-  impl_->prover.bounds().local_levers(impl_->jacobians, impl_->variation, impl_->levers);
   FirstObjection objection(impl_->prover);
-  const ClearanceProver::Request request{motion, 0.0, 1.0, 1, impl_->levers, resolution_m};
+  const ClearanceProver::Request request{motion, 0.0, 1.0, kFirstStep_m, resolution_m};
   return impl_->prover.prove(request, objection, Deadline(), *impl_->workspace) ==
          ClearanceProver::End::kFinished;
 }

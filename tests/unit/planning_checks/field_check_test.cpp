@@ -1,0 +1,308 @@
+#include <gtest/gtest.h>
+
+#include <sidestep/planning/validity_check.hpp>
+
+#include "cubic_motion.hpp"
+#include "support/chain_robot.hpp"
+#include "support/voxel_field.hpp"
+
+namespace sidestep {
+namespace {
+
+using testing_support::Aabb;
+using testing_support::ChainRobot;
+using testing_support::flying_ball;
+using testing_support::mobile_arm;
+using testing_support::VoxelWorld;
+
+constexpr SpacePolicy kOccupied{Space::kOccupied, Space::kOccupied};
+
+/// From rest to rest along a straight line in joint space.
+Trajectory straight(const Eigen::VectorXd& from, const Eigen::VectorXd& to, double duration_s) {
+  Trajectory trajectory = make_trajectory(static_cast<int>(from.size()), 2, duration_s);
+  for (Eigen::Index j = 0; j < from.size(); ++j) {
+    trajectory.q(0)[static_cast<std::size_t>(j)] = from[j];
+    trajectory.q(1)[static_cast<std::size_t>(j)] = to[j];
+  }
+  return trajectory;
+}
+
+/// A wall across x = 0 whose voxels' centres lie at x = +-0.05, for y < 0.5.
+VoxelWorld half_wall() {
+  VoxelWorld world;
+  world.grid = {{-2.0, -2.0, -1.0}, 0.1, {40, 40, 20}};
+  world.occupied = {Aabb{{-0.1, -2.0, -1.0}, {0.1, 0.5, 1.0}}};
+  return world;
+}
+
+class FieldCheckTest : public testing::Test {
+ protected:
+  std::shared_ptr<ChainRobot> robot_ = flying_ball(0.1);
+  VoxelWorld world_ = half_wall();
+  SpacePolicy space_ = kOccupied;
+  FieldCheckSettings settings_;
+
+  [[nodiscard]] Result<Verdict> try_check(const Trajectory& trajectory, double from_s = 0.0,
+                                          const Deadline& deadline = Deadline()) const {
+    return make_field_check(robot_, world_.field(), space_, settings_)
+        ->check(trajectory, from_s, deadline);
+  }
+  [[nodiscard]] Verdict check(const Trajectory& trajectory, double from_s = 0.0) const {
+    auto verdict = try_check(trajectory, from_s);
+    EXPECT_TRUE(verdict) << verdict.error().describe();
+    return verdict.value();
+  }
+};
+
+TEST_F(FieldCheckTest, MeasuresTheClearance) {
+  // Parallel to the wall's end face (centres at y = 0.45) at y = 0.95: 0.5 - 0.1 clear.
+  const Verdict verdict =
+      check(straight(Eigen::Vector3d(-1, 0.95, 0.05), Eigen::Vector3d(1, 0.95, 0.05), 2.0));
+  EXPECT_TRUE(verdict.valid()) << verdict.describe();
+  EXPECT_NEAR(verdict.min_clearance_m, 0.4, 1e-3);
+  EXPECT_EQ(verdict.min_clearance_link, "ball");
+  EXPECT_NEAR(verdict.min_clearance_time_s, 1.0, 0.1);
+  EXPECT_EQ(verdict.unknown_share, 0.0);
+  EXPECT_EQ(verdict.min_self_clearance_m, std::numeric_limits<double>::infinity());
+}
+
+TEST_F(FieldCheckTest, NamesLinkDepthAndTime) {
+  const Verdict verdict = check(straight(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0));
+  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+  ASSERT_EQ(verdict.violations.size(), 1u);
+  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kCollision);
+  EXPECT_EQ(verdict.violations[0].subject, "ball");
+  EXPECT_EQ(verdict.violations[0].other, "an obstacle");
+  EXPECT_NEAR(verdict.violations[0].amount, 0.1, 1e-6);  // the distance inside is 0
+  EXPECT_NEAR(verdict.violations[0].time_s, 1.0, 0.1);
+}
+
+TEST_F(FieldCheckTest, DemandsTheMargin) {
+  const Trajectory pass =
+      straight(Eigen::Vector3d(-1, 0.65, 0.05), Eigen::Vector3d(1, 0.65, 0.05), 2.0);
+  settings_.margin_m = 0.09;  // it keeps 0.1
+  EXPECT_TRUE(check(pass).valid());
+  settings_.margin_m = 0.12;
+  const Verdict verdict = check(pass);
+  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+  EXPECT_EQ(verdict.violations[0].other, "the margin of an obstacle");
+  EXPECT_NEAR(verdict.violations[0].amount, 0.02, 1e-3);
+}
+
+TEST_F(FieldCheckTest, CallsUnknownWhatItCannotShow) {
+  // Exactly at the margin: no spacing of checks is short enough.
+  settings_.margin_m = 0.1;
+  const Verdict verdict =
+      check(straight(Eigen::Vector3d(-1, 0.65, 0.05), Eigen::Vector3d(1, 0.65, 0.05), 2.0));
+  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kUnknown) << verdict.describe();
+  ASSERT_EQ(verdict.violations.size(), 1u);
+  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kUnproven);
+  EXPECT_EQ(verdict.violations[0].subject, "ball");
+}
+
+TEST_F(FieldCheckTest, NeverStepsOverAThinWall) {
+  world_ = {};
+  world_.grid = {{-1.0, -1.0, -1.0}, 0.02, {100, 100, 100}};
+  world_.occupied = {Aabb{{0.0, -0.02, -0.02}, {0.02, 0.02, 0.02}}};
+  robot_ = flying_ball(0.002);
+  settings_.max_step_m = 10.0;  // both ends only, to begin with
+  const Verdict verdict =
+      check(straight(Eigen::Vector3d(-0.9, 0, 0), Eigen::Vector3d(0.9, 0, 0), 2.0));
+  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+}
+
+TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
+  world_.unknown = {Aabb{{0.5, 0.9, -1.0}, {0.7, 1.1, 1.0}}};
+  const Trajectory through = straight(Eigen::Vector3d(0.05, 1, 0), Eigen::Vector3d(1.0, 1, 0), 2.0);
+  const Verdict blocked = check(through);
+  ASSERT_EQ(blocked.outcome, Verdict::Outcome::kInvalid);
+  EXPECT_EQ(blocked.violations[0].other, "unknown space");
+  EXPECT_GT(blocked.unknown_share, 0.1);
+  EXPECT_LT(blocked.unknown_share, 0.4);
+  space_.unknown = Space::kFree;
+  EXPECT_TRUE(check(through).valid());
+  EXPECT_EQ(check(through).unknown_share, blocked.unknown_share);
+
+  const Trajectory out = straight(Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(2.5, 1, 0), 2.0);
+  const Verdict left = check(out);
+  ASSERT_EQ(left.outcome, Verdict::Outcome::kInvalid);
+  EXPECT_EQ(left.violations[0].other, "the space outside the map");
+  EXPECT_NEAR(left.violations[0].amount, 0.6, 1e-3);  // 0.5 outside, and its radius
+  space_.outside = Space::kFree;
+  EXPECT_TRUE(check(out).valid());
+}
+
+TEST_F(FieldCheckTest, SeesAMotionClipTheCornerOfUnknownSpace) {
+  // The ball's centre crosses 1 mm of an unknown voxel's corner.
+  world_.unknown = {Aabb{{1.0, 1.0, -1.0}, {1.1, 1.1, 1.0}}};
+  const double past = 0.001;
+  const Verdict verdict = check(straight(Eigen::Vector3d(0.9 + past, 1.1, 0.05),
+                                         Eigen::Vector3d(1.1 + past, 0.9, 0.05), 2.0));
+  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << verdict.describe();
+  const Verdict clear = check(straight(Eigen::Vector3d(0.9 - past, 1.1, 0.05),
+                                       Eigen::Vector3d(1.1 - past, 0.9, 0.05), 2.0));
+  EXPECT_TRUE(clear.valid()) << clear.describe();
+}
+
+TEST_F(FieldCheckTest, ChecksOnlyFromTheGivenTimeOn) {
+  const Trajectory through = straight(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0);
+  EXPECT_FALSE(check(through, 0.0).valid());
+  EXPECT_FALSE(check(through, 1.0).valid());
+  EXPECT_TRUE(check(through, 1.3).valid());
+  EXPECT_TRUE(check(through, 2.0).valid());
+  EXPECT_TRUE(check(through, 50.0).valid());
+  EXPECT_FALSE(check(through, -1.0).valid());
+}
+
+TEST_F(FieldCheckTest, SeesLimitsBetweenSupportStates) {
+  Trajectory arc = make_trajectory(3, 2, 1.0);
+  arc.q(0)[1] = arc.q(1)[1] = 1.2;
+  arc.qdot(0)[0] = 3.0;
+  robot_->description().joints[0].upper = 0.4;
+  robot_->description().joints[0].max_velocity = 3.2;
+  settings_.speed_fraction = 0.5;
+  const Verdict verdict = check(arc);
+  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+  ASSERT_EQ(verdict.violations.size(), 2u);
+  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kPositionLimit);
+  EXPECT_EQ(verdict.violations[0].subject, "x");
+  EXPECT_EQ(verdict.violations[0].other, "its upper limit of 0.4 m");
+  // x(t) = 3 t (1 - t)^2 is largest at t = 1/3: 4/9.
+  EXPECT_NEAR(verdict.violations[0].amount, 4.0 / 9.0 - 0.4, 1e-12);
+  EXPECT_NEAR(verdict.violations[0].time_s, 1.0 / 3.0, 1e-12);
+  EXPECT_EQ(verdict.violations[1].kind, Violation::Kind::kVelocityLimit);
+  EXPECT_NEAR(verdict.violations[1].amount, 3.0 - 1.6, 1e-12);
+  EXPECT_EQ(verdict.violations[1].other, "its velocity limit of 1.6 m/s");
+}
+
+TEST_F(FieldCheckTest, AllowsWhatIsWithinTheTolerance) {
+  Trajectory rest = make_trajectory(3, 2, 1.0);
+  rest.q(0)[0] = rest.q(1)[0] = -1.0;
+  robot_->description().joints[0].lower = -1.0 + 5e-7;
+  EXPECT_TRUE(check(rest).valid());
+  robot_->description().joints[0].lower = -1.0 + 2e-6;
+  const Verdict verdict = check(rest);
+  ASSERT_EQ(verdict.violations.size(), 1u);
+  EXPECT_EQ(verdict.violations[0].subject, "x");
+}
+
+TEST_F(FieldCheckTest, SeesSelfCollision) {
+  robot_ = mobile_arm();
+  for (Joint& joint : robot_->description().joints) joint.max_velocity = 10.0;
+  world_.occupied.clear();
+  space_.outside = Space::kFree;
+  Eigen::VectorXd stretched(7);
+  stretched << 0, 0, 0, 0.0, 0.2, 0.3, 0;
+  Eigen::VectorXd folded = stretched;
+  folded[4] = -2.4;
+  folded[5] = -2.0;
+  const Verdict free = check(straight(stretched, stretched, 1.0));
+  EXPECT_TRUE(free.valid()) << free.describe();
+  EXPECT_GT(free.min_self_clearance_m, 0.0);
+  const Verdict verdict = check(straight(stretched, folded, 2.0));
+  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << verdict.describe();
+  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kSelfCollision);
+  EXPECT_LT(verdict.min_self_clearance_m, 0.0);
+  EXPECT_EQ(verdict.violations[0].amount, -verdict.min_self_clearance_m);
+}
+
+TEST_F(FieldCheckTest, ReportsTheWorstOfEachSubjectWorstFirst) {
+  robot_ = mobile_arm();
+  Eigen::VectorXd from(7);
+  from << -1, 0, 0, 0.2, -0.5, 0.5, 0;
+  Eigen::VectorXd to = from;
+  to[0] = 1.0;
+  world_.grid.origin_m.z() = 0.0;
+  world_.occupied = {Aabb{{-0.1, -2.0, 0.0}, {0.1, 2.0, 2.0}}};
+  const Verdict verdict = check(straight(from, to, 20.0));
+  ASSERT_GE(verdict.violations.size(), 4u);  // base, mast, arm and hand all pass the wall
+  std::vector<std::string> subjects;
+  for (const Violation& violation : verdict.violations) {
+    EXPECT_EQ(violation.kind, Violation::Kind::kCollision);
+    subjects.push_back(violation.subject);
+  }
+  EXPECT_EQ(subjects[0], "base");  // the largest spheres
+  EXPECT_NEAR(verdict.violations[0].amount, 0.2, 1e-6);
+  std::sort(subjects.begin(), subjects.end());
+  EXPECT_EQ(std::unique(subjects.begin(), subjects.end()), subjects.end());
+  for (std::size_t i = 1; i < verdict.violations.size(); ++i) {
+    EXPECT_LE(verdict.violations[i].amount, verdict.violations[i - 1].amount);
+  }
+}
+
+TEST_F(FieldCheckTest, RefusesMalformedTrajectories) {
+  Trajectory broken = make_trajectory(3, 3, 0.5);
+  broken.positions[4] = std::nan("");
+  EXPECT_EQ(try_check(broken).error().code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(try_check(make_trajectory(2, 3, 0.5)).error().code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(try_check(Trajectory{}).error().code, ErrorCode::kInvalidArgument);
+  Trajectory backwards = make_trajectory(3, 3, 0.5);
+  backwards.times_s[2] = 0.2;
+  EXPECT_EQ(try_check(backwards).error().code, ErrorCode::kInvalidArgument);
+  EXPECT_EQ(try_check(make_trajectory(3, 3, 0.5), std::nan("")).error().code,
+            ErrorCode::kInvalidArgument);
+}
+
+TEST_F(FieldCheckTest, StopsAtTheDeadline) {
+  const auto late = try_check(make_trajectory(3, 3, 0.5), 0.0, Deadline::after_s(0.0));
+  ASSERT_FALSE(late);
+  EXPECT_EQ(late.error().code, ErrorCode::kDeadlineExceeded);
+}
+
+TEST_F(FieldCheckTest, SurvivesAbsurdNumbers) {
+  Trajectory absurd = make_trajectory(3, 3, 0.5);
+  absurd.positions = {1e300, -1e300, 0.0, 1e150, 0.0, 0.0, -1e308, 1e308, 1e10};
+  absurd.velocities.assign(9, 1e305);
+  const Verdict verdict = check(absurd);
+  EXPECT_FALSE(verdict.valid());
+  absurd.positions.assign(9, 0.0);
+  absurd.q(2)[0] = 1e5;  // finite, but 100 km
+  space_ = {Space::kFree, Space::kFree};
+  EXPECT_FALSE(check(absurd).valid());
+}
+
+TEST(Cubic, VariationIsTheSumOfSmallSteps) {
+  for (const auto& [v0, v1] : {std::pair{2.0, -3.0}, {-4.0, -4.0}, {0.0, 0.0}, {5.0, 5.0}}) {
+    const Cubic cubic = Cubic::hermite(0.3, v0, 0.9, v1, 0.8);
+    for (const auto& [a, b] : {std::pair{0.0, 0.8}, {0.1, 0.5}, {0.6, 0.61}}) {
+      double sum = 0.0;
+      for (int k = 0; k < 20000; ++k) {
+        const double s = a + (b - a) * k / 20000.0;
+        sum += std::abs(cubic.position(s + (b - a) / 20000.0) - cubic.position(s));
+      }
+      EXPECT_NEAR(cubic.variation(a, b), sum, 1e-6 * (1.0 + sum));
+    }
+  }
+}
+
+class StateViolationTest : public FieldCheckTest {
+ protected:
+  [[nodiscard]] std::optional<Violation> of(const Eigen::VectorXd& q, double margin_m = 0.0) const {
+    return state_violation(robot_, world_.field(), space_, margin_m,
+                           {q.data(), static_cast<std::size_t>(q.size())});
+  }
+};
+
+TEST_F(StateViolationTest, IsTheDeepestCollision) {
+  EXPECT_FALSE(of(Eigen::Vector3d(-1, 0, 0)));
+  EXPECT_FALSE(of(Eigen::Vector3d(-0.35, 0.05, 0.05), 0.19));
+  const auto margin = of(Eigen::Vector3d(-0.35, 0.05, 0.05), 0.25);  // 0.3 - 0.1 to the centres
+  ASSERT_TRUE(margin);
+  EXPECT_EQ(margin->what(), "ball is 0.050 m inside the margin of an obstacle");
+  const auto inside = of(Eigen::Vector3d(-0.1, 0.05, 0.05));  // 0.05 to the centres
+  ASSERT_TRUE(inside);
+  EXPECT_EQ(inside->what(), "ball is 0.050 m inside an obstacle");
+}
+
+TEST_F(StateViolationTest, IsALimitOrNotANumber) {
+  const auto beyond = of(Eigen::Vector3d(-1, 0, 3.5));
+  ASSERT_TRUE(beyond);
+  EXPECT_EQ(beyond->kind, Violation::Kind::kCollision);  // outside the map is worse
+  space_.outside = Space::kFree;
+  EXPECT_EQ(of(Eigen::Vector3d(-1, 0, 3.5))->what(), "z is 0.5 beyond its upper limit of 3 m");
+  EXPECT_TRUE(of(Eigen::Vector3d(-1, std::nan(""), 0)));
+  EXPECT_TRUE(of(Eigen::Vector2d(-1, 0)));
+}
+
+}  // namespace
+}  // namespace sidestep
