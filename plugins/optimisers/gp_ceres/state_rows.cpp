@@ -146,7 +146,7 @@ void StateRows::interpolate(std::span<const double> support) {
 }
 
 void StateRows::pack(int state) {
-  double* out = &rows_[begin_[index(state)] * index(2 * dof_ + 1)];
+  double* out = rows_.data() + begin_[index(state)] * index(2 * dof_ + 1);
   out = pack_group(state, false, out);
   pack_group(state, true, out);
 }
