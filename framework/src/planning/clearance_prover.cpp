@@ -86,6 +86,7 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
                                  double margin_m)
     : robot_(std::move(robot)),
       field_(std::move(field)),
+      dense_(dynamic_cast<const DenseField*>(field_.get())),
       space_(space),
       margin_m_(margin_m),
       bounds_(*robot_) {
@@ -244,6 +245,10 @@ bool ClearanceProver::stays_known(const Gap& gap, double way_m, Workspace& w) co
         const Eigen::Array3d away =
             ((middle - centre).array().abs() - 0.5 * grid.resolution_m).max(0.0);
         if (away.matrix().squaredNorm() > radius_m * radius_m) continue;
+        if (dense_ != nullptr) {
+          if (!dense_->known({i, j, k})) return false;
+          continue;
+        }
         const std::size_t voxel = grid.linear({i, j, k});
         if (w.known_voxels[voxel % kRemembered] == voxel + 1) continue;
         if (w.points.size() == at(kMaxVoxels)) return false;

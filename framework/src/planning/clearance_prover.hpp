@@ -9,7 +9,7 @@
 
 #include <sidestep/core/scratch.hpp>
 #include <sidestep/core/time.hpp>
-#include <sidestep/field/distance_field.hpp>
+#include <sidestep/field/dense_field.hpp>
 #include <sidestep/planning/problem.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
@@ -126,6 +126,7 @@ class ClearanceProver {
 
   std::shared_ptr<const RobotModel> robot_;
   std::shared_ptr<const DistanceField> field_;
+  const DenseField* dense_ = nullptr;  ///< field_, if it is one: tells known voxels at once.
   SpacePolicy space_;
   double margin_m_ = 0.0;
   MotionBounds bounds_;
