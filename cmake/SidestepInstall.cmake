@@ -16,5 +16,3 @@ install(FILES
   ${CMAKE_BINARY_DIR}/cmake/SidestepConfigVersion.cmake
   cmake/SidestepPlugin.cmake
   DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/Sidestep)
-install(DIRECTORY tests/conformance DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/sidestep
-  FILES_MATCHING PATTERN "*.hpp")

@@ -57,11 +57,10 @@ class Checker {
     std::vector<std::string> names = also_allowed;
     std::ranges::transform(schema, std::back_inserter(names), &Parameter::name);
     const std::string nearest = nearest_name(entry.key, names);
-    errors_.push_back(Error{ErrorCode::kConfig, "unknown key '" + path + entry.key + "'",
-                            entry.key_mark.to_string(),
-                            nearest.empty() ? "known keys: " + joined(names)
-                                            : "did you mean '" + nearest + "'?",
-                            nullptr});
+    errors_.push_back(Error{
+        ErrorCode::kConfig, "unknown key '" + path + entry.key + "'", entry.key_mark.to_string(),
+        nearest.empty() ? "known keys: " + joined(names) : "did you mean '" + nearest + "'?",
+        nullptr});
   }
 
   void complain(const Node& node, const std::string& path, const std::string& message,
@@ -78,8 +77,7 @@ class Checker {
   void check_range(const Node& node, double value, const Parameter& parameter,
                    const std::string& path) {
     if (value < parameter.min || value > parameter.max) {
-      complain(node, path, node.text() + " is out of range",
-               "expected " + range_text(parameter));
+      complain(node, path, node.text() + " is out of range", "expected " + range_text(parameter));
     }
   }
 

@@ -43,8 +43,11 @@ class Reader {
     const Node empty(Node::Map{}, {file.string(), 1, 1});
     const std::filesystem::path identity = std::filesystem::weakly_canonical(file);
     if (std::ranges::find(open_, identity) != open_.end()) {
-      errors_.push_back(Error{ErrorCode::kConfig, "'" + file.string() + "' is its own base",
-                              named_at.to_string(), {}, nullptr});
+      errors_.push_back(Error{ErrorCode::kConfig,
+                              "'" + file.string() + "' is its own base",
+                              named_at.to_string(),
+                              {},
+                              nullptr});
       return empty;
     }
     Result<Node> document = documents_.read_leniently(file, errors_);
@@ -70,8 +73,7 @@ class Reader {
   Node with_bases(Node& document) {
     const Node* base = document.find("base");
     if (base == nullptr) return document;
-    std::vector<Node> bases =
-        base->is_list() ? base->items() : std::vector<Node>{*base};
+    std::vector<Node> bases = base->is_list() ? base->items() : std::vector<Node>{*base};
     Node under(Node::Map{}, document.mark());
     for (const Node& one : bases) {
       const auto path = one.as_path();
@@ -140,14 +142,14 @@ void apply_override(Node& root, const std::string& override_text, std::vector<Er
   const bool malformed = equals == std::string::npos || path.empty() || path.front() == '.' ||
                          path.back() == '.' || path.find("..") != std::string::npos;
   if (malformed) {
-    errors.push_back(Error{ErrorCode::kConfig, "expected key.key=value", origin.to_string(),
-                           {}, nullptr});
+    errors.push_back(
+        Error{ErrorCode::kConfig, "expected key.key=value", origin.to_string(), {}, nullptr});
     return;
   }
   Result<Node> value = parse_yaml(override_text.substr(equals + 1), origin.file, errors);
   if (!value) {
-    errors.push_back(Error{ErrorCode::kConfig, value.error().message, origin.to_string(), {},
-                           nullptr});
+    errors.push_back(
+        Error{ErrorCode::kConfig, value.error().message, origin.to_string(), {}, nullptr});
     return;
   }
   set_origin(*value, origin);
@@ -161,8 +163,8 @@ void apply_override(Node& root, const std::string& override_text, std::vector<Er
   }
   Node* target = descend(root, path, origin);
   if (target == nullptr) {
-    errors.push_back(Error{ErrorCode::kConfig, "there is no '" + path + "' to set",
-                           origin.to_string(), {}, nullptr});
+    errors.push_back(Error{
+        ErrorCode::kConfig, "there is no '" + path + "' to set", origin.to_string(), {}, nullptr});
     return;
   }
   *target = std::move(*value);
@@ -178,14 +180,16 @@ void check_top_level(const Node& root, const std::filesystem::path& file,
                            nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr});
   }
   const Node* version = root.find("schema_version");
-  const std::string supported = "this version reads schema_version: " + std::to_string(kSchemaVersion);
+  const std::string supported =
+      "this version reads schema_version: " + std::to_string(kSchemaVersion);
   if (version == nullptr) {
     errors.push_back(Error{ErrorCode::kConfig, "'schema_version' is missing",
                            SourceMark{file.string(), 1, 1}.to_string(), supported, nullptr});
   } else if (const auto number = version->as_int(); !number) {
     errors.push_back(number.error());
   } else if (*number != kSchemaVersion) {
-    errors.push_back(version->error("schema_version " + version->text() + " is not known", supported));
+    errors.push_back(
+        version->error("schema_version " + version->text() + " is not known", supported));
   }
 }
 

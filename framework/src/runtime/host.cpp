@@ -128,10 +128,10 @@ struct Host::Impl {
     for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
       if (entry.path().extension() == ".so") libraries.insert(entry.path());
     }
-    searched.push_back(folder.string() + (error ? ": " + error.message()
-                                                : ": " + std::to_string(libraries.size()) +
-                                                      (libraries.size() == 1 ? " library"
-                                                                             : " libraries")));
+    searched.push_back(folder.string() +
+                       (error ? ": " + error.message()
+                              : ": " + std::to_string(libraries.size()) +
+                                    (libraries.size() == 1 ? " library" : " libraries")));
     for (const auto& library : libraries) add_library(library);
   }
 
@@ -143,9 +143,8 @@ struct Host::Impl {
       return;
     }
     const PluginDescriptor& d = **descriptor;
-    const auto same = std::ranges::find_if(found, [&](const Found& f) {
-      return f.info.kind == d.kind && f.info.name == d.name;
-    });
+    const auto same = std::ranges::find_if(
+        found, [&](const Found& f) { return f.info.kind == d.kind && f.info.name == d.name; });
     if (same != found.end()) {
       log.info("plugin " + std::string(to_string(d.kind)) + " '" + d.name + "' is taken from " +
                same->info.library.string() + ", not from " + library.string());

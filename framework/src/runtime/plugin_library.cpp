@@ -67,16 +67,17 @@ std::string mismatch(const std::string& field, T plugin, T host) {
 
 Result<void> check_descriptor(const PluginDescriptor& plugin,
                               const std::filesystem::path& library) {
-  const std::string rebuild = "rebuild the plugin against this Sidestep: "
-                              "cmake --build BUILD_FOLDER --clean-first";
+  const std::string rebuild =
+      "rebuild the plugin against this Sidestep: "
+      "cmake --build BUILD_FOLDER --clean-first";
   if (plugin.magic != kPluginMagic) {
     return refuse(library, mismatch("the descriptor's magic", plugin.magic, kPluginMagic), rebuild);
   }
   if (plugin.size != sizeof(PluginDescriptor)) {
-    return refuse(library,
-                  mismatch<std::size_t>("the descriptor's size", plugin.size,
-                                        sizeof(PluginDescriptor)),
-                  rebuild);
+    return refuse(
+        library,
+        mismatch<std::size_t>("the descriptor's size", plugin.size, sizeof(PluginDescriptor)),
+        rebuild);
   }
   // While the major version is 0, a minor version may change everything.
   if (plugin.sdk_major != kSdkMajor || plugin.sdk_minor != kSdkMinor) {
@@ -91,17 +92,16 @@ Result<void> check_descriptor(const PluginDescriptor& plugin,
   const AbiStamp host_stamp = abi_stamp();
   const AbiStamp plugin_stamp = terminated(plugin.abi);
   if (const auto differs = difference(plugin_stamp, host_stamp)) {
-    return refuse(library,
-                  "the ABI stamp differs in " + differs->field + "\n  plugin: " +
-                      text_of(plugin_stamp) + "\n  host:   " + text_of(host_stamp),
-                  "rebuild the plugin " + differs->remedy +
-                      ": cmake --build BUILD_FOLDER --clean-first");
+    return refuse(
+        library,
+        "the ABI stamp differs in " + differs->field + "\n  plugin: " + text_of(plugin_stamp) +
+            "\n  host:   " + text_of(host_stamp),
+        "rebuild the plugin " + differs->remedy + ": cmake --build BUILD_FOLDER --clean-first");
   }
   const auto version = interface_version(plugin.kind);
   if (!version) {
-    return refuse(library,
-                  "kind " + std::to_string(static_cast<std::uint32_t>(plugin.kind)) +
-                      " is not known to this host");
+    return refuse(library, "kind " + std::to_string(static_cast<std::uint32_t>(plugin.kind)) +
+                               " is not known to this host");
   }
   if (plugin.interface_version != *version) {
     return refuse(library,

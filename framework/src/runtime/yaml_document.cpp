@@ -17,7 +17,8 @@ class Converter {
 
   Result<Node> convert(const YAML::Node& yaml) {
     const SourceMark mark = mark_of(yaml.Mark());
-    if (++depth_ > kMaxDepth) return fail(ErrorCode::kConfig, "nested too deeply", mark.to_string());
+    if (++depth_ > kMaxDepth)
+      return fail(ErrorCode::kConfig, "nested too deeply", mark.to_string());
     Result<Node> node = convert_any(yaml, mark);
     --depth_;
     return node;
@@ -103,7 +104,8 @@ bool needs_quotes(const std::string& text) {
 std::string scalar_text(const Node& node) {
   if (node.is_null()) return "null";
   if (node.kind() != "a string") return node.text();
-  if (!needs_quotes(node.text()) && Node(Node::Scalar{node.text(), false}, {}).kind() == "a string") {
+  if (!needs_quotes(node.text()) &&
+      Node(Node::Scalar{node.text(), false}, {}).kind() == "a string") {
     return node.text();
   }
   std::string quoted = "\"";

@@ -99,8 +99,8 @@ Result<std::vector<SequenceEntry>> select(const Sequence& sequence, const Option
   const auto& all = sequence.entries();
   std::vector<SequenceEntry> selected;
   const auto stride = static_cast<std::size_t>(options.stride);
-  const auto limit = options.max_frames > 0 ? static_cast<std::size_t>(options.max_frames)
-                                            : all.size();
+  const auto limit =
+      options.max_frames > 0 ? static_cast<std::size_t>(options.max_frames) : all.size();
   for (auto i = static_cast<std::size_t>(options.first_frame);
        i < all.size() && selected.size() < limit; i += stride) {
     selected.push_back(all[i]);

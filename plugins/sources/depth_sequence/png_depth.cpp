@@ -43,8 +43,7 @@ void on_read(png_structp png, png_bytep out, png_size_t count) {
 
 /// Fills `pixels`; on failure returns false with decoding.message set.
 bool decode(Decoding& decoding, std::uint16_t* pixels, int width, int height) {
-  png_structp png =
-      png_create_read_struct(PNG_LIBPNG_VER_STRING, &decoding, on_error, on_warning);
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &decoding, on_error, on_warning);
   if (png == nullptr) return false;
   png_infop info = png_create_info_struct(png);
   if (info == nullptr || setjmp(png_jmpbuf(png)) != 0) {

@@ -39,9 +39,11 @@ class SevenScenes final : public Sequence {
     const auto file = entry.depth_file.parent_path() / (stem + std::string(kPoseSuffix));
     const auto matrix = read_matrix(file, 4, 4, ErrorCode::kBadFrame);
     if (!matrix) {
-      return tl::make_unexpected(
-          Error{ErrorCode::kBadFrame, "the frame has no usable pose: " + matrix.error().message,
-                file.string(), {}, nullptr});
+      return tl::make_unexpected(Error{ErrorCode::kBadFrame,
+                                       "the frame has no usable pose: " + matrix.error().message,
+                                       file.string(),
+                                       {},
+                                       nullptr});
     }
     return rigid_transform(*matrix, ErrorCode::kBadFrame, file.string());
   }

@@ -17,9 +17,9 @@ struct TimedPose {
 };
 
 /// Calls handle(words, `file:line`) for each line that is neither empty nor a comment.
-Result<void> for_each_line(
-    const std::filesystem::path& file,
-    const std::function<Result<void>(const std::vector<std::string>&, const std::string&)>& handle) {
+Result<void> for_each_line(const std::filesystem::path& file,
+                           const std::function<Result<void>(const std::vector<std::string>&,
+                                                            const std::string&)>& handle) {
   std::ifstream stream(file);
   if (!stream) return fail(ErrorCode::kNotFound, "there is no such file", file.string());
   int number = 0;
@@ -123,8 +123,7 @@ class Tum final : public Sequence {
       return fail(ErrorCode::kBadFrame, what + std::to_string(at_s) + " s", pose_file_);
     };
     // Within a nanosecond a depth stamp and a pose's time are the same.
-    const auto after =
-        std::ranges::lower_bound(poses_, at_s - 1e-9, {}, &TimedPose::time_s);
+    const auto after = std::ranges::lower_bound(poses_, at_s - 1e-9, {}, &TimedPose::time_s);
     if (after == poses_.end()) return bad("the poses end before ");
     if (std::abs(after->time_s - at_s) <= 1e-9) {
       return usable(*after) ? Result<Transform>(rigid(after->translation_m, after->rotation))
@@ -169,9 +168,8 @@ Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log&) {
   const auto pose_file = options.path / "groundtruth.txt";
   auto poses = read_poses(pose_file);
   if (!poses) return tl::make_unexpected(poses.error());
-  return std::unique_ptr<Sequence>(std::make_unique<Tum>(std::move(*entries), std::move(*poses),
-                                                         pose_file.string(),
-                                                         options.max_pose_gap_s));
+  return std::unique_ptr<Sequence>(std::make_unique<Tum>(
+      std::move(*entries), std::move(*poses), pose_file.string(), options.max_pose_gap_s));
 }
 
 }  // namespace sidestep::depth_sequence
