@@ -45,11 +45,13 @@ class ChessboardBuilder final : public FieldBuilder {
     if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field chessboard");
     }
+    auto changed = publisher_->begin(update);
+    if (!changed) return tl::make_unexpected(std::move(changed.error()));
     sweep();
     // Every block is offered; the publisher shares those that come out equal.
-    const std::vector<std::uint8_t> changed(publisher_->changed_blocks(update).size(), 1);
+    std::ranges::fill(*changed, std::uint8_t{1});
     return publisher_->publish(
-        update, changed, [this](int x, int y, int z, int count, float* distances_m) {
+        update, *changed, [this](int x, int y, int z, int count, float* distances_m) {
           for (int i = 0; i < count; ++i) {
             distances_m[i] = static_cast<float>(std::min(
                 options_.max_distance_m, grid_.resolution_m * steps_[grid_.linear({x + i, y, z})]));

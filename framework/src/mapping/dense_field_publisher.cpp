@@ -1,8 +1,25 @@
 #include <sidestep/mapping/dense_field_publisher.hpp>
 
 #include <algorithm>
+#include <cstring>
+#include <string>
 
 namespace sidestep {
+namespace {
+
+/// Bit for bit, so that no value is mistaken for another.
+bool same(const FieldBlock& a, const FieldBlock& b) noexcept {
+  return std::memcmp(a.distance_m.data(), b.distance_m.data(), sizeof(a.distance_m)) == 0 &&
+         std::memcmp(a.known.data(), b.known.data(), sizeof(a.known)) == 0;
+}
+
+/// Whether every element equals the first: equal to itself moved by one.
+template <class Array>
+bool is_uniform(const Array& values) noexcept {
+  return std::memcmp(values.data(), values.data() + 1, sizeof(values) - sizeof(values[0])) == 0;
+}
+
+}  // namespace
 
 DenseFieldPublisher::DenseFieldPublisher(FieldInfo info, const OccupancyView& view,
                                          WorkerPool& workers)
@@ -11,12 +28,22 @@ DenseFieldPublisher::DenseFieldPublisher(FieldInfo info, const OccupancyView& vi
       workers_(workers),
       blocks_(static_cast<std::size_t>(block_counts(info_.grid).prod())) {}
 
-std::vector<std::uint8_t> DenseFieldPublisher::changed_blocks(const MapUpdate& update) const {
-  const bool first = blocks_.front() == nullptr;
-  std::vector<std::uint8_t> changed(blocks_.size(), first ? 1 : 0);
+Result<std::vector<std::uint8_t>> DenseFieldPublisher::begin(const MapUpdate& update) {
+  if (sequence_ && update.sequence != *sequence_ + 1) {
+    return fail(ErrorCode::kInvalidArgument,
+                "update " + std::to_string(update.sequence) + " of the map follows update " +
+                    std::to_string(*sequence_) + "; a field needs every update once, in order");
+  }
+  std::vector<std::uint8_t> changed(blocks_.size(), sequence_ ? 0 : 1);
   for (const std::int32_t block : update.changed_blocks) {
+    if (block < 0 || static_cast<std::size_t>(block) >= blocks_.size()) {
+      return fail(ErrorCode::kInvalidArgument, "the map says that block " + std::to_string(block) +
+                                                   " changed; its grid has blocks 0 to " +
+                                                   std::to_string(blocks_.size() - 1));
+    }
     changed[static_cast<std::size_t>(block)] = 1;
   }
+  sequence_ = update.sequence;
   return changed;
 }
 
@@ -25,21 +52,34 @@ std::shared_ptr<const DistanceField> DenseFieldPublisher::publish(
   constexpr int kBlocksATask = 8;
   const Eigen::Vector3i counts = block_counts(info_.grid);
   workers_.run_banded(static_cast<int>(blocks_.size()), kBlocksATask, [&](int begin, int end) {
+    FieldBlock written;
     for (int b = begin; b < end; ++b) {
       const auto block = static_cast<std::size_t>(b);
       if (changed[block] == 0) continue;
-      auto fresh = std::make_shared<FieldBlock>();
       fill({b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y())}, write_row,
-           *fresh);
-      const FieldBlock* old = blocks_[block].get();
-      if (old == nullptr || old->distance_m != fresh->distance_m || old->known != fresh->known) {
-        blocks_[block] = std::move(fresh);
-      }
+           written);
+      blocks_[block] = shared(written, blocks_[block]);
     }
   });
   info_.sequence = update.sequence;
   info_.stamp = update.stamp;
   return std::make_shared<const DenseField>(info_, blocks_);
+}
+
+std::shared_ptr<const FieldBlock> DenseFieldPublisher::shared(
+    const FieldBlock& written, const std::shared_ptr<const FieldBlock>& old) {
+  constexpr std::size_t kMostUniform = 8;
+  if (old != nullptr && same(*old, written)) return old;
+  if (!is_uniform(written.distance_m) || !is_uniform(written.known)) {
+    return std::make_shared<const FieldBlock>(written);
+  }
+  const std::scoped_lock lock(uniform_mutex_);
+  for (const auto& block : uniform_) {
+    if (same(*block, written)) return block;
+  }
+  auto block = std::make_shared<const FieldBlock>(written);
+  if (uniform_.size() < kMostUniform) uniform_.push_back(block);
+  return block;
 }
 
 void DenseFieldPublisher::fill(const Eigen::Vector3i& block, const RowWriter& write_row,
@@ -49,8 +89,11 @@ void DenseFieldPublisher::fill(const Eigen::Vector3i& block, const RowWriter& wr
   const VoxelBits known = view_.known();
   const int x = block.x() * kSide;
   const int count = std::min(kSide, size.x() - x);
-  out.distance_m.fill(0.0f);
-  out.known.fill(0);
+  const bool whole = ((block.array() + 1) * kSide <= size.array()).all();
+  if (!whole) {  // voxels beyond the grid
+    out.distance_m.fill(0.0f);
+    out.known.fill(0);
+  }
   for (int k = 0; k < kSide && block.z() * kSide + k < size.z(); ++k) {
     for (int j = 0; j < kSide && block.y() * kSide + j < size.y(); ++j) {
       const int y = block.y() * kSide + j;

@@ -29,7 +29,7 @@ class DynamicEdtBuilder final : public FieldBuilder {
       return fail(ErrorCode::kUnsupported,
                   octree_view == nullptr ? "the mapper offers no OctreeView"
                                          : "the mapper offers no OccupancyView",
-                  "field dynamic_edt", "octomap does");
+                  "field dynamic_edt", "octomap offers it");
     }
     octomap::OcTree& tree = octree_view->octree();
     const GridSpec& grid = occupancy_view->occupancy_grid();
@@ -48,8 +48,10 @@ class DynamicEdtBuilder final : public FieldBuilder {
     if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field dynamic_edt");
     }
+    const auto named = publisher_->begin(update);
+    if (!named) return tl::make_unexpected(named.error());
     transform_->update();
-    const auto changed = within_reach(publisher_->changed_blocks(update));
+    const auto changed = within_reach(*named);
     const auto limit = static_cast<float>(options_.max_distance_m);
     return publisher_->publish(
         update, changed, [&](int x, int y, int z, int count, float* distances_m) {

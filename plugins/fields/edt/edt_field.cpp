@@ -29,11 +29,14 @@ struct BitGrid {
 /// The parts of the builder that depend on the width of a squared distance.
 template <class Value>
 class Transforms {
+  using Start = typename SquaredTransform<Value>::Start;
+
  public:
   Transforms(const GridSpec& grid, std::uint32_t cap, bool is_signed, double max_distance_m,
              WorkerPool& workers)
-      : obstacles_(grid.size_vox, cap, workers), distance_m_(cap + std::size_t{1}) {
-    if (is_signed) inverse_.emplace(grid.size_vox, cap, workers);
+      : obstacles_(grid.size_vox, cap, Start::kNoObstacles, workers),
+        distance_m_(cap + std::size_t{1}) {
+    if (is_signed) inverse_.emplace(grid.size_vox, cap, Start::kAllObstacles, workers);
     for (std::size_t d2 = 0; d2 < distance_m_.size(); ++d2) {
       distance_m_[d2] = static_cast<float>(grid.resolution_m * std::sqrt(static_cast<double>(d2)));
     }
@@ -55,9 +58,18 @@ class Transforms {
   /// Distances of `count` voxels of a row from x on.
   void row(int x, int y, int z, int count, float* out) const {
     const Value* d2 = obstacles_.row(y, z) + x;
-    for (int i = 0; i < count; ++i) out[i] = distance_m_[d2[i]];
+    if (!obstacles_.holds_below_cap(x, y, z)) {
+      std::fill_n(out, count, distance_m_.back());
+    } else if (count == kSide) {  // a constant number of steps takes half the time
+      for (int i = 0; i < kSide; ++i) out[i] = distance_m_[d2[i]];
+    } else {
+      for (int i = 0; i < count; ++i) out[i] = distance_m_[d2[i]];
+    }
     if (!inverse_) return;
     const Value* inside = inverse_->row(y, z) + x;
+    Value any = 0;
+    for (int i = 0; i < count; ++i) any = static_cast<Value>(any | inside[i]);
+    if (any == 0) return;
     for (int i = 0; i < count; ++i) out[i] -= distance_m_[inside[i]];
   }
 
@@ -76,7 +88,7 @@ class EdtBuilder final : public FieldBuilder {
     view_ = dynamic_cast<const OccupancyView*>(&mapper);
     if (view_ == nullptr) {
       return fail(ErrorCode::kUnsupported, "the mapper offers no OccupancyView", "field edt",
-                  "voxel_grid and octomap do");
+                  "the mappers voxel_grid and octomap offer it");
     }
     grid_ = view_->occupancy_grid();
     const double limit_m = options_.max_distance_m;
@@ -102,12 +114,13 @@ class EdtBuilder final : public FieldBuilder {
     if (view_ == nullptr) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt");
     }
+    auto changed = publisher_->begin(update);
+    if (!changed) return tl::make_unexpected(std::move(changed.error()));
     if (!std::exchange(first_, false)) mark_rows(update.changed_blocks);
     take_over_rows();
     const auto tiles = transforms_->update(obstacles_.view(), inverse_.view(), row_changed_);
-    auto changed = publisher_->changed_blocks(update);
-    mark_blocks(tiles, changed);
-    return publisher_->publish(update, changed,
+    mark_blocks(tiles, *changed);
+    return publisher_->publish(update, *changed,
                                [this](int x, int y, int z, int count, float* distances_m) {
                                  transforms_->row(x, y, z, count, distances_m);
                                });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 
 // One kernel, compiled for the baseline and for AVX2, chosen when the library is loaded.
@@ -16,63 +17,125 @@
 namespace sidestep::edt {
 namespace {
 
-/// How many offsets pass between two looks at whether larger ones can still matter.
+/// The rows of a line, in one column of tiles, that hold anything below the cap: those next to
+/// each row, so that the others cost nothing.
+struct FilledRows {
+  std::vector<int> next;      ///< [i]: the first filled row >= i; beyond any reach if none.
+  std::vector<int> previous;  ///< [i]: the last filled row < i; beyond any reach if none.
+
+  void find(const std::uint64_t* filled, std::size_t step, std::uint64_t bit, int length,
+            int reach) {
+    const auto is_filled = [&](int i) {
+      return (filled[static_cast<std::size_t>(i) * step] & bit) != 0;
+    };
+    next.resize(static_cast<std::size_t>(length) + 1);
+    previous.resize(static_cast<std::size_t>(length) + 1);
+    int found = -reach - 1;
+    for (int i = 0; i <= length; ++i) {
+      previous[static_cast<std::size_t>(i)] = found;
+      if (i < length && is_filled(i)) found = i;
+    }
+    found = length + reach;
+    for (int i = length; i >= 0; --i) {
+      if (i < length && is_filled(i)) found = i;
+      next[static_cast<std::size_t>(i)] = found;
+    }
+  }
+};
+
+/// How many rows are taken in between two looks at whether farther ones can still matter.
 constexpr int kLookEvery = 4;
 
 /// One tile of a line: out = min over |d| <= reach of in[row + d] + d^2. `in` points at the
-/// tile in row `row` of the line; `filled[i * stride] & bit` says whether the tile of row i holds
-/// anything below the cap. Offsets go outwards until their square exceeds every value so far.
+/// tile in row `row` of the line; `next` and `previous` are those of FilledRows. Goes outwards,
+/// row by filled row, until the square of the offset exceeds every value so far.
 template <class Value>
-__attribute__((always_inline)) inline void envelope_tile(const Value* in, std::size_t row_step,
-                                                         const std::uint64_t* filled,
-                                                         std::size_t filled_step, std::uint64_t bit,
-                                                         int row, int length, int reach,
-                                                         Value* out) {
+__attribute__((always_inline)) inline void envelope_tile(const Value* in, std::ptrdiff_t row_step,
+                                                         const int* next, const int* previous,
+                                                         int row, int reach, Value* out) {
   Value best[kTile];
   std::memcpy(best, in, sizeof(best));
-  const int last = std::min(reach, std::max(row, length - 1 - row));
-  for (int d = 1; d <= last; ++d) {
+  int above = next[row + 1];
+  int below = previous[row];
+  for (int taken = 0;; ++taken) {
+    const bool upwards = above - row <= row - below;
+    const int offset = upwards ? above - row : below - row;
+    const int d = std::abs(offset);
+    if (d > reach) break;
     const auto square = static_cast<Value>(d * d);
-    if (d % kLookEvery == 1) {
+    if (taken % kLookEvery == 0) {
       Value largest = 0;
       for (int i = 0; i < kTile; ++i) largest = std::max(largest, best[i]);
       if (largest <= square) break;
     }
-    const auto offset = static_cast<std::size_t>(d);
-    if (row >= d && (*(filled - offset * filled_step) & bit) != 0) {
-      const Value* g = in - offset * row_step;
-      for (int i = 0; i < kTile; ++i) {
-        best[i] = std::min(best[i], static_cast<Value>(g[i] + square));
-      }
+    const Value* g = in + offset * row_step;
+    for (int i = 0; i < kTile; ++i) {
+      best[i] = std::min(best[i], static_cast<Value>(g[i] + square));
     }
-    if (row + d < length && (filled[offset * filled_step] & bit) != 0) {
-      const Value* g = in + offset * row_step;
-      for (int i = 0; i < kTile; ++i) {
-        best[i] = std::min(best[i], static_cast<Value>(g[i] + square));
-      }
+    if (upwards) {
+      above = next[above + 1];
+    } else {
+      below = previous[below];
     }
   }
   std::memcpy(out, best, sizeof(best));
 }
 
-SIDESTEP_CLONES void envelope_kernel(const std::uint16_t* in, std::size_t row_step,
-                                     const std::uint64_t* filled, std::size_t filled_step,
-                                     std::uint64_t bit, int row, int length, int reach,
+SIDESTEP_CLONES void envelope_kernel(const std::uint16_t* in, std::ptrdiff_t row_step,
+                                     const int* next, const int* previous, int row, int reach,
                                      std::uint16_t* out) {
-  envelope_tile(in, row_step, filled, filled_step, bit, row, length, reach, out);
+  envelope_tile(in, row_step, next, previous, row, reach, out);
 }
 
-SIDESTEP_CLONES void envelope_kernel(const std::uint32_t* in, std::size_t row_step,
-                                     const std::uint64_t* filled, std::size_t filled_step,
-                                     std::uint64_t bit, int row, int length, int reach,
+SIDESTEP_CLONES void envelope_kernel(const std::uint32_t* in, std::ptrdiff_t row_step,
+                                     const int* next, const int* previous, int row, int reach,
                                      std::uint32_t* out) {
-  envelope_tile(in, row_step, filled, filled_step, bit, row, length, reach, out);
+  envelope_tile(in, row_step, next, previous, row, reach, out);
 }
 
-/// Squared distance along x of every voxel of a row to the nearest obstacle in it.
+/// masks[i] becomes the union of masks[i - reach .. i + reach].
+void widen(std::vector<std::uint64_t>& masks, int reach) {
+  const std::size_t length = masks.size();
+  const auto pad = std::min(static_cast<std::size_t>(reach), length);
+  const std::size_t window = 2 * pad + 1;
+  masks.insert(masks.begin(), pad, 0);
+  masks.resize(length + 2 * pad, 0);
+  // Unions of 1, 2, 4, ... masks from each on; two of them that overlap make the window.
+  std::size_t span = 1;
+  for (; 2 * span <= window; span *= 2) {
+    for (std::size_t i = 0; i + span < masks.size(); ++i) masks[i] |= masks[i + span];
+  }
+  for (std::size_t i = 0; i < length; ++i) masks[i] |= masks[i + window - span];
+  masks.resize(length);
+}
+
+/// Calls visit(begin, end) for each run of set bits among the first `size`, in order.
+template <class Visit>
+void for_each_run(const std::uint64_t* words, int size, Visit visit) {
+  int begin = -1;  // of a run that reached the end of the word before
+  for (int w = 0; w * 64 < size; ++w) {
+    std::uint64_t word = words[w];
+    int at = w * 64;
+    int left = 64;
+    while (left > 0) {
+      const int step = std::min(left, begin < 0 ? std::countr_zero(word) : std::countr_one(word));
+      word = step < 64 ? word >> step : 0;
+      at += step;
+      left -= step;
+      if (left == 0) break;
+      if (begin >= 0) visit(begin, at);
+      begin = begin < 0 ? at : -1;
+    }
+  }
+  if (begin >= 0) visit(begin, size);
+}
+
+/// Squared distance along x of every voxel of a row to the nearest obstacle in it. Bits beyond
+/// the row's end are 0; so are the values.
 template <class Value>
 void scan_row(const std::uint64_t* words, int size, int pitch, Value cap, int reach, Value* out) {
-  std::fill(out, out + pitch, cap);
+  std::fill(out, out + size, cap);
+  std::fill(out + size, out + pitch, Value{0});
   int previous = -1 - reach;  // the obstacle before; far enough to be beyond the reach
   const auto fill_between = [&](int left, int right) {
     // Voxels in (left, right): nearer to one of two obstacles, as far as the reach goes.
@@ -83,22 +146,18 @@ void scan_row(const std::uint64_t* words, int size, int pitch, Value cap, int re
       out[x] = std::min(out[x], static_cast<Value>((right - x) * (right - x)));
     }
   };
-  for (int w = 0; w * 64 < size; ++w) {
-    for (std::uint64_t word = words[w]; word != 0; word &= word - 1) {
-      const int x = w * 64 + std::countr_zero(word);
-      if (x >= size) break;
-      fill_between(previous, x);
-      out[x] = 0;
-      previous = x;
-    }
-  }
+  for_each_run(words, size, [&](int begin, int end) {
+    fill_between(previous, begin);
+    std::fill(out + begin, out + end, Value{0});
+    previous = end - 1;
+  });
   fill_between(previous, size + reach);
 }
 
 template <class Value>
-bool holds_below(const Value* tile, Value cap) {
+bool holds_below(const Value* tile, int lanes, Value cap) {
   Value smallest = cap;
-  for (int i = 0; i < kTile; ++i) smallest = std::min(smallest, tile[i]);
+  for (int i = 0; i < lanes; ++i) smallest = std::min(smallest, tile[i]);
   return smallest < cap;
 }
 
@@ -106,21 +165,28 @@ bool holds_below(const Value* tile, Value cap) {
 
 template <class Value>
 SquaredTransform<Value>::SquaredTransform(const Eigen::Vector3i& size_vox, std::uint32_t cap,
-                                          WorkerPool& workers)
+                                          Start start, WorkerPool& workers)
     : size_(size_vox),
       cap_(static_cast<Value>(cap)),
       reach_(static_cast<int>(std::ceil(std::sqrt(static_cast<double>(cap)))) - 1),
       tiles_((size_vox.x() + kTile - 1) / kTile),
       pitch_(tiles_ * kTile),
+      // Slices a multiple of 4096 bytes apart would compete for the same few cache lines.
+      slice_pitch_(static_cast<std::size_t>(size_vox.y()) * static_cast<std::size_t>(pitch_) +
+                   kTile),
       workers_(workers) {
   const std::size_t rows =
       static_cast<std::size_t>(size_.y()) * static_cast<std::size_t>(size_.z());
+  const bool none = start == Start::kNoObstacles;
   for (auto* grid : {&along_x_, &along_y_, &final_}) {
-    grid->assign(rows * static_cast<std::size_t>(pitch_), cap_);
+    grid->assign(static_cast<std::size_t>(size_.z()) * slice_pitch_, 0);
+    for (int row = 0; none && row < static_cast<int>(rows); ++row) {
+      std::fill_n(grid->data() + offset_of(row % size_.y(), row / size_.y()), size_.x(), cap_);
+    }
   }
   for (Pass* pass : {&pass_x_, &pass_y_, &pass_z_}) {
     pass->changed.assign(rows, 0);
-    pass->filled.assign(rows, 0);
+    pass->filled.assign(rows, none ? 0 : ~std::uint64_t{0});
   }
 }
 
@@ -136,80 +202,78 @@ void SquaredTransform<Value>::scan_rows(const VoxelBits& obstacles,
       if (row_changed[row] == 0) continue;
       scan_row(obstacles.words.data() + row * static_cast<std::size_t>(obstacles.words_per_row),
                size_.x(), pitch_, cap_, reach_, fresh.data());
-      Value* old = along_x_.data() + row * static_cast<std::size_t>(pitch_);
-      std::uint64_t filled = 0;
+      Value* old = along_x_.data() + offset_of(r % size_.y(), r / size_.y());
       for (int t = 0; t < tiles_; ++t) {
-        const Value* tile = fresh.data() + t * kTile;
-        if (std::memcmp(tile, old + t * kTile, sizeof(Value) * kTile) != 0) {
-          pass_x_.changed[row] |= std::uint64_t{1} << t;
-          std::memcpy(old + t * kTile, tile, sizeof(Value) * kTile);
-        }
-        if (holds_below(tile, cap_)) filled |= std::uint64_t{1} << t;
+        store(fresh.data() + t * kTile, old + t * kTile, row, t, pass_x_);
       }
-      pass_x_.filled[row] = filled;
     }
   });
 }
 
 template <class Value>
-template <class LineStart>
-void SquaredTransform<Value>::envelope(const std::vector<Value>& in, const Pass& in_pass,
-                                       std::vector<Value>& out, Pass& out_pass, int lines,
-                                       int length, std::size_t stride, LineStart line_start) {
-  const auto pitch = static_cast<std::size_t>(pitch_);
-  workers_.run(lines, [&](int line) {
-    const std::size_t start = line_start(line);
-    const auto index = [&](int i) { return start + static_cast<std::size_t>(i) * stride; };
-
-    // A tile must be computed where the tile of some row within reach changed: for each tile,
-    // how many rows ahead the last change lies, as a sliding window over the line.
-    std::vector<int> last_change(static_cast<std::size_t>(tiles_), -1 - length - reach_);
-    std::vector<std::uint64_t> needed(static_cast<std::size_t>(length), 0);
-    for (int direction : {1, -1}) {
-      std::ranges::fill(last_change, -1 - length - reach_);
-      for (int step = 0; step < length; ++step) {
-        const int i = direction > 0 ? step : length - 1 - step;
-        for (int t = 0; t < tiles_; ++t) {
-          const std::uint64_t bit = std::uint64_t{1} << t;
-          if ((in_pass.changed[index(i)] & bit) != 0) {
-            last_change[static_cast<std::size_t>(t)] = step;
-          }
-          if (step - last_change[static_cast<std::size_t>(t)] <= reach_) {
-            needed[static_cast<std::size_t>(i)] |= bit;
-          }
-        }
-      }
+void SquaredTransform<Value>::envelope(int y, int z, const Line& line, const std::vector<Value>& in,
+                                       const Pass& in_pass, std::vector<Value>& out,
+                                       Pass& out_pass) const {
+  const std::size_t first_row = row_index(y, z);
+  // A tile must be computed where the tile of some row within reach changed.
+  std::vector<std::uint64_t> needed(static_cast<std::size_t>(line.length));
+  std::uint64_t columns = 0;
+  for (std::size_t i = 0; i < needed.size(); ++i) {
+    needed[i] = in_pass.changed[first_row + i * line.row_step];
+    out_pass.changed[first_row + i * line.row_step] = 0;
+    columns |= needed[i];
+  }
+  if (columns == 0) return;
+  widen(needed, reach_);
+  FilledRows filled;
+  for (; columns != 0; columns &= columns - 1) {
+    const int tile = std::countr_zero(columns);
+    filled.find(in_pass.filled.data() + first_row, line.row_step, std::uint64_t{1} << tile,
+                line.length, reach_);
+    const std::size_t first = offset_of(y, z) + static_cast<std::size_t>(tile * kTile);
+    for (std::size_t i = 0; i < needed.size(); ++i) {
+      if (((needed[i] >> tile) & 1u) == 0) continue;
+      alignas(64) Value fresh[kTile];
+      envelope_kernel(in.data() + first + i * line.step, static_cast<std::ptrdiff_t>(line.step),
+                      filled.next.data(), filled.previous.data(), static_cast<int>(i), reach_,
+                      fresh);
+      store(fresh, out.data() + first + i * line.step, first_row + i * line.row_step, tile,
+            out_pass);
     }
+  }
+}
 
-    alignas(64) Value fresh[kTile];
-    for (int i = 0; i < length; ++i) {
-      const std::size_t row = index(i);
-      out_pass.changed[row] = 0;
-      for (std::uint64_t mask = needed[static_cast<std::size_t>(i)]; mask != 0; mask &= mask - 1) {
-        const int t = std::countr_zero(mask);
-        const std::uint64_t bit = std::uint64_t{1} << t;
-        const std::size_t at = row * pitch + static_cast<std::size_t>(t * kTile);
-        envelope_kernel(in.data() + at, stride * pitch, in_pass.filled.data() + row, stride, bit, i,
-                        length, reach_, fresh);
-        if (std::memcmp(fresh, out.data() + at, sizeof(fresh)) == 0) continue;
-        std::memcpy(out.data() + at, fresh, sizeof(fresh));
-        out_pass.changed[row] |= bit;
-        out_pass.filled[row] =
-            holds_below(fresh, cap_) ? out_pass.filled[row] | bit : out_pass.filled[row] & ~bit;
-      }
-    }
-  });
+template <class Value>
+void SquaredTransform<Value>::store(const Value* fresh, Value* old, std::size_t row, int tile,
+                                    Pass& pass) const {
+  if (std::memcmp(fresh, old, sizeof(Value) * kTile) == 0) return;
+  std::memcpy(old, fresh, sizeof(Value) * kTile);
+  const std::uint64_t bit = std::uint64_t{1} << tile;
+  pass.changed[row] |= bit;
+  if (holds_below(fresh, lanes_of(tile), cap_)) {
+    pass.filled[row] |= bit;
+  } else {
+    pass.filled[row] &= ~bit;
+  }
 }
 
 template <class Value>
 std::span<const std::uint64_t> SquaredTransform<Value>::update(
     const VoxelBits& obstacles, std::span<const std::uint8_t> row_changed) {
   const auto ny = static_cast<std::size_t>(size_.y());
+  const Line along_y{size_.y(), 1, static_cast<std::size_t>(pitch_)};
+  const Line along_z{size_.z(), ny, slice_pitch_};
   scan_rows(obstacles, row_changed);
-  envelope(along_x_, pass_x_, along_y_, pass_y_, size_.z(), size_.y(), 1,
-           [ny](int z) { return static_cast<std::size_t>(z) * ny; });
-  envelope(along_y_, pass_y_, final_, pass_z_, size_.y(), size_.z(), ny,
-           [](int y) { return static_cast<std::size_t>(y); });
+  workers_.run_banded(size_.z(), 1, [&](int begin, int end) {
+    for (int z = begin; z < end; ++z) {
+      envelope(0, z, along_y, along_x_, pass_x_, along_y_, pass_y_);
+    }
+  });
+  workers_.run_banded(size_.y(), 1, [&](int begin, int end) {
+    for (int y = begin; y < end; ++y) {
+      envelope(y, 0, along_z, along_y_, pass_y_, final_, pass_z_);
+    }
+  });
   return pass_z_.changed;
 }
 

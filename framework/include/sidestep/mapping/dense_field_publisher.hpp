@@ -3,8 +3,11 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <vector>
 
+#include <sidestep/core/error.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/field/dense_field.hpp>
 #include <sidestep/mapping/mapper.hpp>
@@ -13,7 +16,7 @@
 namespace sidestep {
 
 /// Publishes dense fields block by block: what a FieldBuilder needs to hand out snapshots that
-/// share whatever did not change. [mapping]
+/// share whatever did not change. Blocks of one value throughout share one block. [mapping]
 class DenseFieldPublisher {
  public:
   /// Writes the distances of `count` voxels of row (y, z) from x on. Called from the worker
@@ -24,9 +27,11 @@ class DenseFieldPublisher {
   /// everything but sequence and stamp.
   DenseFieldPublisher(FieldInfo info, const OccupancyView& view, WorkerPool& workers);
 
-  /// One flag a block, in block_linear order; all set before the first publication, else those
-  /// of the update. What the builder finds changed beyond them it sets as well.
-  [[nodiscard]] std::vector<std::uint8_t> changed_blocks(const MapUpdate& update) const;
+  /// Starts an update. Returns one flag a block, in block_linear order; all set before the first
+  /// publication, else those of the update. What the builder finds changed beyond them it sets
+  /// as well. Fails with kInvalidArgument where the update is not the next one, or names blocks
+  /// that the grid does not have.
+  [[nodiscard]] Result<std::vector<std::uint8_t>> begin(const MapUpdate& update);
 
   /// A snapshot in which the flagged blocks are written anew. Blocks that come out equal stay
   /// shared with the snapshot before.
@@ -38,11 +43,17 @@ class DenseFieldPublisher {
 
  private:
   void fill(const Eigen::Vector3i& block, const RowWriter& write_row, FieldBlock& out) const;
+  /// The block to publish for what was written: the old one, a uniform one, or a copy.
+  [[nodiscard]] std::shared_ptr<const FieldBlock> shared(
+      const FieldBlock& written, const std::shared_ptr<const FieldBlock>& old);
 
   FieldInfo info_;
   const OccupancyView& view_;
   WorkerPool& workers_;
   DenseField::BlockTable blocks_;
+  std::optional<std::int64_t> sequence_;  ///< Of the newest update.
+  std::mutex uniform_mutex_;
+  DenseField::BlockTable uniform_;  ///< Guarded by uniform_mutex_; a handful.
 };
 
 }  // namespace sidestep

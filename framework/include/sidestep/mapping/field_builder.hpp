@@ -19,8 +19,10 @@ class SIDESTEP_EXPORT FieldBuilder {
   /// naming that view. [mapping]; allocates.
   [[nodiscard]] virtual Result<void> attach(Mapper& mapper) = 0;
 
-  /// The field after `update`, the newest of the attached mapper. Every update must be given,
-  /// in order. Snapshots already handed out never change. [mapping]; allocates.
+  /// The field after `update`, the newest of the attached mapper. Every update must be given
+  /// once, in order, before the mapper integrates again; the first may be any. Fails with
+  /// kInvalidArgument otherwise, or before attach(). Snapshots already handed out never change.
+  /// [mapping]; allocates.
   [[nodiscard]] virtual Result<std::shared_ptr<const DistanceField>> update(
       const MapUpdate& update) = 0;
 };
