@@ -1,7 +1,6 @@
 #include <sidestep/field/dense_field.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace sidestep {
@@ -20,6 +19,29 @@ Address address_of(int x, int y, int z, const Eigen::Vector3i& counts) noexcept 
   const auto place =
       static_cast<std::size_t>(x % kSide + kSide * (y % kSide + kSide * (z % kSide)));
   return {block, place};
+}
+
+/// The trilinear interpolant of a cell's corners (z, y, x) at `f` in [0, 1]^3, and its gradient
+/// per voxel.
+struct Interpolated {
+  double value;
+  Eigen::Vector3d gradient;
+};
+
+inline Interpolated interpolate(const double (&corner)[2][2][2],
+                                const Eigen::Vector3d& f) noexcept {
+  const auto mix = [](double a, double b, double t) { return a + t * (b - a); };
+  double along_x[2][2];  // z, y
+  for (int k = 0; k < 2; ++k) {
+    for (int j = 0; j < 2; ++j) along_x[k][j] = mix(corner[k][j][0], corner[k][j][1], f.x());
+  }
+  const double y0 = mix(along_x[0][0], along_x[0][1], f.y());
+  const double y1 = mix(along_x[1][0], along_x[1][1], f.y());
+  const auto slope_x = [&](int k, int j) { return corner[k][j][1] - corner[k][j][0]; };
+  return {mix(y0, y1, f.z()),
+          {mix(mix(slope_x(0, 0), slope_x(0, 1), f.y()), mix(slope_x(1, 0), slope_x(1, 1), f.y()),
+               f.z()),
+           mix(along_x[0][1] - along_x[0][0], along_x[1][1] - along_x[1][0], f.z()), y1 - y0}};
 }
 
 }  // namespace
@@ -75,24 +97,12 @@ void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
         }
       }
     }
-    const auto mix = [](double a, double b, double t) { return a + t * (b - a); };
-    double along_x[2][2];  // z, y
-    for (int k = 0; k < 2; ++k) {
-      for (int j = 0; j < 2; ++j) along_x[k][j] = mix(corner[k][j][0], corner[k][j][1], f.x());
-    }
-    const double y0 = mix(along_x[0][0], along_x[0][1], f.y());
-    const double y1 = mix(along_x[1][0], along_x[1][1], f.y());
-    distances_m[n] = mix(y0, y1, f.z());
-
+    const Interpolated result = interpolate(corner, f);
+    distances_m[n] = result.value;
     if (!gradients.empty()) {
-      const auto slope_x = [&](int k, int j) { return corner[k][j][1] - corner[k][j][0]; };
-      Eigen::Vector3d gradient(
-          mix(mix(slope_x(0, 0), slope_x(0, 1), f.y()), mix(slope_x(1, 0), slope_x(1, 1), f.y()),
-              f.z()),
-          mix(along_x[0][1] - along_x[0][0], along_x[1][1] - along_x[1][0], f.z()), y1 - y0);
       // Beyond the outermost centres the value no longer changes along that axis.
-      gradient = (p.array() == clamped.array()).select(gradient * inverse_resolution, 0.0);
-      gradients[n] = gradient;
+      gradients[n] =
+          (p.array() == clamped.array()).select(result.gradient * inverse_resolution, 0.0);
     }
     if (!statuses.empty()) {
       const bool outside = (p.array() < -0.5).any() || (p.array() > last.array() + 0.5).any();

@@ -34,7 +34,11 @@ class SIDESTEP_EXPORT DistanceField {
 
   [[nodiscard]] const FieldInfo& info() const noexcept { return info_; }
 
-  /// Trilinear interpolation between voxel centres, and its analytic gradient.
+  /// Trilinear interpolation between voxel centres, and its analytic gradient. A point beyond
+  /// the box of the outermost centres has the value of the nearest point of that box, and no
+  /// gradient along the axes on which it is beyond. A point that is not finite is outside, with
+  /// distance NaN and gradient 0. At voxels never observed the value is what the builder makes
+  /// of them (its parameter `unknown`) and the status kUnknown; the nearest voxel decides.
   ///
   /// points_m: n points, world frame. distances_m: n. gradients: n, dimensionless (metres per
   /// metre), or empty where none are wanted. statuses: n, or empty. Does not allocate.
