@@ -1,0 +1,171 @@
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include <sidestep/field/dense_field.hpp>
+
+#include "edt_field.hpp"
+#include "support/furnished_room.hpp"
+
+namespace {
+
+using namespace sidestep;
+using conformance::GridMap;
+using testing_support::FurnishedRoom;
+
+constexpr double kLimit_m = 0.8;
+
+edt::Options options(bool is_signed, bool truncated) {
+  return {is_signed, truncated ? kLimit_m : 0.0, "free"};
+}
+
+std::vector<std::int32_t> all_blocks(const GridSpec& grid) {
+  std::vector<std::int32_t> blocks(static_cast<std::size_t>(block_counts(grid).prod()));
+  for (std::size_t b = 0; b < blocks.size(); ++b) blocks[b] = static_cast<std::int32_t>(b);
+  return blocks;
+}
+
+/// The first field of a map: every voxel, nothing kept from before.
+void full(benchmark::State& state) {
+  GridMap map(FurnishedRoom::grid(0.025));
+  WorkerPool workers(static_cast<int>(state.range(2)));
+  FurnishedRoom::furnish(map);
+  MapUpdate update = map.take_update();
+  update.changed_blocks = all_blocks(map.grid());
+  const auto create = [&] {
+    auto builder =
+        edt::make_edt_builder(options(state.range(0) != 0, state.range(1) != 0), workers);
+    if (!builder->attach(map)) state.SkipWithError("attach failed");
+    return builder;
+  };
+  auto builder = create();
+  for (auto _ : state) {
+    auto field = builder->update(update);
+    benchmark::DoNotOptimize(field);
+    state.PauseTiming();
+    field->reset();
+    builder = create();
+    state.ResumeTiming();
+  }
+}
+BENCHMARK(full)
+    ->ArgNames({"signed", "truncated", "threads"})
+    ->ArgsProduct({{0, 1}, {0, 1}, {1, 2}})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+
+/// A person-sized box takes a step of four voxels in the room.
+void walker(benchmark::State& state) {
+  GridMap map(FurnishedRoom::grid(0.025));
+  WorkerPool workers(static_cast<int>(state.range(2)));
+  FurnishedRoom::furnish(map);
+  auto builder = edt::make_edt_builder(options(state.range(0) != 0, state.range(1) != 0), workers);
+  if (!builder->attach(map)) state.SkipWithError("attach failed");
+  int step = 0;
+  const auto x_m = [&] { return 3.0 + 0.1 * (step % 20); };
+  FurnishedRoom::set_walker(map, x_m(), true);
+  auto field = builder->update(map.take_update());
+  for (auto _ : state) {
+    state.PauseTiming();
+    FurnishedRoom::set_walker(map, x_m(), false);
+    ++step;
+    FurnishedRoom::set_walker(map, x_m(), true);
+    const MapUpdate update = map.take_update();
+    state.ResumeTiming();
+    field = builder->update(update);
+    benchmark::DoNotOptimize(field);
+  }
+}
+BENCHMARK(walker)
+    ->ArgNames({"signed", "truncated", "threads"})
+    ->ArgsProduct({{0, 1}, {0, 1}, {1, 2}})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+
+/// 48^3 voxels of the room, and the same by comparing every voxel with every obstacle.
+GridMap corner_of_the_room() {
+  GridSpec grid = FurnishedRoom::grid(0.1);
+  grid.size_vox.setConstant(48);
+  GridMap map(grid);
+  std::mt19937 random(2);
+  std::uniform_int_distribution<int> side(0, 47);
+  for (int i = 0; i < 2000; ++i) map.set({side(random), side(random), side(random) / 4}, true);
+  return map;
+}
+
+void small_transform(benchmark::State& state) {
+  GridMap map = corner_of_the_room();
+  WorkerPool workers(1);
+  MapUpdate update = map.take_update();
+  update.changed_blocks = all_blocks(map.grid());
+  for (auto _ : state) {
+    auto builder = edt::make_edt_builder(options(false, false), workers);
+    if (!builder->attach(map)) state.SkipWithError("attach failed");
+    auto field = builder->update(update);
+    benchmark::DoNotOptimize(field);
+  }
+}
+BENCHMARK(small_transform)->Unit(benchmark::kMillisecond);
+
+void small_brute_force(benchmark::State& state) {
+  const GridMap map = corner_of_the_room();
+  const GridSpec& grid = map.grid();
+  const int n = grid.size_vox.x();
+  std::vector<Eigen::Vector3i> voxels, obstacles;
+  for (int i = 0; i < n * n * n; ++i) {
+    voxels.emplace_back(i % n, i / n % n, i / (n * n));
+    if (map.occupied().at(grid, voxels.back())) obstacles.push_back(voxels.back());
+  }
+  for (auto _ : state) {
+    for (const Eigen::Vector3i& voxel : voxels) {
+      int best = std::numeric_limits<int>::max();
+      for (const Eigen::Vector3i& obstacle : obstacles) {
+        best = std::min(best, (obstacle - voxel).squaredNorm());
+      }
+      benchmark::DoNotOptimize(best);
+    }
+  }
+}
+BENCHMARK(small_brute_force)->Unit(benchmark::kMillisecond)->Iterations(1);
+
+/// 10,000 points: anywhere in the room, or along the paths of 100 moving spheres.
+void query(benchmark::State& state) {
+  GridMap map(FurnishedRoom::grid(0.025));
+  WorkerPool workers(2);
+  FurnishedRoom::furnish(map);
+  auto builder = edt::make_edt_builder(options(false, true), workers);
+  if (!builder->attach(map)) state.SkipWithError("attach failed");
+  const auto field = builder->update(map.take_update());
+  const bool along_paths = state.range(0) != 0;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> within(0.0, 1.0);
+  const Eigen::Vector3d room_m = map.grid().upper_m();
+  std::vector<Eigen::Vector3d> points;
+  Eigen::Vector3d p;
+  for (int i = 0; i < 10000; ++i) {
+    if (!along_paths || i % 100 == 0) {
+      p = Eigen::Vector3d(within(random), within(random), within(random)).cwiseProduct(room_m);
+    }
+    points.push_back(p);
+    p.x() += 0.01;
+  }
+  std::vector<double> distances(points.size());
+  std::vector<Eigen::Vector3d> gradients(points.size());
+  std::vector<FieldStatus> statuses(points.size());
+  for (auto _ : state) {
+    (*field)->query(points, distances, gradients, statuses);
+    benchmark::DoNotOptimize(distances.data());
+    benchmark::ClobberMemory();
+  }
+  state.counters["per_point"] = benchmark::Counter(
+      static_cast<double>(points.size()),
+      benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+BENCHMARK(query)->ArgName("along_paths")->Arg(0)->Arg(1)->Unit(benchmark::kMicrosecond);
+
+}  // namespace
