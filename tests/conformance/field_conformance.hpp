@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <functional>
@@ -23,8 +24,8 @@
 ///
 ///     INSTANTIATE_TEST_SUITE_P(my_field, FieldConformance, testing::Values(FieldCase{...}));
 ///
-/// Values are compared with a search over all obstacles, with the distance to a ball known in
-/// closed form, and gradients with finite differences.
+/// Values are compared with a search over all obstacles, with distances to a ball and to boxes
+/// known in closed form, and gradients with finite differences.
 namespace sidestep::conformance {
 
 struct FieldCase {
@@ -85,6 +86,23 @@ class BruteForce {
   GridSpec grid_;
   const FieldCase& field_;
   std::vector<Eigen::Vector3i> obstacles_, free_;
+};
+
+/// Voxels low .. high, both included.
+struct VoxelBox {
+  Eigen::Vector3i low, high;
+
+  [[nodiscard]] bool contains(const Eigen::Vector3i& v) const {
+    return (v.array() >= low.array()).all() && (v.array() <= high.array()).all();
+  }
+  /// From a voxel's centre to that of the box's nearest voxel, in voxels.
+  [[nodiscard]] double distance_vox(const Eigen::Vector3i& v) const {
+    return (low - v).cwiseMax(v - high).cwiseMax(0).cast<double>().norm();
+  }
+  /// From a voxel within to the nearest one outside, in voxels.
+  [[nodiscard]] double depth_vox(const Eigen::Vector3i& v) const {
+    return 1.0 + (v - low).cwiseMin(high - v).minCoeff();
+  }
 };
 
 class FieldConformance : public testing::TestWithParam<FieldCase> {
@@ -223,6 +241,70 @@ TEST_P(FieldConformance, MeasuresTheDistanceToABall) {
     EXPECT_GE(value, std::min(truth, limit - below_surface_m) - GetParam().max_error_m - 1e-6);
     EXPECT_LE(value, std::min(truth + below_surface_m, limit) + GetParam().max_error_m + 1e-6);
   }
+}
+
+TEST_P(FieldConformance, MeasuresTheDistancesToBoxes) {
+  attach(grid(66, 45, 38));
+  observe_all(false);
+  // A slab, a post, a cube and a single voxel, with free voxels between and around them.
+  const std::vector<VoxelBox> boxes = {{{2, 3, 4}, {50, 40, 6}},
+                                       {{15, 16, 10}, {17, 17, 34}},
+                                       {{40, 20, 20}, {52, 32, 32}},
+                                       {{63, 1, 36}, {63, 1, 36}}};
+  const Eigen::Vector3i& size = map_->grid().size_vox;
+  std::vector<Eigen::Vector3i> voxels;
+  for (int n = 0; n < size.prod(); ++n) {
+    voxels.emplace_back(n % size.x(), n / size.x() % size.y(), n / (size.x() * size.y()));
+  }
+  for (const VoxelBox& box : boxes) {
+    for (const Eigen::Vector3i& voxel : voxels) {
+      if (box.contains(voxel)) map_->set(voxel, true);
+    }
+  }
+  const auto field = update();
+  ASSERT_TRUE(field);
+  const std::vector<double> values = all_values(*field);
+  for (std::size_t n = 0; n < voxels.size(); ++n) {
+    double truth = std::numeric_limits<double>::infinity();
+    for (const VoxelBox& box : boxes) {
+      const bool below_surface = GetParam().is_signed && box.contains(voxels[n]);
+      truth =
+          std::min(truth, below_surface ? -box.depth_vox(voxels[n]) : box.distance_vox(voxels[n]));
+    }
+    const double limit = GetParam().max_distance_m;
+    truth = std::clamp(truth * map_->grid().resolution_m, -limit, limit);
+    ASSERT_NEAR(values[n], truth, GetParam().max_error_m + 1e-6) << voxels[n].transpose();
+  }
+}
+
+TEST_P(FieldConformance, MayBeAttachedToAMapThatHasBegun) {
+  const GridSpec spec = grid(40, 20, 20);
+  map_ = GetParam().create_map(spec);
+  observe_all(false);
+  set_ball(spec.centre_m({10, 10, 10}), 0.2, true);
+  (void)map_->take_update();
+  builder_ = GetParam().create(workers_);
+  ASSERT_TRUE(builder_->attach(*map_));
+  map_->set({35, 5, 5}, true);
+  const auto field = update();
+  ASSERT_TRUE(field);
+  expect_equals_brute_force(*field);
+}
+
+TEST_P(FieldConformance, RefusesUpdatesOutOfOrder) {
+  EXPECT_FALSE(GetParam().create(workers_)->update({})) << "an update before attach()";
+  attach(grid(20, 20, 20));
+  map_->set({3, 4, 5}, true);
+  const MapUpdate first = map_->take_update();
+  MapUpdate third = first;
+  third.sequence = first.sequence + 2;
+  ASSERT_TRUE(builder_->update(first));
+  for (const MapUpdate& wrong : {first, third}) {
+    const auto field = builder_->update(wrong);
+    ASSERT_FALSE(field) << "update " << wrong.sequence << " after " << first.sequence;
+    EXPECT_EQ(field.error().code, ErrorCode::kInvalidArgument);
+  }
+  EXPECT_TRUE(update());
 }
 
 TEST_P(FieldConformance, GradientsAreTheDerivativesOfTheValues) {

@@ -1,5 +1,10 @@
 #include "edt_field.hpp"
 
+#include <cmath>
+#include <limits>
+#include <random>
+#include <tuple>
+
 #include <sidestep/field/dense_field.hpp>
 
 #include "conformance/field_conformance.hpp"
@@ -33,33 +38,93 @@ INSTANTIATE_TEST_SUITE_P(edt, FieldConformance,
 
 GridSpec cube(int side) { return {Eigen::Vector3d::Zero(), 0.05, Eigen::Vector3i::Constant(side)}; }
 
-TEST(Edt, IncrementalEqualsFullBitForBit) {
-  std::mt19937 random(11);
-  const auto below = [&](int n) { return std::uniform_int_distribution<int>(0, n - 1)(random); };
+/// A map in which boxes of obstacles appear and vanish, most of them across the borders of blocks
+/// and tiles or at the edges of the grid, and parts of which are seen for the first time.
+class RestlessMap : public GridMap {
+ public:
+  RestlessMap(const GridSpec& grid, unsigned seed) : GridMap(grid), random_(seed) {}
+
+  void step() {
+    for (int boxes = below(3); boxes >= 0; --boxes) {
+      Eigen::Vector3i low, high;
+      for (int axis = 0; axis < 3; ++axis) {
+        const int last = grid().size_vox[axis] - 1;
+        const int borders[] = {0, 16 * below(last / 16 + 1), 64 * below(last / 64 + 1), last};
+        const int middle = below(4) == 0 ? below(last + 1) : borders[below(4)];
+        low[axis] = std::max(0, middle - below(3));
+        high[axis] = std::min(last, middle + below(3));
+      }
+      const bool occupied = below(5) < 3;
+      for (int z = low.z(); z <= high.z(); ++z) {
+        for (int y = low.y(); y <= high.y(); ++y) {
+          for (int x = low.x(); x <= high.x(); ++x) set({x, y, z}, occupied);
+        }
+      }
+    }
+  }
+
+ private:
+  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(random_); }
+  std::mt19937 random_;
+};
+
+std::shared_ptr<const DenseField> updated(FieldBuilder& builder, const MapUpdate& update) {
+  const auto field = builder.update(update);
+  return field ? std::dynamic_pointer_cast<const DenseField>(*field) : nullptr;
+}
+
+class EdtIncrement : public testing::TestWithParam<std::tuple<Eigen::Vector3i, edt::Options>> {};
+
+TEST_P(EdtIncrement, EqualsAFullTransformBitForBit) {
+  const auto& [size, options] = GetParam();
   WorkerPool workers(2);
-  for (const bool is_signed : {false, true}) {
-    const edt::Options options{is_signed, 0.8, "free"};
-    GridMap map(cube(75));
-    const auto incremental = edt::make_edt_builder(options, workers);
-    ASSERT_TRUE(incremental->attach(map));
-    for (int step = 0; step < 25; ++step) {
-      const Eigen::Vector3i corner(below(70), below(70), below(70));
-      const bool appears = below(3) != 0;
-      for (int i = 0; i < 125; ++i) {
-        map.set(corner + Eigen::Vector3i(i % 5, i / 5 % 5, i / 25), appears);
-      }
-      const MapUpdate update = map.take_update();
-      const auto kept = incremental->update(update);
-      const auto full = edt::make_edt_builder(options, workers);
-      ASSERT_TRUE(full->attach(map));
-      const auto fresh = full->update(update);
-      ASSERT_TRUE(kept && fresh);
-      const auto& a = dynamic_cast<const DenseField&>(**kept).blocks();
-      const auto& b = dynamic_cast<const DenseField&>(**fresh).blocks();
-      for (std::size_t i = 0; i < a.size(); ++i) {
-        ASSERT_EQ(a[i]->distance_m, b[i]->distance_m) << "block " << i << ", step " << step;
-        ASSERT_EQ(a[i]->known, b[i]->known) << "block " << i << ", step " << step;
-      }
+  RestlessMap map({Eigen::Vector3d::Zero(), 0.05, size}, 11);
+  const auto incremental = edt::make_edt_builder(options, workers);
+  ASSERT_TRUE(incremental->attach(map));
+  for (int step = 0; step < 100; ++step) {
+    map.step();
+    const MapUpdate update = map.take_update();
+    const auto kept = updated(*incremental, update);
+    const auto full = edt::make_edt_builder(options, workers);
+    ASSERT_TRUE(full->attach(map));
+    const auto fresh = updated(*full, update);
+    ASSERT_TRUE(kept && fresh);
+    for (std::size_t b = 0; b < kept->blocks().size(); ++b) {
+      ASSERT_EQ(kept->blocks()[b]->distance_m, fresh->blocks()[b]->distance_m)
+          << "block " << b << ", step " << step;
+      ASSERT_EQ(kept->blocks()[b]->known, fresh->blocks()[b]->known)
+          << "block " << b << ", step " << step;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    SizesAndOptions, EdtIncrement,
+    testing::Combine(testing::Values(Eigen::Vector3i(75, 49, 33), Eigen::Vector3i(130, 20, 17),
+                                     Eigen::Vector3i(64, 32, 16), Eigen::Vector3i(7, 65, 64),
+                                     Eigen::Vector3i(1, 30, 70), Eigen::Vector3i(100, 1, 1)),
+                     testing::Values(edt::Options{false, 0.8, "free"},
+                                     edt::Options{true, 0.33, "free"},
+                                     edt::Options{true, 0.0, "free"},
+                                     edt::Options{false, 0.05, "occupied"},
+                                     edt::Options{true, 0.8, "occupied"})));
+
+/// Beyond 32767 a squared distance needs 32 bits.
+TEST(Edt, MeasuresLongDistancesExactly) {
+  WorkerPool workers(2);
+  GridMap map({Eigen::Vector3d::Zero(), 0.05, Eigen::Vector3i(700, 3, 40)});
+  const Eigen::Vector3i obstacle(3, 1, 39);
+  map.set(obstacle, true);
+  const auto builder = edt::make_edt_builder({false, 0.0, "free"}, workers);
+  ASSERT_TRUE(builder->attach(map));
+  const auto field = updated(*builder, map.take_update());
+  ASSERT_TRUE(field);
+  EXPECT_EQ(field->info().max_distance_m, std::numeric_limits<double>::infinity());
+  for (int z = 0; z < 40; ++z) {
+    for (int x = 0; x < 700; ++x) {
+      const Eigen::Vector3i voxel(x, 2, z);
+      const int d2 = (voxel - obstacle).squaredNorm();
+      ASSERT_EQ(field->at(voxel), static_cast<float>(0.05 * std::sqrt(static_cast<double>(d2))));
     }
   }
 }
