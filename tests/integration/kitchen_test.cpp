@@ -1,0 +1,117 @@
+// The kitchen that a real Kinect saw, through the shipped configurations: the map against what was
+// measured of the room by hand (data set's world.yaml), and both plans.
+
+#include <cstdlib>
+#include <map>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/pipeline.hpp>
+
+#include "support/host_fixture.hpp"
+
+namespace sidestep {
+namespace {
+
+const std::filesystem::path kKitchen =
+    std::filesystem::path(SIDESTEP_SHARED_DATA) / "kinect_kitchen";
+
+/// A box in the measured room.
+struct Region {
+  Eigen::Vector3d lower_m;
+  Eigen::Vector3d upper_m;
+};
+
+class Kitchen : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(kKitchen)) GTEST_SKIP() << "no data at " << kKitchen;
+  }
+
+  static std::string configuration() {
+    return std::string(SIDESTEP_SOURCE_DIR) + "/configs/" + GetParam() + ".yaml";
+  }
+  /// All frames with voxel_grid, every tenth with OctoMap, which takes a second for each.
+  static std::string stride() {
+    return std::string(GetParam()) == "kitchen_hsr_gp" ? "source.stride=1" : "source.stride=10";
+  }
+
+  /// Calls visit(voxel) for the voxels whose centres lie in a region.
+  template <class Visit>
+  static void for_each(const GridSpec& grid, const Region& region, Visit&& visit) {
+    const Eigen::Vector3i from = grid.voxel_at(region.lower_m);
+    const Eigen::Vector3i to = grid.voxel_at(region.upper_m);
+    for (int z = from.z(); z <= to.z(); ++z) {
+      for (int y = from.y(); y <= to.y(); ++y) {
+        for (int x = from.x(); x <= to.x(); ++x) visit(Eigen::Vector3i(x, y, z));
+      }
+    }
+  }
+};
+
+TEST_P(Kitchen, TheMapHasTheTableWhereItWasMeasuredAndTheFloorFree) {
+  testing_support::HostFixture fixture({PLUGIN_FOLDER});
+  const auto reading = read_configuration(
+      configuration(), {"source.path=" + kKitchen.string(), stride()}, fixture.documents);
+  ASSERT_TRUE(reading.errors.empty()) << reading.errors.front().describe();
+  const Node& root = reading.configuration.root;
+  auto source = fixture.host.create<Source>(*root.find("source"));
+  auto mapper = fixture.host.create<Mapper>(*root.find("mapper"));
+  auto field = fixture.host.create<FieldBuilder>(*root.find("field"));
+  ASSERT_TRUE(source) << source.error().describe();
+  ASSERT_TRUE(mapper) << mapper.error().describe();
+  ASSERT_TRUE(field) << field.error().describe();
+  SnapshotSlot slot;
+  MappingPipeline pipeline({**source, **mapper, **field, slot, fixture.log});
+  ASSERT_TRUE(pipeline.attach());
+  int frames = 0;
+  for (;; ++frames) {
+    const auto step = pipeline.step({});
+    ASSERT_TRUE(step) << step.error().describe();
+    if (!*step) break;
+  }
+  EXPECT_EQ(frames, std::string(GetParam()) == "kitchen_hsr_gp" ? 300 : 30);
+  EXPECT_TRUE(pipeline.bad_frames().empty());
+
+  const auto* view = dynamic_cast<const OccupancyView*>(mapper->get());
+  ASSERT_NE(view, nullptr);
+  const GridSpec& grid = view->occupancy_grid();
+
+  // world.yaml: the table's top at z = 0.713 m, over x 1.2..2.0, y -1.1..0.95.
+  std::map<int, int> occupied_by_layer;
+  for_each(grid, {{1.3, -0.9, 0.5}, {1.9, 0.7, 0.95}}, [&](const Eigen::Vector3i& voxel) {
+    if (view->occupied().at(grid, voxel)) ++occupied_by_layer[voxel.z()];
+  });
+  int top = 0;
+  for (const auto& [layer, count] : occupied_by_layer) {
+    if (count > occupied_by_layer[top]) top = layer;
+  }
+  EXPECT_NEAR(grid.centre_m({0, 0, top}).z(), 0.713, grid.resolution_m);
+
+  // The floor between table and counter, up to a hand's breadth above it.
+  int seen = 0;
+  for_each(grid, {{0.9, 1.15, -0.05}, {1.35, 1.5, 0.15}}, [&](const Eigen::Vector3i& voxel) {
+    EXPECT_FALSE(view->occupied().at(grid, voxel)) << grid.centre_m(voxel).transpose();
+    seen += view->known().at(grid, voxel) ? 1 : 0;
+  });
+  EXPECT_GT(seen, 100) << "the camera looked at this floor";
+}
+
+TEST_P(Kitchen, ThePlanPassesBothChecks) {
+  const std::string out = testing::TempDir() + "sidestep_" + GetParam();
+  const std::string command = std::string(SIDESTEP_COMMAND) + " run " + configuration() +
+                              " --set source.path=" + kKitchen.string() + " --set " + stride() +
+                              " --out " + out + " >/dev/null 2>&1";
+  EXPECT_EQ(std::system(command.c_str()), 0) << command;
+  std::filesystem::remove_all(out);
+}
+
+INSTANTIATE_TEST_SUITE_P(recorded, Kitchen, testing::Values("kitchen_hsr_gp", "kitchen_hsr_ompl"),
+                         [](const testing::TestParamInfo<const char*>& tested) {
+                           return std::string(tested.param);
+                         });
+
+}  // namespace
+}  // namespace sidestep
