@@ -19,6 +19,7 @@ function(sidestep_add_plugin name)
   endif()
   if(COMMAND sidestep_warnings)  # inside Sidestep's own tree
     sidestep_warnings(${target})
+    add_dependencies(sidestep_product ${target})
     set_target_properties(${target} PROPERTIES
       LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib/sidestep/plugins
       INSTALL_RPATH "$ORIGIN/../..")

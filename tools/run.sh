@@ -6,7 +6,7 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 
-"$root/tools/build.sh" release
+"$root/tools/build.sh" release sidestep_product
 if [ $# -eq 0 ]; then
   set -- "$root/configs/demo.yaml"
 fi
