@@ -36,8 +36,10 @@ TEST(Abi, EveryFieldOfTheDescriptorIsChecked) {
   EXPECT_THAT(refusal("kind"), HasSubstr("kind 77 is not known"));
   EXPECT_THAT(refusal("interface_version"),
               HasSubstr("interface version of kind mapper is 99, this host's is 1"));
-  EXPECT_THAT(refusal("name"), HasSubstr("empty"));
-  EXPECT_THAT(refusal("create"), HasSubstr("empty"));
+  for (const std::string field : {"name", "version", "doc", "schema", "create", "destroy"}) {
+    EXPECT_THAT(refusal(field), HasSubstr("the descriptor's " + field + " is empty"));
+  }
+  EXPECT_THAT(refusal("name_empty"), HasSubstr("the descriptor's name is empty"));
 }
 
 TEST(Abi, EveryFieldOfTheStampIsCheckedAndBothStampsAreShown) {
@@ -61,7 +63,10 @@ TEST(Abi, APluginBuiltForAnotherInstructionSetIsRefused) {
 TEST(Abi, WhatIsNoPluginIsRefused) {
   EXPECT_THAT(refusal("no_symbol"), HasSubstr("does not export sidestep_plugin()"));
   EXPECT_THAT(refusal("null_descriptor"), HasSubstr("returned null"));
+  EXPECT_THAT(refusal("undefined_symbol"),
+              AllOf(HasSubstr("cannot be loaded: "), HasSubstr("function_that_no_library_has")));
   EXPECT_THAT(refusal("descriptor_throws"), HasSubstr("sidestep_plugin() threw"));
+  EXPECT_THAT(refusal("schema_throws"), HasSubstr("schema() threw: no schema today"));
   EXPECT_THAT(refusal("not_elf"), HasSubstr("cannot be loaded: "));
   EXPECT_THAT(refusal("empty"), HasSubstr("cannot be loaded: "));
 }

@@ -5,6 +5,8 @@
 
 #include <sidestep/plugin/plugin.hpp>
 
+void* function_that_no_library_has();
+
 namespace {
 
 using namespace sidestep;
@@ -21,8 +23,12 @@ const Schema& schema() {
   return schema;
 }
 
+[[maybe_unused]] const Schema& throwing_schema() { throw std::runtime_error("no schema today"); }
+
 void* create(const Node&, const HostContext&, [[maybe_unused]] Error* error) {
-#if defined(CREATE_THROWS)
+#if defined(UNDEFINED_SYMBOL)
+  return function_that_no_library_has();
+#elif defined(CREATE_THROWS)
   throw std::runtime_error("the sensor is on fire");
 #elif defined(CREATE_THROWS_INT)
   throw 42;

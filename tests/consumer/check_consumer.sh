@@ -35,6 +35,9 @@ expect "$work/plugin" "$work/chessboard.txt"
 # The installed command runs an installed configuration by name with the third party's field.
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard
 
+env -u LD_LIBRARY_PATH "$sidestep" plugins voxel_grid >"$work/voxel_grid.txt"
+expect "$prefix/" "$work/voxel_grid.txt"
+
 # Its libraries and plugins are its own, not the build tree's.
 if ldd "$sidestep" | grep -F "$build/lib/"; then
   say "the installed command uses the build tree"

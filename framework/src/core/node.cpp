@@ -15,7 +15,7 @@ const std::string kNoText;
 /// The whole of `text` as a number; nothing if anything else is in it.
 template <class T>
 std::optional<T> parse_number(std::string_view text) {
-  if (text.starts_with('+')) text.remove_prefix(1);
+  if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
   T value{};
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size() || text.empty()) return {};
@@ -50,6 +50,10 @@ std::string SourceMark::to_string() const {
   if (line <= 0) return file;
   return file + ":" + std::to_string(line) + ":" + std::to_string(column);
 }
+
+Node::Node(Scalar scalar, SourceMark mark) : value_(std::move(scalar)), mark_(std::move(mark)) {}
+
+Node::Node(List list, SourceMark mark) : value_(std::move(list)), mark_(std::move(mark)) {}
 
 Node::Node(Map map, SourceMark mark) : value_(std::move(map)), mark_(std::move(mark)) {}
 
@@ -165,7 +169,8 @@ std::string nearest_name(std::string_view name, const std::vector<std::string>& 
   std::size_t best_distance = std::max<std::size_t>(2, name.size() / 2) + 1;
   for (const std::string& candidate : candidates) {
     const std::size_t distance = edit_distance(name, candidate);
-    if (distance < best_distance) {
+    const bool has_something_in_common = distance < std::max(name.size(), candidate.size());
+    if (distance < best_distance && has_something_in_common) {
       best_distance = distance;
       best = candidate;
     }

@@ -82,7 +82,11 @@ class Checker {
   }
 
   void check_value(const Node& node, const Parameter& parameter, const std::string& path) {
-    if (node.is_null()) return;  // left open: the default; a missing one is reported elsewhere
+    // Left open: the default; a missing one is reported elsewhere.
+    if (!node.is_null()) check_present(node, parameter, path);
+  }
+
+  void check_present(const Node& node, const Parameter& parameter, const std::string& path) {
     switch (parameter.type) {
       case ParameterType::kNode: return;
       case ParameterType::kBool: expect(node.as_bool(), node, path); return;
@@ -137,7 +141,7 @@ class Checker {
                 : parameter.type == ParameterType::kStrings ? ParameterType::kString
                                                             : ParameterType::kObject;
     for (std::size_t i = 0; i < node.items().size(); ++i) {
-      check_value(node.items()[i], item, path + "[" + std::to_string(i) + "]");
+      check_present(node.items()[i], item, path + "[" + std::to_string(i) + "]");
     }
   }
 

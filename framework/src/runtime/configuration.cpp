@@ -9,6 +9,7 @@ namespace sidestep {
 namespace {
 
 constexpr int kSchemaVersion = 1;
+const std::string kOverridePrefix = "--set ";
 
 const std::vector<std::string> kTopLevelKeys = {
     "schema_version", "base",  "plugin_paths", "experiment", "robot", "source",
@@ -41,7 +42,8 @@ class Reader {
   /// The document of a file, merged with its bases; an empty map where it cannot be read.
   Node read(const std::filesystem::path& file, const SourceMark& named_at) {
     const Node empty(Node::Map{}, {file.string(), 1, 1});
-    const std::filesystem::path identity = std::filesystem::weakly_canonical(file);
+    std::error_code unknown;  // e.g. a name too long; reading the file says so
+    const std::filesystem::path identity = std::filesystem::weakly_canonical(file, unknown);
     if (std::ranges::find(open_, identity) != open_.end()) {
       errors_.push_back(Error{ErrorCode::kConfig,
                               "'" + file.string() + "' is its own base",
@@ -135,10 +137,25 @@ Node* descend(Node& root, std::string_view path, const SourceMark& origin) {
   return node;
 }
 
+/// What earlier overrides have written into a map: it stays, whichever order they come in.
+Node only_overrides(const Node& map) {
+  Node kept(Node::Map{}, map.mark());
+  for (const Node::Entry& entry : map.entries()) {
+    const SourceMark& mark = entry.value.mark();
+    if (mark.line == 0 && mark.file.starts_with(kOverridePrefix)) {
+      kept.entries().push_back(entry);
+    } else if (Node below = only_overrides(entry.value); !below.entries().empty()) {
+      kept.entries().push_back({entry.key, entry.key_mark, std::move(below)});
+    }
+  }
+  return kept;
+}
+
 void apply_override(Node& root, const std::string& override_text, std::vector<Error>& errors) {
-  const SourceMark origin{"--set " + override_text, 0, 0};
+  const SourceMark origin{kOverridePrefix + override_text, 0, 0};
   const std::size_t equals = override_text.find('=');
   const std::string path = override_text.substr(0, equals);
+  const std::string first_key = path.substr(0, path.find('.'));
   const bool malformed = equals == std::string::npos || path.empty() || path.front() == '.' ||
                          path.back() == '.' || path.find("..") != std::string::npos;
   if (malformed) {
@@ -153,13 +170,16 @@ void apply_override(Node& root, const std::string& override_text, std::vector<Er
     return;
   }
   set_origin(*value, origin);
-  // A change of plugin drops the parameters of the plugin before, as it does between files.
-  const std::size_t dot = path.find('.');
-  if (dot != std::string::npos && path.substr(dot) == ".plugin") {
-    Node block(Node::Map{{"plugin", origin, *value}}, origin);
-    Node over(Node::Map{{path.substr(0, dot), origin, std::move(block)}}, origin);
-    root = merged(std::move(root), over);
+  if (first_key == "base") {
+    errors.push_back(Error{ErrorCode::kConfig, "'base' cannot be set on the command line",
+                           origin.to_string(), "name it in a file", nullptr});
     return;
+  }
+  // A change of plugin drops the parameters of the plugin before, as it does between files.
+  if (path == first_key + ".plugin") {
+    Node* block = root.find(first_key);
+    const Node* plugin = block != nullptr ? block->find("plugin") : nullptr;
+    if (plugin != nullptr && plugin->text() != value->text()) *block = only_overrides(*block);
   }
   Node* target = descend(root, path, origin);
   if (target == nullptr) {
@@ -168,6 +188,20 @@ void apply_override(Node& root, const std::string& override_text, std::vector<Er
     return;
   }
   *target = std::move(*value);
+}
+
+void check_plugin_paths(const Node& paths, std::vector<Error>& errors) {
+  if (!paths.is_list()) {
+    errors.push_back(
+        paths.error("'plugin_paths': expected a list of paths, found " + paths.kind()));
+  }
+  for (std::size_t i = 0; i < paths.items().size(); ++i) {
+    const Node& item = paths.items()[i];
+    if (const auto path = item.as_path(); !path) {
+      errors.push_back(
+          item.error("'plugin_paths[" + std::to_string(i) + "]': " + path.error().message));
+    }
+  }
 }
 
 void check_top_level(const Node& root, const std::filesystem::path& file,
@@ -179,6 +213,7 @@ void check_top_level(const Node& root, const std::filesystem::path& file,
                            entry.key_mark.to_string(),
                            nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr});
   }
+  if (const Node* paths = root.find("plugin_paths")) check_plugin_paths(*paths, errors);
   const Node* version = root.find("schema_version");
   const std::string supported =
       "this version reads schema_version: " + std::to_string(kSchemaVersion);

@@ -135,13 +135,14 @@ struct Host::Impl {
     for (const auto& library : libraries) add_library(library);
   }
 
+  void reject(const std::filesystem::path& library, Error error) {
+    log.debug(error.describe());
+    rejections.push_back({library, std::move(error)});
+  }
+
   void add_library(const std::filesystem::path& library) {
     const auto descriptor = open_plugin_library(library);
-    if (!descriptor) {
-      log.debug(descriptor.error().describe());
-      rejections.push_back({library, descriptor.error()});
-      return;
-    }
+    if (!descriptor) return reject(library, descriptor.error());
     const PluginDescriptor& d = **descriptor;
     const auto same = std::ranges::find_if(
         found, [&](const Found& f) { return f.info.kind == d.kind && f.info.name == d.name; });
@@ -150,7 +151,9 @@ struct Host::Impl {
                same->info.library.string() + ", not from " + library.string());
       return;
     }
-    found.push_back({{d.kind, d.name, d.version, d.doc, library, d.schema()}, &d});
+    auto schema = read_schema(d, library);
+    if (!schema) return reject(library, schema.error());
+    found.push_back({{d.kind, d.name, d.version, d.doc, library, std::move(*schema)}, &d});
   }
 
   Result<const Found*> find(PluginKind kind, const Node& block) {

@@ -4,18 +4,25 @@
 
 namespace sidestep {
 
+InstallLayout install_layout_of(const std::filesystem::path& runtime_library) {
+  // <prefix>/lib, <prefix>/lib64, or <prefix>/lib/<multiarch>
+  const std::filesystem::path lib = runtime_library.parent_path();
+  const std::filesystem::path prefix = lib.filename().string().starts_with("lib")
+                                           ? lib.parent_path()
+                                           : lib.parent_path().parent_path();
+  const std::filesystem::path share = prefix / "share" / "sidestep";
+  return {lib / "sidestep" / "plugins", share / "robots", share / "configs"};
+}
+
 InstallLayout install_layout() {
   Dl_info info{};
   std::filesystem::path library;
   if (dladdr(reinterpret_cast<const void*>(&install_layout), &info) != 0) {
-    library = std::filesystem::weakly_canonical(info.dli_fname);
+    std::error_code error;
+    library = std::filesystem::weakly_canonical(info.dli_fname, error);
+    if (error) library = info.dli_fname;
   }
-  // <prefix>/lib/libsidestep_runtime.so, or <prefix>/lib/<multiarch>/libsidestep_runtime.so
-  const std::filesystem::path lib = library.parent_path();
-  const std::filesystem::path prefix =
-      lib.filename() == "lib" ? lib.parent_path() : lib.parent_path().parent_path();
-  const std::filesystem::path share = prefix / "share" / "sidestep";
-  return {lib / "sidestep" / "plugins", share / "robots", share / "configs"};
+  return install_layout_of(library);
 }
 
 }  // namespace sidestep

@@ -4,13 +4,24 @@
 #include <sidestep/runtime/host.hpp>
 
 namespace sidestep {
+namespace {
+
+Error out_of_time(const Deadline& deadline) {
+  if (deadline.stop_requested())
+    return {ErrorCode::kCancelled, "mapping was cancelled", {}, {}, {}};
+  return {ErrorCode::kDeadlineExceeded, "no usable frame came in time", {}, {}, {}};
+}
+
+}  // namespace
 
 Result<void> MappingPipeline::attach() {
   return guarded("field", [&] { return parts_.field_builder.attach(parts_.mapper); });
 }
 
 Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadline) {
-  for (;;) {
+  for (bool has_skipped = false;; has_skipped = true) {
+    // The source watches the deadline of a frame; a row of unusable ones must end at it, too.
+    if (has_skipped && deadline.expired()) return tl::make_unexpected(out_of_time(deadline));
     MappingStep step;
     Stopwatch watch;
     auto frame = guarded("source", [&] { return parts_.source.next(deadline); });
@@ -37,6 +48,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     watch.restart();
     auto field = guarded("field", [&] { return parts_.field_builder.update(step.update); });
     if (!field) return tl::make_unexpected(std::move(field.error()));
+    if (*field == nullptr) return fail(ErrorCode::kPlugin, "returned no field", "plugin field");
     parts_.slot.publish(std::move(*field));
     step.field_ms = watch.elapsed_ms();
     return step;

@@ -3,8 +3,10 @@
 #include <dlfcn.h>
 
 #include <cstring>
+#include <exception>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/host.hpp>
@@ -109,10 +111,18 @@ Result<void> check_descriptor(const PluginDescriptor& plugin,
                            plugin.interface_version, *version),
                   rebuild);
   }
-  if (plugin.name == nullptr || *plugin.name == '\0' || plugin.version == nullptr ||
-      plugin.doc == nullptr || plugin.schema == nullptr || plugin.create == nullptr ||
-      plugin.destroy == nullptr) {
-    return refuse(library, "the descriptor leaves a name, version, doc or function empty");
+  const std::pair<const char*, bool> fields[] = {
+      {"name", plugin.name != nullptr && *plugin.name != '\0'},
+      {"version", plugin.version != nullptr},
+      {"doc", plugin.doc != nullptr},
+      {"schema", plugin.schema != nullptr},
+      {"create", plugin.create != nullptr},
+      {"destroy", plugin.destroy != nullptr}};
+  for (const auto& [field, is_filled] : fields) {
+    if (!is_filled) {
+      return refuse(library, std::string("the descriptor's ") + field + " is empty",
+                    "a plugin ends with SIDESTEP_PLUGIN(...)");
+    }
   }
   return {};
 }
@@ -129,6 +139,16 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
     case PluginKind::kExecutor: return kExecutorInterface;
   }
   return std::nullopt;
+}
+
+Result<Schema> read_schema(const PluginDescriptor& plugin, const std::filesystem::path& library) {
+  try {
+    return plugin.schema();
+  } catch (const std::exception& exception) {
+    return refuse(library, std::string("schema() threw: ") + exception.what());
+  } catch (...) {
+    return refuse(library, "schema() threw something that is not a std::exception");
+  }
 }
 
 Result<const PluginDescriptor*> open_plugin_library(const std::filesystem::path& library) {

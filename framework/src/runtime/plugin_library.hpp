@@ -12,6 +12,10 @@ namespace sidestep {
 [[nodiscard]] Result<const PluginDescriptor*> open_plugin_library(
     const std::filesystem::path& library);
 
+/// The parameters that an opened plugin declares. Fails with kPlugin where the plugin throws.
+[[nodiscard]] Result<Schema> read_schema(const PluginDescriptor& plugin,
+                                         const std::filesystem::path& library);
+
 /// The interface version that this host speaks; nothing for a kind it does not know.
 [[nodiscard]] std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept;
 

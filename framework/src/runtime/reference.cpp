@@ -116,8 +116,9 @@ std::string configuration_json_schema(const std::vector<PluginInfo>& plugins) {
     block["title"] = plugin.name;
     block["description"] = plugin.doc;
     block["properties"]["plugin"] = {{"const", plugin.name}};
-    block["required"].push_back("plugin");
-    properties[std::string(to_string(plugin.kind))]["oneOf"].push_back(std::move(block));
+    // A file with a base may leave out what the base says, even the plugin's name.
+    block.erase("required");
+    properties[std::string(to_string(plugin.kind))]["anyOf"].push_back(std::move(block));
   }
   const Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
                        {"title", "Sidestep configuration"},

@@ -1,5 +1,6 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include <algorithm>
 #include <fstream>
 #include <sstream>
 #include <unordered_map>
@@ -17,6 +18,11 @@ class Converter {
 
   Result<Node> convert(const YAML::Node& yaml) {
     const SourceMark mark = mark_of(yaml.Mark());
+    // Aliases count each time they are used: few lines of them can stand for billions of values.
+    if (++nodes_ > kMaxNodes) {
+      return fail(ErrorCode::kConfig, "the document is too large once its aliases are filled in",
+                  mark.to_string());
+    }
     if (++depth_ > kMaxDepth)
       return fail(ErrorCode::kConfig, "nested too deeply", mark.to_string());
     Result<Node> node = convert_any(yaml, mark);
@@ -26,6 +32,7 @@ class Converter {
 
  private:
   static constexpr int kMaxDepth = 100;
+  static constexpr int kMaxNodes = 1'000'000;
 
   Result<Node> convert_any(const YAML::Node& yaml, const SourceMark& mark) {
     // "?" is yaml-cpp's tag of a plain node, "!" that of a quoted scalar.
@@ -53,6 +60,7 @@ class Converter {
     for (const YAML::Node& item : yaml) {
       Result<Node> node = convert(item);
       if (!node) return node;
+      if (node->is_null()) node->set_mark(mark);  // yaml-cpp gives nulls no position
       list.push_back(std::move(*node));
     }
     return Node(std::move(list), mark);
@@ -90,43 +98,58 @@ class Converter {
   std::string file_;
   std::vector<Error>& errors_;
   int depth_ = 0;
+  int nodes_ = 0;
 };
+
+bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }
 
 bool needs_quotes(const std::string& text) {
   if (text.empty()) return true;
-  if (text.find_first_of(":#{}[],&*!|>'\"%@`\n\t") != std::string::npos) return true;
+  if (text.find_first_of(":#{}[],&*!|>'\"%@`") != std::string::npos) return true;
+  if (std::any_of(text.begin(), text.end(), is_control)) return true;
   if (text.front() == ' ' || text.back() == ' ' || text.front() == '-' || text.front() == '?') {
     return true;
   }
-  return text == "true" || text == "false" || text == "null" || text == "~";
+  return text == "true" || text == "false" || text == "null" || text == "Null" || text == "NULL" ||
+         text == "~";
+}
+
+std::string quoted(const std::string& text) {
+  constexpr const char* kHex = "0123456789abcdef";
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '\n') {
+      out += "\\n";
+    } else if (is_control(c)) {
+      out += {'\\', 'x', kHex[(c >> 4) & 0xf], kHex[c & 0xf]};
+    } else {
+      if (c == '"' || c == '\\') out += '\\';
+      out += c;
+    }
+  }
+  return out + '"';
 }
 
 std::string scalar_text(const Node& node) {
   if (node.is_null()) return "null";
   if (node.kind() != "a string") return node.text();
-  if (!needs_quotes(node.text()) &&
-      Node(Node::Scalar{node.text(), false}, {}).kind() == "a string") {
-    return node.text();
-  }
-  std::string quoted = "\"";
-  for (const char c : node.text()) {
-    if (c == '\n') {
-      quoted += "\\n";
-    } else if (c == '\t') {
-      quoted += "\\t";
-    } else {
-      if (c == '"' || c == '\\') quoted += '\\';
-      quoted += c;
-    }
-  }
-  return quoted + '"';
+  const bool reads_as_string = Node(Node::Scalar{node.text(), false}, {}).kind() == "a string";
+  return reads_as_string && !needs_quotes(node.text()) ? node.text() : quoted(node.text());
 }
 
-bool is_flat(const Node& node) {
-  for (const Node& item : node.items()) {
-    if (!item.is_scalar()) return false;
-  }
-  return true;
+/// A comment that says where a value comes from; on one line, whatever the origin holds.
+std::string origin_comment(const SourceMark& mark) {
+  std::string text = mark.to_string();
+  std::replace_if(text.begin(), text.end(), is_control, ' ');
+  return "  # " + text;
+}
+
+/// Whether a list fits on one line: scalars, all from one place.
+bool is_flat(const Node& list) {
+  const auto from_elsewhere = [&](const Node& item) {
+    return !item.is_scalar() || item.mark().file != list.mark().file;
+  };
+  return std::none_of(list.items().begin(), list.items().end(), from_elsewhere);
 }
 
 std::string flow_text(const Node& list) {
@@ -171,7 +194,7 @@ class Writer {
       write(value, indent + 2);
     } else {
       out_ << ' ' << (value.is_list() ? flow_text(value) : scalar_text(value));
-      if (origins_ && !value.mark().file.empty()) out_ << "  # " << value.mark().to_string();
+      if (origins_ && !value.mark().file.empty()) out_ << origin_comment(value.mark());
       out_ << '\n';
     }
   }

@@ -1,5 +1,6 @@
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -50,6 +51,15 @@ TEST(Scratch, NestedScopesDoNotOverlapAndLinesAreAligned) {
   }
 }
 
+TEST(Seed, IsFnv1aMixedBySplitMix64) {
+  // Published values: FNV-1a of "" and "foobar"; the first number of SplitMix64 seeded 1234567.
+  constexpr std::uint64_t kFnvOfNothing = 0xcbf29ce484222325u;
+  constexpr std::uint64_t kFnvOfFoobar = 0x85944171f73967e8u;
+  constexpr std::uint64_t kSplitMixOf1234567 = 6457827717110365317u;
+  EXPECT_EQ(derive_seed(1234567u - kFnvOfNothing, ""), kSplitMixOf1234567);
+  EXPECT_EQ(derive_seed(1234567u - kFnvOfFoobar, "foobar"), kSplitMixOf1234567);
+}
+
 TEST(Seed, IsFixedDiffersByPartAndByRun) {
   EXPECT_EQ(derive_seed(7, "simulator"), derive_seed(7, "simulator"));
   std::set<std::uint64_t> seeds;
@@ -71,6 +81,15 @@ TEST(Deadline, ExpiresAtItsTimeOrOnRequest) {
   EXPECT_TRUE(deadline.expired());
   EXPECT_TRUE(deadline.stop_requested());
   EXPECT_EQ(deadline.remaining_s(), 0.0);
+}
+
+TEST(Deadline, ATimeTooFarForTheClockNeverComes) {
+  for (const double seconds : {1e10, 1e300, std::numeric_limits<double>::infinity()}) {
+    EXPECT_FALSE(Deadline::after_s(seconds).expired()) << seconds;
+    EXPECT_GT(Deadline::after_s(seconds).remaining_s(), 1e9) << seconds;
+    EXPECT_TRUE(Deadline::after_s(-seconds).expired()) << -seconds;
+    EXPECT_LE(Deadline::after_s(1.0).capped_s(seconds).remaining_s(), 1.0) << seconds;
+  }
 }
 
 TEST(Deadline, ACapNeverExtendsIt) {

@@ -15,10 +15,12 @@ TEST(Node, ReadsNumbersStrictly) {
   EXPECT_EQ(scalar("+3").as_int().value(), 3);
   EXPECT_EQ(scalar("1e-3").as_double().value(), 1e-3);
   EXPECT_EQ(scalar("12").as_double().value(), 12.0);
-  for (const char* text : {"12x", "", "1.5", "1e3", "0x10", "99999999999999999999"}) {
+  for (const char* text :
+       {"12x", "", "+-3", "++3", "+", "1.5", "1e3", "0x10", "99999999999999999999"}) {
     EXPECT_FALSE(scalar(text).as_int()) << text;
   }
-  for (const char* text : {"1.0.0", "abc", "", ".inf", "-.inf", ".nan", "inf", "nan", "1e999"}) {
+  for (const char* text :
+       {"1.0.0", "abc", "", "+-3", "++3", "+", ".inf", "-.inf", ".nan", "inf", "nan", "1e999"}) {
     EXPECT_FALSE(scalar(text).as_double()) << text;
   }
   EXPECT_FALSE(scalar("12", true).as_int()) << "a quoted number is a string";
@@ -73,6 +75,7 @@ TEST(NearestName, FindsTyposAndNothingFarFetched) {
   EXPECT_EQ(nearest_name("resolutoin_m", names), "resolution_m");
   EXPECT_EQ(nearest_name("sizevox", names), "size_vox");
   EXPECT_EQ(nearest_name("xyz", names), "");
+  EXPECT_EQ(nearest_name("ab", {"xy", "c"}), "") << "nothing in common";
   EXPECT_EQ(nearest_name("anything", {}), "");
 }
 

@@ -86,6 +86,43 @@ TEST_F(ConfigurationFiles, AnotherPluginStartsAfresh) {
   EXPECT_EQ(value(same.configuration.root, "field", "signed"), "true");
 }
 
+TEST_F(ConfigurationFiles, TheOrderOfOverridesDoesNotDropThoseOfTheNewPlugin) {
+  const auto file = write("a.yaml", "schema_version: 1\nfield: {plugin: edt, signed: true}\n");
+  for (const std::vector<std::string>& overrides :
+       {std::vector<std::string>{"field.size=2", "field.plugin=other"},
+        std::vector<std::string>{"field.plugin=other", "field.size=2"}}) {
+    const Node root = read(file, overrides).configuration.root;
+    EXPECT_EQ(value(root, "field", "plugin"), "other");
+    EXPECT_EQ(value(root, "field", "size"), "2");
+    EXPECT_EQ(value(root, "field", "signed"), "(none)");
+  }
+}
+
+TEST_F(ConfigurationFiles, ABaseCannotBeSetFromTheCommandLine) {
+  write("b.yaml", "robot: {plugin: point}\n");
+  const auto file = write("a.yaml", "schema_version: 1\n");
+  EXPECT_THAT(errors(read(file, {"base=b.yaml"})),
+              ElementsAre(HasSubstr("--set base=b.yaml: 'base' cannot be set")));
+  EXPECT_THAT(errors(read(file, {"base.0=b.yaml"})),
+              ElementsAre(HasSubstr("'base' cannot be set")));
+}
+
+TEST_F(ConfigurationFiles, ANameThatNoFileCanHaveIsAnError) {
+  const std::string name(5000, 'x');
+  const auto file = write("a.yaml", "schema_version: 1\nbase: " + name + "\n");
+  EXPECT_THAT(errors(read(file)), ElementsAre(HasSubstr("a.yaml:2:7: the base cannot be read")));
+  EXPECT_EQ(read(folder_ / name).errors.size(), 1u);
+}
+
+TEST_F(ConfigurationFiles, PluginPathsAreAListOfPaths) {
+  EXPECT_THAT(errors(read(write("a.yaml", "schema_version: 1\nplugin_paths: /opt/plugins\n"))),
+              ElementsAre("a.yaml:2:15: 'plugin_paths': expected a list of paths, found a string"));
+  EXPECT_THAT(errors(read(write("b.yaml", "schema_version: 1\nplugin_paths: [a, [b], ]\n"))),
+              ElementsAre("b.yaml:2:19: 'plugin_paths[1]': expected a path, found a list"));
+  EXPECT_THAT(errors(read(write("c.yaml", "schema_version: 1\nplugin_paths: [a, /b]\n"))),
+              ElementsAre());
+}
+
 TEST_F(ConfigurationFiles, OverridesReachIntoListsAndMakeNewBlocks) {
   const auto file =
       write("a.yaml", "schema_version: 1\nexperiment: {plans: [{name: a}, {name: b}]}\n");
@@ -199,6 +236,13 @@ TEST(SchemaCheck, FindsEveryMistakeAtEveryDepth) {
           "t.yaml:8:8: unknown key 'part.radius' (did you mean 'radius_m'?)",
           "t.yaml:9:20: 'parts[0].radius_m': 2 is out of range (expected between 0 and 1 m)",
           "t.yaml:1:1: 'name' is missing (A name.)"));
+}
+
+TEST(SchemaCheck, AnItemOfAListCannotBeLeftOpen) {
+  EXPECT_THAT(mistakes("name: n\nweights: [1, ~]\nsize:\n  - 1\n  -\n  - 3\nparts: [~]\n"),
+              ElementsAre(HasSubstr("'weights[1]': expected a number, found nothing"),
+                          HasSubstr("'size[1]': expected a whole number, found nothing"),
+                          HasSubstr("'parts[0]': expected a map, found nothing")));
 }
 
 TEST(SchemaCheck, DefaultsAreThoseOfTheStruct) {

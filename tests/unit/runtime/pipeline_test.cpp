@@ -1,4 +1,5 @@
 #include <deque>
+#include <functional>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
@@ -17,6 +18,7 @@ class ScriptedSource final : public Source {
  public:
   Result<std::optional<Frame>> next(const Deadline&) override {
     if (script.empty()) return std::optional<Frame>{};
+    if (on_next) on_next();
     auto result = std::move(script.front());
     script.pop_front();
     if (!result && result.error().message == "throw") throw std::runtime_error("unplugged");
@@ -34,6 +36,7 @@ class ScriptedSource final : public Source {
   }
 
   std::deque<Result<std::optional<Frame>>> script;
+  std::function<void()> on_next;
 };
 
 class CountingMapper final : public Mapper {
@@ -60,8 +63,11 @@ class EmptyField final : public DistanceField {
 
 class NumberingBuilder final : public FieldBuilder {
  public:
+  bool forgetful = false;
+
   Result<void> attach(Mapper&) override { return {}; }
   Result<std::shared_ptr<const DistanceField>> update(const MapUpdate& update) override {
+    if (forgetful) return nullptr;
     return std::make_shared<EmptyField>(FieldInfo{.sequence = update.sequence});
   }
 };
@@ -114,6 +120,30 @@ TEST_F(Pipeline, AnExceptionBecomesAnErrorThatNamesThePart) {
   ASSERT_FALSE(step);
   EXPECT_EQ(step.error().code, ErrorCode::kPlugin);
   EXPECT_EQ(step.error().describe(), "plugin source: threw: unplugged");
+}
+
+TEST_F(Pipeline, AFieldThatIsNotThereIsNeverPublished) {
+  source_.add_frame(1);
+  source_.add_frame(2);
+  ASSERT_TRUE(pipeline_.step({}));
+  builder_.forgetful = true;
+  const auto step = pipeline_.step({});
+  ASSERT_FALSE(step);
+  EXPECT_EQ(step.error().describe(), "plugin field: returned no field");
+  ASSERT_NE(slot_.pin(), nullptr);
+  EXPECT_EQ(slot_.pin()->info().sequence, 1);
+}
+
+TEST_F(Pipeline, SkippingEndsAtTheDeadlineThoughTheSourceDoesNotWatchIt) {
+  std::stop_source stop;
+  for (int i = 0; i < 10; ++i) source_.add_error(ErrorCode::kBadFrame, "truncated");
+  source_.on_next = [&] {
+    if (source_.script.size() == 8) stop.request_stop();
+  };
+  const auto step = pipeline_.step(Deadline(stop.get_token()));
+  ASSERT_FALSE(step);
+  EXPECT_EQ(step.error().code, ErrorCode::kCancelled);
+  EXPECT_EQ(pipeline_.bad_frames().size(), 3u);
 }
 
 }  // namespace

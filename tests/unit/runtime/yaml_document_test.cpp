@@ -76,9 +76,38 @@ TEST(YamlDocument, WhatIsWrittenReadsBackTheSame) {
   const Node root = parse(
       "a: {b: [1, 2.5, x, \"3\", \"true\"], c: \"with: colon # and \\\"quotes\\\"\"}\n"
       "list:\n  - {x: 1, y: []}\n  - [a, b]\n  - - nested\n    - {deep: true}\n"
-      "empty: {}\nnothing:\ntext: \"two\\nlines\"\nblank: \"\"\n\"odd key: 1\": -7\n");
+      "empty: {}\nnothing:\ntext: \"two\\nlines\"\nblank: \"\"\n\"odd key: 1\": -7\n"
+      "nulls: [\"null\", \"Null\", \"NULL\", \"~\"]\n"
+      "control: \"a\\rb\\x01c\\u0085\\u2028d\\x7f\"\nutf8: \"\u00fcber\"\n");
   expect_same(root, parse(to_yaml(root, false)));
   expect_same(root, parse(to_yaml(root, true)));
+}
+
+TEST(YamlDocument, OriginsStandBesideEveryValueEvenInLists) {
+  Node root = parse("a: {b: 1}\nlist: [1, 2]\n");
+  EXPECT_EQ(to_yaml(root, true), "a:\n  b: 1  # t.yaml:1:8\nlist: [1, 2]  # t.yaml:2:7\n");
+  root.find("list")->items()[1] = Node(Node::Scalar{"3", false}, {"--set list.1=3", 0, 0});
+  EXPECT_EQ(to_yaml(root, true),
+            "a:\n  b: 1  # t.yaml:1:8\nlist:\n  - 1  # t.yaml:2:8\n  - 3  # --set list.1=3\n");
+}
+
+TEST(YamlDocument, AnOriginOfSeveralLinesStaysAComment) {
+  Node root = parse("a: 1\n");
+  root.find("a")->set_mark({"--set a=\n  1", 0, 0});
+  expect_same(root, parse(to_yaml(root, true)));
+}
+
+TEST(YamlDocument, DocumentsThatGrowWithoutEndAreRefused) {
+  std::string bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
+  for (int i = 1; i < 9; ++i) {
+    const std::string below = "*a" + std::to_string(i - 1);
+    bomb += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [";
+    for (int j = 0; j < 10; ++j) bomb += (j == 0 ? "" : ", ") + below;
+    bomb += "]\n";
+  }
+  EXPECT_NE(error_of(bomb).find("too large"), std::string::npos);
+  EXPECT_NE(error_of("a: &x [*x, *x]\n").find("nested too deeply"), std::string::npos);
+  EXPECT_NE(error_of("a: " + std::string(100000, '[')), "no error");
 }
 
 }  // namespace

@@ -40,8 +40,9 @@ class Node {
   };
 
   Node() = default;  // null
-  Node(Scalar scalar, SourceMark mark) : value_(std::move(scalar)), mark_(std::move(mark)) {}
-  Node(List list, SourceMark mark) : value_(std::move(list)), mark_(std::move(mark)) {}
+  // Defined where Entry is complete: a variant's constructors ask for that.
+  Node(Scalar scalar, SourceMark mark);
+  Node(List list, SourceMark mark);
   Node(Map map, SourceMark mark);
 
   [[nodiscard]] bool is_null() const noexcept { return value_.index() == 0; }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <compare>
 #include <cstdint>
@@ -40,7 +41,10 @@ class Deadline {
   explicit Deadline(SteadyClock::time_point at, std::stop_token stop = {})
       : at_(at), stop_(std::move(stop)) {}
 
+  /// `seconds` from now; more than a century counts as one, NaN as past.
   [[nodiscard]] static Deadline after_s(double seconds, std::stop_token stop = {}) {
+    constexpr double kCentury_s = 3.2e9;  // What the clock's nanoseconds can hold, thrice.
+    seconds = seconds > -kCentury_s ? std::min(seconds, kCentury_s) : -kCentury_s;
     return Deadline(SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(
                                              std::chrono::duration<double>(seconds)),
                     std::move(stop));

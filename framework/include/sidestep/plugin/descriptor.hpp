@@ -32,13 +32,13 @@ inline constexpr std::uint32_t kExecutorInterface = 1;
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
 /// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.
 struct AbiStamp {
-  char compiler_abi[32];              ///< E.g. "gcc-abi-1017".
+  char compiler_abi[32];              ///< E.g. "itanium-1017".
   std::uint32_t libstdcxx_cxx11_abi;  ///< _GLIBCXX_USE_CXX11_ABI
   std::uint32_t reserved;
   std::int64_t cplusplus;               ///< __cplusplus
   std::uint32_t eigen_version;          ///< world * 10000 + major * 100 + minor
   std::uint32_t eigen_max_align_bytes;  ///< EIGEN_MAX_ALIGN_BYTES
-  char sanitizers[32];                  ///< "none", "address", "thread"
+  char sanitizers[32];                  ///< "none", "address", "thread", "memory"
 };
 
 /// What a plugin's library exports. The prefix up to `abi` has a layout that never changes;

@@ -60,6 +60,24 @@ struct PluginTraits<Executor> {
   static constexpr std::uint32_t kVersion = kExecutorInterface;
 };
 
+namespace detail {
+
+/// The sanitizer that decides how memory is laid out. g++ tells by macro, clang++ by feature.
+#if defined(__SANITIZE_ADDRESS__)
+inline constexpr const char* kSanitizer = "address";
+#elif defined(__SANITIZE_THREAD__)
+inline constexpr const char* kSanitizer = "thread";
+#elif defined(__has_feature)
+inline constexpr const char* kSanitizer = __has_feature(address_sanitizer)  ? "address"
+                                          : __has_feature(thread_sanitizer) ? "thread"
+                                          : __has_feature(memory_sanitizer) ? "memory"
+                                                                            : "none";
+#else
+inline constexpr const char* kSanitizer = "none";
+#endif
+
+}  // namespace detail
+
 /// The stamp of the binary that this is compiled into.
 [[nodiscard]] inline AbiStamp abi_stamp() noexcept {
   AbiStamp stamp{};
@@ -75,13 +93,7 @@ struct PluginTraits<Executor> {
   stamp.eigen_version =
       EIGEN_WORLD_VERSION * 10000 + EIGEN_MAJOR_VERSION * 100 + EIGEN_MINOR_VERSION;
   stamp.eigen_max_align_bytes = EIGEN_MAX_ALIGN_BYTES;
-#if defined(__SANITIZE_ADDRESS__)
-  std::strcpy(stamp.sanitizers, "address");
-#elif defined(__SANITIZE_THREAD__)
-  std::strcpy(stamp.sanitizers, "thread");
-#else
-  std::strcpy(stamp.sanitizers, "none");
-#endif
+  std::strcpy(stamp.sanitizers, detail::kSanitizer);
   return stamp;
 }
 

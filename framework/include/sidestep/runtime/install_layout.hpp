@@ -17,4 +17,8 @@ struct InstallLayout {
 /// plugins in <build>/lib/sidestep/plugins, and links <build>/share/sidestep to the sources.
 [[nodiscard]] InstallLayout install_layout();
 
+/// The same for a runtime library at a given place, e.g. /usr/lib/x86_64-linux-gnu/
+/// libsidestep_runtime.so, whose prefix is /usr.
+[[nodiscard]] InstallLayout install_layout_of(const std::filesystem::path& runtime_library);
+
 }  // namespace sidestep
