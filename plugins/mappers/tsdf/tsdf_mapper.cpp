@@ -1,0 +1,162 @@
+#include "tsdf_mapper.hpp"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+
+#include <sidestep/mapping/frame_check.hpp>
+
+namespace sidestep::tsdf {
+namespace {
+
+/// A frame is always divided into so many parts, whatever the number of threads, because rays
+/// of the fast integrator know only of those in their own part.
+constexpr std::size_t kParts = 16;
+/// Rays of the other integrators that are walked before their voxels are updated: bounds the
+/// memory for what they cross.
+constexpr std::size_t kRaysAtOnce = 32768;
+
+/// Visits 0 .. size - 1 in steps of about the golden section of it: the first few already lie
+/// everywhere, as rays of the fast integrator should that keep others from being cast.
+class ScatteredOrder {
+ public:
+  explicit ScatteredOrder(std::size_t size) : size_(size) {
+    step_ = std::max<std::size_t>(1, size * 618 / 1000);
+    while (std::gcd(step_, size_) > 1) ++step_;
+  }
+  [[nodiscard]] std::size_t next() noexcept {
+    const std::size_t at = at_;
+    at_ += step_;
+    if (at_ >= size_) at_ -= size_;
+    return at;
+  }
+
+ private:
+  std::size_t size_;
+  std::size_t step_;
+  std::size_t at_ = 0;
+};
+
+void add_ray(const std::optional<Ray>& ray, Trace& trace) {
+  if (ray) trace.rays.push_back(*ray);
+}
+
+}  // namespace
+
+TsdfMapper::TsdfMapper(const TsdfOptions& options, const HostContext& context)
+    : options_(options),
+      rules_(options.rules()),
+      workers_(context.workers),
+      self_(context.robot, options.self_filter_margin_m),
+      map_(options, context.workers),
+      bundler_(options.grid()),
+      traces_(kParts),
+      walkers_(kParts, RayWalker(options)) {
+  if (options.integrator == "fast") starts_.assign(kParts, StartCells(options));
+}
+
+Result<MapUpdate> TsdfMapper::integrate(const Frame& frame) {
+  if (auto ok = check_frame(frame); !ok) return tl::make_unexpected(std::move(ok.error()));
+  if (auto ok = self_.pose(frame); !ok) return tl::make_unexpected(std::move(ok.error()));
+  const RayEnds ends(map_.grid(), rules_, options_.clear_no_return, self_, frame);
+  const RayMaker maker(options_, ends, frame);
+  map_.begin_frame();
+  MapUpdate update;
+  if (options_.integrator == "fast") {
+    update.counts = integrate_fast(ends, maker);
+  } else if (options_.integrator == "merged") {
+    update.counts = integrate_merged(ends, maker);
+  } else {
+    update.counts = integrate_simple(ends, maker);
+  }
+  changed_ = map_.changed_distances();
+  update.sequence = ++sequence_;
+  update.stamp = frame.stamp;
+  update.changed_blocks = map_.changed_occupancy();
+  return update;
+}
+
+template <class Make>
+IntegrationCounts TsdfMapper::in_parts(std::size_t begin, std::size_t end, const Make& make) {
+  std::array<IntegrationCounts, kParts> counts;
+  workers_.run(static_cast<int>(kParts), [&](int p) {
+    const auto part = static_cast<std::size_t>(p);
+    const std::size_t from = begin + (end - begin) * part / kParts;
+    const std::size_t to = begin + (end - begin) * (part + 1) / kParts;
+    make(from, to, part, counts[part]);
+  });
+  IntegrationCounts all;
+  for (const IntegrationCounts& part : counts) add_counts(all, part);
+  return all;
+}
+
+IntegrationCounts TsdfMapper::integrate_fast(const RayEnds& ends, const RayMaker& maker) {
+  const IntegrationCounts counts =
+      in_parts(0, ends.size(),
+               [&](std::size_t from, std::size_t to, std::size_t part, IntegrationCounts& counted) {
+                 ScatteredOrder order(to - from);
+                 traces_[part].clear();
+                 for (std::size_t i = from; i < to; ++i) {
+                   const auto end = maker.end(from + order.next(), counted);
+                   if (end && starts_[part].insert(*end)) add_ray(maker.to(*end), traces_[part]);
+                 }
+                 starts_[part].clear();
+               });
+  walk_and_integrate(ends.camera_vox());
+  return counts;
+}
+
+IntegrationCounts TsdfMapper::make_all_rays(const RayMaker& maker, std::size_t begin,
+                                            std::size_t end) {
+  return in_parts(
+      begin, end,
+      [&](std::size_t from, std::size_t to, std::size_t part, IntegrationCounts& counted) {
+        traces_[part].clear();
+        for (std::size_t i = from; i < to; ++i) {
+          if (const auto at = maker.end(i, counted)) add_ray(maker.to(*at), traces_[part]);
+        }
+      });
+}
+
+IntegrationCounts TsdfMapper::integrate_simple(const RayEnds& ends, const RayMaker& maker) {
+  IntegrationCounts all;
+  for (std::size_t begin = 0; begin < ends.size(); begin += kRaysAtOnce) {
+    add_counts(all, make_all_rays(maker, begin, std::min(begin + kRaysAtOnce, ends.size())));
+    walk_and_integrate(ends.camera_vox());
+  }
+  return all;
+}
+
+IntegrationCounts TsdfMapper::integrate_merged(const RayEnds& ends, const RayMaker& maker) {
+  const IntegrationCounts counts = make_all_rays(maker, 0, ends.size());
+  for (const Trace& trace : traces_) {
+    for (const Ray& ray : trace.rays) bundler_.add(ray);
+  }
+  const std::vector<Ray> bundles = bundler_.take(maker);
+  for (std::size_t begin = 0; begin < bundles.size(); begin += kRaysAtOnce) {
+    const std::size_t size = std::min(kRaysAtOnce, bundles.size() - begin);
+    for (std::size_t part = 0; part < kParts; ++part) {
+      traces_[part].clear();
+      const auto from = bundles.begin() + static_cast<std::ptrdiff_t>(begin);
+      traces_[part].rays.assign(from + static_cast<std::ptrdiff_t>(size * part / kParts),
+                                from + static_cast<std::ptrdiff_t>(size * (part + 1) / kParts));
+    }
+    walk_and_integrate(ends.camera_vox());
+  }
+  return counts;
+}
+
+void TsdfMapper::walk_and_integrate(const Eigen::Vector3d& camera_vox) {
+  workers_.run(static_cast<int>(kParts), [&](int part) {
+    walkers_[static_cast<std::size_t>(part)].walk_all(camera_vox,
+                                                      traces_[static_cast<std::size_t>(part)]);
+  });
+  map_.integrate(traces_, camera_vox);
+}
+
+Result<std::unique_ptr<Mapper>> create(const TsdfOptions& options, const HostContext& context) {
+  if (auto ok = check_options(options); !ok) return tl::make_unexpected(std::move(ok.error()));
+  return std::make_unique<TsdfMapper>(options, context);
+}
+
+}  // namespace sidestep::tsdf
