@@ -41,6 +41,20 @@ function(sidestep_add_layer name)
   sidestep_warnings(sidestep_layer_${name})
 endfunction()
 
+# sidestep_add_plugin_library(NAME SOURCES ... [LINK library...])
+# What one of our plugins consists of without its descriptor, as the static library sidestep_<NAME>:
+# tests and benchmarks call it directly, the plugin itself adds the entry point.
+function(sidestep_add_plugin_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  set(target sidestep_${name})
+  add_library(${target} STATIC ${ARG_SOURCES})
+  target_include_directories(${target} PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
+  target_link_libraries(${target} PUBLIC Sidestep::sdk ${ARG_LINK})
+  set_target_properties(${target} PROPERTIES
+    CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+  sidestep_warnings(${target})
+endfunction()
+
 # sidestep_add_test(NAME SOURCES ... [LINK library...] [LABELS label...])
 # A GoogleTest executable whose cases become ctest tests. Those with the label `threads` are what
 # ThreadSanitizer runs; the target sidestep_thread_tests builds them.

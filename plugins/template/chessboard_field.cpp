@@ -32,8 +32,8 @@ class ChessboardBuilder final : public FieldBuilder {
     // What a mapper offers beyond integrate() is asked for by type.
     view_ = dynamic_cast<const OccupancyView*>(&mapper);
     if (view_ == nullptr) {
-      return fail(ErrorCode::kUnsupported, "the mapper offers no OccupancyView", "field chessboard",
-                  "voxel_grid and octomap do");
+      return fail(ErrorCode::kUnsupported, "the mapper offers no OccupancyView",
+                  "field chessboard");
     }
     grid_ = view_->occupancy_grid();
     publisher_.emplace(FieldInfo{.grid = grid_, .max_distance_m = options_.max_distance_m}, *view_,
@@ -101,4 +101,4 @@ Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostC
 }  // namespace
 
 SIDESTEP_PLUGIN(sidestep::FieldBuilder, Options, create, "chessboard", "0.1.0",
-                "Chessboard distance, a lower bound of the Euclidean one")
+                "Chessboard distance, a lower bound of the Euclidean one", sidestep::OccupancyView)

@@ -36,7 +36,8 @@ TEST(Abi, EveryFieldOfTheDescriptorIsChecked) {
   EXPECT_THAT(refusal("kind"), HasSubstr("kind 77 is not known"));
   EXPECT_THAT(refusal("interface_version"),
               HasSubstr("interface version of kind mapper is 99, this host's is 1"));
-  for (const std::string field : {"name", "version", "doc", "schema", "create", "destroy"}) {
+  for (const std::string field :
+       {"name", "version", "doc", "views", "schema", "create", "destroy"}) {
     EXPECT_THAT(refusal(field), HasSubstr("the descriptor's " + field + " is empty"));
   }
   EXPECT_THAT(refusal("name_empty"), HasSubstr("the descriptor's name is empty"));

@@ -52,6 +52,7 @@ PluginDescriptor make_descriptor() {
   d.name = "broken";
   d.version = "1";
   d.doc = "Broken on purpose";
+  d.views = detail::kViewNames<>;
   d.schema = &schema;
   d.create = &create;
   d.destroy = [](void*) {};

@@ -48,7 +48,7 @@ violations=$(
     find "framework/src/$layer" -name '*.[hc]pp' 2>/dev/null | sort |
       while read -r file; do check_file "$file" "$layer" 0; done
   done
-  find plugins -name '*.[hc]pp' -not -path '*/tests/*' -not -path '*/bench*/*' 2>/dev/null | sort |
+  find plugins -name '*.[hc]pp' -not -path '*/tests/*' -not -path '*/benchmarks/*' 2>/dev/null | sort |
     while read -r file; do check_file "$file" plugins 0; done
 )
 if [ -n "$violations" ]; then

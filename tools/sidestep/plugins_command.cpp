@@ -33,9 +33,10 @@ Json to_json(const Schema& schema) {
 }
 
 Json to_json(const PluginInfo& plugin) {
-  return {{"kind", to_string(plugin.kind)}, {"name", plugin.name},
-          {"version", plugin.version},      {"doc", plugin.doc},
-          {"library", plugin.library},      {"parameters", to_json(plugin.schema)}};
+  return {{"kind", to_string(plugin.kind)},      {"name", plugin.name},
+          {"version", plugin.version},           {"doc", plugin.doc},
+          {"library", plugin.library},           {"views", plugin.views},
+          {"parameters", to_json(plugin.schema)}};
 }
 
 void print_parameters(const Schema& schema, int indent) {
@@ -92,9 +93,10 @@ ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat f
     print_list(wanted);
   } else {
     for (const PluginInfo& plugin : wanted) {
-      std::printf("%s plugin '%s', version %s\n%s.\n%s\n\n",
+      std::printf("%s plugin '%s', version %s\n%s.\n%s%s%s\n\n",
                   std::string(to_string(plugin.kind)).c_str(), plugin.name.c_str(),
-                  plugin.version.c_str(), plugin.doc.c_str(), plugin.library.c_str());
+                  plugin.version.c_str(), plugin.doc.c_str(), views_sentence(plugin).c_str(),
+                  plugin.views.empty() ? "" : "\n", plugin.library.c_str());
       print_parameters(plugin.schema, 0);
     }
   }

@@ -75,6 +75,17 @@ void check_blocks(const Configuration& configuration, const ExperimentType* type
   }
 }
 
+/// Whether the mapper offers what the field needs of it.
+void check_field_fits_mapper(const Configuration& configuration, Host& host,
+                             std::vector<Error>& errors) {
+  const Node* mapper = configuration.root.find("mapper");
+  const Node* field = configuration.root.find("field");
+  if (mapper == nullptr || field == nullptr) return;
+  if (const auto info = host.find(PluginKind::kField, *field)) {
+    host.check_views(*mapper, info->views, "the field '" + info->name + "'", errors);
+  }
+}
+
 /// Removes what an earlier run left, so that nothing of it can be taken for this run's.
 Result<void> clear_results(const fs::path& folder) {
   std::error_code error;
@@ -123,6 +134,7 @@ std::vector<Error> check_configuration(const Configuration& configuration, Host&
   std::vector<Error> errors;
   const ExperimentType* type = find_type(configuration, errors);
   check_blocks(configuration, type, host, errors);
+  check_field_fits_mapper(configuration, host, errors);
   if (type != nullptr) type->check(configuration, host, errors);
   return errors;
 }

@@ -77,6 +77,8 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
 }
 
 void check_plans(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  host.check_views(block_of(configuration, "mapper"), {OccupancyView::kViewName},
+                   "the independent check of plans", errors);
   const Node& block = block_of(configuration, "robot");
   std::vector<Error> told;
   host.check(PluginKind::kRobot, block, told);

@@ -153,7 +153,9 @@ struct Host::Impl {
     }
     auto schema = read_schema(d, library);
     if (!schema) return reject(library, schema.error());
-    found.push_back({{d.kind, d.name, d.version, d.doc, library, std::move(*schema)}, &d});
+    PluginInfo info{d.kind, d.name, d.version, d.doc, library, std::move(*schema), {}};
+    for (const char* const* view = d.views; *view != nullptr; ++view) info.views.push_back(*view);
+    found.push_back({std::move(info), &d});
   }
 
   Result<const Found*> find(PluginKind kind, const Node& block) {
@@ -233,6 +235,28 @@ void Host::check(PluginKind kind, const Node& block, std::vector<Error>& errors)
     return;
   }
   check_against_schema(block, (*found)->info.schema, {"plugin"}, errors);
+}
+
+void Host::check_views(const Node& mapper_block, const std::vector<std::string>& needed,
+                       const std::string& what, std::vector<Error>& errors) {
+  const auto mapper = impl_->find(PluginKind::kMapper, mapper_block);
+  if (!mapper) return;
+  const auto lacks = [&](const PluginInfo& info) {
+    return std::ranges::find_if(needed, [&](const std::string& view) {
+      return std::ranges::find(info.views, view) == info.views.end();
+    });
+  };
+  const auto missing = lacks((*mapper)->info);
+  if (missing == needed.end()) return;
+  std::string would_do;
+  for (const PluginInfo& other : impl_->infos) {
+    if (other.kind != PluginKind::kMapper || lacks(other) != needed.end()) continue;
+    would_do += (would_do.empty() ? "" : ", ") + other.name;
+  }
+  errors.push_back(mapper_block.find("plugin")->error(
+      what + " needs a mapper that offers its " + *missing + ", and '" + (*mapper)->info.name +
+          "' does not",
+      would_do.empty() ? "no mapper that was found does" : "mappers that do: " + would_do));
 }
 
 Node Host::with_defaults(PluginKind kind, const Node& block) {

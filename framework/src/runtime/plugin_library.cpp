@@ -115,6 +115,7 @@ Result<void> check_descriptor(const PluginDescriptor& plugin,
       {"name", plugin.name != nullptr && *plugin.name != '\0'},
       {"version", plugin.version != nullptr},
       {"doc", plugin.doc != nullptr},
+      {"views", plugin.views != nullptr},
       {"schema", plugin.schema != nullptr},
       {"create", plugin.create != nullptr},
       {"destroy", plugin.destroy != nullptr}};

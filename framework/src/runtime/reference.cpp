@@ -95,6 +95,14 @@ std::string parameter_summary(const Parameter& parameter) {
   return line + (parameter.required ? ", required" : ", default " + parameter.default_text);
 }
 
+std::string views_sentence(const PluginInfo& plugin) {
+  if (plugin.views.empty()) return {};
+  std::string names;
+  for (const std::string& view : plugin.views) names += (names.empty() ? "" : ", ") + view;
+  return plugin.kind == PluginKind::kMapper ? "Offers fields its: " + names + "."
+                                            : "Needs a mapper that offers its: " + names + ".";
+}
+
 std::string reference_markdown(const std::vector<PluginInfo>& plugins) {
   std::ostringstream out;
   out << "# Plugins\n\nEvery plugin and its parameters, written by `sidestep plugins "
@@ -102,6 +110,8 @@ std::string reference_markdown(const std::vector<PluginInfo>& plugins) {
   for (const PluginInfo& plugin : plugins) {
     out << "\n## " << to_string(plugin.kind) << ": " << plugin.name << "\n\n"
         << plugin.doc << ".\n";
+    if (const std::string views = views_sentence(plugin); !views.empty())
+      out << '\n' << views << '\n';
     if (plugin.schema.empty()) continue;
     out << "\n| parameter | type | meaning |\n| --- | --- | --- |\n";
     write_rows(out, plugin.schema, "");

@@ -29,7 +29,7 @@ class DynamicEdtBuilder final : public FieldBuilder {
       return fail(ErrorCode::kUnsupported,
                   octree_view == nullptr ? "the mapper offers no OctreeView"
                                          : "the mapper offers no OccupancyView",
-                  "field dynamic_edt", "octomap offers it");
+                  "field dynamic_edt");
     }
     octomap::OcTree& tree = octree_view->octree();
     const GridSpec& grid = occupancy_view->occupancy_grid();

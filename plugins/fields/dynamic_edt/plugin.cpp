@@ -1,3 +1,4 @@
+#include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
 #include "dynamic_edt_field.hpp"
@@ -14,4 +15,5 @@ Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostC
 
 SIDESTEP_PLUGIN(sidestep::FieldBuilder, sidestep::dynamic_edt::Options,
                 sidestep::dynamic_edt::create, "dynamic_edt", "0.1.0",
-                "Distances by dynamicEDT3D (Lau 2010) on an OctoMap")
+                "Distances by dynamicEDT3D (Lau 2010) on an OctoMap", sidestep::OccupancyView,
+                sidestep::OctreeView)

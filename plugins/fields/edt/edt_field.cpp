@@ -87,8 +87,7 @@ class EdtBuilder final : public FieldBuilder {
   Result<void> attach(Mapper& mapper) override {
     view_ = dynamic_cast<const OccupancyView*>(&mapper);
     if (view_ == nullptr) {
-      return fail(ErrorCode::kUnsupported, "the mapper offers no OccupancyView", "field edt",
-                  "the mappers voxel_grid and octomap offer it");
+      return fail(ErrorCode::kUnsupported, "the mapper offers no OccupancyView", "field edt");
     }
     grid_ = view_->occupancy_grid();
     const double limit_m = options_.max_distance_m;

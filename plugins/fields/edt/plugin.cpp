@@ -1,3 +1,4 @@
+#include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
 #include "edt_field.hpp"
@@ -13,4 +14,5 @@ Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostC
 }  // namespace sidestep::edt
 
 SIDESTEP_PLUGIN(sidestep::FieldBuilder, sidestep::edt::Options, sidestep::edt::create, "edt",
-                "0.1.0", "Exact Euclidean distance transform of dense occupancy")
+                "0.1.0", "Exact Euclidean distance transform of dense occupancy",
+                sidestep::OccupancyView)

@@ -1,3 +1,4 @@
+#include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
 #include "incremental_field.hpp"
@@ -14,4 +15,5 @@ Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostC
 
 SIDESTEP_PLUGIN(sidestep::FieldBuilder, sidestep::incremental::Options,
                 sidestep::incremental::create, "incremental", "0.1.0",
-                "Distances kept up to date by lists of closest obstacles (FIESTA, Han 2019)")
+                "Distances kept up to date by lists of closest obstacles (FIESTA, Han 2019)",
+                sidestep::OccupancyView)

@@ -36,7 +36,7 @@ struct Options {
 };
 
 PluginInfo plugin(std::string name) {
-  return {PluginKind::kField, std::move(name), "1", "A field", {}, Options::fields().schema()};
+  return {PluginKind::kField, std::move(name), "1", "A field", {}, Options::fields().schema(), {}};
 }
 
 TEST(Reference, SummaryNamesTypeUnitRangeAndDefault) {

@@ -32,6 +32,9 @@ struct VoxelBits {
 /// until the next integrate(). [mapping]
 class SIDESTEP_EXPORT OccupancyView {
  public:
+  /// What a plugin that offers or needs the view declares, and messages call it.
+  static constexpr const char* kViewName = "occupancy";
+
   virtual ~OccupancyView() = default;
   [[nodiscard]] virtual const GridSpec& occupancy_grid() const noexcept = 0;
   [[nodiscard]] virtual VoxelBits occupied() const noexcept = 0;
@@ -47,6 +50,8 @@ class SIDESTEP_EXPORT OccupancyView {
 /// nodes as they are; the mapper relies on neither after integrate() has returned.
 class SIDESTEP_EXPORT OctreeView {
  public:
+  static constexpr const char* kViewName = "octree";
+
   virtual ~OctreeView() = default;
   /// Not const: resetting the change detection is up to the consumer.
   [[nodiscard]] virtual octomap::OcTree& octree() noexcept = 0;

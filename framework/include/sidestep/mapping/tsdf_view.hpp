@@ -23,6 +23,8 @@ struct TsdfBlock {
 /// Valid until the next integrate(). [mapping]
 class SIDESTEP_EXPORT TsdfView {
  public:
+  static constexpr const char* kViewName = "tsdf";
+
   virtual ~TsdfView() = default;
   /// The grid in whose block_linear order the blocks are numbered. Constant.
   [[nodiscard]] virtual const GridSpec& tsdf_grid() const noexcept = 0;

@@ -54,6 +54,8 @@ struct PluginDescriptor {
   const char* name;
   const char* version;
   const char* doc;  ///< One line.
+  /// Names of the views that a mapper offers or a field needs of its mapper; null-terminated.
+  const char* const* views;
   /// The parameters, declared once.
   const Schema& (*schema)();
   /// A new object of the kind's interface, or null and *error. `parameters` has been checked

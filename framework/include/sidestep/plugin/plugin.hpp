@@ -99,6 +99,9 @@ inline constexpr const char* kSanitizer = "none";
 
 namespace detail {
 
+template <class... Views>
+inline constexpr const char* kViewNames[] = {Views::kViewName..., nullptr};
+
 template <class Interface, class Options,
           Result<std::unique_ptr<Interface>> (*kCreate)(const Options&, const HostContext&)>
 struct PluginGlue {
@@ -125,8 +128,10 @@ struct PluginGlue {
 
 /// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser or
 /// Executor. OPTIONS: a struct with `static Fields<OPTIONS> fields()`. CREATE: a function
-/// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&).
-#define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC)              \
+/// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&). What follows DOC are
+/// the views (types as in mapping/occupancy_view.hpp) that a mapper offers or a field needs: the
+/// host tells before a run whether the two fit.
+#define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)         \
   extern "C" SIDESTEP_EXPORT const ::sidestep::PluginDescriptor* sidestep_plugin() { \
     using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;         \
     using Traits = ::sidestep::PluginTraits<INTERFACE>;                              \
@@ -142,6 +147,7 @@ struct PluginGlue {
         NAME,                                                                        \
         VERSION,                                                                     \
         DOC,                                                                         \
+        ::sidestep::detail::kViewNames<__VA_ARGS__>,                                 \
         []() -> const ::sidestep::Schema& { return schema; },                        \
         &Glue::create,                                                               \
         &Glue::destroy};                                                             \

@@ -24,6 +24,7 @@ struct PluginInfo {
   std::string doc;
   std::filesystem::path library;
   Schema schema;
+  std::vector<std::string> views;  ///< That a mapper offers, or a field needs of its mapper.
 };
 [[nodiscard]] std::string_view to_string(PluginKind kind) noexcept;  ///< "source", "mapper", ...
 
@@ -70,6 +71,12 @@ class Host {
 
   /// Checks a block against its plugin's schema; appends all mistakes.
   void check(PluginKind kind, const Node& block, std::vector<Error>& errors);
+
+  /// Checks that the mapper that one block names offers every view that `needed` lists; `what`
+  /// needs them, e.g. "the field 'edt'". Appends one mistake, which names the mappers that would
+  /// do. Blocks that name no plugin are passed over.
+  void check_views(const Node& mapper_block, const std::vector<std::string>& needed,
+                   const std::string& what, std::vector<Error>& errors);
 
   /// The block with every default that it leaves open filled in, marked as default; for the
   /// effective configuration.

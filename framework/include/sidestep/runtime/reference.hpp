@@ -12,6 +12,9 @@ namespace sidestep {
 /// least 0, default 0.8".
 [[nodiscard]] std::string parameter_summary(const Parameter& parameter);
 
+/// What a mapper offers or a field needs, as a sentence; empty where there is nothing to say.
+[[nodiscard]] std::string views_sentence(const PluginInfo& plugin);
+
 /// The reference page of plugins: every parameter of each, as Markdown.
 [[nodiscard]] std::string reference_markdown(const std::vector<PluginInfo>& plugins);
 

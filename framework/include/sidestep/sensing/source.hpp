@@ -13,7 +13,7 @@ namespace sidestep {
 /// Where frames come from: a camera, a recording, a simulation.
 class SIDESTEP_EXPORT Source {
  public:
-  virtual ~Source() = default;
+  virtual ~Source();
 
   /// The next frame; nothing at the end of the stream. Fails with kBadFrame, naming file and
   /// frame, where one frame is unusable: the caller may go on with the next call. Fails with
@@ -28,7 +28,7 @@ class SIDESTEP_EXPORT Source {
 /// What a source offers in addition when the scene behind its frames is known exactly.
 class SIDESTEP_EXPORT GroundTruth {
  public:
-  virtual ~GroundTruth() = default;
+  virtual ~GroundTruth();
   /// The scene; frames are taken at scene time `frame.stamp.seconds()`. [any]
   [[nodiscard]] virtual const Scene& scene() const = 0;
 };

@@ -3,7 +3,7 @@
 #include <benchmark/benchmark.h>
 
 #include "../simulator.hpp"
-#include "simulator_testing.hpp"
+#include "../tests/simulator_testing.hpp"
 
 namespace sidestep::simulator {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "sequence_testing.hpp"
+#include "../tests/sequence_testing.hpp"
 
 namespace sidestep::depth_sequence {
 namespace {

@@ -1,8 +1,8 @@
 #include <benchmark/benchmark.h>
 
+#include "../tests/octree_map.hpp"
 #include "dynamic_edt_field.hpp"
 #include "edt_field.hpp"
-#include "octree_map.hpp"
 #include "support/furnished_room.hpp"
 
 // dynamicEDT3D and the exact transform side by side, on the same map, at 0.05 m.
