@@ -20,7 +20,6 @@ template <class Distance>
         kBlockSide_vox *
         Eigen::Vector3i(b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y()));
     auto block = std::make_shared<FieldBlock>();
-    block->known.fill(0xffff);
     for (int v = 0; v < FieldBlock::kVoxels; ++v) {
       const Eigen::Vector3i voxel =
           first + Eigen::Vector3i(v % kBlockSide_vox, v / kBlockSide_vox % kBlockSide_vox,
@@ -30,11 +29,14 @@ template <class Distance>
     }
     blocks.push_back(std::move(block));
   }
+  const auto all_known = std::make_shared<KnownBlock>();
+  all_known->rows.fill(0xffff);
   FieldInfo info;
   info.grid = grid;
   info.is_signed = true;
   info.max_distance_m = std::numeric_limits<double>::infinity();
-  return std::make_shared<DenseField>(info, std::move(blocks));
+  DenseField::KnownTable known(blocks.size(), all_known);
+  return std::make_shared<DenseField>(info, std::move(blocks), std::move(known));
 }
 
 }  // namespace sidestep::testing_support

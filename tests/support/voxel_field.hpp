@@ -49,10 +49,12 @@ struct VoxelWorld {
     });
     const Eigen::Vector3i counts = block_counts(grid);
     std::vector<std::shared_ptr<FieldBlock>> blocks(static_cast<std::size_t>(counts.prod()));
-    for (auto& block : blocks) {
-      block = std::make_shared<FieldBlock>();
-      block->distance_m.fill(0.0F);
-      block->known.fill(0);
+    std::vector<std::shared_ptr<KnownBlock>> known(blocks.size());
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      blocks[b] = std::make_shared<FieldBlock>();
+      blocks[b]->distance_m.fill(0.0F);
+      known[b] = std::make_shared<KnownBlock>();
+      known[b]->rows.fill(0);
     }
     for_each([&](const Eigen::Vector3i& voxel) {
       const Eigen::Vector3d centre = grid.centre_m(voxel);
@@ -60,20 +62,21 @@ struct VoxelWorld {
       if (is_signed && distance == 0.0) distance = -nearest(centre, empty);
       const Eigen::Vector3i b = voxel / kBlockSide_vox;
       const Eigen::Vector3i in = voxel - b * kBlockSide_vox;
-      FieldBlock& block = *blocks[static_cast<std::size_t>(block_linear(b, counts))];
+      const auto at = static_cast<std::size_t>(block_linear(b, counts));
       const int row = in.y() + kBlockSide_vox * in.z();
-      block.distance_m[static_cast<std::size_t>(in.x() + kBlockSide_vox * row)] =
+      blocks[at]->distance_m[static_cast<std::size_t>(in.x() + kBlockSide_vox * row)] =
           static_cast<float>(distance);
       if (!is_in(unknown, centre)) {
-        block.known[static_cast<std::size_t>(row)] =
-            static_cast<std::uint16_t>(block.known[static_cast<std::size_t>(row)] | (1u << in.x()));
+        std::uint16_t& bits = known[at]->rows[static_cast<std::size_t>(row)];
+        bits = static_cast<std::uint16_t>(bits | (1u << in.x()));
       }
     });
     FieldInfo info;
     info.grid = grid;
     info.is_signed = is_signed;
     info.max_distance_m = max_distance_m;
-    return std::make_shared<DenseField>(info, DenseField::BlockTable(blocks.begin(), blocks.end()));
+    return std::make_shared<DenseField>(info, DenseField::BlockTable(blocks.begin(), blocks.end()),
+                                        DenseField::KnownTable(known.begin(), known.end()));
   }
 
  private:

@@ -46,9 +46,10 @@ inline Interpolated interpolate(const double (&corner)[2][2][2],
 
 }  // namespace
 
-DenseField::DenseField(FieldInfo info, BlockTable blocks)
+DenseField::DenseField(FieldInfo info, BlockTable blocks, KnownTable known)
     : DistanceField(std::move(info)),
       blocks_(std::move(blocks)),
+      known_(std::move(known)),
       block_counts_(block_counts(this->info().grid)) {}
 
 float DenseField::at(const Eigen::Vector3i& voxel) const noexcept {
@@ -58,7 +59,7 @@ float DenseField::at(const Eigen::Vector3i& voxel) const noexcept {
 
 bool DenseField::known(const Eigen::Vector3i& voxel) const noexcept {
   const Address a = address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_);
-  return ((blocks_[a.block]->known[a.place / kBlockSide_vox] >> (a.place % kBlockSide_vox)) & 1u) !=
+  return ((known_[a.block]->rows[a.place / kBlockSide_vox] >> (a.place % kBlockSide_vox)) & 1u) !=
          0;
 }
 

@@ -7,26 +7,49 @@
 namespace sidestep {
 namespace {
 
+constexpr int kSide = kBlockSide_vox;
+
 /// Bit for bit, so that no value is mistaken for another.
 bool same(const FieldBlock& a, const FieldBlock& b) noexcept {
-  return std::memcmp(a.distance_m.data(), b.distance_m.data(), sizeof(a.distance_m)) == 0 &&
-         std::memcmp(a.known.data(), b.known.data(), sizeof(a.known)) == 0;
+  return std::memcmp(a.distance_m.data(), b.distance_m.data(), sizeof(a.distance_m)) == 0;
 }
+bool same(const KnownBlock& a, const KnownBlock& b) noexcept { return a.rows == b.rows; }
 
 /// Whether every element equals the first: equal to itself moved by one.
 template <class Array>
 bool is_uniform(const Array& values) noexcept {
   return std::memcmp(values.data(), values.data() + 1, sizeof(values) - sizeof(values[0])) == 0;
 }
+bool is_uniform(const FieldBlock& block) noexcept { return is_uniform(block.distance_m); }
+bool is_uniform(const KnownBlock& block) noexcept { return is_uniform(block.rows); }
 
 }  // namespace
+
+template <class Block>
+std::shared_ptr<const Block> UniformBlocks<Block>::shared(const Block& written,
+                                                          const std::shared_ptr<const Block>& old) {
+  constexpr std::size_t kMost = 8;
+  if (old != nullptr && same(*old, written)) return old;
+  if (!is_uniform(written)) return std::make_shared<const Block>(written);
+  const std::scoped_lock lock(mutex_);
+  for (const auto& block : uniform_) {
+    if (same(*block, written)) return block;
+  }
+  auto block = std::make_shared<const Block>(written);
+  if (uniform_.size() < kMost) uniform_.push_back(block);
+  return block;
+}
+
+template class UniformBlocks<FieldBlock>;
+template class UniformBlocks<KnownBlock>;
 
 DenseFieldPublisher::DenseFieldPublisher(FieldInfo info, const OccupancyView& view,
                                          WorkerPool& workers)
     : info_(std::move(info)),
       view_(view),
       workers_(workers),
-      blocks_(static_cast<std::size_t>(block_counts(info_.grid).prod())) {}
+      blocks_(static_cast<std::size_t>(block_counts(info_.grid).prod())),
+      known_(blocks_.size()) {}
 
 Result<std::vector<std::uint8_t>> DenseFieldPublisher::begin(const MapUpdate& update) {
   if (sequence_ && update.sequence != *sequence_ + 1) {
@@ -44,6 +67,7 @@ Result<std::vector<std::uint8_t>> DenseFieldPublisher::begin(const MapUpdate& up
     changed[static_cast<std::size_t>(block)] = 1;
   }
   sequence_ = update.sequence;
+  known_changed_ = changed;
   return changed;
 }
 
@@ -52,59 +76,57 @@ std::shared_ptr<const DistanceField> DenseFieldPublisher::publish(
   constexpr int kBlocksATask = 8;
   const Eigen::Vector3i counts = block_counts(info_.grid);
   workers_.run_banded(static_cast<int>(blocks_.size()), kBlocksATask, [&](int begin, int end) {
-    FieldBlock written;
+    FieldBlock distances;
+    KnownBlock known;
     for (int b = begin; b < end; ++b) {
-      const auto block = static_cast<std::size_t>(b);
-      if (changed[block] == 0) continue;
-      fill({b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y())}, write_row,
-           written);
-      blocks_[block] = shared(written, blocks_[block]);
+      const auto at = static_cast<std::size_t>(b);
+      const Eigen::Vector3i block(b % counts.x(), b / counts.x() % counts.y(),
+                                  b / (counts.x() * counts.y()));
+      if (changed[at] != 0) {
+        write_distances(block, write_row, distances);
+        blocks_[at] = uniform_distances_.shared(distances, blocks_[at]);
+      }
+      if (known_changed_[at] != 0) {
+        write_known(block, known);
+        known_[at] = uniform_known_.shared(known, known_[at]);
+      }
     }
   });
   info_.sequence = update.sequence;
   info_.stamp = update.stamp;
-  return std::make_shared<const DenseField>(info_, blocks_);
+  return std::make_shared<const DenseField>(info_, blocks_, known_);
 }
 
-std::shared_ptr<const FieldBlock> DenseFieldPublisher::shared(
-    const FieldBlock& written, const std::shared_ptr<const FieldBlock>& old) {
-  constexpr std::size_t kMostUniform = 8;
-  if (old != nullptr && same(*old, written)) return old;
-  if (!is_uniform(written.distance_m) || !is_uniform(written.known)) {
-    return std::make_shared<const FieldBlock>(written);
+void DenseFieldPublisher::write_distances(const Eigen::Vector3i& block, const RowWriter& write_row,
+                                          FieldBlock& out) const {
+  const Eigen::Vector3i first = block * kSide;
+  const Eigen::Vector3i end =
+      (first + Eigen::Vector3i::Constant(kSide)).cwiseMin(info_.grid.size_vox);
+  const int count = end.x() - first.x();
+  const bool is_whole = (end - first).minCoeff() == kSide;
+  if (!is_whole) out.distance_m.fill(0.0f);  // voxels beyond the grid
+  for (int z = first.z(); z < end.z(); ++z) {
+    for (int y = first.y(); y < end.y(); ++y) {
+      const auto row = static_cast<std::size_t>(y - first.y() + kSide * (z - first.z()));
+      write_row(first.x(), y, z, count, out.distance_m.data() + row * kSide);
+    }
   }
-  const std::scoped_lock lock(uniform_mutex_);
-  for (const auto& block : uniform_) {
-    if (same(*block, written)) return block;
-  }
-  auto block = std::make_shared<const FieldBlock>(written);
-  if (uniform_.size() < kMostUniform) uniform_.push_back(block);
-  return block;
 }
 
-void DenseFieldPublisher::fill(const Eigen::Vector3i& block, const RowWriter& write_row,
-                               FieldBlock& out) const {
-  constexpr int kSide = kBlockSide_vox;
-  const Eigen::Vector3i& size = info_.grid.size_vox;
+void DenseFieldPublisher::write_known(const Eigen::Vector3i& block, KnownBlock& out) const {
   const VoxelBits known = view_.known();
-  const int x = block.x() * kSide;
-  const int count = std::min(kSide, size.x() - x);
-  const bool whole = ((block.array() + 1) * kSide <= size.array()).all();
-  if (!whole) {  // voxels beyond the grid
-    out.distance_m.fill(0.0f);
-    out.known.fill(0);
-  }
-  for (int k = 0; k < kSide && block.z() * kSide + k < size.z(); ++k) {
-    for (int j = 0; j < kSide && block.y() * kSide + j < size.y(); ++j) {
-      const int y = block.y() * kSide + j;
-      const int z = block.z() * kSide + k;
-      const auto row_in_block = static_cast<std::size_t>(j + kSide * k);
-      write_row(x, y, z, count, out.distance_m.data() + row_in_block * kSide);
+  const Eigen::Vector3i first = block * kSide;
+  const Eigen::Vector3i& size = info_.grid.size_vox;
+  const Eigen::Vector3i end = (first + Eigen::Vector3i::Constant(kSide)).cwiseMin(size);
+  out.rows.fill(0);
+  for (int z = first.z(); z < end.z(); ++z) {
+    for (int y = first.y(); y < end.y(); ++y) {
       const std::size_t row = static_cast<std::size_t>(y) +
                               static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(z);
       const std::uint64_t word = known.words[row * static_cast<std::size_t>(known.words_per_row) +
-                                             static_cast<std::size_t>(x / 64)];
-      out.known[row_in_block] = static_cast<std::uint16_t>(word >> (x % 64));
+                                             static_cast<std::size_t>(first.x() / 64)];
+      out.rows[static_cast<std::size_t>(y - first.y() + kSide * (z - first.z()))] =
+          static_cast<std::uint16_t>(word >> (first.x() % 64));
     }
   }
 }

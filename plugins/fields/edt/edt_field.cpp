@@ -11,12 +11,14 @@
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 
-#include "squared_transform.hpp"
+#include "full_transform.hpp"
+#include "incremental_transform.hpp"
 
 namespace sidestep::edt {
 namespace {
 
 constexpr int kSide = kBlockSide_vox;
+static_assert(kSide == kTile, "a tile is one row of a block");
 
 /// Bits of obstacles, or of their inverse, in the layout of a VoxelBits.
 struct BitGrid {
@@ -26,63 +28,129 @@ struct BitGrid {
   [[nodiscard]] VoxelBits view() const { return {words, words_per_row}; }
 };
 
-/// The parts of the builder that depend on the width of a squared distance.
-template <class Value>
-class Transforms {
-  using Start = typename SquaredTransform<Value>::Start;
-
+/// What the transforms of the two kinds, of obstacles and of their inverse, make of each other.
+class Distances {
  public:
-  Transforms(const GridSpec& grid, std::uint32_t cap, bool is_signed, double max_distance_m,
-             WorkerPool& workers)
-      : obstacles_(grid.size_vox, cap, Start::kNoObstacles, workers),
-        distance_m_(cap + std::size_t{1}) {
-    if (is_signed) inverse_.emplace(grid.size_vox, cap, Start::kAllObstacles, workers);
-    for (std::size_t d2 = 0; d2 < distance_m_.size(); ++d2) {
-      distance_m_[d2] = static_cast<float>(grid.resolution_m * std::sqrt(static_cast<double>(d2)));
+  virtual ~Distances() = default;
+
+  /// Brings the distances up to date with rows of obstacles that may have changed. Returns for
+  /// each row the mask of tiles whose distances may have.
+  virtual std::span<const std::uint64_t> update(const BitGrid& obstacles, const BitGrid& inverse,
+                                                std::span<const std::uint8_t> row_changed) = 0;
+
+  /// Distances, in metres, of `count` voxels, at most a tile, of a row from x on. [any]
+  virtual void row(int x, int y, int z, int count, float* distances_m) const = 0;
+};
+
+/// Metres by squared distance in voxels.
+std::vector<float> distance_table(double resolution_m, std::uint32_t cap, double max_distance_m) {
+  std::vector<float> table_m(cap + std::size_t{1});
+  for (std::size_t d2 = 0; d2 < table_m.size(); ++d2) {
+    table_m[d2] = static_cast<float>(resolution_m * std::sqrt(static_cast<double>(d2)));
+  }
+  if (std::isfinite(max_distance_m)) table_m[cap] = static_cast<float>(max_distance_m);
+  return table_m;
+}
+
+/// Looks up a row of distances. `inside` may be null.
+template <class Value>
+void look_up(const std::vector<float>& table_m, const Value* outside, const Value* inside,
+             int count, float* distances_m) {
+  if (count == kTile) {  // a constant number of steps takes half the time
+    for (int i = 0; i < kTile; ++i) distances_m[i] = table_m[outside[i]];
+  } else {
+    for (int i = 0; i < count; ++i) distances_m[i] = table_m[outside[i]];
+  }
+  if (inside == nullptr) return;
+  Value any = 0;
+  for (int i = 0; i < count; ++i) any = static_cast<Value>(any | inside[i]);
+  if (any == 0) return;
+  for (int i = 0; i < count; ++i) distances_m[i] -= table_m[inside[i]];
+}
+
+/// Cut off so near that squared distances fit 16 bits: kept up to date incrementally.
+class NearDistances final : public Distances {
+ public:
+  NearDistances(const GridSpec& grid, std::uint32_t cap, bool is_signed, double max_distance_m,
+                WorkerPool& workers)
+      : outside_(grid.size_vox, cap, IncrementalTransform::Start::kNoObstacles, workers),
+        table_m_(distance_table(grid.resolution_m, cap, max_distance_m)) {
+    if (is_signed) {
+      inside_.emplace(grid.size_vox, cap, IncrementalTransform::Start::kAllObstacles, workers);
     }
-    if (std::isfinite(max_distance_m)) distance_m_[cap] = static_cast<float>(max_distance_m);
   }
 
-  /// Masks of tiles whose distances changed, by row.
-  std::vector<std::uint64_t> update(const VoxelBits& obstacles, const VoxelBits& inverse,
-                                    std::span<const std::uint8_t> row_changed) {
-    const auto changed = obstacles_.update(obstacles, row_changed);
-    std::vector<std::uint64_t> masks(changed.begin(), changed.end());
-    if (inverse_) {
-      const auto inside = inverse_->update(inverse, row_changed);
-      std::ranges::transform(masks, inside, masks.begin(), std::bit_or<>{});
-    }
-    return masks;
+  std::span<const std::uint64_t> update(const BitGrid& obstacles, const BitGrid& inverse,
+                                        std::span<const std::uint8_t> row_changed) override {
+    const auto outside = outside_.update(obstacles.view(), row_changed);
+    if (!inside_) return outside;
+    const auto inside = inside_->update(inverse.view(), row_changed);
+    changed_.resize(outside.size());
+    std::ranges::transform(outside, inside, changed_.begin(), std::bit_or<>{});
+    return changed_;
   }
 
-  /// Distances of `count` voxels of a row from x on.
-  void row(int x, int y, int z, int count, float* out) const {
-    const Value* d2 = obstacles_.row(y, z) + x;
-    if (!obstacles_.holds_below_cap(x, y, z)) {
-      std::fill_n(out, count, distance_m_.back());
-    } else if (count == kSide) {  // a constant number of steps takes half the time
-      for (int i = 0; i < kSide; ++i) out[i] = distance_m_[d2[i]];
-    } else {
-      for (int i = 0; i < count; ++i) out[i] = distance_m_[d2[i]];
-    }
-    if (!inverse_) return;
-    const Value* inside = inverse_->row(y, z) + x;
-    Value any = 0;
-    for (int i = 0; i < count; ++i) any = static_cast<Value>(any | inside[i]);
-    if (any == 0) return;
-    for (int i = 0; i < count; ++i) out[i] -= distance_m_[inside[i]];
+  void row(int x, int y, int z, int count, float* distances_m) const override {
+    look_up(table_m_, outside_.row(y, z) + x, inside_ ? inside_->row(y, z) + x : nullptr, count,
+            distances_m);
   }
 
  private:
-  SquaredTransform<Value> obstacles_;
-  std::optional<SquaredTransform<Value>> inverse_;
-  std::vector<float> distance_m_;  // by squared distance in voxels
+  IncrementalTransform outside_;
+  std::optional<IncrementalTransform> inside_;
+  std::vector<std::uint64_t> changed_;
+  std::vector<float> table_m_;
 };
 
-template <class Value>
+/// Cut off far away or nowhere: computed anew whenever an obstacle changed.
+class FarDistances final : public Distances {
+ public:
+  FarDistances(const GridSpec& grid, std::uint32_t cap, bool is_signed, double max_distance_m,
+               WorkerPool& workers)
+      : outside_(grid.size_vox, cap, workers),
+        changed_(static_cast<std::size_t>(grid.size_vox.y()) *
+                 static_cast<std::size_t>(grid.size_vox.z())),
+        table_m_(distance_table(grid.resolution_m, cap, max_distance_m)) {
+    if (is_signed) inside_.emplace(grid.size_vox, cap, workers);
+  }
+
+  std::span<const std::uint64_t> update(const BitGrid& obstacles, const BitGrid& inverse,
+                                        std::span<const std::uint8_t> row_changed) override {
+    const bool any = !has_values_ || std::ranges::find(row_changed, 1) != row_changed.end();
+    std::ranges::fill(changed_, any ? ~std::uint64_t{0} : 0);
+    if (!any) return changed_;
+    has_values_ = true;
+    outside_.update(obstacles.view());
+    if (inside_) inside_->update(inverse.view());
+    return changed_;
+  }
+
+  void row(int x, int y, int z, int count, float* distances_m) const override {
+    look_up(table_m_, outside_.row(y, z) + x, inside_ ? inside_->row(y, z) + x : nullptr, count,
+            distances_m);
+  }
+
+ private:
+  FullTransform outside_;
+  std::optional<FullTransform> inside_;
+  bool has_values_ = false;
+  std::vector<std::uint64_t> changed_;
+  std::vector<float> table_m_;
+};
+
+/// The first squared distance, in voxels, at or beyond the limit.
+std::uint32_t cap_vox2(const Options& options, const GridSpec& grid) {
+  const double diagonal2 = grid.size_vox.cast<double>().squaredNorm();
+  if (options.max_distance_m <= 0.0) return static_cast<std::uint32_t>(diagonal2);
+  const double limit = options.max_distance_m / grid.resolution_m;
+  const double cap = std::ceil(limit * limit * (1.0 - 1e-12));
+  return static_cast<std::uint32_t>(std::clamp(cap, 1.0, diagonal2));
+}
+
 class EdtBuilder final : public FieldBuilder {
  public:
-  EdtBuilder(const Options& options, WorkerPool& workers) : options_(options), workers_(workers) {}
+  EdtBuilder(Options options, WorkerPool& workers)
+      : options_(std::move(options)), workers_(workers) {}
 
   Result<void> attach(Mapper& mapper) override {
     view_ = dynamic_cast<const OccupancyView*>(&mapper);
@@ -95,9 +163,8 @@ class EdtBuilder final : public FieldBuilder {
         .grid = grid_,
         .is_signed = options_.is_signed,
         .max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity()};
+    if (auto made = make_distances(info); !made) return made;
     publisher_.emplace(info, *view_, workers_);
-    transforms_.emplace(grid_, cap_vox2(options_, grid_), options_.is_signed, info.max_distance_m,
-                        workers_);
     const Eigen::Vector3i& size = grid_.size_vox;
     const auto rows = static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(size.z());
     const int words = view_->occupied().words_per_row;
@@ -110,31 +177,44 @@ class EdtBuilder final : public FieldBuilder {
   }
 
   Result<std::shared_ptr<const DistanceField>> update(const MapUpdate& update) override {
-    if (view_ == nullptr) {
+    if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt");
     }
     auto changed = publisher_->begin(update);
     if (!changed) return tl::make_unexpected(std::move(changed.error()));
-    if (!std::exchange(first_, false)) mark_rows(update.changed_blocks);
-    take_over_rows();
-    const auto tiles = transforms_->update(obstacles_.view(), inverse_.view(), row_changed_);
-    mark_blocks(tiles, *changed);
+    const bool is_first = std::exchange(first_, false);
+    if (!is_first) {
+      mark_rows(update.changed_blocks);
+      // Where voxels have only become known, distances stay as they are.
+      std::ranges::fill(*changed, std::uint8_t{0});
+    }
+    take_over_rows(is_first);
+    mark_blocks(distances_->update(obstacles_, inverse_, row_changed_), *changed);
     return publisher_->publish(update, *changed,
                                [this](int x, int y, int z, int count, float* distances_m) {
-                                 transforms_->row(x, y, z, count, distances_m);
+                                 distances_->row(x, y, z, count, distances_m);
                                });
   }
 
-  /// The first squared distance, in voxels, at or beyond the limit.
-  static std::uint32_t cap_vox2(const Options& options, const GridSpec& grid) {
-    const double diagonal2 = grid.size_vox.cast<double>().squaredNorm();
-    if (options.max_distance_m <= 0.0) return static_cast<std::uint32_t>(diagonal2);
-    const double limit = options.max_distance_m / grid.resolution_m;
-    const double cap = std::ceil(limit * limit * (1.0 - 1e-12));
-    return static_cast<std::uint32_t>(std::clamp(cap, 1.0, diagonal2));
+ private:
+  Result<void> make_distances(const FieldInfo& info) {
+    constexpr int kLongestRow_vox = 64 * kTile;  // a row's tiles are the bits of one word
+    const std::uint32_t cap = cap_vox2(options_, grid_);
+    if (grid_.size_vox.x() > kLongestRow_vox || !FullTransform::fits(grid_.size_vox, cap)) {
+      return fail(
+          ErrorCode::kUnsupported, "the grid is too large", "field edt",
+          "at most " + std::to_string(kLongestRow_vox) + " voxels along x; set max_distance_m");
+    }
+    if (cap <= IncrementalTransform::kLargestCap) {
+      distances_ = std::make_unique<NearDistances>(grid_, cap, options_.is_signed,
+                                                   info.max_distance_m, workers_);
+    } else {
+      distances_ = std::make_unique<FarDistances>(grid_, cap, options_.is_signed,
+                                                  info.max_distance_m, workers_);
+    }
+    return {};
   }
 
- private:
   void mark_rows(const std::vector<std::int32_t>& changed_blocks) {
     std::ranges::fill(row_changed_, 0);
     const Eigen::Vector3i counts = block_counts(grid_);
@@ -150,8 +230,9 @@ class EdtBuilder final : public FieldBuilder {
     }
   }
 
-  /// Copies the changed rows of the map, under the policy for unknown voxels, and their inverse.
-  void take_over_rows() {
+  /// Copies the marked rows of the map, under the policy for unknown voxels, and their inverse;
+  /// leaves those marked that came out different.
+  void take_over_rows(bool is_first) {
     const VoxelBits occupied = view_->occupied();
     const VoxelBits known = view_->known();
     const bool unknown_blocks = options_.unknown == "occupied";
@@ -160,6 +241,7 @@ class EdtBuilder final : public FieldBuilder {
     workers_.run_banded(static_cast<int>(row_changed_.size()), 256, [&](int begin, int end) {
       for (int row = begin; row < end; ++row) {
         if (row_changed_[static_cast<std::size_t>(row)] == 0) continue;
+        std::uint64_t differs = 0;
         for (int w = 0; w < words; ++w) {
           const auto at = static_cast<std::size_t>(row) * static_cast<std::size_t>(words) +
                           static_cast<std::size_t>(w);
@@ -168,14 +250,16 @@ class EdtBuilder final : public FieldBuilder {
               left >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << std::max(left, 0)) - 1;
           const std::uint64_t unknown = unknown_blocks ? ~known.words[at] : 0;
           const std::uint64_t bits = (occupied.words[at] | unknown) & valid;
+          differs |= obstacles_.words[at] ^ bits;
           obstacles_.words[at] = bits;
           inverse_.words[at] = ~bits & valid;
         }
+        row_changed_[static_cast<std::size_t>(row)] = is_first || differs != 0 ? 1 : 0;
       }
     });
   }
 
-  void mark_blocks(const std::vector<std::uint64_t>& tiles,
+  void mark_blocks(std::span<const std::uint64_t> tiles,
                    std::vector<std::uint8_t>& block_changed) const {
     const Eigen::Vector3i counts = block_counts(grid_);
     const Eigen::Vector3i& size = grid_.size_vox;
@@ -184,7 +268,7 @@ class EdtBuilder final : public FieldBuilder {
         const std::uint64_t mask = tiles[row_index(y, z)];
         if (mask == 0) continue;
         for (int bx = 0; bx < counts.x(); ++bx) {
-          if ((mask >> (bx * kSide / kTile) & 1u) == 0) continue;
+          if ((mask >> bx & 1u) == 0) continue;
           block_changed[static_cast<std::size_t>(
               block_linear({bx, y / kSide, z / kSide}, counts))] = 1;
         }
@@ -202,50 +286,16 @@ class EdtBuilder final : public FieldBuilder {
   const OccupancyView* view_ = nullptr;
   GridSpec grid_;
   bool first_ = true;
-  std::optional<Transforms<Value>> transforms_;
+  std::unique_ptr<Distances> distances_;
   BitGrid obstacles_, inverse_;
   std::vector<std::uint8_t> row_changed_;
   std::optional<DenseFieldPublisher> publisher_;
 };
 
-/// Chooses the width of squared distances once the grid is known.
-class ChoosingBuilder final : public FieldBuilder {
- public:
-  ChoosingBuilder(Options options, WorkerPool& workers)
-      : options_(std::move(options)), workers_(workers) {}
-
-  Result<void> attach(Mapper& mapper) override {
-    constexpr std::uint32_t kLargest16 = 32767;  // a sum of two must fit
-    constexpr int kLargestRow_vox = 64 * kTile;  // a row's tiles are the bits of one word
-    if (mapper.grid().size_vox.x() > kLargestRow_vox) {
-      return fail(ErrorCode::kUnsupported,
-                  "rows of more than " + std::to_string(kLargestRow_vox) + " voxels", "field edt");
-    }
-    if (EdtBuilder<std::uint16_t>::cap_vox2(options_, mapper.grid()) <= kLargest16) {
-      builder_ = std::make_unique<EdtBuilder<std::uint16_t>>(options_, workers_);
-    } else {
-      builder_ = std::make_unique<EdtBuilder<std::uint32_t>>(options_, workers_);
-    }
-    return builder_->attach(mapper);
-  }
-
-  Result<std::shared_ptr<const DistanceField>> update(const MapUpdate& update) override {
-    if (!builder_) {
-      return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt");
-    }
-    return builder_->update(update);
-  }
-
- private:
-  Options options_;
-  WorkerPool& workers_;
-  std::unique_ptr<FieldBuilder> builder_;
-};
-
 }  // namespace
 
 std::unique_ptr<FieldBuilder> make_edt_builder(const Options& options, WorkerPool& workers) {
-  return std::make_unique<ChoosingBuilder>(options, workers);
+  return std::make_unique<EdtBuilder>(options, workers);
 }
 
 }  // namespace sidestep::edt

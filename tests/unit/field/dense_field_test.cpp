@@ -26,12 +26,14 @@ DenseField sampled(const GridSpec& grid, const Function& function,
                    const std::function<bool(const Eigen::Vector3i&)>& known) {
   const Eigen::Vector3i counts = block_counts(grid);
   DenseField::BlockTable table;
+  DenseField::KnownTable known_table;
   for (int b = 0; b < counts.prod(); ++b) {
     const Eigen::Vector3i block(b % counts.x(), b / counts.x() % counts.y(),
                                 b / counts.x() / counts.y());
     auto out = std::make_shared<FieldBlock>();
     out->distance_m.fill(std::numeric_limits<float>::quiet_NaN());
-    out->known.fill(0);
+    auto out_known = std::make_shared<KnownBlock>();
+    out_known->rows.fill(0);
     for (int n = 0; n < FieldBlock::kVoxels; ++n) {
       const Eigen::Vector3i in(n % 16, n / 16 % 16, n / 256);
       const Eigen::Vector3i voxel = block * 16 + in;
@@ -39,15 +41,16 @@ DenseField sampled(const GridSpec& grid, const Function& function,
       out->distance_m[static_cast<std::size_t>(n)] =
           static_cast<float>(function(grid.centre_m(voxel)));
       if (known(voxel)) {
-        auto& row = out->known[static_cast<std::size_t>(n / 16)];
+        auto& row = out_known->rows[static_cast<std::size_t>(n / 16)];
         row = static_cast<std::uint16_t>(row | (1u << in.x()));
       }
     }
     table.push_back(std::move(out));
+    known_table.push_back(std::move(out_known));
   }
   FieldInfo info;
   info.grid = grid;
-  return DenseField(info, std::move(table));
+  return DenseField(info, std::move(table), std::move(known_table));
 }
 
 bool always(const Eigen::Vector3i&) { return true; }

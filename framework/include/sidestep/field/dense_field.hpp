@@ -9,36 +9,43 @@
 
 namespace sidestep {
 
-/// kBlockSide_vox^3 voxels of a field: distances in metres at voxel centres, x fastest, and
-/// one bit a voxel that says whether it was observed. Shared between snapshots, never changed
-/// once published.
+/// The distances of kBlockSide_vox^3 voxels in metres, at their centres, x fastest. Shared between
+/// snapshots, never changed once published.
 struct FieldBlock {
   static constexpr int kVoxels = kBlockSide_vox * kBlockSide_vox * kBlockSide_vox;
   alignas(64) std::array<float, kVoxels> distance_m;
-  /// Bit x of row (y, z), rows in order y fastest.
-  alignas(64) std::array<std::uint16_t, kBlockSide_vox * kBlockSide_vox> known;
 };
 
-/// A dense field as a table of shared blocks: a new snapshot copies the table (25 kB for 320
+/// Which of the same voxels were observed: bit x of row (y, z), rows in order y fastest. Apart from
+/// the distances, for as a map grows most voxels become known without a distance changing.
+struct KnownBlock {
+  std::array<std::uint16_t, kBlockSide_vox * kBlockSide_vox> rows;
+};
+
+/// A dense field as tables of shared blocks: a new snapshot copies the tables (51 kB each for 320
 /// x 320 x 128 voxels) and replaces what has changed.
 class SIDESTEP_EXPORT DenseField final : public DistanceField {
  public:
   using BlockTable = std::vector<std::shared_ptr<const FieldBlock>>;
 
-  /// `blocks` in block_linear order, one for each block of info.grid, none null.
-  DenseField(FieldInfo info, BlockTable blocks);
+  using KnownTable = std::vector<std::shared_ptr<const KnownBlock>>;
+
+  /// Both tables in block_linear order, one entry for each block of info.grid, none null.
+  DenseField(FieldInfo info, BlockTable blocks, KnownTable known);
 
   void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
              std::span<Eigen::Vector3d> gradients,
              std::span<FieldStatus> statuses) const noexcept override;
 
   [[nodiscard]] const BlockTable& blocks() const noexcept { return blocks_; }
+  [[nodiscard]] const KnownTable& known_blocks() const noexcept { return known_; }
   /// The value at one voxel's centre; `voxel` lies inside the grid.
   [[nodiscard]] float at(const Eigen::Vector3i& voxel) const noexcept;
   [[nodiscard]] bool known(const Eigen::Vector3i& voxel) const noexcept;
 
  private:
   BlockTable blocks_;
+  KnownTable known_;
   Eigen::Vector3i block_counts_;
 };
 

@@ -15,6 +15,20 @@
 
 namespace sidestep {
 
+/// The few blocks that hold one value throughout, of which one copy each is enough. [any]
+template <class Block>
+class UniformBlocks {
+ public:
+  /// The block to publish for what was written: `old` where it is equal, else a uniform block that
+  /// is, else a copy.
+  [[nodiscard]] std::shared_ptr<const Block> shared(const Block& written,
+                                                    const std::shared_ptr<const Block>& old);
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::shared_ptr<const Block>> uniform_;  ///< Guarded by mutex_; a handful.
+};
+
 /// Publishes dense fields block by block: what a FieldBuilder needs to hand out snapshots that
 /// share whatever did not change. Blocks of one value throughout share one block. [mapping]
 class DenseFieldPublisher {
@@ -27,14 +41,15 @@ class DenseFieldPublisher {
   /// everything but sequence and stamp.
   DenseFieldPublisher(FieldInfo info, const OccupancyView& view, WorkerPool& workers);
 
-  /// Starts an update. Returns one flag a block, in block_linear order; all set before the first
-  /// publication, else those of the update. What the builder finds changed beyond them it sets
-  /// as well. Fails with kInvalidArgument where the update is not the next one, or names blocks
-  /// that the grid does not have.
+  /// Starts an update. Returns one flag a block, in block_linear order: all set before the first
+  /// publication, else those of the update. A builder hands them back to publish(), with what it
+  /// finds changed beyond them set, and without those in which it knows that no distance changed.
+  /// Fails with kInvalidArgument where the update is not the next one, or names blocks that the
+  /// grid does not have.
   [[nodiscard]] Result<std::vector<std::uint8_t>> begin(const MapUpdate& update);
 
-  /// A snapshot in which the flagged blocks are written anew. Blocks that come out equal stay
-  /// shared with the snapshot before.
+  /// A snapshot in which the distances of the flagged blocks are written anew, and what is known of
+  /// the update's. Blocks that come out equal stay shared with the snapshot before.
   [[nodiscard]] std::shared_ptr<const DistanceField> publish(
       const MapUpdate& update, const std::vector<std::uint8_t>& changed,
       const RowWriter& write_row);
@@ -42,18 +57,19 @@ class DenseFieldPublisher {
   [[nodiscard]] const GridSpec& grid() const noexcept { return info_.grid; }
 
  private:
-  void fill(const Eigen::Vector3i& block, const RowWriter& write_row, FieldBlock& out) const;
-  /// The block to publish for what was written: the old one, a uniform one, or a copy.
-  [[nodiscard]] std::shared_ptr<const FieldBlock> shared(
-      const FieldBlock& written, const std::shared_ptr<const FieldBlock>& old);
+  void write_distances(const Eigen::Vector3i& block, const RowWriter& write_row,
+                       FieldBlock& out) const;
+  void write_known(const Eigen::Vector3i& block, KnownBlock& out) const;
 
   FieldInfo info_;
   const OccupancyView& view_;
   WorkerPool& workers_;
   DenseField::BlockTable blocks_;
-  std::optional<std::int64_t> sequence_;  ///< Of the newest update.
-  std::mutex uniform_mutex_;
-  DenseField::BlockTable uniform_;  ///< Guarded by uniform_mutex_; a handful.
+  DenseField::KnownTable known_;
+  std::optional<std::int64_t> sequence_;     ///< Of the newest update.
+  std::vector<std::uint8_t> known_changed_;  ///< Blocks in which voxels may have become known.
+  UniformBlocks<FieldBlock> uniform_distances_;
+  UniformBlocks<KnownBlock> uniform_known_;
 };
 
 }  // namespace sidestep

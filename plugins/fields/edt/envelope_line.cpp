@@ -1,0 +1,148 @@
+#include "envelope_line.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "lanes.hpp"
+
+namespace sidestep::edt {
+namespace {
+
+constexpr std::size_t kTileBytes = kTile * sizeof(std::uint16_t);
+
+/// An envelope computed anew costs about as much as this many rows of a change spread to them.
+constexpr std::int64_t kSpreadsPerEnvelope = 12;
+
+/// Largest d >= 0 with d^2 < limit; -1 where there is none.
+int largest_offset(int limit) {
+  return limit <= 0 ? -1 : static_cast<int>(std::ceil(std::sqrt(static_cast<double>(limit)))) - 1;
+}
+
+const Lanes16& lanes(const std::uint16_t* tile) { return *reinterpret_cast<const Lanes16*>(tile); }
+Lanes16& lanes(std::uint16_t* tile) { return *reinterpret_cast<Lanes16*>(tile); }
+
+/// The least of the values, old or new, of the voxels that changed.
+SIDESTEP_SIMD_CLONES
+std::uint16_t least_changed(const std::uint16_t* was_tile, const std::uint16_t* is_tile) {
+  const Lanes16 was = lanes(was_tile);
+  const Lanes16 is = lanes(is_tile);
+  const Lanes16 lower = (was < is ? was : is) | (Lanes16)(was == is);
+  std::uint16_t least = lower[0];
+  for (int i = 1; i < kTile; ++i) least = std::min(least, lower[i]);
+  return least;
+}
+
+/// The envelope of one row, from the row outwards until the square of the offset exceeds every
+/// value so far. `in` is row 0 of the line.
+SIDESTEP_SIMD_CLONES
+void envelope_of_row(const std::uint16_t* in, std::ptrdiff_t stride, int length, int row, int reach,
+                     std::uint16_t* out) {
+  const std::uint16_t* centre = in + row * stride;
+  Lanes16 best = lanes(centre);
+  for (int d = 1; d <= reach; ++d) {
+    const auto square = static_cast<std::uint16_t>(d * d);
+    const auto above = (Lanes64)(best > square);
+    if ((above[0] | above[1] | above[2] | above[3]) == 0) break;
+    if (row >= d) {
+      const Lanes16 via = lanes(centre - d * stride) + square;
+      best = via < best ? via : best;
+    }
+    if (row + d < length) {
+      const Lanes16 via = lanes(centre + d * stride) + square;
+      best = via < best ? via : best;
+    }
+  }
+  lanes(out) = best;
+}
+
+}  // namespace
+
+struct EnvelopeLine::Spread {
+  /// Spreads the change of row `from` of line.in to the rows [low, high] of line.out.
+  SIDESTEP_SIMD_CLONES
+  static void spread(const TileLine& line, int from, int low, int high, Fate* fates) {
+    const Lanes16 was = lanes(line.in_was + from * line.stride);
+    const Lanes16 is = lanes(line.in + from * line.stride);
+    const auto risen = (Lanes16)(is > was);
+    const std::ptrdiff_t stride = line.stride;
+    const std::ptrdiff_t was_stride = line.out_was_stride;
+    std::uint16_t* out = line.out + low * stride;
+    for (int row = low; row <= high; ++row, out += stride) {
+      const auto square = static_cast<std::uint16_t>((row - from) * (row - from));
+      const Lanes16 now = lanes(out);
+      const Lanes16 via = is + square;
+      const Lanes16 least = via < now ? via : now;
+      const Lanes16 lost = (Lanes16)((was + square) == now) & risen;
+      const auto changed = (Lanes64)(lost | (now ^ least));
+      if ((changed[0] | changed[1] | changed[2] | changed[3]) == 0) continue;
+      if (fates[row] == Fate::kKept) {
+        lanes(line.out_was + row * was_stride) = now;
+        fates[row] = Fate::kLowered;
+      }
+      lanes(out) = least;
+      const auto any_lost = (Lanes64)lost;
+      if ((any_lost[0] | any_lost[1] | any_lost[2] | any_lost[3]) != 0) fates[row] = Fate::kLost;
+    }
+  }
+};
+
+EnvelopeLine::EnvelopeLine(int longest, std::uint16_t cap)
+    : cap_(cap),
+      reach_(largest_offset(cap)),
+      fates_(static_cast<std::size_t>(longest), Fate::kKept) {}
+
+void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> changed) {
+  sources_.clear();
+  first_ = line.length;
+  last_ = -1;
+  total_reach_ = 0;
+  for (const int row : changed) {
+    const std::ptrdiff_t at = row * line.stride;
+    const int reach = largest_offset(cap_ - least_changed(line.in_was + at, line.in + at));
+    if (reach < 0) continue;
+    sources_.push_back({row, reach});
+    first_ = std::min(first_, std::max(row - reach, 0));
+    last_ = std::max(last_, std::min(row + reach, line.length - 1));
+    total_reach_ += 2 * reach + 1;
+  }
+}
+
+void EnvelopeLine::recompute_all(const TileLine& line) {
+  for (const Source& source : sources_) {
+    const int high = std::min(source.row + source.reach, line.length - 1);
+    for (int row = std::max(source.row - source.reach, 0); row <= high; ++row) {
+      Fate& fate = fates_[static_cast<std::size_t>(row)];
+      if (fate == Fate::kLost) continue;
+      fate = Fate::kLost;
+      std::memcpy(line.out_was + row * line.out_was_stride, line.out + row * line.stride,
+                  kTileBytes);
+    }
+  }
+}
+
+std::span<const int> EnvelopeLine::update(const TileLine& line, std::span<const int> changed) {
+  find_sources(line, changed);
+  if (total_reach_ > kSpreadsPerEnvelope * (last_ - first_ + 1)) {
+    recompute_all(line);
+  } else {
+    for (const Source& source : sources_) {
+      Spread::spread(line, source.row, std::max(source.row - source.reach, 0),
+                     std::min(source.row + source.reach, line.length - 1), fates_.data());
+    }
+  }
+  changed_.clear();
+  for (int row = first_; row <= last_; ++row) {
+    Fate& fate = fates_[static_cast<std::size_t>(row)];
+    if (fate == Fate::kKept) continue;
+    std::uint16_t* out = line.out + row * line.stride;
+    if (fate == Fate::kLost) envelope_of_row(line.in, line.stride, line.length, row, reach_, out);
+    fate = Fate::kKept;
+    if (std::memcmp(out, line.out_was + row * line.out_was_stride, kTileBytes) != 0) {
+      changed_.push_back(row);
+    }
+  }
+  return changed_;
+}
+
+}  // namespace sidestep::edt
