@@ -109,6 +109,63 @@ INSTANTIATE_TEST_SUITE_P(
                                      edt::Options{false, 0.05, "occupied"},
                                      edt::Options{true, 0.8, "occupied"})));
 
+/// Every voxel against every obstacle, from the definition.
+float brute_force_m(const GridMap& map, const Eigen::Vector3i& voxel, bool is_signed,
+                    double limit_m) {
+  const GridSpec& grid = map.grid();
+  const bool is_inside = map.occupied().at(grid, voxel);
+  if (is_inside && !is_signed) return 0.0f;
+  int least2 = std::numeric_limits<int>::max();
+  Eigen::Vector3i other;
+  for (other.z() = 0; other.z() < grid.size_vox.z(); ++other.z()) {
+    for (other.y() = 0; other.y() < grid.size_vox.y(); ++other.y()) {
+      for (other.x() = 0; other.x() < grid.size_vox.x(); ++other.x()) {
+        if (map.occupied().at(grid, other) == is_inside) continue;
+        least2 = std::min(least2, (other - voxel).squaredNorm());
+      }
+    }
+  }
+  const double distance_m =
+      std::min(limit_m, grid.resolution_m * std::sqrt(static_cast<double>(least2)));
+  return static_cast<float>(is_inside ? -distance_m : distance_m);
+}
+
+class EdtSequence : public testing::TestWithParam<edt::Options> {};
+
+/// The corner where eight blocks meet lies in the middle of the grid.
+TEST_P(EdtSequence, EqualsBruteForceThroughThousandsOfSteps) {
+  constexpr int kSteps = 2000;
+  constexpr int kVoxelsAStep = 40;
+  const edt::Options& options = GetParam();
+  WorkerPool workers(2);
+  RestlessMap map({Eigen::Vector3d::Zero(), 0.05, Eigen::Vector3i(33, 20, 18)}, 5);
+  map.set({0, 0, 0}, true);  // so that there always is an obstacle
+  const auto builder = edt::make_edt_builder(options, workers);
+  ASSERT_TRUE(builder->attach(map));
+  std::mt19937 random(6);
+  for (int step = 0; step < kSteps; ++step) {
+    map.step();
+    map.set({0, 0, 0}, true);
+    const auto field = updated(*builder, map.take_update());
+    ASSERT_TRUE(field);
+    for (int n = 0; n < kVoxelsAStep; ++n) {
+      Eigen::Vector3i voxel;
+      for (int axis = 0; axis < 3; ++axis) {
+        voxel[axis] = std::uniform_int_distribution<int>(0, map.grid().size_vox[axis] - 1)(random);
+      }
+      ASSERT_EQ(field->at(voxel),
+                brute_force_m(map, voxel, options.is_signed, options.max_distance_m))
+          << "step " << step << ", voxel " << voxel.transpose();
+    }
+  }
+}
+
+// 10 m is 200 voxels: squared distances of more than 16 bits, another transform.
+INSTANTIATE_TEST_SUITE_P(NearAndFar, EdtSequence,
+                         testing::Values(edt::Options{false, 0.33, "free"},
+                                         edt::Options{true, 0.8, "free"},
+                                         edt::Options{true, 10.0, "free"}));
+
 /// Beyond 32767 a squared distance needs 32 bits.
 TEST(Edt, MeasuresLongDistancesExactly) {
   WorkerPool workers(2);
