@@ -94,7 +94,7 @@ std::shared_ptr<const DenseField> updated(FieldBuilder& builder, const MapUpdate
 double largest_difference_m(const DenseField& a, const DenseField& b) {
   double largest = 0.0;
   for (std::size_t i = 0; i < a.blocks().size(); ++i) {
-    if (a.blocks()[i]->known != b.blocks()[i]->known)
+    if (a.known_blocks()[i]->rows != b.known_blocks()[i]->rows)
       return std::numeric_limits<double>::infinity();
     const auto& values_a = a.blocks()[i]->distance_m;
     const auto& values_b = b.blocks()[i]->distance_m;
