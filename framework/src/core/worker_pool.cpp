@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
@@ -10,7 +11,14 @@
 namespace sidestep {
 
 struct WorkerPool::Impl {
-  explicit Impl(int threads) : arena(threads) {}
+  explicit Impl(int threads)
+      // TBB's own limit is the number of cores, and it warns when more are asked for.
+      : limit(tbb::global_control::max_allowed_parallelism,
+              std::max(static_cast<std::size_t>(threads),
+                       tbb::global_control::active_value(
+                           tbb::global_control::max_allowed_parallelism))),
+        arena(threads) {}
+  tbb::global_control limit;
   tbb::task_arena arena;
 };
 

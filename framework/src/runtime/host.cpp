@@ -287,9 +287,9 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
     void* object = descriptor.create(block, context, &error);
     if (object != nullptr) return Made{object, descriptor.destroy};
     if (error.message.empty()) {
-      return fail(ErrorCode::kPlugin, "could not be created and did not say why", "plugin " + name);
+      error = {ErrorCode::kPlugin, "could not be created and did not say why", "", "", nullptr};
     }
-    if (error.where.empty()) error.where = "plugin " + name;
+    if (error.where.empty()) error.where = block.mark().to_string() + ": plugin " + name;
     return tl::make_unexpected(std::move(error));
   });
 }
