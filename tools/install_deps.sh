@@ -17,7 +17,7 @@ packages=(
   libcairo2-dev fontconfig fonts-dejavu-core
   # plugins
   libpng-dev liboctomap-dev libdynamicedt3d-dev liburdfdom-dev liburdfdom-headers-dev
-  libceres-dev libompl-dev
+  libceres-dev libompl-dev libpcl-dev
   # tests and benchmarks
   libgtest-dev libgmock-dev libbenchmark-dev
 )

@@ -31,7 +31,7 @@ namespace detail {
 /// How a C++ type is declared, written and read. Supported: bool, int, std::int64_t, double,
 /// std::string, std::filesystem::path, std::vector of double, int or std::string,
 /// Eigen::Vector3d, Eigen::Vector3i, Node, structs with fields(), vectors of those, and
-/// std::optional of any of the scalar types.
+/// std::optional of any of them but lists.
 template <class V>
 struct FieldType;
 
@@ -167,8 +167,10 @@ struct FieldType<Node> : ScalarField {
 };
 
 template <class V>
-struct FieldType<std::optional<V>> : ScalarField {
+struct FieldType<std::optional<V>> {
   static constexpr ParameterType kType = FieldType<V>::kType;
+  static constexpr std::optional<std::size_t> kSize = FieldType<V>::kSize;
+  static std::vector<Parameter> fields() { return FieldType<V>::fields(); }
   static std::string text(const std::optional<V>& value) {
     return value ? FieldType<V>::text(*value) : "null";
   }
