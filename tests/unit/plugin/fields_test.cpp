@@ -120,6 +120,41 @@ TEST(Fields, ANumberThatDoesNotFitIsAnError) {
   EXPECT_EQ(options.count, -3);
 }
 
+struct WithOptionalGroups {
+  std::optional<Inner> group;
+  std::optional<Eigen::Vector3d> corner_m;
+  static Fields<WithOptionalGroups> fields() {
+    using O = WithOptionalGroups;
+    return Fields<O>()
+        .add("group", &O::group, "Group.")
+        .add("corner_m", &O::corner_m, "Corner.");
+  }
+};
+
+TEST(Fields, AnOptionalGroupIsCheckedAsAnyOtherAndMayBeAbsent) {
+  const Schema schema = WithOptionalGroups::fields().schema();
+  EXPECT_EQ(parameter(schema, "group").type, ParameterType::kObject);
+  EXPECT_EQ(parameter(schema, "group").default_text, "null");
+  EXPECT_EQ(parameter(schema, "corner_m").size, 3u);
+  const auto read_checked = [&](const std::string& yaml, std::vector<Error>& errors) {
+    const Node map = parse_yaml(yaml, "t.yaml", errors).value();
+    check_against_schema(map, schema, {}, errors);
+    WithOptionalGroups options;
+    if (errors.empty()) WithOptionalGroups::fields().read(map, options, errors);
+    return options;
+  };
+  std::vector<Error> errors;
+  EXPECT_FALSE(read_checked("{}", errors).group);
+  const auto options = read_checked("{group: {}, corner_m: [1, 2, 3]}", errors);
+  ASSERT_TRUE(options.group);
+  EXPECT_EQ(options.group->count, 2) << "a group that is named starts from its defaults";
+  EXPECT_EQ(options.corner_m, Eigen::Vector3d(1, 2, 3));
+  EXPECT_TRUE(errors.empty());
+  (void)read_checked("{group: {cuont: 3}, corner_m: [1, 2]}", errors);
+  ASSERT_EQ(errors.size(), 2u);
+  EXPECT_EQ(errors[0].describe(), "t.yaml:1:10: unknown key 'group.cuont' (did you mean 'count'?)");
+}
+
 TEST(NumberText, ReadsBackAsTheSameNumber) {
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> exponent(-300.0, 300.0);

@@ -31,7 +31,7 @@ namespace detail {
 /// How a C++ type is declared, written and read. Supported: bool, int, std::int64_t, double,
 /// std::string, std::filesystem::path, std::vector of double, int or std::string,
 /// Eigen::Vector3d, Eigen::Vector3i, Node, structs with fields(), vectors of those, and
-/// std::optional of any of them but lists.
+/// std::optional of any of them but std::vector.
 template <class V>
 struct FieldType;
 
