@@ -14,9 +14,9 @@ struct WorkerPool::Impl {
   explicit Impl(int threads)
       // TBB's own limit is the number of cores, and it warns when more are asked for.
       : limit(tbb::global_control::max_allowed_parallelism,
-              std::max(static_cast<std::size_t>(threads),
-                       tbb::global_control::active_value(
-                           tbb::global_control::max_allowed_parallelism))),
+              std::max(
+                  static_cast<std::size_t>(threads),
+                  tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism))),
         arena(threads) {}
   tbb::global_control limit;
   tbb::task_arena arena;

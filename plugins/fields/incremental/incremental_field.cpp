@@ -129,6 +129,8 @@ class IncrementalBuilder final : public FieldBuilder {
     if (!changed) return tl::make_unexpected(std::move(changed.error()));
     changes_->find(*changed);
     distances_->update(*changes_);
+    // Where the map changed but no distance did, there is nothing to write again.
+    if (!std::exchange(first_, false)) std::ranges::fill(*changed, std::uint8_t{0});
     distances_->mark_changed(*changed);
     return publisher_->publish(update, *changed,
                                [this](int x, int y, int z, int count, float* distances_m) {
@@ -139,6 +141,7 @@ class IncrementalBuilder final : public FieldBuilder {
  private:
   Options options_;
   WorkerPool& workers_;
+  bool first_ = true;
   std::unique_ptr<Distances> distances_;
   std::optional<OccupancyChanges> changes_;
   std::optional<DenseFieldPublisher> publisher_;

@@ -125,9 +125,7 @@ struct WithOptionalGroups {
   std::optional<Eigen::Vector3d> corner_m;
   static Fields<WithOptionalGroups> fields() {
     using O = WithOptionalGroups;
-    return Fields<O>()
-        .add("group", &O::group, "Group.")
-        .add("corner_m", &O::corner_m, "Corner.");
+    return Fields<O>().add("group", &O::group, "Group.").add("corner_m", &O::corner_m, "Corner.");
   }
 };
 
