@@ -31,7 +31,7 @@ class GridMap : public Mapper, public OccupancyView {
   }
 
   /// What was set since the call before.
-  [[nodiscard]] MapUpdate take_update() {
+  [[nodiscard]] virtual MapUpdate take_update() {
     MapUpdate update;
     update.sequence = ++sequence_;
     update.stamp = Stamp::from_seconds(static_cast<double>(sequence_));

@@ -33,7 +33,7 @@ class RayMaker {
 };
 
 /// The points of a frame that fall into the same voxel, as one ray to their weighted mean that
-/// carries their weights (Oleynikova et al. 2017, Sec. IV-B). Of free ends, the first one.
+/// carries their weights (Oleynikova et al. 2017, Sec. IV). Of free ends, the first one.
 class RayBundler {
  public:
   explicit RayBundler(const GridSpec& grid);

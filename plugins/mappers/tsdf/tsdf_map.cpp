@@ -128,7 +128,7 @@ void TsdfMap::integrate_block(std::int32_t block, std::span<const SegmentRef> se
   if (occupancy_changed) occupancy_changed_[static_cast<std::size_t>(block)] = 1;
 }
 
-/// Oleynikova et al. 2017, Eqs. 1 to 5: distances along the ray, averaged by weight. What lies
+/// Oleynikova et al. 2017, Sec. IV: distances along the ray, averaged by weight. What lies
 /// far before the surface is cut off only after the average, so that a ray that passes through
 /// what was a surface clears it the faster the farther it goes.
 bool TsdfMap::integrate_segment(TsdfBlock& out, const Eigen::Vector3d& from_camera_vox,

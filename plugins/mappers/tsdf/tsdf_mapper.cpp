@@ -17,12 +17,15 @@ constexpr std::size_t kParts = 16;
 constexpr std::size_t kRaysAtOnce = 32768;
 
 /// Visits 0 .. size - 1 in steps of about the golden section of it: the first few already lie
-/// everywhere, as rays of the fast integrator should that keep others from being cast.
+/// everywhere, as rays of the fast integrator should that keep others from being cast. Each turn
+/// begins elsewhere, so that voxels between the rays of one frame are met in another.
 class ScatteredOrder {
  public:
-  explicit ScatteredOrder(std::size_t size) : size_(size) {
+  ScatteredOrder(std::size_t size, std::int64_t turn) : size_(size) {
+    constexpr std::size_t kTurnStep = 7919;
     step_ = std::max<std::size_t>(1, size * 618 / 1000);
     while (std::gcd(step_, size_) > 1) ++step_;
+    if (size > 0) at_ = static_cast<std::size_t>(turn) * kTurnStep % size;
   }
   [[nodiscard]] std::size_t next() noexcept {
     const std::size_t at = at_;
@@ -94,7 +97,7 @@ IntegrationCounts TsdfMapper::integrate_fast(const RayEnds& ends, const RayMaker
   const IntegrationCounts counts =
       in_parts(0, ends.size(),
                [&](std::size_t from, std::size_t to, std::size_t part, IntegrationCounts& counted) {
-                 ScatteredOrder order(to - from);
+                 ScatteredOrder order(to - from, sequence_);
                  traces_[part].clear();
                  for (std::size_t i = from; i < to; ++i) {
                    const auto end = maker.end(from + order.next(), counted);

@@ -1,0 +1,120 @@
+#pragma once
+
+#include <cstdint>
+#include <cstdlib>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <sidestep/core/worker_pool.hpp>
+#include <sidestep/mapping/tsdf_view.hpp>
+
+#include "neighbours.hpp"
+
+namespace sidestep::esdf {
+
+enum class Unknown : std::uint8_t { kFree, kOccupied, kIgnored };
+
+struct WaveSettings {
+  GridSpec grid;
+  float max_distance_m = 0.0F;
+  float band_m = 0.0F;        ///< Smaller distances are taken from the TSDF.
+  float min_change_m = 0.0F;  ///< Smaller changes of those are left out.
+  Unknown unknown = Unknown::kFree;
+  bool full_euclidean = false;
+};
+
+/// Distances that spread from the voxels near surfaces to all others, kept up to date by a raise
+/// wave, which takes back what changed voxels had given away, and a lower wave in order of
+/// distance (Oleynikova et al. 2017, Sec. V; Lau et al. 2010).
+///
+/// Positive and negative voxels are two regions, each with its own waves, of distances without
+/// sign. A voxel's value is the least that any neighbour offers: the neighbour's value plus the
+/// step to it, or, from the other region, the step alone. In the quasi-Euclidean case that fixes
+/// all values, whatever the order of the waves.
+class DistanceWaves {
+ public:
+  DistanceWaves(const WaveSettings& settings, WorkerPool& workers);
+
+  /// Whether a grid's voxels can be numbered, and offsets to where waves began be stored.
+  [[nodiscard]] static bool fits(const GridSpec& grid, double max_distance_m);
+
+  /// Takes over what changed in these blocks of the TSDF.
+  void update(const TsdfView& tsdf, std::span<const std::int32_t> changed_blocks);
+
+  /// Sets the flags of the blocks, in block_linear order, in which update() changed a distance.
+  void flag_changed(std::vector<std::uint8_t>& flags) const;
+
+  /// Signed distances of `count` voxels of row (y, z) from x on, all of one block.
+  void row(int x, int y, int z, int count, float* distances_m) const;
+
+ private:
+  struct Free {
+    void operator()(void* memory) const noexcept { std::free(memory); }
+  };
+  /// Zero where never written, and then without memory behind it.
+  template <class Value>
+  using LazyArray = std::unique_ptr<Value[], Free>;
+
+  struct Offset {
+    std::int16_t x = 0, y = 0, z = 0;
+  };
+  /// Voxels of one block that a change of the TSDF concerns.
+  struct BlockChanges {
+    std::vector<std::uint32_t> raised;   ///< May offer more than before: children lose them.
+    std::vector<std::uint32_t> fixed;    ///< Offer a distance of their own.
+    std::vector<std::uint32_t> orphans;  ///< Have none and need what neighbours offer.
+    std::vector<std::uint32_t> flipped;  ///< Changed region.
+    void clear();
+  };
+
+  [[nodiscard]] std::size_t stored_block(const Eigen::Vector3i& block) const noexcept;
+  [[nodiscard]] std::uint32_t stored_voxel(int x, int y, int z) const noexcept;
+  [[nodiscard]] Eigen::Vector3i block_at(std::int32_t block) const noexcept;
+  void prepare_reach(std::span<const std::int32_t> blocks);
+  void prepare(const Eigen::Vector3i& block);
+  void scan(const TsdfBlock& tsdf, std::uint32_t first, BlockChanges& changes);
+  void scan_voxel(std::uint32_t voxel, float tsdf_m, BlockChanges& changes);
+  void raise(std::span<const BlockChanges> changes);
+  /// Takes back what the voxels of raising_ gave, and what was given on.
+  void raise_children();
+  template <bool kFull>
+  void spread(std::span<const BlockChanges> changes);
+  template <bool kFull>
+  void seed(std::span<const BlockChanges> changes);
+  template <bool kFull>
+  void adopt(std::uint32_t voxel);
+  template <bool kFull>
+  void lower();
+  /// The distance that `from` offers to its neighbour in direction d, of the same region.
+  template <bool kFull>
+  [[nodiscard]] float offer(std::uint32_t from, int d) const noexcept;
+  template <bool kFull>
+  void accept(std::uint32_t voxel, float distance_m, int direction_to_parent, bool crosses);
+  void push(std::uint32_t voxel);
+
+  [[nodiscard]] bool takes_part(std::uint32_t voxel) const noexcept {
+    return distance_m_[voxel] > 0.0F || (state_[voxel] & kFixed) != 0;
+  }
+
+  // The bits of a voxel's state. Its parent is the neighbour whose offer it took: 1 + direction.
+  static constexpr std::uint8_t kParent = 0x1f;
+  static constexpr std::uint8_t kNegative = 0x20;
+  static constexpr std::uint8_t kFixed = 0x40;
+  static constexpr std::uint8_t kQueued = 0x80;
+
+  WaveSettings settings_;
+  WorkerPool& workers_;
+  Eigen::Vector3i counts_;         ///< Blocks of the grid.
+  Eigen::Vector3i stored_counts_;  ///< With a rim of one block that stays zero.
+  Neighbours neighbours_;
+  LazyArray<float> distance_m_;  ///< Without sign. Zero and not fixed: takes no part.
+  LazyArray<std::uint8_t> state_;
+  LazyArray<Offset> offset_;  ///< Full Euclidean only: from where the wave began, in voxels.
+  std::vector<std::uint8_t> prepared_, changed_;  ///< By stored block.
+  std::vector<BlockChanges> changes_;
+  std::vector<std::uint32_t> raising_, orphans_, adopting_;
+  std::vector<std::vector<std::uint32_t>> buckets_;  ///< One for each voxel of distance.
+};
+
+}  // namespace sidestep::esdf
