@@ -10,6 +10,7 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "html.hpp"
+#include "mapping_benchmark.hpp"
 #include "plan.hpp"
 
 namespace sidestep {
@@ -17,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<ExperimentType> kTypes = {plan_experiment()};
+const std::vector<ExperimentType> kTypes = {plan_experiment(), mapping_benchmark_experiment()};
 
 constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
                                      PluginKind::kField,     PluginKind::kRobot,
@@ -93,7 +94,8 @@ Result<void> clear_results(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
     const bool fixed = name == "effective_config.yaml" || name == "summary.json" ||
-                       name == "report.html" || name.starts_with("results.sqlite");
+                       name == "report.html" || name == "table.csv" ||
+                       name.starts_with("results.sqlite");
     if (fixed || is_report_picture(name)) stale.push_back(entry.path());
   }
   for (const fs::path& file : stale) {
@@ -150,6 +152,7 @@ Node effective_configuration(const Configuration& configuration, Host& host) {
   for (Node::Entry& entry : root.entries()) {
     if (entry.key == "experiment" && type != nullptr) {
       entry.value = fill_defaults(entry.value, type->schema());
+      if (type->fill != nullptr) type->fill(entry.value, host);
     } else if (const auto schema = settings_schema(entry.key)) {
       entry.value = fill_defaults(entry.value, *schema);
     }

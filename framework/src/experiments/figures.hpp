@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,5 +24,20 @@ struct Figure {
 /// The pictures of one plan: slices, joints, velocities, clearance, as far as they were recorded.
 [[nodiscard]] Result<std::vector<Figure>> plan_figures(ResultsReader& results, std::int64_t item,
                                                        const std::string& name);
+
+/// One bar of the chart of a mapping benchmark.
+struct SystemBar {
+  std::string label;
+  double resolution_m = 0.0;
+  bool is_signed = false;
+  double mean_ms = 0.0;
+  double p50_ms = 0.0;
+  double p95_ms = 0.0;
+  std::optional<double> published_ms;
+};
+
+/// The pictures of a mapping benchmark; `published_as` names where published figures are from.
+[[nodiscard]] std::vector<Figure> mapping_figures(const std::vector<SystemBar>& bars,
+                                                  const std::string& published_as);
 
 }  // namespace sidestep

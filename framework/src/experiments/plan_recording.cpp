@@ -130,6 +130,7 @@ void record_frame(const MappingStep& step, std::int64_t item, Recorder& recorder
   recorder.add("frame", item, "read_ms", step.read_ms);
   recorder.add("frame", item, "integrate_ms", step.integrate_ms);
   recorder.add("frame", item, "field_ms", step.field_ms);
+  recorder.add("frame", item, "publish_ms", step.publish_ms);
   recorder.add("frame", item, "frame_ms", step.frame_ms());
   recorder.add("frame", item, "changed_blocks", step.update.changed_blocks.size());
   const IntegrationCounts& counts = step.update.counts;

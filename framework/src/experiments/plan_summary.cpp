@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "json.hpp"
+#include "statistics.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {
@@ -83,12 +84,6 @@ Json plan_json(const PlanRecord& plan) {
         {"scene", verdict_json(plan.in_scene)}}}};
 }
 
-Json provenance_json(const RunProvenance& provenance) {
-  return {{"version", provenance.version},         {"git_hash", provenance.git_hash},
-          {"build_flags", provenance.build_flags}, {"cpu", provenance.cpu},
-          {"threads", provenance.threads},         {"seed", provenance.seed}};
-}
-
 std::string count_of(std::size_t count, const std::string& thing) {
   return std::to_string(count) + " " + thing + (count == 1 ? "" : "s");
 }
@@ -157,15 +152,6 @@ std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) 
 }
 
 }  // namespace
-
-double percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  std::ranges::sort(values);
-  const double at = share * static_cast<double>(values.size() - 1);
-  const auto below = static_cast<std::size_t>(at);
-  const std::size_t above = std::min(below + 1, values.size() - 1);
-  return values[below] + (at - static_cast<double>(below)) * (values[above] - values[below]);
-}
 
 std::optional<double> PlanRecord::min_clearance_m() const noexcept {
   std::optional<double> least;

@@ -15,7 +15,4 @@ namespace sidestep {
                                                 const MapRecord& map,
                                                 std::span<const PlanRecord> plans);
 
-/// The value below which a share of the values lies, linear between two; 0 for no values.
-[[nodiscard]] double percentile(std::vector<double> values, double share);
-
 }  // namespace sidestep

@@ -9,13 +9,14 @@
 
 #include "figures.hpp"
 #include "html.hpp"
+#include "report_parts.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
+using namespace report;
 
 Result<Json> read_summary(const fs::path& run) {
   const fs::path file = run / "summary.json";
@@ -27,35 +28,6 @@ Result<Json> read_summary(const fs::path& run) {
   Json summary = Json::parse(*text, nullptr, false);
   if (!summary.is_object()) return fail(ErrorCode::kIo, "the summary is damaged", file.string());
   return summary;
-}
-
-/// The value at a JSON pointer, or null.
-Json at(const Json& json, const char* pointer) {
-  const Json::json_pointer where(pointer);
-  return json.contains(where) ? json.at(where) : Json();
-}
-
-/// A cell: a number as `pattern` writes it, text as it is, "-" for nothing.
-std::string cell(const Json& value, const char* pattern = "%g") {
-  if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
-  if (value.is_number()) return format(pattern, value.get<double>());
-  if (value.is_string()) return value.get<std::string>();
-  return "-";
-}
-
-using Row = std::vector<std::string>;
-
-std::string html_table(const Row& header, const std::vector<Row>& rows) {
-  std::string html = "<div class=\"wide\"><table>\n<tr>";
-  for (const std::string& name : header) html += "<th>" + escape_html(name) + "</th>";
-  html += "</tr>\n";
-  for (const Row& row : rows) {
-    html += "<tr>";
-    for (const std::string& value : row) html += "<td>" + escape_html(value) + "</td>";
-    html += "</tr>\n";
-  }
-  html += "</table></div>\n";
-  return html;
 }
 
 std::string map_section(const Json& summary) {
@@ -107,22 +79,6 @@ std::string checks_table(const Json& plan) {
   return html_table({"check", "outcome", "clearance", "of", "at", "self-clearance"}, rows);
 }
 
-/// Writes the pictures beside the report and returns them embedded.
-Result<std::string> figure_section(const std::vector<Figure>& figures, const fs::path& run) {
-  std::string html;
-  for (const Figure& figure : figures) {
-    const fs::path png = run / (figure.file + ".png");
-    auto written = figure.canvas.write_png(png);
-    if (written) written = figure.canvas.write_svg(run / (figure.file + ".svg"));
-    if (!written) return tl::make_unexpected(std::move(written.error()));
-    const auto image = embedded_png(png);
-    if (!image) return tl::make_unexpected(image.error());
-    html += "<figure><img alt=\"" + escape_html(figure.caption) + "\" src=\"" + *image +
-            "\"><figcaption>" + escape_html(figure.caption) + "</figcaption></figure>\n";
-  }
-  return html;
-}
-
 std::string origin_section(const Json& summary, const fs::path& run) {
   std::string html = "<h2>Made with</h2>\n<table>\n";
   const Json provenance = at(summary, "/provenance");
@@ -139,12 +95,9 @@ std::string origin_section(const Json& summary, const fs::path& run) {
   return html;
 }
 
-/// Everything that summary and store tell of a run, verdict first.
-Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run) {
-  const bool success = at(summary, "/success") == Json(true);
-  std::string html = "<h1>" + escape_html(cell(at(summary, "/configuration"))) + "</h1>\n";
-  html += std::string("<p class=\"verdict ") + (success ? "success" : "failure") + "\">" +
-          escape_html(cell(at(summary, "/verdict"))) + "</p>\n";
+/// Plans, one after the other, then the map that they were made in.
+Result<std::string> plan_body(const Json& summary, ResultsReader& results, const fs::path& run) {
+  std::string html;
   const Json plans = at(summary, "/plans");
   if (plans.is_array() && !plans.empty()) html += plans_table(plans);
   std::int64_t item = 0;
@@ -166,17 +119,57 @@ Result<std::string> report_body(const Json& summary, ResultsReader& results, con
   if (!figures) return tl::make_unexpected(std::move(figures.error()));
   const auto section = figure_section(*figures, run);
   if (!section) return section;
-  html += *section;
+  return html + *section;
+}
+
+/// Everything that summary and store tell of a run, verdict first.
+Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run) {
+  const bool success = at(summary, "/success") == Json(true);
+  std::string html = "<h1>" + escape_html(cell(at(summary, "/configuration"))) + "</h1>\n";
+  html += std::string("<p class=\"verdict ") + (success ? "success" : "failure") + "\">" +
+          escape_html(cell(at(summary, "/verdict"))) + "</p>\n";
+  const auto body = at(summary, "/systems").is_array() ? mapping_body(summary, run)
+                                                       : plan_body(summary, results, run);
+  if (!body) return body;
+  html += *body;
   html += origin_section(summary, run);
   return html;
+}
+
+Row plan_row(const Json& summary, const Json& plan) {
+  return {cell(at(summary, "/configuration")),
+          cell(at(plan, "/name")),
+          at(plan, "/success") == Json(true) ? "success" : "failed",
+          cell(at(plan, "/min_clearance_m"), "%.3f m"),
+          cell(at(plan, "/duration_s"), "%.2f s"),
+          cell(at(plan, "/solve_ms"), "%.1f ms"),
+          cell(at(plan, "/iterations")),
+          cell(at(summary, "/map/frame_ms/p50"), "%.1f ms"),
+          cell(at(summary, "/frames")),
+          cell(at(summary, "/provenance/git_hash"))};
+}
+
+Row system_row(const Json& summary, const Json& system) {
+  return {cell(at(summary, "/configuration")),
+          cell(at(system, "/name")),
+          at(system, "/signed") == Json(true) ? "signed" : "unsigned",
+          cell(at(system, "/resolution_m"), "%g m"),
+          cell(at(system, "/frame_ms/p50"), "%.2f ms"),
+          cell(at(system, "/frame_ms/p95"), "%.2f ms"),
+          cell(at(system, "/max_error_m"), "%.4f m"),
+          cell(at(system, "/mean_error_m"), "%.2g m"),
+          cell(at(system, "/memory_mib"), "%.0f MiB"),
+          cell(at(system, "/frames")),
+          cell(at(summary, "/provenance/git_hash"))};
 }
 
 }  // namespace
 
 bool is_report_picture(std::string_view file_name) {
   const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
-  return picture && (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
-                     file_name.starts_with("frame_times."));
+  return picture &&
+         (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
+          file_name.starts_with("frame_times.") || file_name.starts_with("mapping_times."));
 }
 
 Result<void> write_report(const fs::path& run) {
@@ -191,35 +184,38 @@ Result<void> write_report(const fs::path& run) {
 }
 
 Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html) {
-  const Row header = {"run",   "plan",       "result",    "clearance", "duration",
-                      "solve", "iterations", "frame p50", "frames",    "commit"};
-  std::vector<Row> rows;
+  const Row plan_header = {"run",   "plan",       "result",    "clearance", "duration",
+                           "solve", "iterations", "frame p50", "frames",    "commit"};
+  const Row system_header = {"run",       "system",    "field",     "voxel",
+                             "frame p50", "frame p95", "max error", "mean error",
+                             "memory",    "frames",    "commit"};
+  std::vector<Row> plan_rows, system_rows;
   for (const fs::path& run : runs) {
     const auto summary = read_summary(run);
     if (!summary) return tl::make_unexpected(summary.error());
-    const auto add = [&](const Json& plan) {
-      rows.push_back({cell(at(*summary, "/configuration")), cell(at(plan, "/name")),
-                      at(plan, "/success") == Json(true) ? "success" : "failed",
-                      cell(at(plan, "/min_clearance_m"), "%.3f m"),
-                      cell(at(plan, "/duration_s"), "%.2f s"),
-                      cell(at(plan, "/solve_ms"), "%.1f ms"), cell(at(plan, "/iterations")),
-                      cell(at(*summary, "/map/frame_ms/p50"), "%.1f ms"),
-                      cell(at(*summary, "/frames")), cell(at(*summary, "/provenance/git_hash"))});
-    };
+    const Json systems = at(*summary, "/systems");
+    for (const Json& system : systems) system_rows.push_back(system_row(*summary, system));
+    if (systems.is_array()) continue;
     const Json plans = at(*summary, "/plans");
-    for (const Json& plan : plans) add(plan);
-    if (!plans.is_array() || plans.empty()) add(Json::object());
+    for (const Json& plan : plans) plan_rows.push_back(plan_row(*summary, plan));
+    if (!plans.is_array() || plans.empty()) plan_rows.push_back(plan_row(*summary, Json::object()));
   }
-  TextTable table(header);
-  for (const Row& row : rows) table.add(row);
+  std::string text, body;
+  for (const auto& [header, rows] :
+       {std::pair(&plan_header, &plan_rows), std::pair(&system_header, &system_rows)}) {
+    if (rows->empty()) continue;
+    TextTable table(*header);
+    for (const Row& row : *rows) table.add(row);
+    text += (text.empty() ? "" : "\n") + table.text();
+    body += html_table(*header, *rows);
+  }
   if (!html.empty()) {
-    const std::string page =
-        html_page("Sidestep: comparison", "<h1>Runs compared</h1>\n" + html_table(header, rows));
+    const std::string page = html_page("Sidestep: comparison", "<h1>Runs compared</h1>\n" + body);
     if (auto written = write_file(html, page); !written) {
       return tl::make_unexpected(std::move(written.error()));
     }
   }
-  return table.text();
+  return text;
 }
 
 }  // namespace sidestep

@@ -49,8 +49,11 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     auto field = guarded("field", [&] { return parts_.field_builder.update(step.update); });
     if (!field) return tl::make_unexpected(std::move(field.error()));
     if (*field == nullptr) return fail(ErrorCode::kPlugin, "returned no field", "plugin field");
-    parts_.slot.publish(std::move(*field));
     step.field_ms = watch.elapsed_ms();
+
+    watch.restart();
+    parts_.slot.publish(std::move(*field));
+    step.publish_ms = watch.elapsed_ms();
     return step;
   }
 }

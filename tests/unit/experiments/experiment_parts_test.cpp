@@ -10,6 +10,7 @@
 #include "frame_tap.hpp"
 #include "initial_guess.hpp"
 #include "plan_summary.hpp"
+#include "statistics.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {

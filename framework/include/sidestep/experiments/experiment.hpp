@@ -50,6 +50,9 @@ struct ExperimentType {
   void (*check)(const Configuration& configuration, Host& host, std::vector<Error>& errors);
   /// Measures, and saves to context.out/results.sqlite.
   Result<ExperimentOutcome> (*run)(ExperimentContext& context);
+  /// Fills in, for the effective configuration, what the schema of the `experiment` block cannot
+  /// know, e.g. the defaults of plugins that it names; may be null.
+  void (*fill)(Node& experiment, Host& host) = nullptr;
 };
 
 [[nodiscard]] const std::vector<ExperimentType>& experiment_types();

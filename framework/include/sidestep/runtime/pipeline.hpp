@@ -24,9 +24,10 @@ struct MappingStep {
   double read_ms = 0.0;  ///< Source; not part of the frame time.
   double integrate_ms = 0.0;
   double field_ms = 0.0;
+  double publish_ms = 0.0;  ///< The swap; freeing the field before, if nobody holds it.
 
   /// From the frame in hand to the published field.
-  [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms; }
+  [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms + publish_ms; }
 };
 
 /// The mapping loop: Source -> Mapper -> FieldBuilder -> SnapshotSlot (Finean 2021, Fig. 2).

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "figures.hpp"
+
+namespace sidestep::report {
+
+using Json = nlohmann::ordered_json;
+using Row = std::vector<std::string>;
+
+/// The value at a JSON pointer, or null.
+[[nodiscard]] Json at(const Json& json, const char* pointer);
+
+/// A cell: a number as `pattern` writes it, text as it is, "-" for nothing.
+[[nodiscard]] std::string cell(const Json& value, const char* pattern = "%g");
+
+[[nodiscard]] std::string html_table(const Row& header, const std::vector<Row>& rows);
+
+/// Writes the pictures beside the report and returns them embedded.
+[[nodiscard]] Result<std::string> figure_section(const std::vector<Figure>& figures,
+                                                 const std::filesystem::path& run);
+
+/// Tables and chart of a mapping benchmark.
+[[nodiscard]] Result<std::string> mapping_body(const Json& summary,
+                                               const std::filesystem::path& run);
+
+}  // namespace sidestep::report
