@@ -169,14 +169,16 @@ void MapTruth::follow_leavings(const Frame& frame, const OccupancyView& map) {
     if (!is_occupied && known == leaving_.end()) continue;
     const Eigen::Vector3d centre_m = grid_.centre_m(voxel);
     if (scene_.signed_distance(centre_m, time_s_).distance_m <= near_m_) {
-      if (known != leaving_.end()) leaving_.erase(known);
-      continue;
-    }
-    const int seen = seen_through(frame, centre_m) ? 1 : 0;
-    if (is_occupied) {
-      leaving_[linear] += seen;
-    } else {
-      record_.gone_frames.push_back(known->second + seen);
+      // Rightly occupied, and to be freed once the object has left.
+      if (is_occupied) {
+        leaving_[linear] = 0;
+      } else {
+        leaving_.erase(known);
+      }
+    } else if (known != leaving_.end()) {
+      known->second += seen_through(frame, centre_m) ? 1 : 0;
+      if (is_occupied) continue;
+      record_.gone_frames.push_back(known->second);
       leaving_.erase(known);
     }
   }
@@ -231,6 +233,8 @@ TruthRecord MapTruth::finish(const OccupancyView& map) const {
     record.false_vox += distance_m > near_m_ ? 1 : 0;
   }
   for (const auto& [linear, seen] : leaving_) {
+    const Eigen::Vector3d centre_m = grid_.centre_m(voxel_of(grid_, linear));
+    if (scene_.signed_distance(centre_m, time_s_).distance_m <= near_m_) continue;
     ++record.ghost_vox;
     record.ghost_seen_vox += seen > 0 ? 1 : 0;
   }

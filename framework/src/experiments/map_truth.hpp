@@ -82,7 +82,9 @@ class MapTruth {
   std::vector<bool> surface_;  ///< Seen surfaces of what stands still, a bit a voxel.
   std::vector<bool> swept_;    ///< Where something that moves has been.
   std::vector<std::size_t> swept_list_;
-  std::unordered_map<std::size_t, int> leaving_;  ///< Voxel -> frames it was seen through.
+  /// Voxels that were occupied while something was there, and are since: by how many frames they
+  /// were seen through once it had left.
+  std::unordered_map<std::size_t, int> leaving_;
   TruthRecord record_;
 };
 
