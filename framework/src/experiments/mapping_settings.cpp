@@ -95,6 +95,7 @@ std::vector<std::optional<bool>> wanted_signs(const Node& node, std::vector<Erro
     }
   }
   if (items.empty()) errors.push_back(node.error("'signed' is empty", "true, false, or both"));
+  if (signs.empty()) signs.emplace_back();  // the rest of the system can still be checked
   return signs;
 }
 
@@ -187,7 +188,7 @@ void add_cases(const Given& given, const SystemEntry& system, Host& host,
   const auto mapper = plugin_of(PluginKind::kMapper, system.mapper, host, errors);
   const auto field = plugin_of(PluginKind::kField, system.field, host, errors);
   const auto signs = wanted_signs(system.is_signed, errors);
-  if (!mapper || !field || signs.empty()) return;
+  if (!mapper || !field) return;
   refuse_set_keys(system.mapper, kSetOfMapper, errors);
   refuse_set_keys(system.field, kSetOfField, errors);
   for (const char* key : kSetOfMapper) {
@@ -199,8 +200,8 @@ void add_cases(const Given& given, const SystemEntry& system, Host& host,
   if (!system.is_signed.is_null() && !has_parameter(*field, "signed")) {
     errors.push_back(system.is_signed.error(
         "the field '" + field->name + "' has no parameter 'signed'", "leave `signed` out"));
-    return;
   }
+  host.check_views(system.mapper, field->views, "the field '" + field->name + "'", errors);
   std::set<std::string> told;  // a mistake in a block is the same at every resolution
   for (const auto is_signed : signs) {
     for (std::size_t r = 0; r < given.settings.resolutions_m.size(); ++r) {
