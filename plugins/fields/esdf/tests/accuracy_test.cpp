@@ -168,7 +168,6 @@ TEST(EsdfAccuracy, KitchensFieldIsNoWorseThanVoxbloxs) {
   ASSERT_GT(n, 500);
   RecordProperty("mean_error_m", std::to_string(sum / n));
   RecordProperty("max_error_m", std::to_string(largest));
-  std::printf("%d voxels: mean error %.4f m, largest %.4f m\n", n, sum / n, largest);
   EXPECT_LT(sum / n, kVoxbloxMean_m);
   EXPECT_LT(largest, kVoxbloxMax_m);
 }
