@@ -29,11 +29,11 @@ function(sidestep_warnings target)
   endif()
 endfunction()
 
-# sidestep_add_layer(NAME SOURCES ... [DEPENDS layer...] [LINK library...])
+# sidestep_add_layer(NAME SOURCES ... [LINK library...])
 # One layer of the framework: an object library that becomes part of libsidestep_sdk or
 # libsidestep_runtime.
 function(sidestep_add_layer name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   add_library(sidestep_layer_${name} OBJECT ${ARG_SOURCES})
   target_include_directories(sidestep_layer_${name} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/framework/include>)

@@ -19,6 +19,6 @@ if [ "${1:-}" = "--tidy" ]; then
       grep -v -e '^plugins/template/')
     set -- "${sources[@]}"
   fi
-  printf '%s\n' "$@" | xargs -P "$(nproc)" -n 4 clang-tidy -p "$database" --quiet 2>/dev/null
+  printf '%s\n' "$@" | xargs -P "$(nproc)" -n 4 clang-tidy -p "$database" --quiet
   echo "clang-tidy: $# files are clean"
 fi

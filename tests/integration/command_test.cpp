@@ -47,6 +47,17 @@ class CommandTest : public ::testing::Test {
   fs::path folder_;
 };
 
+TEST_F(CommandTest, RefusesConfigurationsThatWouldShareAFolder) {
+  fs::create_directories(folder_ / "other");
+  fs::copy_file(kTiny, folder_ / "other" / fs::path(kTiny).filename());
+  const Finished finished =
+      run({"run", kTiny, (folder_ / "other" / fs::path(kTiny).filename()).string(), "--out",
+           (folder_ / "run").string()});
+  EXPECT_EQ(finished.exit_code, 2);
+  EXPECT_THAT(finished.error, HasSubstr("two configurations are named"));
+  EXPECT_FALSE(fs::exists(folder_ / "run"));
+}
+
 TEST_F(CommandTest, PlansAroundAPillar) {
   const Finished finished = run_tiny({});
   ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;

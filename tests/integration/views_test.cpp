@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/mapping/octree_view.hpp>
 #include <sidestep/mapping/tsdf_view.hpp>
 
 #include "support/host_fixture.hpp"

@@ -63,10 +63,16 @@ Result<void> write_profile(const std::filesystem::path& file, const std::string&
   std::ifstream in(file, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), {}};
   in.close();
-  std::ofstream out(file, std::ios::binary);
+  // Beside it first, so that a full disk costs nothing.
+  std::filesystem::path fresh = file;
+  fresh += ".new";
+  std::ofstream out(fresh, std::ios::binary);
   out << with_self_collision(text, block);
   out.close();
-  if (!out) return fail(ErrorCode::kIo, "the profile cannot be written", file.string());
+  if (!out) return fail(ErrorCode::kIo, "the profile cannot be written", fresh.string());
+  std::error_code error;
+  std::filesystem::rename(fresh, file, error);
+  if (error) return fail(ErrorCode::kIo, "cannot be replaced: " + error.message(), file.string());
   return {};
 }
 

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/experiments/experiment.hpp>
 #include <sidestep/runtime/reference.hpp>
 
 #include "commands.hpp"
@@ -81,10 +82,11 @@ ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat f
   for (const PluginRejection& rejection : session.host().rejections()) {
     console.warn(rejection.library.string() + " is not usable: " + rejection.error.describe());
   }
+  const std::vector<SettingsBlock> blocks = name ? std::vector<SettingsBlock>{} : settings_blocks();
   if (format == PluginsFormat::kMarkdown) {
-    std::printf("%s", reference_markdown(wanted).c_str());
+    std::printf("%s", reference_markdown(wanted, blocks).c_str());
   } else if (format == PluginsFormat::kJsonSchema) {
-    std::printf("%s\n", configuration_json_schema(wanted).c_str());
+    std::printf("%s\n", configuration_json_schema(wanted, blocks).c_str());
   } else if (format == PluginsFormat::kJson) {
     Json list = Json::array();
     for (const PluginInfo& plugin : wanted) list.push_back(to_json(plugin));

@@ -1,6 +1,9 @@
 #include <chrono>
 #include <cstdio>
 #include <ctime>
+#include <optional>
+#include <set>
+#include <string>
 
 #include "commands.hpp"
 #include "stop_on_signal.hpp"
@@ -47,9 +50,19 @@ void print_outcome(const ExperimentOutcome& outcome, const fs::path& folder) {
               (folder / "report.html").c_str());
 }
 
+/// A name that two configurations share; nothing where all differ.
+std::optional<std::string> twin_of(const std::vector<std::string>& configurations) {
+  std::set<std::string> names;
+  for (const std::string& configuration : configurations) {
+    const std::string name = fs::path(configuration).stem().string();
+    if (!names.insert(name).second) return name;
+  }
+  return std::nullopt;
+}
+
 struct RunResult {
   ExitCode code = ExitCode::kSuccess;
-  std::string summary_json;  ///< Empty where there is none.
+  std::string summary_json;  ///< Empty where there is none: null in the list of several.
 };
 
 RunResult refused(const Error& error, Console& console) {
@@ -88,24 +101,38 @@ RunResult run_one(const std::string& name, const RunOptions& options, std::stop_
   const auto outcome = run_experiment(context);
   if (!outcome) return refused(outcome.error(), console);
   console.end_progress();
-  console.info(outcome->verdict);
+  if (outcome->fault) {
+    console.error(outcome->verdict);
+  } else {
+    console.info(outcome->verdict);
+  }
   if (!options.json) print_outcome(*outcome, *folder);
+  if (outcome->fault) return {exit_code(*outcome->fault), outcome->summary_json};
   return {outcome->success ? ExitCode::kSuccess : ExitCode::kTaskFailed, outcome->summary_json};
 }
 
 }  // namespace
 
 ExitCode run_command(const RunOptions& options) {
+  if (const auto twin = twin_of(options.configurations); twin && options.out) {
+    print_errors({Error{
+        ErrorCode::kConfig,
+        "two configurations are named '" + *twin + "': their results would go to the same folder",
+        "--out " + options.out->string(), "run them one by one", nullptr}});
+    return ExitCode::kConfiguration;
+  }
   const StopOnSignal stop;
   ExitCode code = ExitCode::kSuccess;
   std::string summaries;
   for (const std::string& name : options.configurations) {
-    if (stop.token().stop_requested()) return worse(code, ExitCode::kTaskFailed);
+    if (stop.token().stop_requested()) {
+      code = worse(code, ExitCode::kTaskFailed);
+      break;
+    }
     const RunResult result = run_one(name, options, stop.token());
     code = worse(code, result.code);
-    if (result.summary_json.empty()) continue;
     if (!summaries.empty()) summaries += ",\n";
-    summaries += result.summary_json;
+    summaries += result.summary_json.empty() ? "null" : result.summary_json;
   }
   if (options.json) {
     const bool several = options.configurations.size() > 1;

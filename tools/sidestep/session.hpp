@@ -37,7 +37,7 @@ class SteadyWallClock final : public Clock {
   [[nodiscard]] Stamp now() const noexcept override;
 };
 
-/// What one configuration is read, checked and run with. Null host where it cannot be read.
+/// What one configuration is read, checked and run with.
 class Session {
  public:
   /// `plugin_paths` of the configuration come first in the search path.

@@ -24,7 +24,8 @@ constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper
                                      PluginKind::kField,     PluginKind::kRobot,
                                      PluginKind::kOptimiser, PluginKind::kExecutor};
 
-/// The schema of a top-level block that is not a plugin's; nothing for other names.
+/// The schema of a top-level block that is neither a plugin's nor the experiment's; nothing for
+/// other names.
 std::optional<Schema> settings_schema(std::string_view block) {
   if (block == "planning") return PlanningSettings::fields().schema();
   if (block == "check") return CheckSettings::fields().schema();
@@ -109,6 +110,17 @@ Result<void> clear_results(const fs::path& folder) {
 }  // namespace
 
 const std::vector<ExperimentType>& experiment_types() { return kTypes; }
+
+std::vector<SettingsBlock> settings_blocks() {
+  std::vector<SettingsBlock> blocks;
+  for (const ExperimentType& type : kTypes) {
+    blocks.push_back({"experiment", type.doc, type.schema(), type.name});
+  }
+  blocks.push_back({"planning", "How problems are posed, whoever solves them",
+                    *settings_schema("planning"), ""});
+  blocks.push_back({"check", "What a plan must pass", *settings_schema("check"), ""});
+  return blocks;
+}
 
 RunSettings read_run_settings(const Configuration& configuration) {
   RunSettings settings;

@@ -91,7 +91,7 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
   (void)read_plans(configuration, (*robot)->description(), errors);
 }
 
-/// Maps every frame of the source; stops early on request, with what there is.
+/// Maps every frame of the source; stops early on request or at a fault, with what there is.
 Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, SnapshotSlot& slot,
                              Recorder& recorder, ExperimentContext& context) {
   MapRecord map;
@@ -102,8 +102,8 @@ Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, 
   while (!context.stop.stop_requested()) {
     auto step = pipeline.step(Deadline(context.stop));
     if (!step) {
-      if (context.stop.stop_requested()) break;
-      return tl::make_unexpected(std::move(step.error()));
+      if (!context.stop.stop_requested()) map.fault = std::move(step.error());
+      break;
     }
     if (!*step) break;
     const auto item = static_cast<std::int64_t>(map.steps.size());
@@ -177,11 +177,10 @@ Result<Parts> make_parts(ExperimentContext& context) {
                truth};
 }
 
-/// Plans through a finished map, recording each plan as soon as it is there.
-Result<std::vector<PlanRecord>> make_plans(Parts& parts, const MapRecord& map,
-                                           std::vector<PlanRecord> endpoints,
-                                           const PlanSettings& settings, Recorder& recorder,
-                                           ExperimentContext& context) {
+/// Plans through a finished map, recording each plan as soon as it is there in `plans`.
+Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
+                        const PlanSettings& settings, Recorder& recorder,
+                        ExperimentContext& context, std::vector<PlanRecord>& plans) {
   std::shared_ptr<const Scene> scene;
   if (parts.truth != nullptr) scene = std::make_shared<const Scene>(parts.truth->scene());
   auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, scene,
@@ -194,7 +193,6 @@ Result<std::vector<PlanRecord>> make_plans(Parts& parts, const MapRecord& map,
                                       settings.check.speed_fraction,
                                       settings.check.margin_m,
                                       settings.experiment.slice_heights_m};
-  std::vector<PlanRecord> plans;
   const auto total = static_cast<std::int64_t>(endpoints.size());
   for (PlanRecord& plan : endpoints) {
     const auto index = static_cast<std::int64_t>(plans.size());
@@ -208,7 +206,7 @@ Result<std::vector<PlanRecord>> make_plans(Parts& parts, const MapRecord& map,
     if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
   }
   if (context.progress) context.progress(total, total, "planning");
-  return plans;
+  return {};
 }
 
 Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
@@ -238,11 +236,13 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   record_depth_pictures(source.pictures(), recorder);
   if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
 
-  if (map->steps.empty() || map->interrupted) return summarise_plans(provenance, *map, {});
-  auto plans = make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context);
-  if (!plans) return tl::make_unexpected(std::move(plans.error()));
-  map->interrupted = context.stop.stop_requested();
-  return summarise_plans(provenance, *map, *plans);
+  std::vector<PlanRecord> plans;
+  if (!map->steps.empty() && !map->interrupted && !map->fault) {
+    auto done = make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans);
+    if (!done) map->fault = std::move(done.error());
+    map->interrupted = context.stop.stop_requested();
+  }
+  return summarise_plans(provenance, *map, plans);
 }
 
 }  // namespace

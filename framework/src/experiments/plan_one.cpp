@@ -21,10 +21,7 @@ std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
   const auto violation =
       state_violation(world.robot, world.field, world.planning.space(), world.margin_m,
                       std::span(q.data(), static_cast<std::size_t>(q.size())));
-  if (!violation) return "";
-  // A state has no time of its own.
-  const std::string text = violation->describe();
-  return what + ": " + text.substr(0, text.rfind(" at "));
+  return violation ? what + ": " + violation->what() : "";
 }
 
 /// How the trajectory fails to lead from start to goal; empty if it does not fail.
@@ -85,13 +82,14 @@ Result<void> attempt_plan(const PlanWorld& world, Optimiser& optimiser, std::uin
     return {};
   }
   const double spent_ms = plan.solution.solve_ms;
+  const Stopwatch watch;
   auto solution = guarded("optimiser", [&] {
     return optimiser.solve(problem, initial_guess(problem, attempt, seed),
                            Deadline::after_s(world.planning.time_limit_s, stop));
   });
   if (!solution) return tl::make_unexpected(std::move(solution.error()));
   plan.solution = std::move(*solution);
-  plan.solution.solve_ms += spent_ms;
+  plan.solution.solve_ms = spent_ms + watch.elapsed_ms();  // ours, not the plugin's word for it
   plan.in_snapshot = plan.in_voxels = plan.in_scene = std::nullopt;
   if (!plan.has_trajectory()) {
     plan.reason = solver_problem(plan.solution);

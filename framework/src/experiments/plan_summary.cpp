@@ -94,6 +94,11 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
     return "Interrupted after " + count_of(map.steps.size(), "frame") + " and " +
            count_of(plans.size(), "plan") + "; what was measured is saved.";
   }
+  if (map.fault) {
+    return "Ended by a fault after " + count_of(map.steps.size(), "frame") + " and " +
+           count_of(plans.size(), "plan") + ": " + map.fault->describe() +
+           ". What was measured is saved.";
+  }
   if (map.steps.empty()) {
     std::string text = "Failed: no frame could be mapped";
     if (!map.bad_frames.empty()) text += "; the first: " + map.bad_frames.front().describe();
@@ -170,8 +175,9 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
   outcome.interrupted = map.interrupted || std::ranges::any_of(plans, [](const auto& plan) {
                           return plan.interrupted;
                         });
-  outcome.success =
-      !outcome.interrupted && !map.steps.empty() && !plans.empty() && succeeded == plans.size();
+  outcome.fault = map.fault;
+  outcome.success = !outcome.interrupted && !outcome.fault && !map.steps.empty() &&
+                    !plans.empty() && succeeded == plans.size();
   outcome.verdict = verdict_text(map, plans, outcome.interrupted, succeeded);
   outcome.table = table_text(map, plans);
 
@@ -183,6 +189,7 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
                         {"experiment", "plan"},
                         {"success", outcome.success},
                         {"interrupted", outcome.interrupted},
+                        {"fault", map.fault ? Json(map.fault->describe()) : Json()},
                         {"verdict", outcome.verdict},
                         {"frames", map.steps.size()},
                         {"bad_frames", map.bad_frames.size()},

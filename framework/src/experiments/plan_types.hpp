@@ -43,6 +43,7 @@ struct MapRecord {
   std::int64_t occupied_vox = 0;
   std::int64_t known_vox = 0;
   bool interrupted = false;
+  std::optional<Error> fault;  ///< That ended the run before its end, mapping or planning.
 };
 
 /// What one plan came to.

@@ -113,8 +113,8 @@ Fields<PlanningSettings> PlanningSettings::fields() {
       .add("speed_fraction", &S::speed_fraction,
            "Share of the velocity limits that a plan may use.", {.min = 0.01, .max = 1.0})
       .add("duration_scale", &S::duration_scale,
-           "Duration of a plan, relative to the slowest joint's straight way at full speed: room "
-           "to accelerate and to go around.",
+           "Duration of a plan, relative to the least time of a straight motion from rest to rest "
+           "within the limits of velocity and acceleration: room to go around.",
            {.min = 1.0, .max = 100.0})
       .add("qc", &S::qc, "Power spectral density of the GP prior, for every joint.",
            {.min = 1e-9, .max = 1e9})
@@ -122,7 +122,8 @@ Fields<PlanningSettings> PlanningSettings::fields() {
            "States between each two support states at which obstacle costs apply.",
            {.min = 0, .max = 100})
       .add("collision_margin_m", &S::collision_margin_m,
-           "Least distance that planners keep between spheres and obstacles.",
+           "Least distance between spheres and obstacles: sampling planners keep it, the obstacle "
+           "cost of trajectory optimisers begins no nearer.",
            {.unit = "m", .min = 0.0, .max = 10.0})
       .add("time_limit_s", &S::time_limit_s, "Time for one solve.", {.unit = "s", .min = 1e-3})
       .add("attempts", &S::attempts,
@@ -188,7 +189,8 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
   const Horizon horizon = estimate_horizon(
       description, std::span(q_start.data(), static_cast<std::size_t>(q_start.size())),
       std::span(q_goal.data(), static_cast<std::size_t>(q_goal.size())), settings.dt_s,
-      settings.speed_fraction / (settings.duration_scale * slower));
+      settings.speed_fraction);
+  const double intervals = (horizon.states - 1) * settings.duration_scale * slower;
   Problem problem;
   problem.robot = std::move(robot);
   problem.field = std::move(field);
@@ -196,7 +198,7 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
   problem.collision_margin_m = settings.collision_margin_m;
   problem.start = {q_start, at_rest};
   problem.goal = {q_goal, at_rest};
-  problem.support_states = std::max(3, horizon.states);
+  problem.support_states = static_cast<int>(std::ceil(intervals - 1e-9)) + 1;
   problem.dt_s = horizon.dt_s;
   problem.qc = Eigen::VectorXd::Constant(q_start.size(), settings.qc);
   problem.interpolated_checks = settings.interpolated_checks;

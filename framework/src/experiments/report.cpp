@@ -136,8 +136,14 @@ Result<std::string> report_body(const Json& summary, ResultsReader& results, con
   return html;
 }
 
-Row plan_row(const Json& summary, const Json& plan) {
-  return {cell(at(summary, "/configuration")),
+/// A run by the name of its folder: several may be of one configuration.
+std::string run_name(const fs::path& run) {
+  return (run.has_filename() ? run : run.parent_path()).filename().string();  // of "out/demo/", too
+}
+
+Row plan_row(const fs::path& run, const Json& summary, const Json& plan) {
+  return {run_name(run),
+          cell(at(summary, "/configuration")),
           cell(at(plan, "/name")),
           at(plan, "/success") == Json(true) ? "success" : "failed",
           cell(at(plan, "/min_clearance_m"), "%.3f m"),
@@ -149,8 +155,9 @@ Row plan_row(const Json& summary, const Json& plan) {
           cell(at(summary, "/provenance/git_hash"))};
 }
 
-Row system_row(const Json& summary, const Json& system) {
-  return {cell(at(summary, "/configuration")),
+Row system_row(const fs::path& run, const Json& summary, const Json& system) {
+  return {run_name(run),
+          cell(at(summary, "/configuration")),
           cell(at(system, "/name")),
           at(system, "/signed") == Json(true) ? "signed" : "unsigned",
           cell(at(system, "/resolution_m"), "%g m"),
@@ -184,21 +191,22 @@ Result<void> write_report(const fs::path& run) {
 }
 
 Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html) {
-  const Row plan_header = {"run",   "plan",       "result",    "clearance", "duration",
-                           "solve", "iterations", "frame p50", "frames",    "commit"};
-  const Row system_header = {"run",       "system",    "field",     "voxel",
-                             "frame p50", "frame p95", "max error", "mean error",
-                             "memory",    "frames",    "commit"};
+  const Row plan_header = {"run",   "configuration", "plan",      "result", "clearance", "duration",
+                           "solve", "iterations",    "frame p50", "frames", "commit"};
+  const Row system_header = {"run",        "configuration", "system",    "field",
+                             "voxel",      "frame p50",     "frame p95", "max error",
+                             "mean error", "memory",        "frames",    "commit"};
   std::vector<Row> plan_rows, system_rows;
   for (const fs::path& run : runs) {
     const auto summary = read_summary(run);
     if (!summary) return tl::make_unexpected(summary.error());
     const Json systems = at(*summary, "/systems");
-    for (const Json& system : systems) system_rows.push_back(system_row(*summary, system));
+    for (const Json& system : systems) system_rows.push_back(system_row(run, *summary, system));
     if (systems.is_array()) continue;
     const Json plans = at(*summary, "/plans");
-    for (const Json& plan : plans) plan_rows.push_back(plan_row(*summary, plan));
-    if (!plans.is_array() || plans.empty()) plan_rows.push_back(plan_row(*summary, Json::object()));
+    for (const Json& plan : plans) plan_rows.push_back(plan_row(run, *summary, plan));
+    if (!plans.is_array() || plans.empty())
+      plan_rows.push_back(plan_row(run, *summary, Json::object()));
   }
   std::string text, body;
   for (const auto& [header, rows] :

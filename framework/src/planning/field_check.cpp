@@ -46,7 +46,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
     verdict.outcome = Verdict::Outcome::kValid;
     if (!verdict.violations.empty()) {
       const bool is_proven = verdict.violations.front().kind != Violation::Kind::kUnproven;
-      verdict.outcome = is_proven ? Verdict::Outcome::kInvalid : Verdict::Outcome::kUnknown;
+      verdict.outcome = is_proven ? Verdict::Outcome::kInvalid : Verdict::Outcome::kUnproven;
     }
     const RobotDescription& robot = prover_.robot().description();
     verdict.min_clearance_m = min_clearance_m_;

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <limits>
 
 #include <sidestep/planning/costs.hpp>
@@ -20,7 +21,8 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
   const Eigen::Vector3d lower_m = field.info().grid.origin_m;
   const Eigen::Vector3d upper_m = field.info().grid.upper_m();
   for (std::size_t i = 0; i < points_m.size(); ++i) {
-    if (statuses[i] == FieldStatus::kKnown) continue;
+    const bool is_point = !std::isnan(distances_m[i]);  // else the point was none: it stays NaN
+    if (statuses[i] == FieldStatus::kKnown || !is_point) continue;
     if (statuses[i] == FieldStatus::kUnknown) {
       if (policy.unknown == Space::kOccupied && distances_m[i] > 0.0) distances_m[i] = 0.0;
     } else if (policy.outside == Space::kFree) {

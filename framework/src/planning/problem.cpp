@@ -114,7 +114,8 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
   add(make_state_prior("start", problem.start, settings.sigma_endpoint), Placement::kStart);
   add(make_state_prior("goal", problem.goal, settings.sigma_endpoint), Placement::kGoal);
   if (problem.field) {
-    add(make_obstacle_cost(problem.robot, problem.field, problem.space, settings.epsilon_m,
+    const double begins_m = std::max(settings.epsilon_m, problem.collision_margin_m);
+    add(make_obstacle_cost(problem.robot, problem.field, problem.space, begins_m,
                            settings.sigma_obstacle),
         everywhere);
   }

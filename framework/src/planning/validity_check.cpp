@@ -48,7 +48,7 @@ std::string_view to_string(Verdict::Outcome outcome) noexcept {
   switch (outcome) {
     case Verdict::Outcome::kValid: return "valid";
     case Verdict::Outcome::kInvalid: return "invalid";
-    case Verdict::Outcome::kUnknown: return "unknown";
+    case Verdict::Outcome::kUnproven: return "unproven";
   }
   return "unknown";
 }

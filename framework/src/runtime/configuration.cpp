@@ -13,7 +13,7 @@ const std::string kOverridePrefix = "--set ";
 
 const std::vector<std::string> kTopLevelKeys = {
     "schema_version", "base",  "plugin_paths", "experiment", "robot", "source",
-    "mapper",         "field", "optimiser",    "planning",   "check", "output"};
+    "mapper",         "field", "optimiser",    "planning",   "check"};
 
 /// `over` laid on `under`, key by key. A map that names another plugin replaces the whole map.
 Node merged(Node under, const Node& over) {

@@ -289,7 +289,12 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
     if (error.message.empty()) {
       error = {ErrorCode::kPlugin, "could not be created and did not say why", "", "", nullptr};
     }
-    if (error.where.empty()) error.where = block.mark().to_string() + ": plugin " + name;
+    // A file, perhaps with a line, is more than the block could add; the plugin's name is not.
+    const bool names_a_file = error.where.find_first_of(":/") != std::string::npos;
+    if (!names_a_file) {
+      error.where =
+          block.mark().to_string() + ": " + (error.where.empty() ? "plugin " + name : error.where);
+    }
     return tl::make_unexpected(std::move(error));
   });
 }

@@ -28,6 +28,12 @@ void write_rows(std::ostringstream& out, const Schema& schema, const std::string
   }
 }
 
+void write_table(std::ostringstream& out, const Schema& schema) {
+  if (schema.empty()) return;
+  out << "\n| parameter | type | meaning |\n| --- | --- | --- |\n";
+  write_rows(out, schema, "");
+}
+
 Json schema_of_map(const Schema& schema);
 
 Json schema_of(const Parameter& parameter) {
@@ -103,32 +109,48 @@ std::string views_sentence(const PluginInfo& plugin) {
                                             : "Needs a mapper that offers its: " + names + ".";
 }
 
-std::string reference_markdown(const std::vector<PluginInfo>& plugins) {
+std::string reference_markdown(const std::vector<PluginInfo>& plugins,
+                               const std::vector<SettingsBlock>& blocks) {
   std::ostringstream out;
-  out << "# Plugins\n\nEvery plugin and its parameters, written by `sidestep plugins "
-         "--markdown`.\n";
+  out << "# Parameters\n\nEvery plugin and every other block of a configuration, written by "
+         "`sidestep plugins --markdown`.\n";
   for (const PluginInfo& plugin : plugins) {
     out << "\n## " << to_string(plugin.kind) << ": " << plugin.name << "\n\n"
         << plugin.doc << ".\n";
     if (const std::string views = views_sentence(plugin); !views.empty())
       out << '\n' << views << '\n';
-    if (plugin.schema.empty()) continue;
-    out << "\n| parameter | type | meaning |\n| --- | --- | --- |\n";
-    write_rows(out, plugin.schema, "");
+    write_table(out, plugin.schema);
+  }
+  for (const SettingsBlock& block : blocks) {
+    out << "\n## " << block.key << (block.type.empty() ? "" : ": " + block.type) << "\n\n"
+        << block.doc << ".\n";
+    write_table(out, block.schema);
   }
   return out.str();
 }
 
-std::string configuration_json_schema(const std::vector<PluginInfo>& plugins) {
+std::string configuration_json_schema(const std::vector<PluginInfo>& plugins,
+                                      const std::vector<SettingsBlock>& blocks) {
   Json properties = {{"schema_version", {{"const", 1}}}, {"base", Json::object()}};
-  for (const PluginInfo& plugin : plugins) {
-    Json block = schema_of_map(plugin.schema);
-    block["title"] = plugin.name;
-    block["description"] = plugin.doc;
-    block["properties"]["plugin"] = {{"const", plugin.name}};
+  const auto add = [&](const std::string& key, const std::string& title, const std::string& doc,
+                       const Schema& schema) -> Json& {
+    Json block = schema_of_map(schema);
+    block["title"] = title;
+    block["description"] = doc;
     // A file with a base may leave out what the base says, even the plugin's name.
     block.erase("required");
-    properties[std::string(to_string(plugin.kind))]["anyOf"].push_back(std::move(block));
+    Json& alternatives = properties[key]["anyOf"];
+    alternatives.push_back(std::move(block));
+    return alternatives.back();
+  };
+  for (const PluginInfo& plugin : plugins) {
+    Json& block = add(std::string(to_string(plugin.kind)), plugin.name, plugin.doc, plugin.schema);
+    block["properties"]["plugin"] = {{"const", plugin.name}};
+  }
+  for (const SettingsBlock& settings : blocks) {
+    Json& block = add(settings.key, settings.type.empty() ? settings.key : settings.type,
+                      settings.doc, settings.schema);
+    if (!settings.type.empty()) block["properties"]["type"] = {{"const", settings.type}};
   }
   const Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
                        {"title", "Sidestep configuration"},

@@ -346,7 +346,7 @@ void ShapeCheck::Run::finish() {
                      return a.kind != b.kind ? a.kind < b.kind : a.amount > b.amount;
                    });
   verdict_.outcome = verdict_.violations.empty()            ? Verdict::Outcome::kValid
-                     : is_open(verdict_.violations.front()) ? Verdict::Outcome::kUnknown
+                     : is_open(verdict_.violations.front()) ? Verdict::Outcome::kUnproven
                                                             : Verdict::Outcome::kInvalid;
 }
 

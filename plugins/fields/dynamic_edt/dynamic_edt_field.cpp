@@ -9,6 +9,7 @@
 
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/mapping/octree_view.hpp>
 
 namespace sidestep::dynamic_edt {
 namespace {

@@ -1,4 +1,5 @@
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/mapping/octree_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
 #include "dynamic_edt_field.hpp"

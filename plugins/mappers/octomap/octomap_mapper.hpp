@@ -8,6 +8,7 @@
 
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/mapping/octree_view.hpp>
 #include <sidestep/mapping/ray_ends.hpp>
 
 #include "options.hpp"

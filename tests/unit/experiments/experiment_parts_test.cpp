@@ -162,6 +162,19 @@ TEST(Ticks, AreRoundAndInside) {
   EXPECT_EQ(tick_text(20.0, 10.0), "20");
 }
 
+TEST(PlanSummary, OfARunThatAFaultEndedKeepsWhatWasMeasured) {
+  MapRecord map;
+  map.steps.resize(3);
+  map.fault = Error{ErrorCode::kPlugin, "threw: out of luck", "plugin optimiser", "", nullptr};
+  const ExperimentOutcome outcome = summarise_plans({}, map, {});
+  EXPECT_FALSE(outcome.success);
+  ASSERT_TRUE(outcome.fault);
+  EXPECT_EQ(outcome.fault->code, ErrorCode::kPlugin);
+  EXPECT_THAT(outcome.verdict, testing::HasSubstr("after 3 frames and 0 plans: plugin optimiser"));
+  EXPECT_THAT(outcome.summary_json, testing::HasSubstr("\"frames\": 3"));
+  EXPECT_THAT(outcome.summary_json, testing::HasSubstr("threw: out of luck"));
+}
+
 TEST(TextTable, AlignsItsColumns) {
   TextTable table({"plan", "time"});
   table.add({"über", "1.5 s"});

@@ -94,7 +94,7 @@ TEST_F(FieldCheckTest, CallsUnknownWhatItCannotShow) {
   settings_.margin_m = 0.1;
   const Verdict verdict =
       check(straight(Eigen::Vector3d(-1, 0.65, 0.05), Eigen::Vector3d(1, 0.65, 0.05), 2.0));
-  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kUnknown) << verdict.describe();
+  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kUnproven) << verdict.describe();
   ASSERT_EQ(verdict.violations.size(), 1u);
   EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kUnproven);
   EXPECT_EQ(verdict.violations[0].subject, "ball");

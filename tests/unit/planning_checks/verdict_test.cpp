@@ -30,7 +30,7 @@ TEST(Verdict, IsOneSentence) {
   EXPECT_EQ(verdict.describe(), "valid, 0.042 m clear");
   verdict.min_clearance_m = std::numeric_limits<double>::infinity();
   EXPECT_EQ(verdict.describe(), "valid, nothing near");
-  verdict.outcome = Verdict::Outcome::kUnknown;
+  verdict.outcome = Verdict::Outcome::kUnproven;
   verdict.violations = {{Kind::kUnproven, "hand", "obstacles", 3.0, 1e-5}};
   EXPECT_EQ(verdict.describe(),
             "not shown to be valid: hand could not be shown clear of obstacles at 3.00 s");
@@ -49,7 +49,7 @@ TEST(Names, AreStable) {
   EXPECT_EQ(to_string(Kind::kUnproven), "unproven");
   EXPECT_EQ(to_string(Verdict::Outcome::kValid), "valid");
   EXPECT_EQ(to_string(Verdict::Outcome::kInvalid), "invalid");
-  EXPECT_EQ(to_string(Verdict::Outcome::kUnknown), "unknown");
+  EXPECT_EQ(to_string(Verdict::Outcome::kUnproven), "unproven");
 }
 
 }  // namespace

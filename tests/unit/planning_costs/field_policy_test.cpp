@@ -6,6 +6,7 @@
 #include <sidestep/planning/costs.hpp>
 
 #include "conformance/analytic_models.hpp"
+#include "support/sampled_field.hpp"
 
 namespace sidestep {
 namespace {
@@ -81,6 +82,18 @@ TEST_F(FieldPolicyTest, IsInfinitelyClearWhereOutsideCountsAsFree) {
   const Answer answer = ask({Space::kOccupied, Space::kFree}, {0.0, 0.0, 5.0});
   EXPECT_EQ(answer.distance_m, kInfinity);
   EXPECT_TRUE(answer.gradient.isZero(0.0));
+}
+
+TEST_F(FieldPolicyTest, NeverTakesWhatIsNoPointForFreeSpace) {
+  const GridSpec grid{Eigen::Vector3d::Zero(), 0.1, Eigen::Vector3i::Constant(8)};
+  const auto field =
+      testing_support::sampled_field(grid, [](const Eigen::Vector3d&) { return 1.0; });
+  const Eigen::Vector3d point_m(0.1, std::numeric_limits<double>::quiet_NaN(), 0.1);
+  double distance_m = 0.0;
+  FieldStatus status{};
+  query_with_policy(*field, {Space::kFree, Space::kFree}, {&point_m, 1}, {&distance_m, 1}, {},
+                    {&status, 1});
+  EXPECT_TRUE(std::isnan(distance_m));
 }
 
 }  // namespace

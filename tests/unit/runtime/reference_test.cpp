@@ -49,7 +49,9 @@ TEST(Reference, SummaryNamesTypeUnitRangeAndDefault) {
 }
 
 TEST(Reference, MarkdownHasARowForEveryParameterAtEveryDepth) {
-  const std::string page = reference_markdown({plugin("edt")});
+  const std::string page =
+      reference_markdown({plugin("edt")}, {{"planning", "How.", Options::fields().schema(), ""}});
+  EXPECT_THAT(page, HasSubstr("## planning\n\nHow."));
   EXPECT_THAT(page, HasSubstr("## field: edt"));
   for (const char* name : {"length_m", "mode", "size_vox", "parts", "parts[].radius_m", "name"}) {
     EXPECT_THAT(page, HasSubstr("| `" + std::string(name) + "` |"));
@@ -58,7 +60,7 @@ TEST(Reference, MarkdownHasARowForEveryParameterAtEveryDepth) {
 }
 
 TEST(Reference, JsonSchemaStatesWhatIsChecked) {
-  const Json schema = Json::parse(configuration_json_schema({plugin("edt"), plugin("esdf")}));
+  const Json schema = Json::parse(configuration_json_schema({plugin("edt"), plugin("esdf")}, {}));
   const Json& blocks = schema["properties"]["field"]["anyOf"];
   ASSERT_EQ(blocks.size(), 2u);
   EXPECT_EQ(blocks[1]["properties"]["plugin"]["const"], "esdf");
@@ -73,7 +75,9 @@ TEST(Reference, JsonSchemaStatesWhatIsChecked) {
 }
 
 TEST(Reference, JsonSchemaLetsAFileWithABaseLeaveThingsOut) {
-  const Json schema = Json::parse(configuration_json_schema({plugin("edt")}));
+  const Json schema = Json::parse(configuration_json_schema(
+      {plugin("edt")}, {{"experiment", "What", Options::fields().schema(), "plan"}}));
+  EXPECT_EQ(schema["properties"]["experiment"]["anyOf"][0]["properties"]["type"]["const"], "plan");
   EXPECT_FALSE(schema["properties"]["field"]["anyOf"][0].contains("required"));
 }
 

@@ -93,7 +93,7 @@ TEST_F(ShapeCheckTest, CallsAGrazingPassUnknown) {
   obstacles_.occupied_centres_m = {{0.0, 0.0, 0.0}};
   const Verdict verdict =
       check(straight(Eigen::Vector3d(-1, 0.2 + 1e-5, 0), Eigen::Vector3d(1, 0.2 + 1e-5, 0), 4.0));
-  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kUnknown) << verdict.describe();
+  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kUnproven) << verdict.describe();
   ASSERT_FALSE(verdict.violations.empty());
   EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kUnproven);
 }

@@ -19,8 +19,10 @@ class SIDESTEP_EXPORT WorkerPool {
 
   [[nodiscard]] int thread_count() const noexcept { return thread_count_; }
 
-  /// Calls task(i) once for each i in [0, count), on the pool's threads, and returns when
-  /// all are done. An exception in a task is rethrown here. Not for use inside a task.
+  /// Calls task(i) once for each i in [0, count), on the calling thread and the pool's, and
+  /// returns when all are done; on the calling thread alone, in order, where the pool has one
+  /// thread. An exception in a task is rethrown here. [any]: callers share the threads. Not for
+  /// use inside a task.
   void run(int count, const std::function<void(int)>& task);
 
   /// Splits [0, count) into contiguous bands of at least `grain`, and calls band(begin, end).

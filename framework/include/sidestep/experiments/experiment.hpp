@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -12,6 +13,7 @@
 #include <sidestep/core/error.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
+#include <sidestep/runtime/reference.hpp>
 
 namespace sidestep {
 
@@ -34,9 +36,10 @@ struct ExperimentContext {
 struct ExperimentOutcome {
   bool success = false;  ///< The task succeeded (exit code 0 or 1).
   bool interrupted = false;
-  std::string verdict;       ///< In plain words, one or two sentences.
-  std::string summary_json;  ///< What summary.json holds.
-  std::string table;         ///< For the terminal.
+  std::optional<Error> fault;  ///< That ended it early (exit codes 3 and 4); the rest is saved.
+  std::string verdict;         ///< In plain words, one or two sentences.
+  std::string summary_json;    ///< What summary.json holds.
+  std::string table;           ///< For the terminal.
 };
 
 /// One type of experiment: a protocol that a configuration parameterises.
@@ -56,6 +59,9 @@ struct ExperimentType {
 };
 
 [[nodiscard]] const std::vector<ExperimentType>& experiment_types();
+
+/// The blocks that are not plugins', for reference pages.
+[[nodiscard]] std::vector<SettingsBlock> settings_blocks();
 
 /// What every experiment's block says of the run itself, read before there is a host; mistakes
 /// are left to check_configuration().

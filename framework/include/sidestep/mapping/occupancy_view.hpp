@@ -6,10 +6,6 @@
 #include <sidestep/core/export.hpp>
 #include <sidestep/geometry/grid.hpp>
 
-namespace octomap {
-class OcTree;
-}
-
 namespace sidestep {
 
 /// One bit a voxel. Row (j, k) is `words_per_row` words from word (j + ny * k) * words_per_row
@@ -36,25 +32,11 @@ class SIDESTEP_EXPORT OccupancyView {
   static constexpr const char* kViewName = "occupancy";
 
   virtual ~OccupancyView() = default;
+  /// The mapper's grid().
   [[nodiscard]] virtual const GridSpec& occupancy_grid() const noexcept = 0;
   [[nodiscard]] virtual VoxelBits occupied() const noexcept = 0;
   /// Observed at least once, as free or occupied.
   [[nodiscard]] virtual VoxelBits known() const noexcept = 0;
-};
-
-/// A view that a Mapper may offer: its OctoMap. Valid until the next integrate(). [mapping]
-///
-/// The tree's change detection is on. integrate() starts by resetting it, so that afterwards it
-/// holds the changes of the newest frame and no others. Whoever consumes the view may read and
-/// reset them (DynamicEDTOctomap does), but must leave change detection on and the tree's
-/// nodes as they are; the mapper relies on neither after integrate() has returned.
-class SIDESTEP_EXPORT OctreeView {
- public:
-  static constexpr const char* kViewName = "octree";
-
-  virtual ~OctreeView() = default;
-  /// Not const: resetting the change detection is up to the consumer.
-  [[nodiscard]] virtual octomap::OcTree& octree() noexcept = 0;
 };
 
 }  // namespace sidestep

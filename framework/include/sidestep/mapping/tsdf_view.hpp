@@ -26,7 +26,7 @@ class SIDESTEP_EXPORT TsdfView {
   static constexpr const char* kViewName = "tsdf";
 
   virtual ~TsdfView() = default;
-  /// The grid in whose block_linear order the blocks are numbered. Constant.
+  /// The mapper's grid(), in whose block_linear order the blocks are numbered. Constant.
   [[nodiscard]] virtual const GridSpec& tsdf_grid() const noexcept = 0;
   /// Distances are cut off here. Constant.
   [[nodiscard]] virtual double truncation_m() const noexcept = 0;

@@ -41,7 +41,9 @@ struct Problem {
   std::shared_ptr<const RobotModel> robot;
   std::shared_ptr<const DistanceField> field;  ///< The one snapshot that a solve sees.
   SpacePolicy space;
-  double collision_margin_m = 0.0;  ///< Least distance between spheres and obstacles.
+  /// Least distance between spheres and obstacles. Sampling planners keep it; the obstacle cost of
+  /// standard_terms() begins no nearer.
+  double collision_margin_m = 0.0;
 
   RobotState start;
   RobotState goal;
@@ -57,7 +59,7 @@ struct Problem {
   [[nodiscard]] Result<void> validate() const;
 };
 
-/// The weights of the standard cost terms (docs: numerics).
+/// The weights of the standard cost terms (docs/numerics.md).
 struct CostSettings {
   double epsilon_m = 0.5;        ///< Obstacle hinge: cost begins this far from a sphere.
   double sigma_obstacle = 0.05;  ///< m

@@ -33,8 +33,12 @@ struct Violation {
 [[nodiscard]] std::string_view to_string(Violation::Kind kind) noexcept;
 
 struct Verdict {
-  enum class Outcome { kValid, kInvalid, kUnknown };
-  Outcome outcome = Outcome::kUnknown;
+  enum class Outcome {
+    kValid,
+    kInvalid,
+    kUnproven,  ///< No violation was found, nor could the motion be shown to be free of any.
+  };
+  Outcome outcome = Outcome::kUnproven;
   double min_clearance_m = 0.0;  ///< Smallest at the times checked; infinity without obstacles.
   std::string min_clearance_link;
   double min_clearance_time_s = 0.0;
@@ -76,7 +80,7 @@ struct FieldCheckSettings {
 /// (runtime/shape_check.hpp) sees whole voxels. The proof holds for every field whose values at
 /// voxel centres are exact distances and whose status is one per voxel.
 ///
-/// The outcome is kInvalid where a checked instant collides or a limit is broken, else kUnknown
+/// The outcome is kInvalid where a checked instant collides or a limit is broken, else kUnproven
 /// where some motion could not be shown clear down to min_step_m, else kValid.
 [[nodiscard]] std::unique_ptr<ValidityCheck> make_field_check(
     std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,

@@ -13,7 +13,8 @@
 
 namespace sidestep {
 
-/// What the host lends to a plugin at creation; everything outlives the plugin's objects.
+/// What the host lends to a plugin at creation. What the references refer to outlives the plugin's
+/// objects; the context itself does not outlive create(): keep its members, not the context.
 struct HostContext {
   Log& log;
   const Clock& clock;

@@ -5,7 +5,7 @@
 namespace sidestep {
 
 /// The white-noise-on-acceleration GP prior on a chain of states x = [q; qdot] with diagonal
-/// power spectral density Qc (docs: numerics; GPMP2, IJRR 2018, section 4). All joints share
+/// power spectral density Qc (docs/numerics.md; GPMP2, IJRR 2018, section 4). All joints share
 /// the 2x2 structure, so nothing is ever built dense.
 ///
 /// Residual of one interval, whitened: for joint j with e = Phi(dt) x_i - x_{i+1},

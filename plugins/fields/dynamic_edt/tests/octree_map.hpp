@@ -2,6 +2,8 @@
 
 #include <octomap/octomap.h>
 
+#include <sidestep/mapping/octree_view.hpp>
+
 #include "conformance/grid_map.hpp"
 
 namespace sidestep::conformance {
