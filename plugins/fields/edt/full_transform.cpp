@@ -89,25 +89,38 @@ Numbers minimise(const Line& line, const LineKeys& rows, int row, int from, int 
   const Lanes32 value_high = best_high >> line.bits;
   lanes(out) = value_low < line.cap ? value_low : (Lanes32{} + line.cap);
   lanes(out + kHalf) = value_high < line.cap ? value_high : (Lanes32{} + line.cap);
+  if (from == to) return {from, from};
   const std::uint32_t mask = (std::uint32_t{1} << line.bits) - 1;
   best_low &= mask;
   best_high &= mask;
-  const Lanes32 lesser = best_low < best_high ? best_low : best_high;
-  const Lanes32 greater = best_low < best_high ? best_high : best_low;
-  Numbers numbers{static_cast<int>(lesser[0]), static_cast<int>(greater[0])};
-  for (int lane = 1; lane < kHalf; ++lane) {
-    numbers.least = std::min(numbers.least, static_cast<int>(lesser[lane]));
-    numbers.greatest = std::max(numbers.greatest, static_cast<int>(greater[lane]));
-  }
-  return numbers;
+  // Halved until the extremes of all lanes stand in the first.
+  Lanes32 lesser = best_low < best_high ? best_low : best_high;
+  Lanes32 greater = best_low < best_high ? best_high : best_low;
+  Lanes32 other = __builtin_shufflevector(lesser, lesser, 4, 5, 6, 7, 0, 1, 2, 3);
+  lesser = other < lesser ? other : lesser;
+  other = __builtin_shufflevector(lesser, lesser, 2, 3, 0, 1, 6, 7, 4, 5);
+  lesser = other < lesser ? other : lesser;
+  other = __builtin_shufflevector(greater, greater, 4, 5, 6, 7, 0, 1, 2, 3);
+  greater = other > greater ? other : greater;
+  other = __builtin_shufflevector(greater, greater, 2, 3, 0, 1, 6, 7, 4, 5);
+  greater = other > greater ? other : greater;
+  return {static_cast<int>(std::min(lesser[0], lesser[1])),
+          static_cast<int>(std::max(greater[0], greater[1]))};
 }
 
 void solve(const Line& line, const LineKeys& rows, const Part& part) {
-  if (part.first > part.last) return;
+  if (part.from == part.to) {
+    for (int row = part.first; row <= part.last; ++row) {
+      minimise(line, rows, row, part.from, part.to);
+    }
+    return;
+  }
   const int middle = part.first + (part.last - part.first) / 2;
   const Numbers numbers = minimise(line, rows, middle, part.from, part.to);
-  solve(line, rows, {part.first, middle - 1, part.from, numbers.greatest});
-  solve(line, rows, {middle + 1, part.last, numbers.least, part.to});
+  if (part.first < middle) {
+    solve(line, rows, {part.first, middle - 1, part.from, numbers.greatest});
+  }
+  if (middle < part.last) solve(line, rows, {middle + 1, part.last, numbers.least, part.to});
 }
 
 void envelope(const Line& line, LineKeys& rows) {
