@@ -29,6 +29,12 @@ function(sidestep_warnings target)
   endif()
 endfunction()
 
+# For code that waits for nothing but the libraries that it calls, as tests and the command do: a
+# third less time to compile.
+function(sidestep_optimise_little target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
+endfunction()
+
 # sidestep_add_layer(NAME SOURCES ... [LINK library...])
 # One layer of the framework: an object library that becomes part of libsidestep_sdk or
 # libsidestep_runtime.
@@ -71,6 +77,7 @@ function(sidestep_add_test name)
     SIDESTEP_SHARED_FACTS="${PROJECT_SOURCE_DIR}/../shared/facts")
   target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
   sidestep_warnings(${name})
+  sidestep_optimise_little(${name})
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
