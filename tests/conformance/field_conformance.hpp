@@ -291,6 +291,29 @@ TEST_P(FieldConformance, MayBeAttachedToAMapThatHasBegun) {
   expect_equals_brute_force(*field);
 }
 
+/// As after an update whose grid moved.
+TEST_P(FieldConformance, AttachedAgainForgetsWhatCameBefore) {
+  const GridSpec spec = grid(40, 20, 20);
+  attach(spec);
+  set_ball(spec.centre_m({10, 10, 10}), 0.2, true);
+  const auto before = update();
+  ASSERT_TRUE(before);
+  const std::vector<double> values_before = all_values(*before);
+  const std::unique_ptr<GridMap> first = std::move(map_);
+  GridSpec moved = spec;
+  moved.origin_m.x() += 16 * spec.resolution_m;
+  map_ = GetParam().create_map(moved);
+  set_ball(moved.centre_m({30, 10, 10}), 0.2, true);
+  (void)map_->take_update();
+  map_->set({35, 5, 5}, true);
+  ASSERT_TRUE(builder_->attach(*map_));
+  const auto field = update();
+  ASSERT_TRUE(field);
+  EXPECT_EQ(field->info().grid, moved);
+  expect_equals_brute_force(*field);
+  EXPECT_EQ(all_values(*before), values_before) << "a snapshot handed out changed";
+}
+
 TEST_P(FieldConformance, RefusesUpdatesOutOfOrder) {
   EXPECT_FALSE(GetParam().create(workers_)->update({})) << "an update before attach()";
   attach(grid(20, 20, 20));

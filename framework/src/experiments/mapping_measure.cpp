@@ -44,6 +44,11 @@ Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const
   auto step = system.pipeline->step(Deadline(std::move(stop)));
   if (!step) return tl::make_unexpected(std::move(step.error()));
   if (!*step) return std::optional<UpdateRecord>();
+  if ((*step)->update.grid_moved) {
+    return fail(ErrorCode::kUnsupported,
+                "the mapper's grid moved; systems are compared on one grid",
+                "frame " + std::to_string((*step)->frame_sequence));
+  }
   UpdateRecord record;
   record.frame_sequence = (*step)->frame_sequence;
   record.integrate_ms = (*step)->integrate_ms;

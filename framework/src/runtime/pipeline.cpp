@@ -46,6 +46,9 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     step.update = std::move(*update);
 
     watch.restart();
+    if (step.update.grid_moved) {
+      if (auto attached = attach(); !attached) return tl::make_unexpected(attached.error());
+    }
     auto field = guarded("field", [&] { return parts_.field_builder.update(step.update); });
     if (!field) return tl::make_unexpected(std::move(field.error()));
     if (*field == nullptr) return fail(ErrorCode::kPlugin, "returned no field", "plugin field");

@@ -126,6 +126,7 @@ class FarDistances final : public Distances {
   }
 
   void row(int x, int y, int z, int count, float* distances_m) const override {
+    __builtin_prefetch(outside_.row(y, z) + x + kTile);  // the next block's
     look_up(table_m_, outside_.row(y, z) + x, inside_ ? inside_->row(y, z) + x : nullptr, count,
             distances_m);
   }
@@ -173,6 +174,7 @@ class EdtBuilder final : public FieldBuilder {
       bits->words.assign(rows * static_cast<std::size_t>(words), 0);
     }
     row_changed_.assign(rows, 1);
+    first_ = true;
     return {};
   }
 

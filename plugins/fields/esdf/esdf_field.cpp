@@ -48,6 +48,7 @@ class EsdfBuilder final : public FieldBuilder {
                                  .max_distance_m = options_.max_distance_m},
                        *occupancy, workers_);
     tsdf_ = tsdf;
+    first_ = true;
     return {};
   }
 

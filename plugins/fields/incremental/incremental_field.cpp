@@ -118,6 +118,7 @@ class IncrementalBuilder final : public FieldBuilder {
     }
     changes_.emplace(*view, options_.unknown == "occupied");
     publisher_.emplace(info, *view, workers_);
+    first_ = true;
     return {};
   }
 

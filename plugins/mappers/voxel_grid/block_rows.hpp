@@ -45,9 +45,11 @@ inline bool take_marks(VoxelMarks& marks, const LogOddsGrid& map, const Eigen::V
   return true;
 }
 
-/// Records what a kernel did to a block.
-inline void note(LogOddsGrid& map, const Eigen::Vector3i& block, BlockOutcome outcome) {
+/// Records what a kernel did to a block that a frame of this stamp saw.
+inline void note(LogOddsGrid& map, const Eigen::Vector3i& block, double stamp_s,
+                 BlockOutcome outcome) {
   const std::int32_t linear = block_linear(block, map.counts());
+  map.touched_s(linear) = stamp_s;
   if (outcome.changed) map.changed(linear) = 1;
   map.settled_free(linear) = outcome.settled_free ? 1 : 0;
 }

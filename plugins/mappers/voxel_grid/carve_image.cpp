@@ -32,7 +32,7 @@ void count_pixels(const PixelFates& fates, int count, IntegrationCounts& counts)
 
 CarveImage::CarveImage(const GridSpec& grid, const PointRules& rules, bool clear_no_return,
                        float band_m)
-    : grid_(grid), max_range_m_(rules.max_range_m) {
+    : max_range_m_(rules.max_range_m) {
   rules_.min_range_sq = static_cast<float>(rules.min_range_m * rules.min_range_m);
   rules_.max_range_m = static_cast<float>(rules.max_range_m);
   rules_.floor_top_vox =
@@ -43,7 +43,8 @@ CarveImage::CarveImage(const GridSpec& grid, const PointRules& rules, bool clear
 }
 
 IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
-                                   const SelfFilter& self, VoxelMarks& hits, WorkerPool& workers) {
+                                   const GridSpec& grid, const SelfFilter& self, VoxelMarks& hits,
+                                   WorkerPool& workers) {
   const CameraIntrinsics& camera = image.camera;
   carve_m_.resize(image.depth_m.size());
   tiles_u_ = (camera.width_px + kTile_px - 1) / kTile_px;
@@ -52,9 +53,9 @@ IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
   project_balls(frame, camera, self);
   if (!balls_.empty()) self_.resize(image.depth_m.size());
 
-  const Eigen::Matrix3d rotation_vox = frame.T_world_camera.linear() / grid_.resolution_m;
+  const Eigen::Matrix3d rotation_vox = frame.T_world_camera.linear() / grid.resolution_m;
   const Eigen::Vector3d start_vox =
-      (frame.T_world_camera.translation() - grid_.origin_m) / grid_.resolution_m;
+      (frame.T_world_camera.translation() - grid.origin_m) / grid.resolution_m;
   std::vector<IntegrationCounts> counts(static_cast<std::size_t>(tiles_v));
   workers.run(tiles_v, [&](int tile_v) {
     const int end = std::min((tile_v + 1) * kTile_px, camera.height_px);

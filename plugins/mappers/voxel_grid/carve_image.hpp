@@ -21,9 +21,10 @@ class CarveImage {
 
   CarveImage(const GridSpec& grid, const PointRules& rules, bool clear_no_return, float band_m);
 
-  /// Reads an image; the voxels of its points go to `hits`, each pixel is counted once.
-  IntegrationCounts read(const Frame& frame, const DepthImage& image, const SelfFilter& self,
-                         VoxelMarks& hits, WorkerPool& workers);
+  /// Reads an image; the voxels of its points go to `hits`, each pixel is counted once. `grid` is
+  /// as at construction, but may have moved along x and y.
+  IntegrationCounts read(const Frame& frame, const DepthImage& image, const GridSpec& grid,
+                         const SelfFilter& self, VoxelMarks& hits, WorkerPool& workers);
 
   [[nodiscard]] const float* carve_m() const noexcept { return carve_m_.data(); }
   [[nodiscard]] float farthest_m() const noexcept { return farthest_m_; }
@@ -45,7 +46,6 @@ class CarveImage {
   IntegrationCounts read_row(const DepthImage& image, int v, PixelRow row, VoxelMarks& hits);
   void reduce_tiles(const CameraIntrinsics& camera, int tile_v);
 
-  GridSpec grid_;
   double max_range_m_;
   PixelRules rules_;
   std::vector<float> carve_m_;

@@ -185,6 +185,36 @@ BlockOutcome marked(const LogOdds& model, const BlockRows& block,
 }
 
 SIDESTEP_KERNEL
+BlockOutcome fade_block(const LogOdds& model, const BlockRows& block, const Fading& fading) {
+  bool changed = false;
+  for (int z = 0; z < block.nz; ++z) {
+    for (int y = 0; y < block.ny; ++y) {
+      const std::size_t word = word_of(block, y, z);
+      const std::uint64_t known = (block.known[word] >> block.shift) & 0xffffU;
+      if (known == 0) continue;
+      std::int16_t* log_odds = row_of(block, y, z);
+      std::uint8_t kept[kLanes];
+      std::uint8_t high[kLanes];
+      for (int i = 0; i < kLanes; ++i) {
+        const std::int32_t scaled = log_odds[i] * fading.keep / (1 << 15);
+        const bool keeps = (scaled >= fading.forget_below) | (scaled <= -fading.forget_below);
+        const std::int32_t faded = keeps ? scaled : 0;
+        log_odds[i] = static_cast<std::int16_t>(faded);
+        kept[i] = keeps;
+        high[i] = faded >= model.occupied_at;
+      }
+      const std::uint64_t known_after = known & pack(kept);
+      const std::uint64_t occupied = (block.occupied[word] >> block.shift) & 0xffffU;
+      const std::uint64_t occupied_after = known_after & pack(high);
+      block.known[word] ^= (known ^ known_after) << block.shift;
+      block.occupied[word] ^= (occupied ^ occupied_after) << block.shift;
+      changed |= known != known_after || occupied != occupied_after;
+    }
+  }
+  return {changed, false};
+}
+
+SIDESTEP_KERNEL
 void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   constexpr auto kInsert = static_cast<std::int32_t>(PointFate::kInsert);
   constexpr auto kFloor = static_cast<std::int32_t>(PointFate::kFloor);
@@ -255,6 +285,10 @@ BlockOutcome integrate_marked(const LogOdds& model, const BlockRows& block,
                               const std::uint16_t (&hits)[kBlockRows],
                               const std::uint16_t (&misses)[kBlockRows]) {
   return marked(model, block, hits, misses);
+}
+
+BlockOutcome fade(const LogOdds& model, const BlockRows& block, const Fading& fading) {
+  return fade_block(model, block, fading);
 }
 
 void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {

@@ -59,6 +59,15 @@ struct Projection {
                                             const std::uint16_t (&hits)[kBlockRows],
                                             const std::uint16_t (&misses)[kBlockRows]);
 
+/// How log-odds fade towards 0.
+struct Fading {
+  std::int32_t keep = 1 << 15;    ///< Of the log-odds, in 1 / 2^15.
+  std::int16_t forget_below = 0;  ///< Magnitude at which a voxel becomes unknown.
+};
+
+/// Scales the log-odds of every known voxel.
+[[nodiscard]] BlockOutcome fade(const LogOdds& model, const BlockRows& block, const Fading& fading);
+
 inline constexpr int kPixelChunk = 64;
 
 /// What a chunk of pixels of one row has in common.

@@ -2,6 +2,7 @@
 
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <new>
 
 namespace sidestep::voxel_grid {
@@ -34,13 +35,84 @@ LogOddsGrid::LogOddsGrid(const GridSpec& spec, LogOdds model)
   occupied_.resize(words);
   known_.resize(words);
   settled_free_.resize(blocks);
+  touched_s_.resize(blocks);
   changed_.resize(blocks);
+  slots_.resize(blocks);
+  find_slots();
+}
+
+void LogOddsGrid::find_slots() {
+  Eigen::Vector3i block;
+  std::size_t linear = 0;
+  for (block.z() = 0; block.z() < counts_.z(); ++block.z()) {
+    for (block.y() = 0; block.y() < counts_.y(); ++block.y()) {
+      for (block.x() = 0; block.x() < counts_.x(); ++block.x()) {
+        const Eigen::Vector3i at((block.x() + ring_.x()) % counts_.x(),
+                                 (block.y() + ring_.y()) % counts_.y(), block.z());
+        slots_[linear++] = block_linear(at, counts_);
+      }
+    }
+  }
+}
+
+void LogOddsGrid::forget(std::int32_t linear) {
+  std::fill_n(block(linear), kBlockVoxels, std::int16_t{0});
+  settled_free(linear) = 0;
+  touched_s(linear) = 0.0;
+}
+
+void LogOddsGrid::move(const Eigen::Vector2i& blocks) {
+  for (int axis = 0; axis < 2; ++axis) {
+    spec_.origin_m[axis] += blocks[axis] * kBlockSide_vox * spec_.resolution_m;
+    const int ring = (ring_[axis] + blocks[axis]) % counts_[axis];
+    ring_[axis] = ring < 0 ? ring + counts_[axis] : ring;
+  }
+  find_slots();
+  std::int32_t linear = 0;
+  for (int z = 0; z < counts_.z(); ++z) {
+    for (int y = 0; y < counts_.y(); ++y) {
+      for (int x = 0; x < counts_.x(); ++x, ++linear) {
+        const Eigen::Array2i was(x + blocks.x(), y + blocks.y());
+        if ((was < 0).any() || (was >= counts_.head<2>().array()).any()) forget(linear);
+      }
+    }
+  }
+  occupied_ = moved(occupied_, blocks);
+  known_ = moved(known_, blocks);
+  std::ranges::fill(changed_, std::uint8_t{1});
+}
+
+std::vector<std::uint64_t> LogOddsGrid::moved(const std::vector<std::uint64_t>& words,
+                                              const Eigen::Vector2i& blocks) const {
+  std::vector<std::uint64_t> result(words.size());
+  const int ny = spec_.size_vox.y();
+  // A word holds four blocks.
+  const int whole = blocks.x() >= 0 ? blocks.x() / 4 : -((3 - blocks.x()) / 4);
+  const int shift = (blocks.x() - 4 * whole) * kBlockSide_vox;
+  const int rest = spec_.size_vox.x() % 64;
+  const std::uint64_t last = rest == 0 ? ~std::uint64_t{0} : (std::uint64_t{1} << rest) - 1;
+  for (int z = 0; z < spec_.size_vox.z(); ++z) {
+    for (int y = 0; y < ny; ++y) {
+      const int from_y = y + blocks.y() * kBlockSide_vox;
+      if (from_y < 0 || from_y >= ny) continue;
+      const std::uint64_t* from =
+          words.data() + row(from_y, z) * static_cast<std::size_t>(words_per_row_);
+      std::uint64_t* to = result.data() + row(y, z) * static_cast<std::size_t>(words_per_row_);
+      const auto word = [&](int w) { return w >= 0 && w < words_per_row_ ? from[w] : 0; };
+      for (int w = 0; w < words_per_row_; ++w) {
+        to[w] = word(w + whole) >> shift;
+        if (shift != 0) to[w] |= word(w + whole + 1) << (64 - shift);
+      }
+      to[words_per_row_ - 1] &= last;
+    }
+  }
+  return result;
 }
 
 double LogOddsGrid::log_odds(const Eigen::Vector3i& voxel) const noexcept {
   const Eigen::Vector3i block = voxel / kBlockSide_vox;
   const Eigen::Vector3i inner = voxel - block * kBlockSide_vox;
-  const std::size_t at = static_cast<std::size_t>(block_linear(block, counts_)) * kBlockVoxels +
+  const std::size_t at = slot(block_linear(block, counts_)) * kBlockVoxels +
                          static_cast<std::size_t>(
                              inner.x() + kBlockSide_vox * (inner.y() + kBlockSide_vox * inner.z()));
   return log_odds_.get()[at] / LogOdds::kUnits;

@@ -30,6 +30,9 @@ struct Unmap {
 /// Log-odds of every voxel, stored block by block (kBlockSide_vox^3 each, x fastest), and the
 /// occupied and known bits in the layout of OccupancyView. Rows of blocks along x may be
 /// changed by different threads at once: no two share a word.
+///
+/// The grid can be moved by whole blocks. Blocks lie in memory as in a ring along x and y
+/// (Usenko et al. 2017): those that stay in the grid stay where they are.
 class LogOddsGrid {
  public:
   static constexpr int kBlockVoxels = kBlockSide_vox * kBlockSide_vox * kBlockSide_vox;
@@ -47,7 +50,7 @@ class LogOddsGrid {
   }
 
   [[nodiscard]] std::int16_t* block(std::int32_t linear) noexcept {
-    return log_odds_.get() + static_cast<std::size_t>(linear) * kBlockVoxels;
+    return log_odds_.get() + slot(linear) * kBlockVoxels;
   }
   [[nodiscard]] double log_odds(const Eigen::Vector3i& voxel) const noexcept;
 
@@ -59,23 +62,41 @@ class LogOddsGrid {
   /// Whether every voxel of a block is known and at the lower clamp, so that misses change
   /// nothing. Kept by whoever writes the block.
   [[nodiscard]] std::uint8_t& settled_free(std::int32_t linear) noexcept {
-    return settled_free_[static_cast<std::size_t>(linear)];
+    return settled_free_[slot(linear)];
   }
+  /// When a block was last seen or aged, in seconds of the frames' stamps; 0 at first.
+  [[nodiscard]] double& touched_s(std::int32_t linear) noexcept { return touched_s_[slot(linear)]; }
   [[nodiscard]] std::uint8_t& changed(std::int32_t linear) noexcept {
     return changed_[static_cast<std::size_t>(linear)];
   }
   /// The blocks marked as changed, ascending; the marks are taken off.
   [[nodiscard]] std::vector<std::int32_t> take_changed_blocks();
 
+  /// Moves the grid by whole blocks along x and y. What enters it is unknown, all is marked as
+  /// changed. The grid is whole blocks wide along both.
+  void move(const Eigen::Vector2i& blocks);
+
  private:
+  /// Where a block lies in memory.
+  [[nodiscard]] std::size_t slot(std::int32_t linear) const noexcept {
+    return static_cast<std::size_t>(slots_[static_cast<std::size_t>(linear)]);
+  }
+  void find_slots();
+  void forget(std::int32_t linear);
+  [[nodiscard]] std::vector<std::uint64_t> moved(const std::vector<std::uint64_t>& words,
+                                                 const Eigen::Vector2i& blocks) const;
+
   GridSpec spec_;
   LogOdds model_;
   Eigen::Vector3i counts_;
   int words_per_row_ = 0;
+  Eigen::Vector2i ring_ = Eigen::Vector2i::Zero();  ///< Slot of block (0, 0, .) along x and y.
+  std::vector<std::int32_t> slots_;                 ///< By block_linear.
   std::unique_ptr<std::int16_t[], Unmap> log_odds_;
   std::vector<std::uint64_t> occupied_;
   std::vector<std::uint64_t> known_;
-  std::vector<std::uint8_t> settled_free_;
+  std::vector<std::uint8_t> settled_free_;  ///< By slot.
+  std::vector<double> touched_s_;           ///< By slot.
   std::vector<std::uint8_t> changed_;
 };
 

@@ -49,7 +49,19 @@ Result<void> check_method(const VoxelGridOptions& options) {
   if (options.method != "auto" && options.method != "projective" && options.method != "raycast") {
     return wrong("method", "must be auto, projective or raycast, not '" + options.method + "'");
   }
+  if (!(options.fade_half_life_s >= 0.0)) {
+    return wrong("fade_half_life_s", "must be at least 0, not " + text(options.fade_half_life_s));
+  }
   return {};
+}
+
+Result<void> check_window(const VoxelGridOptions& options) {
+  if (!options.sliding_window ||
+      (options.size_vox.x() % kBlockSide_vox == 0 && options.size_vox.y() % kBlockSide_vox == 0)) {
+    return {};
+  }
+  return wrong("size_vox", "must be a multiple of " + std::to_string(kBlockSide_vox) +
+                               " along x and y where sliding_window is on");
 }
 
 }  // namespace
@@ -73,7 +85,14 @@ Fields<VoxelGridOptions> VoxelGridOptions::fields() {
                {.unit = "vox", .min = 0.0, .max = 10.0})
           .add("method", &O::method,
                "How frames are integrated; auto: images projective, clouds raycast.",
-               {.choices = {"auto", "projective", "raycast"}})));
+               {.choices = {"auto", "projective", "raycast"}})
+          .add("sliding_window", &O::sliding_window,
+               "Whether the grid moves with the camera along x and y, by blocks of 16 voxels; "
+               "origin_m is where it lies in the first frame. What leaves it is forgotten.")
+          .add("fade_half_life_s", &O::fade_half_life_s,
+               "Time in which the log-odds of what is not seen halve, until it is unknown; 0: "
+               "never.",
+               {.unit = "s", .min = 0.0})));
 }
 
 double memory_mib(const VoxelGridOptions& options) {
@@ -85,6 +104,7 @@ double memory_mib(const VoxelGridOptions& options) {
 Result<void> check_options(const VoxelGridOptions& options) {
   if (auto ok = check_map_options(options, memory_mib(options), "voxel_grid"); !ok) return ok;
   if (auto ok = check_log_odds(options); !ok) return ok;
+  if (auto ok = check_window(options); !ok) return ok;
   return check_method(options);
 }
 

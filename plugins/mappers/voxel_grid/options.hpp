@@ -16,6 +16,8 @@ struct VoxelGridOptions : MapOptions {
   double occupied_at = 0.0;
   double surface_band_vox = 0.5;
   std::string method = "auto";
+  bool sliding_window = false;
+  double fade_half_life_s = 0.0;
 
   static Fields<VoxelGridOptions> fields();
 };

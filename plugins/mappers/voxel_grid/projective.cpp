@@ -21,6 +21,7 @@ struct ProjectiveIntegrator::View {
   Eigen::Matrix3d columns;  // per voxel
   int width_px;
   int height_px;
+  double stamp_s;
   BlockRange range;
 
   /// Least and greatest value of n . (U, V, Z) over the voxel centres of a block.
@@ -53,7 +54,7 @@ ProjectiveIntegrator::ProjectiveIntegrator(const VoxelGridOptions& options, LogO
 
 IntegrationCounts ProjectiveIntegrator::integrate(const Frame& frame, const DepthImage& image,
                                                   const SelfFilter& self) {
-  const IntegrationCounts counts = image_.read(frame, image, self, hits_, workers_);
+  const IntegrationCounts counts = image_.read(frame, image, map_.spec(), self, hits_, workers_);
   const View view = view_of(frame, image.camera);
   const Eigen::Vector3i extent = view.range.last - view.range.first + Eigen::Vector3i::Ones();
   if ((extent.array() <= 0).any()) return counts;
@@ -81,6 +82,7 @@ ProjectiveIntegrator::View ProjectiveIntegrator::view_of(const Frame& frame,
       to_pixels * (grid.centre_m(Eigen::Vector3i::Zero()) - frame.T_world_camera.translation());
   view.width_px = camera.width_px;
   view.height_px = camera.height_px;
+  view.stamp_s = frame.stamp.seconds();
   view.range = blocks_in_view(frame, camera);
   Projection& projection = view.projection;
   projection.carve_m = image_.carve_m();
@@ -164,17 +166,20 @@ void ProjectiveIntegrator::visit(const View& view, const Eigen::Vector3i& block)
 
   const bool free = !hit && whole &&
                     depth.greatest < static_cast<double>(free_m.least_m - band_m_ - kDepthSlack_m);
-  if (free && map_.settled_free(linear) != 0) return;
+  if (free && map_.settled_free(linear) != 0) {
+    map_.touched_s(linear) = view.stamp_s;
+    return;
+  }
   const BlockRows rows = block_rows(map_, block);
   if (free) {
-    note(map_, block, integrate_free(map_.model(), rows));
+    note(map_, block, view.stamp_s, integrate_free(map_.model(), rows));
     return;
   }
   std::uint16_t hits[kBlockRows];
   take_marks(hits_, map_, block, rows, hits);
   const float base[3] = {static_cast<float>(first.x()), static_cast<float>(first.y()),
                          static_cast<float>(first.z())};
-  note(map_, block,
+  note(map_, block, view.stamp_s,
        integrate_projected(view.projection, map_.model(), rows, base,
                            first_surface_layer_ - block.z() * kBlockSide_vox, hits));
 }

@@ -39,7 +39,7 @@ IntegrationCounts RaycastIntegrator::integrate(const Frame& frame, const SelfFil
   workers_.run_banded(static_cast<int>(rays_.size()), kRaysAtOnce, [&](int begin, int end) {
     for (int r = begin; r < end; ++r) walk(camera_vox, rays_[static_cast<std::size_t>(r)]);
   });
-  update_map();
+  update_map(frame.stamp.seconds());
   IntegrationCounts all;
   for (const IntegrationCounts& part : counts) add_counts(all, part);
   return all;
@@ -112,7 +112,7 @@ void RaycastIntegrator::walk(const Eigen::Vector3d& camera_vox, const Ray& ray) 
   if (ray.end_is_free) misses_.insert(voxel.x(), voxel.y(), voxel.z());
 }
 
-void RaycastIntegrator::update_map() {
+void RaycastIntegrator::update_map(double stamp_s) {
   const Eigen::Vector3i& counts = map_.counts();
   workers_.run(counts.y() * counts.z(), [&](int row) {
     Eigen::Vector3i block(0, row % counts.y(), row / counts.y());
@@ -124,7 +124,7 @@ void RaycastIntegrator::update_map() {
       std::uint16_t misses[kBlockRows];
       take_marks(hits_, map_, block, rows, hits);
       take_marks(misses_, map_, block, rows, misses);
-      note(map_, block, integrate_marked(map_.model(), rows, hits, misses));
+      note(map_, block, stamp_s, integrate_marked(map_.model(), rows, hits, misses));
     }
   });
 }

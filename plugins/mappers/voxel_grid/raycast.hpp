@@ -31,7 +31,7 @@ class RaycastIntegrator {
   void gather_rays();
   void gather_block(const Eigen::Vector3i& block);
   void walk(const Eigen::Vector3d& camera_vox, const Ray& ray);
-  void update_map();
+  void update_map(double stamp_s);
 
   LogOddsGrid& map_;
   VoxelMarks& hits_;

@@ -23,7 +23,21 @@ VoxelGrid::VoxelGrid(const VoxelGridOptions& options, const HostContext& context
       map_(options.grid(), model_of(options)),
       hits_(options.grid()),
       self_(context.robot, options.self_filter_margin_m),
-      projective_(options, map_, hits_, context.workers) {}
+      projective_(options, map_, hits_, context.workers) {
+  if (options.fade_half_life_s > 0.0) {
+    fader_.emplace(options.fade_half_life_s, map_, context.workers);
+  }
+}
+
+bool VoxelGrid::follow(const Eigen::Vector3d& camera_m) {
+  if (!window_) window_ = camera_m.head<2>();
+  const double block_m = map_.spec().resolution_m * kBlockSide_vox;
+  const Eigen::Vector2i blocks = ((camera_m.head<2>() - *window_) / block_m).cast<int>();
+  if (blocks.isZero()) return false;
+  map_.move(blocks);
+  *window_ += blocks.cast<double>() * block_m;
+  return true;
+}
 
 Result<MapUpdate> VoxelGrid::integrate(const Frame& frame) {
   if (auto ok = check_frame(frame); !ok) return tl::make_unexpected(std::move(ok.error()));
@@ -35,12 +49,14 @@ Result<MapUpdate> VoxelGrid::integrate(const Frame& frame) {
   if (auto ok = self_.pose(frame); !ok) return tl::make_unexpected(std::move(ok.error()));
 
   MapUpdate update;
+  update.grid_moved = options_.sliding_window && follow(frame.T_world_camera.translation());
   if (image != nullptr && options_.method != "raycast") {
     update.counts = projective_.integrate(frame, *image, self_);
   } else {
     if (!raycast_) raycast_.emplace(options_, map_, hits_, workers_);
     update.counts = raycast_->integrate(frame, self_);
   }
+  if (fader_) fader_->fade(frame.stamp);
   update.sequence = ++sequence_;
   update.stamp = frame.stamp;
   update.changed_blocks = map_.take_changed_blocks();

@@ -11,6 +11,7 @@
 #include "options.hpp"
 #include "projective.hpp"
 #include "raycast.hpp"
+#include "voxel_fader.hpp"
 #include "voxel_marks.hpp"
 
 namespace sidestep::voxel_grid {
@@ -31,6 +32,9 @@ class VoxelGrid final : public Mapper, public OccupancyView {
   [[nodiscard]] double log_odds(const Eigen::Vector3i& voxel) const { return map_.log_odds(voxel); }
 
  private:
+  /// Moves the grid after the camera; returns whether it had to.
+  bool follow(const Eigen::Vector3d& camera_m);
+
   VoxelGridOptions options_;
   WorkerPool& workers_;
   LogOddsGrid map_;
@@ -38,6 +42,8 @@ class VoxelGrid final : public Mapper, public OccupancyView {
   SelfFilter self_;
   ProjectiveIntegrator projective_;
   std::optional<RaycastIntegrator> raycast_;  // made when first needed: it has a memory of its own
+  std::optional<VoxelFader> fader_;           // where anything fades
+  std::optional<Eigen::Vector2d> window_;  // where the camera was when the grid lay where it does
   std::int64_t sequence_ = 0;
 };
 

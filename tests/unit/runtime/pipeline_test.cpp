@@ -45,6 +45,7 @@ class CountingMapper final : public Mapper {
     if (frame.sequence < 0) return fail(ErrorCode::kBadFrame, "negative");
     MapUpdate update;
     update.sequence = ++sequence_;
+    update.grid_moved = frame.sequence == 1000;
     return update;
   }
   const GridSpec& grid() const noexcept override { return grid_; }
@@ -64,8 +65,14 @@ class EmptyField final : public DistanceField {
 class NumberingBuilder final : public FieldBuilder {
  public:
   bool forgetful = false;
+  int attached = 0;
+  bool attaches = true;
 
-  Result<void> attach(Mapper&) override { return {}; }
+  Result<void> attach(Mapper&) override {
+    ++attached;
+    if (!attaches) return fail(ErrorCode::kUnsupported, "too far");
+    return {};
+  }
   Result<std::shared_ptr<const DistanceField>> update(const MapUpdate& update) override {
     if (forgetful) return nullptr;
     return std::make_shared<EmptyField>(FieldInfo{.sequence = update.sequence});
@@ -112,6 +119,22 @@ TEST_F(Pipeline, EndsOnAnythingElse) {
   const auto step = pipeline_.step({});
   ASSERT_FALSE(step);
   EXPECT_EQ(step.error().message, "disk gone");
+}
+
+TEST_F(Pipeline, AttachesTheBuilderAgainWhereTheGridMoved) {
+  ASSERT_TRUE(pipeline_.attach());
+  source_.add_frame(1);
+  source_.add_frame(1000);
+  ASSERT_TRUE(pipeline_.step({}));
+  EXPECT_EQ(builder_.attached, 1);
+  ASSERT_TRUE(pipeline_.step({}));
+  EXPECT_EQ(builder_.attached, 2);
+  EXPECT_EQ(slot_.pin()->info().sequence, 2);
+  builder_.attaches = false;
+  source_.add_frame(1000);
+  const auto step = pipeline_.step({});
+  ASSERT_FALSE(step);
+  EXPECT_EQ(step.error().message, "too far");
 }
 
 TEST_F(Pipeline, AnExceptionBecomesAnErrorThatNamesThePart) {

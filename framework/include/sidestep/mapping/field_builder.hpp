@@ -14,7 +14,8 @@ class SIDESTEP_EXPORT FieldBuilder {
  public:
   virtual ~FieldBuilder() = default;
 
-  /// Binds the builder to a mapper, which must outlive it; called once, before anything else.
+  /// Binds the builder to a mapper, which must outlive it: before anything else, and again after
+  /// each update whose grid moved, before that update is given. Forgets what came before.
   /// Fails with kUnsupported where the mapper does not offer the view that the field needs,
   /// naming that view. [mapping]; allocates.
   [[nodiscard]] virtual Result<void> attach(Mapper& mapper) = 0;

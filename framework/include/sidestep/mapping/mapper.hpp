@@ -29,6 +29,7 @@ struct MapUpdate {
   /// block_linear indices of the blocks in which a voxel became occupied, free or known;
   /// ascending, without repetition.
   std::vector<std::int32_t> changed_blocks;
+  bool grid_moved = false;  ///< The mapper's grid() lies elsewhere than before this frame.
   IntegrationCounts counts;
 };
 
@@ -42,7 +43,8 @@ class SIDESTEP_EXPORT Mapper {
   /// unchanged. [mapping]; allocates.
   [[nodiscard]] virtual Result<MapUpdate> integrate(const Frame& frame) = 0;
 
-  /// The grid whose blocks MapUpdate names. Constant.
+  /// The grid whose blocks MapUpdate names. Its size and resolution are constant; its origin
+  /// changes only with a frame whose update says that it moved, by whole blocks.
   [[nodiscard]] virtual const GridSpec& grid() const noexcept = 0;
 };
 
