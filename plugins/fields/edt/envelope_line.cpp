@@ -14,6 +14,9 @@ constexpr std::size_t kTileBytes = kTile * sizeof(std::uint16_t);
 /// An envelope computed anew costs about as much as this many rows of a change spread to them.
 constexpr std::int64_t kSpreadsPerEnvelope = 12;
 
+/// Beyond the reach of any cap.
+constexpr int kFarthest = 1 << 16;
+
 /// Largest d >= 0 with d^2 < limit; -1 where there is none.
 int largest_offset(int limit) {
   return limit <= 0 ? -1 : static_cast<int>(std::ceil(std::sqrt(static_cast<double>(limit)))) - 1;
@@ -42,8 +45,7 @@ void envelope_of_row(const std::uint16_t* in, std::ptrdiff_t stride, int length,
   Lanes16 best = lanes(centre);
   for (int d = 1; d <= reach; ++d) {
     const auto square = static_cast<std::uint16_t>(d * d);
-    const auto above = (Lanes64)(best > square);
-    if ((above[0] | above[1] | above[2] | above[3]) == 0) break;
+    if (!any((Lanes16)(best > square))) break;
     if (row >= d) {
       const Lanes16 via = lanes(centre - d * stride) + square;
       best = via < best ? via : best;
@@ -56,13 +58,41 @@ void envelope_of_row(const std::uint16_t* in, std::ptrdiff_t stride, int length,
   lanes(out) = best;
 }
 
+/// The same from those rows alone that hold anything below the cap: `before` and `after` give the
+/// nearest on either side of each row.
+SIDESTEP_SIMD_CLONES
+void envelope_of_row_among(const std::uint16_t* in, std::ptrdiff_t stride, int row, int reach,
+                           const int* before, const int* after, std::uint16_t* out) {
+  Lanes16 best = lanes(in + row * stride);
+  int low = before[row];
+  int high = after[row];
+  for (;;) {
+    const bool is_low = row - low <= high - row;
+    const int from = is_low ? low : high;
+    const int d = is_low ? row - low : high - row;
+    if (d > reach) break;
+    const auto square = static_cast<std::uint16_t>(d * d);
+    if (!any((Lanes16)(best > square))) break;
+    const Lanes16 via = lanes(in + from * stride) + square;
+    best = via < best ? via : best;
+    (is_low ? low : high) = is_low ? before[from] : after[from];
+  }
+  lanes(out) = best;
+}
+
+/// Whether any voxel of a tile is below the cap.
+SIDESTEP_SIMD_CLONES
+bool is_below(const std::uint16_t* tile, std::uint16_t cap) {
+  return any((Lanes16)(lanes(tile) < cap));
+}
+
 }  // namespace
 
 struct EnvelopeLine::Spread {
   /// Spreads the change of row `from` of line.in to the rows [low, high] of line.out.
   SIDESTEP_SIMD_CLONES
   static void spread(const TileLine& line, int from, int low, int high, Fate* fates) {
-    const Lanes16 was = lanes(line.in_was + from * line.stride);
+    const Lanes16 was = lanes(line.in_was + from * line.in_was_stride);
     const Lanes16 is = lanes(line.in + from * line.stride);
     const auto risen = (Lanes16)(is > was);
     const std::ptrdiff_t stride = line.stride;
@@ -74,15 +104,13 @@ struct EnvelopeLine::Spread {
       const Lanes16 via = is + square;
       const Lanes16 least = via < now ? via : now;
       const Lanes16 lost = (Lanes16)((was + square) == now) & risen;
-      const auto changed = (Lanes64)(lost | (now ^ least));
-      if ((changed[0] | changed[1] | changed[2] | changed[3]) == 0) continue;
+      if (!any(lost | (now ^ least))) continue;
       if (fates[row] == Fate::kKept) {
         lanes(line.out_was + row * was_stride) = now;
         fates[row] = Fate::kLowered;
       }
       lanes(out) = least;
-      const auto any_lost = (Lanes64)lost;
-      if ((any_lost[0] | any_lost[1] | any_lost[2] | any_lost[3]) != 0) fates[row] = Fate::kLost;
+      if (any(lost)) fates[row] = Fate::kLost;
     }
   }
 };
@@ -90,7 +118,9 @@ struct EnvelopeLine::Spread {
 EnvelopeLine::EnvelopeLine(int longest, std::uint16_t cap)
     : cap_(cap),
       reach_(largest_offset(cap)),
-      fates_(static_cast<std::size_t>(longest), Fate::kKept) {}
+      fates_(static_cast<std::size_t>(longest), Fate::kKept),
+      before_(static_cast<std::size_t>(longest)),
+      after_(static_cast<std::size_t>(longest)) {}
 
 void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> changed) {
   sources_.clear();
@@ -98,8 +128,9 @@ void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> chang
   last_ = -1;
   total_reach_ = 0;
   for (const int row : changed) {
-    const std::ptrdiff_t at = row * line.stride;
-    const int reach = largest_offset(cap_ - least_changed(line.in_was + at, line.in + at));
+    const std::uint16_t least =
+        least_changed(line.in_was + row * line.in_was_stride, line.in + row * line.stride);
+    const int reach = largest_offset(cap_ - least);
     if (reach < 0) continue;
     sources_.push_back({row, reach});
     first_ = std::min(first_, std::max(row - reach, 0));
@@ -108,7 +139,7 @@ void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> chang
   }
 }
 
-void EnvelopeLine::recompute_all(const TileLine& line) {
+void EnvelopeLine::mark_all_lost(const TileLine& line) {
   for (const Source& source : sources_) {
     const int high = std::min(source.row + source.reach, line.length - 1);
     for (int row = std::max(source.row - source.reach, 0); row <= high; ++row) {
@@ -121,10 +152,33 @@ void EnvelopeLine::recompute_all(const TileLine& line) {
   }
 }
 
+void EnvelopeLine::find_filled(const TileLine& line) {
+  // Beyond every reach, and the offset to them no overflow.
+  int before = -kFarthest;
+  for (int row = 0; row < line.length; ++row) {
+    before_[static_cast<std::size_t>(row)] = before;
+    after_[static_cast<std::size_t>(row)] = kFarthest;
+    if (!is_below(line.in + row * line.stride, cap_)) continue;
+    for (int r = std::max(before, 0); r < row; ++r) after_[static_cast<std::size_t>(r)] = row;
+    before = row;
+  }
+}
+
+void EnvelopeLine::recompute(const TileLine& line, int row, bool knows_filled) const {
+  std::uint16_t* out = line.out + row * line.stride;
+  if (knows_filled) {
+    envelope_of_row_among(line.in, line.stride, row, reach_, before_.data(), after_.data(), out);
+  } else {
+    envelope_of_row(line.in, line.stride, line.length, row, reach_, out);
+  }
+}
+
 std::span<const int> EnvelopeLine::update(const TileLine& line, std::span<const int> changed) {
   find_sources(line, changed);
-  if (total_reach_ > kSpreadsPerEnvelope * (last_ - first_ + 1)) {
-    recompute_all(line);
+  const bool is_heavy = total_reach_ > kSpreadsPerEnvelope * (last_ - first_ + 1);
+  if (is_heavy) {
+    mark_all_lost(line);
+    find_filled(line);
   } else {
     for (const Source& source : sources_) {
       Spread::spread(line, source.row, std::max(source.row - source.reach, 0),
@@ -135,10 +189,10 @@ std::span<const int> EnvelopeLine::update(const TileLine& line, std::span<const 
   for (int row = first_; row <= last_; ++row) {
     Fate& fate = fates_[static_cast<std::size_t>(row)];
     if (fate == Fate::kKept) continue;
-    std::uint16_t* out = line.out + row * line.stride;
-    if (fate == Fate::kLost) envelope_of_row(line.in, line.stride, line.length, row, reach_, out);
+    if (fate == Fate::kLost) recompute(line, row, is_heavy);
     fate = Fate::kKept;
-    if (std::memcmp(out, line.out_was + row * line.out_was_stride, kTileBytes) != 0) {
+    if (std::memcmp(line.out + row * line.stride, line.out_was + row * line.out_was_stride,
+                    kTileBytes) != 0) {
       changed_.push_back(row);
     }
   }

@@ -16,8 +16,9 @@ struct TileLine {
   std::ptrdiff_t stride;
   const std::uint16_t* in;      ///< What the pass before left.
   const std::uint16_t* in_was;  ///< The same before the update; valid in rows that changed.
-  std::uint16_t* out;           ///< In: of the old `in`. Out: of the new one.
-  std::uint16_t* out_was;       ///< Receives the old values of rows of `out` that change.
+  std::ptrdiff_t in_was_stride;
+  std::uint16_t* out;      ///< In: of the old `in`. Out: of the new one.
+  std::uint16_t* out_was;  ///< Receives the old values of rows of `out` that change.
   std::ptrdiff_t out_was_stride;
 };
 
@@ -45,7 +46,10 @@ class EnvelopeLine {
   struct Spread;
 
   void find_sources(const TileLine& line, std::span<const int> changed);
-  void recompute_all(const TileLine& line);
+  /// Marks every row that a source reaches.
+  void mark_all_lost(const TileLine& line);
+  void find_filled(const TileLine& line);
+  void recompute(const TileLine& line, int row, bool knows_filled) const;
 
   std::uint16_t cap_;
   int reach_;  ///< Largest offset whose square is below the cap.
@@ -53,6 +57,8 @@ class EnvelopeLine {
   int first_ = 0, last_ = -1;  ///< Of the rows that the sources reach.
   std::int64_t total_reach_ = 0;
   std::vector<Fate> fates_;  ///< All kKept between calls.
+  /// For each row of a line the nearest rows before and after it that hold anything below the cap.
+  std::vector<int> before_, after_;
   std::vector<int> changed_;
 };
 

@@ -15,15 +15,31 @@ namespace {
 /// Bits that hold a row's number on a line.
 int index_bits(int length) { return std::bit_width(static_cast<unsigned>(length - 1)); }
 
+/// Rows that are computed together, from one reading of the list.
+constexpr int kLeaf = 4;
+
 /// The rows of one line, one tile wide, that matter to the envelope: not at the cap throughout.
 /// Rows are held as keys, value << bits | number in this list, whose least is the least value's.
 struct LineKeys {
-  explicit LineKeys(int longest)
-      : keys(static_cast<std::size_t>(longest) * kTile),
-        positions(static_cast<std::size_t>(longest)) {}
+  LineKeys(int length, int bits)
+      : keys(static_cast<std::size_t>(length) * kTile),
+        positions(static_cast<std::size_t>(length)),
+        squares(2 * static_cast<std::size_t>(length) + kLeaf) {
+    // Beyond the length only rows of a leaf that there are not.
+    for (std::size_t i = 0; i < squares.size(); ++i) {
+      const int d = static_cast<int>(i) - length;
+      squares[i] = static_cast<std::uint32_t>(d * d) << bits;
+    }
+  }
+
+  /// The key of a square, by the offset in (-length, length + kLeaf).
+  [[nodiscard]] const std::uint32_t* squares_from(int offset) const noexcept {
+    return squares.data() + (static_cast<std::ptrdiff_t>(positions.size()) + offset);
+  }
 
   std::vector<std::uint32_t> keys;
   std::vector<int> positions;  ///< Of each row on the line.
+  std::vector<std::uint32_t> squares;
   int count = 0;
 };
 
@@ -36,24 +52,19 @@ struct Line {
   std::uint32_t cap;
 };
 
-const Lanes32& lanes(const std::uint32_t* half) { return *reinterpret_cast<const Lanes32*>(half); }
-Lanes32& lanes(std::uint32_t* half) { return *reinterpret_cast<Lanes32*>(half); }
+const Lanes32& lanes(const std::uint32_t* tile) { return *reinterpret_cast<const Lanes32*>(tile); }
+Lanes32& lanes(std::uint32_t* tile) { return *reinterpret_cast<Lanes32*>(tile); }
 
-constexpr int kHalf = kTile / 2;
-
-SIDESTEP_SIMD_CLONES
+SIDESTEP_WIDE_SIMD_CLONES
 void gather(const Line& line, LineKeys& rows) {
   std::uint32_t count = 0;
   const std::uint32_t* values = line.values;
   for (int i = 0; i < line.length; ++i, values += line.stride) {
-    const Lanes32 low = lanes(values);
-    const Lanes32 high = lanes(values + kHalf);
-    std::uint32_t* keys = rows.keys.data() + count * kTile;
-    lanes(keys) = (low << line.bits) | count;
-    lanes(keys + kHalf) = (high << line.bits) | count;
+    const Lanes32 row = lanes(values);
+    __builtin_prefetch(values + kTile);  // the next line's
+    lanes(rows.keys.data() + count * kTile) = (row << line.bits) | count;
     rows.positions[count] = i;
-    const auto below = (Lanes64)((low < line.cap) | (high < line.cap));
-    count += (below[0] | below[1] | below[2] | below[3]) != 0 ? 1 : 0;
+    count += any(row < line.cap) ? 1 : 0;
   }
   rows.count = static_cast<int>(count);
 }
@@ -69,58 +80,63 @@ struct Numbers {
   int least, greatest;
 };
 
-/// Computes one row of the line from rows [from, to] of the list.
-SIDESTEP_SIMD_CLONES
-Numbers minimise(const Line& line, const LineKeys& rows, int row, int from, int to) {
-  Lanes32 best_low = ~Lanes32{};
-  Lanes32 best_high = ~Lanes32{};
+/// Computes the middle row of a part.
+SIDESTEP_WIDE_SIMD_CLONES
+Numbers solve_middle(const Line& line, const LineKeys& rows, int row, int from, int to) {
+  Lanes32 best = ~Lanes32{};
   const std::uint32_t* keys = rows.keys.data() + from * kTile;
   const int* positions = rows.positions.data();
   for (int j = from; j <= to; ++j, keys += kTile) {
-    const int d = row - positions[j];
-    const auto square = static_cast<std::uint32_t>(d * d) << line.bits;
-    const Lanes32 via_low = lanes(keys) + square;
-    const Lanes32 via_high = lanes(keys + kHalf) + square;
-    best_low = via_low < best_low ? via_low : best_low;
-    best_high = via_high < best_high ? via_high : best_high;
+    const Lanes32 via = lanes(keys) + *rows.squares_from(row - positions[j]);
+    best = via < best ? via : best;
   }
-  std::uint32_t* out = line.values + row * line.stride;
-  const Lanes32 value_low = best_low >> line.bits;
-  const Lanes32 value_high = best_high >> line.bits;
-  lanes(out) = value_low < line.cap ? value_low : (Lanes32{} + line.cap);
-  lanes(out + kHalf) = value_high < line.cap ? value_high : (Lanes32{} + line.cap);
-  if (from == to) return {from, from};
-  const std::uint32_t mask = (std::uint32_t{1} << line.bits) - 1;
-  best_low &= mask;
-  best_high &= mask;
+  const Lanes32 value = best >> line.bits;
+  lanes(line.values + row * line.stride) = value < line.cap ? value : (Lanes32{} + line.cap);
+  best &= (std::uint32_t{1} << line.bits) - 1;
   // Halved until the extremes of all lanes stand in the first.
-  Lanes32 lesser = best_low < best_high ? best_low : best_high;
-  Lanes32 greater = best_low < best_high ? best_high : best_low;
-  Lanes32 other = __builtin_shufflevector(lesser, lesser, 4, 5, 6, 7, 0, 1, 2, 3);
-  lesser = other < lesser ? other : lesser;
-  other = __builtin_shufflevector(lesser, lesser, 2, 3, 0, 1, 6, 7, 4, 5);
-  lesser = other < lesser ? other : lesser;
-  other = __builtin_shufflevector(greater, greater, 4, 5, 6, 7, 0, 1, 2, 3);
-  greater = other > greater ? other : greater;
-  other = __builtin_shufflevector(greater, greater, 2, 3, 0, 1, 6, 7, 4, 5);
-  greater = other > greater ? other : greater;
-  return {static_cast<int>(std::min(lesser[0], lesser[1])),
-          static_cast<int>(std::max(greater[0], greater[1]))};
+  Lanes32 least = best;
+  Lanes32 greatest = best;
+  Lanes32 other =
+      __builtin_shufflevector(best, best, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7);
+  least = other < least ? other : least;
+  greatest = other > greatest ? other : greatest;
+  other =
+      __builtin_shufflevector(least, least, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11);
+  least = other < least ? other : least;
+  other = __builtin_shufflevector(greatest, greatest, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9,
+                                  10, 11);
+  greatest = other > greatest ? other : greatest;
+  return {static_cast<int>(std::min({least[0], least[1], least[2], least[3]})),
+          static_cast<int>(std::max({greatest[0], greatest[1], greatest[2], greatest[3]}))};
+}
+
+/// Computes a part of at most kLeaf rows.
+SIDESTEP_WIDE_SIMD_CLONES
+void solve_leaf(const Line& line, const LineKeys& rows, const Part& part) {
+  Lanes32 best[kLeaf] = {~Lanes32{}, ~Lanes32{}, ~Lanes32{}, ~Lanes32{}};
+  const std::uint32_t* keys = rows.keys.data() + part.from * kTile;
+  const int* positions = rows.positions.data();
+  for (int j = part.from; j <= part.to; ++j, keys += kTile) {
+    const Lanes32 key = lanes(keys);
+    const std::uint32_t* squares = rows.squares_from(part.first - positions[j]);
+    for (int i = 0; i < kLeaf; ++i) {
+      const Lanes32 via = key + squares[i];
+      best[i] = via < best[i] ? via : best[i];
+    }
+  }
+  std::uint32_t* out = line.values + part.first * line.stride;
+  for (int i = 0; i <= part.last - part.first; ++i, out += line.stride) {
+    const Lanes32 value = best[i] >> line.bits;
+    lanes(out) = value < line.cap ? value : (Lanes32{} + line.cap);
+  }
 }
 
 void solve(const Line& line, const LineKeys& rows, const Part& part) {
-  if (part.from == part.to) {
-    for (int row = part.first; row <= part.last; ++row) {
-      minimise(line, rows, row, part.from, part.to);
-    }
-    return;
-  }
+  if (part.last - part.first < kLeaf) return solve_leaf(line, rows, part);
   const int middle = part.first + (part.last - part.first) / 2;
-  const Numbers numbers = minimise(line, rows, middle, part.from, part.to);
-  if (part.first < middle) {
-    solve(line, rows, {part.first, middle - 1, part.from, numbers.greatest});
-  }
-  if (middle < part.last) solve(line, rows, {middle + 1, part.last, numbers.least, part.to});
+  const Numbers numbers = solve_middle(line, rows, middle, part.from, part.to);
+  solve(line, rows, {part.first, middle - 1, part.from, numbers.greatest});
+  solve(line, rows, {middle + 1, part.last, numbers.least, part.to});
 }
 
 void envelope(const Line& line, LineKeys& rows) {
@@ -145,7 +161,7 @@ FullTransform::FullTransform(const Eigen::Vector3i& size_vox, std::uint32_t cap,
 void FullTransform::update(const VoxelBits& obstacles) {
   const int reach = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(cap_)))) - 1;
   workers_.run_banded(size_.z(), 1, [&](int begin, int end) {
-    LineKeys rows(size_.y());
+    LineKeys rows(size_.y(), index_bits(size_.y()));
     for (int z = begin; z < end; ++z) {
       for (int y = 0; y < size_.y(); ++y) {
         const auto row = static_cast<std::size_t>(y) +
@@ -160,7 +176,7 @@ void FullTransform::update(const VoxelBits& obstacles) {
     }
   });
   workers_.run_banded(size_.y(), 1, [&](int begin, int end) {
-    LineKeys rows(size_.z());
+    LineKeys rows(size_.z(), index_bits(size_.z()));
     for (int y = begin; y < end; ++y) {
       for (int x = 0; x < size_.x(); x += kTile) {
         envelope(

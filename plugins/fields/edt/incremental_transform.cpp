@@ -12,7 +12,7 @@ namespace sidestep::edt {
 IncrementalTransform::Workspace::Workspace(const Eigen::Vector3i& size, std::uint16_t cap)
     : row(static_cast<std::size_t>((size.x() + kTile - 1) / kTile * kTile)),
       envelope(std::max(size.y(), size.z()), cap),
-      out_was(static_cast<std::size_t>(size.z()) * kTile) {}
+      out_was(static_cast<std::size_t>(std::max(size.y(), size.z())) * kTile) {}
 
 IncrementalTransform::IncrementalTransform(const Eigen::Vector3i& size_vox, std::uint32_t cap,
                                            Start start, WorkerPool& workers)
@@ -25,7 +25,8 @@ IncrementalTransform::IncrementalTransform(const Eigen::Vector3i& size_vox, std:
       along_y_{Grid(size_vox), {}},
       along_z_{Grid(size_vox), {}},
       along_x_was_(size_vox),
-      along_y_was_(size_vox) {
+      along_y_was_(size_vox),
+      start_tile_(kTile, start == Start::kAllObstacles ? std::uint16_t{0} : cap_) {
   const std::size_t rows =
       static_cast<std::size_t>(size_.y()) * static_cast<std::size_t>(size_.z());
   for (Pass* pass : {&along_x_, &along_y_, &along_z_}) {
@@ -46,13 +47,13 @@ void IncrementalTransform::pass_row(const VoxelBits& obstacles, int y, int z, Wo
     const std::uint16_t* fresh = space.row.data() + tile * kTile;
     std::uint16_t* values = along_x_.values.row(y, z) + tile * kTile;
     if (std::memcmp(fresh, values, kTileBytes) == 0) continue;
-    std::memcpy(along_x_was_.row(y, z) + tile * kTile, values, kTileBytes);
+    if (!is_first_) std::memcpy(along_x_was_.row(y, z) + tile * kTile, values, kTileBytes);
     std::memcpy(values, fresh, kTileBytes);
     along_x_.changed[row] |= std::uint64_t{1} << tile;
   }
 }
 
-void IncrementalTransform::pass_line(const Line& line, const Pass& in, const Grid& in_was,
+void IncrementalTransform::pass_line(const Line& line, const Pass& in, const Grid* in_was,
                                      Pass& out, Grid* out_was, Workspace& space) const {
   const auto mask_of = [&](int i) {
     return line.first_row + static_cast<std::size_t>(i) * line.row_step;
@@ -73,10 +74,15 @@ void IncrementalTransform::pass_line(const Line& line, const Pass& in, const Gri
     TileLine column{.length = line.length,
                     .stride = line.stride,
                     .in = in.values.row(line.y, line.z) + x,
-                    .in_was = in_was.row(line.y, line.z) + x,
+                    .in_was = start_tile_.data(),
+                    .in_was_stride = 0,
                     .out = out.values.row(line.y, line.z) + x,
                     .out_was = space.out_was.data(),
                     .out_was_stride = kTile};
+    if (in_was != nullptr) {
+      column.in_was = in_was->row(line.y, line.z) + x;
+      column.in_was_stride = line.stride;
+    }
     if (out_was != nullptr) {
       column.out_was = out_was->row(line.y, line.z) + x;
       column.out_was_stride = line.stride;
@@ -90,6 +96,8 @@ void IncrementalTransform::pass_line(const Line& line, const Pass& in, const Gri
 std::span<const std::uint64_t> IncrementalTransform::update(
     const VoxelBits& obstacles, std::span<const std::uint8_t> row_changed) {
   const auto ny = static_cast<std::size_t>(size_.y());
+  Grid* const x_was = is_first_ ? nullptr : &along_x_was_;
+  Grid* const y_was = is_first_ ? nullptr : &along_y_was_;
   workers_.run_banded(size_.z(), 1, [&](int begin, int end) {
     Workspace space(size_, cap_);
     for (int z = begin; z < end; ++z) {
@@ -98,16 +106,17 @@ std::span<const std::uint64_t> IncrementalTransform::update(
         if (row_changed[row_index(y, z)] != 0) pass_row(obstacles, y, z, space);
       }
       const Line line{size_.y(), 0, z, row_index(0, z), 1, along_x_.values.pitch()};
-      pass_line(line, along_x_, along_x_was_, along_y_, &along_y_was_, space);
+      pass_line(line, along_x_, x_was, along_y_, y_was, space);
     }
   });
   workers_.run_banded(size_.y(), 1, [&](int begin, int end) {
     Workspace space(size_, cap_);
     for (int y = begin; y < end; ++y) {
       const Line line{size_.z(), y, 0, row_index(y, 0), ny, along_x_.values.slice_pitch()};
-      pass_line(line, along_y_, along_y_was_, along_z_, nullptr, space);
+      pass_line(line, along_y_, y_was, along_z_, nullptr, space);
     }
   });
+  is_first_ = false;
   return along_z_.changed;
 }
 

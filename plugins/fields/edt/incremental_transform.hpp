@@ -67,13 +67,13 @@ class IncrementalTransform {
     std::vector<std::uint16_t> row;
     EnvelopeLine envelope;
     std::vector<int> changed;            ///< Rows of a line.
-    std::vector<std::uint16_t> out_was;  ///< Of the last pass, one tile a row.
+    std::vector<std::uint16_t> out_was;  ///< Where there is no grid for it, one tile a row.
   };
 
   void pass_row(const VoxelBits& obstacles, int y, int z, Workspace& space);
-  /// Envelopes along a line, from `in` to `out`; what `out` held before goes to `out_was`, or, of
-  /// the last pass, nowhere.
-  void pass_line(const Line& line, const Pass& in, const Grid& in_was, Pass& out, Grid* out_was,
+  /// Envelopes along a line, from `in` to `out`; what `out` held before goes to `out_was`. The last
+  /// pass has none, and the first update needs neither.
+  void pass_line(const Line& line, const Pass& in, const Grid* in_was, Pass& out, Grid* out_was,
                  Workspace& space) const;
 
   [[nodiscard]] std::size_t row_index(int y, int z) const noexcept {
@@ -88,6 +88,8 @@ class IncrementalTransform {
   WorkerPool& workers_;
   Pass along_x_, along_y_, along_z_;
   Grid along_x_was_, along_y_was_;  ///< Of tiles that the update changed, the values before it.
+  std::vector<std::uint16_t> start_tile_;  ///< What every tile holds before the first update.
+  bool is_first_ = true;
 };
 
 }  // namespace sidestep::edt

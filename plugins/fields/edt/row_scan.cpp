@@ -1,0 +1,77 @@
+#include "row_scan.hpp"
+
+#include <algorithm>
+#include <bit>
+
+#include "lanes.hpp"
+
+namespace sidestep::edt {
+namespace {
+
+/// Calls visit(begin, end) for each run of set bits among the first `size`, in order.
+template <class Visit>
+void for_each_run(const std::uint64_t* words, int size, Visit visit) {
+  int begin = -1;  // of a run that reached the end of the word before
+  for (int w = 0; w * 64 < size; ++w) {
+    std::uint64_t word = words[w];
+    int at = w * 64;
+    int left = 64;
+    while (left > 0) {
+      const int step = std::min(left, begin < 0 ? std::countr_zero(word) : std::countr_one(word));
+      word = step < 64 ? word >> step : 0;
+      at += step;
+      left -= step;
+      if (left == 0) break;
+      if (begin >= 0) visit(begin, at);
+      begin = begin < 0 ? at : -1;
+    }
+  }
+  if (begin >= 0) visit(begin, size);
+}
+
+/// Voxels [begin, end) between the obstacles `left` and `right` of a row: the square of the
+/// distance to the nearer one, as far as the reach goes.
+template <class Value>
+[[gnu::always_inline]] inline void fill_between(int left, int right, int begin, int end, Value cap,
+                                                int reach, Value* out) {
+  for (int x = begin; x < end; ++x) {
+    const int to_left = x - left;
+    const int to_right = right - x;
+    const int d = to_left < to_right ? to_left : to_right;
+    out[x] = d <= reach ? static_cast<Value>(d * d) : cap;
+  }
+}
+SIDESTEP_WIDE_SIMD_CLONES
+void fill(int left, int right, int begin, int end, std::uint16_t cap, int reach,
+          std::uint16_t* out) {
+  fill_between(left, right, begin, end, cap, reach, out);
+}
+SIDESTEP_WIDE_SIMD_CLONES
+void fill(int left, int right, int begin, int end, std::uint32_t cap, int reach,
+          std::uint32_t* out) {
+  fill_between(left, right, begin, end, cap, reach, out);
+}
+
+template <class Value>
+void scan(const std::uint64_t* words, int size, Value cap, int reach, Value* out) {
+  int before = -1 - reach;  // the obstacle before; at first one beyond the reach
+  for_each_run(words, size, [&](int begin, int end) {
+    fill(before, begin, std::max(before + 1, 0), begin, cap, reach, out);
+    std::fill(out + begin, out + end, Value{0});
+    before = end - 1;
+  });
+  fill(before, size + reach, std::max(before + 1, 0), size, cap, reach, out);
+}
+
+}  // namespace
+
+void scan_row(const std::uint64_t* words, int size, std::uint16_t cap, int reach,
+              std::uint16_t* out) {
+  scan(words, size, cap, reach, out);
+}
+void scan_row(const std::uint64_t* words, int size, std::uint32_t cap, int reach,
+              std::uint32_t* out) {
+  scan(words, size, cap, reach, out);
+}
+
+}  // namespace sidestep::edt
