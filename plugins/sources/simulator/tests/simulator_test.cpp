@@ -1,7 +1,10 @@
 #include "../simulator.hpp"
 
+#include <filesystem>
 #include <fstream>
+#include <set>
 #include <stop_token>
+#include <string>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,6 +15,17 @@ namespace sidestep::simulator {
 namespace {
 
 using ::testing::HasSubstr;
+
+/// Those of the project's folder, as a list in a sentence.
+std::string names_of_scenes() {
+  std::set<std::string> names;
+  for (const auto& file : std::filesystem::directory_iterator(testing::TestHost::scenes())) {
+    if (file.path().extension() == ".yaml") names.insert(file.path().stem());
+  }
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
 
 class SimulatorSource : public ::testing::Test {
  protected:
@@ -127,7 +141,7 @@ TEST_F(SimulatorSource, FindsScenesByNameAndByPath) {
   EXPECT_THAT(unknown.error().describe(), HasSubstr("did you mean 'room'?"));
   options_.scene = "somewhere_else_entirely";
   EXPECT_THAT(create_source(options_, host_.context()).error().describe(),
-              HasSubstr("there are: corridor, "));
+              HasSubstr("(there are: " + names_of_scenes() + ")"));
 }
 
 TEST_F(SimulatorSource, TellsEveryMistakeOfAScene) {
