@@ -52,22 +52,6 @@ std::vector<float> distance_table(double resolution_m, std::uint32_t cap, double
   return table_m;
 }
 
-/// Looks up a row of distances. `inside` may be null.
-template <class Value>
-void look_up(const std::vector<float>& table_m, const Value* outside, const Value* inside,
-             int count, float* distances_m) {
-  if (count == kTile) {  // a constant number of steps takes half the time
-    for (int i = 0; i < kTile; ++i) distances_m[i] = table_m[outside[i]];
-  } else {
-    for (int i = 0; i < count; ++i) distances_m[i] = table_m[outside[i]];
-  }
-  if (inside == nullptr) return;
-  Value any = 0;
-  for (int i = 0; i < count; ++i) any = static_cast<Value>(any | inside[i]);
-  if (any == 0) return;
-  for (int i = 0; i < count; ++i) distances_m[i] -= table_m[inside[i]];
-}
-
 /// Cut off so near that squared distances fit 16 bits: kept up to date incrementally.
 class NearDistances final : public Distances {
  public:
@@ -91,8 +75,18 @@ class NearDistances final : public Distances {
   }
 
   void row(int x, int y, int z, int count, float* distances_m) const override {
-    look_up(table_m_, outside_.row(y, z) + x, inside_ ? inside_->row(y, z) + x : nullptr, count,
-            distances_m);
+    const std::uint16_t* outside = outside_.row(y, z) + x;
+    if (count == kTile) {  // a constant number of steps takes half the time
+      for (int i = 0; i < kTile; ++i) distances_m[i] = table_m_[outside[i]];
+    } else {
+      for (int i = 0; i < count; ++i) distances_m[i] = table_m_[outside[i]];
+    }
+    if (!inside_) return;
+    const std::uint16_t* inside = inside_->row(y, z) + x;
+    std::uint16_t any = 0;
+    for (int i = 0; i < count; ++i) any = static_cast<std::uint16_t>(any | inside[i]);
+    if (any == 0) return;
+    for (int i = 0; i < count; ++i) distances_m[i] -= table_m_[inside[i]];
   }
 
  private:
@@ -107,11 +101,11 @@ class FarDistances final : public Distances {
  public:
   FarDistances(const GridSpec& grid, std::uint32_t cap, bool is_signed, double max_distance_m,
                WorkerPool& workers)
-      : outside_(grid.size_vox, cap, workers),
+      : outside_(grid.size_vox, distance_table(grid.resolution_m, cap, max_distance_m), workers),
         changed_(static_cast<std::size_t>(grid.size_vox.y()) *
-                 static_cast<std::size_t>(grid.size_vox.z())),
-        table_m_(distance_table(grid.resolution_m, cap, max_distance_m)) {
-    if (is_signed) inside_.emplace(grid.size_vox, cap, workers);
+                 static_cast<std::size_t>(grid.size_vox.z())) {
+    if (!is_signed) return;
+    inside_.emplace(grid.size_vox, distance_table(grid.resolution_m, cap, max_distance_m), workers);
   }
 
   std::span<const std::uint64_t> update(const BitGrid& obstacles, const BitGrid& inverse,
@@ -126,9 +120,10 @@ class FarDistances final : public Distances {
   }
 
   void row(int x, int y, int z, int count, float* distances_m) const override {
-    __builtin_prefetch(outside_.row(y, z) + x + kTile);  // the next block's
-    look_up(table_m_, outside_.row(y, z) + x, inside_ ? inside_->row(y, z) + x : nullptr, count,
-            distances_m);
+    std::copy_n(outside_.row(y, z) + x, count, distances_m);
+    if (!inside_) return;
+    const float* inside_m = inside_->row(y, z) + x;
+    for (int i = 0; i < count; ++i) distances_m[i] -= inside_m[i];
   }
 
  private:
@@ -136,7 +131,6 @@ class FarDistances final : public Distances {
   std::optional<FullTransform> inside_;
   bool has_values_ = false;
   std::vector<std::uint64_t> changed_;
-  std::vector<float> table_m_;
 };
 
 /// The first squared distance, in voxels, at or beyond the limit.

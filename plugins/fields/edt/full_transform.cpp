@@ -1,13 +1,11 @@
 #include "full_transform.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
-#include <cstring>
-#include <vector>
 
 #include "lanes.hpp"
-#include "row_scan.hpp"
 
 namespace sidestep::edt {
 namespace {
@@ -18,55 +16,94 @@ int index_bits(int length) { return std::bit_width(static_cast<unsigned>(length 
 /// Rows that are computed together, from one reading of the list.
 constexpr int kLeaf = 4;
 
-/// The rows of one line, one tile wide, that matter to the envelope: not at the cap throughout.
-/// Rows are held as keys, value << bits | number in this list, whose least is the least value's.
+/// Farther than any grid is wide; its square fits 32 bits.
+constexpr int kFar = 1 << 15;
+
+const Lanes32& lanes(const std::uint32_t* tile) { return *reinterpret_cast<const Lanes32*>(tile); }
+Lanes32& lanes(std::uint32_t* tile) { return *reinterpret_cast<Lanes32*>(tile); }
+
+/// A line of rows, one tile wide: those that matter to its envelope, in order. Rows are held as
+/// keys, value << bits | number in this list, whose least is the least value's.
 struct LineKeys {
-  LineKeys(int length, int bits)
-      : keys(static_cast<std::size_t>(length) * kTile),
+  LineKeys(int length, std::uint32_t the_cap)
+      : bits(index_bits(length)),
+        cap(the_cap),
+        keys(static_cast<std::size_t>(length) * kTile),
         positions(static_cast<std::size_t>(length)),
         squares(2 * static_cast<std::size_t>(length) + kLeaf) {
-    // Beyond the length only rows of a leaf that there are not.
     for (std::size_t i = 0; i < squares.size(); ++i) {
       const int d = static_cast<int>(i) - length;
       squares[i] = static_cast<std::uint32_t>(d * d) << bits;
     }
   }
 
-  /// The key of a square, by the offset in (-length, length + kLeaf).
+  /// Squares, in the place of a key's value, of this offset in [-length, length) and those after.
   [[nodiscard]] const std::uint32_t* squares_from(int offset) const noexcept {
     return squares.data() + (static_cast<std::ptrdiff_t>(positions.size()) + offset);
   }
 
+  int bits;
+  std::uint32_t cap;
   std::vector<std::uint32_t> keys;
   std::vector<int> positions;  ///< Of each row on the line.
   std::vector<std::uint32_t> squares;
   int count = 0;
 };
 
-/// A line, one tile wide, in place.
-struct Line {
-  std::uint32_t* values;
-  std::ptrdiff_t stride;
-  int length;
-  int bits;  ///< index_bits() of the length.
-  std::uint32_t cap;
+/// Appends a row, if any of its values is below the cap.
+[[gnu::always_inline]] inline void append(LineKeys& rows, int position, const Lanes32& values) {
+  const auto at = static_cast<std::size_t>(rows.count);
+  lanes(rows.keys.data() + at * kTile) =
+      (values << rows.bits) | static_cast<std::uint32_t>(rows.count);
+  rows.positions[at] = position;
+  rows.count += any(values < rows.cap) ? 1 : 0;
+}
+
+/// The obstacles next to a tile of a row, on either side.
+struct Neighbours {
+  int before, after;
 };
 
-const Lanes32& lanes(const std::uint32_t* tile) { return *reinterpret_cast<const Lanes32*>(tile); }
-Lanes32& lanes(std::uint32_t* tile) { return *reinterpret_cast<Lanes32*>(tile); }
+Neighbours neighbours(const std::uint64_t* words, int words_per_row, int x) {
+  int w = x / 64;
+  std::uint64_t below = words[w] & ((std::uint64_t{1} << (x % 64)) - 1);
+  while (below == 0 && w > 0) below = words[--w];
+  const int before = below == 0 ? -kFar : w * 64 + 63 - std::countl_zero(below);
+  const int end = x + kTile;
+  w = end / 64;
+  std::uint64_t above = w < words_per_row ? words[w] >> (end % 64) << (end % 64) : 0;
+  while (above == 0 && w + 1 < words_per_row) above = words[++w];
+  return {before, above == 0 ? kFar : w * 64 + std::countr_zero(above)};
+}
 
+/// Appends the squared distances along x of a tile of a row that holds obstacles.
 SIDESTEP_WIDE_SIMD_CLONES
-void gather(const Line& line, LineKeys& rows) {
-  std::uint32_t count = 0;
-  const std::uint32_t* values = line.values;
-  for (int i = 0; i < line.length; ++i, values += line.stride) {
-    const Lanes32 row = lanes(values);
-    __builtin_prefetch(values + kTile);  // the next line's
-    lanes(rows.keys.data() + count * kTile) = (row << line.bits) | count;
-    rows.positions[count] = i;
-    count += any(row < line.cap) ? 1 : 0;
+void append_scanned(const std::uint64_t* words, int words_per_row, int x, int position,
+                    LineKeys& rows) {
+  constexpr Lanes32 kLane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+  const Neighbours next = neighbours(words, words_per_row, x);
+  const Lanes32 to_before = kLane + static_cast<std::uint32_t>(x - next.before);
+  const Lanes32 to_after = static_cast<std::uint32_t>(next.after - x) - kLane;
+  Lanes32 d = to_before < to_after ? to_before : to_after;
+  for (auto bits = static_cast<std::uint16_t>(words[x / 64] >> (x % 64)); bits != 0;
+       bits = static_cast<std::uint16_t>(bits & (bits - 1))) {
+    const auto at = static_cast<std::uint32_t>(std::countr_zero(bits));
+    const Lanes32 offset = kLane > at ? kLane - at : at - kLane;
+    d = offset < d ? offset : d;
   }
-  rows.count = static_cast<int>(count);
+  const Lanes32 square = d * d;
+  append(rows, position, square < rows.cap ? square : (Lanes32{} + rows.cap));
+}
+
+/// Appends rows that the pass before has left, `stride` values apart.
+SIDESTEP_WIDE_SIMD_CLONES
+void append_line(const std::uint32_t* values, std::ptrdiff_t stride,
+                 const std::vector<int>& positions, LineKeys& rows) {
+  for (const int position : positions) {
+    const std::uint32_t* row = values + position * stride;
+    __builtin_prefetch(row + kTile);  // the next line's
+    append(rows, position, lanes(row));
+  }
 }
 
 /// Rows [first, last] of a line, whose minima lie in rows [from, to] of the list.
@@ -82,7 +119,7 @@ struct Numbers {
 
 /// Computes the middle row of a part.
 SIDESTEP_WIDE_SIMD_CLONES
-Numbers solve_middle(const Line& line, const LineKeys& rows, int row, int from, int to) {
+Numbers solve_middle(const LineKeys& rows, int row, int from, int to, std::uint32_t* out) {
   Lanes32 best = ~Lanes32{};
   const std::uint32_t* keys = rows.keys.data() + from * kTile;
   const int* positions = rows.positions.data();
@@ -90,9 +127,9 @@ Numbers solve_middle(const Line& line, const LineKeys& rows, int row, int from, 
     const Lanes32 via = lanes(keys) + *rows.squares_from(row - positions[j]);
     best = via < best ? via : best;
   }
-  const Lanes32 value = best >> line.bits;
-  lanes(line.values + row * line.stride) = value < line.cap ? value : (Lanes32{} + line.cap);
-  best &= (std::uint32_t{1} << line.bits) - 1;
+  const Lanes32 value = best >> rows.bits;
+  lanes(out + row * kTile) = value < rows.cap ? value : (Lanes32{} + rows.cap);
+  best &= (std::uint32_t{1} << rows.bits) - 1;
   // Halved until the extremes of all lanes stand in the first.
   Lanes32 least = best;
   Lanes32 greatest = best;
@@ -112,7 +149,7 @@ Numbers solve_middle(const Line& line, const LineKeys& rows, int row, int from, 
 
 /// Computes a part of at most kLeaf rows.
 SIDESTEP_WIDE_SIMD_CLONES
-void solve_leaf(const Line& line, const LineKeys& rows, const Part& part) {
+void solve_leaf(const LineKeys& rows, const Part& part, std::uint32_t* out) {
   Lanes32 best[kLeaf] = {~Lanes32{}, ~Lanes32{}, ~Lanes32{}, ~Lanes32{}};
   const std::uint32_t* keys = rows.keys.data() + part.from * kTile;
   const int* positions = rows.positions.data();
@@ -124,67 +161,111 @@ void solve_leaf(const Line& line, const LineKeys& rows, const Part& part) {
       best[i] = via < best[i] ? via : best[i];
     }
   }
-  std::uint32_t* out = line.values + part.first * line.stride;
-  for (int i = 0; i <= part.last - part.first; ++i, out += line.stride) {
-    const Lanes32 value = best[i] >> line.bits;
-    lanes(out) = value < line.cap ? value : (Lanes32{} + line.cap);
+  for (int i = 0; i <= part.last - part.first; ++i) {
+    const Lanes32 value = best[i] >> rows.bits;
+    lanes(out + (part.first + i) * kTile) = value < rows.cap ? value : (Lanes32{} + rows.cap);
   }
 }
 
-void solve(const Line& line, const LineKeys& rows, const Part& part) {
-  if (part.last - part.first < kLeaf) return solve_leaf(line, rows, part);
+/// Computes a part into `out`, one tile a row.
+void solve(const LineKeys& rows, const Part& part, std::uint32_t* out) {
+  if (part.last - part.first < kLeaf) return solve_leaf(rows, part, out);
   const int middle = part.first + (part.last - part.first) / 2;
-  const Numbers numbers = solve_middle(line, rows, middle, part.from, part.to);
-  solve(line, rows, {part.first, middle - 1, part.from, numbers.greatest});
-  solve(line, rows, {middle + 1, part.last, numbers.least, part.to});
-}
-
-void envelope(const Line& line, LineKeys& rows) {
-  gather(line, rows);
-  if (rows.count == 0) return;
-  solve(line, rows, {0, line.length - 1, 0, rows.count - 1});
+  const Numbers numbers = solve_middle(rows, middle, part.from, part.to, out);
+  solve(rows, {part.first, middle - 1, part.from, numbers.greatest}, out);
+  solve(rows, {middle + 1, part.last, numbers.least, part.to}, out);
 }
 
 }  // namespace
+
+/// What one thread needs.
+struct FullTransform::Workspace {
+  Workspace(const Eigen::Vector3i& size, std::uint32_t cap)
+      : along_y(size.y(), cap),
+        along_z(size.z(), cap),
+        // Slices a multiple of 4096 bytes apart would compete for the same few cache lines.
+        slice_pitch((static_cast<std::ptrdiff_t>(size.y()) + 1) * kTile),
+        squared(std::make_unique_for_overwrite<std::uint32_t[]>(
+            static_cast<std::size_t>(slice_pitch) * static_cast<std::size_t>(size.z()))),
+        column(static_cast<std::size_t>(size.z()) * kTile) {}
+
+  LineKeys along_y, along_z;
+  std::ptrdiff_t slice_pitch;
+  std::unique_ptr<std::uint32_t[]> squared;  ///< After the pass along y, one tile a row.
+  std::vector<int> slices;                   ///< Those of it that hold anything below the cap.
+  std::vector<std::uint32_t> column;
+};
 
 bool FullTransform::fits(const Eigen::Vector3i& size_vox, std::uint32_t cap) {
   const int longest = std::max(size_vox.y(), size_vox.z());
   const std::uint64_t largest = std::uint64_t{cap} + static_cast<std::uint64_t>(longest) *
                                                          static_cast<std::uint64_t>(longest);
-  return largest << index_bits(longest) <= 0xffffffffu;
+  return size_vox.maxCoeff() < kFar / 2 && largest << index_bits(longest) <= 0xffffffffu;
 }
 
-FullTransform::FullTransform(const Eigen::Vector3i& size_vox, std::uint32_t cap,
+FullTransform::FullTransform(const Eigen::Vector3i& size_vox, std::vector<float> metres,
                              WorkerPool& workers)
-    : size_(size_vox), cap_(cap), workers_(workers), values_(size_vox) {}
+    : size_(size_vox),
+      metres_(std::move(metres)),
+      workers_(workers),
+      row_filled_(static_cast<std::size_t>(size_vox.y()) * static_cast<std::size_t>(size_vox.z())),
+      distances_m_(size_vox) {
+  const auto cap = static_cast<std::uint32_t>(metres_.size() - 1);
+  for (int i = 0; i < workers.thread_count(); ++i) {
+    spaces_.push_back(std::make_unique<Workspace>(size_, cap));
+  }
+}
+
+FullTransform::~FullTransform() = default;
 
 void FullTransform::update(const VoxelBits& obstacles) {
-  const int reach = static_cast<int>(std::ceil(std::sqrt(static_cast<double>(cap_)))) - 1;
-  workers_.run_banded(size_.z(), 1, [&](int begin, int end) {
-    LineKeys rows(size_.y(), index_bits(size_.y()));
-    for (int z = begin; z < end; ++z) {
-      for (int y = 0; y < size_.y(); ++y) {
-        const auto row = static_cast<std::size_t>(y) +
-                         static_cast<std::size_t>(size_.y()) * static_cast<std::size_t>(z);
-        scan_row(obstacles.words.data() + row * static_cast<std::size_t>(obstacles.words_per_row),
-                 static_cast<int>(values_.pitch()), cap_, reach, values_.row(y, z));
-      }
-      for (int x = 0; x < size_.x(); x += kTile) {
-        envelope({values_.row(0, z) + x, values_.pitch(), size_.y(), index_bits(size_.y()), cap_},
-                 rows);
-      }
+  const auto words = static_cast<std::size_t>(obstacles.words_per_row);
+  for (std::size_t row = 0; row < row_filled_.size(); ++row) {
+    const auto bits = obstacles.words.subspan(row * words, words);
+    row_filled_[row] = std::ranges::any_of(bits, [](std::uint64_t word) { return word != 0; });
+  }
+  const int tiles = (size_.x() + kTile - 1) / kTile;
+  std::atomic<int> next{0};
+  workers_.run(static_cast<int>(spaces_.size()), [&](int thread) {
+    Workspace& space = *spaces_[static_cast<std::size_t>(thread)];
+    for (int tile = next++; tile < tiles; tile = next++) {
+      transform_tile(obstacles, tile * kTile, space);
     }
   });
-  workers_.run_banded(size_.y(), 1, [&](int begin, int end) {
-    LineKeys rows(size_.z(), index_bits(size_.z()));
-    for (int y = begin; y < end; ++y) {
-      for (int x = 0; x < size_.x(); x += kTile) {
-        envelope(
-            {values_.row(y, 0) + x, values_.slice_pitch(), size_.z(), index_bits(size_.z()), cap_},
-            rows);
-      }
+}
+
+void FullTransform::transform_tile(const VoxelBits& obstacles, int x, Workspace& space) {
+  space.slices.clear();
+  std::size_t row = 0;
+  for (int z = 0; z < size_.z(); ++z) {
+    LineKeys& line = space.along_y;
+    line.count = 0;
+    for (int y = 0; y < size_.y(); ++y, ++row) {
+      if (row_filled_[row] == 0) continue;
+      append_scanned(
+          obstacles.words.data() + row * static_cast<std::size_t>(obstacles.words_per_row),
+          obstacles.words_per_row, x, y, line);
     }
-  });
+    if (line.count == 0) continue;
+    space.slices.push_back(z);
+    solve(line, {0, size_.y() - 1, 0, line.count - 1}, space.squared.get() + z * space.slice_pitch);
+  }
+  const auto cap = static_cast<std::uint32_t>(metres_.size() - 1);
+  for (int y = 0; y < size_.y(); ++y) {
+    LineKeys& line = space.along_z;
+    line.count = 0;
+    append_line(space.squared.get() + y * kTile, space.slice_pitch, space.slices, line);
+    if (line.count == 0) {
+      std::ranges::fill(space.column, cap);
+    } else {
+      solve(line, {0, size_.z() - 1, 0, line.count - 1}, space.column.data());
+    }
+    for (int z = 0; z < size_.z(); ++z) {
+      const std::uint32_t* squared = space.column.data() + z * kTile;
+      float* out = distances_m_.row(y, z) + x;
+      for (int i = 0; i < kTile; ++i) out[i] = metres_[squared[i]];
+    }
+  }
 }
 
 }  // namespace sidestep::edt
