@@ -16,8 +16,8 @@ namespace sidestep::edt {
 ///
 /// Goes through the grid in tiles along x, kTile voxels of every row, so that what passes from axis
 /// to axis stays in the cache. Within a tile: the squared distance along x from the occupancy bits;
-/// along y, then z, out[i] = min over j of in[j] + (i - j)^2 by divide and conquer: the minimising j
-/// grows with i, so that of the middle row bounds those of either half (monotone matrix search;
+/// along y, then z, out[i] = min over j of in[j] + (i - j)^2 by divide and conquer: the minimising
+/// j grows with i, so that of the middle row bounds those of either half (monotone matrix search;
 /// Aggarwal et al. 1987).
 class FullTransform {
  public:
