@@ -1,6 +1,7 @@
 #include "carve_image.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include <sidestep/mapping/ray_ends.hpp>
@@ -8,24 +9,15 @@
 namespace sidestep::voxel_grid {
 namespace {
 
-void count_pixels(const PixelFates& fates, int count, IntegrationCounts& counts) {
-  // At most kPixelChunk of each, so bytes do not overflow and the loop becomes SIMD.
-  std::uint8_t by_fate[PixelFates::kSelf + 1] = {};
-  std::uint8_t in_grid = 0;
-  for (std::uint8_t fate = 0; fate <= PixelFates::kSelf; ++fate) {
-    std::uint8_t pixels = 0;
-    for (int i = 0; i < count; ++i) pixels += fates.fate[i] == fate;
-    by_fate[fate] = pixels;
-  }
-  for (int i = 0; i < count; ++i) in_grid += fates.in_grid[i];
-  const auto of = [&](PointFate fate) { return by_fate[static_cast<std::size_t>(fate)]; };
-  counts.points += count - of(PointFate::kInvalid);
+void count_pixels(const PixelFates& fates, int pixels, IntegrationCounts& counts) {
+  const auto of = [&](PointFate fate) { return fates.count[static_cast<std::size_t>(fate)]; };
+  counts.points += pixels - of(PointFate::kInvalid);
   counts.invalid += of(PointFate::kInvalid);
   counts.floor += of(PointFate::kFloor);
   counts.out_of_range += of(PointFate::kOutOfRange);
-  counts.self += by_fate[PixelFates::kSelf];
-  counts.inserted += in_grid;
-  counts.outside_grid += of(PointFate::kInsert) - in_grid;
+  counts.inserted += of(PointFate::kInsert);
+  counts.self += fates.count[PixelFates::kSelf];
+  counts.outside_grid += fates.count[PixelFates::kOutside];
 }
 
 }  // namespace
@@ -89,7 +81,6 @@ IntegrationCounts CarveImage::read_row(const DepthImage& image, int v, PixelRow 
   const float x_first = row.x_first;
   IntegrationCounts counts;
   PixelFates fates;
-  std::int32_t last[3] = {-1, -1, -1};
   for (int u = 0; u < width; u += kPixelChunk) {
     const std::size_t at = begin + static_cast<std::size_t>(u);
     row.depth_m = image.depth_m.data() + at;
@@ -99,12 +90,9 @@ IntegrationCounts CarveImage::read_row(const DepthImage& image, int v, PixelRow 
     row.x_first = x_first + static_cast<float>(u) * row.x_step;
     classify_pixels(row, rules_, fates);
     count_pixels(fates, row.count, counts);
-    for (int i = 0; i < row.count; ++i) {
-      if (fates.in_grid[i] == 0) continue;
-      const std::int32_t voxel[3] = {fates.voxel[0][i], fates.voxel[1][i], fates.voxel[2][i]};
-      if (std::equal(voxel, voxel + 3, last)) continue;
-      std::copy(voxel, voxel + 3, last);
-      hits.insert(voxel[0], voxel[1], voxel[2]);
+    for (std::uint64_t bits = fates.insert; bits != 0; bits &= bits - 1) {
+      const int i = std::countr_zero(bits);
+      hits.insert(fates.voxel[0][i], fates.voxel[1][i], fates.voxel[2][i]);
     }
   }
   return counts;
@@ -115,19 +103,21 @@ void CarveImage::reduce_tiles(const CameraIntrinsics& camera, int tile_v) {
   Bounds* tiles =
       tiles_.data() + static_cast<std::size_t>(tile_v) * static_cast<std::size_t>(tiles_u_);
   std::fill(tiles, tiles + tiles_u_, Bounds{INFINITY, 0.0F});
-  const int end = std::min((tile_v + 1) * kTile_px, camera.height_px);
-  for (int v = tile_v * kTile_px; v < end; ++v) {
-    const float* row =
-        carve_m_.data() + static_cast<std::size_t>(v) * static_cast<std::size_t>(width);
-    for (int tile = 0; tile < tiles_u_; ++tile) {
-      const int last = std::min((tile + 1) * kTile_px, width);
-      Bounds bounds = tiles[tile];
-      for (int u = tile * kTile_px; u < last; ++u) {
-        const float free_m = std::fabs(row[u]);
-        bounds.least_m = std::min(bounds.least_m, free_m);
-        bounds.greatest_m = std::max(bounds.greatest_m, free_m);
-      }
-      tiles[tile] = bounds;
+  const int first = tile_v * kTile_px;
+  const int rows = std::min(kTile_px, camera.height_px - first);
+  const float* values =
+      carve_m_.data() + static_cast<std::size_t>(first) * static_cast<std::size_t>(width);
+  for (int tile = 0; tile < tiles_u_; ++tile, values += kTile_px) {
+    Bounds& bounds = tiles[tile];
+    const int columns = std::min(kTile_px, width - tile * kTile_px);
+    if (columns == kTile_px) {
+      extremes_of_tile(values, width, rows, bounds.least_m, bounds.greatest_m);
+      continue;
+    }
+    for (int at = 0; at < rows * columns; ++at) {
+      const float free_m = std::fabs(values[at / columns * width + at % columns]);
+      bounds.least_m = std::min(bounds.least_m, free_m);
+      bounds.greatest_m = std::max(bounds.greatest_m, free_m);
     }
   }
 }

@@ -17,8 +17,6 @@ namespace sidestep::voxel_grid {
 /// nearest and farthest of these over square tiles, to judge whole blocks at once.
 class CarveImage {
  public:
-  static constexpr int kTile_px = 16;
-
   CarveImage(const GridSpec& grid, const PointRules& rules, bool clear_no_return, float band_m);
 
   /// Reads an image; the voxels of its points go to `hits`, each pixel is counted once. `grid` is

@@ -9,7 +9,7 @@
 // Sanitizers run before the resolvers of multi-versioned functions could.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__OPTIMIZE__)
-#define SIDESTEP_KERNEL [[gnu::target_clones("default", "arch=haswell", "arch=skylake-avx512")]]
+#define SIDESTEP_KERNEL [[gnu::target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")]]
 #else
 #define SIDESTEP_KERNEL
 #endif
@@ -214,20 +214,31 @@ BlockOutcome fade_block(const LogOdds& model, const BlockRows& block, const Fadi
   return {changed, false};
 }
 
+/// Bit i of the result is pixel i; pixels are 0 or 1.
+SIDESTEP_INLINE std::uint64_t pack_pixels(const std::uint8_t (&pixels)[kPixelChunk]) {
+  std::uint64_t bits = 0;
+  for (int part = 0; part < kPixelChunk; part += kLanes) {
+    std::uint8_t lanes[kLanes];
+    std::memcpy(lanes, pixels + part, kLanes);
+    bits |= std::uint64_t{pack(lanes)} << part;
+  }
+  return bits;
+}
+
 SIDESTEP_KERNEL
 void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   constexpr auto kInsert = static_cast<std::int32_t>(PointFate::kInsert);
   constexpr auto kFloor = static_cast<std::int32_t>(PointFate::kFloor);
   constexpr auto kOutOfRange = static_cast<std::int32_t>(PointFate::kOutOfRange);
   constexpr auto kInvalid = static_cast<std::int32_t>(PointFate::kInvalid);
+  constexpr std::uint8_t kNone = 255;
   const PixelRow pixels = row;  // copies, which no store below can alias
   const PixelRules limits = rules;
   const float max_range_sq = limits.max_range_m * limits.max_range_m;
   float depth_m[kPixelChunk] = {};
   std::copy(pixels.depth_m, pixels.depth_m + pixels.count, depth_m);
   float carve_m[kPixelChunk];
-  std::int32_t fate[kPixelChunk];
-  std::int32_t in_grid[kPixelChunk];
+  std::int32_t wide_fate[kPixelChunk];
   for (int i = 0; i < kPixelChunk; ++i) {
     const float d = depth_m[i];
     const float x = pixels.x_first + static_cast<float>(i) * pixels.x_step;
@@ -245,27 +256,60 @@ void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
     const bool low = p_vox[2] < limits.floor_top_vox;
     const bool inserted = valid & !far & !low;
     const bool cleared = (d == 0.0F) & limits.clear_no_return;
-    fate[i] = valid ? (far ? kOutOfRange : (low ? kFloor : kInsert)) : kInvalid;
     carve_m[i] = valid ? (inserted ? d : -(along_m + limits.band_m))
                        : (cleared ? -(farthest_m + limits.band_m) : 0.0F);
-    bool inside = inserted;
+    bool inside = true;
     for (int c = 0; c < 3; ++c) inside &= (p_vox[c] >= 0.0F) & (p_vox[c] < limits.size_vox[c]);
-    in_grid[i] = inside;
     for (int c = 0; c < 3; ++c) {
-      fates.voxel[c][i] = static_cast<std::int32_t>(inside ? p_vox[c] : 0.0F);
+      fates.voxel[c][i] = static_cast<std::int32_t>(inside ? p_vox[c] : -1.0F);
+    }
+    const std::int32_t at_surface = inside ? kInsert : std::int32_t{PixelFates::kOutside};
+    wide_fate[i] = valid ? (far ? kOutOfRange : (low ? kFloor : at_surface)) : kInvalid;
+  }
+  std::uint8_t fate[kPixelChunk];
+  for (int i = 0; i < kPixelChunk; ++i) fate[i] = static_cast<std::uint8_t>(wide_fate[i]);
+  std::fill(fate + pixels.count, fate + kPixelChunk, kNone);
+  if (pixels.self != nullptr) {
+    for (int i = 0; i < pixels.count; ++i) {
+      if (pixels.self[i] == 0) continue;
+      fate[i] = PixelFates::kSelf;
+      carve_m[i] = 0.0F;
     }
   }
-  for (int i = 0; i < kPixelChunk; ++i) {
-    fates.fate[i] = static_cast<std::uint8_t>(fate[i]);
-    fates.in_grid[i] = static_cast<std::uint8_t>(in_grid[i]);
-  }
   std::copy(carve_m, carve_m + pixels.count, pixels.carve_m);
-  if (pixels.self == nullptr) return;
-  for (int i = 0; i < pixels.count; ++i) {
-    if (pixels.self[i] == 0) continue;
-    fates.fate[i] = PixelFates::kSelf;
-    fates.in_grid[i] = 0;
-    pixels.carve_m[i] = 0.0F;
+  for (int kind = 0; kind <= PixelFates::kOutside; ++kind) {
+    std::uint8_t count = 0;
+    for (int i = 0; i < kPixelChunk; ++i) count += fate[i] == kind;
+    fates.count[kind] = count;
+  }
+  std::uint8_t inserted[kPixelChunk];
+  std::uint8_t repeats[kPixelChunk] = {};
+  for (int i = 0; i < kPixelChunk; ++i) inserted[i] = fate[i] == kInsert;
+  for (int i = 1; i < kPixelChunk; ++i) {
+    repeats[i] = (fates.voxel[0][i] == fates.voxel[0][i - 1]) &
+                 (fates.voxel[1][i] == fates.voxel[1][i - 1]) &
+                 (fates.voxel[2][i] == fates.voxel[2][i - 1]);
+  }
+  const std::uint64_t bits = pack_pixels(inserted);
+  fates.insert = bits & ~(pack_pixels(repeats) & (bits << 1));
+}
+
+SIDESTEP_KERNEL
+void extremes(const float* values, int width, int rows, float& least, float& greatest) {
+  float low[kTile_px];
+  float high[kTile_px];
+  for (int i = 0; i < kTile_px; ++i) low[i] = least;
+  for (int i = 0; i < kTile_px; ++i) high[i] = greatest;
+  for (int row = 0; row < rows; ++row, values += width) {
+    for (int i = 0; i < kTile_px; ++i) {
+      const float value = magnitude(values[i]);
+      low[i] = lesser(low[i], value);
+      high[i] = greater(high[i], value);
+    }
+  }
+  for (int i = 0; i < kTile_px; ++i) {
+    least = lesser(least, low[i]);
+    greatest = greater(greatest, high[i]);
   }
 }
 
@@ -293,6 +337,10 @@ BlockOutcome fade(const LogOdds& model, const BlockRows& block, const Fading& fa
 
 void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   classify(row, rules, fates);
+}
+
+void extremes_of_tile(const float* values, int width, int rows, float& least, float& greatest) {
+  extremes(values, width, rows, least, greatest);
 }
 
 }  // namespace sidestep::voxel_grid

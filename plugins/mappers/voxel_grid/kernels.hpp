@@ -94,16 +94,22 @@ struct PixelRules {
   float size_vox[3] = {};
 };
 
-/// PointFate of each pixel, plus kSelfFate; and the voxels of those that are to be inserted.
+/// What becomes of the pixels of a chunk.
 struct PixelFates {
-  static constexpr std::uint8_t kSelf = 4;
-  std::uint8_t fate[kPixelChunk];
-  std::uint8_t in_grid[kPixelChunk];
-  std::int32_t voxel[3][kPixelChunk];
+  static constexpr int kSelf = 4;     ///< Besides those of PointFate.
+  static constexpr int kOutside = 5;  ///< To be inserted, but outside the grid.
+  std::uint8_t count[kOutside + 1];   ///< Of each fate; that of kInsert holds those in the grid.
+  /// Pixels to be inserted, as bits, less those in the voxel of the pixel before.
+  std::uint64_t insert;
+  std::int32_t voxel[3][kPixelChunk];  ///< Of those.
 };
 
-/// Decides what each pixel of a chunk does, and how far its ray is free. Entries of `fates` from
-/// row.count on are void.
+/// Decides what each pixel of a chunk does, and how far its ray is free.
 void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates);
+
+/// The least and the greatest magnitude of the values of a square of kTile_px pixels, `width`
+/// values a row, into which those that `least` and `greatest` hold are taken up.
+inline constexpr int kTile_px = 16;
+void extremes_of_tile(const float* values, int width, int rows, float& least, float& greatest);
 
 }  // namespace sidestep::voxel_grid
