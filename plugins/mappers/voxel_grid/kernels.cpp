@@ -42,23 +42,41 @@ SIDESTEP_INLINE std::uint32_t pack(const std::uint8_t (&lanes)[kLanes]) {
          (static_cast<std::uint32_t>((high * kGather) >> 56) << 8);
 }
 
+/// A row of log-odds, on which operators work lane by lane; a comparison is all ones where it
+/// holds. A vector extension of GCC and Clang: g++ 12 makes branches of plain loops over narrow
+/// integers.
+using Row = std::int16_t __attribute__((vector_size(2 * kLanes), aligned(2), may_alias));
+static_assert(sizeof(Row) == kLanes * sizeof(std::int16_t));
+
+SIDESTEP_INLINE const Row& as_row(const std::int16_t* lanes) {
+  return *reinterpret_cast<const Row*>(lanes);
+}
+SIDESTEP_INLINE Row& as_row(std::int16_t* lanes) { return *reinterpret_cast<Row*>(lanes); }
+
+/// Bit i of the result is lane i of a comparison.
+SIDESTEP_INLINE std::uint32_t bits_of(const Row& comparison) {
+  using Bytes = std::int8_t __attribute__((vector_size(kLanes)));
+  const Bytes ones = __builtin_convertvector(comparison, Bytes) & 1;
+  std::uint8_t lanes[kLanes];
+  std::memcpy(lanes, &ones, kLanes);
+  return pack(lanes);
+}
+
 /// Adds `delta` to a row, clamps, and brings its bits up to date; 0 leaves a voxel as it is.
 SIDESTEP_INLINE bool add_row(LogOdds model, const std::int16_t (&delta)[kLanes],
                              std::int16_t* log_odds, std::uint64_t& occupied, std::uint64_t& known,
                              unsigned shift) {
-  std::uint8_t touched[kLanes];
-  std::uint8_t high[kLanes];
-  for (int i = 0; i < kLanes; ++i) {
-    const auto sum = static_cast<std::int16_t>(log_odds[i] + delta[i]);
-    const std::int16_t clamped = lesser(greater(sum, model.min), model.max);
-    log_odds[i] = clamped;
-    touched[i] = delta[i] != 0;
-    high[i] = clamped >= model.occupied_at;
-  }
+  const Row added = as_row(delta);
+  const Row least = Row{} + model.min;
+  const Row most = Row{} + model.max;
+  const Row sum = as_row(log_odds) + added;
+  const Row raised = sum < least ? least : sum;
+  const Row clamped = raised > most ? most : raised;
+  as_row(log_odds) = clamped;
   const std::uint64_t known_before = (known >> shift) & 0xffffU;
   const std::uint64_t occupied_before = (occupied >> shift) & 0xffffU;
-  const std::uint64_t known_after = known_before | pack(touched);
-  const std::uint64_t occupied_after = known_after & pack(high);
+  const std::uint64_t known_after = known_before | bits_of(added != 0);
+  const std::uint64_t occupied_after = known_after & bits_of(clamped >= model.occupied_at);
   known |= known_after << shift;
   occupied ^= (occupied_before ^ occupied_after) << shift;
   return known_before != known_after || occupied_before != occupied_after;
@@ -80,10 +98,11 @@ SIDESTEP_INLINE void cut(std::int16_t (&delta)[kLanes], int nx) {
 
 SIDESTEP_INLINE void select(std::uint32_t bits, std::int16_t chosen,
                             std::int16_t (&delta)[kLanes]) {
-  for (int i = 0; i < kLanes; ++i) {
-    const auto bit = static_cast<std::uint16_t>(1U << i);
-    delta[i] = (static_cast<std::uint16_t>(bits) & bit) != 0 ? chosen : delta[i];
-  }
+  if (bits == 0) return;
+  constexpr Row kBit = {1 << 0, 1 << 1, 1 << 2,  1 << 3,  1 << 4,  1 << 5,  1 << 6,  1 << 7,
+                        1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, -32768};
+  const Row is_chosen = ((Row{} + static_cast<std::int16_t>(bits)) & kBit) != 0;
+  as_row(delta) = is_chosen ? (Row{} + chosen) : as_row(delta);
 }
 
 /// Hit, miss or nothing for the 16 voxels of a row, by comparing their depth with the image.
@@ -150,17 +169,17 @@ BlockOutcome free_block(const LogOdds& model, const BlockRows& block) {
   alignas(64) std::int16_t delta[kLanes];
   for (int i = 0; i < kLanes; ++i) delta[i] = i < block.nx ? model.miss : std::int16_t{0};
   bool changed = false;
-  int unsettled = 0;
+  Row unsettled{};
   for (int z = 0; z < block.nz; ++z) {
     for (int y = 0; y < block.ny; ++y) {
       std::int16_t* log_odds = row_of(block, y, z);
       const std::size_t word = word_of(block, y, z);
       changed |=
           add_row(model, delta, log_odds, block.occupied[word], block.known[word], block.shift);
-      for (int i = 0; i < kLanes; ++i) unsettled |= (delta[i] != 0) & (log_odds[i] != model.min);
+      unsettled |= (as_row(delta) != 0) & (as_row(log_odds) != model.min);
     }
   }
-  return {changed, unsettled == 0};
+  return {changed, bits_of(unsettled) == 0};
 }
 
 SIDESTEP_KERNEL
