@@ -16,10 +16,20 @@ using namespace sidestep;
 /// The parameters, declared once: names, units, ranges and docs here, types and defaults above.
 struct Options {
   double max_distance_m = 0.8;
+  double inflation_m = 0.0;
 
   static Fields<Options> fields() {
-    return Fields<Options>().add("max_distance_m", &Options::max_distance_m,
-                                 "Distances are cut off here.", {.unit = "m", .min = 0.01});
+    return Fields<Options>()
+        .add("max_distance_m", &Options::max_distance_m, "Distances are cut off here.",
+             {.unit = "m", .min = 0.01})
+        .add("inflation_m", &Options::inflation_m, "Obstacles count as this much larger.",
+             {.unit = "m", .min = 0.0});
+  }
+
+  /// What no range can say: mistakes in several parameters together.
+  std::vector<OptionMistake> check() const {
+    if (inflation_m < max_distance_m) return {};
+    return {{{"inflation_m", "max_distance_m"}, "must be below max_distance_m", {}}};
   }
 };
 
@@ -53,8 +63,9 @@ class ChessboardBuilder final : public FieldBuilder {
     return publisher_->publish(
         update, *changed, [this](int x, int y, int z, int count, float* distances_m) {
           for (int i = 0; i < count; ++i) {
-            distances_m[i] = static_cast<float>(std::min(
-                options_.max_distance_m, grid_.resolution_m * steps_[grid_.linear({x + i, y, z})]));
+            const double chessboard_m = grid_.resolution_m * steps_[grid_.linear({x + i, y, z})];
+            distances_m[i] = static_cast<float>(
+                std::clamp(chessboard_m - options_.inflation_m, 0.0, options_.max_distance_m));
           }
         });
   }

@@ -37,7 +37,7 @@ TEST(Abi, EveryFieldOfTheDescriptorIsChecked) {
   EXPECT_THAT(refusal("interface_version"),
               HasSubstr("interface version of kind mapper is 99, this host's is 1"));
   for (const std::string field :
-       {"name", "version", "doc", "views", "schema", "create", "destroy"}) {
+       {"name", "version", "doc", "views", "schema", "check", "create", "destroy"}) {
     EXPECT_THAT(refusal(field), HasSubstr("the descriptor's " + field + " is empty"));
   }
   EXPECT_THAT(refusal("name_empty"), HasSubstr("the descriptor's name is empty"));
@@ -86,6 +86,15 @@ TEST(Abi, FailuresOfCreateNameThePlugin) {
   EXPECT_THAT(creation_error("create_throws_int"), HasSubstr("not a std::exception"));
   EXPECT_THAT(creation_error("create_fails"), HasSubstr("no licence for this (buy one)"));
   EXPECT_THAT(creation_error("create_silent"), HasSubstr("did not say why"));
+}
+
+TEST(Abi, AnExceptionOfCheckNamesThePlugin) {
+  HostFixture fixture({folder("check_throws")});
+  std::vector<Error> errors;
+  fixture.host.check(PluginKind::kMapper, HostFixture::block("{plugin: broken}"), errors);
+  ASSERT_EQ(errors.size(), 1u);
+  EXPECT_EQ(errors[0].code, ErrorCode::kPlugin);
+  EXPECT_EQ(errors[0].describe(), "plugin mapper broken: threw: checked too hard");
 }
 
 TEST(Abi, OneBrokenLibraryDoesNotHideTheOthers) {

@@ -25,6 +25,12 @@ const Schema& schema() {
 
 [[maybe_unused]] const Schema& throwing_schema() { throw std::runtime_error("no schema today"); }
 
+void check(const Node&, std::vector<Error>&) {
+#if defined(CHECK_THROWS)
+  throw std::runtime_error("checked too hard");
+#endif
+}
+
 void* create(const Node&, const HostContext&, [[maybe_unused]] Error* error) {
 #if defined(UNDEFINED_SYMBOL)
   return function_that_no_library_has();
@@ -54,6 +60,7 @@ PluginDescriptor make_descriptor() {
   d.doc = "Broken on purpose";
   d.views = detail::kViewNames<>;
   d.schema = &schema;
+  d.check = &check;
   d.create = &create;
   d.destroy = [](void*) {};
 #if defined(BREAK)

@@ -34,6 +34,12 @@ expect "$work/plugin" "$work/chessboard.txt"
 
 # The installed command runs an installed configuration by name with the third party's field.
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard
+# Its own check is asked.
+code=0
+SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard \
+  --set field.inflation_m=2 2>"$work/inflated.txt" || code=$?
+[ "$code" -eq 2 ] || { say "exit code $code for a mistake in the third party's parameters"; exit 1; }
+expect "--set field.inflation_m=2: 'inflation_m' must be below max_distance_m" "$work/inflated.txt"
 
 env -u LD_LIBRARY_PATH "$sidestep" plugins voxel_grid >"$work/voxel_grid.txt"
 expect "$prefix/" "$work/voxel_grid.txt"

@@ -27,6 +27,30 @@ std::string joined(const std::vector<std::string>& names) {
   return text;
 }
 
+/// What "a.b[2].c" names, or the deepest of its parts that is written; null where not even the
+/// first is.
+const Node* find_path(const Node& map, std::string_view path) {
+  const Node* found = nullptr;
+  const Node* at = &map;
+  while (!path.empty()) {
+    const std::size_t end = path.find_first_of(".[]", 1);
+    const std::string_view part = path.substr(0, end);
+    if (part.front() == '[') {
+      std::size_t index = 0;
+      std::from_chars(part.data() + 1, part.data() + part.size(), index);
+      at = index < at->items().size() ? &at->items()[index] : nullptr;
+    } else {
+      at = at->find(part);
+    }
+    if (at == nullptr) return found;
+    found = at;
+    path.remove_prefix(part.size());
+    if (path.starts_with(']')) path.remove_prefix(1);
+    if (path.starts_with('.')) path.remove_prefix(1);
+  }
+  return found;
+}
+
 /// Checks one map at one depth, and what lies below it.
 class Checker {
  public:
@@ -176,6 +200,20 @@ void check_against_schema(const Node& map, const Schema& schema,
     return;
   }
   Checker(errors).check_map(map, schema, "", also_allowed);
+}
+
+void report_mistakes(const Node& map, const std::vector<OptionMistake>& mistakes,
+                     std::vector<Error>& errors) {
+  for (const OptionMistake& mistake : mistakes) {
+    const Node* node = nullptr;
+    for (const std::string& parameter : mistake.parameters) {
+      node = find_path(map, parameter);
+      if (node != nullptr) break;
+    }
+    const std::string name =
+        mistake.parameters.empty() ? "" : "'" + mistake.parameters.front() + "' ";
+    errors.push_back((node != nullptr ? *node : map).error(name + mistake.what, mistake.hint));
+  }
 }
 
 namespace detail {

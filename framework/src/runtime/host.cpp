@@ -100,6 +100,10 @@ struct Host::Impl {
   struct Found {
     PluginInfo info;
     const PluginDescriptor* descriptor;
+
+    [[nodiscard]] std::string qualified_name() const {
+      return std::string(to_string(info.kind)) + " " + info.name;
+    }
   };
 
   HostSettings settings;
@@ -177,6 +181,18 @@ struct Host::Impl {
     return tl::make_unexpected(not_found(kind, *name));
   }
 
+  /// Appends the mistakes in a block; those that the plugin finds only where its schema is met.
+  static void check(const Found& plugin, const Node& block, std::vector<Error>& errors) {
+    const std::size_t before = errors.size();
+    check_against_schema(block, plugin.info.schema, {"plugin"}, errors);
+    if (errors.size() > before) return;
+    const auto done = guarded(plugin.qualified_name(), [&]() -> Result<void> {
+      plugin.descriptor->check(block, errors);
+      return {};
+    });
+    if (!done) errors.push_back(done.error());
+  }
+
   std::vector<std::string> name_list(PluginKind kind) const {
     std::vector<std::string> names;
     for (const Found& f : found) {
@@ -234,7 +250,7 @@ void Host::check(PluginKind kind, const Node& block, std::vector<Error>& errors)
     errors.push_back(found.error());
     return;
   }
-  check_against_schema(block, (*found)->info.schema, {"plugin"}, errors);
+  Impl::check(**found, block, errors);
 }
 
 void Host::check_views(const Node& mapper_block, const std::vector<std::string>& needed,
@@ -269,10 +285,10 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
   const auto found = impl_->find(kind, block);
   if (!found) return tl::make_unexpected(found.error());
   std::vector<Error> errors;
-  check_against_schema(block, (*found)->info.schema, {"plugin"}, errors);
+  Impl::check(**found, block, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
-  const std::string name = std::string(to_string(kind)) + " " + (*found)->info.name;
+  const std::string name = (*found)->qualified_name();
   const HostContext context{impl_->log,
                             impl_->clock,
                             impl_->workers,

@@ -117,6 +117,7 @@ Result<void> check_descriptor(const PluginDescriptor& plugin,
       {"doc", plugin.doc != nullptr},
       {"views", plugin.views != nullptr},
       {"schema", plugin.schema != nullptr},
+      {"check", plugin.check != nullptr},
       {"create", plugin.create != nullptr},
       {"destroy", plugin.destroy != nullptr}};
   for (const auto& [field, is_filled] : fields) {

@@ -104,7 +104,6 @@ std::vector<std::int32_t> OctomapMapper::apply_changes() {
 }
 
 Result<std::unique_ptr<Mapper>> create(const OctomapOptions& options, const HostContext& context) {
-  if (auto ok = check_options(options); !ok) return tl::make_unexpected(std::move(ok.error()));
   return std::make_unique<OctomapMapper>(options, context);
 }
 

@@ -18,7 +18,7 @@ namespace sidestep::octomap_mapper {
 /// OctoMap, bounded by a grid, and the same occupancy as bits on that grid.
 class OctomapMapper final : public Mapper, public OccupancyView, public OctreeView {
  public:
-  /// `options` must have passed check_options().
+  /// options.check() must find nothing wrong.
   OctomapMapper(const OctomapOptions& options, const HostContext& context);
 
   [[nodiscard]] Result<MapUpdate> integrate(const Frame& frame) override;

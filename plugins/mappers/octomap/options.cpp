@@ -8,53 +8,55 @@ namespace {
 /// OctoMap's keys are 16 bits, with the world's origin in the middle.
 constexpr double kKeysEachWay = 32768.0;
 constexpr double kAlignment_vox = 1e-4;
-tl::unexpected<Error> wrong(const std::string& parameter, const std::string& what,
-                            std::string hint = {}) {
-  return wrong_parameter(parameter, what, "octomap", std::move(hint));
-}
 
 std::string text(double value) { return detail::number_text(value); }
 
+using Mistakes = std::vector<OptionMistake>;
+
 /// Whether the grid's voxels are leaves that an OctoMap can have.
-Result<void> check_alignment(const OctomapOptions& options) {
+void check_alignment(const OctomapOptions& options, Mistakes& mistakes) {
+  bool reaches_beyond = false;
   for (int axis = 0; axis < 3; ++axis) {
     const double first = options.origin_m[axis] / options.resolution_m;
     if (std::abs(first - std::round(first)) > kAlignment_vox) {
-      return wrong("origin_m",
-                   "must be a multiple of resolution_m along each axis, as OctoMap's voxels are; " +
-                       text(options.origin_m[axis]) + " is not",
-                   "use " + text(std::round(first) * options.resolution_m));
+      mistakes.push_back({{"origin_m[" + std::to_string(axis) + "]", "resolution_m"},
+                          "must be a multiple of resolution_m, as OctoMap's voxels are; " +
+                              text(options.origin_m[axis]) + " is not",
+                          "use " + text(std::round(first) * options.resolution_m)});
     }
-    if (first < -kKeysEachWay || first + options.size_vox[axis] > kKeysEachWay) {
-      return wrong("size_vox",
-                   "and origin_m reach beyond 32768 voxels from the world's origin, "
-                   "where OctoMap ends");
-    }
+    reaches_beyond |= first < -kKeysEachWay || first + options.size_vox[axis] > kKeysEachWay;
   }
-  return {};
+  if (reaches_beyond) {
+    mistakes.push_back({{"size_vox", "origin_m"},
+                        "and origin_m reach beyond 32768 voxels from the world's origin, where "
+                        "OctoMap ends",
+                        {}});
+  }
 }
 
-Result<void> check_model(const OctomapOptions& options) {
+void check_model(const OctomapOptions& options, Mistakes& mistakes) {
   if (!(options.prob_hit > 0.5 && options.prob_hit < 1.0)) {
-    return wrong("prob_hit", "must be above 0.5 and below 1, not " + text(options.prob_hit));
+    mistakes.push_back(
+        {{"prob_hit"}, "must be above 0.5 and below 1, not " + text(options.prob_hit), {}});
   }
   if (!(options.prob_miss > 0.0 && options.prob_miss < 0.5)) {
-    return wrong("prob_miss", "must be above 0 and below 0.5, not " + text(options.prob_miss));
+    mistakes.push_back(
+        {{"prob_miss"}, "must be above 0 and below 0.5, not " + text(options.prob_miss), {}});
   }
-  if (!(options.clamp_min > 0.0 && options.clamp_max < 1.0)) {
-    return wrong("clamp_min", "and clamp_max must lie between 0 and 1, not " +
-                                  text(options.clamp_min) + " and " + text(options.clamp_max));
+  if (!(0.0 < options.clamp_min && options.clamp_min < options.clamp_max &&
+        options.clamp_max < 1.0)) {
+    mistakes.push_back({{"clamp_min", "clamp_max"},
+                        "must be above 0 and below clamp_max, and that below 1; they are " +
+                            text(options.clamp_min) + " and " + text(options.clamp_max),
+                        {}});
+  } else if (!(options.occupied_at > options.clamp_min &&
+               options.occupied_at <= options.clamp_max)) {
+    mistakes.push_back(
+        {{"occupied_at", "clamp_min", "clamp_max"},
+         "must be above clamp_min and at most clamp_max, or no voxel ever changes; " +
+             text(options.occupied_at) + " is not",
+         {}});
   }
-  if (!(options.clamp_min < options.clamp_max)) {
-    return wrong("clamp_min", "must be below clamp_max, but " + text(options.clamp_min) +
-                                  " >= " + text(options.clamp_max));
-  }
-  if (!(options.occupied_at > options.clamp_min && options.occupied_at <= options.clamp_max)) {
-    return wrong("occupied_at",
-                 "must be above clamp_min and at most clamp_max, or no voxel ever changes; " +
-                     text(options.occupied_at) + " is not");
-  }
-  return {};
 }
 
 }  // namespace
@@ -75,12 +77,13 @@ Fields<OctomapOptions> OctomapOptions::fields() {
                {.min = 0.0, .max = 1.0})));
 }
 
-Result<void> check_options(const OctomapOptions& options) {
+std::vector<OptionMistake> OctomapOptions::check() const {
   // What is allocated at once, two bitsets; the tree follows what is seen.
-  const double bitsets_mib = voxels_of_blocks(options) / 4.0 / (1 << 20);
-  if (auto ok = check_map_options(options, bitsets_mib, "octomap"); !ok) return ok;
-  if (auto ok = check_alignment(options); !ok) return ok;
-  return check_model(options);
+  const double bitsets_mib = voxels_of_blocks(*this) / 4.0 / (1 << 20);
+  Mistakes mistakes = check_map_options(*this, bitsets_mib);
+  check_alignment(*this, mistakes);
+  check_model(*this, mistakes);
+  return mistakes;
 }
 
 }  // namespace sidestep::octomap_mapper

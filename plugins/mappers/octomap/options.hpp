@@ -1,6 +1,7 @@
 #pragma once
 
-#include <sidestep/core/error.hpp>
+#include <vector>
+
 #include <sidestep/plugin/map_options.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
@@ -20,9 +21,7 @@ struct OctomapOptions : MapOptions {
   double occupied_at = 0.5;
 
   static Fields<OctomapOptions> fields();
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 };
-
-/// Fails with kConfig, naming the parameter, where the values do not make a map.
-[[nodiscard]] Result<void> check_options(const OctomapOptions& options);
 
 }  // namespace sidestep::octomap_mapper

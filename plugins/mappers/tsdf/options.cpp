@@ -1,44 +1,6 @@
 #include "options.hpp"
 
-#include <cmath>
-
 namespace sidestep::tsdf {
-namespace {
-
-tl::unexpected<Error> wrong(const std::string& parameter, const std::string& what) {
-  return wrong_parameter(parameter, what, "tsdf");
-}
-
-std::string text(double value) { return detail::number_text(value); }
-
-Result<void> check_integration(const TsdfOptions& options) {
-  if (options.integrator != "simple" && options.integrator != "merged" &&
-      options.integrator != "fast") {
-    return wrong("integrator", "must be simple, merged or fast, not '" + options.integrator + "'");
-  }
-  if (options.weighting != "constant" && options.weighting != "inverse_square") {
-    return wrong("weighting",
-                 "must be constant or inverse_square, not '" + options.weighting + "'");
-  }
-  if (!(options.truncation_vox >= 2.0 && options.truncation_vox <= 100.0)) {
-    return wrong("truncation_vox", "must be in [2, 100], not " + text(options.truncation_vox));
-  }
-  if (!(options.max_weight > 0.0) || !std::isfinite(options.max_weight)) {
-    return wrong("max_weight", "must be finite and above 0, it is " + text(options.max_weight));
-  }
-  if (options.start_cells_per_voxel < 1 || options.start_cells_per_voxel > 4) {
-    return wrong("start_cells_per_voxel",
-                 "must be in [1, 4], not " + std::to_string(options.start_cells_per_voxel));
-  }
-  if (options.max_consecutive_collisions < 0) {
-    return wrong(
-        "max_consecutive_collisions",
-        "must not be negative, it is " + std::to_string(options.max_consecutive_collisions));
-  }
-  return {};
-}
-
-}  // namespace
 
 Fields<TsdfOptions> TsdfOptions::fields() {
   using O = TsdfOptions;
@@ -74,11 +36,12 @@ Fields<TsdfOptions> TsdfOptions::fields() {
                {.min = 0})));
 }
 
-Result<void> check_options(const TsdfOptions& options) {
+std::vector<OptionMistake> TsdfOptions::check() const {
   // What is allocated at once, two bitsets; blocks of distances follow what is seen.
-  const double bitsets_mib = voxels_of_blocks(options) / 4.0 / (1 << 20);
-  if (auto ok = check_map_options(options, bitsets_mib, "tsdf"); !ok) return ok;
-  return check_integration(options);
+  const double bitsets_mib = voxels_of_blocks(*this) / 4.0 / (1 << 20);
+  std::vector<OptionMistake> mistakes = check_map_options(*this, bitsets_mib);
+  if (!(max_weight > 0.0)) mistakes.push_back({{"max_weight"}, "must be above 0", {}});
+  return mistakes;
 }
 
 }  // namespace sidestep::tsdf

@@ -1,8 +1,8 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
-#include <sidestep/core/error.hpp>
 #include <sidestep/plugin/map_options.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
@@ -19,9 +19,7 @@ struct TsdfOptions : MapOptions {
   int max_consecutive_collisions = 2;
 
   static Fields<TsdfOptions> fields();
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 };
-
-/// Fails with kConfig, naming the parameter, where the values do not make a map.
-[[nodiscard]] Result<void> check_options(const TsdfOptions& options);
 
 }  // namespace sidestep::tsdf

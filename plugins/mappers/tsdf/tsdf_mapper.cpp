@@ -158,7 +158,6 @@ void TsdfMapper::walk_and_integrate(const Eigen::Vector3d& camera_vox) {
 }
 
 Result<std::unique_ptr<Mapper>> create(const TsdfOptions& options, const HostContext& context) {
-  if (auto ok = check_options(options); !ok) return tl::make_unexpected(std::move(ok.error()));
   return std::make_unique<TsdfMapper>(options, context);
 }
 

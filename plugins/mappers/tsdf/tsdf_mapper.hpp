@@ -18,7 +18,7 @@ namespace sidestep::tsdf {
 /// Truncated signed distances in blocks (Oleynikova et al. 2017, Voxblox).
 class TsdfMapper final : public Mapper, public TsdfView, public OccupancyView {
  public:
-  /// `options` must have passed check_options().
+  /// options.check() must find nothing wrong.
   TsdfMapper(const TsdfOptions& options, const HostContext& context);
 
   [[nodiscard]] Result<MapUpdate> integrate(const Frame& frame) override;

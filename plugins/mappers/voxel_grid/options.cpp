@@ -5,64 +5,7 @@
 namespace sidestep::voxel_grid {
 namespace {
 
-tl::unexpected<Error> wrong(const std::string& parameter, const std::string& what) {
-  return wrong_parameter(parameter, what, "voxel_grid");
-}
-
 std::string text(double value) { return detail::number_text(value); }
-
-Result<void> check_log_odds(const VoxelGridOptions& options) {
-  const double limit = LogOdds::kLargest;
-  const double step = 1.0 / LogOdds::kUnits;
-  if (!(options.l_hit >= step && options.l_hit <= limit)) {
-    return wrong("l_hit", "must be in [" + text(step) + ", " + text(limit) + "], not " +
-                              text(options.l_hit));
-  }
-  if (!(options.l_miss <= -step && options.l_miss >= -limit)) {
-    return wrong("l_miss", "must be in [" + text(-limit) + ", " + text(-step) + "], not " +
-                               text(options.l_miss));
-  }
-  if (!(options.l_min < options.l_max)) {
-    return wrong("l_min",
-                 "must be below l_max, but " + text(options.l_min) + " >= " + text(options.l_max));
-  }
-  if (!(options.l_min <= -step && options.l_min >= -limit)) {
-    return wrong("l_min", "must be in [" + text(-limit) + ", " + text(-step) + "], not " +
-                              text(options.l_min));
-  }
-  if (!(options.l_max >= step && options.l_max <= limit)) {
-    return wrong("l_max", "must be in [" + text(step) + ", " + text(limit) + "], not " +
-                              text(options.l_max));
-  }
-  if (!(options.occupied_at > options.l_min && options.occupied_at <= options.l_max)) {
-    return wrong("occupied_at",
-                 "must be above l_min and at most l_max, or no voxel ever changes; " +
-                     text(options.occupied_at) + " is not");
-  }
-  return {};
-}
-
-Result<void> check_method(const VoxelGridOptions& options) {
-  if (!(options.surface_band_vox >= 0.0 && options.surface_band_vox <= 10.0)) {
-    return wrong("surface_band_vox", "must be in [0, 10], not " + text(options.surface_band_vox));
-  }
-  if (options.method != "auto" && options.method != "projective" && options.method != "raycast") {
-    return wrong("method", "must be auto, projective or raycast, not '" + options.method + "'");
-  }
-  if (!(options.fade_half_life_s >= 0.0)) {
-    return wrong("fade_half_life_s", "must be at least 0, not " + text(options.fade_half_life_s));
-  }
-  return {};
-}
-
-Result<void> check_window(const VoxelGridOptions& options) {
-  if (!options.sliding_window ||
-      (options.size_vox.x() % kBlockSide_vox == 0 && options.size_vox.y() % kBlockSide_vox == 0)) {
-    return {};
-  }
-  return wrong("size_vox", "must be a multiple of " + std::to_string(kBlockSide_vox) +
-                               " along x and y where sliding_window is on");
-}
 
 }  // namespace
 
@@ -101,11 +44,23 @@ double memory_mib(const VoxelGridOptions& options) {
   return voxels_of_blocks(options) * kBytesPerVoxel / (1 << 20);
 }
 
-Result<void> check_options(const VoxelGridOptions& options) {
-  if (auto ok = check_map_options(options, memory_mib(options), "voxel_grid"); !ok) return ok;
-  if (auto ok = check_log_odds(options); !ok) return ok;
-  if (auto ok = check_window(options); !ok) return ok;
-  return check_method(options);
+std::vector<OptionMistake> VoxelGridOptions::check() const {
+  std::vector<OptionMistake> mistakes = check_map_options(*this, memory_mib(*this));
+  if (!(occupied_at > l_min && occupied_at <= l_max)) {
+    mistakes.push_back({{"occupied_at", "l_min", "l_max"},
+                        "must be above l_min and at most l_max, or no voxel ever changes; " +
+                            text(occupied_at) + " is not",
+                        {}});
+  }
+  const bool has_whole_blocks =
+      size_vox.x() % kBlockSide_vox == 0 && size_vox.y() % kBlockSide_vox == 0;
+  if (sliding_window && !has_whole_blocks) {
+    mistakes.push_back({{"size_vox", "sliding_window"},
+                        "must be a multiple of " + std::to_string(kBlockSide_vox) +
+                            " along x and y where sliding_window is on",
+                        {}});
+  }
+  return mistakes;
 }
 
 }  // namespace sidestep::voxel_grid

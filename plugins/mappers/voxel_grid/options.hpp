@@ -1,8 +1,8 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
-#include <sidestep/core/error.hpp>
 #include <sidestep/plugin/map_options.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
@@ -20,10 +20,8 @@ struct VoxelGridOptions : MapOptions {
   double fade_half_life_s = 0.0;
 
   static Fields<VoxelGridOptions> fields();
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 };
-
-/// Fails with kConfig, naming the parameter, where the values do not make a map.
-[[nodiscard]] Result<void> check_options(const VoxelGridOptions& options);
 
 /// Memory that a map with these options takes once all of it has been seen.
 [[nodiscard]] double memory_mib(const VoxelGridOptions& options);

@@ -65,7 +65,6 @@ Result<MapUpdate> VoxelGrid::integrate(const Frame& frame) {
 
 Result<std::unique_ptr<Mapper>> create(const VoxelGridOptions& options,
                                        const HostContext& context) {
-  if (auto ok = check_options(options); !ok) return tl::make_unexpected(std::move(ok.error()));
   return std::make_unique<VoxelGrid>(options, context);
 }
 

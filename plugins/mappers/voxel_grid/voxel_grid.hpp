@@ -19,7 +19,7 @@ namespace sidestep::voxel_grid {
 /// Log-odds occupancy on a dense grid.
 class VoxelGrid final : public Mapper, public OccupancyView {
  public:
-  /// `options` must have passed check_options().
+  /// options.check() must find nothing wrong.
   VoxelGrid(const VoxelGridOptions& options, const HostContext& context);
 
   [[nodiscard]] Result<MapUpdate> integrate(const Frame& frame) override;

@@ -27,12 +27,24 @@ struct Options {
              "Largest acceleration along x and along y; none if absent.",
              {.unit = "m/s^2", .min = 1e-6});
   }
+  [[nodiscard]] std::vector<OptionMistake> check() const {
+    std::vector<OptionMistake> mistakes;
+    for (const auto& [name, limits] :
+         {std::pair("lower_m", &lower_m), std::pair("upper_m", &upper_m)}) {
+      if (limits->size() != 2) mistakes.push_back({{name}, "needs two numbers: x and y", {}});
+    }
+    if (!mistakes.empty()) return mistakes;
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (lower_m[i] <= upper_m[i]) continue;
+      mistakes.push_back({{"lower_m[" + std::to_string(i) + "]", "upper_m"},
+                          "must not be above upper_m[" + std::to_string(i) + "]",
+                          {}});
+    }
+    return mistakes;
+  }
 };
 
 Result<std::unique_ptr<RobotModel>> create(const Options& options, const HostContext&) {
-  if (options.lower_m.size() != 2 || options.upper_m.size() != 2)
-    return fail(ErrorCode::kConfig, "'lower_m' and 'upper_m' need two numbers each: x and y",
-                "plugin point");
   RobotDescription robot;
   robot.name = "point";
   robot.links = {{"world", -1}, {"slide", 0}, {"body", 1}};

@@ -35,16 +35,6 @@ Profile profile_of(const Options& options) {
   return profile;
 }
 
-/// What belongs to a bare URDF and would be ignored beside a profile.
-std::string forbidden_beside_profile(const Options& options) {
-  if (!options.urdf.empty()) return "urdf";
-  if (options.base) return "base";
-  if (!options.root_link.empty()) return "root_link";
-  if (!options.tip_link.empty()) return "tip_link";
-  if (!options.joints.empty()) return "joints";
-  return {};
-}
-
 /// The part of the model from `root` on. What the cut joints would have moved stays.
 UrdfModel subtree(const UrdfModel& model, int root) {
   UrdfModel out{model.name, model.file, {}};
@@ -101,21 +91,31 @@ Fields<Options> Options::fields() {
            {.unit = "m", .min = 0.001, .max = 1.0});
 }
 
+std::vector<OptionMistake> Options::check() const {
+  if (profile.is_null()) {
+    if (!urdf.empty()) return {};
+    return {{{}, "the robot needs either 'profile' or 'urdf'", {}}};
+  }
+  std::vector<OptionMistake> mistakes;
+  for (const auto& [name, is_set] :
+       {std::pair("urdf", !urdf.empty()), std::pair("base", base.has_value()),
+        std::pair("root_link", !root_link.empty()), std::pair("tip_link", !tip_link.empty()),
+        std::pair("joints", !joints.empty())}) {
+    if (!is_set) continue;
+    mistakes.push_back({{name}, "cannot stand beside 'profile', which has its own", {}});
+  }
+  return mistakes;
+}
+
 Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
                                                   const HostContext& context) {
   Profile profile;
   std::vector<Error> errors;
   std::string what = "the URDF";
   if (options.profile.is_null()) {
-    if (options.urdf.empty())
-      return fail(ErrorCode::kConfig, "the robot needs either 'profile' or 'urdf'", "plugin urdf");
     profile = profile_of(options);
     profile.spheres_from = "fit";
   } else {
-    const std::string clash = forbidden_beside_profile(options);
-    if (!clash.empty())
-      return tl::make_unexpected(options.profile.error(
-          "'" + clash + "' cannot stand beside 'profile', which has its own"));
     const auto file = find_profile(options.profile, context.robot_paths);
     if (!file) return tl::make_unexpected(file.error());
     what = "the robot profile";

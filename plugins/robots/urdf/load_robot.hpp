@@ -20,9 +20,10 @@ struct Options {
   Node package_paths;
   double sphere_protrusion_m = 0.05;
   static Fields<Options> fields();
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 
-/// A robot from a profile, or from a URDF as it is.
+/// A robot from a profile, or from a URDF as it is. options.check() must find nothing wrong.
 [[nodiscard]] Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
                                                                 const HostContext& context);
 

@@ -190,9 +190,6 @@ Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& s
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
                                               const DocumentReader& documents) {
-  if (options.depth_min_m >= options.depth_max_m) {
-    return fail(ErrorCode::kConfig, "depth_min_m must be less than depth_max_m");
-  }
   auto sequence = open_sequence(options, log);
   if (!sequence) return tl::make_unexpected(sequence.error());
   auto selected = select(**sequence, options);

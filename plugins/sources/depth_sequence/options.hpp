@@ -74,6 +74,10 @@ struct Options {
              {.unit = "s", .min = 0.0})
         .add("camera", &O::camera, "Intrinsics, where the sequence's own do not apply.");
   }
+  [[nodiscard]] std::vector<OptionMistake> check() const {
+    if (depth_min_m < depth_max_m) return {};
+    return {{{"depth_min_m", "depth_max_m"}, "must be less than depth_max_m", {}}};
+  }
 };
 
 }  // namespace sidestep::depth_sequence

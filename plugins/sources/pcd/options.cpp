@@ -75,25 +75,26 @@ Fields<Options> Options::fields() {
            "Applied to each cloud in this order; each item has one key, the filter's name.");
 }
 
-Result<void> check_options(const Options& options) {
-  for (std::size_t i = 0; i < options.filters.size(); ++i) {
-    const Filter& filter = options.filters[i];
-    const std::string name = "source.filters[" + std::to_string(i) + "]";
+std::vector<OptionMistake> Options::check() const {
+  std::vector<OptionMistake> mistakes;
+  for (std::size_t i = 0; i < filters.size(); ++i) {
+    const Filter& filter = filters[i];
+    const std::string name = "filters[" + std::to_string(i) + "]";
     const int count = (filter.voxel ? 1 : 0) + (filter.outlier ? 1 : 0) + (filter.crop ? 1 : 0) +
                       (filter.plane ? 1 : 0);
     if (count != 1) {
-      return fail(ErrorCode::kConfig,
-                  name + " names " + std::to_string(count) + " filters, expected one", {},
-                  "write one item a filter: - voxel: {leaf_m: 0.02}");
+      mistakes.push_back({{name},
+                          "names " + std::to_string(count) + " filters, expected one",
+                          "write one item a filter: - voxel: {leaf_m: 0.02}"});
     }
     if (filter.crop && !(filter.crop->min_m.array() < filter.crop->max_m.array()).all()) {
-      return fail(ErrorCode::kConfig, name + ".crop: min_m must be below max_m along each axis");
+      mistakes.push_back({{name + ".crop.min_m"}, "must be below max_m along each axis", {}});
     }
   }
-  if (options.match == "stamp" && !options.poses) {
-    return fail(ErrorCode::kConfig, "source.match is stamp, but source.poses is not set");
+  if (match == "stamp" && !poses) {
+    mistakes.push_back({{"match"}, "is stamp, but poses is not set", {}});
   }
-  return {};
+  return mistakes;
 }
 
 }  // namespace sidestep::pcd

@@ -60,9 +60,7 @@ struct Options {
   double rate_hz = 30.0;
   std::vector<Filter> filters;
   static Fields<Options> fields();
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 };
-
-/// Fails with kConfig, naming the parameter, where the values do not fit together.
-[[nodiscard]] Result<void> check_options(const Options& options);
 
 }  // namespace sidestep::pcd

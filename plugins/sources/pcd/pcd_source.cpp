@@ -194,7 +194,6 @@ Result<std::vector<Entry>> select(const Options& options, std::vector<Entry> all
 }  // namespace
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, std::uint64_t seed) {
-  if (auto right = check_options(options); !right) return tl::make_unexpected(right.error());
   auto entries = find_clouds(options);
   if (!entries) return tl::make_unexpected(entries.error());
   if (options.poses) {

@@ -52,26 +52,26 @@ Transform look_at(const Eigen::Vector3d& position_m, const Eigen::Vector3d& look
   return pose;
 }
 
-Result<CameraPath> CameraPath::create(std::vector<CameraWaypoint> waypoints) {
-  if (waypoints.empty()) return fail(ErrorCode::kConfig, "camera_path needs a waypoint");
+std::vector<OptionMistake> check_camera_path(const std::vector<CameraWaypoint>& waypoints) {
+  std::vector<OptionMistake> mistakes;
+  if (waypoints.empty()) mistakes.push_back({{"camera_path"}, "needs a waypoint", {}});
   for (std::size_t i = 0; i < waypoints.size(); ++i) {
     const CameraWaypoint& waypoint = waypoints[i];
     const std::string name = "camera_path[" + std::to_string(i) + "]";
     if (i > 0 && waypoint.time_s <= waypoints[i - 1].time_s) {
-      return fail(ErrorCode::kConfig, name + ".time_s must be greater than the one before");
+      mistakes.push_back({{name + ".time_s"}, "must be greater than the one before", {}});
     }
     if (waypoint.look_at_m.has_value() == waypoint.rpy_rad.has_value()) {
-      return fail(ErrorCode::kConfig, name + " needs either look_at_m or rpy_rad");
-    }
-    if (waypoint.look_at_m.has_value() != waypoints[0].look_at_m.has_value()) {
-      return fail(ErrorCode::kConfig,
-                  name + " and camera_path[0] must both have look_at_m or both rpy_rad");
+      mistakes.push_back({{name}, "needs either look_at_m or rpy_rad", {}});
+    } else if (waypoint.look_at_m.has_value() != waypoints[0].look_at_m.has_value()) {
+      mistakes.push_back(
+          {{name}, "and camera_path[0] must both have look_at_m or both rpy_rad", {}});
     }
     if (waypoint.look_at_m && (*waypoint.look_at_m - waypoint.position_m).norm() < kNowhere_m) {
-      return fail(ErrorCode::kConfig, name + ".look_at_m is where the camera itself is");
+      mistakes.push_back({{name + ".look_at_m"}, "is where the camera itself is", {}});
     }
   }
-  return CameraPath(std::move(waypoints));
+  return mistakes;
 }
 
 Transform CameraPath::T_world_camera(double time_s) const {

@@ -1,8 +1,8 @@
 #pragma once
 
+#include <utility>
 #include <vector>
 
-#include <sidestep/core/error.hpp>
 #include <sidestep/geometry/transform.hpp>
 
 #include "options.hpp"
@@ -15,20 +15,22 @@ namespace sidestep::simulator {
 [[nodiscard]] Transform look_at(const Eigen::Vector3d& position_m,
                                 const Eigen::Vector3d& look_at_m);
 
+/// What is wrong with the parameter `camera_path`: no waypoint, times that do not increase, a
+/// waypoint that does not say in one way where the camera looks.
+[[nodiscard]] std::vector<OptionMistake> check_camera_path(
+    const std::vector<CameraWaypoint>& waypoints);
+
 /// A camera's motion: position and look-at point on cubic Hermite splines whose velocity at a
 /// waypoint is that from its predecessor to its successor and zero at both ends; orientations
 /// given as angles by slerp. At rest before the first waypoint and after the last.
 class CameraPath {
  public:
-  /// Fails with kConfig, naming the waypoint, where there is none, times do not increase, or
-  /// a waypoint does not say in one way where the camera looks.
-  [[nodiscard]] static Result<CameraPath> create(std::vector<CameraWaypoint> waypoints);
+  /// check_camera_path() must find nothing wrong with the waypoints.
+  explicit CameraPath(std::vector<CameraWaypoint> waypoints) : waypoints_(std::move(waypoints)) {}
 
   [[nodiscard]] Transform T_world_camera(double time_s) const;
 
  private:
-  explicit CameraPath(std::vector<CameraWaypoint> waypoints) : waypoints_(std::move(waypoints)) {}
-
   std::vector<CameraWaypoint> waypoints_;
 };
 

@@ -119,6 +119,7 @@ struct Options {
              {.required = true})
         .add("noise", &O::noise, "How measurements differ from the truth.");
   }
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 
 }  // namespace sidestep::simulator

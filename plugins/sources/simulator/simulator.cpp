@@ -72,16 +72,19 @@ class Simulator final : public Source, public GroundTruth {
 
 }  // namespace
 
-Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
-  if (options.range_min_m >= options.range_max_m) {
-    return fail(ErrorCode::kConfig, "range_min_m must be less than range_max_m");
+std::vector<OptionMistake> Options::check() const {
+  std::vector<OptionMistake> mistakes = check_camera_path(camera_path);
+  if (range_min_m >= range_max_m) {
+    mistakes.push_back({{"range_min_m", "range_max_m"}, "must be less than range_max_m", {}});
   }
-  auto path = CameraPath::create(options.camera_path);
-  if (!path) return tl::make_unexpected(path.error());
+  return mistakes;
+}
+
+Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
   auto scene = load_scene(options.scene, context.scene_paths, context.documents);
   if (!scene) return tl::make_unexpected(scene.error());
   return std::unique_ptr<Source>(std::make_unique<Simulator>(
-      options, std::move(*scene), std::move(*path), context.workers, context.seed));
+      options, std::move(*scene), CameraPath(options.camera_path), context.workers, context.seed));
 }
 
 }  // namespace sidestep::simulator

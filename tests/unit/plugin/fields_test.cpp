@@ -153,6 +153,33 @@ TEST(Fields, AnOptionalGroupIsCheckedAsAnyOtherAndMayBeAbsent) {
   EXPECT_EQ(errors[0].describe(), "t.yaml:1:10: unknown key 'group.cuont' (did you mean 'count'?)");
 }
 
+TEST(OptionMistakes, AreReportedWhereTheFirstParameterThatIsWrittenStands) {
+  std::vector<Error> errors;
+  const Node map =
+      parse_yaml("low: 1\nlist:\n  - {a: {b: [7, 8]}}\n  - 2\n", "t.yaml", errors).value();
+  report_mistakes(map,
+                  {{{"low"}, "is low", "raise it"},
+                   {{"high", "low"}, "is not written", {}},
+                   {{"list[0].a.b[1]"}, "is deep", {}},
+                   {{"list[0].a.c"}, "is where its group is", {}},
+                   {{"list[5]"}, "is where its list is", {}},
+                   {{"high"}, "is where the block is", {}},
+                   {{}, "nothing is right", {}}},
+                  errors);
+  std::vector<std::string> texts;
+  for (const Error& error : errors) {
+    EXPECT_EQ(error.code, ErrorCode::kConfig);
+    texts.push_back(error.describe());
+  }
+  EXPECT_THAT(texts, testing::ElementsAre("t.yaml:1:6: 'low' is low (raise it)",
+                                          "t.yaml:1:6: 'high' is not written",
+                                          "t.yaml:3:17: 'list[0].a.b[1]' is deep",
+                                          "t.yaml:3:9: 'list[0].a.c' is where its group is",
+                                          "t.yaml:3:3: 'list[5]' is where its list is",
+                                          "t.yaml:1:1: 'high' is where the block is",
+                                          "t.yaml:1:1: nothing is right"));
+}
+
 TEST(NumberText, ReadsBackAsTheSameNumber) {
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> exponent(-300.0, 300.0);

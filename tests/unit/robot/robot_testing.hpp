@@ -41,6 +41,7 @@ struct Loader {
     check_against_schema(*block, fields.schema(), {}, errors);
     urdf_robot::Options options;
     if (errors.empty()) fields.read(*block, options, errors);
+    if (errors.empty()) report_mistakes(*block, options.check(), errors);
     if (!errors.empty()) return tl::make_unexpected(errors.front());
     return urdf_robot::load_robot(options, context);
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include <sidestep/plugin/context.hpp>
 #include <sidestep/plugin/schema.hpp>
@@ -9,7 +10,7 @@ namespace sidestep {
 
 inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
 inline constexpr std::uint16_t kSdkMajor = 0;
-inline constexpr std::uint16_t kSdkMinor = 1;
+inline constexpr std::uint16_t kSdkMinor = 2;
 
 enum class PluginKind : std::uint32_t {
   kSource = 1,
@@ -58,8 +59,11 @@ struct PluginDescriptor {
   const char* const* views;
   /// The parameters, declared once.
   const Schema& (*schema)();
+  /// Appends every mistake that the schema cannot know of, with its position. `parameters` has been
+  /// checked against the schema. Must not throw; the host catches what does.
+  void (*check)(const Node& parameters, std::vector<Error>& errors);
   /// A new object of the kind's interface, or null and *error. `parameters` has been checked
-  /// against the schema. Must not throw; the host catches what does.
+  /// against the schema and with check(). Must not throw; the host catches what does.
   void* (*create)(const Node& parameters, const HostContext& context, Error* error);
   void (*destroy)(void* object);
 };

@@ -1,8 +1,8 @@
 #pragma once
 
-#include <string>
+#include <utility>
+#include <vector>
 
-#include <sidestep/core/error.hpp>
 #include <sidestep/geometry/grid.hpp>
 #include <sidestep/mapping/point_rules.hpp>
 #include <sidestep/plugin/schema.hpp>
@@ -29,16 +29,10 @@ struct MapOptions {
   }
 };
 
-/// Fails with kConfig, naming the parameter and `mapper`, where a map with these options, which
-/// takes `needed_mib` of memory, makes no sense or has no room in this machine. [any]
-[[nodiscard]] Result<void> check_map_options(const MapOptions& options, double needed_mib,
-                                             const std::string& mapper);
-
-/// The error of a parameter that check_map_options() cannot know of.
-[[nodiscard]] tl::unexpected<Error> wrong_parameter(const std::string& parameter,
-                                                    const std::string& what,
-                                                    const std::string& mapper,
-                                                    std::string hint = {});
+/// What is wrong with the options of a map that takes `needed_mib` of memory: ranges that exclude
+/// each other, a grid that has no room in this machine. A mapper's check() begins with it. [any]
+[[nodiscard]] std::vector<OptionMistake> check_map_options(const MapOptions& options,
+                                                           double needed_mib);
 
 /// Voxels of the whole blocks that cover the grid; a double, for it may be beyond any integer.
 [[nodiscard]] double voxels_of_blocks(const MapOptions& options);

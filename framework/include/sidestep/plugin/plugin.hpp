@@ -2,6 +2,8 @@
 
 #include <cstring>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/mapping/field_builder.hpp>
@@ -20,6 +22,8 @@
 ///         return Fields<Options>().add("radius_m", &Options::radius_m, "Radius of the point.",
 ///                                      {.unit = "m", .min = 0.0});
 ///       }
+///       // Where parameters must fit together; may be left out.
+///       std::vector<OptionMistake> check() const;
 ///     };
 ///     Result<std::unique_ptr<RobotModel>> create(const Options& options, const HostContext&);
 ///     SIDESTEP_PLUGIN(RobotModel, Options, create, "point", "0.1.0", "A point in the plane")
@@ -105,6 +109,16 @@ inline constexpr const char* kViewNames[] = {Views::kViewName..., nullptr};
 template <class Interface, class Options,
           Result<std::unique_ptr<Interface>> (*kCreate)(const Options&, const HostContext&)>
 struct PluginGlue {
+  static void check(const Node& parameters, std::vector<Error>& errors) {
+    Options options;
+    const std::size_t before = errors.size();
+    Options::fields().read(parameters, options, errors);
+    if (errors.size() > before) return;
+    // Asked of what is not const, so that a check() that forgot to be const is an error.
+    if constexpr (requires(Options & own) { own.check(); }) {
+      report_mistakes(parameters, std::as_const(options).check(), errors);
+    }
+  }
   static void* create(const Node& parameters, const HostContext& context, Error* error) {
     Options options;
     std::vector<Error> errors;
@@ -127,8 +141,10 @@ struct PluginGlue {
 }  // namespace sidestep
 
 /// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser or
-/// Executor. OPTIONS: a struct with `static Fields<OPTIONS> fields()`. CREATE: a function
-/// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&). What follows DOC are
+/// Executor. OPTIONS: a struct with `static Fields<OPTIONS> fields()` and, where its parameters
+/// must fit together, `std::vector<OptionMistake> check() const`. CREATE: a function
+/// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
+/// options that check() finds nothing wrong with. What follows DOC are
 /// the views (types as in mapping/occupancy_view.hpp) that a mapper offers or a field needs: the
 /// host tells before a run whether the two fit.
 #define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)         \
@@ -149,6 +165,7 @@ struct PluginGlue {
         DOC,                                                                         \
         ::sidestep::detail::kViewNames<__VA_ARGS__>,                                 \
         []() -> const ::sidestep::Schema& { return schema; },                        \
+        &Glue::check,                                                                \
         &Glue::create,                                                               \
         &Glue::destroy};                                                             \
     return &descriptor;                                                              \

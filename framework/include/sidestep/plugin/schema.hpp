@@ -51,6 +51,19 @@ using Schema = std::vector<Parameter>;
 void check_against_schema(const Node& map, const Schema& schema,
                           const std::vector<std::string>& also_allowed, std::vector<Error>& errors);
 
+/// A mistake that no parameter shows on its own, e.g. a lower limit above its upper one.
+struct OptionMistake {
+  /// Those concerned, as "l_min" or "filters[1].crop": the message names the first, its position is
+  /// that of the first that is written in the configuration.
+  std::vector<std::string> parameters;
+  std::string what;  ///< Goes on after the name: "must be below l_max".
+  std::string hint;  ///< What to do about it; may be empty.
+};
+
+/// Appends each mistake in the options that `map` holds as a kConfig error with its position.
+void report_mistakes(const Node& map, const std::vector<OptionMistake>& mistakes,
+                     std::vector<Error>& errors);
+
 }  // namespace sidestep
 
 #include <sidestep/plugin/detail/fields.hpp>

@@ -69,7 +69,8 @@ class Host {
   /// listing the paths tried and why each failed, what exists, and the nearest name.
   [[nodiscard]] Result<PluginInfo> find(PluginKind kind, const Node& block);
 
-  /// Checks a block against its plugin's schema; appends all mistakes.
+  /// Checks a block against its plugin's schema and, where it fits that, with the plugin's own
+  /// check; appends all mistakes.
   void check(PluginKind kind, const Node& block, std::vector<Error>& errors);
 
   /// Checks that the mapper that one block names offers every view that `needed` lists; `what`

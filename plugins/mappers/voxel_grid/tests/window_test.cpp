@@ -175,11 +175,11 @@ INSTANTIATE_TEST_SUITE_P(methods, SlidingWindow, ::testing::Values("projective",
 TEST(SlidingWindowOptions, WantWholeBlocks) {
   VoxelGridOptions options;
   options.sliding_window = true;
-  EXPECT_TRUE(check_options(options));
+  EXPECT_TRUE(options.check().empty());
   options.size_vox.y() = 100;
-  const auto checked = check_options(options);
-  ASSERT_FALSE(checked);
-  EXPECT_EQ(checked.error().message.rfind("size_vox ", 0), 0U) << checked.error().describe();
+  const auto mistakes = options.check();
+  ASSERT_EQ(mistakes.size(), 1U);
+  EXPECT_EQ(mistakes[0].parameters[0], "size_vox");
 }
 
 }  // namespace

@@ -274,7 +274,9 @@ TEST_F(SevenScenes, StopsAtDeadlinesWithoutLosingAFrame) {
 TEST_F(SevenScenes, RefusesAnEmptyRangeOfDepths) {
   options_.depth_min_m = 3.0;
   options_.depth_max_m = 2.0;
-  EXPECT_EQ(create().error().code, ErrorCode::kConfig);
+  const auto mistakes = options_.check();
+  ASSERT_EQ(mistakes.size(), 1U);
+  EXPECT_EQ(mistakes[0].parameters[0], "depth_min_m");
 }
 
 }  // namespace

@@ -163,11 +163,11 @@ TEST_F(SimulatorSource, TellsEveryMistakeOfAScene) {
 
 TEST_F(SimulatorSource, RefusesAnEmptyRangeAndABadPath) {
   options_.range_min_m = 6.0;
-  EXPECT_THAT(create_source(options_, host_.context()).error().describe(),
-              HasSubstr("range_min_m"));
-  options_.range_min_m = 0.4;
   options_.camera_path.clear();
-  EXPECT_EQ(create_source(options_, host_.context()).error().code, ErrorCode::kConfig);
+  const auto mistakes = options_.check();
+  ASSERT_EQ(mistakes.size(), 2U);
+  EXPECT_EQ(mistakes[0].parameters[0], "camera_path");
+  EXPECT_EQ(mistakes[1].parameters[0], "range_min_m");
 }
 
 TEST_F(SimulatorSource, StopsAtDeadlinesWithoutLosingAFrame) {
