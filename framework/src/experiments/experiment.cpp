@@ -185,7 +185,7 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
                       to_yaml(effective_configuration(context.configuration, context.host), true));
   }
   if (!done) return tl::make_unexpected(std::move(done.error()));
-  auto outcome = type->run(context);
+  auto outcome = contained("experiment " + type->name, [&] { return type->run(context); });
   if (!outcome) return outcome;
   if (auto written = write_file(context.out / "summary.json", outcome->summary_json); !written) {
     return tl::make_unexpected(std::move(written.error()));

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "source_facts.hpp"
+
 namespace sidestep {
 
 FrameFeed::FrameFeed(MakeSource make_source, Limits limits, Log& log, std::stop_token stop)
@@ -13,11 +15,13 @@ Result<void> FrameFeed::open() {
   if (!source) return tl::make_unexpected(std::move(source.error()));
   source_.emplace(std::move(*source));
   if (!scene_) {
-    if (const auto* truth = dynamic_cast<const GroundTruth*>(source_->get())) {
-      scene_ = truth->scene();
-    }
+    auto scene = true_scene(*source_);
+    if (!scene) return tl::make_unexpected(std::move(scene.error()));
+    if (*scene != nullptr) scene_ = **scene;
   }
-  count_ = (*source_)->frame_count();
+  auto count = frame_count_of(*source_);
+  if (!count) return tl::make_unexpected(std::move(count.error()));
+  count_ = *count;
   if (count_) count_ = (*count_ + limits_.stride - 1) / limits_.stride;
   if (limits_.frames > 0) count_ = std::min(count_.value_or(limits_.frames), limits_.frames);
   read_ = 0;
@@ -57,7 +61,7 @@ Result<std::shared_ptr<const Frame>> FrameFeed::read() {
   while (last == 0 || read_ < last) {
     // Asked to stop, the source fails; what was read until then is what there is.
     if (stop_.stop_requested()) break;
-    auto frame = guarded("source", [&] { return (*source_)->next(Deadline(stop_)); });
+    auto frame = in_stage(plugin_of(*source_), [&] { return (*source_)->next(Deadline(stop_)); });
     if (!frame && frame.error().code == ErrorCode::kBadFrame) {
       ++read_;
       if (has_been_read_) continue;

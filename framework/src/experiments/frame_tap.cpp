@@ -4,16 +4,16 @@
 
 namespace sidestep {
 
-FrameTap::FrameTap(Source& source, std::int64_t limit, int pictures)
-    : source_(source), limit_(limit), wanted_(pictures) {
+FrameTap::FrameTap(Source& source, std::optional<std::int64_t> count, std::int64_t limit,
+                   int pictures)
+    : source_(source), count_(count), limit_(limit), wanted_(pictures) {
   const auto total = frame_count();
   if (total && wanted_ > 0) stride_ = std::max<std::int64_t>(1, *total / wanted_);
 }
 
 std::optional<std::int64_t> FrameTap::frame_count() const {
-  const auto total = source_.frame_count();
-  if (!total) return limit_ > 0 ? std::optional(limit_) : std::nullopt;
-  return limit_ > 0 ? std::min(limit_, *total) : *total;
+  if (!count_) return limit_ > 0 ? std::optional(limit_) : std::nullopt;
+  return limit_ > 0 ? std::min(limit_, *count_) : *count_;
 }
 
 Result<std::optional<Frame>> FrameTap::next(const Deadline& deadline) {

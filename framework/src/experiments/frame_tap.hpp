@@ -20,7 +20,8 @@ struct DepthPicture {
 /// spread evenly over them. [mapping]
 class FrameTap final : public Source {
  public:
-  FrameTap(Source& source, std::int64_t limit, int pictures);
+  /// `count`: frames that the source has; nothing where it cannot be known.
+  FrameTap(Source& source, std::optional<std::int64_t> count, std::int64_t limit, int pictures);
 
   [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
   [[nodiscard]] std::optional<std::int64_t> frame_count() const override;
@@ -31,6 +32,7 @@ class FrameTap final : public Source {
   void keep(const Frame& frame);
 
   Source& source_;
+  std::optional<std::int64_t> count_;
   std::int64_t limit_;
   int wanted_;
   std::int64_t passed_ = 0;  ///< Frames asked for, usable or not.

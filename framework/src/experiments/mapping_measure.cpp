@@ -30,7 +30,12 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
       new System{std::move(*mapper), std::move(*field_builder), {}, {}, {}, nullptr});
   system->occupancy = dynamic_cast<const OccupancyView*>(system->mapper.get());
   system->pipeline.emplace(MappingPipeline::Parts{
-      system->source, *system->mapper, *system->field_builder, system->slot, context.log});
+      system->source,
+      *system->mapper,
+      *system->field_builder,
+      system->slot,
+      context.log,
+      {"frames", plugin_of(system->mapper), plugin_of(system->field_builder)}});
   if (auto attached = system->pipeline->attach(); !attached) {
     return tl::make_unexpected(std::move(attached.error()));
   }

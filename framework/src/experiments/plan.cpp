@@ -11,6 +11,7 @@
 #include "plan_one.hpp"
 #include "plan_recording.hpp"
 #include "plan_summary.hpp"
+#include "source_facts.hpp"
 
 namespace sidestep {
 namespace {
@@ -145,7 +146,6 @@ struct Parts {
   PluginPtr<FieldBuilder> field_builder;
   PluginPtr<Optimiser> optimiser;
   const OccupancyView* occupancy;  ///< Of the mapper.
-  const GroundTruth* truth;        ///< Of the source; may be null.
 };
 
 Result<Parts> make_parts(ExperimentContext& context) {
@@ -167,23 +167,21 @@ Result<Parts> make_parts(ExperimentContext& context) {
                 "the independent check needs a mapper that offers its occupied voxels",
                 block_of(configuration, "mapper").mark().to_string());
   }
-  const auto* truth = dynamic_cast<const GroundTruth*>(source->get());
   return Parts{robot,
                std::move(*source),
                std::move(*mapper),
                std::move(*field_builder),
                std::move(*optimiser),
-               occupancy,
-               truth};
+               occupancy};
 }
 
 /// Plans through a finished map, recording each plan as soon as it is there in `plans`.
 Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
                         const PlanSettings& settings, Recorder& recorder,
                         ExperimentContext& context, std::vector<PlanRecord>& plans) {
-  std::shared_ptr<const Scene> scene;
-  if (parts.truth != nullptr) scene = std::make_shared<const Scene>(parts.truth->scene());
-  auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, scene,
+  auto scene = true_scene(parts.source);
+  if (!scene) return tl::make_unexpected(std::move(scene.error()));
+  auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, std::move(*scene),
                                map.steps.back().stamp.seconds(), settings.planning, settings.check);
   if (!world) return tl::make_unexpected(std::move(world.error()));
   const PlanSurroundings surroundings{*parts.robot,
@@ -198,7 +196,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     const auto index = static_cast<std::int64_t>(plans.size());
     if (context.stop.stop_requested()) break;
     if (context.progress) context.progress(index, total, "planning " + plan.name);
-    auto made = make_plan(*world, *parts.optimiser, std::move(plan), context.seed, context.log,
+    auto made = make_plan(*world, parts.optimiser, std::move(plan), context.seed, context.log,
                           context.stop);
     if (!made) return tl::make_unexpected(std::move(made.error()));
     record_plan(*made, index, surroundings, recorder);
@@ -224,10 +222,18 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   Recorder recorder(**store);
   record_joints(parts->robot->description(), recorder);
 
-  FrameTap source(*parts->source, settings->experiment.max_frames,
+  const auto frames = frame_count_of(parts->source);
+  if (!frames) return tl::make_unexpected(frames.error());
+  FrameTap source(*parts->source, *frames, settings->experiment.max_frames,
                   settings->experiment.depth_pictures);
   SnapshotSlot slot;
-  MappingPipeline pipeline({source, *parts->mapper, *parts->field_builder, slot, context.log});
+  MappingPipeline pipeline(
+      {source,
+       *parts->mapper,
+       *parts->field_builder,
+       slot,
+       context.log,
+       {plugin_of(parts->source), plugin_of(parts->mapper), plugin_of(parts->field_builder)}});
   auto map = map_frames(pipeline, source, slot, recorder, context);
   if (!map) return tl::make_unexpected(std::move(map.error()));
   map->occupied_vox = count(parts->occupancy->occupied());
@@ -238,7 +244,10 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
 
   std::vector<PlanRecord> plans;
   if (!map->steps.empty() && !map->interrupted && !map->fault) {
-    auto done = make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans);
+    // Held here, so that what was measured before a robot throws is kept.
+    auto done = contained("planning", [&] {
+      return make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans);
+    });
     if (!done) map->fault = std::move(done.error());
     map->interrupted = context.stop.stop_requested();
   }

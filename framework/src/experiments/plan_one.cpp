@@ -72,8 +72,8 @@ std::string solver_problem(const Solution& solution) {
 }
 
 /// One attempt: pose the problem, solve it, check the solution.
-Result<void> attempt_plan(const PlanWorld& world, Optimiser& optimiser, std::uint64_t seed,
-                          PlanRecord& plan, std::stop_token stop) {
+Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
+                          std::uint64_t seed, PlanRecord& plan, std::stop_token stop) {
   const int attempt = plan.attempts++;
   const Problem problem = make_problem(world.robot, world.field, world.planning, plan.q_start,
                                        plan.q_goal, std::pow(kSlowerEachAttempt, attempt));
@@ -83,9 +83,9 @@ Result<void> attempt_plan(const PlanWorld& world, Optimiser& optimiser, std::uin
   }
   const double spent_ms = plan.solution.solve_ms;
   const Stopwatch watch;
-  auto solution = guarded("optimiser", [&] {
-    return optimiser.solve(problem, initial_guess(problem, attempt, seed),
-                           Deadline::after_s(world.planning.time_limit_s, stop));
+  auto solution = in_stage(plugin_of(optimiser), [&] {
+    return optimiser->solve(problem, initial_guess(problem, attempt, seed),
+                            Deadline::after_s(world.planning.time_limit_s, stop));
   });
   if (!solution) return tl::make_unexpected(std::move(solution.error()));
   plan.solution = std::move(*solution);
@@ -138,8 +138,8 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
   return world;
 }
 
-Result<PlanRecord> make_plan(const PlanWorld& world, Optimiser& optimiser, PlanRecord plan,
-                             std::uint64_t seed, Log& log, std::stop_token stop) {
+Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
+                             PlanRecord plan, std::uint64_t seed, Log& log, std::stop_token stop) {
   for (const auto& [q, what] : {std::pair(&plan.q_start, "the start is not valid"),
                                 std::pair(&plan.q_goal, "the goal is not valid")}) {
     plan.reason = state_problem(world, *q, what);

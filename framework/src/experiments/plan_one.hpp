@@ -7,6 +7,7 @@
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/runtime/host.hpp>
 
 #include "plan_types.hpp"
 
@@ -33,7 +34,8 @@ struct PlanWorld {
 /// Solves and checks one plan, from other first guesses where the settings ask for it, until
 /// an attempt passes both checks. A plan that fails is a record with a reason; an error is a
 /// fault of the optimiser's or of a check's.
-[[nodiscard]] Result<PlanRecord> make_plan(const PlanWorld& world, Optimiser& optimiser,
+[[nodiscard]] Result<PlanRecord> make_plan(const PlanWorld& world,
+                                           const PluginPtr<Optimiser>& optimiser,
                                            PlanRecord endpoints, std::uint64_t seed, Log& log,
                                            std::stop_token stop);
 

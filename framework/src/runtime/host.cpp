@@ -301,7 +301,7 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
   return guarded(name, [&]() -> Result<Made> {
     Error error;
     void* object = descriptor.create(block, context, &error);
-    if (object != nullptr) return Made{object, descriptor.destroy};
+    if (object != nullptr) return Made{object, {descriptor.destroy, name}};
     if (error.message.empty()) {
       error = {ErrorCode::kPlugin, "could not be created and did not say why", "", "", nullptr};
     }

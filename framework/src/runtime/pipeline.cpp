@@ -1,7 +1,7 @@
 #include <sidestep/runtime/pipeline.hpp>
 
 #include <sidestep/core/time.hpp>
-#include <sidestep/runtime/host.hpp>
+#include <sidestep/runtime/guarded.hpp>
 
 namespace sidestep {
 namespace {
@@ -15,7 +15,7 @@ Error out_of_time(const Deadline& deadline) {
 }  // namespace
 
 Result<void> MappingPipeline::attach() {
-  return guarded("field", [&] { return parts_.field_builder.attach(parts_.mapper); });
+  return in_stage(parts_.names.field, [&] { return parts_.field_builder.attach(parts_.mapper); });
 }
 
 Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadline) {
@@ -24,7 +24,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (has_skipped && deadline.expired()) return tl::make_unexpected(out_of_time(deadline));
     MappingStep step;
     Stopwatch watch;
-    auto frame = guarded("source", [&] { return parts_.source.next(deadline); });
+    auto frame = in_stage(parts_.names.source, [&] { return parts_.source.next(deadline); });
     step.read_ms = watch.elapsed_ms();
     if (!frame && frame.error().code == ErrorCode::kBadFrame) {
       skip(std::move(frame.error()));
@@ -36,7 +36,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     step.stamp = (*frame)->stamp;
 
     watch.restart();
-    auto update = guarded("mapper", [&] { return parts_.mapper.integrate(**frame); });
+    auto update = in_stage(parts_.names.mapper, [&] { return parts_.mapper.integrate(**frame); });
     step.integrate_ms = watch.elapsed_ms();
     if (!update && update.error().code == ErrorCode::kBadFrame) {
       skip(std::move(update.error()));
@@ -49,9 +49,12 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (step.update.grid_moved) {
       if (auto attached = attach(); !attached) return tl::make_unexpected(attached.error());
     }
-    auto field = guarded("field", [&] { return parts_.field_builder.update(step.update); });
+    auto field =
+        in_stage(parts_.names.field, [&] { return parts_.field_builder.update(step.update); });
     if (!field) return tl::make_unexpected(std::move(field.error()));
-    if (*field == nullptr) return fail(ErrorCode::kPlugin, "returned no field", "plugin field");
+    if (*field == nullptr) {
+      return fail(ErrorCode::kPlugin, "returned no field", "plugin " + parts_.names.field);
+    }
     step.field_ms = watch.elapsed_ms();
 
     watch.restart();

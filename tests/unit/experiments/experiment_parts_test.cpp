@@ -67,7 +67,7 @@ std::vector<std::int64_t> kept(const FrameTap& tap) {
 
 TEST(FrameTap, SpreadsItsPicturesOverAllFrames) {
   CountingSource source(100, true);
-  FrameTap tap(source, 0, 4);
+  FrameTap tap(source, source.frame_count(), 0, 4);
   EXPECT_EQ(tap.frame_count(), 100);
   EXPECT_EQ(drain(tap), 100);
   EXPECT_THAT(kept(tap), ElementsAre(0, 25, 50, 75));
@@ -75,14 +75,14 @@ TEST(FrameTap, SpreadsItsPicturesOverAllFrames) {
 
 TEST(FrameTap, EndsTheStreamAtItsLimitCountingBadFrames) {
   CountingSource source(100, true, 2);
-  FrameTap tap(source, 10, 2);
+  FrameTap tap(source, source.frame_count(), 10, 2);
   EXPECT_EQ(tap.frame_count(), 10);
   EXPECT_EQ(drain(tap), 5);
 }
 
 TEST(FrameTap, ThinsOutWhenTheLengthIsNotKnown) {
   CountingSource source(100, false);
-  FrameTap tap(source, 0, 4);
+  FrameTap tap(source, source.frame_count(), 0, 4);
   EXPECT_FALSE(tap.frame_count());
   EXPECT_EQ(drain(tap), 100);
   EXPECT_THAT(kept(tap), ElementsAre(0, 32, 64, 96));

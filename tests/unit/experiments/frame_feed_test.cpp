@@ -34,8 +34,9 @@ class FrameFeedTest : public testing::Test {
   [[nodiscard]] FrameFeed feed(FrameFeed::Limits limits) {
     const auto make = [this]() -> Result<PluginPtr<Source>> {
       ++made_;
-      return PluginPtr<Source>(new TenFrames,
-                               [](void* object) { delete static_cast<TenFrames*>(object); });
+      return PluginPtr<Source>(
+          new TenFrames,
+          {[](void* object) { delete static_cast<TenFrames*>(object); }, "source ten_frames"});
     };
     return {make, limits, log_, stop_.get_token()};
   }

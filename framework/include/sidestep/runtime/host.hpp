@@ -1,17 +1,18 @@
 #pragma once
 
 #include <cstdint>
-#include <exception>
 #include <filesystem>
 #include <memory>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/log.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/plugin/plugin.hpp>
+#include <sidestep/runtime/guarded.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 
 namespace sidestep {
@@ -50,6 +51,27 @@ struct HostSettings {
 /// The map with every default of `schema` that it leaves open filled in, marked as default.
 [[nodiscard]] Node fill_defaults(const Node& map, const Schema& schema);
 
+/// Destroys a plugin's object, and knows whose it is.
+struct PluginDeleter {
+  void (*destroy)(void*) = nullptr;
+  std::string plugin;  ///< Kind and name, e.g. "mapper voxel_grid".
+
+  void operator()(void* object) const { destroy(object); }
+};
+template <class Interface>
+using PluginPtr = std::unique_ptr<Interface, PluginDeleter>;
+
+/// Kind and name of the plugin whose object this is, e.g. "mapper voxel_grid".
+template <class Interface>
+[[nodiscard]] const std::string& plugin_of(const PluginPtr<Interface>& object) noexcept {
+  return object.get_deleter().plugin;
+}
+
+/// A plugin's robot whose exceptions leave as PluginThrew, naming the plugin. Robots are called
+/// from deep within costs and checks, some of them other plugins', by batches: the detour costs
+/// nothing.
+[[nodiscard]] PluginPtr<RobotModel> guard_robot(PluginPtr<RobotModel> robot);
+
 /// Finds, checks and creates plugins, and lends them what they need. Libraries are loaded with
 /// RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE and never unloaded. [main] thread.
 class Host {
@@ -84,43 +106,30 @@ class Host {
   [[nodiscard]] Node with_defaults(PluginKind kind, const Node& block);
 
   /// Creates the object a block describes. An exception that escapes becomes an Error naming
-  /// the plugin. `robot` is lent to the plugin; null while the robot is created.
+  /// the plugin; one that escapes from a robot later on leaves it as PluginThrew. `robot` is lent
+  /// to the plugin; null while the robot is created.
   template <class Interface>
-  [[nodiscard]] Result<std::unique_ptr<Interface, void (*)(void*)>> create(
+  [[nodiscard]] Result<PluginPtr<Interface>> create(
       const Node& block, std::shared_ptr<const RobotModel> robot = nullptr) {
     auto made = create_object(PluginTraits<Interface>::kKind, block, std::move(robot));
     if (!made) return tl::make_unexpected(std::move(made.error()));
-    return std::unique_ptr<Interface, void (*)(void*)>(static_cast<Interface*>(made->object),
-                                                       made->destroy);
+    PluginPtr<Interface> object(static_cast<Interface*>(made->object), std::move(made->deleter));
+    if constexpr (std::is_same_v<Interface, RobotModel>) {
+      return guard_robot(std::move(object));
+    } else {
+      return object;
+    }
   }
 
  private:
   struct Impl;
   struct Made {
     void* object;
-    void (*destroy)(void*);
+    PluginDeleter deleter;
   };
   [[nodiscard]] Result<Made> create_object(PluginKind kind, const Node& block,
                                            std::shared_ptr<const RobotModel> robot);
   std::unique_ptr<Impl> impl_;
 };
-
-template <class Interface>
-using PluginPtr = std::unique_ptr<Interface, void (*)(void*)>;
-
-/// Calls into a plugin; an exception that escapes becomes a kPlugin error naming the plugin.
-/// `call` returns a Result.
-template <class Call>
-[[nodiscard]] auto guarded(std::string_view plugin, Call&& call) -> std::invoke_result_t<Call> {
-  try {
-    return call();
-  } catch (const std::exception& exception) {
-    return fail(ErrorCode::kPlugin, std::string("threw: ") + exception.what(),
-                "plugin " + std::string(plugin));
-  } catch (...) {
-    return fail(ErrorCode::kPlugin, "threw something that is not a std::exception",
-                "plugin " + std::string(plugin));
-  }
-}
 
 }  // namespace sidestep

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
@@ -30,6 +31,13 @@ struct MappingStep {
   [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms + publish_ms; }
 };
 
+/// What errors call the stages, e.g. "mapper voxel_grid".
+struct StageNames {
+  std::string source = "source";
+  std::string mapper = "mapper";
+  std::string field = "field";
+};
+
 /// The mapping loop: Source -> Mapper -> FieldBuilder -> SnapshotSlot (Finean 2021, Fig. 2).
 /// Owns nothing but the order of the calls. [mapping]
 class MappingPipeline {
@@ -40,8 +48,9 @@ class MappingPipeline {
     FieldBuilder& field_builder;
     SnapshotSlot& slot;
     Log& log;
+    StageNames names = {};
   };
-  explicit MappingPipeline(Parts parts) : parts_(parts) {}
+  explicit MappingPipeline(Parts parts) : parts_(std::move(parts)) {}
 
   /// Binds the field builder to the mapper. Call once, first.
   [[nodiscard]] Result<void> attach();

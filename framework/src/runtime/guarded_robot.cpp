@@ -1,0 +1,52 @@
+#include <sidestep/runtime/host.hpp>
+
+namespace sidestep {
+namespace {
+
+class GuardedRobot final : public RobotModel {
+ public:
+  explicit GuardedRobot(PluginPtr<RobotModel> robot) : robot_(std::move(robot)) {}
+
+  const RobotDescription& description() const noexcept override { return robot_->description(); }
+
+  void link_poses(std::span<const double> q, std::span<Transform> T_world_link,
+                  Scratch& scratch) const override {
+    named([&] { robot_->link_poses(q, T_world_link, scratch); });
+  }
+  void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                      Scratch& scratch) const override {
+    named([&] { robot_->sphere_centres(q, centres_m, scratch); });
+  }
+  void sphere_jacobians(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                        std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const override {
+    named([&] { robot_->sphere_jacobians(q, centres_m, jacobians, scratch); });
+  }
+  void pull_back(std::span<const double> q, std::span<const Eigen::Vector3d> sphere_gradients,
+                 std::span<double> joint_gradients, Scratch& scratch) const override {
+    named([&] { robot_->pull_back(q, sphere_gradients, joint_gradients, scratch); });
+  }
+
+ private:
+  template <class Call>
+  void named(Call&& call) const {
+    try {
+      call();
+    } catch (...) {
+      throw PluginThrew(plugin_of(robot_), text_in_flight());
+    }
+  }
+
+  PluginPtr<RobotModel> robot_;
+};
+
+}  // namespace
+
+PluginPtr<RobotModel> guard_robot(PluginPtr<RobotModel> robot) {
+  std::string plugin = plugin_of(robot);
+  return PluginPtr<RobotModel>(
+      new GuardedRobot(std::move(robot)),
+      PluginDeleter{[](void* object) { delete static_cast<RobotModel*>(object); },
+                    std::move(plugin)});
+}
+
+}  // namespace sidestep
