@@ -181,6 +181,37 @@ TEST_F(CommandTest, ChecksThePosesOfPlans) {
   EXPECT_THAT(checked.out, HasSubstr("2 errors"));
 }
 
+TEST_F(CommandTest, ARobotMayStandOnTheFloorWhereItIsAllowedTo) {
+  std::ofstream(folder_ / "floor.yaml") << "objects:\n  - {name: floor, shape: half_space}\n";
+  const std::string file = config(R"(schema_version: 1
+experiment: {type: plan, plans: [{name: turn, start: {pose: ready}, goal: {pose: left}}]}
+robot: {plugin: urdf, profile: panda}
+source:
+  plugin: simulator
+  scene: floor.yaml
+  frames: 2
+  camera: {width_px: 160, height_px: 120, fx_px: 100.0, fy_px: 100.0, cx_px: 79.5, cy_px: 59.5}
+  camera_path: [{time_s: 0.0, position_m: [-1.5, -1.5, 1.4], look_at_m: [0.0, 0.0, 0.3]}]
+mapper: {plugin: voxel_grid, resolution_m: 0.08, size_vox: [50, 50, 25], origin_m: [-2, -2, -0.1]}
+field: {plugin: edt, unknown: free}
+optimiser: {plugin: gp_ceres}
+planning: {unknown: free, outside: occupied, attempts: 3}
+)");
+  const auto run_with = [&](const std::string& contacts) {
+    return run({"run", file, "--out", (folder_ / "run").string(), "--set",
+                "check.allowed_contacts=" + contacts});
+  };
+  const Finished standing = run_with("[]");
+  EXPECT_EQ(standing.exit_code, 1) << standing.error;
+  EXPECT_THAT(standing.out, HasSubstr("in the true scene, not shown to be valid: panda_link0"));
+  const Finished allowed = run_with("[{link: panda_link0, object: floor}]");
+  EXPECT_EQ(allowed.exit_code, 0) << allowed.error << allowed.out;
+  const Finished misspelt = run_with("[{link: panda_link0, object: flour}]");
+  EXPECT_EQ(misspelt.exit_code, 2) << misspelt.out;
+  EXPECT_THAT(misspelt.error, HasSubstr("there is no object in the scene 'flour' (did you mean "
+                                        "'floor'?)"));
+}
+
 TEST_F(CommandTest, EndsWithThreeForAMissingPlugin) {
   const Finished finished = run_tiny({"--set", "optimiser.plugin=gp_cerez"});
   EXPECT_EQ(finished.exit_code, 3);

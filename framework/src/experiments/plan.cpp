@@ -89,7 +89,9 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
     errors.push_back(robot.error());
     return;
   }
-  (void)read_plans(configuration, (*robot)->description(), errors);
+  const RobotDescription& description = (*robot)->description();
+  (void)read_plans(configuration, description, errors);
+  check_allowed_contacts(block_of(configuration, "check"), description, nullptr, errors);
 }
 
 /// Maps every frame of the source; stops early on request or at a fault, with what there is.
@@ -145,7 +147,8 @@ struct Parts {
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> field_builder;
   PluginPtr<Optimiser> optimiser;
-  const OccupancyView* occupancy;  ///< Of the mapper.
+  const OccupancyView* occupancy;      ///< Of the mapper.
+  std::shared_ptr<const Scene> scene;  ///< Behind the source's frames; null where not known.
 };
 
 Result<Parts> make_parts(ExperimentContext& context) {
@@ -167,21 +170,22 @@ Result<Parts> make_parts(ExperimentContext& context) {
                 "the independent check needs a mapper that offers its occupied voxels",
                 block_of(configuration, "mapper").mark().to_string());
   }
+  auto scene = true_scene(*source);
+  if (!scene) return tl::make_unexpected(std::move(scene.error()));
   return Parts{robot,
                std::move(*source),
                std::move(*mapper),
                std::move(*field_builder),
                std::move(*optimiser),
-               occupancy};
+               occupancy,
+               std::move(*scene)};
 }
 
 /// Plans through a finished map, recording each plan as soon as it is there in `plans`.
 Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
                         const PlanSettings& settings, Recorder& recorder,
                         ExperimentContext& context, std::vector<PlanRecord>& plans) {
-  auto scene = true_scene(parts.source);
-  if (!scene) return tl::make_unexpected(std::move(scene.error()));
-  auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, std::move(*scene),
+  auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, parts.scene,
                                map.steps.back().stamp.seconds(), settings.planning, settings.check);
   if (!world) return tl::make_unexpected(std::move(world.error()));
   const PlanSurroundings surroundings{*parts.robot,
@@ -214,6 +218,8 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   if (!parts) return tl::make_unexpected(std::move(parts.error()));
   std::vector<Error> errors;
   auto endpoints = read_plans(context.configuration, parts->robot->description(), errors);
+  check_allowed_contacts(block_of(context.configuration, "check"), parts->robot->description(),
+                         parts->scene.get(), errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
   const RunProvenance provenance = provenance_of(context);

@@ -127,7 +127,9 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
     ShapeObstacles truth;
     truth.scene = std::move(scene);
     truth.scene_time_s = scene_time_s;
-    auto in_scene = make_shape_check(robot, std::move(truth), shapes);
+    ShapeCheckSettings touching = shapes;
+    touching.allowed_contacts.assign(check.allowed_contacts.begin(), check.allowed_contacts.end());
+    auto in_scene = make_shape_check(robot, std::move(truth), std::move(touching));
     if (!in_scene) return tl::make_unexpected(std::move(in_scene.error()));
     world.in_scene = std::move(*in_scene);
   }

@@ -170,7 +170,43 @@ Fields<CheckSettings> CheckSettings::fields() {
       .add("speed_fraction", &S::speed_fraction,
            "Share of the velocity limits that must hold; planning aims for a smaller one, since "
            "its costs are soft.",
-           {.min = 0.01, .max = 1.0});
+           {.min = 0.01, .max = 1.0})
+      .add("allowed_contacts", &S::allowed_contacts,
+           "Links that may touch an object of the true scene, as a robot's foot the floor that it "
+           "stands on; where the scene is not known they say nothing.");
+}
+
+Fields<AllowedContactEntry> AllowedContactEntry::fields() {
+  using E = AllowedContactEntry;
+  return Fields<E>()
+      .add("link", static_cast<std::string E::*>(&AllowedContact::link), "A link of the robot.",
+           {.required = true})
+      .add("object", static_cast<std::string E::*>(&AllowedContact::object),
+           "An object of the scene.", {.required = true});
+}
+
+void check_allowed_contacts(const Node& check, const RobotDescription& robot, const Scene* scene,
+                            std::vector<Error>& errors) {
+  std::vector<std::string> links;
+  std::vector<std::string> objects;
+  for (const Link& link : robot.links) links.push_back(link.name);
+  if (scene != nullptr) {
+    for (const SceneObject& object : scene->objects()) objects.push_back(object.name);
+  }
+  const auto require = [&](const Node* name, const std::vector<std::string>& names,
+                           const std::string& what) {
+    if (name == nullptr || !name->is_scalar()) return;  // its schema told
+    if (std::ranges::find(names, name->text()) != names.end()) return;
+    const std::string nearest = nearest_name(name->text(), names);
+    errors.push_back(name->error("there is no " + what + " '" + name->text() + "'",
+                                 nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
+  };
+  const Node* contacts = check.find("allowed_contacts");
+  if (contacts == nullptr) return;
+  for (const Node& contact : contacts->items()) {
+    require(contact.find("link"), links, "link");
+    if (scene != nullptr) require(contact.find("object"), objects, "object in the scene");
+  }
 }
 
 Fields<RobotStateEntry> RobotStateEntry::fields() {

@@ -51,6 +51,28 @@ TEST(RobotState, JoinsAPoseAndJoints) {
   EXPECT_EQ(reading.q, Eigen::Vector3d(-0.4, 0.5, 0.25));
 }
 
+TEST(AllowedContacts, NameLinksOfTheRobotAndObjectsOfTheScene) {
+  RobotDescription robot = small_robot();
+  robot.links = {{"foot", -1}, {"arm", 0}};
+  const Scene scene({{"floor", HalfSpace{}, {Waypoint{}}}, {"table", Sphere{0.1}, {Waypoint{}}}});
+  const Node check = parse(
+      "allowed_contacts:\n- {link: foot, object: floor}\n- {link: fot, object: tabel}\n"
+      "- {link: [foot]}\n");
+  const auto complaints = [&](const Scene* known) {
+    std::vector<Error> errors;
+    check_allowed_contacts(check, robot, known, errors);
+    std::vector<std::string> texts;
+    for (const Error& error : errors) texts.push_back(error.describe());
+    return texts;
+  };
+  const std::string link = "c.yaml:3:10: there is no link 'fot' (did you mean 'foot'?)";
+  EXPECT_THAT(complaints(nullptr), ElementsAre(link));
+  EXPECT_THAT(complaints(&scene),
+              ElementsAre(link,
+                          "c.yaml:3:23: there is no object in the scene 'tabel' (did you mean "
+                          "'table'?)"));
+}
+
 TEST(RobotState, NeedsNoPose) {
   const Reading reading = read("joints: {base_x: 1, shoulder: -1.5, elbow: 2.5}");
   EXPECT_THAT(reading.errors, ElementsAre());

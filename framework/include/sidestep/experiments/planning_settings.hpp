@@ -6,6 +6,7 @@
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/planning/problem.hpp>
 #include <sidestep/plugin/schema.hpp>
+#include <sidestep/runtime/shape_check.hpp>
 
 namespace sidestep {
 
@@ -26,15 +27,27 @@ struct PlanningSettings : CostSettings {
   [[nodiscard]] SpacePolicy space() const;
 };
 
+/// An item of `check.allowed_contacts`.
+struct AllowedContactEntry : AllowedContact {
+  static Fields<AllowedContactEntry> fields();
+};
+
 /// The `check` block: what a plan must pass before it counts.
 struct CheckSettings {
   double margin_m = 0.0;
   double max_step_m = 0.02;
   double shape_max_step_m = 0.01;
   double speed_fraction = 1.0;
+  std::vector<AllowedContactEntry> allowed_contacts;
 
   static Fields<CheckSettings> fields();
 };
+
+/// Appends a kConfig error for each name in the allowed contacts of a `check` block that is no link
+/// of the robot or no object of the scene. `scene` may be null: objects are then passed over, as is
+/// what does not fit the block's schema.
+void check_allowed_contacts(const Node& check, const RobotDescription& robot, const Scene* scene,
+                            std::vector<Error>& errors);
 
 /// A `start` or `goal` block: a configuration of the robot.
 struct RobotStateEntry {
