@@ -105,12 +105,14 @@ SIDESTEP_INLINE void select(std::uint32_t bits, std::int16_t chosen,
   as_row(delta) = is_chosen ? (Row{} + chosen) : as_row(delta);
 }
 
-/// Hit, miss or nothing for the 16 voxels of a row, by comparing their depth with the image.
+/// Hit, miss or nothing for the 16 voxels of a row, by comparing their depth with the image; those
+/// just outside it, with its border.
 SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], std::int32_t hit,
                                  std::int32_t miss, std::int16_t (&delta)[kLanes]) {
   float depth[kLanes];
   std::int32_t pixel[kLanes];
   std::int32_t seen[kLanes];  // all ones or zero: masks, for no branch ever becomes SIMD
+  std::int32_t cut[kLanes];
   const float last_u = p.width - 1.0F;
   const float last_v = p.height - 1.0F;
   for (int i = 0; i < kLanes; ++i) {
@@ -119,8 +121,13 @@ SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], s
     const float inverse = 1.0F / z;
     const float u = (first[0] + step * p.column[0][0]) * inverse;
     const float v = (first[1] + step * p.column[0][1]) * inverse;
-    seen[i] = -static_cast<std::int32_t>((z > p.near_m) & (u >= 0.0F) & (u < p.width) &
-                                         (v >= 0.0F) & (v < p.height));
+    const float margin_u = p.margin_px_m[0] * inverse;
+    const float margin_v = p.margin_px_m[1] * inverse;
+    const bool ahead = z > p.near_m;
+    seen[i] = -static_cast<std::int32_t>(ahead & (u >= 0.0F) & (u < p.width) & (v >= 0.0F) &
+                                         (v < p.height));
+    cut[i] = -static_cast<std::int32_t>(ahead & (u >= -margin_u) & (u < p.width + margin_u) &
+                                        (v >= -margin_v) & (v < p.height + margin_v));
     // In this order, NaN becomes 0.
     const auto column = static_cast<std::int32_t>(lesser(greater(0.0F, u), last_u));
     const auto row = static_cast<std::int32_t>(lesser(greater(0.0F, v), last_v));
@@ -134,7 +141,7 @@ SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], s
     const std::int32_t free = -static_cast<std::int32_t>(gap > p.band_m);
     const std::int32_t surface =
         -static_cast<std::int32_t>((carve > 0.0F) & (magnitude(gap) <= p.band_m));
-    change[i] = seen[i] & ((free & miss) | (surface & hit));
+    change[i] = (cut[i] & free & miss) | (seen[i] & surface & hit);
   }
   for (int i = 0; i < kLanes; ++i) delta[i] = static_cast<std::int16_t>(change[i]);
 }

@@ -40,6 +40,9 @@ struct Projection {
   float width = 0.0F;
   float height = 0.0F;
   float near_m = 0.0F;
+  /// Half a voxel's edge at a depth of 1 m, along u and v: a voxel whose centre lies this near to
+  /// the image may be cut by the rays of its border.
+  float margin_px_m[2] = {};
   float band_m = 0.0F;
   float column[3][3] = {};
 };

@@ -90,6 +90,8 @@ ProjectiveIntegrator::View ProjectiveIntegrator::view_of(const Frame& frame,
   projection.width = static_cast<float>(camera.width_px);
   projection.height = static_cast<float>(camera.height_px);
   projection.near_m = static_cast<float>(kNear_m);
+  projection.margin_px_m[0] = static_cast<float>(0.5 * grid.resolution_m * camera.fx_px);
+  projection.margin_px_m[1] = static_cast<float>(0.5 * grid.resolution_m * camera.fy_px);
   projection.band_m = band_m_;
   for (int axis = 0; axis < 3; ++axis) {
     for (int c = 0; c < 3; ++c) {
@@ -135,8 +137,11 @@ void ProjectiveIntegrator::visit(const View& view, const Eigen::Vector3i& block)
   };
   const auto depth = over(0, 0, 1);
   const auto out_of_view = [&] {
-    return depth.greatest < kNear_m || over(1, 0, 0).greatest < 0 || over(0, 1, 0).greatest < 0 ||
-           over(-1, 0, view.width_px).greatest < 0 || over(0, -1, view.height_px).greatest < 0;
+    const double margin_u = static_cast<double>(view.projection.margin_px_m[0]);
+    const double margin_v = static_cast<double>(view.projection.margin_px_m[1]);
+    return depth.greatest < kNear_m || over(1, 0, 0).greatest < -margin_u ||
+           over(0, 1, 0).greatest < -margin_v || over(-1, 0, view.width_px).greatest < -margin_u ||
+           over(0, -1, view.height_px).greatest < -margin_v;
   };
   if (!hit && out_of_view()) return;
 
