@@ -119,14 +119,22 @@ TEST_F(MappingBenchmarkTest, FailsWhereASystemDoesNotReachWhatIsExpected) {
 }
 
 TEST_F(MappingBenchmarkTest, GoesOnAfterASystemThatFails) {
-  // OctoMap's voxels lie on multiples of the resolution: this origin does not.
-  const Finished finished = run_it(kTiny, {"experiment.origin_m=[-0.51, -2.4, -0.1]"});
+  const Finished finished = run_it(kTiny, {"plugin_paths=[" THROWING_PLUGINS "]",
+                                           "experiment.systems.1.mapper={plugin: throwing}",
+                                           "experiment.systems.1.field.plugin=edt"});
   EXPECT_EQ(finished.exit_code, 1) << finished.error;
   const Json systems = summary().at("systems");
   ASSERT_EQ(systems.size(), 6u);
   EXPECT_EQ(systems[0].at("success"), true);
   EXPECT_EQ(systems[4].at("success"), false);
-  EXPECT_THAT(std::string(systems[4].at("error")), HasSubstr("multiple of resolution_m"));
+  EXPECT_EQ(systems[4].at("error"), "mapper throwing, frame 0: has seen enough");
+}
+
+TEST_F(MappingBenchmarkTest, RefusesAGridThatAMapperCannotHave) {
+  // OctoMap's voxels lie on multiples of the resolution: this origin does not.
+  const Finished finished = run_it(kTiny, {"experiment.origin_m=[-0.51, -2.4, -0.1]"});
+  EXPECT_EQ(finished.exit_code, 2);
+  EXPECT_THAT(finished.error, HasSubstr("'origin_m[0]' must be a multiple of resolution_m"));
 }
 
 TEST_F(MappingBenchmarkTest, KeepsWhatWasMeasuredWhenInterrupted) {
