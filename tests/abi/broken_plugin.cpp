@@ -1,7 +1,12 @@
-// One source for every plugin that must not load: BREAK is the statement that breaks `d`, or one of
-// the words below.
+// One library for every plugin that must not load, or must not be created: it is broken in the way
+// that the folder it lies in is named after. What breaks at link time are the words below.
+#include <dlfcn.h>
+
 #include <cstring>
+#include <filesystem>
+#include <map>
 #include <stdexcept>
+#include <string>
 
 #include <sidestep/plugin/plugin.hpp>
 
@@ -10,6 +15,12 @@ void* function_that_no_library_has();
 namespace {
 
 using namespace sidestep;
+
+std::string fault() {
+  Dl_info self;
+  if (dladdr(reinterpret_cast<const void*>(&fault), &self) == 0) std::abort();
+  return std::filesystem::path(self.dli_fname).parent_path().filename().string();
+}
 
 struct Options {
   double size_m = 1.0;
@@ -23,27 +34,53 @@ const Schema& schema() {
   return schema;
 }
 
-[[maybe_unused]] const Schema& throwing_schema() { throw std::runtime_error("no schema today"); }
+const Schema& throwing_schema() { throw std::runtime_error("no schema today"); }
 
 void check(const Node&, std::vector<Error>&) {
-#if defined(CHECK_THROWS)
-  throw std::runtime_error("checked too hard");
-#endif
+  if (fault() == "check_throws") throw std::runtime_error("checked too hard");
 }
 
-void* create(const Node&, const HostContext&, [[maybe_unused]] Error* error) {
+void* create(const Node&, const HostContext&, Error* error) {
 #if defined(UNDEFINED_SYMBOL)
   return function_that_no_library_has();
-#elif defined(CREATE_THROWS)
-  throw std::runtime_error("the sensor is on fire");
-#elif defined(CREATE_THROWS_INT)
-  throw 42;
-#elif defined(CREATE_FAILS)
-  *error = Error{ErrorCode::kPlugin, "no licence for this", "", "buy one", nullptr};
-  return nullptr;
-#else
-  return nullptr;
 #endif
+  if (fault() == "create_throws") throw std::runtime_error("the sensor is on fire");
+  if (fault() == "create_throws_int") throw 42;
+  if (fault() == "create_fails") {
+    *error = Error{ErrorCode::kPlugin, "no licence for this", "", "buy one", nullptr};
+  }
+  return nullptr;
+}
+
+using Break = void (*)(PluginDescriptor&);
+
+const std::map<std::string, Break>& breaks() {
+  static const std::map<std::string, Break> breaks = {
+      {"size", [](PluginDescriptor& d) { d.size = 8; }},
+      {"magic", [](PluginDescriptor& d) { d.magic = 7; }},
+      {"sdk_major", [](PluginDescriptor& d) { d.sdk_major = 99; }},
+      {"sdk_minor", [](PluginDescriptor& d) { d.sdk_minor = 99; }},
+      {"compiler_abi", [](PluginDescriptor& d) { std::strcpy(d.abi.compiler_abi, "other-1"); }},
+      {"cxx11_abi", [](PluginDescriptor& d) { d.abi.libstdcxx_cxx11_abi = 0; }},
+      {"cplusplus", [](PluginDescriptor& d) { d.abi.cplusplus = 201703; }},
+      {"eigen_version", [](PluginDescriptor& d) { d.abi.eigen_version = 30399; }},
+      {"eigen_align", [](PluginDescriptor& d) { d.abi.eigen_max_align_bytes = 32; }},
+      {"sanitizers", [](PluginDescriptor& d) { std::strcpy(d.abi.sanitizers, "memory"); }},
+      {"stamp_without_end",
+       [](PluginDescriptor& d) { std::memset(d.abi.sanitizers, 'x', sizeof(d.abi.sanitizers)); }},
+      {"kind", [](PluginDescriptor& d) { d.kind = static_cast<PluginKind>(77); }},
+      {"interface_version", [](PluginDescriptor& d) { d.interface_version = 99; }},
+      {"name", [](PluginDescriptor& d) { d.name = nullptr; }},
+      {"version", [](PluginDescriptor& d) { d.version = nullptr; }},
+      {"doc", [](PluginDescriptor& d) { d.doc = nullptr; }},
+      {"views", [](PluginDescriptor& d) { d.views = nullptr; }},
+      {"schema", [](PluginDescriptor& d) { d.schema = nullptr; }},
+      {"check", [](PluginDescriptor& d) { d.check = nullptr; }},
+      {"create", [](PluginDescriptor& d) { d.create = nullptr; }},
+      {"destroy", [](PluginDescriptor& d) { d.destroy = nullptr; }},
+      {"name_empty", [](PluginDescriptor& d) { d.name = ""; }},
+      {"schema_throws", [](PluginDescriptor& d) { d.schema = &throwing_schema; }}};
+  return breaks;
 }
 
 PluginDescriptor make_descriptor() {
@@ -63,9 +100,7 @@ PluginDescriptor make_descriptor() {
   d.check = &check;
   d.create = &create;
   d.destroy = [](void*) {};
-#if defined(BREAK)
-  BREAK;
-#endif
+  if (const auto found = breaks().find(fault()); found != breaks().end()) found->second(d);
   return d;
 }
 
@@ -73,12 +108,10 @@ PluginDescriptor make_descriptor() {
 
 #if defined(NO_SYMBOL)
 extern "C" SIDESTEP_EXPORT int something_else() { return 1; }
-#elif defined(NULL_DESCRIPTOR)
-extern "C" SIDESTEP_EXPORT const PluginDescriptor* sidestep_plugin() { return nullptr; }
-#elif defined(DESCRIPTOR_THROWS)
-extern "C" SIDESTEP_EXPORT const PluginDescriptor* sidestep_plugin() { throw 1; }
 #else
 extern "C" SIDESTEP_EXPORT const PluginDescriptor* sidestep_plugin() {
+  if (fault() == "descriptor_throws") throw 1;
+  if (fault() == "null_descriptor") return nullptr;
   static const PluginDescriptor descriptor = make_descriptor();
   return &descriptor;
 }
