@@ -2,36 +2,18 @@
 // more than the Euclidean one, so planning with it is on the safe side. Two sweeps over the grid
 // (Rosenfeld and Pfaltz, 1968).
 
+#include "chessboard_field.hpp"
+
 #include <algorithm>
 #include <optional>
 #include <vector>
 
 #include <sidestep/mapping/dense_field_publisher.hpp>
-#include <sidestep/plugin/plugin.hpp>
 
+namespace chessboard {
 namespace {
 
 using namespace sidestep;
-
-/// The parameters, declared once: names, units, ranges and docs here, types and defaults above.
-struct Options {
-  double max_distance_m = 0.8;
-  double inflation_m = 0.0;
-
-  static Fields<Options> fields() {
-    return Fields<Options>()
-        .add("max_distance_m", &Options::max_distance_m, "Distances are cut off here.",
-             {.unit = "m", .min = 0.01})
-        .add("inflation_m", &Options::inflation_m, "Obstacles count as this much larger.",
-             {.unit = "m", .min = 0.0});
-  }
-
-  /// What no range can say: mistakes in several parameters together.
-  std::vector<OptionMistake> check() const {
-    if (inflation_m < max_distance_m) return {};
-    return {{{"inflation_m", "max_distance_m"}, "must be below max_distance_m", {}}};
-  }
-};
 
 class ChessboardBuilder final : public FieldBuilder {
  public:
@@ -105,11 +87,14 @@ class ChessboardBuilder final : public FieldBuilder {
   std::optional<DenseFieldPublisher> publisher_;
 };
 
+}  // namespace
+
 Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostContext& context) {
   return std::make_unique<ChessboardBuilder>(options, context.workers);
 }
 
-}  // namespace
+}  // namespace chessboard
 
-SIDESTEP_PLUGIN(sidestep::FieldBuilder, Options, create, "chessboard", "0.1.0",
-                "Chessboard distance, a lower bound of the Euclidean one", sidestep::OccupancyView)
+SIDESTEP_PLUGIN(sidestep::FieldBuilder, chessboard::Options, chessboard::create, "chessboard",
+                "0.1.0", "Chessboard distance, a lower bound of the Euclidean one",
+                sidestep::OccupancyView)

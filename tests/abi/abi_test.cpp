@@ -108,7 +108,7 @@ TEST(Abi, ThePluginFoundFirstWinsAndTheLogSaysSo) {
   HostFixture fixture({folder("create_throws"), folder("create_fails")});
   ASSERT_EQ(fixture.host.plugins().size(), 1u);
   EXPECT_THAT(fixture.host.plugins().front().library.string(), HasSubstr("create_throws"));
-  EXPECT_THAT(fixture.log.messages,
+  EXPECT_THAT(fixture.log.messages(),
               testing::Contains(AllOf(HasSubstr("is taken from"), HasSubstr("create_fails"))));
 }
 

@@ -7,8 +7,8 @@
 set -euo pipefail
 sidestep=$1
 cd "$(dirname "${BASH_SOURCE[0]}")/cases"
-mappers=$(cd ../../../plugins/mappers && printf '%s\n' */ | LC_ALL=C sort | tr -d / |
-  paste -sd, | sed 's/,/, /g')
+mappers=$(cd ../../../plugins/mappers && printf '%s\n' */CMakeLists.txt | LC_ALL=C sort |
+  sed 's#/.*##' | paste -sd, | sed 's/,/, /g')
 
 failed=0
 for case in *.yaml; do

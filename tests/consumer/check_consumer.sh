@@ -19,6 +19,10 @@ cp -r "$source/plugins/template" "$work/template"
 cmake -S "$work/template" -B "$work/plugin" -DCMAKE_PREFIX_PATH="$prefix" \
   -DCMAKE_CXX_COMPILER="$cxx" -DCMAKE_BUILD_TYPE=Release >"$work/configure.log"
 cmake --build "$work/plugin" >"$work/build.log" 2>&1 || { cat "$work/build.log"; exit 1; }
+# The third party's own tests: the conformance suite as it is installed, on their plugin.
+ctest --test-dir "$work/plugin" --no-tests=error --output-on-failure >"$work/tests.log" 2>&1 ||
+  { cat "$work/tests.log"; exit 1; }
+expect "FieldConformance" "$work/tests.log"
 
 sidestep=$prefix/bin/sidestep
 env -u LD_LIBRARY_PATH "$sidestep" plugins >"$work/plugins.txt"

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <string_view>
 #include <vector>
 
@@ -8,19 +7,9 @@
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "conformance/test_host.hpp"
+
 namespace sidestep::testing_support {
-
-/// Keeps every message.
-class RecordingLog final : public Log {
- public:
-  void write(LogLevel, std::string_view message) override { messages.emplace_back(message); }
-  std::vector<std::string> messages;
-};
-
-class ZeroClock final : public Clock {
- public:
-  [[nodiscard]] Stamp now() const noexcept override { return {}; }
-};
 
 /// A host over the given search path, and what it needs to live.
 struct HostFixture {
@@ -33,8 +22,8 @@ struct HostFixture {
     return parse_yaml(yaml, "test.yaml", errors).value();
   }
 
-  RecordingLog log;
-  ZeroClock clock;
+  conformance::RecordingLog log;
+  conformance::StoppedClock clock;
   WorkerPool workers{2};
   YamlDocumentReader documents;
   Host host;

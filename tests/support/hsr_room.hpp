@@ -2,40 +2,15 @@
 
 #include <algorithm>
 #include <memory>
-#include <stdexcept>
 #include <vector>
 
 #include <sidestep/field/dense_field.hpp>
 #include <sidestep/planning/problem.hpp>
-#include <sidestep/runtime/yaml_document.hpp>
 
-#include "load_robot.hpp"
+#include "support/hsr.hpp"
 #include "support/sampled_field.hpp"
 
 namespace sidestep::testing_support {
-
-class HushedLog final : public Log {
- public:
-  void write(LogLevel, std::string_view) override {}
-};
-
-/// The HSR of robots/hsr. Link sidestep_urdf_robot and Sidestep::runtime.
-[[nodiscard]] inline std::shared_ptr<const RobotModel> load_hsr() {
-  class StoppedClock final : public Clock {
-    [[nodiscard]] Stamp now() const noexcept override { return {}; }
-  };
-  HushedLog log;
-  StoppedClock clock;
-  WorkerPool workers(1);
-  YamlDocumentReader documents;
-  const HostContext context{log, clock, workers, documents, 0, {SIDESTEP_SOURCE_DIR "/robots"},
-                            {},  {}};
-  urdf_robot::Options options;
-  options.profile = Node(Node::Scalar{"hsr", false}, {});
-  auto robot = urdf_robot::load_robot(options, context);
-  if (!robot) throw std::runtime_error(robot.error().describe());
-  return std::move(*robot);
-}
 
 /// A room of 6 x 6 m, as a perfect map would hold it: a table on four legs, a cupboard, a wall
 /// with a door between the robot and the table.

@@ -7,7 +7,7 @@
 namespace sidestep {
 namespace {
 
-using testing_support::RecordingLog;
+using conformance::RecordingLog;
 
 /// Ten frames, 0.1 s apart; frame 3 is bad.
 class TenFrames final : public Source, public GroundTruth {

@@ -24,10 +24,10 @@ class RobotPlugins : public ::testing::Test {
 
   Loader loader_;
   Host host_{{{install_layout().plugins}, {SIDESTEP_SOURCE_DIR "/robots"}, {}, 0},
-             loader_.log,
-             loader_.clock,
-             loader_.workers,
-             loader_.documents};
+             loader_.context.log,
+             loader_.context.clock,
+             loader_.context.workers,
+             loader_.context.documents};
 };
 
 TEST_F(RobotPlugins, EveryProfileConforms) {
@@ -44,7 +44,7 @@ TEST_F(RobotPlugins, EveryProfileConforms) {
     ++found;
   }
   EXPECT_GE(found, 3);
-  EXPECT_EQ(loader_.log.text, "");
+  EXPECT_TRUE(loader_.host.log().messages().empty());
 }
 
 TEST_F(RobotPlugins, PointIsABallInThePlane) {

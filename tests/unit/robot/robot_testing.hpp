@@ -9,28 +9,17 @@
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "conformance/test_host.hpp"
 #include "load_robot.hpp"
 
 namespace sidestep::testing_robot {
 
-class NoClock final : public Clock {
- public:
-  Stamp now() const noexcept override { return {}; }
-};
-
-class KeptLog final : public Log {
- public:
-  void write(LogLevel, std::string_view message) override { text += std::string(message) + "\n"; }
-  std::string text;
-};
-
-/// What a plugin needs to load a robot, and the loading itself.
+/// A host that knows the project's robots, and the loading of one.
 struct Loader {
-  KeptLog log;
-  NoClock clock;
-  WorkerPool workers{1};
-  YamlDocumentReader documents;
-  HostContext context{log, clock, workers, documents, 0, {SIDESTEP_SOURCE_DIR "/robots"}, {}, {}};
+  conformance::TestHost host{1,
+                             {.robot_paths = {SIDESTEP_SOURCE_DIR "/robots"},
+                              .documents = std::make_shared<YamlDocumentReader>()}};
+  HostContext context = host.context();
 
   /// From a configuration's robot block.
   Result<std::unique_ptr<KinematicTree>> load(const std::string& yaml) {

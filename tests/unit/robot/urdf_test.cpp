@@ -1,3 +1,5 @@
+#include <gmock/gmock.h>
+
 #include "conformance/robot_conformance.hpp"
 #include "robot_testing.hpp"
 #include "sphere_cover.hpp"
@@ -227,7 +229,7 @@ TEST(ForeignUrdf, MissingMeshIsAnErrorOnlyWhereItIsNeeded) {
   const auto robot = loader.load_or_fail("{profile: " + profile + "}");
   ASSERT_NE(robot, nullptr);
   EXPECT_TRUE(robot->description().shapes.empty());
-  EXPECT_NE(loader.log.text.find("left out"), std::string::npos) << loader.log.text;
+  EXPECT_THAT(loader.host.log().messages(), testing::Contains(testing::HasSubstr("left out")));
 }
 
 struct BadUrdf {

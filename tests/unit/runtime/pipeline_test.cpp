@@ -11,7 +11,7 @@
 namespace sidestep {
 namespace {
 
-using testing_support::RecordingLog;
+using conformance::RecordingLog;
 
 /// Hands out what a test put in; the end of the stream after that.
 class ScriptedSource final : public Source {
@@ -111,7 +111,7 @@ TEST_F(Pipeline, SkipsUnusableFramesOfSourceAndMapperAndKeepsTheReasons) {
   ASSERT_EQ(pipeline_.bad_frames().size(), 2u);
   EXPECT_EQ(pipeline_.bad_frames()[0].message, "truncated");
   EXPECT_EQ(pipeline_.bad_frames()[1].message, "negative");
-  EXPECT_EQ(log_.messages.size(), 2u);
+  EXPECT_EQ(log_.messages().size(), 2u);
 }
 
 TEST_F(Pipeline, EndsOnAnythingElse) {

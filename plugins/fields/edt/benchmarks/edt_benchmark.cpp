@@ -9,11 +9,11 @@
 #include <sidestep/core/time.hpp>
 #include <sidestep/field/dense_field.hpp>
 
+#include "conformance/test_host.hpp"
 #include "edt_field.hpp"
 #include "full_transform.hpp"
 #include "support/furnished_room.hpp"
 #include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
 #include "voxel_grid.hpp"
 
 namespace {
@@ -146,7 +146,7 @@ double quantile(std::vector<double> values, double q) {
 void map_kitchen(benchmark::State& state, const GridSpec& grid, bool is_signed, int threads) {
   const testing_support::KinectKitchen recording(SIDESTEP_SHARED_DATA);
   if (!recording.present()) return state.SkipWithError("the recorded kitchen is not there");
-  testing_support::TestHost host(threads);
+  conformance::TestHost host(threads);
   voxel_grid::VoxelGridOptions mapping;
   mapping.resolution_m = grid.resolution_m;
   mapping.size_vox = grid.size_vox;

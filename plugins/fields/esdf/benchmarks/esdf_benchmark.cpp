@@ -2,35 +2,19 @@
 
 #include <string>
 
+#include "conformance/test_host.hpp"
 #include "esdf_field.hpp"
-#include "support/box_world.hpp"
-#include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
+#include "support/benchmark_frames.hpp"
 #include "tsdf_mapper.hpp"
 
 namespace {
 
 using namespace sidestep;
-using namespace sidestep::testing_support;
+using conformance::TestHost;
+using testing_support::KitchenOrRoom;
 
-/// Every third of the recorded kitchen's frames; a rendered room where there are none.
-class Frames {
- public:
-  static constexpr int kCount = 100;
-
-  Frame operator[](int n) const {
-    const int number = n * 3;
-    if (kitchen_.present()) {
-      if (auto frame = kitchen_.frame(number)) return *frame;
-    }
-    const BoxWorld room{
-        {{{-1, -9, -1}, {9, 9, 0}}, {{3, -9, 0}, {4, 9, 2}}, {{1, -1, 0}, {2, 1, .7}}}};
-    return room.frame(number, kinect(640, 480), look_at({0, 0.01 * number, 1.5}, {2, 0, 0.7}));
-  }
-
- private:
-  KinectKitchen kitchen_{SIDESTEP_SHARED_DATA};
-};
+/// Every third of the kitchen's.
+constexpr int kFrames = 100;
 
 /// The field after each frame of the fast integrator, whose own time is not counted. Its mean
 /// over the sequence is that of a run of some hundreds of iterations.
@@ -44,7 +28,7 @@ void update(benchmark::State& state, const std::string& propagation, const std::
   esdf::Options options;
   options.unknown = unknown;
   options.propagation = propagation;
-  const Frames frames;
+  const KitchenOrRoom frames(SIDESTEP_SHARED_DATA);
   std::unique_ptr<tsdf::TsdfMapper> mapper;
   std::unique_ptr<FieldBuilder> builder;
   Result<std::shared_ptr<const DistanceField>> field;
@@ -56,8 +40,8 @@ void update(benchmark::State& state, const std::string& propagation, const std::
       builder = esdf::make_esdf_builder(options, host.workers());
       if (!builder->attach(*mapper)) state.SkipWithError("attach failed");
     }
-    const auto change = mapper->integrate(frames[next]);
-    next = (next + 1) % Frames::kCount;
+    const auto change = mapper->integrate(frames.frame(3 * next));
+    next = (next + 1) % kFrames;
     state.ResumeTiming();
     field = builder->update(*change);
     benchmark::DoNotOptimize(field);

@@ -8,16 +8,17 @@
 
 #include <sidestep/field/dense_field.hpp>
 
+#include "conformance/test_host.hpp"
 #include "esdf_field.hpp"
 #include "support/box_world.hpp"
 #include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
 #include "tsdf_mapper.hpp"
 
 namespace sidestep::esdf {
 namespace {
 
 using namespace testing_support;
+using conformance::TestHost;
 
 constexpr double kLimit_m = 0.8;
 // What Voxblox's field was measured to be off by on the kitchen, against an exact transform.

@@ -5,12 +5,11 @@
 #include <map>
 #include <vector>
 
+#include "conformance/test_host.hpp"
 #include "edt_field.hpp"
 #include "incremental_field.hpp"
 #include "recorded_map.hpp"
-#include "support/box_world.hpp"
-#include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
+#include "support/benchmark_frames.hpp"
 #include "voxel_grid.hpp"
 
 // One update of the field after each of 99 frames, on one thread, publication included, on the map
@@ -20,21 +19,11 @@
 namespace {
 
 using namespace sidestep;
-using namespace sidestep::testing_support;
+using conformance::TestHost;
 using incremental::RecordedMap;
+using testing_support::KitchenOrRoom;
 
 constexpr int kFrames = 100;
-
-Frame frame(int n) {
-  const KinectKitchen kitchen(SIDESTEP_SHARED_DATA);
-  if (kitchen.present()) {
-    if (auto frame = kitchen.frame(3 * n)) return std::move(*frame);
-  }
-  const BoxWorld room{
-      {{{-1, -9, -1}, {9, 9, 0}}, {{3, -9, 0}, {4, 9, 2}}, {{1, -1, 0}, {2, 1, .7}}}};
-  const double aside_m = 0.02 * n;
-  return room.frame(n, kinect(640, 480), look_at({0, aside_m, 1.5}, {2, aside_m, 0.7}));
-}
 
 double thread_ms() {
   timespec now{};
@@ -54,8 +43,10 @@ RecordedMap& recorded_map(std::int64_t resolution_mm) {
   TestHost host(2);
   const auto mapper = *voxel_grid::create(options, host.context());
   RecordedMap& map = maps.emplace(resolution_mm, mapper->grid()).first->second;
+  const KitchenOrRoom frames(SIDESTEP_SHARED_DATA);
   for (int n = 0; n < kFrames; ++n) {
-    map.record(*mapper->integrate(frame(n)), dynamic_cast<const OccupancyView&>(*mapper));
+    map.record(*mapper->integrate(frames.frame(3 * n)),
+               dynamic_cast<const OccupancyView&>(*mapper));
   }
   return map;
 }

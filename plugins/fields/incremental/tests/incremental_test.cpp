@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <tuple>
 
 #include <sidestep/field/dense_field.hpp>
@@ -10,11 +9,14 @@
 #include "conformance/field_conformance.hpp"
 #include "edt_field.hpp"
 #include "error_bound.hpp"
+#include "support/restless_map.hpp"
 
 namespace sidestep::conformance {
 namespace {
 
 using incremental::Options;
+using testing_support::RestlessMap;
+using testing_support::updated;
 
 constexpr double kResolution_m = 0.05;
 
@@ -53,41 +55,6 @@ INSTANTIATE_TEST_SUITE_P(
 
 GridSpec grid(int x, int y, int z) {
   return {Eigen::Vector3d::Zero(), kResolution_m, Eigen::Vector3i(x, y, z)};
-}
-
-/// A map in which boxes of obstacles appear and vanish, most of them across the borders of blocks
-/// or at the edges of the grid, and parts of which are seen for the first time.
-class RestlessMap : public GridMap {
- public:
-  RestlessMap(const GridSpec& grid, unsigned seed) : GridMap(grid), random_(seed) {}
-
-  void step() {
-    for (int boxes = below(3); boxes >= 0; --boxes) {
-      Eigen::Vector3i low, high;
-      for (int axis = 0; axis < 3; ++axis) {
-        const int last = grid().size_vox[axis] - 1;
-        const int border = kBlockSide_vox * below(last / kBlockSide_vox + 1);
-        const int middle = below(4) == 0 ? below(last + 1) : border;
-        low[axis] = std::max(0, middle - below(3));
-        high[axis] = std::min(last, middle + below(3));
-      }
-      const bool occupied = below(5) < 3;
-      for (int z = low.z(); z <= high.z(); ++z) {
-        for (int y = low.y(); y <= high.y(); ++y) {
-          for (int x = low.x(); x <= high.x(); ++x) set({x, y, z}, occupied);
-        }
-      }
-    }
-  }
-
- private:
-  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(random_); }
-  std::mt19937 random_;
-};
-
-std::shared_ptr<const DenseField> updated(FieldBuilder& builder, const MapUpdate& update) {
-  const auto field = builder.update(update);
-  return field ? std::dynamic_pointer_cast<const DenseField>(*field) : nullptr;
 }
 
 /// Largest difference between two fields of a grid, and whether what is known is the same.

@@ -5,17 +5,17 @@
 
 #include <sidestep/field/dense_field.hpp>
 
+#include "conformance/test_host.hpp"
 #include "edt_field.hpp"
 #include "incremental_field.hpp"
 #include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
 #include "voxel_grid.hpp"
 
 namespace sidestep::incremental {
 namespace {
 
+using conformance::TestHost;
 using testing_support::KinectKitchen;
-using testing_support::TestHost;
 
 /// On recorded frames at 0.025 m the original was measured against the exact transform: on average
 /// 5e-5 m too far, at most 0.054 m. (FIESTA of 2019, built from its published sources.)

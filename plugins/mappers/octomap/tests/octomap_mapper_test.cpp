@@ -8,168 +8,125 @@
 
 #include "conformance/map_bits.hpp"
 #include "support/ball_robot.hpp"
-#include "support/box_world.hpp"
-#include "support/test_host.hpp"
+#include "support/mapper_probe.hpp"
+#include "support/wrong_option.hpp"
 
 namespace sidestep::octomap_mapper {
 namespace {
 
 using testing_support::BallRobot;
 using testing_support::BoxWorld;
+using testing_support::eye;
 using testing_support::kinect;
 using testing_support::look_at;
-using testing_support::TestHost;
+using testing_support::wall_at;
 
-OctomapOptions small_options() {
-  OctomapOptions options;
-  options.resolution_m = 0.05;
-  options.size_vox = {96, 96, 48};
-  options.origin_m = {0.0, -2.4, -0.4};
-  return options;
-}
+using Probe = testing_support::MapperProbe<OctomapMapper>;
 
-BoxWorld::Box wall_at(double x_m) { return {{x_m, -9, -9}, {x_m + 0.2, 9, 9}}; }
-const Transform kEye = look_at({0.52, 0.02, 1.02}, {9.0, 0.02, 1.02});
+OctomapOptions small_options() { return testing_support::small_map_options<OctomapOptions>(); }
 
-class OctomapMapperTest : public ::testing::Test {
- protected:
-  void make(const OctomapOptions& options, std::shared_ptr<const RobotModel> robot = nullptr) {
-    ASSERT_TRUE(options.check().empty());
-    host_ = std::make_unique<TestHost>(1, std::move(robot));
-    map_ = std::make_unique<OctomapMapper>(options, host_->context());
-  }
-  MapUpdate integrate(const Frame& frame) {
-    auto update = map_->integrate(frame);
-    if (!update) {
-      ADD_FAILURE() << update.error().describe();
-      return {};
-    }
-    return *update;
-  }
-  MapUpdate see(const BoxWorld& world, const Transform& pose = kEye) {
-    return integrate(world.frame(sequence_++, kinect(160, 120), pose));
-  }
-  [[nodiscard]] char at(double x_m, double y_m, double z_m) const {
-    const Eigen::Vector3i voxel = map_->grid().voxel_at({x_m, y_m, z_m});
-    if (map_->occupied().at(map_->grid(), voxel)) return '#';
-    return map_->known().at(map_->grid(), voxel) ? '.' : '?';
-  }
-  /// Every voxel's bits against the tree itself.
-  void expect_bits_equal_tree() {
-    const GridSpec& grid = map_->grid();
-    octomap::OcTree& tree = map_->octree();
-    std::size_t differences = 0;
-    for (int z = 0; z < grid.size_vox.z(); ++z) {
-      for (int y = 0; y < grid.size_vox.y(); ++y) {
-        for (int x = 0; x < grid.size_vox.x(); ++x) {
-          const Eigen::Vector3d p = grid.centre_m({x, y, z});
-          const octomap::OcTreeNode* node = tree.search(p.x(), p.y(), p.z());
-          const bool known = node != nullptr;
-          const bool occupied = known && tree.isNodeOccupied(node);
-          differences += known != map_->known().at(grid, {x, y, z}) ||
-                         occupied != map_->occupied().at(grid, {x, y, z});
-        }
+/// Every voxel's bits against the tree itself.
+void expect_bits_equal_tree(Probe& map) {
+  const GridSpec& grid = map.grid();
+  octomap::OcTree& tree = map.mapper().octree();
+  std::size_t differences = 0;
+  for (int z = 0; z < grid.size_vox.z(); ++z) {
+    for (int y = 0; y < grid.size_vox.y(); ++y) {
+      for (int x = 0; x < grid.size_vox.x(); ++x) {
+        const Eigen::Vector3d p = grid.centre_m({x, y, z});
+        const octomap::OcTreeNode* node = tree.search(p.x(), p.y(), p.z());
+        const bool known = node != nullptr;
+        const bool occupied = known && tree.isNodeOccupied(node);
+        differences += known != map.mapper().known().at(grid, {x, y, z}) ||
+                       occupied != map.mapper().occupied().at(grid, {x, y, z});
       }
     }
-    EXPECT_EQ(differences, 0U);
   }
+  EXPECT_EQ(differences, 0U);
+}
 
-  std::unique_ptr<TestHost> host_;
-  std::unique_ptr<OctomapMapper> map_;
-  std::int64_t sequence_ = 0;
-};
-
-TEST_F(OctomapMapperTest, BitsEqualTheTreeThroughChangingScenes) {
-  make(small_options());
+TEST(OctomapMapperTest, BitsEqualTheTreeThroughChangingScenes) {
+  Probe map(small_options(), 1);
   for (int f = 0; f < 12; ++f) {
     const double x_m = f < 6 ? 2.02 : 3.02;
     const Transform pose = look_at({0.52, 0.1 * f, 1.02}, {9.0, 0.02, 1.02});
-    see({{wall_at(x_m), {{-9, -9, -1}, {9, 9, 0}}}}, pose);
+    map.see({{wall_at(x_m), {{-9, -9, -1}, {9, 9, 0}}}}, pose);
   }
-  expect_bits_equal_tree();
-  EXPECT_EQ(at(3.02, 0.5, 1.02), '#');
+  expect_bits_equal_tree(map);
+  EXPECT_EQ(map.at(3.02, 0.5, 1.02), '#');
 }
 
-TEST_F(OctomapMapperTest, TreeHoldsTheNewestFramesChangesAndNoOthers) {
-  make(small_options());
-  see({{wall_at(2.02)}});
-  octomap::OcTree& tree = map_->octree();
+TEST(OctomapMapperTest, TreeHoldsTheNewestFramesChangesAndNoOthers) {
+  Probe map(small_options(), 1);
+  map.see({{wall_at(2.02)}});
+  octomap::OcTree& tree = map.mapper().octree();
   EXPECT_TRUE(tree.isChangeDetectionEnabled());
   EXPECT_GT(tree.numChangesDetected(), 0U);
-  see({{wall_at(2.02)}});
+  map.see({{wall_at(2.02)}});
   EXPECT_EQ(tree.numChangesDetected(), 0U) << "the same frame again changes nothing";
-  const conformance::MapBits before = conformance::copy_bits(*map_);
+  const conformance::MapBits before = conformance::copy_bits(map.mapper());
   // A consumer that resets them, as DynamicEDTOctomap does, takes nothing from the mapper.
   tree.resetChangeDetection();
-  const MapUpdate update = see({{wall_at(1.52)}});
-  EXPECT_EQ(update.changed_blocks,
-            conformance::differing_blocks(map_->grid(), before, conformance::copy_bits(*map_)));
-  expect_bits_equal_tree();
+  const MapUpdate update = map.see({{wall_at(1.52)}});
+  EXPECT_EQ(update.changed_blocks, conformance::differing_blocks(
+                                       map.grid(), before, conformance::copy_bits(map.mapper())));
+  expect_bits_equal_tree(map);
 }
 
-TEST_F(OctomapMapperTest, StaysWithinItsGrid) {
-  make(small_options());
-  see({{wall_at(9.02), {{-9, 2.6, -9}, {9, 9, 9}}}}, look_at({0.5, 0, 1}, {3, 3, 1}));
+TEST(OctomapMapperTest, StaysWithinItsGrid) {
+  Probe map(small_options(), 1);
+  map.see({{wall_at(9.02), {{-9, 2.6, -9}, {9, 9, 9}}}}, look_at({0.5, 0, 1}, {3, 3, 1}));
   double min_m[3];
   double max_m[3];
-  map_->octree().getMetricMin(min_m[0], min_m[1], min_m[2]);
-  map_->octree().getMetricMax(max_m[0], max_m[1], max_m[2]);
+  map.mapper().octree().getMetricMin(min_m[0], min_m[1], min_m[2]);
+  map.mapper().octree().getMetricMax(max_m[0], max_m[1], max_m[2]);
   for (int axis = 0; axis < 3; ++axis) {
-    EXPECT_GE(min_m[axis], map_->grid().origin_m[axis] - 1e-6);
-    EXPECT_LE(max_m[axis], map_->grid().upper_m()[axis] + 1e-6);
+    EXPECT_GE(min_m[axis], map.grid().origin_m[axis] - 1e-6);
+    EXPECT_LE(max_m[axis], map.grid().upper_m()[axis] + 1e-6);
   }
-  EXPECT_EQ(at(2.5, 2.02, 1.02), '.') << "rays that leave the grid clear up to its boundary";
+  EXPECT_EQ(map.at(2.5, 2.02, 1.02), '.') << "rays that leave the grid clear up to its boundary";
 }
 
-TEST_F(OctomapMapperTest, RemovedWallIsGoneAfterTheFramesThatTheLogOddsImply) {
-  make(small_options());
-  for (int f = 0; f < 20; ++f) see({{wall_at(2.02)}});
+TEST(OctomapMapperTest, RemovedWallIsGoneAfterTheFramesThatTheLogOddsImply) {
+  Probe map(small_options(), 1);
+  for (int f = 0; f < 20; ++f) map.see({{wall_at(2.02)}});
   // log(0.971 / 0.029) = 3.51; a miss adds log(0.4 / 0.6) = -0.405: below 0 after 9.
-  for (int f = 0; f < 8; ++f) see({{wall_at(3.02)}});
-  EXPECT_EQ(at(2.02, 0.0, 1.02), '#');
-  see({{wall_at(3.02)}});
-  EXPECT_EQ(at(2.02, 0.0, 1.02), '.');
+  for (int f = 0; f < 8; ++f) map.see({{wall_at(3.02)}});
+  EXPECT_EQ(map.at(2.02, 0.0, 1.02), '#');
+  map.see({{wall_at(3.02)}});
+  EXPECT_EQ(map.at(2.02, 0.0, 1.02), '.');
 }
 
-TEST_F(OctomapMapperTest, FloorIsClearedNotInserted) {
-  make(small_options());
+TEST(OctomapMapperTest, FloorIsClearedNotInserted) {
+  Probe map(small_options(), 1);
   const BoxWorld world{{{{-9, -9, -1}, {9, 9, 0.01}}, {{1.5, 0.3, 0}, {2.0, 0.8, 0.04}}}};
-  const MapUpdate update = see(world, look_at({0.52, 0.02, 1.3}, {1.7, 0.1, 0.0}));
+  const MapUpdate update = map.see(world, look_at({0.52, 0.02, 1.3}, {1.7, 0.1, 0.0}));
   EXPECT_GT(update.counts.floor, 1000);
-  EXPECT_EQ(at(1.7, -0.2, 0.02), '.');
-  EXPECT_EQ(at(1.7, 0.5, 0.035), '#');
+  EXPECT_EQ(map.at(1.7, -0.2, 0.02), '.');
+  EXPECT_EQ(map.at(1.7, 0.5, 0.035), '#');
 }
 
-TEST_F(OctomapMapperTest, RangeAndSelfFilterHold) {
+TEST(OctomapMapperTest, RangeAndSelfFilterHold) {
   OctomapOptions options = small_options();
   options.max_range_m = 2.0;
-  make(options, std::make_shared<BallRobot>(0.3));
+  Probe map(options, 1, std::make_shared<BallRobot>(0.3));
   const BoxWorld world{{wall_at(3.02), {{1.72, -0.1, 0.9}, {1.9, 0.1, 1.1}}}};
-  Frame frame = world.frame(0, kinect(160, 120), kEye);
+  Frame frame = world.frame(0, kinect(160, 120), eye());
   frame.joint_positions = Eigen::Vector3d(1.9, 0.0, 1.0);
-  const MapUpdate update = integrate(frame);
+  const MapUpdate update = map.integrate(frame);
   EXPECT_GT(update.counts.self, 50);
   EXPECT_EQ(update.counts.self + update.counts.out_of_range, update.counts.points);
-  EXPECT_EQ(at(1.72, 0.02, 1.02), '?');
-  EXPECT_EQ(at(1.52, 0.02, 1.02), '?');
-  EXPECT_EQ(at(2.3, 0.6, 1.02), '.');
-  EXPECT_EQ(at(3.02, 0.8, 1.02), '?');
+  EXPECT_EQ(map.at(1.72, 0.02, 1.02), '?');
+  EXPECT_EQ(map.at(1.52, 0.02, 1.02), '?');
+  EXPECT_EQ(map.at(2.3, 0.6, 1.02), '.');
+  EXPECT_EQ(map.at(3.02, 0.8, 1.02), '?');
 }
 
-struct WrongOption {
-  std::string parameter;
-  void (*spoil)(OctomapOptions&);
-};
+using WrongOption = testing_support::WrongOption<OctomapOptions>;
 
 class WrongOctomapOptions : public ::testing::TestWithParam<WrongOption> {};
 
-TEST_P(WrongOctomapOptions, FailNamingTheParameter) {
-  OctomapOptions options;
-  GetParam().spoil(options);
-  const auto mistakes = options.check();
-  ASSERT_EQ(mistakes.size(), 1U);
-  EXPECT_EQ(mistakes[0].parameters.at(0), GetParam().parameter);
-}
+TEST_P(WrongOctomapOptions, FailNamingTheParameter) { expect_told(GetParam()); }
 
 INSTANTIATE_TEST_SUITE_P(
     each, WrongOctomapOptions,

@@ -3,29 +3,15 @@
 #include <array>
 #include <vector>
 
-#include "support/box_world.hpp"
-#include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
+#include "conformance/test_host.hpp"
+#include "support/benchmark_frames.hpp"
 #include "tsdf_mapper.hpp"
 
 namespace {
 
 using namespace sidestep;
-using namespace sidestep::testing_support;
-
-/// Real frames where they are present, otherwise a rendered room of the same size.
-std::vector<Frame> frames() {
-  std::vector<Frame> all;
-  const KinectKitchen kitchen(SIDESTEP_SHARED_DATA);
-  for (int n = 0; n < 300; n += 30) {
-    if (auto frame = kitchen.present() ? kitchen.frame(n) : std::nullopt) all.push_back(*frame);
-  }
-  if (!all.empty()) return all;
-  const BoxWorld room{
-      {{{-1, -9, -1}, {9, 9, 0}}, {{3, -9, 0}, {4, 9, 2}}, {{1, -1, 0}, {2, 1, .7}}}};
-  all.push_back(room.frame(0, kinect(640, 480), look_at({0, 0, 1.5}, {2, 0, 0.7})));
-  return all;
-}
+using conformance::TestHost;
+using testing_support::KitchenOrRoom;
 
 void integrate(benchmark::State& state, const char* integrator) {
   tsdf::TsdfOptions options;
@@ -36,7 +22,7 @@ void integrate(benchmark::State& state, const char* integrator) {
   options.integrator = integrator;
   TestHost host(static_cast<int>(state.range(1)));
   auto mapper = tsdf::create(options, host.context());
-  const std::vector<Frame> input = frames();
+  const std::vector<Frame> input = KitchenOrRoom(SIDESTEP_SHARED_DATA).ten_frames();
   std::size_t next = 0;
   for (auto _ : state) {
     auto update = (*mapper)->integrate(input[next]);

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "conformance/mapper_conformance.hpp"
-#include "support/test_host.hpp"
+#include "conformance/test_host.hpp"
 #include "tsdf_mapper.hpp"
 
 namespace sidestep::conformance {
@@ -10,16 +10,14 @@ namespace {
 MapperCase tsdf_case(std::string integrator, const Eigen::Vector3i& size_vox) {
   MapperCase mapper;
   mapper.name = integrator;
-  const auto host = std::make_shared<testing_support::TestHost>();
+  const auto host = std::make_shared<TestHost>();
   mapper.create = [=](WorkerPool& workers) -> std::unique_ptr<Mapper> {
     tsdf::TsdfOptions options;
     options.size_vox = size_vox;
     options.origin_m = {-0.7, -1.1, 0.0};
     options.resolution_m = 0.03;
     options.integrator = integrator;
-    const HostContext context = host->context();
-    return std::move(*tsdf::create(
-        options, {context.log, context.clock, workers, context.documents, 0, {}, {}, nullptr}));
+    return std::move(*tsdf::create(options, host->context(workers)));
   };
   return mapper;
 }

@@ -5,6 +5,7 @@
 
 #include "conformance/map_bits.hpp"
 #include "support/ball_robot.hpp"
+#include "support/wrong_option.hpp"
 #include "tsdf_testing.hpp"
 
 namespace sidestep::tsdf {
@@ -14,19 +15,12 @@ using testing_support::BallRobot;
 using testing_support::BoxWorld;
 using testing_support::kinect;
 using testing_support::look_at;
-using testing_support::TestHost;
 
-class TsdfTest : public ::testing::TestWithParam<std::string> {
- protected:
-  MapUpdate see(TsdfProbe& map, const BoxWorld& world, const Transform& pose = eye()) {
-    return map.integrate(world.frame(sequence_++, kinect(160, 120), pose));
-  }
-  std::int64_t sequence_ = 0;
-};
+class TsdfTest : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(TsdfTest, WallIsOneOrTwoLayersAtItsDistance) {
   TsdfProbe map(options_of(GetParam()));
-  see(map, {{wall_at(3.02)}});
+  map.see({{wall_at(3.02)}});
   for (const double y_m : {-0.7, 0.0, 0.9}) {
     EXPECT_EQ(map.at(3.02, y_m, 1.02), '#') << y_m;
     EXPECT_EQ(map.at(2.92, y_m, 1.02), '.') << y_m;
@@ -41,10 +35,10 @@ TEST_P(TsdfTest, RemovedWallIsGoneSoonWhereWeightsAreSmall) {
   options.weighting = "constant";
   options.max_weight = 4.0;
   TsdfProbe map(options);
-  for (int f = 0; f < 10; ++f) see(map, {{wall_at(2.02)}});
+  for (int f = 0; f < 10; ++f) map.see({{wall_at(2.02)}});
   EXPECT_EQ(map.at(2.02, 0.0, 1.02), '#');
   // One ray that goes on for 1 m moves the average to at least (1 - 4 * 0.05) / 5 m.
-  const MapUpdate update = see(map, {{wall_at(3.02)}});
+  const MapUpdate update = map.see({{wall_at(3.02)}});
   EXPECT_EQ(map.at(2.02, 0.0, 1.02), '.');
   EXPECT_FALSE(update.changed_blocks.empty());
 }
@@ -52,7 +46,7 @@ TEST_P(TsdfTest, RemovedWallIsGoneSoonWhereWeightsAreSmall) {
 TEST_P(TsdfTest, FloorIsClearedNotInserted) {
   TsdfProbe map(options_of(GetParam()));
   const BoxWorld world{{{{-9, -9, -1}, {9, 9, 0.01}}}};
-  const MapUpdate update = see(map, world, look_at({0.52, 0.02, 1.3}, {1.7, 0.1, 0.0}));
+  const MapUpdate update = map.see(world, look_at({0.52, 0.02, 1.3}, {1.7, 0.1, 0.0}));
   EXPECT_GT(update.counts.floor, 1000);
   EXPECT_EQ(update.counts.inserted, 0);
   EXPECT_EQ(map.at(1.7, -0.2, 0.02), '.') << "the layer above the floor";
@@ -64,7 +58,7 @@ TEST_P(TsdfTest, RaysBeyondTheRangeClearUpToIt) {
   TsdfOptions options = options_of(GetParam());
   options.max_range_m = 2.0;
   TsdfProbe map(options);
-  const MapUpdate update = see(map, {{wall_at(3.02)}});
+  const MapUpdate update = map.see({{wall_at(3.02)}});
   EXPECT_EQ(update.counts.out_of_range, update.counts.points);
   EXPECT_EQ(map.at(0.52 + 1.9, 0.02, 1.02), '.');
   EXPECT_FLOAT_EQ(map.distance_m(map.voxel_at(0.52 + 1.9, 0.02, 1.02)), 0.2F);
@@ -76,7 +70,7 @@ TEST_P(TsdfTest, PointsBelowTheLeastRangeAreNoMeasurement) {
   TsdfOptions options = options_of(GetParam());
   options.min_range_m = 0.5;
   TsdfProbe map(options);
-  const MapUpdate update = see(map, {{wall_at(0.82)}});
+  const MapUpdate update = map.see({{wall_at(0.82)}});
   EXPECT_EQ(update.counts.points + update.counts.invalid, 160 * 120);
   EXPECT_EQ(map.at(0.82, 0.02, 1.02), '?');
 }
@@ -84,11 +78,11 @@ TEST_P(TsdfTest, PointsBelowTheLeastRangeAreNoMeasurement) {
 TEST_P(TsdfTest, PixelsWithoutReturnClearOnlyOnRequest) {
   TsdfOptions options = options_of(GetParam());
   TsdfProbe map(options);
-  EXPECT_TRUE(see(map, {}).changed_blocks.empty());
+  EXPECT_TRUE(map.see({}).changed_blocks.empty());
   options.clear_no_return = true;
   options.max_range_m = 3.0;
   TsdfProbe clearing(options);
-  EXPECT_EQ(see(clearing, {}).counts.invalid, 160 * 120);
+  EXPECT_EQ(clearing.see({}).counts.invalid, 160 * 120);
   EXPECT_EQ(clearing.at(3.4, 0.02, 1.02), '.');
   EXPECT_EQ(clearing.at(3.6, 0.02, 1.02), '?');
 }
@@ -133,7 +127,7 @@ TEST_P(TsdfTest, ChangesAreNamedExactlyUnderRandomViews) {
                                1.4 + uniform(random) * (f % 5 == 0 ? 3.0 : 0.3));
     const Eigen::Vector3d target =
         f % 7 == 0 ? Eigen::Vector3d(from.x(), from.y(), -5.0) : Eigen::Vector3d(2.5, 0.0, 0.8);
-    const MapUpdate update = see(map, world, look_at(from, target));
+    const MapUpdate update = map.see(world, look_at(from, target));
     conformance::MapBits after = conformance::copy_bits(map.mapper());
     ASSERT_EQ(update.changed_blocks, conformance::differing_blocks(map.grid(), before, after))
         << "frame " << f;
@@ -162,8 +156,7 @@ TEST_P(TsdfTest, DistancesAreTheSameOnAnyNumberOfThreads) {
   for (const int threads : {1, 2, 5}) {
     TsdfProbe map(options_of(GetParam()), threads);
     for (int f = 0; f < 3; ++f) {
-      sequence_ = f;
-      see(map, {{wall_at(3.02 + 0.03 * f), {{1.52, 0.1, 0.2}, {1.9, 0.8, 1.3}}}});
+      map.see({{wall_at(3.02 + 0.03 * f), {{1.52, 0.1, 0.2}, {1.9, 0.8, 1.3}}}});
     }
     results.push_back(map.copy());
   }
@@ -173,7 +166,7 @@ TEST_P(TsdfTest, DistancesAreTheSameOnAnyNumberOfThreads) {
 
 TEST_P(TsdfTest, OnlyBlocksThatRaysTouchAreAllocated) {
   TsdfProbe map(options_of(GetParam()));
-  see(map, {{wall_at(1.02)}});
+  map.see({{wall_at(1.02)}});
   const Eigen::Vector3i counts = block_counts(map.grid());
   for (int b = 0; b < counts.prod(); ++b) {
     // The wall is in the second block along x; the band behind it ends there as well.
@@ -186,20 +179,11 @@ TEST_P(TsdfTest, OnlyBlocksThatRaysTouchAreAllocated) {
 INSTANTIATE_TEST_SUITE_P(integrators, TsdfTest, ::testing::Values("simple", "merged", "fast"),
                          [](const auto& test) { return test.param; });
 
-struct WrongOption {
-  std::string parameter;
-  void (*spoil)(TsdfOptions&);
-};
+using WrongOption = testing_support::WrongOption<TsdfOptions>;
 
 class WrongOptions : public ::testing::TestWithParam<WrongOption> {};
 
-TEST_P(WrongOptions, FailNamingTheParameter) {
-  TsdfOptions options;
-  GetParam().spoil(options);
-  const auto mistakes = options.check();
-  ASSERT_EQ(mistakes.size(), 1U);
-  EXPECT_EQ(mistakes[0].parameters.at(0), GetParam().parameter);
-}
+TEST_P(WrongOptions, FailNamingTheParameter) { expect_told(GetParam()); }
 
 INSTANTIATE_TEST_SUITE_P(
     each, WrongOptions,

@@ -2,29 +2,15 @@
 
 #include <vector>
 
-#include "support/box_world.hpp"
-#include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
+#include "conformance/test_host.hpp"
+#include "support/benchmark_frames.hpp"
 #include "voxel_grid.hpp"
 
 namespace {
 
 using namespace sidestep;
-using namespace sidestep::testing_support;
-
-/// Real frames where they are present, otherwise a rendered room of the same size.
-std::vector<Frame> frames() {
-  std::vector<Frame> all;
-  const KinectKitchen kitchen(SIDESTEP_SHARED_DATA);
-  for (int n = 0; n < 300; n += 30) {
-    if (auto frame = kitchen.present() ? kitchen.frame(n) : std::nullopt) all.push_back(*frame);
-  }
-  if (!all.empty()) return all;
-  const BoxWorld room{
-      {{{-1, -9, -1}, {9, 9, 0}}, {{3, -9, 0}, {4, 9, 2}}, {{1, -1, 0}, {2, 1, .7}}}};
-  all.push_back(room.frame(0, kinect(640, 480), look_at({0, 0, 1.5}, {2, 0, 0.7})));
-  return all;
-}
+using conformance::TestHost;
+using testing_support::KitchenOrRoom;
 
 Frame as_cloud(Frame frame) {
   const DepthImage image = std::get<DepthImage>(frame.measurement);
@@ -56,7 +42,9 @@ void integrate(benchmark::State& state, std::vector<Frame> input) {
   }
 }
 
-void projective(benchmark::State& state) { integrate(state, frames()); }
+void projective(benchmark::State& state) {
+  integrate(state, KitchenOrRoom(SIDESTEP_SHARED_DATA).ten_frames());
+}
 BENCHMARK(projective)
     ->ArgNames({"mm", "threads"})
     ->ArgsProduct({{25, 50, 100}, {1, 2}})
@@ -65,7 +53,8 @@ BENCHMARK(projective)
 
 void raycast(benchmark::State& state) {
   std::vector<Frame> clouds;
-  for (const Frame& frame : frames()) clouds.push_back(as_cloud(frame));
+  for (const Frame& frame : KitchenOrRoom(SIDESTEP_SHARED_DATA).ten_frames())
+    clouds.push_back(as_cloud(frame));
   integrate(state, std::move(clouds));
 }
 BENCHMARK(raycast)

@@ -2,10 +2,10 @@
 
 #include <string>
 
+#include "conformance/test_host.hpp"
 #include "reference_caster.hpp"
 #include "support/box_world.hpp"
 #include "support/kinect_kitchen.hpp"
-#include "support/test_host.hpp"
 #include "voxel_grid.hpp"
 
 /// How far the two integration paths are from casting the ray of every point.
@@ -24,11 +24,11 @@
 namespace sidestep::voxel_grid {
 namespace {
 
+using conformance::TestHost;
 using testing_support::BoxWorld;
 using testing_support::kinect;
 using testing_support::KinectKitchen;
 using testing_support::look_at;
-using testing_support::TestHost;
 
 struct Agreement {
   std::int64_t both_occupied = 0, occupied = 0, reference_occupied = 0;

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "conformance/mapper_conformance.hpp"
-#include "support/test_host.hpp"
+#include "conformance/test_host.hpp"
 #include "voxel_grid.hpp"
 
 namespace sidestep::conformance {
@@ -11,16 +11,14 @@ MapperCase voxel_grid_case(std::string method, const Eigen::Vector3i& size_vox) 
   MapperCase mapper;
   mapper.name = method;
   mapper.takes_clouds = method != "projective";
-  const auto host = std::make_shared<testing_support::TestHost>();
+  const auto host = std::make_shared<TestHost>();
   mapper.create = [=](WorkerPool& workers) -> std::unique_ptr<Mapper> {
     voxel_grid::VoxelGridOptions options;
     options.size_vox = size_vox;
     options.origin_m = {-0.7, -1.1, 0.0};
     options.resolution_m = 0.03;
     options.method = method;
-    const HostContext context = host->context();
-    return std::move(*voxel_grid::create(
-        options, {context.log, context.clock, workers, context.documents, 0, {}, {}, nullptr}));
+    return std::move(*voxel_grid::create(options, host->context(workers)));
   };
   return mapper;
 }

@@ -4,17 +4,17 @@
 #include <cmath>
 #include <memory>
 
+#include "conformance/test_host.hpp"
 #include "support/box_world.hpp"
-#include "support/test_host.hpp"
 #include "voxel_grid.hpp"
 
 namespace sidestep::voxel_grid {
 namespace {
 
+using conformance::TestHost;
 using testing_support::BoxWorld;
 using testing_support::kinect;
 using testing_support::look_at;
-using testing_support::TestHost;
 
 constexpr double kHalfLife_s = 4.0;
 constexpr double kRate_hz = 10.0;

@@ -6,17 +6,17 @@
 #include <string>
 #include <vector>
 
+#include "conformance/test_host.hpp"
 #include "support/box_world.hpp"
-#include "support/test_host.hpp"
 #include "voxel_grid.hpp"
 
 namespace sidestep::voxel_grid {
 namespace {
 
+using conformance::TestHost;
 using testing_support::BoxWorld;
 using testing_support::kinect;
 using testing_support::look_at;
-using testing_support::TestHost;
 
 /// A corridor along x with boxes in it.
 BoxWorld corridor() {

@@ -1,43 +1,17 @@
 // The HSR drives around a table and reaches over it: the plan of 8 joints that Sidestep is for.
 #include <algorithm>
-#include <stdexcept>
 
 #include <benchmark/benchmark.h>
 
 #include <sidestep/planning/costs.hpp>
-#include <sidestep/runtime/yaml_document.hpp>
 
 #include "gp_ceres.hpp"
-#include "load_robot.hpp"
 #include "state_rows.hpp"
+#include "support/hsr.hpp"
 #include "support/sampled_field.hpp"
 
 namespace sidestep {
 namespace {
-
-class NoClock final : public Clock {
- public:
-  [[nodiscard]] Stamp now() const noexcept override { return {}; }
-};
-
-class NoLog final : public Log {
- public:
-  void write(LogLevel, std::string_view) override {}
-};
-
-std::shared_ptr<const RobotModel> load_hsr() {
-  NoLog log;
-  NoClock clock;
-  WorkerPool workers(1);
-  YamlDocumentReader documents;
-  const HostContext context{log, clock, workers, documents, 0, {SIDESTEP_SOURCE_DIR "/robots"},
-                            {},  {}};
-  urdf_robot::Options options;
-  options.profile = Node(Node::Scalar{"hsr", false}, {});
-  auto robot = urdf_robot::load_robot(options, context);
-  if (!robot) throw std::runtime_error(robot.error().describe());
-  return std::move(*robot);
-}
 
 double box_distance(const Eigen::Vector3d& p, const Eigen::Vector3d& lower,
                     const Eigen::Vector3d& upper) {
@@ -61,7 +35,7 @@ std::shared_ptr<const DistanceField> room() {
 
 Problem hsr_problem(int states, int checks) {
   Problem problem;
-  problem.robot = load_hsr();
+  problem.robot = testing_support::load_hsr();
   problem.field = room();
   problem.space = {Space::kFree, Space::kFree};
   const int d = problem.robot->description().dof();

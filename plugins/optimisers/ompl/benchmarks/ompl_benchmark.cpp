@@ -12,7 +12,6 @@ namespace sidestep::ompl_optimiser {
 namespace {
 
 using testing_support::HsrRoom;
-using testing_support::HushedLog;
 
 constexpr double kResolution_m = 0.025;
 
@@ -21,7 +20,7 @@ Solution plan(const Problem& problem, const char* planner, std::uint64_t seed) {
   options.planner = planner;
   options.max_time_s = 60.0;
   options.optimise_iterations = 1000;
-  HushedLog log;
+  conformance::RecordingLog log;
   return make_ompl_optimiser(options, seed, log)
       ->solve(problem, Trajectory{}, Deadline())
       .value_or(Solution{});

@@ -1,15 +1,10 @@
 #include "conformance/optimiser_conformance.hpp"
 
-#include <sidestep/core/log.hpp>
-
+#include "conformance/test_host.hpp"
 #include "ompl_optimiser.hpp"
 
 namespace sidestep::conformance {
 namespace {
-
-class SilentLog final : public Log {
-  void write(LogLevel, std::string_view) override {}
-};
 
 class WithLog final : public Optimiser {
  public:
@@ -21,7 +16,7 @@ class WithLog final : public Optimiser {
   }
 
  private:
-  SilentLog log_;
+  RecordingLog log_;
   std::unique_ptr<Optimiser> optimiser_;
 };
 

@@ -10,7 +10,6 @@ namespace sidestep::ompl_optimiser {
 namespace {
 
 using testing_support::HsrRoom;
-using testing_support::HushedLog;
 
 class HsrPlan : public testing::TestWithParam<const char*> {};
 
@@ -23,7 +22,7 @@ TEST_P(HsrPlan, PassesBothChecks) {
   options.planner = GetParam();
   options.max_time_s = 300.0;
   options.optimise_iterations = 200;
-  HushedLog log;
+  conformance::RecordingLog log;
   const auto solution =
       make_ompl_optimiser(options, 3, log)->solve(problem, Trajectory{}, Deadline());
   ASSERT_TRUE(solution) << solution.error().describe();

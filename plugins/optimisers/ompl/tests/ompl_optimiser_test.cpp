@@ -2,39 +2,22 @@
 
 #include <gtest/gtest.h>
 
-#include <mutex>
 #include <string>
 #include <vector>
 
 #include <sidestep/planning/validity_check.hpp>
 
+#include "conformance/test_host.hpp"
 #include "support/chain_robot.hpp"
 #include "support/voxel_field.hpp"
 
 namespace sidestep::ompl_optimiser {
 namespace {
 
+using conformance::RecordingLog;
 using testing_support::Aabb;
 using testing_support::ChainRobot;
 using testing_support::VoxelWorld;
-
-class RecordingLog final : public Log {
- public:
-  void write(LogLevel level, std::string_view message) override {
-    const std::lock_guard lock(mutex_);
-    messages_.emplace_back(level, message);
-  }
-  [[nodiscard]] int count(LogLevel level) const {
-    const std::lock_guard lock(mutex_);
-    int n = 0;
-    for (const auto& [its, text] : messages_) n += its == level ? 1 : 0;
-    return n;
-  }
-
- private:
-  mutable std::mutex mutex_;
-  std::vector<std::pair<LogLevel, std::string>> messages_;
-};
 
 /// A wall across a room, with a door for the base below a lintel that the arm must duck under.
 VoxelWorld room_with_door() {

@@ -5,13 +5,14 @@
 #include <benchmark/benchmark.h>
 
 #include "../tests/sequence_testing.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::depth_sequence {
 namespace {
 
 /// A VGA image with the slopes, edges, holes and noise that decide how well depth compresses.
 void BM_ReadVgaFrame(benchmark::State& state) {
-  const testing::TemporaryFolder folder(std::filesystem::temp_directory_path());
+  const testing_support::TemporaryFolder folder;
   std::mt19937 random(1);
   std::vector<std::uint16_t> values;
   for (int v = 0; v < 480; ++v) {

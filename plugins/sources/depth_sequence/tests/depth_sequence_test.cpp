@@ -8,11 +8,15 @@
 
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "conformance/test_host.hpp"
 #include "sequence_testing.hpp"
+#include "support/read_frames.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::depth_sequence {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 constexpr int kWidth = 8;
@@ -52,27 +56,16 @@ class SevenScenes : public ::testing::Test {
 
   /// Reads to the end; frames that are bad leave their error's text.
   std::vector<Result<Frame>> read_all() {
-    std::vector<Result<Frame>> frames;
-    auto source = create();
+    const auto source = create();
     if (!source) {
       ADD_FAILURE() << source.error().describe();
-      return frames;
+      return {};
     }
-    while (frames.size() < 100) {
-      auto frame = (*source)->next(Deadline());
-      if (!frame) {
-        frames.emplace_back(tl::unexpect, frame.error());
-      } else if (*frame) {
-        frames.emplace_back(std::move(**frame));
-      } else {
-        break;
-      }
-    }
-    return frames;
+    return testing_support::read_frames(**source, 100);
   }
 
-  testing::TemporaryFolder folder_{::testing::TempDir()};
-  testing::CollectedLog log_;
+  testing_support::TemporaryFolder folder_;
+  conformance::RecordingLog log_;
   YamlDocumentReader documents_;
   Options options_;
 };
@@ -214,8 +207,8 @@ TEST_F(SevenScenes, PosesThatAreNearlyRigidAreMadeRigid) {
 TEST_F(SevenScenes, TellsOfGapsInTheNumbers) {
   write_frame(9);
   EXPECT_EQ(read_all().size(), 5U);
-  ASSERT_EQ(log_.lines.size(), 1U);
-  EXPECT_THAT(log_.lines[0], HasSubstr("5 frames are missing between number 0 and 9"));
+  EXPECT_THAT(log_.messages(),
+              ElementsAre(HasSubstr("5 frames are missing between number 0 and 9")));
 }
 
 TEST_F(SevenScenes, FailsWhereNoneOfTheImagesCanBeRead) {

@@ -1,12 +1,13 @@
 #include <array>
 #include <cmath>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "../depth_sequence.hpp"
-#include "sequence_testing.hpp"
+#include "conformance/test_host.hpp"
 
 namespace sidestep::depth_sequence {
 namespace {
@@ -21,7 +22,7 @@ class Kitchen : public ::testing::Test {
     options_.path = kKitchen;
   }
   Options options_;
-  testing::CollectedLog log_;
+  conformance::RecordingLog log_;
   YamlDocumentReader documents_;
 };
 
@@ -40,7 +41,7 @@ TEST_F(Kitchen, EveryFrameIsReadAndTheCameraIsAtEyeHeight) {
     EXPECT_LT(height_m, 1.59);
   }
   EXPECT_EQ(frames, 300);
-  EXPECT_TRUE(log_.lines.empty()) << log_.lines.front();
+  EXPECT_THAT(log_.messages(), ::testing::IsEmpty());
 }
 
 /// world.yaml says where the table stands and how high its top is.

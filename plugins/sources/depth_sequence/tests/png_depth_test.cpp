@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "sequence_testing.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::depth_sequence {
 namespace {
@@ -14,7 +15,7 @@ using ::testing::HasSubstr;
 
 class PngDepth : public ::testing::Test {
  protected:
-  testing::TemporaryFolder folder_{::testing::TempDir()};
+  testing_support::TemporaryFolder folder_;
 };
 
 std::vector<std::uint16_t> noise(int count) {

@@ -7,7 +7,10 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "../depth_sequence.hpp"
+#include "conformance/test_host.hpp"
 #include "sequence_testing.hpp"
+#include "support/read_frames.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::depth_sequence {
 namespace {
@@ -34,27 +37,17 @@ class Tum : public ::testing::Test {
   }
 
   std::vector<Result<Frame>> read_all() {
-    std::vector<Result<Frame>> frames;
-    auto source = create_source(options_, log_, documents_);
+    const auto source = create_source(options_, log_, documents_);
     if (!source) {
-      frames.emplace_back(tl::unexpect, source.error());
-      return frames;
+      std::vector<Result<Frame>> refusal;
+      refusal.emplace_back(tl::unexpect, source.error());
+      return refusal;
     }
-    while (frames.size() < 20) {
-      auto frame = (*source)->next(Deadline());
-      if (!frame) {
-        frames.emplace_back(tl::unexpect, frame.error());
-      } else if (*frame) {
-        frames.emplace_back(std::move(**frame));
-      } else {
-        break;
-      }
-    }
-    return frames;
+    return testing_support::read_frames(**source, 20);
   }
 
-  testing::TemporaryFolder folder_{::testing::TempDir()};
-  testing::CollectedLog log_;
+  testing_support::TemporaryFolder folder_;
+  conformance::RecordingLog log_;
   YamlDocumentReader documents_;
   Options options_;
 };

@@ -11,6 +11,7 @@
 
 #include "lzf.hpp"
 #include "pcd_testing.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::pcd {
 namespace {
@@ -40,7 +41,7 @@ class PcdFile : public ::testing::Test {
     if (text.starts_with(folder)) text.erase(0, folder.size());
     return text;
   }
-  testing::TemporaryFolder folder_;
+  testing_support::TemporaryFolder folder_;
 };
 
 TEST_F(PcdFile, ReadsAsciiAndBinary) {

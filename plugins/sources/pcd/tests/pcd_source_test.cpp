@@ -9,6 +9,8 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "pcd_testing.hpp"
+#include "support/read_frames.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::pcd {
 namespace {
@@ -41,30 +43,19 @@ class PcdSource : public ::testing::Test {
   }
 
   std::vector<Result<Frame>> read_all() {
-    std::vector<Result<Frame>> frames;
-    auto source = create();
+    const auto source = create();
     if (!source) {
       ADD_FAILURE() << source.error().describe();
-      return frames;
+      return {};
     }
-    while (frames.size() < 100) {
-      auto frame = (*source)->next(Deadline());
-      if (!frame) {
-        frames.emplace_back(tl::unexpect, frame.error());
-      } else if (*frame) {
-        frames.emplace_back(std::move(**frame));
-      } else {
-        break;
-      }
-    }
-    return frames;
+    return testing_support::read_frames(**source, 100);
   }
 
   static const Points& points(const Frame& frame) {
     return std::get<PointCloud>(frame.measurement).points_m;
   }
 
-  testing::TemporaryFolder folder_;
+  testing_support::TemporaryFolder folder_;
   Options options_;
 };
 
@@ -234,7 +225,7 @@ class PcdOptions : public ::testing::Test {
     }
     return text;
   }
-  testing::TemporaryFolder folder_;
+  testing_support::TemporaryFolder folder_;
   Options options_;
 };
 

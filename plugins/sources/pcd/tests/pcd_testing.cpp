@@ -1,32 +1,8 @@
 #include "pcd_testing.hpp"
 
-#include <unistd.h>
-
-#include <fstream>
 #include <sstream>
-#include <stdexcept>
-
-#include <gtest/gtest.h>
 
 namespace sidestep::pcd::testing {
-
-TemporaryFolder::TemporaryFolder() {
-  std::string name = ::testing::TempDir() + "/sidestep_pcd_XXXXXX";
-  if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder: " + name);
-  path_ = name;
-}
-
-TemporaryFolder::~TemporaryFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
-
-std::filesystem::path TemporaryFolder::write(const std::string& name,
-                                             const std::string& content) const {
-  const auto file = path_ / name;
-  std::ofstream(file, std::ios::binary) << content;
-  return file;
-}
 
 std::string header(std::size_t points, const std::string& encoding, const std::string& fields,
                    const std::string& viewpoint) {

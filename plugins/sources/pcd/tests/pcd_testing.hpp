@@ -9,21 +9,6 @@
 
 namespace sidestep::pcd::testing {
 
-/// A folder that is removed with this object.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path write(const std::string& name, const std::string& content) const;
-
- private:
-  std::filesystem::path path_;
-};
-
 using Points = std::vector<Eigen::Vector3f>;
 
 /// A header for points with the fields `fields` of four bytes each, x, y and z among them.

@@ -10,11 +10,12 @@ namespace {
 
 /// One VGA frame of the furnished room.
 void render_room(benchmark::State& state, const std::string& noise) {
-  testing::TestHost host(static_cast<int>(std::max(1U, std::thread::hardware_concurrency())));
+  conformance::TestHost host(static_cast<int>(std::max(1U, std::thread::hardware_concurrency())),
+                             testing::host_parts());
   Options options = testing::room_options();
   options.frames = 0;
   options.noise.model = noise;
-  const auto source = create_source(options, host.context());
+  const auto source = create_source(options, host.context(1));
   if (!source) {
     state.SkipWithError(source.error().describe().c_str());
     return;

@@ -20,9 +20,9 @@ class SimulatorPlugin : public ::testing::Test {
     return node ? *node : Node();
   }
 
-  simulator::testing::TestHost parts_{2};
+  conformance::TestHost parts_{2, simulator::testing::host_parts()};
   HostContext context_ = parts_.context();
-  Host host_{{{SIDESTEP_PLUGIN_FOLDER}, {}, {simulator::testing::TestHost::scenes()}, 7},
+  Host host_{{{SIDESTEP_PLUGIN_FOLDER}, {}, {simulator::testing::scenes()}, 7},
              context_.log,
              context_.clock,
              context_.workers,

@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 /// Those of the project's folder, as a list in a sentence.
 std::string names_of_scenes() {
   std::set<std::string> names;
-  for (const auto& file : std::filesystem::directory_iterator(testing::TestHost::scenes())) {
+  for (const auto& file : std::filesystem::directory_iterator(testing::scenes())) {
     if (file.path().extension() == ".yaml") names.insert(file.path().stem());
   }
   std::string text;
@@ -52,7 +52,7 @@ class SimulatorSource : public ::testing::Test {
     return std::get<DepthImage>(frame.measurement).depth_m;
   }
 
-  testing::TestHost host_{2};
+  conformance::TestHost host_{2, testing::host_parts()};
   Options options_;
 };
 
@@ -130,7 +130,7 @@ TEST_F(SimulatorSource, NoiseRepeatsForASeedOnly) {
 }
 
 TEST_F(SimulatorSource, FindsScenesByNameAndByPath) {
-  options_.scene = testing::TestHost::scenes() / "corridor.yaml";
+  options_.scene = testing::scenes() / "corridor.yaml";
   EXPECT_EQ(dynamic_cast<GroundTruth&>(*make()).scene().objects()[1].name, "wall_left");
   options_.scene = "corridor.yaml";
   EXPECT_NE(make(), nullptr);

@@ -1,40 +1,24 @@
 #pragma once
 
-#include <string>
-#include <vector>
+#include <filesystem>
+#include <memory>
 
-#include <sidestep/core/worker_pool.hpp>
-#include <sidestep/plugin/context.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "../options.hpp"
+#include "conformance/test_host.hpp"
 
 namespace sidestep::simulator::testing {
 
-/// A host of the smallest kind, whose scenes are the project's.
-class TestHost {
- public:
-  explicit TestHost(int threads) : workers_(threads) {}
+/// The folder of the project's scenes.
+inline std::filesystem::path scenes() {
+  return std::filesystem::path(SIDESTEP_SOURCE_DIR) / "configs" / "scenes";
+}
 
-  [[nodiscard]] HostContext context(std::uint64_t seed = 1) {
-    return {log_, clock_, workers_, documents_, seed, {}, {scenes()}, nullptr};
-  }
-  static std::filesystem::path scenes() {
-    return std::filesystem::path(SIDESTEP_SOURCE_DIR) / "configs" / "scenes";
-  }
-
- private:
-  struct NoLog final : Log {
-    void write(LogLevel, std::string_view) override {}
-  };
-  struct StoppedClock final : Clock {
-    [[nodiscard]] Stamp now() const noexcept override { return {}; }
-  };
-  NoLog log_;
-  StoppedClock clock_;
-  WorkerPool workers_;
-  YamlDocumentReader documents_;
-};
+/// What a host has that knows the project's scenes.
+inline conformance::TestHostParts host_parts() {
+  return {.scene_paths = {scenes()}, .documents = std::make_shared<YamlDocumentReader>()};
+}
 
 /// A camera that pans over the room from its south end.
 inline Options room_options() {

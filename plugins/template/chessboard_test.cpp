@@ -1,0 +1,58 @@
+// What every field must do, by the suite that is installed with Sidestep, and what this one must.
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/conformance/field_conformance.hpp>
+#include <sidestep/conformance/test_host.hpp>
+#include <sidestep/field/dense_field.hpp>
+
+#include "chessboard_field.hpp"
+
+namespace sidestep::conformance {
+namespace {
+
+constexpr double kMaxDistance_m = 0.4;
+
+FieldCase chessboard_case() {
+  const auto host = std::make_shared<TestHost>();
+  FieldCase field;
+  field.name = "chessboard";
+  field.max_distance_m = kMaxDistance_m;
+  // Along a diagonal of space the chessboard distance is the Euclidean one by the root of 3.
+  field.max_error_m = kMaxDistance_m * (1.0 - 1.0 / std::sqrt(3.0));
+  field.create = [host](WorkerPool& workers) {
+    return std::move(*chessboard::create({kMaxDistance_m}, host->context(workers)));
+  };
+  return field;
+}
+
+INSTANTIATE_TEST_SUITE_P(chessboard, FieldConformance, testing::Values(chessboard_case()));
+
+TEST(Chessboard, IsTheLargestOfTheThreeDifferences) {
+  TestHost host(2);
+  GridMap map({Eigen::Vector3d::Zero(), 0.05, Eigen::Vector3i(20, 18, 17)});
+  const Eigen::Vector3i obstacle(4, 9, 13);
+  map.set(obstacle, true);
+  const auto builder = chessboard::create({kMaxDistance_m}, host.context());
+  ASSERT_TRUE(builder);
+  ASSERT_TRUE((*builder)->attach(map));
+  const auto field = (*builder)->update(map.take_update());
+  ASSERT_TRUE(field) << field.error().describe();
+  const auto& dense = dynamic_cast<const DenseField&>(**field);
+  Eigen::Vector3i voxel;
+  for (voxel.z() = 0; voxel.z() < 17; ++voxel.z()) {
+    for (voxel.y() = 0; voxel.y() < 18; ++voxel.y()) {
+      for (voxel.x() = 0; voxel.x() < 20; ++voxel.x()) {
+        const double truth_m = 0.05 * (voxel - obstacle).cwiseAbs().maxCoeff();
+        ASSERT_NEAR(dense.at(voxel), std::min(truth_m, kMaxDistance_m), 1e-6) << voxel.transpose();
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace sidestep::conformance
