@@ -25,19 +25,23 @@ FieldCase chessboard_case() {
   // Along a diagonal of space the chessboard distance is the Euclidean one by the root of 3.
   field.max_error_m = kMaxDistance_m * (1.0 - 1.0 / std::sqrt(3.0));
   field.create = [host](WorkerPool& workers) {
-    return std::move(*chessboard::create({kMaxDistance_m}, host->context(workers)));
+    return std::move(
+        *chessboard::create({.max_distance_m = kMaxDistance_m}, host->context(workers)));
   };
   return field;
 }
 
 INSTANTIATE_TEST_SUITE_P(chessboard, FieldConformance, testing::Values(chessboard_case()));
 
-TEST(Chessboard, IsTheLargestOfTheThreeDifferences) {
+class Chessboard : public testing::TestWithParam<double> {};
+
+TEST_P(Chessboard, IsTheLargestOfTheThreeDifferencesLessTheInflation) {
   TestHost host(2);
   GridMap map({Eigen::Vector3d::Zero(), 0.05, Eigen::Vector3i(20, 18, 17)});
   const Eigen::Vector3i obstacle(4, 9, 13);
   map.set(obstacle, true);
-  const auto builder = chessboard::create({kMaxDistance_m}, host.context());
+  const auto builder = chessboard::create(
+      {.max_distance_m = kMaxDistance_m, .inflation_m = GetParam()}, host.context());
   ASSERT_TRUE(builder);
   ASSERT_TRUE((*builder)->attach(map));
   const auto field = (*builder)->update(map.take_update());
@@ -47,11 +51,21 @@ TEST(Chessboard, IsTheLargestOfTheThreeDifferences) {
   for (voxel.z() = 0; voxel.z() < 17; ++voxel.z()) {
     for (voxel.y() = 0; voxel.y() < 18; ++voxel.y()) {
       for (voxel.x() = 0; voxel.x() < 20; ++voxel.x()) {
-        const double truth_m = 0.05 * (voxel - obstacle).cwiseAbs().maxCoeff();
-        ASSERT_NEAR(dense.at(voxel), std::min(truth_m, kMaxDistance_m), 1e-6) << voxel.transpose();
+        const double truth_m = 0.05 * (voxel - obstacle).cwiseAbs().maxCoeff() - GetParam();
+        ASSERT_NEAR(dense.at(voxel), std::clamp(truth_m, 0.0, kMaxDistance_m), 1e-6)
+            << voxel.transpose();
       }
     }
   }
+}
+
+INSTANTIATE_TEST_SUITE_P(inflations, Chessboard, testing::Values(0.0, 0.12));
+
+TEST(ChessboardOptions, InflateByLessThanTheyReach) {
+  EXPECT_TRUE(chessboard::Options{}.check().empty());
+  const chessboard::Options wrong{.max_distance_m = 0.3, .inflation_m = 0.4};
+  ASSERT_EQ(wrong.check().size(), 1U);
+  EXPECT_EQ(wrong.check()[0].parameters.at(0), "inflation_m");
 }
 
 }  // namespace
