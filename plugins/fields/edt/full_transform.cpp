@@ -5,6 +5,10 @@
 #include <bit>
 #include <cmath>
 
+#if defined(__SSE2__)
+#include <xmmintrin.h>
+#endif
+
 #include "lanes.hpp"
 
 namespace sidestep::edt {
@@ -19,8 +23,15 @@ constexpr int kLeaf = 4;
 /// Farther than any grid is wide; its square fits 32 bits.
 constexpr int kFar = 1 << 15;
 
-const Lanes32& lanes(const std::uint32_t* tile) { return *reinterpret_cast<const Lanes32*>(tile); }
-Lanes32& lanes(std::uint32_t* tile) { return *reinterpret_cast<Lanes32*>(tile); }
+/// One tile of a row, aligned so that it lies in one line of the cache.
+template <class Value>
+struct alignas(64) TileOf {
+  Value values[kTile];
+};
+using Tile = TileOf<std::uint32_t>;
+
+const Lanes32& lanes(const Tile& tile) { return *reinterpret_cast<const Lanes32*>(tile.values); }
+Lanes32& lanes(Tile& tile) { return *reinterpret_cast<Lanes32*>(tile.values); }
 
 /// A line of rows, one tile wide: those that matter to its envelope, in order. Rows are held as
 /// keys, value << bits | number in this list, whose least is the least value's.
@@ -28,7 +39,7 @@ struct LineKeys {
   LineKeys(int length, std::uint32_t the_cap)
       : bits(index_bits(length)),
         cap(the_cap),
-        keys(static_cast<std::size_t>(length) * kTile),
+        keys(static_cast<std::size_t>(length)),
         positions(static_cast<std::size_t>(length)),
         squares(2 * static_cast<std::size_t>(length) + kLeaf) {
     for (std::size_t i = 0; i < squares.size(); ++i) {
@@ -44,19 +55,16 @@ struct LineKeys {
 
   int bits;
   std::uint32_t cap;
-  std::vector<std::uint32_t> keys;
+  std::vector<Tile> keys;
   std::vector<int> positions;  ///< Of each row on the line.
   std::vector<std::uint32_t> squares;
   int count = 0;
 };
 
-/// Appends a row, if any of its values is below the cap.
 [[gnu::always_inline]] inline void append(LineKeys& rows, int position, const Lanes32& values) {
-  const auto at = static_cast<std::size_t>(rows.count);
-  lanes(rows.keys.data() + at * kTile) =
-      (values << rows.bits) | static_cast<std::uint32_t>(rows.count);
+  const auto at = static_cast<std::size_t>(rows.count++);
+  lanes(rows.keys[at]) = (values << rows.bits) | static_cast<std::uint32_t>(at);
   rows.positions[at] = position;
-  rows.count += any(values < rows.cap) ? 1 : 0;
 }
 
 /// The obstacles next to a tile of a row, on either side.
@@ -95,14 +103,14 @@ void append_scanned(const std::uint64_t* words, int words_per_row, int x, int po
   append(rows, position, square < rows.cap ? square : (Lanes32{} + rows.cap));
 }
 
-/// Appends rows that the pass before has left, `stride` values apart.
+/// Appends rows that the pass before has left, `stride` tiles apart.
 SIDESTEP_WIDE_SIMD_CLONES
-void append_line(const std::uint32_t* values, std::ptrdiff_t stride,
-                 const std::vector<int>& positions, LineKeys& rows) {
+void append_line(const Tile* tiles, std::ptrdiff_t stride, const std::vector<int>& positions,
+                 LineKeys& rows) {
   for (const int position : positions) {
-    const std::uint32_t* row = values + position * stride;
-    __builtin_prefetch(row + kTile);  // the next line's
-    append(rows, position, lanes(row));
+    const Tile* tile = tiles + position * stride;
+    __builtin_prefetch(tile + 1);  // the next line's
+    append(rows, position, lanes(*tile));
   }
 }
 
@@ -119,16 +127,16 @@ struct Numbers {
 
 /// Computes the middle row of a part.
 SIDESTEP_WIDE_SIMD_CLONES
-Numbers solve_middle(const LineKeys& rows, int row, int from, int to, std::uint32_t* out) {
+Numbers solve_middle(const LineKeys& rows, int row, int from, int to, Tile* out) {
   Lanes32 best = ~Lanes32{};
-  const std::uint32_t* keys = rows.keys.data() + from * kTile;
+  const Tile* keys = rows.keys.data() + from;
   const int* positions = rows.positions.data();
-  for (int j = from; j <= to; ++j, keys += kTile) {
-    const Lanes32 via = lanes(keys) + *rows.squares_from(row - positions[j]);
+  for (int j = from; j <= to; ++j, ++keys) {
+    const Lanes32 via = lanes(*keys) + *rows.squares_from(row - positions[j]);
     best = via < best ? via : best;
   }
   const Lanes32 value = best >> rows.bits;
-  lanes(out + row * kTile) = value < rows.cap ? value : (Lanes32{} + rows.cap);
+  lanes(out[row]) = value < rows.cap ? value : (Lanes32{} + rows.cap);
   best &= (std::uint32_t{1} << rows.bits) - 1;
   // Halved until the extremes of all lanes stand in the first.
   Lanes32 least = best;
@@ -143,18 +151,24 @@ Numbers solve_middle(const LineKeys& rows, int row, int from, int to, std::uint3
   other = __builtin_shufflevector(greatest, greatest, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9,
                                   10, 11);
   greatest = other > greatest ? other : greatest;
-  return {static_cast<int>(std::min({least[0], least[1], least[2], least[3]})),
-          static_cast<int>(std::max({greatest[0], greatest[1], greatest[2], greatest[3]}))};
+  other =
+      __builtin_shufflevector(least, least, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13);
+  least = other < least ? other : least;
+  other = __builtin_shufflevector(greatest, greatest, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15,
+                                  12, 13);
+  greatest = other > greatest ? other : greatest;
+  return {static_cast<int>(std::min(least[0], least[1])),
+          static_cast<int>(std::max(greatest[0], greatest[1]))};
 }
 
 /// Computes a part of at most kLeaf rows.
 SIDESTEP_WIDE_SIMD_CLONES
-void solve_leaf(const LineKeys& rows, const Part& part, std::uint32_t* out) {
+void solve_leaf(const LineKeys& rows, const Part& part, Tile* out) {
   Lanes32 best[kLeaf] = {~Lanes32{}, ~Lanes32{}, ~Lanes32{}, ~Lanes32{}};
-  const std::uint32_t* keys = rows.keys.data() + part.from * kTile;
+  const Tile* keys = rows.keys.data() + part.from;
   const int* positions = rows.positions.data();
-  for (int j = part.from; j <= part.to; ++j, keys += kTile) {
-    const Lanes32 key = lanes(keys);
+  for (int j = part.from; j <= part.to; ++j, ++keys) {
+    const Lanes32 key = lanes(*keys);
     const std::uint32_t* squares = rows.squares_from(part.first - positions[j]);
     for (int i = 0; i < kLeaf; ++i) {
       const Lanes32 via = key + squares[i];
@@ -163,12 +177,28 @@ void solve_leaf(const LineKeys& rows, const Part& part, std::uint32_t* out) {
   }
   for (int i = 0; i <= part.last - part.first; ++i) {
     const Lanes32 value = best[i] >> rows.bits;
-    lanes(out + (part.first + i) * kTile) = value < rows.cap ? value : (Lanes32{} + rows.cap);
+    lanes(out[part.first + i]) = value < rows.cap ? value : (Lanes32{} + rows.cap);
   }
 }
 
+/// Writes what is not read again soon without reading the line of the cache before.
+void write_past_cache(const TileOf<float>& tile, float* out) {
+#if defined(__SSE2__)
+  for (int i = 0; i < kTile; i += 4) _mm_stream_ps(out + i, _mm_load_ps(tile.values + i));
+#else
+  std::copy_n(tile.values, kTile, out);
+#endif
+}
+
+/// Such writes become visible with what other threads see of this one from here on.
+void finish_writing_past_cache() {
+#if defined(__SSE2__)
+  _mm_sfence();
+#endif
+}
+
 /// Computes a part into `out`, one tile a row.
-void solve(const LineKeys& rows, const Part& part, std::uint32_t* out) {
+void solve(const LineKeys& rows, const Part& part, Tile* out) {
   if (part.last - part.first < kLeaf) return solve_leaf(rows, part, out);
   const int middle = part.first + (part.last - part.first) / 2;
   const Numbers numbers = solve_middle(rows, middle, part.from, part.to, out);
@@ -184,16 +214,18 @@ struct FullTransform::Workspace {
       : along_y(size.y(), cap),
         along_z(size.z(), cap),
         // Slices a multiple of 4096 bytes apart would compete for the same few cache lines.
-        slice_pitch((static_cast<std::ptrdiff_t>(size.y()) + 1) * kTile),
-        squared(std::make_unique_for_overwrite<std::uint32_t[]>(
-            static_cast<std::size_t>(slice_pitch) * static_cast<std::size_t>(size.z()))),
-        column(static_cast<std::size_t>(size.z()) * kTile) {}
+        slice_pitch(size.y() + 1),
+        squared(std::make_unique_for_overwrite<Tile[]>(static_cast<std::size_t>(slice_pitch) *
+                                                       static_cast<std::size_t>(size.z()))),
+        column(static_cast<std::size_t>(size.z())),
+        column_m(static_cast<std::size_t>(size.z())) {}
 
   LineKeys along_y, along_z;
   std::ptrdiff_t slice_pitch;
-  std::unique_ptr<std::uint32_t[]> squared;  ///< After the pass along y, one tile a row.
-  std::vector<int> slices;                   ///< Those of it that hold anything below the cap.
-  std::vector<std::uint32_t> column;
+  std::unique_ptr<Tile[]> squared;  ///< After the pass along y, one tile a row.
+  std::vector<int> slices;          ///< Those of it in which there is any obstacle.
+  std::vector<Tile> column;
+  std::vector<TileOf<float>> column_m;
 };
 
 bool FullTransform::fits(const Eigen::Vector3i& size_vox, std::uint32_t cap) {
@@ -231,6 +263,7 @@ void FullTransform::update(const VoxelBits& obstacles) {
     for (int tile = next++; tile < tiles; tile = next++) {
       transform_tile(obstacles, tile * kTile, space);
     }
+    finish_writing_past_cache();
   });
 }
 
@@ -254,16 +287,19 @@ void FullTransform::transform_tile(const VoxelBits& obstacles, int x, Workspace&
   for (int y = 0; y < size_.y(); ++y) {
     LineKeys& line = space.along_z;
     line.count = 0;
-    append_line(space.squared.get() + y * kTile, space.slice_pitch, space.slices, line);
+    append_line(space.squared.get() + y, space.slice_pitch, space.slices, line);
     if (line.count == 0) {
-      std::ranges::fill(space.column, cap);
+      for (Tile& tile : space.column) std::ranges::fill(tile.values, cap);
     } else {
       solve(line, {0, size_.z() - 1, 0, line.count - 1}, space.column.data());
     }
+    for (std::size_t i = 0; i < space.column.size(); ++i) {
+      for (int lane = 0; lane < kTile; ++lane) {
+        space.column_m[i].values[lane] = metres_[space.column[i].values[lane]];
+      }
+    }
     for (int z = 0; z < size_.z(); ++z) {
-      const std::uint32_t* squared = space.column.data() + z * kTile;
-      float* out = distances_m_.row(y, z) + x;
-      for (int i = 0; i < kTile; ++i) out[i] = metres_[squared[i]];
+      write_past_cache(space.column_m[static_cast<std::size_t>(z)], distances_m_.row(y, z) + x);
     }
   }
 }

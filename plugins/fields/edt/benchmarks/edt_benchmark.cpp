@@ -64,45 +64,81 @@ BENCHMARK(first)
     ->MeasureProcessCPUTime()
     ->UseRealTime();
 
-/// Every voxel anew, without a limit, into the floats of a grid of `side` x `side` x `height`: 1 of
-/// `kind` the room, 2 obstacles at random, one voxel in a thousand, which leave no row empty and
-/// little to skip.
-void full(benchmark::State& state) {
-  const bool is_room = state.range(0) == 1;
-  GridSpec grid = FurnishedRoom::grid(0.025);
-  grid.size_vox = {static_cast<int>(state.range(1)), static_cast<int>(state.range(1)),
-                   static_cast<int>(state.range(2))};
-  GridMap map(grid);
-  WorkerPool workers(static_cast<int>(state.range(3)));
-  if (is_room) {
-    FurnishedRoom::furnish(map);
-  } else {
-    std::mt19937 random(4);
-    for (std::size_t i = 0; i < grid.voxel_count() / 1000; ++i) {
-      Eigen::Vector3i voxel;
-      for (int axis = 0; axis < 3; ++axis) {
-        voxel[axis] = std::uniform_int_distribution<int>(0, grid.size_vox[axis] - 1)(random);
-      }
-      map.set(voxel, true);
-    }
-  }
+/// Every voxel anew, without a limit, into floats.
+void transform_all(benchmark::State& state, const GridSpec& grid, const VoxelBits& obstacles,
+                   int threads) {
+  WorkerPool workers(threads);
   std::vector<float> metres(static_cast<std::size_t>(grid.size_vox.squaredNorm()) + 1);
   for (std::size_t d2 = 0; d2 < metres.size(); ++d2) {
     metres[d2] = static_cast<float>(grid.resolution_m * std::sqrt(static_cast<double>(d2)));
   }
   edt::FullTransform transform(grid.size_vox, metres, workers);
+  transform.update(obstacles);  // touches its memory
   for (auto _ : state) {
-    transform.update(map.occupied());
+    transform.update(obstacles);
     benchmark::DoNotOptimize(transform.row(0, 0));
     benchmark::ClobberMemory();
   }
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(grid.voxel_count()));
 }
-BENCHMARK(full)
-    ->ArgNames({"kind", "side", "height", "threads"})
-    ->ArgsProduct({{1, 2}, {320}, {128}, {1, 2}})
-    ->Args({1, 704, 128, 2})
-    ->Args({1, 1024, 256, 2})
+
+/// The room in a grid of `side` x `side` x `height`.
+void full_room(benchmark::State& state) {
+  GridSpec grid = FurnishedRoom::grid(0.025);
+  grid.size_vox = {static_cast<int>(state.range(0)), static_cast<int>(state.range(0)),
+                   static_cast<int>(state.range(1))};
+  GridMap map(grid);
+  FurnishedRoom::furnish(map);
+  transform_all(state, grid, map.occupied(), static_cast<int>(state.range(2)));
+}
+BENCHMARK(full_room)
+    ->ArgNames({"side", "height", "threads"})
+    ->Args({320, 128, 1})
+    ->Args({320, 128, 2})
+    ->Args({704, 128, 2})
+    ->Args({1024, 256, 2})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+
+/// One voxel in `one_in` is an obstacle, anywhere: no row or slice to skip, and neighbours whose
+/// nearest obstacles lie far apart.
+void full_scattered(benchmark::State& state) {
+  const GridSpec grid = FurnishedRoom::grid(0.025);
+  GridMap map(grid);
+  std::mt19937 random(4);
+  for (std::size_t i = 0; i < grid.voxel_count() / static_cast<std::size_t>(state.range(0)); ++i) {
+    Eigen::Vector3i voxel;
+    for (int axis = 0; axis < 3; ++axis) {
+      voxel[axis] = std::uniform_int_distribution<int>(0, grid.size_vox[axis] - 1)(random);
+    }
+    map.set(voxel, true);
+  }
+  transform_all(state, grid, map.occupied(), 2);
+}
+BENCHMARK(full_scattered)
+    ->ArgName("one_in")
+    ->RangeMultiplier(10)
+    ->Range(10, 1000000)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+
+/// The recorded kitchen, after all its frames.
+void full_kitchen(benchmark::State& state) {
+  const testing_support::KinectKitchen recording(SIDESTEP_SHARED_DATA);
+  if (!recording.present()) return state.SkipWithError("the recorded kitchen is not there");
+  conformance::TestHost host(2);
+  voxel_grid::VoxelGridOptions mapping;
+  mapping.origin_m = {-2.0, -4.0, -0.1};
+  voxel_grid::VoxelGrid map(mapping, host.context());
+  for (int i = 0; i < 300; ++i) (void)map.integrate(recording.frame(i).value());
+  transform_all(state, map.grid(), map.occupied(), static_cast<int>(state.range(0)));
+}
+BENCHMARK(full_kitchen)
+    ->ArgName("threads")
+    ->Arg(1)
+    ->Arg(2)
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime()
     ->UseRealTime();
