@@ -75,7 +75,12 @@ std::vector<OptionMistake> check_camera_path(const std::vector<CameraWaypoint>& 
 }
 
 Transform CameraPath::T_world_camera(double time_s) const {
-  time_s = std::clamp(time_s, waypoints_.front().time_s, waypoints_.back().time_s);
+  const double first_s = waypoints_.front().time_s;
+  const double last_s = waypoints_.back().time_s;
+  if (repeats_ && time_s > last_s && last_s > first_s) {
+    time_s = first_s + std::fmod(time_s - first_s, last_s - first_s);
+  }
+  time_s = std::clamp(time_s, first_s, last_s);
   const auto after = std::ranges::upper_bound(waypoints_, time_s, {}, &CameraWaypoint::time_s);
   const auto from = static_cast<std::size_t>(after - waypoints_.begin()) - 1;
   const bool at_end = from + 1 == waypoints_.size();

@@ -22,16 +22,19 @@ namespace sidestep::simulator {
 
 /// A camera's motion: position and look-at point on cubic Hermite splines whose velocity at a
 /// waypoint is that from its predecessor to its successor and zero at both ends; orientations
-/// given as angles by slerp. At rest before the first waypoint and after the last.
+/// given as angles by slerp. At rest before the first waypoint; after the last one at rest, or,
+/// where the path repeats, at the first again.
 class CameraPath {
  public:
   /// check_camera_path() must find nothing wrong with the waypoints.
-  explicit CameraPath(std::vector<CameraWaypoint> waypoints) : waypoints_(std::move(waypoints)) {}
+  explicit CameraPath(std::vector<CameraWaypoint> waypoints, bool repeats = false)
+      : waypoints_(std::move(waypoints)), repeats_(repeats) {}
 
   [[nodiscard]] Transform T_world_camera(double time_s) const;
 
  private:
   std::vector<CameraWaypoint> waypoints_;
+  bool repeats_;
 };
 
 }  // namespace sidestep::simulator

@@ -102,6 +102,7 @@ struct Options {
   double range_max_m = 5.0;
   CameraOptions camera;
   std::vector<CameraWaypoint> camera_path;
+  bool camera_path_repeats = false;
   NoiseOptions noise;
 
   static Fields<Options> fields() {
@@ -117,6 +118,8 @@ struct Options {
         .add("camera", &O::camera, "Intrinsics of the camera.")
         .add("camera_path", &O::camera_path, "At least one waypoint, rested at before and after.",
              {.required = true})
+        .add("camera_path_repeats", &O::camera_path_repeats,
+             "Whether the camera begins anew with the first waypoint when it reaches the last.")
         .add("noise", &O::noise, "How measurements differ from the truth.");
   }
   [[nodiscard]] std::vector<OptionMistake> check() const;

@@ -84,7 +84,8 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, const Host
   auto scene = load_scene(options.scene, context.scene_paths, context.documents);
   if (!scene) return tl::make_unexpected(scene.error());
   return std::unique_ptr<Source>(std::make_unique<Simulator>(
-      options, std::move(*scene), CameraPath(options.camera_path), context.workers, context.seed));
+      options, std::move(*scene), CameraPath(options.camera_path, options.camera_path_repeats),
+      context.workers, context.seed));
 }
 
 }  // namespace sidestep::simulator

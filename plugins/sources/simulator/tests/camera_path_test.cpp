@@ -83,6 +83,22 @@ TEST(CameraPath, TurnsBetweenGivenAngles) {
   EXPECT_TRUE(path.T_world_camera(0).isApprox(look_at({0, 0, 1}, {5, 0, 1}), 1e-12));
 }
 
+TEST(CameraPath, BeginsAnewWhereItRepeats) {
+  const std::vector<CameraWaypoint> waypoints = {looking(1, {0, 0, 1}, {1, 0, 1}),
+                                                 looking(2, {1, 1, 1}, {2, 3, 1}),
+                                                 looking(4, {0, 0, 1}, {1, 0, 1})};
+  const CameraPath once(waypoints);
+  const CameraPath again(waypoints, true);
+  for (const double time_s : {0.0, 1.0, 1.7, 3.3}) {
+    EXPECT_TRUE(again.T_world_camera(time_s).isApprox(once.T_world_camera(time_s))) << time_s;
+    if (time_s < 1.0) continue;
+    for (const double later_s : {3.0, 30.0}) {
+      EXPECT_TRUE(again.T_world_camera(time_s + later_s).isApprox(once.T_world_camera(time_s)))
+          << time_s + later_s;
+    }
+  }
+}
+
 TEST(CameraPath, NamesTheWaypointThatIsWrong) {
   const auto error_of = [](const std::vector<CameraWaypoint>& waypoints) {
     std::string text;
