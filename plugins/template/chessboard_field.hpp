@@ -12,8 +12,8 @@ struct Options {
   double max_distance_m = 0.8;
   double inflation_m = 0.0;
 
-  static sidestep::Fields<Options> fields() {
-    return sidestep::Fields<Options>()
+  static sidestep::Parameters<Options> parameters() {
+    return sidestep::Parameters<Options>()
         .add("max_distance_m", &Options::max_distance_m, "Distances are cut off here.",
              {.unit = "m", .min = 0.01})
         .add("inflation_m", &Options::inflation_m, "Obstacles count as this much larger.",

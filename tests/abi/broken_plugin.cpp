@@ -24,13 +24,13 @@ std::string fault() {
 
 struct Options {
   double size_m = 1.0;
-  static Fields<Options> fields() {
-    return Fields<Options>().add("size_m", &Options::size_m, "Not used.", {.unit = "m"});
+  static Parameters<Options> parameters() {
+    return Parameters<Options>().add("size_m", &Options::size_m, "Not used.", {.unit = "m"});
   }
 };
 
 const Schema& schema() {
-  static const Schema schema = Options::fields().schema();
+  static const Schema schema = Options::parameters().schema();
   return schema;
 }
 

@@ -31,9 +31,9 @@ using Kind = Source;
 struct Options {
   std::string throws_in;
   Node scene, frames, camera, camera_path;
-  static Fields<Options> fields() {
+  static Parameters<Options> parameters() {
     using O = Options;
-    return Fields<O>()
+    return Parameters<O>()
         .add("throws_in", &O::throws_in, "Method.")
         .add("scene", &O::scene, "Not used.")
         .add("frames", &O::frames, "Not used.")
@@ -80,8 +80,8 @@ using Kind = Mapper;
 
 struct Options : MapOptions {
   std::string throws_in;
-  static Fields<Options> fields() {
-    return declare_grid(Fields<Options>()).add("throws_in", &Options::throws_in, "Method.");
+  static Parameters<Options> parameters() {
+    return declare_grid(Parameters<Options>()).add("throws_in", &Options::throws_in, "Method.");
   }
 };
 
@@ -123,8 +123,8 @@ using Kind = FieldBuilder;
 struct Options {
   std::string throws_in;
   std::string unknown;
-  static Fields<Options> fields() {
-    return Fields<Options>()
+  static Parameters<Options> parameters() {
+    return Parameters<Options>()
         .add("throws_in", &Options::throws_in, "Method.")
         .add("unknown", &Options::unknown, "Not used.");
   }
@@ -157,8 +157,8 @@ using Kind = RobotModel;
 
 struct Options {
   std::string throws_in;
-  static Fields<Options> fields() {
-    return Fields<Options>().add("throws_in", &Options::throws_in, "Method.");
+  static Parameters<Options> parameters() {
+    return Parameters<Options>().add("throws_in", &Options::throws_in, "Method.");
   }
 };
 
@@ -224,8 +224,8 @@ using Kind = Optimiser;
 
 struct Options {
   std::string throws_in;
-  static Fields<Options> fields() {
-    return Fields<Options>().add("throws_in", &Options::throws_in, "Method.");
+  static Parameters<Options> parameters() {
+    return Parameters<Options>().add("throws_in", &Options::throws_in, "Method.");
   }
 };
 

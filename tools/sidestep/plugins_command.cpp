@@ -27,7 +27,7 @@ Json to_json(const Schema& schema) {
     if (std::isfinite(parameter.max)) json["max"] = parameter.max;
     if (!parameter.choices.empty()) json["choices"] = parameter.choices;
     if (parameter.size) json["size"] = *parameter.size;
-    if (!parameter.fields.empty()) json["fields"] = to_json(parameter.fields);
+    if (!parameter.parameters.empty()) json["parameters"] = to_json(parameter.parameters);
     list.push_back(std::move(json));
   }
   return list;
@@ -45,7 +45,7 @@ void print_parameters(const Schema& schema, int indent) {
     std::printf("%*s%s: %s\n", indent, "", parameter.name.c_str(),
                 parameter_summary(parameter).c_str());
     std::printf("%*s%s\n", indent + 4, "", parameter.doc.c_str());
-    print_parameters(parameter.fields, indent + 4);
+    print_parameters(parameter.parameters, indent + 4);
   }
 }
 

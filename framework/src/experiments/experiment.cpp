@@ -27,8 +27,8 @@ constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper
 /// The schema of a top-level block that is neither a plugin's nor the experiment's; nothing for
 /// other names.
 std::optional<Schema> settings_schema(std::string_view block) {
-  if (block == "planning") return PlanningSettings::fields().schema();
-  if (block == "check") return CheckSettings::fields().schema();
+  if (block == "planning") return PlanningSettings::parameters().schema();
+  if (block == "check") return CheckSettings::parameters().schema();
   return std::nullopt;
 }
 

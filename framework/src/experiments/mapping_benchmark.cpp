@@ -99,7 +99,7 @@ Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
   const Node& source = *context.configuration.root.find("source");
   std::vector<Error> errors;
   MappingBenchmarkSettings settings;
-  MappingBenchmarkSettings::fields().read(experiment, settings, errors);
+  MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
   const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   auto robot = make_robot(context);
@@ -139,7 +139,7 @@ Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
 ExperimentType mapping_benchmark_experiment() {
   return {"mapping_benchmark",
           "Systems of mapper and field on the same frames: time, accuracy, memory",
-          [] { return MappingBenchmarkSettings::fields().schema(); },
+          [] { return MappingBenchmarkSettings::parameters().schema(); },
           {"source"},
           &check_mapping_benchmark,
           &run_mapping_benchmark,

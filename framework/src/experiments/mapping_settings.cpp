@@ -232,10 +232,10 @@ void add_cases(const Given& given, const SystemEntry& system, Host& host,
 
 std::vector<SystemCase> read_cases(const Node& experiment, Host& host, std::vector<Error>& errors) {
   std::vector<Error> unfit;
-  check_against_schema(experiment, MappingBenchmarkSettings::fields().schema(), {}, unfit);
+  check_against_schema(experiment, MappingBenchmarkSettings::parameters().schema(), {}, unfit);
   if (!unfit.empty()) return {};  // its schema told
   Given given{experiment, {}};
-  MappingBenchmarkSettings::fields().read(experiment, given.settings, errors);
+  MappingBenchmarkSettings::parameters().read(experiment, given.settings, errors);
   check_resolutions(experiment, given.settings, errors);
   check_published(experiment, given.settings, errors);
   const Node& list = *experiment.find("systems");
@@ -281,9 +281,9 @@ void fill_plugin_defaults(Node& experiment, Host& host) {
   }
 }
 
-Fields<SystemEntry> SystemEntry::fields() {
+Parameters<SystemEntry> SystemEntry::parameters() {
   using S = SystemEntry;
-  return Fields<S>()
+  return Parameters<S>()
       .add("name", &S::name, "Name of the system in results.", {.required = true})
       .add("mapper", &S::mapper,
            "A mapper's plugin and parameters, without resolution_m, size_vox and origin_m.",
@@ -295,9 +295,9 @@ Fields<SystemEntry> SystemEntry::fields() {
       .add("published", &S::published, "Name of the entry of `published` to compare with.");
 }
 
-Fields<PublishedEntry> PublishedEntry::fields() {
+Parameters<PublishedEntry> PublishedEntry::parameters() {
   using P = PublishedEntry;
-  return Fields<P>()
+  return Parameters<P>()
       .add("name", &P::name, "What systems call it.", {.required = true})
       .add("signed", &P::is_signed, "Whether the figures are those of a signed field.",
            {.required = true})
@@ -307,9 +307,9 @@ Fields<PublishedEntry> PublishedEntry::fields() {
            {.unit = "ms", .min = 0.0, .required = true});
 }
 
-Fields<TruthSettings> TruthSettings::fields() {
+Parameters<TruthSettings> TruthSettings::parameters() {
   using T = TruthSettings;
-  return Fields<T>()
+  return Parameters<T>()
       .add("measure", &T::measure, "Whether maps are held against the scene, where it is known.")
       .add("pixel_stride", &T::pixel_stride,
            "Every n-th pixel of every n-th row tells which surfaces were seen.",
@@ -321,9 +321,9 @@ Fields<TruthSettings> TruthSettings::fields() {
            {.unit = "m", .min = 0.1});
 }
 
-Fields<ExpectSettings> ExpectSettings::fields() {
+Parameters<ExpectSettings> ExpectSettings::parameters() {
   using E = ExpectSettings;
-  return Fields<E>()
+  return Parameters<E>()
       .add("max_error_m", &E::max_error_m, "Largest error of a field.", {.unit = "m", .min = 0.0})
       .add("collision_recall", &E::collision_recall, "Least collision recall.",
            {.min = 0.0, .max = 1.0})
@@ -336,9 +336,9 @@ Fields<ExpectSettings> ExpectSettings::fields() {
            "Most voxels, seen through, that are still occupied at the end.", {.min = 0.0});
 }
 
-Fields<MappingBenchmarkSettings> MappingBenchmarkSettings::fields() {
+Parameters<MappingBenchmarkSettings> MappingBenchmarkSettings::parameters() {
   using S = MappingBenchmarkSettings;
-  return Fields<S>()
+  return Parameters<S>()
       .add("type", &S::type, "Type of the experiment.", {.required = true})
       .add("seed", &S::seed, "Seed of everything random in the run.", {.min = 0})
       .add("threads", &S::threads, "Threads to work with; 0 for one per core.",

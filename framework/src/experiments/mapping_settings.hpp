@@ -7,7 +7,7 @@
 #include <vector>
 
 #include <sidestep/geometry/grid.hpp>
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
 
@@ -21,7 +21,7 @@ struct SystemEntry {
   Node is_signed;  ///< true, false or a list of both; nothing: as the field is by itself.
   std::string published;
 
-  static Fields<SystemEntry> fields();
+  static Parameters<SystemEntry> parameters();
 };
 
 /// One entry of `experiment.published`: what somebody printed of a system.
@@ -31,7 +31,7 @@ struct PublishedEntry {
   std::vector<double> resolutions_m;
   std::vector<double> frame_ms;
 
-  static Fields<PublishedEntry> fields();
+  static Parameters<PublishedEntry> parameters();
 };
 
 /// `experiment.truth`: how maps are held against the true scene.
@@ -41,7 +41,7 @@ struct TruthSettings {
   double min_z_m = 0.1;
   double max_range_m = 4.5;
 
-  static Fields<TruthSettings> fields();
+  static Parameters<TruthSettings> parameters();
 };
 
 /// `experiment.expect`: what every system must reach for the run to be a success.
@@ -52,7 +52,7 @@ struct ExpectSettings {
   std::optional<double> gone_frames;
   std::optional<double> ghost_vox;
 
-  static Fields<ExpectSettings> fields();
+  static Parameters<ExpectSettings> parameters();
 };
 
 /// The `experiment` block of a mapping benchmark.
@@ -76,7 +76,7 @@ struct MappingBenchmarkSettings {
   TruthSettings truth;
   ExpectSettings expect;
 
-  static Fields<MappingBenchmarkSettings> fields();
+  static Parameters<MappingBenchmarkSettings> parameters();
 
   [[nodiscard]] bool on_every_frame() const { return clock != "real_time"; }
   [[nodiscard]] bool in_real_time() const { return clock != "every_frame"; }

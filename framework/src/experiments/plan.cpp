@@ -30,7 +30,7 @@ template <class Settings>
 Settings read_block(const Configuration& configuration, std::string_view name,
                     std::vector<Error>& errors) {
   Settings settings;
-  Settings::fields().read(block_of(configuration, name), settings, errors);
+  Settings::parameters().read(block_of(configuration, name), settings, errors);
   return settings;
 }
 
@@ -262,16 +262,16 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
 
 }  // namespace
 
-Fields<PlanEntry> PlanEntry::fields() {
-  return Fields<PlanEntry>()
+Parameters<PlanEntry> PlanEntry::parameters() {
+  return Parameters<PlanEntry>()
       .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
       .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
       .add("goal", &PlanEntry::goal, "Where the robot is to be.", {.required = true});
 }
 
-Fields<PlanExperimentSettings> PlanExperimentSettings::fields() {
+Parameters<PlanExperimentSettings> PlanExperimentSettings::parameters() {
   using S = PlanExperimentSettings;
-  return Fields<S>()
+  return Parameters<S>()
       .add("type", &S::type, "Type of the experiment.", {.required = true})
       .add("seed", &S::seed, "Seed of everything random in the run.", {.min = 0})
       .add("threads", &S::threads, "Threads to work with; 0 for one per core.",
@@ -289,7 +289,7 @@ Fields<PlanExperimentSettings> PlanExperimentSettings::fields() {
 ExperimentType plan_experiment() {
   return {"plan",
           "A map from a source, and one or more plans through it",
-          [] { return PlanExperimentSettings::fields().schema(); },
+          [] { return PlanExperimentSettings::parameters().schema(); },
           {"robot", "source", "mapper", "field", "optimiser", "planning"},
           &check_plans,
           &run_plan};

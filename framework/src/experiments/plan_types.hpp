@@ -19,7 +19,7 @@ struct PlanEntry {
   RobotStateEntry start;
   RobotStateEntry goal;
 
-  static Fields<PlanEntry> fields();
+  static Parameters<PlanEntry> parameters();
 };
 
 /// The `experiment` block of a plan experiment.
@@ -32,7 +32,7 @@ struct PlanExperimentSettings {
   std::vector<double> slice_heights_m;
   std::vector<PlanEntry> plans;
 
-  static Fields<PlanExperimentSettings> fields();
+  static Parameters<PlanExperimentSettings> parameters();
 };
 
 /// What mapping came to.

@@ -102,10 +102,10 @@ void check_limits(const RobotDescription& robot, const PartialState& state,
 
 }  // namespace
 
-Fields<PlanningSettings> PlanningSettings::fields() {
+Parameters<PlanningSettings> PlanningSettings::parameters() {
   using S = PlanningSettings;
-  const FieldOptions space{.required = true, .choices = {"free", "occupied"}};
-  return Fields<S>()
+  const ParameterOptions space{.required = true, .choices = {"free", "occupied"}};
+  return Parameters<S>()
       .add("unknown", &S::unknown, "What space that no frame has seen counts as.", space)
       .add("outside", &S::outside, "What space outside the map counts as.", space)
       .add("dt_s", &S::dt_s, "Time between support states.",
@@ -157,9 +157,9 @@ SpacePolicy PlanningSettings::space() const {
   return {space(unknown), space(outside)};
 }
 
-Fields<CheckSettings> CheckSettings::fields() {
+Parameters<CheckSettings> CheckSettings::parameters() {
   using S = CheckSettings;
-  return Fields<S>()
+  return Parameters<S>()
       .add("margin_m", &S::margin_m, "Clearance that the robot's spheres must keep in the field.",
            {.unit = "m", .min = 0.0, .max = 10.0})
       .add("max_step_m", &S::max_step_m, "First spacing of checks in the field, as sphere motion.",
@@ -176,9 +176,9 @@ Fields<CheckSettings> CheckSettings::fields() {
            "stands on; where the scene is not known they say nothing.");
 }
 
-Fields<AllowedContactEntry> AllowedContactEntry::fields() {
+Parameters<AllowedContactEntry> AllowedContactEntry::parameters() {
   using E = AllowedContactEntry;
-  return Fields<E>()
+  return Parameters<E>()
       .add("link", static_cast<std::string E::*>(&AllowedContact::link), "A link of the robot.",
            {.required = true})
       .add("object", static_cast<std::string E::*>(&AllowedContact::object),
@@ -209,9 +209,9 @@ void check_allowed_contacts(const Node& check, const RobotDescription& robot, co
   }
 }
 
-Fields<RobotStateEntry> RobotStateEntry::fields() {
+Parameters<RobotStateEntry> RobotStateEntry::parameters() {
   using S = RobotStateEntry;
-  return Fields<S>()
+  return Parameters<S>()
       .add("pose", &S::pose, "A named pose of the robot.")
       .add("joints", &S::joints,
            "Positions by joint name (m, rad): what the pose leaves open, or overrides of it.");

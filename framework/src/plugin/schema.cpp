@@ -1,4 +1,4 @@
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 #include <algorithm>
 #include <charconv>
@@ -135,7 +135,7 @@ class Checker {
         if (!node.is_map()) {
           complain(node, path, "expected a map, found " + node.kind());
         } else {
-          check_map(node, parameter.fields, path + ".", {});
+          check_map(node, parameter.parameters, path + ".", {});
         }
         return;
     }

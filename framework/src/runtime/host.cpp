@@ -26,7 +26,7 @@ Node default_node(const Parameter& parameter) {
   const SourceMark mark{"default", 0, 0};
   if (parameter.type == ParameterType::kObject) {
     Node::Map map;
-    for (const Parameter& field : parameter.fields) {
+    for (const Parameter& field : parameter.parameters) {
       if (!field.required) map.push_back({field.name, mark, default_node(field)});
     }
     return Node(std::move(map), mark);
@@ -67,9 +67,9 @@ Node fill_defaults(const Node& map, const Schema& schema) {
         filled.entries().push_back({parameter.name, {"default", 0, 0}, std::move(fallback)});
       }
     } else if (parameter.type == ParameterType::kObject) {
-      *value = fill_defaults(*value, parameter.fields);
+      *value = fill_defaults(*value, parameter.parameters);
     } else if (parameter.type == ParameterType::kObjects && value->is_list()) {
-      for (Node& item : value->items()) item = fill_defaults(item, parameter.fields);
+      for (Node& item : value->items()) item = fill_defaults(item, parameter.parameters);
     }
   }
   return filled;

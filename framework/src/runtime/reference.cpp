@@ -23,7 +23,7 @@ void write_rows(std::ostringstream& out, const Schema& schema, const std::string
     const std::string name = prefix + parameter.name;
     out << "| `" << name << "` | " << cell(parameter_summary(parameter)) << " | "
         << cell(parameter.doc) << " |\n";
-    write_rows(out, parameter.fields,
+    write_rows(out, parameter.parameters,
                name + (parameter.type == ParameterType::kObjects ? "[]." : "."));
   }
 }
@@ -59,8 +59,8 @@ Json schema_of(const Parameter& parameter) {
     case ParameterType::kDoubles: json = list(scalar("number")); break;
     case ParameterType::kInts: json = list(scalar("integer")); break;
     case ParameterType::kStrings: json = list({{"type", "string"}}); break;
-    case ParameterType::kObject: json = schema_of_map(parameter.fields); break;
-    case ParameterType::kObjects: json = list(schema_of_map(parameter.fields)); break;
+    case ParameterType::kObject: json = schema_of_map(parameter.parameters); break;
+    case ParameterType::kObjects: json = list(schema_of_map(parameter.parameters)); break;
     case ParameterType::kNode: break;
   }
   json["description"] =

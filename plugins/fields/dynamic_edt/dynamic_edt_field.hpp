@@ -5,7 +5,7 @@
 
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep::dynamic_edt {
 
@@ -13,8 +13,8 @@ struct Options {
   double max_distance_m = 0.8;
   std::string unknown;
 
-  static Fields<Options> fields() {
-    return Fields<Options>()
+  static Parameters<Options> parameters() {
+    return Parameters<Options>()
         .add("max_distance_m", &Options::max_distance_m, "Distances are cut off here.",
              {.unit = "m", .min = 0.01, .max = 10.0})
         .add("unknown", &Options::unknown, "What voxels that were never observed count as.",

@@ -5,7 +5,7 @@
 
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep::edt {
 
@@ -14,8 +14,8 @@ struct Options {
   double max_distance_m = 0.8;
   std::string unknown;
 
-  static Fields<Options> fields() {
-    return Fields<Options>()
+  static Parameters<Options> parameters() {
+    return Parameters<Options>()
         .add("signed", &Options::is_signed,
              "Negative inside obstacles: the transform of the occupancy minus that of its inverse.")
         .add("max_distance_m", &Options::max_distance_m,

@@ -5,7 +5,7 @@
 
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep::esdf {
 
@@ -17,8 +17,8 @@ struct Options {
   double fixed_band_vox = 2.0;
   double min_change_m = 0.001;
 
-  static Fields<Options> fields() {
-    return Fields<Options>()
+  static Parameters<Options> parameters() {
+    return Parameters<Options>()
         .add("signed", &Options::is_signed, "Negative inside obstacles, else 0 there.")
         .add("max_distance_m", &Options::max_distance_m, "Distances are cut off here.",
              {.unit = "m", .min = 0.01, .max = 10.0})

@@ -61,10 +61,10 @@ void check_model(const OctomapOptions& options, Mistakes& mistakes) {
 
 }  // namespace
 
-Fields<OctomapOptions> OctomapOptions::fields() {
+Parameters<OctomapOptions> OctomapOptions::parameters() {
   using O = OctomapOptions;
   return declare_measurement(std::move(
-      declare_grid(Fields<O>())
+      declare_grid(Parameters<O>())
           .add("prob_hit", &O::prob_hit, "Probability of occupancy given a hit.",
                {.min = 0.5, .max = 1.0})
           .add("prob_miss", &O::prob_miss, "Probability of occupancy given a ray passing through.",

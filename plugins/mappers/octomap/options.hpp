@@ -20,7 +20,7 @@ struct OctomapOptions : MapOptions {
   double clamp_max = 0.971;
   double occupied_at = 0.5;
 
-  static Fields<OctomapOptions> fields();
+  static Parameters<OctomapOptions> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 

@@ -2,10 +2,10 @@
 
 namespace sidestep::tsdf {
 
-Fields<TsdfOptions> TsdfOptions::fields() {
+Parameters<TsdfOptions> TsdfOptions::parameters() {
   using O = TsdfOptions;
   return declare_measurement(std::move(
-      declare_grid(Fields<O>())
+      declare_grid(Parameters<O>())
           .add("integrator", &O::integrator,
                "simple: a ray for each point; merged: one for all points of a voxel; fast: rays "
                "that "

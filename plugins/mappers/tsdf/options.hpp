@@ -18,7 +18,7 @@ struct TsdfOptions : MapOptions {
   int start_cells_per_voxel = 2;
   int max_consecutive_collisions = 2;
 
-  static Fields<TsdfOptions> fields();
+  static Parameters<TsdfOptions> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 

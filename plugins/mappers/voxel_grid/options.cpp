@@ -9,10 +9,10 @@ std::string text(double value) { return detail::number_text(value); }
 
 }  // namespace
 
-Fields<VoxelGridOptions> VoxelGridOptions::fields() {
+Parameters<VoxelGridOptions> VoxelGridOptions::parameters() {
   using O = VoxelGridOptions;
   return declare_measurement(std::move(
-      declare_grid(Fields<O>())
+      declare_grid(Parameters<O>())
           .add("l_hit", &O::l_hit, "Log-odds that a hit adds, in steps of 0.001.",
                {.min = 0.001, .max = LogOdds::kLargest})
           .add("l_miss", &O::l_miss, "Log-odds that a ray passing through adds; negative.",

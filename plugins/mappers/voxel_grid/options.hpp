@@ -19,7 +19,7 @@ struct VoxelGridOptions : MapOptions {
   bool sliding_window = false;
   double fade_half_life_s = 0.0;
 
-  static Fields<VoxelGridOptions> fields();
+  static Parameters<VoxelGridOptions> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 

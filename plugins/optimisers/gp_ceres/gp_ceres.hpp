@@ -3,7 +3,7 @@
 #include <memory>
 
 #include <sidestep/planning/optimiser.hpp>
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep {
 
@@ -14,7 +14,7 @@ struct GpCeresSettings {
   int max_iterations = 100;          ///< Steps tried, accepted or not.
   double initial_damping = 0.01;     ///< Lambda of the first step: (H + lambda I) dx = -g.
 
-  static Fields<GpCeresSettings> fields();
+  static Parameters<GpCeresSettings> parameters();
 };
 
 /// GPMP2's problem on Ceres: see README.md.

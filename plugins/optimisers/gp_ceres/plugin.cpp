@@ -6,8 +6,8 @@
 
 namespace sidestep {
 
-Fields<GpCeresSettings> GpCeresSettings::fields() {
-  return Fields<GpCeresSettings>()
+Parameters<GpCeresSettings> GpCeresSettings::parameters() {
+  return Parameters<GpCeresSettings>()
       .add("relative_tolerance", &GpCeresSettings::relative_tolerance,
            "Stop when an accepted step lowers the cost by less than this share of it.",
            {.min = 0.0, .max = 1.0})

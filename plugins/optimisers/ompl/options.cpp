@@ -2,8 +2,8 @@
 
 namespace sidestep::ompl_optimiser {
 
-Fields<Options> Options::fields() {
-  return Fields<Options>()
+Parameters<Options> Options::parameters() {
+  return Parameters<Options>()
       .add("planner", &Options::planner, "The planner of OMPL that searches.",
            {.choices = {"RRTConnect", "RRTstar", "BITstar", "PRM"}})
       .add("max_time_s", &Options::max_time_s,

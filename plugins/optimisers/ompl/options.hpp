@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep::ompl_optimiser {
 
@@ -15,7 +15,7 @@ struct Options {
   double resolution_m = 0.005;
   bool simplify = true;
 
-  static Fields<Options> fields();
+  static Parameters<Options> parameters();
 };
 
 }  // namespace sidestep::ompl_optimiser

@@ -15,8 +15,8 @@ struct Options {
   double max_velocity_mps = 1.0;
   std::optional<double> max_acceleration_mps2;
 
-  static Fields<Options> fields() {
-    return Fields<Options>()
+  static Parameters<Options> parameters() {
+    return Parameters<Options>()
         .add("radius_m", &Options::radius_m, "Radius of the ball.", {.unit = "m", .min = 1e-6})
         .add("height_m", &Options::height_m, "Height of its centre above z = 0.", {.unit = "m"})
         .add("lower_m", &Options::lower_m, "Lowest x and y.", {.unit = "m"})

@@ -53,7 +53,7 @@ void JointTable::read_limits() {
     errors_.push_back(
         node.error("'joint_limits' is a map from joints to limits, found " + node.kind()));
   }
-  const Fields<JointLimitOptions> fields = JointLimitOptions::fields();
+  const Parameters<JointLimitOptions> fields = JointLimitOptions::parameters();
   for (const Node::Entry& entry : node.entries()) {
     const UrdfJoint* joint = model_.find_joint(entry.key);
     const Node key(Node::Scalar{entry.key, false}, entry.key_mark);

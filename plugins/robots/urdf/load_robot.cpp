@@ -65,9 +65,9 @@ std::optional<UrdfModel> read_model(const Profile& profile, std::vector<Error>& 
 
 }  // namespace
 
-Fields<Options> Options::fields() {
+Parameters<Options> Options::parameters() {
   using T = Options;
-  return Fields<T>()
+  return Parameters<T>()
       .add("profile", &T::profile,
            "The robot's profile: its name, its folder, or its file. Either this or 'urdf'.")
       .add("urdf", &T::urdf, "A URDF to be used as it is, its collision shapes covered by spheres.")

@@ -19,7 +19,7 @@ struct Options {
   Node fixed_joints;
   Node package_paths;
   double sphere_protrusion_m = 0.05;
-  static Fields<Options> fields();
+  static Parameters<Options> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 

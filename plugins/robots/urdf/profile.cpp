@@ -40,9 +40,9 @@ void check_base(const Profile& profile, const Node& document, std::vector<Error>
 
 }  // namespace
 
-Fields<BaseOptions> BaseOptions::fields() {
+Parameters<BaseOptions> BaseOptions::parameters() {
   using T = BaseOptions;
-  return Fields<T>()
+  return Parameters<T>()
       .add("type", &T::type, "Whether the root link is fixed in the world or drives in its plane.",
            {.choices = {"fixed", "holonomic"}})
       .add("joints", &T::joints, "Names of the base's joints: x, y, heading.")
@@ -60,9 +60,9 @@ Fields<BaseOptions> BaseOptions::fields() {
            {.unit = "rad/s^2", .min = 1e-6});
 }
 
-Fields<JointLimitOptions> JointLimitOptions::fields() {
+Parameters<JointLimitOptions> JointLimitOptions::parameters() {
   using T = JointLimitOptions;
-  return Fields<T>()
+  return Parameters<T>()
       .add("lower", &T::lower, "Lowest position, in m or rad; the URDF's if absent.")
       .add("upper", &T::upper, "Highest position, in m or rad; the URDF's if absent.")
       .add("max_velocity", &T::max_velocity, "In m/s or rad/s; the URDF's if absent.",
@@ -71,25 +71,26 @@ Fields<JointLimitOptions> JointLimitOptions::fields() {
            {.min = 1e-6});
 }
 
-Fields<SphereOptions> SphereOptions::fields() {
+Parameters<SphereOptions> SphereOptions::parameters() {
   using T = SphereOptions;
-  return Fields<T>()
+  return Parameters<T>()
       .add("link", &T::link, "The link that carries the sphere.", {.required = true})
       .add("centre_m", &T::centre_m, "Its centre in the link's frame.",
            {.unit = "m", .required = true})
       .add("radius_m", &T::radius_m, "Its radius.", {.unit = "m", .min = 1e-6, .required = true});
 }
 
-Fields<SelfCollisionOptions> SelfCollisionOptions::fields() {
-  return Fields<SelfCollisionOptions>().add("pairs", &SelfCollisionOptions::pairs,
-                                            "Pairs of links that are checked against each other, "
-                                            "as `sidestep_self_collision` finds them.",
-                                            {.required = true});
+Parameters<SelfCollisionOptions> SelfCollisionOptions::parameters() {
+  return Parameters<SelfCollisionOptions>().add(
+      "pairs", &SelfCollisionOptions::pairs,
+      "Pairs of links that are checked against each other, "
+      "as `sidestep_self_collision` finds them.",
+      {.required = true});
 }
 
-Fields<Profile> Profile::fields() {
+Parameters<Profile> Profile::parameters() {
   using T = Profile;
-  return Fields<T>()
+  return Parameters<T>()
       .add("name", &T::name, "The robot's name.", {.required = true})
       .add("urdf", &T::urdf, "The robot's URDF, relative to the profile.", {.required = true})
       .add("root_link", &T::root_link, "Takes only the part of the URDF from this link on.")
@@ -171,7 +172,7 @@ Profile read_profile(const std::filesystem::path& file, const DocumentReader& do
   }
   profile.document = std::move(*document);
   const std::size_t before = errors.size();
-  const Fields<Profile> fields = Profile::fields();
+  const Parameters<Profile> fields = Profile::parameters();
   check_against_schema(profile.document, fields.schema(), {}, errors);
   std::vector<Error> seen_already;
   fields.read(profile.document, profile, errors.size() == before ? errors : seen_already);

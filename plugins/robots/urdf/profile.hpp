@@ -20,7 +20,7 @@ struct BaseOptions {
   double max_turn_rate_radps = 1.0;
   std::optional<double> max_acceleration_mps2;
   std::optional<double> max_turn_acceleration_radps2;
-  static Fields<BaseOptions> fields();
+  static Parameters<BaseOptions> parameters();
 };
 
 /// Replaces what the URDF says of a joint. In m or rad, per second, per second squared.
@@ -29,19 +29,19 @@ struct JointLimitOptions {
   std::optional<double> upper;
   std::optional<double> max_velocity;
   std::optional<double> max_acceleration;
-  static Fields<JointLimitOptions> fields();
+  static Parameters<JointLimitOptions> parameters();
 };
 
 struct SphereOptions {
   std::string link;
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
   double radius_m = 0.0;
-  static Fields<SphereOptions> fields();
+  static Parameters<SphereOptions> parameters();
 };
 
 struct SelfCollisionOptions {
   Node pairs;
-  static Fields<SelfCollisionOptions> fields();
+  static Parameters<SelfCollisionOptions> parameters();
 };
 
 /// A robot profile, as the file has it. What needs the URDF to be understood is still a Node.
@@ -60,7 +60,7 @@ struct Profile {
   SelfCollisionOptions self_collision;
   Node poses;
   Node package_paths;
-  static Fields<Profile> fields();
+  static Parameters<Profile> parameters();
 
   Node document;  ///< The whole file, for positions; null without a file.
 

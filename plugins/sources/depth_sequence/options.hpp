@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep::depth_sequence {
 
@@ -17,9 +17,9 @@ struct CameraOptions {
   std::optional<double> cx_px;
   std::optional<double> cy_px;
 
-  static Fields<CameraOptions> fields() {
+  static Parameters<CameraOptions> parameters() {
     using C = CameraOptions;
-    return Fields<C>()
+    return Parameters<C>()
         .add("width_px", &C::width_px, "Width of every image; null: that of the first ones.",
              {.unit = "px", .min = 1})
         .add("height_px", &C::height_px, "Height of every image; null: that of the first ones.",
@@ -49,9 +49,9 @@ struct Options {
   double max_pose_gap_s = 0.1;
   CameraOptions camera;
 
-  static Fields<Options> fields() {
+  static Parameters<Options> parameters() {
     using O = Options;
-    return Fields<O>()
+    return Parameters<O>()
         .add("path", &O::path, "Folder of the sequence.", {.required = true})
         .add("format", &O::format, "Layout of the folder; auto: told from the files in it.",
              {.choices = {"auto", "seven_scenes", "tum"}})

@@ -2,14 +2,14 @@
 
 namespace sidestep::pcd {
 
-Fields<VoxelFilter> VoxelFilter::fields() {
-  return Fields<VoxelFilter>().add("leaf_m", &VoxelFilter::leaf_m, "Edge of the cube.",
-                                   {.unit = "m", .min = 1e-4});
+Parameters<VoxelFilter> VoxelFilter::parameters() {
+  return Parameters<VoxelFilter>().add("leaf_m", &VoxelFilter::leaf_m, "Edge of the cube.",
+                                       {.unit = "m", .min = 1e-4});
 }
 
-Fields<OutlierFilter> OutlierFilter::fields() {
+Parameters<OutlierFilter> OutlierFilter::parameters() {
   using F = OutlierFilter;
-  return Fields<F>()
+  return Parameters<F>()
       .add("neighbours", &F::neighbours, "How many nearest points are looked at.", {.min = 1})
       .add("deviations", &F::deviations,
            "A point is dropped when its mean distance to them exceeds the mean of all points by "
@@ -17,9 +17,9 @@ Fields<OutlierFilter> OutlierFilter::fields() {
            {.min = 0.0});
 }
 
-Fields<CropFilter> CropFilter::fields() {
+Parameters<CropFilter> CropFilter::parameters() {
   using F = CropFilter;
-  return Fields<F>()
+  return Parameters<F>()
       .add("min_m", &F::min_m, "Lower corner of the box.", {.unit = "m", .required = true})
       .add("max_m", &F::max_m, "Upper corner of the box.", {.unit = "m", .required = true})
       .add("frame", &F::frame, "Frame of the box; camera: the optical frame.",
@@ -27,9 +27,9 @@ Fields<CropFilter> CropFilter::fields() {
       .add("keep", &F::keep, "Which points stay.", {.choices = {"inside", "outside"}});
 }
 
-Fields<PlaneFilter> PlaneFilter::fields() {
+Parameters<PlaneFilter> PlaneFilter::parameters() {
   using F = PlaneFilter;
-  return Fields<F>()
+  return Parameters<F>()
       .add("distance_m", &F::distance_m, "Points this near to the plane belong to it.",
            {.unit = "m", .min = 1e-5})
       .add("min_share", &F::min_share,
@@ -38,17 +38,17 @@ Fields<PlaneFilter> PlaneFilter::fields() {
       .add("iterations", &F::iterations, "Planes tried at most.", {.min = 1});
 }
 
-Fields<Filter> Filter::fields() {
-  return Fields<Filter>()
+Parameters<Filter> Filter::parameters() {
+  return Parameters<Filter>()
       .add("voxel", &Filter::voxel, "One point, the mean, for all points in a cube.")
       .add("outlier", &Filter::outlier, "Drops points whose neighbours are far away.")
       .add("crop", &Filter::crop, "Keeps the points in a box, or those outside.")
       .add("plane", &Filter::plane, "Removes the points of the largest plane.");
 }
 
-Fields<Options> Options::fields() {
+Parameters<Options> Options::parameters() {
   using O = Options;
-  return Fields<O>()
+  return Parameters<O>()
       .add("path", &O::path, "A .pcd file, or a folder of them, taken in the order of their names.",
            {.required = true})
       .add("poses", &O::poses,

@@ -5,21 +5,21 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep::pcd {
 
 /// One point, the mean, for all points in a cube (pcl::VoxelGrid).
 struct VoxelFilter {
   double leaf_m = 0.02;
-  static Fields<VoxelFilter> fields();
+  static Parameters<VoxelFilter> parameters();
 };
 
 /// Drops points whose neighbours are far away (pcl::StatisticalOutlierRemoval, Rusu 2008).
 struct OutlierFilter {
   int neighbours = 20;
   double deviations = 2.0;
-  static Fields<OutlierFilter> fields();
+  static Parameters<OutlierFilter> parameters();
 };
 
 /// Keeps the points in a box, or those outside (pcl::CropBox).
@@ -28,7 +28,7 @@ struct CropFilter {
   Eigen::Vector3d max_m = Eigen::Vector3d::Zero();
   std::string frame = "world";
   std::string keep = "inside";
-  static Fields<CropFilter> fields();
+  static Parameters<CropFilter> parameters();
 };
 
 /// Removes the points of the largest plane (RANSAC, pcl::RandomSampleConsensus).
@@ -36,7 +36,7 @@ struct PlaneFilter {
   double distance_m = 0.02;
   double min_share = 0.2;
   int iterations = 200;
-  static Fields<PlaneFilter> fields();
+  static Parameters<PlaneFilter> parameters();
 };
 
 /// One filter of a chain: exactly one of its members has a value.
@@ -45,7 +45,7 @@ struct Filter {
   std::optional<OutlierFilter> outlier;
   std::optional<CropFilter> crop;
   std::optional<PlaneFilter> plane;
-  static Fields<Filter> fields();
+  static Parameters<Filter> parameters();
 };
 
 struct Options {
@@ -59,7 +59,7 @@ struct Options {
   int stride = 1;
   double rate_hz = 30.0;
   std::vector<Filter> filters;
-  static Fields<Options> fields();
+  static Parameters<Options> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 

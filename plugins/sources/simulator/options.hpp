@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep::simulator {
 
@@ -20,9 +20,9 @@ struct CameraOptions {
   double cx_px = 319.5;
   double cy_px = 239.5;
 
-  static Fields<CameraOptions> fields() {
+  static Parameters<CameraOptions> parameters() {
     using C = CameraOptions;
-    return Fields<C>()
+    return Parameters<C>()
         .add("width_px", &C::width_px, "Width of the image.", {.unit = "px", .min = 1, .max = 8192})
         .add("height_px", &C::height_px, "Height of the image.",
              {.unit = "px", .min = 1, .max = 8192})
@@ -40,9 +40,9 @@ struct CameraWaypoint {
   std::optional<Eigen::Vector3d> look_at_m;
   std::optional<Eigen::Vector3d> rpy_rad;
 
-  static Fields<CameraWaypoint> fields() {
+  static Parameters<CameraWaypoint> parameters() {
     using W = CameraWaypoint;
-    return Fields<W>()
+    return Parameters<W>()
         .add("time_s", &W::time_s, "When the camera is here; increases along the path.",
              {.unit = "s", .required = true})
         .add("position_m", &W::position_m, "Where it is, in the world frame.",
@@ -66,9 +66,9 @@ struct NoiseOptions {
   double edge_dropout = 0.5;
   double random_dropout = 0.002;
 
-  static Fields<NoiseOptions> fields() {
+  static Parameters<NoiseOptions> parameters() {
     using N = NoiseOptions;
-    return Fields<N>()
+    return Parameters<N>()
         .add("model", &N::model, "none: exact depth; kinect: as the README describes.",
              {.choices = {"none", "kinect"}})
         .add("axial_scale", &N::axial_scale, "Factor on the standard deviation along the axis.",
@@ -105,9 +105,9 @@ struct Options {
   bool camera_path_repeats = false;
   NoiseOptions noise;
 
-  static Fields<Options> fields() {
+  static Parameters<Options> parameters() {
     using O = Options;
-    return Fields<O>()
+    return Parameters<O>()
         .add("scene", &O::scene, "A scene file, or the name of one among the host's scenes.")
         .add("frames", &O::frames, "Frames until the stream ends; 0: it never does.", {.min = 0})
         .add("rate_hz", &O::rate_hz, "Frames a second of scene time.", {.unit = "Hz", .min = 1e-3})

@@ -108,7 +108,7 @@ TEST(RobotState, RefusesWhatIsNoNumberOrBeyondALimit) {
 TEST(PlanningSettings, RequireAChoiceForUnseenSpace) {
   const Node block = parse("unknown: perhaps");
   std::vector<Error> errors;
-  check_against_schema(block, PlanningSettings::fields().schema(), {}, errors);
+  check_against_schema(block, PlanningSettings::parameters().schema(), {}, errors);
   ASSERT_EQ(errors.size(), 2u);  // a wrong choice for one, nothing for the other
   EXPECT_THAT(errors[0].describe() + errors[1].describe(),
               AllOf(HasSubstr("perhaps"), HasSubstr("outside")));
@@ -118,9 +118,9 @@ TEST(PlanningSettings, ReadWeightsInheritedFromTheCosts) {
   const Node block =
       parse("{unknown: free, outside: occupied, sigma_obstacle: 0.125, epsilon_m: 0.3}");
   std::vector<Error> errors;
-  check_against_schema(block, PlanningSettings::fields().schema(), {}, errors);
+  check_against_schema(block, PlanningSettings::parameters().schema(), {}, errors);
   PlanningSettings settings;
-  PlanningSettings::fields().read(block, settings, errors);
+  PlanningSettings::parameters().read(block, settings, errors);
   ASSERT_TRUE(errors.empty()) << errors.front().describe();
   EXPECT_EQ(settings.sigma_obstacle, 0.125);
   EXPECT_EQ(settings.epsilon_m, 0.3);

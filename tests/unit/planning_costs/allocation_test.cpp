@@ -1,7 +1,3 @@
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
 #include <gtest/gtest.h>
 
 #include <sidestep/planning/costs.hpp>
@@ -9,26 +5,7 @@
 
 #include "conformance/analytic_models.hpp"
 #include "conformance/cost_conformance.hpp"
-
-namespace {
-std::atomic<int> allocations{0};
-
-void* counted(std::size_t size, std::size_t alignment) {
-  ++allocations;
-  void* memory = std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
-}  // namespace
-
-void* operator new(std::size_t size) { return counted(size, alignof(std::max_align_t)); }
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  return counted(size, static_cast<std::size_t>(alignment));
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+#include "support/allocation_counter.hpp"
 
 namespace sidestep {
 namespace {
@@ -49,9 +26,9 @@ TEST(StandardCosts, DoNotAllocateOnceTheScratchIsWarm) {
     std::vector<double> residuals(rows), by_q(6 * rows), by_qdot(6 * rows);
     Scratch scratch;
     term.cost->evaluate(states.batch(), {residuals, by_q, by_qdot}, scratch);
-    const int before = allocations;
+    const int before = testing_support::allocations();
     term.cost->evaluate(states.batch(), {residuals, by_q, by_qdot}, scratch);
-    EXPECT_EQ(allocations - before, 0) << term.cost->name();
+    EXPECT_EQ(testing_support::allocations() - before, 0) << term.cost->name();
     EXPECT_GT(Eigen::Map<const Eigen::VectorXd>(residuals.data(), residuals.size()).norm(), 0.0)
         << term.cost->name();
   }

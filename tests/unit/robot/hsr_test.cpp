@@ -13,7 +13,7 @@ using testing_robot::Loader;
 /// The tables have six decimals.
 constexpr double kTableTolerance = 1e-6;
 
-nlohmann::json facts() {
+nlohmann::json hsr_facts() {
   std::ifstream file(SIDESTEP_SHARED_FACTS "/hsr.json");
   return file ? nlohmann::json::parse(file) : nlohmann::json();
 }
@@ -55,7 +55,7 @@ TEST_F(Hsr, PlansBaseThenArm) {
 }
 
 TEST_F(Hsr, HasThePublishedLimits) {
-  const nlohmann::json table = facts();
+  const nlohmann::json table = hsr_facts();
   if (table.is_null()) GTEST_SKIP() << "no " SIDESTEP_SHARED_FACTS;
   for (const auto& row : table["hsrb_description"]["chain_joints"]) {
     const auto index = robot_->description().joint_index(row["name"].get<std::string>());
@@ -78,7 +78,7 @@ TEST_F(Hsr, HasThePublishedLimits) {
 }
 
 TEST_F(Hsr, ReachesThePublishedHandPoses) {
-  const nlohmann::json table = facts();
+  const nlohmann::json table = hsr_facts();
   if (table.is_null()) GTEST_SKIP() << "no " SIDESTEP_SHARED_FACTS;
   const auto& check = table["fk_check"];
   const auto hand = [&](const std::vector<double>& q) {
@@ -101,7 +101,7 @@ TEST_F(Hsr, ReachesThePublishedHandPoses) {
 }
 
 TEST_F(Hsr, HoldsTheCameraWhereItIsPublished) {
-  const nlohmann::json table = facts();
+  const nlohmann::json table = hsr_facts();
   if (table.is_null()) GTEST_SKIP() << "no " SIDESTEP_SHARED_FACTS;
   const auto expected = vector3(table["fk_check"]["zero_configuration_head_rgbd_sensor_link_xyz"]);
   const Transform T = link_pose(*robot_, std::vector<double>(8, 0.0), "head_rgbd_sensor_link");

@@ -2,8 +2,8 @@
 
 #include <limits>
 
-#include "allocation_counter.hpp"
 #include "conformance/robot_conformance.hpp"
+#include "support/allocation_counter.hpp"
 
 namespace sidestep {
 namespace {
@@ -114,11 +114,11 @@ TEST(KinematicTree, AllocatesNothingOnceWarm) {
     (*tree)->pull_back(q, centres, gradients, scratch);
   };
   all();
-  const int before = testing_robot::allocations();
+  const int before = testing_support::allocations();
   all();
-  EXPECT_EQ(testing_robot::allocations(), before);
+  EXPECT_EQ(testing_support::allocations(), before);
   const std::vector<double> some(10);
-  EXPECT_GT(testing_robot::allocations(), before);  // it does count
+  EXPECT_GT(testing_support::allocations(), before);  // it does count
 }
 
 TEST(KinematicTree, TakesShortSpansForFewerRows) {

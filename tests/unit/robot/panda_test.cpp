@@ -10,7 +10,7 @@ namespace {
 using testing_robot::link_pose;
 using testing_robot::Loader;
 
-nlohmann::json facts() {
+nlohmann::json panda_facts() {
   std::ifstream file(SIDESTEP_SHARED_FACTS "/panda.json");
   return file ? nlohmann::json::parse(file) : nlohmann::json();
 }
@@ -32,7 +32,7 @@ TEST_F(Panda, Conforms) {
 }
 
 TEST_F(Panda, ReachesThePublishedHandPose) {
-  const nlohmann::json table = facts();
+  const nlohmann::json table = panda_facts();
   if (table.is_null()) GTEST_SKIP() << "no " SIDESTEP_SHARED_FACTS;
   const auto& check = table["fk_check"];
   const auto q = check["q"].get<std::vector<double>>();
@@ -49,7 +49,7 @@ TEST_F(Panda, ReachesThePublishedHandPose) {
 }
 
 TEST_F(Panda, HasThePublishedLimits) {
-  const nlohmann::json table = facts();
+  const nlohmann::json table = panda_facts();
   if (table.is_null()) GTEST_SKIP() << "no " SIDESTEP_SHARED_FACTS;
   for (const Joint& joint : robot_->description().joints) {
     const auto& row = table["limits_franka_ros"]["joints"][joint.name];
@@ -85,7 +85,7 @@ TEST_F(Panda, NamedPosesAreFreeOfSelfCollision) {
 // MoveIt's table for the same arm was sampled on its meshes. Our primitives are a little larger,
 // so that one pair more (link 2 and link 6) touches now and then.
 TEST_F(Panda, ChecksThePairsThatTouchOnTheMeshes) {
-  const nlohmann::json table = facts();
+  const nlohmann::json table = panda_facts();
   if (table.is_null()) GTEST_SKIP() << "no " SIDESTEP_SHARED_FACTS;
   const RobotDescription& robot = robot_->description();
   int more = 0;

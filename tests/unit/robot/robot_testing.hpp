@@ -26,10 +26,10 @@ struct Loader {
     std::vector<Error> errors;
     const auto block = parse_yaml(yaml, "config.yaml", errors);
     if (!block) return tl::make_unexpected(block.error());
-    const auto fields = urdf_robot::Options::fields();
-    check_against_schema(*block, fields.schema(), {}, errors);
+    const auto parameters = urdf_robot::Options::parameters();
+    check_against_schema(*block, parameters.schema(), {}, errors);
     urdf_robot::Options options;
-    if (errors.empty()) fields.read(*block, options, errors);
+    if (errors.empty()) parameters.read(*block, options, errors);
     if (errors.empty()) report_mistakes(*block, options.check(), errors);
     if (!errors.empty()) return tl::make_unexpected(errors.front());
     return urdf_robot::load_robot(options, context);

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
@@ -167,9 +167,9 @@ TEST_F(ConfigurationFiles, AnUnknownSchemaVersionIsAnError) {
 
 struct Part {
   double radius_m = 0.5;
-  static Fields<Part> fields() {
-    return Fields<Part>().add("radius_m", &Part::radius_m, "Radius.",
-                              {.unit = "m", .min = 0.0, .max = 1.0});
+  static Parameters<Part> parameters() {
+    return Parameters<Part>().add("radius_m", &Part::radius_m, "Radius.",
+                                  {.unit = "m", .min = 0.0, .max = 1.0});
   }
 };
 
@@ -185,9 +185,9 @@ struct Everything {
   std::vector<Part> parts;
   std::string name;
 
-  static Fields<Everything> fields() {
+  static Parameters<Everything> parameters() {
     using E = Everything;
-    return Fields<E>()
+    return Parameters<E>()
         .add("flag", &E::flag, "A flag.")
         .add("count", &E::count, "A count.", {.min = 1})
         .add("length_m", &E::length_m, "A length.", {.unit = "m", .max = 2.0})
@@ -208,7 +208,7 @@ Node parse(const std::string& text) {
 
 std::vector<std::string> mistakes(const std::string& text) {
   std::vector<Error> errors;
-  check_against_schema(parse(text), Everything::fields().schema(), {"plugin"}, errors);
+  check_against_schema(parse(text), Everything::parameters().schema(), {"plugin"}, errors);
   std::vector<std::string> texts;
   for (const Error& error : errors) texts.push_back(error.describe());
   return texts;
@@ -246,12 +246,13 @@ TEST(SchemaCheck, AnItemOfAListCannotBeLeftOpen) {
 }
 
 TEST(SchemaCheck, DefaultsAreThoseOfTheStruct) {
-  const Node filled = fill_defaults(parse("{name: n, parts: [{}]}"), Everything::fields().schema());
+  const Node filled =
+      fill_defaults(parse("{name: n, parts: [{}]}"), Everything::parameters().schema());
   Everything read;
   read.count = 99;
   read.weights.clear();
   std::vector<Error> errors;
-  Everything::fields().read(filled, read, errors);
+  Everything::parameters().read(filled, read, errors);
   EXPECT_TRUE(errors.empty());
   const Everything defaults;
   EXPECT_EQ(read.count, defaults.count);

@@ -10,10 +10,11 @@ namespace {
 using testing::HasSubstr;
 using Json = nlohmann::json;
 
-struct Part {
+struct Piece {
   double radius_m = 0.5;
-  static Fields<Part> fields() {
-    return Fields<Part>().add("radius_m", &Part::radius_m, "Radius.", {.unit = "m", .min = 0.0});
+  static Parameters<Piece> parameters() {
+    return Parameters<Piece>().add("radius_m", &Piece::radius_m, "Radius.",
+                                   {.unit = "m", .min = 0.0});
   }
 };
 
@@ -21,12 +22,12 @@ struct Options {
   double length_m = 0.8;
   std::string mode = "a|b";
   Eigen::Vector3i size_vox{1, 2, 3};
-  std::vector<Part> parts;
+  std::vector<Piece> parts;
   std::string name;
 
-  static Fields<Options> fields() {
+  static Parameters<Options> parameters() {
     using O = Options;
-    return Fields<O>()
+    return Parameters<O>()
         .add("length_m", &O::length_m, "A length.", {.unit = "m", .min = 0.0, .max = 2.0})
         .add("mode", &O::mode, "This | that.", {.choices = {"a|b", "c"}})
         .add("size_vox", &O::size_vox, "A size.", {.min = 1})
@@ -36,11 +37,12 @@ struct Options {
 };
 
 PluginInfo plugin(std::string name) {
-  return {PluginKind::kField, std::move(name), "1", "A field", {}, Options::fields().schema(), {}};
+  return {
+      PluginKind::kField, std::move(name), "1", "A field", {}, Options::parameters().schema(), {}};
 }
 
 TEST(Reference, SummaryNamesTypeUnitRangeAndDefault) {
-  const Schema schema = Options::fields().schema();
+  const Schema schema = Options::parameters().schema();
   EXPECT_EQ(parameter_summary(schema[0]), "number [m], 0 to 2, default 0.8");
   EXPECT_EQ(parameter_summary(schema[2]),
             "list of integers, 3 values, at least 1, "
@@ -49,8 +51,8 @@ TEST(Reference, SummaryNamesTypeUnitRangeAndDefault) {
 }
 
 TEST(Reference, MarkdownHasARowForEveryParameterAtEveryDepth) {
-  const std::string page =
-      reference_markdown({plugin("edt")}, {{"planning", "How.", Options::fields().schema(), ""}});
+  const std::string page = reference_markdown(
+      {plugin("edt")}, {{"planning", "How.", Options::parameters().schema(), ""}});
   EXPECT_THAT(page, HasSubstr("## planning\n\nHow."));
   EXPECT_THAT(page, HasSubstr("## field: edt"));
   for (const char* name : {"length_m", "mode", "size_vox", "parts", "parts[].radius_m", "name"}) {
@@ -76,7 +78,7 @@ TEST(Reference, JsonSchemaStatesWhatIsChecked) {
 
 TEST(Reference, JsonSchemaLetsAFileWithABaseLeaveThingsOut) {
   const Json schema = Json::parse(configuration_json_schema(
-      {plugin("edt")}, {{"experiment", "What", Options::fields().schema(), "plan"}}));
+      {plugin("edt")}, {{"experiment", "What", Options::parameters().schema(), "plan"}}));
   EXPECT_EQ(schema["properties"]["experiment"]["anyOf"][0]["properties"]["type"]["const"], "plan");
   EXPECT_FALSE(schema["properties"]["field"]["anyOf"][0].contains("required"));
 }

@@ -7,7 +7,7 @@
 namespace sidestep {
 namespace {
 
-Node parse(const std::string& text) {
+Node parse_or_fail(const std::string& text) {
   std::vector<Error> errors;
   auto node = parse_yaml(text, "t.yaml", errors);
   EXPECT_TRUE(node) << node.error().describe();
@@ -23,7 +23,7 @@ std::string error_of(const std::string& text) {
 }
 
 TEST(YamlDocument, KeepsPositionsOrderAndQuoting) {
-  const Node root = parse("b: 1\na:\n  - x\n  - \"2\"\n");
+  const Node root = parse_or_fail("b: 1\na:\n  - x\n  - \"2\"\n");
   ASSERT_EQ(root.entries().size(), 2u);
   EXPECT_EQ(root.entries()[0].key, "b");
   const Node& second = root.find("a")->items()[1];
@@ -33,11 +33,11 @@ TEST(YamlDocument, KeepsPositionsOrderAndQuoting) {
 }
 
 TEST(YamlDocument, AnchorsAndNullsWork) {
-  const Node root = parse("a: &x {k: 1}\nb: *x\nc:\nd: ~\n");
+  const Node root = parse_or_fail("a: &x {k: 1}\nb: *x\nc:\nd: ~\n");
   EXPECT_EQ(root.find("b")->find("k")->text(), "1");
   EXPECT_TRUE(root.find("c")->is_null());
   EXPECT_TRUE(root.find("d")->is_null());
-  EXPECT_TRUE(parse("").is_null());
+  EXPECT_TRUE(parse_or_fail("").is_null());
 }
 
 TEST(YamlDocument, MistakesHavePositions) {
@@ -73,18 +73,18 @@ void expect_same(const Node& a, const Node& b) {
 }
 
 TEST(YamlDocument, WhatIsWrittenReadsBackTheSame) {
-  const Node root = parse(
+  const Node root = parse_or_fail(
       "a: {b: [1, 2.5, x, \"3\", \"true\"], c: \"with: colon # and \\\"quotes\\\"\"}\n"
       "list:\n  - {x: 1, y: []}\n  - [a, b]\n  - - nested\n    - {deep: true}\n"
       "empty: {}\nnothing:\ntext: \"two\\nlines\"\nblank: \"\"\n\"odd key: 1\": -7\n"
       "nulls: [\"null\", \"Null\", \"NULL\", \"~\"]\n"
       "control: \"a\\rb\\x01c\\u0085\\u2028d\\x7f\"\nutf8: \"\u00fcber\"\n");
-  expect_same(root, parse(to_yaml(root, false)));
-  expect_same(root, parse(to_yaml(root, true)));
+  expect_same(root, parse_or_fail(to_yaml(root, false)));
+  expect_same(root, parse_or_fail(to_yaml(root, true)));
 }
 
 TEST(YamlDocument, OriginsStandBesideEveryValueEvenInLists) {
-  Node root = parse("a: {b: 1}\nlist: [1, 2]\n");
+  Node root = parse_or_fail("a: {b: 1}\nlist: [1, 2]\n");
   EXPECT_EQ(to_yaml(root, true), "a:\n  b: 1  # t.yaml:1:8\nlist: [1, 2]  # t.yaml:2:7\n");
   root.find("list")->items()[1] = Node(Node::Scalar{"3", false}, {"--set list.1=3", 0, 0});
   EXPECT_EQ(to_yaml(root, true),
@@ -92,9 +92,9 @@ TEST(YamlDocument, OriginsStandBesideEveryValueEvenInLists) {
 }
 
 TEST(YamlDocument, AnOriginOfSeveralLinesStaysAComment) {
-  Node root = parse("a: 1\n");
+  Node root = parse_or_fail("a: 1\n");
   root.find("a")->set_mark({"--set a=\n  1", 0, 0});
-  expect_same(root, parse(to_yaml(root, true)));
+  expect_same(root, parse_or_fail(to_yaml(root, true)));
 }
 
 TEST(YamlDocument, DocumentsThatGrowWithoutEndAreRefused) {

@@ -5,7 +5,7 @@
 
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/planning/problem.hpp>
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
 namespace sidestep {
@@ -23,13 +23,13 @@ struct PlanningSettings : CostSettings {
   double time_limit_s = 10.0;
   int attempts = 1;
 
-  static Fields<PlanningSettings> fields();
+  static Parameters<PlanningSettings> parameters();
   [[nodiscard]] SpacePolicy space() const;
 };
 
 /// An item of `check.allowed_contacts`.
 struct AllowedContactEntry : AllowedContact {
-  static Fields<AllowedContactEntry> fields();
+  static Parameters<AllowedContactEntry> parameters();
 };
 
 /// The `check` block: what a plan must pass before it counts.
@@ -40,7 +40,7 @@ struct CheckSettings {
   double speed_fraction = 1.0;
   std::vector<AllowedContactEntry> allowed_contacts;
 
-  static Fields<CheckSettings> fields();
+  static Parameters<CheckSettings> parameters();
 };
 
 /// Appends a kConfig error for each name in the allowed contacts of a `check` block that is no link
@@ -54,7 +54,7 @@ struct RobotStateEntry {
   std::string pose;
   Node joints;
 
-  static Fields<RobotStateEntry> fields();
+  static Parameters<RobotStateEntry> parameters();
 };
 
 /// From start to goal in `field`: horizon, prior and standard terms as the settings say.

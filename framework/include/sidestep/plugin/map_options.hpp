@@ -5,7 +5,7 @@
 
 #include <sidestep/geometry/grid.hpp>
 #include <sidestep/mapping/point_rules.hpp>
-#include <sidestep/plugin/schema.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep {
 
@@ -39,8 +39,8 @@ struct MapOptions {
 
 /// Adds resolution_m, size_vox and origin_m. `O` derives from MapOptions.
 template <class O>
-[[nodiscard]] Fields<O> declare_grid(Fields<O> fields) {
-  return std::move(fields)
+[[nodiscard]] Parameters<O> declare_grid(Parameters<O> parameters) {
+  return std::move(parameters)
       .add("resolution_m", static_cast<double O::*>(&MapOptions::resolution_m), "Edge of a voxel.",
            {.unit = "m", .min = 1e-4})
       .add("size_vox", static_cast<Eigen::Vector3i O::*>(&MapOptions::size_vox),
@@ -51,8 +51,8 @@ template <class O>
 
 /// Adds the ranges, the floor rule, clear_no_return and self_filter_margin_m.
 template <class O>
-[[nodiscard]] Fields<O> declare_measurement(Fields<O> fields) {
-  return std::move(fields)
+[[nodiscard]] Parameters<O> declare_measurement(Parameters<O> parameters) {
+  return std::move(parameters)
       .add("min_range_m", static_cast<double O::*>(&MapOptions::min_range_m),
            "Nearer points count as no measurement.", {.unit = "m", .min = 0.0})
       .add("max_range_m", static_cast<double O::*>(&MapOptions::max_range_m),

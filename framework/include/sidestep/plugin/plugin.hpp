@@ -11,6 +11,7 @@
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/plugin/descriptor.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/sensing/source.hpp>
 
@@ -18,8 +19,8 @@
 ///
 ///     struct Options {
 ///       double radius_m = 0.1;
-///       static Fields<Options> fields() {
-///         return Fields<Options>().add("radius_m", &Options::radius_m, "Radius of the point.",
+///       static Parameters<Options> parameters() {
+///         return Parameters<Options>().add("radius_m", &Options::radius_m, "Radius of the point.",
 ///                                      {.unit = "m", .min = 0.0});
 ///       }
 ///       // Where parameters must fit together; may be left out.
@@ -112,7 +113,7 @@ struct PluginGlue {
   static void check(const Node& parameters, std::vector<Error>& errors) {
     Options options;
     const std::size_t before = errors.size();
-    Options::fields().read(parameters, options, errors);
+    Options::parameters().read(parameters, options, errors);
     if (errors.size() > before) return;
     // Asked of what is not const, so that a check() that forgot to be const is an error.
     if constexpr (requires(Options & own) { own.check(); }) {
@@ -122,7 +123,7 @@ struct PluginGlue {
   static void* create(const Node& parameters, const HostContext& context, Error* error) {
     Options options;
     std::vector<Error> errors;
-    Options::fields().read(parameters, options, errors);
+    Options::parameters().read(parameters, options, errors);
     if (!errors.empty()) {
       *error = std::move(errors.front());
       return nullptr;
@@ -141,8 +142,8 @@ struct PluginGlue {
 }  // namespace sidestep
 
 /// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser or
-/// Executor. OPTIONS: a struct with `static Fields<OPTIONS> fields()` and, where its parameters
-/// must fit together, `std::vector<OptionMistake> check() const`. CREATE: a function
+/// Executor. OPTIONS: a struct with `static Parameters<OPTIONS> parameters()` and, where its
+/// parameters must fit together, `std::vector<OptionMistake> check() const`. CREATE: a function
 /// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
 /// options that check() finds nothing wrong with. What follows DOC are
 /// the views (types as in mapping/occupancy_view.hpp) that a mapper offers or a field needs: the
@@ -151,7 +152,7 @@ struct PluginGlue {
   extern "C" SIDESTEP_EXPORT const ::sidestep::PluginDescriptor* sidestep_plugin() { \
     using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;         \
     using Traits = ::sidestep::PluginTraits<INTERFACE>;                              \
-    static const ::sidestep::Schema schema = OPTIONS::fields().schema();             \
+    static const ::sidestep::Schema schema = OPTIONS::parameters().schema();         \
     static const ::sidestep::PluginDescriptor descriptor{                            \
         sizeof(::sidestep::PluginDescriptor),                                        \
         ::sidestep::kPluginMagic,                                                    \

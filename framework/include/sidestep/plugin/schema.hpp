@@ -22,7 +22,7 @@ enum class ParameterType {
   kDoubles,
   kInts,
   kStrings,
-  kObject,   ///< A map with fields of its own.
+  kObject,   ///< A map with parameters of its own.
   kObjects,  ///< A list of such maps.
   kNode,     ///< Any structure; whoever reads it checks it.
 };
@@ -39,8 +39,8 @@ struct Parameter {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
   std::vector<std::string> choices;
-  std::optional<std::size_t> size;  ///< Of a list; nothing for any length.
-  std::vector<Parameter> fields;    ///< Of an object, or of each object of a list.
+  std::optional<std::size_t> size;    ///< Of a list; nothing for any length.
+  std::vector<Parameter> parameters;  ///< Of an object, or of each object of a list.
 };
 
 using Schema = std::vector<Parameter>;
@@ -65,5 +65,3 @@ void report_mistakes(const Node& map, const std::vector<OptionMistake>& mistakes
                      std::vector<Error>& errors);
 
 }  // namespace sidestep
-
-#include <sidestep/plugin/detail/fields.hpp>

@@ -20,7 +20,7 @@ namespace {
 using namespace testing_support;
 using conformance::TestHost;
 
-constexpr double kLimit_m = 0.8;
+constexpr double kSystemLimit_m = 0.8;
 // What Voxblox's field was measured to be off by on the kitchen, against an exact transform.
 constexpr double kVoxbloxMean_m = 0.020;
 constexpr double kVoxbloxMax_m = 0.15;
@@ -31,7 +31,7 @@ class System {
   explicit System(const tsdf::TsdfOptions& map_options) : mapper_(map_options, host_.context()) {
     Options options;
     options.unknown = "ignored";
-    options.max_distance_m = kLimit_m;
+    options.max_distance_m = kSystemLimit_m;
     builder_ = make_esdf_builder(options, host_.workers());
     EXPECT_TRUE(builder_->attach(mapper_));
   }
@@ -157,7 +157,7 @@ TEST(EsdfAccuracy, KitchensFieldIsNoWorseThanVoxbloxs) {
     const auto linear = static_cast<int>(i);
     const Eigen::Vector3i voxel(linear % 160, linear / 160 % 160, linear / (160 * 160));
     if (!(system.tsdf_m(voxel) > 0.0)) continue;
-    double exact_m = kLimit_m;
+    double exact_m = kSystemLimit_m;
     for (const Origin& from : begin) {
       exact_m = std::min(exact_m, from.distance_m + (from.centre_m - grid.centre_m(voxel)).norm());
     }

@@ -7,7 +7,7 @@
 namespace sidestep::conformance {
 namespace {
 
-constexpr double kLimit_m = 0.4;
+constexpr double kCaseLimit_m = 0.4;
 
 /// How much longer a path of straight and diagonal steps can be than the straight line: most along
 /// (1, sqrt(2) - 1, sqrt(3) - sqrt(2)). In the plane it is the 8 % of Oleynikova et al. 2017.
@@ -16,7 +16,7 @@ constexpr double kLimit_m = 0.4;
 double max_error_m() {
   const double b = std::sqrt(2.0) - 1.0;
   const double c = std::sqrt(3.0) - std::sqrt(2.0);
-  return (std::sqrt(1.0 + b * b + c * c) - 1.0) * kLimit_m + 1e-6;
+  return (std::sqrt(1.0 + b * b + c * c) - 1.0) * kCaseLimit_m + 1e-6;
 }
 
 FieldCase esdf_case(const std::string& propagation, const std::string& unknown, bool is_signed) {
@@ -24,11 +24,11 @@ FieldCase esdf_case(const std::string& propagation, const std::string& unknown, 
   field.name = propagation + "_unknown_" + unknown + (is_signed ? "_signed" : "_unsigned");
   field.is_signed = is_signed;
   field.unknown_is_occupied = unknown == "occupied";
-  field.max_distance_m = kLimit_m;
+  field.max_distance_m = kCaseLimit_m;
   field.max_error_m = max_error_m();
   esdf::Options options;
   options.is_signed = is_signed;
-  options.max_distance_m = kLimit_m;
+  options.max_distance_m = kCaseLimit_m;
   options.unknown = unknown;
   options.propagation = propagation;
   options.min_change_m = 0.0;

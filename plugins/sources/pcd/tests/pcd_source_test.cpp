@@ -214,8 +214,8 @@ class PcdOptions : public ::testing::Test {
     const auto node = YamlDocumentReader().read(folder_.write("options.yaml", yaml));
     std::vector<Error> errors;
     if (!node) return {node.error()};
-    check_against_schema(*node, Options::fields().schema(), {}, errors);
-    if (errors.empty()) Options::fields().read(*node, options_, errors);
+    check_against_schema(*node, Options::parameters().schema(), {}, errors);
+    if (errors.empty()) Options::parameters().read(*node, options_, errors);
     return errors;
   }
   [[nodiscard]] std::string mistakes() const {

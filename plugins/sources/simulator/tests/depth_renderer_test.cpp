@@ -9,7 +9,7 @@
 namespace sidestep::simulator {
 namespace {
 
-constexpr CameraIntrinsics kCamera{64, 48, 55.0, 54.0, 31.5, 23.5};
+constexpr CameraIntrinsics kSmallCamera{64, 48, 55.0, 54.0, 31.5, 23.5};
 
 SceneObject still(const std::string& name, Shape shape, const Eigen::Vector3d& xyz_m) {
   return {name, std::move(shape), {{0.0, transform_from_xyz_rpy(xyz_m, {0, 0, 0})}}};
@@ -19,7 +19,7 @@ TEST(DepthRenderer, OfAWallFaceOnIsItsDistanceEverywhere) {
   WorkerPool workers(2);
   const RayCaster caster(Scene({still("wall", Box{{0.2, 50, 50}}, {3.1, 0, 0})}));
   ExactImage image;
-  DepthRenderer(kCamera).render(caster, look_at({0, 0, 0}, {1, 0, 0}), workers, image);
+  DepthRenderer(kSmallCamera).render(caster, look_at({0, 0, 0}, {1, 0, 0}), workers, image);
   ASSERT_EQ(image.depth_m.size(), 64U * 48U);
   for (const float depth_m : image.depth_m) EXPECT_FLOAT_EQ(depth_m, 3.0F);
   const double diagonal =
@@ -33,12 +33,12 @@ TEST(DepthRenderer, SeesFloorAndSphereWhereThePinholeModelPutsThem) {
   const RayCaster caster(
       Scene({still("floor", HalfSpace{}, {0, 0, 0}), still("ball", Sphere{0.5}, {4, 0, 1.5})}));
   ExactImage image;
-  DepthRenderer(kCamera).render(caster, look_at({0, 0, 1.5}, {1, 0, 1.5}), workers, image);
+  DepthRenderer(kSmallCamera).render(caster, look_at({0, 0, 1.5}, {1, 0, 1.5}), workers, image);
   int on_ball = 0;
-  for (int v = 0; v < kCamera.height_px; ++v) {
-    for (int u = 0; u < kCamera.width_px; ++u) {
-      const auto at = static_cast<std::size_t>(v * kCamera.width_px + u);
-      const Eigen::Vector3d ray = kCamera.unproject(u, v, 1.0);
+  for (int v = 0; v < kSmallCamera.height_px; ++v) {
+    for (int u = 0; u < kSmallCamera.width_px; ++u) {
+      const auto at = static_cast<std::size_t>(v * kSmallCamera.width_px + u);
+      const Eigen::Vector3d ray = kSmallCamera.unproject(u, v, 1.0);
       const double nearest = 4.0 / ray.norm();  // along the unit ray, to the ball's centre
       const double gap2 = 16.0 - nearest * nearest;
       if (gap2 < 0.25) {

@@ -12,7 +12,9 @@ namespace {
 
 struct Inner {
   int count = 2;
-  static Fields<Inner> fields() { return Fields<Inner>().add("count", &Inner::count, "Count."); }
+  static Parameters<Inner> parameters() {
+    return Parameters<Inner>().add("count", &Inner::count, "Count.");
+  }
 };
 
 struct Options {
@@ -30,9 +32,9 @@ struct Options {
   std::vector<Inner> inners;
   Node anything;
 
-  static Fields<Options> fields() {
+  static Parameters<Options> parameters() {
     using O = Options;
-    return Fields<O>()
+    return Parameters<O>()
         .add("flag", &O::flag, "Flag.")
         .add("count", &O::count, "Count.", {.required = true})
         .add("large", &O::large, "Large.")
@@ -53,8 +55,8 @@ const Parameter& parameter(const Schema& schema, std::string_view name) {
   return *std::ranges::find(schema, name, &Parameter::name);
 }
 
-TEST(Fields, DeclareTypesUnitsAndDefaultsOfTheMembers) {
-  const Schema schema = Options::fields().schema();
+TEST(Parameters, DeclareTypesUnitsAndDefaultsOfTheMembers) {
+  const Schema schema = Options::parameters().schema();
   ASSERT_EQ(schema.size(), 13u);
   EXPECT_EQ(parameter(schema, "flag").type, ParameterType::kBool);
   EXPECT_EQ(parameter(schema, "flag").default_text, "true");
@@ -70,7 +72,7 @@ TEST(Fields, DeclareTypesUnitsAndDefaultsOfTheMembers) {
   EXPECT_EQ(parameter(schema, "position_m").size, 3u);
   EXPECT_EQ(parameter(schema, "limit").type, ParameterType::kDouble);
   EXPECT_EQ(parameter(schema, "limit").default_text, "null");
-  EXPECT_EQ(parameter(schema, "inner").fields.front().name, "count");
+  EXPECT_EQ(parameter(schema, "inner").parameters.front().name, "count");
   EXPECT_EQ(parameter(schema, "inners").type, ParameterType::kObjects);
   EXPECT_EQ(parameter(schema, "anything").type, ParameterType::kNode);
 }
@@ -78,11 +80,11 @@ TEST(Fields, DeclareTypesUnitsAndDefaultsOfTheMembers) {
 std::vector<Error> read(const std::string& yaml, Options& into) {
   std::vector<Error> errors;
   const Node map = parse_yaml(yaml, "dir/t.yaml", errors).value();
-  Options::fields().read(map, into, errors);
+  Options::parameters().read(map, into, errors);
   return errors;
 }
 
-TEST(Fields, ReadEveryType) {
+TEST(Parameters, ReadEveryType) {
   Options options;
   EXPECT_TRUE(read("{flag: false, count: 7, large: 9000000000, length_m: 2, word: occupied, "
                    "nothing: x, file: c.yaml, words: [z], position_m: [1, 2, 3], limit: 4, "
@@ -105,14 +107,14 @@ TEST(Fields, ReadEveryType) {
   EXPECT_EQ(options.anything.find("k")->items().size(), 1u);
 }
 
-TEST(Fields, WhatIsAbsentOrNullKeepsItsDefault) {
+TEST(Parameters, WhatIsAbsentOrNullKeepsItsDefault) {
   Options options;
   EXPECT_TRUE(read("{length_m: ~, position_m: }", options).empty());
   EXPECT_EQ(options.length_m, 0.1);
   EXPECT_EQ(options.position_m, Eigen::Vector3d(0.5, -1.0, 2.0));
 }
 
-TEST(Fields, ANumberThatDoesNotFitIsAnError) {
+TEST(Parameters, ANumberThatDoesNotFitIsAnError) {
   Options options;
   const auto errors = read("count: 3000000000\n", options);
   ASSERT_EQ(errors.size(), 1u);
@@ -123,14 +125,16 @@ TEST(Fields, ANumberThatDoesNotFitIsAnError) {
 struct WithOptionalGroups {
   std::optional<Inner> group;
   std::optional<Eigen::Vector3d> corner_m;
-  static Fields<WithOptionalGroups> fields() {
+  static Parameters<WithOptionalGroups> parameters() {
     using O = WithOptionalGroups;
-    return Fields<O>().add("group", &O::group, "Group.").add("corner_m", &O::corner_m, "Corner.");
+    return Parameters<O>()
+        .add("group", &O::group, "Group.")
+        .add("corner_m", &O::corner_m, "Corner.");
   }
 };
 
-TEST(Fields, AnOptionalGroupIsCheckedAsAnyOtherAndMayBeAbsent) {
-  const Schema schema = WithOptionalGroups::fields().schema();
+TEST(Parameters, AnOptionalGroupIsCheckedAsAnyOtherAndMayBeAbsent) {
+  const Schema schema = WithOptionalGroups::parameters().schema();
   EXPECT_EQ(parameter(schema, "group").type, ParameterType::kObject);
   EXPECT_EQ(parameter(schema, "group").default_text, "null");
   EXPECT_EQ(parameter(schema, "corner_m").size, 3u);
@@ -138,7 +142,7 @@ TEST(Fields, AnOptionalGroupIsCheckedAsAnyOtherAndMayBeAbsent) {
     const Node map = parse_yaml(yaml, "t.yaml", errors).value();
     check_against_schema(map, schema, {}, errors);
     WithOptionalGroups options;
-    if (errors.empty()) WithOptionalGroups::fields().read(map, options, errors);
+    if (errors.empty()) WithOptionalGroups::parameters().read(map, options, errors);
     return options;
   };
   std::vector<Error> errors;

@@ -14,11 +14,12 @@
 #include <Eigen/Core>
 
 #include <sidestep/core/node.hpp>
+#include <sidestep/plugin/schema.hpp>
 
 namespace sidestep {
 
 /// What may be said of a parameter beyond its name, type and doc.
-struct FieldOptions {
+struct ParameterOptions {
   std::string unit;
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
@@ -30,20 +31,21 @@ namespace detail {
 
 /// How a C++ type is declared, written and read. Supported: bool, int, std::int64_t, double,
 /// std::string, std::filesystem::path, std::vector of double, int or std::string,
-/// Eigen::Vector3d, Eigen::Vector3i, Node, structs with fields(), vectors of those, and
+/// Eigen::Vector3d, Eigen::Vector3i, Node, structs with parameters(), vectors of those, and
 /// std::optional of any of them but std::vector.
 template <class V>
-struct FieldType;
+struct ParameterTraits;
 
 }  // namespace detail
 
 /// The one declaration of the parameters of a struct T: names, units, ranges, docs; types and
 /// defaults come from T's members and their initialisers.
 template <class T>
-class Fields {
+class Parameters {
  public:
   template <class V>
-  Fields&& add(std::string name, V T::*member, std::string doc, FieldOptions options = {}) && {
+  Parameters&& add(std::string name, V T::*member, std::string doc,
+                   ParameterOptions options = {}) && {
     insert(std::move(name), member, std::move(doc), std::move(options));
     return std::move(*this);
   }
@@ -57,8 +59,8 @@ class Fields {
 
  private:
   template <class V>
-  void insert(std::string name, V T::*member, std::string doc, FieldOptions options) {
-    using Type = detail::FieldType<V>;
+  void insert(std::string name, V T::*member, std::string doc, ParameterOptions options) {
+    using Type = detail::ParameterTraits<V>;
     const T defaults{};
     Parameter parameter;
     parameter.name = name;
@@ -71,7 +73,7 @@ class Fields {
     parameter.choices = std::move(options.choices);
     if (!parameter.required) parameter.default_text = Type::text(defaults.*member);
     parameter.size = Type::kSize;
-    parameter.fields = Type::fields();
+    parameter.parameters = Type::parameters();
     schema_.push_back(std::move(parameter));
     readers_.push_back(
         [name = std::move(name), member](const Node& map, T& into, std::vector<Error>& errors) {
@@ -101,11 +103,11 @@ void assign(Result<V> value, V& into, std::vector<Error>& errors) {
 
 struct ScalarField {
   static constexpr std::optional<std::size_t> kSize = std::nullopt;
-  static std::vector<Parameter> fields() { return {}; }
+  static std::vector<Parameter> parameters() { return {}; }
 };
 
 template <>
-struct FieldType<bool> : ScalarField {
+struct ParameterTraits<bool> : ScalarField {
   static constexpr ParameterType kType = ParameterType::kBool;
   static std::string text(bool value) { return value ? "true" : "false"; }
   static void read(const Node& node, bool& into, std::vector<Error>& errors) {
@@ -114,7 +116,7 @@ struct FieldType<bool> : ScalarField {
 };
 
 template <class I>
-requires(std::is_same_v<I, int> || std::is_same_v<I, std::int64_t>) struct FieldType<I>
+requires(std::is_same_v<I, int> || std::is_same_v<I, std::int64_t>) struct ParameterTraits<I>
     : ScalarField {
   static constexpr ParameterType kType = ParameterType::kInt;
   static std::string text(I value) { return std::to_string(value); }
@@ -131,7 +133,7 @@ requires(std::is_same_v<I, int> || std::is_same_v<I, std::int64_t>) struct Field
 };
 
 template <>
-struct FieldType<double> : ScalarField {
+struct ParameterTraits<double> : ScalarField {
   static constexpr ParameterType kType = ParameterType::kDouble;
   static std::string text(double value) { return number_text(value); }
   static void read(const Node& node, double& into, std::vector<Error>& errors) {
@@ -140,7 +142,7 @@ struct FieldType<double> : ScalarField {
 };
 
 template <>
-struct FieldType<std::string> : ScalarField {
+struct ParameterTraits<std::string> : ScalarField {
   static constexpr ParameterType kType = ParameterType::kString;
   static std::string text(const std::string& value) { return value.empty() ? "\"\"" : value; }
   static void read(const Node& node, std::string& into, std::vector<Error>& errors) {
@@ -149,7 +151,7 @@ struct FieldType<std::string> : ScalarField {
 };
 
 template <>
-struct FieldType<std::filesystem::path> : ScalarField {
+struct ParameterTraits<std::filesystem::path> : ScalarField {
   static constexpr ParameterType kType = ParameterType::kPath;
   static std::string text(const std::filesystem::path& value) {
     return value.empty() ? "\"\"" : value.string();
@@ -160,63 +162,63 @@ struct FieldType<std::filesystem::path> : ScalarField {
 };
 
 template <>
-struct FieldType<Node> : ScalarField {
+struct ParameterTraits<Node> : ScalarField {
   static constexpr ParameterType kType = ParameterType::kNode;
   static std::string text(const Node&) { return "null"; }
   static void read(const Node& node, Node& into, std::vector<Error>&) { into = node; }
 };
 
 template <class V>
-struct FieldType<std::optional<V>> {
-  static constexpr ParameterType kType = FieldType<V>::kType;
-  static constexpr std::optional<std::size_t> kSize = FieldType<V>::kSize;
-  static std::vector<Parameter> fields() { return FieldType<V>::fields(); }
+struct ParameterTraits<std::optional<V>> {
+  static constexpr ParameterType kType = ParameterTraits<V>::kType;
+  static constexpr std::optional<std::size_t> kSize = ParameterTraits<V>::kSize;
+  static std::vector<Parameter> parameters() { return ParameterTraits<V>::parameters(); }
   static std::string text(const std::optional<V>& value) {
-    return value ? FieldType<V>::text(*value) : "null";
+    return value ? ParameterTraits<V>::text(*value) : "null";
   }
   static void read(const Node& node, std::optional<V>& into, std::vector<Error>& errors) {
     V value{};
     const std::size_t before = errors.size();
-    FieldType<V>::read(node, value, errors);
+    ParameterTraits<V>::read(node, value, errors);
     if (errors.size() == before) into = std::move(value);
   }
 };
 
-/// A struct with fields of its own.
+/// A struct with parameters of its own.
 template <class V>
-requires requires { V::fields(); }
-struct FieldType<V> {
+requires requires { V::parameters(); }
+struct ParameterTraits<V> {
   static constexpr ParameterType kType = ParameterType::kObject;
   static constexpr std::optional<std::size_t> kSize = std::nullopt;
-  static std::vector<Parameter> fields() { return V::fields().schema(); }
+  static std::vector<Parameter> parameters() { return V::parameters().schema(); }
   static std::string text(const V&) { return "{}"; }
   static void read(const Node& node, V& into, std::vector<Error>& errors) {
-    V::fields().read(node, into, errors);
+    V::parameters().read(node, into, errors);
   }
 };
 
 template <class V>
 constexpr ParameterType list_type() {
-  if constexpr (FieldType<V>::kType == ParameterType::kDouble)
+  if constexpr (ParameterTraits<V>::kType == ParameterType::kDouble)
     return ParameterType::kDoubles;
-  else if constexpr (FieldType<V>::kType == ParameterType::kInt)
+  else if constexpr (ParameterTraits<V>::kType == ParameterType::kInt)
     return ParameterType::kInts;
-  else if constexpr (FieldType<V>::kType == ParameterType::kString)
+  else if constexpr (ParameterTraits<V>::kType == ParameterType::kString)
     return ParameterType::kStrings;
   else
     return ParameterType::kObjects;
 }
 
 template <class V>
-struct FieldType<std::vector<V>> {
+struct ParameterTraits<std::vector<V>> {
   static constexpr ParameterType kType = list_type<V>();
   static constexpr std::optional<std::size_t> kSize = std::nullopt;
-  static std::vector<Parameter> fields() { return FieldType<V>::fields(); }
+  static std::vector<Parameter> parameters() { return ParameterTraits<V>::parameters(); }
   static std::string text(const std::vector<V>& values) {
     std::string out = "[";
     for (const V& value : values) {
       if (out.size() > 1) out += ", ";
-      out += FieldType<V>::text(value);
+      out += ParameterTraits<V>::text(value);
     }
     return out + "]";
   }
@@ -224,22 +226,22 @@ struct FieldType<std::vector<V>> {
     into.clear();
     for (const Node& item : node.items()) {
       into.emplace_back();
-      FieldType<V>::read(item, into.back(), errors);
+      ParameterTraits<V>::read(item, into.back(), errors);
     }
   }
 };
 
 template <class S>
-struct FieldType<Eigen::Matrix<S, 3, 1>> {
+struct ParameterTraits<Eigen::Matrix<S, 3, 1>> {
   static constexpr ParameterType kType = list_type<S>();
   static constexpr std::optional<std::size_t> kSize = 3;
-  static std::vector<Parameter> fields() { return {}; }
+  static std::vector<Parameter> parameters() { return {}; }
   static std::string text(const Eigen::Matrix<S, 3, 1>& value) {
-    return FieldType<std::vector<S>>::text({value.x(), value.y(), value.z()});
+    return ParameterTraits<std::vector<S>>::text({value.x(), value.y(), value.z()});
   }
   static void read(const Node& node, Eigen::Matrix<S, 3, 1>& into, std::vector<Error>& errors) {
     std::vector<S> values;
-    FieldType<std::vector<S>>::read(node, values, errors);
+    ParameterTraits<std::vector<S>>::read(node, values, errors);
     if (values.size() == 3) {
       into = Eigen::Matrix<S, 3, 1>(values[0], values[1], values[2]);
     } else {
