@@ -1,5 +1,6 @@
 #pragma once
 
+#include <ostream>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -11,6 +12,8 @@ template <class Options>
 struct WrongOption {
   std::string parameter;  ///< That the error is to name.
   void (*spoil)(Options&);
+
+  friend void PrintTo(const WrongOption& wrong, std::ostream* out) { *out << wrong.parameter; }
 };
 
 /// Checks that the default options with this mistake tell it, and it alone.
