@@ -10,6 +10,7 @@ namespace {
 constexpr int kSide = kBlockSide_vox;
 
 /// Bit for bit, so that no value is mistaken for another.
+// NOLINTBEGIN(bugprone-suspicious-memory-comparison)
 bool same(const FieldBlock& a, const FieldBlock& b) noexcept {
   return std::memcmp(a.distance_m.data(), b.distance_m.data(), sizeof(a.distance_m)) == 0;
 }
@@ -20,6 +21,7 @@ template <class Array>
 bool is_uniform(const Array& values) noexcept {
   return std::memcmp(values.data(), values.data() + 1, sizeof(values) - sizeof(values[0])) == 0;
 }
+// NOLINTEND(bugprone-suspicious-memory-comparison)
 bool is_uniform(const FieldBlock& block) noexcept { return is_uniform(block.distance_m); }
 bool is_uniform(const KnownBlock& block) noexcept { return is_uniform(block.rows); }
 

@@ -52,7 +52,8 @@ std::optional<RayEnd> RayEnds::at(std::size_t index, IntegrationCounts& counts) 
   const CameraIntrinsics& camera = image->camera;
   const std::size_t width = static_cast<std::size_t>(camera.width_px);
   const double u = static_cast<double>(index % width);
-  const double v = static_cast<double>(index / width);
+  const std::size_t row = index / width;
+  const double v = static_cast<double>(row);
   const float depth_m = image->depth_m[index];
   if (depth_m > 0.0F) {
     return of_point(camera.unproject(u, v, static_cast<double>(depth_m)), counts);

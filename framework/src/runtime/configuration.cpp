@@ -41,7 +41,7 @@ class Reader {
 
   /// The document of a file, merged with its bases; an empty map where it cannot be read.
   Node read(const std::filesystem::path& file, const SourceMark& named_at) {
-    const Node empty(Node::Map{}, {file.string(), 1, 1});
+    Node empty(Node::Map{}, {file.string(), 1, 1});
     std::error_code unknown;  // e.g. a name too long; reading the file says so
     const std::filesystem::path identity = std::filesystem::weakly_canonical(file, unknown);
     if (std::ranges::find(open_, identity) != open_.end()) {

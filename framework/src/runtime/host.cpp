@@ -281,7 +281,7 @@ Node Host::with_defaults(PluginKind kind, const Node& block) {
 }
 
 Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
-                                       std::shared_ptr<const RobotModel> robot) {
+                                       const std::shared_ptr<const RobotModel>& robot) {
   const auto found = impl_->find(kind, block);
   if (!found) return tl::make_unexpected(found.error());
   std::vector<Error> errors;
@@ -296,7 +296,7 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
                             derive_seed(impl_->settings.seed, name),
                             impl_->settings.robot_paths,
                             impl_->settings.scene_paths,
-                            std::move(robot)};
+                            robot};
   const PluginDescriptor& descriptor = *(*found)->descriptor;
   return guarded(name, [&]() -> Result<Made> {
     Error error;

@@ -389,7 +389,7 @@ Result<void> validate_contacts(const RobotDescription& robot, const Scene* scene
 }  // namespace
 
 Result<std::unique_ptr<ValidityCheck>> make_shape_check(std::shared_ptr<const RobotModel> robot,
-                                                        ShapeObstacles obstacles,
+                                                        const ShapeObstacles& obstacles,
                                                         ShapeCheckSettings settings) {
   const RobotDescription& description = robot->description();
   if (description.shapes.empty()) {

@@ -162,6 +162,11 @@ int owner_of(const Object& object) {
 
 /// FCL hands over the pair in either order; the robot's objects carry this owner.
 constexpr int kRobotOwner = -2;
+/// How FCL's objects carry their owner: as a pointer that nobody follows.
+void* tag(int owner) {
+  return reinterpret_cast<void*>(
+      static_cast<std::intptr_t>(owner));  // NOLINT(performance-no-int-to-ptr)
+}
 
 const Object& obstacle_of(const Object& a, const Object& b) {
   return owner_of(a) == kRobotOwner ? b : a;
@@ -198,10 +203,10 @@ struct ShapeCollider::Impl {
   std::vector<int> moving;       // scene objects
   std::vector<int> half_spaces;  // scene objects
 
-  void add_fixed(Geometry geometry, const Transform& T_world_shape, int owner) {
-    fixed.push_back(std::make_unique<Object>(std::move(geometry), to_fcl(T_world_shape)));
+  void add_fixed(const Geometry& geometry, const Transform& T_world_shape, int owner) {
+    fixed.push_back(std::make_unique<Object>(geometry, to_fcl(T_world_shape)));
     fixed.back()->computeAABB();
-    fixed.back()->setUserData(reinterpret_cast<void*>(static_cast<std::intptr_t>(owner)));
+    fixed.back()->setUserData(tag(owner));
   }
   void add_robot(const RobotDescription& robot);
   void add_voxels(const ShapeObstacles& obstacles);
@@ -294,8 +299,7 @@ ShapeCollider::PosePtr ShapeCollider::make_pose() const {
   PosePtr pose(new Pose());
   for (const RobotShape& shape : impl_->shapes) {
     pose->shapes.emplace_back(shape.geometry);
-    pose->shapes.back().setUserData(
-        reinterpret_cast<void*>(static_cast<std::intptr_t>(kRobotOwner)));
+    pose->shapes.back().setUserData(tag(kRobotOwner));
   }
   for (const int object : impl_->moving) {
     pose->moving.emplace_back(impl_->scene_geometry[at(object)]);

@@ -110,8 +110,8 @@ class Host {
   /// to the plugin; null while the robot is created.
   template <class Interface>
   [[nodiscard]] Result<PluginPtr<Interface>> create(
-      const Node& block, std::shared_ptr<const RobotModel> robot = nullptr) {
-    auto made = create_object(PluginTraits<Interface>::kKind, block, std::move(robot));
+      const Node& block, const std::shared_ptr<const RobotModel>& robot = nullptr) {
+    auto made = create_object(PluginTraits<Interface>::kKind, block, robot);
     if (!made) return tl::make_unexpected(std::move(made.error()));
     PluginPtr<Interface> object(static_cast<Interface*>(made->object), std::move(made->deleter));
     if constexpr (std::is_same_v<Interface, RobotModel>) {
@@ -128,7 +128,7 @@ class Host {
     PluginDeleter deleter;
   };
   [[nodiscard]] Result<Made> create_object(PluginKind kind, const Node& block,
-                                           std::shared_ptr<const RobotModel> robot);
+                                           const std::shared_ptr<const RobotModel>& robot);
   std::unique_ptr<Impl> impl_;
 };
 

@@ -49,6 +49,7 @@ struct ShapeCheckSettings {
 /// spheres. Fails with kInvalidArgument for a robot without collision shapes, for obstacles or
 /// settings that make no sense, and for allowed contacts that name no link or object.
 [[nodiscard]] Result<std::unique_ptr<ValidityCheck>> make_shape_check(
-    std::shared_ptr<const RobotModel> robot, ShapeObstacles obstacles, ShapeCheckSettings settings);
+    std::shared_ptr<const RobotModel> robot, const ShapeObstacles& obstacles,
+    ShapeCheckSettings settings);
 
 }  // namespace sidestep
