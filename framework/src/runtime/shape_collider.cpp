@@ -164,8 +164,8 @@ int owner_of(const Object& object) {
 constexpr int kRobotOwner = -2;
 /// How FCL's objects carry their owner: as a pointer that nobody follows.
 void* tag(int owner) {
-  return reinterpret_cast<void*>(
-      static_cast<std::intptr_t>(owner));  // NOLINT(performance-no-int-to-ptr)
+  // NOLINTNEXTLINE(performance-no-int-to-ptr)
+  return reinterpret_cast<void*>(static_cast<std::intptr_t>(owner));
 }
 
 const Object& obstacle_of(const Object& a, const Object& b) {
