@@ -8,6 +8,13 @@
 #include "row_scan.hpp"
 
 namespace sidestep::edt {
+namespace {
+
+bool has_set(std::span<const std::uint8_t> flags) {
+  return std::memchr(flags.data(), 1, flags.size()) != nullptr;
+}
+
+}  // namespace
 
 IncrementalTransform::Workspace::Workspace(const Eigen::Vector3i& size, std::uint16_t cap)
     : row(static_cast<std::size_t>((size.x() + kTile - 1) / kTile * kTile)),
@@ -26,6 +33,9 @@ IncrementalTransform::IncrementalTransform(const Eigen::Vector3i& size_vox, std:
       along_z_{Grid(size_vox), {}},
       along_x_was_(size_vox),
       along_y_was_(size_vox),
+      slice_changed_(static_cast<std::size_t>(size_vox.z()), 0),
+      line_changed_(static_cast<std::size_t>(size_vox.y()), 0),
+      line_tiles_(static_cast<std::size_t>(size_vox.y()), 0),
       start_tile_(kTile, start == Start::kAllObstacles ? std::uint16_t{0} : cap_) {
   const std::size_t rows =
       static_cast<std::size_t>(size_.y()) * static_cast<std::size_t>(size_.z());
@@ -53,12 +63,13 @@ void IncrementalTransform::pass_row(const VoxelBits& obstacles, int y, int z, Wo
   }
 }
 
-void IncrementalTransform::pass_line(const Line& line, const Pass& in, const Grid* in_was,
+bool IncrementalTransform::pass_line(const Line& line, const Pass& in, const Grid* in_was,
                                      Pass& out, Grid* out_was, Workspace& space) const {
   const auto mask_of = [&](int i) {
     return line.first_row + static_cast<std::size_t>(i) * line.row_step;
   };
   std::uint64_t tiles = 0;
+  bool any = false;
   for (int i = 0; i < line.length; ++i) {
     tiles |= in.changed[mask_of(i)];
     out.changed[mask_of(i)] = 0;
@@ -87,10 +98,11 @@ void IncrementalTransform::pass_line(const Line& line, const Pass& in, const Gri
       column.out_was = out_was->row(line.y, line.z) + x;
       column.out_was_stride = line.stride;
     }
-    for (const int i : space.envelope.update(column, space.changed)) {
-      out.changed[mask_of(i)] |= bit;
-    }
+    const auto changed = space.envelope.update(column, space.changed);
+    for (const int i : changed) out.changed[mask_of(i)] |= bit;
+    any = any || !changed.empty();
   }
+  return any;
 }
 
 std::span<const std::uint64_t> IncrementalTransform::update(
@@ -101,23 +113,39 @@ std::span<const std::uint64_t> IncrementalTransform::update(
   workers_.run_banded(size_.z(), 1, [&](int begin, int end) {
     Workspace space(size_, cap_);
     for (int z = begin; z < end; ++z) {
+      const auto rows = row_changed.subspan(row_index(0, z), ny);
+      if (!has_set(rows) && slice_changed_[static_cast<std::size_t>(z)] == 0) continue;
       for (int y = 0; y < size_.y(); ++y) {
         along_x_.changed[row_index(y, z)] = 0;
         if (row_changed[row_index(y, z)] != 0) pass_row(obstacles, y, z, space);
       }
       const Line line{size_.y(), 0, z, row_index(0, z), 1, along_x_.values.pitch()};
-      pass_line(line, along_x_, x_was, along_y_, y_was, space);
+      slice_changed_[static_cast<std::size_t>(z)] =
+          pass_line(line, along_x_, x_was, along_y_, y_was, space) ? 1 : 0;
     }
   });
+  find_changed_lines();
   workers_.run_banded(size_.y(), 1, [&](int begin, int end) {
     Workspace space(size_, cap_);
     for (int y = begin; y < end; ++y) {
+      std::uint8_t& changed = line_changed_[static_cast<std::size_t>(y)];
+      if (line_tiles_[static_cast<std::size_t>(y)] == 0 && changed == 0) continue;
       const Line line{size_.z(), y, 0, row_index(y, 0), ny, along_x_.values.slice_pitch()};
-      pass_line(line, along_y_, y_was, along_z_, nullptr, space);
+      changed = pass_line(line, along_y_, y_was, along_z_, nullptr, space) ? 1 : 0;
     }
   });
   is_first_ = false;
   return along_z_.changed;
+}
+
+void IncrementalTransform::find_changed_lines() {
+  std::ranges::fill(line_tiles_, std::uint64_t{0});
+  for (int z = 0; z < size_.z(); ++z) {
+    if (slice_changed_[static_cast<std::size_t>(z)] == 0) continue;
+    for (int y = 0; y < size_.y(); ++y) {
+      line_tiles_[static_cast<std::size_t>(y)] |= along_y_.changed[row_index(y, z)];
+    }
+  }
 }
 
 }  // namespace sidestep::edt

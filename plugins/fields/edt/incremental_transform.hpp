@@ -72,9 +72,12 @@ class IncrementalTransform {
 
   void pass_row(const VoxelBits& obstacles, int y, int z, Workspace& space);
   /// Envelopes along a line, from `in` to `out`; what `out` held before goes to `out_was`. The last
-  /// pass has none, and the first update needs neither.
-  void pass_line(const Line& line, const Pass& in, const Grid* in_was, Pass& out, Grid* out_was,
+  /// pass has none, and the first update needs neither. Whether any of `out` changed.
+  bool pass_line(const Line& line, const Pass& in, const Grid* in_was, Pass& out, Grid* out_was,
                  Workspace& space) const;
+
+  /// Fills line_tiles_.
+  void find_changed_lines();
 
   [[nodiscard]] std::size_t row_index(int y, int z) const noexcept {
     return static_cast<std::size_t>(y) +
@@ -88,6 +91,10 @@ class IncrementalTransform {
   WorkerPool& workers_;
   Pass along_x_, along_y_, along_z_;
   Grid along_x_was_, along_y_was_;  ///< Of tiles that the update changed, the values before it.
+  // What the newest update changed: of slices along y, of lines along z. Where nothing changed in
+  // two updates on end there is nothing to compute, nor a mask to clear.
+  std::vector<std::uint8_t> slice_changed_, line_changed_;
+  std::vector<std::uint64_t> line_tiles_;  ///< By y: tiles that changed along y, over all z.
   std::vector<std::uint16_t> start_tile_;  ///< What every tile holds before the first update.
   bool is_first_ = true;
 };
