@@ -14,7 +14,7 @@ template <class Distance>
 [[nodiscard]] std::shared_ptr<const DenseField> sampled_field(const GridSpec& grid,
                                                               Distance distance) {
   const Eigen::Vector3i counts = block_counts(grid);
-  DenseField::BlockTable blocks;
+  std::vector<DenseField::Blocks::Entry> blocks;
   for (int b = 0; b < counts.prod(); ++b) {
     const Eigen::Vector3i first =
         kBlockSide_vox *
@@ -35,7 +35,7 @@ template <class Distance>
   info.grid = grid;
   info.is_signed = true;
   info.max_distance_m = std::numeric_limits<double>::infinity();
-  DenseField::KnownTable known(blocks.size(), all_known);
+  std::vector<DenseField::KnownBlocks::Entry> known(blocks.size(), all_known);
   return std::make_shared<DenseField>(info, std::move(blocks), std::move(known));
 }
 

@@ -75,8 +75,9 @@ struct VoxelWorld {
     info.grid = grid;
     info.is_signed = is_signed;
     info.max_distance_m = max_distance_m;
-    return std::make_shared<DenseField>(info, DenseField::BlockTable(blocks.begin(), blocks.end()),
-                                        DenseField::KnownTable(known.begin(), known.end()));
+    return std::make_shared<DenseField>(
+        info, std::vector<DenseField::Blocks::Entry>(blocks.begin(), blocks.end()),
+        std::vector<DenseField::KnownBlocks::Entry>(known.begin(), known.end()));
   }
 
  private:

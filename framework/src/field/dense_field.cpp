@@ -46,7 +46,7 @@ inline Interpolated interpolate(const double (&corner)[2][2][2],
 
 }  // namespace
 
-DenseField::DenseField(FieldInfo info, BlockTable blocks, KnownTable known)
+DenseField::DenseField(FieldInfo info, Blocks blocks, KnownBlocks known)
     : DistanceField(std::move(info)),
       blocks_(std::move(blocks)),
       known_(std::move(known)),
@@ -54,12 +54,12 @@ DenseField::DenseField(FieldInfo info, BlockTable blocks, KnownTable known)
 
 float DenseField::at(const Eigen::Vector3i& voxel) const noexcept {
   const Address a = address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_);
-  return blocks_[a.block]->distance_m[a.place];
+  return blocks_.block(a.block).distance_m[a.place];
 }
 
 bool DenseField::known(const Eigen::Vector3i& voxel) const noexcept {
   const Address a = address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_);
-  return ((known_[a.block]->rows[a.place / kBlockSide_vox] >> (a.place % kBlockSide_vox)) & 1u) !=
+  return ((known_.block(a.block).rows[a.place / kBlockSide_vox] >> (a.place % kBlockSide_vox)) & 1u) !=
          0;
 }
 
@@ -94,7 +94,7 @@ void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
         for (int i = 0; i < 2; ++i) {
           const Address a = address_of(i == 0 ? low.x() : high.x(), j == 0 ? low.y() : high.y(),
                                        k == 0 ? low.z() : high.z(), block_counts_);
-          corner[k][j][i] = static_cast<double>(blocks_[a.block]->distance_m[a.place]);
+          corner[k][j][i] = static_cast<double>(blocks_.block(a.block).distance_m[a.place]);
         }
       }
     }

@@ -75,28 +75,32 @@ Result<std::vector<std::uint8_t>> DenseFieldPublisher::begin(const MapUpdate& up
 
 std::shared_ptr<const DistanceField> DenseFieldPublisher::publish(
     const MapUpdate& update, const std::vector<std::uint8_t>& changed, const RowWriter& write_row) {
-  constexpr int kBlocksATask = 8;
   const Eigen::Vector3i counts = block_counts(info_.grid);
-  workers_.run_banded(static_cast<int>(blocks_.size()), kBlocksATask, [&](int begin, int end) {
+  constexpr auto kPage = static_cast<int>(DenseField::Blocks::kPage);
+  const auto block_count = static_cast<int>(blocks_.size());
+  workers_.run_banded(static_cast<int>(blocks_.page_count()), 1, [&](int begin, int end) {
     FieldBlock distances;
     KnownBlock known;
-    for (int b = begin; b < end; ++b) {
+    for (int b = begin * kPage; b < std::min(end * kPage, block_count); ++b) {
       const auto at = static_cast<std::size_t>(b);
+      if (changed[at] == 0 && known_changed_[at] == 0) continue;
       const Eigen::Vector3i block(b % counts.x(), b / counts.x() % counts.y(),
                                   b / (counts.x() * counts.y()));
       if (changed[at] != 0) {
         write_distances(block, write_row, distances);
-        blocks_[at] = uniform_distances_.shared(distances, blocks_[at]);
+        auto shared = uniform_distances_.shared(distances, blocks_[at]);
+        if (shared != blocks_[at]) blocks_.set(at, std::move(shared));
       }
       if (known_changed_[at] != 0) {
         write_known(block, known);
-        known_[at] = uniform_known_.shared(known, known_[at]);
+        auto shared = uniform_known_.shared(known, known_[at]);
+        if (shared != known_[at]) known_.set(at, std::move(shared));
       }
     }
   });
   info_.sequence = update.sequence;
   info_.stamp = update.stamp;
-  return std::make_shared<const DenseField>(info_, blocks_, known_);
+  return std::make_shared<const DenseField>(info_, blocks_.share(), known_.share());
 }
 
 void DenseFieldPublisher::write_distances(const Eigen::Vector3i& block, const RowWriter& write_row,

@@ -25,8 +25,8 @@ GridSpec grid_of(int x, int y, int z) {
 DenseField sampled(const GridSpec& grid, const Function& function,
                    const std::function<bool(const Eigen::Vector3i&)>& known) {
   const Eigen::Vector3i counts = block_counts(grid);
-  DenseField::BlockTable table;
-  DenseField::KnownTable known_table;
+  std::vector<DenseField::Blocks::Entry> table;
+  std::vector<DenseField::KnownBlocks::Entry> known_table;
   for (int b = 0; b < counts.prod(); ++b) {
     const Eigen::Vector3i block(b % counts.x(), b / counts.x() % counts.y(),
                                 b / counts.x() / counts.y());

@@ -29,7 +29,7 @@ class DenseFieldPublisherTest : public testing::Test {
 
   static std::size_t distinct(const DenseField& field) {
     std::set<const FieldBlock*> blocks;
-    for (const auto& block : field.blocks()) blocks.insert(block.get());
+    for (std::size_t b = 0; b < field.blocks().size(); ++b) blocks.insert(&field.blocks().block(b));
     return blocks.size();
   }
 

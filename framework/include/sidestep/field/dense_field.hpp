@@ -2,9 +2,8 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
-#include <vector>
 
+#include <sidestep/field/block_table.hpp>
 #include <sidestep/field/distance_field.hpp>
 
 namespace sidestep {
@@ -22,30 +21,29 @@ struct KnownBlock {
   std::array<std::uint16_t, kBlockSide_vox * kBlockSide_vox> rows;
 };
 
-/// A dense field as tables of shared blocks: a new snapshot copies the tables (51 kB each for 320
-/// x 320 x 128 voxels) and replaces what has changed.
+/// A dense field as tables of shared blocks: a new snapshot shares with the one before whatever did
+/// not change.
 class SIDESTEP_EXPORT DenseField final : public DistanceField {
  public:
-  using BlockTable = std::vector<std::shared_ptr<const FieldBlock>>;
-
-  using KnownTable = std::vector<std::shared_ptr<const KnownBlock>>;
+  using Blocks = BlockTable<FieldBlock>;
+  using KnownBlocks = BlockTable<KnownBlock>;
 
   /// Both tables in block_linear order, one entry for each block of info.grid, none null.
-  DenseField(FieldInfo info, BlockTable blocks, KnownTable known);
+  DenseField(FieldInfo info, Blocks blocks, KnownBlocks known);
 
   void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
              std::span<Eigen::Vector3d> gradients,
              std::span<FieldStatus> statuses) const noexcept override;
 
-  [[nodiscard]] const BlockTable& blocks() const noexcept { return blocks_; }
-  [[nodiscard]] const KnownTable& known_blocks() const noexcept { return known_; }
+  [[nodiscard]] const Blocks& blocks() const noexcept { return blocks_; }
+  [[nodiscard]] const KnownBlocks& known_blocks() const noexcept { return known_; }
   /// The value at one voxel's centre; `voxel` lies inside the grid.
   [[nodiscard]] float at(const Eigen::Vector3i& voxel) const noexcept;
   [[nodiscard]] bool known(const Eigen::Vector3i& voxel) const noexcept;
 
  private:
-  BlockTable blocks_;
-  KnownTable known_;
+  Blocks blocks_;
+  KnownBlocks known_;
   Eigen::Vector3i block_counts_;
 };
 

@@ -64,8 +64,8 @@ class DenseFieldPublisher {
   FieldInfo info_;
   const OccupancyView& view_;
   WorkerPool& workers_;
-  DenseField::BlockTable blocks_;
-  DenseField::KnownTable known_;
+  DenseField::Blocks blocks_;
+  DenseField::KnownBlocks known_;
   std::optional<std::int64_t> sequence_;     ///< Of the newest update.
   std::vector<std::uint8_t> known_changed_;  ///< Blocks in which voxels may have become known.
   UniformBlocks<FieldBlock> uniform_distances_;
