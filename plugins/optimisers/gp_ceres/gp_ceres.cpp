@@ -228,6 +228,7 @@ class GpCeres final : public Optimiser {
     for (const TermCost& term : solution.terms) solution.cost += term.cost;
     solution.initial_cost = summary.initial_cost;
     solution.iterations = std::max(0, static_cast<int>(summary.iterations.size()) - 1);
+    solution.accepted_iterations = std::max(0, summary.num_successful_steps - 1);  // less the start
     conclude(summary, rule, deadline, solution);
     if (solution.status != SolveStatus::kFailed) solution.trajectory = chain.trajectory();
     solution.solve_ms = watch.elapsed_ms();

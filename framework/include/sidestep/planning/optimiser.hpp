@@ -29,8 +29,9 @@ struct TermCost {
 struct Solution {
   SolveStatus status = SolveStatus::kFailed;
   Trajectory trajectory;
-  int iterations = 0;         ///< Accepted or not; samples drawn for a sampling planner.
-  double initial_cost = 0.0;  ///< 1/2 sum of squares; path length for a sampling planner.
+  int iterations = 0;           ///< Accepted or not; samples drawn for a sampling planner.
+  int accepted_iterations = 0;  ///< Those that changed the trajectory, as GPMP2 counts them.
+  double initial_cost = 0.0;    ///< 1/2 sum of squares; path length for a sampling planner.
   double cost = 0.0;
   std::vector<TermCost> terms;  ///< Final cost by term, the GP prior as "gp_prior".
   double solve_ms = 0.0;        ///< Wall time inside the optimiser.

@@ -7,53 +7,12 @@
 
 #include "gp_ceres.hpp"
 #include "state_rows.hpp"
-#include "support/hsr.hpp"
-#include "support/sampled_field.hpp"
+#include "support/hsr_table.hpp"
 
 namespace sidestep {
 namespace {
 
-double box_distance(const Eigen::Vector3d& p, const Eigen::Vector3d& lower,
-                    const Eigen::Vector3d& upper) {
-  const Eigen::Vector3d outside = (lower - p).cwiseMax(p - upper);
-  return outside.cwiseMax(0.0).norm() + std::min(outside.maxCoeff(), 0.0);
-}
-
-/// A table, a cupboard and a chair on 6 x 6 m at 5 cm, cut off at 0.8 m as a map's field is.
-std::shared_ptr<const DistanceField> room() {
-  GridSpec grid;
-  grid.origin_m = {-3.0, -3.0, -0.2};
-  grid.resolution_m = 0.05;
-  grid.size_vox = {128, 128, 48};
-  return testing_support::sampled_field(grid, [](const Eigen::Vector3d& p) {
-    return std::min({0.8, box_distance(p, {0.6, -0.6, 0.66}, {1.4, 0.6, 0.7}),
-                     box_distance(p, {0.65, -0.05, 0.0}, {0.75, 0.05, 0.66}),
-                     box_distance(p, {-0.6, 1.2, 0.0}, {0.2, 1.6, 2.0}),
-                     box_distance(p, {-0.3, -0.9, 0.0}, {0.1, -0.5, 0.8})});
-  });
-}
-
-Problem hsr_problem(int states, int checks) {
-  Problem problem;
-  problem.robot = testing_support::load_hsr();
-  problem.field = room();
-  problem.space = {Space::kFree, Space::kFree};
-  const int d = problem.robot->description().dof();
-  problem.start = {Eigen::VectorXd::Zero(d), Eigen::VectorXd::Zero(d)};
-  problem.goal = problem.start;
-  problem.start.q << -2.0, -1.2, 0.5, 0.0, 0.0, -1.57, -1.57, 0.0;  // the pose "go"
-  problem.goal.q << 0.25, 0.1, 0.0, 0.34, -0.9, 0.0, -0.67, 0.0;    // "reach_table"
-  const Horizon horizon = estimate_horizon(
-      problem.robot->description(), {problem.start.q.data(), static_cast<std::size_t>(d)},
-      {problem.goal.q.data(), static_cast<std::size_t>(d)}, 0.1, 0.8);
-  problem.support_states = states;
-  problem.dt_s = horizon.states * horizon.dt_s / (states - 1);
-  problem.qc = Eigen::VectorXd::Ones(d);
-  problem.interpolated_checks = checks;
-  problem.speed_fraction = 0.9;
-  problem.terms = standard_terms(problem, {.epsilon_m = 0.2});
-  return problem;
-}
+using testing_support::hsr_reaches_table;
 
 Trajectory line_of(const Problem& problem) {
   return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
@@ -61,7 +20,7 @@ Trajectory line_of(const Problem& problem) {
 
 void solve_hsr(benchmark::State& state) {
   const Problem problem =
-      hsr_problem(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
+      hsr_reaches_table(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
   const Trajectory initial = line_of(problem);
   const auto optimiser = make_gp_ceres({.relative_tolerance = state.range(2) ? 1e-2 : 1e-5});
   Solution solution;
@@ -81,7 +40,7 @@ BENCHMARK(solve_hsr)
 
 /// One evaluation of all costs with Jacobians at all states.
 void evaluate_hsr(benchmark::State& state) {
-  const Problem problem = hsr_problem(static_cast<int>(state.range(0)), 4);
+  const Problem problem = hsr_reaches_table(static_cast<int>(state.range(0)), 4);
   const GpPrior prior(problem.qc, problem.dt_s);
   StateRows rows(problem, prior);
   const Trajectory initial = line_of(problem);
@@ -100,7 +59,7 @@ BENCHMARK(evaluate_hsr)->ArgName("states")->Arg(20)->Arg(40)->Unit(benchmark::kM
 
 /// One term alone, at the states of the straight line.
 void evaluate_term(benchmark::State& state) {
-  Problem problem = hsr_problem(40, 4);
+  Problem problem = hsr_reaches_table(40, 4);
   const CostTerm& term = problem.terms[static_cast<std::size_t>(state.range(0))];
   const auto dof = static_cast<std::size_t>(problem.robot->description().dof());
   const Trajectory initial = line_of(problem);

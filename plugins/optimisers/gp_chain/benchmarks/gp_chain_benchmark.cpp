@@ -1,0 +1,140 @@
+// gp_chain beside gp_ceres, on GPMP2's recorded problems and on the HSR with all its costs.
+#include <algorithm>
+#include <map>
+
+#include <benchmark/benchmark.h>
+
+#include "gp_ceres.hpp"
+#include "gp_chain.hpp"
+#include "minimise.hpp"
+#include "support/gpmp2_problems.hpp"
+#include "support/hsr_table.hpp"
+
+namespace sidestep {
+namespace {
+
+using namespace testing_support;
+
+/// Some hundred problems of one recorded set; empty where the recordings are absent.
+const std::vector<Problem>& recorded_problems(const std::string& set) {
+  static std::map<std::string, std::vector<Problem>> sets;
+  const auto [found, is_new] = sets.try_emplace(set);
+  std::vector<Problem>& problems = found->second;
+  const auto path = gpmp2_folder() / ("problems_" + set + ".json");
+  if (!is_new || !std::filesystem::exists(path)) return problems;
+  const nlohmann::json file = read_json(path);
+  const auto robot = dh_arm(file["robot"]);
+  for (std::size_t scene = 0; scene < file["scenes"].size(); ++scene) {
+    const auto field = gpmp2_field(file, static_cast<int>(scene), true);
+    for (std::size_t pair = scene; pair < file["pairs"].size(); pair += 3) {
+      problems.push_back(gpmp2_problem(file, robot, field, static_cast<int>(pair)));
+    }
+  }
+  return problems;
+}
+
+double quantile(std::vector<double>& values, double share) {
+  std::ranges::sort(values);
+  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+}
+
+std::unique_ptr<Optimiser> optimiser_of(bool chain, bool replan) {
+  const double relative = replan ? 1e-2 : 1e-5;
+  const int iterations = replan ? 50 : 100;
+  if (chain) {
+    return make_gp_chain({.relative_tolerance = relative, .max_iterations = iterations});
+  }
+  return make_gp_ceres({.relative_tolerance = relative, .max_iterations = iterations});
+}
+
+/// Every problem once an iteration. solve_ms and step_us are over problems; a step is one that was
+/// tried, an iteration one that was accepted, which is what GPMP2 counts.
+void solve_recorded(benchmark::State& state, const char* set, bool chain, bool replan) {
+  const auto& problems = recorded_problems(set);
+  if (problems.empty()) {
+    state.SkipWithError("no recorded problems");
+    return;
+  }
+  const auto optimiser = optimiser_of(chain, replan);
+  std::vector<Trajectory> initial;
+  for (const Problem& problem : problems) initial.push_back(gpmp2_initial(problem));
+  std::vector<double> solve_ms, iteration_us, step_us;
+  for (auto _ : state) {
+    for (std::size_t i = 0; i < problems.size(); ++i) {
+      const auto solution = optimiser->solve(problems[i], initial[i], Deadline());
+      if (!solution) continue;
+      solve_ms.push_back(solution->solve_ms);
+      iteration_us.push_back(1e3 * solution->solve_ms / std::max(1, solution->accepted_iterations));
+      step_us.push_back(1e3 * solution->solve_ms / std::max(1, solution->iterations));
+    }
+  }
+  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(problems.size()));
+  state.counters["solve_ms_p50"] = quantile(solve_ms, 0.5);
+  state.counters["solve_ms_p95"] = quantile(solve_ms, 0.95);
+  state.counters["iteration_us_p50"] = quantile(iteration_us, 0.5);
+  state.counters["step_us_p50"] = quantile(step_us, 0.5);
+}
+#define SOLVE_RECORDED(set)                                                     \
+  BENCHMARK_CAPTURE(solve_recorded, set / study / gp_chain, #set, true, false)  \
+      ->Unit(benchmark::kMillisecond);                                          \
+  BENCHMARK_CAPTURE(solve_recorded, set / study / gp_ceres, #set, false, false) \
+      ->Unit(benchmark::kMillisecond);                                          \
+  BENCHMARK_CAPTURE(solve_recorded, set / replan / gp_chain, #set, true, true)  \
+      ->Unit(benchmark::kMillisecond);                                          \
+  BENCHMARK_CAPTURE(solve_recorded, set / replan / gp_ceres, #set, false, true) \
+      ->Unit(benchmark::kMillisecond)
+SOLVE_RECORDED(panda_single);
+SOLVE_RECORDED(panda_clutter);
+SOLVE_RECORDED(wam_single);
+
+void solve_hsr(benchmark::State& state, bool chain) {
+  const Problem problem =
+      hsr_reaches_table(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
+  const Trajectory initial =
+      straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  const auto optimiser = optimiser_of(chain, state.range(2) != 0);
+  Solution solution;
+  for (auto _ : state) {
+    auto result = optimiser->solve(problem, initial, Deadline());
+    if (!result || result->status == SolveStatus::kFailed) state.SkipWithError("no solution");
+    solution = std::move(*result);
+  }
+  state.counters["steps"] = solution.iterations;
+  state.counters["cost"] = solution.cost;
+}
+BENCHMARK_CAPTURE(solve_hsr, gp_chain, true)
+    ->ArgNames({"states", "checks", "replan"})
+    ->ArgsProduct({{20}, {0, 4}, {0, 1}})
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(solve_hsr, gp_ceres, false)
+    ->ArgNames({"states", "checks", "replan"})
+    ->ArgsProduct({{20}, {0, 4}, {0, 1}})
+    ->Unit(benchmark::kMillisecond);
+
+/// The parts of one iteration on a recorded problem.
+void iteration_part(benchmark::State& state, void (*part)(ChainModel&, std::vector<double>&)) {
+  const auto& problems = recorded_problems("panda_single");
+  if (problems.empty()) {
+    state.SkipWithError("no recorded problems");
+    return;
+  }
+  ChainModel model;
+  const auto rule = make_step_rule({});
+  model.reset(problems[5], gpmp2_initial(problems[5]));
+  if (minimise(model, *rule, {.max_iterations = 2}, Deadline()).accepted == 0) return;
+  std::vector<double> step(model.current().support.size(), 0.0);
+  for (auto _ : state) part(model, step);
+}
+BENCHMARK_CAPTURE(iteration_part, evaluate, [](ChainModel& model, std::vector<double>& step) {
+  benchmark::DoNotOptimize(model.try_step(step));
+})->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(iteration_part, assemble, [](ChainModel& model, std::vector<double>&) {
+  model.linearise();
+})->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(iteration_part, solve, [](ChainModel& model, std::vector<double>& step) {
+  std::vector<double>& x = step;
+  benchmark::DoNotOptimize(model.system().solve(0.01, x));
+})->Unit(benchmark::kMicrosecond);
+
+}  // namespace
+}  // namespace sidestep

@@ -1,0 +1,111 @@
+#include "chain_costs.hpp"
+
+#include <algorithm>
+
+#include "interval_blocks.hpp"
+
+namespace sidestep {
+namespace {
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+void ChainCosts::States::resize(int count, int dof, double spacing_s) {
+  q.resize(index(count) * index(dof));
+  qdot.resize(q.size());
+  times_s.resize(index(count));
+  for (int i = 0; i < count; ++i) times_s[index(i)] = i * spacing_s;
+}
+
+StateBatch ChainCosts::States::batch(int first, int count, int dof) const noexcept {
+  const std::size_t at = index(first) * index(dof), size = index(count) * index(dof);
+  return {count, dof, std::span(q).subspan(at, size), std::span(qdot).subspan(at, size),
+          std::span(times_s).subspan(index(first), index(count))};
+}
+
+void ChainCosts::reset(const Problem& problem) {
+  problem_ = &problem;
+  dof_ = problem.robot->description().dof();
+  checks_ = problem.interpolated_checks;
+  intervals_ = problem.support_states - 1;
+  prior_.reset(problem.qc, problem.dt_s);
+  const GpPrior prior({}, problem.dt_s);  // interpolation is the same for every joint
+  interpolations_.clear();
+  for (int k = 1; k <= checks_; ++k) {
+    interpolations_.push_back(prior.interpolation(k / (checks_ + 1.0)));
+  }
+  support_.resize(states(), dof_, problem.dt_s);
+  all_.resize(intervals_ * (checks_ + 1) + 1, dof_, problem.dt_s / (checks_ + 1));
+  sums_.assign_zeros(interval_sums_size(index(dof_)));
+}
+
+void ChainCosts::resize(ChainEvaluation& evaluation) const {
+  evaluation.support.resize(index(states()) * 2 * index(dof_));
+  evaluation.normals.resize(static_cast<int>(all_.times_s.size()), dof_);
+  evaluation.terms.resize(problem_->terms.size() + 1);
+}
+
+void ChainCosts::evaluate(ChainEvaluation& evaluation) {
+  interpolate(evaluation.support);
+  evaluation.normals.clear();
+  evaluation.terms[0] = prior_.cost(evaluation.support);
+  evaluation.cost = evaluation.terms[0];
+  for (std::size_t t = 0; t < problem_->terms.size(); ++t) {
+    evaluation.terms[t + 1] = add_term(problem_->terms[t], evaluation.normals);
+    evaluation.cost += evaluation.terms[t + 1];
+  }
+}
+
+double ChainCosts::add_term(const CostTerm& term, StateNormals& normals) {
+  const std::size_t step = index(checks_ + 1);
+  switch (term.placement) {
+    case Placement::kStart:
+      return add_cost(*term.cost, support_.batch(0, 1, dof_), 0, step, normals, scratch_);
+    case Placement::kGoal:
+      return add_cost(*term.cost, support_.batch(intervals_, 1, dof_), index(intervals_) * step,
+                      step, normals, scratch_);
+    case Placement::kSupport:
+      return add_cost(*term.cost, support_.batch(0, states(), dof_), 0, step, normals, scratch_);
+    case Placement::kSupportAndInterpolated: break;
+  }
+  const int all = static_cast<int>(all_.times_s.size());
+  return add_cost(*term.cost, all_.batch(0, all, dof_), 0, 1, normals, scratch_);
+}
+
+void ChainCosts::interpolate(std::span<const double> support) {
+  const std::size_t d = index(dof_);
+  for (int i = 0; i <= intervals_; ++i) {
+    const double* a = support.data() + index(i) * 2 * d;
+    const double* b = a + 2 * d;
+    const std::size_t first = index(i) * index(checks_ + 1);
+    std::copy_n(a, d, support_.q.data() + index(i) * d);
+    std::copy_n(a + d, d, support_.qdot.data() + index(i) * d);
+    std::copy_n(a, d, all_.q.data() + first * d);
+    std::copy_n(a + d, d, all_.qdot.data() + first * d);
+    if (i == intervals_) break;
+    for (std::size_t k = 0; k < interpolations_.size(); ++k) {
+      const auto& [lambda, psi] = interpolations_[k];
+      double* q = all_.q.data() + (first + k + 1) * d;
+      double* qdot = all_.qdot.data() + (first + k + 1) * d;
+      for (std::size_t j = 0; j < d; ++j) {
+        q[j] =
+            lambda(0, 0) * a[j] + lambda(0, 1) * a[d + j] + psi(0, 0) * b[j] + psi(0, 1) * b[d + j];
+        qdot[j] =
+            lambda(1, 0) * a[j] + lambda(1, 1) * a[d + j] + psi(1, 0) * b[j] + psi(1, 1) * b[d + j];
+      }
+    }
+  }
+}
+
+void ChainCosts::assemble(const ChainEvaluation& evaluation, ChainSystem& system) {
+  prior_.add_to(system, evaluation.support);
+  const std::size_t step = index(checks_ + 1);
+  for (int i = 0; i <= intervals_; ++i) {
+    add_support_state(evaluation.normals, index(i) * step, system, i);
+    if (i == intervals_) break;
+    add_interval(evaluation.normals, index(i) * step + 1, interpolations_, system, i, sums_);
+  }
+}
+
+}  // namespace sidestep

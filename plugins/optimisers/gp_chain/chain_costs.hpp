@@ -1,0 +1,63 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <sidestep/planning/problem.hpp>
+#include <sidestep/trajectory/gp_prior.hpp>
+
+#include "chain_system.hpp"
+#include "prior_chain.hpp"
+#include "state_normals.hpp"
+
+namespace sidestep {
+
+/// What all terms of a problem say at one trajectory.
+struct ChainEvaluation {
+  std::vector<double> support;  ///< [q; qdot] of each support state, one after the other.
+  StateNormals normals;         ///< Of every state, support and interpolated, in order of time.
+  std::vector<double> terms;    ///< Cost of the GP prior, then of each term of the problem.
+  double cost = 0.0;            ///< Their sum.
+};
+
+/// The cost of a chain of states: the GP prior and a problem's terms. Every term is evaluated at
+/// all its states in one batch.
+class ChainCosts {
+ public:
+  /// Takes up a problem, which must outlive what follows.
+  void reset(const Problem& problem);
+
+  [[nodiscard]] int states() const noexcept { return intervals_ + 1; }
+  [[nodiscard]] int dof() const noexcept { return dof_; }
+
+  /// Gives an evaluation the sizes of this problem.
+  void resize(ChainEvaluation& evaluation) const;
+
+  /// Fills in everything from evaluation.support.
+  void evaluate(ChainEvaluation& evaluation);
+
+  /// Adds the normal equations at an evaluated trajectory: b = -gradient.
+  void assemble(const ChainEvaluation& evaluation, ChainSystem& system);
+
+ private:
+  struct States {
+    std::vector<double> q, qdot, times_s;
+    void resize(int count, int dof, double spacing_s);
+    [[nodiscard]] StateBatch batch(int first, int count, int dof) const noexcept;
+  };
+
+  void interpolate(std::span<const double> support);
+  [[nodiscard]] double add_term(const CostTerm& term, StateNormals& normals);
+
+  const Problem* problem_ = nullptr;
+  int dof_ = 0;
+  int checks_ = 0;
+  int intervals_ = 0;
+  PriorChain prior_;
+  std::vector<GpPrior::Interpolation> interpolations_;  ///< Of the checks of every interval.
+  States support_, all_;
+  AlignedArray sums_;
+  Scratch scratch_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+/// Kernels are compiled for several instruction sets; the best is chosen when the program loads.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+#define SIDESTEP_SIMD_CLONES [[gnu::target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")]]
+#else
+#define SIDESTEP_SIMD_CLONES
+#endif
+
+namespace sidestep {
+
+inline constexpr std::size_t kLanes = 8;
+
+/// Eight doubles that are computed with at once; the compiler splits them where the processor's
+/// vectors are shorter. Read and written at any multiple of a double's size.
+using Lanes = double __attribute__((vector_size(8 * sizeof(double)), aligned(8), may_alias));
+
+/// `count` rounded up to whole lanes.
+[[nodiscard]] constexpr std::size_t padded(std::size_t count) noexcept {
+  return (count + kLanes - 1) / kLanes * kLanes;
+}
+
+/// Doubles that begin on a cache line. Keeps its memory when it shrinks.
+class AlignedArray {
+ public:
+  /// At least `count` zeros.
+  void assign_zeros(std::size_t count) { lines_.assign(padded(count) / kLanes, Line{}); }
+
+  [[nodiscard]] double* data() noexcept { return lines_.empty() ? nullptr : lines_[0].values; }
+  [[nodiscard]] const double* data() const noexcept {
+    return lines_.empty() ? nullptr : lines_[0].values;
+  }
+  [[nodiscard]] std::size_t size() const noexcept { return lines_.size() * kLanes; }
+
+ private:
+  struct alignas(64) Line {
+    double values[kLanes] = {};
+  };
+  std::vector<Line> lines_;
+};
+
+}  // namespace sidestep

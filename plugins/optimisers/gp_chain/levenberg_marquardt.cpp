@@ -1,0 +1,85 @@
+#include <cmath>
+#include <limits>
+
+#include "step_rules.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kFactor = 10.0;
+constexpr double kLargestLambda = 1e5;
+constexpr double kLeastFidelity = 1e-3;
+
+class LevenbergMarquardt final : public StepRule {
+ public:
+  LevenbergMarquardt(double initial_damping, double relative_tolerance)
+      : initial_damping_(initial_damping), relative_tolerance_(relative_tolerance) {}
+
+  void reset(std::size_t variables) override {
+    lambda_ = initial_damping_;
+    step_.assign(variables, 0.0);
+  }
+
+  [[nodiscard]] StepOutcome iterate(ChainModel& model, const Deadline& deadline,
+                                    int& tried) override {
+    bool solved = false;
+    while (true) {
+      bool worth_more = true;
+      ++tried;
+      if (model.system().solve(lambda_, step_)) {
+        solved = true;
+        if (try_step(model, worth_more)) {
+          lambda_ /= kFactor;
+          return StepOutcome::kAccepted;
+        }
+      }
+      if (!worth_more) return StepOutcome::kNoBetter;
+      lambda_ *= kFactor;
+      if (lambda_ >= kLargestLambda) break;
+      if (deadline.expired()) return StepOutcome::kInterrupted;
+    }
+    return solved ? StepOutcome::kNoBetter : StepOutcome::kSingular;
+  }
+
+ private:
+  /// The decrease of 1/2 |r + J step|^2: with (H + lambda I) step = b it is
+  /// 1/2 (b . step + lambda step . step).
+  [[nodiscard]] double predicted_decrease(const ChainSystem& system) const {
+    double sum = 0.0;
+    const double* step = step_.data();
+    for (int i = 0; i < system.states(); ++i) {
+      const double* b = system.rhs(i);
+      for (int j = 0; j < system.width(); ++j, ++step) sum += *step * (b[j] + lambda_ * *step);
+    }
+    return 0.5 * sum;
+  }
+
+  /// Whether the step was accepted; clears `worth_more` if a larger lambda is not worth trying.
+  [[nodiscard]] bool try_step(ChainModel& model, bool& worth_more) {
+    const double predicted = predicted_decrease(model.system());
+    if (!(predicted >= 0.0)) return false;
+    const double before = model.current().cost;
+    const double decrease = before - model.try_step(step_);
+    const bool beyond_rounding = predicted > std::numeric_limits<double>::epsilon() * before;
+    if (beyond_rounding && decrease > kLeastFidelity * predicted) {
+      model.accept();
+      return true;
+    }
+    worth_more = !(std::abs(decrease) < relative_tolerance_ * before);
+    return false;
+  }
+
+  double initial_damping_;
+  double relative_tolerance_;
+  double lambda_ = 0.0;
+  std::vector<double> step_;
+};
+
+}  // namespace
+
+std::unique_ptr<StepRule> make_levenberg_marquardt(double initial_damping,
+                                                   double relative_tolerance) {
+  return std::make_unique<LevenbergMarquardt>(initial_damping, relative_tolerance);
+}
+
+}  // namespace sidestep

@@ -1,0 +1,41 @@
+#include <memory>
+
+#include <sidestep/plugin/plugin.hpp>
+
+#include "gp_chain.hpp"
+
+namespace sidestep {
+
+Parameters<GpChainSettings> GpChainSettings::parameters() {
+  using S = GpChainSettings;
+  return Parameters<S>()
+      .add("method", &S::method, "How steps are chosen.",
+           {.choices = {"levenberg_marquardt", "gauss_newton", "dogleg"}})
+      .add("relative_tolerance", &S::relative_tolerance,
+           "Stop when an accepted step lowers the cost by less than this share of it.",
+           {.min = 0.0, .max = 1.0})
+      .add("absolute_tolerance", &S::absolute_tolerance,
+           "Stop when an accepted step lowers the cost by less than this.", {.min = 0.0})
+      .add("max_iterations", &S::max_iterations, "Stop after this many accepted steps.",
+           {.min = 1.0, .max = 1e6})
+      .add("initial_damping", &S::initial_damping,
+           "Damping of the first step of levenberg_marquardt.", {.min = 1e-12, .max = 1e4})
+      .add("initial_radius", &S::initial_radius,
+           "Radius of the first trust region of dogleg, in the units of the states.",
+           {.min = 1e-6, .max = 1e6});
+}
+
+}  // namespace sidestep
+
+namespace {
+
+using namespace sidestep;
+
+Result<std::unique_ptr<Optimiser>> create(const GpChainSettings& settings, const HostContext&) {
+  return make_gp_chain(settings);
+}
+
+}  // namespace
+
+SIDESTEP_PLUGIN(Optimiser, GpChainSettings, create, "gp_chain", "0.1.0",
+                "GP trajectory optimisation (GPMP2) by the structure of its chain")

@@ -1,0 +1,69 @@
+#include "prior_chain.hpp"
+
+namespace sidestep {
+namespace {
+
+/// e_i of one joint: position and velocity at both ends of an interval.
+Eigen::Vector2d error(const double* a, const double* b, std::size_t joint, std::size_t dof,
+                      double dt_s) noexcept {
+  return {a[joint] + dt_s * a[dof + joint] - b[joint], a[dof + joint] - b[dof + joint]};
+}
+
+/// Adds a 2x2 block of one joint to a block of [q; qdot] whose columns are `stride` apart.
+void add_block(double* block, const Eigen::Matrix2d& values, std::size_t joint, std::size_t dof,
+               std::size_t stride) noexcept {
+  for (Eigen::Index column = 0; column < 2; ++column) {
+    double* to = block + (joint + static_cast<std::size_t>(column) * dof) * stride;
+    to[joint] += values(0, column);
+    to[joint + dof] += values(1, column);
+  }
+}
+
+}  // namespace
+
+void PriorChain::reset(const Eigen::VectorXd& qc, double dt_s) {
+  dt_s_ = dt_s;
+  information_ << 12.0 / (dt_s * dt_s * dt_s), -6.0 / (dt_s * dt_s),  //
+      -6.0 / (dt_s * dt_s), 4.0 / dt_s;
+  inverse_qc_.clear();
+  for (const double value : qc) inverse_qc_.push_back(1.0 / value);
+}
+
+double PriorChain::cost(std::span<const double> support) const noexcept {
+  const std::size_t d = inverse_qc_.size();
+  double sum = 0.0;
+  for (std::size_t at = 0; at + 2 * d < support.size(); at += 2 * d) {
+    const double* a = support.data() + at;
+    for (std::size_t j = 0; j < d; ++j) {
+      const Eigen::Vector2d e = error(a, a + 2 * d, j, d, dt_s_);
+      sum += inverse_qc_[j] * e.dot(information_ * e);
+    }
+  }
+  return 0.5 * sum;
+}
+
+void PriorChain::add_to(ChainSystem& system, std::span<const double> support) const noexcept {
+  const std::size_t d = inverse_qc_.size();
+  Eigen::Matrix2d phi;
+  phi << 1.0, dt_s_, 0.0, 1.0;
+  const Eigen::Matrix2d own = phi.transpose() * information_ * phi;
+  const Eigen::Matrix2d across = -information_ * phi;
+  for (int i = 0; i + 1 < system.states(); ++i) {
+    const double* a = support.data() + static_cast<std::size_t>(i) * 2 * d;
+    for (std::size_t j = 0; j < d; ++j) {
+      const double weight = inverse_qc_[j];
+      add_block(system.own_block(i), weight * own, j, d, system.stride());
+      add_block(system.coupling(i), weight * across, j, d, system.stride());
+      add_block(system.own_block(i + 1), weight * information_, j, d, system.stride());
+      const Eigen::Vector2d force = weight * (information_ * error(a, a + 2 * d, j, d, dt_s_));
+      const Eigen::Vector2d pulled = phi.transpose() * force;
+      for (std::size_t half = 0; half < 2; ++half) {
+        const auto row = static_cast<Eigen::Index>(half);
+        system.rhs(i)[j + half * d] -= pulled[row];
+        system.rhs(i + 1)[j + half * d] += force[row];
+      }
+    }
+  }
+}
+
+}  // namespace sidestep
