@@ -3,8 +3,10 @@
 #include <cstddef>
 #include <vector>
 
-/// Kernels are compiled for several instruction sets; the best is chosen when the program loads.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_THREAD__)
+// Kernels are compiled for several instruction sets; the best is chosen when the library is loaded.
+// Sanitizers run before the resolvers of multi-versioned functions could.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__OPTIMIZE__)
 #define SIDESTEP_SIMD_CLONES [[gnu::target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")]]
 #else
 #define SIDESTEP_SIMD_CLONES
