@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "robot_check.hpp"
+#include "sines.hpp"
 
 namespace sidestep {
 namespace {
@@ -23,10 +24,8 @@ Eigen::Matrix3d turn_z_to(const Eigen::Vector3d& axis) {
   return R;
 }
 
-/// R * Rz(angle).
-Eigen::Matrix3d turned_about_z(const Eigen::Matrix3d& R, double angle) {
-  const double c = std::cos(angle);
-  const double s = std::sin(angle);
+/// R * Rz of an angle with sine s and cosine c.
+Eigen::Matrix3d turned_about_z(const Eigen::Matrix3d& R, double s, double c) {
   Eigen::Matrix3d turned;
   turned.col(0) = c * R.col(0) + s * R.col(1);
   turned.col(1) = c * R.col(1) - s * R.col(0);
@@ -106,7 +105,17 @@ std::span<KinematicTree::Pose> KinematicTree::take_poses(Scratch::Scope& scope) 
 }
 
 void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const noexcept {
+  constexpr std::size_t kAtOnce = detail::kAngles;
+  double values[kAtOnce], sines[kAtOnce], cosines[kAtOnce];  // of a run of bodies
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    if (b % kAtOnce == 0) {
+      for (std::size_t i = 0; i < kAtOnce; ++i) {
+        const Body* at_i = b + i < bodies_.size() ? &bodies_[b + i] : nullptr;
+        const bool moves = at_i != nullptr && at_i->joint != -1;
+        values[i] = moves ? at_i->multiplier * q[at_i->joint] + at_i->offset : 0.0;
+      }
+      detail::sines_and_cosines(values, sines, cosines);
+    }
     const Body& body = bodies_[b];
     Pose& pose = bodies[b];
     if (body.parent == -1) {
@@ -117,11 +126,10 @@ void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const 
       pose.p = parent.R * body.p_parent_joint + parent.p;
     }
     if (body.joint == -1) continue;
-    const double value = body.multiplier * q[body.joint] + body.offset;
     if (body.motion == TreeJoint::Motion::kRotation) {
-      pose.R = turned_about_z(pose.R, value);
+      pose.R = turned_about_z(pose.R, sines[b % kAtOnce], cosines[b % kAtOnce]);
     } else {
-      pose.p += value * pose.R.col(2);
+      pose.p += values[b % kAtOnce] * pose.R.col(2);
     }
   }
 }
