@@ -1,6 +1,8 @@
 #include "octomap_mapper.hpp"
 
 #include <algorithm>
+#include <optional>
+#include <utility>
 
 #include <sidestep/mapping/frame_check.hpp>
 
@@ -54,10 +56,15 @@ IntegrationCounts OctomapMapper::insert(const Frame& frame) {
   octomap::Pointcloud hits;
   octomap::Pointcloud free_ends;
   IntegrationCounts counts;
+  // Neighbouring pixels often end in one voxel, which takes one ray anyway.
+  std::optional<std::pair<bool, Eigen::Vector3i>> last;
   for (std::size_t index = 0; index < ends.size(); ++index) {
-    if (const auto end = ends.at(index, counts)) {
-      (end->hit ? hits : free_ends).push_back(centre(nearest_voxel(grid_, end->p_vox)));
-    }
+    const auto end = ends.at(index, counts);
+    if (!end) continue;
+    const std::pair<bool, Eigen::Vector3i> ray(end->hit, nearest_voxel(grid_, end->p_vox));
+    if (last == ray) continue;
+    last = ray;
+    (end->hit ? hits : free_ends).push_back(centre(ray.second));
   }
   const Eigen::Vector3f camera = frame.T_world_camera.translation().cast<float>();
   update_nodes(hits, free_ends, {camera.x(), camera.y(), camera.z()});
