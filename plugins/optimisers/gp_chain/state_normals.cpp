@@ -1,6 +1,7 @@
 #include "state_normals.hpp"
 
 #include <algorithm>
+#include <cstdint>
 #include <span>
 
 namespace sidestep {
@@ -20,9 +21,22 @@ void add_outer(double* hessian, double* gradient, const double* row, double resi
   }
 }
 
-bool all_zero(std::span<const double> values) noexcept {
-  return std::ranges::all_of(values, [](double value) { return value == 0.0; });
+/// Whether all values are zero, eight at a time: most rows of most costs are.
+SIDESTEP_SIMD_CLONES
+bool all_zero(const double* values, std::size_t count) {
+  using Bits = std::int64_t __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
+  Bits any = {};
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    any |= *reinterpret_cast<const Lanes*>(values + i) != 0.0;
+  }
+  std::int64_t sum = 0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) sum |= any[lane];
+  for (; i < count; ++i) sum |= values[i] != 0.0;
+  return sum == 0;
 }
+
+bool all_zero(std::span<const double> values) { return all_zero(values.data(), values.size()); }
 
 }  // namespace
 
@@ -87,13 +101,22 @@ double add_cost(const StateCost& cost, const StateBatch& states, std::size_t fir
   cost.evaluate(states, {residuals, by_q, by_qdot}, scratch);
 
   double sum = 0.0;
-  for (std::size_t row = 0; row < rows; ++row) {
-    const auto row_q = by_q.subspan(row * d, d);
-    const auto row_qdot = velocity ? by_qdot.subspan(row * d, d) : by_qdot;
-    if (residuals[row] == 0.0 && all_zero(row_q) && all_zero(row_qdot)) continue;
-    sum += residuals[row] * residuals[row];
-    out.add_row(first + row / per_state * step, row_q.data(), velocity ? row_qdot.data() : nullptr,
-                residuals[row]);
+  for (std::size_t state = 0; state < static_cast<std::size_t>(states.count); ++state) {
+    const std::size_t begin = state * per_state;
+    const auto state_qdot =
+        velocity ? by_qdot.subspan(begin * d, per_state * d) : std::span<double>();
+    if (all_zero(residuals.subspan(begin, per_state)) &&
+        all_zero(by_q.subspan(begin * d, per_state * d)) && all_zero(state_qdot)) {
+      continue;
+    }
+    for (std::size_t row = begin; row < begin + per_state; ++row) {
+      const auto row_q = by_q.subspan(row * d, d);
+      const auto row_qdot = velocity ? by_qdot.subspan(row * d, d) : std::span<double>();
+      if (residuals[row] == 0.0 && all_zero(row_q) && all_zero(row_qdot)) continue;
+      sum += residuals[row] * residuals[row];
+      out.add_row(first + state * step, row_q.data(), velocity ? row_qdot.data() : nullptr,
+                  residuals[row]);
+    }
   }
   return 0.5 * sum;
 }
