@@ -1,6 +1,7 @@
 #include "edt_field.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -33,8 +34,8 @@ class Distances {
  public:
   virtual ~Distances() = default;
 
-  /// Brings the distances up to date with rows of obstacles that may have changed. Returns for
-  /// each row the mask of tiles whose distances may have.
+  /// Brings the distances up to date with rows of obstacles that may have changed. Returns which
+  /// tiles' distances may have, as IncrementalTransform::update() does.
   virtual std::span<const std::uint64_t> update(const BitGrid& obstacles, const BitGrid& inverse,
                                                 std::span<const std::uint8_t> row_changed) = 0;
 
@@ -102,8 +103,7 @@ class FarDistances final : public Distances {
   FarDistances(const GridSpec& grid, std::uint32_t cap, bool is_signed, double max_distance_m,
                WorkerPool& workers)
       : outside_(grid.size_vox, distance_table(grid.resolution_m, cap, max_distance_m), workers),
-        changed_(static_cast<std::size_t>(grid.size_vox.y()) *
-                 static_cast<std::size_t>(grid.size_vox.z())) {
+        changed_(IncrementalTransform::changed_index(grid.size_vox, grid.size_vox.y(), 0)) {
     if (!is_signed) return;
     inside_.emplace(grid.size_vox, distance_table(grid.resolution_m, cap, max_distance_m), workers);
   }
@@ -167,7 +167,7 @@ class EdtBuilder final : public FieldBuilder {
       bits->words_per_row = words;
       bits->words.assign(rows * static_cast<std::size_t>(words), 0);
     }
-    row_changed_.assign(rows, 1);
+    row_changed_.assign(rows, 0);
     first_ = true;
     return {};
   }
@@ -179,12 +179,9 @@ class EdtBuilder final : public FieldBuilder {
     auto changed = publisher_->begin(update);
     if (!changed) return tl::make_unexpected(std::move(changed.error()));
     const bool is_first = std::exchange(first_, false);
-    if (!is_first) {
-      mark_rows(update.changed_blocks);
-      // Where voxels have only become known, distances stay as they are.
-      std::ranges::fill(*changed, std::uint8_t{0});
-    }
-    take_over_rows(is_first);
+    // Where voxels have only become known, distances stay as they are.
+    if (!is_first) std::ranges::fill(*changed, std::uint8_t{0});
+    take_over_rows(update.changed_blocks, is_first);
     mark_blocks(distances_->update(obstacles_, inverse_, row_changed_), *changed);
     return publisher_->publish(update, *changed,
                                [this](int x, int y, int z, int count, float* distances_m) {
@@ -211,62 +208,65 @@ class EdtBuilder final : public FieldBuilder {
     return {};
   }
 
-  void mark_rows(const std::vector<std::int32_t>& changed_blocks) {
-    std::ranges::fill(row_changed_, 0);
+  /// Copies the rows of the map in changed blocks, or all of them, under the policy for unknown
+  /// voxels, and their inverse; marks those that came out different.
+  void take_over_rows(std::span<const std::int32_t> changed_blocks, bool is_first) {
     const Eigen::Vector3i counts = block_counts(grid_);
     const Eigen::Vector3i& size = grid_.size_vox;
+    // Rows of blocks along x.
+    std::vector<std::uint8_t> may_differ(static_cast<std::size_t>(counts.y() * counts.z()),
+                                         is_first ? 1 : 0);
     for (const std::int32_t block : changed_blocks) {
-      const int by = block / counts.x() % counts.y();
-      const int bz = block / (counts.x() * counts.y());
-      for (int z = bz * kSide; z < std::min((bz + 1) * kSide, size.z()); ++z) {
-        for (int y = by * kSide; y < std::min((by + 1) * kSide, size.y()); ++y) {
-          row_changed_[row_index(y, z)] = 1;
+      may_differ[static_cast<std::size_t>(block / counts.x())] = 1;
+    }
+    std::ranges::fill(row_changed_, std::uint8_t{0});
+    workers_.run_banded(static_cast<int>(may_differ.size()), 1, [&](int begin, int end) {
+      for (int b = begin; b < end; ++b) {
+        if (may_differ[static_cast<std::size_t>(b)] == 0) continue;
+        const int first_y = b % counts.y() * kSide;
+        const int first_z = b / counts.y() * kSide;
+        for (int z = first_z; z < std::min(first_z + kSide, size.z()); ++z) {
+          for (int y = first_y; y < std::min(first_y + kSide, size.y()); ++y) {
+            const std::size_t row = row_index(y, z);
+            if (take_over_row(row) || is_first) row_changed_[row] = 1;
+          }
         }
       }
-    }
+    });
   }
 
-  /// Copies the marked rows of the map, under the policy for unknown voxels, and their inverse;
-  /// leaves those marked that came out different.
-  void take_over_rows(bool is_first) {
+  /// Whether that changed the row.
+  bool take_over_row(std::size_t row) {
     const VoxelBits occupied = view_->occupied();
     const VoxelBits known = view_->known();
     const bool unknown_blocks = options_.unknown == "occupied";
-    const int words = obstacles_.words_per_row;
-    const int size_x = grid_.size_vox.x();
-    workers_.run_banded(static_cast<int>(row_changed_.size()), 256, [&](int begin, int end) {
-      for (int row = begin; row < end; ++row) {
-        if (row_changed_[static_cast<std::size_t>(row)] == 0) continue;
-        std::uint64_t differs = 0;
-        for (int w = 0; w < words; ++w) {
-          const auto at = static_cast<std::size_t>(row) * static_cast<std::size_t>(words) +
-                          static_cast<std::size_t>(w);
-          const int left = size_x - w * 64;
-          const std::uint64_t valid =
-              left >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << std::max(left, 0)) - 1;
-          const std::uint64_t unknown = unknown_blocks ? ~known.words[at] : 0;
-          const std::uint64_t bits = (occupied.words[at] | unknown) & valid;
-          differs |= obstacles_.words[at] ^ bits;
-          obstacles_.words[at] = bits;
-          inverse_.words[at] = ~bits & valid;
-        }
-        row_changed_[static_cast<std::size_t>(row)] = is_first || differs != 0 ? 1 : 0;
-      }
-    });
+    const auto words = static_cast<std::size_t>(obstacles_.words_per_row);
+    std::uint64_t differs = 0;
+    for (std::size_t w = 0; w < words; ++w) {
+      const std::size_t at = row * words + w;
+      const int left = grid_.size_vox.x() - static_cast<int>(w) * 64;
+      const std::uint64_t valid =
+          left >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << std::max(left, 0)) - 1;
+      const std::uint64_t unknown = unknown_blocks ? ~known.words[at] : 0;
+      const std::uint64_t bits = (occupied.words[at] | unknown) & valid;
+      differs |= obstacles_.words[at] ^ bits;
+      obstacles_.words[at] = bits;
+      inverse_.words[at] = ~bits & valid;
+    }
+    return differs != 0;
   }
 
   void mark_blocks(std::span<const std::uint64_t> tiles,
                    std::vector<std::uint8_t>& block_changed) const {
     const Eigen::Vector3i counts = block_counts(grid_);
-    const Eigen::Vector3i& size = grid_.size_vox;
-    for (int z = 0; z < size.z(); ++z) {
-      for (int y = 0; y < size.y(); ++y) {
-        const std::uint64_t mask = tiles[row_index(y, z)];
-        if (mask == 0) continue;
-        for (int bx = 0; bx < counts.x(); ++bx) {
-          if ((mask >> bx & 1u) == 0) continue;
-          block_changed[static_cast<std::size_t>(
-              block_linear({bx, y / kSide, z / kSide}, counts))] = 1;
+    for (int y = 0; y < grid_.size_vox.y(); ++y) {
+      for (int bz = 0; bz < counts.z(); ++bz) {
+        std::uint64_t mask =
+            tiles[IncrementalTransform::changed_index(grid_.size_vox, y, bz * kSide)];
+        for (; mask != 0; mask &= mask - 1) {
+          const int bx = std::countr_zero(mask);
+          if (bx >= counts.x()) break;
+          block_changed[static_cast<std::size_t>(block_linear({bx, y / kSide, bz}, counts))] = 1;
         }
       }
     }

@@ -96,7 +96,6 @@ struct EnvelopeLine::Spread {
     const Lanes16 is = lanes(line.in + from * line.stride);
     const auto risen = (Lanes16)(is > was);
     const std::ptrdiff_t stride = line.stride;
-    const std::ptrdiff_t was_stride = line.out_was_stride;
     std::uint16_t* out = line.out + low * stride;
     for (int row = low; row <= high; ++row, out += stride) {
       const auto square = static_cast<std::uint16_t>((row - from) * (row - from));
@@ -106,7 +105,7 @@ struct EnvelopeLine::Spread {
       const Lanes16 lost = (Lanes16)((was + square) == now) & risen;
       if (!any(lost | (now ^ least))) continue;
       if (fates[row] == Fate::kKept) {
-        lanes(line.out_was + row * was_stride) = now;
+        lanes(line.out_was + row * kTile) = now;
         fates[row] = Fate::kLowered;
       }
       lanes(out) = least;
@@ -146,8 +145,7 @@ void EnvelopeLine::mark_all_lost(const TileLine& line) {
       Fate& fate = fates_[static_cast<std::size_t>(row)];
       if (fate == Fate::kLost) continue;
       fate = Fate::kLost;
-      std::memcpy(line.out_was + row * line.out_was_stride, line.out + row * line.stride,
-                  kTileBytes);
+      std::memcpy(line.out_was + row * kTile, line.out + row * line.stride, kTileBytes);
     }
   }
 }
@@ -191,8 +189,7 @@ std::span<const int> EnvelopeLine::update(const TileLine& line, std::span<const 
     if (fate == Fate::kKept) continue;
     if (fate == Fate::kLost) recompute(line, row, is_heavy);
     fate = Fate::kKept;
-    if (std::memcmp(line.out + row * line.stride, line.out_was + row * line.out_was_stride,
-                    kTileBytes) != 0) {
+    if (std::memcmp(line.out + row * line.stride, line.out_was + row * kTile, kTileBytes) != 0) {
       changed_.push_back(row);
     }
   }

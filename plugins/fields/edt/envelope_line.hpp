@@ -9,8 +9,8 @@
 
 namespace sidestep::edt {
 
-/// A line of rows, one tile wide: what a pass along y or z works on. Row i of a member starts
-/// i * stride values behind it.
+/// A line of rows, one tile wide: what a pass along y or z works on. Row i of `in` and of `out`
+/// starts i * stride values behind it.
 struct TileLine {
   int length;
   std::ptrdiff_t stride;
@@ -18,8 +18,7 @@ struct TileLine {
   const std::uint16_t* in_was;  ///< The same before the update; valid in rows that changed.
   std::ptrdiff_t in_was_stride;
   std::uint16_t* out;      ///< In: of the old `in`. Out: of the new one.
-  std::uint16_t* out_was;  ///< Receives the old values of rows of `out` that change.
-  std::ptrdiff_t out_was_stride;
+  std::uint16_t* out_was;  ///< Receives the old values of rows that change, row i at i * kTile.
 };
 
 /// Keeps lower envelopes along lines, out[i] = min over j of in[j] + (i - j)^2, cut off at a cap.

@@ -1,25 +1,48 @@
 #include "incremental_transform.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "row_scan.hpp"
 
 namespace sidestep::edt {
-namespace {
-
-bool has_set(std::span<const std::uint8_t> flags) {
-  return std::memchr(flags.data(), 1, flags.size()) != nullptr;
-}
-
-}  // namespace
-
 IncrementalTransform::Workspace::Workspace(const Eigen::Vector3i& size, std::uint16_t cap)
     : row(static_cast<std::size_t>((size.x() + kTile - 1) / kTile * kTile)),
       envelope(std::max(size.y(), size.z()), cap),
-      out_was(static_cast<std::size_t>(std::max(size.y(), size.z())) * kTile) {}
+      out(static_cast<std::size_t>(std::max(size.y(), size.z()))),
+      tile_in_was(out.size() * kTile),
+      tile_out_was(out.size() * kTile) {}
+
+/// One of the workspaces, for as long as this lives.
+class IncrementalTransform::BorrowedWorkspace {
+ public:
+  explicit BorrowedWorkspace(IncrementalTransform& owner) : owner_(owner) {
+    {
+      const std::scoped_lock lock(owner_.spaces_mutex_);
+      if (!owner_.spaces_.empty()) {
+        space_ = std::move(owner_.spaces_.back());
+        owner_.spaces_.pop_back();
+      }
+    }
+    if (space_ == nullptr) space_ = std::make_unique<Workspace>(owner_.size_, owner_.cap_);
+  }
+  ~BorrowedWorkspace() {
+    const std::scoped_lock lock(owner_.spaces_mutex_);
+    owner_.spaces_.push_back(std::move(space_));
+  }
+  BorrowedWorkspace(const BorrowedWorkspace&) = delete;
+  BorrowedWorkspace& operator=(const BorrowedWorkspace&) = delete;
+
+  Workspace& operator*() const noexcept { return *space_; }
+
+ private:
+  IncrementalTransform& owner_;
+  std::unique_ptr<Workspace> space_;
+};
 
 IncrementalTransform::IncrementalTransform(const Eigen::Vector3i& size_vox, std::uint32_t cap,
                                            Start start, WorkerPool& workers)
@@ -28,124 +51,142 @@ IncrementalTransform::IncrementalTransform(const Eigen::Vector3i& size_vox, std:
       reach_(static_cast<int>(std::ceil(std::sqrt(static_cast<double>(cap)))) - 1),
       tiles_((size_vox.x() + kTile - 1) / kTile),
       workers_(workers),
-      along_x_{Grid(size_vox), {}},
-      along_y_{Grid(size_vox), {}},
-      along_z_{Grid(size_vox), {}},
-      along_x_was_(size_vox),
-      along_y_was_(size_vox),
-      slice_changed_(static_cast<std::size_t>(size_vox.z()), 0),
+      along_x_(size_vox),
+      along_y_(size_vox),
+      along_z_(size_vox),
+      changes_(static_cast<std::size_t>(size_vox.y()) * static_cast<std::size_t>(size_vox.z())),
       line_changed_(static_cast<std::size_t>(size_vox.y()), 0),
-      line_tiles_(static_cast<std::size_t>(size_vox.y()), 0),
+      along_y_was_(static_cast<std::size_t>(size_vox.z())),
+      changed_(changed_index(size_vox, size_vox.y(), 0), 0),
       start_tile_(kTile, start == Start::kAllObstacles ? std::uint16_t{0} : cap_) {
-  const std::size_t rows =
-      static_cast<std::size_t>(size_.y()) * static_cast<std::size_t>(size_.z());
-  for (Pass* pass : {&along_x_, &along_y_, &along_z_}) {
-    pass->changed.assign(rows, 0);
-    if (start == Start::kAllObstacles) continue;
+  if (start == Start::kAllObstacles) return;
+  for (Grid* values : {&along_x_, &along_y_, &along_z_}) {
     workers_.run(size_.z(), [&](int z) {
-      for (int y = 0; y < size_.y(); ++y) std::fill_n(pass->values.row(y, z), size_.x(), cap_);
+      for (int y = 0; y < size_.y(); ++y) std::fill_n(values->row(y, z), size_.x(), cap_);
     });
   }
 }
 
 void IncrementalTransform::pass_row(const VoxelBits& obstacles, int y, int z, Workspace& space) {
   constexpr std::size_t kTileBytes = kTile * sizeof(std::uint16_t);
-  const std::size_t row = row_index(y, z);
-  scan_row(obstacles.words.data() + row * static_cast<std::size_t>(obstacles.words_per_row),
-           size_.x(), cap_, reach_, space.row.data());
+  scan_row(
+      obstacles.words.data() + row_index(y, z) * static_cast<std::size_t>(obstacles.words_per_row),
+      size_.x(), cap_, reach_, space.row.data());
+  std::uint64_t tiles = 0;
   for (int tile = 0; tile < tiles_; ++tile) {
     const std::uint16_t* fresh = space.row.data() + tile * kTile;
-    std::uint16_t* values = along_x_.values.row(y, z) + tile * kTile;
+    std::uint16_t* values = along_x_.row(y, z) + tile * kTile;
     if (std::memcmp(fresh, values, kTileBytes) == 0) continue;
-    if (!is_first_) std::memcpy(along_x_was_.row(y, z) + tile * kTile, values, kTileBytes);
+    if (!is_first_) space.in_was.insert(space.in_was.end(), values, values + kTile);
     std::memcpy(values, fresh, kTileBytes);
-    along_x_.changed[row] |= std::uint64_t{1} << tile;
+    tiles |= std::uint64_t{1} << tile;
   }
+  if (tiles != 0) space.in.push_back({y, {tiles, nullptr}});
 }
 
-bool IncrementalTransform::pass_line(const Line& line, const Pass& in, const Grid* in_was,
-                                     Pass& out, Grid* out_was, Workspace& space) const {
-  const auto mask_of = [&](int i) {
-    return line.first_row + static_cast<std::size_t>(i) * line.row_step;
-  };
+void IncrementalTransform::pass_line(const Line& line, bool wants_was, Workspace& space) const {
   std::uint64_t tiles = 0;
-  bool any = false;
-  for (int i = 0; i < line.length; ++i) {
-    tiles |= in.changed[mask_of(i)];
-    out.changed[mask_of(i)] = 0;
-  }
+  for (const ChangedRow& in : space.in) tiles |= in.change.tiles;
+  std::fill_n(space.out.begin(), line.length, std::uint64_t{0});
+  space.out_was.clear();
   for (; tiles != 0; tiles &= tiles - 1) {
     const int tile = std::countr_zero(tiles);
     const std::uint64_t bit = std::uint64_t{1} << tile;
-    const std::ptrdiff_t x = tile * kTile;
-    space.changed.clear();
-    for (int i = 0; i < line.length; ++i) {
-      if ((in.changed[mask_of(i)] & bit) != 0) space.changed.push_back(i);
+    space.rows.clear();
+    for (const auto& [row, change] : space.in) {
+      if ((change.tiles & bit) == 0) continue;
+      space.rows.push_back(row);
+      if (is_first_) continue;
+      const int before = std::popcount(change.tiles & (bit - 1));
+      std::copy_n(change.was + before * kTile, kTile, space.tile_in_was.data() + row * kTile);
     }
-    TileLine column{.length = line.length,
-                    .stride = line.stride,
-                    .in = in.values.row(line.y, line.z) + x,
-                    .in_was = start_tile_.data(),
-                    .in_was_stride = 0,
-                    .out = out.values.row(line.y, line.z) + x,
-                    .out_was = space.out_was.data(),
-                    .out_was_stride = kTile};
-    if (in_was != nullptr) {
-      column.in_was = in_was->row(line.y, line.z) + x;
-      column.in_was_stride = line.stride;
+    const TileLine column{.length = line.length,
+                          .stride = line.stride,
+                          .in = line.in + tile * kTile,
+                          .in_was = is_first_ ? start_tile_.data() : space.tile_in_was.data(),
+                          .in_was_stride = is_first_ ? 0 : kTile,
+                          .out = line.out + tile * kTile,
+                          .out_was = space.tile_out_was.data()};
+    space.out_was_begin[static_cast<std::size_t>(tile)] = space.out_was.size();
+    for (const int row : space.envelope.update(column, space.rows)) {
+      space.out[static_cast<std::size_t>(row)] |= bit;
+      if (!wants_was) continue;
+      const std::uint16_t* was = space.tile_out_was.data() + row * kTile;
+      space.out_was.insert(space.out_was.end(), was, was + kTile);
     }
-    if (out_was != nullptr) {
-      column.out_was = out_was->row(line.y, line.z) + x;
-      column.out_was_stride = line.stride;
-    }
-    const auto changed = space.envelope.update(column, space.changed);
-    for (const int i : changed) out.changed[mask_of(i)] |= bit;
-    any = any || !changed.empty();
   }
-  return any;
+}
+
+void IncrementalTransform::hand_on(int z, Workspace& space) {
+  auto& tiles_was = along_y_was_[static_cast<std::size_t>(z)];
+  tiles_was.resize(space.out_was.size());
+  std::uint16_t* was = tiles_was.data();
+  for (int y = 0; y < size_.y(); ++y) {
+    std::uint64_t tiles = space.out[static_cast<std::size_t>(y)];
+    if (tiles == 0) continue;
+    changes_[along_z_index(y, z)] = {tiles, was};
+    std::atomic_ref(line_changed_[static_cast<std::size_t>(y)]).store(1, std::memory_order_relaxed);
+    if (is_first_) continue;
+    // pass_line() went tile by tile; the next pass wants those of a row together.
+    for (; tiles != 0; tiles &= tiles - 1, was += kTile) {
+      std::size_t& from = space.out_was_begin[static_cast<std::size_t>(std::countr_zero(tiles))];
+      std::copy_n(space.out_was.data() + from, kTile, was);
+      from += kTile;
+    }
+  }
+}
+
+void IncrementalTransform::update_slice(const VoxelBits& obstacles,
+                                        std::span<const std::uint8_t> row_changed, int z,
+                                        Workspace& space) {
+  if (std::memchr(row_changed.data(), 1, row_changed.size()) == nullptr) return;
+  space.in.clear();
+  space.in_was.clear();
+  for (int y = 0; y < size_.y(); ++y) {
+    if (row_changed[static_cast<std::size_t>(y)] != 0) pass_row(obstacles, y, z, space);
+  }
+  const std::uint16_t* was = space.in_was.data();
+  for (auto& [row, change] : space.in) {
+    change.was = was;
+    if (!is_first_) was += std::popcount(change.tiles) * kTile;
+  }
+  pass_line({size_.y(), along_x_.row(0, z), along_y_.row(0, z), along_x_.pitch()}, !is_first_,
+            space);
+  hand_on(z, space);
+}
+
+void IncrementalTransform::update_line(int y, Workspace& space) {
+  const std::span<std::uint64_t> changed(changed_.data() + changed_index(size_, y, 0),
+                                         changed_index(size_, 1, 0));
+  std::ranges::fill(changed, std::uint64_t{0});
+  if (std::exchange(line_changed_[static_cast<std::size_t>(y)], std::uint8_t{0}) == 0) return;
+  space.in.clear();
+  for (int z = 0; z < size_.z(); ++z) {
+    Change& change = changes_[along_z_index(y, z)];
+    if (change.tiles != 0) space.in.push_back({z, std::exchange(change, {})});
+  }
+  pass_line({size_.z(), along_y_.row(y, 0), along_z_.row(y, 0), along_y_.slice_pitch()}, false,
+            space);
+  for (int z = 0; z < size_.z(); ++z) {
+    changed[static_cast<std::size_t>(z / kTile)] |= space.out[static_cast<std::size_t>(z)];
+  }
 }
 
 std::span<const std::uint64_t> IncrementalTransform::update(
     const VoxelBits& obstacles, std::span<const std::uint8_t> row_changed) {
   const auto ny = static_cast<std::size_t>(size_.y());
-  Grid* const x_was = is_first_ ? nullptr : &along_x_was_;
-  Grid* const y_was = is_first_ ? nullptr : &along_y_was_;
   workers_.run_banded(size_.z(), 1, [&](int begin, int end) {
-    Workspace space(size_, cap_);
+    const BorrowedWorkspace space(*this);
     for (int z = begin; z < end; ++z) {
-      const auto rows = row_changed.subspan(row_index(0, z), ny);
-      if (!has_set(rows) && slice_changed_[static_cast<std::size_t>(z)] == 0) continue;
-      for (int y = 0; y < size_.y(); ++y) {
-        along_x_.changed[row_index(y, z)] = 0;
-        if (row_changed[row_index(y, z)] != 0) pass_row(obstacles, y, z, space);
-      }
-      const Line line{size_.y(), 0, z, row_index(0, z), 1, along_x_.values.pitch()};
-      slice_changed_[static_cast<std::size_t>(z)] =
-          pass_line(line, along_x_, x_was, along_y_, y_was, space) ? 1 : 0;
+      update_slice(obstacles, row_changed.subspan(row_index(0, z), ny), z, *space);
     }
   });
-  find_changed_lines();
   workers_.run_banded(size_.y(), 1, [&](int begin, int end) {
-    Workspace space(size_, cap_);
-    for (int y = begin; y < end; ++y) {
-      std::uint8_t& changed = line_changed_[static_cast<std::size_t>(y)];
-      if (line_tiles_[static_cast<std::size_t>(y)] == 0 && changed == 0) continue;
-      const Line line{size_.z(), y, 0, row_index(y, 0), ny, along_x_.values.slice_pitch()};
-      changed = pass_line(line, along_y_, y_was, along_z_, nullptr, space) ? 1 : 0;
-    }
+    const BorrowedWorkspace space(*this);
+    for (int y = begin; y < end; ++y) update_line(y, *space);
   });
   is_first_ = false;
-  return along_z_.changed;
-}
-
-void IncrementalTransform::find_changed_lines() {
-  std::ranges::fill(line_tiles_, std::uint64_t{0});
-  for (int z = 0; z < size_.z(); ++z) {
-    if (slice_changed_[static_cast<std::size_t>(z)] == 0) continue;
-    for (int y = 0; y < size_.y(); ++y) {
-      line_tiles_[static_cast<std::size_t>(y)] |= along_y_.changed[row_index(y, z)];
-    }
-  }
+  return changed_;
 }
 
 }  // namespace sidestep::edt

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -35,50 +38,75 @@ class IncrementalTransform {
                        WorkerPool& workers);
 
   /// Takes over rows of obstacles: `row_changed[y + ny * z]` says which rows of `obstacles` may
-  /// differ from the call before. Returns for each row the mask of tiles whose final values
-  /// changed (bit t: voxels t * kTile ... of the row).
+  /// differ from the call before. Returns which tiles' final values changed, as a mask (bit t:
+  /// voxels t * kTile ... along x) for each y and each kTile slices, see changed_index().
   std::span<const std::uint64_t> update(const VoxelBits& obstacles,
                                         std::span<const std::uint8_t> row_changed);
 
-  /// Final values of a row, padded to whole tiles with 0.
-  [[nodiscard]] const std::uint16_t* row(int y, int z) const noexcept {
-    return along_z_.values.row(y, z);
+  /// Where update()'s masks say what changed in row y of slice z.
+  [[nodiscard]] static std::size_t changed_index(const Eigen::Vector3i& size_vox, int y,
+                                                 int z) noexcept {
+    const auto layers = static_cast<std::size_t>((size_vox.z() + kTile - 1) / kTile);
+    return static_cast<std::size_t>(y) * layers + static_cast<std::size_t>(z / kTile);
   }
+
+  /// Final values of a row, padded to whole tiles with 0.
+  [[nodiscard]] const std::uint16_t* row(int y, int z) const noexcept { return along_z_.row(y, z); }
 
  private:
   using Grid = TiledGrid<std::uint16_t>;
 
-  /// The values after a pass, and what the update changed of them.
-  struct Pass {
-    Grid values;
-    std::vector<std::uint64_t> changed;  ///< A mask of tiles for each row.
+  /// What a pass changed of a row.
+  struct Change {
+    std::uint64_t tiles = 0;             ///< A mask.
+    const std::uint16_t* was = nullptr;  ///< Their values before, tile after tile.
+  };
+  struct ChangedRow {
+    int row;
+    Change change;
   };
   /// The rows along one axis at one place of the other.
   struct Line {
     int length;
-    int y, z;               ///< Of its first row.
-    std::size_t first_row;  ///< As an index into masks.
-    std::size_t row_step;
-    std::ptrdiff_t stride;  ///< From row to row, in values.
+    const std::uint16_t* in;  ///< The first row of what the pass before left.
+    std::uint16_t* out;
+    std::ptrdiff_t stride;  ///< From row to row.
   };
   /// What one thread needs.
   struct Workspace {
     Workspace(const Eigen::Vector3i& size, std::uint16_t cap);
     std::vector<std::uint16_t> row;
     EnvelopeLine envelope;
-    std::vector<int> changed;            ///< Rows of a line.
-    std::vector<std::uint16_t> out_was;  ///< Where there is no grid for it, one tile a row.
+    // Of a line: what the pass before changed, and by row a mask of what this one changed.
+    std::vector<ChangedRow> in;
+    std::vector<std::uint64_t> out;
+    // Values before, of the changed tiles: `in` refers to the first along y. The other goes tile by
+    // tile from out_was_begin on, each row after row.
+    std::vector<std::uint16_t> in_was, out_was;
+    std::array<std::size_t, 64> out_was_begin;
+    // Of one tile of a line.
+    std::vector<int> rows;
+    std::vector<std::uint16_t> tile_in_was, tile_out_was;
   };
+  class BorrowedWorkspace;
 
+  /// Along x, then y, in a slice of which the rows `row_changed` may have changed.
+  void update_slice(const VoxelBits& obstacles, std::span<const std::uint8_t> row_changed, int z,
+                    Workspace& space);
+  /// Along z.
+  void update_line(int y, Workspace& space);
+  /// Scans a row along x; adds what that changed to space.in.
   void pass_row(const VoxelBits& obstacles, int y, int z, Workspace& space);
-  /// Envelopes along a line, from `in` to `out`; what `out` held before goes to `out_was`. The last
-  /// pass has none, and the first update needs neither. Whether any of `out` changed.
-  bool pass_line(const Line& line, const Pass& in, const Grid* in_was, Pass& out, Grid* out_was,
-                 Workspace& space) const;
+  /// Brings the envelopes along a line up to date with space.in; fills space.out, and
+  /// space.out_was if that is wanted. The first update needs no values before.
+  void pass_line(const Line& line, bool wants_was, Workspace& space) const;
+  /// Leaves what pass_line() changed in a slice for the lines along z.
+  void hand_on(int z, Workspace& space);
 
-  /// Fills line_tiles_.
-  void find_changed_lines();
-
+  [[nodiscard]] std::size_t along_z_index(int y, int z) const noexcept {
+    return static_cast<std::size_t>(z) +
+           static_cast<std::size_t>(size_.z()) * static_cast<std::size_t>(y);
+  }
   [[nodiscard]] std::size_t row_index(int y, int z) const noexcept {
     return static_cast<std::size_t>(y) +
            static_cast<std::size_t>(size_.y()) * static_cast<std::size_t>(z);
@@ -89,12 +117,14 @@ class IncrementalTransform {
   int reach_;  ///< Largest offset whose square is below the cap.
   int tiles_;
   WorkerPool& workers_;
-  Pass along_x_, along_y_, along_z_;
-  Grid along_x_was_, along_y_was_;  ///< Of tiles that the update changed, the values before it.
-  // What the newest update changed: of slices along y, of lines along z. Where nothing changed in
-  // two updates on end there is nothing to compute, nor a mask to clear.
-  std::vector<std::uint8_t> slice_changed_, line_changed_;
-  std::vector<std::uint64_t> line_tiles_;  ///< By y: tiles that changed along y, over all z.
+  Grid along_x_, along_y_, along_z_;  ///< The values after each pass.
+  // What the pass along y changed, for the one along z, which clears it.
+  std::vector<Change> changes_;                          ///< By along_z_index().
+  std::vector<std::uint8_t> line_changed_;               ///< By y: whether there is any over all z.
+  std::vector<std::vector<std::uint16_t>> along_y_was_;  ///< By z.
+  std::vector<std::uint64_t> changed_;                   ///< What update() returns.
+  std::mutex spaces_mutex_;
+  std::vector<std::unique_ptr<Workspace>> spaces_;  ///< Those not in use.
   std::vector<std::uint16_t> start_tile_;  ///< What every tile holds before the first update.
   bool is_first_ = true;
 };
