@@ -78,10 +78,19 @@ std::shared_ptr<const DistanceField> DenseFieldPublisher::publish(
   const Eigen::Vector3i counts = block_counts(info_.grid);
   constexpr auto kPage = static_cast<int>(DenseField::Blocks::kPage);
   const auto block_count = static_cast<int>(blocks_.size());
-  workers_.run_banded(static_cast<int>(blocks_.page_count()), 1, [&](int begin, int end) {
+  // Those whose blocks change; a page of the table is one thread's.
+  std::vector<int> pages;
+  for (int b = 0; b < block_count; ++b) {
+    const auto at = static_cast<std::size_t>(b);
+    if (changed[at] == 0 && known_changed_[at] == 0) continue;
+    if (pages.empty() || pages.back() != b / kPage) pages.push_back(b / kPage);
+  }
+  workers_.run_banded(static_cast<int>(pages.size()), 1, [&](int begin, int end) {
     FieldBlock distances;
     KnownBlock known;
-    for (int b = begin * kPage; b < std::min(end * kPage, block_count); ++b) {
+    for (int i = begin * kPage; i < end * kPage; ++i) {
+      const int b = pages[static_cast<std::size_t>(i / kPage)] * kPage + i % kPage;
+      if (b >= block_count) break;
       const auto at = static_cast<std::size_t>(b);
       if (changed[at] == 0 && known_changed_[at] == 0) continue;
       const Eigen::Vector3i block(b % counts.x(), b / counts.x() % counts.y(),

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -213,16 +214,21 @@ class EdtBuilder final : public FieldBuilder {
   void take_over_rows(std::span<const std::int32_t> changed_blocks, bool is_first) {
     const Eigen::Vector3i counts = block_counts(grid_);
     const Eigen::Vector3i& size = grid_.size_vox;
-    // Rows of blocks along x.
-    std::vector<std::uint8_t> may_differ(static_cast<std::size_t>(counts.y() * counts.z()),
-                                         is_first ? 1 : 0);
+    std::vector<int> block_rows;  // by y, then z
     for (const std::int32_t block : changed_blocks) {
-      may_differ[static_cast<std::size_t>(block / counts.x())] = 1;
+      const int row = block / counts.x();
+      if (block_rows.empty() || block_rows.back() != row) block_rows.push_back(row);
     }
+    if (is_first) {
+      block_rows.resize(static_cast<std::size_t>(counts.y() * counts.z()));
+      std::iota(block_rows.begin(), block_rows.end(), 0);
+    }
+    std::ranges::sort(block_rows);
+    block_rows.erase(std::ranges::unique(block_rows).begin(), block_rows.end());
     std::ranges::fill(row_changed_, std::uint8_t{0});
-    workers_.run_banded(static_cast<int>(may_differ.size()), 1, [&](int begin, int end) {
-      for (int b = begin; b < end; ++b) {
-        if (may_differ[static_cast<std::size_t>(b)] == 0) continue;
+    workers_.run_banded(static_cast<int>(block_rows.size()), 1, [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) {
+        const int b = block_rows[static_cast<std::size_t>(i)];
         const int first_y = b % counts.y() * kSide;
         const int first_z = b / counts.y() * kSide;
         for (int z = first_z; z < std::min(first_z + kSide, size.z()); ++z) {

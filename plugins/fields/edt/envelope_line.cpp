@@ -153,11 +153,13 @@ void EnvelopeLine::mark_all_lost(const TileLine& line) {
 void EnvelopeLine::find_filled(const TileLine& line) {
   // Beyond every reach, and the offset to them no overflow.
   int before = -kFarthest;
-  for (int row = 0; row < line.length; ++row) {
+  const int low = std::max(first_ - reach_, 0);
+  const int high = std::min(last_ + reach_, line.length - 1);
+  for (int row = low; row <= high; ++row) {
     before_[static_cast<std::size_t>(row)] = before;
     after_[static_cast<std::size_t>(row)] = kFarthest;
     if (!is_below(line.in + row * line.stride, cap_)) continue;
-    for (int r = std::max(before, 0); r < row; ++r) after_[static_cast<std::size_t>(r)] = row;
+    for (int r = std::max(before, low); r < row; ++r) after_[static_cast<std::size_t>(r)] = row;
     before = row;
   }
 }

@@ -56,7 +56,8 @@ class EnvelopeLine {
   int first_ = 0, last_ = -1;  ///< Of the rows that the sources reach.
   std::int64_t total_reach_ = 0;
   std::vector<Fate> fates_;  ///< All kKept between calls.
-  /// For each row of a line the nearest rows before and after it that hold anything below the cap.
+  /// For each row within reach of those, the nearest rows before and after it that hold anything
+  /// below the cap, if within reach too.
   std::vector<int> before_, after_;
   std::vector<int> changed_;
 };

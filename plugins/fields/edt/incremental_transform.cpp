@@ -139,7 +139,6 @@ void IncrementalTransform::hand_on(int z, Workspace& space) {
 void IncrementalTransform::update_slice(const VoxelBits& obstacles,
                                         std::span<const std::uint8_t> row_changed, int z,
                                         Workspace& space) {
-  if (std::memchr(row_changed.data(), 1, row_changed.size()) == nullptr) return;
   space.in.clear();
   space.in_was.clear();
   for (int y = 0; y < size_.y(); ++y) {
@@ -158,8 +157,6 @@ void IncrementalTransform::update_slice(const VoxelBits& obstacles,
 void IncrementalTransform::update_line(int y, Workspace& space) {
   const std::span<std::uint64_t> changed(changed_.data() + changed_index(size_, y, 0),
                                          changed_index(size_, 1, 0));
-  std::ranges::fill(changed, std::uint64_t{0});
-  if (std::exchange(line_changed_[static_cast<std::size_t>(y)], std::uint8_t{0}) == 0) return;
   space.in.clear();
   for (int z = 0; z < size_.z(); ++z) {
     Change& change = changes_[along_z_index(y, z)];
@@ -172,19 +169,30 @@ void IncrementalTransform::update_line(int y, Workspace& space) {
   }
 }
 
+template <class Condition, class Task>
+void IncrementalTransform::for_each(int count, const Condition& condition, const Task& task) {
+  busy_.clear();
+  for (int i = 0; i < count; ++i) {
+    if (condition(i)) busy_.push_back(i);
+  }
+  workers_.run_banded(static_cast<int>(busy_.size()), 1, [&](int begin, int end) {
+    const BorrowedWorkspace space(*this);
+    for (int i = begin; i < end; ++i) task(busy_[static_cast<std::size_t>(i)], *space);
+  });
+}
+
 std::span<const std::uint64_t> IncrementalTransform::update(
     const VoxelBits& obstacles, std::span<const std::uint8_t> row_changed) {
   const auto ny = static_cast<std::size_t>(size_.y());
-  workers_.run_banded(size_.z(), 1, [&](int begin, int end) {
-    const BorrowedWorkspace space(*this);
-    for (int z = begin; z < end; ++z) {
-      update_slice(obstacles, row_changed.subspan(row_index(0, z), ny), z, *space);
-    }
-  });
-  workers_.run_banded(size_.y(), 1, [&](int begin, int end) {
-    const BorrowedWorkspace space(*this);
-    for (int y = begin; y < end; ++y) update_line(y, *space);
-  });
+  const auto rows_of = [&](int z) { return row_changed.subspan(row_index(0, z), ny); };
+  for_each(
+      size_.z(), [&](int z) { return std::memchr(rows_of(z).data(), 1, ny) != nullptr; },
+      [&](int z, Workspace& space) { update_slice(obstacles, rows_of(z), z, space); });
+  std::ranges::fill(changed_, std::uint64_t{0});
+  for_each(
+      size_.y(), [&](int y) { return line_changed_[static_cast<std::size_t>(y)] != 0; },
+      [&](int y, Workspace& space) { update_line(y, space); });
+  std::ranges::fill(line_changed_, std::uint8_t{0});
   is_first_ = false;
   return changed_;
 }

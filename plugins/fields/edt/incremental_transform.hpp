@@ -90,6 +90,9 @@ class IncrementalTransform {
   };
   class BorrowedWorkspace;
 
+  /// Calls task(i, workspace), on all threads, for those i in [0, count) that meet a condition.
+  template <class Condition, class Task>
+  void for_each(int count, const Condition& condition, const Task& task);
   /// Along x, then y, in a slice of which the rows `row_changed` may have changed.
   void update_slice(const VoxelBits& obstacles, std::span<const std::uint8_t> row_changed, int z,
                     Workspace& space);
@@ -123,6 +126,7 @@ class IncrementalTransform {
   std::vector<std::uint8_t> line_changed_;               ///< By y: whether there is any over all z.
   std::vector<std::vector<std::uint16_t>> along_y_was_;  ///< By z.
   std::vector<std::uint64_t> changed_;                   ///< What update() returns.
+  std::vector<int> busy_;                                ///< Slices, or lines, to go through.
   std::mutex spaces_mutex_;
   std::vector<std::unique_ptr<Workspace>> spaces_;  ///< Those not in use.
   std::vector<std::uint16_t> start_tile_;  ///< What every tile holds before the first update.
