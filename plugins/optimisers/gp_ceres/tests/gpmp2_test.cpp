@@ -1,16 +1,18 @@
 // Against GPMP2 itself: problems that it has solved, with its costs term by term.
+#include <fstream>
 #include <numeric>
 
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
+#include <sidestep/experiments/recorded_problems.hpp>
+
 #include "factors.hpp"
 #include "gp_ceres.hpp"
-#include "support/gpmp2_problems.hpp"
 
 namespace sidestep {
 namespace {
-
-using namespace testing_support;
 
 double sum_of_squares(const StateCost& cost, const Trajectory& trajectory,
                       const std::vector<double>& times_s) {
@@ -87,38 +89,46 @@ Trajectory recorded(const nlohmann::json& values, double dt_s) {
 class Gpmp2Test : public testing::TestWithParam<std::string> {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(gpmp2_folder() / "anchors.json")) {
-      GTEST_SKIP() << "no recorded problems in " << gpmp2_folder();
+    if (!std::filesystem::exists(folder_ / "anchors.json")) {
+      GTEST_SKIP() << "no recorded problems in " << folder_;
     }
-    file_ = read_json(gpmp2_folder() / ("problems_" + GetParam() + ".json"));
-    robot_ = dh_arm(file_["robot"]);
+    auto problems = read_recorded_problems(folder_ / ("problems_" + GetParam() + ".json"));
+    ASSERT_TRUE(problems) << problems.error().describe();
+    problems_ = std::move(*problems);
   }
 
-  nlohmann::json file_;
-  std::shared_ptr<const RobotModel> robot_;
+  [[nodiscard]] nlohmann::json anchors() const {
+    std::ifstream stream(folder_ / "anchors.json");
+    return nlohmann::json::parse(stream).at(GetParam());
+  }
+
+  const std::filesystem::path folder_ = std::filesystem::path(SIDESTEP_SHARED_DATA) / "gpmp2";
+  RecordedProblems problems_;
 };
 
 TEST_P(Gpmp2Test, PosesTheSameProblem) {
-  const nlohmann::json anchors = read_json(gpmp2_folder() / "anchors.json");
-  for (const auto& anchor : anchors[GetParam()]) {
+  for (const auto& anchor : anchors()) {
     const int scene = anchor["scene"], pair = anchor["pair"];
     SCOPED_TRACE("scene " + std::to_string(scene) + ", pair " + std::to_string(pair));
-    const Problem problem = gpmp2_problem(file_, robot_, gpmp2_field(file_, scene, true), pair);
+    const Problem problem =
+        recorded_problem(problems_, recorded_field(problems_, scene, true), pair);
 
     const auto& recorded_spheres = anchor["start_sphere_centres_xyz_sdf"];
-    std::vector<Eigen::Vector3d> centres(robot_->description().spheres.size());
+    std::vector<Eigen::Vector3d> centres(problem.robot->description().spheres.size());
     std::vector<double> distances(centres.size());
     ASSERT_EQ(recorded_spheres.size(), centres.size());
     Scratch scratch;
-    robot_->sphere_centres({problem.start.q.data(), 7}, centres, scratch);
+    problem.robot->sphere_centres({problem.start.q.data(), 7}, centres, scratch);
     problem.field->query(centres, distances, {}, {});
     for (std::size_t s = 0; s < centres.size(); ++s) {
-      EXPECT_LT((centres[s] - vector3(recorded_spheres[s])).norm(), 1e-9) << "sphere " << s;
-      EXPECT_NEAR(distances[s], recorded_spheres[s][3].get<double>(), 1e-6) << "sphere " << s;
+      const auto sphere = recorded_spheres[s].get<std::vector<double>>();
+      EXPECT_LT((centres[s] - Eigen::Vector3d(sphere[0], sphere[1], sphere[2])).norm(), 1e-9)
+          << "sphere " << s;
+      EXPECT_NEAR(distances[s], sphere[3], 1e-6) << "sphere " << s;
     }
 
     const Trajectory initial = recorded(anchor["initial_values"], problem.dt_s);
-    const Trajectory ours = gpmp2_initial(problem);
+    const Trajectory ours = recorded_initial(problem);
     for (std::size_t i = 0; i < ours.positions.size(); ++i) {
       EXPECT_NEAR(ours.positions[i], initial.positions[i], 1e-12);
       EXPECT_NEAR(ours.velocities[i], initial.velocities[i], 1e-12);
@@ -140,24 +150,25 @@ double mean(const std::vector<double>& values) {
 /// Over all pairs and scenes, with GPMP2's stopping rules: the damping differs, so that
 /// single problems end in other minima, but not the lot.
 TEST_P(Gpmp2Test, FindsCostsAsLowOverAll) {
-  const nlohmann::json& run = file_["runs"][0];  // "study" on the signed field
-  ASSERT_EQ(run["label"], "study");
-  ASSERT_EQ(run["field"], "sdf");
+  const RecordedRun& run = problems_.runs.front();
+  ASSERT_EQ(run.label, "study");
+  ASSERT_TRUE(run.is_signed);
   std::vector<std::shared_ptr<const DistanceField>> fields;
-  for (std::size_t scene = 0; scene < file_["scenes"].size(); ++scene) {
-    fields.push_back(gpmp2_field(file_, static_cast<int>(scene), true));
+  for (std::size_t scene = 0; scene < problems_.scenes.size(); ++scene) {
+    fields.push_back(recorded_field(problems_, static_cast<int>(scene), true));
   }
   const auto optimiser = make_gp_ceres({});
   std::vector<double> ours, theirs;
-  for (const auto& row : run["results"]) {
-    const Problem problem = gpmp2_problem(file_, robot_, fields[row[0].get<std::size_t>()], row[1]);
-    const auto solution = optimiser->solve(problem, gpmp2_initial(problem), Deadline());
+  for (const RecordedOutcome& peer : run.outcomes) {
+    const Problem problem =
+        recorded_problem(problems_, fields[static_cast<std::size_t>(peer.scene)], peer.pair);
+    const auto solution = optimiser->solve(problem, recorded_initial(problem), Deadline());
     ASSERT_TRUE(solution.has_value()) << solution.error().describe();
-    EXPECT_NEAR(solution->initial_cost, row[4].get<double>(), 1e-6 * row[4].get<double>());
+    EXPECT_NEAR(solution->initial_cost, peer.initial_cost, 1e-6 * peer.initial_cost);
     ours.push_back(solution->cost);
-    theirs.push_back(row[5]);
+    theirs.push_back(peer.final_cost);
   }
-  ASSERT_EQ(ours.size(), file_["pairs"].size() * fields.size());
+  ASSERT_EQ(ours.size(), problems_.pairs.size() * fields.size());
   EXPECT_LE(mean(ours), 1.02 * mean(theirs));
   EXPECT_LE(median(ours), 1.02 * median(theirs));
   RecordProperty("mean_ratio", std::to_string(mean(ours) / mean(theirs)));

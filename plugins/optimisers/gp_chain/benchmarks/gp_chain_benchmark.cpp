@@ -4,10 +4,11 @@
 
 #include <benchmark/benchmark.h>
 
+#include <sidestep/experiments/recorded_problems.hpp>
+
 #include "gp_ceres.hpp"
 #include "gp_chain.hpp"
 #include "minimise.hpp"
-#include "support/gpmp2_problems.hpp"
 #include "support/hsr_table.hpp"
 
 namespace sidestep {
@@ -16,18 +17,18 @@ namespace {
 using namespace testing_support;
 
 /// Some hundred problems of one recorded set; empty where the recordings are absent.
-const std::vector<Problem>& recorded_problems(const std::string& set) {
+const std::vector<Problem>& problems_of(const std::string& set) {
   static std::map<std::string, std::vector<Problem>> sets;
   const auto [found, is_new] = sets.try_emplace(set);
   std::vector<Problem>& problems = found->second;
-  const auto path = gpmp2_folder() / ("problems_" + set + ".json");
-  if (!is_new || !std::filesystem::exists(path)) return problems;
-  const nlohmann::json file = read_json(path);
-  const auto robot = dh_arm(file["robot"]);
-  for (std::size_t scene = 0; scene < file["scenes"].size(); ++scene) {
-    const auto field = gpmp2_field(file, static_cast<int>(scene), true);
-    for (std::size_t pair = scene; pair < file["pairs"].size(); pair += 3) {
-      problems.push_back(gpmp2_problem(file, robot, field, static_cast<int>(pair)));
+  if (!is_new) return problems;
+  const auto folder = std::filesystem::path(SIDESTEP_SHARED_DATA) / "gpmp2";
+  const auto recorded = read_recorded_problems(folder / ("problems_" + set + ".json"));
+  if (!recorded) return problems;
+  for (std::size_t scene = 0; scene < recorded->scenes.size(); ++scene) {
+    const auto field = recorded_field(*recorded, static_cast<int>(scene), true);
+    for (std::size_t pair = scene; pair < recorded->pairs.size(); pair += 3) {
+      problems.push_back(recorded_problem(*recorded, field, static_cast<int>(pair)));
     }
   }
   return problems;
@@ -50,14 +51,14 @@ std::unique_ptr<Optimiser> optimiser_of(bool chain, bool replan) {
 /// Every problem once an iteration. solve_ms and step_us are over problems; a step is one that was
 /// tried, an iteration one that was accepted, which is what GPMP2 counts.
 void solve_recorded(benchmark::State& state, const char* set, bool chain, bool replan) {
-  const auto& problems = recorded_problems(set);
+  const auto& problems = problems_of(set);
   if (problems.empty()) {
     state.SkipWithError("no recorded problems");
     return;
   }
   const auto optimiser = optimiser_of(chain, replan);
   std::vector<Trajectory> initial;
-  for (const Problem& problem : problems) initial.push_back(gpmp2_initial(problem));
+  for (const Problem& problem : problems) initial.push_back(recorded_initial(problem));
   std::vector<double> solve_ms, iteration_us, step_us;
   for (auto _ : state) {
     for (std::size_t i = 0; i < problems.size(); ++i) {
@@ -113,14 +114,14 @@ BENCHMARK_CAPTURE(solve_hsr, gp_ceres, false)
 
 /// The parts of one iteration on a recorded problem.
 void iteration_part(benchmark::State& state, void (*part)(ChainModel&, std::vector<double>&)) {
-  const auto& problems = recorded_problems("panda_single");
+  const auto& problems = problems_of("panda_single");
   if (problems.empty()) {
     state.SkipWithError("no recorded problems");
     return;
   }
   ChainModel model;
   const auto rule = make_step_rule({});
-  model.reset(problems[5], gpmp2_initial(problems[5]));
+  model.reset(problems[5], recorded_initial(problems[5]));
   if (minimise(model, *rule, {.max_iterations = 2}, Deadline()).accepted == 0) return;
   std::vector<double> step(model.current().support.size(), 0.0);
   for (auto _ : state) part(model, step);

@@ -3,35 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/experiments/recorded_problems.hpp>
+
 #include "gp_chain.hpp"
-#include "support/gpmp2_problems.hpp"
 
 namespace sidestep {
 namespace {
-
-using namespace testing_support;
-
-/// The least distance of any sphere to an obstacle at the support and interpolated states: how the
-/// recording judged a trajectory. Outside the grid is free.
-double checked_clearance_m(const Problem& problem, const DistanceField& field,
-                           const Trajectory& trajectory) {
-  const auto& spheres = problem.robot->description().spheres;
-  std::vector<double> q(static_cast<std::size_t>(trajectory.dof)), distances(spheres.size());
-  std::vector<Eigen::Vector3d> centres(spheres.size());
-  std::vector<FieldStatus> statuses(spheres.size());
-  Scratch scratch;
-  double least = std::numeric_limits<double>::infinity();
-  const int steps = problem.interpolated_checks + 1;
-  for (int s = 0; s <= (problem.support_states - 1) * steps; ++s) {
-    trajectory.sample(s * problem.dt_s / steps, q, {});
-    problem.robot->sphere_centres(q, centres, scratch);
-    query_with_policy(field, problem.space, centres, distances, {}, statuses);
-    for (std::size_t i = 0; i < spheres.size(); ++i) {
-      least = std::min(least, distances[i] - spheres[i].radius_m);
-    }
-  }
-  return least;
-}
 
 struct Outcomes {
   std::vector<double> ours, theirs;
@@ -43,45 +20,44 @@ struct Outcomes {
 class ChainAgainstGpmp2 : public testing::TestWithParam<std::string> {
  protected:
   void SetUp() override {
-    if (!std::filesystem::exists(gpmp2_folder() / "anchors.json")) {
-      GTEST_SKIP() << "no recorded problems in " << gpmp2_folder();
-    }
-    file_ = read_json(gpmp2_folder() / ("problems_" + GetParam() + ".json"));
-    robot_ = dh_arm(file_["robot"]);
-    for (std::size_t scene = 0; scene < file_["scenes"].size(); ++scene) {
+    const auto file = std::filesystem::path(SIDESTEP_SHARED_DATA) / "gpmp2" /
+                      ("problems_" + GetParam() + ".json");
+    if (!std::filesystem::exists(file)) GTEST_SKIP() << "no recorded problems in " << file;
+    auto problems = read_recorded_problems(file);
+    ASSERT_TRUE(problems) << problems.error().describe();
+    problems_ = std::move(*problems);
+    for (std::size_t scene = 0; scene < problems_.scenes.size(); ++scene) {
       for (const bool is_signed : {false, true}) {
-        fields_[is_signed].push_back(gpmp2_field(file_, static_cast<int>(scene), is_signed));
+        fields_[is_signed].push_back(recorded_field(problems_, static_cast<int>(scene), is_signed));
       }
     }
   }
 
-  Outcomes solve_all(const nlohmann::json& run) const {
-    const auto optimiser = make_gp_chain({.relative_tolerance = run["rel_tol"].get<double>(),
-                                          .max_iterations = run["max_iter"].get<int>()});
+  Outcomes solve_all(const RecordedRun& run) const {
+    const auto optimiser = make_gp_chain(
+        {.relative_tolerance = run.relative_tolerance, .max_iterations = run.max_iterations});
     Outcomes outcomes;
-    for (const auto& row : run["results"]) {
-      const auto scene = row[0].get<std::size_t>();
-      const Problem problem =
-          gpmp2_problem(file_, robot_, fields_[run["field"] == "sdf"][scene], row[1]);
-      const auto solution = optimiser->solve(problem, gpmp2_initial(problem), Deadline());
+    for (const RecordedOutcome& peer : run.outcomes) {
+      const auto scene = static_cast<std::size_t>(peer.scene);
+      const Problem problem = recorded_problem(problems_, fields_[run.is_signed][scene], peer.pair);
+      const auto solution = optimiser->solve(problem, recorded_initial(problem), Deadline());
       if (!solution || solution->trajectory.size() == 0) {
         ADD_FAILURE() << "no solution";
         continue;
       }
-      EXPECT_NEAR(solution->initial_cost, row[4].get<double>(), 1e-6 * row[4].get<double>());
+      EXPECT_NEAR(solution->initial_cost, peer.initial_cost, 1e-6 * peer.initial_cost);
       outcomes.ours.push_back(solution->cost);
-      outcomes.theirs.push_back(row[5]);
-      outcomes.as_low += solution->cost <= 1.01 * row[5].get<double>();
-      outcomes.same_iterations += solution->accepted_iterations == row[2].get<int>();
+      outcomes.theirs.push_back(peer.final_cost);
+      outcomes.as_low += solution->cost <= 1.01 * peer.final_cost;
+      outcomes.same_iterations += solution->accepted_iterations == peer.iterations;
       outcomes.free +=
-          checked_clearance_m(problem, *fields_[true][scene], solution->trajectory) > 0.0;
-      outcomes.peer_free += row[6].get<int>();
+          clearance_at_checks_m(problem, *fields_[true][scene], solution->trajectory) > 0.0;
+      outcomes.peer_free += peer.free_at_checks;
     }
     return outcomes;
   }
 
-  nlohmann::json file_;
-  std::shared_ptr<const RobotModel> robot_;
+  RecordedProblems problems_;
   std::vector<std::shared_ptr<const DistanceField>> fields_[2];  ///< Unsigned, signed.
 };
 
@@ -95,14 +71,13 @@ double median_of(std::vector<double> values) {
 }
 
 TEST_P(ChainAgainstGpmp2, FindsCostsAsLowAndIsFreeAsOften) {
-  for (const auto& run : file_["runs"]) {
-    if (run["label"] != "study" && run["label"] != "replan") continue;
-    const std::string name =
-        run["label"].get<std::string>() + "_" + run["field"].get<std::string>();
+  for (const RecordedRun& run : problems_.runs) {
+    if (run.label != "study" && run.label != "replan") continue;
+    const std::string name = run.label + (run.is_signed ? "_sdf" : "_usdf");
     SCOPED_TRACE(name);
     const Outcomes outcomes = solve_all(run);
     const double count = static_cast<double>(outcomes.ours.size());
-    EXPECT_EQ(outcomes.ours.size(), run["results"].size());
+    EXPECT_EQ(outcomes.ours.size(), run.outcomes.size());
     EXPECT_GE(outcomes.as_low / count, 0.98);
     // Not one part in a thousand: single problems that zigzag for 30 steps and more along the
     // creases of the field go other ways already where it is rounded to single precision.
