@@ -12,13 +12,15 @@
 #include "html.hpp"
 #include "mapping_benchmark.hpp"
 #include "plan.hpp"
+#include "planner_benchmark.hpp"
 
 namespace sidestep {
 namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<ExperimentType> kTypes = {plan_experiment(), mapping_benchmark_experiment()};
+const std::vector<ExperimentType> kTypes = {plan_experiment(), mapping_benchmark_experiment(),
+                                            planner_benchmark_experiment()};
 
 constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
                                      PluginKind::kField,     PluginKind::kRobot,
@@ -86,6 +88,15 @@ void check_field_fits_mapper(const Configuration& configuration, Host& host,
   if (const auto info = host.find(PluginKind::kField, *field)) {
     host.check_views(*mapper, info->views, "the field '" + info->name + "'", errors);
   }
+}
+
+/// Removes the defaults of what the experiment sets itself.
+void leave_out(const std::vector<std::string>& parameters, Node& block) {
+  if (!block.is_map()) return;
+  std::erase_if(block.entries(), [&](const Node::Entry& entry) {
+    return entry.value.mark().file == "default" &&
+           std::ranges::find(parameters, entry.key) != parameters.end();
+  });
 }
 
 /// Removes what an earlier run left, so that nothing of it can be taken for this run's.
@@ -171,6 +182,7 @@ Node effective_configuration(const Configuration& configuration, Host& host) {
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key == to_string(kind)) entry.value = host.with_defaults(kind, entry.value);
     }
+    if (entry.key == "optimiser" && type != nullptr) leave_out(type->set_of_optimiser, entry.value);
   }
   return root;
 }

@@ -40,4 +40,17 @@ struct SystemBar {
 [[nodiscard]] std::vector<Figure> mapping_figures(const std::vector<SystemBar>& bars,
                                                   const std::string& published_as);
 
+/// What the charts of a planner benchmark show of one run; one number a problem.
+struct PlannerSeries {
+  std::string label;
+  std::vector<double> cost;
+  std::vector<double> peer_cost;
+  std::vector<double> solve_ms;
+  std::vector<double> peer_solve_ms;
+};
+
+/// The pictures of a planner benchmark: costs, where they can be compared, and times.
+[[nodiscard]] std::vector<Figure> planner_figures(const std::vector<PlannerSeries>& runs,
+                                                  bool costs_comparable);
+
 }  // namespace sidestep

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "csv.hpp"
 #include "json.hpp"
 #include "statistics.hpp"
 #include "text_table.hpp"
@@ -273,17 +274,6 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
   return text + ".";
 }
 
-/// A cell of a CSV file, quoted where it must be.
-std::string csv_cell(const Json& value) {
-  if (value.is_null()) return "";
-  if (!value.is_string()) return value.dump();
-  const std::string text = value.get<std::string>();
-  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
-
 }  // namespace
 
 std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& expect) {
@@ -390,22 +380,7 @@ std::string mapping_csv(const std::string& summary_json) {
                                    "/real_time/latency_ms/p50",
                                    "/real_time/latency_ms/p95",
                                    "/error"};
-  std::string text;
-  for (const char* column : kColumns) {
-    std::string name = column + 1;
-    std::ranges::replace(name, '/', '.');
-    text += (text.empty() ? "" : ",") + name;
-  }
-  text += "\n";
-  const Json summary = Json::parse(summary_json, nullptr, false);
-  for (const Json& system : at(summary, "/systems")) {
-    std::string line;
-    for (const char* column : kColumns) {
-      line += (column == kColumns.front() ? "" : ",") + csv_cell(at(system, column));
-    }
-    text += line + "\n";
-  }
-  return text;
+  return csv_text(at(Json::parse(summary_json, nullptr, false), "/systems"), kColumns);
 }
 
 }  // namespace sidestep

@@ -122,14 +122,22 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results, const
   return html + *section;
 }
 
+/// What is particular to the type of the experiment.
+Result<std::string> body_of(const Json& summary, ResultsReader& results, const fs::path& run) {
+  if (at(summary, "/systems").is_array()) return mapping_body(summary, run);
+  if (at(summary, "/experiment") == Json("planner_benchmark")) {
+    return planner_body(summary, results, run);
+  }
+  return plan_body(summary, results, run);
+}
+
 /// Everything that summary and store tell of a run, verdict first.
 Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run) {
   const bool success = at(summary, "/success") == Json(true);
   std::string html = "<h1>" + escape_html(cell(at(summary, "/configuration"))) + "</h1>\n";
   html += std::string("<p class=\"verdict ") + (success ? "success" : "failure") + "\">" +
           escape_html(cell(at(summary, "/verdict"))) + "</p>\n";
-  const auto body = at(summary, "/systems").is_array() ? mapping_body(summary, run)
-                                                       : plan_body(summary, results, run);
+  const auto body = body_of(summary, results, run);
   if (!body) return body;
   html += *body;
   html += origin_section(summary, run);
@@ -170,13 +178,28 @@ Row system_row(const fs::path& run, const Json& summary, const Json& system) {
           cell(at(summary, "/provenance/git_hash"))};
 }
 
+Row solver_row(const fs::path& run, const Json& summary, const Json& solver) {
+  return {run_name(run),
+          cell(at(summary, "/configuration")),
+          cell(at(summary, "/optimiser")),
+          cell(at(summary, "/problems_file")),
+          cell(at(solver, "/label")),
+          cell(at(solver, "/field")),
+          cell(at(solver, "/lm_iteration_us/p50"), "%.1f us"),
+          cell(at(solver, "/solve_ms/p50"), "%.4f ms"),
+          cell(at(solver, "/iterations/mean"), "%.2f"),
+          cell(at(solver, "/cost/share_within_1pct"), "%.4f"),
+          cell(at(solver, "/collision_free/share"), "%.4f"),
+          cell(at(summary, "/provenance/git_hash"))};
+}
+
 }  // namespace
 
 bool is_report_picture(std::string_view file_name) {
   const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
-  return picture &&
-         (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
-          file_name.starts_with("frame_times.") || file_name.starts_with("mapping_times."));
+  return picture && (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
+                     file_name.starts_with("frame_times.") ||
+                     file_name.starts_with("mapping_times.") || file_name.starts_with("planner_"));
 }
 
 Result<void> write_report(const fs::path& run) {
@@ -196,13 +219,21 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   const Row system_header = {"run",        "configuration", "system",    "field",
                              "voxel",      "frame p50",     "frame p95", "max error",
                              "mean error", "memory",        "frames",    "commit"};
-  std::vector<Row> plan_rows, system_rows;
+  const Row solver_header = {"run",        "configuration", "optimiser",     "problems",
+                             "rules",      "field",         "iteration p50", "solve p50",
+                             "iterations", "within 1 %",    "free",          "commit"};
+  std::vector<Row> plan_rows, system_rows, solver_rows;
   for (const fs::path& run : runs) {
     const auto summary = read_summary(run);
     if (!summary) return tl::make_unexpected(summary.error());
     const Json systems = at(*summary, "/systems");
     for (const Json& system : systems) system_rows.push_back(system_row(run, *summary, system));
-    if (systems.is_array()) continue;
+    const bool is_planner = at(*summary, "/experiment") == Json("planner_benchmark");
+    if (is_planner) {
+      const Json solvers = at(*summary, "/runs");
+      for (const Json& solver : solvers) solver_rows.push_back(solver_row(run, *summary, solver));
+    }
+    if (systems.is_array() || is_planner) continue;
     const Json plans = at(*summary, "/plans");
     for (const Json& plan : plans) plan_rows.push_back(plan_row(run, *summary, plan));
     if (!plans.is_array() || plans.empty())
@@ -210,7 +241,8 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   }
   std::string text, body;
   for (const auto& [header, rows] :
-       {std::pair(&plan_header, &plan_rows), std::pair(&system_header, &system_rows)}) {
+       {std::pair(&plan_header, &plan_rows), std::pair(&system_header, &system_rows),
+        std::pair(&solver_header, &solver_rows)}) {
     if (rows->empty()) continue;
     TextTable table(*header);
     for (const Row& row : *rows) table.add(row);

@@ -29,4 +29,8 @@ using Row = std::vector<std::string>;
 [[nodiscard]] Result<std::string> mapping_body(const Json& summary,
                                                const std::filesystem::path& run);
 
+/// Tables and charts of a planner benchmark.
+[[nodiscard]] Result<std::string> planner_body(const Json& summary, ResultsReader& results,
+                                               const std::filesystem::path& run);
+
 }  // namespace sidestep::report

@@ -56,6 +56,9 @@ struct ExperimentType {
   /// Fills in, for the effective configuration, what the schema of the `experiment` block cannot
   /// know, e.g. the defaults of plugins that it names; may be null.
   void (*fill)(Node& experiment, Host& host) = nullptr;
+  /// Parameters of the optimiser that the experiment sets itself: no part of the effective
+  /// configuration.
+  std::vector<std::string> set_of_optimiser = {};
 };
 
 [[nodiscard]] const std::vector<ExperimentType>& experiment_types();

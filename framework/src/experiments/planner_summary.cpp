@@ -1,0 +1,238 @@
+#include "planner_summary.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "csv.hpp"
+#include "json.hpp"
+#include "report_parts.hpp"
+#include "statistics.hpp"
+#include "text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+using report::at;
+using report::cell;
+using Json = nlohmann::ordered_json;
+
+constexpr double kOnePercent = 1.01;
+
+template <class Value>
+std::vector<double> values_of(const std::vector<SolveRecord>& solves, Value value) {
+  std::vector<double> values;
+  for (const SolveRecord& solve : solves) values.push_back(static_cast<double>(value(solve)));
+  return values;
+}
+
+template <class Holds>
+Json share_of(const std::vector<SolveRecord>& solves, Holds holds) {
+  if (solves.empty()) return nullptr;
+  return static_cast<double>(std::ranges::count_if(solves, holds)) /
+         static_cast<double>(solves.size());
+}
+
+Json quantiles_json(const std::vector<double>& values) {
+  if (values.empty()) return {{"p50", nullptr}, {"p95", nullptr}};
+  return {{"p50", percentile(values, 0.5)}, {"p95", percentile(values, 0.95)}};
+}
+
+Json times_json(const std::vector<double>& values) {
+  Json json = quantiles_json(values);
+  json["mean"] = values.empty() ? Json(nullptr) : Json(statistics_of(values).mean);
+  return json;
+}
+
+Json spread_json(const std::vector<double>& values) {
+  const Statistics s = statistics_of(values);
+  if (values.empty()) return {{"mean", nullptr}, {"sd", nullptr}};
+  return {{"mean", s.mean}, {"sd", s.sd}};
+}
+
+/// How often ours and the peer's are free, over some problems.
+Json free_json(const std::vector<SolveRecord>& solves) {
+  return {
+      {"share", share_of(solves, &SolveRecord::free_exactly)},
+      {"peer_share", share_of(solves, [](const SolveRecord& s) { return s.peer.free_exactly; })}};
+}
+
+/// Against the peer's: over the problems that are solved, but for the share, which is of all.
+Json cost_json(const std::vector<SolveRecord>& solves, const std::vector<SolveRecord>& solved,
+               bool comparable) {
+  Json json = {{"share_within_1pct", nullptr},
+               {"mean", nullptr},
+               {"median", nullptr},
+               {"peer_mean", nullptr},
+               {"peer_median", nullptr}};
+  if (solved.empty()) return json;
+  const auto ours = values_of(solved, [](const SolveRecord& s) { return s.cost; });
+  json["mean"] = statistics_of(ours).mean;
+  json["median"] = percentile(ours, 0.5);
+  if (!comparable) return json;
+  const auto peers = values_of(solved, [](const SolveRecord& s) { return s.peer.final_cost; });
+  json["share_within_1pct"] = share_of(solves, [](const SolveRecord& s) {
+    return s.solved && s.cost <= kOnePercent * s.peer.final_cost;
+  });
+  json["peer_mean"] = statistics_of(peers).mean;
+  json["peer_median"] = percentile(peers, 0.5);
+  return json;
+}
+
+/// What the recording says of the peer's effort, over the same problems.
+Json peer_json(const std::vector<SolveRecord>& solves) {
+  std::vector<double> iterations, iteration_us;
+  for (const SolveRecord& solve : solves) {
+    if (solve.peer.iterations < 0) continue;  // not counted
+    iterations.push_back(solve.peer.iterations);
+    iteration_us.push_back(1e3 * solve.peer.optimise_ms / std::max(1, solve.peer.iterations));
+  }
+  return {{"lm_iteration_us", quantiles_json(iteration_us)},
+          {"solve_ms",
+           times_json(values_of(solves, [](const SolveRecord& s) { return s.peer.total_ms; }))},
+          {"iterations", spread_json(iterations)}};
+}
+
+Json run_json(const PlannerRunRecord& run, bool comparable) {
+  std::vector<SolveRecord> solved;
+  std::ranges::copy_if(run.solves, std::back_inserter(solved), &SolveRecord::solved);
+  std::vector<SolveRecord> with_free_ends;
+  std::ranges::copy_if(run.solves, std::back_inserter(with_free_ends), &SolveRecord::ends_free);
+  Json free_ends = {{"problems", with_free_ends.size()}};
+  free_ends.update(free_json(with_free_ends));
+  return {
+      {"label", run.label},
+      {"field", run.is_signed ? "sdf" : "usdf"},
+      {"relative_tolerance", run.relative_tolerance},
+      {"max_iterations", run.max_iterations},
+      {"problems", run.solves.size()},
+      {"solved", solved.size()},
+      {"lm_iteration_us",
+       quantiles_json(values_of(solved, [](const SolveRecord& s) { return s.iteration_us(); }))},
+      {"solve_ms", times_json(values_of(solved, [](const SolveRecord& s) { return s.solve_ms; }))},
+      {"iterations",
+       spread_json(values_of(solved, [](const SolveRecord& s) { return s.accepted_iterations; }))},
+      {"cost", cost_json(run.solves, solved, comparable)},
+      {"collision_free", free_json(run.solves)},
+      {"free_ends", free_ends},
+      {"free_at_checks",
+       {{"share", share_of(run.solves, &SolveRecord::free_at_checks)},
+        {"peer_share",
+         share_of(run.solves, [](const SolveRecord& s) { return s.peer.free_at_checks; })}}},
+      {"peer", peer_json(run.solves)}};
+}
+
+std::string table_text(const Json& runs) {
+  TextTable times({"run", "field", "problems", "iteration p50", "p95", "solve p50", "p95", "mean",
+                   "iterations", "sd", "peer's solve p50", "iterations"});
+  TextTable results({"run", "field", "within 1 %", "mean cost", "peer's", "median cost", "peer's",
+                     "collision-free", "peer's", "ends free", "of them", "peer's"});
+  for (const Json& r : runs) {
+    times.add({cell(at(r, "/label")), cell(at(r, "/field")), cell(at(r, "/problems"), "%.0f"),
+               cell(at(r, "/lm_iteration_us/p50"), "%.1f us"),
+               cell(at(r, "/lm_iteration_us/p95"), "%.1f us"),
+               cell(at(r, "/solve_ms/p50"), "%.4f ms"), cell(at(r, "/solve_ms/p95"), "%.4f ms"),
+               cell(at(r, "/solve_ms/mean"), "%.4f ms"), cell(at(r, "/iterations/mean"), "%.2f"),
+               cell(at(r, "/iterations/sd"), "%.2f"), cell(at(r, "/peer/solve_ms/p50"), "%.2f ms"),
+               cell(at(r, "/peer/iterations/mean"), "%.2f")});
+    results.add(
+        {cell(at(r, "/label")), cell(at(r, "/field")),
+         cell(at(r, "/cost/share_within_1pct"), "%.4f"), cell(at(r, "/cost/mean"), "%.6g"),
+         cell(at(r, "/cost/peer_mean"), "%.6g"), cell(at(r, "/cost/median"), "%.6g"),
+         cell(at(r, "/cost/peer_median"), "%.6g"), cell(at(r, "/collision_free/share"), "%.4f"),
+         cell(at(r, "/collision_free/peer_share"), "%.4f"),
+         cell(at(r, "/free_ends/problems"), "%.0f"), cell(at(r, "/free_ends/share"), "%.4f"),
+         cell(at(r, "/free_ends/peer_share"), "%.4f")});
+  }
+  return times.text() + "\n" + results.text();
+}
+
+std::string verdict_text(const PlannerBenchmarkRecord& record, std::size_t solves,
+                         std::size_t unsolved, const std::string& first_reason) {
+  const std::string count = std::to_string(solves) + " solves by " + record.optimiser;
+  if (record.interrupted) return "Interrupted after " + count + "; what was measured is saved.";
+  const std::string note = record.costs_comparable
+                               ? ""
+                               : " The peer's state is a Lie group here: costs are not comparable.";
+  if (unsolved > 0) {
+    return "Failed: " + std::to_string(unsolved) + " of " + count +
+           " came to nothing, the first because: " + first_reason + "." + note;
+  }
+  return "Success: " + count + " on the problems of " + record.problems_file + ", each with a " +
+         "trajectory." + note;
+}
+
+}  // namespace
+
+double SolveRecord::iteration_us() const noexcept {
+  return 1e3 * solve_ms / std::max(1, accepted_iterations);
+}
+
+ExperimentOutcome summarise_planner(const RunProvenance& provenance,
+                                    const PlannerBenchmarkSettings& settings,
+                                    const PlannerBenchmarkRecord& record) {
+  Json runs = Json::array();
+  std::size_t solves = 0, unsolved = 0, problems = 0;
+  std::string first_reason;
+  for (const PlannerRunRecord& run : record.runs) {
+    runs.push_back(run_json(run, record.costs_comparable));
+    problems = std::max(problems, run.solves.size());
+    for (const SolveRecord& solve : run.solves) {
+      ++solves;
+      if (solve.solved) continue;
+      if (unsolved++ == 0) first_reason = solve.reason;
+    }
+  }
+  ExperimentOutcome outcome;
+  outcome.interrupted = record.interrupted;
+  outcome.success = !record.interrupted && solves > 0 && unsolved == 0;
+  outcome.verdict = verdict_text(record, solves, unsolved, first_reason);
+  outcome.table = table_text(runs);
+  const Json summary = {{"configuration", provenance.configuration},
+                        {"experiment", settings.type},
+                        {"success", outcome.success},
+                        {"interrupted", outcome.interrupted},
+                        {"verdict", outcome.verdict},
+                        {"problems_file", record.problems_file},
+                        {"robot", record.robot},
+                        {"optimiser", record.optimiser},
+                        {"costs_comparable", record.costs_comparable},
+                        {"repeats", settings.repeats},
+                        {"problems", problems},
+                        {"runs", runs},
+                        {"provenance", provenance_json(provenance)}};
+  outcome.summary_json = json_text(summary);
+  return outcome;
+}
+
+std::string planner_csv(const std::string& summary_json) {
+  constexpr std::array kColumns = {"/label",
+                                   "/field",
+                                   "/problems",
+                                   "/solved",
+                                   "/lm_iteration_us/p50",
+                                   "/lm_iteration_us/p95",
+                                   "/solve_ms/p50",
+                                   "/solve_ms/p95",
+                                   "/solve_ms/mean",
+                                   "/iterations/mean",
+                                   "/iterations/sd",
+                                   "/cost/share_within_1pct",
+                                   "/cost/mean",
+                                   "/cost/median",
+                                   "/cost/peer_mean",
+                                   "/cost/peer_median",
+                                   "/collision_free/share",
+                                   "/collision_free/peer_share",
+                                   "/free_ends/problems",
+                                   "/free_ends/share",
+                                   "/free_ends/peer_share",
+                                   "/free_at_checks/share",
+                                   "/free_at_checks/peer_share",
+                                   "/peer/lm_iteration_us/p50",
+                                   "/peer/solve_ms/p50",
+                                   "/peer/solve_ms/p95",
+                                   "/peer/iterations/mean"};
+  return csv_text(at(Json::parse(summary_json, nullptr, false), "/runs"), kColumns);
+}
+
+}  // namespace sidestep
