@@ -183,6 +183,30 @@ TEST_F(PlannerBenchmarkTest, FailsWhereAProblemHasNoSolution) {
   EXPECT_THAT(finished.out, HasSubstr("Failed: 4 of 12 solves"));
 }
 
+TEST_F(PlannerBenchmarkTest, KeepsWhatWasMeasuredWhenInterrupted) {
+  Json json = recorded_disc();
+  const Json few = json["runs"][0]["results"];
+  for (int i = 0; i < 400; ++i) {
+    for (const Json& row : few) json["runs"][0]["results"].push_back(row);
+  }
+  const fs::path problems = folder_.write("problems.json", json.dump());
+  CommandLine command({"run", kConfig, "--out", out_.string(), "--set",
+                       "experiment.problems=" + problems.string(), "--set",
+                       "experiment.repeats=1000"});
+  ASSERT_TRUE(command.wait_for("study, signed"));
+  command.send(SIGINT);
+  const Finished finished = command.wait();
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_THAT(finished.out, HasSubstr("Interrupted"));
+  const Json part = summary();
+  EXPECT_EQ(part.at("interrupted"), true);
+  ASSERT_EQ(part.at("runs").size(), 1u);
+  const std::size_t solved = part.at("runs")[0].at("problems");
+  EXPECT_GE(solved, 25u) << "progress was told";
+  EXPECT_EQ(column("solve/0", "solve_ms").size(), solved);
+  EXPECT_TRUE(fs::exists(out_ / "report.html"));
+}
+
 TEST_F(PlannerBenchmarkTest, RefusesWhatItCannotUse) {
   const auto refused = [&](const Finished& finished, const std::string& message) {
     EXPECT_EQ(finished.exit_code, 2) << message;
