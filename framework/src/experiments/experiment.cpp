@@ -9,6 +9,7 @@
 #include <sidestep/experiments/report.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "field_study.hpp"
 #include "html.hpp"
 #include "mapping_benchmark.hpp"
 #include "plan.hpp"
@@ -20,6 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::vector<ExperimentType> kTypes = {plan_experiment(), mapping_benchmark_experiment(),
+                                            field_study_experiment(),
                                             planner_benchmark_experiment()};
 
 constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
@@ -118,6 +120,23 @@ Result<void> clear_results(const fs::path& folder) {
   return {};
 }
 
+Result<void> check_division(const ExperimentContext& context, const ExperimentType& type) {
+  const std::string where = context.configuration.file.string();
+  const Shard& shard = context.shard;
+  if (shard.count < 1 || shard.index < 0 || shard.index >= shard.count) {
+    return fail(ErrorCode::kConfig, "there is no such shard", where, "i/n, with i from 1 to n");
+  }
+  if (type.is_divisible || (shard.is_whole() && !context.resume)) return {};
+  std::string able;
+  for (const ExperimentType& known : kTypes) {
+    if (known.is_divisible) able += (able.empty() ? "" : ", ") + known.name;
+  }
+  return fail(ErrorCode::kConfig,
+              "an experiment of type '" + type.name + "' cannot be " +
+                  (context.resume ? "resumed" : "divided into shards"),
+              where, "these can: " + able);
+}
+
 }  // namespace
 
 const std::vector<ExperimentType>& experiment_types() { return kTypes; }
@@ -191,14 +210,22 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   std::vector<Error> errors;
   const ExperimentType* type = find_type(context.configuration, errors);
   if (type == nullptr) return tl::make_unexpected(std::move(errors.front()));
-  auto done = clear_results(context.out);
-  if (done) {
-    done = write_file(context.out / "effective_config.yaml",
-                      to_yaml(effective_configuration(context.configuration, context.host), true));
+  if (auto divisible = check_division(context, *type); !divisible) {
+    return tl::make_unexpected(std::move(divisible.error()));
   }
+  const auto write_configuration = [&] {
+    const Node effective = effective_configuration(context.configuration, context.host);
+    return write_file(context.out / "effective_config.yaml", to_yaml(effective, true));
+  };
+  // A run that goes on may yet find that it does not fit: until then the folder stays as it is.
+  Result<void> done;
+  if (!context.resume) done = clear_results(context.out);
+  if (done && !context.resume) done = write_configuration();
   if (!done) return tl::make_unexpected(std::move(done.error()));
   auto outcome = contained("experiment " + type->name, [&] { return type->run(context); });
   if (!outcome) return outcome;
+  if (context.resume) done = write_configuration();
+  if (!done) return tl::make_unexpected(std::move(done.error()));
   if (auto written = write_file(context.out / "summary.json", outcome->summary_json); !written) {
     return tl::make_unexpected(std::move(written.error()));
   }

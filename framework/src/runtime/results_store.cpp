@@ -68,6 +68,12 @@ class Query {
                : std::string(data,
                              static_cast<std::size_t>(sqlite3_column_bytes(statement_, column)));
   }
+  /// A text's bytes, valid until the next step.
+  [[nodiscard]] std::string_view view(int column) const {
+    const auto* data = reinterpret_cast<const char*>(sqlite3_column_text(statement_, column));
+    if (data == nullptr) return {};
+    return {data, static_cast<std::size_t>(sqlite3_column_bytes(statement_, column))};
+  }
   [[nodiscard]] std::vector<float> floats(int column) const {
     const auto bytes = static_cast<std::size_t>(sqlite3_column_bytes(statement_, column));
     std::vector<float> values(bytes / sizeof(float));
@@ -125,9 +131,13 @@ struct Connection {
 
 using Statement = std::unique_ptr<sqlite3_stmt, FinalizeStatement>;
 
-constexpr const char* kTables = R"(
+constexpr const char* kBegin = R"(
   PRAGMA journal_mode = WAL;
   PRAGMA synchronous = NORMAL;
+  BEGIN;
+)";
+
+constexpr const char* kTables = R"(
   CREATE TABLE provenance (key TEXT PRIMARY KEY, value TEXT NOT NULL);
   CREATE TABLE measurements (
     series TEXT NOT NULL, item INTEGER NOT NULL, key TEXT NOT NULL, value NOT NULL,
@@ -136,7 +146,6 @@ constexpr const char* kTables = R"(
     series TEXT NOT NULL, item INTEGER NOT NULL, key TEXT NOT NULL,
     rows INTEGER NOT NULL, columns INTEGER NOT NULL, float32 BLOB NOT NULL,
     PRIMARY KEY (series, item, key)) WITHOUT ROWID;
-  BEGIN;
 )";
 
 }  // namespace
@@ -175,16 +184,14 @@ Result<std::unique_ptr<ResultsStore>> ResultsStore::open(const std::filesystem::
   Connection& connection = store->impl_->connection;
   auto done = connection.open(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   if (done) done = connection.execute(kTables);
+  if (done) done = connection.execute(kBegin);
   if (!done) return tl::make_unexpected(std::move(done.error()));
 
-  auto insert = connection.prepare("INSERT OR REPLACE INTO measurements VALUES (?, ?, ?, ?)");
-  auto insert_array = connection.prepare("INSERT OR REPLACE INTO arrays VALUES (?, ?, ?, ?, ?, ?)");
-  auto insert_provenance = connection.prepare("INSERT INTO provenance VALUES (?, ?)");
-  for (auto* statement : {&insert, &insert_array, &insert_provenance}) {
-    if (!*statement) return tl::make_unexpected(std::move(statement->error()));
+  if (auto prepared = store->prepare(); !prepared) {
+    return tl::make_unexpected(std::move(prepared.error()));
   }
-  store->impl_->insert = std::move(*insert);
-  store->impl_->insert_array = std::move(*insert_array);
+  auto insert_provenance = connection.prepare("INSERT INTO provenance VALUES (?, ?)");
+  if (!insert_provenance) return tl::make_unexpected(std::move(insert_provenance.error()));
 
   const std::pair<std::string_view, std::string> rows[] = {
       {"configuration", provenance.configuration},
@@ -200,6 +207,32 @@ Result<std::unique_ptr<ResultsStore>> ResultsStore::open(const std::filesystem::
     if (auto added = connection.run(query); !added) return tl::make_unexpected(added.error());
   }
   return store;
+}
+
+Result<std::unique_ptr<ResultsStore>> ResultsStore::reopen(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file, ignored)) {
+    return fail(ErrorCode::kNotFound, "there are no results here", file.string());
+  }
+  std::unique_ptr<ResultsStore> store(new ResultsStore());
+  const Connection& connection = store->impl_->connection;
+  auto done = store->impl_->connection.open(file, SQLITE_OPEN_READWRITE);
+  if (done) done = store->prepare();
+  if (done) done = connection.execute(kBegin);
+  if (!done) return tl::make_unexpected(std::move(done.error()));
+  return store;
+}
+
+Result<void> ResultsStore::prepare() {
+  const Connection& connection = impl_->connection;
+  auto insert = connection.prepare("INSERT OR REPLACE INTO measurements VALUES (?, ?, ?, ?)");
+  auto insert_array = connection.prepare("INSERT OR REPLACE INTO arrays VALUES (?, ?, ?, ?, ?, ?)");
+  for (auto* statement : {&insert, &insert_array}) {
+    if (!*statement) return tl::make_unexpected(std::move(statement->error()));
+  }
+  impl_->insert = std::move(*insert);
+  impl_->insert_array = std::move(*insert_array);
+  return {};
 }
 
 Result<void> ResultsStore::add(std::string_view series, std::int64_t item, std::string_view key,
@@ -233,7 +266,7 @@ Result<void> ResultsStore::commit() { return impl_->connection.execute("COMMIT; 
 
 struct ResultsReader::Impl {
   Connection connection;
-  Statement column, value, array, array_items;
+  Statement column, series, value, array, array_items;
 };
 
 ResultsReader::ResultsReader() : impl_(std::make_unique<Impl>()) {}
@@ -253,6 +286,9 @@ Result<std::unique_ptr<ResultsReader>> ResultsReader::open(const std::filesystem
       {&impl.column,
        "SELECT value FROM measurements WHERE series = ? AND key = ? "
        "AND (typeof(value) <> 'text' OR value = 'nan') ORDER BY item"},
+      {&impl.series,
+       "SELECT item, key, value FROM measurements WHERE series = ? "
+       "AND (typeof(value) <> 'text' OR value = 'nan') ORDER BY item, key"},
       {&impl.value, "SELECT value FROM measurements WHERE series = ? AND item = ? AND key = ?"},
       {&impl.array,
        "SELECT rows, columns, float32 FROM arrays WHERE series = ? AND item = ? AND key = ?"},
@@ -275,6 +311,19 @@ Result<std::vector<double>> ResultsReader::column(std::string_view series, std::
     return tl::make_unexpected(impl_->connection.error("cannot read the results"));
   }
   return values;
+}
+
+Result<void> ResultsReader::visit(std::string_view series, const Visitor& visitor) {
+  Query query(impl_->series.get());
+  query.bind(series);
+  int status = SQLITE_ROW;
+  while ((status = query.step()) == SQLITE_ROW) {
+    visitor(query.integer(0), query.view(1), query.number(2));
+  }
+  if (status != SQLITE_DONE) {
+    return tl::make_unexpected(impl_->connection.error("cannot read the results"));
+  }
+  return {};
 }
 
 Result<std::optional<std::string>> ResultsReader::text(std::string_view series, std::int64_t item,

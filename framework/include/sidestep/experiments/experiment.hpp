@@ -17,6 +17,14 @@
 
 namespace sidestep {
 
+/// One of `count` parts of a run that several machines share, `index` from 0.
+struct Shard {
+  int index = 0;
+  int count = 1;
+
+  [[nodiscard]] bool is_whole() const noexcept { return count == 1; }
+};
+
 /// What an experiment is given.
 struct ExperimentContext {
   const Configuration& configuration;
@@ -30,6 +38,8 @@ struct ExperimentContext {
   /// Progress for people: done and total work items (0 where unknown), and a word on what is
   /// being done. May be empty.
   std::function<void(std::int64_t done, std::int64_t total, std::string_view what)> progress;
+  Shard shard;          ///< The whole, unless the type is divisible.
+  bool resume = false;  ///< Go on with what `out` holds; for types that are divisible.
 };
 
 /// How it ended.
@@ -59,6 +69,8 @@ struct ExperimentType {
   /// Parameters of the optimiser that the experiment sets itself: no part of the effective
   /// configuration.
   std::vector<std::string> set_of_optimiser = {};
+  /// Whether it can do one shard of its work, and go on where an earlier run ended.
+  bool is_divisible = false;
 };
 
 [[nodiscard]] const std::vector<ExperimentType>& experiment_types();
@@ -86,8 +98,9 @@ struct RunSettings {
 
 /// Runs a checked configuration and leaves in context.out: effective_config.yaml,
 /// results.sqlite, summary.json, report.html and its pictures. Files of an earlier run are
-/// removed first. Fails where the experiment could not be done at all (exit codes 2 to 4); a
-/// task that fails is an outcome.
+/// removed first, but for its results where context.resume goes on with them. Fails with kConfig
+/// where a shard or going on is asked of a type that is not divisible, and where the experiment
+/// could not be done at all (exit codes 2 to 4); a task that fails is an outcome.
 [[nodiscard]] Result<ExperimentOutcome> run_experiment(ExperimentContext& context);
 
 }  // namespace sidestep

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -45,6 +46,10 @@ class ResultsStore {
  public:
   [[nodiscard]] static Result<std::unique_ptr<ResultsStore>> open(const std::filesystem::path& file,
                                                                   const RunProvenance& provenance);
+  /// Opens the file of a run that ended early, to add to what it committed; its provenance stays.
+  /// Fails with kNotFound where there is no file, kIo where it is not a results file.
+  [[nodiscard]] static Result<std::unique_ptr<ResultsStore>> reopen(
+      const std::filesystem::path& file);
   ~ResultsStore();
   ResultsStore(const ResultsStore&) = delete;
   ResultsStore& operator=(const ResultsStore&) = delete;
@@ -62,6 +67,7 @@ class ResultsStore {
 
  private:
   ResultsStore();
+  [[nodiscard]] Result<void> prepare();
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
@@ -78,6 +84,9 @@ class ResultsReader {
 
   /// Every number of one key of a series, in the order of its items; empty if there is none.
   [[nodiscard]] Result<std::vector<double>> column(std::string_view series, std::string_view key);
+  /// Hands over every number of a series, item by item, in one pass.
+  using Visitor = std::function<void(std::int64_t item, std::string_view key, double value)>;
+  [[nodiscard]] Result<void> visit(std::string_view series, const Visitor& visitor);
   /// One text; nothing if there is none.
   [[nodiscard]] Result<std::optional<std::string>> text(std::string_view series, std::int64_t item,
                                                         std::string_view key);

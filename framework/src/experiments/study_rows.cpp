@@ -1,0 +1,312 @@
+#include "study_rows.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <sstream>
+
+namespace sidestep {
+namespace {
+
+constexpr double kSkipped = -1.0;
+
+std::string of_robot(const char* series, std::size_t robot) {
+  return std::string(series) + "/" + std::to_string(robot);
+}
+
+/// Reads single values; the first failure or missing value is kept.
+class ItemReader {
+ public:
+  ItemReader(ResultsReader& reader, std::string series, std::int64_t item, std::string file)
+      : reader_(reader), series_(std::move(series)), item_(item), file_(std::move(file)) {}
+
+  double number(const std::string& key) {
+    auto value = reader_.number(series_, item_, key);
+    if (!value) return keep(std::move(value.error())), 0.0;
+    if (!*value) return keep(missing(key)), 0.0;
+    return **value;
+  }
+  int integer(const std::string& key) { return static_cast<int>(number(key)); }
+  std::string text(const std::string& key) {
+    auto value = reader_.text(series_, item_, key);
+    if (!value) return keep(std::move(value.error())), "";
+    if (!*value) return keep(missing(key)), "";
+    return **value;
+  }
+  [[nodiscard]] const std::optional<Error>& error() const { return error_; }
+
+ private:
+  [[nodiscard]] Error missing(const std::string& key) const {
+    return Error{ErrorCode::kIo, "these are not the results of a field study", file_,
+                 "there is no '" + key + "' of '" + series_ + "'", nullptr};
+  }
+  void keep(Error error) {
+    if (!error_) error_ = std::move(error);
+  }
+  ResultsReader& reader_;
+  std::string series_;
+  std::int64_t item_;
+  std::string file_;
+  std::optional<Error> error_;
+};
+
+/// The columns of one series, all of one length, read in one pass.
+class ColumnReader {
+ public:
+  ColumnReader(ResultsReader& reader, const std::string& series, const std::string& file) {
+    auto done = reader.visit(series, [&](std::int64_t, std::string_view key, double value) {
+      auto at = columns_.find(key);
+      if (at == columns_.end()) at = columns_.emplace(std::string(key), Column{}).first;
+      at->second.push_back(value);
+    });
+    if (!done) error_ = std::move(done.error());
+    for (const auto& [key, column] : columns_) rows_ = std::max(rows_, column.size());
+    for (auto& [key, column] : columns_) {
+      if (column.size() == rows_) continue;
+      error_ = Error{ErrorCode::kIo, "the rows of '" + series + "' are not complete", file,
+                     "'" + key + "' is missing in some", nullptr};
+      column.resize(rows_, 0.0);
+    }
+  }
+
+  /// Zeros where the series has no such column.
+  std::vector<double> column(const std::string& key) {
+    const auto at = columns_.find(key);
+    return at != columns_.end() ? std::move(at->second) : Column(rows_, 0.0);
+  }
+  [[nodiscard]] const std::optional<Error>& error() const { return error_; }
+
+ private:
+  using Column = std::vector<double>;
+  std::map<std::string, Column, std::less<>> columns_;
+  std::size_t rows_ = 0;
+  std::optional<Error> error_;
+};
+
+void record_published(const PublishedOutcome& published, const std::string& kind, std::int64_t item,
+                      Recorder& recorder) {
+  const std::string prefix = "published." + kind + ".";
+  recorder.add("robot", item, prefix + "failure_percent", published.failure_percent);
+  recorder.add("robot", item, prefix + "iterations_mean", published.iterations_mean);
+  recorder.add("robot", item, prefix + "iterations_sd", published.iterations_sd);
+  recorder.add("robot", item, prefix + "cost_mean", published.cost_mean);
+  recorder.add("robot", item, prefix + "cost_sd", published.cost_sd);
+}
+
+PublishedOutcome read_published(ItemReader& item, const std::string& kind) {
+  const std::string prefix = "published." + kind + ".";
+  return {item.number(prefix + "failure_percent"), item.number(prefix + "iterations_mean"),
+          item.number(prefix + "iterations_sd"), item.number(prefix + "cost_mean"),
+          item.number(prefix + "cost_sd")};
+}
+
+std::vector<SceneRow> read_scenes(ColumnReader reader, std::optional<Error>& error) {
+  const auto scene = reader.column("scene"), side = reader.column("mean_side_m");
+  const auto plain = reader.column("unsigned.field_ms"), sign = reader.column("signed.field_ms");
+  std::vector<SceneRow> rows;
+  for (std::size_t i = 0; i < scene.size(); ++i) {
+    rows.push_back({static_cast<std::int64_t>(scene[i]), side[i], {plain[i], sign[i]}});
+  }
+  if (!error) error = reader.error();
+  return rows;
+}
+
+void read_fields(ColumnReader& reader, std::size_t kind, std::vector<ProblemOutcome>& rows) {
+  const std::string prefix = std::string(kFieldNames[kind]) + ".";
+  const auto status = reader.column(prefix + "status");
+  const auto free = reader.column(prefix + "collision_free");
+  const auto iterations = reader.column(prefix + "iterations");
+  const auto steps = reader.column(prefix + "steps");
+  const auto cost = reader.column(prefix + "cost");
+  const auto clearance = reader.column(prefix + "clearance_m");
+  const auto solve = reader.column(prefix + "solve_ms");
+  const auto check = reader.column(prefix + "check_ms");
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    FieldOutcome& field = rows[i].fields[kind];
+    field.attempted = status[i] != kSkipped;
+    if (!field.attempted) continue;
+    field.status = static_cast<SolveStatus>(static_cast<int>(status[i]));
+    field.collision_free = free[i] != 0.0;
+    field.iterations = static_cast<int>(iterations[i]);
+    field.steps = static_cast<int>(steps[i]);
+    field.cost = cost[i];
+    field.clearance_m = clearance[i];
+    field.solve_ms = solve[i];
+    field.check_ms = check[i];
+  }
+}
+
+std::vector<ProblemOutcome> read_problems(ColumnReader reader, std::optional<Error>& error) {
+  const auto problem = reader.column("problem");
+  const auto start = reader.column("start_free"), goal = reader.column("goal_free");
+  std::vector<ProblemOutcome> rows(problem.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    rows[i].problem = static_cast<std::int64_t>(problem[i]);
+    rows[i].start_free = start[i] != 0.0;
+    rows[i].goal_free = goal[i] != 0.0;
+  }
+  for (const std::size_t kind : {kUnsigned, kSigned}) read_fields(reader, kind, rows);
+  if (!error) error = reader.error();
+  return rows;
+}
+
+StudyRobotRows read_robot(ResultsReader& reader, std::size_t robot, const std::string& file,
+                          std::optional<Error>& error) {
+  ItemReader item(reader, "robot", static_cast<std::int64_t>(robot), file);
+  StudyRobotRows rows;
+  rows.name = item.text("name");
+  rows.dof = item.integer("dof");
+  rows.spheres = item.integer("spheres");
+  rows.states = item.integer("states");
+  rows.scenes = item.integer("scenes");
+  rows.boxes_per_scene = item.integer("boxes_per_scene");
+  rows.resolution_m = item.number("resolution_m");
+  rows.planned = static_cast<std::int64_t>(item.number("planned"));
+  if (item.number("has_published") != 0.0) {
+    rows.published =
+        PublishedComparison{read_published(item, "unsigned"), read_published(item, "signed")};
+  }
+  if (!error) error = item.error();
+  rows.drawn = read_scenes({reader, of_robot("scene", robot), file}, error);
+  rows.problems = read_problems({reader, of_robot("problem", robot), file}, error);
+  return rows;
+}
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream stream(text);
+  for (std::string line; std::getline(stream, line);) {
+    const std::size_t first = line.find_first_not_of(" -");
+    lines.push_back(first == std::string::npos ? "" : line.substr(first));
+  }
+  return lines;
+}
+
+}  // namespace
+
+std::int64_t StudyRecord::planned() const {
+  std::int64_t sum = 0;
+  for (const StudyRobotRows& robot : robots) sum += robot.planned;
+  return sum;
+}
+
+std::int64_t StudyRecord::solved() const {
+  std::int64_t sum = 0;
+  for (const StudyRobotRows& robot : robots) {
+    sum += static_cast<std::int64_t>(robot.problems.size());
+  }
+  return sum;
+}
+
+void record_study(const StudyRecord& study, Recorder& recorder) {
+  recorder.add("study", 0, "identity", study.identity);
+  recorder.add("study", 0, "configuration", study.provenance.configuration);
+  recorder.add("study", 0, "version", study.provenance.version);
+  recorder.add("study", 0, "git_hash", study.provenance.git_hash);
+  recorder.add("study", 0, "build_flags", study.provenance.build_flags);
+  recorder.add("study", 0, "cpu", study.provenance.cpu);
+  recorder.add("study", 0, "threads", study.provenance.threads);
+  recorder.add("study", 0, "seed", std::to_string(study.provenance.seed));
+  recorder.add("study", 0, "confidence", study.confidence);
+  recorder.add("study", 0, "bootstrap_samples", study.bootstrap_samples);
+  recorder.add("study", 0, "published_as", study.published_as);
+  recorder.add("study", 0, "shard_index", study.shard.index);
+  recorder.add("study", 0, "shard_count", study.shard.count);
+  recorder.add("study", 0, "robots", study.robots.size());
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    const StudyRobotRows& robot = study.robots[r];
+    const auto item = static_cast<std::int64_t>(r);
+    recorder.add("robot", item, "name", robot.name);
+    recorder.add("robot", item, "dof", robot.dof);
+    recorder.add("robot", item, "spheres", robot.spheres);
+    recorder.add("robot", item, "states", robot.states);
+    recorder.add("robot", item, "scenes", robot.scenes);
+    recorder.add("robot", item, "boxes_per_scene", robot.boxes_per_scene);
+    recorder.add("robot", item, "resolution_m", robot.resolution_m);
+    recorder.add("robot", item, "planned", robot.planned);
+    recorder.add("robot", item, "has_published", robot.published.has_value());
+    if (!robot.published) continue;
+    record_published(robot.published->unsigned_field, "unsigned", item, recorder);
+    record_published(robot.published->signed_field, "signed", item, recorder);
+  }
+}
+
+void record_session(const StudySession& session, std::int64_t index, Recorder& recorder) {
+  recorder.add("session", index, "wall_s", session.wall_s);
+  recorder.add("session", index, "threads", session.threads);
+  recorder.add("session", index, "problems", session.problems);
+}
+
+void record_scene(const SceneRow& scene, std::size_t robot, Recorder& recorder) {
+  const std::string series = of_robot("scene", robot);
+  recorder.add(series, scene.scene, "scene", scene.scene);
+  recorder.add(series, scene.scene, "mean_side_m", scene.mean_side_m);
+  recorder.add(series, scene.scene, "unsigned.field_ms", scene.field_ms[kUnsigned]);
+  recorder.add(series, scene.scene, "signed.field_ms", scene.field_ms[kSigned]);
+}
+
+void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& recorder) {
+  const std::string series = of_robot("problem", robot);
+  const std::int64_t item = problem.problem;
+  recorder.add(series, item, "problem", item);
+  recorder.add(series, item, "start_free", problem.start_free);
+  recorder.add(series, item, "goal_free", problem.goal_free);
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    const FieldOutcome& field = problem.fields[kind];
+    const std::string prefix = std::string(kFieldNames[kind]) + ".";
+    recorder.add(series, item, prefix + "status",
+                 field.attempted ? static_cast<double>(field.status) : kSkipped);
+    recorder.add(series, item, prefix + "collision_free", field.collision_free);
+    recorder.add(series, item, prefix + "iterations", field.iterations);
+    recorder.add(series, item, prefix + "steps", field.steps);
+    recorder.add(series, item, prefix + "cost", field.cost);
+    recorder.add(series, item, prefix + "clearance_m", field.clearance_m);
+    recorder.add(series, item, prefix + "solve_ms", field.solve_ms);
+    recorder.add(series, item, prefix + "check_ms", field.check_ms);
+  }
+}
+
+Result<StudyRecord> read_study(const std::filesystem::path& file) {
+  auto reader = ResultsReader::open(file);
+  if (!reader) return tl::make_unexpected(std::move(reader.error()));
+  ItemReader item(**reader, "study", 0, file.string());
+  StudyRecord study;
+  study.identity = item.text("identity");
+  study.provenance.configuration = item.text("configuration");
+  study.provenance.version = item.text("version");
+  study.provenance.git_hash = item.text("git_hash");
+  study.provenance.build_flags = item.text("build_flags");
+  study.provenance.cpu = item.text("cpu");
+  study.provenance.threads = item.integer("threads");
+  const std::string seed = item.text("seed");
+  std::from_chars(seed.data(), seed.data() + seed.size(), study.provenance.seed);
+  study.confidence = item.number("confidence");
+  study.bootstrap_samples = item.integer("bootstrap_samples");
+  study.published_as = item.text("published_as");
+  study.shard = {item.integer("shard_index"), item.integer("shard_count")};
+  const int robots = item.integer("robots");
+  std::optional<Error> error = item.error();
+  for (int r = 0; !error && r < robots; ++r) {
+    study.robots.push_back(read_robot(**reader, static_cast<std::size_t>(r), file.string(), error));
+  }
+  ColumnReader sessions(**reader, "session", file.string());
+  const auto wall_s = sessions.column("wall_s"), threads = sessions.column("threads");
+  const auto problems = sessions.column("problems");
+  for (std::size_t i = 0; i < wall_s.size(); ++i) {
+    study.sessions.push_back(
+        {wall_s[i], static_cast<int>(threads[i]), static_cast<std::int64_t>(problems[i])});
+  }
+  if (!error) error = sessions.error();
+  if (error) return tl::make_unexpected(std::move(*error));
+  return study;
+}
+
+std::string difference(const std::string& there, const std::string& here) {
+  if (there == here) return "";
+  const std::vector<std::string> a = lines_of(there), b = lines_of(here);
+  const auto [at_a, at_b] = std::ranges::mismatch(a, b);
+  const std::string nothing = "nothing";
+  return "`" + (at_a == a.end() ? nothing : *at_a) + "` there, `" +
+         (at_b == b.end() ? nothing : *at_b) + "` here";
+}
+
+}  // namespace sidestep

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <sidestep/runtime/results_store.hpp>
+
+#include "plan_recording.hpp"
+#include "study_settings.hpp"
+#include "study_solve.hpp"
+
+namespace sidestep {
+
+/// A stretch of work on a study: one `sidestep run`, up to its end or its interruption.
+struct StudySession {
+  double wall_s = 0.0;
+  int threads = 0;
+  std::int64_t problems = 0;  ///< That it solved.
+};
+
+struct SceneRow {
+  std::int64_t scene = 0;
+  double mean_side_m = 0.0;
+  std::array<double, 2> field_ms{};  ///< Time to make each kind of field.
+};
+
+/// What a results store holds of one robot.
+struct StudyRobotRows {
+  std::string name;
+  int dof = 0;
+  int spheres = 0;
+  int states = 0;
+  int scenes = 0;
+  int boxes_per_scene = 0;
+  double resolution_m = 0.0;
+  std::int64_t planned = 0;  ///< Problems that this store should come to hold.
+  std::optional<PublishedComparison> published;
+  std::vector<SceneRow> drawn;           ///< By scene.
+  std::vector<ProblemOutcome> problems;  ///< By problem.
+
+  [[nodiscard]] std::int64_t pairs() const { return std::int64_t{states} * (states - 1) / 2; }
+  [[nodiscard]] std::int64_t scene_of(const ProblemOutcome& problem) const {
+    return problem.problem / pairs();
+  }
+};
+
+/// What a results store holds of a study: everything that its summary is made from.
+struct StudyRecord {
+  std::string identity;  ///< The effective configuration that fixes every outcome, as YAML.
+  RunProvenance provenance;
+  double confidence = 0.95;
+  int bootstrap_samples = 0;
+  std::string published_as;
+  Shard shard;
+  std::vector<StudySession> sessions;
+  std::vector<StudyRobotRows> robots;
+
+  [[nodiscard]] std::int64_t planned() const;
+  [[nodiscard]] std::int64_t solved() const;
+};
+
+/// Everything but the sessions' and robots' rows: series "study" and "robot".
+void record_study(const StudyRecord& study, Recorder& recorder);
+/// Series "session", item `index`.
+void record_session(const StudySession& session, std::int64_t index, Recorder& recorder);
+/// Series "scene/ROBOT".
+void record_scene(const SceneRow& scene, std::size_t robot, Recorder& recorder);
+/// Series "problem/ROBOT".
+void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& recorder);
+
+/// Reads back what was recorded. Fails with kIo where the store is that of no study.
+[[nodiscard]] Result<StudyRecord> read_study(const std::filesystem::path& file);
+
+/// Says in what two identities differ, e.g. "`scenes: 100` there, `scenes: 50` here"; empty if in
+/// nothing.
+[[nodiscard]] std::string difference(const std::string& there, const std::string& here);
+
+}  // namespace sidestep

@@ -1,0 +1,296 @@
+#include "study_summary.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "csv.hpp"
+#include "html.hpp"
+#include "json.hpp"
+#include "study_comparison.hpp"
+#include "text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::array<SolveStatus, 5> kStatuses = {
+    SolveStatus::kConverged, SolveStatus::kIterationLimit, SolveStatus::kDeadline,
+    SolveStatus::kNoPath, SolveStatus::kFailed};
+
+Json interval_json(const Interval& interval, double scale = 1.0) {
+  return Json::array({scale * interval.lower, scale * interval.upper});
+}
+
+Json mean_json(const MeanWithInterval& mean) {
+  if (mean.count == 0) {
+    return {{"count", 0},    {"mean", nullptr}, {"sd", nullptr},
+            {"ci", nullptr}, {"p50", nullptr},  {"p95", nullptr}};
+  }
+  return {{"count", mean.count},        {"mean", mean.statistics.mean},
+          {"sd", mean.statistics.sd},   {"ci", interval_json(mean.interval)},
+          {"p50", mean.statistics.p50}, {"p95", mean.statistics.p95}};
+}
+
+Json times_json(const Statistics& times) {
+  return {{"mean", times.mean}, {"p50", times.p50}, {"p95", times.p95}, {"max", times.max}};
+}
+
+Json field_json(const FieldComparison& field) {
+  Json ended = Json::object();
+  for (const SolveStatus status : kStatuses) {
+    ended[std::string(to_string(status))] = field.ended[static_cast<std::size_t>(status)];
+  }
+  return {{"attempted", field.attempted},
+          {"collision_free", field.collision_free},
+          {"failures", field.failures},
+          {"failure_percent", 100.0 * field.failure_share},
+          {"failure_percent_ci", interval_json(field.failure_interval, 100.0)},
+          {"ended", ended},
+          {"iterations", mean_json(field.iterations)},
+          {"iterations_solvable", mean_json(field.iterations_solvable)},
+          {"steps", mean_json(field.steps)},
+          {"valid_cost", mean_json(field.valid_cost)},
+          {"solve_ms", times_json(field.solve_ms)},
+          {"check_ms", times_json(field.check_ms)}};
+}
+
+Json published_json(const PublishedOutcome& published) {
+  return {{"failure_percent", published.failure_percent},
+          {"iterations", {{"mean", published.iterations_mean}, {"sd", published.iterations_sd}}},
+          {"valid_cost", {{"mean", published.cost_mean}, {"sd", published.cost_sd}}}};
+}
+
+Json robot_json(const StudyRobotRows& robot, const RobotComparison& comparison) {
+  Json json = {{"name", robot.name},
+               {"dof", robot.dof},
+               {"spheres", robot.spheres},
+               {"states", robot.states},
+               {"pairs", robot.pairs()},
+               {"scenes", robot.scenes},
+               {"boxes_per_scene", robot.boxes_per_scene},
+               {"resolution_m", robot.resolution_m},
+               {"planned", robot.planned},
+               {"problems", comparison.problems},
+               {"skipped", comparison.skipped},
+               {"start_or_goal_in_collision", comparison.in_collision},
+               {"solvable", comparison.solvable()},
+               {"solved_by_both", comparison.both},
+               {"only_unsigned", comparison.only_unsigned},
+               {"only_signed", comparison.only_signed},
+               {"neither", comparison.neither}};
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    json[kFieldNames[kind]] = field_json(comparison.fields[kind]);
+  }
+  json["difference"] = {
+      {"failure_percent", 100.0 * comparison.failure_difference},
+      {"failure_percent_ci", interval_json(comparison.failure_difference_interval, 100.0)},
+      {"iterations", mean_json(comparison.iterations_difference)},
+      {"valid_cost", mean_json(comparison.cost_difference)}};
+  json["published"] = nullptr;
+  if (robot.published) {
+    json["published"] = {{"unsigned", published_json(robot.published->unsigned_field)},
+                         {"signed", published_json(robot.published->signed_field)}};
+  }
+  return json;
+}
+
+Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& comparisons) {
+  double wall_s = 0.0, solve_s = 0.0, check_s = 0.0, field_s = 0.0;
+  for (const StudySession& session : study.sessions) wall_s += session.wall_s;
+  for (const RobotComparison& robot : comparisons) {
+    for (const FieldComparison& field : robot.fields) {
+      solve_s += field.solve_s;
+      check_s += field.check_s;
+    }
+  }
+  for (const StudyRobotRows& robot : study.robots) {
+    for (const SceneRow& scene : robot.drawn) {
+      field_s += 1e-3 * (scene.field_ms[kUnsigned] + scene.field_ms[kSigned]);
+    }
+  }
+  return {{"sessions", study.sessions.size()},
+          {"wall_s", wall_s},
+          {"solve_s", solve_s},
+          {"check_s", check_s},
+          {"field_s", field_s}};
+}
+
+std::string number(const Json& json, const char* pointer, const char* pattern) {
+  const Json::json_pointer where(pointer);
+  if (!json.contains(where) || !json.at(where).is_number()) return "-";
+  const double value = json.at(where).get<double>();
+  return std::isfinite(value) ? format(pattern, value) : "-";
+}
+
+/// One quantity of the paper's table: where it stands, and how it is written.
+struct Quantity {
+  const char* name;
+  std::string key;      ///< Of a field, of `published` and of `difference`.
+  const char* pattern;  ///< Of values.
+  bool is_mean;         ///< With a standard deviation; else a share in percent.
+};
+
+std::string published_cell(const Json& robot, const char* kind, const Quantity& what) {
+  const std::string at = std::string("/published/") + kind + "/" + what.key;
+  if (!what.is_mean) return number(robot, at.c_str(), "%g");
+  const std::string mean = number(robot, (at + "/mean").c_str(), "%g");
+  return mean == "-" ? mean : mean + " ± " + number(robot, (at + "/sd").c_str(), "%g");
+}
+
+std::string interval_cell(const Json& json, const std::string& at, const char* pattern) {
+  const std::string lower = number(json, (at + "/0").c_str(), pattern);
+  if (lower == "-") return "";
+  return " [" + lower + ", " + number(json, (at + "/1").c_str(), pattern) + "]";
+}
+
+std::string own_cell(const Json& robot, const std::string& at, const Quantity& what, bool with_sd) {
+  const std::string base = "/" + at + "/" + what.key;
+  if (!what.is_mean) {
+    return number(robot, base.c_str(), what.pattern) +
+           interval_cell(robot, base + "_ci", what.pattern);
+  }
+  std::string text = number(robot, (base + "/mean").c_str(), what.pattern);
+  if (text == "-") return text;
+  if (with_sd) text += " ± " + number(robot, (base + "/sd").c_str(), what.pattern);
+  return text + interval_cell(robot, base + "/ci", what.pattern);
+}
+
+std::string table_text(const Json& robots, const std::string& published_as, double confidence) {
+  const std::string interval = format(" [%g %%]", 100.0 * confidence);
+  TextTable table({"robot", "", published_as + " USDF", "SDF", "USDF" + interval, "SDF" + interval,
+                   "SDF - USDF" + interval});
+  const std::array<Quantity, 3> quantities = {{{"failures, %", "failure_percent", "%.3f", false},
+                                               {"iterations", "iterations", "%.2f", true},
+                                               {"valid cost", "valid_cost", "%.4g", true}}};
+  for (const Json& robot : robots) {
+    for (const Quantity& what : quantities) {
+      table.add({robot.at("name").get<std::string>(), what.name,
+                 published_cell(robot, "unsigned", what), published_cell(robot, "signed", what),
+                 own_cell(robot, "unsigned", what, true), own_cell(robot, "signed", what, true),
+                 own_cell(robot, "difference", what, false)});
+    }
+  }
+  std::string text = table.text();
+  TextTable counts({"robot", "problems", "start or goal collides", "solvable", "only USDF",
+                    "only SDF", "neither", "solve p50", "p95"});
+  for (const Json& robot : robots) {
+    counts.add({robot.at("name").get<std::string>(), number(robot, "/problems", "%.0f"),
+                number(robot, "/start_or_goal_in_collision", "%.0f"),
+                number(robot, "/solvable", "%.0f"), number(robot, "/only_unsigned", "%.0f"),
+                number(robot, "/only_signed", "%.0f"), number(robot, "/neither", "%.0f"),
+                number(robot, "/signed/solve_ms/p50", "%.3f ms"),
+                number(robot, "/signed/solve_ms/p95", "%.3f ms")});
+  }
+  return text + "\n" + counts.text();
+}
+
+std::string verdict_text(const StudyRecord& study, const Json& robots, bool interrupted,
+                         const std::optional<Error>& fault) {
+  const std::string solved =
+      std::to_string(study.solved()) + " of " + std::to_string(study.planned()) + " problems";
+  if (fault) return "Ended early, after " + solved + ": " + fault->describe();
+  if (interrupted) {
+    return "Interrupted after " + solved + "; what was solved is saved, --resume goes on.";
+  }
+  const std::string part = study.shard.is_whole()
+                               ? ""
+                               : "Shard " + std::to_string(study.shard.index + 1) + "/" +
+                                     std::to_string(study.shard.count) + ": ";
+  if (study.solved() < study.planned()) return part + "Incomplete: " + solved + ".";
+  std::string text = part + "Success: " + solved + " in both fields; failures USDF / SDF:";
+  for (const Json& robot : robots) {
+    text += (&robot == &robots.front() ? " " : ", ") + robot.at("name").get<std::string>() + " " +
+            number(robot, "/unsigned/failure_percent", "%.3g") + " / " +
+            number(robot, "/signed/failure_percent", "%.3g") + " %";
+  }
+  return text + ".";
+}
+
+}  // namespace
+
+ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
+                                  const std::optional<Error>& fault) {
+  const ComparisonOptions options{study.confidence, study.bootstrap_samples, study.provenance.seed};
+  std::vector<RobotComparison> comparisons;
+  Json robots = Json::array();
+  for (const StudyRobotRows& robot : study.robots) {
+    comparisons.push_back(compare_fields(robot, options));
+    robots.push_back(robot_json(robot, comparisons.back()));
+  }
+  const bool complete = study.solved() == study.planned();
+  ExperimentOutcome outcome;
+  outcome.fault = fault;
+  outcome.interrupted = interrupted && !complete;
+  outcome.success = complete && !fault;
+  outcome.verdict = verdict_text(study, robots, outcome.interrupted, fault);
+  outcome.table = table_text(robots, study.published_as, study.confidence);
+  const Json shard = study.shard.is_whole()
+                         ? Json(nullptr)
+                         : Json{{"index", study.shard.index + 1}, {"count", study.shard.count}};
+  const Json summary = {{"configuration", study.provenance.configuration},
+                        {"experiment", "field_study"},
+                        {"success", outcome.success},
+                        {"interrupted", outcome.interrupted},
+                        {"verdict", outcome.verdict},
+                        {"fault", fault ? Json(fault->describe()) : Json(nullptr)},
+                        {"complete", complete},
+                        {"shard", shard},
+                        {"confidence", study.confidence},
+                        {"published_as", study.published_as},
+                        {"robots", robots},
+                        {"time", time_json(study, comparisons)},
+                        {"provenance", provenance_json(study.provenance)}};
+  outcome.summary_json = json_text(summary);
+  return outcome;
+}
+
+std::string study_csv(const std::string& summary_json) {
+  constexpr std::array kOfRobot = {"/name",         "/dof",      "/boxes_per_scene",
+                                   "/resolution_m", "/problems", "/start_or_goal_in_collision",
+                                   "/solvable"};
+  constexpr std::array kOfField = {
+      "/collision_free",       "/failures",         "/failure_percent", "/failure_percent_ci/0",
+      "/failure_percent_ci/1", "/iterations/mean",  "/iterations/sd",   "/iterations/ci/0",
+      "/iterations/ci/1",      "/valid_cost/count", "/valid_cost/mean", "/valid_cost/sd",
+      "/valid_cost/p50",       "/valid_cost/ci/0",  "/valid_cost/ci/1", "/solve_ms/mean",
+      "/solve_ms/p50",         "/solve_ms/p95"};
+  const auto name_of = [](std::string pointer) {
+    std::ranges::replace(pointer, '/', '.');
+    return pointer.substr(1);
+  };
+  std::string text = "robot,field";
+  for (std::size_t c = 1; c < kOfRobot.size(); ++c) text += "," + name_of(kOfRobot[c]);
+  for (const char* column : kOfField) text += "," + name_of(column);
+  text += "\n";
+  const auto value = [](const Json& json, const char* pointer) {
+    const Json::json_pointer where(pointer);
+    return csv_cell(json.contains(where) ? json.at(where) : Json());
+  };
+  const Json summary = Json::parse(summary_json, nullptr, false);
+  for (const Json& robot : summary.at("robots")) {
+    for (const char* kind : kFieldNames) {
+      text += value(robot, kOfRobot.front()) + "," + kind;
+      for (std::size_t c = 1; c < kOfRobot.size(); ++c) text += "," + value(robot, kOfRobot[c]);
+      for (const char* column : kOfField) text += "," + value(robot.at(kind), column);
+      text += "\n";
+    }
+  }
+  return text;
+}
+
+Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
+                                         const std::optional<Error>& fault) {
+  const auto study = read_study(run / "results.sqlite");
+  if (!study) return tl::make_unexpected(study.error());
+  ExperimentOutcome outcome = summarise_study(*study, interrupted, fault);
+  if (auto written = write_file(run / "table.csv", study_csv(outcome.summary_json)); !written) {
+    return tl::make_unexpected(std::move(written.error()));
+  }
+  return outcome;
+}
+
+}  // namespace sidestep
