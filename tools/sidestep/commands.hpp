@@ -13,6 +13,8 @@ struct RunOptions {
   std::vector<std::string> configurations;
   std::vector<std::string> overrides;  ///< "a.b=value"
   std::optional<std::filesystem::path> out;
+  std::optional<std::string> shard;             ///< "i/n"
+  std::optional<std::filesystem::path> resume;  ///< The folder of the run to go on with.
   bool json = false;
 };
 /// Runs each configuration; the worst of their exit codes.
@@ -28,8 +30,10 @@ enum class PluginsFormat { kText, kJson, kMarkdown, kJsonSchema };
 [[nodiscard]] ExitCode plugins_command(const std::optional<std::string>& name,
                                        PluginsFormat format);
 
-/// Rebuilds the reports of finished runs, and compares several.
+/// Rebuilds the reports of finished runs, and compares several, or merges them into `merged` where
+/// they are shards of one.
 [[nodiscard]] ExitCode report_command(const std::vector<std::filesystem::path>& runs,
-                                      const std::filesystem::path& comparison);
+                                      const std::filesystem::path& comparison,
+                                      const std::filesystem::path& merged);
 
 }  // namespace sidestep

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdio>
 #include <mutex>
 #include <string>
@@ -18,6 +19,7 @@ using SteadyClock = std::chrono::steady_clock;
 
 constexpr auto kTerminalInterval = std::chrono::milliseconds(100);
 constexpr auto kLogInterval = std::chrono::seconds(5);
+constexpr double kFirstGuess_s = 2.0;
 constexpr const char* kEraseLine = "\r\033[K";
 
 /// stderr, shared by messages and the progress line.
@@ -66,11 +68,38 @@ spdlog::level::level_enum spdlog_level(LogLevel level) {
   return spdlog::level::info;
 }
 
-std::string progress_text(std::int64_t done, std::int64_t total, std::string_view what) {
+/// How fast work of one total gets done.
+struct Pace {
+  std::int64_t total = 0;
+  std::int64_t first_done = 0;
+  std::int64_t last_done = 0;
+  SteadyClock::time_point since;
+
+  void note(std::int64_t done, std::int64_t of, SteadyClock::time_point now) {
+    if (of != total || done < last_done) *this = {of, done, done, now};
+    last_done = done;
+  }
+  /// ", 1 min 20 s left"; nothing while there is too little to go by.
+  [[nodiscard]] std::string time_left(SteadyClock::time_point now) const {
+    const double spent_s = std::chrono::duration<double>(now - since).count();
+    if (total <= last_done || last_done <= first_done || spent_s < kFirstGuess_s) return "";
+    const auto left_s = std::llround(spent_s * static_cast<double>(total - last_done) /
+                                     static_cast<double>(last_done - first_done));
+    const auto hours = left_s / 3600, minutes = left_s / 60 % 60, seconds = left_s % 60;
+    if (hours > 0) {
+      return ", " + std::to_string(hours) + " h " + std::to_string(minutes) + " min left";
+    }
+    return ", " + (minutes > 0 ? std::to_string(minutes) + " min " : "") + std::to_string(seconds) +
+           " s left";
+  }
+};
+
+std::string progress_text(std::int64_t done, std::int64_t total, std::string_view what,
+                          const std::string& time_left) {
   std::string text(what);
   if (total > 0) {
     text += " " + std::to_string(done) + "/" + std::to_string(total) + " (" +
-            std::to_string(100 * done / total) + " %)";
+            std::to_string(100 * done / total) + " %)" + time_left;
   } else if (done > 0) {
     text += " " + std::to_string(done);
   }
@@ -86,6 +115,7 @@ struct Console::Impl {
   std::unique_ptr<spdlog::logger> file;
   SteadyClock::time_point last_progress;
   std::string last_what;
+  Pace pace;
 };
 
 Console::Console() : impl_(std::make_unique<Impl>()) {
@@ -101,10 +131,10 @@ void Console::write(LogLevel level, std::string_view message) {
   if (impl_->file) impl_->file->log(spdlog_level(level), text);
 }
 
-Result<void> Console::open_file(const std::filesystem::path& file) {
+Result<void> Console::open_file(const std::filesystem::path& file, bool append) {
   const std::lock_guard lock(impl_->mutex);
   try {
-    auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file.string(), true);
+    auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(file.string(), !append);
     impl_->file = std::make_unique<spdlog::logger>("file", std::move(sink));
   } catch (const spdlog::spdlog_ex& exception) {
     return fail(ErrorCode::kIo, std::string("cannot write the log: ") + exception.what(),
@@ -123,16 +153,19 @@ void Console::close_file() {
 
 void Console::progress(std::int64_t done, std::int64_t total, std::string_view what) {
   const auto now = SteadyClock::now();
+  std::string time_left;
   {
     const std::lock_guard lock(impl_->mutex);
+    impl_->pace.note(done, total, now);
     const bool is_new = impl_->last_what != what;
     const auto interval = impl_->terminal->is_terminal() ? SteadyClock::duration(kTerminalInterval)
                                                          : SteadyClock::duration(kLogInterval);
     if (!is_new && done != total && now - impl_->last_progress < interval) return;
     impl_->last_progress = now;
     impl_->last_what = what;
+    time_left = impl_->pace.time_left(now);
   }
-  const std::string text = progress_text(done, total, what);
+  const std::string text = progress_text(done, total, what, time_left);
   if (impl_->terminal->is_terminal()) {
     impl_->terminal->show_line(text);
   } else {

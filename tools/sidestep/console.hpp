@@ -20,11 +20,13 @@ class Console final : public Log {
 
   void write(LogLevel level, std::string_view message) override;
 
-  /// From now on until close_file(), messages of every level are written to `file`, too.
-  [[nodiscard]] Result<void> open_file(const std::filesystem::path& file);
+  /// From now on until close_file(), messages of every level are written to `file`, too; after
+  /// what it holds where `append`.
+  [[nodiscard]] Result<void> open_file(const std::filesystem::path& file, bool append = false);
   void close_file();
 
-  /// `total` 0 where it is not known.
+  /// `total` 0 where it is not known; where it is, the time left is told from the pace since it
+  /// became so.
   void progress(std::int64_t done, std::int64_t total, std::string_view what);
   /// Removes the progress line, so that other output may follow.
   void end_progress();

@@ -23,6 +23,7 @@ struct CommandLine {
   bool json_schema = false;
   std::vector<std::filesystem::path> report_runs;
   std::filesystem::path comparison = "comparison.html";
+  std::filesystem::path merged = "merged";
 };
 
 void add_configurations(CLI::App& command, CommandLine& line) {
@@ -49,6 +50,13 @@ void add_commands(CLI::App& app, CommandLine& line) {
                   "Folder for the results; files of an earlier run in it "
                   "are replaced (default: out/CONFIG-TIME)")
       ->type_name("DIR");
+  run->add_option("--shard", line.run.shard,
+                  "Do part i of n of the work, e.g. 1/4; `sidestep report` merges the parts")
+      ->type_name("i/n");
+  run->add_option("--resume", line.run.resume,
+                  "Go on with the run in this folder where it ended, with the same configuration")
+      ->type_name("DIR")
+      ->excludes("--out");
   run->add_option("--seed", line.seed, "Seed; same as --set experiment.seed=N")->type_name("N");
   run->add_option("--threads", line.threads, "Threads; same as --set experiment.threads=N")
       ->type_name("N");
@@ -65,10 +73,13 @@ void add_commands(CLI::App& app, CommandLine& line) {
       ->excludes("--json", "--markdown");
 
   CLI::App* report = app.add_subcommand(
-      "report", "Rebuild the reports of runs from their results; compare several");
+      "report", "Rebuild the reports of runs from their results; compare several; merge shards");
   report->add_option("DIR", line.report_runs, "Folder that a run wrote to")->required();
   report->add_option("--comparison", line.comparison, "Page that compares several runs")
       ->type_name("FILE")
+      ->capture_default_str();
+  report->add_option("--merged", line.merged, "Folder for the whole that several shards make up")
+      ->type_name("DIR")
       ->capture_default_str();
 }
 
@@ -87,7 +98,9 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
                                         : line.run.json    ? PluginsFormat::kJson
                                                            : PluginsFormat::kText);
   }
-  if (app.got_subcommand("report")) return report_command(line.report_runs, line.comparison);
+  if (app.got_subcommand("report")) {
+    return report_command(line.report_runs, line.comparison, line.merged);
+  }
   std::printf("%s", app.help().c_str());
   return ExitCode::kSuccess;
 }

@@ -7,11 +7,12 @@
 namespace sidestep {
 
 ExitCode report_command(const std::vector<std::filesystem::path>& runs,
-                        const std::filesystem::path& comparison) {
+                        const std::filesystem::path& comparison,
+                        const std::filesystem::path& merged) {
   ExitCode code = ExitCode::kSuccess;
   const auto refuse = [&](const Error& error) {
     print_errors({error});
-    const bool users = error.code == ErrorCode::kNotFound;
+    const bool users = error.code == ErrorCode::kNotFound || error.code == ErrorCode::kConfig;
     code = worse(code, users ? ExitCode::kConfiguration : exit_code(error));
   };
   for (const std::filesystem::path& run : runs) {
@@ -22,6 +23,16 @@ ExitCode report_command(const std::vector<std::filesystem::path>& runs,
     }
   }
   if (code != ExitCode::kSuccess || runs.size() < 2) return code;
+  if (are_shards(runs)) {
+    const auto whole = merge_shards(runs, merged);
+    if (!whole) {
+      refuse(whole.error());
+      return code;
+    }
+    std::printf("%s\n\n%s\n%s\n", (merged / "report.html").c_str(), whole->table.c_str(),
+                whole->verdict.c_str());
+    return whole->success ? code : worse(code, ExitCode::kTaskFailed);
+  }
   const auto table = compare_runs(runs, comparison);
   if (!table) {
     refuse(table.error());

@@ -1,3 +1,4 @@
+#include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <ctime>
@@ -71,7 +72,34 @@ RunResult refused(const Error& error, Console& console) {
   return {exit_code(error), ""};
 }
 
-RunResult run_one(const std::string& name, const RunOptions& options, std::stop_token stop) {
+/// "i/n", counted from 1; the whole where there is no such option.
+Result<Shard> read_shard(const std::optional<std::string>& text) {
+  if (!text) return Shard{};
+  int index = 0, count = 0;
+  const char* const end = text->data() + text->size();
+  const auto first = std::from_chars(text->data(), end, index);
+  const bool slash = first.ec == std::errc{} && first.ptr != end && *first.ptr == '/';
+  const auto second = slash ? std::from_chars(first.ptr + 1, end, count) : first;
+  if (!slash || second.ec != std::errc{} || second.ptr != end || index < 1 || index > count) {
+    return fail(ErrorCode::kConfig, "expected i/n with i from 1 to n, e.g. 1/4",
+                "--shard " + *text);
+  }
+  return Shard{index - 1, count};
+}
+
+/// The folder of the run to go on with, or one for a new run.
+Result<fs::path> out_folder(const RunOptions& options, const std::string& name) {
+  if (!options.resume) {
+    return make_out_folder(options.out, name, options.configurations.size() > 1);
+  }
+  std::error_code ignored;
+  if (fs::is_regular_file(*options.resume / "results.sqlite", ignored)) return *options.resume;
+  return fail(ErrorCode::kConfig, "the folder holds no run to go on with",
+              "--resume " + options.resume->string(), "give the folder that a run wrote to");
+}
+
+RunResult run_one(const std::string& name, const RunOptions& options, const Shard& shard,
+                  std::stop_token stop) {
   Console console;
   CheckedConfiguration loaded = load_configuration(name, options.overrides, console);
   if (!loaded.errors.empty()) {
@@ -80,10 +108,9 @@ RunResult run_one(const std::string& name, const RunOptions& options, std::stop_
                  loaded.errors.size() == 1 ? "" : "s");
     return {exit_code(loaded.errors), ""};
   }
-  const auto folder =
-      make_out_folder(options.out, loaded.configuration.name, options.configurations.size() > 1);
+  const auto folder = out_folder(options, loaded.configuration.name);
   if (!folder) return refused(folder.error(), console);
-  if (auto opened = console.open_file(*folder / "run.log"); !opened) {
+  if (auto opened = console.open_file(*folder / "run.log", options.resume.has_value()); !opened) {
     return refused(opened.error(), console);
   }
   console.info("running " + loaded.configuration.file.string() + " into " + folder->string());
@@ -97,7 +124,9 @@ RunResult run_one(const std::string& name, const RunOptions& options, std::stop_
                             std::move(stop),
                             [&](std::int64_t done, std::int64_t total, std::string_view what) {
                               console.progress(done, total, what);
-                            }};
+                            },
+                            shard,
+                            options.resume.has_value()};
   const auto outcome = run_experiment(context);
   if (!outcome) return refused(outcome.error(), console);
   console.end_progress();
@@ -121,6 +150,17 @@ ExitCode run_command(const RunOptions& options) {
         "--out " + options.out->string(), "run them one by one", nullptr}});
     return ExitCode::kConfiguration;
   }
+  const auto shard = read_shard(options.shard);
+  if (!shard) {
+    print_errors({shard.error()});
+    return ExitCode::kConfiguration;
+  }
+  if (options.resume && options.configurations.size() > 1) {
+    print_errors(
+        {Error{ErrorCode::kConfig, "a run is resumed with its one configuration",
+               "--resume " + options.resume->string(), "resume them one by one", nullptr}});
+    return ExitCode::kConfiguration;
+  }
   const StopOnSignal stop;
   ExitCode code = ExitCode::kSuccess;
   std::string summaries;
@@ -129,7 +169,7 @@ ExitCode run_command(const RunOptions& options) {
       code = worse(code, ExitCode::kTaskFailed);
       break;
     }
-    const RunResult result = run_one(name, options, stop.token());
+    const RunResult result = run_one(name, options, *shard, stop.token());
     code = worse(code, result.code);
     if (!summaries.empty()) summaries += ",\n";
     summaries += result.summary_json.empty() ? "null" : result.summary_json;

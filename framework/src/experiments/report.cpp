@@ -128,6 +128,7 @@ Result<std::string> body_of(const Json& summary, ResultsReader& results, const f
   if (at(summary, "/experiment") == Json("planner_benchmark")) {
     return planner_body(summary, results, run);
   }
+  if (at(summary, "/experiment") == Json("field_study")) return study_body(summary, run);
   return plan_body(summary, results, run);
 }
 
@@ -193,13 +194,30 @@ Row solver_row(const fs::path& run, const Json& summary, const Json& solver) {
           cell(at(summary, "/provenance/git_hash"))};
 }
 
+Row study_row(const fs::path& run, const Json& summary, const Json& robot, const char* field) {
+  const Json outcome = at(robot, (std::string("/") + field).c_str());
+  return {run_name(run),
+          cell(at(summary, "/configuration")),
+          cell(at(robot, "/name")),
+          field,
+          cell(at(robot, "/problems")),
+          cell(at(robot, "/solvable")),
+          cell(at(outcome, "/failure_percent"), "%.3f %%"),
+          cell(at(outcome, "/iterations/mean"), "%.2f"),
+          cell(at(outcome, "/valid_cost/mean"), "%.4g"),
+          cell(at(outcome, "/solve_ms/p50"), "%.3f ms"),
+          cell(at(outcome, "/solve_ms/p95"), "%.3f ms"),
+          cell(at(summary, "/provenance/git_hash"))};
+}
+
 }  // namespace
 
 bool is_report_picture(std::string_view file_name) {
   const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
-  return picture && (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
-                     file_name.starts_with("frame_times.") ||
-                     file_name.starts_with("mapping_times.") || file_name.starts_with("planner_"));
+  return picture &&
+         (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
+          file_name.starts_with("frame_times.") || file_name.starts_with("mapping_times.") ||
+          file_name.starts_with("planner_") || file_name.starts_with("study_"));
 }
 
 Result<void> write_report(const fs::path& run) {
@@ -222,7 +240,10 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   const Row solver_header = {"run",        "configuration", "optimiser",     "problems",
                              "rules",      "field",         "iteration p50", "solve p50",
                              "iterations", "within 1 %",    "free",          "commit"};
-  std::vector<Row> plan_rows, system_rows, solver_rows;
+  std::vector<Row> plan_rows, system_rows, solver_rows, study_rows;
+  const Row study_header = {"run",      "configuration", "robot",     "field",
+                            "problems", "solvable",      "failures",  "iterations",
+                            "cost",     "solve p50",     "solve p95", "commit"};
   for (const fs::path& run : runs) {
     const auto summary = read_summary(run);
     if (!summary) return tl::make_unexpected(summary.error());
@@ -233,7 +254,13 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
       const Json solvers = at(*summary, "/runs");
       for (const Json& solver : solvers) solver_rows.push_back(solver_row(run, *summary, solver));
     }
-    if (systems.is_array() || is_planner) continue;
+    const Json robots = at(*summary, "/robots");
+    for (const Json& robot : robots) {
+      for (const char* field : {"unsigned", "signed"}) {
+        study_rows.push_back(study_row(run, *summary, robot, field));
+      }
+    }
+    if (systems.is_array() || is_planner || robots.is_array()) continue;
     const Json plans = at(*summary, "/plans");
     for (const Json& plan : plans) plan_rows.push_back(plan_row(run, *summary, plan));
     if (!plans.is_array() || plans.empty())
@@ -242,7 +269,7 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   std::string text, body;
   for (const auto& [header, rows] :
        {std::pair(&plan_header, &plan_rows), std::pair(&system_header, &system_rows),
-        std::pair(&solver_header, &solver_rows)}) {
+        std::pair(&solver_header, &solver_rows), std::pair(&study_header, &study_rows)}) {
     if (rows->empty()) continue;
     TextTable table(*header);
     for (const Row& row : *rows) table.add(row);

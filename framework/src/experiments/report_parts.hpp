@@ -33,4 +33,7 @@ using Row = std::vector<std::string>;
 [[nodiscard]] Result<std::string> planner_body(const Json& summary, ResultsReader& results,
                                                const std::filesystem::path& run);
 
+/// Tables and pictures of a field study.
+[[nodiscard]] Result<std::string> study_body(const Json& summary, const std::filesystem::path& run);
+
 }  // namespace sidestep::report

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <sidestep/core/error.hpp>
+#include <sidestep/experiments/experiment.hpp>
 
 namespace sidestep {
 
@@ -19,6 +20,15 @@ namespace sidestep {
 /// `html`, which may be empty for none. Fails as write_report() does.
 [[nodiscard]] Result<std::string> compare_runs(const std::vector<std::filesystem::path>& runs,
                                                const std::filesystem::path& html);
+
+/// Whether each of these folders holds a shard of a run.
+[[nodiscard]] bool are_shards(const std::vector<std::filesystem::path>& runs);
+
+/// Puts shards of one run together in the folder `out`: the same files, but for times, that the run
+/// would have left there as a whole. Some may be missing, which the outcome says. Fails with
+/// kConfig where they are not of one run, by one build, each once, and as write_report() does.
+[[nodiscard]] Result<ExperimentOutcome> merge_shards(const std::vector<std::filesystem::path>& runs,
+                                                     const std::filesystem::path& out);
 
 /// Whether a file of this name is a picture that write_report() writes.
 [[nodiscard]] bool is_report_picture(std::string_view file_name);
