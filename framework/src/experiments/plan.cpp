@@ -12,6 +12,7 @@
 #include "plan_recording.hpp"
 #include "plan_summary.hpp"
 #include "source_facts.hpp"
+#include "text_table.hpp"
 
 namespace sidestep {
 namespace {
@@ -181,6 +182,19 @@ Result<Parts> make_parts(ExperimentContext& context) {
                std::move(*scene)};
 }
 
+void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSettings& planning,
+                                Log& log) {
+  std::string names;
+  for (const std::string& name : joints_of_unknown_acceleration(robot)) {
+    names += (names.empty() ? "'" : ", '") + name + "'";
+  }
+  if (names.empty()) return;
+  log.info("the acceleration limits of " + names +
+           " are not known; taken for each: its velocity "
+           "limit reached in " +
+           format("%g s", planning.assumed_ramp_s));
+}
+
 /// Plans through a finished map, recording each plan as soon as it is there in `plans`.
 Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
                         const PlanSettings& settings, Recorder& recorder,
@@ -188,6 +202,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
   auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, parts.scene,
                                map.steps.back().stamp.seconds(), settings.planning, settings.check);
   if (!world) return tl::make_unexpected(std::move(world.error()));
+  tell_assumed_accelerations(parts.robot->description(), settings.planning, context.log);
   const PlanSurroundings surroundings{*parts.robot,
                                       *map.field,
                                       settings.planning.space(),

@@ -5,6 +5,7 @@
 #include <sidestep/core/seed.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/shape_check.hpp>
+#include <sidestep/trajectory/retime.hpp>
 
 #include "initial_guess.hpp"
 #include "text_table.hpp"
@@ -71,6 +72,20 @@ std::string solver_problem(const Solution& solution) {
   return text + ")";
 }
 
+/// Replaces the solution's trajectory by the fastest one along its path; says why it cannot.
+void retime_plan(const PlanWorld& world, PlanRecord& plan) {
+  const Stopwatch watch;
+  const RobotDescription& robot = world.robot->description();
+  auto retimed = retime(plan.solution.trajectory, world.planning.limits(robot));
+  if (!retimed) {
+    plan.reason = "the path cannot be retimed: " + retimed.error().describe();
+    return;
+  }
+  plan.retiming =
+      RetimingRecord{plan.solution.trajectory.duration_s(), retimed->deviation, watch.elapsed_ms()};
+  plan.solution.trajectory = std::move(retimed->trajectory);
+}
+
 /// One attempt: pose the problem, solve it, check the solution.
 Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
                           std::uint64_t seed, PlanRecord& plan, std::stop_token stop) {
@@ -91,6 +106,8 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
   plan.solution = std::move(*solution);
   plan.solution.solve_ms = spent_ms + watch.elapsed_ms();  // ours, not the plugin's word for it
   plan.in_snapshot = plan.in_voxels = plan.in_scene = std::nullopt;
+  plan.retiming.reset();
+  plan.reason.clear();
   if (!plan.has_trajectory()) {
     plan.reason = solver_problem(plan.solution);
     return {};
@@ -100,6 +117,8 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
     plan.solution.trajectory = {};
     return {};
   }
+  if (world.planning.retime) retime_plan(world, plan);
+  if (!plan.reason.empty()) return {};
   return check_plan(world, plan, Deadline(stop));
 }
 
@@ -111,12 +130,15 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
                                   std::shared_ptr<const Scene> scene, double scene_time_s,
                                   const PlanningSettings& planning, const CheckSettings& check) {
   PlanWorld world;
-  world.in_snapshot = make_field_check(robot, field, planning.space(),
-                                       FieldCheckSettings{.margin_m = check.margin_m,
-                                                          .max_step_m = check.max_step_m,
-                                                          .speed_fraction = check.speed_fraction});
+  world.in_snapshot =
+      make_field_check(robot, field, planning.space(),
+                       FieldCheckSettings{.margin_m = check.margin_m,
+                                          .max_step_m = check.max_step_m,
+                                          .speed_fraction = check.speed_fraction,
+                                          .acceleration_fraction = check.acceleration_fraction});
   const ShapeCheckSettings shapes{.max_step_m = check.shape_max_step_m,
-                                  .speed_fraction = check.speed_fraction};
+                                  .speed_fraction = check.speed_fraction,
+                                  .acceleration_fraction = check.acceleration_fraction};
   ShapeObstacles voxels;
   voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
   voxels.occupied_centres_m = occupied_centres(occupancy);

@@ -40,6 +40,11 @@ void record_outcome(const PlanRecord& plan, std::int64_t item, Recorder& recorde
   recorder.add("plan", item, "status", to_string(plan.solution.status));
   recorder.add("plan", item, "solve_ms", plan.solution.solve_ms);
   recorder.add("plan", item, "iterations", plan.solution.iterations);
+  if (plan.retiming) {
+    recorder.add("plan", item, "before_retiming_s", plan.retiming->before_s);
+    recorder.add("plan", item, "retiming_deviation", plan.retiming->deviation);
+    recorder.add("plan", item, "retime_ms", plan.retiming->retime_ms);
+  }
   recorder.add("plan", item, "initial_cost", plan.solution.initial_cost);
   recorder.add("plan", item, "cost", plan.solution.cost);
   for (const TermCost& term : plan.solution.terms) {

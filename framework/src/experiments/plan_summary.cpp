@@ -61,6 +61,13 @@ Json verdict_json(const std::optional<Verdict>& verdict) {
           {"violations", violations}};
 }
 
+Json retiming_json(const std::optional<RetimingRecord>& retiming) {
+  if (!retiming) return nullptr;
+  return {{"before_s", retiming->before_s},
+          {"deviation", retiming->deviation},
+          {"retime_ms", retiming->retime_ms}};
+}
+
 Json plan_json(const PlanRecord& plan) {
   const Solution& solution = plan.solution;
   const auto clearance_m = plan.min_clearance_m();
@@ -71,6 +78,7 @@ Json plan_json(const PlanRecord& plan) {
       {"valid_independent", plan.valid_independent()},
       {"min_clearance_m", clearance_m ? Json(*clearance_m) : Json(nullptr)},
       {"duration_s", solution.trajectory.duration_s()},
+      {"retiming", retiming_json(plan.retiming)},
       {"solve_ms", solution.solve_ms},
       {"iterations", solution.iterations},
       {"cost", solution.cost},
@@ -134,8 +142,8 @@ std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) 
                  format("%.1f ms", percentile(frame_ms, 0.5)),
                  format("%.1f ms", percentile(frame_ms, 0.95)),
                  format("%.1f ms", percentile(frame_ms, 1.0)), std::to_string(map.occupied_vox)});
-  TextTable plan_table({"plan", "result", "in field", "independent", "clearance", "duration",
-                        "solve", "iterations", "attempts"});
+  TextTable plan_table({"plan", "result", "in field", "independent", "clearance", "optimised",
+                        "duration", "solve", "iterations", "attempts"});
   for (const PlanRecord& plan : plans) {
     const auto clearance_m = plan.min_clearance_m();
     const bool solved = plan.has_trajectory();
@@ -145,6 +153,7 @@ std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) 
                     : plan.valid_independent() ? "valid"
                                                : "invalid",
                     clearance_m ? format("%.3f m", *clearance_m) : "-",
+                    plan.retiming ? format("%.2f s", plan.retiming->before_s) : "-",
                     solved ? format("%.2f s", plan.solution.trajectory.duration_s()) : "-",
                     plan.attempts > 0 ? format("%.1f ms", plan.solution.solve_ms) : "-",
                     plan.attempts > 0 ? std::to_string(plan.solution.iterations) : "-",

@@ -46,6 +46,13 @@ struct MapRecord {
   std::optional<Error> fault;  ///< That ended the run before its end, mapping or planning.
 };
 
+/// What timing a path anew came to.
+struct RetimingRecord {
+  double before_s = 0.0;   ///< The optimiser's duration; the plan's own is the trajectory's.
+  double deviation = 0.0;  ///< Of any joint from the optimiser's path, m or rad.
+  double retime_ms = 0.0;
+};
+
 /// What one plan came to.
 struct PlanRecord {
   std::string name;
@@ -54,7 +61,8 @@ struct PlanRecord {
   int attempts = 0;
   int support_states = 0;
   double initial_length_s = 0.0;
-  Solution solution;
+  Solution solution;  ///< Its trajectory is the one to be sent: retimed, where that was asked for.
+  std::optional<RetimingRecord> retiming;
   std::optional<Verdict> in_snapshot;  ///< Spheres against the field that was planned in.
   std::optional<Verdict> in_voxels;    ///< Shapes against the occupied voxels.
   std::optional<Verdict> in_scene;     ///< Shapes against the true scene, where it is known.

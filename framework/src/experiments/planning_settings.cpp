@@ -8,6 +8,8 @@
 namespace sidestep {
 namespace {
 
+constexpr double kMaxIntervals = 9'999.0;
+
 /// A member that PlanningSettings inherits, as a member of its own.
 constexpr double PlanningSettings::*inherited(double CostSettings::*member) { return member; }
 
@@ -112,10 +114,25 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
            {.unit = "s", .min = 1e-3, .max = 60.0})
       .add("speed_fraction", &S::speed_fraction,
            "Share of the velocity limits that a plan may use.", {.min = 0.01, .max = 1.0})
-      .add("duration_scale", &S::duration_scale,
-           "Duration of a plan, relative to the least time of a straight motion from rest to rest "
-           "within the limits of velocity and acceleration: room to go around.",
-           {.min = 1.0, .max = 100.0})
+      .add("acceleration_fraction", &S::acceleration_fraction,
+           "Share of the acceleration limits that a plan may use.", {.min = 0.01, .max = 1.0})
+      .add(
+          "assumed_ramp_s", &S::assumed_ramp_s,
+          "A joint whose acceleration limit is not known is taken to have the one that reaches its "
+          "velocity limit in this time.",
+          {.unit = "s", .min = 1e-3, .max = 60.0})
+      .add("duration_s", &S::duration_s,
+           "Duration of the motion that is optimised; if absent, from the limits.",
+           {.unit = "s", .min = 1e-3, .max = 3600.0})
+      .add(
+          "duration_scale", &S::duration_scale,
+          "Duration of the motion that is optimised, where `duration_s` does not give it: relative "
+          "to the least time in which each joint by itself could go from rest at the start to "
+          "rest at the goal, within the limits of velocity and acceleration. Room to go around.",
+          {.min = 1.0, .max = 100.0})
+      .add("retime", &S::retime,
+           "Time the path that the optimiser found anew, as fast as the limits of velocity and "
+           "acceleration allow, before it is checked.")
       .add("qc", &S::qc, "Power spectral density of the GP prior, for every joint.",
            {.min = 1e-9, .max = 1e9})
       .add("interpolated_checks", &S::interpolated_checks,
@@ -157,6 +174,12 @@ SpacePolicy PlanningSettings::space() const {
   return {space(unknown), space(outside)};
 }
 
+MotionLimits PlanningSettings::limits(const RobotDescription& robot) const {
+  return motion_limits(robot, {.speed_fraction = speed_fraction,
+                               .acceleration_fraction = acceleration_fraction,
+                               .assumed_ramp_s = assumed_ramp_s});
+}
+
 Parameters<CheckSettings> CheckSettings::parameters() {
   using S = CheckSettings;
   return Parameters<S>()
@@ -170,6 +193,9 @@ Parameters<CheckSettings> CheckSettings::parameters() {
       .add("speed_fraction", &S::speed_fraction,
            "Share of the velocity limits that must hold; planning aims for a smaller one, since "
            "its costs are soft.",
+           {.min = 0.01, .max = 1.0})
+      .add("acceleration_fraction", &S::acceleration_fraction,
+           "Share of the acceleration limits that must hold, where they are known.",
            {.min = 0.01, .max = 1.0})
       .add("allowed_contacts", &S::allowed_contacts,
            "Links that may touch an object of the true scene, as a robot's foot the floor that it "
@@ -222,11 +248,13 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
                      const Eigen::VectorXd& q_start, const Eigen::VectorXd& q_goal, double slower) {
   const RobotDescription& description = robot->description();
   const Eigen::VectorXd at_rest = Eigen::VectorXd::Zero(q_start.size());
-  const Horizon horizon = estimate_horizon(
-      description, std::span(q_start.data(), static_cast<std::size_t>(q_start.size())),
-      std::span(q_goal.data(), static_cast<std::size_t>(q_goal.size())), settings.dt_s,
-      settings.speed_fraction);
-  const double intervals = (horizon.states - 1) * settings.duration_scale * slower;
+  const auto row = [](const Eigen::VectorXd& q) {
+    return std::span(q.data(), static_cast<std::size_t>(q.size()));
+  };
+  const double duration_s = settings.duration_s.value_or(
+      settings.duration_scale *
+      least_time_s(settings.limits(description), row(q_start), row(q_goal)));
+  const double intervals = std::ceil(slower * duration_s / settings.dt_s - 1e-9);
   Problem problem;
   problem.robot = std::move(robot);
   problem.field = std::move(field);
@@ -234,8 +262,8 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
   problem.collision_margin_m = settings.collision_margin_m;
   problem.start = {q_start, at_rest};
   problem.goal = {q_goal, at_rest};
-  problem.support_states = static_cast<int>(std::ceil(intervals - 1e-9)) + 1;
-  problem.dt_s = horizon.dt_s;
+  problem.support_states = static_cast<int>(std::clamp(intervals, 2.0, kMaxIntervals)) + 1;
+  problem.dt_s = settings.dt_s;
   problem.qc = Eigen::VectorXd::Constant(q_start.size(), settings.qc);
   problem.interpolated_checks = settings.interpolated_checks;
   problem.speed_fraction = settings.speed_fraction;

@@ -31,6 +31,7 @@ struct Cubic {
   [[nodiscard]] double velocity(double s) const noexcept {
     return v0 + s * (2.0 * c2 + s * 3.0 * c3);
   }
+  [[nodiscard]] double acceleration(double s) const noexcept { return 2.0 * c2 + s * 6.0 * c3; }
   /// Where the velocity is extreme; NaN where it is linear.
   [[nodiscard]] double inflection() const noexcept {
     return c3 == 0.0 ? std::nan("") : -c2 / (3.0 * c3);
@@ -67,6 +68,7 @@ class CubicMotion final : public Motion {
     const std::size_t dof = static_cast<std::size_t>(trajectory.dof);
     begin_s_ = trajectory.times_s[static_cast<std::size_t>(state)];
     const double h = trajectory.times_s[static_cast<std::size_t>(state) + 1] - begin_s_;
+    duration_s_ = h;
     joints_.resize(dof);
     for (std::size_t j = 0; j < dof; ++j) {
       joints_[j] = Cubic::hermite(trajectory.q(state)[j], trajectory.qdot(state)[j],
@@ -75,6 +77,7 @@ class CubicMotion final : public Motion {
   }
   [[nodiscard]] const std::vector<Cubic>& joints() const noexcept { return joints_; }
   [[nodiscard]] double begin_s() const noexcept { return begin_s_; }
+  [[nodiscard]] double duration_s() const noexcept { return duration_s_; }
 
   void configuration(double t, std::span<double> q) const override {
     for (std::size_t j = 0; j < joints_.size(); ++j) q[j] = joints_[j].position(t - begin_s_);
@@ -87,6 +90,7 @@ class CubicMotion final : public Motion {
 
  private:
   double begin_s_ = 0.0;
+  double duration_s_ = 0.0;
   std::vector<Cubic> joints_;
 };
 

@@ -14,6 +14,9 @@
 namespace sidestep {
 namespace {
 
+/// Of positions, relative: what it makes of an acceleration over a short piece is no acceleration.
+constexpr double kRounding = 24e-15;
+
 /// Collects what the prover finds into a verdict.
 class VerdictBuilder final : public ClearanceProver::Listener {
  public:
@@ -94,6 +97,8 @@ class FieldCheck final : public ValidityCheck {
                       ViolationLedger& ledger) const;
   void check_velocity(std::size_t joint, double velocity, double time_s,
                       ViolationLedger& ledger) const;
+  void check_acceleration(std::size_t joint, double acceleration, double noise, double time_s,
+                          ViolationLedger& ledger) const;
   [[nodiscard]] Error late(const Trajectory& trajectory, double time_s) const;
 
   std::shared_ptr<const RobotModel> robot_;
@@ -173,7 +178,7 @@ void FieldCheck::check_position(std::size_t joint, double position, double time_
   const double limit = is_low ? limits.lower : limits.upper;
   ledger.add({.kind = Violation::Kind::kPositionLimit,
               .subject = limits.name,
-              .other = limit_name(limits, is_low ? "lower limit" : "upper limit", limit, false),
+              .other = limit_name(limits, is_low ? "lower limit" : "upper limit", limit, ""),
               .time_s = time_s,
               .amount = std::abs(position - limit)});
 }
@@ -185,21 +190,38 @@ void FieldCheck::check_velocity(std::size_t joint, double velocity, double time_
   if (std::abs(velocity) <= limit + settings_.limit_tolerance) return;
   ledger.add({.kind = Violation::Kind::kVelocityLimit,
               .subject = limits.name,
-              .other = limit_name(limits, "velocity limit", limit, true),
+              .other = limit_name(limits, "velocity limit", limit, "/s"),
               .time_s = time_s,
               .amount = std::abs(velocity) - limit});
+}
+
+void FieldCheck::check_acceleration(std::size_t joint, double acceleration, double noise,
+                                    double time_s, ViolationLedger& ledger) const {
+  const Joint& limits = robot_->description().joints[joint];
+  if (!(limits.max_acceleration > 0.0)) return;  // not known
+  const double limit = settings_.acceleration_fraction * limits.max_acceleration;
+  if (std::abs(acceleration) <= limit + settings_.limit_tolerance + noise) return;
+  ledger.add({.kind = Violation::Kind::kAccelerationLimit,
+              .subject = limits.name,
+              .other = limit_name(limits, "acceleration limit", limit, "/s^2"),
+              .time_s = time_s,
+              .amount = std::abs(acceleration) - limit});
 }
 
 void FieldCheck::check_limits(const CubicMotion& motion, double from_s, double to_s,
                               ViolationLedger& ledger) const {
   const double begin = from_s - motion.begin_s();
   const double end = to_s - motion.begin_s();
+  const double piece_s = motion.duration_s();
   for (std::size_t j = 0; j < motion.joints().size(); ++j) {
     const Cubic& cubic = motion.joints()[j];
     const auto within = [&](double s) { return s > begin && s < end; };
     for (const double s : {begin, end}) {
       check_position(j, cubic.position(s), motion.begin_s() + s, ledger);
       check_velocity(j, cubic.velocity(s), motion.begin_s() + s, ledger);
+      check_acceleration(j, cubic.acceleration(s),
+                         kRounding * std::abs(cubic.q0) / piece_s / piece_s, motion.begin_s() + s,
+                         ledger);
     }
     for (const double s : cubic.turning_points()) {
       if (within(s)) check_position(j, cubic.position(s), motion.begin_s() + s, ledger);

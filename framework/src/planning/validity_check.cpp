@@ -39,6 +39,7 @@ std::string_view to_string(Violation::Kind kind) noexcept {
     case Violation::Kind::kSelfCollision: return "self_collision";
     case Violation::Kind::kPositionLimit: return "position_limit";
     case Violation::Kind::kVelocityLimit: return "velocity_limit";
+    case Violation::Kind::kAccelerationLimit: return "acceleration_limit";
     case Violation::Kind::kUnproven: return "unproven";
   }
   return "unproven";
@@ -61,6 +62,7 @@ std::string Violation::what() const {
              (other.empty() ? "an obstacle" : other);
     case Kind::kPositionLimit:
     case Kind::kVelocityLimit:
+    case Kind::kAccelerationLimit:
       return subject + " is " + number(amount, "%.3g") + " beyond " +
              (other.empty() ? "its limit" : other);
     case Kind::kUnproven:
@@ -149,10 +151,10 @@ Violation unproven(const ClearanceProver& prover, int item, double shortfall_m, 
   return violation;
 }
 
-std::string limit_name(const Joint& joint, std::string_view which, double value, bool is_velocity) {
+std::string limit_name(const Joint& joint, std::string_view which, double value,
+                       std::string_view per) {
   const char* unit = joint.type == Joint::Type::kPrismatic ? " m" : " rad";
-  return "its " + std::string(which) + " of " + number(value, "%.4g") + unit +
-         (is_velocity ? "/s" : "");
+  return "its " + std::string(which) + " of " + number(value, "%.4g") + unit + std::string(per);
 }
 
 std::optional<Violation> state_violation(const std::shared_ptr<const RobotModel>& robot,
@@ -169,11 +171,10 @@ std::optional<Violation> state_violation(const std::shared_ptr<const RobotModel>
     }
     const bool is_low = position < joints[j].lower;
     const double limit = is_low ? joints[j].lower : joints[j].upper;
-    ledger.add(
-        {.kind = Violation::Kind::kPositionLimit,
-         .subject = joints[j].name,
-         .other = limit_name(joints[j], is_low ? "lower limit" : "upper limit", limit, false),
-         .amount = std::abs(position - limit)});
+    ledger.add({.kind = Violation::Kind::kPositionLimit,
+                .subject = joints[j].name,
+                .other = limit_name(joints[j], is_low ? "lower limit" : "upper limit", limit, ""),
+                .amount = std::abs(position - limit)});
     if (!std::isfinite(position)) return ledger.sorted().front();
   }
   const ClearanceProver prover(robot, field, space, margin_m);

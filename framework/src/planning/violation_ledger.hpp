@@ -28,8 +28,8 @@ class ViolationLedger {
 [[nodiscard]] Violation unproven(const ClearanceProver& prover, int item, double shortfall_m,
                                  double time_s);
 
-/// "its upper limit of 2.617 rad" and the like.
+/// "its upper limit of 2.617 rad" and the like; `per` is "", "/s" or "/s^2".
 [[nodiscard]] std::string limit_name(const Joint& joint, std::string_view which, double value,
-                                     bool is_velocity);
+                                     std::string_view per);
 
 }  // namespace sidestep

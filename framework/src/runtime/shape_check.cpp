@@ -15,6 +15,9 @@ constexpr double kShortestStep_s = 1e-6;
 
 std::size_t at(int value) { return static_cast<std::size_t>(value); }
 
+/// Of positions, relative.
+constexpr double kRounding = 24e-15;
+
 /// What is known at one instant, as far as the next step depends on it.
 struct Instant {
   double clearance_m = 0.0;              ///< To obstacles, all shapes; capped.
@@ -203,6 +206,14 @@ void ShapeCheck::Run::check_limits(int segment, double from, double to) {
               h_s);
     add_limit(Kind::kVelocityLimit, j, above(negated(curve.velocity), speed), "its velocity limit",
               begin_s, h_s);
+    if (!(to > from && joint.max_acceleration > 0.0)) continue;  // at an instant, or not known
+    // What the positions' last digits make of an acceleration is no acceleration.
+    const double noise = kRounding * std::abs(curve.position[0]) / (h_s * h_s);
+    const double most = its_.settings_.acceleration_fraction * joint.max_acceleration + noise;
+    add_limit(Kind::kAccelerationLimit, j, above(curve.acceleration, most),
+              "its acceleration limit", begin_s, h_s);
+    add_limit(Kind::kAccelerationLimit, j, above(negated(curve.acceleration), most),
+              "its acceleration limit", begin_s, h_s);
   }
 }
 

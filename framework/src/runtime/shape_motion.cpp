@@ -79,6 +79,7 @@ BezierJoint BezierJoint::between(double q0, double v0, double q1, double v1, dou
   BezierJoint joint;
   joint.position = {q0, q0 + v0 * h_s / 3.0, q1 - v1 * h_s / 3.0, q1};
   joint.velocity = {v0, 3.0 * (q1 - q0) / h_s - v0 - v1, v1};
+  joint.acceleration = {2.0 * (joint.velocity[1] - v0) / h_s, 2.0 * (v1 - joint.velocity[1]) / h_s};
   return joint;
 }
 
@@ -119,6 +120,8 @@ BezierJoint::Excess BezierJoint::above(const std::array<double, n>& controls, do
 template BezierJoint::Excess BezierJoint::above(const std::array<double, 4>&, double, double,
                                                 double, double);
 template BezierJoint::Excess BezierJoint::above(const std::array<double, 3>&, double, double,
+                                                double, double);
+template BezierJoint::Excess BezierJoint::above(const std::array<double, 2>&, double, double,
                                                 double, double);
 
 ShapeMotion::ShapeMotion(const RobotModel& robot) : robot_(robot.description()) {

@@ -12,8 +12,9 @@ namespace sidestep {
 /// One joint between two support states as a Bezier curve in u = 0..1: the hull of its control
 /// values contains the curve, and its derivative's hull the velocities.
 struct BezierJoint {
-  std::array<double, 4> position;  // control values
-  std::array<double, 3> velocity;  // per second
+  std::array<double, 4> position;      // control values
+  std::array<double, 3> velocity;      // per second
+  std::array<double, 2> acceleration;  // per second squared
 
   [[nodiscard]] static BezierJoint between(double q0, double v0, double q1, double v1, double h_s);
 
@@ -34,6 +35,8 @@ struct BezierJoint {
 extern template BezierJoint::Excess BezierJoint::above(const std::array<double, 4>&, double, double,
                                                        double, double);
 extern template BezierJoint::Excess BezierJoint::above(const std::array<double, 3>&, double, double,
+                                                       double, double);
+extern template BezierJoint::Excess BezierJoint::above(const std::array<double, 2>&, double, double,
                                                        double, double);
 
 /// Bounds on how far points of the robot's shapes move: turn and shift of each link against its

@@ -175,6 +175,25 @@ TEST_F(FieldCheckTest, SeesLimitsBetweenSupportStates) {
   EXPECT_EQ(verdict.violations[1].other, "its velocity limit of 1.6 m/s");
 }
 
+TEST_F(FieldCheckTest, SeesAccelerationsBeyondTheirLimitsWhereAsked) {
+  // From rest to rest over 1 m in 2 s: 6 / 2^2 = 1.5 m/s^2 at both ends.
+  const Trajectory way = straight(Eigen::Vector3d(-1, 1.2, 0), Eigen::Vector3d(0, 1.2, 0), 2.0);
+  robot_->description().joints[0].max_acceleration = 1.6;
+  EXPECT_TRUE(check(way).valid());
+  settings_.acceleration_fraction = 1.0;
+  EXPECT_TRUE(check(way).valid());
+  settings_.acceleration_fraction = 0.5;
+  const Verdict verdict = check(way);
+  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+  ASSERT_EQ(verdict.violations.size(), 1u);
+  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kAccelerationLimit);
+  EXPECT_EQ(verdict.violations[0].subject, "x");
+  EXPECT_EQ(verdict.violations[0].other, "its acceleration limit of 0.8 m/s^2");
+  EXPECT_NEAR(verdict.violations[0].amount, 1.5 - 0.8, 1e-12);
+  robot_->description().joints[0].max_acceleration = std::numeric_limits<double>::infinity();
+  EXPECT_TRUE(check(way).valid());
+}
+
 TEST_F(FieldCheckTest, AllowsWhatIsWithinTheTolerance) {
   Trajectory rest = make_trajectory(3, 2, 1.0);
   rest.q(0)[0] = rest.q(1)[0] = -1.0;

@@ -169,6 +169,26 @@ TEST_F(ShapeCheckTest, SeesLimitsBetweenSupportStates) {
   EXPECT_NEAR(verdict.violations[1].amount, 0.5, 1e-9);
 }
 
+TEST_F(ShapeCheckTest, SeesAccelerationsBeyondTheirLimitsWhereAsked) {
+  // From rest to rest over 1 m in 2 s: 6 / 2^2 = 1.5 m/s^2 at both ends.
+  Trajectory way = make_trajectory(3, 2, 2.0);
+  way.q(1)[0] = 0.5;
+  way.q(0)[0] = -0.5;
+  robot_->description().joints[0].max_acceleration = 1.6;
+  EXPECT_TRUE(check(way).valid());
+  settings_.acceleration_fraction = 1.0;
+  EXPECT_TRUE(check(way).valid());
+  settings_.acceleration_fraction = 0.5;
+  const Verdict verdict = check(way);
+  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+  ASSERT_EQ(verdict.violations.size(), 1u);
+  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kAccelerationLimit);
+  EXPECT_EQ(verdict.violations[0].subject, "x");
+  EXPECT_NEAR(verdict.violations[0].amount, 1.5 - 0.8, 1e-9);
+  robot_->description().joints[0].max_acceleration = std::numeric_limits<double>::infinity();
+  EXPECT_TRUE(check(way).valid());
+}
+
 TEST_F(ShapeCheckTest, SeesSelfCollisionOfShapes) {
   robot_ = mobile_arm();
   RobotDescription& d = robot_->description();

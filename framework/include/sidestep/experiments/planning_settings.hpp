@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,7 @@
 #include <sidestep/planning/problem.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/shape_check.hpp>
+#include <sidestep/trajectory/motion_limits.hpp>
 
 namespace sidestep {
 
@@ -16,7 +18,11 @@ struct PlanningSettings : CostSettings {
   std::string outside;
   double dt_s = 0.25;
   double speed_fraction = 0.8;
-  double duration_scale = 1.5;
+  double acceleration_fraction = 0.9;
+  double assumed_ramp_s = 0.5;
+  std::optional<double> duration_s;
+  double duration_scale = 2.0;
+  bool retime = true;
   double qc = 1.0;
   int interpolated_checks = 4;
   double collision_margin_m = 0.0;
@@ -25,6 +31,8 @@ struct PlanningSettings : CostSettings {
 
   static Parameters<PlanningSettings> parameters();
   [[nodiscard]] SpacePolicy space() const;
+  /// What a plan may use of the robot's limits.
+  [[nodiscard]] MotionLimits limits(const RobotDescription& robot) const;
 };
 
 /// An item of `check.allowed_contacts`.
@@ -38,6 +46,7 @@ struct CheckSettings {
   double max_step_m = 0.02;
   double shape_max_step_m = 0.01;
   double speed_fraction = 1.0;
+  double acceleration_fraction = 1.0;
   std::vector<AllowedContactEntry> allowed_contacts;
 
   static Parameters<CheckSettings> parameters();
@@ -58,7 +67,9 @@ struct RobotStateEntry {
 };
 
 /// From start to goal in `field`: horizon, prior and standard terms as the settings say.
-/// `slower` >= 1 stretches the motion's time beyond settings.duration_scale.
+/// The time is settings.duration_s or, where that is not given, settings.duration_scale times the
+/// least in which each joint by itself could make its way (least_time_s); in steps of dt_s, at
+/// least two of them, at most 9,999. `slower` >= 1 stretches it.
 [[nodiscard]] Problem make_problem(std::shared_ptr<const RobotModel> robot,
                                    std::shared_ptr<const DistanceField> field,
                                    const PlanningSettings& settings, const Eigen::VectorXd& q_start,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -18,7 +19,14 @@
 namespace sidestep {
 
 struct Violation {
-  enum class Kind { kCollision, kSelfCollision, kPositionLimit, kVelocityLimit, kUnproven };
+  enum class Kind {
+    kCollision,
+    kSelfCollision,
+    kPositionLimit,
+    kVelocityLimit,
+    kAccelerationLimit,
+    kUnproven
+  };
   Kind kind = Kind::kCollision;
   std::string subject;  ///< Link or joint.
   std::string other;  ///< What it hits or breaks: a link, "an obstacle", "its upper limit of ...".
@@ -63,11 +71,13 @@ class SIDESTEP_EXPORT ValidityCheck {
 };
 
 struct FieldCheckSettings {
-  double margin_m = 0.0;          ///< Clearance that spheres must keep.
-  double max_step_m = 0.02;       ///< First spacing of checks, as sphere motion.
-  double min_step_m = 1e-4;       ///< Bisection ends here with "unproven".
-  double speed_fraction = 1.0;    ///< Velocity limits that must hold.
-  double limit_tolerance = 1e-6;  ///< Of positions and velocities, in their units.
+  double margin_m = 0.0;        ///< Clearance that spheres must keep.
+  double max_step_m = 0.02;     ///< First spacing of checks, as sphere motion.
+  double min_step_m = 1e-4;     ///< Bisection ends here with "unproven".
+  double speed_fraction = 1.0;  ///< Velocity limits that must hold.
+  /// Acceleration limits that must hold, where they are known; infinity checks none.
+  double acceleration_fraction = std::numeric_limits<double>::infinity();
+  double limit_tolerance = 1e-6;  ///< Of positions, velocities and accelerations, in their units.
 };
 
 /// The check on one pinned snapshot: the robot's spheres against the distance field, and

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,8 @@ struct ShapeCheckSettings {
   double min_step_m = 5e-4;  ///< Steps get this short near obstacles before "unproven".
   double farthest_m = 0.5;   ///< Clearances are searched up to this; what is farther counts so.
   double speed_fraction = 1.0;
+  /// Acceleration limits that must hold, where they are known; infinity checks none.
+  double acceleration_fraction = std::numeric_limits<double>::infinity();
   double limit_tolerance = 1e-6;
   std::vector<AllowedContact> allowed_contacts;
 };

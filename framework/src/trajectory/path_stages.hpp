@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include <sidestep/trajectory/trajectory.hpp>
+
+namespace sidestep::detail {
+
+/// The path of a trajectory, cut into short stages, with what a parameterisation by arc length l
+/// needs of it: dq/dl and d2q/dl2 at both ends of each stage. The arc length is that of joint
+/// space, metres and radians alike; it only serves as parameter.
+///
+/// A stage lies within one cubic piece, so that its two ends see that piece's own curvature; the
+/// next stage sees its own at the same point, since the acceleration of a Gaussian-process
+/// trajectory jumps at its support states.
+class PathStages {
+ public:
+  struct Stage {
+    int piece = 0;
+    double from_s = 0.0;  ///< Within the piece.
+    double to_s = 0.0;
+    /// The path's own speed vanishes at this end; its direction there is the limit within the
+    /// stage.
+    bool still_from = false;
+    bool still_to = false;
+    bool stop_from = false;  ///< The path begins, ends or turns on the spot here.
+    bool stop_to = false;
+    double length = 0.0;
+  };
+
+  /// `path` is sound and stays alive.
+  PathStages(const Trajectory& path, int least_stages);
+
+  [[nodiscard]] int size() const noexcept { return static_cast<int>(stages_.size()); }
+  [[nodiscard]] const Stage& operator[](int i) const noexcept { return stages_[at(i)]; }
+  [[nodiscard]] double length() const noexcept { return length_; }
+
+  [[nodiscard]] std::span<const double> tangent_from(int i) const { return row(i, 0); }
+  [[nodiscard]] std::span<const double> curvature_from(int i) const { return row(i, 1); }
+  [[nodiscard]] std::span<const double> tangent_to(int i) const { return row(i, 2); }
+  [[nodiscard]] std::span<const double> curvature_to(int i) const { return row(i, 3); }
+
+  /// The path's position at one time within a piece.
+  void position(int piece, double s, std::span<double> q) const;
+  /// The largest distance of any joint of `q` from the path's nearest point within stage `i`.
+  [[nodiscard]] double distance(int i, std::span<const double> q) const;
+  /// When stage `i` begins, on the clock of the path's trajectory.
+  [[nodiscard]] double begin_s(int i) const;
+
+  /// Halves the stages that are marked; every mark takes one stage for itself and one more.
+  void halve(const std::vector<char>& marks);
+
+ private:
+  struct Cubic {
+    double q0, v0, c2, c3;
+  };
+  struct Rates {
+    double speed;   ///< |dq/ds|
+    double change;  ///< d|dq/ds|^2 / ds / 2
+    double bend;    ///< |d2q/ds2|
+  };
+  static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
+  [[nodiscard]] std::span<const Cubic> joints(int piece) const noexcept {
+    return std::span(cubics_).subspan(at(piece) * dof_, dof_);
+  }
+  [[nodiscard]] std::span<const double> row(int stage, std::size_t which) const noexcept {
+    return std::span(rows_).subspan((at(stage) * 4 + which) * dof_, dof_);
+  }
+  [[nodiscard]] Rates rates(int piece, double s) const;
+  [[nodiscard]] double arc_length(int piece, double from_s, double to_s) const;
+  /// Writes dq/dl and d2q/dl2 at one end of a stage.
+  void derive(const Stage& stage, bool at_end, std::span<double> tangent,
+              std::span<double> curvature) const;
+  void cut_piece(int piece, int parts);
+  void append(Stage stage, int depth);
+  void derive_all();
+  void mark_stops();
+
+  const Trajectory& path_;
+  std::size_t dof_;
+  std::vector<Cubic> cubics_;  ///< Pieces x joints.
+  std::vector<Stage> stages_;
+  std::vector<double> rows_;  ///< Stages x (tangent, curvature at either end) x joints.
+  std::vector<double> ends_;  ///< What a new stage is judged by.
+  double length_ = 0.0;
+};
+
+}  // namespace sidestep::detail

@@ -1,0 +1,309 @@
+#include <sidestep/trajectory/retime.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "path_stages.hpp"
+#include "speed_profile.hpp"
+
+namespace sidestep {
+namespace {
+
+using detail::PathStages;
+using detail::SpeedProfile;
+
+constexpr double kInside = 1e-6;    ///< Share of the limits that is kept free for rounding.
+constexpr double kLower = 1e-4;     ///< A share is lowered by so much more than it should need.
+constexpr double kLeast_s = 1e-3;   ///< Duration of a motion that stays put.
+constexpr double kStaysPut = 1e-9;  ///< A path this short, in m or rad, is none.
+constexpr double kCoarse = 1.02;    ///< A stage that breaks a limit by more is too long.
+constexpr int kMaxRounds = 40;
+constexpr int kMaxTries = 3;         ///< With a lower share; then the stage is too long, too.
+constexpr double kRounding = 1e-15;  ///< Of positions, relative.
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+std::string joint_name(const MotionLimits& limits, std::size_t joint) {
+  return joint < limits.names.size() ? "joint '" + limits.names[joint] + "'"
+                                     : "joint " + std::to_string(joint);
+}
+
+tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
+  return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
+}
+
+Result<void> check(const Trajectory& path, const MotionLimits& limits,
+                   const RetimeSettings& settings) {
+  if (auto sound = path.validate(); !sound) return sound;
+  const auto dof = static_cast<std::size_t>(path.dof);
+  if (limits.velocity.size() != dof || limits.acceleration.size() != dof) {
+    return invalid("there are limits of " + std::to_string(limits.velocity.size()) +
+                   " velocities and " + std::to_string(limits.acceleration.size()) +
+                   " accelerations for a path of " + std::to_string(dof) + " joints");
+  }
+  for (std::size_t j = 0; j < dof; ++j) {
+    if (limits.velocity[j] >= 0.0 && limits.acceleration[j] >= 0.0) continue;  // false for NaN
+    return invalid("the limits of " + joint_name(limits, j) +
+                   " are negative or not numbers: velocity " + number(limits.velocity[j]) +
+                   ", acceleration " + number(limits.acceleration[j]));
+  }
+  if (settings.least_stages < 1 || settings.least_stages > 1'000'000) {
+    return invalid("a path cannot be cut into " + std::to_string(settings.least_stages) +
+                   " stages");
+  }
+  if (!(settings.max_deviation > 0.0)) {
+    return invalid("the largest deviation from a path must be positive, not " +
+                   number(settings.max_deviation));
+  }
+  return {};
+}
+
+/// What a stage's cubic piece, as it will be sent, makes of the limits: 1 is all of them.
+struct Use {
+  double velocity = 0.0;
+  double acceleration = 0.0;
+  double deviation = 0.0;
+};
+
+class Retimer {
+ public:
+  Retimer(const Trajectory& path, const MotionLimits& limits, const RetimeSettings& settings)
+      : path_(path),
+        limits_(limits),
+        settings_(settings),
+        stages_(path, settings.least_stages),
+        profile_(stages_, limits_) {}
+
+  Result<Retiming> run();
+
+ private:
+  [[nodiscard]] std::size_t dof() const noexcept { return static_cast<std::size_t>(path_.dof); }
+  [[nodiscard]] Result<void> release_resting_joints();
+  [[nodiscard]] Result<void> check_end(int state, std::string_view which) const;
+  [[nodiscard]] double squared_speed(int state, bool still) const;
+  void write_motion();
+  [[nodiscard]] Use use_of(int stage);
+  [[nodiscard]] bool refine(SpeedProfile::Shares& shares);
+  [[nodiscard]] Error obstruction() const;
+  [[nodiscard]] Retiming at_rest() const;
+
+  const Trajectory& path_;
+  MotionLimits limits_;
+  const RetimeSettings& settings_;
+  PathStages stages_;
+  SpeedProfile profile_;
+  Retiming out_;
+  std::vector<double> middle_;
+  std::vector<int> tries_;  ///< Per stage: how often its share has been lowered.
+};
+
+/// Joints that never move cannot break a limit; those that do need one that lets them.
+Result<void> Retimer::release_resting_joints() {
+  std::vector<double> share(dof(), 0.0);
+  for (int i = 0; i < stages_.size(); ++i) {
+    const auto from = stages_.tangent_from(i), to = stages_.tangent_to(i);
+    for (std::size_t j = 0; j < dof(); ++j) {
+      share[j] = std::max({share[j], std::abs(from[j]), std::abs(to[j])});
+    }
+  }
+  constexpr double kStands = 1e-9;
+  for (std::size_t j = 0; j < dof(); ++j) {
+    double& velocity = limits_.velocity[j];
+    double& acceleration = limits_.acceleration[j];
+    if (share[j] <= kStands) {
+      velocity = acceleration = std::numeric_limits<double>::infinity();
+    } else if (velocity == 0.0 || acceleration == 0.0) {
+      return invalid(joint_name(limits_, j) + " moves on the path, but its limit of " +
+                     (velocity == 0.0 ? "velocity" : "acceleration") + " is zero");
+    } else if (std::isinf(velocity) && std::isinf(acceleration)) {
+      return invalid(joint_name(limits_, j) + " moves without a limit: no motion is the fastest");
+    }
+  }
+  return {};
+}
+
+Result<void> Retimer::check_end(int state, std::string_view which) const {
+  constexpr double kTolerance = 1e-6;
+  for (std::size_t j = 0; j < dof(); ++j) {
+    const double speed = std::abs(path_.qdot(state)[j]);
+    if (speed <= limits_.velocity[j] * (1.0 + kTolerance)) continue;
+    return invalid(joint_name(limits_, j) + " moves at " + number(speed) + " at the " +
+                   std::string(which) + " of the path, beyond its velocity limit of " +
+                   number(limits_.velocity[j]));
+  }
+  return {};
+}
+
+double Retimer::squared_speed(int state, bool still) const {
+  if (still) return 0.0;
+  double sum = 0.0;
+  for (const double v : path_.qdot(state)) sum += v * v;
+  return sum;
+}
+
+/// The states at the ends of the stages, with the profile's speeds and times.
+void Retimer::write_motion() {
+  const int n = stages_.size();
+  const std::vector<double>& x = profile_.x();
+  Trajectory& motion = out_.trajectory;
+  motion = make_trajectory(path_.dof, n + 1, 0.0);
+  double speed = std::sqrt(x.front());
+  for (int i = 0; i <= n; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const bool last = i == n;
+    const PathStages::Stage& stage = stages_[last ? n - 1 : i];
+    stages_.position(stage.piece, last ? stage.to_s : stage.from_s, motion.q(i));
+    const auto tangent = last ? stages_.tangent_to(n - 1) : stages_.tangent_from(i);
+    for (std::size_t j = 0; j < dof(); ++j) motion.qdot(i)[j] = speed * tangent[j];
+    if (last) break;
+    const double next = std::sqrt(x[k + 1]);
+    motion.times_s[k + 1] = motion.times_s[k] + 2.0 * stage.length / (speed + next);
+    speed = next;
+  }
+}
+
+Use Retimer::use_of(int stage) {
+  const Trajectory& motion = out_.trajectory;
+  const auto k = static_cast<std::size_t>(stage);
+  const double h = motion.times_s[k + 1] - motion.times_s[k];
+  const auto q0 = motion.q(stage), q1 = motion.q(stage + 1);
+  const auto v0 = motion.qdot(stage), v1 = motion.qdot(stage + 1);
+  Use use;
+  for (std::size_t j = 0; j < dof(); ++j) {
+    const double slope = (q1[j] - q0[j]) / h;
+    const double a0 = (6.0 * slope - 4.0 * v0[j] - 2.0 * v1[j]) / h;
+    const double a1 = (4.0 * v1[j] + 2.0 * v0[j] - 6.0 * slope) / h;
+    double fastest = std::max(std::abs(v0[j]), std::abs(v1[j]));
+    if (a0 * a1 < 0.0) {
+      fastest = std::max(fastest, std::abs(v0[j] + 0.5 * h * a0 * a0 / (a0 - a1)));
+    }
+    // What the positions' last digits make of an acceleration is no acceleration.
+    const double noise = 12.0 * kRounding * (std::abs(q0[j]) + std::abs(q1[j])) / (h * h);
+    const double acceleration = std::max(0.0, std::max(std::abs(a0), std::abs(a1)) - noise);
+    use.velocity = std::max(use.velocity, fastest / limits_.velocity[j]);
+    use.acceleration = std::max(use.acceleration, acceleration / limits_.acceleration[j]);
+    middle_[j] = 0.5 * (q0[j] + q1[j]) + 0.125 * h * (v0[j] - v1[j]);
+  }
+  use.deviation = stages_.distance(stage, middle_);
+  return use;
+}
+
+/// Halves stages that are too coarse and lowers the share of the limits where a piece between two
+/// states on the path goes beyond them; false if there is nothing to improve.
+bool Retimer::refine(SpeedProfile::Shares& shares) {
+  const auto n = static_cast<std::size_t>(stages_.size());
+  std::vector<char> halved(n);
+  tries_.resize(n);
+  bool improved = false, coarse = false;
+  out_.deviation = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const Use use = use_of(static_cast<int>(i));
+    const double most = std::max(use.velocity, use.acceleration);
+    out_.deviation = std::max(out_.deviation, use.deviation);
+    halved[i] = most > kCoarse || use.deviation > settings_.max_deviation ||
+                (most > 1.0 && tries_[i] == kMaxTries);
+    coarse |= halved[i] != 0;
+    improved |= halved[i] != 0 || most > 1.0;
+    if (halved[i] || most <= 1.0) continue;
+    ++tries_[i];
+    if (use.velocity > 1.0) shares.velocity[i] *= (1.0 - kLower) / use.velocity;
+    if (use.acceleration > 1.0) shares.acceleration[i] *= (1.0 - kLower) / use.acceleration;
+  }
+  if (!coarse) return improved;
+  SpeedProfile::Shares finer;
+  std::vector<int> tries;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (int part = 0; part <= halved[i]; ++part) {
+      finer.velocity.push_back(shares.velocity[i]);
+      finer.acceleration.push_back(shares.acceleration[i]);
+      tries.push_back(halved[i] ? 0 : tries_[i]);
+    }
+  }
+  shares = std::move(finer);
+  tries_ = std::move(tries);
+  stages_.halve(halved);
+  return true;
+}
+
+Error Retimer::obstruction() const {
+  const detail::Obstruction& found = profile_.obstruction();
+  const double time_s = stages_.begin_s(found.stage);
+  const std::string where =
+      number(time_s) + " s along the path, of " + number(path_.duration_s()) + " s";
+  if (found.at_goal) {
+    return Error{ErrorCode::kInvalidArgument,
+                 "the path cannot be followed to its goal's velocity within the limits of velocity "
+                 "and acceleration: no speed does from " +
+                     where,
+                 {},
+                 "let the goal be passed more slowly, or give the path more way before it",
+                 nullptr};
+  }
+  return Error{
+      ErrorCode::kInvalidArgument,
+      "the path cannot be followed from its start's velocity within the limits of velocity "
+      "and acceleration: even braking hardest it is left " +
+          where,
+      {},
+      "start more slowly, or give the path more way before it turns",
+      nullptr};
+}
+
+Retiming Retimer::at_rest() const {
+  Retiming out;
+  out.trajectory = make_trajectory(path_.dof, 2, kLeast_s);
+  const int last = path_.size() - 1;
+  std::ranges::copy(path_.q(0), out.trajectory.q(0).begin());
+  std::ranges::copy(path_.q(0), out.trajectory.q(1).begin());
+  for (std::size_t j = 0; j < dof(); ++j) {
+    out.deviation = std::max(out.deviation, std::abs(path_.q(last)[j] - path_.q(0)[j]));
+  }
+  return out;
+}
+
+Result<Retiming> Retimer::run() {
+  middle_.resize(dof());
+  if (!(stages_.length() > kStaysPut) || stages_.size() == 0) return at_rest();
+  if (auto able = release_resting_joints(); !able) {
+    return tl::make_unexpected(std::move(able.error()));
+  }
+  const int last = path_.size() - 1;
+  for (const auto& [state, which] : {std::pair(0, "start"), std::pair(last, "goal")}) {
+    if (auto able = check_end(state, which); !able) {
+      return tl::make_unexpected(std::move(able.error()));
+    }
+  }
+  const double x_start = squared_speed(0, stages_[0].still_from);
+  const double x_goal = squared_speed(last, stages_[stages_.size() - 1].still_to);
+  SpeedProfile::Shares shares;
+  shares.velocity.assign(static_cast<std::size_t>(stages_.size()), 1.0 - kInside);
+  shares.acceleration = shares.velocity;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    if (!profile_.solve(x_start, x_goal, shares)) return tl::make_unexpected(obstruction());
+    write_motion();
+    if (!refine(shares)) return std::move(out_);
+  }
+  return invalid("the path turns too sharply to be timed: after " + std::to_string(kMaxRounds) +
+                 " refinements its motion still breaks a limit or leaves the path by " +
+                 number(out_.deviation));
+}
+
+}  // namespace
+
+Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
+                        const RetimeSettings& settings) {
+  if (auto sound = check(path, limits, settings); !sound) {
+    return tl::make_unexpected(std::move(sound.error()));
+  }
+  return Retimer(path, limits, settings).run();
+}
+
+}  // namespace sidestep
