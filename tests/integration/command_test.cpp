@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -90,6 +91,29 @@ TEST_F(CommandTest, PlansAroundAPillar) {
   }
   EXPECT_EQ(plan.at("checks").at("scene").at("outcome"), "valid");
   EXPECT_EQ(plan.at("reason"), "");
+}
+
+TEST_F(CommandTest, SendsNoPlanThatTheRobotCannotFollow) {
+  // 2.4 m in 1.5 s, at most 0.5 m/s^2: not as it is optimised, but once it is timed anew.
+  const std::vector<std::string> hasty = {"--set", "planning.duration_s=1.5", "--set",
+                                          "robot.max_acceleration_mps2=0.5"};
+  std::vector<std::string> as_optimised = hasty;
+  as_optimised.insert(as_optimised.end(), {"--set", "planning.retime=false"});
+  const Finished refused = run_tiny(as_optimised, "refused");
+  EXPECT_EQ(refused.exit_code, 1) << refused.error;
+  const Json sent_too_fast = summary("refused").at("plans").at(0);
+  EXPECT_TRUE(sent_too_fast.at("retiming").is_null());
+  EXPECT_THAT(std::string(sent_too_fast.at("reason")), HasSubstr("acceleration limit"));
+
+  const Finished timed = run_tiny(hasty, "timed");
+  ASSERT_EQ(timed.exit_code, 0) << timed.error << timed.out;
+  const Json plan = summary("timed").at("plans").at(0);
+  const double before_s = plan.at("retiming").at("before_s");
+  EXPECT_GE(before_s, 1.5);  // later attempts are given more time
+  EXPECT_LE(before_s, 2.5);
+  // At least a triangle over the straight way, at the 0.45 m/s^2 that planning uses.
+  EXPECT_GT(plan.at("duration_s"), 2.0 * std::sqrt(2.4 / 0.45));
+  EXPECT_LE(plan.at("retiming").at("deviation"), 1e-4);
 }
 
 TEST_F(CommandTest, PrintsNothingButTheSummaryAsJson) {

@@ -16,8 +16,12 @@ constexpr int kMaxDepth = 14;
 /// The path stands still where it is slower than this share of the speed that it gains within one
 /// stage: what it does there is finer than the stage by that share squared.
 constexpr double kStill = 1e-3;
-/// Stages shorter than this share of the path are none.
+/// The slowest point this near an end, as a share of a stage, where the path stands still, is it.
+constexpr double kSamePlace = 0.05;
+constexpr double kLeastPart = 1e-6;
+/// Stages shorter than this share of the path are none, and those shorter than that are not halved.
 constexpr double kLeastLength = 1e-12;
+constexpr double kLeastHalved = 1e-9;
 
 double dot(std::span<const double> a, std::span<const double> b) {
   return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
@@ -162,8 +166,16 @@ void PathStages::cut_piece(int piece, int parts) {
   };
   double from = 0.0;
   bool from_still = is_still(0.0);
+  const std::size_t first = stages_.size();
   const auto add = [&](double to) {
     const bool to_still = is_still(to);
+    if (!(arc_length(piece, from, to) > kLeastLength * length_)) {
+      // Too little to be a stage: the next one begins here, or the one before ends later.
+      if (to < h || stages_.size() == first) return;
+      stages_.back().to_s = to;
+      stages_.back().still_to = to_still;
+      return;
+    }
     append({.piece = piece,
             .from_s = from,
             .to_s = to,
@@ -183,7 +195,10 @@ void PathStages::cut_piece(int piece, int parts) {
         (rates(piece, middle).change < 0.0 ? low : high) = middle;
       }
       const double slowest = 0.5 * (low + high);
-      if (slowest - from > 1e-9 * step && to - slowest > 1e-9 * step) add(slowest);
+      // A standstill at an end is that very place.
+      const double near_from = (from_still ? kSamePlace : kLeastPart) * step;
+      const double near_to = (is_still(to) ? kSamePlace : kLeastPart) * step;
+      if (slowest - from > near_from && to - slowest > near_to) add(slowest);
     }
     add(to);
   }
@@ -191,11 +206,11 @@ void PathStages::cut_piece(int piece, int parts) {
 
 void PathStages::append(Stage stage, int depth) {
   stage.length = arc_length(stage.piece, stage.from_s, stage.to_s);
-  if (!(stage.length > kLeastLength * length_)) return;
   const auto part = [&](std::size_t k) { return std::span(ends_).subspan(k * dof_, dof_); };
   derive(stage, false, part(0), part(1));
   derive(stage, true, part(2), part(3));
-  if (depth >= kMaxDepth || dot(part(0), part(2)) >= kLeastCosine) {
+  if (depth >= kMaxDepth || stage.length < kLeastHalved * length_ ||
+      dot(part(0), part(2)) >= kLeastCosine) {
     stages_.push_back(stage);
     return;
   }

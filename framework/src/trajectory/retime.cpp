@@ -22,6 +22,7 @@ constexpr double kLeast_s = 1e-3;   ///< Duration of a motion that stays put.
 constexpr double kStaysPut = 1e-9;  ///< A path this short, in m or rad, is none.
 constexpr double kCoarse = 1.02;    ///< A stage that breaks a limit by more is too long.
 constexpr int kMaxRounds = 40;
+constexpr int kMostStages = 20;      ///< Times as many as at first.
 constexpr int kMaxTries = 3;         ///< With a lower share; then the stage is too long, too.
 constexpr double kRounding = 1e-15;  ///< Of positions, relative.
 
@@ -286,14 +287,15 @@ Result<Retiming> Retimer::run() {
   SpeedProfile::Shares shares;
   shares.velocity.assign(static_cast<std::size_t>(stages_.size()), 1.0 - kInside);
   shares.acceleration = shares.velocity;
-  for (int round = 0; round < kMaxRounds; ++round) {
+  const int most = kMostStages * stages_.size();
+  for (int round = 0; round < kMaxRounds && stages_.size() <= most; ++round) {
     if (!profile_.solve(x_start, x_goal, shares)) return tl::make_unexpected(obstruction());
     write_motion();
     if (!refine(shares)) return std::move(out_);
   }
-  return invalid("the path turns too sharply to be timed: after " + std::to_string(kMaxRounds) +
-                 " refinements its motion still breaks a limit or leaves the path by " +
-                 number(out_.deviation));
+  return invalid(
+      "the path turns too sharply to be timed: cut into " + std::to_string(stages_.size()) +
+      " stages its motion still breaks a limit or leaves the path by " + number(out_.deviation));
 }
 
 }  // namespace

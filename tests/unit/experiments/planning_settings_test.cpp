@@ -6,6 +6,8 @@
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "support/chain_robot.hpp"
+
 namespace sidestep {
 namespace {
 
@@ -126,6 +128,32 @@ TEST(PlanningSettings, ReadWeightsInheritedFromTheCosts) {
   EXPECT_EQ(settings.epsilon_m, 0.3);
   EXPECT_EQ(settings.space().unknown, Space::kFree);
   EXPECT_EQ(settings.space().outside, Space::kOccupied);
+}
+
+TEST(MakeProblem, TakesItsTimeFromTheLimitsOrFromTheSettings) {
+  const auto robot = testing_support::flying_ball(0.1);  // 2 m/s; no acceleration limits
+  robot->description().joints[1].max_acceleration = 1.0;
+  PlanningSettings settings;
+  settings.unknown = settings.outside = "free";
+  settings.dt_s = 0.1;
+  settings.speed_fraction = 0.5;
+  settings.acceleration_fraction = 0.25;
+  settings.assumed_ramp_s = 0.5;
+  settings.duration_scale = 1.5;
+  const Eigen::Vector3d start(0.0, 0.0, 0.0);
+  const auto intervals = [&](const Eigen::Vector3d& goal, double slower) {
+    return make_problem(robot, nullptr, settings, start, goal, slower).support_states - 1;
+  };
+  // y: 1 m at 0.25 m/s^2, a triangle of 2 sqrt(1 / 0.25) = 4 s.
+  EXPECT_EQ(intervals({0.0, 1.0, 0.0}, 1.0), 60);
+  EXPECT_EQ(intervals({0.0, 1.0, 0.0}, 1.25), 75);
+  // x: taken to reach 2 m/s in 0.5 s, a quarter of that is 1 m/s^2: 2 / 1 + 1 / 1 = 3 s.
+  EXPECT_EQ(intervals({2.0, 0.0, 0.0}, 1.0), 45);
+  EXPECT_EQ(intervals(start, 1.0), 2);
+  settings.duration_s = 2.05;
+  EXPECT_EQ(intervals({2.0, 1.0, 0.0}, 1.0), 21);
+  settings.duration_s = 3600.0;
+  EXPECT_EQ(intervals(start, 1e3), 9'999);
 }
 
 }  // namespace
