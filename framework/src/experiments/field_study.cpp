@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <ctime>
 #include <mutex>
 
 #include <sidestep/core/worker_pool.hpp>
@@ -44,6 +45,7 @@ class RobotStudy {
 
   [[nodiscard]] const StudyRobot& settings() const { return settings_; }
   [[nodiscard]] const RobotDescription& description() const { return robot_->description(); }
+  [[nodiscard]] const std::vector<Eigen::VectorXd>& states() const { return states_; }
 
   /// Optimisers for `threads` threads.
   Result<void> prepare(int threads, bool skips_collisions, ExperimentContext& context);
@@ -229,6 +231,7 @@ class StudyRun {
   std::int64_t session_ = 0;
   StudySession spent_;
   Stopwatch watch_;
+  std::clock_t cpu_begin_ = std::clock();
 };
 
 Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
@@ -245,6 +248,7 @@ Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
     row.scenes = settings.scenes;
     row.boxes_per_scene = settings.boxes_per_scene;
     row.resolution_m = study_.robots[r].grid.resolution_m;
+    row.drawn_states = (*robot)->states();
     row.published = study_.robots[r].entry.published;
     for (int scene = 0; scene < settings.scenes; ++scene) {
       if (in_shard(context_.shard, r, scene, settings.scenes)) row.planned += settings.pairs();
@@ -321,6 +325,7 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
 
 void StudyRun::note_session() {
   spent_.wall_s = 1e-3 * watch_.elapsed_ms();
+  spent_.cpu_s = static_cast<double>(std::clock() - cpu_begin_) / CLOCKS_PER_SEC;
   record_session(spent_, session_, recorder_);
 }
 

@@ -33,7 +33,9 @@ Interval wilson_interval(std::int64_t hits, std::int64_t trials, double confiden
   const double scale = 1.0 / (1.0 + z * z / n);
   const double centre = scale * (share + z * z / (2.0 * n));
   const double half = scale * z * std::sqrt(share * (1.0 - share) / n + z * z / (4.0 * n * n));
-  return {std::max(0.0, centre - half), std::min(1.0, centre + half)};
+  // At the ends the limits are the ends themselves, whatever rounding makes of them.
+  return {hits == 0 ? 0.0 : std::max(0.0, centre - half),
+          hits == trials ? 1.0 : std::min(1.0, centre + half)};
 }
 
 Interval bootstrap_ratio(std::span<const double> numerators, std::span<const double> denominators,

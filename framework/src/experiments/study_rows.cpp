@@ -99,6 +99,18 @@ PublishedOutcome read_published(ItemReader& item, const std::string& kind) {
           item.number(prefix + "cost_sd")};
 }
 
+std::vector<Eigen::VectorXd> read_states(ColumnReader reader, int dof,
+                                         std::optional<Error>& error) {
+  std::vector<Eigen::VectorXd> states;
+  for (int j = 0; j < dof; ++j) {
+    const auto column = reader.column("q." + std::to_string(j));
+    states.resize(column.size(), Eigen::VectorXd::Zero(dof));
+    for (std::size_t i = 0; i < column.size(); ++i) states[i][j] = column[i];
+  }
+  if (!error) error = reader.error();
+  return states;
+}
+
 std::vector<SceneRow> read_scenes(ColumnReader reader, std::optional<Error>& error) {
   const auto scene = reader.column("scene"), side = reader.column("mean_side_m");
   const auto plain = reader.column("unsigned.field_ms"), sign = reader.column("signed.field_ms");
@@ -166,6 +178,7 @@ StudyRobotRows read_robot(ResultsReader& reader, std::size_t robot, const std::s
         PublishedComparison{read_published(item, "unsigned"), read_published(item, "signed")};
   }
   if (!error) error = item.error();
+  rows.drawn_states = read_states({reader, of_robot("state", robot), file}, rows.dof, error);
   rows.drawn = read_scenes({reader, of_robot("scene", robot), file}, error);
   rows.problems = read_problems({reader, of_robot("problem", robot), file}, error);
   return rows;
@@ -223,6 +236,13 @@ void record_study(const StudyRecord& study, Recorder& recorder) {
     recorder.add("robot", item, "boxes_per_scene", robot.boxes_per_scene);
     recorder.add("robot", item, "resolution_m", robot.resolution_m);
     recorder.add("robot", item, "planned", robot.planned);
+    for (std::size_t i = 0; i < robot.drawn_states.size(); ++i) {
+      const Eigen::VectorXd& q = robot.drawn_states[i];
+      for (Eigen::Index j = 0; j < q.size(); ++j) {
+        recorder.add(of_robot("state", r), static_cast<std::int64_t>(i), "q." + std::to_string(j),
+                     q[j]);
+      }
+    }
     recorder.add("robot", item, "has_published", robot.published.has_value());
     if (!robot.published) continue;
     record_published(robot.published->unsigned_field, "unsigned", item, recorder);
@@ -232,6 +252,7 @@ void record_study(const StudyRecord& study, Recorder& recorder) {
 
 void record_session(const StudySession& session, std::int64_t index, Recorder& recorder) {
   recorder.add("session", index, "wall_s", session.wall_s);
+  recorder.add("session", index, "cpu_s", session.cpu_s);
   recorder.add("session", index, "threads", session.threads);
   recorder.add("session", index, "problems", session.problems);
 }
@@ -289,11 +310,12 @@ Result<StudyRecord> read_study(const std::filesystem::path& file) {
     study.robots.push_back(read_robot(**reader, static_cast<std::size_t>(r), file.string(), error));
   }
   ColumnReader sessions(**reader, "session", file.string());
-  const auto wall_s = sessions.column("wall_s"), threads = sessions.column("threads");
+  const auto wall_s = sessions.column("wall_s"), cpu_s = sessions.column("cpu_s");
+  const auto threads = sessions.column("threads");
   const auto problems = sessions.column("problems");
   for (std::size_t i = 0; i < wall_s.size(); ++i) {
-    study.sessions.push_back(
-        {wall_s[i], static_cast<int>(threads[i]), static_cast<std::int64_t>(problems[i])});
+    study.sessions.push_back({wall_s[i], cpu_s[i], static_cast<int>(threads[i]),
+                              static_cast<std::int64_t>(problems[i])});
   }
   if (!error) error = sessions.error();
   if (error) return tl::make_unexpected(std::move(*error));

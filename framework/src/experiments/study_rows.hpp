@@ -20,6 +20,7 @@ namespace sidestep {
 /// A stretch of work on a study: one `sidestep run`, up to its end or its interruption.
 struct StudySession {
   double wall_s = 0.0;
+  double cpu_s = 0.0;  ///< Of all threads: what it takes where nothing else runs.
   int threads = 0;
   std::int64_t problems = 0;  ///< That it solved.
 };
@@ -41,6 +42,7 @@ struct StudyRobotRows {
   double resolution_m = 0.0;
   std::int64_t planned = 0;  ///< Problems that this store should come to hold.
   std::optional<PublishedComparison> published;
+  std::vector<Eigen::VectorXd> drawn_states;
   std::vector<SceneRow> drawn;           ///< By scene.
   std::vector<ProblemOutcome> problems;  ///< By problem.
 
@@ -65,7 +67,7 @@ struct StudyRecord {
   [[nodiscard]] std::int64_t solved() const;
 };
 
-/// Everything but the sessions' and robots' rows: series "study" and "robot".
+/// Everything but what is solved: series "study", "robot" and "state/ROBOT".
 void record_study(const StudyRecord& study, Recorder& recorder);
 /// Series "session", item `index`.
 void record_session(const StudySession& session, std::int64_t index, Recorder& recorder);

@@ -99,8 +99,11 @@ Json robot_json(const StudyRobotRows& robot, const RobotComparison& comparison) 
 }
 
 Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& comparisons) {
-  double wall_s = 0.0, solve_s = 0.0, check_s = 0.0, field_s = 0.0;
-  for (const StudySession& session : study.sessions) wall_s += session.wall_s;
+  double wall_s = 0.0, cpu_s = 0.0, solve_s = 0.0, check_s = 0.0, field_s = 0.0;
+  for (const StudySession& session : study.sessions) {
+    wall_s += session.wall_s;
+    cpu_s += session.cpu_s;
+  }
   for (const RobotComparison& robot : comparisons) {
     for (const FieldComparison& field : robot.fields) {
       solve_s += field.solve_s;
@@ -114,6 +117,7 @@ Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& com
   }
   return {{"sessions", study.sessions.size()},
           {"wall_s", wall_s},
+          {"cpu_s", cpu_s},
           {"solve_s", solve_s},
           {"check_s", check_s},
           {"field_s", field_s}};
