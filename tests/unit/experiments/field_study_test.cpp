@@ -166,7 +166,7 @@ TEST(StudyRows, ComeBackAsTheyWereAndMayBeAddedTo) {
     ASSERT_TRUE(store);
     Recorder recorder(**store);
     record_study(study, recorder);
-    record_session({1.5, 2, 4}, 0, recorder);
+    record_session({1.5, 2.5, 2, 4}, 0, recorder);
     record_scene({1, 0.25, {0.5, 0.75}}, 0, recorder);
     for (std::size_t p = 0; p < 4; ++p) record_problem(study.robots[0].problems[p], 0, recorder);
     ASSERT_TRUE(recorder.commit());
@@ -187,6 +187,7 @@ TEST(StudyRows, ComeBackAsTheyWereAndMayBeAddedTo) {
   EXPECT_EQ(read->bootstrap_samples, 123);
   ASSERT_EQ(read->sessions.size(), 1u);
   EXPECT_EQ(read->sessions[0].problems, 4);
+  EXPECT_EQ(read->sessions[0].cpu_s, 2.5);
   const StudyRobotRows& robot = read->robots.at(0);
   EXPECT_EQ(robot.published->signed_field.cost_sd, 10.0);
   EXPECT_EQ(robot.drawn_states, study.robots[0].drawn_states);
