@@ -81,17 +81,17 @@ class PlanarRobot final : public RobotModel {
     }
   }
 
-  void pull_back(std::span<const double> q, std::span<const Eigen::Vector3d> sphere_gradients,
-                 std::span<double> joint_gradients, Scratch& scratch) const override {
-    const std::size_t spheres = description_.spheres.size();
+  void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                 std::span<double> joint_forces, Scratch&) const override {
     const auto dof = static_cast<std::size_t>(description_.dof());
-    std::vector<Eigen::Vector3d> centres(sphere_gradients.size());
-    std::vector<Eigen::Vector3d> jacobians(sphere_gradients.size() * dof);
-    sphere_jacobians(q, centres, jacobians, scratch);
-    std::fill(joint_gradients.begin(), joint_gradients.end(), 0.0);
-    for (std::size_t i = 0; i < centres.size(); ++i) {
+    for (std::size_t k = 0; k < forces.size(); ++k) {
+      const auto& [batch_row, link, force, moment] = forces[k];
+      const auto row = q.subspan(static_cast<std::size_t>(batch_row) * dof, dof);
       for (std::size_t j = 0; j < dof; ++j) {
-        joint_gradients[i / spheres * dof + j] += jacobians[i * dof + j].dot(sphere_gradients[i]);
+        const int joint = static_cast<int>(j);
+        // Of the point of the link that is at the world's origin.
+        const Eigen::Vector3d motion = column(row, joint, link, Eigen::Vector3d::Zero());
+        joint_forces[k * dof + j] = motion.dot(force) + (turns(joint, link) ? moment.z() : 0.0);
       }
     }
   }
@@ -111,12 +111,17 @@ class PlanarRobot final : public RobotModel {
     return T_world_link;
   }
 
+  /// The first link that a joint turns.
+  [[nodiscard]] int turned_by(int joint) const { return joint - (shape_.mobile ? 2 : 0) + 1; }
+  [[nodiscard]] bool turns(int joint, int link) const {
+    return turned_by(joint) >= 1 && turned_by(joint) <= link;
+  }
+
   [[nodiscard]] Eigen::Vector3d column(std::span<const double> q, int joint, int link,
                                        const Eigen::Vector3d& centre_m) const {
     if (shape_.mobile && joint < 2) return Eigen::Vector3d::Unit(joint);
-    const int moved = joint - (shape_.mobile ? 2 : 0) + 1;  // the link this joint turns
-    if (moved > link) return Eigen::Vector3d::Zero();
-    return Eigen::Vector3d::UnitZ().cross(centre_m - frame(q, moved).translation());
+    if (!turns(joint, link)) return Eigen::Vector3d::Zero();
+    return Eigen::Vector3d::UnitZ().cross(centre_m - frame(q, turned_by(joint)).translation());
   }
 
   Shape shape_;

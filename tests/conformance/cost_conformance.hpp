@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/planning/state_cost.hpp>
+#include <sidestep/planning/state_normals.hpp>
 
 /// What every StateCost must hold. Call expect_conforms(cost, states) from a test of your own.
 namespace sidestep::conformance {
@@ -127,12 +128,65 @@ inline void expect_batch_consistent(const StateCost& cost, const States& states)
   return compared;
 }
 
+/// linearise() against the products of what evaluate() gives, at every other one of more states.
+inline void expect_linearises(const StateCost& cost, const States& states) {
+  SCOPED_TRACE(std::string(cost.name()));
+  const auto d = static_cast<std::size_t>(states.dof);
+  const auto m = static_cast<std::size_t>(cost.residual_count());
+  const auto n = static_cast<std::size_t>(states.count());
+  StateNormals normals;
+  normals.resize(static_cast<int>(2 * n + 1), states.dof);
+  Scratch scratch;
+  const double sum = cost.linearise(states.batch(), {1, 2}, normals, scratch);
+
+  const Evaluation at = evaluate(cost, states);
+  double expected_cost = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::size_t state = 1 + 2 * i;
+    EXPECT_FALSE(normals.has_position(state - 1) || normals.has_full(state - 1));
+    // The Jacobian of a residual by [q; qdot].
+    const auto entry = [&](std::size_t row, std::size_t v) {
+      return v < d ? at.jacobian_q[(i * m + row) * d + v]
+                   : at.jacobian_qdot[(i * m + row) * d + v - d];
+    };
+    const auto full = normals.full(state), position = normals.position(state);
+    for (std::size_t a = 0; a < 2 * d; ++a) {
+      double gradient = 0.0;
+      double scale = 1.0;
+      for (std::size_t row = 0; row < m; ++row) {
+        gradient += entry(row, a) * at.residuals[i * m + row];
+        scale += std::abs(entry(row, a) * at.residuals[i * m + row]);
+      }
+      EXPECT_NEAR(full.gradient[a] + (a < d ? position.gradient[a] : 0.0), gradient, 1e-9 * scale)
+          << "state " << i << ", variable " << a;
+      for (std::size_t b = 0; b < 2 * d; ++b) {
+        double product = 0.0;
+        scale = 1.0;
+        for (std::size_t row = 0; row < m; ++row) {
+          product += entry(row, a) * entry(row, b);
+          scale += std::abs(entry(row, a) * entry(row, b));
+        }
+        const double of_positions =
+            a < d && b < d ? position.hessian[a * normals.position_stride() + b] : 0.0;
+        EXPECT_NEAR(full.hessian[a * normals.full_stride() + b] + of_positions, product,
+                    1e-9 * scale)
+            << "state " << i << ", variables " << a << " and " << b;
+      }
+    }
+    for (std::size_t row = 0; row < m; ++row) {
+      expected_cost += 0.5 * at.residuals[i * m + row] * at.residuals[i * m + row];
+    }
+  }
+  EXPECT_NEAR(sum, expected_cost, 1e-9 * (1.0 + expected_cost));
+}
+
 /// All of the above; `states` must include some at which the cost is not zero.
 inline void expect_conforms(const StateCost& cost, const States& states) {
   EXPECT_FALSE(cost.name().empty());
   expect_batch_consistent(cost, states);
   EXPECT_GT(expect_jacobians_match_differences(cost, states), 0)
       << cost.name() << " is zero at every state of the test";
+  expect_linearises(cost, states);
 }
 
 }  // namespace sidestep::conformance

@@ -391,6 +391,65 @@ TEST_P(FieldConformance, TellsKnownUnknownAndOutside) {
   EXPECT_EQ(field->info().stamp, Stamp::from_seconds(1.0));
 }
 
+TEST_P(FieldConformance, FindsThePointsBelowTheirLimits) {
+  const GridSpec spec = grid(40, 37, 35);
+  attach(spec);
+  std::mt19937 random(11);
+  const auto at_random = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  observe_all(false);
+  set_ball(spec.centre_m({13, 15, 14}), 0.3, true);
+  for (int i = 0; i < 60; ++i) {
+    map_->set({static_cast<int>(random() % 40), static_cast<int>(random() % 37), 30}, true);
+  }
+  const auto field = update();
+  ASSERT_TRUE(field);
+  for (const std::size_t n : {std::size_t{8}, std::size_t{1600}}) {
+    std::vector<Eigen::Vector3d> points(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const double margin_m = 2.0 * spec.resolution_m;
+        points[i][axis] =
+            at_random(spec.origin_m[axis] - margin_m, spec.upper_m()[axis] + margin_m);
+      }
+    }
+    points[n / 2].x() = std::numeric_limits<double>::quiet_NaN();
+    std::vector<double> distances(n);
+    std::vector<Eigen::Vector3d> gradients(n);
+    std::vector<FieldStatus> statuses(n);
+    std::vector<PointLanes> in_lanes(n / kLanes);
+    std::vector<double> limits_m;
+    for (std::size_t i = 0; i < n; ++i) {
+      in_lanes[i / kLanes].x[i % kLanes] = points[i].x();
+      in_lanes[i / kLanes].y[i % kLanes] = points[i].y();
+      in_lanes[i / kLanes].z[i % kLanes] = points[i].z();
+      if (i % kLanes == 0) limits_m.push_back(at_random(-0.1, 0.6));
+    }
+    field->query(points, distances, gradients, statuses);
+    for (const bool also_unknown : {false, true}) {
+      std::vector<FieldSample> samples(n);
+      samples.resize(field->query_below(in_lanes, limits_m, also_unknown, samples));
+      std::size_t next = 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        const bool listed = statuses[i] == FieldStatus::kOutside ||
+                            (also_unknown && statuses[i] == FieldStatus::kUnknown) ||
+                            !(distances[i] >= limits_m[i / kLanes]);
+        if (!listed) continue;
+        ASSERT_LT(next, samples.size()) << "point " << i << " at " << points[i].transpose();
+        const FieldSample& sample = samples[next++];
+        ASSERT_EQ(sample.point, i);
+        EXPECT_EQ(sample.status, statuses[i]);
+        if (!std::isnan(distances[i])) {
+          EXPECT_EQ(sample.distance_m, distances[i]);
+        }
+        EXPECT_EQ(sample.gradient, gradients[i]);
+      }
+      EXPECT_EQ(next, samples.size());
+    }
+  }
+}
+
 TEST_P(FieldConformance, SnapshotsNeverChange) {
   attach(grid(48, 32, 32));
   observe_all(false);

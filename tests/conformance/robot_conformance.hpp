@@ -73,7 +73,7 @@ inline void check_description(const RobotDescription& robot) {
   }
 }
 
-/// A batch gives what its rows give one by one, and sphere_centres what link_poses says.
+/// A batch gives what its rows give one by one, and centres are where link_poses says.
 inline void check_centres(const RobotModel& model, int n, std::uint64_t seed) {
   const RobotDescription& robot = model.description();
   const std::size_t dof = robot.joints.size();
@@ -82,6 +82,8 @@ inline void check_centres(const RobotModel& model, int n, std::uint64_t seed) {
   std::vector<Eigen::Vector3d> batch(static_cast<std::size_t>(n) * count);
   Scratch scratch;
   model.sphere_centres(q, batch, scratch);
+  std::vector<PointLanes> in_lanes(padded(static_cast<std::size_t>(n)) / kLanes * count);
+  model.sphere_centre_lanes(q, in_lanes, scratch);
   std::vector<Transform> T_world_link(robot.links.size());
   for (std::size_t row = 0; row < static_cast<std::size_t>(n); ++row) {
     model.link_poses(std::span(q).subspan(row * dof, dof), T_world_link, scratch);
@@ -90,11 +92,15 @@ inline void check_centres(const RobotModel& model, int n, std::uint64_t seed) {
       const Eigen::Vector3d expected =
           T_world_link[static_cast<std::size_t>(sphere.link)] * sphere.centre_link_m;
       EXPECT_LT((batch[row * count + s] - expected).norm(), 1e-12) << "sphere " << s;
+      const PointLanes& lanes = in_lanes[row / kLanes * count + s];
+      const Eigen::Vector3d in_lane(lanes.x[row % kLanes], lanes.y[row % kLanes],
+                                    lanes.z[row % kLanes]);
+      EXPECT_LT((in_lane - expected).norm(), 1e-12) << "sphere " << s;
     }
   }
 }
 
-/// Jacobians against central differences, pull_back against the explicit sum.
+/// Jacobians against central differences.
 inline void check_derivatives(const RobotModel& model, int n, std::uint64_t seed) {
   const RobotDescription& robot = model.description();
   const std::size_t dof = robot.joints.size();
@@ -126,19 +132,64 @@ inline void check_derivatives(const RobotModel& model, int n, std::uint64_t seed
       }
     }
   }
+}
+
+/// pull_back against sphere_jacobians, for forces at spheres, and against how link_poses turns
+/// links by central differences, for moments. Rows and links at random, some left out, some
+/// repeated.
+inline void check_pull_back(const RobotModel& model, int n, std::uint64_t seed) {
+  const RobotDescription& robot = model.description();
+  const std::size_t dof = robot.joints.size();
+  const std::size_t count = robot.spheres.size();
+  const std::size_t rows = static_cast<std::size_t>(n);
+  const std::vector<double> q = random_configurations(robot, n, seed);
+  std::vector<Eigen::Vector3d> centres(rows * count), jacobians(rows * count * dof);
+  Scratch scratch;
+  model.sphere_jacobians(q, centres, jacobians, scratch);
 
   std::mt19937_64 generator(seed + 1);
   std::normal_distribution<double> normal;
-  std::vector<Eigen::Vector3d> gradients(rows * count);
-  for (auto& g : gradients) g = {normal(generator), normal(generator), normal(generator)};
-  std::vector<double> pulled(rows * dof, NAN);
-  model.pull_back(q, gradients, pulled, scratch);
-  for (std::size_t row = 0; row < rows; ++row) {
+  const auto any_vector = [&] {
+    return Eigen::Vector3d(normal(generator), normal(generator), normal(generator));
+  };
+  std::vector<LinkForce> forces;
+  std::vector<std::size_t> sphere_of;  // count: none, a moment only
+  for (std::size_t row = generator() % 2; row < rows; row += 1 + generator() % 2) {
+    for (std::size_t s = generator() % 3; s < count; s += 1 + generator() % 3) {
+      const Eigen::Vector3d force = any_vector();
+      forces.push_back({static_cast<int>(row), robot.spheres[s].link, force,
+                        centres[row * count + s].cross(force)});
+      sphere_of.push_back(s);
+    }
+    const int link = static_cast<int>(generator() % robot.links.size());
+    forces.push_back({static_cast<int>(row), link, Eigen::Vector3d::Zero(), any_vector()});
+    sphere_of.push_back(count);
+  }
+  std::vector<double> pulled(forces.size() * dof, NAN);
+  model.pull_back(q, forces, pulled, scratch);
+
+  constexpr double kStep = 1e-6;
+  std::vector<Transform> ahead(robot.links.size()), behind(robot.links.size());
+  for (std::size_t k = 0; k < forces.size(); ++k) {
+    const std::size_t row = static_cast<std::size_t>(forces[k].row);
+    const auto link = static_cast<std::size_t>(forces[k].link);
     for (std::size_t j = 0; j < dof; ++j) {
-      double sum = 0.0;
-      for (std::size_t s = 0; s < count; ++s)
-        sum += jacobians[(row * count + s) * dof + j].dot(gradients[row * count + s]);
-      EXPECT_NEAR(pulled[row * dof + j], sum, 1e-10 * (1.0 + std::abs(sum)));
+      double expected = 0.0;
+      if (sphere_of[k] < count) {
+        expected = jacobians[(row * count + sphere_of[k]) * dof + j].dot(forces[k].force);
+      } else {
+        std::vector<double> moved(q.begin() + static_cast<std::ptrdiff_t>(row * dof),
+                                  q.begin() + static_cast<std::ptrdiff_t>((row + 1) * dof));
+        moved[j] += kStep;
+        model.link_poses(moved, ahead, scratch);
+        moved[j] -= 2.0 * kStep;
+        model.link_poses(moved, behind, scratch);
+        const Eigen::AngleAxisd turn(ahead[link].linear() * behind[link].linear().transpose());
+        expected = turn.angle() / (2.0 * kStep) * turn.axis().dot(forces[k].moment);
+      }
+      const double tolerance = sphere_of[k] < count ? 1e-10 : 1e-5;
+      EXPECT_NEAR(pulled[k * dof + j], expected, tolerance * (1.0 + std::abs(expected)))
+          << "link " << robot.links[link].name << ", joint " << robot.joints[j].name;
     }
   }
 }
@@ -167,6 +218,7 @@ inline void check_robot(const RobotModel& model, int configurations = 20, std::u
   if (::testing::Test::HasFatalFailure()) return;
   check_centres(model, configurations, seed);
   check_derivatives(model, configurations, seed);
+  check_pull_back(model, configurations, seed);
   check_threads(model, seed);
 }
 

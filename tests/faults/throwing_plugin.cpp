@@ -184,10 +184,10 @@ class Throwing final : public RobotModel {
     fuse_.pass("sphere_jacobians");
     tree_->sphere_jacobians(q, centres_m, jacobians, scratch);
   }
-  void pull_back(std::span<const double> q, std::span<const Eigen::Vector3d> sphere_gradients,
-                 std::span<double> joint_gradients, Scratch& scratch) const override {
+  void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                 std::span<double> joint_forces, Scratch& scratch) const override {
     fuse_.pass("pull_back");
-    tree_->pull_back(q, sphere_gradients, joint_gradients, scratch);
+    tree_->pull_back(q, forces, joint_forces, scratch);
   }
 
  private:

@@ -9,6 +9,7 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include "command_line.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::testing {
 namespace {
@@ -22,14 +23,6 @@ const std::string kTiny = std::string(SIDESTEP_SOURCE_DIR) + "/tests/integration
 
 class CommandTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(::testing::TempDir()) / (std::string("command_") + test->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   /// `sidestep run` of the tiny configuration into a folder of this test's.
   [[nodiscard]] Finished run_tiny(std::vector<std::string> more, const std::string& out = "run") {
     std::vector<std::string> arguments = {"run", kTiny, "--out", (folder_ / out).string()};
@@ -45,7 +38,8 @@ class CommandTest : public ::testing::Test {
     return file.string();
   }
 
-  fs::path folder_;
+  testing_support::TemporaryFolder own_folder_;
+  fs::path folder_ = own_folder_.path();
 };
 
 TEST_F(CommandTest, RefusesConfigurationsThatWouldShareAFolder) {

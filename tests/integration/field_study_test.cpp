@@ -10,6 +10,7 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include "command_line.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::testing {
 namespace {
@@ -30,14 +31,6 @@ bool is_time(std::string_view key) { return key.ends_with("_ms") || key.ends_wit
 
 class FieldStudyTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(::testing::TempDir()) / (std::string("study_") + test->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   [[nodiscard]] std::string at(const std::string& out) const { return (folder_ / out).string(); }
   [[nodiscard]] static std::vector<std::string> arguments(const std::vector<std::string>& sets,
                                                           std::vector<std::string> options) {
@@ -89,7 +82,8 @@ class FieldStudyTest : public ::testing::Test {
     EXPECT_EQ(summary_a, summary_b);
   }
 
-  fs::path folder_;
+  testing_support::TemporaryFolder own_folder_;
+  fs::path folder_ = own_folder_.path();
 };
 
 TEST_F(FieldStudyTest, ComparesBothFieldsOnEveryProblem) {

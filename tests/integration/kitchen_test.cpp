@@ -11,6 +11,7 @@
 #include <sidestep/runtime/pipeline.hpp>
 
 #include "support/host_fixture.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep {
 namespace {
@@ -100,12 +101,12 @@ TEST_P(Kitchen, TheMapHasTheTableWhereItWasMeasuredAndTheFloorFree) {
 }
 
 TEST_P(Kitchen, ThePlanPassesBothChecks) {
-  const std::string out = testing::TempDir() + "sidestep_" + GetParam();
+  const testing_support::TemporaryFolder folder;
+  const std::string out = (folder.path() / "run").string();
   const std::string command = std::string(SIDESTEP_COMMAND) + " run " + configuration() +
                               " --set source.path=" + kKitchen.string() + " --set " + stride() +
                               " --out " + out + " >/dev/null 2>&1";
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
-  std::filesystem::remove_all(out);
 }
 
 INSTANTIATE_TEST_SUITE_P(recorded, Kitchen, testing::Values("kitchen_hsr_gp", "kitchen_hsr_ompl"),

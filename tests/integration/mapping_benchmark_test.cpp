@@ -10,6 +10,7 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "command_line.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::testing {
 namespace {
@@ -27,14 +28,6 @@ const std::string kSmallCamera =
 
 class MappingBenchmarkTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::path(::testing::TempDir()) / (std::string("mapping_") + test->name());
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   [[nodiscard]] Finished run_it(const std::string& config, const std::vector<std::string>& sets,
                                 const std::string& out = "run") {
     std::vector<std::string> arguments = {"run", config, "--out", (folder_ / out).string()};
@@ -48,7 +41,8 @@ class MappingBenchmarkTest : public ::testing::Test {
     return Json::parse(read_file(folder_ / out / "summary.json"), nullptr, false);
   }
 
-  fs::path folder_;
+  testing_support::TemporaryFolder own_folder_;
+  fs::path folder_ = own_folder_.path();
 };
 
 TEST_F(MappingBenchmarkTest, MeasuresEverySystemOnTheSameFrames) {

@@ -39,10 +39,10 @@ class BallRobot final : public RobotModel {
       jacobians[c] = Eigen::Vector3d::Unit(static_cast<int>(c % 3));
     }
   }
-  void pull_back(std::span<const double>, std::span<const Eigen::Vector3d> sphere_gradients,
-                 std::span<double> joint_gradients, Scratch&) const override {
-    for (std::size_t b = 0; b < sphere_gradients.size(); ++b) {
-      Eigen::Map<Eigen::Vector3d>(joint_gradients.data() + 3 * b) = sphere_gradients[b];
+  void pull_back(std::span<const double>, std::span<const LinkForce> forces,
+                 std::span<double> joint_forces, Scratch&) const override {
+    for (std::size_t k = 0; k < forces.size(); ++k) {
+      Eigen::Map<Eigen::Vector3d>(joint_forces.data() + 3 * k) = forces[k].force;
     }
   }
 

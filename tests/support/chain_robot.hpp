@@ -91,21 +91,24 @@ class ChainRobot final : public RobotModel {
     }
   }
 
-  void pull_back(std::span<const double> q, std::span<const Eigen::Vector3d> sphere_gradients,
-                 std::span<double> joint_gradients, Scratch& scratch) const override {
+  void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                 std::span<double> joint_forces, Scratch& scratch) const override {
     const std::size_t dof = description_.joints.size();
-    const std::size_t spheres = description_.spheres.size();
-    const std::size_t rows = q.size() / dof;
-    std::vector<Eigen::Vector3d> centres(rows * spheres);
-    std::vector<Eigen::Vector3d> jacobians(rows * spheres * dof);
-    sphere_jacobians(q, centres, jacobians, scratch);
-    for (std::size_t b = 0; b < rows; ++b) {
-      for (std::size_t j = 0; j < dof; ++j) {
-        double sum = 0.0;
-        for (std::size_t s = 0; s < spheres; ++s) {
-          sum += jacobians[(b * spheres + s) * dof + j].dot(sphere_gradients[b * spheres + s]);
-        }
-        joint_gradients[b * dof + j] = sum;
+    std::vector<Transform> poses(steps_.size());
+    for (std::size_t k = 0; k < forces.size(); ++k) {
+      const LinkForce& pull = forces[k];
+      link_poses(q.subspan(static_cast<std::size_t>(pull.row) * dof, dof), poses, scratch);
+      std::fill_n(joint_forces.begin() + static_cast<std::ptrdiff_t>(k * dof), dof, 0.0);
+      for (int i = pull.link; i >= 0; i = description_.links[static_cast<std::size_t>(i)].parent) {
+        const Step& step = steps_[static_cast<std::size_t>(i)];
+        if (step.joint < 0) continue;
+        const Transform& pose = poses[static_cast<std::size_t>(i)];
+        const Eigen::Vector3d axis = pose.linear() * step.axis;
+        const auto j = static_cast<std::size_t>(step.joint);
+        joint_forces[k * dof + j] =
+            description_.joints[j].type == Joint::Type::kPrismatic
+                ? axis.dot(pull.force)
+                : axis.dot(pull.moment - pose.translation().cross(pull.force));
       }
     }
   }

@@ -9,7 +9,8 @@
 
 namespace sidestep::testing_support {
 
-/// A dense field, known everywhere, whose value at each voxel's centre is distance(centre).
+/// A dense field, known everywhere, whose value at each voxel's centre is distance(centre), which
+/// nowhere changes by more than the way.
 template <class Distance>
 [[nodiscard]] std::shared_ptr<const DenseField> sampled_field(const GridSpec& grid,
                                                               Distance distance) {
@@ -34,6 +35,7 @@ template <class Distance>
   FieldInfo info;
   info.grid = grid;
   info.is_signed = true;
+  info.steepest = 1.0;
   info.max_distance_m = std::numeric_limits<double>::infinity();
   std::vector<DenseField::KnownBlocks::Entry> known(blocks.size(), all_known);
   return std::make_shared<DenseField>(info, std::move(blocks), std::move(known));

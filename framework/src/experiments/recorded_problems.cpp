@@ -61,6 +61,7 @@ std::shared_ptr<const DistanceField> dense_field(const GridSpec& grid, bool is_s
   info.grid = grid;
   info.is_signed = is_signed;
   info.max_distance_m = std::numeric_limits<double>::infinity();
+  info.steepest = 1.0;
   std::vector<DenseField::KnownBlocks::Entry> known(blocks.size(), all_known);
   return std::make_shared<DenseField>(info, std::move(blocks), std::move(known));
 }

@@ -84,9 +84,9 @@ class ObstaclesOnly final : public RobotModel {
                         std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const override {
     robot_->sphere_jacobians(q, centres_m, jacobians, scratch);
   }
-  void pull_back(std::span<const double> q, std::span<const Eigen::Vector3d> sphere_gradients,
-                 std::span<double> joint_gradients, Scratch& scratch) const override {
-    robot_->pull_back(q, sphere_gradients, joint_gradients, scratch);
+  void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                 std::span<double> joint_forces, Scratch& scratch) const override {
+    robot_->pull_back(q, forces, joint_forces, scratch);
   }
 
  private:

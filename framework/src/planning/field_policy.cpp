@@ -6,9 +6,23 @@
 namespace sidestep {
 namespace {
 
-void set_gradient(std::span<Eigen::Vector3d> gradients, std::size_t i,
-                  const Eigen::Vector3d& gradient) noexcept {
-  if (!gradients.empty()) gradients[i] = gradient;
+/// Turns what a field says of a point that was never observed, or is outside, into what that counts
+/// as.
+void apply(const SpacePolicy& policy, const GridSpec& grid, const Eigen::Vector3d& p_m,
+           FieldStatus status, double& distance_m, Eigen::Vector3d& gradient) noexcept {
+  if (status == FieldStatus::kKnown || std::isnan(distance_m)) return;
+  if (status == FieldStatus::kUnknown) {
+    if (policy.unknown == Space::kOccupied && distance_m > 0.0) distance_m = 0.0;
+  } else if (policy.outside == Space::kFree) {
+    distance_m = std::numeric_limits<double>::infinity();
+    gradient.setZero();
+  } else {
+    const Eigen::Vector3d inwards = p_m.cwiseMax(grid.origin_m).cwiseMin(grid.upper_m()) - p_m;
+    const double outside_m = inwards.norm();
+    distance_m = -outside_m;
+    gradient.setZero();
+    if (outside_m > 0.0) gradient = inwards / outside_m;
+  }
 }
 
 }  // namespace
@@ -18,25 +32,31 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
                        std::span<Eigen::Vector3d> gradients,
                        std::span<FieldStatus> statuses) noexcept {
   field.query(points_m, distances_m, gradients, statuses);
-  const Eigen::Vector3d lower_m = field.info().grid.origin_m;
-  const Eigen::Vector3d upper_m = field.info().grid.upper_m();
+  Eigen::Vector3d unwanted;
   for (std::size_t i = 0; i < points_m.size(); ++i) {
-    const bool is_point = !std::isnan(distances_m[i]);  // else the point was none: it stays NaN
-    if (statuses[i] == FieldStatus::kKnown || !is_point) continue;
-    if (statuses[i] == FieldStatus::kUnknown) {
-      if (policy.unknown == Space::kOccupied && distances_m[i] > 0.0) distances_m[i] = 0.0;
-    } else if (policy.outside == Space::kFree) {
-      distances_m[i] = std::numeric_limits<double>::infinity();
-      set_gradient(gradients, i, Eigen::Vector3d::Zero());
-    } else {
-      const Eigen::Vector3d inwards = points_m[i].cwiseMax(lower_m).cwiseMin(upper_m) - points_m[i];
-      const double outside_m = inwards.norm();
-      distances_m[i] = -outside_m;
-      set_gradient(
-          gradients, i,
-          outside_m > 0.0 ? Eigen::Vector3d(inwards / outside_m) : Eigen::Vector3d::Zero());
-    }
+    apply(policy, field.info().grid, points_m[i], statuses[i], distances_m[i],
+          gradients.empty() ? unwanted : gradients[i]);
   }
+}
+
+std::size_t query_below_with_policy(const DistanceField& field, const SpacePolicy& policy,
+                                    std::span<const PointLanes> points_m,
+                                    std::span<const double> limits_m,
+                                    std::span<FieldSample> samples) noexcept {
+  const bool also_unknown = policy.unknown == Space::kOccupied;
+  const std::size_t found = field.query_below(points_m, limits_m, also_unknown, samples);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < found; ++i) {
+    FieldSample& sample = samples[i];
+    const std::size_t block = sample.point / kLanes, lane = sample.point % kLanes;
+    const PointLanes& in_m = points_m[block];
+    apply(policy, field.info().grid, {in_m.x[lane], in_m.y[lane], in_m.z[lane]}, sample.status,
+          sample.distance_m, sample.gradient);
+    if (sample.distance_m >= limits_m[block]) continue;
+    if (kept != i) samples[kept] = sample;
+    ++kept;
+  }
+  return kept;
 }
 
 }  // namespace sidestep

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
@@ -15,6 +16,25 @@ class IntervalHinge {
       : lower_(std::move(lower)), upper_(std::move(upper)), weight_(1.0 / sigma) {}
 
   [[nodiscard]] int size() const noexcept { return static_cast<int>(lower_.size()); }
+
+  /// Calls add(i, joint, entry, residual) for each value beyond its limits, i in [0, n); returns
+  /// 1/2 the sum of squares. values: n x d.
+  template <class Add>
+  double for_each_beyond(std::span<const double> values, const Add& add) const {
+    const std::size_t d = lower_.size();
+    double sum = 0.0;
+    for (std::size_t first = 0; first < values.size(); first += d) {
+      for (std::size_t j = 0; j < d; ++j) {
+        const double below = lower_[j] - values[first + j];
+        const double above = values[first + j] - upper_[j];
+        if (below <= 0.0 && above <= 0.0) continue;
+        const double residual = weight_ * std::max(above, below);
+        sum += residual * residual;
+        add(first / d, j, above > below ? weight_ : -weight_, residual);
+      }
+    }
+    return 0.5 * sum;
+  }
 
   /// values: n x d. residuals: n x d or empty. jacobian: n x d x d or empty.
   void evaluate(std::span<const double> values, std::span<double> residuals,
@@ -48,6 +68,13 @@ class PositionLimitCost final : public StateCost {
     hinge_.evaluate(states.q, out.residuals, out.jacobian_q);
     std::ranges::fill(out.jacobian_qdot, 0.0);
   }
+  double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
+                   Scratch&) const override {
+    return hinge_.for_each_beyond(
+        states.q, [&](std::size_t i, std::size_t joint, double entry, double residual) {
+          out.add_position_entry(range[i], joint, entry, residual);
+        });
+  }
 
  private:
   IntervalHinge hinge_;
@@ -63,6 +90,13 @@ class VelocityLimitCost final : public StateCost {
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
     hinge_.evaluate(states.qdot, out.residuals, out.jacobian_qdot);
     std::ranges::fill(out.jacobian_q, 0.0);
+  }
+  double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
+                   Scratch&) const override {
+    return hinge_.for_each_beyond(
+        states.qdot, [&](std::size_t i, std::size_t joint, double entry, double residual) {
+          out.add_velocity_entry(range[i], joint, entry, residual);
+        });
   }
 
  private:

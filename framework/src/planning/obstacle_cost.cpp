@@ -2,13 +2,10 @@
 #include <utility>
 
 #include <sidestep/planning/costs.hpp>
-
-#include "batch_arrays.hpp"
+#include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
-
-using detail::scratch_array;
 
 class ObstacleCost final : public StateCost {
  public:
@@ -21,6 +18,7 @@ class ObstacleCost final : public StateCost {
         spheres_(robot_->description().spheres.size()) {
     for (const CollisionSphere& sphere : robot_->description().spheres) {
       reach_m_.push_back(epsilon_m + sphere.radius_m);
+      link_.push_back(sphere.link);
     }
   }
 
@@ -28,15 +26,63 @@ class ObstacleCost final : public StateCost {
   [[nodiscard]] int residual_count() const noexcept override { return static_cast<int>(spheres_); }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
 
+  double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
+                   Scratch& scratch) const override {
+    Scratch::Scope scope(scratch);
+    const auto dof = static_cast<std::size_t>(states.dof);
+    const std::size_t groups = padded(static_cast<std::size_t>(states.count)) / kLanes;
+    const auto centres_m = scope.array<PointLanes>(groups * spheres_);
+    const auto limits_m = scope.doubles(centres_m.size());
+    const auto near = scope.array<FieldSample>(kLanes * centres_m.size());
+    for (std::size_t g = 0; g < groups; ++g) {
+      std::ranges::copy(reach_m_, limits_m.begin() + static_cast<std::ptrdiff_t>(g * spheres_));
+    }
+    robot_->sphere_centre_lanes(states.q, centres_m, scratch);
+    const std::size_t found = query_below_with_policy(*field_, space_, centres_m, limits_m, near);
+
+    const auto forces = scope.array<LinkForce>(found);
+    const auto residuals = scope.doubles(found);
+    const auto rows = scope.doubles(found * dof);
+    std::size_t count = 0;
+    for (std::size_t begin = 0, end = 0; begin < found; begin = end) {
+      const std::size_t group = near[begin].point / (kLanes * spheres_);
+      while (end < found && near[end].point / (kLanes * spheres_) == group) ++end;
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        const std::size_t row = kLanes * group + lane;
+        if (row >= static_cast<std::size_t>(states.count)) break;
+        for (const FieldSample& sample : near.subspan(begin, end - begin)) {
+          if (sample.point % kLanes != lane) continue;
+          const PointLanes& in_m = centres_m[sample.point / kLanes];
+          const std::size_t sphere = sample.point / kLanes - group * spheres_;
+          const Eigen::Vector3d centre_m(in_m.x[lane], in_m.y[lane], in_m.z[lane]);
+          const Eigen::Vector3d force = -weight_ * sample.gradient;
+          forces[count] = {static_cast<int>(row), link_[sphere], force, centre_m.cross(force)};
+          residuals[count++] = weight_ * (reach_m_[sphere] - sample.distance_m);
+        }
+      }
+    }
+    robot_->pull_back(states.q, forces.first(count), rows, scratch);
+    double sum = 0.0;
+    for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
+      for (; end < count && forces[end].row == forces[begin].row; ++end) {
+        sum += residuals[end] * residuals[end];
+      }
+      out.add_rows(range[static_cast<std::size_t>(forces[begin].row)],
+                   rows.subspan(begin * dof, (end - begin) * dof),
+                   residuals.subspan(begin, end - begin));
+    }
+    return 0.5 * sum;
+  }
+
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch& scratch) const override {
     Scratch::Scope scope(scratch);
     const auto n = static_cast<std::size_t>(states.count);
     const std::size_t points = n * spheres_;
     const bool want_jacobian = !out.jacobian_q.empty();
-    const auto centres_m = scratch_array<Eigen::Vector3d>(scope, points);
+    const auto centres_m = scope.array<Eigen::Vector3d>(points);
     const auto distances_m = scope.doubles(points);
-    const auto statuses = scratch_array<FieldStatus>(scope, points);
-    const auto gradients = scratch_array<Eigen::Vector3d>(scope, want_jacobian ? points : 0);
+    const auto statuses = scope.array<FieldStatus>(points);
+    const auto gradients = scope.array<Eigen::Vector3d>(want_jacobian ? points : 0);
 
     robot_->sphere_centres(states.q, centres_m, scratch);
     query_with_policy(*field_, space_, centres_m, distances_m, gradients, statuses);
@@ -59,7 +105,7 @@ class ObstacleCost final : public StateCost {
     Scratch::Scope scope(scratch);
     const auto n = static_cast<std::size_t>(states.count);
     const auto dof = static_cast<std::size_t>(states.dof);
-    const auto active = scratch_array<std::size_t>(scope, n);
+    const auto active = scope.array<std::size_t>(n);
     const auto q_active = scope.doubles(n * dof);
     std::size_t count = 0;
     for (std::size_t i = 0; i < n; ++i) {
@@ -70,8 +116,8 @@ class ObstacleCost final : public StateCost {
     }
     if (count == 0) return;
 
-    const auto centres_m = scratch_array<Eigen::Vector3d>(scope, count * spheres_);
-    const auto columns = scratch_array<Eigen::Vector3d>(scope, count * spheres_ * dof);
+    const auto centres_m = scope.array<Eigen::Vector3d>(count * spheres_);
+    const auto columns = scope.array<Eigen::Vector3d>(count * spheres_ * dof);
     robot_->sphere_jacobians(q_active.first(count * dof), centres_m, columns, scratch);
     for (std::size_t a = 0; a < count; ++a) {
       for (std::size_t s = 0; s < spheres_; ++s) {
@@ -90,6 +136,7 @@ class ObstacleCost final : public StateCost {
   SpacePolicy space_;
   double weight_;
   std::size_t spheres_;
+  std::vector<int> link_;        ///< Of each sphere.
   std::vector<double> reach_m_;  ///< Distance at which the cost of each sphere's centre begins.
 };
 

@@ -1,15 +1,13 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include <sidestep/planning/costs.hpp>
-
-#include "batch_arrays.hpp"
+#include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
-
-using detail::scratch_array;
 
 class SelfCollisionCost final : public StateCost {
  public:
@@ -19,6 +17,7 @@ class SelfCollisionCost final : public StateCost {
         weight_(1.0 / sigma_m),
         spheres_(robot_->description().spheres.size()) {
     const RobotDescription& description = robot_->description();
+    for (const CollisionSphere& sphere : description.spheres) link_.push_back(sphere.link);
     for (const auto& [first, second] : description.self_collision_pairs) {
       pair_ends_.push_back(sphere_pairs_.size());
       for (std::size_t a = 0; a < spheres_; ++a) {
@@ -39,11 +38,52 @@ class SelfCollisionCost final : public StateCost {
   }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
 
+  double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
+                   Scratch& scratch) const override {
+    Scratch::Scope scope(scratch);
+    const auto n = static_cast<std::size_t>(states.count);
+    const auto dof = static_cast<std::size_t>(states.dof);
+    const std::size_t pairs = pair_ends_.size();
+    const auto centres_m = scope.array<Eigen::Vector3d>(n * spheres_);
+    const auto closest = scope.array<Closest>(pairs);
+    const auto forces = scope.array<LinkForce>(2 * n * pairs);  // on both spheres of a pair
+    const auto residuals = scope.doubles(n * pairs);
+    robot_->sphere_centres(states.q, centres_m, scratch);
+    std::size_t count = 0;
+    double sum = 0.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      const auto centres_i_m = centres_m.subspan(i * spheres_, spheres_);
+      find_closest(centres_i_m, closest);
+      for (const Closest& close : closest) {
+        if (close.pair == nullptr) continue;
+        const Eigen::Vector3d& a_m = centres_i_m[close.pair->a];
+        const Eigen::Vector3d& b_m = centres_i_m[close.pair->b];
+        const Eigen::Vector3d force = -weight_ * (a_m - b_m).normalized();
+        const int row = static_cast<int>(i);
+        forces[2 * count] = {row, link_[close.pair->a], force, a_m.cross(force)};
+        forces[2 * count + 1] = {row, link_[close.pair->b], -force, -b_m.cross(force)};
+        residuals[count] = weight_ * close.hinge_m;
+        sum += residuals[count] * residuals[count];
+        ++count;
+      }
+    }
+    const auto rows = scope.doubles(2 * count * dof);
+    robot_->pull_back(states.q, forces.first(2 * count), rows, scratch);
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto first = rows.subspan(2 * k * dof, dof),
+                 second = rows.subspan((2 * k + 1) * dof, dof);
+      std::ranges::transform(first, second, first.begin(), std::plus<>{});
+      out.add_rows(range[static_cast<std::size_t>(forces[2 * k].row)], first,
+                   residuals.subspan(k, 1));
+    }
+    return 0.5 * sum;
+  }
+
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch& scratch) const override {
     Scratch::Scope scope(scratch);
     const auto n = static_cast<std::size_t>(states.count);
-    const auto centres_m = scratch_array<Eigen::Vector3d>(scope, n * spheres_);
-    const auto closest = scratch_array<Closest>(scope, n * pair_ends_.size());
+    const auto centres_m = scope.array<Eigen::Vector3d>(n * spheres_);
+    const auto closest = scope.array<Closest>(n * pair_ends_.size());
     robot_->sphere_centres(states.q, centres_m, scratch);
     for (std::size_t i = 0; i < n; ++i) {
       find_closest(centres_m.subspan(i * spheres_, spheres_),
@@ -92,8 +132,8 @@ class SelfCollisionCost final : public StateCost {
     Scratch::Scope scope(scratch);
     const auto dof = static_cast<std::size_t>(states.dof);
     const std::size_t pairs = pair_ends_.size();
-    const auto unused_m = scratch_array<Eigen::Vector3d>(scope, spheres_);
-    const auto columns = scratch_array<Eigen::Vector3d>(scope, spheres_ * dof);
+    const auto unused_m = scope.array<Eigen::Vector3d>(spheres_);
+    const auto columns = scope.array<Eigen::Vector3d>(spheres_ * dof);
     for (std::size_t i = 0; i < static_cast<std::size_t>(states.count); ++i) {
       const auto row = closest.subspan(i * pairs, pairs);
       if (std::ranges::none_of(row, [](const Closest& c) { return c.pair != nullptr; })) continue;
@@ -115,6 +155,7 @@ class SelfCollisionCost final : public StateCost {
   double epsilon_m_;
   double weight_;
   std::size_t spheres_;
+  std::vector<int> link_;                 ///< Of each sphere.
   std::vector<SpherePair> sphere_pairs_;  ///< Grouped by pair of links.
   std::vector<std::size_t> pair_ends_;    ///< End of each group.
 };

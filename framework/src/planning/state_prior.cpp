@@ -3,6 +3,7 @@
 #include <utility>
 
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
@@ -35,6 +36,23 @@ class StatePrior final : public StateCost {
         if (!out.jacobian_qdot.empty()) out.jacobian_qdot[velocity * d + j] = weight_;
       }
     }
+  }
+
+  double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
+                   Scratch&) const override {
+    double sum = 0.0;
+    const auto d = static_cast<std::size_t>(states.dof);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(states.count); ++i) {
+      for (std::size_t j = 0; j < d; ++j) {
+        const auto joint = static_cast<Eigen::Index>(j);
+        const double position = weight_ * (states.q[i * d + j] - target_.q[joint]);
+        const double velocity = weight_ * (states.qdot[i * d + j] - target_.qdot[joint]);
+        out.add_position_entry(range[i], j, weight_, position);
+        out.add_velocity_entry(range[i], j, weight_, velocity);
+        sum += position * position + velocity * velocity;
+      }
+    }
+    return 0.5 * sum;
   }
 
  private:

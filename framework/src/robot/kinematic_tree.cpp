@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <new>
-#include <type_traits>
 
+#include "pose_lanes.hpp"
 #include "robot_check.hpp"
 #include "sines.hpp"
 
@@ -95,15 +95,6 @@ void KinematicTree::add_link(std::size_t link) {
   }
 }
 
-std::span<KinematicTree::Pose> KinematicTree::take_poses(Scratch::Scope& scope) const {
-  static_assert(sizeof(Pose) == 12 * sizeof(double) && alignof(Pose) <= 64 &&
-                std::is_trivially_destructible_v<Pose>);
-  const std::span<double> room = scope.doubles(12 * bodies_.size());
-  Pose* poses = reinterpret_cast<Pose*>(room.data());
-  std::uninitialized_default_construct_n(poses, bodies_.size());
-  return {poses, bodies_.size()};
-}
-
 void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const noexcept {
   constexpr std::size_t kAtOnce = detail::kAngles;
   double values[kAtOnce], sines[kAtOnce], cosines[kAtOnce];  // of a run of bodies
@@ -138,7 +129,7 @@ void KinematicTree::link_poses(std::span<const double> q, std::span<Transform> T
                                Scratch& scratch) const {
   if (q.size() < at(description_.dof())) return;
   Scratch::Scope scope(scratch);
-  const std::span<Pose> bodies = take_poses(scope);
+  const auto bodies = scope.array<Pose>(bodies_.size());
   place_bodies(q.data(), bodies);
   const std::size_t links = std::min(T_world_link.size(), body_of_link_.size());
   for (std::size_t i = 0; i < links; ++i) {
@@ -149,19 +140,60 @@ void KinematicTree::link_poses(std::span<const double> q, std::span<Transform> T
   }
 }
 
+void KinematicTree::place_bodies(const double* q, std::size_t count,
+                                 std::span<detail::PoseLanes> bodies) const noexcept {
+  static_assert(kLanes == detail::kAngles);
+  const std::size_t dof = at(description_.dof());
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    const Body& body = bodies_[b];
+    detail::attach(body.parent == -1 ? nullptr : &bodies[at(body.parent)], body.R_parent_joint,
+                   body.p_parent_joint, bodies[b]);
+    if (body.joint == -1) continue;
+    double values[kLanes];
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const double* row = q + std::min(i, count - 1) * dof;
+      values[i] = body.multiplier * row[body.joint] + body.offset;
+    }
+    if (body.motion == TreeJoint::Motion::kRotation) {
+      double sines[kLanes], cosines[kLanes];
+      detail::sines_and_cosines(values, sines, cosines);
+      detail::turn_about_z(bodies[b], sines, cosines);
+    } else {
+      detail::shift_along_z(bodies[b], values);
+    }
+  }
+}
+
+void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
+                                        Scratch& scratch) const {
+  const std::size_t count = spheres_.size();
+  if (count == 0) return;
+  const std::size_t dof = at(description_.dof());
+  const std::size_t n = std::min(q.size() / dof, centres_m.size() / count * kLanes);
+  Scratch::Scope scope(scratch);
+  const auto bodies = scope.array<detail::PoseLanes>(bodies_.size());
+  for (std::size_t row = 0; row < n; row += kLanes) {
+    place_bodies(q.data() + row * dof, std::min(kLanes, n - row), bodies);
+    PointLanes* centres = centres_m.data() + row / kLanes * count;
+    for (std::size_t s = 0; s < count; ++s) {
+      detail::carry(bodies[at(spheres_[s].body)], spheres_[s].p_body, centres[s]);
+    }
+  }
+}
+
 void KinematicTree::sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
                                    Scratch& scratch) const {
   const std::size_t count = spheres_.size();
   if (count == 0) return;
   const std::size_t n = std::min(q.size() / at(description_.dof()), centres_m.size() / count);
   Scratch::Scope scope(scratch);
-  const std::span<Pose> bodies = take_poses(scope);
+  const auto in_lanes = scope.array<PointLanes>(padded(n) / kLanes * count);
+  sphere_centre_lanes(q.first(n * at(description_.dof())), in_lanes, scratch);
   for (std::size_t row = 0; row < n; ++row) {
-    place_bodies(q.data() + row * at(description_.dof()), bodies);
-    Eigen::Vector3d* centres = centres_m.data() + row * count;
+    const std::size_t lane = row % kLanes;
     for (std::size_t s = 0; s < count; ++s) {
-      const Pose& body = bodies[at(spheres_[s].body)];
-      centres[s] = body.R * spheres_[s].p_body + body.p;
+      const PointLanes& centre = in_lanes[row / kLanes * count + s];
+      centres_m[row * count + s] = {centre.x[lane], centre.y[lane], centre.z[lane]};
     }
   }
 }
@@ -175,7 +207,7 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
   const std::size_t n =
       std::min({q.size() / dof, centres_m.size() / count, jacobians.size() / (count * dof)});
   Scratch::Scope scope(scratch);
-  const std::span<Pose> bodies = take_poses(scope);
+  const auto bodies = scope.array<Pose>(bodies_.size());
   std::fill_n(jacobians.begin(), n * count * dof, Eigen::Vector3d::Zero());
   for (std::size_t row = 0; row < n; ++row) {
     place_bodies(q.data() + row * dof, bodies);
@@ -197,44 +229,39 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
   }
 }
 
-void KinematicTree::pull_back(std::span<const double> q,
-                              std::span<const Eigen::Vector3d> sphere_gradients,
-                              std::span<double> joint_gradients, Scratch& scratch) const {
-  const std::size_t count = spheres_.size();
+void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                              std::span<double> joint_forces, Scratch& scratch) const {
   const std::size_t dof = at(description_.dof());
-  std::size_t n = std::min(q.size(), joint_gradients.size()) / dof;
-  if (count > 0) n = std::min(n, sphere_gradients.size() / count);
-  std::fill_n(joint_gradients.begin(), n * dof, 0.0);
-
+  const std::size_t n = q.size() / dof;
+  const std::size_t count = std::min(forces.size(), joint_forces.size() / dof);
+  std::fill_n(joint_forces.begin(), count * dof, 0.0);
   Scratch::Scope scope(scratch);
-  const std::span<Pose> bodies = take_poses(scope);
-  // Per body, as in statics: the force at the spheres it carries, and its moment about the origin.
-  const std::span<double> wrenches = scope.doubles(6 * bodies_.size());
-  using Column = Eigen::Map<Eigen::Vector3d>;
-  for (std::size_t row = 0; row < n; ++row) {
-    place_bodies(q.data() + row * dof, bodies);
-    std::ranges::fill(wrenches, 0.0);
-    for (std::size_t s = 0; s < count; ++s) {
-      const std::size_t b = at(spheres_[s].body);
-      const Eigen::Vector3d& gradient = sphere_gradients[row * count + s];
-      const Eigen::Vector3d centre = bodies[b].R * spheres_[s].p_body + bodies[b].p;
-      Column(&wrenches[6 * b]) += gradient;
-      Column(&wrenches[6 * b + 3]) += centre.cross(gradient);
+  const auto bodies = scope.array<detail::PoseLanes>(bodies_.size());
+  std::size_t first = 0;  // of the rows that are placed
+  std::size_t end = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t row = at(forces[k].row);
+    if (row < first || row >= end) {
+      first = row / kLanes * kLanes;
+      end = std::min(n, first + kLanes);
+      if (row >= end) return;
+      place_bodies(q.data() + first * dof, end - first, bodies);
     }
-    for (std::size_t b = bodies_.size(); b-- > 0;) {
-      const Body& body = bodies_[b];
-      const Column force(&wrenches[6 * b]);
-      const Column moment(&wrenches[6 * b + 3]);
-      if (body.joint != -1) {
-        const Eigen::Vector3d axis = bodies[b].R.col(2);
-        joint_gradients[row * dof + at(body.joint)] +=
-            body.multiplier * (body.motion == TreeJoint::Motion::kRotation
-                                   ? axis.dot(moment - bodies[b].p.cross(force))
-                                   : axis.dot(force));
-      }
-      if (body.parent == -1) continue;
-      Column(&wrenches[6 * at(body.parent)]) += force;
-      Column(&wrenches[6 * at(body.parent) + 3]) += moment;
+    const auto vector = [lane = row - first](const double(&values)[3][kLanes]) {
+      return Eigen::Vector3d(values[0][lane], values[1][lane], values[2][lane]);
+    };
+    const auto& [unused, link, force, moment] = forces[k];
+    const std::size_t body = at(body_of_link_[at(link)]);
+    double* out = joint_forces.data() + k * dof;
+    for (int m = movers_begin_[body]; m < movers_begin_[body + 1]; ++m) {
+      const Body& mover = bodies_[at(movers_[at(m)])];
+      const detail::PoseLanes& pose = bodies[at(movers_[at(m)])];
+      const Eigen::Vector3d axis(pose.R[6][row - first], pose.R[7][row - first],
+                                 pose.R[8][row - first]);
+      const double work = mover.motion == TreeJoint::Motion::kRotation
+                              ? axis.dot(moment - vector(pose.p).cross(force))
+                              : axis.dot(force);
+      out[mover.joint] += mover.multiplier * work;  // a mimic joint adds to its master's
     }
   }
 }

@@ -27,4 +27,23 @@ const NamedPose* RobotDescription::find_pose(std::string_view pose_name) const n
   return it == poses.end() ? nullptr : &*it;
 }
 
+void RobotModel::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
+                                     Scratch& scratch) const {
+  const std::size_t count = description().spheres.size();
+  if (count == 0) return;
+  const std::size_t n = q.size() / description().joints.size();
+  Scratch::Scope scope(scratch);
+  const auto in_rows_m = scope.array<Eigen::Vector3d>(n * count);
+  sphere_centres(q, in_rows_m, scratch);
+  for (std::size_t row = 0; row < padded(n); ++row) {
+    for (std::size_t s = 0; s < count; ++s) {
+      const Eigen::Vector3d& centre_m = in_rows_m[std::min(row, n - 1) * count + s];
+      PointLanes& out = centres_m[row / kLanes * count + s];
+      out.x[row % kLanes] = centre_m.x();
+      out.y[row % kLanes] = centre_m.y();
+      out.z[row % kLanes] = centre_m.z();
+    }
+  }
+}
+
 }  // namespace sidestep

@@ -17,13 +17,17 @@ class GuardedRobot final : public RobotModel {
                       Scratch& scratch) const override {
     named([&] { robot_->sphere_centres(q, centres_m, scratch); });
   }
+  void sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
+                           Scratch& scratch) const override {
+    named([&] { robot_->sphere_centre_lanes(q, centres_m, scratch); });
+  }
   void sphere_jacobians(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
                         std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const override {
     named([&] { robot_->sphere_jacobians(q, centres_m, jacobians, scratch); });
   }
-  void pull_back(std::span<const double> q, std::span<const Eigen::Vector3d> sphere_gradients,
-                 std::span<double> joint_gradients, Scratch& scratch) const override {
-    named([&] { robot_->pull_back(q, sphere_gradients, joint_gradients, scratch); });
+  void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                 std::span<double> joint_forces, Scratch& scratch) const override {
+    named([&] { robot_->pull_back(q, forces, joint_forces, scratch); });
   }
 
  private:

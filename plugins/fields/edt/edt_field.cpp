@@ -158,7 +158,8 @@ class EdtBuilder final : public FieldBuilder {
     const FieldInfo info{
         .grid = grid_,
         .is_signed = options_.is_signed,
-        .max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity()};
+        .max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity(),
+        .steepest = 1.0};
     if (auto made = make_distances(info); !made) return made;
     publisher_.emplace(info, *view_, workers_);
     const Eigen::Vector3i& size = grid_.size_vox;

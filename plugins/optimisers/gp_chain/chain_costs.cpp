@@ -59,18 +59,19 @@ void ChainCosts::evaluate(ChainEvaluation& evaluation) {
 
 double ChainCosts::add_term(const CostTerm& term, StateNormals& normals) {
   const std::size_t step = index(checks_ + 1);
+  const StateCost& cost = *term.cost;
   switch (term.placement) {
     case Placement::kStart:
-      return add_cost(*term.cost, support_.batch(0, 1, dof_), 0, step, normals, scratch_);
+      return cost.linearise(support_.batch(0, 1, dof_), {0, step}, normals, scratch_);
     case Placement::kGoal:
-      return add_cost(*term.cost, support_.batch(intervals_, 1, dof_), index(intervals_) * step,
-                      step, normals, scratch_);
+      return cost.linearise(support_.batch(intervals_, 1, dof_), {index(intervals_) * step, step},
+                            normals, scratch_);
     case Placement::kSupport:
-      return add_cost(*term.cost, support_.batch(0, states(), dof_), 0, step, normals, scratch_);
+      return cost.linearise(support_.batch(0, states(), dof_), {0, step}, normals, scratch_);
     case Placement::kSupportAndInterpolated: break;
   }
   const int all = static_cast<int>(all_.times_s.size());
-  return add_cost(*term.cost, all_.batch(0, all, dof_), 0, 1, normals, scratch_);
+  return cost.linearise(all_.batch(0, all, dof_), {0, 1}, normals, scratch_);
 }
 
 void ChainCosts::interpolate(std::span<const double> support) {
@@ -98,8 +99,14 @@ void ChainCosts::interpolate(std::span<const double> support) {
   }
 }
 
+void ChainCosts::prepare(ChainSystem& system) const {
+  system.resize(states(), 2 * dof_);
+  prior_.add_hessian(system);
+  system.keep();
+}
+
 void ChainCosts::assemble(const ChainEvaluation& evaluation, ChainSystem& system) {
-  prior_.add_to(system, evaluation.support);
+  prior_.add_rhs(system, evaluation.support);
   const std::size_t step = index(checks_ + 1);
   for (int i = 0; i <= intervals_; ++i) {
     add_support_state(evaluation.normals, index(i) * step, system, i);

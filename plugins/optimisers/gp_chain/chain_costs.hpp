@@ -4,11 +4,11 @@
 #include <vector>
 
 #include <sidestep/planning/problem.hpp>
+#include <sidestep/planning/state_normals.hpp>
 #include <sidestep/trajectory/gp_prior.hpp>
 
 #include "chain_system.hpp"
 #include "prior_chain.hpp"
-#include "state_normals.hpp"
 
 namespace sidestep {
 
@@ -36,7 +36,9 @@ class ChainCosts {
   /// Fills in everything from evaluation.support.
   void evaluate(ChainEvaluation& evaluation);
 
-  /// Adds the normal equations at an evaluated trajectory: b = -gradient.
+  /// Gives a system the size of this problem, and what of H is the same at every trajectory.
+  void prepare(ChainSystem& system) const;
+  /// Adds the rest of the normal equations at an evaluated trajectory: b = -gradient.
   void assemble(const ChainEvaluation& evaluation, ChainSystem& system);
 
  private:

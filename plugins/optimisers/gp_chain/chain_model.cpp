@@ -22,7 +22,7 @@ void ChainModel::reset(const Problem& problem, const Trajectory& initial) {
   costs_.reset(problem);
   costs_.resize(current_);
   costs_.resize(trial_);
-  system_.resize(costs_.states(), 2 * costs_.dof());
+  costs_.prepare(system_);
   hold_start_ = !is_held(problem, Placement::kStart);
   hold_goal_ = !is_held(problem, Placement::kGoal);
 

@@ -6,79 +6,113 @@
 namespace sidestep {
 namespace {
 
-/// What surrounds the factor of one panel; see ChainSystem.
+/// One panel of the factor; see ChainSystem. Column k holds column k of L times its pivot; `rows`
+/// holds L itself row by row, without its unit diagonal.
 struct Panel {
-  double* values;
+  double* columns;
+  double* rows;
+  double* inverse_pivots;
   std::size_t width;
-  std::size_t half;
-  [[nodiscard]] double* column(std::size_t k) const noexcept { return values + k * 2 * half; }
+  std::size_t own;   ///< Rows of the state's own block, in whole lanes.
+  std::size_t next;  ///< Rows of the coupling and b.
+
+  [[nodiscard]] double* column(std::size_t k) const noexcept { return columns + k * (own + next); }
 };
 
-inline Lanes& lanes(double* at) noexcept { return *reinterpret_cast<Lanes*>(at); }
-inline const Lanes& lanes(const double* at) noexcept { return *reinterpret_cast<const Lanes*>(at); }
-
 /// panel = source + lambda I - (what eliminating the previous panel leaves to this one).
+/// `scaled`: room for a panel's coupling.
 SIDESTEP_SIMD_CLONES
-void load_panel(const Panel& panel, const double* source, double lambda, const Panel* previous) {
-  const std::size_t stride = 2 * panel.half;
-  for (std::size_t j = 0; j < panel.width; ++j) {
+void load_panel(const Panel& panel, const double* source, double lambda, const Panel* previous,
+                double* scaled) {
+  const std::size_t width = panel.width, own = panel.own, stride = own + panel.next;
+  for (std::size_t k = 0; k < width && previous != nullptr; ++k) {
+    const double inverse = previous->inverse_pivots[k];
+    const double* eliminated = previous->column(k) + own;
+    for (std::size_t r = 0; r <= width; r += kLanes) {
+      lanes(scaled + k * panel.next + r) = inverse * lanes(eliminated + r);
+    }
+  }
+  for (std::size_t j = 0; j < width; ++j) {
     double* column = panel.column(j);
     const double* from = source + j * stride;
-    for (std::size_t r = 0; r < stride; r += kLanes) {
+    // Rows above the diagonal are never read.
+    for (std::size_t r = j / kLanes * kLanes; r < own; r += kLanes) {
       Lanes value = lanes(from + r);
-      // Rows above the diagonal are never read; b's second copy is row width of the second half.
-      if (previous != nullptr && r < panel.half && r + kLanes > j) {
-        for (std::size_t k = 0; k < panel.width; ++k) {
-          const double* eliminated = previous->column(k) + panel.half;
-          value -= lanes(eliminated + r) * eliminated[j];
-        }
+      for (std::size_t k = 0; k < width && previous != nullptr; ++k) {
+        value -= lanes(previous->column(k) + own + r) * scaled[k * panel.next + j];
       }
       lanes(column + r) = value;
     }
+    for (std::size_t r = own; r < stride; r += kLanes) lanes(column + r) = lanes(from + r);
     column[j] += lambda;
-    column[panel.half + panel.width] = column[panel.width];
+  }
+  if (previous == nullptr) return;
+  for (std::size_t r = 0; r < own; r += kLanes) {
+    Lanes left = {};
+    for (std::size_t k = 0; k < width; ++k) {
+      left += lanes(previous->column(k) + own + r) * scaled[k * panel.next + width];
+    }
+    for (std::size_t j = r; j < std::min(width, r + kLanes); ++j) {
+      panel.column(j)[own + width] -= left[j - r];
+    }
   }
 }
 
-/// Replaces a panel by its Cholesky factor, right-looking, one column after the other.
-SIDESTEP_SIMD_CLONES
-bool factorise_panel(const Panel& panel, double* inverse_pivots) {
-  const std::size_t stride = 2 * panel.half;
+/// The elimination of one pivot after the other (L D L^T, right-looking), for panels of `kRows`
+/// lanes; of any number if that is 0.
+template <std::size_t kRows>
+[[gnu::always_inline]] inline bool eliminate(const Panel& panel) {
+  const std::size_t row_lanes = kRows != 0 ? kRows : (panel.own + panel.next) / kLanes;
   for (std::size_t k = 0; k < panel.width; ++k) {
-    double* pivot_column = panel.column(k);
+    const double* pivot_column = panel.columns + k * row_lanes * kLanes;
     const double pivot = pivot_column[k];
     if (!(pivot > 0.0) || !(pivot < 1e300)) return false;
-    const double inverse = 1.0 / std::sqrt(pivot);
-    inverse_pivots[k] = inverse;
-    for (std::size_t r = k / kLanes * kLanes; r < stride; r += kLanes) {
-      lanes(pivot_column + r) *= inverse;
-    }
+    const double inverse = 1.0 / pivot;
+    panel.inverse_pivots[k] = inverse;
     for (std::size_t j = k + 1; j < panel.width; ++j) {
-      double* column = panel.column(j);
-      const double factor = pivot_column[j];
-      for (std::size_t r = j / kLanes * kLanes; r < stride; r += kLanes) {
-        lanes(column + r) -= factor * lanes(pivot_column + r);
+      double* column = panel.columns + j * row_lanes * kLanes;
+      const double factor = pivot_column[j] * inverse;
+      panel.rows[j * panel.own + k] = factor;
+#pragma GCC unroll 8
+      for (std::size_t r = 0; r < row_lanes; ++r) {
+        lanes(column + r * kLanes) -= factor * lanes(pivot_column + r * kLanes);
       }
     }
   }
   return true;
 }
 
-/// x of L^T x = y - W^T next, where y is the panel's row of b and W its coupling. Both x and next
-/// are zero beyond the width; x is zero on entry.
+/// Replaces a panel by its factor; false where it is not positive definite.
 SIDESTEP_SIMD_CLONES
-void substitute_panel(const Panel& panel, const double* inverse_pivots, const double* next,
-                      double* x) {
-  for (std::size_t k = panel.width; k-- > 0;) {
-    const double* column = panel.column(k);
+bool factorise_panel(const Panel& panel) {
+  switch ((panel.own + panel.next) / kLanes) {
+    case 2: return eliminate<2>(panel);
+    case 3: return eliminate<3>(panel);
+    case 4: return eliminate<4>(panel);
+    case 5: return eliminate<5>(panel);
+    default: return eliminate<0>(panel);
+  }
+}
+
+/// x of L^T x = D^-1 (y - W^T next), where y is the panel's row of b and W its coupling. Both x and
+/// next have room for, and are zero in, whole lanes beyond the width.
+SIDESTEP_SIMD_CLONES
+void substitute_panel(const Panel& panel, const double* next, double* x) {
+  for (std::size_t k = 0; k < panel.width; ++k) {
+    const double* coupling = panel.column(k) + panel.own;
     Lanes sum = {};
-    for (std::size_t r = 0; r < panel.half; r += kLanes) {
-      sum += lanes(column + panel.half + r) * lanes(next + r);
-      if (r + kLanes > k) sum += lanes(column + r) * lanes(x + r);
+    for (std::size_t r = 0; r < panel.own; r += kLanes) {
+      sum += lanes(coupling + r) * lanes(next + r);
     }
-    double dot = 0.0;
-    for (std::size_t lane = 0; lane < kLanes; ++lane) dot += sum[lane];
-    x[k] = (column[panel.width] - dot) * inverse_pivots[k];
+    // In a tree: one after the other, the additions would wait for each other.
+    const double dot =
+        ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+    x[k] = (coupling[panel.width] - dot) * panel.inverse_pivots[k];
+  }
+  for (std::size_t j = panel.width; j-- > 1;) {
+    const double* row = panel.rows + j * panel.own;
+    const double solved = x[j];
+    for (std::size_t r = 0; r < j; r += kLanes) lanes(x + r) -= solved * lanes(row + r);
   }
 }
 
@@ -87,19 +121,25 @@ void substitute_panel(const Panel& panel, const double* inverse_pivots, const do
 void ChainSystem::resize(int states, int width) {
   states_ = static_cast<std::size_t>(states);
   width_ = static_cast<std::size_t>(width);
-  half_ = padded(width_ + 1);
+  own_ = padded(width_);
+  next_ = padded(width_ + 1);
   // Blocks are written in whole lanes, of which the last may reach beyond the last panel.
   panels_.assign_zeros(states_ * panel_size() + kLanes);
+  kept_.assign_zeros(panels_.size());
   factor_.assign_zeros(states_ * panel_size() + kLanes);
-  rhs_.assign_zeros(states_ * half_ + kLanes);
-  inverse_pivots_.assign_zeros(states_ * half_);
-  solved_.assign_zeros(2 * half_);
+  rows_.assign_zeros(states_ * width_ * own_);
+  rhs_.assign_zeros(states_ * next_ + kLanes);
+  inverse_pivots_.assign_zeros(states_ * own_);
+  scaled_.assign_zeros(width_ * next_);
+  solved_.assign_zeros(2 * own_);
 }
 
 void ChainSystem::clear() noexcept {
-  std::fill_n(panels_.data(), panels_.size(), 0.0);
+  std::copy_n(kept_.data(), kept_.size(), panels_.data());
   std::fill_n(rhs_.data(), rhs_.size(), 0.0);
 }
+
+void ChainSystem::keep() noexcept { std::copy_n(panels_.data(), panels_.size(), kept_.data()); }
 
 double* ChainSystem::own_block(int state) noexcept {
   return panels_.data() + static_cast<std::size_t>(state) * panel_size();
@@ -110,11 +150,11 @@ const double* ChainSystem::own_block(int state) const noexcept {
 }
 
 double* ChainSystem::rhs(int state) noexcept {
-  return rhs_.data() + static_cast<std::size_t>(state) * half_;
+  return rhs_.data() + static_cast<std::size_t>(state) * next_;
 }
 
 const double* ChainSystem::rhs(int state) const noexcept {
-  return rhs_.data() + static_cast<std::size_t>(state) * half_;
+  return rhs_.data() + static_cast<std::size_t>(state) * next_;
 }
 
 void ChainSystem::hold(int state) noexcept {
@@ -128,38 +168,36 @@ void ChainSystem::hold(int state) noexcept {
 
 void ChainSystem::seal() noexcept {
   for (int i = 0; i < states(); ++i) {
-    for (std::size_t j = 0; j < width_; ++j) own_block(i)[j * stride() + width_] = rhs(i)[j];
+    for (std::size_t j = 0; j < width_; ++j) own_block(i)[j * stride() + own_ + width_] = rhs(i)[j];
   }
 }
 
 bool ChainSystem::solve(double lambda, std::span<double> x) noexcept {
-  if (!factorise(lambda)) return false;
-  substitute_back(x);
-  return true;
-}
-
-bool ChainSystem::factorise(double lambda) noexcept {
+  const auto panel_of = [this](std::size_t i) {
+    return Panel{factor_.data() + i * panel_size(),
+                 rows_.data() + i * width_ * own_,
+                 inverse_pivots_.data() + i * own_,
+                 width_,
+                 own_,
+                 next_};
+  };
   Panel previous{};
   for (std::size_t i = 0; i < states_; ++i) {
-    const Panel panel{factor_.data() + i * panel_size(), width_, half_};
-    load_panel(panel, own_block(static_cast<int>(i)), lambda, i == 0 ? nullptr : &previous);
-    if (!factorise_panel(panel, inverse_pivots_.data() + i * half_)) return false;
+    const Panel panel = panel_of(i);
+    load_panel(panel, own_block(static_cast<int>(i)), lambda, i == 0 ? nullptr : &previous,
+               scaled_.data());
+    if (!factorise_panel(panel)) return false;
     previous = panel;
   }
-  return true;
-}
-
-void ChainSystem::substitute_back(std::span<double> x) noexcept {
   double* next = solved_.data();
-  double* here = next + half_;
-  std::fill_n(next, half_, 0.0);
+  double* here = next + own_;
+  std::fill_n(next, 2 * own_, 0.0);
   for (std::size_t i = states_; i-- > 0;) {
-    std::fill_n(here, half_, 0.0);
-    const Panel panel{factor_.data() + i * panel_size(), width_, half_};
-    substitute_panel(panel, inverse_pivots_.data() + i * half_, next, here);
+    substitute_panel(panel_of(i), next, here);
     std::copy_n(here, width_, x.begin() + static_cast<std::ptrdiff_t>(i * width_));
     std::swap(here, next);
   }
+  return true;
 }
 
 void ChainSystem::product(std::span<const double> x, std::span<double> out) const noexcept {

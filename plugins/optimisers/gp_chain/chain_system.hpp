@@ -3,18 +3,18 @@
 #include <cstddef>
 #include <span>
 
-#include "lanes.hpp"
+#include <sidestep/core/lanes.hpp>
 
 namespace sidestep {
 
 /// The normal equations H x = b of a chain of states, each coupled to the next only, so that H is
 /// block tridiagonal; and their Cholesky factor, which has the same blocks (no fill).
 ///
-/// Each state has a panel, stored column by column: rows 0 to w - 1 are its own block of H (lower
-/// triangle; what stands above the diagonal is ignored), row w is its b, then, beginning at a whole
-/// number of lanes, the w rows of the block that couples the next state to it, and b once more.
-/// With b among the rows, eliminating a state also substitutes forward, and what is left of it
-/// updates the next panel at once.
+/// Each state has a panel, stored column by column: the w rows of its own block of H (lower
+/// triangle; what stands above the diagonal is ignored), then, beginning at a whole number of
+/// lanes, the w rows of the block that couples the next state to it, and b as row w. With b among
+/// the rows, eliminating a state also substitutes forward, and what is left of it updates the next
+/// panel at once.
 class ChainSystem {
  public:
   /// `states` blocks of `width` variables. Allocates only where it was never as large.
@@ -23,18 +23,18 @@ class ChainSystem {
   [[nodiscard]] int states() const noexcept { return static_cast<int>(states_); }
   [[nodiscard]] int width() const noexcept { return static_cast<int>(width_); }
   /// Values from one column of a panel to the next.
-  [[nodiscard]] std::size_t stride() const noexcept { return 2 * half_; }
+  [[nodiscard]] std::size_t stride() const noexcept { return own_ + next_; }
 
-  /// Sets H and b to zero.
+  /// Sets b to zero, and H to what it was at the last keep(), or else to zero.
   void clear() noexcept;
+  /// Keeps H as it is for clear() to go back to.
+  void keep() noexcept;
   /// Column 0 of a state's own block of H.
   [[nodiscard]] double* own_block(int state) noexcept;
   [[nodiscard]] const double* own_block(int state) const noexcept;
   /// Column 0 of the block with the rows of state + 1 and the columns of `state`.
-  [[nodiscard]] double* coupling(int state) noexcept { return own_block(state) + half_; }
-  [[nodiscard]] const double* coupling(int state) const noexcept {
-    return own_block(state) + half_;
-  }
+  [[nodiscard]] double* coupling(int state) noexcept { return own_block(state) + own_; }
+  [[nodiscard]] const double* coupling(int state) const noexcept { return own_block(state) + own_; }
   /// b of a state: width() values in a row, to be completed before seal().
   [[nodiscard]] double* rhs(int state) noexcept;
   [[nodiscard]] const double* rhs(int state) const noexcept;
@@ -52,17 +52,19 @@ class ChainSystem {
   void product(std::span<const double> x, std::span<double> out) const noexcept;
 
  private:
-  [[nodiscard]] std::size_t panel_size() const noexcept { return width_ * 2 * half_; }
-  [[nodiscard]] bool factorise(double lambda) noexcept;
-  void substitute_back(std::span<double> x) noexcept;
+  [[nodiscard]] std::size_t panel_size() const noexcept { return width_ * stride(); }
 
   std::size_t states_ = 0;
   std::size_t width_ = 0;
-  std::size_t half_ = 0;  ///< Rows of half a panel: a block and b, padded to whole lanes.
+  std::size_t own_ = 0;   ///< Rows of a panel for a block, in whole lanes,
+  std::size_t next_ = 0;  ///< and for a block and b.
   AlignedArray panels_;   ///< H and b.
-  AlignedArray factor_;   ///< The same for L and L^-1 b.
+  AlignedArray kept_;     ///< H at the last keep().
+  AlignedArray factor_;   ///< The same of L D and L^-1 b.
+  AlignedArray rows_;     ///< L of the states' own blocks, row by row.
   AlignedArray rhs_;
   AlignedArray inverse_pivots_;
+  AlignedArray scaled_;  ///< Of one panel: the coupling times its inverse pivots.
   AlignedArray solved_;  ///< x of two neighbours, zero beyond width_.
 };
 

@@ -9,9 +9,6 @@ namespace {
 /// Pairs m >= n of the four parts of z.
 constexpr std::size_t kPairs = 10;
 
-inline Lanes& lanes(double* at) noexcept { return *reinterpret_cast<Lanes*>(at); }
-inline const Lanes& lanes(const double* at) noexcept { return *reinterpret_cast<const Lanes*>(at); }
-
 /// to += from, `columns` columns of `rows` values padded to whole lanes.
 SIDESTEP_SIMD_CLONES
 void add_columns(double* to, std::size_t to_stride, const double* from, std::size_t columns,
@@ -27,11 +24,19 @@ void add_columns(double* to, std::size_t to_stride, const double* from, std::siz
 /// sums[pair] += products[pair] * block, for all ten pairs.
 SIDESTEP_SIMD_CLONES
 void add_products(double* sums, const double* products, const double* block, std::size_t size) {
-  for (std::size_t pair = 0; pair < kPairs; ++pair) {
-    double* sum = sums + pair * size;
-    const double product = products[pair];
-    for (std::size_t k = 0; k < size; k += kLanes) lanes(sum + k) += product * lanes(block + k);
+  for (std::size_t k = 0; k < size; k += kLanes) {
+    const Lanes values = lanes(block + k);
+#pragma GCC unroll 10
+    for (std::size_t pair = 0; pair < kPairs; ++pair) {
+      lanes(sums + pair * size + k) += products[pair] * values;
+    }
   }
+}
+
+/// to -= factor * from, `count` values padded with zeros to whole lanes.
+SIDESTEP_SIMD_CLONES
+void subtract_padded(double* to, double factor, const double* from, std::size_t count) {
+  for (std::size_t k = 0; k < count; k += kLanes) lanes(to + k) -= factor * lanes(from + k);
 }
 
 /// How one interpolated state's position (row 0) or velocity (row 1) follows from z.
@@ -88,7 +93,7 @@ void add_support_state(const StateNormals& normals, std::size_t state, ChainSyst
   const auto dof = static_cast<std::size_t>(normals.dof());
   const auto add = [&](const StateNormals::Block& block, std::size_t width) {
     add_columns(system.own_block(support), system.stride(), block.hessian, width, width);
-    for (std::size_t j = 0; j < width; ++j) system.rhs(support)[j] -= block.gradient[j];
+    subtract_padded(system.rhs(support), 1.0, block.gradient, width);
   };
   if (normals.has_position(state)) add(normals.position(state), dof);
   if (normals.has_full(state)) add(normals.full(state), 2 * dof);
@@ -112,8 +117,7 @@ void add_interval(const StateNormals& normals, std::size_t first,
     std::size_t pair = 0;
     for (std::size_t m = 0; m < 4; ++m) {
       for (std::size_t n = 0; n <= m; ++n) products[pair++] = c[m] * c[n];
-      double* rhs = rhs_of(system, interval, m, dof);
-      for (std::size_t j = 0; j < dof; ++j) rhs[j] -= c[m] * block.gradient[j];
+      subtract_padded(rhs_of(system, interval, m, dof), c[m], block.gradient, dof);
     }
     add_products(sums.data(), products, block.hessian, block_size);
   }

@@ -2,10 +2,10 @@
 
 #include <span>
 
+#include <sidestep/planning/state_normals.hpp>
 #include <sidestep/trajectory/gp_prior.hpp>
 
 #include "chain_system.hpp"
-#include "state_normals.hpp"
 
 namespace sidestep {
 

@@ -42,26 +42,35 @@ double PriorChain::cost(std::span<const double> support) const noexcept {
   return 0.5 * sum;
 }
 
-void PriorChain::add_to(ChainSystem& system, std::span<const double> support) const noexcept {
+void PriorChain::add_hessian(ChainSystem& system) const noexcept {
   const std::size_t d = inverse_qc_.size();
   Eigen::Matrix2d phi;
   phi << 1.0, dt_s_, 0.0, 1.0;
   const Eigen::Matrix2d own = phi.transpose() * information_ * phi;
   const Eigen::Matrix2d across = -information_ * phi;
   for (int i = 0; i + 1 < system.states(); ++i) {
-    const double* a = support.data() + static_cast<std::size_t>(i) * 2 * d;
     for (std::size_t j = 0; j < d; ++j) {
       const double weight = inverse_qc_[j];
       add_block(system.own_block(i), weight * own, j, d, system.stride());
       add_block(system.coupling(i), weight * across, j, d, system.stride());
       add_block(system.own_block(i + 1), weight * information_, j, d, system.stride());
-      const Eigen::Vector2d force = weight * (information_ * error(a, a + 2 * d, j, d, dt_s_));
-      const Eigen::Vector2d pulled = phi.transpose() * force;
-      for (std::size_t half = 0; half < 2; ++half) {
-        const auto row = static_cast<Eigen::Index>(half);
-        system.rhs(i)[j + half * d] -= pulled[row];
-        system.rhs(i + 1)[j + half * d] += force[row];
-      }
+    }
+  }
+}
+
+void PriorChain::add_rhs(ChainSystem& system, std::span<const double> support) const noexcept {
+  const std::size_t d = inverse_qc_.size();
+  for (int i = 0; i + 1 < system.states(); ++i) {
+    const double* a = support.data() + static_cast<std::size_t>(i) * 2 * d;
+    double* here = system.rhs(i);
+    double* next = system.rhs(i + 1);
+    for (std::size_t j = 0; j < d; ++j) {
+      const Eigen::Vector2d force =
+          inverse_qc_[j] * (information_ * error(a, a + 2 * d, j, d, dt_s_));
+      here[j] -= force[0];
+      here[d + j] -= dt_s_ * force[0] + force[1];
+      next[j] += force[0];
+      next[d + j] += force[1];
     }
   }
 }

@@ -20,8 +20,10 @@ class PriorChain {
   /// `support`: [q; qdot] of each support state, one after the other.
   [[nodiscard]] double cost(std::span<const double> support) const noexcept;
 
-  /// Adds the prior's H and b = -gradient at `support`.
-  void add_to(ChainSystem& system, std::span<const double> support) const noexcept;
+  /// Adds the prior's H, which is the same at every trajectory.
+  void add_hessian(ChainSystem& system) const noexcept;
+  /// Adds its b = -gradient at `support`.
+  void add_rhs(ChainSystem& system, std::span<const double> support) const noexcept;
 
  private:
   double dt_s_ = 0.0;

@@ -106,12 +106,13 @@ TEST(KinematicTree, AllocatesNothingOnceWarm) {
   std::vector<Eigen::Vector3d> centres(4 * 64), jacobians(4 * 64 * 2);
   std::vector<double> gradients(2 * 64);
   std::vector<Transform> poses(5);
+  const std::vector<LinkForce> forces(gradients.size() / 2);
   Scratch scratch;
   const auto all = [&] {
     (*tree)->link_poses(std::span(q).first(2), poses, scratch);
     (*tree)->sphere_centres(q, centres, scratch);
     (*tree)->sphere_jacobians(q, centres, jacobians, scratch);
-    (*tree)->pull_back(q, centres, gradients, scratch);
+    (*tree)->pull_back(q, forces, gradients, scratch);
   };
   all();
   const int before = testing_support::allocations();

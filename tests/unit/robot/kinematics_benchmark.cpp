@@ -76,10 +76,18 @@ BENCHMARK(BM_HsrSphereJacobians);
 
 void BM_HsrPullBack(benchmark::State& state) {
   Bench b;
+  // As costs do it: a few spheres of each configuration.
+  std::vector<LinkForce> forces;
   b.robot->sphere_centres(b.q, b.centres, b.scratch);
+  const auto& spheres = b.robot->description().spheres;
+  for (std::size_t i = 0; i < b.centres.size(); i += 5) {
+    forces.push_back({static_cast<int>(i / spheres.size()), spheres[i % spheres.size()].link,
+                      Eigen::Vector3d::UnitX(), b.centres[i].cross(Eigen::Vector3d::UnitX())});
+  }
+  std::vector<double> joint_forces(forces.size() * b.dof);
   for (auto _ : state) {
-    b.robot->pull_back(b.q, b.centres, b.gradients, b.scratch);
-    benchmark::DoNotOptimize(b.gradients.data());
+    b.robot->pull_back(b.q, forces, joint_forces, b.scratch);
+    benchmark::DoNotOptimize(joint_forces.data());
   }
   count(state);
 }

@@ -1,5 +1,4 @@
 #include <filesystem>
-#include <fstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,6 +8,8 @@
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "support/temporary_folder.hpp"
+
 namespace sidestep {
 namespace {
 
@@ -17,17 +18,8 @@ using testing::HasSubstr;
 
 class ConfigurationFiles : public testing::Test {
  protected:
-  void SetUp() override {
-    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::path(testing::TempDir()) /
-              ("sidestep_configuration_" + std::string(test->name()));
-    std::filesystem::create_directories(folder_ / "parts");
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::filesystem::path write(const std::string& name, const std::string& text) {
-    std::ofstream(folder_ / name) << text;
-    return folder_ / name;
+    return own_folder_.write(name, text);
   }
 
   ConfigurationReading read(const std::filesystem::path& file,
@@ -55,7 +47,8 @@ class ConfigurationFiles : public testing::Test {
     return node != nullptr ? node->text() : "(none)";
   }
 
-  std::filesystem::path folder_;
+  testing_support::TemporaryFolder own_folder_;
+  std::filesystem::path folder_ = own_folder_.path();
 };
 
 TEST_F(ConfigurationFiles, OverridesGoOverTheFileAndTheFileOverItsBases) {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 namespace sidestep {
@@ -24,6 +25,16 @@ class Scratch {
 
     /// `count` doubles, uninitialised, aligned to 64 bytes.
     [[nodiscard]] std::span<double> doubles(std::size_t count) { return scratch_.take(count); }
+
+    /// `count` objects, default-initialised (uninitialised for numbers and Eigen vectors).
+    template <class T>
+    [[nodiscard]] std::span<T> array(std::size_t count) {
+      static_assert(std::is_trivially_destructible_v<T> && alignof(T) <= 64);
+      const std::size_t doubles = (count * sizeof(T) + sizeof(double) - 1) / sizeof(double);
+      T* first = reinterpret_cast<T*>(scratch_.take(doubles).data());
+      std::uninitialized_default_construct_n(first, count);
+      return {first, count};
+    }
 
    private:
     Scratch& scratch_;

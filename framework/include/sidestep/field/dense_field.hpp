@@ -34,6 +34,9 @@ class SIDESTEP_EXPORT DenseField final : public DistanceField {
   void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
              std::span<Eigen::Vector3d> gradients,
              std::span<FieldStatus> statuses) const noexcept override;
+  std::size_t query_below(std::span<const PointLanes> points_m, std::span<const double> limits_m,
+                          bool also_unknown,
+                          std::span<FieldSample> samples) const noexcept override;
 
   [[nodiscard]] const Blocks& blocks() const noexcept { return blocks_; }
   [[nodiscard]] const KnownBlocks& known_blocks() const noexcept { return known_; }

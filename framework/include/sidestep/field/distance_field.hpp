@@ -1,11 +1,14 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include <Eigen/Core>
 
 #include <sidestep/core/export.hpp>
+#include <sidestep/core/lanes.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/geometry/grid.hpp>
 
@@ -22,8 +25,19 @@ struct FieldInfo {
   GridSpec grid;
   bool is_signed = false;       ///< Negative inside obstacles; else 0 there.
   double max_distance_m = 0.0;  ///< Distances are cut off here; infinity if they are not.
-  std::int64_t sequence = 0;    ///< Number of updates that went into it.
-  Stamp stamp;                  ///< Of the newest frame in it.
+  /// No two voxel centres outside obstacles differ in distance by more than this times the way
+  /// between them: 1 where distances are exact, infinity where nothing is known.
+  double steepest = std::numeric_limits<double>::infinity();
+  std::int64_t sequence = 0;  ///< Number of updates that went into it.
+  Stamp stamp;                ///< Of the newest frame in it.
+};
+
+/// What a field says of one point of a query.
+struct FieldSample {
+  std::size_t point;  ///< Index in the query.
+  FieldStatus status;
+  double distance_m;
+  Eigen::Vector3d gradient;
 };
 
 /// The Euclidean distance to the nearest obstacle, as one immutable snapshot of a map. [any]
@@ -45,6 +59,15 @@ class SIDESTEP_EXPORT DistanceField {
   virtual void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
                      std::span<Eigen::Vector3d> gradients,
                      std::span<FieldStatus> statuses) const noexcept = 0;
+
+  /// query() of those points alone whose distance is less than their limit or not a number, those
+  /// outside, and, if `also_unknown`, those never observed: what a cost or a check that begins at
+  /// a limit has to look at. Point kLanes * i + lane is lane `lane` of points_m[i] and has the
+  /// limit limits_m[i]. samples: room for all. Returns how many were written, in order of points.
+  /// Does not allocate.
+  virtual std::size_t query_below(std::span<const PointLanes> points_m,
+                                  std::span<const double> limits_m, bool also_unknown,
+                                  std::span<FieldSample> samples) const noexcept;
 
  private:
   FieldInfo info_;

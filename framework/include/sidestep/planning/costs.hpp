@@ -11,11 +11,20 @@ namespace sidestep {
 ///  - outside the field and Space::kOccupied: minus the distance to the field's box, gradient
 ///    pointing back inside; Space::kFree: infinity, gradient zero;
 ///  - unknown and Space::kOccupied: 0 at most, gradient as queried; kFree: as queried.
-/// The one place where the policy is applied. All spans have n elements; gradients may be empty.
+/// The policy is applied here and below, nowhere else. All spans have n elements; gradients may be
+/// empty.
 void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
                        std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
                        std::span<Eigen::Vector3d> gradients,
                        std::span<FieldStatus> statuses) noexcept;
+
+/// The points whose signed clearance is less than their limit, or not a number, by
+/// field.query_below: returns how many, in order of points.
+[[nodiscard]] std::size_t query_below_with_policy(const DistanceField& field,
+                                                  const SpacePolicy& policy,
+                                                  std::span<const PointLanes> points_m,
+                                                  std::span<const double> limits_m,
+                                                  std::span<FieldSample> samples) noexcept;
 
 /// One residual per sphere: max(0, epsilon - (D - r)) / sigma (GPMP2, eq. 33).
 [[nodiscard]] std::unique_ptr<StateCost> make_obstacle_cost(

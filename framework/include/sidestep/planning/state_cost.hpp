@@ -24,6 +24,9 @@ struct CostBatch {
   std::span<double> jacobian_qdot;  ///< n x m x d.
 };
 
+class StateNormals;
+struct StateRange;
+
 /// One cost term of one state at one time. Optimisers know nothing else of a problem but the
 /// GP prior. Immutable; every method is [any], each thread with its own Scratch.
 class SIDESTEP_EXPORT StateCost {
@@ -41,6 +44,12 @@ class SIDESTEP_EXPORT StateCost {
 
   /// Residuals and Jacobians of a batch. Every element of a non-empty span is written.
   virtual void evaluate(const StateBatch& states, const CostBatch& out, Scratch& scratch) const = 0;
+
+  /// Adds J^T J and J^T r of a batch to those of its states, and returns the cost, 1/2 the sum of
+  /// squares. The same as evaluate() says, of which by default it is made; costs of which most rows
+  /// are zero form only the others here.
+  virtual double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
+                           Scratch& scratch) const;
 };
 
 }  // namespace sidestep

@@ -6,6 +6,10 @@
 
 namespace sidestep {
 
+namespace detail {
+struct PoseLanes;
+}
+
 /// How one link moves against its parent: T_parent_link = T_parent_joint * motion(value),
 /// value = multiplier * q[joint] + offset for a moving joint (a mimic joint has a multiplier
 /// other than 1 and shares its master's q); a fixed joint has no motion.
@@ -37,10 +41,12 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
                   Scratch& scratch) const override;
   void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
                       Scratch& scratch) const override;
+  void sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
+                           Scratch& scratch) const override;
   void sphere_jacobians(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
                         std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const override;
-  void pull_back(std::span<const double> q, std::span<const Eigen::Vector3d> sphere_gradients,
-                 std::span<double> joint_gradients, Scratch& scratch) const override;
+  void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                 std::span<double> joint_forces, Scratch& scratch) const override;
 
  private:
   /// Links that are rigidly attached to each other, moved as one by the joint of the first.
@@ -66,7 +72,9 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
   KinematicTree(RobotDescription description, std::vector<TreeJoint> tree_joints);
   void add_link(std::size_t link);
   void place_bodies(const double* q, std::span<Pose> bodies) const noexcept;
-  [[nodiscard]] std::span<Pose> take_poses(Scratch::Scope& scope) const;
+  /// The same for kLanes configurations, of which the last stands in for those beyond `count`.
+  void place_bodies(const double* q, std::size_t count,
+                    std::span<detail::PoseLanes> bodies) const noexcept;
 
   RobotDescription description_;
   std::vector<TreeJoint> tree_joints_;

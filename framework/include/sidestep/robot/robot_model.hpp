@@ -10,6 +10,7 @@
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/export.hpp>
+#include <sidestep/core/lanes.hpp>
 #include <sidestep/core/scratch.hpp>
 #include <sidestep/geometry/shape.hpp>
 #include <sidestep/geometry/transform.hpp>
@@ -70,6 +71,14 @@ struct RobotDescription {
   [[nodiscard]] const NamedPose* find_pose(std::string_view pose_name) const noexcept;
 };
 
+/// A force on a link in one configuration of a batch, world frame.
+struct LinkForce {
+  int row = 0;  ///< Of the batch.
+  int link = 0;
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();  ///< About the world's origin.
+};
+
 /// A robot's kinematics. Configurations are batches: q holds n rows of dof() values, row by
 /// row, in description().joints order. Immutable; temporaries live in the caller's Scratch.
 /// Every method: [any] thread with its own Scratch; no allocation once the Scratch is warm.
@@ -87,16 +96,22 @@ class SIDESTEP_EXPORT RobotModel {
   virtual void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
                               Scratch& scratch) const = 0;
 
+  /// The same in lanes: the centre of sphere s in configuration kLanes * g + lane is lane `lane` of
+  /// centres_m[g * spheres.size() + s]; lanes beyond the last configuration hold any numbers.
+  virtual void sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
+                                   Scratch& scratch) const;
+
   /// Centres and their Jacobians. jacobians: n x spheres.size() x dof() columns, each the
   /// derivative of one centre by one joint (m per m or m per rad), world frame.
   virtual void sphere_jacobians(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
                                 std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const = 0;
 
-  /// Maps gradients at sphere centres onto joints: joint_gradients[b][j] = sum over spheres s
-  /// of jacobian[b][s][j] . sphere_gradients[b][s]. joint_gradients: n x dof().
-  virtual void pull_back(std::span<const double> q,
-                         std::span<const Eigen::Vector3d> sphere_gradients,
-                         std::span<double> joint_gradients, Scratch& scratch) const = 0;
+  /// Maps forces on links onto joints, one by one, as in statics: joint_forces[k][j] is the work of
+  /// forces[k] as joint j moves by one unit. With force g at a sphere's centre c (moment c x g)
+  /// that is g . J of the centre; with no force and a moment, the turning of the link. forces: in
+  /// ascending order of row; q: n x dof(). joint_forces: forces.size() x dof().
+  virtual void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
+                         std::span<double> joint_forces, Scratch& scratch) const = 0;
 };
 
 }  // namespace sidestep

@@ -14,11 +14,24 @@
 
 namespace sidestep {
 
+/// Doubles that kernels compute with at once.
 inline constexpr std::size_t kLanes = 8;
 
 /// Eight doubles that are computed with at once; the compiler splits them where the processor's
 /// vectors are shorter. Read and written at any multiple of a double's size.
 using Lanes = double __attribute__((vector_size(8 * sizeof(double)), aligned(8), may_alias));
+
+[[gnu::always_inline]] inline Lanes& lanes(double* at) noexcept {
+  return *reinterpret_cast<Lanes*>(at);
+}
+[[gnu::always_inline]] inline const Lanes& lanes(const double* at) noexcept {
+  return *reinterpret_cast<const Lanes*>(at);
+}
+
+/// kLanes points, coordinate by coordinate.
+struct alignas(64) PointLanes {
+  double x[kLanes], y[kLanes], z[kLanes];
+};
 
 /// `count` rounded up to whole lanes.
 [[nodiscard]] constexpr std::size_t padded(std::size_t count) noexcept {

@@ -1,18 +1,19 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
-#include <sidestep/planning/state_cost.hpp>
-
-#include "lanes.hpp"
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/lanes.hpp>
 
 namespace sidestep {
 
 /// The Gauss-Newton normal equations J^T J and J^T r of n single states, summed over cost terms.
 /// Costs of positions only (obstacles, self-collision, limits) and costs that depend on velocities
 /// as well are kept apart, for the second kind has blocks of four times the size.
-class StateNormals {
+class SIDESTEP_EXPORT StateNormals {
  public:
   /// One state's share: a symmetric `width` x `width` block, column by column, and the gradient.
   struct Block {
@@ -36,9 +37,14 @@ class StateNormals {
   /// Of [q; qdot].
   [[nodiscard]] Block full(std::size_t state) const noexcept { return full_.at(state); }
 
-  /// Adds the rows [by_q, by_qdot | residual] of a state; `by_qdot` is null for a cost of positions
-  /// only. Each holds dof() values.
-  void add_row(std::size_t state, const double* by_q, const double* by_qdot, double residual);
+  /// Adds rows of positions only to a state: by_q holds residuals.size() x dof() values.
+  void add_rows(std::size_t state, std::span<const double> by_q, std::span<const double> residuals);
+  /// Adds the row [by_q, by_qdot | residual]; each holds dof() values.
+  void add_row(std::size_t state, std::span<const double> by_q, std::span<const double> by_qdot,
+               double residual);
+  /// Adds a row with a single entry, of a joint's position or of its velocity.
+  void add_position_entry(std::size_t state, std::size_t joint, double entry, double residual);
+  void add_velocity_entry(std::size_t state, std::size_t joint, double entry, double residual);
 
  private:
   struct Blocks {
@@ -48,6 +54,7 @@ class StateNormals {
     void resize(std::size_t states, std::size_t block_width);
     void clear() noexcept;
     void add(std::size_t state, const double* row, double residual);
+    void add_entry(std::size_t state, std::size_t variable, double entry, double residual);
     [[nodiscard]] Block at(std::size_t state) const noexcept {
       const std::size_t stride = padded(width);
       return {hessians.data() + state * width * stride, gradients.data() + state * stride};
@@ -59,10 +66,11 @@ class StateNormals {
   AlignedArray row_;
 };
 
-/// Evaluates one cost at a batch of states and adds its rows: state i of the batch is state
-/// `first + i * step` of `out`. Returns 1/2 the sum of squares. [planning]; allocates nothing
-/// once `scratch` is warm.
-double add_cost(const StateCost& cost, const StateBatch& states, std::size_t first,
-                std::size_t step, StateNormals& out, Scratch& scratch);
+/// Where a batch of states lies among all: state i of the batch is state first + i * step.
+struct StateRange {
+  std::size_t first = 0;
+  std::size_t step = 1;
+  [[nodiscard]] std::size_t operator[](std::size_t i) const noexcept { return first + i * step; }
+};
 
 }  // namespace sidestep

@@ -1,0 +1,121 @@
+#include <sidestep/planning/state_normals.hpp>
+
+#include <algorithm>
+
+namespace sidestep {
+namespace {
+
+/// hessian += row row^T and gradient += residual row, all padded to whole lanes.
+SIDESTEP_SIMD_CLONES
+void add_outer(double* hessian, double* gradient, const double* row, double residual,
+               std::size_t width) {
+  const std::size_t stride = padded(width);
+  for (std::size_t r = 0; r < stride; r += kLanes) {
+    const Lanes values = *reinterpret_cast<const Lanes*>(row + r);
+    *reinterpret_cast<Lanes*>(gradient + r) += residual * values;
+    for (std::size_t j = 0; j < width; ++j) {
+      *reinterpret_cast<Lanes*>(hessian + j * stride + r) += row[j] * values;
+    }
+  }
+}
+
+/// The same for many rows of at most kLanes entries, `width` values apart.
+SIDESTEP_SIMD_CLONES
+void add_narrow_products(double* hessian, double* gradient, const double* rows,
+                         const double* residuals, std::size_t count, std::size_t width) {
+  Lanes sums[kLanes] = {};
+  Lanes pull = {};
+  alignas(64) double row[kLanes] = {};
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j < width; ++j) row[j] = rows[i * width + j];
+    const Lanes values = lanes(row);
+    pull += residuals[i] * values;
+#pragma GCC unroll 8
+    for (std::size_t j = 0; j < kLanes; ++j) sums[j] += row[j] * values;
+  }
+  lanes(gradient) += pull;
+  for (std::size_t j = 0; j < width; ++j) lanes(hessian + j * kLanes) += sums[j];
+}
+
+}  // namespace
+
+void StateNormals::Blocks::resize(std::size_t states, std::size_t block_width) {
+  width = block_width;
+  hessians.assign_zeros(states * width * padded(width));
+  gradients.assign_zeros(states * padded(width));
+  active.assign(states, 0);
+}
+
+void StateNormals::Blocks::clear() noexcept {
+  const std::size_t stride = padded(width);
+  for (std::size_t s = 0; s < active.size(); ++s) {
+    if (active[s] == 0) continue;
+    std::fill_n(hessians.data() + s * width * stride, width * stride, 0.0);
+    std::fill_n(gradients.data() + s * stride, stride, 0.0);
+    active[s] = 0;
+  }
+}
+
+void StateNormals::Blocks::add(std::size_t state, const double* row, double residual) {
+  const std::size_t stride = padded(width);
+  add_outer(hessians.data() + state * width * stride, gradients.data() + state * stride, row,
+            residual, width);
+  active[state] = 1;
+}
+
+void StateNormals::resize(int states, int dof) {
+  dof_ = static_cast<std::size_t>(dof);
+  position_.resize(static_cast<std::size_t>(states), dof_);
+  full_.resize(static_cast<std::size_t>(states), 2 * dof_);
+  row_.assign_zeros(padded(2 * dof_));
+}
+
+void StateNormals::clear() noexcept {
+  position_.clear();
+  full_.clear();
+}
+
+void StateNormals::add_rows(std::size_t state, std::span<const double> by_q,
+                            std::span<const double> residuals) {
+  if (residuals.empty()) return;
+  if (dof_ > kLanes) {
+    std::fill_n(row_.data(), row_.size(), 0.0);
+    for (std::size_t i = 0; i < residuals.size(); ++i) {
+      std::copy_n(by_q.data() + i * dof_, dof_, row_.data());
+      position_.add(state, row_.data(), residuals[i]);
+    }
+    return;
+  }
+  add_narrow_products(position_.hessians.data() + state * dof_ * kLanes,
+                      position_.gradients.data() + state * kLanes, by_q.data(), residuals.data(),
+                      residuals.size(), dof_);
+  position_.active[state] = 1;
+}
+
+void StateNormals::add_row(std::size_t state, std::span<const double> by_q,
+                           std::span<const double> by_qdot, double residual) {
+  std::fill_n(row_.data(), row_.size(), 0.0);
+  std::ranges::copy(by_q, row_.data());
+  std::ranges::copy(by_qdot, row_.data() + dof_);
+  full_.add(state, row_.data(), residual);
+}
+
+void StateNormals::Blocks::add_entry(std::size_t state, std::size_t variable, double entry,
+                                     double residual) {
+  const std::size_t stride = padded(width);
+  hessians.data()[(state * width + variable) * stride + variable] += entry * entry;
+  gradients.data()[state * stride + variable] += entry * residual;
+  active[state] = 1;
+}
+
+void StateNormals::add_position_entry(std::size_t state, std::size_t joint, double entry,
+                                      double residual) {
+  position_.add_entry(state, joint, entry, residual);
+}
+
+void StateNormals::add_velocity_entry(std::size_t state, std::size_t joint, double entry,
+                                      double residual) {
+  full_.add_entry(state, dof_ + joint, entry, residual);
+}
+
+}  // namespace sidestep
