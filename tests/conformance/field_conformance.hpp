@@ -408,10 +408,13 @@ TEST_P(FieldConformance, FindsThePointsBelowTheirLimits) {
   for (const std::size_t n : {std::size_t{8}, std::size_t{1600}}) {
     std::vector<Eigen::Vector3d> points(n);
     for (std::size_t i = 0; i < n; ++i) {
+      // Every other eight along a path.
+      const bool follows = i % kLanes != 0 && i / kLanes % 2 == 0;
       for (int axis = 0; axis < 3; ++axis) {
         const double margin_m = 2.0 * spec.resolution_m;
         points[i][axis] =
-            at_random(spec.origin_m[axis] - margin_m, spec.upper_m()[axis] + margin_m);
+            follows ? points[i - 1][axis] + at_random(-0.02, 0.02)
+                    : at_random(spec.origin_m[axis] - margin_m, spec.upper_m()[axis] + margin_m);
       }
     }
     points[n / 2].x() = std::numeric_limits<double>::quiet_NaN();

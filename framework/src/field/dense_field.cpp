@@ -114,6 +114,22 @@ void locate(const PointLanes& points_m, const Bounds& bounds, Places& places) no
   lanes(places.place) = place;
 }
 
+/// How far the farthest of eight points is from one of them; infinity if one is no point.
+SIDESTEP_SIMD_CLONES
+double radius_about(const PointLanes& points_m, std::size_t middle) noexcept {
+  const Lanes x = lanes(points_m.x) - points_m.x[middle];
+  const Lanes y = lanes(points_m.y) - points_m.y[middle];
+  const Lanes z = lanes(points_m.z) - points_m.z[middle];
+  const Lanes squares = x * x + y * y + z * z;
+  double most = 0.0;
+  double sum = 0.0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    most = std::max(most, squares[lane]);
+    sum += squares[lane];
+  }
+  return std::isfinite(sum) ? std::sqrt(most) : std::numeric_limits<double>::infinity();
+}
+
 /// The cells between voxel centres in which points lie.
 struct Cells {
   alignas(64) Coordinates fraction;  ///< Within the cell, in [0, 1].
@@ -204,6 +220,28 @@ class Sampler {
     if (!places.is_inside(lane)) return FieldStatus::kOutside;
     return is_known(field_.known_blocks(), places.nearest(lane)) ? FieldStatus::kKnown
                                                                  : FieldStatus::kUnknown;
+  }
+
+  /// Whether all points lie inside the grid and, as seen from one of them, are farther than `far_m`
+  /// by value at the nearest centre. False where that is not certain at once.
+  [[nodiscard]] bool are_far(const PointLanes& points_m, double far_m) const noexcept {
+    constexpr std::size_t kMiddle = kLanes / 2;
+    const double* coordinates_m[] = {points_m.x, points_m.y, points_m.z};
+    const double radius_m = radius_about(points_m, kMiddle);
+    int voxel[3];
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double p =
+          (coordinates_m[axis][kMiddle] - bounds_.origin_m[axis]) * bounds_.inverse_resolution;
+      const double reach = radius_m * bounds_.inverse_resolution;
+      if (!(p >= reach && p + reach <= bounds_.last[axis] + 1.0)) return false;
+      voxel[axis] = std::min(static_cast<int>(p), static_cast<int>(bounds_.last[axis]));
+    }
+    const Address a = address_of(voxel[0], voxel[1], voxel[2], counts_);
+    // From the one nearest centre to another it is no farther than from point to point and the
+    // halves of two voxels' diagonals.
+    const double way_m = radius_m + std::sqrt(3.0) * grid_.resolution_m;
+    return field_.blocks().block(a.block).distance_m[a.place] >=
+           far_m + field_.info().steepest * way_m;
   }
 
   /// Distances and gradients of the first `count` points.
@@ -341,6 +379,7 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
   Candidates near;
   for (std::size_t i = 0; i < points_m.size(); ++i) {
     const double far_m = std::max(limits_m[i], 0.0) + slack_m;
+    if (!also_unknown && sampler.are_far(points_m[i], far_m)) continue;
     Places places;
     sampler.locate_points(points_m[i], places);
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
