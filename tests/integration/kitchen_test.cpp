@@ -109,6 +109,18 @@ TEST_P(Kitchen, ThePlanPassesBothChecks) {
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
 }
 
+/// The other optimiser of the same problem, in the map of fewer frames.
+TEST(KitchenByName, CeresPlansAsWell) {
+  if (!std::filesystem::exists(kKitchen)) GTEST_SKIP() << "no data at " << kKitchen;
+  const testing_support::TemporaryFolder folder;
+  const std::string command =
+      std::string(SIDESTEP_COMMAND) + " run " + SIDESTEP_SOURCE_DIR +
+      "/configs/kitchen_hsr_gp.yaml --set source.path=" + kKitchen.string() +
+      " --set source.stride=10 --set optimiser.plugin=gp_ceres --out " +
+      (folder.path() / "run").string() + " >/dev/null 2>&1";
+  EXPECT_EQ(std::system(command.c_str()), 0) << command;
+}
+
 INSTANTIATE_TEST_SUITE_P(recorded, Kitchen, testing::Values("kitchen_hsr_gp", "kitchen_hsr_ompl"),
                          [](const testing::TestParamInfo<const char*>& tested) {
                            return std::string(tested.param);
