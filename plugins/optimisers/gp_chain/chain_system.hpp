@@ -7,6 +7,8 @@
 
 namespace sidestep {
 
+struct ChainPanel;
+
 /// The normal equations H x = b of a chain of states, each coupled to the next only, so that H is
 /// block tridiagonal; and their Cholesky factor, which has the same blocks (no fill).
 ///
@@ -48,11 +50,18 @@ class ChainSystem {
   /// definite; x is then undefined. H and b are kept, so that another lambda can follow.
   [[nodiscard]] bool solve(double lambda, std::span<double> x) noexcept;
 
+  /// Turns independent normal numbers into a sample of N(0, (H + lambda I)^-1) for the H and lambda
+  /// of the last solve(). states() * width() values.
+  void spread(std::span<double> x) noexcept;
+
   /// out = H x.
   void product(std::span<const double> x, std::span<double> out) const noexcept;
 
  private:
   [[nodiscard]] std::size_t panel_size() const noexcept { return width_ * stride(); }
+
+  [[nodiscard]] ChainPanel panel_of(std::size_t state) noexcept;
+  void substitute_back(std::span<double> x) noexcept;
 
   std::size_t states_ = 0;
   std::size_t width_ = 0;

@@ -1,11 +1,18 @@
 #include "gp_chain.hpp"
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <string>
 #include <utility>
+#include <vector>
+
+#include <sidestep/planning/validity_check.hpp>
 
 #include "minimise.hpp"
+#include "prior_sampler.hpp"
 
 namespace sidestep {
 namespace {
@@ -45,11 +52,32 @@ std::string percent(double share) {
   return buffer;
 }
 
+/// One of several initial trajectories, and what became of it.
+struct Start {
+  ChainModel model;
+  std::unique_ptr<StepRule> rule;
+  Minimisation end;
+  double initial_cost = 0.0;
+  bool is_finite = false;  ///< Its initial cost; else it was not minimised.
+  bool is_valid = false;   ///< Where there are several: free of collisions, within limits.
+};
+
+/// Positions and collisions; how fast a trajectory is may still be changed.
+std::unique_ptr<ValidityCheck> make_check(const Problem& problem) {
+  return make_field_check(problem.robot, problem.field, problem.space,
+                          {.margin_m = problem.collision_margin_m,
+                           .speed_fraction = std::numeric_limits<double>::infinity()});
+}
+
 class GpChain final : public Optimiser {
  public:
-  explicit GpChain(const GpChainSettings& settings)
-      : stop_{settings.relative_tolerance, settings.absolute_tolerance, settings.max_iterations},
-        rule_(make_step_rule(settings)) {}
+  GpChain(const GpChainSettings& settings, WorkerPool* workers)
+      : settings_(settings),
+        stop_{settings.relative_tolerance, settings.absolute_tolerance, settings.max_iterations},
+        workers_(workers),
+        starts_(static_cast<std::size_t>(settings.starts)) {
+    for (Start& start : starts_) start.rule = make_step_rule(settings);
+  }
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override {
@@ -58,31 +86,103 @@ class GpChain final : public Optimiser {
     if (auto valid = check_initial(problem, initial); !valid) {
       return tl::make_unexpected(valid.error());
     }
-    model_.reset(problem, initial);
+    minimise_from(starts_.front(), problem, initial, deadline);
+    const Start* chosen = &starts_.front();
+    if (starts_.size() > 1) chosen = &best_of_all(problem, initial, deadline);
+
     Solution solution;
-    solution.initial_cost = model_.current().cost;
-    if (std::isfinite(solution.initial_cost)) {
-      conclude(minimise(model_, *rule_, stop_, deadline), deadline, solution);
-    }
-    solution.terms = term_costs(problem, model_.current());
-    solution.cost = model_.current().cost;
-    if (!std::isfinite(solution.initial_cost)) name_broken_term(solution);
-    if (solution.status != SolveStatus::kFailed) {
-      solution.trajectory = trajectory_of(problem, model_.current());
-    }
+    solution.initial_cost = starts_.front().initial_cost;
+    const ChainEvaluation& found = chosen->model.current();
+    if (chosen->is_finite) conclude(*chosen, deadline, solution);
+    solution.terms = term_costs(problem, found);
+    solution.cost = found.cost;
+    if (!chosen->is_finite) name_broken_term(solution);
+    if (solution.status != SolveStatus::kFailed)
+      solution.trajectory = trajectory_of(problem, found);
     solution.solve_ms = watch.elapsed_ms();
     return solution;
   }
 
  private:
-  void conclude(const Minimisation& end, const Deadline& deadline, Solution& solution) const {
+  void minimise_from(Start& start, const Problem& problem, const Trajectory& initial,
+                     const Deadline& deadline) const {
+    start.model.reset(problem, initial);
+    start.initial_cost = start.model.current().cost;
+    start.is_finite = std::isfinite(start.initial_cost);
+    start.is_valid = false;
+    start.end = {};
+    if (start.is_finite) start.end = minimise(start.model, *start.rule, stop_, deadline);
+  }
+
+  /// Goes on from the first start, which is done, to the others.
+  const Start& best_of_all(const Problem& problem, const Trajectory& initial,
+                           const Deadline& deadline) {
+    const auto check = make_check(problem);
+    const auto judge = [&](Start& start) {
+      if (!start.is_finite) return;
+      const auto verdict = check->check(trajectory_of(problem, start.model.current()), 0.0, {});
+      start.is_valid = verdict.has_value() && verdict->valid();
+    };
+    const bool first_will_do = settings_.accept == "first_valid";
+    // Starts begin in order and none is given up, so that the lowest valid one is always found.
+    std::atomic<bool> enough = false;
+    judge(starts_.front());
+    enough = first_will_do && starts_.front().is_valid;
+    sampler_.reset(problem);
+    samples_.resize(starts_.size() * starts_.front().model.current().support.size());
+    const auto go = [&](int i) {
+      Start& start = starts_[static_cast<std::size_t>(i)];
+      start.is_finite = start.is_valid = false;
+      if (enough || deadline.expired()) return;
+      minimise_from(start, problem, strayed(initial, i), deadline);
+      judge(start);
+      if (first_will_do && start.is_valid) enough = true;
+    };
+    for (int i = 1; i < settings_.starts; ++i) {
+      sampler_.draw(
+          static_cast<std::uint64_t>(settings_.seed) * 1000 + static_cast<std::uint64_t>(i),
+          sample(i));
+    }
+    const int others = settings_.starts - 1;
+    if (workers_ != nullptr) {
+      workers_->run(others, [&](int i) { go(i + 1); });
+    } else {
+      for (int i = 0; i < others; ++i) go(i + 1);
+    }
+    const auto better = [&](const Start& a, const Start& b) {
+      if (a.is_valid != b.is_valid) return a.is_valid;
+      if (a.is_finite != b.is_finite) return a.is_finite;
+      if (first_will_do && a.is_valid) return false;  // min_element keeps the first
+      return a.is_finite && a.model.current().cost < b.model.current().cost;
+    };
+    return *std::ranges::min_element(starts_, better);
+  }
+
+  [[nodiscard]] std::span<double> sample(int start) {
+    const std::size_t size = samples_.size() / starts_.size();
+    return std::span(samples_).subspan(static_cast<std::size_t>(start) * size, size);
+  }
+
+  /// The initial trajectory plus the sample of a start.
+  [[nodiscard]] Trajectory strayed(const Trajectory& initial, int start) {
+    Trajectory out = initial;
+    const double* by = sample(start).data();
+    for (int i = 0; i < out.size(); ++i) {
+      for (double& q : out.q(i)) q += settings_.spread * *by++;
+      for (double& qdot : out.qdot(i)) qdot += settings_.spread * *by++;
+    }
+    return out;
+  }
+
+  void conclude(const Start& start, const Deadline& deadline, Solution& solution) const {
+    const Minimisation& end = start.end;
     solution.iterations = end.tried;
     solution.accepted_iterations = end.accepted;
     switch (end.end) {
       case Minimisation::End::kConverged: solution.status = SolveStatus::kConverged; break;
       case Minimisation::End::kIterationLimit: {
         solution.status = SolveStatus::kIterationLimit;
-        const double before = model_.current().cost + end.last_decrease;
+        const double before = start.model.current().cost + end.last_decrease;
         solution.reason = "stopped after " + std::to_string(stop_.max_iterations) +
                           " iterations, when the last one still lowered the cost by " +
                           percent(end.last_decrease / before);
@@ -113,9 +213,12 @@ class GpChain final : public Optimiser {
     }
   }
 
+  GpChainSettings settings_;
   StoppingRules stop_;
-  std::unique_ptr<StepRule> rule_;
-  ChainModel model_;
+  WorkerPool* workers_;
+  std::vector<Start> starts_;
+  PriorSampler sampler_;
+  std::vector<double> samples_;  ///< Of one start after the other; nothing for the first.
 };
 
 }  // namespace
@@ -126,8 +229,8 @@ std::unique_ptr<StepRule> make_step_rule(const GpChainSettings& settings) {
   return make_levenberg_marquardt(settings.initial_damping, settings.relative_tolerance);
 }
 
-std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings) {
-  return std::make_unique<GpChain>(settings);
+std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings, WorkerPool* workers) {
+  return std::make_unique<GpChain>(settings, workers);
 }
 
 }  // namespace sidestep

@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 
+#include <sidestep/core/worker_pool.hpp>
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/plugin/parameters.hpp>
 
@@ -18,6 +19,10 @@ struct GpChainSettings {
   int max_iterations = 100;          ///< Accepted steps.
   double initial_damping = 0.01;     ///< Lambda of the first Levenberg-Marquardt step.
   double initial_radius = 1.0;       ///< Of dogleg's trust region.
+  int starts = 1;  ///< Initial trajectories: the given one, and that plus samples of the GP prior.
+  double spread = 1.0;                ///< What the samples are multiplied with.
+  std::string accept = "best_valid";  ///< Or "first_valid", of several starts.
+  int seed = 1;                       ///< Of the samples.
 
   static Parameters<GpChainSettings> parameters();
 };
@@ -25,7 +30,9 @@ struct GpChainSettings {
 /// The rule that `settings.method` names.
 [[nodiscard]] std::unique_ptr<StepRule> make_step_rule(const GpChainSettings& settings);
 
-/// GPMP2's problem solved by the structure of its chain: see README.md.
-[[nodiscard]] std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings);
+/// GPMP2's problem solved by the structure of its chain: see README.md. Several starts share the
+/// threads of `workers`, or go one after the other where it is null.
+[[nodiscard]] std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings,
+                                                       WorkerPool* workers = nullptr);
 
 }  // namespace sidestep

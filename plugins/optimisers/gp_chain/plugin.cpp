@@ -22,7 +22,15 @@ Parameters<GpChainSettings> GpChainSettings::parameters() {
            "Damping of the first step of levenberg_marquardt.", {.min = 1e-12, .max = 1e4})
       .add("initial_radius", &S::initial_radius,
            "Radius of the first trust region of dogleg, in the units of the states.",
-           {.min = 1e-6, .max = 1e6});
+           {.min = 1e-6, .max = 1e6})
+      .add("starts", &S::starts,
+           "Initial trajectories: the given one, and that plus samples of the GP prior.",
+           {.min = 1.0, .max = 1000.0})
+      .add("spread", &S::spread, "What the samples are multiplied with.", {.min = 0.0})
+      .add("accept", &S::accept,
+           "Of several starts: the cheapest trajectory that is free of collisions, or the first.",
+           {.choices = {"best_valid", "first_valid"}})
+      .add("seed", &S::seed, "Of the samples.", {.min = 0.0, .max = 1e9});
 }
 
 }  // namespace sidestep
@@ -31,8 +39,9 @@ namespace {
 
 using namespace sidestep;
 
-Result<std::unique_ptr<Optimiser>> create(const GpChainSettings& settings, const HostContext&) {
-  return make_gp_chain(settings);
+Result<std::unique_ptr<Optimiser>> create(const GpChainSettings& settings,
+                                          const HostContext& context) {
+  return make_gp_chain(settings, &context.workers);
 }
 
 }  // namespace

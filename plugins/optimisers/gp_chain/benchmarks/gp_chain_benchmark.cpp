@@ -39,24 +39,26 @@ double quantile(std::vector<double>& values, double share) {
   return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
 }
 
-std::unique_ptr<Optimiser> optimiser_of(bool chain, bool replan) {
+std::unique_ptr<Optimiser> optimiser_of(bool chain, bool replan, int starts = 1) {
   const double relative = replan ? 1e-2 : 1e-5;
   const int iterations = replan ? 50 : 100;
   if (chain) {
-    return make_gp_chain({.relative_tolerance = relative, .max_iterations = iterations});
+    return make_gp_chain(
+        {.relative_tolerance = relative, .max_iterations = iterations, .starts = starts});
   }
   return make_gp_ceres({.relative_tolerance = relative, .max_iterations = iterations});
 }
 
 /// Every problem once an iteration. solve_ms and step_us are over problems; a step is one that was
 /// tried, an iteration one that was accepted, which is what GPMP2 counts.
-void solve_recorded(benchmark::State& state, const char* set, bool chain, bool replan) {
+void solve_recorded(benchmark::State& state, const char* set, bool chain, bool replan,
+                    int starts = 1) {
   const auto& problems = problems_of(set);
   if (problems.empty()) {
     state.SkipWithError("no recorded problems");
     return;
   }
-  const auto optimiser = optimiser_of(chain, replan);
+  const auto optimiser = optimiser_of(chain, replan, starts);
   std::vector<Trajectory> initial;
   for (const Problem& problem : problems) initial.push_back(recorded_initial(problem));
   std::vector<double> solve_ms, iteration_us, step_us;
@@ -84,6 +86,12 @@ void solve_recorded(benchmark::State& state, const char* set, bool chain, bool r
       ->Unit(benchmark::kMillisecond);                                          \
   BENCHMARK_CAPTURE(solve_recorded, set / replan / gp_ceres, #set, false, true) \
       ->Unit(benchmark::kMillisecond)
+BENCHMARK_CAPTURE(solve_recorded, panda_single / study / gp_chain / starts : 8, "panda_single",
+                  true, false, 8)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(solve_recorded, panda_clutter / study / gp_chain / starts : 8, "panda_clutter",
+                  true, false, 8)
+    ->Unit(benchmark::kMillisecond);
 SOLVE_RECORDED(panda_single);
 SOLVE_RECORDED(panda_clutter);
 SOLVE_RECORDED(wam_single);
