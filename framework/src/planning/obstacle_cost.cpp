@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include <sidestep/planning/costs.hpp>
@@ -44,21 +45,28 @@ class ObstacleCost final : public StateCost {
     const auto residuals = scope.doubles(found);
     const auto rows = scope.doubles(found * dof);
     std::size_t count = 0;
-    for (std::size_t begin = 0, end = 0; begin < found; begin = end) {
-      const std::size_t group = near[begin].point / (kLanes * spheres_);
-      while (end < found && near[end].point / (kLanes * spheres_) == group) ++end;
+    for (std::size_t begin = 0, end = 0, group = 0; begin < found; begin = end, ++group) {
+      // Sorted by lane, which is the state.
+      std::array<std::size_t, kLanes> at{};
+      const std::size_t last = (group + 1) * kLanes * spheres_;
+      for (; end < found && near[end].point < last; ++end) ++at[near[end].point % kLanes];
+      const std::size_t real = static_cast<std::size_t>(states.count) - group * kLanes;
       for (std::size_t lane = 0; lane < kLanes; ++lane) {
-        const std::size_t row = kLanes * group + lane;
-        if (row >= static_cast<std::size_t>(states.count)) break;
-        for (const FieldSample& sample : near.subspan(begin, end - begin)) {
-          if (sample.point % kLanes != lane) continue;
-          const PointLanes& in_m = centres_m[sample.point / kLanes];
-          const std::size_t sphere = sample.point / kLanes - group * spheres_;
-          const Eigen::Vector3d centre_m(in_m.x[lane], in_m.y[lane], in_m.z[lane]);
-          const Eigen::Vector3d force = -weight_ * sample.gradient;
-          forces[count] = {static_cast<int>(row), link_[sphere], force, centre_m.cross(force)};
-          residuals[count++] = weight_ * (reach_m_[sphere] - sample.distance_m);
-        }
+        const std::size_t in_lane = at[lane];
+        at[lane] = count;
+        if (lane < real) count += in_lane;
+      }
+      for (const FieldSample& sample : near.subspan(begin, end - begin)) {
+        const std::size_t lane = sample.point % kLanes;
+        if (lane >= real) continue;
+        const PointLanes& in_m = centres_m[sample.point / kLanes];
+        const std::size_t sphere = sample.point / kLanes - group * spheres_;
+        const Eigen::Vector3d centre_m(in_m.x[lane], in_m.y[lane], in_m.z[lane]);
+        const Eigen::Vector3d force = -weight_ * sample.gradient;
+        const std::size_t k = at[lane]++;
+        forces[k] = {static_cast<int>(group * kLanes + lane), link_[sphere], force,
+                     centre_m.cross(force)};
+        residuals[k] = weight_ * (reach_m_[sphere] - sample.distance_m);
       }
     }
     robot_->pull_back(states.q, forces.first(count), rows, scratch);

@@ -23,15 +23,25 @@ void add_outer(double* hessian, double* gradient, const double* row, double resi
 SIDESTEP_SIMD_CLONES
 void add_narrow_products(double* hessian, double* gradient, const double* rows,
                          const double* residuals, std::size_t count, std::size_t width) {
-  Lanes sums[kLanes] = {};
+  using Counts = std::int64_t __attribute__((vector_size(8 * kLanes)));
+  const Counts lane = {0, 1, 2, 3, 4, 5, 6, 7};
+  const Counts end = Counts{} + static_cast<std::int64_t>(width);
+  Lanes sums[kLanes];
+#pragma GCC unroll 8
+  for (std::size_t j = 0; j < kLanes; ++j) sums[j] = Lanes{};
   Lanes pull = {};
-  alignas(64) double row[kLanes] = {};
+  alignas(64) double last_row[kLanes] = {};
   for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t j = 0; j < width; ++j) row[j] = rows[i * width + j];
-    const Lanes values = lanes(row);
+    // Read in whole lanes, of which those beyond the row count as zero, where there is so much.
+    const double* row = rows + i * width;
+    if ((count - i) * width < kLanes) {
+      std::copy_n(row, width, last_row);
+      row = last_row;
+    }
+    const Lanes values = lane < end ? lanes(row) : Lanes{};
     pull += residuals[i] * values;
 #pragma GCC unroll 8
-    for (std::size_t j = 0; j < kLanes; ++j) sums[j] += row[j] * values;
+    for (std::size_t j = 0; j < kLanes; ++j) sums[j] += (j < width ? row[j] : 0.0) * values;
   }
   lanes(gradient) += pull;
   for (std::size_t j = 0; j < width; ++j) lanes(hessian + j * kLanes) += sums[j];
