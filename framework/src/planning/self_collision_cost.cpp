@@ -3,17 +3,42 @@
 #include <functional>
 #include <utility>
 
+#include <sidestep/core/lanes.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
 
+struct SpherePair {
+  std::size_t a, b;
+  double reach_m;  ///< Between the centres, where the cost begins.
+};
+
+/// In which of kLanes states two spheres of a pair are within reach, or are nowhere.
+SIDESTEP_SIMD_CLONES
+void find_near(const PointLanes* centres_m, std::span<const SpherePair> pairs, bool* is_near) {
+  Lanes deepest = {};
+  Lanes any = {};
+  for (const SpherePair& pair : pairs) {
+    const PointLanes& a = centres_m[pair.a];
+    const PointLanes& b = centres_m[pair.b];
+    const Lanes x = lanes(a.x) - lanes(b.x), y = lanes(a.y) - lanes(b.y),
+                z = lanes(a.z) - lanes(b.z);
+    const Lanes squared = x * x + y * y + z * z;
+    const Lanes depth = pair.reach_m * pair.reach_m - squared;
+    deepest = depth > deepest ? depth : deepest;
+    any += squared;
+  }
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    is_near[lane] = deepest[lane] > 0.0 || !std::isfinite(any[lane]);
+  }
+}
+
 class SelfCollisionCost final : public StateCost {
  public:
   SelfCollisionCost(std::shared_ptr<const RobotModel> robot, double epsilon_m, double sigma_m)
       : robot_(std::move(robot)),
-        epsilon_m_(epsilon_m),
         weight_(1.0 / sigma_m),
         spheres_(robot_->description().spheres.size()) {
     const RobotDescription& description = robot_->description();
@@ -25,7 +50,7 @@ class SelfCollisionCost final : public StateCost {
         for (std::size_t b = 0; b < spheres_; ++b) {
           if (description.spheres[b].link != second) continue;
           const double radii_m = description.spheres[a].radius_m + description.spheres[b].radius_m;
-          sphere_pairs_.push_back({a, b, radii_m});
+          sphere_pairs_.push_back({a, b, epsilon_m + radii_m});
         }
       }
       pair_ends_.back() = sphere_pairs_.size();
@@ -44,20 +69,34 @@ class SelfCollisionCost final : public StateCost {
     const auto n = static_cast<std::size_t>(states.count);
     const auto dof = static_cast<std::size_t>(states.dof);
     const std::size_t pairs = pair_ends_.size();
-    const auto centres_m = scope.array<Eigen::Vector3d>(n * spheres_);
+    const std::size_t groups = padded(n) / kLanes;
+    const auto in_lanes_m = scope.array<PointLanes>(groups * spheres_);
+    const auto is_near = scope.array<bool>(groups * kLanes);
+    robot_->sphere_centre_lanes(states.q, in_lanes_m, scratch);
+    for (std::size_t g = 0; g < groups; ++g) {
+      find_near(in_lanes_m.data() + g * spheres_, sphere_pairs_, &is_near[g * kLanes]);
+    }
+    const auto near_count = static_cast<std::size_t>(std::ranges::count(is_near.first(n), true));
+    if (near_count == 0) return 0.0;
+
+    const auto centres_m = scope.array<Eigen::Vector3d>(spheres_);
     const auto closest = scope.array<Closest>(pairs);
-    const auto forces = scope.array<LinkForce>(2 * n * pairs);  // on both spheres of a pair
-    const auto residuals = scope.doubles(n * pairs);
-    robot_->sphere_centres(states.q, centres_m, scratch);
+    const auto forces =
+        scope.array<LinkForce>(2 * near_count * pairs);  // on both spheres of a pair
+    const auto residuals = scope.doubles(near_count * pairs);
     std::size_t count = 0;
     double sum = 0.0;
     for (std::size_t i = 0; i < n; ++i) {
-      const auto centres_i_m = centres_m.subspan(i * spheres_, spheres_);
-      find_closest(centres_i_m, closest);
+      if (!is_near[i]) continue;
+      for (std::size_t s = 0; s < spheres_; ++s) {
+        const PointLanes& in_m = in_lanes_m[i / kLanes * spheres_ + s];
+        centres_m[s] = {in_m.x[i % kLanes], in_m.y[i % kLanes], in_m.z[i % kLanes]};
+      }
+      find_closest(centres_m, closest);
       for (const Closest& close : closest) {
         if (close.pair == nullptr) continue;
-        const Eigen::Vector3d& a_m = centres_i_m[close.pair->a];
-        const Eigen::Vector3d& b_m = centres_i_m[close.pair->b];
+        const Eigen::Vector3d& a_m = centres_m[close.pair->a];
+        const Eigen::Vector3d& b_m = centres_m[close.pair->b];
         const Eigen::Vector3d force = -weight_ * (a_m - b_m).normalized();
         const int row = static_cast<int>(i);
         forces[2 * count] = {row, link_[close.pair->a], force, a_m.cross(force)};
@@ -99,10 +138,6 @@ class SelfCollisionCost final : public StateCost {
   }
 
  private:
-  struct SpherePair {
-    std::size_t a, b;
-    double radii_m;  ///< Sum of both.
-  };
   struct Closest {
     const SpherePair* pair;
     double hinge_m;  ///< 0 where the links are further apart than epsilon.
@@ -115,7 +150,7 @@ class SelfCollisionCost final : public StateCost {
       out[p] = {nullptr, 0.0};
       for (std::size_t k = begin; k < pair_ends_[p]; ++k) {
         const SpherePair& pair = sphere_pairs_[k];
-        const double reach_m = epsilon_m_ + pair.radii_m;
+        const double reach_m = pair.reach_m;
         const double squared = (centres_m[pair.a] - centres_m[pair.b]).squaredNorm();
         if (squared >= reach_m * reach_m) continue;
         const double hinge_m = reach_m - std::sqrt(squared);
@@ -140,7 +175,7 @@ class SelfCollisionCost final : public StateCost {
       robot_->sphere_jacobians(states.q.subspan(i * dof, dof), unused_m, columns, scratch);
       for (std::size_t p = 0; p < pairs; ++p) {
         if (row[p].pair == nullptr) continue;
-        const auto [a, b, radii_m] = *row[p].pair;
+        const auto [a, b, reach_m] = *row[p].pair;
         const Eigen::Vector3d apart =
             (centres_m[i * spheres_ + a] - centres_m[i * spheres_ + b]).normalized();
         for (std::size_t j = 0; j < dof; ++j) {
@@ -152,7 +187,6 @@ class SelfCollisionCost final : public StateCost {
   }
 
   std::shared_ptr<const RobotModel> robot_;
-  double epsilon_m_;
   double weight_;
   std::size_t spheres_;
   std::vector<int> link_;                 ///< Of each sphere.
