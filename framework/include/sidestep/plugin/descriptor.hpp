@@ -10,7 +10,7 @@ namespace sidestep {
 
 inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
 inline constexpr std::uint16_t kSdkMajor = 0;
-inline constexpr std::uint16_t kSdkMinor = 2;
+inline constexpr std::uint16_t kSdkMinor = 3;
 
 enum class PluginKind : std::uint32_t {
   kSource = 1,
@@ -25,9 +25,9 @@ enum class PluginKind : std::uint32_t {
 /// exchange change.
 inline constexpr std::uint32_t kSourceInterface = 1;
 inline constexpr std::uint32_t kMapperInterface = 1;
-inline constexpr std::uint32_t kFieldInterface = 1;
-inline constexpr std::uint32_t kRobotInterface = 1;
-inline constexpr std::uint32_t kOptimiserInterface = 1;
+inline constexpr std::uint32_t kFieldInterface = 2;
+inline constexpr std::uint32_t kRobotInterface = 2;
+inline constexpr std::uint32_t kOptimiserInterface = 2;
 inline constexpr std::uint32_t kExecutorInterface = 1;
 
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
