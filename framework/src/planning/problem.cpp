@@ -112,7 +112,10 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
   };
   const auto everywhere = Placement::kSupportAndInterpolated;
   add(make_state_prior("start", problem.start, settings.sigma_endpoint), Placement::kStart);
-  add(make_state_prior("goal", problem.goal, settings.sigma_endpoint), Placement::kGoal);
+  add(settings.hold_goal
+          ? make_state_prior("goal", problem.goal, settings.sigma_endpoint)
+          : make_velocity_prior("goal_velocity", problem.goal.qdot, settings.sigma_endpoint),
+      Placement::kGoal);
   if (problem.field) {
     const double begins_m = std::max(settings.epsilon_m, problem.collision_margin_m);
     add(make_obstacle_cost(problem.robot, problem.field, problem.space, begins_m,
@@ -123,7 +126,7 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
       !problem.robot->description().self_collision_pairs.empty()) {
     add(make_self_collision_cost(problem.robot, settings.self_collision_epsilon_m,
                                  settings.sigma_self_collision),
-        everywhere);
+        settings.self_collision_placement);
   }
   if (settings.sigma_position_limit > 0.0) {
     add(make_position_limit_cost(problem.robot, settings.position_limit_margin,

@@ -47,4 +47,46 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
 [[nodiscard]] std::unique_ptr<StateCost> make_state_prior(std::string name, RobotState target,
                                                           double sigma);
 
+/// d residuals: (qdot - target) / sigma, in the joints' m/s or rad/s. At kGoal, with target zero: a
+/// robot that comes to rest wherever other terms let it end.
+[[nodiscard]] std::unique_ptr<StateCost> make_velocity_prior(std::string name, Eigen::VectorXd qdot,
+                                                             double sigma);
+
+/// d residuals: (q - preferred) / sigma of each joint (m, rad). A joint whose sigma is infinite is
+/// left alone; a continuous joint is not unwound. Fails with kInvalidArgument, naming the joint,
+/// for sizes other than d, a posture that is not finite, or a sigma that is not positive.
+[[nodiscard]] Result<std::unique_ptr<StateCost>> make_posture_cost(const RobotDescription& robot,
+                                                                   const Eigen::VectorXd& q,
+                                                                   const Eigen::VectorXd& sigmas);
+
+// Costs of where a link is, world frame. At kGoal, in place of the goal prior, they are
+// end-effector goals that leave the goal configuration free (CostSettings::hold_goal); elsewhere
+// they hold along the way. Named after their link, e.g. "pose_hand". All fail with kInvalidArgument
+// where the robot has no such link, a sigma is not positive, or the target makes no sense.
+
+/// Three residuals: the position of the link's origin against the target, over sigma.
+[[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_position_cost(
+    std::shared_ptr<const RobotModel> robot, const std::string& link,
+    const Eigen::Vector3d& p_world_m, double sigma_m);
+
+/// Six residuals: the position, and the rotation vector log(R_target^T R) in rad over its sigma.
+/// That vector's length is the angle to the target, at most pi; half a turn away it may point
+/// either way, and jumps, while the cost does not.
+[[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_pose_cost(
+    std::shared_ptr<const RobotModel> robot, const std::string& link, const Transform& T_world_link,
+    double sigma_position_m, double sigma_rotation_rad);
+
+/// Three residuals: the rotation vector alone.
+[[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_orientation_cost(
+    std::shared_ptr<const RobotModel> robot, const std::string& link,
+    const Eigen::Matrix3d& R_world_link, double sigma_rad);
+
+/// Two residuals that keep an axis of a link along an axis of the world, as a cup upright, and
+/// leave the turn about it free: the components, across the world's axis, of the shortest rotation
+/// between the two, over sigma; smooth up to the opposite direction. Axes need not have unit
+/// length.
+[[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_axis_cost(
+    std::shared_ptr<const RobotModel> robot, const std::string& link,
+    const Eigen::Vector3d& axis_link, const Eigen::Vector3d& axis_world, double sigma_rad);
+
 }  // namespace sidestep

@@ -46,6 +46,10 @@ struct Problem {
   double collision_margin_m = 0.0;
 
   RobotState start;
+  /// Where sampling planners go to. Optimisers keep the last state here if no term is placed at
+  /// kGoal; otherwise those terms alone say where the robot ends (the goal prior of
+  /// standard_terms() here; a pose, wherever its link is there), and this is the configuration that
+  /// guesses head for.
   RobotState goal;
   int support_states = 0;  ///< At least 3, both ends included.
   double dt_s = 0.0;
@@ -64,11 +68,15 @@ struct CostSettings {
   double epsilon_m = 0.5;        ///< Obstacle hinge: cost begins this far from a sphere.
   double sigma_obstacle = 0.05;  ///< m
   double self_collision_epsilon_m = 0.02;
-  double sigma_self_collision = 0.05;   ///< m; 0 leaves the term out.
+  double sigma_self_collision = 0.05;  ///< m; 0 leaves the term out.
+  Placement self_collision_placement = Placement::kSupportAndInterpolated;
   double sigma_position_limit = 0.01;   ///< m, rad; 0 leaves the term out.
   double position_limit_margin = 0.01;  ///< m, rad
   double sigma_velocity_limit = 0.05;   ///< m/s, rad/s; 0 leaves the term out.
   double sigma_endpoint = 1e-4;         ///< Of start and goal, position and velocity.
+  /// False leaves the goal configuration to terms to be added at kGoal, and holds only the goal's
+  /// velocity ("goal_velocity").
+  bool hold_goal = true;
 };
 
 /// The standard terms for problem.robot, field, start and goal: obstacle, self-collision,

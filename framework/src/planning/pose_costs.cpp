@@ -1,0 +1,220 @@
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include <Eigen/Geometry>
+
+#include <sidestep/planning/costs.hpp>
+
+#include "link_cost.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kOrthonormalTolerance = 1e-6;
+
+/// (1 - (angle / 2) cot(angle / 2)) / angle^2, of the inverse of SO(3)'s left Jacobian.
+double inverse_jacobian_factor(double angle) {
+  const double square = angle * angle;
+  if (angle < 1e-2) return 1.0 / 12.0 + square / 720.0;
+  return (1.0 - 0.5 * angle / std::tan(0.5 * angle)) / square;
+}
+
+/// Position, rotation, or both, of a link against a target.
+class PoseCost final : public LinkCost {
+ public:
+  PoseCost(std::string name, std::shared_ptr<const RobotModel> robot, int link,
+           const Transform& target, std::optional<double> sigma_position,
+           std::optional<double> sigma_rotation)
+      : LinkCost(std::move(name), std::move(robot), link),
+        R_world_target_(target.linear()),
+        p_world_target_(target.translation()) {
+    if (sigma_position) position_weight_ = 1.0 / *sigma_position;
+    if (sigma_rotation) rotation_weight_ = 1.0 / *sigma_rotation;
+  }
+
+  [[nodiscard]] int residual_count() const noexcept override {
+    return (position_weight_ ? 3 : 0) + (rotation_weight_ ? 3 : 0);
+  }
+
+ private:
+  void measure(const Transform& T_world_link, std::span<double> residuals,
+               std::span<LinkForce> derivatives) const noexcept override {
+    if (position_weight_) {
+      const Eigen::Vector3d p = T_world_link.translation();
+      for (int k = 0; k < 3; ++k) {
+        const auto row = static_cast<std::size_t>(k);
+        residuals[row] = *position_weight_ * (p[k] - p_world_target_[k]);
+        derivatives[row].force = *position_weight_ * Eigen::Vector3d::Unit(k);
+        derivatives[row].moment = p.cross(derivatives[row].force);
+      }
+    }
+    if (rotation_weight_) {
+      const std::size_t first = position_weight_ ? 3 : 0;
+      measure_rotation(T_world_link.linear(), residuals.subspan(first), derivatives.subspan(first));
+    }
+  }
+
+  /// With v = log(R_target^T R), turning the link by a small w (world frame) adds J^-1 R_target^T w
+  /// to v, J the left Jacobian of SO(3) at v.
+  void measure_rotation(const Eigen::Matrix3d& R, std::span<double> residuals,
+                        std::span<LinkForce> derivatives) const noexcept {
+    const Eigen::AngleAxisd turn(Eigen::Quaterniond(R_world_target_.transpose() * R).normalized());
+    const Eigen::Vector3d v = turn.angle() * turn.axis();
+    const double factor = inverse_jacobian_factor(turn.angle());
+    for (int k = 0; k < 3; ++k) {
+      const auto row = static_cast<std::size_t>(k);
+      const Eigen::Vector3d unit = Eigen::Vector3d::Unit(k);
+      const Eigen::Vector3d column = unit + 0.5 * v.cross(unit) + factor * v.cross(v.cross(unit));
+      residuals[row] = *rotation_weight_ * v[k];
+      derivatives[row].force.setZero();
+      derivatives[row].moment = *rotation_weight_ * (R_world_target_ * column);
+    }
+  }
+
+  Eigen::Matrix3d R_world_target_;
+  Eigen::Vector3d p_world_target_;
+  std::optional<double> position_weight_, rotation_weight_;
+};
+
+/// The rotation vector that takes one direction to another, across the latter: two residuals.
+class AxisCost final : public LinkCost {
+ public:
+  AxisCost(std::string name, std::shared_ptr<const RobotModel> robot, int link,
+           const Eigen::Vector3d& axis_link, const Eigen::Vector3d& axis_world, double sigma)
+      : LinkCost(std::move(name), std::move(robot), link),
+        axis_link_(axis_link.normalized()),
+        axis_world_(axis_world.normalized()),
+        across_{axis_world_.unitOrthogonal(), {}},
+        weight_(1.0 / sigma) {
+    across_[1] = axis_world_.cross(across_[0]);
+  }
+
+  [[nodiscard]] int residual_count() const noexcept override { return 2; }
+
+ private:
+  static constexpr double kOpposite = 1e-9;  ///< A sine: less, and the way back has no direction.
+
+  void measure(const Transform& T_world_link, std::span<double> residuals,
+               std::span<LinkForce> derivatives) const noexcept override {
+    const Eigen::Vector3d axis = T_world_link.linear() * axis_link_;
+    const double c = axis.dot(axis_world_);
+    const double s = axis.cross(axis_world_).norm();
+    if (c < 0.0 && s < kOpposite) {
+      residuals[0] = weight_ * std::numbers::pi;
+      residuals[1] = 0.0;
+      derivatives[0].moment = -weight_ * axis.cross(across_[0]);
+      derivatives[0].force = derivatives[1].force = derivatives[1].moment = {0.0, 0.0, 0.0};
+      return;
+    }
+    const double angle = std::atan2(s, c);
+    const double square = angle * angle;
+    const bool small = angle < 1e-2;
+    // angle / sin(angle), and its derivative by cos(angle).
+    const double ratio = small ? 1.0 + square / 6.0 + 7.0 * square * square / 360.0 : angle / s;
+    const double slope = small ? -1.0 / 3.0 - 2.0 * square / 15.0 : (angle * c - s) / (s * s * s);
+    for (std::size_t k = 0; k < 2; ++k) {
+      const double along = axis.dot(across_[k]);
+      residuals[k] = weight_ * ratio * along;
+      derivatives[k].force.setZero();
+      derivatives[k].moment =
+          weight_ * (ratio * axis.cross(across_[k]) + slope * along * axis.cross(axis_world_));
+    }
+  }
+
+  Eigen::Vector3d axis_link_, axis_world_;
+  Eigen::Vector3d across_[2];
+  double weight_;
+};
+
+tl::unexpected<Error> invalid(std::string message) {
+  return fail(ErrorCode::kInvalidArgument, std::move(message));
+}
+
+Result<int> find_link(const RobotDescription& robot, const std::string& link) {
+  if (const auto index = robot.link_index(link)) return *index;
+  return invalid("robot '" + robot.name + "' has no link '" + link + "'");
+}
+
+Result<void> check_sigma(double sigma, const std::string& of) {
+  if (sigma > 0.0 && std::isfinite(sigma)) return {};
+  return invalid("the standard deviation of the " + of + " must be positive");
+}
+
+Result<void> check_rotation(const Eigen::Matrix3d& R, const std::string& link) {
+  const double off = (R.transpose() * R - Eigen::Matrix3d::Identity()).norm();
+  if (off <= kOrthonormalTolerance && R.determinant() > 0.0) return {};
+  return invalid("the orientation wanted of link '" + link + "' is not a rotation");
+}
+
+Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
+                                             std::shared_ptr<const RobotModel> robot,
+                                             const std::string& link, const Transform& target,
+                                             std::optional<double> sigma_position,
+                                             std::optional<double> sigma_rotation) {
+  const auto index = find_link(robot->description(), link);
+  if (!index) return tl::make_unexpected(index.error());
+  if (sigma_position) {
+    if (auto ok = check_sigma(*sigma_position, "position of link '" + link + "'"); !ok) {
+      return tl::make_unexpected(ok.error());
+    }
+    if (!target.translation().allFinite()) {
+      return invalid("the position wanted of link '" + link + "' is not finite");
+    }
+  }
+  if (sigma_rotation) {
+    auto ok = check_sigma(*sigma_rotation, "rotation of link '" + link + "'");
+    if (ok) ok = check_rotation(target.linear(), link);
+    if (!ok) return tl::make_unexpected(ok.error());
+  }
+  return std::make_unique<PoseCost>(kind + "_" + link, std::move(robot), *index, target,
+                                    sigma_position, sigma_rotation);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<StateCost>> make_link_position_cost(std::shared_ptr<const RobotModel> robot,
+                                                           const std::string& link,
+                                                           const Eigen::Vector3d& p_world_m,
+                                                           double sigma_m) {
+  Transform target = Transform::Identity();
+  target.translation() = p_world_m;
+  return make_cost("position", std::move(robot), link, target, sigma_m, std::nullopt);
+}
+
+Result<std::unique_ptr<StateCost>> make_link_pose_cost(std::shared_ptr<const RobotModel> robot,
+                                                       const std::string& link,
+                                                       const Transform& T_world_link,
+                                                       double sigma_position_m,
+                                                       double sigma_rotation_rad) {
+  return make_cost("pose", std::move(robot), link, T_world_link, sigma_position_m,
+                   sigma_rotation_rad);
+}
+
+Result<std::unique_ptr<StateCost>> make_link_orientation_cost(
+    std::shared_ptr<const RobotModel> robot, const std::string& link,
+    const Eigen::Matrix3d& R_world_link, double sigma_rad) {
+  Transform target = Transform::Identity();
+  target.linear() = R_world_link;
+  return make_cost("orientation", std::move(robot), link, target, std::nullopt, sigma_rad);
+}
+
+Result<std::unique_ptr<StateCost>> make_link_axis_cost(std::shared_ptr<const RobotModel> robot,
+                                                       const std::string& link,
+                                                       const Eigen::Vector3d& axis_link,
+                                                       const Eigen::Vector3d& axis_world,
+                                                       double sigma_rad) {
+  const auto index = find_link(robot->description(), link);
+  if (!index) return tl::make_unexpected(index.error());
+  if (auto ok = check_sigma(sigma_rad, "axis of link '" + link + "'"); !ok) {
+    return tl::make_unexpected(ok.error());
+  }
+  for (const Eigen::Vector3d& axis : {axis_link, axis_world}) {
+    if (axis.allFinite() && axis.norm() > 0.0) continue;
+    return invalid("an axis given for link '" + link + "' has no direction");
+  }
+  return std::make_unique<AxisCost>("axis_" + link, std::move(robot), *index, axis_link, axis_world,
+                                    sigma_rad);
+}
+
+}  // namespace sidestep
