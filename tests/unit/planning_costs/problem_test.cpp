@@ -78,6 +78,16 @@ TEST(StandardTerms, AreAllThere) {
   EXPECT_EQ(terms[2].placement, Placement::kSupportAndInterpolated);
 }
 
+TEST(StandardTerms, LeaveTheGoalConfigurationToOthers) {
+  const auto terms =
+      standard_terms(conformance::reference_problem(),
+                     {.self_collision_placement = Placement::kSupport, .hold_goal = false});
+  EXPECT_THAT(names(terms), ElementsAre("start", "goal_velocity", "obstacle", "self_collision",
+                                        "position_limit", "velocity_limit"));
+  EXPECT_EQ(terms[1].placement, Placement::kGoal);
+  EXPECT_EQ(terms[3].placement, Placement::kSupport);
+}
+
 TEST(StandardTerms, LeaveOutWhatHasNoWeightOrNoSense) {
   Problem problem = conformance::reference_problem();
   problem.field = nullptr;
