@@ -87,6 +87,21 @@ TEST_F(CommandTest, PlansAroundAPillar) {
   EXPECT_EQ(plan.at("reason"), "");
 }
 
+TEST_F(CommandTest, ReachesAnEndEffectorGoal) {
+  // The configuration named as the goal is short of where the link is to be.
+  const std::vector<std::string> options = {
+      "--set", "optimiser.plugin=gp_chain",
+      "--set", "experiment.plans.0.goal.joints.x=2.4",
+      "--set", "experiment.plans.0.end_effector={link: body, position_m: [2.7, -0.1, 0.0]}"};
+  const Finished finished = run_tiny(options);
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  std::vector<std::string> misspelt = options;
+  misspelt.insert(misspelt.end(), {"--set", "experiment.plans.0.end_effector.link=bdy"});
+  const Finished refused = run_tiny(misspelt, "misspelt");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.error, HasSubstr("no link 'bdy' (did you mean 'body'?)"));
+}
+
 TEST_F(CommandTest, SendsNoPlanThatTheRobotCannotFollow) {
   // 2.4 m in 1.5 s, at most 0.5 m/s^2: not as it is optimised, but once it is timed anew.
   const std::vector<std::string> hasty = {"--set", "planning.duration_s=1.5", "--set",

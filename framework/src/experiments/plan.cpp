@@ -50,9 +50,10 @@ Result<PlanSettings> read_settings(const Configuration& configuration) {
   return settings;
 }
 
-/// Start and goal of every plan, read from the configuration where mistakes have a position.
+/// Start, goal and task of every plan, read from the configuration where mistakes have a position.
 std::vector<PlanRecord> read_plans(const Configuration& configuration,
-                                   const RobotDescription& robot, std::vector<Error>& errors) {
+                                   const std::shared_ptr<const RobotModel>& robot,
+                                   std::vector<Error>& errors) {
   std::vector<PlanRecord> plans;
   const Node* list = block_of(configuration, "experiment").find("plans");
   if (list == nullptr) return plans;
@@ -69,8 +70,9 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     if (!names.insert(plan.name).second) {
       errors.push_back(name->error("a plan before this one is named '" + plan.name + "', too"));
     }
-    plan.q_start = read_robot_state(*start, robot, errors);
-    plan.q_goal = read_robot_state(*goal, robot, errors);
+    plan.q_start = read_robot_state(*start, robot->description(), errors);
+    plan.q_goal = read_robot_state(*goal, robot->description(), errors);
+    plan.task = read_task(entry, robot, errors);
     plans.push_back(std::move(plan));
   }
   if (list->is_list() && list->items().empty())
@@ -85,14 +87,14 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
   std::vector<Error> told;
   host.check(PluginKind::kRobot, block, told);
   if (!told.empty()) return;
-  const auto robot = host.create<RobotModel>(block);
-  if (!robot) {
-    errors.push_back(robot.error());
+  auto created = host.create<RobotModel>(block);
+  if (!created) {
+    errors.push_back(created.error());
     return;
   }
-  const RobotDescription& description = (*robot)->description();
-  (void)read_plans(configuration, description, errors);
-  check_allowed_contacts(block_of(configuration, "check"), description, nullptr, errors);
+  const std::shared_ptr<const RobotModel> robot = std::move(*created);
+  (void)read_plans(configuration, robot, errors);
+  check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
 }
 
 /// Maps every frame of the source; stops early on request or at a fault, with what there is.
@@ -232,7 +234,7 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   auto parts = make_parts(context);
   if (!parts) return tl::make_unexpected(std::move(parts.error()));
   std::vector<Error> errors;
-  auto endpoints = read_plans(context.configuration, parts->robot->description(), errors);
+  auto endpoints = read_plans(context.configuration, parts->robot, errors);
   check_allowed_contacts(block_of(context.configuration, "check"), parts->robot->description(),
                          parts->scene.get(), errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
@@ -281,7 +283,17 @@ Parameters<PlanEntry> PlanEntry::parameters() {
   return Parameters<PlanEntry>()
       .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
       .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
-      .add("goal", &PlanEntry::goal, "Where the robot is to be.", {.required = true});
+      .add("goal", &PlanEntry::goal,
+           "Where the robot is to be; with `end_effector`, where the search for that begins.",
+           {.required = true})
+      .add("end_effector", &PlanEntry::end_effector,
+           "Where a link is to be at the end, whatever the configuration; for optimisers that "
+           "minimise costs.")
+      .add("orientation_costs", &PlanEntry::orientation_costs,
+           "Links that are to keep an orientation along the way.")
+      .add("axis_costs", &PlanEntry::axis_costs,
+           "Links of which an axis is to keep a direction along the way, e.g. upright.")
+      .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.");
 }
 
 Parameters<PlanExperimentSettings> PlanExperimentSettings::parameters() {

@@ -26,7 +26,8 @@ std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
 }
 
 /// How the trajectory fails to lead from start to goal; empty if it does not fail.
-std::string endpoint_problem(const PlanRecord& plan, const RobotDescription& robot) {
+std::string endpoint_problem(const PlanRecord& plan, const RobotModel& model) {
+  const RobotDescription& robot = model.description();
   const Trajectory& trajectory = plan.solution.trajectory;
   const auto compare = [&](std::span<const double> at, const Eigen::VectorXd& wanted,
                            const std::string& verb) -> std::string {
@@ -40,13 +41,16 @@ std::string endpoint_problem(const PlanRecord& plan, const RobotDescription& rob
     return "";
   };
   std::string problem = compare(trajectory.q(0), plan.q_start, "starts");
-  if (problem.empty()) problem = compare(trajectory.q(trajectory.size() - 1), plan.q_goal, "ends");
-  return problem;
+  if (!problem.empty()) return problem;
+  const auto q_end = trajectory.q(trajectory.size() - 1);
+  if (!plan.task.end_effector) return compare(q_end, plan.q_goal, "ends");
+  problem = end_effector_problem(*plan.task.end_effector, model, q_end);
+  return problem.empty() ? "" : "the trajectory ends with " + problem;
 }
 
 /// Runs the checks on the record's trajectory and states the first reason to refuse it.
 Result<void> check_plan(const PlanWorld& world, PlanRecord& plan, const Deadline& deadline) {
-  plan.reason = endpoint_problem(plan, world.robot->description());
+  plan.reason = endpoint_problem(plan, *world.robot);
   const auto apply = [&](const ValidityCheck* check, std::optional<Verdict>& into,
                          const std::string& where) -> Result<void> {
     if (check == nullptr) return {};
@@ -90,8 +94,11 @@ void retime_plan(const PlanWorld& world, PlanRecord& plan) {
 Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
                           std::uint64_t seed, PlanRecord& plan, std::stop_token stop) {
   const int attempt = plan.attempts++;
-  const Problem problem = make_problem(world.robot, world.field, world.planning, plan.q_start,
-                                       plan.q_goal, std::pow(kSlowerEachAttempt, attempt));
+  PlanningSettings planning = world.planning;
+  planning.hold_goal = !plan.task.end_effector;
+  Problem problem = make_problem(world.robot, world.field, planning, plan.q_start, plan.q_goal,
+                                 std::pow(kSlowerEachAttempt, attempt));
+  problem.terms.insert(problem.terms.end(), plan.task.terms.begin(), plan.task.terms.end());
   if (auto sound = problem.validate(); !sound) {
     plan.reason = "the problem makes no sense: " + sound.error().describe();
     return {};
@@ -164,11 +171,11 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
 
 Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
                              PlanRecord plan, std::uint64_t seed, Log& log, std::stop_token stop) {
-  for (const auto& [q, what] : {std::pair(&plan.q_start, "the start is not valid"),
-                                std::pair(&plan.q_goal, "the goal is not valid")}) {
-    plan.reason = state_problem(world, *q, what);
-    if (!plan.reason.empty()) return plan;
+  plan.reason = state_problem(world, plan.q_start, "the start is not valid");
+  if (plan.reason.empty() && !plan.task.end_effector) {
+    plan.reason = state_problem(world, plan.q_goal, "the goal is not valid");
   }
+  if (!plan.reason.empty()) return plan;
   const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
   do {
     if (auto done = attempt_plan(world, optimiser, plan_seed, plan, stop); !done) {

@@ -11,6 +11,8 @@
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 
+#include "task_settings.hpp"
+
 namespace sidestep {
 
 /// One entry of `experiment.plans`.
@@ -18,6 +20,10 @@ struct PlanEntry {
   std::string name;
   RobotStateEntry start;
   RobotStateEntry goal;
+  std::optional<EndEffectorEntry> end_effector;
+  std::vector<OrientationCostEntry> orientation_costs;
+  std::vector<AxisCostEntry> axis_costs;
+  std::optional<PostureCostEntry> posture_cost;
 
   static Parameters<PlanEntry> parameters();
 };
@@ -57,7 +63,8 @@ struct RetimingRecord {
 struct PlanRecord {
   std::string name;
   Eigen::VectorXd q_start;
-  Eigen::VectorXd q_goal;
+  Eigen::VectorXd q_goal;  ///< With an end-effector goal, only where the search begins.
+  Task task;
   int attempts = 0;
   int support_states = 0;
   double initial_length_s = 0.0;

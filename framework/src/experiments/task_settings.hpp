@@ -1,0 +1,78 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/planning/problem.hpp>
+#include <sidestep/plugin/parameters.hpp>
+
+namespace sidestep {
+
+/// `end_effector` of a plan.
+struct EndEffectorEntry {
+  std::string link;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> rpy_rad;
+  double sigma_position_m = 1e-3;
+  double sigma_rotation_rad = 5e-3;
+
+  static Parameters<EndEffectorEntry> parameters();
+};
+
+/// An item of `orientation_costs` of a plan.
+struct OrientationCostEntry {
+  std::string link;
+  Eigen::Vector3d rpy_rad = Eigen::Vector3d::Zero();
+  double sigma_rad = 0.02;
+
+  static Parameters<OrientationCostEntry> parameters();
+};
+
+/// An item of `axis_costs` of a plan.
+struct AxisCostEntry {
+  std::string link;
+  Eigen::Vector3d axis_link = Eigen::Vector3d::UnitZ();
+  Eigen::Vector3d axis_world = Eigen::Vector3d::UnitZ();
+  double sigma_rad = 0.02;
+
+  static Parameters<AxisCostEntry> parameters();
+};
+
+/// `posture_cost` of a plan.
+struct PostureCostEntry {
+  Node joints;
+  double sigma = 0.5;
+
+  static Parameters<PostureCostEntry> parameters();
+};
+
+/// Where a link is to be at the end of a plan.
+struct EndEffectorGoal {
+  int link = 0;
+  Transform T_world_link = Transform::Identity();
+  bool any_orientation = false;
+  double position_tolerance_m = 0.0;
+  double rotation_tolerance_rad = 0.0;
+};
+
+/// What a plan has to do besides getting from start to goal.
+struct Task {
+  std::vector<CostTerm> terms;
+  /// If given, the goal configuration is free.
+  std::optional<EndEffectorGoal> end_effector;
+};
+
+/// Reads the task of an item of `experiment.plans`. Appends a kConfig error for each name that is
+/// no link or joint of the robot and each axis without direction; passes over what its schema
+/// refuses.
+[[nodiscard]] Task read_task(const Node& plan, const std::shared_ptr<const RobotModel>& robot,
+                             std::vector<Error>& errors);
+
+/// How far a configuration is from having the link where it is to be, in words; empty if it is
+/// within the tolerances, three standard deviations of its cost.
+[[nodiscard]] std::string end_effector_problem(const EndEffectorGoal& goal, const RobotModel& robot,
+                                               std::span<const double> q);
+
+}  // namespace sidestep

@@ -1,0 +1,96 @@
+#include "task_settings.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sidestep/runtime/yaml_document.hpp>
+
+#include "support/chain_robot.hpp"
+
+namespace sidestep {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class TaskSettings : public testing::Test {
+ protected:
+  Task read(const std::string& text) {
+    std::vector<Error> errors;
+    const auto node = parse_yaml(text, "task.yaml", errors);
+    EXPECT_TRUE(node && errors.empty()) << text;
+    Task task = read_task(node.value_or(Node()), robot_, errors);
+    errors_.clear();
+    for (const Error& error : errors) {
+      EXPECT_EQ(error.code, ErrorCode::kConfig);
+      errors_.push_back(error.describe());
+    }
+    return task;
+  }
+
+  const std::shared_ptr<const RobotModel> robot_ = testing_support::mobile_arm();
+  std::vector<std::string> errors_;
+};
+
+TEST_F(TaskSettings, BecomeCostTerms) {
+  const Task task = read(
+      "end_effector: {link: hand, position_m: [1, 0, 0.5], rpy_rad: [0, 1, 0]}\n"
+      "orientation_costs: [{link: fore_arm, rpy_rad: [0, 0, 0]}]\n"
+      "axis_costs: [{link: hand}, {link: base, axis_link: [1, 0, 0]}]\n"
+      "posture_cost: {joints: {elbow: 0.3}, sigma: 0.1}\n");
+  EXPECT_THAT(errors_, ElementsAre());
+  std::vector<std::string> names;
+  for (const CostTerm& term : task.terms) names.emplace_back(term.cost->name());
+  EXPECT_THAT(
+      names, ElementsAre("pose_hand", "orientation_fore_arm", "axis_hand", "axis_base", "posture"));
+  EXPECT_EQ(task.terms[0].placement, Placement::kGoal);
+  EXPECT_EQ(task.terms[2].placement, Placement::kSupportAndInterpolated);
+  ASSERT_TRUE(task.end_effector);
+  EXPECT_FALSE(task.end_effector->any_orientation);
+
+  const Task position = read("end_effector: {link: hand, position_m: [1, 0, 0.5]}");
+  EXPECT_EQ(position.terms.at(0).cost->name(), "position_hand");
+  EXPECT_TRUE(position.end_effector->any_orientation);
+  EXPECT_TRUE(read("name: nothing").terms.empty());
+}
+
+TEST_F(TaskSettings, SayWhereANameIsWrong) {
+  (void)read(
+      "end_effector: {link: hnd, position_m: [1, 0, 0.5]}\n"
+      "axis_costs: [{link: hand, axis_link: [0, 0, 0]}]\n"
+      "posture_cost: {joints: {elbw: 0.3}}\n");
+  ASSERT_EQ(errors_.size(), 3u);
+  EXPECT_THAT(errors_[0], HasSubstr("task.yaml:1:22"));
+  EXPECT_THAT(errors_[0], HasSubstr("robot 'mobile_arm' has no link 'hnd' (did you mean 'hand'?)"));
+  EXPECT_THAT(errors_[1], HasSubstr("task.yaml:2:14"));
+  EXPECT_THAT(errors_[1], HasSubstr("no direction"));
+  EXPECT_THAT(errors_[2], HasSubstr("task.yaml:3:25"));
+  EXPECT_THAT(errors_[2], HasSubstr("has no joint 'elbw' (did you mean 'elbow'?)"));
+}
+
+TEST_F(TaskSettings, PassOverWhatTheirSchemaRefuses) {
+  const Task task = read(
+      "end_effector: {position_m: [1, 0, 0.5]}\n"
+      "axis_costs: [{link: hand, sigma_rad: -1}, 3]\n"
+      "posture_cost: nothing\n");
+  EXPECT_THAT(errors_, ElementsAre());
+  EXPECT_TRUE(task.terms.empty());
+}
+
+TEST_F(TaskSettings, MeasureHowFarTheEndIsOff) {
+  const std::vector<double> q = {0.2, -0.1, 0.4, 0.1, -0.5, 0.8, 0.3};
+  std::vector<Transform> poses(robot_->description().links.size());
+  Scratch scratch;
+  robot_->link_poses(q, poses, scratch);
+  EndEffectorGoal goal{7, poses[7], false, 0.01, 0.02};
+  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "");
+  goal.T_world_link.rotate(Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitX()));
+  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "link 'hand' turned 0.03 rad from its goal");
+  goal.any_orientation = true;
+  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "");
+  goal.T_world_link.pretranslate(Eigen::Vector3d(0.0, 0.05, 0.0));
+  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "link 'hand' 0.05 m off its goal");
+}
+
+}  // namespace
+}  // namespace sidestep
