@@ -85,6 +85,7 @@ TEST_F(CommandTest, PlansAroundAPillar) {
   }
   EXPECT_EQ(plan.at("checks").at("scene").at("outcome"), "valid");
   EXPECT_EQ(plan.at("reason"), "");
+  EXPECT_TRUE(plan.at("explanation").is_null());
 }
 
 TEST_F(CommandTest, ReachesAnEndEffectorGoal) {
@@ -148,6 +149,13 @@ TEST_F(CommandTest, GivesTheSamePlanForTheSameSeed) {
   EXPECT_EQ(columns[0], columns[1]);
 }
 
+/// In or on the pillar, give or take a voxel of the map.
+void expect_on_pillar(const Json& point_m) {
+  ASSERT_TRUE(point_m.is_array());
+  EXPECT_NEAR(point_m.at(0), 1.5, 0.2 + 0.06);
+  EXPECT_NEAR(point_m.at(1), 0.0, 0.2 + 0.06);
+}
+
 TEST_F(CommandTest, NamesTheLinkOfAGoalInCollision) {
   const Finished finished = run_tiny({"--set", "experiment.plans.0.goal.joints.x=1.35"});
   EXPECT_EQ(finished.exit_code, 1) << finished.error;
@@ -158,7 +166,36 @@ TEST_F(CommandTest, NamesTheLinkOfAGoalInCollision) {
   EXPECT_THAT(finished.out, HasSubstr(std::string(plan.at("reason"))));
   EXPECT_EQ(plan.at("attempts"), 0);
   EXPECT_TRUE(plan.at("min_clearance_m").is_null());
+  const Json held = plan.at("/explanation/hindrances/0"_json_pointer);
+  EXPECT_EQ(held.at("term"), "obstacle");
+  expect_on_pillar(held.at("obstacle_m"));
   EXPECT_TRUE(fs::exists(folder_ / "run" / "plan-1-around-slice-1.png"));
+}
+
+TEST_F(CommandTest, ExplainsWhatHoldsAPlanWhoeverMadeIt) {
+  // Obstacles weigh next to nothing, so that the plan goes straight through the pillar.
+  for (const std::string optimiser : {"gp_chain", "gp_ceres"}) {
+    const Finished finished =
+        run_tiny({"--set", "planning.sigma_obstacle=1000", "--set", "planning.attempts=1", "--set",
+                  "optimiser.plugin=" + optimiser},
+                 optimiser);
+    EXPECT_EQ(finished.exit_code, 1) << finished.error;
+    const Json plan = summary(optimiser).at("plans").at(0);
+    const Json hindrances = plan.at("/explanation/hindrances"_json_pointer);
+    ASSERT_FALSE(hindrances.empty());
+    const Json& first = hindrances.at(0);
+    EXPECT_EQ(first.at("term"), "obstacle");
+    EXPECT_EQ(first.at("broken"), true);
+    expect_on_pillar(first.at("obstacle_m"));
+    // Between 1.15 and 1.85 m of the way from 0.3 to 2.7 m the ball is in the pillar.
+    const double optimised_s = plan.at("/retiming/before_s"_json_pointer);
+    EXPECT_GT(first.at("worst_s"), 0.3 * optimised_s);
+    EXPECT_LT(first.at("worst_s"), 0.7 * optimised_s);
+    const std::string what = first.at("what");
+    EXPECT_THAT(what, HasSubstr("inside an obstacle at ("));
+    EXPECT_THAT(read_file(folder_ / optimiser / "run.log"), HasSubstr("is held: " + what));
+    EXPECT_THAT(read_file(folder_ / optimiser / "report.html"), HasSubstr(what));
+  }
 }
 
 TEST_F(CommandTest, SavesThePlansBesideOneThatFails) {

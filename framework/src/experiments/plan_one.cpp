@@ -90,9 +90,41 @@ void retime_plan(const PlanWorld& world, PlanRecord& plan) {
   plan.solution.trajectory = std::move(retimed->trajectory);
 }
 
+/// Has it explained what holds the optimiser's own trajectory; a plan that cannot be explained is
+/// no worse for it.
+void explain_plan(const Problem& problem, const Trajectory& optimised, PlanRecord& plan, Log& log) {
+  auto explanation = explain(problem, optimised);
+  if (!explanation) {
+    log.warn("plan '" + plan.name + "' cannot be explained: " + explanation.error().describe());
+    return;
+  }
+  plan.solution.explanation = std::move(*explanation);
+}
+
+/// The same of a start or a goal that cannot be used.
+void explain_endpoint(const PlanWorld& world, const Eigen::VectorXd& q, PlanRecord& plan,
+                      Log& log) {
+  const Problem problem =
+      make_problem(world.robot, world.field, world.planning, plan.q_start, plan.q_goal);
+  auto explanation =
+      explain_state(problem, std::span(q.data(), static_cast<std::size_t>(q.size())));
+  if (!explanation) {
+    log.warn("plan '" + plan.name + "' cannot be explained: " + explanation.error().describe());
+    return;
+  }
+  plan.solution.explanation = std::move(*explanation);
+}
+
+void tell_hindrances(const PlanRecord& plan, Log& log) {
+  if (!plan.solution.explanation) return;
+  for (const Hindrance& hindrance : plan.solution.explanation->hindrances) {
+    log.warn("plan '" + plan.name + "' is held: " + hindrance.describe());
+  }
+}
+
 /// One attempt: pose the problem, solve it, check the solution.
 Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
-                          std::uint64_t seed, PlanRecord& plan, std::stop_token stop) {
+                          std::uint64_t seed, PlanRecord& plan, Log& log, std::stop_token stop) {
   const int attempt = plan.attempts++;
   PlanningSettings planning = world.planning;
   planning.hold_goal = !plan.task.end_effector;
@@ -124,9 +156,15 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
     plan.solution.trajectory = {};
     return {};
   }
+  const Trajectory optimised = plan.solution.trajectory;
   if (world.planning.retime) retime_plan(world, plan);
-  if (!plan.reason.empty()) return {};
-  return check_plan(world, plan, Deadline(stop));
+  if (plan.reason.empty()) {
+    if (auto done = check_plan(world, plan, Deadline(stop)); !done) return done;
+  }
+  if (!plan.success() || plan.solution.status != SolveStatus::kConverged) {
+    explain_plan(problem, optimised, plan, log);
+  }
+  return {};
 }
 
 }  // namespace
@@ -171,14 +209,18 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
 
 Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
                              PlanRecord plan, std::uint64_t seed, Log& log, std::stop_token stop) {
-  plan.reason = state_problem(world, plan.q_start, "the start is not valid");
-  if (plan.reason.empty() && !plan.task.end_effector) {
-    plan.reason = state_problem(world, plan.q_goal, "the goal is not valid");
-  }
-  if (!plan.reason.empty()) return plan;
+  const auto refused = [&](const Eigen::VectorXd& q, const std::string& what) {
+    plan.reason = state_problem(world, q, what);
+    if (plan.reason.empty()) return false;
+    explain_endpoint(world, q, plan, log);
+    tell_hindrances(plan, log);
+    return true;
+  };
+  if (refused(plan.q_start, "the start is not valid")) return plan;
+  if (!plan.task.end_effector && refused(plan.q_goal, "the goal is not valid")) return plan;
   const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
   do {
-    if (auto done = attempt_plan(world, optimiser, plan_seed, plan, stop); !done) {
+    if (auto done = attempt_plan(world, optimiser, plan_seed, plan, log, stop); !done) {
       if (!stop.stop_requested()) return tl::make_unexpected(std::move(done.error()));
     }
     if (stop.stop_requested()) {
@@ -190,6 +232,7 @@ Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>&
       log.warn("plan '" + plan.name + "', attempt " + std::to_string(plan.attempts) + " of " +
                std::to_string(world.planning.attempts) + ": " + plan.reason);
     }
+    tell_hindrances(plan, log);
   } while (!plan.success() && plan.attempts < world.planning.attempts);
   return plan;
 }

@@ -50,6 +50,12 @@ void record_outcome(const PlanRecord& plan, std::int64_t item, Recorder& recorde
   for (const TermCost& term : plan.solution.terms) {
     recorder.add("plan", item, "cost." + term.name, term.cost);
   }
+  if (plan.solution.explanation) {
+    const auto& hindrances = plan.solution.explanation->hindrances;
+    for (std::size_t h = 0; h < hindrances.size(); ++h) {
+      recorder.add("plan", item, "hindrance." + std::to_string(h), hindrances[h].describe());
+    }
+  }
   record_verdict("snapshot", plan.in_snapshot, item, recorder);
   record_verdict("voxels", plan.in_voxels, item, recorder);
   record_verdict("scene", plan.in_scene, item, recorder);

@@ -68,6 +68,30 @@ Json retiming_json(const std::optional<RetimingRecord>& retiming) {
           {"retime_ms", retiming->retime_ms}};
 }
 
+Json explanation_json(const std::optional<Explanation>& explanation) {
+  if (!explanation) return nullptr;
+  Json hindrances = Json::array();
+  for (const Hindrance& h : explanation->hindrances) {
+    Json obstacle_m;
+    if (h.obstacle_m) obstacle_m = {h.obstacle_m->x(), h.obstacle_m->y(), h.obstacle_m->z()};
+    hindrances.push_back({{"term", h.term},
+                          {"what", h.what()},
+                          {"broken", h.broken},
+                          {"cost", h.cost},
+                          {"share", h.share},
+                          {"subject", h.subject},
+                          {"other", h.other},
+                          {"amount", h.amount},
+                          {"unit", h.unit},
+                          {"obstacle_m", std::move(obstacle_m)},
+                          {"states", {h.first_state, h.last_state}},
+                          {"from_s", h.from_s},
+                          {"to_s", h.to_s},
+                          {"worst_s", h.worst_s}});
+  }
+  return {{"cost", explanation->cost}, {"hindrances", std::move(hindrances)}};
+}
+
 Json plan_json(const PlanRecord& plan) {
   const Solution& solution = plan.solution;
   const auto clearance_m = plan.min_clearance_m();
@@ -83,6 +107,7 @@ Json plan_json(const PlanRecord& plan) {
       {"iterations", solution.iterations},
       {"cost", solution.cost},
       {"reason", plan.reason},
+      {"explanation", explanation_json(solution.explanation)},
       {"status", plan.attempts > 0 ? Json(to_string(solution.status)) : Json(nullptr)},
       {"attempts", plan.attempts},
       {"unknown_share", plan.in_snapshot ? Json(plan.in_snapshot->unknown_share) : Json(nullptr)},

@@ -80,6 +80,30 @@ std::string checks_table(const Json& plan) {
   return html_table({"check", "outcome", "clearance", "of", "at", "self-clearance"}, rows);
 }
 
+/// What holds a plan: what is broken first, then by cost.
+std::string explanation_section(const Json& plan) {
+  const Json hindrances = at(plan, "/explanation/hindrances");
+  if (!hindrances.is_array() || hindrances.empty()) return "";
+  std::vector<Row> rows;
+  for (const Json& hindrance : hindrances) {
+    const Json share = at(hindrance, "/share");
+    const Json first = at(hindrance, "/states/0"), last = at(hindrance, "/states/1");
+    rows.push_back(
+        {cell(at(hindrance, "/what")), cell(at(hindrance, "/broken")), cell(at(hindrance, "/term")),
+         share.is_number() ? format("%.1f %%", 100.0 * share.get<double>()) : "-",
+         cell(at(hindrance, "/worst_s"), "%.2f s"),
+         cell(at(hindrance, "/from_s"), "%.2f s") + " to " + cell(at(hindrance, "/to_s"), "%.2f s"),
+         first == last ? cell(first) : cell(first) + " to " + cell(last)});
+  }
+  std::string html = "<h3>What holds it</h3>\n";
+  html += html_table({"what", "broken", "cost term", "share of cost", "worst at", "felt", "states"},
+                     rows);
+  if (at(plan, "/retiming").is_object()) {
+    html += "<p>Times and states are those of the optimised motion, before it was retimed.</p>\n";
+  }
+  return html;
+}
+
 std::string origin_section(const Json& summary, const fs::path& run) {
   std::string html = "<h2>Made with</h2>\n<table>\n";
   const Json provenance = at(summary, "/provenance");
@@ -108,6 +132,7 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results, const
     if (const std::string reason = cell(at(plan, "/reason")); !reason.empty() && reason != "-") {
       html += "<p class=\"verdict failure\">" + escape_html(reason) + "</p>\n";
     }
+    html += explanation_section(plan);
     html += checks_table(plan);
     auto figures = plan_figures(results, item++, name);
     if (!figures) return tl::make_unexpected(std::move(figures.error()));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -7,6 +8,7 @@
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/export.hpp>
 #include <sidestep/core/time.hpp>
+#include <sidestep/planning/explain.hpp>
 #include <sidestep/planning/problem.hpp>
 
 namespace sidestep {
@@ -36,6 +38,9 @@ struct Solution {
   std::vector<TermCost> terms;  ///< Final cost by term, the GP prior as "gp_prior".
   double solve_ms = 0.0;        ///< Wall time inside the optimiser.
   std::string reason;           ///< Why it is not better, in words; empty if kConverged.
+  /// What holds it, where whoever asked for the solve has it explained (explain.hpp): optimisers
+  /// leave it empty.
+  std::optional<Explanation> explanation;
 };
 
 /// Finds a trajectory. A solution is a proposal: only a ValidityCheck says that it is valid.
