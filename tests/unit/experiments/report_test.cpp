@@ -35,6 +35,9 @@ constexpr const char* kSummary = R"({
     {"name": "blocked", "success": false, "valid_snapshot": false, "valid_independent": false,
      "min_clearance_m": null, "duration_s": 0.0, "solve_ms": 0.0, "iterations": 0,
      "cost": 0.0, "reason": "the start is not valid: base is 0.1 m inside", "attempts": 0,
+     "explanation": {"cost": 200.0, "hindrances": [
+       {"term": "obstacle", "what": "base is 0.1 m inside <it>", "broken": true, "cost": 150.0,
+        "share": 0.754, "states": [3, 5], "from_s": 1.8, "to_s": 2.25, "worst_s": 2.0}]},
      "checks": {"snapshot": null, "voxels": null, "scene": null}}],
   "provenance": {"version": "0.1.0", "git_hash": "abc123+", "cpu": "a CPU", "seed": 7}
 })";
@@ -159,6 +162,10 @@ TEST_F(ReportTest, HoldsEverythingInOneFile) {
   EXPECT_THAT(html, HasSubstr("Failed: &lt;one&gt; of 2 plans &amp; more."));
   EXPECT_THAT(html, HasSubstr("0.042 m"));
   EXPECT_THAT(html, HasSubstr("the start is not valid: base is 0.1 m inside"));
+  EXPECT_THAT(html, HasSubstr("base is 0.1 m inside &lt;it&gt;"));
+  EXPECT_THAT(html, HasSubstr("75.4 %"));
+  EXPECT_THAT(html, HasSubstr("1.80 s to 2.25 s"));
+  EXPECT_THAT(html, HasSubstr("3 to 5"));
   EXPECT_THAT(html, HasSubstr("frame-7.depth.png: truncated"));
   EXPECT_THAT(html, HasSubstr("abc123+"));
   EXPECT_THAT(html, HasSubstr("# a &lt;b&gt;"));
