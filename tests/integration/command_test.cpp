@@ -193,7 +193,8 @@ TEST_F(CommandTest, ExplainsWhatHoldsAPlanWhoeverMadeIt) {
     EXPECT_LT(first.at("worst_s"), 0.7 * optimised_s);
     const std::string what = first.at("what");
     EXPECT_THAT(what, HasSubstr("inside an obstacle at ("));
-    EXPECT_THAT(read_file(folder_ / optimiser / "run.log"), HasSubstr("is held: " + what));
+    EXPECT_THAT(read_file(folder_ / optimiser / "run.log"),
+                HasSubstr("is held (times as optimised): " + what));
     EXPECT_THAT(read_file(folder_ / optimiser / "report.html"), HasSubstr(what));
   }
 }

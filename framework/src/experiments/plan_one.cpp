@@ -117,8 +117,9 @@ void explain_endpoint(const PlanWorld& world, const Eigen::VectorXd& q, PlanReco
 
 void tell_hindrances(const PlanRecord& plan, Log& log) {
   if (!plan.solution.explanation) return;
+  const std::string times = plan.retiming ? " (times as optimised): " : ": ";
   for (const Hindrance& hindrance : plan.solution.explanation->hindrances) {
-    log.warn("plan '" + plan.name + "' is held: " + hindrance.describe());
+    log.warn("plan '" + plan.name + "' is held" + times + hindrance.describe());
   }
 }
 

@@ -14,7 +14,7 @@ namespace sidestep {
 namespace {
 
 constexpr std::size_t kMost = 8;
-constexpr double kFelt = 1e-9;        // cost of one state: less is rounding
+constexpr double kFelt = 1e-16;       // cost of one state: less is rounding
 constexpr double kLeastShare = 1e-3;  // of the cost; what is broken is told whatever it costs
 
 template <class... Values>
@@ -188,7 +188,8 @@ std::string Hindrance::describe() const {
   std::string when = text(", at %.2f s", worst_s);
   if (to_s > from_s) when += text(" (from %.2f to %.2f s", from_s, to_s);
   if (to_s > from_s) when += text(", states %d to %d)", first_state, last_state);
-  return what() + when + ": " + text("%.2g", 100.0 * share) + " % of the cost, as " + term;
+  const std::string percent = share < kLeastShare ? "under 0.1" : text("%.1f", 100.0 * share);
+  return what() + when + ": " + percent + " % of the cost, as " + term;
 }
 
 Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory) {
