@@ -80,7 +80,7 @@ std::string checks_table(const Json& plan) {
   return html_table({"check", "outcome", "clearance", "of", "at", "self-clearance"}, rows);
 }
 
-/// What holds a plan: what is broken first, then by cost.
+/// What holds a plan, in the order of its summary.
 std::string explanation_section(const Json& plan) {
   const Json hindrances = at(plan, "/explanation/hindrances");
   if (!hindrances.is_array() || hindrances.empty()) return "";

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <map>
 #include <utility>
 
 #include <sidestep/trajectory/gp_prior.hpp>
@@ -14,6 +15,7 @@ namespace sidestep {
 namespace {
 
 constexpr std::size_t kMost = 8;
+constexpr int kStretches = 2;         // of one term and link or joint
 constexpr double kFelt = 1e-16;       // cost of one state: less is rounding
 constexpr double kLeastShare = 1e-3;  // of the cost; what is broken is told whatever it costs
 
@@ -139,7 +141,7 @@ double explain_prior(const Problem& problem, const Trajectory& trajectory,
   return cost;
 }
 
-/// What is broken first, then by cost; only what matters.
+/// What is broken first, collisions before limits, then by cost; only what matters.
 void arrange(Explanation& explanation) {
   auto& all = explanation.hindrances;
   for (Hindrance& hindrance : all) {
@@ -150,8 +152,12 @@ void arrange(Explanation& explanation) {
     return std::isnan(h.cost) ? std::numeric_limits<double>::infinity() : h.cost;
   };
   std::ranges::stable_sort(all, [&](const Hindrance& a, const Hindrance& b) {
-    return a.broken != b.broken ? a.broken : weight(a) > weight(b);
+    if (a.broken != b.broken) return a.broken;
+    if (a.broken && a.kind != b.kind) return a.kind < b.kind;
+    return weight(a) > weight(b);
   });
+  std::map<std::pair<std::string, std::string>, int> told;
+  std::erase_if(all, [&](const Hindrance& h) { return ++told[{h.term, h.subject}] > kStretches; });
   if (all.size() > kMost) all.resize(kMost);
 }
 

@@ -97,6 +97,18 @@ TEST(Explain, TellsSeparateObstaclesApart) {
   EXPECT_NEAR(told.hindrances[0].share + told.hindrances[1].share, 1.0, 1e-9);
 }
 
+TEST(Explain, TellsOfTheTwoWorstStretchesOnly) {
+  Problem problem =
+      along_x({{{-1.2, 0.0, 0.26}, 0.1}, {{0.0, 0.0, 0.25}, 0.1}, {{1.2, 0.0, 0.24}, 0.1}});
+  problem.terms = {
+      everywhere(make_obstacle_cost(problem.robot, problem.field, kSpace, 0.05, 0.01))};
+  const Explanation told = explained(problem, straight(problem));
+  ASSERT_EQ(told.hindrances.size(), 2u);
+  EXPECT_NEAR(told.hindrances[0].worst_s, 3.2, 1e-9);
+  EXPECT_NEAR(told.hindrances[1].worst_s, 2.0, 1e-9);
+  EXPECT_LT(told.hindrances[0].share + told.hindrances[1].share, 1.0 - 1e-3);
+}
+
 TEST(Explain, DoesNotCallBrokenWhatIsMerelyNear) {
   Problem problem = along_x({{{0.0, 0.0, 0.4}, 0.1}});  // 0.1 m clear
   problem.terms = {everywhere(make_obstacle_cost(problem.robot, problem.field, kSpace, 0.2, 0.01))};
@@ -149,13 +161,13 @@ TEST(Explain, NamesTheJointBeyondItsLimitAndOffTheGoal) {
                    {make_state_prior("goal", problem.goal, 1e-4), Placement::kGoal}};
   const Explanation told = explained(problem, trajectory);
   ASSERT_GE(told.hindrances.size(), 2u);
-  EXPECT_EQ(told.hindrances[0].kind, Hindrance::Kind::kEndpoint);
-  EXPECT_EQ(told.hindrances[0].what(), "x is 0.5 m off the goal");
-  EXPECT_EQ(told.hindrances[0].first_state, 8);
-  EXPECT_EQ(told.hindrances[0].last_state, 8);
-  EXPECT_EQ(told.hindrances[1].what(), "x is 0.5 m beyond its upper limit of 10 m");
-  EXPECT_TRUE(told.hindrances[1].broken);
-  EXPECT_NEAR(told.hindrances[1].worst_s, 4.0, 1e-9);
+  EXPECT_EQ(told.hindrances[0].what(), "x is 0.5 m beyond its upper limit of 10 m");
+  EXPECT_TRUE(told.hindrances[0].broken);
+  EXPECT_NEAR(told.hindrances[0].worst_s, 4.0, 1e-9);
+  EXPECT_EQ(told.hindrances[1].kind, Hindrance::Kind::kEndpoint);
+  EXPECT_EQ(told.hindrances[1].what(), "x is 0.5 m off the goal");
+  EXPECT_EQ(told.hindrances[1].first_state, 8);
+  EXPECT_EQ(told.hindrances[1].last_state, 8);
 }
 
 TEST(Explain, NamesTheLinksThatMeet) {

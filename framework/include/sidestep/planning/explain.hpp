@@ -48,7 +48,8 @@ struct Hindrance {
   [[nodiscard]] std::string describe() const;
 };
 
-/// What holds a trajectory: what is broken first, then by cost, at most eight.
+/// What holds a trajectory, at most eight things: what is broken first, collisions before limits,
+/// then by cost; of one term and link or joint the two stretches that cost the most.
 struct Explanation {
   double cost = 0.0;  ///< Of the trajectory, the GP prior included.
   std::vector<Hindrance> hindrances;
