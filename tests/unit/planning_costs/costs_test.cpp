@@ -1,6 +1,7 @@
 #include <sidestep/planning/costs.hpp>
 
 #include <cmath>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -123,8 +124,8 @@ TEST(VelocityLimitCost, BeginsAtTheShareOfTheLimit) {
 }
 
 TEST(StatePrior, IsTheWhitenedDifference) {
-  const RobotState target{Eigen::Vector2d(0.5, -1.0), Eigen::Vector2d(0.1, 0.2)};
-  const auto cost = make_state_prior("goal", target, 0.01);
+  RobotState target{Eigen::Vector2d(0.5, -1.0), Eigen::Vector2d(0.1, 0.2)};
+  const auto cost = make_state_prior("goal", std::move(target), 0.01);
   EXPECT_EQ(cost->name(), "goal");
   States at = still({0.6, -1.0});
   const Evaluation evaluation = evaluate(*cost, at);
