@@ -14,31 +14,12 @@ namespace sidestep::testing_support {
 template <class Distance>
 [[nodiscard]] std::shared_ptr<const DenseField> sampled_field(const GridSpec& grid,
                                                               Distance distance) {
-  const Eigen::Vector3i counts = block_counts(grid);
-  std::vector<DenseField::Blocks::Entry> blocks;
-  for (int b = 0; b < counts.prod(); ++b) {
-    const Eigen::Vector3i first =
-        kBlockSide_vox *
-        Eigen::Vector3i(b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y()));
-    auto block = std::make_shared<FieldBlock>();
-    for (int v = 0; v < FieldBlock::kVoxels; ++v) {
-      const Eigen::Vector3i voxel =
-          first + Eigen::Vector3i(v % kBlockSide_vox, v / kBlockSide_vox % kBlockSide_vox,
-                                  v / (kBlockSide_vox * kBlockSide_vox));
-      block->distance_m[static_cast<std::size_t>(v)] =
-          static_cast<float>(distance(grid.centre_m(voxel)));
-    }
-    blocks.push_back(std::move(block));
-  }
-  const auto all_known = std::make_shared<KnownBlock>();
-  all_known->rows.fill(0xffff);
-  FieldInfo info;
-  info.grid = grid;
-  info.is_signed = true;
-  info.steepest = 1.0;
-  info.max_distance_m = std::numeric_limits<double>::infinity();
-  std::vector<DenseField::KnownBlocks::Entry> known(blocks.size(), all_known);
-  return std::make_shared<DenseField>(info, std::move(blocks), std::move(known));
+  const FieldInfo info{.grid = grid,
+                       .is_signed = true,
+                       .max_distance_m = std::numeric_limits<double>::infinity(),
+                       .steepest = 1.0};
+  return make_dense_field(
+      info, [&](const Eigen::Vector3i& voxel) { return distance(grid.centre_m(voxel)); });
 }
 
 }  // namespace sidestep::testing_support

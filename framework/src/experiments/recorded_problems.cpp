@@ -36,36 +36,6 @@ std::vector<std::uint8_t> occupied_nodes(const GridSpec& grid, const Eigen::Arra
   return occupied;
 }
 
-/// A field, known everywhere, of one distance a voxel.
-std::shared_ptr<const DistanceField> dense_field(const GridSpec& grid, bool is_signed,
-                                                 const std::vector<float>& distances_m) {
-  const Eigen::Vector3i counts = block_counts(grid);
-  std::vector<DenseField::Blocks::Entry> blocks;
-  for (int b = 0; b < counts.prod(); ++b) {
-    const Eigen::Vector3i first =
-        kBlockSide_vox *
-        Eigen::Vector3i(b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y()));
-    auto block = std::make_shared<FieldBlock>();
-    for (int v = 0; v < FieldBlock::kVoxels; ++v) {
-      const Eigen::Vector3i voxel =
-          first + Eigen::Vector3i(v % kBlockSide_vox, v / kBlockSide_vox % kBlockSide_vox,
-                                  v / (kBlockSide_vox * kBlockSide_vox));
-      block->distance_m[static_cast<std::size_t>(v)] =
-          grid.contains(voxel) ? distances_m[grid.linear(voxel)] : 0.0F;
-    }
-    blocks.push_back(std::move(block));
-  }
-  const auto all_known = std::make_shared<KnownBlock>();
-  all_known->rows.fill(0xffff);
-  FieldInfo info;
-  info.grid = grid;
-  info.is_signed = is_signed;
-  info.max_distance_m = std::numeric_limits<double>::infinity();
-  info.steepest = 1.0;
-  std::vector<DenseField::KnownBlocks::Entry> known(blocks.size(), all_known);
-  return std::make_shared<DenseField>(info, std::move(blocks), std::move(known));
-}
-
 /// Calls visit(time_s) at `steps` + 1 times an interval, both ends included.
 template <class Visit>
 void each_time(const Trajectory& trajectory, int steps, Visit visit) {
@@ -97,7 +67,12 @@ std::shared_ptr<const DistanceField> recorded_field(const RecordedProblems& prob
   if (std::ranges::count(occupied, 0) == std::ssize(occupied)) {
     std::ranges::fill(distances_m, static_cast<float>(kEmptyScene_m));
   }
-  return dense_field(grid, is_signed, distances_m);
+  const FieldInfo info{.grid = grid,
+                       .is_signed = is_signed,
+                       .max_distance_m = std::numeric_limits<double>::infinity(),
+                       .steepest = 1.0};
+  return make_dense_field(
+      info, [&](const Eigen::Vector3i& voxel) { return distances_m[grid.linear(voxel)]; });
 }
 
 Problem recorded_problem(const RecordedProblems& problems,

@@ -1,5 +1,7 @@
 #include <sidestep/planning/optimiser.hpp>
 
+#include <cstdio>
+
 namespace sidestep {
 
 std::string_view to_string(SolveStatus status) noexcept {
@@ -11,6 +13,23 @@ std::string_view to_string(SolveStatus status) noexcept {
     case SolveStatus::kFailed: return "failed";
   }
   return "failed";
+}
+
+Result<void> check_initial(const Problem& problem, const Trajectory& initial) {
+  if (auto valid = initial.validate(); !valid) return valid;
+  const int dof = problem.robot->description().dof();
+  if (initial.dof == dof && initial.size() == problem.support_states) return {};
+  return fail(ErrorCode::kInvalidArgument,
+              "the initial trajectory has " + std::to_string(initial.size()) + " states of " +
+                  std::to_string(initial.dof) + " joints, but the problem " +
+                  std::to_string(problem.support_states) + " of " + std::to_string(dof));
+}
+
+std::string iteration_limit_reason(int iterations, double last_decrease, double cost) {
+  char percent[32];
+  std::snprintf(percent, sizeof percent, "%.2g %%", 100.0 * last_decrease / (cost + last_decrease));
+  return "stopped after " + std::to_string(iterations) +
+         " iterations, when the last accepted one still lowered the cost by " + percent;
 }
 
 }  // namespace sidestep

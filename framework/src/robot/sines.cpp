@@ -3,18 +3,12 @@
 #include <cmath>
 #include <cstdint>
 
-// Sanitizers run before the resolvers of multi-versioned functions could.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__OPTIMIZE__)
-#define SIDESTEP_SIMD_CLONES [[gnu::target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")]]
-#else
-#define SIDESTEP_SIMD_CLONES
-#endif
+#include <sidestep/core/lanes.hpp>
 
 namespace sidestep::detail {
 namespace {
 
-using Lanes = double __attribute__((vector_size(8 * kAngles), aligned(8), may_alias));
+static_assert(kAngles == kLanes);
 using Bits = std::int64_t __attribute__((vector_size(8 * kAngles), aligned(8), may_alias));
 
 /// Beyond it the reduction below would lose digits.

@@ -183,22 +183,6 @@ ceres::Solver::Options solver_options(const GpCeresSettings& settings, StoppingR
   return options;
 }
 
-Result<void> check_initial(const Problem& problem, const Trajectory& initial) {
-  if (auto valid = initial.validate(); !valid) return valid;
-  const int dof = problem.robot->description().dof();
-  if (initial.dof == dof && initial.size() == problem.support_states) return {};
-  return fail(ErrorCode::kInvalidArgument,
-              "the initial trajectory has " + std::to_string(initial.size()) + " states of " +
-                  std::to_string(initial.dof) + " joints, but the problem " +
-                  std::to_string(problem.support_states) + " of " + std::to_string(dof));
-}
-
-std::string percent(double share) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.2g %%", 100.0 * share);
-  return buffer;
-}
-
 /// Why a solve failed, from where its numbers went wrong.
 std::string failure(const std::vector<TermCost>& terms, const std::string& message) {
   for (const TermCost& term : terms) {
@@ -248,9 +232,8 @@ class GpCeres final : public Optimiser {
           std::to_string(solution.iterations) + " iterations";
     } else if (summary.termination_type == ceres::NO_CONVERGENCE) {
       solution.status = SolveStatus::kIterationLimit;
-      solution.reason = "stopped after " + std::to_string(settings_.max_iterations) +
-                        " iterations, when the last accepted one still lowered the cost by " +
-                        percent(rule.last_decrease() / (solution.cost + rule.last_decrease()));
+      solution.reason =
+          iteration_limit_reason(settings_.max_iterations, rule.last_decrease(), solution.cost);
     } else {
       solution.status = SolveStatus::kConverged;
     }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <string>
 #include <utility>
@@ -16,16 +15,6 @@
 
 namespace sidestep {
 namespace {
-
-Result<void> check_initial(const Problem& problem, const Trajectory& initial) {
-  if (auto valid = initial.validate(); !valid) return valid;
-  const int dof = problem.robot->description().dof();
-  if (initial.dof == dof && initial.size() == problem.support_states) return {};
-  return fail(ErrorCode::kInvalidArgument,
-              "the initial trajectory has " + std::to_string(initial.size()) + " states of " +
-                  std::to_string(initial.dof) + " joints, but the problem " +
-                  std::to_string(problem.support_states) + " of " + std::to_string(dof));
-}
 
 std::vector<TermCost> term_costs(const Problem& problem, const ChainEvaluation& evaluation) {
   std::vector<TermCost> costs{{"gp_prior", evaluation.terms[0]}};
@@ -44,12 +33,6 @@ Trajectory trajectory_of(const Problem& problem, const ChainEvaluation& evaluati
     std::copy_n(x + dof, dof, out.qdot(i).begin());
   }
   return out;
-}
-
-std::string percent(double share) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.2g %%", 100.0 * share);
-  return buffer;
 }
 
 /// One of several initial trajectories, and what became of it.
@@ -71,8 +54,9 @@ std::unique_ptr<ValidityCheck> make_check(const Problem& problem) {
 
 class GpChain final : public Optimiser {
  public:
-  GpChain(const GpChainSettings& settings, WorkerPool* workers)
+  GpChain(const GpChainSettings& settings, WorkerPool* workers, std::uint64_t seed)
       : settings_(settings),
+        seed_(seed),
         stop_{settings.relative_tolerance, settings.absolute_tolerance, settings.max_iterations},
         workers_(workers),
         starts_(static_cast<std::size_t>(settings.starts)) {
@@ -139,9 +123,7 @@ class GpChain final : public Optimiser {
       if (first_will_do && start.is_valid) enough = true;
     };
     for (int i = 1; i < settings_.starts; ++i) {
-      sampler_.draw(
-          static_cast<std::uint64_t>(settings_.seed) * 1000 + static_cast<std::uint64_t>(i),
-          sample(i));
+      sampler_.draw(seed_ + static_cast<std::uint64_t>(i), sample(i));
     }
     const int others = settings_.starts - 1;
     if (workers_ != nullptr) {
@@ -180,14 +162,11 @@ class GpChain final : public Optimiser {
     solution.accepted_iterations = end.accepted;
     switch (end.end) {
       case Minimisation::End::kConverged: solution.status = SolveStatus::kConverged; break;
-      case Minimisation::End::kIterationLimit: {
+      case Minimisation::End::kIterationLimit:
         solution.status = SolveStatus::kIterationLimit;
-        const double before = start.model.current().cost + end.last_decrease;
-        solution.reason = "stopped after " + std::to_string(stop_.max_iterations) +
-                          " iterations, when the last one still lowered the cost by " +
-                          percent(end.last_decrease / before);
+        solution.reason = iteration_limit_reason(stop_.max_iterations, end.last_decrease,
+                                                 start.model.current().cost);
         break;
-      }
       case Minimisation::End::kDeadline:
         solution.status = SolveStatus::kDeadline;
         solution.reason = (deadline.stop_requested() ? "stopped on request after "
@@ -214,6 +193,7 @@ class GpChain final : public Optimiser {
   }
 
   GpChainSettings settings_;
+  std::uint64_t seed_;
   StoppingRules stop_;
   WorkerPool* workers_;
   std::vector<Start> starts_;
@@ -229,8 +209,9 @@ std::unique_ptr<StepRule> make_step_rule(const GpChainSettings& settings) {
   return make_levenberg_marquardt(settings.initial_damping, settings.relative_tolerance);
 }
 
-std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings, WorkerPool* workers) {
-  return std::make_unique<GpChain>(settings, workers);
+std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings, WorkerPool* workers,
+                                         std::uint64_t seed) {
+  return std::make_unique<GpChain>(settings, workers, seed);
 }
 
 }  // namespace sidestep

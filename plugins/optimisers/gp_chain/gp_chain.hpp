@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 
@@ -22,7 +23,6 @@ struct GpChainSettings {
   int starts = 1;  ///< Initial trajectories: the given one, and that plus samples of the GP prior.
   double spread = 1.0;                ///< What the samples are multiplied with.
   std::string accept = "best_valid";  ///< Or "first_valid", of several starts.
-  int seed = 1;                       ///< Of the samples.
 
   static Parameters<GpChainSettings> parameters();
 };
@@ -31,8 +31,9 @@ struct GpChainSettings {
 [[nodiscard]] std::unique_ptr<StepRule> make_step_rule(const GpChainSettings& settings);
 
 /// GPMP2's problem solved by the structure of its chain: see README.md. Several starts share the
-/// threads of `workers`, or go one after the other where it is null.
+/// threads of `workers`, or go one after the other where it is null; `seed` is of their samples.
 [[nodiscard]] std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings,
-                                                       WorkerPool* workers = nullptr);
+                                                       WorkerPool* workers = nullptr,
+                                                       std::uint64_t seed = 1);
 
 }  // namespace sidestep

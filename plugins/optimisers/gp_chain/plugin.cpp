@@ -29,8 +29,7 @@ Parameters<GpChainSettings> GpChainSettings::parameters() {
       .add("spread", &S::spread, "What the samples are multiplied with.", {.min = 0.0})
       .add("accept", &S::accept,
            "Of several starts: the cheapest trajectory that is free of collisions, or the first.",
-           {.choices = {"best_valid", "first_valid"}})
-      .add("seed", &S::seed, "Of the samples.", {.min = 0.0, .max = 1e9});
+           {.choices = {"best_valid", "first_valid"}});
 }
 
 }  // namespace sidestep
@@ -41,7 +40,7 @@ using namespace sidestep;
 
 Result<std::unique_ptr<Optimiser>> create(const GpChainSettings& settings,
                                           const HostContext& context) {
-  return make_gp_chain(settings, &context.workers);
+  return make_gp_chain(settings, &context.workers, context.seed);
 }
 
 }  // namespace

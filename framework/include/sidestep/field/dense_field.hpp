@@ -2,6 +2,9 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
 
 #include <sidestep/field/block_table.hpp>
 #include <sidestep/field/distance_field.hpp>
@@ -49,5 +52,31 @@ class SIDESTEP_EXPORT DenseField final : public DistanceField {
   KnownBlocks known_;
   Eigen::Vector3i block_counts_;
 };
+
+/// A dense field, known everywhere, whose value at each voxel of the grid is distance_m(voxel).
+template <class Distance>
+[[nodiscard]] std::shared_ptr<const DenseField> make_dense_field(const FieldInfo& info,
+                                                                 const Distance& distance_m) {
+  const Eigen::Vector3i counts = block_counts(info.grid);
+  std::vector<DenseField::Blocks::Entry> blocks;
+  for (int b = 0; b < counts.prod(); ++b) {
+    const Eigen::Vector3i first =
+        kBlockSide_vox *
+        Eigen::Vector3i(b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y()));
+    auto block = std::make_shared<FieldBlock>();
+    for (int v = 0; v < FieldBlock::kVoxels; ++v) {
+      const Eigen::Vector3i voxel =
+          first + Eigen::Vector3i(v % kBlockSide_vox, v / kBlockSide_vox % kBlockSide_vox,
+                                  v / (kBlockSide_vox * kBlockSide_vox));
+      block->distance_m[static_cast<std::size_t>(v)] =
+          info.grid.contains(voxel) ? static_cast<float>(distance_m(voxel)) : 0.0F;
+    }
+    blocks.push_back(std::move(block));
+  }
+  const auto all_known = std::make_shared<KnownBlock>();
+  all_known->rows.fill(0xffff);
+  const std::vector<DenseField::KnownBlocks::Entry> known(blocks.size(), all_known);
+  return std::make_shared<const DenseField>(info, blocks, known);
+}
 
 }  // namespace sidestep

@@ -43,6 +43,14 @@ struct Solution {
   std::optional<Explanation> explanation;
 };
 
+/// Fails with kInvalidArgument where an initial trajectory is malformed, or has not the states and
+/// joints of the problem.
+[[nodiscard]] Result<void> check_initial(const Problem& problem, const Trajectory& initial);
+
+/// Solution::reason of a minimisation that ran out of iterations, whose last accepted one lowered
+/// the cost by `last_decrease` to `cost`.
+[[nodiscard]] std::string iteration_limit_reason(int iterations, double last_decrease, double cost);
+
 /// Finds a trajectory. A solution is a proposal: only a ValidityCheck says that it is valid.
 class SIDESTEP_EXPORT Optimiser {
  public:
