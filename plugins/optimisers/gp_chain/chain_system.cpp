@@ -11,6 +11,7 @@ namespace sidestep {
 void ChainSystem::resize(int states, int width) {
   states_ = static_cast<std::size_t>(states);
   width_ = static_cast<std::size_t>(width);
+  eliminated_ = 0;
   own_ = padded(width_);
   next_ = padded(width_ + 1);
   // Blocks are written in whole lanes, of which the last may reach beyond the last panel.
@@ -24,7 +25,8 @@ void ChainSystem::resize(int states, int width) {
   solved_.assign_zeros(2 * own_);
 }
 
-void ChainSystem::clear() noexcept {
+void ChainSystem::clear(int changed) noexcept {
+  eliminated_ = std::min(eliminated_, static_cast<std::size_t>(changed));
   std::copy_n(kept_.data(), kept_.size(), panels_.data());
   std::fill_n(rhs_.data(), rhs_.size(), 0.0);
 }
@@ -72,12 +74,13 @@ ChainPanel ChainSystem::panel_of(std::size_t state) noexcept {
 }
 
 bool ChainSystem::solve(double lambda, std::span<double> x) noexcept {
-  ChainPanel previous{};
-  for (std::size_t i = 0; i < states_; ++i) {
+  if (lambda != lambda_) eliminated_ = 0;
+  lambda_ = lambda;
+  for (std::size_t& i = eliminated_; i < states_; ++i) {
     const ChainPanel panel = panel_of(i);
+    const ChainPanel previous = panel_of(i == 0 ? 0 : i - 1);
     load_panel(panel, own_block(static_cast<int>(i)), i == 0 ? nullptr : &previous, scaled_.data());
     if (!factorise_panel(panel, lambda)) return false;
-    previous = panel;
   }
   substitute_back(x);
   return true;
@@ -96,6 +99,7 @@ void ChainSystem::substitute_back(std::span<double> x) noexcept {
 
 void ChainSystem::spread(std::span<double> x) noexcept {
   // L^T sample = D^-1/2 x: what substitute_panel() takes for y is D^1/2 x.
+  eliminated_ = 0;
   for (std::size_t i = 0; i < states_; ++i) {
     const ChainPanel panel = panel_of(i);
     for (std::size_t k = 0; k < width_; ++k) {

@@ -27,8 +27,9 @@ class ChainSystem {
   /// Values from one column of a panel to the next.
   [[nodiscard]] std::size_t stride() const noexcept { return own_ + next_; }
 
-  /// Sets b to zero, and H to what it was at the last keep(), or else to zero.
-  void clear() noexcept;
+  /// Sets b to zero, and H to what it was at the last keep(), or else to zero. The panels before
+  /// `changed` are going to be filled with what they held: their elimination is kept.
+  void clear(int changed = 0) noexcept;
   /// Keeps H as it is for clear() to go back to.
   void keep() noexcept;
   /// Column 0 of a state's own block of H.
@@ -47,7 +48,8 @@ class ChainSystem {
   void seal() noexcept;
 
   /// x of (H + lambda I) x = b; states() * width() values. False where that is not positive
-  /// definite; x is then undefined. H and b are kept, so that another lambda can follow.
+  /// definite; x is then undefined. H and b are kept, so that another lambda can follow. Where
+  /// panels have not changed since they were eliminated with the same lambda, begins after them.
   [[nodiscard]] bool solve(double lambda, std::span<double> x) noexcept;
 
   /// Turns independent normal numbers into a sample of N(0, (H + lambda I)^-1) for the H and lambda
@@ -65,6 +67,8 @@ class ChainSystem {
 
   std::size_t states_ = 0;
   std::size_t width_ = 0;
+  std::size_t eliminated_ = 0;  ///< Panels whose factor stands for H and lambda_.
+  double lambda_ = 0.0;
   std::size_t own_ = 0;   ///< Rows of a panel for a block, in whole lanes,
   std::size_t next_ = 0;  ///< and for a block and b.
   AlignedArray panels_;   ///< H and b.

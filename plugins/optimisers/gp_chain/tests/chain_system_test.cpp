@@ -63,6 +63,40 @@ TEST_P(ChainSystemTest, SolvesAsADenseCholeskyDoesForOneDampingAfterAnother) {
   }
 }
 
+TEST_P(ChainSystemTest, EliminatesOnlyWhatHasChanged) {
+  const auto [states, width] = GetParam();
+  DenseChain dense(states, width);
+  ChainSystem system;
+  dense.fill(system, states, width);
+  system.keep();
+  Eigen::VectorXd x(states * width);
+  const std::span<double> solved(x.data(), static_cast<std::size_t>(x.size()));
+  const int last = states - 1;
+  const auto put_rhs = [&] {
+    for (int v = 0; v < states * width; ++v) system.rhs(v / width)[v % width] = dense.b[v];
+    system.seal();
+  };
+  ASSERT_TRUE(system.solve(0.5, solved));
+  Eigen::MatrixXd damped = dense.h;
+  damped.diagonal().array() += 0.5;
+
+  system.clear(last);
+  dense.b.tail(width) *= -3.0;
+  dense.h.bottomRightCorner(width, width).diagonal().array() += 2.0;
+  for (int j = 0; j < width; ++j) {
+    const auto column = static_cast<std::size_t>(j) * system.stride();
+    system.own_block(last)[column + static_cast<std::size_t>(j)] += 2.0;
+  }
+  damped.bottomRightCorner(width, width).diagonal().array() += 2.0;
+  put_rhs();
+  ASSERT_TRUE(system.solve(0.5, solved));
+  EXPECT_TRUE(x.isApprox(damped.llt().solve(dense.b), 1e-9)) << "from the last state on";
+
+  damped.diagonal().array() -= 0.5;
+  ASSERT_TRUE(system.solve(0.0, solved));
+  EXPECT_TRUE(x.isApprox(damped.llt().solve(dense.b), 1e-9)) << "another lambda";
+}
+
 TEST_P(ChainSystemTest, MultipliesAsADenseMatrixDoes) {
   const auto [states, width] = GetParam();
   const DenseChain dense(states, width);
