@@ -56,14 +56,12 @@ void StateNormals::Blocks::resize(std::size_t states, std::size_t block_width) {
   active.assign(states, 0);
 }
 
-void StateNormals::Blocks::clear() noexcept {
+void StateNormals::Blocks::clear(std::size_t state) noexcept {
+  if (active[state] == 0) return;
   const std::size_t stride = padded(width);
-  for (std::size_t s = 0; s < active.size(); ++s) {
-    if (active[s] == 0) continue;
-    std::fill_n(hessians.data() + s * width * stride, width * stride, 0.0);
-    std::fill_n(gradients.data() + s * stride, stride, 0.0);
-    active[s] = 0;
-  }
+  std::fill_n(hessians.data() + state * width * stride, width * stride, 0.0);
+  std::fill_n(gradients.data() + state * stride, stride, 0.0);
+  active[state] = 0;
 }
 
 void StateNormals::Blocks::add(std::size_t state, const double* row, double residual) {
@@ -81,8 +79,12 @@ void StateNormals::resize(int states, int dof) {
 }
 
 void StateNormals::clear() noexcept {
-  position_.clear();
-  full_.clear();
+  for (std::size_t s = 0; s < position_.active.size(); ++s) clear(s);
+}
+
+void StateNormals::clear(std::size_t state) noexcept {
+  position_.clear(state);
+  full_.clear(state);
 }
 
 void StateNormals::add_rows(std::size_t state, std::span<const double> by_q,

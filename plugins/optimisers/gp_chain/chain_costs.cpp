@@ -61,17 +61,37 @@ double ChainCosts::add_term(const CostTerm& term, StateNormals& normals) {
   const std::size_t step = index(checks_ + 1);
   const StateCost& cost = *term.cost;
   switch (term.placement) {
-    case Placement::kStart:
-      return cost.linearise(support_.batch(0, 1, dof_), {0, step}, normals, scratch_);
-    case Placement::kGoal:
-      return cost.linearise(support_.batch(intervals_, 1, dof_), {index(intervals_) * step, step},
-                            normals, scratch_);
+    case Placement::kStart: return add_at(0, term, normals);
+    case Placement::kGoal: return add_at(intervals_, term, normals);
     case Placement::kSupport:
       return cost.linearise(support_.batch(0, states(), dof_), {0, step}, normals, scratch_);
     case Placement::kSupportAndInterpolated: break;
   }
   const int all = static_cast<int>(all_.times_s.size());
   return cost.linearise(all_.batch(0, all, dof_), {0, 1}, normals, scratch_);
+}
+
+double ChainCosts::add_at(int support, const CostTerm& term, StateNormals& normals) {
+  const std::size_t step = index(checks_ + 1);
+  return term.cost->linearise(support_.batch(support, 1, dof_), {index(support) * step, step},
+                              normals, scratch_);
+}
+
+void ChainCosts::evaluate_end(ChainEvaluation& evaluation, Placement end) {
+  const int support = end == Placement::kStart ? 0 : intervals_;
+  const Placement other = end == Placement::kStart ? Placement::kGoal : Placement::kStart;
+  interpolate(evaluation.support);
+  evaluation.normals.clear(index(support) * index(checks_ + 1));
+  evaluation.cost = evaluation.terms[0];
+  for (std::size_t t = 0; t < problem_->terms.size(); ++t) {
+    const CostTerm& term = problem_->terms[t];
+    double& cost = evaluation.terms[t + 1];
+    if (term.placement != other) {
+      const double here = add_at(support, term, evaluation.normals);
+      if (term.placement == end) cost = here;  // what holds along the way costs what it did
+    }
+    evaluation.cost += cost;
+  }
 }
 
 void ChainCosts::interpolate(std::span<const double> support) {

@@ -33,8 +33,13 @@ class ChainCosts {
   /// Gives an evaluation the sizes of this problem.
   void resize(ChainEvaluation& evaluation) const;
 
+  /// Takes up a problem that differs from the last one in its terms' costs only.
+  void replace(const Problem& problem) noexcept { problem_ = &problem; }
+
   /// Fills in everything from evaluation.support.
   void evaluate(ChainEvaluation& evaluation);
+  /// The same where nothing has changed since but terms at one end, which is `kStart` or `kGoal`.
+  void evaluate_end(ChainEvaluation& evaluation, Placement end);
 
   /// Gives a system the size of this problem, and what of H is the same at every trajectory.
   void prepare(ChainSystem& system) const;
@@ -50,6 +55,8 @@ class ChainCosts {
 
   void interpolate(std::span<const double> support);
   [[nodiscard]] double add_term(const CostTerm& term, StateNormals& normals);
+  /// What a term costs at one support state.
+  [[nodiscard]] double add_at(int support, const CostTerm& term, StateNormals& normals);
 
   const Problem* problem_ = nullptr;
   int dof_ = 0;

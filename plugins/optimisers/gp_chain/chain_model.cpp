@@ -1,6 +1,8 @@
 #include "chain_model.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 namespace sidestep {
 namespace {
@@ -8,6 +10,10 @@ namespace {
 bool is_held(const Problem& problem, Placement end) {
   return std::ranges::any_of(problem.terms,
                              [end](const CostTerm& term) { return term.placement == end; });
+}
+
+std::span<const double> as_span(const Eigen::VectorXd& values) {
+  return {values.data(), static_cast<std::size_t>(values.size())};
 }
 
 void put(const RobotState& state, double* to) {
@@ -18,7 +24,8 @@ void put(const RobotState& state, double* to) {
 }  // namespace
 
 void ChainModel::reset(const Problem& problem, const Trajectory& initial) {
-  problem_ = &problem;
+  is_kept_ = false;
+  unchanged_ = 0;
   costs_.reset(problem);
   costs_.resize(current_);
   costs_.resize(trial_);
@@ -31,17 +38,63 @@ void ChainModel::reset(const Problem& problem, const Trajectory& initial) {
     to = std::ranges::copy(initial.q(i), to).out;
     to = std::ranges::copy(initial.qdot(i), to).out;
   }
-  if (hold_start_) put(problem.start, current_.support.data());
-  if (hold_goal_) put(problem.goal, to - 2 * costs_.dof());
+  put_held_ends(problem);
   costs_.evaluate(current_);
 }
 
+void ChainModel::put_held_ends(const Problem& problem) {
+  double* first = current_.support.data();
+  if (hold_start_) put(problem.start, first);
+  if (hold_goal_) put(problem.goal, first + (costs_.states() - 1) * 2 * costs_.dof());
+}
+
+void ChainModel::keep(const Problem& problem) {
+  memory_.remember(problem);
+  is_kept_ = std::isfinite(current_.cost);
+}
+
+bool ChainModel::is_at(std::span<const double> q, std::span<const double> qdot, int state) const {
+  const auto dof = static_cast<std::ptrdiff_t>(costs_.dof());
+  const auto at = current_.support.begin() + state * 2 * dof;
+  return std::equal(q.begin(), q.end(), at) && std::equal(qdot.begin(), qdot.end(), at + dof);
+}
+
+bool ChainModel::resume(const Problem& problem, const Trajectory& initial) {
+  if (!std::exchange(is_kept_, false)) return false;
+  const ProblemChange change = memory_.change_to(problem);
+  if (change.chain) return false;
+  const int last = costs_.states() - 1;
+  for (int i = hold_start_ ? 1 : 0; i <= (hold_goal_ ? last - 1 : last); ++i) {
+    if (!is_at(initial.q(i), initial.qdot(i), i)) return false;
+  }
+  const bool ends_moved =
+      (hold_start_ && !is_at(as_span(problem.start.q), as_span(problem.start.qdot), 0)) ||
+      (hold_goal_ && !is_at(as_span(problem.goal.q), as_span(problem.goal.qdot), last));
+  costs_.replace(problem);
+  if (change.along || ends_moved) {
+    put_held_ends(problem);
+    costs_.evaluate(current_);
+    unchanged_ = 0;
+    return true;
+  }
+  if (change.goal) {
+    costs_.evaluate_end(current_, Placement::kGoal);
+    unchanged_ = std::min(unchanged_, last);
+  }
+  if (change.start) {
+    costs_.evaluate_end(current_, Placement::kStart);
+    unchanged_ = 0;
+  }
+  return true;
+}
+
 void ChainModel::linearise() {
-  system_.clear();
+  system_.clear(unchanged_);
   costs_.assemble(current_, system_);
   if (hold_start_) system_.hold(0);
   if (hold_goal_) system_.hold(system_.states() - 1);
   system_.seal();
+  unchanged_ = system_.states();
 }
 
 double ChainModel::try_step(std::span<const double> step) {

@@ -8,6 +8,7 @@
 
 #include "chain_costs.hpp"
 #include "chain_system.hpp"
+#include "problem_memory.hpp"
 
 namespace sidestep {
 
@@ -18,6 +19,15 @@ class ChainModel {
  public:
   /// Takes up a problem, which must outlive what follows, and evaluates the initial trajectory.
   void reset(const Problem& problem, const Trajectory& initial);
+
+  /// Takes up a problem after a minimisation that went well, where it leads on from there: with the
+  /// same robot, sizes, times and prior, terms at the same places, and as its initial trajectory
+  /// the current one, but for held ends. Then evaluates only what has changed: of other terms at an
+  /// end the state there, of other terms along the way or another held end everything. Else returns
+  /// false, and reset() must follow. Each keep() serves one call. Does not allocate.
+  [[nodiscard]] bool resume(const Problem& problem, const Trajectory& initial);
+  /// Ends the minimisation of a problem, for resume() to lead on from.
+  void keep(const Problem& problem);
 
   /// What is known of the trajectory as it is now.
   [[nodiscard]] const ChainEvaluation& current() const noexcept { return current_; }
@@ -30,15 +40,24 @@ class ChainModel {
   /// The cost at the current trajectory plus `step`; states x width values.
   [[nodiscard]] double try_step(std::span<const double> step);
   /// The trajectory that was tried last becomes the current one.
-  void accept() noexcept { std::swap(current_, trial_); }
+  void accept() noexcept {
+    std::swap(current_, trial_);
+    unchanged_ = 0;
+  }
 
  private:
-  const Problem* problem_ = nullptr;
+  [[nodiscard]] bool is_at(std::span<const double> q, std::span<const double> qdot,
+                           int state) const;
+  void put_held_ends(const Problem& problem);
+
   ChainCosts costs_;
   ChainSystem system_;
   ChainEvaluation current_, trial_;
   bool hold_start_ = false;
   bool hold_goal_ = false;
+  int unchanged_ = 0;  ///< Panels that linearise() is going to find as the last time.
+  bool is_kept_ = false;
+  ProblemMemory memory_;
 };
 
 }  // namespace sidestep

@@ -12,6 +12,7 @@
 
 #include "minimise.hpp"
 #include "prior_sampler.hpp"
+#include "settle.hpp"
 
 namespace sidestep {
 namespace {
@@ -70,7 +71,11 @@ class GpChain final : public Optimiser {
     if (auto valid = check_initial(problem, initial); !valid) {
       return tl::make_unexpected(valid.error());
     }
-    minimise_from(starts_.front(), problem, initial, deadline);
+    if (settings_.incremental && starts_.front().model.resume(problem, initial)) {
+      lead_on(starts_.front(), deadline);
+    } else {
+      minimise_from(starts_.front(), problem, initial, deadline);
+    }
     const Start* chosen = &starts_.front();
     if (starts_.size() > 1) chosen = &best_of_all(problem, initial, deadline);
 
@@ -83,6 +88,7 @@ class GpChain final : public Optimiser {
     if (!chosen->is_finite) name_broken_term(solution);
     if (solution.status != SolveStatus::kFailed)
       solution.trajectory = trajectory_of(problem, found);
+    if (settings_.incremental) starts_.front().model.keep(problem);
     solution.solve_ms = watch.elapsed_ms();
     return solution;
   }
@@ -91,11 +97,21 @@ class GpChain final : public Optimiser {
   void minimise_from(Start& start, const Problem& problem, const Trajectory& initial,
                      const Deadline& deadline) const {
     start.model.reset(problem, initial);
+    begin(start);
+    if (start.is_finite) start.end = minimise(start.model, *start.rule, stop_, deadline);
+  }
+
+  /// Goes on with a model that has resumed.
+  void lead_on(Start& start, const Deadline& deadline) {
+    begin(start);
+    if (start.is_finite) start.end = settle(start.model, *start.rule, stop_, deadline, step_);
+  }
+
+  static void begin(Start& start) {
     start.initial_cost = start.model.current().cost;
     start.is_finite = std::isfinite(start.initial_cost);
     start.is_valid = false;
     start.end = {};
-    if (start.is_finite) start.end = minimise(start.model, *start.rule, stop_, deadline);
   }
 
   /// Goes on from the first start, which is done, to the others.
@@ -197,11 +213,20 @@ class GpChain final : public Optimiser {
   StoppingRules stop_;
   WorkerPool* workers_;
   std::vector<Start> starts_;
+  std::vector<double> step_;  ///< Of an incremental solve.
   PriorSampler sampler_;
   std::vector<double> samples_;  ///< Of one start after the other; nothing for the first.
 };
 
 }  // namespace
+
+std::vector<OptionMistake> GpChainSettings::check() const {
+  if (!incremental || starts == 1) return {};
+  return {{{"incremental", "starts"},
+           "needs one start, whose trajectory the next solve leads on from; there are " +
+               std::to_string(starts),
+           "leave out `incremental`, or set `starts` to 1"}};
+}
 
 std::unique_ptr<StepRule> make_step_rule(const GpChainSettings& settings) {
   if (settings.method == "gauss_newton") return make_gauss_newton();

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/planning/optimiser.hpp>
@@ -23,6 +24,9 @@ struct GpChainSettings {
   int starts = 1;  ///< Initial trajectories: the given one, and that plus samples of the GP prior.
   double spread = 1.0;                ///< What the samples are multiplied with.
   std::string accept = "best_valid";  ///< Or "first_valid", of several starts.
+  bool incremental = false;           ///< A solve leads on from the last one where it can.
+
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 
   static Parameters<GpChainSettings> parameters();
 };

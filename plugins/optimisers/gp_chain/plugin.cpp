@@ -29,7 +29,9 @@ Parameters<GpChainSettings> GpChainSettings::parameters() {
       .add("spread", &S::spread, "What the samples are multiplied with.", {.min = 0.0})
       .add("accept", &S::accept,
            "Of several starts: the cheapest trajectory that is free of collisions, or the first.",
-           {.choices = {"best_valid", "first_valid"}});
+           {.choices = {"best_valid", "first_valid"}})
+      .add("incremental", &S::incremental,
+           "A solve that begins with the trajectory found last re-uses what is known of it.");
 }
 
 }  // namespace sidestep

@@ -23,6 +23,7 @@ class SIDESTEP_EXPORT StateNormals {
 
   void resize(int states, int dof);
   void clear() noexcept;
+  void clear(std::size_t state) noexcept;  ///< One of them.
 
   [[nodiscard]] int dof() const noexcept { return static_cast<int>(dof_); }
   [[nodiscard]] std::size_t position_stride() const noexcept { return padded(dof_); }
@@ -52,7 +53,7 @@ class SIDESTEP_EXPORT StateNormals {
     AlignedArray hessians, gradients;
     std::vector<std::uint8_t> active;
     void resize(std::size_t states, std::size_t block_width);
-    void clear() noexcept;
+    void clear(std::size_t state) noexcept;
     void add(std::size_t state, const double* row, double residual);
     void add_entry(std::size_t state, std::size_t variable, double entry, double residual);
     [[nodiscard]] Block at(std::size_t state) const noexcept {

@@ -1,12 +1,26 @@
 #include <gtest/gtest.h>
 
+#include <sidestep/planning/costs.hpp>
+
 #include "conformance/optimiser_conformance.hpp"
 #include "gp_chain.hpp"
 #include "minimise.hpp"
+#include "settle.hpp"
 #include "support/allocation_counter.hpp"
 
 namespace sidestep {
 namespace {
+
+Trajectory trajectory_of(const Problem& problem, const ChainEvaluation& evaluation) {
+  const int dof = problem.robot->description().dof();
+  Trajectory out = make_trajectory(dof, problem.support_states, problem.dt_s);
+  const double* x = evaluation.support.data();
+  for (int i = 0; i < out.size(); ++i, x += 2 * dof) {
+    std::copy_n(x, dof, out.q(i).begin());
+    std::copy_n(x + dof, dof, out.qdot(i).begin());
+  }
+  return out;
+}
 
 class WarmSolve : public testing::TestWithParam<std::string> {};
 
@@ -24,6 +38,35 @@ TEST_P(WarmSolve, TakesNothingFromTheHeap) {
   const Minimisation warm = solve();
   EXPECT_EQ(testing_support::allocations() - before, 0);
   EXPECT_GT(warm.tried, 1);
+}
+
+/// The second goal change leads on from the first, whose goal term it takes the place of.
+TEST(IncrementalSolve, TakesNothingFromTheHeap) {
+  Problem problem = conformance::reference_problem();
+  const Trajectory initial = conformance::straight_line_of(problem);
+  const auto rule = make_step_rule({});
+  ChainModel model;
+  model.reset(problem, initial);
+  ASSERT_GT(minimise(model, *rule, {}, Deadline()).tried, 1);
+  model.keep(problem);
+  std::vector<double> step;
+  for (int change = 0; change < 3; ++change) {
+    const Trajectory found = trajectory_of(problem, model.current());
+    problem.goal.q[0] += 0.05;
+    for (CostTerm& term : problem.terms) {
+      if (term.placement != Placement::kGoal) continue;
+      term.cost = make_state_prior("goal", problem.goal, 1e-4);
+    }
+    const int before = testing_support::allocations();
+    ASSERT_TRUE(model.resume(problem, found));
+    const Minimisation end = settle(model, *rule, {}, Deadline(), step);
+    model.keep(problem);
+    const int taken = testing_support::allocations() - before;
+    EXPECT_GE(end.tried, 1);
+    if (change > 0) {
+      EXPECT_EQ(taken, 0) << "change " << change;
+    }
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(GpChain, WarmSolve,

@@ -8,8 +8,13 @@ OptimiserCase by_method(const std::string& method) {
   return {method, [method] { return make_gp_chain({.method = method}); }};
 }
 
+OptimiserCase incremental() {
+  return {"incremental", [] { return make_gp_chain({.incremental = true}); }};
+}
+
 INSTANTIATE_TEST_SUITE_P(GpChain, OptimiserConformance,
-                         testing::Values(by_method("levenberg_marquardt"), by_method("dogleg")),
+                         testing::Values(by_method("levenberg_marquardt"), by_method("dogleg"),
+                                         incremental()),
                          [](const auto& of) { return of.param.name; });
 
 }  // namespace

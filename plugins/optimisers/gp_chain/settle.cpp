@@ -1,0 +1,58 @@
+#include "settle.hpp"
+
+#include <algorithm>
+
+namespace sidestep {
+namespace {
+
+constexpr double kLeastFidelity = 1e-3;
+
+/// The decrease of 1/2 |r + J step|^2 by the undamped step: 1/2 b . step.
+double predicted_decrease(const ChainSystem& system, std::span<const double> step) {
+  double sum = 0.0;
+  const double* value = step.data();
+  for (int i = 0; i < system.states(); ++i) {
+    const double* b = system.rhs(i);
+    for (int j = 0; j < system.width(); ++j) sum += b[j] * *value++;
+  }
+  return 0.5 * sum;
+}
+
+}  // namespace
+
+Minimisation settle(ChainModel& model, StepRule& rule, const StoppingRules& stop,
+                    const Deadline& deadline, std::vector<double>& step) {
+  using End = Minimisation::End;
+  Minimisation result;
+  const auto ended = [&result](End end) {
+    result.end = end;
+    return result;
+  };
+  step.resize(model.current().support.size());
+  while (result.accepted < stop.max_iterations) {
+    if (deadline.expired()) return ended(End::kDeadline);
+    const double before = model.current().cost;
+    const double enough = std::max(stop.absolute_tolerance, stop.relative_tolerance * before);
+    model.linearise();
+    if (!model.system().solve(0.0, step)) break;
+    const double predicted = predicted_decrease(model.system(), step);
+    if (predicted <= enough) return ended(End::kConverged);
+    ++result.tried;
+    const double decrease = before - model.try_step(step);
+    if (!(decrease > kLeastFidelity * predicted)) break;
+    model.accept();
+    ++result.accepted;
+    result.last_decrease = decrease;
+    if (decrease <= enough) return ended(End::kConverged);
+  }
+  StoppingRules rest = stop;
+  rest.max_iterations -= result.accepted;
+  const Minimisation damped = minimise(model, rule, rest, deadline);
+  result.end = damped.end;
+  result.accepted += damped.accepted;
+  result.tried += damped.tried;
+  if (damped.accepted > 0) result.last_decrease = damped.last_decrease;
+  return result;
+}
+
+}  // namespace sidestep
