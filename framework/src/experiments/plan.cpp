@@ -70,14 +70,28 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     if (!names.insert(plan.name).second) {
       errors.push_back(name->error("a plan before this one is named '" + plan.name + "', too"));
     }
+    plan.robot = read_attached(entry, robot, errors);
+    const std::vector<Link>& links = plan.robot->description().links;
+    for (std::size_t i = robot->description().links.size(); i < links.size(); ++i) {
+      plan.attached.push_back(links[i].name);
+    }
     plan.q_start = read_robot_state(*start, robot->description(), errors);
     plan.q_goal = read_robot_state(*goal, robot->description(), errors);
-    plan.task = read_task(entry, robot, errors);
+    plan.task = read_task(entry, plan.robot, errors);
     plans.push_back(std::move(plan));
   }
   if (list->is_list() && list->items().empty())
     errors.push_back(list->error("there is nothing to plan"));
   return plans;
+}
+
+/// The robot with the links that any plan attaches: names that `check` may use.
+RobotDescription robot_of_all(const RobotModel& robot, std::span<const PlanRecord> plans) {
+  RobotDescription all = robot.description();
+  for (const PlanRecord& plan : plans) {
+    for (const std::string& name : plan.attached) all.links.push_back({name, 0});
+  }
+  return all;
 }
 
 void check_plans(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
@@ -93,8 +107,9 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
     return;
   }
   const std::shared_ptr<const RobotModel> robot = std::move(*created);
-  (void)read_plans(configuration, robot, errors);
-  check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
+  const auto plans = read_plans(configuration, robot, errors);
+  check_allowed_contacts(block_of(configuration, "check"), robot_of_all(*robot, plans), nullptr,
+                         errors);
 }
 
 /// Maps every frame of the source; stops early on request or at a fault, with what there is.
@@ -201,25 +216,34 @@ void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSet
 Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
                         const PlanSettings& settings, Recorder& recorder,
                         ExperimentContext& context, std::vector<PlanRecord>& plans) {
-  auto world = make_plan_world(parts.robot, map.field, *parts.occupancy, parts.scene,
-                               map.steps.back().stamp.seconds(), settings.planning, settings.check);
-  if (!world) return tl::make_unexpected(std::move(world.error()));
+  std::optional<PlanWorld> world;
+  // One for all plans that the robot makes as it is; one for each plan that has it carry something.
+  const auto enter_world_of = [&](const std::shared_ptr<const RobotModel>& robot) -> Result<void> {
+    if (world && world->robot == robot) return {};
+    auto made =
+        make_plan_world(robot, map.field, *parts.occupancy, parts.scene,
+                        map.steps.back().stamp.seconds(), settings.planning, settings.check);
+    if (!made) return tl::make_unexpected(std::move(made.error()));
+    world = std::move(*made);
+    return {};
+  };
   tell_assumed_accelerations(parts.robot->description(), settings.planning, context.log);
-  const PlanSurroundings surroundings{*parts.robot,
-                                      *map.field,
-                                      settings.planning.space(),
-                                      *parts.occupancy,
-                                      settings.check.speed_fraction,
-                                      settings.check.margin_m,
-                                      settings.experiment.slice_heights_m};
   const auto total = static_cast<std::int64_t>(endpoints.size());
   for (PlanRecord& plan : endpoints) {
     const auto index = static_cast<std::int64_t>(plans.size());
     if (context.stop.stop_requested()) break;
     if (context.progress) context.progress(index, total, "planning " + plan.name);
+    if (auto entered = enter_world_of(plan.robot); !entered) return entered;
     auto made = make_plan(*world, parts.optimiser, std::move(plan), context.seed, context.log,
                           context.stop);
     if (!made) return tl::make_unexpected(std::move(made.error()));
+    const PlanSurroundings surroundings{*world->robot,
+                                        *map.field,
+                                        settings.planning.space(),
+                                        *parts.occupancy,
+                                        settings.check.speed_fraction,
+                                        settings.check.margin_m,
+                                        settings.experiment.slice_heights_m};
     record_plan(*made, index, surroundings, recorder);
     plans.push_back(std::move(*made));
     if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
@@ -235,8 +259,8 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   if (!parts) return tl::make_unexpected(std::move(parts.error()));
   std::vector<Error> errors;
   auto endpoints = read_plans(context.configuration, parts->robot, errors);
-  check_allowed_contacts(block_of(context.configuration, "check"), parts->robot->description(),
-                         parts->scene.get(), errors);
+  check_allowed_contacts(block_of(context.configuration, "check"),
+                         robot_of_all(*parts->robot, endpoints), parts->scene.get(), errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
   const RunProvenance provenance = provenance_of(context);
@@ -286,6 +310,8 @@ Parameters<PlanEntry> PlanEntry::parameters() {
       .add("goal", &PlanEntry::goal,
            "Where the robot is to be; with `end_effector`, where the search for that begins.",
            {.required = true})
+      .add("attached", &PlanEntry::attached,
+           "What the robot carries, fixed to its links: costs, checks and pictures have it.")
       .add("end_effector", &PlanEntry::end_effector,
            "Where a link is to be at the end, whatever the configuration; for optimisers that "
            "minimise costs.")

@@ -196,7 +196,10 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
     truth.scene = std::move(scene);
     truth.scene_time_s = scene_time_s;
     ShapeCheckSettings touching = shapes;
-    touching.allowed_contacts.assign(check.allowed_contacts.begin(), check.allowed_contacts.end());
+    for (const AllowedContactEntry& contact : check.allowed_contacts) {
+      const bool is_here = robot->description().link_index(contact.link).has_value();
+      if (is_here) touching.allowed_contacts.push_back(contact);  // else attached in another plan
+    }
     auto in_scene = make_shape_check(robot, std::move(truth), std::move(touching));
     if (!in_scene) return tl::make_unexpected(std::move(in_scene.error()));
     world.in_scene = std::move(*in_scene);

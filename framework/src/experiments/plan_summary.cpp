@@ -97,6 +97,7 @@ Json plan_json(const PlanRecord& plan) {
   const auto clearance_m = plan.min_clearance_m();
   return {
       {"name", plan.name},
+      {"attached", plan.attached},
       {"success", plan.success()},
       {"valid_snapshot", plan.in_snapshot && plan.in_snapshot->valid()},
       {"valid_independent", plan.valid_independent()},

@@ -11,6 +11,7 @@
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 
+#include "attached_settings.hpp"
 #include "task_settings.hpp"
 
 namespace sidestep {
@@ -20,6 +21,7 @@ struct PlanEntry {
   std::string name;
   RobotStateEntry start;
   RobotStateEntry goal;
+  std::vector<AttachedEntry> attached;
   std::optional<EndEffectorEntry> end_effector;
   std::vector<OrientationCostEntry> orientation_costs;
   std::vector<AxisCostEntry> axis_costs;
@@ -62,6 +64,8 @@ struct RetimingRecord {
 /// What one plan came to.
 struct PlanRecord {
   std::string name;
+  std::shared_ptr<const RobotModel> robot;  ///< With all that it carries in this plan.
+  std::vector<std::string> attached;        ///< Names of that.
   Eigen::VectorXd q_start;
   Eigen::VectorXd q_goal;  ///< With an end-effector goal, only where the search begins.
   Task task;

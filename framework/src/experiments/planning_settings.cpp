@@ -156,6 +156,9 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
       .add("sigma_self_collision", inherited(&CostSettings::sigma_self_collision),
            "Standard deviation of the self-collision cost; 0 leaves it out.",
            {.unit = "m", .min = 0.0})
+      .add("self_collision_placement", &S::self_collision_states,
+           "States at which the self-collision cost applies.",
+           {.choices = {"support", "support_and_interpolated"}})
       .add("sigma_position_limit", inherited(&CostSettings::sigma_position_limit),
            "Standard deviation of the joint limit cost (m, rad); 0 leaves it out.", {.min = 0.0})
       .add("position_limit_margin", inherited(&CostSettings::position_limit_margin),
@@ -267,7 +270,11 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
   problem.qc = Eigen::VectorXd::Constant(q_start.size(), settings.qc);
   problem.interpolated_checks = settings.interpolated_checks;
   problem.speed_fraction = settings.speed_fraction;
-  problem.terms = standard_terms(problem, settings);
+  CostSettings costs = settings;
+  costs.self_collision_placement = settings.self_collision_states == "support"
+                                       ? Placement::kSupport
+                                       : Placement::kSupportAndInterpolated;
+  problem.terms = standard_terms(problem, costs);
   return problem;
 }
 

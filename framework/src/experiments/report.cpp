@@ -132,6 +132,11 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results, const
     if (const std::string reason = cell(at(plan, "/reason")); !reason.empty() && reason != "-") {
       html += "<p class=\"verdict failure\">" + escape_html(reason) + "</p>\n";
     }
+    if (const Json attached = at(plan, "/attached"); attached.is_array() && !attached.empty()) {
+      std::string names;
+      for (const Json& object : attached) names += (names.empty() ? "" : ", ") + cell(object);
+      html += "<p>The robot carries: " + escape_html(names) + ".</p>\n";
+    }
     html += explanation_section(plan);
     html += checks_table(plan);
     auto figures = plan_figures(results, item++, name);

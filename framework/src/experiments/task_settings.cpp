@@ -6,6 +6,7 @@
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
+#include "entry_reading.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {
@@ -13,20 +14,6 @@ namespace {
 
 constexpr double kToleranceInSigmas = 3.0;
 constexpr double kLargest_m = 1e3;
-
-Error unknown_name(const std::string& what, const std::string& name, const std::string& where,
-                   const std::vector<std::string>& names) {
-  const std::string nearest = nearest_name(name, names);
-  return {ErrorCode::kConfig, what + " '" + name + "'", where,
-          nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr};
-}
-
-template <class Named>
-std::vector<std::string> names_of(const std::vector<Named>& items) {
-  std::vector<std::string> names;
-  for (const Named& item : items) names.push_back(item.name);
-  return names;
-}
 
 /// Reads blocks of a plan into terms.
 class TaskReader {
@@ -36,7 +23,7 @@ class TaskReader {
 
   void read_end_effector(const Node* block) {
     EndEffectorEntry entry;
-    if (block == nullptr || !read(*block, entry) || !has_link(*block)) return;
+    if (block == nullptr || !read_entry(*block, entry) || !has_link(*block)) return;
     const Transform target =
         transform_from_xyz_rpy(entry.position_m, entry.rpy_rad.value_or(Eigen::Vector3d::Zero()));
     task_.end_effector = EndEffectorGoal{
@@ -51,7 +38,7 @@ class TaskReader {
 
   void read_orientation(const Node& block) {
     OrientationCostEntry entry;
-    if (!read(block, entry) || !has_link(block)) return;
+    if (!read_entry(block, entry) || !has_link(block)) return;
     const Transform target = transform_from_xyz_rpy(Eigen::Vector3d::Zero(), entry.rpy_rad);
     add(block, Placement::kSupportAndInterpolated,
         make_link_orientation_cost(robot_, entry.link, target.linear(), entry.sigma_rad));
@@ -59,7 +46,7 @@ class TaskReader {
 
   void read_axis(const Node& block) {
     AxisCostEntry entry;
-    if (!read(block, entry) || !has_link(block)) return;
+    if (!read_entry(block, entry) || !has_link(block)) return;
     add(block, Placement::kSupportAndInterpolated,
         make_link_axis_cost(robot_, entry.link, entry.axis_link, entry.axis_world,
                             entry.sigma_rad));
@@ -67,7 +54,7 @@ class TaskReader {
 
   void read_posture(const Node* block) {
     PostureCostEntry entry;
-    if (block == nullptr || !read(*block, entry)) return;
+    if (block == nullptr || !read_entry(*block, entry)) return;
     if (!entry.joints.is_map()) {
       errors_.push_back(entry.joints.error("expected a map of joint names to values, found " +
                                            entry.joints.kind()));
@@ -96,17 +83,6 @@ class TaskReader {
   }
 
  private:
-  /// False where the block does not fit its schema, whose check tells.
-  template <class Entry>
-  static bool read(const Node& block, Entry& entry) {
-    std::vector<Error> told;
-    if (!block.is_map()) return false;
-    const auto parameters = Entry::parameters();
-    check_against_schema(block, parameters.schema(), {}, told);
-    if (told.empty()) parameters.read(block, entry, told);
-    return told.empty();
-  }
-
   bool has_link(const Node& block) {
     const Node& link = *block.find("link");
     if (description_.link_index(link.text())) return true;

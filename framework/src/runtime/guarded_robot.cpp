@@ -1,3 +1,4 @@
+#include <sidestep/robot/kinematic_tree.hpp>
 #include <sidestep/runtime/host.hpp>
 
 namespace sidestep {
@@ -46,6 +47,9 @@ class GuardedRobot final : public RobotModel {
 }  // namespace
 
 PluginPtr<RobotModel> guard_robot(PluginPtr<RobotModel> robot) {
+  // The framework's own and final: none of the plugin's code runs in it, and objects can be
+  // attached.
+  if (dynamic_cast<const KinematicTree*>(robot.get()) != nullptr) return robot;
   std::string plugin = plugin_of(robot);
   return PluginPtr<RobotModel>(
       new GuardedRobot(std::move(robot)),

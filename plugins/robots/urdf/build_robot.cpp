@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <set>
 
+#include <sidestep/robot/sphere_fit.hpp>
+
 #include "joint_table.hpp"
 #include "mesh_files.hpp"
-#include "sphere_fit.hpp"
 
 namespace sidestep::urdf_robot {
 namespace {

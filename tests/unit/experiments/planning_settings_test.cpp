@@ -130,6 +130,26 @@ TEST(PlanningSettings, ReadWeightsInheritedFromTheCosts) {
   EXPECT_EQ(settings.space().outside, Space::kOccupied);
 }
 
+TEST(MakeProblem, PlacesSelfCollisionWhereTheSettingsSay) {
+  const auto robot = testing_support::mobile_arm();
+  const auto placement = [&](const std::string& more) {
+    PlanningSettings settings;
+    std::vector<Error> errors;
+    PlanningSettings::parameters().read(parse("{unknown: free, outside: free" + more + "}"),
+                                        settings, errors);
+    EXPECT_TRUE(errors.empty());
+    const Eigen::VectorXd q = Eigen::VectorXd::Constant(robot->description().dof(), 0.1);
+    const Problem problem = make_problem(robot, nullptr, settings, q, q);
+    for (const CostTerm& term : problem.terms) {
+      if (term.cost->name() == "self_collision") return std::optional(term.placement);
+    }
+    return std::optional<Placement>();
+  };
+  EXPECT_EQ(placement(""), Placement::kSupportAndInterpolated);
+  EXPECT_EQ(placement(", self_collision_placement: support"), Placement::kSupport);
+  EXPECT_EQ(placement(", sigma_self_collision: 0"), std::nullopt);
+}
+
 TEST(MakeProblem, TakesItsTimeFromTheLimitsOrFromTheSettings) {
   const auto robot = testing_support::flying_ball(0.1);  // 2 m/s; no acceleration limits
   robot->description().joints[1].max_acceleration = 1.0;

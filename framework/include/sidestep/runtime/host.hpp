@@ -69,7 +69,7 @@ template <class Interface>
 
 /// A plugin's robot whose exceptions leave as PluginThrew, naming the plugin. Robots are called
 /// from deep within costs and checks, some of them other plugins', by batches: the detour costs
-/// nothing.
+/// nothing. A KinematicTree, in which no code of the plugin's runs, is returned as it is.
 [[nodiscard]] PluginPtr<RobotModel> guard_robot(PluginPtr<RobotModel> robot);
 
 /// Finds, checks and creates plugins, and lends them what they need. Libraries are loaded with

@@ -1,9 +1,9 @@
-#include "sphere_fit.hpp"
+#include <sidestep/robot/sphere_fit.hpp>
 
 #include <algorithm>
 #include <cmath>
 
-namespace sidestep::urdf_robot {
+namespace sidestep {
 namespace {
 
 constexpr int kMaxSpheres = 64;
@@ -120,4 +120,4 @@ std::vector<CollisionSphere> fit_spheres(const CollisionShape& shape, double pro
   return spheres;
 }
 
-}  // namespace sidestep::urdf_robot
+}  // namespace sidestep

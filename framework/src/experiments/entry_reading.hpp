@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <sidestep/plugin/parameters.hpp>
+
+namespace sidestep {
+
+/// Reads a block into a struct with parameters; false where it does not fit its schema, whose check
+/// tells.
+template <class Entry>
+[[nodiscard]] bool read_entry(const Node& block, Entry& entry) {
+  std::vector<Error> told;
+  if (!block.is_map()) return false;
+  const auto parameters = Entry::parameters();
+  check_against_schema(block, parameters.schema(), {}, told);
+  if (told.empty()) parameters.read(block, entry, told);
+  return told.empty();
+}
+
+template <class Named>
+[[nodiscard]] std::vector<std::string> names_of(const std::vector<Named>& items) {
+  std::vector<std::string> names;
+  for (const Named& item : items) names.push_back(item.name);
+  return names;
+}
+
+/// `what 'name'`, with the nearest of the names that would do.
+[[nodiscard]] inline Error unknown_name(const std::string& what, const std::string& name,
+                                        const std::string& where,
+                                        const std::vector<std::string>& names) {
+  const std::string nearest = nearest_name(name, names);
+  return {ErrorCode::kConfig, what + " '" + name + "'", where,
+          nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr};
+}
+
+}  // namespace sidestep
