@@ -1,6 +1,7 @@
 #include <sidestep/field/dense_field.hpp>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -17,24 +18,30 @@ struct Address {
   std::size_t place;
 };
 
-Address address_of(int x, int y, int z, const Eigen::Vector3i& counts) noexcept {
+[[gnu::always_inline]] inline Address address_of(int x, int y, int z, int blocks_x,
+                                                 int blocks_y) noexcept {
   // Coordinates are never negative, and unsigned division by a power of two is a shift.
   constexpr auto kSide = static_cast<unsigned>(kBlockSide_vox);
   const auto ux = static_cast<unsigned>(x), uy = static_cast<unsigned>(y),
              uz = static_cast<unsigned>(z);
-  const auto nx = static_cast<unsigned>(counts.x()), ny = static_cast<unsigned>(counts.y());
+  const auto nx = static_cast<unsigned>(blocks_x), ny = static_cast<unsigned>(blocks_y);
   return {ux / kSide + nx * (uy / kSide + ny * (uz / kSide)),
           ux % kSide + kSide * (uy % kSide + kSide * (uz % kSide))};
 }
 
-bool is_known(const DenseField::KnownBlocks& known, const Address& a) noexcept {
+[[gnu::always_inline]] inline bool is_known(const DenseField::KnownBlocks& known,
+                                            const Address& a) noexcept {
   return ((known.block(a.block).rows[a.place / kBlockSide_vox] >> (a.place % kBlockSide_vox)) &
           1u) != 0;
 }
 
 // Points are queried kLanes at once, with vector extensions, because g++ 12 unrolls loops over so
-// few values before it could vectorise them.
+// few values before it could vectorise them. Comparisons stand in conditional expressions only, and
+// are never combined: g++ 12 makes eight scalar ones of them otherwise.
 using Indices = std::int32_t __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+using Floats = float __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+using WideIndices = std::int32_t __attribute__((vector_size(8 * kLanes), aligned(4), may_alias));
+using WideFloats = float __attribute__((vector_size(8 * kLanes), aligned(4), may_alias));
 
 using sidestep::lanes;
 [[gnu::always_inline]] inline Indices& lanes(std::int32_t* at) noexcept {
@@ -43,8 +50,6 @@ using sidestep::lanes;
 [[gnu::always_inline]] inline const Indices& lanes(const std::int32_t* at) noexcept {
   return *reinterpret_cast<const Indices*>(at);
 }
-// Comparisons stand in conditional expressions only, and are never combined: g++ 12 makes eight
-// scalar ones of them otherwise.
 
 /// Numbers of eight points: their x, then y, then z.
 using Coordinates = double[3][kLanes];
@@ -55,16 +60,21 @@ struct Bounds {
   double last[3];      ///< The outermost centre, in voxels from the first.
   double last_low[3];  ///< Lower corner of the last cell.
   double inverse_resolution;
-  std::int32_t counts[2];  ///< Blocks along x and y.
+  float last_inside[3];  ///< The last number of voxels from the lower corner that is inside.
+  std::int32_t size_vox[3];
+  std::int32_t blocks[2];  ///< Along x and y.
+  bool is_flat;            ///< One voxel thin along some axis.
 
-  explicit Bounds(const GridSpec& grid) : inverse_resolution(1.0 / grid.resolution_m) {
-    const Eigen::Vector3i blocks = block_counts(grid);
+  explicit Bounds(const GridSpec& grid)
+      : inverse_resolution(1.0 / grid.resolution_m), is_flat(grid.size_vox.minCoeff() < 2) {
+    const Eigen::Vector3i counts = block_counts(grid);
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const int size = grid.size_vox.data()[axis];
+      size_vox[axis] = grid.size_vox.data()[axis];
       origin_m[axis] = grid.origin_m.data()[axis];
-      last[axis] = size - 1.0;
-      last_low[axis] = std::max(0, size - 2);
-      if (axis < 2) counts[axis] = blocks.data()[axis];
+      last[axis] = size_vox[axis] - 1.0;
+      last_inside[axis] = std::nextafter(static_cast<float>(size_vox[axis]), 0.0F);
+      last_low[axis] = std::max(0, size_vox[axis] - 2);
+      if (axis < 2) blocks[axis] = counts.data()[axis];
     }
   }
 };
@@ -86,8 +96,8 @@ struct Places {
   }
 };
 
-SIDESTEP_SIMD_CLONES
-void locate(const PointLanes& points_m, const Bounds& bounds, Places& places) noexcept {
+[[gnu::always_inline]] inline void locate(const PointLanes& points_m, const Bounds& bounds,
+                                          Places& places) noexcept {
   const double* coordinates_m[] = {points_m.x, points_m.y, points_m.z};
   constexpr int kSide = kBlockSide_vox;
   constexpr int kShift = std::countr_zero(unsigned{kSide});
@@ -106,7 +116,7 @@ void locate(const PointLanes& points_m, const Bounds& bounds, Places& places) no
     beyond = beyond > 0.0 ? beyond : -beyond;
     farthest = beyond > farthest ? beyond : farthest;
     const Indices nearest = __builtin_convertvector(clamped + 0.5, Indices);
-    block = (nearest >> kShift) + (axis < 2 ? bounds.counts[axis] * block : block);
+    block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
     place = (nearest & (kSide - 1)) + kSide * place;
   }
   lanes(places.beyond) = farthest;
@@ -114,20 +124,54 @@ void locate(const PointLanes& points_m, const Bounds& bounds, Places& places) no
   lanes(places.place) = place;
 }
 
-/// How far the farthest of eight points is from one of them; infinity if one is no point.
+/// Which points of two groups, bit by bit, are not beyond doubt inside the grid and at least
+/// far_m[group] from obstacles by the value at the nearest centre; with `known`, those in unknown
+/// space too. In single precision, within the grid: errors stay far below what query_below() allows
+/// for.
 SIDESTEP_SIMD_CLONES
-double radius_about(const PointLanes& points_m, std::size_t middle) noexcept {
-  const Lanes x = lanes(points_m.x) - points_m.x[middle];
-  const Lanes y = lanes(points_m.y) - points_m.y[middle];
-  const Lanes z = lanes(points_m.z) - points_m.z[middle];
-  const Lanes squares = x * x + y * y + z * z;
-  double most = 0.0;
-  double sum = 0.0;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    most = std::max(most, squares[lane]);
-    sum += squares[lane];
+unsigned find_near(const PointLanes& first_m, const PointLanes& second_m, const double (&far_m)[2],
+                   const Bounds& bounds, const DenseField::Blocks& blocks,
+                   const DenseField::KnownBlocks* known) noexcept {
+  const double* groups_m[2][3] = {{first_m.x, first_m.y, first_m.z},
+                                  {second_m.x, second_m.y, second_m.z}};
+  constexpr int kSide = kBlockSide_vox;
+  constexpr int kShift = std::countr_zero(unsigned{kSide});
+  const auto scale = static_cast<float>(bounds.inverse_resolution);
+  WideFloats excess = {};  // squared, beyond the grid; no number for what is no point
+  WideIndices block = {}, place = {};
+  for (std::size_t axis = 3; axis-- > 0;) {
+    const Lanes a = lanes(groups_m[0][axis]) - bounds.origin_m[axis];
+    const Lanes b = lanes(groups_m[1][axis]) - bounds.origin_m[axis];
+    const WideFloats p =
+        scale * __builtin_shufflevector(__builtin_convertvector(a, Floats),
+                                        __builtin_convertvector(b, Floats), 0, 1, 2, 3, 4, 5, 6, 7,
+                                        8, 9, 10, 11, 12, 13, 14, 15);
+    const WideFloats last = WideFloats{} + bounds.last_inside[axis];
+    WideFloats clamped = p > 0.0F ? p : WideFloats{};
+    clamped = clamped < last ? clamped : last;
+    excess += (p - clamped) * (p - clamped);
+    const WideIndices nearest = __builtin_convertvector(clamped, WideIndices);
+    block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
+    place = (nearest & (kSide - 1)) + kSide * place;
   }
-  return std::isfinite(sum) ? std::sqrt(most) : std::numeric_limits<double>::infinity();
+  alignas(64) float limits_m[2 * kLanes];
+  alignas(64) std::int32_t at_block[2 * kLanes], at_place[2 * kLanes];
+  const Floats far_a = Floats{} + static_cast<float>(far_m[0]);
+  const Floats far_b = Floats{} + static_cast<float>(far_m[1]);
+  const WideFloats far =
+      __builtin_shufflevector(far_a, far_b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  *reinterpret_cast<WideFloats*>(limits_m) =
+      excess == 0.0F ? far : WideFloats{} + std::numeric_limits<float>::infinity();
+  *reinterpret_cast<WideIndices*>(at_block) = block;
+  *reinterpret_cast<WideIndices*>(at_place) = place;
+  unsigned near = 0;
+  for (std::size_t i = 0; i < 2 * kLanes; ++i) {
+    const Address a{static_cast<std::size_t>(at_block[i]), static_cast<std::size_t>(at_place[i])};
+    const float value_m = blocks.block(a.block).distance_m[a.place];
+    near |= static_cast<unsigned>(!(value_m >= limits_m[i])) << i;
+    if (known != nullptr) near |= static_cast<unsigned>(!is_known(*known, a)) << i;
+  }
+  return near;
 }
 
 /// The cells between voxel centres in which points lie.
@@ -137,8 +181,8 @@ struct Cells {
   alignas(64) float corner[2][2][2][kLanes];  ///< z, y, x.
 };
 
-SIDESTEP_SIMD_CLONES
-void find_cells(const Places& places, const Bounds& bounds, Cells& cells) noexcept {
+[[gnu::always_inline]] inline void find_cells(const Places& places, const Bounds& bounds,
+                                              Cells& cells) noexcept {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const Lanes clamped = lanes(places.clamped[axis]);
     const Lanes last_low = Lanes{} + bounds.last_low[axis];
@@ -149,11 +193,42 @@ void find_cells(const Places& places, const Bounds& bounds, Cells& cells) noexce
   }
 }
 
+/// Reads the eight corners of the cell of `from` into a lane.
+[[gnu::always_inline]] inline void read_corners(const DenseField::Blocks& blocks,
+                                                const Bounds& bounds, Cells& cells,
+                                                std::size_t from, std::size_t lane) noexcept {
+  constexpr int kSide = kBlockSide_vox;
+  const int x = cells.low[0][from], y = cells.low[1][from], z = cells.low[2][from];
+  const auto inside = [](int low) { return low % kSide != kSide - 1; };
+  if (inside(x) && inside(y) && inside(z) && !bounds.is_flat) {
+    // Four cells in five lie within a block, where one address serves all corners.
+    const Address a = address_of(x, y, z, bounds.blocks[0], bounds.blocks[1]);
+    const float* first = &blocks.block(a.block).distance_m[a.place];
+    for (int k = 0; k < 2; ++k) {
+      for (int j = 0; j < 2; ++j) {
+        const float* pair = first + kSide * (j + kSide * k);
+        cells.corner[k][j][0][lane] = pair[0];
+        cells.corner[k][j][1][lane] = pair[1];
+      }
+    }
+    return;
+  }
+  for (int k = 0; k < 2; ++k) {
+    for (int j = 0; j < 2; ++j) {
+      for (int i = 0; i < 2; ++i) {
+        const Address a = address_of(
+            std::min(x + i, bounds.size_vox[0] - 1), std::min(y + j, bounds.size_vox[1] - 1),
+            std::min(z + k, bounds.size_vox[2] - 1), bounds.blocks[0], bounds.blocks[1]);
+        cells.corner[k][j][i][lane] = blocks.block(a.block).distance_m[a.place];
+      }
+    }
+  }
+}
+
 /// The trilinear interpolant of the cells' corners, and its gradient per metre.
-SIDESTEP_SIMD_CLONES
-void interpolate(const Cells& cells, const Places& places, const Bounds& bounds,
-                 double (&values)[kLanes], Coordinates& gradients) noexcept {
-  using Floats = float __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+[[gnu::always_inline]] inline void interpolate(const Cells& cells, const Places& places,
+                                               const Bounds& bounds, double (&values)[kLanes],
+                                               Coordinates& gradients) noexcept {
   const Lanes x = lanes(cells.fraction[0]), y = lanes(cells.fraction[1]),
               z = lanes(cells.fraction[2]);
   Lanes along_x[2][2], slope_x[2][2];  // z, y
@@ -184,151 +259,66 @@ void interpolate(const Cells& cells, const Places& places, const Bounds& bounds,
   }
 }
 
-/// Eight points of a batch from one on; the last stands in for those beyond its end.
-PointLanes pack(std::span<const Eigen::Vector3d> points_m, std::size_t first) noexcept {
-  PointLanes packed;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    const Eigen::Vector3d& p = points_m[std::min(first + lane, points_m.size() - 1)];
-    packed.x[lane] = p.x();
-    packed.y[lane] = p.y();
-    packed.z[lane] = p.z();
-  }
-  return packed;
-}
+/// Points that are interpolated in one go: enough for what is read of the field to be in place when
+/// vectors of it are wanted.
+struct Batch {
+  static constexpr std::size_t kGroups = 8;
+  static constexpr std::size_t kPoints = kGroups * kLanes;
 
-Eigen::Vector3d vector_of(const Coordinates& values, std::size_t lane) noexcept {
-  return {values[0][lane], values[1][lane], values[2][lane]};
-}
-
-/// Reads a dense field for up to eight points at once.
-class Sampler {
- public:
-  explicit Sampler(const DenseField& field) noexcept
-      : field_(field), grid_(field.info().grid), counts_(block_counts(grid_)), bounds_(grid_) {}
-
-  void locate_points(const PointLanes& points_m, Places& places) const noexcept {
-    locate(points_m, bounds_, places);
-  }
-
-  /// The value at the nearest voxel centre.
-  [[nodiscard]] float nearest_m(const Places& places, std::size_t lane) const noexcept {
-    const Address a = places.nearest(lane);
-    return field_.blocks().block(a.block).distance_m[a.place];
-  }
-
-  [[nodiscard]] FieldStatus status(const Places& places, std::size_t lane) const noexcept {
-    if (!places.is_inside(lane)) return FieldStatus::kOutside;
-    return is_known(field_.known_blocks(), places.nearest(lane)) ? FieldStatus::kKnown
-                                                                 : FieldStatus::kUnknown;
-  }
-
-  /// Whether all points lie inside the grid and, as seen from one of them, are farther than `far_m`
-  /// by value at the nearest centre. False where that is not certain at once.
-  [[nodiscard]] bool are_far(const PointLanes& points_m, double far_m) const noexcept {
-    constexpr std::size_t kMiddle = kLanes / 2;
-    const double* coordinates_m[] = {points_m.x, points_m.y, points_m.z};
-    const double radius_m = radius_about(points_m, kMiddle);
-    int voxel[3];
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double p =
-          (coordinates_m[axis][kMiddle] - bounds_.origin_m[axis]) * bounds_.inverse_resolution;
-      const double reach = radius_m * bounds_.inverse_resolution;
-      if (!(p >= reach && p + reach <= bounds_.last[axis] + 1.0)) return false;
-      voxel[axis] = std::min(static_cast<int>(p), static_cast<int>(bounds_.last[axis]));
-    }
-    const Address a = address_of(voxel[0], voxel[1], voxel[2], counts_);
-    // From the one nearest centre to another it is no farther than from point to point and the
-    // halves of two voxels' diagonals.
-    const double way_m = radius_m + std::sqrt(3.0) * grid_.resolution_m;
-    return field_.blocks().block(a.block).distance_m[a.place] >=
-           far_m + field_.info().steepest * way_m;
-  }
-
-  /// Distances and gradients of the first `count` points.
-  void interpolate_at(const Places& places, std::size_t count, double (&distances_m)[kLanes],
-                      Coordinates& gradients) const noexcept {
-    Cells cells;
-    find_cells(places, bounds_, cells);
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      read_corners(cells, std::min(lane, count - 1), lane);
-    }
-    interpolate(cells, places, bounds_, distances_m, gradients);
-  }
-
- private:
-  /// Reads the eight corners of the cell of `from` into a lane.
-  void read_corners(Cells& cells, std::size_t from, std::size_t lane) const noexcept {
-    constexpr int kSide = kBlockSide_vox;
-    const int x = cells.low[0][from], y = cells.low[1][from], z = cells.low[2][from];
-    const auto inside = [](int low) { return low % kSide != kSide - 1; };
-    if (inside(x) && inside(y) && inside(z) && grid_.size_vox.minCoeff() > 1) {
-      // Four cells in five lie within a block, where one address serves all corners.
-      const Address a = address_of(x, y, z, counts_);
-      const float* first = &field_.blocks().block(a.block).distance_m[a.place];
-      for (int k = 0; k < 2; ++k) {
-        for (int j = 0; j < 2; ++j) {
-          const float* pair = first + kSide * (j + kSide * k);
-          cells.corner[k][j][0][lane] = pair[0];
-          cells.corner[k][j][1][lane] = pair[1];
-        }
-      }
-      return;
-    }
-    const Eigen::Vector3i last = grid_.size_vox.array() - 1;
-    for (int k = 0; k < 2; ++k) {
-      for (int j = 0; j < 2; ++j) {
-        for (int i = 0; i < 2; ++i) {
-          const Address a = address_of(std::min(x + i, last.x()), std::min(y + j, last.y()),
-                                       std::min(z + k, last.z()), counts_);
-          cells.corner[k][j][i][lane] = field_.blocks().block(a.block).distance_m[a.place];
-        }
-      }
-    }
-  }
-
-  const DenseField& field_;
-  const GridSpec& grid_;
-  Eigen::Vector3i counts_;
-  Bounds bounds_;
-};
-
-/// Points that may lie below their limits, gathered until there are kLanes of them.
-struct Candidates {
-  PointLanes points_m;
-  double limits_m[kLanes];
-  std::size_t points[kLanes];
   std::size_t count = 0;
+  PointLanes points_m[kGroups];
+  Places places[kGroups];
+  Cells cells[kGroups];
+  alignas(64) double distances_m[kGroups][kLanes];
+  alignas(64) Coordinates gradients[kGroups];
 
-  void add(const PointLanes& from_m, std::size_t lane, double limit_m, std::size_t point) noexcept {
-    points_m.x[count] = from_m.x[lane];
-    points_m.y[count] = from_m.y[lane];
-    points_m.z[count] = from_m.z[lane];
-    limits_m[count] = limit_m;
-    points[count++] = point;
+  void add(double x_m, double y_m, double z_m) noexcept {
+    PointLanes& to_m = points_m[count / kLanes];
+    const std::size_t lane = count++ % kLanes;
+    to_m.x[lane] = x_m;
+    to_m.y[lane] = y_m;
+    to_m.z[lane] = z_m;
+  }
+  [[nodiscard]] double distance_m(std::size_t i) const noexcept {
+    return distances_m[i / kLanes][i % kLanes];
+  }
+  [[nodiscard]] Eigen::Vector3d gradient(std::size_t i) const noexcept {
+    const Coordinates& of = gradients[i / kLanes];
+    const std::size_t lane = i % kLanes;
+    return {of[0][lane], of[1][lane], of[2][lane]};
+  }
+  [[nodiscard]] bool is_inside(std::size_t i) const noexcept {
+    return places[i / kLanes].is_inside(i % kLanes);
+  }
+  [[nodiscard]] FieldStatus status(std::size_t i,
+                                   const DenseField::KnownBlocks& known) const noexcept {
+    if (!is_inside(i)) return FieldStatus::kOutside;
+    return is_known(known, places[i / kLanes].nearest(i % kLanes)) ? FieldStatus::kKnown
+                                                                   : FieldStatus::kUnknown;
   }
 };
 
-/// Writes those of the candidates that query_below() asks for, and takes them off.
-std::size_t sample_below(const Sampler& sampler, Candidates& near, bool also_unknown,
-                         FieldSample* samples) noexcept {
-  for (std::size_t lane = near.count; lane < kLanes; ++lane) {
-    near.points_m.x[lane] = near.points_m.y[lane] = near.points_m.z[lane] = 0.0;
+/// Distances and gradients of the points of a batch.
+SIDESTEP_SIMD_CLONES
+void sample(const DenseField::Blocks& blocks, const Bounds& bounds, Batch& batch) noexcept {
+  const std::size_t groups = padded(batch.count) / kLanes;
+  for (std::size_t i = batch.count; i < groups * kLanes; ++i) {
+    PointLanes& last_m = batch.points_m[groups - 1];
+    last_m.x[i % kLanes] = last_m.y[i % kLanes] = last_m.z[i % kLanes] = 0.0;
   }
-  Places places;
-  sampler.locate_points(near.points_m, places);
-  alignas(64) double distances_m[kLanes];
-  alignas(64) Coordinates gradients;
-  sampler.interpolate_at(places, near.count, distances_m, gradients);
-  std::size_t written = 0;
-  for (std::size_t lane = 0; lane < near.count; ++lane) {
-    const FieldStatus status = sampler.status(places, lane);
-    const bool counts =
-        status == FieldStatus::kOutside || (also_unknown && status == FieldStatus::kUnknown);
-    if (!counts && distances_m[lane] >= near.limits_m[lane]) continue;
-    samples[written++] = {near.points[lane], status, distances_m[lane], vector_of(gradients, lane)};
+  for (std::size_t g = 0; g < groups; ++g) {
+    locate(batch.points_m[g], bounds, batch.places[g]);
+    find_cells(batch.places[g], bounds, batch.cells[g]);
   }
-  near.count = 0;
-  return written;
+  for (std::size_t g = 0; g < groups; ++g) {
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const std::size_t last = batch.count - 1 - g * kLanes;
+      read_corners(blocks, bounds, batch.cells[g], std::min(lane, last), lane);
+    }
+  }
+  for (std::size_t g = 0; g < groups; ++g) {
+    interpolate(batch.cells[g], batch.places[g], bounds, batch.distances_m[g], batch.gradients[g]);
+  }
 }
 
 }  // namespace
@@ -340,30 +330,33 @@ DenseField::DenseField(FieldInfo info, Blocks blocks, KnownBlocks known)
       block_counts_(block_counts(this->info().grid)) {}
 
 float DenseField::at(const Eigen::Vector3i& voxel) const noexcept {
-  const Address a = address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_);
+  const Address a =
+      address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_.x(), block_counts_.y());
   return blocks_.block(a.block).distance_m[a.place];
 }
 
 bool DenseField::known(const Eigen::Vector3i& voxel) const noexcept {
-  return is_known(known_, address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_));
+  return is_known(
+      known_, address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_.x(), block_counts_.y()));
 }
 
 void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
                        std::span<Eigen::Vector3d> gradients,
                        std::span<FieldStatus> statuses) const noexcept {
-  const Sampler sampler(*this);
-  for (std::size_t first = 0; first < points_m.size(); first += kLanes) {
-    const std::size_t count = std::min(kLanes, points_m.size() - first);
-    Places places;
-    sampler.locate_points(pack(points_m, first), places);
-    alignas(64) double values_m[kLanes];
-    alignas(64) Coordinates slopes;
-    sampler.interpolate_at(places, count, values_m, slopes);
-    for (std::size_t lane = 0; lane < count; ++lane) {
-      const std::size_t n = first + lane;
-      distances_m[n] = values_m[lane];
-      if (!gradients.empty()) gradients[n] = vector_of(slopes, lane);
-      if (!statuses.empty()) statuses[n] = sampler.status(places, lane);
+  const Bounds bounds(info().grid);
+  Batch batch;
+  for (std::size_t first = 0; first < points_m.size(); first += batch.count) {
+    batch.count = 0;
+    for (const Eigen::Vector3d& p :
+         points_m.subspan(first, std::min(Batch::kPoints, points_m.size() - first))) {
+      batch.add(p.x(), p.y(), p.z());
+    }
+    sample(blocks_, bounds, batch);
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const std::size_t n = first + i;
+      distances_m[n] = batch.distance_m(i);
+      if (!gradients.empty()) gradients[n] = batch.gradient(i);
+      if (!statuses.empty()) statuses[n] = batch.status(i, known_);
     }
   }
 }
@@ -371,29 +364,43 @@ void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
 std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
                                     std::span<const double> limits_m, bool also_unknown,
                                     std::span<FieldSample> samples) const noexcept {
-  const Sampler sampler(*this);
+  const Bounds bounds(info().grid);
   // Within a cell the interpolant lies below the value at the nearest centre by no more than the
   // mean way from there to the eight corners, which is longest in the middle: 1.122 voxels.
   const double slack_m = 1.13 * info().steepest * info().grid.resolution_m;
   std::size_t written = 0;
-  Candidates near;
-  for (std::size_t i = 0; i < points_m.size(); ++i) {
-    const double far_m = std::max(limits_m[i], 0.0) + slack_m;
-    if (!also_unknown && sampler.are_far(points_m[i], far_m)) continue;
-    Places places;
-    sampler.locate_points(points_m[i], places);
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      if (sampler.nearest_m(places, lane) >= far_m && places.is_inside(lane) &&
-          !(also_unknown && sampler.status(places, lane) == FieldStatus::kUnknown)) {
-        continue;
-      }
-      near.add(points_m[i], lane, limits_m[i], i * kLanes + lane);
-      if (near.count < kLanes) continue;
-      written += sample_below(sampler, near, also_unknown, samples.data() + written);
+  Batch near;
+  std::array<std::size_t, Batch::kPoints> points;  // of the batch, among all
+
+  const auto write_those_below = [&] {
+    sample(blocks_, bounds, near);
+    for (std::size_t k = 0; k < near.count; ++k) {
+      const double distance_m = near.distance_m(k);
+      const bool is_below = !(distance_m >= limits_m[points[k] / kLanes]) || !near.is_inside(k);
+      if (!is_below && !also_unknown) continue;
+      const FieldStatus status = near.status(k, known_);
+      if (!is_below && status != FieldStatus::kUnknown) continue;
+      samples[written++] = {points[k], status, distance_m, near.gradient(k)};
+    }
+    near.count = 0;
+  };
+  for (std::size_t i = 0; i < points_m.size(); i += 2) {
+    const std::size_t next = std::min(i + 1, points_m.size() - 1);
+    const double far_m[] = {std::max(limits_m[i], 0.0) + slack_m,
+                            std::max(limits_m[next], 0.0) + slack_m};
+    unsigned found = find_near(points_m[i], points_m[next], far_m, bounds, blocks_,
+                               also_unknown ? &known_ : nullptr);
+    if (next == i) found &= (1u << kLanes) - 1;
+    for (; found != 0; found &= found - 1) {
+      const auto point = i * kLanes + static_cast<std::size_t>(std::countr_zero(found));
+      const PointLanes& of_m = points_m[point / kLanes];
+      const std::size_t lane = point % kLanes;
+      points[near.count] = point;
+      near.add(of_m.x[lane], of_m.y[lane], of_m.z[lane]);
+      if (near.count == Batch::kPoints) write_those_below();
     }
   }
-  if (near.count > 0)
-    written += sample_below(sampler, near, also_unknown, samples.data() + written);
+  if (near.count > 0) write_those_below();
   return written;
 }
 

@@ -101,13 +101,13 @@ void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const 
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     if (b % kAtOnce == 0) {
       for (std::size_t i = 0; i < kAtOnce; ++i) {
-        const Body* at_i = b + i < bodies_.size() ? &bodies_[b + i] : nullptr;
+        const detail::TreeBody* at_i = b + i < bodies_.size() ? &bodies_[b + i] : nullptr;
         const bool moves = at_i != nullptr && at_i->joint != -1;
         values[i] = moves ? at_i->multiplier * q[at_i->joint] + at_i->offset : 0.0;
       }
       detail::sines_and_cosines(values, sines, cosines);
     }
-    const Body& body = bodies_[b];
+    const detail::TreeBody& body = bodies_[b];
     Pose& pose = bodies[b];
     if (body.parent == -1) {
       pose = {body.R_parent_joint, body.p_parent_joint};
@@ -140,30 +140,6 @@ void KinematicTree::link_poses(std::span<const double> q, std::span<Transform> T
   }
 }
 
-void KinematicTree::place_bodies(const double* q, std::size_t count,
-                                 std::span<detail::PoseLanes> bodies) const noexcept {
-  static_assert(kLanes == detail::kAngles);
-  const std::size_t dof = at(description_.dof());
-  for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    const Body& body = bodies_[b];
-    detail::attach(body.parent == -1 ? nullptr : &bodies[at(body.parent)], body.R_parent_joint,
-                   body.p_parent_joint, bodies[b]);
-    if (body.joint == -1) continue;
-    double values[kLanes];
-    for (std::size_t i = 0; i < kLanes; ++i) {
-      const double* row = q + std::min(i, count - 1) * dof;
-      values[i] = body.multiplier * row[body.joint] + body.offset;
-    }
-    if (body.motion == TreeJoint::Motion::kRotation) {
-      double sines[kLanes], cosines[kLanes];
-      detail::sines_and_cosines(values, sines, cosines);
-      detail::turn_about_z(bodies[b], sines, cosines);
-    } else {
-      detail::shift_along_z(bodies[b], values);
-    }
-  }
-}
-
 void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
                                         Scratch& scratch) const {
   const std::size_t count = spheres_.size();
@@ -173,11 +149,9 @@ void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<Poi
   Scratch::Scope scope(scratch);
   const auto bodies = scope.array<detail::PoseLanes>(bodies_.size());
   for (std::size_t row = 0; row < n; row += kLanes) {
-    place_bodies(q.data() + row * dof, std::min(kLanes, n - row), bodies);
-    PointLanes* centres = centres_m.data() + row / kLanes * count;
-    for (std::size_t s = 0; s < count; ++s) {
-      detail::carry(bodies[at(spheres_[s].body)], spheres_[s].p_body, centres[s]);
-    }
+    detail::place_bodies(bodies_, q.subspan(row * dof, std::min(kLanes, n - row) * dof), dof,
+                         bodies.data());
+    detail::carry_spheres(spheres_, bodies.data(), centres_m.data() + row / kLanes * count);
   }
 }
 
@@ -218,7 +192,7 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
       Eigen::Vector3d* columns = jacobians.data() + (row * count + s) * dof;
       for (int m = movers_begin_[b]; m < movers_begin_[b + 1]; ++m) {
         const std::size_t mover = at(movers_[at(m)]);
-        const Body& body = bodies_[mover];
+        const detail::TreeBody& body = bodies_[mover];
         const Eigen::Vector3d axis = bodies[mover].R.col(2);
         // d(centre)/d(value): the axis, or axis x arm; a mimic joint adds to its master's column.
         columns[body.joint] += body.multiplier * (body.motion == TreeJoint::Motion::kRotation
@@ -237,6 +211,7 @@ void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkFor
   std::fill_n(joint_forces.begin(), count * dof, 0.0);
   Scratch::Scope scope(scratch);
   const auto bodies = scope.array<detail::PoseLanes>(bodies_.size());
+  const auto screws = scope.array<detail::ScrewLanes>(bodies_.size());
   std::size_t first = 0;  // of the rows that are placed
   std::size_t end = 0;
   for (std::size_t k = 0; k < count; ++k) {
@@ -245,7 +220,9 @@ void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkFor
       first = row / kLanes * kLanes;
       end = std::min(n, first + kLanes);
       if (row >= end) return;
-      place_bodies(q.data() + first * dof, end - first, bodies);
+      detail::place_bodies(bodies_, q.subspan(first * dof, (end - first) * dof), dof,
+                           bodies.data());
+      detail::find_screws(bodies, screws.data());
     }
     const auto vector = [lane = row - first](const double(&values)[3][kLanes]) {
       return Eigen::Vector3d(values[0][lane], values[1][lane], values[2][lane]);
@@ -254,13 +231,11 @@ void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkFor
     const std::size_t body = at(body_of_link_[at(link)]);
     double* out = joint_forces.data() + k * dof;
     for (int m = movers_begin_[body]; m < movers_begin_[body + 1]; ++m) {
-      const Body& mover = bodies_[at(movers_[at(m)])];
-      const detail::PoseLanes& pose = bodies[at(movers_[at(m)])];
-      const Eigen::Vector3d axis(pose.R[6][row - first], pose.R[7][row - first],
-                                 pose.R[8][row - first]);
+      const detail::TreeBody& mover = bodies_[at(movers_[at(m)])];
+      const detail::ScrewLanes& screw = screws[at(movers_[at(m)])];
       const double work = mover.motion == TreeJoint::Motion::kRotation
-                              ? axis.dot(moment - vector(pose.p).cross(force))
-                              : axis.dot(force);
+                              ? vector(screw.axis).dot(moment) - vector(screw.offset).dot(force)
+                              : vector(screw.axis).dot(force);
       out[mover.joint] += mover.multiplier * work;  // a mimic joint adds to its master's
     }
   }

@@ -1,7 +1,14 @@
 #include "pose_lanes.hpp"
 
+#include <algorithm>
+#include <cmath>
+
+#include "sine_lanes.hpp"
+
 namespace sidestep::detail {
 namespace {
+
+using Motion = TreeJoint::Motion;
 
 /// out = R * v + offset, of column-major R.
 [[gnu::always_inline]] inline void multiply(const double (&R)[9][kLanes], const double* v,
@@ -14,25 +21,24 @@ namespace {
   }
 }
 
-}  // namespace
-
-SIDESTEP_SIMD_CLONES
-void attach(const PoseLanes* body, const Eigen::Matrix3d& R, const Eigen::Vector3d& p,
-            PoseLanes& out) noexcept {
+/// The pose of a frame that is fixed to a body, or to the world where that is null.
+[[gnu::always_inline]] inline void attach(const PoseLanes* body, const TreeBody& frame,
+                                          PoseLanes& out) noexcept {
+  const double* R = frame.R_parent_joint.data();
+  const double* p = frame.p_parent_joint.data();
   if (body == nullptr) {
-    for (std::size_t i = 0; i < 9; ++i) lanes(out.R[i]) = Lanes{} + R.data()[i];
-    for (std::size_t i = 0; i < 3; ++i) lanes(out.p[i]) = Lanes{} + p.data()[i];
+    for (std::size_t i = 0; i < 9; ++i) lanes(out.R[i]) = Lanes{} + R[i];
+    for (std::size_t i = 0; i < 3; ++i) lanes(out.p[i]) = Lanes{} + p[i];
     return;
   }
   for (std::size_t column = 0; column < 3; ++column) {
-    multiply(body->R, R.data() + 3 * column, out.R + 3 * column, nullptr);
+    multiply(body->R, R + 3 * column, out.R + 3 * column, nullptr);
   }
-  multiply(body->R, p.data(), out.p, body->p);
+  multiply(body->R, p, out.p, body->p);
 }
 
-SIDESTEP_SIMD_CLONES
-void turn_about_z(PoseLanes& pose, const double* sines, const double* cosines) noexcept {
-  const Lanes s = lanes(sines), c = lanes(cosines);
+/// Turns about the frame's own z.
+[[gnu::always_inline]] inline void turn(PoseLanes& pose, const Lanes& s, const Lanes& c) noexcept {
   for (std::size_t row = 0; row < 3; ++row) {
     const Lanes x = lanes(pose.R[row]), y = lanes(pose.R[3 + row]);
     lanes(pose.R[row]) = c * x + s * y;
@@ -40,19 +46,96 @@ void turn_about_z(PoseLanes& pose, const double* sines, const double* cosines) n
   }
 }
 
+/// Shifts along the frame's own z.
+[[gnu::always_inline]] inline void shift(PoseLanes& pose, const Lanes& way) noexcept {
+  for (std::size_t row = 0; row < 3; ++row) lanes(pose.p[row]) += way * lanes(pose.R[6 + row]);
+}
+
+/// Returns the largest angle; the poses are right where that is no larger than kLargestAngle.
 SIDESTEP_SIMD_CLONES
-void shift_along_z(PoseLanes& pose, const double* way) noexcept {
-  for (std::size_t row = 0; row < 3; ++row) {
-    lanes(pose.p[row]) += lanes(way) * lanes(pose.R[6 + row]);
+double place_fast(std::span<const TreeBody> bodies, const double* const (&rows)[kLanes],
+                  PoseLanes* poses) noexcept {
+  Lanes largest = {};
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const TreeBody& body = bodies[b];
+    attach(body.parent == -1 ? nullptr : poses + body.parent, body, poses[b]);
+    const int j = body.joint;
+    if (j == -1) continue;
+    const Lanes of_joint = {rows[0][j], rows[1][j], rows[2][j], rows[3][j],
+                            rows[4][j], rows[5][j], rows[6][j], rows[7][j]};
+    const Lanes value = body.multiplier * of_joint + body.offset;
+    if (body.motion == Motion::kTranslation) {
+      shift(poses[b], value);
+      continue;
+    }
+    const Lanes size = value < 0.0 ? -value : value;
+    largest = size > largest ? size : largest;
+    Lanes s, c;
+    sine_lanes(value, s, c);
+    turn(poses[b], s, c);
+  }
+  double most = 0.0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) most = std::max(most, largest[lane]);
+  return most;
+}
+
+/// The same for angles of any size.
+void place_any(std::span<const TreeBody> bodies, const double* const (&rows)[kLanes],
+               PoseLanes* poses) noexcept {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const TreeBody& body = bodies[b];
+    attach(body.parent == -1 ? nullptr : poses + body.parent, body, poses[b]);
+    if (body.joint == -1) continue;
+    alignas(64) double values[kLanes], sines[kLanes], cosines[kLanes];
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      values[lane] = body.multiplier * rows[lane][body.joint] + body.offset;
+      sines[lane] = std::sin(values[lane]);
+      cosines[lane] = std::cos(values[lane]);
+    }
+    if (body.motion == Motion::kTranslation) {
+      shift(poses[b], lanes(values));
+    } else {
+      turn(poses[b], lanes(sines), lanes(cosines));
+    }
+  }
+}
+
+}  // namespace
+
+void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
+                  PoseLanes* poses) noexcept {
+  const double* rows[kLanes];
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    rows[lane] = q.data() + std::min(lane * dof, q.size() - dof);
+  }
+  if (place_fast(bodies, rows, poses) > kLargestAngle) place_any(bodies, rows, poses);
+}
+
+SIDESTEP_SIMD_CLONES
+void carry_spheres(std::span<const TreeSphere> spheres, const PoseLanes* poses,
+                   PointLanes* centres) noexcept {
+  for (std::size_t i = 0; i < spheres.size(); ++i) {
+    const PoseLanes& body = poses[spheres[i].body];
+    const double* v = spheres[i].p_body.data();
+    double* out[] = {centres[i].x, centres[i].y, centres[i].z};
+    for (std::size_t row = 0; row < 3; ++row) {
+      lanes(out[row]) = lanes(body.R[row]) * v[0] + lanes(body.R[3 + row]) * v[1] +
+                        lanes(body.R[6 + row]) * v[2] + lanes(body.p[row]);
+    }
   }
 }
 
 SIDESTEP_SIMD_CLONES
-void carry(const PoseLanes& body, const Eigen::Vector3d& p, PointLanes& out) noexcept {
-  const auto& R = body.R;
-  lanes(out.x) = lanes(R[0]) * p[0] + lanes(R[3]) * p[1] + lanes(R[6]) * p[2] + lanes(body.p[0]);
-  lanes(out.y) = lanes(R[1]) * p[0] + lanes(R[4]) * p[1] + lanes(R[7]) * p[2] + lanes(body.p[1]);
-  lanes(out.z) = lanes(R[2]) * p[0] + lanes(R[5]) * p[1] + lanes(R[8]) * p[2] + lanes(body.p[2]);
+void find_screws(std::span<const PoseLanes> poses, ScrewLanes* screws) noexcept {
+  for (std::size_t b = 0; b < poses.size(); ++b) {
+    const PoseLanes& pose = poses[b];
+    for (std::size_t row = 0; row < 3; ++row) {
+      const std::size_t next = (row + 1) % 3, last = (row + 2) % 3;
+      lanes(screws[b].axis[row]) = lanes(pose.R[6 + row]);
+      lanes(screws[b].offset[row]) = lanes(pose.R[6 + next]) * lanes(pose.p[last]) -
+                                     lanes(pose.R[6 + last]) * lanes(pose.p[next]);
+    }
+  }
 }
 
 }  // namespace sidestep::detail

@@ -1,8 +1,9 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <span>
 
 #include <sidestep/core/lanes.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
 
 namespace sidestep::detail {
 
@@ -12,16 +13,24 @@ struct alignas(64) PoseLanes {
   double p[3][kLanes];
 };
 
-/// Poses of a frame that is fixed to a body, or to the world where that is null, given its pose in
-/// the frame of the body.
-void attach(const PoseLanes* body, const Eigen::Matrix3d& R, const Eigen::Vector3d& p,
-            PoseLanes& out) noexcept;
+/// What a force on a body does to the joint that moves it, in kLanes configurations: about the
+/// joint's axis, a force f with moment m about the world's origin has the moment
+/// axis . m - offset . f.
+struct alignas(64) ScrewLanes {
+  double axis[3][kLanes];
+  double offset[3][kLanes];  ///< axis x a point of the axis.
+};
 
-/// Turns about the frame's own z, and shifts along it, by what each configuration says.
-void turn_about_z(PoseLanes& pose, const double* sines, const double* cosines) noexcept;
-void shift_along_z(PoseLanes& pose, const double* way) noexcept;
+/// Poses of all bodies in the configurations of q, `dof` values each and kLanes at most, of which
+/// the last stands in for those that are missing.
+void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
+                  PoseLanes* poses) noexcept;
 
-/// Where a point fixed to a body is.
-void carry(const PoseLanes& body, const Eigen::Vector3d& p, PointLanes& out) noexcept;
+/// Where spheres are, given the poses of all bodies.
+void carry_spheres(std::span<const TreeSphere> spheres, const PoseLanes* poses,
+                   PointLanes* centres) noexcept;
+
+/// The screws of bodies that turn.
+void find_screws(std::span<const PoseLanes> poses, ScrewLanes* screws) noexcept;
 
 }  // namespace sidestep::detail

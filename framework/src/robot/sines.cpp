@@ -1,56 +1,17 @@
 #include "sines.hpp"
 
 #include <cmath>
-#include <cstdint>
 
-#include <sidestep/core/lanes.hpp>
+#include "sine_lanes.hpp"
 
 namespace sidestep::detail {
 namespace {
 
 static_assert(kAngles == kLanes);
-using Bits = std::int64_t __attribute__((vector_size(8 * kAngles), aligned(8), may_alias));
 
-/// Beyond it the reduction below would lose digits.
-constexpr double kLargestAngle = 1e5;
-
-/// pi / 2 in three parts of 33 bits, so that up to 2^16 times a part is exact.
-constexpr double kHalfPi[] = {1.5707963267341256, 6.077100506303966e-11, 2.0222662487111665e-21};
-
-/// Reduces to [-pi/4, pi/4], where Taylor's series to the powers 17 and 16 are exact to rounding.
 SIDESTEP_SIMD_CLONES
 void evaluate(const double* angles, double* sines, double* cosines) noexcept {
-  const Lanes x = *reinterpret_cast<const Lanes*>(angles);
-  // Added to this, a number is rounded to an integer, which its last bits then hold.
-  constexpr double kRounding = 6755399441055744.0;  // 1.5 * 2^52
-  const Lanes rounded = x * 0.63661977236758134308 + kRounding;
-  const Lanes quarters = rounded - kRounding;
-  const Lanes r = ((x - quarters * kHalfPi[0]) - quarters * kHalfPi[1]) - quarters * kHalfPi[2];
-  const Lanes r2 = r * r;
-  Lanes odd = r2 * (1.0 / 355687428096000.0) - 1.0 / 1307674368000.0;
-  odd = odd * r2 + 1.0 / 6227020800.0;
-  odd = odd * r2 - 1.0 / 39916800.0;
-  odd = odd * r2 + 1.0 / 362880.0;
-  odd = odd * r2 - 1.0 / 5040.0;
-  odd = odd * r2 + 1.0 / 120.0;
-  odd = odd * r2 - 1.0 / 6.0;
-  Lanes even = r2 * (1.0 / 20922789888000.0) - 1.0 / 87178291200.0;
-  even = even * r2 + 1.0 / 479001600.0;
-  even = even * r2 - 1.0 / 3628800.0;
-  even = even * r2 + 1.0 / 40320.0;
-  even = even * r2 - 1.0 / 720.0;
-  even = even * r2 + 1.0 / 24.0;
-  const Lanes sine = r + r * r2 * odd;
-  const Lanes cosine = 1.0 - (0.5 * r2 - r2 * r2 * even);
-
-  const Bits quadrant = reinterpret_cast<const Bits&>(rounded);
-  const Bits is_odd = (quadrant & 1) != 0;
-  const Lanes turned_sine = is_odd ? cosine : sine;
-  const Lanes turned_cosine = is_odd ? sine : cosine;
-  const Bits sine_sign = (quadrant & 2) << 62;
-  const Bits cosine_sign = ((quadrant + 1) & 2) << 62;
-  *reinterpret_cast<Bits*>(sines) = reinterpret_cast<const Bits&>(turned_sine) ^ sine_sign;
-  *reinterpret_cast<Bits*>(cosines) = reinterpret_cast<const Bits&>(turned_cosine) ^ cosine_sign;
+  sine_lanes(lanes(angles), lanes(sines), lanes(cosines));
 }
 
 }  // namespace

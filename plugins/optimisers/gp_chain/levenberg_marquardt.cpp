@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -9,6 +10,8 @@ namespace {
 constexpr double kFactor = 10.0;
 constexpr double kLargestLambda = 1e5;
 constexpr double kLeastFidelity = 1e-3;
+constexpr double kLeastShare = 1e-4;
+constexpr double kShorter = 0.99;
 
 class LevenbergMarquardt final : public StepRule {
  public:
@@ -23,13 +26,21 @@ class LevenbergMarquardt final : public StepRule {
   [[nodiscard]] StepOutcome iterate(ChainModel& model, const Deadline& deadline,
                                     int& tried) override {
     bool solved = false;
+    double refused = std::numeric_limits<double>::infinity();
     while (true) {
       bool worth_more = true;
-      ++tried;
       if (model.system().solve(lambda_, step_)) {
         solved = true;
+        const double length = norm();
+        if (length > kShorter * refused) {
+          lambda_ *= kFactor;
+          if (lambda_ >= kLargestLambda) break;
+          continue;
+        }
+        refused = length;
+        ++tried;
         if (try_step(model, worth_more)) {
-          lambda_ /= kFactor;
+          lambda_ = std::max(lambda_ / kFactor, kLeastShare * initial_damping_);
           return StepOutcome::kAccepted;
         }
       }
@@ -52,6 +63,12 @@ class LevenbergMarquardt final : public StepRule {
       for (int j = 0; j < system.width(); ++j, ++step) sum += *step * (b[j] + lambda_ * *step);
     }
     return 0.5 * sum;
+  }
+
+  [[nodiscard]] double norm() const {
+    double sum = 0.0;
+    for (const double s : step_) sum += s * s;
+    return std::sqrt(sum);
   }
 
   /// Whether the step was accepted; clears `worth_more` if a larger lambda is not worth trying.

@@ -6,10 +6,6 @@
 
 namespace sidestep {
 
-namespace detail {
-struct PoseLanes;
-}
-
 /// How one link moves against its parent: T_parent_link = T_parent_joint * motion(value),
 /// value = multiplier * q[joint] + offset for a moving joint (a mimic joint has a multiplier
 /// other than 1 and shares its master's q); a fixed joint has no motion.
@@ -23,6 +19,27 @@ struct TreeJoint {
   double multiplier = 1.0;
   double offset = 0.0;  ///< The value itself where joint is -1.
 };
+
+namespace detail {
+
+/// Links that are rigidly attached to each other, moved as one by the joint of the first.
+/// Its frame is that link's, turned so that the joint's axis is z.
+struct TreeBody {
+  int parent = -1;  ///< Index of the parent body; -1 for the world.
+  TreeJoint::Motion motion = TreeJoint::Motion::kFixed;
+  int joint = -1;
+  double multiplier = 1.0;
+  double offset = 0.0;
+  Eigen::Matrix3d R_parent_joint = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_parent_joint = Eigen::Vector3d::Zero();
+};
+
+struct TreeSphere {
+  int body = 0;
+  Eigen::Vector3d p_body = Eigen::Vector3d::Zero();
+};
+
+}  // namespace detail
 
 /// Tree kinematics for any robot that URDF can describe. tree_joints[i] moves link i of the
 /// description against its parent; the root's entry places it in the world.
@@ -49,21 +66,6 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
                  std::span<double> joint_forces, Scratch& scratch) const override;
 
  private:
-  /// Links that are rigidly attached to each other, moved as one by the joint of the first.
-  /// Its frame is that link's, turned so that the joint's axis is z.
-  struct Body {
-    int parent = -1;  ///< Index of the parent body; -1 for the world.
-    TreeJoint::Motion motion = TreeJoint::Motion::kFixed;
-    int joint = -1;
-    double multiplier = 1.0;
-    double offset = 0.0;
-    Eigen::Matrix3d R_parent_joint = Eigen::Matrix3d::Identity();
-    Eigen::Vector3d p_parent_joint = Eigen::Vector3d::Zero();
-  };
-  struct BodySphere {
-    int body = 0;
-    Eigen::Vector3d p_body = Eigen::Vector3d::Zero();
-  };
   struct Pose {
     Eigen::Matrix3d R;
     Eigen::Vector3d p;
@@ -72,18 +74,15 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
   KinematicTree(RobotDescription description, std::vector<TreeJoint> tree_joints);
   void add_link(std::size_t link);
   void place_bodies(const double* q, std::span<Pose> bodies) const noexcept;
-  /// The same for kLanes configurations, of which the last stands in for those beyond `count`.
-  void place_bodies(const double* q, std::size_t count,
-                    std::span<detail::PoseLanes> bodies) const noexcept;
 
   RobotDescription description_;
   std::vector<TreeJoint> tree_joints_;
-  std::vector<Body> bodies_;         // parents before children
-  std::vector<int> body_of_link_;    // per link
-  std::vector<Pose> T_body_link_;    // per link
-  std::vector<BodySphere> spheres_;  // per sphere
-  std::vector<int> movers_;          // per body, the bodies from it to the root that q moves
-  std::vector<int> movers_begin_;    // movers_ of body b: [movers_begin_[b], movers_begin_[b + 1])
+  std::vector<detail::TreeBody> bodies_;     // parents before children
+  std::vector<int> body_of_link_;            // per link
+  std::vector<Pose> T_body_link_;            // per link
+  std::vector<detail::TreeSphere> spheres_;  // per sphere
+  std::vector<int> movers_;        // per body, the bodies from it to the root that q moves
+  std::vector<int> movers_begin_;  // movers_ of body b: [movers_begin_[b], movers_begin_[b + 1])
 };
 
 }  // namespace sidestep
