@@ -1,6 +1,7 @@
 #include "settle.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace sidestep {
 namespace {
@@ -39,7 +40,11 @@ Minimisation settle(ChainModel& model, StepRule& rule, const StoppingRules& stop
     if (predicted <= enough) return ended(End::kConverged);
     ++result.tried;
     const double decrease = before - model.try_step(step);
-    if (!(decrease > kLeastFidelity * predicted)) break;
+    if (!(decrease > kLeastFidelity * predicted)) {
+      // Too little changes for a shorter step to be worth trying: levenberg_marquardt's rule.
+      if (std::abs(decrease) < stop.relative_tolerance * before) return ended(End::kConverged);
+      break;
+    }
     model.accept();
     ++result.accepted;
     result.last_decrease = decrease;

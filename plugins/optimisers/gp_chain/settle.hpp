@@ -9,8 +9,9 @@ namespace sidestep {
 /// Improves a trajectory that was at its minimum before something changed: by full Gauss-Newton
 /// steps, until an accepted step lowers the cost by no more than a tolerance allows, or the next
 /// one would, by what the normal equations predict. That last step is not taken, so that the
-/// elimination is that of the trajectory found. Hands over to minimise() at the first step that
-/// achieves less than a thousandth of what it promises. `step`: room for one. [planning]; allocates
+/// elimination is that of the trajectory found. At the first step that achieves less than a
+/// thousandth of what it promises it hands over to minimise(), or ends where the step changes the
+/// cost by less than `relative_tolerance` of it. `step`: room for one. [planning]; allocates
 /// only in step, where that was never as large.
 [[nodiscard]] Minimisation settle(ChainModel& model, StepRule& rule, const StoppingRules& stop,
                                   const Deadline& deadline, std::vector<double>& step);
