@@ -14,15 +14,16 @@
 #include "mapping_benchmark.hpp"
 #include "plan.hpp"
 #include "planner_benchmark.hpp"
+#include "replanning.hpp"
 
 namespace sidestep {
 namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<ExperimentType> kTypes = {plan_experiment(), mapping_benchmark_experiment(),
-                                            field_study_experiment(),
-                                            planner_benchmark_experiment()};
+const std::vector<ExperimentType> kTypes = {
+    plan_experiment(), mapping_benchmark_experiment(), field_study_experiment(),
+    planner_benchmark_experiment(), replanning_experiment()};
 
 constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
                                      PluginKind::kField,     PluginKind::kRobot,

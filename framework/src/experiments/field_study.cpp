@@ -11,6 +11,7 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "html.hpp"
+#include "run_provenance.hpp"
 #include "study_rows.hpp"
 #include "study_scene.hpp"
 #include "study_settings.hpp"
@@ -327,14 +328,6 @@ void StudyRun::note_session() {
   spent_.wall_s = 1e-3 * watch_.elapsed_ms();
   spent_.cpu_s = static_cast<double>(std::clock() - cpu_begin_) / CLOCKS_PER_SEC;
   record_session(spent_, session_, recorder_);
-}
-
-RunProvenance provenance_of(const ExperimentContext& context) {
-  RunProvenance provenance = current_provenance();
-  provenance.configuration = context.configuration.name;
-  provenance.seed = context.seed;
-  provenance.threads = context.threads;
-  return provenance;
 }
 
 /// What an earlier session left, where this run goes on with it: it must be of the same study.

@@ -7,6 +7,7 @@
 #include "mapping_settings.hpp"
 #include "mapping_summary.hpp"
 #include "plan_recording.hpp"
+#include "run_provenance.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {
@@ -16,14 +17,6 @@ void check_mapping_benchmark(const Configuration& configuration, Host& host,
                              std::vector<Error>& errors) {
   const Node* experiment = configuration.root.find("experiment");
   if (experiment != nullptr) (void)read_cases(*experiment, host, errors);
-}
-
-RunProvenance provenance_of(const ExperimentContext& context) {
-  RunProvenance provenance = current_provenance();
-  provenance.configuration = context.configuration.name;
-  provenance.seed = context.seed;
-  provenance.threads = context.threads;
-  return provenance;
 }
 
 /// The robot, whose own points mappers remove; null where the configuration has none.

@@ -11,6 +11,7 @@
 #include "plan_one.hpp"
 #include "plan_recording.hpp"
 #include "plan_summary.hpp"
+#include "run_provenance.hpp"
 #include "source_facts.hpp"
 #include "text_table.hpp"
 
@@ -148,14 +149,6 @@ std::int64_t count(const VoxelBits& bits) {
   std::int64_t total = 0;
   for (const std::uint64_t word : bits.words) total += std::popcount(word);
   return total;
-}
-
-RunProvenance provenance_of(const ExperimentContext& context) {
-  RunProvenance provenance = current_provenance();
-  provenance.configuration = context.configuration.name;
-  provenance.seed = context.seed;
-  provenance.threads = context.threads;
-  return provenance;
 }
 
 /// The parts of the run that plugins provide.

@@ -1,7 +1,6 @@
 #include "planner_benchmark.hpp"
 
 #include <algorithm>
-#include <map>
 
 #include <sidestep/runtime/guarded.hpp>
 #include <sidestep/runtime/results_store.hpp>
@@ -10,6 +9,8 @@
 #include "plan_recording.hpp"
 #include "planner_settings.hpp"
 #include "planner_summary.hpp"
+#include "recorded_fields.hpp"
+#include "run_provenance.hpp"
 
 namespace sidestep {
 namespace {
@@ -20,21 +21,13 @@ void check_planner_benchmark(const Configuration& configuration, Host& host,
                              std::vector<Error>& errors) {
   const Node* experiment = configuration.root.find("experiment");
   const Node* optimiser = configuration.root.find("optimiser");
-  if (optimiser != nullptr) check_optimiser(*optimiser, host, errors);
+  if (optimiser != nullptr) check_optimiser(*optimiser, set_of_optimiser(), host, errors);
   std::vector<Error> unfit;
   check_against_schema(*experiment, PlannerBenchmarkSettings::parameters().schema(), {}, unfit);
   if (!unfit.empty()) return;  // its schema told
   PlannerBenchmarkSettings settings;
   PlannerBenchmarkSettings::parameters().read(*experiment, settings, errors);
   if (!settings.problems.empty()) (void)read_chosen_problems(*experiment, settings, errors);
-}
-
-RunProvenance provenance_of(const ExperimentContext& context) {
-  RunProvenance provenance = current_provenance();
-  provenance.configuration = context.configuration.name;
-  provenance.seed = context.seed;
-  provenance.threads = context.threads;
-  return provenance;
 }
 
 /// Series "run" (one item a run), and of the run with index `item`: "solve/ITEM", one item a
@@ -72,28 +65,12 @@ void record_run(const PlannerRunRecord& run, std::int64_t item, Recorder& record
   }
 }
 
-/// The fields of a file, each made when it is first asked for.
-class Fields {
- public:
-  explicit Fields(const RecordedProblems& problems) : problems_(problems) {}
-
-  const std::shared_ptr<const DistanceField>& of(int scene, bool is_signed) {
-    auto& field = fields_[{scene, is_signed}];
-    if (field == nullptr) field = recorded_field(problems_, scene, is_signed);
-    return field;
-  }
-
- private:
-  const RecordedProblems& problems_;
-  std::map<std::pair<int, bool>, std::shared_ptr<const DistanceField>> fields_;
-};
-
 /// What solving a run borrows.
 struct Bench {
   const RecordedProblems& problems;
   const PlannerBenchmarkSettings& settings;
   ExperimentContext& context;
-  Fields fields;
+  RecordedFields fields;
   std::int64_t total = 0;
   std::int64_t done = 0;
 
@@ -197,19 +174,6 @@ Result<PlannerRunRecord> solve_run(const RecordedRun& run, Bench& bench) {
   return record;
 }
 
-Result<RecordedProblems> read_problems(const Node& experiment,
-                                       const PlannerBenchmarkSettings& settings) {
-  if (settings.problems.empty()) {
-    return tl::make_unexpected(
-        experiment.error("there is no file of recorded problems",
-                         "say where they are: --set experiment.problems=FILE"));
-  }
-  std::vector<Error> errors;
-  auto problems = read_chosen_problems(experiment, settings, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  return problems;
-}
-
 Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
   const Node& experiment = *context.configuration.root.find("experiment");
   std::vector<Error> errors;
@@ -229,7 +193,7 @@ Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
   record.robot = problems->robot->description().name;
   record.optimiser = context.configuration.root.find("optimiser")->find("plugin")->text();
   record.costs_comparable = problems->costs_comparable;
-  Bench bench{*problems, settings, context, Fields(*problems)};
+  Bench bench{*problems, settings, context, RecordedFields(*problems)};
   for (const RecordedRun& run : problems->runs) {
     bench.total += settings.repeats * std::ssize(run.outcomes);
   }

@@ -59,10 +59,11 @@ Node block_for(const Node& optimiser, const RecordedRun& run) {
   return block;
 }
 
-void check_optimiser(const Node& optimiser, Host& host, std::vector<Error>& errors) {
+void check_optimiser(const Node& optimiser, const std::vector<std::string>& names, Host& host,
+                     std::vector<Error>& errors) {
   const auto plugin = host.find(PluginKind::kOptimiser, optimiser);
   if (!plugin) return;  // told of where plugins are checked
-  for (const std::string& name : set_of_optimiser()) {
+  for (const std::string& name : names) {
     if (const Node* written = optimiser.find(name)) {
       errors.push_back(written->error(
           "'" + name + "' is set by the experiment, to that of each run", "leave it out"));
@@ -94,6 +95,19 @@ RecordedProblems read_chosen_problems(const Node& experiment,
       problems->runs, [](const RecordedRun& run) { return !run.outcomes.empty(); });
   if (!any) errors.push_back(experiment.error("there is no problem to solve"));
   return std::move(*problems);
+}
+
+Result<RecordedProblems> read_problems(const Node& experiment,
+                                       const PlannerBenchmarkSettings& settings) {
+  if (settings.problems.empty()) {
+    return tl::make_unexpected(
+        experiment.error("there is no file of recorded problems",
+                         "say where they are: --set experiment.problems=FILE"));
+  }
+  std::vector<Error> errors;
+  auto problems = read_chosen_problems(experiment, settings, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  return problems;
 }
 
 Parameters<PlannerBenchmarkSettings> PlannerBenchmarkSettings::parameters() {

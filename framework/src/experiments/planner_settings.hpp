@@ -31,14 +31,18 @@ struct PlannerBenchmarkSettings {
 /// The optimiser's block with a recorded run's stopping rules in it.
 [[nodiscard]] Node block_for(const Node& optimiser, const RecordedRun& run);
 
-/// Appends a mistake for each thing that the experiment sets and the block has, too, and for each
-/// that the plugin has no parameter for.
-void check_optimiser(const Node& optimiser, Host& host, std::vector<Error>& errors);
+/// Appends a mistake for each parameter that the experiment sets (`names`) and the block has, too,
+/// and for each that the plugin does not have.
+void check_optimiser(const Node& optimiser, const std::vector<std::string>& names, Host& host,
+                     std::vector<Error>& errors);
 
 /// The recorded problems that an `experiment` block names, and of their runs those to be solved,
 /// each with the outcomes that `every` and `limit` leave. Appends every mistake at its position.
 [[nodiscard]] RecordedProblems read_chosen_problems(const Node& experiment,
                                                     const PlannerBenchmarkSettings& settings,
                                                     std::vector<Error>& errors);
+/// The same for a run: the first mistake, and one where no file is named.
+[[nodiscard]] Result<RecordedProblems> read_problems(const Node& experiment,
+                                                     const PlannerBenchmarkSettings& settings);
 
 }  // namespace sidestep

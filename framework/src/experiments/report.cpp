@@ -159,6 +159,7 @@ Result<std::string> body_of(const Json& summary, ResultsReader& results, const f
   if (at(summary, "/experiment") == Json("planner_benchmark")) {
     return planner_body(summary, results, run);
   }
+  if (at(summary, "/experiment") == Json("replanning")) return replanning_body(summary);
   if (at(summary, "/experiment") == Json("field_study")) return study_body(summary, run);
   return plan_body(summary, results, run);
 }
@@ -225,6 +226,22 @@ Row solver_row(const fs::path& run, const Json& summary, const Json& solver) {
           cell(at(summary, "/provenance/git_hash"))};
 }
 
+Row replan_row(const fs::path& run, const Json& summary, const Json& row) {
+  return {run_name(run),
+          cell(at(summary, "/configuration")),
+          cell(at(summary, "/problems_file")),
+          cell(at(row, "/label")),
+          cell(at(row, "/field")),
+          cell(at(row, "/change")),
+          cell(at(row, "/way")),
+          cell(at(row, "/solve_ms/p50"), "%.4f ms"),
+          cell(at(row, "/time_ratio/p50"), "%.3f"),
+          cell(at(row, "/iterations/mean"), "%.2f"),
+          cell(at(row, "/cost_ratio/share_within_1pct"), "%.4f"),
+          cell(at(row, "/collision_free/share"), "%.4f"),
+          cell(at(summary, "/provenance/git_hash"))};
+}
+
 Row study_row(const fs::path& run, const Json& summary, const Json& robot, const char* field) {
   const Json outcome = at(robot, (std::string("/") + field).c_str());
   return {run_name(run),
@@ -271,10 +288,13 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   const Row solver_header = {"run",        "configuration", "optimiser",     "problems",
                              "rules",      "field",         "iteration p50", "solve p50",
                              "iterations", "within 1 %",    "free",          "commit"};
-  std::vector<Row> plan_rows, system_rows, solver_rows, study_rows;
+  std::vector<Row> plan_rows, system_rows, solver_rows, study_rows, replan_rows;
   const Row study_header = {"run",      "configuration", "robot",     "field",
                             "problems", "solvable",      "failures",  "iterations",
                             "cost",     "solve p50",     "solve p95", "commit"};
+  const Row replan_header = {
+      "run",       "configuration", "problems",   "rules",      "field", "other", "way",
+      "solve p50", "of afresh's",   "iterations", "within 1 %", "free",  "commit"};
   for (const fs::path& run : runs) {
     const auto summary = read_summary(run);
     if (!summary) return tl::make_unexpected(summary.error());
@@ -291,7 +311,12 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
         study_rows.push_back(study_row(run, *summary, robot, field));
       }
     }
-    if (systems.is_array() || is_planner || robots.is_array()) continue;
+    const bool is_replanning = at(*summary, "/experiment") == Json("replanning");
+    if (is_replanning) {
+      const Json rows = at(*summary, "/rows");
+      for (const Json& row : rows) replan_rows.push_back(replan_row(run, *summary, row));
+    }
+    if (systems.is_array() || is_planner || is_replanning || robots.is_array()) continue;
     const Json plans = at(*summary, "/plans");
     for (const Json& plan : plans) plan_rows.push_back(plan_row(run, *summary, plan));
     if (!plans.is_array() || plans.empty())
@@ -300,7 +325,8 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   std::string text, body;
   for (const auto& [header, rows] :
        {std::pair(&plan_header, &plan_rows), std::pair(&system_header, &system_rows),
-        std::pair(&solver_header, &solver_rows), std::pair(&study_header, &study_rows)}) {
+        std::pair(&solver_header, &solver_rows), std::pair(&study_header, &study_rows),
+        std::pair(&replan_header, &replan_rows)}) {
     if (rows->empty()) continue;
     TextTable table(*header);
     for (const Row& row : *rows) table.add(row);

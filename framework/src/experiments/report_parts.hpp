@@ -33,6 +33,9 @@ using Row = std::vector<std::string>;
 [[nodiscard]] Result<std::string> planner_body(const Json& summary, ResultsReader& results,
                                                const std::filesystem::path& run);
 
+/// The table of a replanning experiment.
+[[nodiscard]] std::string replanning_body(const Json& summary);
+
 /// Tables and pictures of a field study.
 [[nodiscard]] Result<std::string> study_body(const Json& summary, const std::filesystem::path& run);
 

@@ -1,0 +1,336 @@
+#include "replanning.hpp"
+
+#include <algorithm>
+#include <random>
+
+#include <sidestep/core/seed.hpp>
+#include <sidestep/planning/costs.hpp>
+#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/results_store.hpp>
+
+#include "html.hpp"
+#include "plan_recording.hpp"
+#include "recorded_fields.hpp"
+#include "replanning_settings.hpp"
+#include "replanning_summary.hpp"
+#include "run_provenance.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr std::int64_t kProgressEvery = 25;  ///< Problems.
+constexpr const char* kGoal = "goal";
+constexpr const char* kObstacles = "obstacles";
+
+void check_replanning(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  const Node* experiment = configuration.root.find("experiment");
+  const Node* optimiser = configuration.root.find("optimiser");
+  if (optimiser != nullptr) {
+    check_optimiser(*optimiser, set_of_replanning_optimiser(), host, errors);
+  }
+  std::vector<Error> unfit;
+  check_against_schema(*experiment, ReplanningSettings::parameters().schema(), {}, unfit);
+  if (!unfit.empty()) return;  // its schema told
+  ReplanningSettings settings;
+  ReplanningSettings::parameters().read(*experiment, settings, errors);
+  if (!settings.problems.empty()) {
+    (void)read_chosen_problems(*experiment, settings.choice(), errors);
+  }
+}
+
+std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {
+  return std::mt19937_64(derive_seed(seed, "replanning/" + part));
+}
+
+/// The same problems in scenes whose boxes have moved, on a plane within it.
+RecordedProblems with_moved_boxes(RecordedProblems problems, double sd_m, std::uint64_t seed) {
+  const int axes = problems.grid.size_vox.z() == 1 ? 2 : 3;
+  for (std::size_t scene = 0; scene < problems.scenes.size(); ++scene) {
+    auto random = random_of(seed, "boxes/" + std::to_string(scene));
+    std::normal_distribution<double> normal(0.0, 1.0);
+    for (RecordedBox& box : problems.scenes[scene]) {
+      Eigen::Vector3d by_m = Eigen::Vector3d::Zero();
+      for (int axis = 0; axis < axes; ++axis) by_m[axis] = sd_m * normal(random);
+      box.lower_m += by_m;
+      box.upper_m += by_m;
+    }
+  }
+  return problems;
+}
+
+/// A problem as it was, and as it is after the change. Terms that do not change are the same
+/// objects.
+struct Replanned {
+  Problem before, after;
+  Trajectory line_before, line_after;
+};
+
+/// What a series of solves borrows.
+struct Bench {
+  const RecordedProblems& problems;
+  const RecordedProblems& moved;
+  const ReplanningSettings& settings;
+  ExperimentContext& context;
+  RecordedFields fields, moved_fields;
+  std::int64_t total = 0;
+  std::int64_t done = 0;
+
+  void advance(const std::string& what) {
+    ++done;
+    if (context.progress && (done % kProgressEvery == 0 || done == total)) {
+      context.progress(done, total, what);
+    }
+  }
+};
+
+void change_goal(Problem& problem, const RecordedOutcome& of, const Bench& bench) {
+  auto random = random_of(bench.context.seed,
+                          "goal/" + std::to_string(of.scene) + "/" + std::to_string(of.pair));
+  std::normal_distribution<double> normal(0.0, 1.0);
+  const std::vector<Joint>& joints = problem.robot->description().joints;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    double& q = problem.goal.q[static_cast<Eigen::Index>(j)];
+    q += bench.settings.goal_sd * normal(random);
+    if (joints[j].type != Joint::Type::kContinuous) {
+      q = std::clamp(q, joints[j].lower, joints[j].upper);
+    }
+  }
+  const double sigma = bench.problems.settings.sigma_endpoint;
+  for (CostTerm& term : problem.terms) {
+    if (term.placement != Placement::kGoal) continue;
+    term.cost = make_state_prior("goal", problem.goal, sigma);
+  }
+}
+
+void change_field(Problem& problem, std::shared_ptr<const DistanceField> field,
+                  const Bench& bench) {
+  problem.field = std::move(field);
+  const RecordedSettings& settings = bench.problems.settings;
+  for (CostTerm& term : problem.terms) {
+    if (term.placement != Placement::kSupportAndInterpolated) continue;
+    term.cost = make_obstacle_cost(problem.robot, problem.field, problem.space, settings.epsilon_m,
+                                   settings.sigma_obstacle_m);
+  }
+}
+
+Trajectory line_of(const Problem& problem) {
+  return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+}
+
+std::vector<Replanned> pose(const RecordedRun& run, const std::string& change, Bench& bench) {
+  std::vector<Replanned> posed;
+  for (const RecordedOutcome& of : run.outcomes) {
+    Replanned one;
+    one.before =
+        recorded_problem(bench.problems, bench.fields.of(of.scene, run.is_signed), of.pair);
+    one.after = one.before;
+    if (change == kGoal) {
+      change_goal(one.after, of, bench);
+    } else {
+      change_field(one.after, bench.moved_fields.of(of.scene, run.is_signed), bench);
+    }
+    one.line_before = line_of(one.before);
+    one.line_after = line_of(one.after);
+    posed.push_back(std::move(one));
+  }
+  return posed;
+}
+
+/// One optimiser that keeps nothing, and one that does.
+struct Optimisers {
+  PluginPtr<Optimiser> plain, kept;
+};
+
+Result<Optimisers> make_optimisers(const RecordedRun& run, Bench& bench) {
+  const Node& block = *bench.context.configuration.root.find("optimiser");
+  const auto make = [&](bool is_incremental) {
+    return bench.context.host.create<Optimiser>(replanning_block(block, run, is_incremental),
+                                                bench.problems.robot);
+  };
+  auto plain = make(false);
+  if (!plain) return tl::make_unexpected(std::move(plain.error()));
+  auto kept = make(true);
+  if (!kept) return tl::make_unexpected(std::move(kept.error()));
+  return Optimisers{std::move(*plain), std::move(*kept)};
+}
+
+struct Timed {
+  Result<Solution> solution;
+  double elapsed_ms;
+};
+
+Timed solve(PluginPtr<Optimiser>& optimiser, const Problem& problem, const Trajectory& initial,
+            const ExperimentContext& context) {
+  const Stopwatch watch;
+  auto solution = guarded(plugin_of(optimiser), [&] {
+    return optimiser->solve(problem, initial, Deadline(context.stop));
+  });
+  return {std::move(solution), watch.elapsed_ms()};
+}
+
+void note(Timed timed, bool is_first, double clearance_m, ReplanSolve& record) {
+  record.solve_ms = is_first ? timed.elapsed_ms : std::min(record.solve_ms, timed.elapsed_ms);
+  if (!is_first) return;
+  if (!timed.solution) {
+    record.reason = timed.solution.error().describe();
+    return;
+  }
+  record.status = timed.solution->status;
+  record.reason = timed.solution->reason;
+  record.iterations = timed.solution->iterations;
+  record.accepted_iterations = timed.solution->accepted_iterations;
+  record.initial_cost = timed.solution->initial_cost;
+  record.cost = timed.solution->cost;
+  record.solved = timed.solution->trajectory.size() > 0;
+  record.exact_clearance_m = clearance_m;
+}
+
+/// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
+/// another one in turn: the first one finds the memory of the change cold.
+void replan(const Replanned& posed, Optimisers& optimisers, std::size_t turn, bool is_first,
+            const RecordedProblems& judged_in, const ExperimentContext& context,
+            ReplanRecord& record) {
+  const auto base = solve(optimisers.kept, posed.before, posed.line_before, context).solution;
+  const bool has_base = base && base->trajectory.size() > 0;
+  const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
+  for (std::size_t i = 0; i < kReplanWays.size(); ++i) {
+    const std::size_t way = (i + turn) % kReplanWays.size();
+    const bool is_incremental = kReplanWays[way] == ReplanWay::kIncremental;
+    const bool is_afresh = kReplanWays[way] == ReplanWay::kAfresh;
+    Timed timed = solve(is_incremental ? optimisers.kept : optimisers.plain, posed.after,
+                        is_afresh ? posed.line_after : previous, context);
+    const bool judges = is_first && timed.solution && timed.solution->trajectory.size() > 0;
+    const double clearance_m =
+        judges ? exact_clearance_m(judged_in, record.scene, timed.solution->trajectory) : 0.0;
+    note(std::move(timed), is_first, clearance_m, record.ways[way]);
+  }
+}
+
+/// Every problem `repeats` times, pass by pass. Stops on request with those that all passes have
+/// reached.
+Result<ReplanSeries> solve_series(const RecordedRun& run, const std::string& change, Bench& bench) {
+  ExperimentContext& context = bench.context;
+  auto optimisers = make_optimisers(run, bench);
+  if (!optimisers) return tl::make_unexpected(std::move(optimisers.error()));
+  const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
+  const std::vector<Replanned> posed = pose(run, change, bench);
+  ReplanSeries series{run.label, run.is_signed, change, {}};
+  for (std::size_t i = 0; i < posed.size(); ++i) {
+    ReplanRecord record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
+    const auto is_free = [&](const Eigen::VectorXd& q) {
+      const std::span<const double> values(q.data(), static_cast<std::size_t>(q.size()));
+      return exact_clearance_m(judged_in, record.scene, values) > 0.0;
+    };
+    record.ends_free = is_free(posed[i].after.start.q) && is_free(posed[i].after.goal.q);
+    series.problems.push_back(std::move(record));
+  }
+  const std::string what =
+      run.label + (run.is_signed ? ", signed, other " : ", unsigned, other ") + change;
+  for (const PluginPtr<Optimiser>* one : {&optimisers->plain, &optimisers->kept}) {
+    if (!posed.empty()) (void)(*one)->solve(posed[0].before, posed[0].line_before, Deadline());
+  }
+  for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
+    for (std::size_t i = 0; i < series.problems.size(); ++i) {
+      replan(posed[i], *optimisers, i + static_cast<std::size_t>(repeat), repeat == 0, judged_in,
+             context, series.problems[i]);
+      if (context.stop.stop_requested()) {
+        if (repeat == 0) series.problems.resize(i);
+        return series;
+      }
+      bench.advance(what);
+    }
+  }
+  return series;
+}
+
+/// Series "series" (one item a series), and of the series with index `item`: "AFRESH/ITEM" and so
+/// on, one item a problem.
+void record_series(const ReplanSeries& series, std::int64_t item, Recorder& recorder) {
+  recorder.add("series", item, "label", series.label);
+  recorder.add("series", item, "signed", series.is_signed);
+  recorder.add("series", item, "change", series.change);
+  for (std::size_t way = 0; way < kReplanWays.size(); ++way) {
+    const std::string name = std::string(to_string(kReplanWays[way])) + "/" + std::to_string(item);
+    std::int64_t problem = 0;
+    for (const ReplanRecord& record : series.problems) {
+      const ReplanSolve& solve = record.ways[way];
+      const auto add = [&](std::string_view key, const auto& value) {
+        recorder.add(name, problem, key, value);
+      };
+      add("scene", record.scene);
+      add("pair", record.pair);
+      add("ends_free", record.ends_free);
+      add("status", to_string(solve.status));
+      if (!solve.reason.empty()) add("reason", solve.reason);
+      add("solve_ms", solve.solve_ms);
+      add("iterations", solve.iterations);
+      add("accepted_iterations", solve.accepted_iterations);
+      add("initial_cost", solve.initial_cost);
+      add("cost", solve.cost);
+      add("exact_clearance_m", solve.exact_clearance_m);
+      ++problem;
+    }
+  }
+}
+
+Result<ExperimentOutcome> run_replanning(ExperimentContext& context) {
+  const Node& experiment = *context.configuration.root.find("experiment");
+  std::vector<Error> errors;
+  ReplanningSettings settings;
+  ReplanningSettings::parameters().read(experiment, settings, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  const auto problems = read_problems(experiment, settings.choice());
+  if (!problems) return tl::make_unexpected(problems.error());
+
+  const RunProvenance provenance = provenance_of(context);
+  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
+  if (!store) return tl::make_unexpected(std::move(store.error()));
+  Recorder recorder(**store);
+
+  ReplanningRecord record;
+  record.problems_file = settings.problems.filename().string();
+  record.robot = problems->robot->description().name;
+  record.optimiser = context.configuration.root.find("optimiser")->find("plugin")->text();
+  const RecordedProblems moved = with_moved_boxes(*problems, settings.obstacle_sd_m, context.seed);
+  Bench bench{
+      *problems, moved, settings, context, RecordedFields(*problems), RecordedFields(moved)};
+  for (const RecordedRun& run : problems->runs) {
+    bench.total += 2 * settings.repeats * std::ssize(run.outcomes);
+  }
+  if (context.progress) context.progress(0, bench.total, "building fields");
+  for (const RecordedRun& run : problems->runs) {
+    for (const char* change : {kGoal, kObstacles}) {
+      if (context.stop.stop_requested()) break;
+      auto solved = contained("replanning", [&] { return solve_series(run, change, bench); });
+      if (!solved) return tl::make_unexpected(std::move(solved.error()));
+      record_series(*solved, std::ssize(record.series), recorder);
+      record.series.push_back(std::move(*solved));
+      if (auto saved = recorder.commit(); !saved) {
+        return tl::make_unexpected(std::move(saved.error()));
+      }
+    }
+  }
+  record.interrupted = context.stop.stop_requested();
+
+  ExperimentOutcome outcome = summarise_replanning(provenance, settings, record);
+  if (auto written = write_file(context.out / "table.csv", replanning_csv(outcome.summary_json));
+      !written) {
+    return tl::make_unexpected(std::move(written.error()));
+  }
+  return outcome;
+}
+
+}  // namespace
+
+ExperimentType replanning_experiment() {
+  return {"replanning",
+          "Solved problems whose goal or obstacles change: afresh, warm, incrementally",
+          [] { return ReplanningSettings::parameters().schema(); },
+          {"optimiser"},
+          &check_replanning,
+          &run_replanning,
+          nullptr,
+          set_of_replanning_optimiser()};
+}
+
+}  // namespace sidestep

@@ -1,0 +1,34 @@
+#pragma once
+
+#include "planner_settings.hpp"
+
+namespace sidestep {
+
+/// The `experiment` block of a replanning experiment.
+struct ReplanningSettings {
+  std::string type;
+  std::int64_t seed = 0;
+  int threads = 0;
+  std::filesystem::path problems;
+  std::vector<std::string> runs = {"replan"};
+  int repeats = 1;
+  int every = 1;
+  std::int64_t limit = 0;
+  double goal_sd = 0.1;
+  double obstacle_sd_m = 0.05;
+
+  static Parameters<ReplanningSettings> parameters();
+
+  /// What says which problems are solved.
+  [[nodiscard]] PlannerBenchmarkSettings choice() const;
+};
+
+/// What the experiment sets of the optimiser: the stopping rules of each recorded run, and
+/// `incremental`.
+[[nodiscard]] std::vector<std::string> set_of_replanning_optimiser();
+
+/// The optimiser's block with a recorded run's stopping rules, incremental or not.
+[[nodiscard]] Node replanning_block(const Node& optimiser, const RecordedRun& run,
+                                    bool is_incremental);
+
+}  // namespace sidestep

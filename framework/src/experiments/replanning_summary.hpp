@@ -1,0 +1,75 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include <sidestep/experiments/experiment.hpp>
+#include <sidestep/planning/optimiser.hpp>
+#include <sidestep/runtime/results_store.hpp>
+
+#include "replanning_settings.hpp"
+
+namespace sidestep {
+
+/// How a changed problem is solved.
+enum class ReplanWay {
+  kAfresh,       ///< From a straight line.
+  kWarm,         ///< From the trajectory before, whole.
+  kIncremental,  ///< By the optimiser that has found the trajectory before.
+};
+inline constexpr std::array kReplanWays = {ReplanWay::kAfresh, ReplanWay::kWarm,
+                                           ReplanWay::kIncremental};
+[[nodiscard]] std::string_view to_string(ReplanWay way) noexcept;
+
+/// A changed problem, solved in one way.
+struct ReplanSolve {
+  bool solved = false;  ///< There is a trajectory.
+  SolveStatus status = SolveStatus::kFailed;
+  std::string reason;  ///< Why it is not solved, or not better.
+  int iterations = 0;
+  int accepted_iterations = 0;
+  double initial_cost = 0.0;
+  double cost = 0.0;
+  double solve_ms = 0.0;           ///< The least of all repeats.
+  double exact_clearance_m = 0.0;  ///< Where solved.
+
+  [[nodiscard]] bool is_free() const noexcept { return solved && exact_clearance_m > 0.0; }
+};
+
+/// A changed problem in all ways.
+struct ReplanRecord {
+  int scene = 0;
+  int pair = 0;
+  bool ends_free = false;  ///< Start and goal touch nothing.
+  std::array<ReplanSolve, kReplanWays.size()> ways;
+
+  [[nodiscard]] bool solved() const noexcept;
+};
+
+/// All problems of a recorded run with one change.
+struct ReplanSeries {
+  std::string label;
+  bool is_signed = false;
+  std::string change;  ///< "goal" or "obstacles".
+  std::vector<ReplanRecord> problems;
+};
+
+/// What a replanning experiment came to.
+struct ReplanningRecord {
+  std::string problems_file;
+  std::string robot;
+  std::string optimiser;  ///< Name of the plugin.
+  std::vector<ReplanSeries> series;
+  bool interrupted = false;
+};
+
+/// Verdict, summary.json and table of a finished (or interrupted) replanning experiment.
+[[nodiscard]] ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
+                                                     const ReplanningSettings& settings,
+                                                     const ReplanningRecord& record);
+
+/// The table for a spreadsheet, from what summary.json holds: one line a series and way.
+[[nodiscard]] std::string replanning_csv(const std::string& summary_json);
+
+}  // namespace sidestep
