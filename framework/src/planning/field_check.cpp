@@ -20,13 +20,14 @@ constexpr double kRounding = 24e-15;
 /// Collects what the prover finds into a verdict.
 class VerdictBuilder final : public ClearanceProver::Listener {
  public:
-  explicit VerdictBuilder(const ClearanceProver& prover) : prover_(prover) {}
+  VerdictBuilder(const ClearanceProver& prover, bool first_only)
+      : prover_(prover), first_only_(first_only) {}
 
   bool on_reading(double t, int item, const ClearanceReading& reading) override {
     if (prover_.violates(item, reading)) ledger_.add(violation_of(prover_, item, reading, t));
     if (item >= prover_.sphere_count()) {
       min_self_clearance_m_ = std::min(min_self_clearance_m_, reading.clearance_m);
-      return true;
+      return !is_decided();
     }
     ++sphere_checks_;
     if (reading.status == FieldStatus::kUnknown) ++unknown_checks_;
@@ -35,12 +36,14 @@ class VerdictBuilder final : public ClearanceProver::Listener {
       min_clearance_item_ = item;
       min_clearance_time_s_ = t;
     }
-    return true;
+    return !is_decided();
   }
   bool on_unproven(double t, int item, double shortfall_m) override {
     ledger_.add(unproven(prover_, item, shortfall_m, t));
-    return true;
+    return !is_decided();
   }
+  /// Whether nothing more needs to be found.
+  [[nodiscard]] bool is_decided() const noexcept { return first_only_ && !ledger_.empty(); }
   ViolationLedger& ledger() noexcept { return ledger_; }
 
   [[nodiscard]] Verdict verdict() const {
@@ -68,6 +71,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
 
  private:
   const ClearanceProver& prover_;
+  bool first_only_;
   ViolationLedger ledger_;
   double min_clearance_m_ = std::numeric_limits<double>::infinity();
   int min_clearance_item_ = -1;
@@ -128,11 +132,11 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
   }
   const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
   const auto workspace = prover_.make_workspace();
-  VerdictBuilder builder(prover_);
+  VerdictBuilder builder(prover_, settings_.first_violation_only);
   const auto prove = [&](const Motion& motion, double from, double to) {
     const ClearanceProver::Request request{motion, from, to, settings_.max_step_m,
                                            settings_.min_step_m};
-    return prover_.prove(request, builder, deadline, *workspace) == ClearanceProver::End::kFinished;
+    return prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kDeadline;
   };
   if (begin_s >= trajectory.duration_s()) {
     const int last = trajectory.size() - 1;
@@ -149,7 +153,9 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
     if (to <= begin_s) continue;
     motion.set(trajectory, i);
     check_limits(motion, from, to, builder.ledger());
+    if (builder.is_decided()) break;
     if (!prove(motion, from, to)) return tl::make_unexpected(late(trajectory, from));
+    if (builder.is_decided()) break;
   }
   return builder.verdict();
 }

@@ -10,8 +10,8 @@ namespace {
 constexpr double kFactor = 10.0;
 constexpr double kLargestLambda = 1e5;
 constexpr double kLeastFidelity = 1e-3;
-constexpr double kLeastShare = 1e-4;
-constexpr double kShorter = 0.99;
+constexpr double kLeastShare = 1e-4;  // of the initial lambda
+constexpr double kSameLength = 0.99;
 
 class LevenbergMarquardt final : public StepRule {
  public:
@@ -26,28 +26,23 @@ class LevenbergMarquardt final : public StepRule {
   [[nodiscard]] StepOutcome iterate(ChainModel& model, const Deadline& deadline,
                                     int& tried) override {
     bool solved = false;
-    double refused = std::numeric_limits<double>::infinity();
-    while (true) {
+    double refused = std::numeric_limits<double>::infinity();  // length of the last refused step
+    for (; lambda_ < kLargestLambda; lambda_ *= kFactor) {
+      if (!model.system().solve(lambda_, step_)) continue;
+      solved = true;
+      const double length = step_length();
+      if (length > kSameLength * refused) continue;
+      if (refused < std::numeric_limits<double>::infinity() && deadline.expired()) {
+        return StepOutcome::kInterrupted;
+      }
+      ++tried;
       bool worth_more = true;
-      if (model.system().solve(lambda_, step_)) {
-        solved = true;
-        const double length = norm();
-        if (length > kShorter * refused) {
-          lambda_ *= kFactor;
-          if (lambda_ >= kLargestLambda) break;
-          continue;
-        }
-        refused = length;
-        ++tried;
-        if (try_step(model, worth_more)) {
-          lambda_ = std::max(lambda_ / kFactor, kLeastShare * initial_damping_);
-          return StepOutcome::kAccepted;
-        }
+      if (try_step(model, worth_more)) {
+        lambda_ = std::max(lambda_ / kFactor, kLeastShare * initial_damping_);
+        return StepOutcome::kAccepted;
       }
       if (!worth_more) return StepOutcome::kNoBetter;
-      lambda_ *= kFactor;
-      if (lambda_ >= kLargestLambda) break;
-      if (deadline.expired()) return StepOutcome::kInterrupted;
+      refused = length;
     }
     return solved ? StepOutcome::kNoBetter : StepOutcome::kSingular;
   }
@@ -65,7 +60,7 @@ class LevenbergMarquardt final : public StepRule {
     return 0.5 * sum;
   }
 
-  [[nodiscard]] double norm() const {
+  [[nodiscard]] double step_length() const noexcept {
     double sum = 0.0;
     for (const double s : step_) sum += s * s;
     return std::sqrt(sum);

@@ -31,10 +31,10 @@ class StepRule {
 };
 
 /// Levenberg-Marquardt as GPMP2 runs it (GTSAM's): (H + lambda I) step = -gradient, lambda divided
-/// by ten after an accepted step and times ten after a rejected one, which re-uses H. A step is
-/// accepted if it achieves more than a thousandth of the decrease that the model predicts. None is
-/// better if lambda reaches 1e5, or if a rejected step changes the cost by less than
-/// `relative_tolerance` of it.
+/// by ten after an accepted step and times ten after a rejected one, which re-uses H. One that is
+/// hardly shorter than the one just refused is not tried. A step is accepted if it achieves more
+/// than a thousandth of the decrease that the model predicts. None is better if lambda reaches 1e5,
+/// or if a rejected step changes the cost by less than `relative_tolerance` of it.
 [[nodiscard]] std::unique_ptr<StepRule> make_levenberg_marquardt(double initial_damping,
                                                                  double relative_tolerance);
 

@@ -225,16 +225,33 @@ TEST_F(FieldCheckTest, SeesSelfCollision) {
   EXPECT_EQ(verdict.violations[0].amount, -verdict.min_self_clearance_m);
 }
 
-TEST_F(FieldCheckTest, ReportsTheWorstOfEachSubjectWorstFirst) {
-  robot_ = mobile_arm();
-  Eigen::VectorXd from(7);
-  from << -1, 0, 0, 0.2, -0.5, 0.5, 0;
-  Eigen::VectorXd to = from;
-  to[0] = 1.0;
-  world_.grid.origin_m.z() = 0.0;
-  world_.occupied = {Aabb{{-0.1, -2.0, 0.0}, {0.1, 2.0, 2.0}}};
-  const Verdict verdict = check(straight(from, to, 20.0));
-  ASSERT_GE(verdict.violations.size(), 4u);  // base, mast, arm and hand all pass the wall
+/// A mobile arm that drives through a wall: base, mast, arm and hand all pass it.
+class ArmThroughWallTest : public FieldCheckTest {
+ protected:
+  ArmThroughWallTest() {
+    robot_ = mobile_arm();
+    world_.grid.origin_m.z() = 0.0;
+    world_.occupied = {Aabb{{-0.1, -2.0, 0.0}, {0.1, 2.0, 2.0}}};
+  }
+  [[nodiscard]] Verdict check_drive() const {
+    Eigen::VectorXd from(7);
+    from << -1, 0, 0, 0.2, -0.5, 0.5, 0;
+    Eigen::VectorXd to = from;
+    to[0] = 1.0;
+    return check(straight(from, to, 20.0));
+  }
+};
+
+TEST_F(ArmThroughWallTest, EndsAtTheFirstViolationWhereAsked) {
+  settings_.first_violation_only = true;
+  const Verdict verdict = check_drive();
+  EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+  EXPECT_EQ(verdict.violations.size(), 1u);
+}
+
+TEST_F(ArmThroughWallTest, ReportsTheWorstOfEachSubjectWorstFirst) {
+  const Verdict verdict = check_drive();
+  ASSERT_GE(verdict.violations.size(), 4u);
   std::vector<std::string> subjects;
   for (const Violation& violation : verdict.violations) {
     EXPECT_EQ(violation.kind, Violation::Kind::kCollision);

@@ -78,6 +78,8 @@ struct FieldCheckSettings {
   /// Acceleration limits that must hold, where they are known; infinity checks none.
   double acceleration_fraction = std::numeric_limits<double>::infinity();
   double limit_tolerance = 1e-6;  ///< Of positions, velocities and accelerations, in their units.
+  /// End at the first violation found: the verdict then tells of nothing after it.
+  bool first_violation_only = false;
 };
 
 /// The check on one pinned snapshot: the robot's spheres against the distance field, and
