@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include <sidestep/core/seed.hpp>
+#include <sidestep/planning/goal.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 #include <sidestep/trajectory/retime.hpp>
@@ -13,7 +14,6 @@
 namespace sidestep {
 namespace {
 
-constexpr double kEndpointTolerance = 1e-3;  // m, rad
 constexpr double kSlowerEachAttempt = 1.25;
 
 /// What is wrong with being at `q`; empty if nothing is.
@@ -26,31 +26,23 @@ std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
 }
 
 /// How the trajectory fails to lead from start to goal; empty if it does not fail.
-std::string endpoint_problem(const PlanRecord& plan, const RobotModel& model) {
-  const RobotDescription& robot = model.description();
-  const Trajectory& trajectory = plan.solution.trajectory;
-  const auto compare = [&](std::span<const double> at, const Eigen::VectorXd& wanted,
-                           const std::string& verb) -> std::string {
-    for (std::size_t j = 0; j < at.size(); ++j) {
-      const double off = std::abs(at[j] - wanted[static_cast<Eigen::Index>(j)]);
-      if (off <= kEndpointTolerance) continue;
-      return "the trajectory " + verb + " with joint '" + robot.joints[j].name + "' " +
-             format("%.4g", off) +
-             (robot.joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") + " off";
-    }
-    return "";
-  };
-  std::string problem = compare(trajectory.q(0), plan.q_start, "starts");
-  if (!problem.empty()) return problem;
-  const auto q_end = trajectory.q(trajectory.size() - 1);
-  if (!plan.task.end_effector) return compare(q_end, plan.q_goal, "ends");
-  problem = end_effector_problem(*plan.task.end_effector, model, q_end);
-  return problem.empty() ? "" : "the trajectory ends with " + problem;
+std::string endpoint_problem(const Problem& problem, const Trajectory& trajectory) {
+  const RobotDescription& robot = problem.robot->description();
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    const double off = std::abs(trajectory.q(0)[j] - problem.start.q[static_cast<Eigen::Index>(j)]);
+    if (off <= kGoalTolerance) continue;
+    return "the trajectory starts with joint '" + robot.joints[j].name + "' " +
+           format("%.4g", off) + (robot.joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") +
+           " off";
+  }
+  const std::string miss = goal_miss(problem, trajectory.q(trajectory.size() - 1));
+  return miss.empty() ? "" : "the trajectory ends with " + miss;
 }
 
 /// Runs the checks on the record's trajectory and states the first reason to refuse it.
-Result<void> check_plan(const PlanWorld& world, PlanRecord& plan, const Deadline& deadline) {
-  plan.reason = endpoint_problem(plan, *world.robot);
+Result<void> check_plan(const PlanWorld& world, const Problem& problem, PlanRecord& plan,
+                        const Deadline& deadline) {
+  plan.reason = endpoint_problem(problem, plan.solution.trajectory);
   const auto apply = [&](const ValidityCheck* check, std::optional<Verdict>& into,
                          const std::string& where) -> Result<void> {
     if (check == nullptr) return {};
@@ -128,7 +120,7 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
                           std::uint64_t seed, PlanRecord& plan, Log& log, std::stop_token stop) {
   const int attempt = plan.attempts++;
   PlanningSettings planning = world.planning;
-  planning.hold_goal = !plan.task.end_effector;
+  planning.hold_goal = !plan.task.frees_goal;
   Problem problem = make_problem(world.robot, world.field, planning, plan.q_start, plan.q_goal,
                                  std::pow(kSlowerEachAttempt, attempt));
   problem.terms.insert(problem.terms.end(), plan.task.terms.begin(), plan.task.terms.end());
@@ -160,7 +152,7 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
   const Trajectory optimised = plan.solution.trajectory;
   if (world.planning.retime) retime_plan(world, plan);
   if (plan.reason.empty()) {
-    if (auto done = check_plan(world, plan, Deadline(stop)); !done) return done;
+    if (auto done = check_plan(world, problem, plan, Deadline(stop)); !done) return done;
   }
   if (!plan.success() || plan.solution.status != SolveStatus::kConverged) {
     explain_plan(problem, optimised, plan, log);
@@ -221,7 +213,7 @@ Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>&
     return true;
   };
   if (refused(plan.q_start, "the start is not valid")) return plan;
-  if (!plan.task.end_effector && refused(plan.q_goal, "the goal is not valid")) return plan;
+  if (!plan.task.frees_goal && refused(plan.q_goal, "the goal is not valid")) return plan;
   const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
   do {
     if (auto done = attempt_plan(world, optimiser, plan_seed, plan, log, stop); !done) {

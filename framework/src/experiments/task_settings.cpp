@@ -7,12 +7,10 @@
 #include <sidestep/plugin/plugin.hpp>
 
 #include "entry_reading.hpp"
-#include "text_table.hpp"
 
 namespace sidestep {
 namespace {
 
-constexpr double kToleranceInSigmas = 3.0;
 constexpr double kLargest_m = 1e3;
 
 /// Reads blocks of a plan into terms.
@@ -26,9 +24,7 @@ class TaskReader {
     if (block == nullptr || !read_entry(*block, entry) || !has_link(*block)) return;
     const Transform target =
         transform_from_xyz_rpy(entry.position_m, entry.rpy_rad.value_or(Eigen::Vector3d::Zero()));
-    task_.end_effector = EndEffectorGoal{
-        *description_.link_index(entry.link), target, !entry.rpy_rad,
-        kToleranceInSigmas * entry.sigma_position_m, kToleranceInSigmas * entry.sigma_rotation_rad};
+    task_.frees_goal = true;
     add(*block, Placement::kGoal,
         entry.rpy_rad ? make_link_pose_cost(robot_, entry.link, target, entry.sigma_position_m,
                                             entry.sigma_rotation_rad)
@@ -166,22 +162,6 @@ Task read_task(const Node& plan, const std::shared_ptr<const RobotModel>& robot,
   }
   reader.read_posture(plan.find("posture_cost"));
   return task;
-}
-
-std::string end_effector_problem(const EndEffectorGoal& goal, const RobotModel& robot,
-                                 std::span<const double> q) {
-  std::vector<Transform> poses(robot.description().links.size());
-  Scratch scratch;
-  robot.link_poses(q, poses, scratch);
-  const auto link = static_cast<std::size_t>(goal.link);
-  const Transform off = goal.T_world_link.inverse() * poses[link];
-  const std::string which = "link '" + robot.description().links[link].name + "' ";
-  if (!(off.translation().norm() <= goal.position_tolerance_m)) {
-    return which + format("%.4g m off its goal", off.translation().norm());
-  }
-  const double angle = Eigen::AngleAxisd(off.linear()).angle();
-  if (goal.any_orientation || angle <= goal.rotation_tolerance_rad) return "";
-  return which + format("turned %.4g rad from its goal", angle);
 }
 
 }  // namespace sidestep

@@ -48,20 +48,10 @@ struct PostureCostEntry {
   static Parameters<PostureCostEntry> parameters();
 };
 
-/// Where a link is to be at the end of a plan.
-struct EndEffectorGoal {
-  int link = 0;
-  Transform T_world_link = Transform::Identity();
-  bool any_orientation = false;
-  double position_tolerance_m = 0.0;
-  double rotation_tolerance_rad = 0.0;
-};
-
 /// What a plan has to do besides getting from start to goal.
 struct Task {
   std::vector<CostTerm> terms;
-  /// If given, the goal configuration is free.
-  std::optional<EndEffectorGoal> end_effector;
+  bool frees_goal = false;  ///< The terms at kGoal are to say where the robot ends.
 };
 
 /// Reads the task of an item of `experiment.plans`. Appends a kConfig error for each name that is
@@ -69,10 +59,5 @@ struct Task {
 /// refuses.
 [[nodiscard]] Task read_task(const Node& plan, const std::shared_ptr<const RobotModel>& robot,
                              std::vector<Error>& errors);
-
-/// How far a configuration is from having the link where it is to be, in words; empty if it is
-/// within the tolerances, three standard deviations of its cost.
-[[nodiscard]] std::string end_effector_problem(const EndEffectorGoal& goal, const RobotModel& robot,
-                                               std::span<const double> q);
 
 }  // namespace sidestep

@@ -62,10 +62,11 @@ void set_stretch(const StateRows& rows, std::size_t begin, std::size_t end, Hind
 
 /// Appends what one term holds against some states, by group of residuals and stretch of
 /// neighbouring states; returns the whole cost of the term.
-double explain_term(const Problem& problem, const StateCost& cost, const StateRows& rows,
+double explain_term(const Problem& problem, const CostTerm& term, const StateRows& rows,
                     std::vector<Hindrance>& out) {
+  const StateCost& cost = *term.cost;
   const auto m = static_cast<std::size_t>(cost.residual_count());
-  const HindranceReading reading(problem, cost);
+  const HindranceReading reading(problem, term);
   std::vector<double> residuals(rows.size() * m);
   Scratch scratch;
   cost.evaluate(rows.batch(), {residuals, {}, {}}, scratch);
@@ -99,7 +100,8 @@ double explain_term(const Problem& problem, const StateCost& cost, const StateRo
       hindrance.term = cost.name();
       hindrance.worst_s = rows.times_s[worst_state];
       set_stretch(rows, begin, end, hindrance);
-      reading.tell(rows, worst_state, worst_row, residuals[worst_state * m + worst_row], hindrance);
+      reading.tell(rows, worst_state, worst_row, std::span(residuals).subspan(worst_state * m, m),
+                   hindrance);
       out.push_back(std::move(hindrance));
     }
   }
@@ -209,7 +211,7 @@ Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory
   for (const CostTerm& term : problem.terms) {
     if (!term.cost) continue;
     const StateRows rows = states_of(trajectory, term.placement, problem.interpolated_checks);
-    explanation.cost += explain_term(problem, *term.cost, rows, explanation.hindrances);
+    explanation.cost += explain_term(problem, term, rows, explanation.hindrances);
   }
   explanation.cost += explain_prior(problem, trajectory, explanation.hindrances);
   arrange(explanation);
@@ -228,7 +230,7 @@ Result<Explanation> explain_state(const Problem& problem, std::span<const double
     const bool everywhere =
         term.placement != Placement::kStart && term.placement != Placement::kGoal;
     if (!term.cost || !everywhere) continue;
-    explanation.cost += explain_term(problem, *term.cost, rows, explanation.hindrances);
+    explanation.cost += explain_term(problem, term, rows, explanation.hindrances);
   }
   arrange(explanation);
   return explanation;

@@ -6,14 +6,14 @@
 #include <map>
 
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/goal.hpp>
 
 #include "violation_ledger.hpp"
 
 namespace sidestep {
 namespace {
 
-constexpr double kLimitTolerance = 1e-6;     // in the joint's unit, as the checks have it
-constexpr double kEndpointTolerance = 1e-3;  // likewise
+constexpr double kLimitTolerance = 1e-6;  // in the joint's unit, as the checks have it
 constexpr double kLeastGradient = 1e-6;
 
 std::string unit_of(const Joint& joint, bool velocity) {
@@ -23,14 +23,19 @@ std::string unit_of(const Joint& joint, bool velocity) {
 
 }  // namespace
 
-HindranceReading::HindranceReading(const Problem& problem, const StateCost& cost)
+HindranceReading::HindranceReading(const Problem& problem, const CostTerm& term)
     : problem_(problem),
       robot_(problem.robot->description()),
-      meaning_(meaning_of(problem, cost)),
-      residuals_(static_cast<std::size_t>(cost.residual_count())) {
+      meaning_(meaning_of(problem, *term.cost)),
+      is_at_goal_(term.placement == Placement::kGoal) {
+  if (meaning_ == Meaning::kNamed) {
+    named_ = residual_groups(*term.cost);
+    for (const ResidualGroup& group : named_) groups_.push_back(group.rows);
+    return;
+  }
   std::map<std::size_t, std::vector<std::size_t>> groups;
   const auto dof = static_cast<std::size_t>(robot_.dof());
-  for (std::size_t row = 0; row < residuals_; ++row) {
+  for (std::size_t row = 0; row < static_cast<std::size_t>(term.cost->residual_count()); ++row) {
     std::size_t key = row;
     if (meaning_ == Meaning::kObstacle) key = static_cast<std::size_t>(robot_.spheres[row].link);
     if (meaning_ == Meaning::kStart || meaning_ == Meaning::kGoal) key = row % dof;
@@ -54,11 +59,12 @@ HindranceReading::Meaning HindranceReading::meaning_of(const Problem& problem,
   };
   if (fits(problem.start) && is("start", 2 * robot.joints.size())) return Meaning::kStart;
   if (fits(problem.goal) && is("goal", 2 * robot.joints.size())) return Meaning::kGoal;
-  return Meaning::kUnknown;
+  if (fits(problem.goal) && is("goal_velocity", robot.joints.size())) return Meaning::kGoalVelocity;
+  return Meaning::kNamed;
 }
 
 void HindranceReading::tell(const StateRows& rows, std::size_t state, std::size_t row,
-                            double residual, Hindrance& out) const {
+                            std::span<const double> residuals, Hindrance& out) const {
   const std::size_t at = state * static_cast<std::size_t>(rows.dof) + row;
   switch (meaning_) {
     case Meaning::kObstacle: return tell_obstacle(rows.q_of(state), row, out);
@@ -66,13 +72,26 @@ void HindranceReading::tell(const StateRows& rows, std::size_t state, std::size_
     case Meaning::kPositionLimit: return tell_position(rows.q[at], row, out);
     case Meaning::kVelocityLimit: return tell_velocity(rows.qdot[at], row, out);
     case Meaning::kStart:
-    case Meaning::kGoal: return tell_endpoint(rows, state, row, out);
-    case Meaning::kUnknown: break;
+    case Meaning::kGoal:
+    case Meaning::kGoalVelocity: return tell_endpoint(rows, state, row, out);
+    case Meaning::kNamed: return tell_named(row, residuals, out);
   }
-  out.kind = Hindrance::Kind::kOther;
-  out.subject = "row " + std::to_string(row + 1) + " of " + std::to_string(residuals_);
-  out.amount = std::abs(residual);
-  out.unit = "sigma";
+}
+
+void HindranceReading::tell_named(std::size_t row, std::span<const double> residuals,
+                                  Hindrance& out) const {
+  const auto group = std::ranges::find_if(named_, [&](const ResidualGroup& candidate) {
+    return std::ranges::find(candidate.rows, row) != candidate.rows.end();
+  });
+  const auto component = std::ranges::find(group->rows, row) - group->rows.begin();
+  const ResidualName& name = group->names[static_cast<std::size_t>(component)];
+  const double length = group->length(residuals);
+  out.kind = is_at_goal_ ? Hindrance::Kind::kEndpoint : Hindrance::Kind::kOther;
+  out.subject = name.quantity + (name.component.empty() ? "" : " " + name.component);
+  out.other = name.target;
+  out.amount = name.sigma * (name.component.empty() ? length : std::abs(residuals[row]));
+  out.unit = name.unit;
+  out.broken = is_at_goal_ && !(length <= kGoalToleranceSigmas);
 }
 
 void HindranceReading::tell_obstacle(std::span<const double> q, std::size_t sphere,
@@ -154,7 +173,7 @@ void HindranceReading::tell_endpoint(const StateRows& rows, std::size_t state, s
   const auto dof = static_cast<std::size_t>(rows.dof);
   const std::size_t joint = row % dof, at = state * dof + joint;
   const RobotState& wanted = meaning_ == Meaning::kStart ? problem_.start : problem_.goal;
-  const bool velocity = row >= dof;
+  const bool velocity = row >= dof || meaning_ == Meaning::kGoalVelocity;
   const double has = velocity ? rows.qdot[at] : rows.q[at];
   const auto index = static_cast<Eigen::Index>(joint);
   out.kind = Hindrance::Kind::kEndpoint;
@@ -162,7 +181,7 @@ void HindranceReading::tell_endpoint(const StateRows& rows, std::size_t state, s
   out.other = meaning_ == Meaning::kStart ? "the start" : "the goal";
   out.amount = std::abs(has - (velocity ? wanted.qdot[index] : wanted.q[index]));
   out.unit = unit_of(robot_.joints[joint], velocity);
-  out.broken = !(out.amount <= kEndpointTolerance);
+  out.broken = !(out.amount <= kGoalTolerance);
 }
 
 }  // namespace sidestep

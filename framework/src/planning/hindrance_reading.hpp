@@ -4,6 +4,8 @@
 
 #include <sidestep/planning/explain.hpp>
 
+#include "residual_groups.hpp"
+
 namespace sidestep {
 
 /// States of a trajectory, row by row, with their times and their places in units of support
@@ -29,19 +31,19 @@ struct StateRows {
   }
 };
 
-/// Knows what the residuals of a cost mean, where it is one of planning/costs.hpp.
+/// Knows what the residuals of a cost mean, where it is one of planning/costs.hpp or names them.
 class HindranceReading {
  public:
-  HindranceReading(const Problem& problem, const StateCost& cost);
+  HindranceReading(const Problem& problem, const CostTerm& term);
 
   /// Residuals that are told of together: the spheres of a link, a pair of links, a joint.
   [[nodiscard]] const std::vector<std::vector<std::size_t>>& groups() const noexcept {
     return groups_;
   }
   /// Fills in kind, subject, other, amount, unit, obstacle and whether it is broken, from one
-  /// residual of one state.
-  void tell(const StateRows& rows, std::size_t state, std::size_t row, double residual,
-            Hindrance& out) const;
+  /// residual, in `row`, of all of those of one state.
+  void tell(const StateRows& rows, std::size_t state, std::size_t row,
+            std::span<const double> residuals, Hindrance& out) const;
 
  private:
   enum class Meaning {
@@ -51,7 +53,8 @@ class HindranceReading {
     kVelocityLimit,
     kStart,
     kGoal,
-    kUnknown
+    kGoalVelocity,
+    kNamed
   };
   [[nodiscard]] static Meaning meaning_of(const Problem& problem, const StateCost& cost);
 
@@ -61,12 +64,14 @@ class HindranceReading {
   void tell_velocity(double qdot, std::size_t joint, Hindrance& out) const;
   void tell_endpoint(const StateRows& rows, std::size_t state, std::size_t row,
                      Hindrance& out) const;
+  void tell_named(std::size_t row, std::span<const double> residuals, Hindrance& out) const;
 
   const Problem& problem_;
   const RobotDescription& robot_;
   Meaning meaning_;
-  std::size_t residuals_;
+  bool is_at_goal_;
   std::vector<std::vector<std::size_t>> groups_;
+  std::vector<ResidualGroup> named_;  ///< Of kNamed, as groups_.
 };
 
 }  // namespace sidestep

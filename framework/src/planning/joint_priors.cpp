@@ -5,13 +5,14 @@
 #include <vector>
 
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/residual_names.hpp>
 #include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
 
 /// Joints towards values of their own: (value - target) / sigma, of positions or of velocities.
-class JointPrior final : public StateCost {
+class JointPrior : public StateCost {
  public:
   JointPrior(std::string name, bool of_velocity, Eigen::VectorXd target, Eigen::VectorXd weights)
       : name_(std::move(name)),
@@ -54,6 +55,9 @@ class JointPrior final : public StateCost {
     return 0.5 * sum;
   }
 
+ protected:
+  [[nodiscard]] double weight(int joint) const { return weights_[joint]; }
+
  private:
   [[nodiscard]] double residual(const StateBatch& states, std::size_t i) const {
     const auto j = static_cast<Eigen::Index>(i % static_cast<std::size_t>(states.dof));
@@ -64,6 +68,21 @@ class JointPrior final : public StateCost {
   bool of_velocity_;
   Eigen::VectorXd target_;
   Eigen::VectorXd weights_;  ///< 0 for a joint that may be anywhere.
+};
+
+class Posture final : public JointPrior, public NamesResiduals {
+ public:
+  Posture(const RobotDescription& robot, const Eigen::VectorXd& q, const Eigen::VectorXd& sigmas)
+      : JointPrior("posture", false, q, sigmas.cwiseInverse()), joints_(robot.joints) {}
+
+  [[nodiscard]] ResidualName residual_name(int residual) const override {
+    const Joint& joint = joints_[static_cast<std::size_t>(residual)];
+    return {joint.name, "", "its preferred position",
+            joint.type == Joint::Type::kPrismatic ? "m" : "rad", 1.0 / weight(residual)};
+  }
+
+ private:
+  std::vector<Joint> joints_;
 };
 
 }  // namespace
@@ -88,7 +107,7 @@ Result<std::unique_ptr<StateCost>> make_posture_cost(const RobotDescription& rob
                   "the standard deviation of the posture of joint " + joint + " must be positive");
     }
   }
-  return std::make_unique<JointPrior>("posture", false, q, sigmas.cwiseInverse());
+  return std::make_unique<Posture>(robot, q, sigmas);
 }
 
 std::unique_ptr<StateCost> make_velocity_prior(std::string name, Eigen::VectorXd qdot,

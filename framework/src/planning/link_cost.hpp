@@ -4,13 +4,14 @@
 #include <string>
 #include <utility>
 
+#include <sidestep/planning/residual_names.hpp>
 #include <sidestep/planning/state_cost.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
 namespace sidestep {
 
 /// A cost of where one link is: residuals that are functions of the link's pose alone.
-class LinkCost : public StateCost {
+class LinkCost : public StateCost, public NamesResiduals {
  public:
   [[nodiscard]] std::string_view name() const noexcept final { return name_; }
   [[nodiscard]] bool depends_on_velocity() const noexcept final { return false; }
@@ -19,6 +20,10 @@ class LinkCost : public StateCost {
  protected:
   LinkCost(std::string name, std::shared_ptr<const RobotModel> robot, int link)
       : name_(std::move(name)), robot_(std::move(robot)), link_(link) {}
+
+  [[nodiscard]] const std::string& link_name() const noexcept {
+    return robot_->description().links[static_cast<std::size_t>(link_)].name;
+  }
 
   /// Residuals at a pose and, of each, the derivative by the link's motion: `force` by the velocity
   /// of the link's point that is at the world's origin, `moment` by its angular velocity.

@@ -37,6 +37,16 @@ class PoseCost final : public LinkCost {
     return (position_weight_ ? 3 : 0) + (rotation_weight_ ? 3 : 0);
   }
 
+  [[nodiscard]] ResidualName residual_name(int residual) const override {
+    const std::string axis(1, "xyz"[residual % 3]);
+    if (position_weight_ && residual < 3) {
+      return {"position of " + link_name(), "along " + axis, "its target", "m",
+              1.0 / *position_weight_};
+    }
+    return {"orientation of " + link_name(), "about the target's " + axis, "its target", "rad",
+            1.0 / *rotation_weight_};
+  }
+
  private:
   void measure(const Transform& T_world_link, std::span<double> residuals,
                std::span<LinkForce> derivatives) const noexcept override {
@@ -91,6 +101,10 @@ class AxisCost final : public LinkCost {
   }
 
   [[nodiscard]] int residual_count() const noexcept override { return 2; }
+
+  [[nodiscard]] ResidualName residual_name(int) const override {
+    return {"axis of " + link_name(), "", "its direction", "rad", 1.0 / weight_};
+  }
 
  private:
   static constexpr double kOpposite = 1e-9;  ///< A sine: less, and the way back has no direction.

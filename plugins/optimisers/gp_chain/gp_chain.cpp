@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
 #include "minimise.hpp"
@@ -43,7 +44,7 @@ struct Start {
   Minimisation end;
   double initial_cost = 0.0;
   bool is_finite = false;  ///< Its initial cost; else it was not minimised.
-  bool is_valid = false;   ///< Where there are several: free of collisions, within limits.
+  bool is_valid = false;   ///< Where there are several: see make_check(), and ends at the goal.
 };
 
 /// Positions and collisions; how fast a trajectory is may still be changed.
@@ -120,7 +121,9 @@ class GpChain final : public Optimiser {
     const auto check = make_check(problem);
     const auto judge = [&](Start& start) {
       if (!start.is_finite) return;
-      const auto verdict = check->check(trajectory_of(problem, start.model.current()), 0.0, {});
+      const Trajectory found = trajectory_of(problem, start.model.current());
+      if (!goal_miss(problem, found.q(found.size() - 1)).empty()) return;
+      const auto verdict = check->check(found, 0.0, {});
       start.is_valid = verdict.has_value() && verdict->valid();
     };
     const bool first_will_do = settings_.accept == "first_valid";

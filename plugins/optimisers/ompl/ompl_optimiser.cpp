@@ -14,6 +14,7 @@
 #include <ompl/geometric/PathSimplifier.h>
 #include <ompl/util/Exception.h>
 
+#include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/motion_check.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
@@ -177,6 +178,17 @@ std::string why_blocked(const char* which, const Violation& violation) {
          violation.what();
 }
 
+std::string why_not_free(const Problem& problem) {
+  std::string names;
+  for (const CostTerm& term : problem.terms) {
+    if (term.placement != Placement::kGoal) continue;
+    names += (names.empty() ? "'" : ", '") + std::string(term.cost->name()) + "'";
+  }
+  return "the goal configuration is left to costs (" + names +
+         "), and sampling planners know of none: give a goal configuration alone, or use an "
+         "optimiser that minimises costs, such as gp_chain";
+}
+
 class OmplOptimiser final : public Optimiser {
  public:
   OmplOptimiser(const Options& options, std::uint64_t seed, Log& log)
@@ -214,7 +226,9 @@ Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
                            problem.collision_margin_m + kSpareMargin_m,
                            {state.q.data(), static_cast<std::size_t>(state.q.size())});
   };
-  if (const auto violation = blocked(problem.start)) {
+  if (is_goal_free(problem)) {
+    solution = no_path(why_not_free(problem));
+  } else if (const auto violation = blocked(problem.start)) {
     solution = no_path(why_blocked("start", *violation));
   } else if (const auto at_goal = blocked(problem.goal)) {
     solution = no_path(why_blocked("goal", *at_goal));

@@ -45,12 +45,12 @@ TEST_F(TaskSettings, BecomeCostTerms) {
       names, ElementsAre("pose_hand", "orientation_fore_arm", "axis_hand", "axis_base", "posture"));
   EXPECT_EQ(task.terms[0].placement, Placement::kGoal);
   EXPECT_EQ(task.terms[2].placement, Placement::kSupportAndInterpolated);
-  ASSERT_TRUE(task.end_effector);
-  EXPECT_FALSE(task.end_effector->any_orientation);
+  EXPECT_TRUE(task.frees_goal);
 
   const Task position = read("end_effector: {link: hand, position_m: [1, 0, 0.5]}");
   EXPECT_EQ(position.terms.at(0).cost->name(), "position_hand");
-  EXPECT_TRUE(position.end_effector->any_orientation);
+  EXPECT_TRUE(position.frees_goal);
+  EXPECT_FALSE(read("axis_costs: [{link: hand}]").frees_goal);
   EXPECT_TRUE(read("name: nothing").terms.empty());
 }
 
@@ -75,21 +75,6 @@ TEST_F(TaskSettings, PassOverWhatTheirSchemaRefuses) {
       "posture_cost: nothing\n");
   EXPECT_THAT(errors_, ElementsAre());
   EXPECT_TRUE(task.terms.empty());
-}
-
-TEST_F(TaskSettings, MeasureHowFarTheEndIsOff) {
-  const std::vector<double> q = {0.2, -0.1, 0.4, 0.1, -0.5, 0.8, 0.3};
-  std::vector<Transform> poses(robot_->description().links.size());
-  Scratch scratch;
-  robot_->link_poses(q, poses, scratch);
-  EndEffectorGoal goal{7, poses[7], false, 0.01, 0.02};
-  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "");
-  goal.T_world_link.rotate(Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitX()));
-  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "link 'hand' turned 0.03 rad from its goal");
-  goal.any_orientation = true;
-  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "");
-  goal.T_world_link.pretranslate(Eigen::Vector3d(0.0, 0.05, 0.0));
-  EXPECT_EQ(end_effector_problem(goal, *robot_, q), "link 'hand' 0.05 m off its goal");
 }
 
 }  // namespace

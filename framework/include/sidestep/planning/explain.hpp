@@ -19,7 +19,7 @@ struct Hindrance {
     kCollision,      ///< A link near or in an obstacle, or in space that counts as one.
     kSelfCollision,  ///< Two links near or in each other.
     kLimit,          ///< A joint near or beyond a limit.
-    kEndpoint,       ///< A joint off the start or the goal.
+    kEndpoint,       ///< A joint off the start or the goal, a link off its goal.
     kOther           ///< The GP prior, and costs of which no more is known than their rows.
   };
   Kind kind = Kind::kOther;
@@ -29,7 +29,7 @@ struct Hindrance {
   /// A collision, a limit exceeded or an end missed, as opposed to a cost that is merely felt.
   bool broken = false;
 
-  std::string subject;  ///< A link or a joint; a row of the cost.
+  std::string subject;  ///< A link or a joint; what a row of the cost measures, or its number.
   std::string other;    ///< What it meets: an obstacle, a link, a limit, an end.
   double amount = 0.0;  ///< How far inside, beyond or off; negative: by how much it is clear.
   std::string unit;     ///< Of the amount: m, rad, m/s, rad/s, sigma.
@@ -58,8 +58,9 @@ struct Explanation {
 /// Evaluates the terms of a problem at the states of any trajectory, whoever found it, and tells
 /// what holds it: per term and per link, pair of links or joint, each stretch of neighbouring
 /// states at which it costs anything. Rows of the terms "obstacle", "self_collision",
-/// "position_limit", "velocity_limit", "start" and "goal" are those of planning/costs.hpp; of any
-/// other term the row is named by its number. Fails with kInvalidArgument where the trajectory is
+/// "position_limit", "velocity_limit", "start", "goal" and "goal_velocity" are those of
+/// planning/costs.hpp; rows of any other term are what the cost calls them (residual_names.hpp), or
+/// named by their number. Fails with kInvalidArgument where the trajectory is
 /// malformed or not of the problem's robot. [any]; allocates.
 [[nodiscard]] Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory);
 

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 
@@ -5,8 +7,13 @@
 
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/experiments/recorded_problems.hpp>
+#include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/validity_check.hpp>
 
 #include "conformance/optimiser_conformance.hpp"
+#include "support/chain_robot.hpp"
+
 #include "gp_chain.hpp"
 #include "prior_sampler.hpp"
 
@@ -83,6 +90,59 @@ TEST(MultiStart, IsNeverDearerThanOneStartThatIsValid) {
   ASSERT_GT(conformance::clearance_m(problem, one->trajectory), 0.0);
   EXPECT_LE(many->cost, one->cost);
   EXPECT_GT(conformance::clearance_m(problem, many->trajectory), 0.0);
+}
+
+/// Counts how often it is asked, and costs nothing.
+class Counter final : public StateCost {
+ public:
+  explicit Counter(std::shared_ptr<std::atomic<int>> asked) : asked_(std::move(asked)) {}
+
+  [[nodiscard]] std::string_view name() const noexcept override { return "counter"; }
+  [[nodiscard]] int residual_count() const noexcept override { return 1; }
+  [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
+  void evaluate(const StateBatch&, const CostBatch& out, Scratch&) const override {
+    ++*asked_;
+    std::ranges::fill(out.residuals, 0.0);
+    std::ranges::fill(out.jacobian_q, 0.0);
+    std::ranges::fill(out.jacobian_qdot, 0.0);
+  }
+
+ private:
+  std::shared_ptr<std::atomic<int>> asked_;
+};
+
+TEST(MultiStart, DoesNotSettleForAStartThatMissesTheGoal) {
+  Problem problem;
+  problem.robot = testing_support::mobile_arm();
+  problem.field = std::make_shared<conformance::BallField>(
+      std::vector<conformance::Ball>{{{0.0, 0.0, 9.0}, 0.1}});
+  problem.start = {Eigen::VectorXd::Zero(7), Eigen::VectorXd::Zero(7)};
+  problem.start.q << 0.0, 0.0, 0.3, 0.1, -0.6, 0.9, 0.2;
+  problem.goal = problem.start;
+  problem.support_states = 11;
+  problem.dt_s = 0.3;
+  problem.qc = Eigen::VectorXd::Ones(7);
+  const auto asked = std::make_shared<std::atomic<int>>(0);
+  /// How often costs were evaluated on the way to a hand at some height.
+  const auto solve = [&](double height_m, int starts) {
+    problem.terms = standard_terms(problem, {.sigma_self_collision = 0.0, .hold_goal = false});
+    auto there = make_link_position_cost(problem.robot, "hand", {0.8, 0.2, height_m}, 1e-3);
+    EXPECT_TRUE(there) << there.error().describe();
+    problem.terms.push_back({std::move(*there), Placement::kGoal});
+    problem.terms.push_back({std::make_shared<Counter>(asked), Placement::kSupport});
+    *asked = 0;
+    const auto solution = make_gp_chain({.starts = starts, .accept = "first_valid"})
+                              ->solve(problem, straight_line_of(problem), Deadline());
+    EXPECT_TRUE(solution) << solution.error().describe();
+    const auto check = make_field_check(problem.robot, problem.field, problem.space,
+                                        {.speed_fraction = 1e9, .limit_tolerance = 1.0});
+    EXPECT_TRUE(check->check(solution->trajectory, 0.0, {})->valid()) << "nothing is in the way";
+    const auto end = solution->trajectory.q(solution->trajectory.size() - 1);
+    EXPECT_EQ(goal_miss(problem, end).empty(), height_m < 1.0);
+    return asked->load();
+  };
+  EXPECT_EQ(solve(0.9, 4), solve(0.9, 1)) << "the first start reaches the goal";
+  EXPECT_GT(solve(1.9, 4), 2 * solve(1.9, 1)) << "no start does, but all are to be tried";
 }
 
 /// Where GPMP2's straight line runs into a local minimum, another start should find a way: of the

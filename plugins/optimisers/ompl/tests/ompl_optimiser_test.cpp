@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
 #include "conformance/test_host.hpp"
@@ -147,6 +148,17 @@ TEST_F(OmplOptimiserTest, NamesTheLinksOfAGoalInSelfCollision) {
   EXPECT_NE(solution.reason.find("self-collision: fore_arm is "), std::string::npos)
       << solution.reason;
   EXPECT_NE(solution.reason.find("inside mast"), std::string::npos) << solution.reason;
+}
+
+TEST_F(OmplOptimiserTest, RefusesAGoalThatOnlyCostsKnow) {
+  auto there = make_link_position_cost(robot_, "hand", {1.0, 0.2, 0.9}, 1e-3);
+  ASSERT_TRUE(there) << there.error().describe();
+  problem_.terms.push_back({std::move(*there), Placement::kGoal});
+  const Solution solution = solve(options("RRTConnect"));
+  EXPECT_EQ(solution.status, SolveStatus::kNoPath);
+  EXPECT_EQ(solution.trajectory.size(), 0);
+  EXPECT_NE(solution.reason.find("left to costs ('position_hand')"), std::string::npos)
+      << solution.reason;
 }
 
 TEST_F(OmplOptimiserTest, DoesNotShortenATurnOfAContinuousJoint) {

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <span>
+#include <string>
+
+#include <sidestep/planning/problem.hpp>
+
+namespace sidestep {
+
+inline constexpr double kGoalTolerance = 1e-3;  ///< Of each joint at a goal configuration: m, rad.
+inline constexpr double kGoalToleranceSigmas = 3.0;  ///< Of what a cost at kGoal measures.
+
+/// True if terms at kGoal, none of which is the goal prior of standard_terms(), say where the robot
+/// ends: problem.goal is then only where guesses head for. [any]
+[[nodiscard]] bool is_goal_free(const Problem& problem) noexcept;
+
+/// How a configuration (dof values), at rest, misses the goal, e.g. "the position of hand 0.05 m
+/// off its target"; empty if it does not. A goal configuration is missed if any joint is more than
+/// kGoalTolerance off; a free one if anything that a cost at kGoal measures, of those that do not
+/// depend on velocity, is more than kGoalToleranceSigmas standard deviations off. What it measures,
+/// the cost may say (residual_names.hpp); else it is each of its residuals. [any]; allocates.
+[[nodiscard]] std::string goal_miss(const Problem& problem, std::span<const double> q);
+
+}  // namespace sidestep

@@ -1,0 +1,75 @@
+#include <sidestep/planning/goal.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "residual_groups.hpp"
+
+namespace sidestep {
+namespace {
+
+std::string number(double value) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.4g", value);
+  return buffer;
+}
+
+/// Of where the robot ends, not of how fast.
+bool decides_goal(const CostTerm& term) {
+  return term.cost && term.placement == Placement::kGoal && !term.cost->depends_on_velocity();
+}
+
+bool is_goal_prior(const CostTerm& term) {
+  return term.cost && term.placement == Placement::kGoal && term.cost->name() == "goal";
+}
+
+std::string configuration_miss(const Problem& problem, std::span<const double> q) {
+  const RobotDescription& robot = problem.robot->description();
+  for (std::size_t j = 0; j < q.size(); ++j) {
+    const double off = std::abs(q[j] - problem.goal.q[static_cast<Eigen::Index>(j)]);
+    if (off <= kGoalTolerance) continue;
+    return "joint '" + robot.joints[j].name + "' " + number(off) +
+           (robot.joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") + " off";
+  }
+  return "";
+}
+
+std::string term_miss(const StateCost& cost, std::span<const double> q) {
+  const std::vector<double> at_rest(q.size());
+  const double time_s = 0.0;
+  std::vector<double> residuals(static_cast<std::size_t>(cost.residual_count()));
+  Scratch scratch;
+  cost.evaluate({1, static_cast<int>(q.size()), q, at_rest, {&time_s, 1}}, {residuals, {}, {}},
+                scratch);
+  for (const ResidualGroup& group : residual_groups(cost)) {
+    const double sigmas = group.length(residuals);
+    if (sigmas <= kGoalToleranceSigmas) continue;  // what is not a number is a miss
+    const ResidualName& name = group.names.front();
+    const std::string amount = " " + number(sigmas * name.sigma) + " " + name.unit + " off";
+    if (name.target.empty())
+      return name.quantity + " of '" + std::string(cost.name()) + "'" + amount;
+    return "the " + name.quantity + amount + " " + name.target;
+  }
+  return "";
+}
+
+}  // namespace
+
+bool is_goal_free(const Problem& problem) noexcept {
+  const auto is_at_goal = [](const CostTerm& term) { return term.placement == Placement::kGoal; };
+  return std::ranges::any_of(problem.terms, is_at_goal) &&
+         std::ranges::none_of(problem.terms, is_goal_prior);
+}
+
+std::string goal_miss(const Problem& problem, std::span<const double> q) {
+  if (!is_goal_free(problem)) return configuration_miss(problem, q);
+  for (const CostTerm& term : problem.terms) {
+    if (!decides_goal(term)) continue;
+    std::string miss = term_miss(*term.cost, q);
+    if (!miss.empty()) return miss;
+  }
+  return "";
+}
+
+}  // namespace sidestep
