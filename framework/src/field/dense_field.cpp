@@ -124,13 +124,20 @@ struct Places {
   lanes(places.place) = place;
 }
 
+/// Within a cell the interpolant lies below the value at the nearest centre by no more than the way
+/// along the axes from there, for along each it changes no faster than from centre to centre; and
+/// by no more than the mean way from there to the eight corners, which is longest in the
+/// middle: 1.122 voxels.
+constexpr float kLongestWay_vox = 1.123F;
+constexpr float kRounding_vox = 0.007F;
+
 /// Which points of two groups, bit by bit, are not beyond doubt inside the grid and at least
-/// far_m[group] from obstacles by the value at the nearest centre; with `known`, those in unknown
-/// space too. In single precision, within the grid: errors stay far below what query_below() allows
-/// for.
+/// limits_m[group] from obstacles by the value at the nearest centre; with `known`, those in
+/// unknown space too. In single precision, within the grid: kRounding covers it.
 SIDESTEP_SIMD_CLONES
-unsigned find_near(const PointLanes& first_m, const PointLanes& second_m, const double (&far_m)[2],
-                   const Bounds& bounds, const DenseField::Blocks& blocks,
+unsigned find_near(const PointLanes& first_m, const PointLanes& second_m,
+                   const double (&limits_m)[2], const Bounds& bounds, double steepest,
+                   const DenseField::Blocks& blocks,
                    const DenseField::KnownBlocks* known) noexcept {
   const double* groups_m[2][3] = {{first_m.x, first_m.y, first_m.z},
                                   {second_m.x, second_m.y, second_m.z}};
@@ -138,6 +145,7 @@ unsigned find_near(const PointLanes& first_m, const PointLanes& second_m, const 
   constexpr int kShift = std::countr_zero(unsigned{kSide});
   const auto scale = static_cast<float>(bounds.inverse_resolution);
   WideFloats excess = {};  // squared, beyond the grid; no number for what is no point
+  WideFloats way = {};     // along the axes, to the nearest centre, in voxels
   WideIndices block = {}, place = {};
   for (std::size_t axis = 3; axis-- > 0;) {
     const Lanes a = lanes(groups_m[0][axis]) - bounds.origin_m[axis];
@@ -151,16 +159,21 @@ unsigned find_near(const PointLanes& first_m, const PointLanes& second_m, const 
     clamped = clamped < last ? clamped : last;
     excess += (p - clamped) * (p - clamped);
     const WideIndices nearest = __builtin_convertvector(clamped, WideIndices);
+    const WideFloats off = clamped - __builtin_convertvector(nearest, WideFloats) - 0.5F;
+    way += off < 0.0F ? -off : off;
     block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
     place = (nearest & (kSide - 1)) + kSide * place;
   }
-  alignas(64) float limits_m[2 * kLanes];
+  alignas(64) float far_m[2 * kLanes];
   alignas(64) std::int32_t at_block[2 * kLanes], at_place[2 * kLanes];
-  const Floats far_a = Floats{} + static_cast<float>(far_m[0]);
-  const Floats far_b = Floats{} + static_cast<float>(far_m[1]);
+  const Floats first = Floats{} + static_cast<float>(limits_m[0]);
+  const Floats second = Floats{} + static_cast<float>(limits_m[1]);
+  const auto voxel_m = static_cast<float>(steepest / bounds.inverse_resolution);
+  way = way < kLongestWay_vox ? way : WideFloats{} + kLongestWay_vox;
   const WideFloats far =
-      __builtin_shufflevector(far_a, far_b, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  *reinterpret_cast<WideFloats*>(limits_m) =
+      voxel_m * (way + kRounding_vox) +
+      __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  *reinterpret_cast<WideFloats*>(far_m) =
       excess == 0.0F ? far : WideFloats{} + std::numeric_limits<float>::infinity();
   *reinterpret_cast<WideIndices*>(at_block) = block;
   *reinterpret_cast<WideIndices*>(at_place) = place;
@@ -168,7 +181,7 @@ unsigned find_near(const PointLanes& first_m, const PointLanes& second_m, const 
   for (std::size_t i = 0; i < 2 * kLanes; ++i) {
     const Address a{static_cast<std::size_t>(at_block[i]), static_cast<std::size_t>(at_place[i])};
     const float value_m = blocks.block(a.block).distance_m[a.place];
-    near |= static_cast<unsigned>(!(value_m >= limits_m[i])) << i;
+    near |= static_cast<unsigned>(!(value_m >= far_m[i])) << i;
     if (known != nullptr) near |= static_cast<unsigned>(!is_known(*known, a)) << i;
   }
   return near;
@@ -365,9 +378,6 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
                                     std::span<const double> limits_m, bool also_unknown,
                                     std::span<FieldSample> samples) const noexcept {
   const Bounds bounds(info().grid);
-  // Within a cell the interpolant lies below the value at the nearest centre by no more than the
-  // mean way from there to the eight corners, which is longest in the middle: 1.122 voxels.
-  const double slack_m = 1.13 * info().steepest * info().grid.resolution_m;
   std::size_t written = 0;
   Batch near;
   std::array<std::size_t, Batch::kPoints> points;  // of the batch, among all
@@ -386,10 +396,9 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
   };
   for (std::size_t i = 0; i < points_m.size(); i += 2) {
     const std::size_t next = std::min(i + 1, points_m.size() - 1);
-    const double far_m[] = {std::max(limits_m[i], 0.0) + slack_m,
-                            std::max(limits_m[next], 0.0) + slack_m};
-    unsigned found = find_near(points_m[i], points_m[next], far_m, bounds, blocks_,
-                               also_unknown ? &known_ : nullptr);
+    const double limits[] = {std::max(limits_m[i], 0.0), std::max(limits_m[next], 0.0)};
+    unsigned found = find_near(points_m[i], points_m[next], limits, bounds, info().steepest,
+                               blocks_, also_unknown ? &known_ : nullptr);
     if (next == i) found &= (1u << kLanes) - 1;
     for (; found != 0; found &= found - 1) {
       const auto point = i * kLanes + static_cast<std::size_t>(std::countr_zero(found));

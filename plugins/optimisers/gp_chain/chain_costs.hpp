@@ -48,7 +48,8 @@ class ChainCosts {
 
  private:
   struct States {
-    std::vector<double> q, qdot, times_s;
+    std::vector<double> q, qdot;  ///< Reach kLanes beyond the last state.
+    std::vector<double> times_s;
     void resize(int count, int dof, double spacing_s);
     [[nodiscard]] StateBatch batch(int first, int count, int dof) const noexcept;
   };
@@ -65,6 +66,7 @@ class ChainCosts {
   PriorChain prior_;
   std::vector<GpPrior::Interpolation> interpolations_;  ///< Of the checks of every interval.
   States support_, all_;
+  AlignedArray ends_;  ///< Of an interval: positions and velocities of both, in whole lanes.
   AlignedArray sums_;
   Scratch scratch_;
 };

@@ -44,15 +44,33 @@ struct Start {
   Minimisation end;
   double initial_cost = 0.0;
   bool is_finite = false;  ///< Its initial cost; else it was not minimised.
-  bool is_valid = false;   ///< Where there are several: see make_check(), and ends at the goal.
+  bool is_valid = false;   ///< As far as a Judge has seen it.
 };
 
-/// Positions and collisions; how fast a trajectory is may still be changed.
-std::unique_ptr<ValidityCheck> make_check(const Problem& problem) {
-  return make_field_check(problem.robot, problem.field, problem.space,
-                          {.margin_m = problem.collision_margin_m,
-                           .speed_fraction = std::numeric_limits<double>::infinity()});
-}
+/// Which trajectories are valid: free of collisions, within the limits of positions, at the goal.
+/// How fast they are may still be changed.
+class Judge {
+ public:
+  explicit Judge(const Problem& problem)
+      : problem_(problem),
+        check_(make_field_check(problem.robot, problem.field, problem.space,
+                                {.margin_m = problem.collision_margin_m,
+                                 .speed_fraction = std::numeric_limits<double>::infinity(),
+                                 .first_violation_only = true})) {}
+
+  /// False where the deadline passes before it is known.
+  [[nodiscard]] bool accepts(const Start& start, const Deadline& deadline) const {
+    if (!start.is_finite) return false;
+    const Trajectory found = trajectory_of(problem_, start.model.current());
+    if (!goal_miss(problem_, found.q(found.size() - 1)).empty()) return false;
+    const auto verdict = check_->check(found, 0.0, deadline);
+    return verdict.has_value() && verdict->valid();
+  }
+
+ private:
+  const Problem& problem_;
+  std::unique_ptr<ValidityCheck> check_;
+};
 
 class GpChain final : public Optimiser {
  public:
@@ -118,45 +136,59 @@ class GpChain final : public Optimiser {
   /// Goes on from the first start, which is done, to the others.
   const Start& best_of_all(const Problem& problem, const Trajectory& initial,
                            const Deadline& deadline) {
-    const auto check = make_check(problem);
-    const auto judge = [&](Start& start) {
-      if (!start.is_finite) return;
-      const Trajectory found = trajectory_of(problem, start.model.current());
-      if (!goal_miss(problem, found.q(found.size() - 1)).empty()) return;
-      const auto verdict = check->check(found, 0.0, {});
-      start.is_valid = verdict.has_value() && verdict->valid();
-    };
-    const bool first_will_do = settings_.accept == "first_valid";
-    // Starts begin in order and none is given up, so that the lowest valid one is always found.
+    const Judge judge(problem);
+    if (settings_.accept == "first_valid") {
+      minimise_others(problem, initial, deadline, &judge);
+      const auto first = std::ranges::find_if(starts_, &Start::is_valid);
+      return first != starts_.end() ? *first : *by_cost().front();
+    }
+    minimise_others(problem, initial, deadline, nullptr);
+    const std::vector<const Start*> sorted = by_cost();
+    const auto best = std::ranges::find_if(
+        sorted, [&](const Start* start) { return judge.accepts(*start, deadline); });
+    return best != sorted.end() ? **best : *sorted.front();
+  }
+
+  /// With a judge, begins no more starts once one that has been minimised is valid. They begin in
+  /// order and none is given up, so that the first valid one is always found.
+  void minimise_others(const Problem& problem, const Trajectory& initial, const Deadline& deadline,
+                       const Judge* judge) {
     std::atomic<bool> enough = false;
-    judge(starts_.front());
-    enough = first_will_do && starts_.front().is_valid;
+    const auto judge_start = [&](Start& start) {
+      start.is_valid = judge != nullptr && judge->accepts(start, deadline);
+      if (start.is_valid) enough = true;
+    };
+    judge_start(starts_.front());
     sampler_.reset(problem);
     samples_.resize(starts_.size() * starts_.front().model.current().support.size());
-    const auto go = [&](int i) {
+    for (int i = 1; i < settings_.starts; ++i) {
+      sampler_.draw(seed_ + static_cast<std::uint64_t>(i), sample(i));
+    }
+    const auto go = [&](int other) {
+      const int i = other + 1;
       Start& start = starts_[static_cast<std::size_t>(i)];
       start.is_finite = start.is_valid = false;
       if (enough || deadline.expired()) return;
       minimise_from(start, problem, strayed(initial, i), deadline);
-      judge(start);
-      if (first_will_do && start.is_valid) enough = true;
+      judge_start(start);
     };
-    for (int i = 1; i < settings_.starts; ++i) {
-      sampler_.draw(seed_ + static_cast<std::uint64_t>(i), sample(i));
-    }
     const int others = settings_.starts - 1;
     if (workers_ != nullptr) {
-      workers_->run(others, [&](int i) { go(i + 1); });
+      workers_->run(others, go);
     } else {
-      for (int i = 0; i < others; ++i) go(i + 1);
+      for (int i = 0; i < others; ++i) go(i);
     }
-    const auto better = [&](const Start& a, const Start& b) {
-      if (a.is_valid != b.is_valid) return a.is_valid;
-      if (a.is_finite != b.is_finite) return a.is_finite;
-      if (first_will_do && a.is_valid) return false;  // min_element keeps the first
-      return a.is_finite && a.model.current().cost < b.model.current().cost;
-    };
-    return *std::ranges::min_element(starts_, better);
+  }
+
+  /// The starts, the cheapest first.
+  [[nodiscard]] std::vector<const Start*> by_cost() const {
+    std::vector<const Start*> sorted;
+    for (const Start& start : starts_) sorted.push_back(&start);
+    std::ranges::stable_sort(sorted, [](const Start* a, const Start* b) {
+      if (a->is_finite != b->is_finite) return a->is_finite;
+      return a->is_finite && a->model.current().cost < b->model.current().cost;
+    });
+    return sorted;
   }
 
   [[nodiscard]] std::span<double> sample(int start) {

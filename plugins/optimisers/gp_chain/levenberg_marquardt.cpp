@@ -11,7 +11,7 @@ constexpr double kFactor = 10.0;
 constexpr double kLargestLambda = 1e5;
 constexpr double kLeastFidelity = 1e-3;
 constexpr double kLeastShare = 1e-4;  // of the initial lambda
-constexpr double kSameLength = 0.99;
+constexpr double kSameLength = 0.99999;
 
 class LevenbergMarquardt final : public StepRule {
  public:
