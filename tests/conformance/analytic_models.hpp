@@ -22,6 +22,8 @@ class PlanarRobot final : public RobotModel {
     bool mobile = false;
     int spheres_per_link = 3;
     double sphere_radius_m = 0.06;
+    double range_rad = 2.8;      ///< Of every rotary joint, to both sides.
+    double fastest_radps = 1.5;  ///< Velocity limit of every rotary joint.
   };
 
   explicit PlanarRobot(Shape shape) : shape_(shape) {
@@ -33,8 +35,9 @@ class PlanarRobot final : public RobotModel {
     description_.links.push_back({"base", -1});
     if (shape.mobile) description_.spheres.push_back({0, Eigen::Vector3d::Zero(), 0.15});
     for (int k = 1; k <= shape.rotary_joints; ++k) {
-      description_.joints.push_back(
-          {"joint_" + std::to_string(k), Joint::Type::kRevolute, -2.8, 2.8, 1.5, kInfinity});
+      description_.joints.push_back({"joint_" + std::to_string(k), Joint::Type::kRevolute,
+                                     -shape.range_rad, shape.range_rad, shape.fastest_radps,
+                                     kInfinity});
       description_.links.push_back({"link_" + std::to_string(k), k - 1});
       for (int s = 0; s < shape.spheres_per_link; ++s) {
         const double x = kLinkLength_m * (s + 0.5) / shape.spheres_per_link;

@@ -180,13 +180,56 @@ inline void expect_linearises(const StateCost& cost, const States& states) {
   EXPECT_NEAR(sum, expected_cost, 1e-9 * (1.0 + expected_cost));
 }
 
-/// All of the above; `states` must include some at which the cost is not zero.
+/// States a little before and behind where a residual begins: between each two neighbours of which
+/// it is zero at one only, found by bisection.
+[[nodiscard]] inline States states_next_to_kinks(const StateCost& cost, const States& states) {
+  constexpr double kOff = 1e-4;  // of the way between the two
+  const auto between = [&](int i, double share) {
+    States at = states.one(i);
+    const States to = states.one(i + 1);
+    for (std::size_t j = 0; j < at.q.size(); ++j) {
+      at.q[j] += share * (to.q[j] - at.q[j]);
+      at.qdot[j] += share * (to.qdot[j] - at.qdot[j]);
+    }
+    return at;
+  };
+  const Evaluation all = evaluate(cost, states, false);
+  const auto m = static_cast<std::size_t>(cost.residual_count());
+  States found{states.dof, {}, {}, {}};
+  for (int i = 0; i + 1 < states.count(); ++i) {
+    for (std::size_t row = 0; row < m; ++row) {
+      const std::size_t at = static_cast<std::size_t>(i) * m + row;
+      const bool is_zero = all.residuals[at] == 0.0;
+      if (is_zero == (all.residuals[at + m] == 0.0)) continue;
+      double low = 0.0, high = 1.0;
+      while (high - low > 1e-12) {
+        const double middle = 0.5 * (low + high);
+        const double residual = evaluate(cost, between(i, middle), false).residuals[row];
+        ((residual == 0.0) == is_zero ? low : high) = middle;
+      }
+      for (const double share : {low - kOff, high + kOff}) {
+        const States state = between(i, share);
+        found.q.insert(found.q.end(), state.q.begin(), state.q.end());
+        found.qdot.insert(found.qdot.end(), state.qdot.begin(), state.qdot.end());
+        found.times_s.push_back(state.times_s.front());
+      }
+    }
+  }
+  return found;
+}
+
+/// All of the above, at the states and next to where residuals begin; `states` must include some at
+/// which the cost is not zero.
 inline void expect_conforms(const StateCost& cost, const States& states) {
   EXPECT_FALSE(cost.name().empty());
   expect_batch_consistent(cost, states);
   EXPECT_GT(expect_jacobians_match_differences(cost, states), 0)
       << cost.name() << " is zero at every state of the test";
   expect_linearises(cost, states);
+  const States kinks = states_next_to_kinks(cost, states);
+  if (kinks.count() == 0) return;
+  EXPECT_GT(expect_jacobians_match_differences(cost, kinks), 0);
+  expect_linearises(cost, kinks);
 }
 
 }  // namespace sidestep::conformance

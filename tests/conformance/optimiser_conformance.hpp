@@ -288,6 +288,121 @@ TEST_P(OptimiserConformance, RefusesAStateOfTheWrongSize) {
   expect_invalid(problem, initial);
 }
 
+TEST_P(OptimiserConformance, RefusesWhatMakesNoSense) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double infinity = std::numeric_limits<double>::infinity();
+  const std::pair<const char*, std::function<void(Problem&)>> changes[] = {
+      {"two states", [](Problem& p) { p.support_states = 2; }},
+      {"no state", [](Problem& p) { p.support_states = 0; }},
+      {"no time", [](Problem& p) { p.dt_s = 0.0; }},
+      {"no number of a time", [&](Problem& p) { p.dt_s = nan; }},
+      {"endless time", [&](Problem& p) { p.dt_s = infinity; }},
+      {"qc of zero", [](Problem& p) { p.qc[1] = 0.0; }},
+      {"negative qc", [](Problem& p) { p.qc[3] = -1.0; }},
+      {"qc that is not a number", [&](Problem& p) { p.qc[0] = nan; }},
+      {"qc of other joints", [](Problem& p) { p.qc.conservativeResize(3); }},
+      {"no speed", [](Problem& p) { p.speed_fraction = 0.0; }},
+      {"a joint that must not move",
+       [](Problem& p) {
+         p.robot = std::make_shared<PlanarRobot>(
+             PlanarRobot::Shape{.rotary_joints = 2, .mobile = true, .fastest_radps = 0.0});
+       }},
+      {"a term that is missing", [](Problem& p) { p.terms.push_back({}); }},
+      {"no robot", [](Problem& p) { p.robot = nullptr; }}};
+  const Trajectory initial = straight_line_of(reference_problem());
+  for (const auto& [what, change] : changes) {
+    SCOPED_TRACE(what);
+    Problem problem = reference_problem();
+    change(problem);
+    expect_invalid(problem, initial);
+  }
+}
+
+TEST_P(OptimiserConformance, HoldsAJointWhoseLimitsAreOne) {
+  Problem problem = reference_problem();
+  problem.robot = std::make_shared<PlanarRobot>(
+      PlanarRobot::Shape{.rotary_joints = 2, .mobile = true, .range_rad = 0.0});
+  problem.field = std::make_shared<BallField>(std::vector<Ball>{{{1.0, 2.0, 0.0}, 0.25}});
+  problem.start.q << 0.0, 0.0, 0.0, 0.0;
+  problem.goal.q << 1.5, 0.1, 0.0, 0.0;
+  problem.terms = standard_terms(problem, {.epsilon_m = 0.1});
+  const auto solution = optimiser_->solve(problem, straight_line_of(problem), Deadline());
+  ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+  expect_reaches_goal(problem, *solution);
+  for (int i = 0; i < solution->trajectory.size(); ++i) {
+    for (int j = 2; j < 4; ++j) {
+      EXPECT_NEAR(solution->trajectory.q(i)[static_cast<std::size_t>(j)], 0.0, 1e-3);
+    }
+  }
+}
+
+TEST_P(OptimiserConformance, AnswersWhateverThePriorWeighs) {
+  if (!GetParam().minimises_cost) GTEST_SKIP() << "a sampling planner";
+  for (const double qc : {1e-300, 1e-30, 1e-9, 1e9, 1e30, 1e300}) {
+    for (const double dt_s : {1e-9, 0.4, 1e9}) {
+      SCOPED_TRACE("qc " + std::to_string(std::log10(qc)) + ", dt " + std::to_string(dt_s));
+      Problem problem = reference_problem();
+      problem.qc.setConstant(qc);
+      problem.qc[1] = 1.0;
+      problem.dt_s = dt_s;
+      const auto solution = optimiser_->solve(problem, straight_line_of(problem), Deadline());
+      ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+      expect_well_formed(problem, *solution);
+    }
+  }
+}
+
+TEST_P(OptimiserConformance, AnswersWhereEverythingIsInCollision) {
+  Problem problem = reference_problem();
+  problem.field = std::make_shared<BallField>(std::vector<Ball>{{{1.0, 0.2, 0.0}, 50.0}});
+  problem.terms = standard_terms(problem, {.epsilon_m = 0.1});
+  const auto solution = optimiser_->solve(problem, straight_line_of(problem), Deadline());
+  ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+  expect_well_formed(problem, *solution);
+  if (!GetParam().minimises_cost) {
+    EXPECT_EQ(solution->status, SolveStatus::kNoPath);
+  }
+}
+
+TEST_P(OptimiserConformance, AnswersWhereNothingHasBeenSeen) {
+  Problem problem = reference_problem();
+  problem.field = std::make_shared<BallField>(std::vector<Ball>{}, 8.0, -9.0);
+  for (const Space unknown : {Space::kFree, Space::kOccupied}) {
+    problem.space.unknown = unknown;
+    problem.terms = standard_terms(problem, {.epsilon_m = 0.1});
+    const auto solution = optimiser_->solve(problem, straight_line_of(problem), Deadline());
+    ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+    expect_well_formed(problem, *solution);
+    if (unknown == Space::kFree) expect_reaches_goal(problem, *solution);
+  }
+}
+
+TEST_P(OptimiserConformance, AnswersWhereTheGoalIsOutsideTheGrid) {
+  Problem problem = reference_problem();
+  problem.field = std::make_shared<BallField>(std::vector<Ball>{}, 1.0);
+  for (const Space outside : {Space::kFree, Space::kOccupied}) {
+    problem.space.outside = outside;
+    problem.terms = standard_terms(problem, {.epsilon_m = 0.1});
+    const auto solution = optimiser_->solve(problem, straight_line_of(problem), Deadline());
+    ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+    expect_well_formed(problem, *solution);
+    if (outside == Space::kFree) {
+      expect_reaches_goal(problem, *solution);
+    } else if (!GetParam().minimises_cost) {
+      EXPECT_EQ(solution->status, SolveStatus::kNoPath);
+    }
+  }
+}
+
+TEST_P(OptimiserConformance, HoldsStartAndGoalWithoutAnyTerm) {
+  Problem problem = reference_problem();
+  problem.field = std::make_shared<BallField>(std::vector<Ball>{});
+  problem.terms.clear();
+  const auto solution = optimiser_->solve(problem, straight_line_of(problem), Deadline());
+  ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+  expect_reaches_goal(problem, *solution);
+}
+
 TEST_P(OptimiserConformance, RefusesAnInitialTrajectoryThatDoesNotFit) {
   if (!GetParam().minimises_cost) GTEST_SKIP() << "a sampling planner";
   const Problem problem = reference_problem();

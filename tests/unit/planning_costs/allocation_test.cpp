@@ -1,28 +1,23 @@
 #include <gtest/gtest.h>
 
-#include <sidestep/planning/costs.hpp>
-#include <sidestep/planning/problem.hpp>
+#include <sidestep/planning/state_normals.hpp>
 
-#include "conformance/analytic_models.hpp"
 #include "conformance/cost_conformance.hpp"
 #include "support/allocation_counter.hpp"
+#include "support/every_cost.hpp"
 
 namespace sidestep {
 namespace {
 
 using namespace conformance;
 
-TEST(StandardCosts, DoNotAllocateOnceTheScratchIsWarm) {
-  Problem problem;
-  problem.robot = std::make_shared<PlanarRobot>(PlanarRobot::Shape{4, true});
-  problem.field = std::make_shared<BallField>(std::vector<Ball>{{{0.3, 0.2, 0.0}, 0.4}});
-  problem.start = {Eigen::VectorXd::Zero(6), Eigen::VectorXd::Zero(6)};
-  problem.goal = {Eigen::VectorXd::Ones(6), Eigen::VectorXd::Zero(6)};
-  const auto terms = standard_terms(problem, {});
-  ASSERT_EQ(terms.size(), 6u);
-  const States states = random_states(6, 200, 2.8, 3.0);
-  for (const CostTerm& term : terms) {
-    const auto rows = static_cast<std::size_t>(200 * term.cost->residual_count());
+constexpr int kStates = 200;
+
+TEST(EveryCost, DoesNotAllocateOnceItsScratchIsWarm) {
+  const Problem problem = testing_support::problem_of_every_cost();
+  const States states = random_states(6, kStates, 2.8, 3.0);
+  for (const CostTerm& term : problem.terms) {
+    const auto rows = static_cast<std::size_t>(kStates * term.cost->residual_count());
     std::vector<double> residuals(rows), by_q(6 * rows), by_qdot(6 * rows);
     Scratch scratch;
     term.cost->evaluate(states.batch(), {residuals, by_q, by_qdot}, scratch);
@@ -31,6 +26,21 @@ TEST(StandardCosts, DoNotAllocateOnceTheScratchIsWarm) {
     EXPECT_EQ(testing_support::allocations() - before, 0) << term.cost->name();
     EXPECT_GT(Eigen::Map<const Eigen::VectorXd>(residuals.data(), residuals.size()).norm(), 0.0)
         << term.cost->name();
+  }
+}
+
+TEST(EveryCost, DoesNotAllocateToLineariseOnceItsScratchIsWarm) {
+  const Problem problem = testing_support::problem_of_every_cost();
+  const States states = random_states(6, kStates, 2.8, 3.0);
+  for (const CostTerm& term : problem.terms) {
+    StateNormals normals;
+    normals.resize(kStates, 6);
+    Scratch scratch;
+    const double cost = term.cost->linearise(states.batch(), {}, normals, scratch);
+    const int before = testing_support::allocations();
+    (void)term.cost->linearise(states.batch(), {}, normals, scratch);
+    EXPECT_EQ(testing_support::allocations() - before, 0) << term.cost->name();
+    EXPECT_GT(cost, 0.0) << term.cost->name();
   }
 }
 

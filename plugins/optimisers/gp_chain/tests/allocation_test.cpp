@@ -7,6 +7,7 @@
 #include "minimise.hpp"
 #include "settle.hpp"
 #include "support/allocation_counter.hpp"
+#include "support/every_cost.hpp"
 
 namespace sidestep {
 namespace {
@@ -38,6 +39,22 @@ TEST_P(WarmSolve, TakesNothingFromTheHeap) {
   const Minimisation warm = solve();
   EXPECT_EQ(testing_support::allocations() - before, 0);
   EXPECT_GT(warm.tried, 1);
+}
+
+TEST_P(WarmSolve, TakesNothingFromTheHeapWithEveryCost) {
+  const Problem problem = testing_support::problem_of_every_cost();
+  const Trajectory initial = conformance::straight_line_of(problem);
+  const auto rule = make_step_rule({.method = GetParam()});
+  ChainModel model;
+  const auto solve = [&] {
+    model.reset(problem, initial);
+    return minimise(model, *rule, {}, Deadline());
+  };
+  ASSERT_GT(solve().accepted, 1);
+  const int before = testing_support::allocations();
+  const Minimisation warm = solve();
+  EXPECT_EQ(testing_support::allocations() - before, 0);
+  EXPECT_GT(warm.accepted, 1);
 }
 
 /// The second goal change leads on from the first, whose goal term it takes the place of.
