@@ -23,6 +23,7 @@ cmake --build "$work/plugin" >"$work/build.log" 2>&1 || { cat "$work/build.log";
 ctest --test-dir "$work/plugin" --no-tests=error --output-on-failure >"$work/tests.log" 2>&1 ||
   { cat "$work/tests.log"; exit 1; }
 expect "FieldConformance" "$work/tests.log"
+expect "KeepSide.Conforms" "$work/tests.log"
 
 sidestep=$prefix/bin/sidestep
 env -u LD_LIBRARY_PATH "$sidestep" plugins >"$work/plugins.txt"
@@ -38,6 +39,9 @@ expect "$work/plugin" "$work/chessboard.txt"
 
 # The installed command runs an installed configuration by name with the third party's field.
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard
+# So does a plan with the third party's cost.
+cost='[{cost: {plugin: keep_side, link: hand_palm_link, point_m: [0, 0, 0.2]}}]'
+SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set "experiment.plans.0.costs=$cost"
 # Its own check is asked.
 code=0
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard \

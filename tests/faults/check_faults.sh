@@ -37,6 +37,11 @@ throws robot link_poses
 throws robot sphere_centres
 throws robot sphere_jacobians
 throws optimiser solve
+thrower='experiment.plans.0.costs=[{cost: {plugin: throwing, throws_in: '
+expect 3 "plugin cost throwing: threw: on fire in evaluate" optimiser.plugin=gp_ceres \
+  "${thrower}evaluate}}]"
+expect 3 "plugin cost throwing: threw: on fire in linearise" optimiser.plugin=gp_chain \
+  "${thrower}linearise}}]"
 # What they return instead names them, too.
 expect 4 "mapper throwing, frame 0: has seen enough" mapper.plugin=throwing
 expect 4 "field throwing: has nothing to say" field.plugin=throwing

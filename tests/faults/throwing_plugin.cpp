@@ -1,8 +1,10 @@
-// One source for five plugins that load, and throw once they run: THROWING_SOURCE, THROWING_MAPPER
+// One source for six plugins that load, and throw once they run: THROWING_SOURCE, THROWING_MAPPER
 // and so on. The parameter `throws_in` names the method that throws; the others do not.
+#include <algorithm>
 #include <stdexcept>
 
 #include <sidestep/mapping/dense_field_publisher.hpp>
+#include <sidestep/planning/residual_names.hpp>
 #include <sidestep/plugin/map_options.hpp>
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
@@ -243,6 +245,44 @@ class Throwing final : public Optimiser {
 };
 
 Result<std::unique_ptr<Optimiser>> create(const Options& options, const HostContext&) {
+  return std::make_unique<Throwing>(options);
+}
+
+#elif defined(THROWING_COST)
+
+using Kind = StateCost;
+
+struct Options {
+  std::string throws_in;
+  static Parameters<Options> parameters() {
+    return Parameters<Options>().add("throws_in", &Options::throws_in, "Method.");
+  }
+};
+
+class Throwing final : public StateCost, public NamesResiduals {
+ public:
+  explicit Throwing(const Options& options) : fuse_(options.throws_in) {}
+
+  std::string_view name() const noexcept override { return "throwing"; }
+  int residual_count() const noexcept override { return 1; }
+  bool depends_on_velocity() const noexcept override { return false; }
+  void evaluate(const StateBatch&, const CostBatch& out, Scratch&) const override {
+    fuse_.pass("evaluate");
+    for (const auto& values : {out.residuals, out.jacobian_q, out.jacobian_qdot}) {
+      std::fill(values.begin(), values.end(), 0.0);
+    }
+  }
+  double linearise(const StateBatch&, const StateRange&, StateNormals&, Scratch&) const override {
+    fuse_.pass("linearise");
+    return 0.0;
+  }
+  ResidualName residual_name(int) const override { return {"nothing", "", "", "m", 1.0}; }
+
+ private:
+  Fuse fuse_;
+};
+
+Result<std::unique_ptr<StateCost>> create(const Options& options, const HostContext&) {
   return std::make_unique<Throwing>(options);
 }
 

@@ -53,7 +53,7 @@ Result<PlanSettings> read_settings(const Configuration& configuration) {
 
 /// Start, goal and task of every plan, read from the configuration where mistakes have a position.
 std::vector<PlanRecord> read_plans(const Configuration& configuration,
-                                   const std::shared_ptr<const RobotModel>& robot,
+                                   const std::shared_ptr<const RobotModel>& robot, Host& host,
                                    std::vector<Error>& errors) {
   std::vector<PlanRecord> plans;
   const Node* list = block_of(configuration, "experiment").find("plans");
@@ -79,6 +79,7 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     plan.q_start = read_robot_state(*start, robot->description(), errors);
     plan.q_goal = read_robot_state(*goal, robot->description(), errors);
     plan.task = read_task(entry, plan.robot, errors);
+    read_plugin_costs(entry, plan.robot, host, plan.task, errors);
     plans.push_back(std::move(plan));
   }
   if (list->is_list() && list->items().empty())
@@ -108,7 +109,7 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
     return;
   }
   const std::shared_ptr<const RobotModel> robot = std::move(*created);
-  const auto plans = read_plans(configuration, robot, errors);
+  const auto plans = read_plans(configuration, robot, host, errors);
   check_allowed_contacts(block_of(configuration, "check"), robot_of_all(*robot, plans), nullptr,
                          errors);
 }
@@ -251,7 +252,7 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   auto parts = make_parts(context);
   if (!parts) return tl::make_unexpected(std::move(parts.error()));
   std::vector<Error> errors;
-  auto endpoints = read_plans(context.configuration, parts->robot, errors);
+  auto endpoints = read_plans(context.configuration, parts->robot, context.host, errors);
   check_allowed_contacts(block_of(context.configuration, "check"),
                          robot_of_all(*parts->robot, endpoints), parts->scene.get(), errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
@@ -294,6 +295,12 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   return summarise_plans(provenance, *map, plans);
 }
 
+void fill_plans(Node& experiment, Host& host) {
+  Node* plans = experiment.find("plans");
+  if (plans == nullptr || !plans->is_list()) return;
+  for (Node& plan : plans->items()) fill_plugin_costs(plan, host);
+}
+
 }  // namespace
 
 Parameters<PlanEntry> PlanEntry::parameters() {
@@ -312,7 +319,8 @@ Parameters<PlanEntry> PlanEntry::parameters() {
            "Links that are to keep an orientation along the way.")
       .add("axis_costs", &PlanEntry::axis_costs,
            "Links of which an axis is to keep a direction along the way, e.g. upright.")
-      .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.");
+      .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.")
+      .add("costs", &PlanEntry::costs, "Costs that plugins make.");
 }
 
 Parameters<PlanExperimentSettings> PlanExperimentSettings::parameters() {
@@ -338,7 +346,8 @@ ExperimentType plan_experiment() {
           [] { return PlanExperimentSettings::parameters().schema(); },
           {"robot", "source", "mapper", "field", "optimiser", "planning"},
           &check_plans,
-          &run_plan};
+          &run_plan,
+          &fill_plans};
 }
 
 }  // namespace sidestep

@@ -12,6 +12,7 @@
 #include <sidestep/runtime/pipeline.hpp>
 
 #include "attached_settings.hpp"
+#include "cost_plugins.hpp"
 #include "task_settings.hpp"
 
 namespace sidestep {
@@ -26,6 +27,7 @@ struct PlanEntry {
   std::vector<OrientationCostEntry> orientation_costs;
   std::vector<AxisCostEntry> axis_costs;
   std::optional<PostureCostEntry> posture_cost;
+  std::vector<PluginCostEntry> costs;
 
   static Parameters<PlanEntry> parameters();
 };

@@ -83,6 +83,7 @@ std::string_view to_string(PluginKind kind) noexcept {
     case PluginKind::kRobot: return "robot";
     case PluginKind::kOptimiser: return "optimiser";
     case PluginKind::kExecutor: return "executor";
+    case PluginKind::kCost: return "cost";
   }
   return "unknown";
 }

@@ -139,6 +139,7 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
     case PluginKind::kRobot: return kRobotInterface;
     case PluginKind::kOptimiser: return kOptimiserInterface;
     case PluginKind::kExecutor: return kExecutorInterface;
+    case PluginKind::kCost: return kCostInterface;
   }
   return std::nullopt;
 }

@@ -144,6 +144,8 @@ std::string configuration_json_schema(const std::vector<PluginInfo>& plugins,
     return alternatives.back();
   };
   for (const PluginInfo& plugin : plugins) {
+    if (plugin.kind == PluginKind::kCost)
+      continue;  // no block of its own: a plan's `costs` name it
     Json& block = add(std::string(to_string(plugin.kind)), plugin.name, plugin.doc, plugin.schema);
     block["properties"]["plugin"] = {{"const", plugin.name}};
   }

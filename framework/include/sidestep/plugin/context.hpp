@@ -24,7 +24,8 @@ struct HostContext {
   /// Folders in which profiles and scenes that are named rather than given by path are found.
   std::vector<std::filesystem::path> robot_paths;
   std::vector<std::filesystem::path> scene_paths;
-  /// The robot of the run; null while the robot itself is being created.
+  /// The robot of the run; for a cost, with what it carries in the plan; null while the robot
+  /// itself is being created.
   std::shared_ptr<const RobotModel> robot;
 };
 

@@ -19,6 +19,7 @@ enum class PluginKind : std::uint32_t {
   kRobot = 4,
   kOptimiser = 5,
   kExecutor = 6,
+  kCost = 7,
 };
 
 /// Versions of the interface of each kind: raised whenever its virtuals or the data they
@@ -29,6 +30,7 @@ inline constexpr std::uint32_t kFieldInterface = 2;
 inline constexpr std::uint32_t kRobotInterface = 2;
 inline constexpr std::uint32_t kOptimiserInterface = 2;
 inline constexpr std::uint32_t kExecutorInterface = 1;
+inline constexpr std::uint32_t kCostInterface = 1;
 
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
 /// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.

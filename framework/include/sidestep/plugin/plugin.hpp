@@ -10,6 +10,7 @@
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/planning/state_cost.hpp>
 #include <sidestep/plugin/descriptor.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/robot/robot_model.hpp>
@@ -63,6 +64,11 @@ template <>
 struct PluginTraits<Executor> {
   static constexpr PluginKind kKind = PluginKind::kExecutor;
   static constexpr std::uint32_t kVersion = kExecutorInterface;
+};
+template <>
+struct PluginTraits<StateCost> {
+  static constexpr PluginKind kKind = PluginKind::kCost;
+  static constexpr std::uint32_t kVersion = kCostInterface;
 };
 
 namespace detail {
@@ -141,13 +147,13 @@ struct PluginGlue {
 }  // namespace detail
 }  // namespace sidestep
 
-/// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser or
-/// Executor. OPTIONS: a struct with `static Parameters<OPTIONS> parameters()` and, where its
-/// parameters must fit together, `std::vector<OptionMistake> check() const`. CREATE: a function
-/// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
-/// options that check() finds nothing wrong with. What follows DOC are
-/// the views (types as in mapping/occupancy_view.hpp) that a mapper offers or a field needs: the
-/// host tells before a run whether the two fit.
+/// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser,
+/// Executor or StateCost. OPTIONS: a struct with `static Parameters<OPTIONS> parameters()` and,
+/// where its parameters must fit together, `std::vector<OptionMistake> check() const`. CREATE: a
+/// function Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given
+/// only options that check() finds nothing wrong with. What follows DOC are the views (types as in
+/// mapping/occupancy_view.hpp) that a mapper offers or a field needs: the host tells before a run
+/// whether the two fit.
 #define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)         \
   extern "C" SIDESTEP_EXPORT const ::sidestep::PluginDescriptor* sidestep_plugin() { \
     using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;         \

@@ -72,6 +72,10 @@ template <class Interface>
 /// nothing. A KinematicTree, in which no code of the plugin's runs, is returned as it is.
 [[nodiscard]] PluginPtr<RobotModel> guard_robot(PluginPtr<RobotModel> robot);
 
+/// A plugin's cost whose exceptions leave as PluginThrew, likewise; it names its residuals
+/// (planning/residual_names.hpp) if the plugin's does.
+[[nodiscard]] PluginPtr<StateCost> guard_cost(PluginPtr<StateCost> cost);
+
 /// Finds, checks and creates plugins, and lends them what they need. Libraries are loaded with
 /// RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE and never unloaded. [main] thread.
 class Host {
@@ -106,8 +110,8 @@ class Host {
   [[nodiscard]] Node with_defaults(PluginKind kind, const Node& block);
 
   /// Creates the object a block describes. An exception that escapes becomes an Error naming
-  /// the plugin; one that escapes from a robot later on leaves it as PluginThrew. `robot` is lent
-  /// to the plugin; null while the robot is created.
+  /// the plugin; one that escapes from a robot or a cost later on leaves it as PluginThrew. `robot`
+  /// is lent to the plugin; null while the robot is created.
   template <class Interface>
   [[nodiscard]] Result<PluginPtr<Interface>> create(
       const Node& block, const std::shared_ptr<const RobotModel>& robot = nullptr) {
@@ -116,6 +120,8 @@ class Host {
     PluginPtr<Interface> object(static_cast<Interface*>(made->object), std::move(made->deleter));
     if constexpr (std::is_same_v<Interface, RobotModel>) {
       return guard_robot(std::move(object));
+    } else if constexpr (std::is_same_v<Interface, StateCost>) {
+      return guard_cost(std::move(object));
     } else {
       return object;
     }
