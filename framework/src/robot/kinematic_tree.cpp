@@ -60,6 +60,31 @@ KinematicTree::KinematicTree(RobotDescription description, std::vector<TreeJoint
     }
   }
   movers_begin_.push_back(static_cast<int>(movers_.size()));
+  add_columns();
+}
+
+/// A column of the table of screws for each joint, and further ones for bodies that share a joint.
+void KinematicTree::add_columns() {
+  for (int j = 0; j < description_.dof(); ++j) columns_.push_back({-1, j});
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    const int joint = bodies_[b].joint;
+    if (joint == -1) continue;
+    if (columns_[at(joint)].body == -1) {
+      columns_[at(joint)].body = static_cast<int>(b);
+    } else {
+      columns_.push_back({static_cast<int>(b), joint});
+    }
+  }
+  const std::size_t stride = padded(columns_.size());
+  weights_.assign_zeros(bodies_.size() * stride);
+  for (std::size_t b = 0; b < bodies_.size(); ++b) {
+    for (int m = movers_begin_[b]; m < movers_begin_[b + 1]; ++m) {
+      const int mover = movers_[at(m)];
+      const auto column = std::ranges::find(columns_, mover, &Column::body) - columns_.begin();
+      weights_.data()[b * stride + static_cast<std::size_t>(column)] =
+          bodies_[at(mover)].multiplier;
+    }
+  }
 }
 
 void KinematicTree::add_link(std::size_t link) {
@@ -208,36 +233,40 @@ void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkFor
   const std::size_t dof = at(description_.dof());
   const std::size_t n = q.size() / dof;
   const std::size_t count = std::min(forces.size(), joint_forces.size() / dof);
-  std::fill_n(joint_forces.begin(), count * dof, 0.0);
+  const std::size_t stride = padded(columns_.size());
   Scratch::Scope scope(scratch);
-  const auto bodies = scope.array<detail::PoseLanes>(bodies_.size());
+  const auto poses = scope.array<detail::PoseLanes>(bodies_.size());
   const auto screws = scope.array<detail::ScrewLanes>(bodies_.size());
+  const auto table = scope.doubles(6 * stride);
+  const auto works = scope.doubles(stride);
+  std::ranges::fill(table, 0.0);
   std::size_t first = 0;  // of the rows that are placed
   std::size_t end = 0;
+  int row = -1;  // of the table
   for (std::size_t k = 0; k < count; ++k) {
-    const std::size_t row = at(forces[k].row);
-    if (row < first || row >= end) {
-      first = row / kLanes * kLanes;
-      end = std::min(n, first + kLanes);
-      if (row >= end) return;
-      detail::place_bodies(bodies_, q.subspan(first * dof, (end - first) * dof), dof,
-                           bodies.data());
-      detail::find_screws(bodies, screws.data());
+    const LinkForce& force = forces[k];
+    if (force.row != row) {
+      row = force.row;
+      if (at(row) < first || at(row) >= end) {
+        first = at(row) / kLanes * kLanes;
+        end = std::min(n, first + kLanes);
+        detail::place_bodies(bodies_, q.subspan(first * dof, (end - first) * dof), dof,
+                             poses.data());
+        detail::find_screws(bodies_, poses.data(), screws.data());
+      }
+      for (std::size_t c = 0; c < columns_.size(); ++c) {
+        if (columns_[c].body == -1) continue;
+        const detail::ScrewLanes& screw = screws[at(columns_[c].body)];
+        for (std::size_t i = 0; i < 6; ++i)
+          table[i * stride + c] = screw.values[i][at(row) - first];
+      }
     }
-    const auto vector = [lane = row - first](const double(&values)[3][kLanes]) {
-      return Eigen::Vector3d(values[0][lane], values[1][lane], values[2][lane]);
-    };
-    const auto& [unused, link, force, moment] = forces[k];
-    const std::size_t body = at(body_of_link_[at(link)]);
+    const std::size_t body = at(body_of_link_[at(force.link)]);
+    detail::work_of(force.force.data(), force.moment.data(), table.data(), stride,
+                    weights_.data() + body * stride, works.data());
     double* out = joint_forces.data() + k * dof;
-    for (int m = movers_begin_[body]; m < movers_begin_[body + 1]; ++m) {
-      const detail::TreeBody& mover = bodies_[at(movers_[at(m)])];
-      const detail::ScrewLanes& screw = screws[at(movers_[at(m)])];
-      const double work = mover.motion == TreeJoint::Motion::kRotation
-                              ? vector(screw.axis).dot(moment) - vector(screw.offset).dot(force)
-                              : vector(screw.axis).dot(force);
-      out[mover.joint] += mover.multiplier * work;  // a mimic joint adds to its master's
-    }
+    std::copy_n(works.data(), dof, out);
+    for (std::size_t c = dof; c < columns_.size(); ++c) out[columns_[c].joint] += works[c];
   }
 }
 

@@ -126,15 +126,33 @@ void carry_spheres(std::span<const TreeSphere> spheres, const PoseLanes* poses,
 }
 
 SIDESTEP_SIMD_CLONES
-void find_screws(std::span<const PoseLanes> poses, ScrewLanes* screws) noexcept {
-  for (std::size_t b = 0; b < poses.size(); ++b) {
+void find_screws(std::span<const TreeBody> bodies, const PoseLanes* poses,
+                 ScrewLanes* screws) noexcept {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
     const PoseLanes& pose = poses[b];
+    const bool turns = bodies[b].motion == Motion::kRotation;
     for (std::size_t row = 0; row < 3; ++row) {
       const std::size_t next = (row + 1) % 3, last = (row + 2) % 3;
-      lanes(screws[b].axis[row]) = lanes(pose.R[6 + row]);
-      lanes(screws[b].offset[row]) = lanes(pose.R[6 + next]) * lanes(pose.p[last]) -
-                                     lanes(pose.R[6 + last]) * lanes(pose.p[next]);
+      const Lanes axis = lanes(pose.R[6 + row]);
+      const Lanes offset = lanes(pose.p[next]) * lanes(pose.R[6 + last]) -
+                           lanes(pose.p[last]) * lanes(pose.R[6 + next]);
+      lanes(screws[b].values[row]) = turns ? axis : Lanes{};
+      lanes(screws[b].values[3 + row]) = turns ? offset : axis;
     }
+  }
+}
+
+SIDESTEP_SIMD_CLONES
+void work_of(const double* force, const double* moment, const double* table, std::size_t stride,
+             const double* weights, double* works) noexcept {
+  for (std::size_t c = 0; c < stride; c += kLanes) {
+    const double* column = table + c;
+    const Lanes turning = moment[0] * lanes(column) + moment[1] * lanes(column + stride) +
+                          moment[2] * lanes(column + 2 * stride);
+    const Lanes moving = force[0] * lanes(column + 3 * stride) +
+                         force[1] * lanes(column + 4 * stride) +
+                         force[2] * lanes(column + 5 * stride);
+    lanes(works + c) = lanes(weights + c) * (turning + moving);
   }
 }
 

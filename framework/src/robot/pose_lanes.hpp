@@ -13,12 +13,11 @@ struct alignas(64) PoseLanes {
   double p[3][kLanes];
 };
 
-/// What a force on a body does to the joint that moves it, in kLanes configurations: about the
-/// joint's axis, a force f with moment m about the world's origin has the moment
-/// axis . m - offset . f.
+/// The screw about or along which a joint moves, in kLanes configurations: a force f on what it
+/// moves, with moment m about the world's origin, does the work values[0..2] . m + values[3..5] .
+/// f.
 struct alignas(64) ScrewLanes {
-  double axis[3][kLanes];
-  double offset[3][kLanes];  ///< axis x a point of the axis.
+  double values[6][kLanes];
 };
 
 /// Poses of all bodies in the configurations of q, `dof` values each and kLanes at most, of which
@@ -30,7 +29,13 @@ void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, s
 void carry_spheres(std::span<const TreeSphere> spheres, const PoseLanes* poses,
                    PointLanes* centres) noexcept;
 
-/// The screws of bodies that turn.
-void find_screws(std::span<const PoseLanes> poses, ScrewLanes* screws) noexcept;
+/// The screws of all bodies.
+void find_screws(std::span<const TreeBody> bodies, const PoseLanes* poses,
+                 ScrewLanes* screws) noexcept;
+
+/// What a force does to each column of a table of screws: six rows of `stride` values, whole lanes,
+/// one column for each of as many screws, whose works are multiplied with `weights`.
+void work_of(const double* force, const double* moment, const double* table, std::size_t stride,
+             const double* weights, double* works) noexcept;
 
 }  // namespace sidestep::detail

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include <sidestep/core/lanes.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
 namespace sidestep {
@@ -72,7 +73,13 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
   };
 
   KinematicTree(RobotDescription description, std::vector<TreeJoint> tree_joints);
+  struct Column {
+    int body;  ///< That moves; -1 for none.
+    int joint;
+  };
+
   void add_link(std::size_t link);
+  void add_columns();
   void place_bodies(const double* q, std::span<Pose> bodies) const noexcept;
 
   RobotDescription description_;
@@ -83,6 +90,8 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
   std::vector<detail::TreeSphere> spheres_;  // per sphere
   std::vector<int> movers_;        // per body, the bodies from it to the root that q moves
   std::vector<int> movers_begin_;  // movers_ of body b: [movers_begin_[b], movers_begin_[b + 1])
+  std::vector<Column> columns_;
+  AlignedArray weights_;  // per body, of each column: how far it moves the body as its joint does
 };
 
 }  // namespace sidestep
