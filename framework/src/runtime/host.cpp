@@ -281,8 +281,7 @@ Node Host::with_defaults(PluginKind kind, const Node& block) {
   return found ? fill_defaults(block, (*found)->info.schema) : block;
 }
 
-Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
-                                       const std::shared_ptr<const RobotModel>& robot) {
+Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const RunLoan& loan) {
   const auto found = impl_->find(kind, block);
   if (!found) return tl::make_unexpected(found.error());
   std::vector<Error> errors;
@@ -291,13 +290,14 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
 
   const std::string name = (*found)->qualified_name();
   const HostContext context{impl_->log,
-                            impl_->clock,
+                            loan.clock != nullptr ? *loan.clock : impl_->clock,
                             impl_->workers,
                             impl_->documents,
-                            derive_seed(impl_->settings.seed, name),
+                            derive_seed(loan.seed.value_or(impl_->settings.seed), name),
                             impl_->settings.robot_paths,
                             impl_->settings.scene_paths,
-                            robot};
+                            loan.robot,
+                            loan.motion};
   const PluginDescriptor& descriptor = *(*found)->descriptor;
   return guarded(name, [&]() -> Result<Made> {
     Error error;

@@ -22,6 +22,10 @@ class SIDESTEP_EXPORT RobotMotion {
   /// dropped.
   void record(const RobotState& state, Stamp stamp);
 
+  /// Adds a true state in the same way, where whoever moves the robot knows it apart from what is
+  /// measured.
+  void record_truth(const RobotState& state, Stamp stamp);
+
   /// What is being followed from now on, its time 0 at `start`; an empty trajectory: nothing.
   void follow(Trajectory trajectory, Stamp start);
 
@@ -30,8 +34,11 @@ class SIDESTEP_EXPORT RobotMotion {
   [[nodiscard]] std::optional<RobotState> measured(Stamp stamp) const;
   [[nodiscard]] std::optional<Stamp> newest() const;
 
-  /// Where the robot is to be at a time by what it follows; its ends beyond them. Nothing where it
-  /// follows nothing.
+  /// The true state at a time, likewise; the measured one where no true state has been recorded.
+  [[nodiscard]] std::optional<RobotState> truth(Stamp stamp) const;
+
+  /// Where the robot is to be at a time by what it follows; its ends, at rest, beyond them. Nothing
+  /// where it follows nothing.
   [[nodiscard]] std::optional<RobotState> planned(Stamp stamp) const;
 
  private:
@@ -39,10 +46,15 @@ class SIDESTEP_EXPORT RobotMotion {
     Stamp stamp;
     RobotState state;
   };
+  using History = std::deque<Sample>;
+
+  void add(History& history, const RobotState& state, Stamp stamp) const;
+  [[nodiscard]] static std::optional<RobotState> at(const History& history, Stamp stamp);
 
   double history_s_;
   mutable std::mutex mutex_;
-  std::deque<Sample> samples_;
+  History measured_;
+  History true_;
   Trajectory followed_;
   Stamp start_;
 };
