@@ -278,12 +278,15 @@ Result<Retiming> Retimer::run() {
   }
   const int last = path_.size() - 1;
   for (const auto& [state, which] : {std::pair(0, "start"), std::pair(last, "goal")}) {
+    if (state == last && settings_.stop_at_goal) continue;
     if (auto able = check_end(state, which); !able) {
       return tl::make_unexpected(std::move(able.error()));
     }
   }
   const double x_start = squared_speed(0, stages_[0].still_from);
-  const double x_goal = squared_speed(last, stages_[stages_.size() - 1].still_to);
+  const double x_goal = settings_.stop_at_goal
+                            ? 0.0
+                            : squared_speed(last, stages_[stages_.size() - 1].still_to);
   SpeedProfile::Shares shares;
   shares.velocity.assign(static_cast<std::size_t>(stages_.size()), 1.0 - kInside);
   shares.acceleration = shares.velocity;
