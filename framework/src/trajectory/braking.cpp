@@ -100,8 +100,8 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
     const bool is_all = window_s >= left_s;
     const double most_s = std::min(window_s, left_s);
     if (most_s <= 2.0 * kShortStop) break;
-    const auto way_s = way_of_braking_s(cut(trajectory, from, from + most_s), state.qdot.norm(),
-                                        while_braking);
+    const auto way_s =
+        way_of_braking_s(cut(trajectory, from, from + most_s), state.qdot.norm(), while_braking);
     if (!way_s && !is_all) continue;
     for (const double reach : kReaches) {
       const double reach_s = way_s ? std::min(*way_s * reach, left_s) : left_s;
@@ -118,7 +118,8 @@ Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& l
   const auto dof = static_cast<std::size_t>(state.q.size());
   if (dof == 0 || state.qdot.size() != state.q.size() || limits.acceleration.size() != dof) {
     return invalid("a state of " + std::to_string(state.q.size()) + " positions and " +
-                   std::to_string(state.qdot.size()) + " velocities cannot be braked by limits of " +
+                   std::to_string(state.qdot.size()) +
+                   " velocities cannot be braked by limits of " +
                    std::to_string(limits.acceleration.size()) + " joints");
   }
   if (!state.q.allFinite() || !state.qdot.allFinite()) {

@@ -162,6 +162,10 @@ std::optional<SpeedProfile::Rest> SpeedProfile::braking_end(double x_start,
 
 bool SpeedProfile::solve(double x_start, double x_goal, const Shares& shares) {
   limit_speeds(shares);
+  // Speeds at the ends are given: a share that is lowered for the sake of what lies between must
+  // not forbid them.
+  if (!stages_[0].stop_from) fastest_.front() = std::max(fastest_.front(), x_start);
+  if (!stages_[stages_.size() - 1].stop_to) fastest_.back() = std::max(fastest_.back(), x_goal);
   if (!pass_backward(x_goal, shares)) return false;
   const Interval start = reach_.front();
   if (x_start > start.high * (1.0 + kEndTolerance)) {

@@ -21,7 +21,7 @@ Trajectory cut(const Trajectory& trajectory, double from_s, double to_s) {
   const auto dof = static_cast<std::size_t>(trajectory.dof);
   const double end_s = trajectory.duration_s();
   const double from = std::clamp(from_s, 0.0, end_s);
-  const double to = std::clamp(to_s, from, end_s);
+  const double to = std::min(std::max(to_s, from + 2.0 * kSameTime_s), end_s);
   Trajectory out;
   out.dof = trajectory.dof;
   std::vector<double> q(dof), qdot(dof);
@@ -52,8 +52,7 @@ Trajectory joined(const Trajectory& first, const Trajectory& second) {
   Trajectory out = first;
   const double begin_s = first.duration_s();
   for (int i = 1; i < second.size(); ++i) {
-    append(out, begin_s + second.times_s[static_cast<std::size_t>(i)], second.q(i),
-           second.qdot(i));
+    append(out, begin_s + second.times_s[static_cast<std::size_t>(i)], second.q(i), second.qdot(i));
   }
   return out;
 }

@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/planning/initial_guess.hpp>
-
 #include <sidestep/robot/kinematic_tree.hpp>
 
 #include "chart.hpp"
