@@ -24,7 +24,8 @@ std::vector<std::filesystem::path> split_path_list(const char* list) {
 
 Node default_node(const Parameter& parameter) {
   const SourceMark mark{"default", 0, 0};
-  if (parameter.type == ParameterType::kObject) {
+  const bool is_optional = parameter.default_text == "null";
+  if (parameter.type == ParameterType::kObject && !is_optional) {
     Node::Map map;
     for (const Parameter& field : parameter.parameters) {
       if (!field.required) map.push_back({field.name, mark, default_node(field)});
@@ -32,7 +33,7 @@ Node default_node(const Parameter& parameter) {
     return Node(std::move(map), mark);
   }
   const std::string& text = parameter.default_text;
-  if (text == "null" || text.empty()) {
+  if (is_optional || text.empty()) {
     Node null;
     null.set_mark(mark);
     return null;
