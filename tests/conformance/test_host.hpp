@@ -60,6 +60,8 @@ struct TestHostParts {
   std::vector<std::filesystem::path> scene_paths;
   /// With Sidestep::runtime a YamlDocumentReader reads files.
   std::shared_ptr<const DocumentReader> documents = std::make_shared<NoDocuments>();
+  const Clock* clock = nullptr;         ///< Null: one that stands at 0.
+  std::shared_ptr<RobotMotion> motion;  ///< Null: no robot moves.
 };
 
 /// What a host lends to plugins, for tests that create them without loading a library. Outlives
@@ -73,13 +75,14 @@ class TestHost {
   /// The same with threads of the caller's, as the suites of this folder lend them.
   [[nodiscard]] HostContext context(WorkerPool& workers, std::uint64_t seed = 0) {
     return {log_,
-            clock_,
+            parts_.clock != nullptr ? *parts_.clock : clock_,
             workers,
             *parts_.documents,
             seed,
             parts_.robot_paths,
             parts_.scene_paths,
-            parts_.robot};
+            parts_.robot,
+            parts_.motion};
   }
   [[nodiscard]] RecordingLog& log() noexcept { return log_; }
   [[nodiscard]] WorkerPool& workers() noexcept { return workers_; }

@@ -4,11 +4,11 @@
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 #include <sidestep/trajectory/retime.hpp>
 
-#include "initial_guess.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {

@@ -264,6 +264,16 @@ void RayCaster::set_time(double time_s) {
   if (changed) rtcCommitScene(impl_->scene.get());
 }
 
+void RayCaster::set_poses(std::size_t first, std::span<const Transform> T_world_object) {
+  if (T_world_object.empty()) return;
+  for (std::size_t i = 0; i < T_world_object.size(); ++i) {
+    CastObject& object = impl_->objects[first + i];
+    object.T_world_object = T_world_object[i];
+    impl_->place(object);
+  }
+  rtcCommitScene(impl_->scene.get());
+}
+
 void RayCaster::cast(std::span<const Eigen::Vector3d> origins,
                      std::span<const Eigen::Vector3d> directions, std::span<RayHit> hits) const {
   for (std::size_t i = 0; i < hits.size(); ++i) hits[i] = impl_->cast(origins[i], directions[i]);

@@ -24,7 +24,8 @@ std::vector<std::filesystem::path> split_path_list(const char* list) {
 
 Node default_node(const Parameter& parameter) {
   const SourceMark mark{"default", 0, 0};
-  if (parameter.type == ParameterType::kObject) {
+  const bool is_optional = parameter.default_text == "null";
+  if (parameter.type == ParameterType::kObject && !is_optional) {
     Node::Map map;
     for (const Parameter& field : parameter.parameters) {
       if (!field.required) map.push_back({field.name, mark, default_node(field)});
@@ -32,7 +33,7 @@ Node default_node(const Parameter& parameter) {
     return Node(std::move(map), mark);
   }
   const std::string& text = parameter.default_text;
-  if (text == "null" || text.empty()) {
+  if (is_optional || text.empty()) {
     Node null;
     null.set_mark(mark);
     return null;
@@ -281,8 +282,7 @@ Node Host::with_defaults(PluginKind kind, const Node& block) {
   return found ? fill_defaults(block, (*found)->info.schema) : block;
 }
 
-Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
-                                       const std::shared_ptr<const RobotModel>& robot) {
+Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const RunLoan& loan) {
   const auto found = impl_->find(kind, block);
   if (!found) return tl::make_unexpected(found.error());
   std::vector<Error> errors;
@@ -291,13 +291,14 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block,
 
   const std::string name = (*found)->qualified_name();
   const HostContext context{impl_->log,
-                            impl_->clock,
+                            loan.clock != nullptr ? *loan.clock : impl_->clock,
                             impl_->workers,
                             impl_->documents,
-                            derive_seed(impl_->settings.seed, name),
+                            derive_seed(loan.seed.value_or(impl_->settings.seed), name),
                             impl_->settings.robot_paths,
                             impl_->settings.scene_paths,
-                            robot};
+                            loan.robot,
+                            loan.motion};
   const PluginDescriptor& descriptor = *(*found)->descriptor;
   return guarded(name, [&]() -> Result<Made> {
     Error error;

@@ -88,7 +88,7 @@ class Retimer {
  private:
   [[nodiscard]] std::size_t dof() const noexcept { return static_cast<std::size_t>(path_.dof); }
   [[nodiscard]] Result<void> release_resting_joints();
-  [[nodiscard]] Result<void> check_end(int state, std::string_view which) const;
+  [[nodiscard]] Result<void> check_end(int state, std::string_view which);
   [[nodiscard]] double squared_speed(int state, bool still) const;
   void write_motion();
   [[nodiscard]] Use use_of(int stage);
@@ -131,11 +131,14 @@ Result<void> Retimer::release_resting_joints() {
   return {};
 }
 
-Result<void> Retimer::check_end(int state, std::string_view which) const {
+Result<void> Retimer::check_end(int state, std::string_view which) {
   constexpr double kTolerance = 1e-6;
   for (std::size_t j = 0; j < dof(); ++j) {
     const double speed = std::abs(path_.qdot(state)[j]);
-    if (speed <= limits_.velocity[j] * (1.0 + kTolerance)) continue;
+    if (speed <= limits_.velocity[j] * (1.0 + kTolerance)) {
+      limits_.velocity[j] = std::max(limits_.velocity[j], speed);  // rounding
+      continue;
+    }
     return invalid(joint_name(limits_, j) + " moves at " + number(speed) + " at the " +
                    std::string(which) + " of the path, beyond its velocity limit of " +
                    number(limits_.velocity[j]));
@@ -278,12 +281,14 @@ Result<Retiming> Retimer::run() {
   }
   const int last = path_.size() - 1;
   for (const auto& [state, which] : {std::pair(0, "start"), std::pair(last, "goal")}) {
+    if (state == last && settings_.stop_at_goal) continue;
     if (auto able = check_end(state, which); !able) {
       return tl::make_unexpected(std::move(able.error()));
     }
   }
   const double x_start = squared_speed(0, stages_[0].still_from);
-  const double x_goal = squared_speed(last, stages_[stages_.size() - 1].still_to);
+  const double x_goal =
+      settings_.stop_at_goal ? 0.0 : squared_speed(last, stages_[stages_.size() - 1].still_to);
   SpeedProfile::Shares shares;
   shares.velocity.assign(static_cast<std::size_t>(stages_.size()), 1.0 - kInside);
   shares.acceleration = shares.velocity;

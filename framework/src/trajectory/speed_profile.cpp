@@ -143,8 +143,29 @@ int SpeedProfile::where_braking_fails(double x_start, const Shares& shares) {
   return stages_.size() - 1;
 }
 
+std::optional<SpeedProfile::Rest> SpeedProfile::braking_end(double x_start,
+                                                            double acceleration_share) {
+  double x = x_start;
+  for (int i = 0; i < stages_.size(); ++i) {
+    load(i, acceleration_share);
+    next_ = {-kEndless, kEndless};
+    const Bounds here = bounds(x);
+    const double u = here.lower(x);
+    if (x > most_x_ || u > here.upper(x)) return std::nullopt;
+    const double next = x + twice_length_ * u;
+    if (next <= 0.0) return Rest{i, x > 0.0 ? x / (x - next) : 0.0};
+    if (stages_[i].stop_to) return std::nullopt;
+    x = next;
+  }
+  return std::nullopt;
+}
+
 bool SpeedProfile::solve(double x_start, double x_goal, const Shares& shares) {
   limit_speeds(shares);
+  // Speeds at the ends are given: a share that is lowered for the sake of what lies between must
+  // not forbid them.
+  if (!stages_[0].stop_from) fastest_.front() = std::max(fastest_.front(), x_start);
+  if (!stages_[stages_.size() - 1].stop_to) fastest_.back() = std::max(fastest_.back(), x_goal);
   if (!pass_backward(x_goal, shares)) return false;
   const Interval start = reach_.front();
   if (x_start > start.high * (1.0 + kEndTolerance)) {

@@ -39,6 +39,14 @@ class SpeedProfile {
   /// obstruction() says why.
   [[nodiscard]] bool solve(double x_start, double x_goal, const Shares& shares);
 
+  struct Rest {
+    int stage = 0;
+    double share = 0.0;  ///< Of the stage's length.
+  };
+  /// Where the path stands still when it is braked hardest from `x_start`, with so much of the
+  /// acceleration limits; nothing where it ends before, or cannot be braked so within them.
+  [[nodiscard]] std::optional<Rest> braking_end(double x_start, double acceleration_share);
+
   /// One value more than there are stages.
   [[nodiscard]] const std::vector<double>& x() const noexcept { return x_; }
   [[nodiscard]] const Obstruction& obstruction() const noexcept { return obstruction_; }

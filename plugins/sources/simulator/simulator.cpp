@@ -1,5 +1,9 @@
 #include "simulator.hpp"
 
+#include <algorithm>
+#include <chrono>
+#include <string>
+#include <thread>
 #include <utility>
 
 #include <sidestep/geometry/ray_caster.hpp>
@@ -7,61 +11,111 @@
 #include "camera_path.hpp"
 #include "depth_noise.hpp"
 #include "depth_renderer.hpp"
+#include "frame_timing.hpp"
 #include "load_scene.hpp"
+#include "viewpoint.hpp"
 
 namespace sidestep::simulator {
 namespace {
+
+/// How often a clock that is waited for is looked at.
+constexpr auto kPoll = std::chrono::microseconds(200);
 
 CameraIntrinsics intrinsics(const CameraOptions& options) {
   return {options.width_px, options.height_px, options.fx_px,
           options.fy_px,    options.cx_px,     options.cy_px};
 }
 
+/// A scene with more objects behind its own.
+Scene with_objects(const Scene& scene, const std::vector<SceneObject>& more) {
+  std::vector<SceneObject> all = scene.objects();
+  all.insert(all.end(), more.begin(), more.end());
+  return Scene(std::move(all));
+}
+
 class Simulator final : public Source, public GroundTruth {
  public:
-  Simulator(const Options& options, Scene scene, CameraPath path, WorkerPool& workers,
-            std::uint64_t seed)
+  Simulator(const Options& options, Scene scene, Viewpoint viewpoint, const HostContext& context)
       : frames_(options.frames),
-        rate_hz_(options.rate_hz),
+        is_paced_(options.pace == "clock"),
         camera_(intrinsics(options.camera)),
         scene_(std::move(scene)),
-        path_(std::move(path)),
-        workers_(workers),
-        caster_(scene_),
+        viewpoint_(std::move(viewpoint)),
+        timing_(options.rate_hz),
+        clock_(context.clock),
+        workers_(context.workers),
+        caster_(with_objects(scene_, viewpoint_.shapes())),
         renderer_(camera_),
-        sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, seed) {}
+        sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, context.seed) {}
 
   Result<std::optional<Frame>> next(const Deadline& deadline) override {
-    if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "rendering was cancelled");
-    if (frames_ > 0 && at_ >= frames_) return std::optional<Frame>();
-    if (deadline.expired()) {
+    if (!is_paced_ && !deadline.stop_requested() && !is_over() && deadline.expired()) {
       return fail(ErrorCode::kDeadlineExceeded, "no time was left to render a frame");
     }
-    std::optional<Frame> frame(std::in_place);
-    frame->sequence = at_++;
-    frame->stamp = Stamp::from_seconds(static_cast<double>(frame->sequence) / rate_hz_);
-    frame->T_world_camera = path_.T_world_camera(frame->stamp.seconds());
-    caster_.set_time(frame->stamp.seconds());
-    renderer_.render(caster_, frame->T_world_camera, workers_, exact_);
-    DepthImage image{camera_, {}};
-    sensor_.measure(exact_, frame->sequence, workers_, image.depth_m);
-    frame->measurement = std::move(image);
-    return frame;
+    for (;; std::this_thread::sleep_for(kPoll)) {
+      if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "rendering was cancelled");
+      if (is_over()) return std::optional<Frame>();
+      if (is_paced_) skip_to_newest();
+      const Stamp stamp = timing_.stamp(at_);
+      if (!is_paced_ || stamp <= clock_.now()) {
+        if (const auto view = viewpoint_.view(stamp)) return render(*view, stamp);
+      }
+      // At the run's pace a newer frame may do; behind the last one there is none.
+      const bool is_awaited = is_paced_ && at_ + 1 != frames_;
+      if (!is_awaited && viewpoint_.is_past(stamp)) return unknown_pose(stamp);
+      if (deadline.expired()) {
+        return fail(ErrorCode::kDeadlineExceeded, "frame " + std::to_string(at_) + ", at " +
+                                                      std::to_string(stamp.seconds()) +
+                                                      " s, was not due or not known in time");
+      }
+    }
   }
 
   std::optional<std::int64_t> frame_count() const override {
-    if (frames_ == 0) return {};
+    if (frames_ == 0 || is_paced_) return {};
     return frames_;
   }
 
   const Scene& scene() const override { return scene_; }
 
  private:
+  [[nodiscard]] bool is_over() const noexcept { return frames_ > 0 && at_ >= frames_; }
+
+  /// Passes over the frames that have been overtaken by one that is due and whose view is known.
+  void skip_to_newest() {
+    std::int64_t newest = timing_.last_until(std::min(clock_.now(), viewpoint_.known_until()));
+    if (frames_ > 0) newest = std::min(newest, frames_ - 1);
+    at_ = std::max(at_, newest);
+  }
+
+  std::optional<Frame> render(const View& view, Stamp stamp) {
+    std::optional<Frame> frame(std::in_place);
+    frame->sequence = at_++;
+    frame->stamp = stamp;
+    frame->T_world_camera = view.T_world_camera;
+    frame->joint_positions = view.joint_positions;
+    caster_.set_time(stamp.seconds());
+    caster_.set_poses(scene_.objects().size(), view.T_world_shape);
+    renderer_.render(caster_, view.T_world_eye, workers_, exact_);
+    DepthImage image{camera_, {}};
+    sensor_.measure(exact_, frame->sequence, workers_, image.depth_m);
+    frame->measurement = std::move(image);
+    return frame;
+  }
+
+  tl::unexpected<Error> unknown_pose(Stamp stamp) {
+    return fail(ErrorCode::kBadFrame,
+                "where the robot was at " + std::to_string(stamp.seconds()) + " s is not known",
+                "frame " + std::to_string(at_++));
+  }
+
   std::int64_t frames_;
-  double rate_hz_;
+  bool is_paced_;
   CameraIntrinsics camera_;
   Scene scene_;
-  CameraPath path_;
+  Viewpoint viewpoint_;
+  FrameTiming timing_;
+  const Clock& clock_;
   WorkerPool& workers_;
   RayCaster caster_;
   DepthRenderer renderer_;
@@ -73,7 +127,15 @@ class Simulator final : public Source, public GroundTruth {
 }  // namespace
 
 std::vector<OptionMistake> Options::check() const {
-  std::vector<OptionMistake> mistakes = check_camera_path(camera_path);
+  std::vector<OptionMistake> mistakes;
+  if (!mount) {
+    mistakes = check_camera_path(camera_path);
+  } else {
+    mistakes = check_mount(*mount);
+    if (!camera_path.empty()) {
+      mistakes.push_back({{"mount", "camera_path"}, "and camera_path exclude each other", {}});
+    }
+  }
   if (range_min_m >= range_max_m) {
     mistakes.push_back({{"range_min_m", "range_max_m"}, "must be less than range_max_m", {}});
   }
@@ -83,9 +145,10 @@ std::vector<OptionMistake> Options::check() const {
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
   auto scene = load_scene(options.scene, context.scene_paths, context.documents);
   if (!scene) return tl::make_unexpected(scene.error());
-  return std::unique_ptr<Source>(std::make_unique<Simulator>(
-      options, std::move(*scene), CameraPath(options.camera_path, options.camera_path_repeats),
-      context.workers, context.seed));
+  auto viewpoint = Viewpoint::create(options, context);
+  if (!viewpoint) return tl::make_unexpected(std::move(viewpoint.error()));
+  return std::unique_ptr<Source>(
+      std::make_unique<Simulator>(options, std::move(*scene), std::move(*viewpoint), context));
 }
 
 }  // namespace sidestep::simulator

@@ -4,11 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 #include "chart.hpp"
 #include "frame_tap.hpp"
-#include "initial_guess.hpp"
 #include "plan_summary.hpp"
 #include "statistics.hpp"
 #include "text_table.hpp"

@@ -45,6 +45,38 @@ double sphere_trace(const Scene& scene, const Eigen::Vector3d& origin,
   return std::numeric_limits<double>::infinity();
 }
 
+/// Against a caster of a scene in which everything stood there from the beginning.
+TEST(RayCaster, MovesObjectsToThePosesItIsGiven) {
+  const Scene scene = every_shape();
+  RayCaster moved(scene);
+  std::vector<SceneObject> objects = scene.objects();
+  std::vector<Transform> poses;
+  for (std::size_t i = 2; i < objects.size(); ++i) {
+    const double by = 0.2 * static_cast<double>(i);
+    poses.push_back(objects[i].waypoints[0].T_world_object *
+                    transform_from_xyz_rpy({by, -0.3, 0.1}, {0.1, by, -0.2}));
+    objects[i].waypoints[0].T_world_object = poses.back();
+  }
+  moved.set_poses(2, poses);
+  const RayCaster built{Scene(objects)};
+  const RayCaster unmoved(scene);
+  int changed = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const double angle = 0.01 * i;
+    const Eigen::Vector3d origin(3.0 * std::cos(angle), 3.0 * std::sin(angle), 1.5 - 0.001 * i);
+    const Eigen::Vector3d direction =
+        Eigen::Vector3d(std::sin(0.37 * i), std::cos(0.23 * i), std::sin(0.11 * i)) - origin;
+    const RayHit hit = cast_one(moved, origin, direction);
+    const RayHit expected = cast_one(built, origin, direction);
+    EXPECT_EQ(hit.object, expected.object);
+    if (expected.object >= 0) {
+      EXPECT_NEAR(hit.distance_m, expected.distance_m, 1e-6);
+    }
+    changed += hit.distance_m != cast_one(unmoved, origin, direction).distance_m ? 1 : 0;
+  }
+  EXPECT_GT(changed, 300);
+}
+
 TEST(RayCaster, HitsAnalyticShapesWhereAlgebraSays) {
   const RayCaster ball(Scene({still("ball", Sphere{0.5}, {3, 0, 0})}));
   RayHit hit = cast_one(ball, {0, 0, 0}, {1, 0, 0});

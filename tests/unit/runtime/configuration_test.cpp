@@ -174,6 +174,7 @@ struct Everything {
   std::vector<double> weights = {1.0, 2.0};
   Eigen::Vector3i size{1, 2, 3};
   std::optional<double> limit;
+  std::optional<Part> spare;
   Part part;
   std::vector<Part> parts;
   std::string name;
@@ -189,6 +190,7 @@ struct Everything {
         .add("size", &E::size, "A size.")
         .add("limit", &E::limit, "A limit.")
         .add("part", &E::part, "A part.")
+        .add("spare", &E::spare, "Another part, or none.")
         .add("parts", &E::parts, "Parts.")
         .add("name", &E::name, "A name.", {.required = true});
   }
@@ -255,6 +257,10 @@ TEST(SchemaCheck, DefaultsAreThoseOfTheStruct) {
   ASSERT_EQ(read.parts.size(), 1u);
   EXPECT_EQ(read.parts[0].radius_m, 0.5);
   EXPECT_EQ(filled.find("length_m")->mark().to_string(), "default");
+  EXPECT_FALSE(read.spare);
+  errors.clear();
+  check_against_schema(filled, Everything::parameters().schema(), {}, errors);
+  EXPECT_TRUE(errors.empty());
 }
 
 }  // namespace

@@ -326,6 +326,21 @@ TEST(Retime, TakesTheLeastTimeFromASpeed) {
   EXPECT_LE(retimed->trajectory.duration_s(), optimum_s * 1.001);
 }
 
+TEST(Retime, LeavesAtFullSpeedIntoACurve) {
+  // At its velocity limit where the path begins to turn; its own timing keeps all limits.
+  for (const double v : {0.9, 0.9999, 1.0 - 1e-6, 1.0}) {
+    Trajectory path =
+        hermite(2, {0.0, 4.3, 7.9}, {0.6, 0.0, 2.5, 1.0, 4.0, 0.0}, {v, 0.0, 0.38, 0.0, 0.0, 0.0});
+    const MotionLimits limits = limits_of({1.0, 1.0}, {1.0, 1.0});
+    const auto use = limit_use(path, limits, 20'000);
+    ASSERT_LE(*std::ranges::max_element(use), 1.0 + 1e-6);
+    const auto retimed = retime(path, limits);
+    ASSERT_TRUE(retimed) << v << ": " << retimed.error().describe();
+    expect_sound(path, limits, *retimed);
+    EXPECT_NEAR(retimed->trajectory.qdot(0)[0], v, 1e-12);
+  }
+}
+
 TEST(Retime, StopsWhereThePathTurnsOnTheSpotOnly) {
   // Along x, then along y, at rest in the corner; and along x through a point where it stood.
   const Trajectory corner = hermite(2, {0.0, 1.0, 2.0}, {0, 0, 1, 0, 1, 1}, std::vector<double>(6));

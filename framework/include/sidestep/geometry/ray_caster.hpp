@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <span>
 
@@ -16,7 +17,8 @@ struct RayHit {
 /// Casts rays into a scene with Embree; curved shapes are cast exactly, not as facets. A ray
 /// that starts inside an object hits that object's surface from within. Keeps its own copy of
 /// the scene. The constructor throws std::runtime_error where Embree cannot start.
-/// set_time() is [simulation] only and must not run beside cast(); cast() is [any].
+/// set_time() and set_poses() are [simulation] only and must not run beside cast(); cast() is
+/// [any].
 class RayCaster {
  public:
   explicit RayCaster(const Scene& scene);
@@ -26,6 +28,9 @@ class RayCaster {
 
   /// Moves the objects to where they are at `time_s`.
   void set_time(double time_s);
+
+  /// Moves objects that stand still in the scene, from number `first` on, to the given poses.
+  void set_poses(std::size_t first, std::span<const Transform> T_world_object);
 
   /// The first hit of each ray; origins and unit directions in the world frame. All three
   /// spans have the same length. Does not allocate.

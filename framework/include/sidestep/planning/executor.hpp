@@ -7,7 +7,8 @@
 
 namespace sidestep {
 
-/// Moves a robot, real or simulated.
+/// Moves a robot, real or simulated. Reports what it measures and what it follows to the
+/// RobotMotion that its HostContext lends it.
 class SIDESTEP_EXPORT Executor {
  public:
   virtual ~Executor() = default;
@@ -19,12 +20,21 @@ class SIDESTEP_EXPORT Executor {
   /// The newest measured state. [planning]
   [[nodiscard]] virtual Result<Measured> current() = 0;
 
-  /// Takes over the trajectory, whose time 0 is at `start`, from whatever is being followed.
-  /// Fails where the robot cannot follow it; the previous one then goes on. [planning]
+  /// Takes over the trajectory, whose time 0 is at `start`: from then on in place of what is being
+  /// followed, at once where `start` has passed. Fails where the robot cannot follow it; what was
+  /// followed before then goes on. [planning]
   [[nodiscard]] virtual Result<void> follow(const Trajectory& trajectory, Stamp start) = 0;
 
   /// Brings the robot to rest within its acceleration limits. [any]
   [[nodiscard]] virtual Result<void> stop() = 0;
+};
+
+/// What an executor offers in addition when the true state of its robot is known exactly.
+class SIDESTEP_EXPORT TrueRobot {
+ public:
+  virtual ~TrueRobot() = default;
+  /// Where the robot truly is on the run's clock. [planning]
+  [[nodiscard]] virtual RobotState true_state(Stamp stamp) = 0;
 };
 
 }  // namespace sidestep

@@ -10,6 +10,7 @@
 #include <sidestep/core/time.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/robot/robot_model.hpp>
+#include <sidestep/trajectory/robot_motion.hpp>
 
 namespace sidestep {
 
@@ -27,6 +28,8 @@ struct HostContext {
   /// The robot of the run; for a cost, with what it carries in the plan; null while the robot
   /// itself is being created.
   std::shared_ptr<const RobotModel> robot;
+  /// Where the robot of the run is; null in runs in which none moves.
+  std::shared_ptr<RobotMotion> motion;
 };
 
 }  // namespace sidestep

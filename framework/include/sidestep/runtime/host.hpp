@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -76,6 +77,14 @@ template <class Interface>
 /// (planning/residual_names.hpp) if the plugin's does.
 [[nodiscard]] PluginPtr<StateCost> guard_cost(PluginPtr<StateCost> cost);
 
+/// What a run lends to its plugins beside what their host does.
+struct RunLoan {
+  std::shared_ptr<const RobotModel> robot;  ///< Null while the robot is created.
+  std::shared_ptr<RobotMotion> motion;      ///< Null where no robot moves.
+  const Clock* clock = nullptr;             ///< Null: the host's.
+  std::optional<std::uint64_t> seed;        ///< From which the plugin's is derived; the host's.
+};
+
 /// Finds, checks and creates plugins, and lends them what they need. Libraries are loaded with
 /// RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE and never unloaded. [main] thread.
 class Host {
@@ -115,7 +124,13 @@ class Host {
   template <class Interface>
   [[nodiscard]] Result<PluginPtr<Interface>> create(
       const Node& block, const std::shared_ptr<const RobotModel>& robot = nullptr) {
-    auto made = create_object(PluginTraits<Interface>::kKind, block, robot);
+    return create<Interface>(block, RunLoan{robot, nullptr, nullptr, {}});
+  }
+
+  /// The same with all that a run lends. What `loan` points to outlives the object.
+  template <class Interface>
+  [[nodiscard]] Result<PluginPtr<Interface>> create(const Node& block, const RunLoan& loan) {
+    auto made = create_object(PluginTraits<Interface>::kKind, block, loan);
     if (!made) return tl::make_unexpected(std::move(made.error()));
     PluginPtr<Interface> object(static_cast<Interface*>(made->object), std::move(made->deleter));
     if constexpr (std::is_same_v<Interface, RobotModel>) {
@@ -133,8 +148,7 @@ class Host {
     void* object;
     PluginDeleter deleter;
   };
-  [[nodiscard]] Result<Made> create_object(PluginKind kind, const Node& block,
-                                           const std::shared_ptr<const RobotModel>& robot);
+  [[nodiscard]] Result<Made> create_object(PluginKind kind, const Node& block, const RunLoan& loan);
   std::unique_ptr<Impl> impl_;
 };
 

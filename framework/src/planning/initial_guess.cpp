@@ -1,4 +1,4 @@
-#include "initial_guess.hpp"
+#include <sidestep/planning/initial_guess.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,161 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <sidestep/core/log.hpp>
+#include <sidestep/planning/executor.hpp>
+#include <sidestep/planning/optimiser.hpp>
+#include <sidestep/planning/validity_check.hpp>
+#include <sidestep/runtime/snapshot_slot.hpp>
+#include <sidestep/trajectory/motion_limits.hpp>
+
+namespace sidestep {
+
+/// First guesses of a replan: the rest of what is followed, sampled anew; a straight line; one bent
+/// by seeded waves, other ones at every try; the path of the sampling planner; a straight line from
+/// where a stop would end, which the robot then makes first.
+inline constexpr std::array<std::string_view, 5> kReplanGuesses{
+    "refit", "straight_line", "perturbed", "sampled", "after_stop"};
+
+/// How a replanner behaves. Times on the run's clock.
+struct ReplannerSettings {
+  double replan_period_s = 0.1;     ///< Least time from one replan's begin to the next one's.
+  double takeover_s = 0.1;          ///< From a replan's begin to when its trajectory takes over.
+  double solve_limit_s = 0.08;      ///< For all attempts of one replan; less than takeover_s.
+  double stop_lead_s = 0.02;        ///< From the decision to stop to when braking begins.
+  double max_map_age_s = 0.5;       ///< An older map leads to a stop.
+  double max_state_age_s = 0.2;     ///< An older measured state leads to a stop.
+  double goal_tolerance = 0.02;     ///< Of every joint at the goal, m or rad.
+  double rest_speed = 0.02;         ///< Slower joints count as at rest, m/s or rad/s.
+  double tracking_tolerance = 0.1;  ///< Largest distance of a joint from what it follows, m or rad.
+  double margin_m = 0.0;            ///< That spheres must keep from obstacles.
+  double max_step_m = 0.02;         ///< Of the validity check.
+  /// A stop begins no later than when what blocks the trajectory is so many times as far away, in
+  /// time, as the robot needs to come to rest.
+  double stop_reserve = 1.5;
+  /// A valid trajectory is replanned, too, once its cost in the newest map has grown by this share
+  /// of what the same motion cost in the map it was planned in; 0: never.
+  double cost_tolerance = 0.0;
+  /// Share by which a new trajectory must then be cheaper to be taken.
+  double hysteresis = 0.1;
+  /// First guesses of a replan, in order, of kReplanGuesses; others are passed over.
+  std::vector<std::string> escalation = {"refit", "straight_line", "perturbed", "after_stop"};
+  std::uint64_t seed = 0;  ///< Of "perturbed".
+  /// Whether time passes during step(), as on a wall clock: solves get deadlines, and what they
+  /// take beyond them counts. False on a clock that stands still meanwhile: solves end by their own
+  /// limits alone, takeover_s stands for what they take, and equal inputs give equal events.
+  bool limit_wall_time = true;
+};
+
+/// What a replanner noticed or did.
+struct ReplannerEvent {
+  enum class Kind {
+    kPlanned,       ///< A first trajectory, or one after a stop, is followed.
+    kReplanned,     ///< A trajectory has been replaced by a new one.
+    kReplanFailed,  ///< No attempt led to a valid trajectory; what is followed goes on.
+    kStopped,       ///< The robot is being brought to rest, or kept there.
+    kRecovered,     ///< The cause of a stop is gone; kPlanned or kReplanned follows.
+    kReached,       ///< The robot is at rest at its goal.
+  };
+  /// What `cause` tells in words.
+  enum class Reason {
+    kGoal,          ///< There is a goal to go to, or it is reached.
+    kBlocked,       ///< Something is in the way of what is, or was, followed.
+    kCost,          ///< It has become costlier.
+    kMap,           ///< The map is too old, or its time jumped.
+    kNotFollowing,  ///< The robot is not where it should be.
+    kExecutor,      ///< The executor failed, refused or fell silent.
+    kPlugin,        ///< A plugin threw, returned what makes no sense or ignored its deadline.
+    kClock,         ///< The clock went back.
+  };
+  Kind kind = Kind::kPlanned;
+  Reason reason = Reason::kGoal;
+  Stamp stamp;
+  std::string cause;               ///< Why, in words; names what is in the way, who failed.
+  double solve_ms = 0.0;           ///< All attempts, wall time; of plans and replans.
+  std::string guess;               ///< The one that led to the trajectory.
+  std::vector<std::string> tried;  ///< All guesses tried, in order.
+  int attempts = 0;                ///< How many those are.
+  double cost = 0.0;               ///< That the optimiser states.
+  /// Largest difference of any joint's velocity, m/s or rad/s, between the proposal made fit to be
+  /// followed and what it takes over from. The trajectory that is sent has none: it has one state
+  /// there (docs/closed_loop.md).
+  double splice_velocity_jump = 0.0;
+  Stamp takeover;   ///< When the new trajectory takes over, or the stop begins.
+  Stamp map_stamp;  ///< Of the map that was planned in.
+};
+[[nodiscard]] std::string_view to_string(ReplannerEvent::Kind kind) noexcept;
+[[nodiscard]] std::string_view to_string(ReplannerEvent::Reason reason) noexcept;
+
+/// Receding-horizon replanning (Finean 2021, Algorithm 1), with stops that are verified. A plain
+/// state machine: whoever owns it calls step() again and again, at 250 Hz or better, from one
+/// thread; it starts none. [planning]
+///
+/// The executor is always sent one trajectory from the current time on: the rest of what it
+/// follows, up to the takeover, and then the new motion. docs/closed_loop.md says what leads to a
+/// stop.
+class Replanner {
+ public:
+  /// Poses the problem from a state to the goal in a field: horizon, prior, terms.
+  using PoseProblem =
+      std::function<Problem(std::shared_ptr<const DistanceField> field, const RobotState& start)>;
+
+  struct Parts {
+    std::shared_ptr<const RobotModel> robot;
+    Executor& executor;
+    Optimiser& optimiser;
+    Optimiser* sampler;  ///< For the guess "sampled"; may be null.
+    SnapshotSlot& slot;
+    PoseProblem pose_problem;
+    /// Where the robot is to rest. Where the problem leaves the goal's configuration to costs
+    /// (goal.hpp: is_goal_free), the end of the plan stands for it.
+    RobotState goal;
+    SpacePolicy space;
+    MotionLimits limits;  ///< That trajectories keep.
+    Log& log;
+    std::string executor_name = "executor";  ///< For messages, as the next two.
+    std::string optimiser_name = "optimiser";
+    std::string sampler_name = "sampler";
+  };
+
+  Replanner(Parts parts, ReplannerSettings settings);
+  ~Replanner();
+
+  enum class Status {
+    kMoving,   ///< The robot follows a trajectory, or has not come to rest yet.
+    kWaiting,  ///< It stands: no plan yet, no map, or the cause of a stop lasts.
+    kReached,  ///< It stands at its goal, for good.
+  };
+  /// Looks at the newest map and state, and does what is due. Appends what happened to `events`.
+  /// Never throws: what a plugin throws or returns amiss leads to a stop with an event that names
+  /// it.
+  Status step(Stamp now, std::vector<ReplannerEvent>& events);
+
+  /// What the robot follows, and when its time 0 was; empty before the first plan and after a stop.
+  [[nodiscard]] const Trajectory& followed() const noexcept;
+  [[nodiscard]] Stamp followed_start() const noexcept;
+  /// Validity checks of what is followed so far: one for each map and each trajectory, since the
+  /// same motion in the same map is not checked twice.
+  [[nodiscard]] std::int64_t checks() const noexcept;
+
+  /// How often a first guess was tried, and how often it led to the trajectory taken.
+  struct GuessCount {
+    std::string guess;
+    std::int64_t tried = 0;
+    std::int64_t led = 0;
+  };
+  /// In the order of the escalation.
+  [[nodiscard]] const std::vector<GuessCount>& guess_counts() const noexcept;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <deque>
+#include <mutex>
+#include <optional>
+
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/trajectory/trajectory.hpp>
+
+namespace sidestep {
+
+/// Where a robot was, is, and is going to be: what an executor knows, shared with those who need it
+/// at other times. A camera on the robot asks where it was at an image's stamp, a head where it
+/// will be. [any] thread.
+class SIDESTEP_EXPORT RobotMotion {
+ public:
+  /// Keeps what was measured over this long.
+  explicit RobotMotion(double history_s = 5.0) : history_s_(history_s) {}
+
+  /// Adds a measured state, at rest where `qdot` is empty. One that is not newer than the last is
+  /// dropped.
+  void record(const RobotState& state, Stamp stamp);
+
+  /// Adds a true state in the same way, where whoever moves the robot knows it apart from what is
+  /// measured.
+  void record_truth(const RobotState& state, Stamp stamp);
+
+  /// What is being followed from now on, its time 0 at `start`; an empty trajectory: nothing.
+  void follow(Trajectory trajectory, Stamp start);
+
+  /// The measured state at a time, interpolated between its neighbours (cubic Hermite); nothing
+  /// before the first, before what is kept, or after the newest.
+  [[nodiscard]] std::optional<RobotState> measured(Stamp stamp) const;
+  [[nodiscard]] std::optional<Stamp> newest() const;
+
+  /// The true state at a time, likewise; the measured one where no true state has been recorded.
+  [[nodiscard]] std::optional<RobotState> truth(Stamp stamp) const;
+
+  /// Where the robot is to be at a time by what it follows; its ends, at rest, beyond them. Nothing
+  /// where it follows nothing.
+  [[nodiscard]] std::optional<RobotState> planned(Stamp stamp) const;
+
+ private:
+  struct Sample {
+    Stamp stamp;
+    RobotState state;
+  };
+  using History = std::deque<Sample>;
+
+  void add(History& history, const RobotState& state, Stamp stamp) const;
+  [[nodiscard]] static std::optional<RobotState> at(const History& history, Stamp stamp);
+
+  double history_s_;
+  mutable std::mutex mutex_;
+  History measured_;
+  History true_;
+  Trajectory followed_;
+  Stamp start_;
+};
+
+}  // namespace sidestep

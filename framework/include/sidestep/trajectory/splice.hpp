@@ -1,0 +1,20 @@
+#pragma once
+
+#include <sidestep/trajectory/trajectory.hpp>
+
+namespace sidestep {
+
+/// The motion between two times of a trajectory, `from_s` its time 0: the same motion up to
+/// rounding, since a part of a cubic is one. Times are those within [0, duration]; a part that goes
+/// on beyond the end waits there at rest. `to_s` later than `from_s` by more than a microsecond;
+/// `trajectory` not empty. [any]; allocates.
+[[nodiscard]] Trajectory cut(const Trajectory& trajectory, double from_s, double to_s);
+
+/// `first` and then `second`, which begins where and as fast as `first` ends: the last state of
+/// `first` stands for both. Joints agree, neither is empty. [any]; allocates.
+[[nodiscard]] Trajectory joined(const Trajectory& first, const Trajectory& second);
+
+/// Stands still at `q` for so long. [any]; allocates.
+[[nodiscard]] Trajectory resting(std::span<const double> q, double duration_s);
+
+}  // namespace sidestep

@@ -1,0 +1,282 @@
+#include "plan_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+#include <sidestep/planning/explain.hpp>
+#include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/initial_guess.hpp>
+#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/trajectory/braking.hpp>
+#include <sidestep/trajectory/retime.hpp>
+#include <sidestep/trajectory/splice.hpp>
+
+namespace sidestep::detail {
+namespace {
+
+/// A proposal that starts within this of the takeover is moved there: optimisers hold their start
+/// by a strong cost, not exactly. One farther off makes no sense.
+constexpr double kStartTolerance = 0.01;  // m, rad
+/// One that starts at another velocity may come from a planner that knows none.
+constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
+constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
+
+std::string number(const char* format, double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+RobotState end_of(const Trajectory& trajectory) {
+  const auto map = [&](std::span<const double> row) {
+    return Eigen::Map<const Eigen::VectorXd>(row.data(), trajectory.dof);
+  };
+  const int last = trajectory.size() - 1;
+  return {map(trajectory.q(last)), map(trajectory.qdot(last))};
+}
+
+double largest_difference(std::span<const double> a, std::span<const double> b) {
+  double largest = 0.0;
+  for (std::size_t j = 0; j < a.size(); ++j) largest = std::max(largest, std::abs(a[j] - b[j]));
+  return largest;
+}
+
+std::span<const double> row(const Eigen::VectorXd& values) {
+  return {values.data(), static_cast<std::size_t>(values.size())};
+}
+
+void set_first_state(Trajectory& trajectory, const RobotState& state) {
+  std::ranges::copy(row(state.q), trajectory.q(0).begin());
+  std::ranges::copy(row(state.qdot), trajectory.qdot(0).begin());
+}
+
+/// The rest of a trajectory as a first guess of a problem.
+Trajectory sampled_anew(const Problem& problem, const Trajectory& trajectory, double from_s) {
+  Trajectory guess = refit(trajectory, from_s, problem.support_states, problem.dt_s);
+  set_first_state(guess, problem.start);
+  return guess;
+}
+
+}  // namespace
+
+struct PlanSearch::Task {
+  const Request& request;
+  Departure departure;
+  RobotState start;  ///< The end of its lead.
+  Problem problem;
+  Deadline deadline;
+  SearchResult result;
+  std::string failure;  ///< Of the guess being tried.
+  double cost = 0.0;    ///< Of its solution, as the optimiser states it.
+  /// A path that needs no optimiser where all else fails.
+  std::optional<Trajectory> sampled;
+};
+
+PlanSearch::PlanSearch(const Replanner::Parts& parts, const ReplannerSettings& settings)
+    : parts_(parts), settings_(settings) {
+  for (const std::string& guess : settings.escalation) {
+    if (std::ranges::find(kReplanGuesses, guess) != kReplanGuesses.end()) {
+      counts_.push_back({guess, 0, 0});
+    } else {
+      parts.log.warn("no first guess is called '" + guess + "': passed over");
+    }
+  }
+}
+
+SearchResult PlanSearch::run(const Request& request) {
+  Task task{request, request.departure, end_of(request.departure.lead), {}, {}, {}, {}, 0.0, {}};
+  if (settings_.limit_wall_time) task.deadline = Deadline::after_s(settings_.solve_limit_s);
+  task.problem = parts_.pose_problem(request.field, task.start);
+  if (auto sound = task.problem.validate(); !sound) {
+    task.result.failure = "the problem makes no sense: " + sound.error().describe();
+    return std::move(task.result);
+  }
+  for (std::size_t i = 0; i < counts_.size(); ++i) {
+    if (!task.result.tried.empty() && task.deadline.expired()) {
+      task.result.failure += "; there was no time for more";
+      break;
+    }
+    attempt(i, task);
+    if (task.result.plan || !task.result.fault.empty()) break;
+  }
+  if (task.result.tried.empty()) task.result.failure = "there is no first guess to try";
+  return std::move(task.result);
+}
+
+void PlanSearch::attempt(std::size_t guess, Task& task) {
+  Replanner::GuessCount& count = counts_[guess];
+  task.failure.clear();
+  const auto initial = first_guess(count.guess, task);
+  const bool is_tried = initial || !task.failure.empty() || !task.result.fault.empty();
+  if (!is_tried) return;
+  ++count.tried;
+  task.result.tried.push_back(count.guess);
+  if (initial) {
+    auto proposal = solve(parts_.optimiser, parts_.optimiser_name, *initial, task);
+    if (proposal) task.result.plan = accept(std::move(*proposal), task);
+    const bool is_left = !task.result.plan && task.result.fault.empty() && task.sampled;
+    if (is_left && !task.departure.is_moving) {
+      task.result.plan = accept(*task.sampled, task);
+    }
+  }
+  if (task.result.plan) {
+    ++count.led;
+    task.result.guess = count.guess;
+  } else if (!task.failure.empty()) {
+    task.result.failure +=
+        (task.result.failure.empty() ? "" : "; ") + count.guess + ": " + task.failure;
+  }
+}
+
+/// Nothing, and no failure, where the guess does not fit the situation.
+std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& task) {
+  if (name == "after_stop" && !depart_after_stop(task)) return std::nullopt;
+  const Problem& problem = task.problem;
+  task.sampled.reset();
+  if (name == "refit") {
+    const Trajectory* followed = task.departure.followed;
+    if (followed == nullptr || followed->duration_s() <= task.departure.from_s) return std::nullopt;
+    return sampled_anew(problem, *followed, task.departure.from_s);
+  }
+  if (name == "perturbed") {
+    const int bend = bends_++;
+    return initial_guess(problem, 1 + bend % kMostBends,
+                         settings_.seed + static_cast<std::uint64_t>(bend / kMostBends));
+  }
+  const Trajectory line =
+      straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  if (name != "sampled") return line;
+  if (parts_.sampler == nullptr) return std::nullopt;
+  auto path = solve(*parts_.sampler, parts_.sampler_name, line, task);
+  if (!path) return std::nullopt;
+  task.sampled = std::move(*path);
+  return sampled_anew(problem, *task.sampled, 0.0);
+}
+
+/// Lets the stop come first: the new motion begins at its end, at rest.
+bool PlanSearch::depart_after_stop(Task& task) const {
+  if (!task.departure.is_moving || task.departure.followed == nullptr) return false;
+  if (task.request.to_beat) return false;  // nothing worth a stop
+  auto stop = brake(*task.departure.followed, task.departure.from_s, parts_.limits);
+  if (!stop) return false;
+  task.departure.lead = joined(task.departure.lead, *stop);
+  task.departure.followed = nullptr;
+  task.departure.is_moving = false;
+  task.start = end_of(task.departure.lead);
+  task.start.qdot.setZero();
+  task.problem = parts_.pose_problem(task.request.field, task.start);
+  if (auto sound = task.problem.validate(); !sound) {
+    task.failure = "the problem makes no sense: " + sound.error().describe();
+    return false;
+  }
+  return true;
+}
+
+/// What the optimiser proposes; nothing where it does not, with the failure or the fault noted.
+std::optional<Trajectory> PlanSearch::solve(Optimiser& optimiser, const std::string& name,
+                                            const Trajectory& guess, Task& task) const {
+  const double limit_s = task.deadline.remaining_s();
+  const Stopwatch watch;
+  auto solution =
+      in_stage(name, [&] { return optimiser.solve(task.problem, guess, task.deadline); });
+  const double took_ms = watch.elapsed_ms();
+  task.result.solve_ms += took_ms;
+  const double grace_s = std::max(0.0, settings_.takeover_s - settings_.solve_limit_s);
+  if (settings_.limit_wall_time && took_ms * 1e-3 > limit_s + grace_s) {
+    task.result.fault = "plugin " + name + " took " + number("%.3f", took_ms * 1e-3) + " s of " +
+                        number("%.3f s", limit_s) + " that it had";
+    return std::nullopt;
+  }
+  if (!solution) {
+    const bool is_late = solution.error().code == ErrorCode::kDeadlineExceeded;
+    (is_late ? task.failure : task.result.fault) = solution.error().describe();
+    return std::nullopt;
+  }
+  if (solution->trajectory.size() == 0 &&
+      (solution->status == SolveStatus::kNoPath || solution->status == SolveStatus::kFailed ||
+       solution->status == SolveStatus::kDeadline)) {
+    task.failure = "plugin " + name + " found no trajectory (" +
+                   std::string(to_string(solution->status)) +
+                   (solution->reason.empty() ? ")" : ": " + solution->reason + ")");
+    return std::nullopt;
+  }
+  if (const std::string broken = why_broken(task, solution->trajectory); !broken.empty()) {
+    task.result.fault = "plugin " + name + " returned a trajectory that makes no sense: " + broken;
+    return std::nullopt;
+  }
+  task.cost = solution->cost;
+  return std::move(solution->trajectory);
+}
+
+/// What no optimiser may return; empty if all is well.
+std::string PlanSearch::why_broken(const Task& task, const Trajectory& proposal) const {
+  if (auto sound = proposal.validate(); !sound) return sound.error().describe();
+  const std::vector<Joint>& joints = parts_.robot->description().joints;
+  if (static_cast<std::size_t>(proposal.dof) != joints.size()) {
+    return "it moves " + std::to_string(proposal.dof) + " joints, the robot has " +
+           std::to_string(joints.size());
+  }
+  if (proposal.size() < 2) return "it has one state only";
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const double off = std::abs(proposal.q(0)[j] - task.start.q[static_cast<Eigen::Index>(j)]);
+    if (off <= kStartTolerance) continue;
+    return "it starts with joint '" + joints[j].name + "' " + number("%.4g", off) +
+           (joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") +
+           " from where the robot will be";
+  }
+  return {};
+}
+
+/// The plan that a proposal makes; nothing, with the failure noted, where it is none.
+std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) const {
+  const auto refuse = [&](std::string why) {
+    task.failure = std::move(why);
+    return std::nullopt;
+  };
+  const double off = largest_difference(proposal.qdot(0), row(task.start.qdot));
+  if (off > kStartVelocityTolerance) {
+    return refuse("it starts at a velocity that differs by " + number("%.3g", off));
+  }
+  const std::string miss = goal_miss(task.problem, proposal.q(proposal.size() - 1));
+  if (!miss.empty()) return refuse("it ends with " + miss);
+  FoundPlan plan;
+  plan.cost = task.cost;
+  set_first_state(proposal, task.start);
+  auto retimed = retime(proposal, parts_.limits, {.stop_at_goal = true});
+  if (!retimed) return refuse("it cannot be timed: " + retimed.error().describe());
+  if (task.request.to_beat) {
+    // Sampled as what is followed was: costs of unlike states do not compare.
+    const auto explained =
+        explain(task.problem, sampled_anew(task.problem, retimed->trajectory, 0.0));
+    if (!explained) return refuse("it cannot be compared: " + explained.error().describe());
+    plan.cost = explained->cost;
+    if (!(plan.cost < *task.request.to_beat)) {
+      return refuse("it is not better by enough: it costs " + number("%.4g", plan.cost));
+    }
+  }
+  plan.splice_velocity_jump = largest_difference(retimed->trajectory.qdot(0), row(task.start.qdot));
+  plan.takeover_s = task.departure.lead.duration_s();
+  plan.trajectory = joined(task.departure.lead, retimed->trajectory);
+  plan.frees_goal = is_goal_free(task.problem);
+  const auto verdict = task.request.check.check(plan.trajectory, 0.0, Deadline());
+  if (!verdict) return refuse("it cannot be checked: " + verdict.error().describe());
+  if (!verdict->valid()) return refuse("it is " + verdict->describe());
+  return plan;
+}
+
+std::optional<double> PlanSearch::cost_of_rest(std::shared_ptr<const DistanceField> field,
+                                               const Departure& departure) const {
+  if (departure.followed == nullptr || departure.followed->duration_s() <= departure.from_s) {
+    return std::nullopt;
+  }
+  const Problem problem = parts_.pose_problem(std::move(field), end_of(departure.lead));
+  if (!problem.validate()) return std::nullopt;
+  const auto explained =
+      explain(problem, sampled_anew(problem, *departure.followed, departure.from_s));
+  if (!explained) return std::nullopt;
+  return explained->cost;
+}
+
+}  // namespace sidestep::detail

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/planning/validity_check.hpp>
+#include <sidestep/runtime/replanner.hpp>
+
+namespace sidestep::detail {
+
+/// What a new trajectory takes over from.
+struct Departure {
+  Trajectory lead;                       ///< The motion from now to the takeover; never empty.
+  const Trajectory* followed = nullptr;  ///< What is refitted; null where there is nothing.
+  double from_s = 0.0;                   ///< The takeover on its clock.
+  bool is_moving = false;                ///< At the takeover.
+};
+
+struct FoundPlan {
+  Trajectory trajectory;  ///< The lead and the new motion, checked as one.
+  double takeover_s = 0.0;
+  double splice_velocity_jump = 0.0;
+  double cost = 0.0;
+  bool frees_goal = false;  ///< Its end stands for the goal.
+};
+
+struct SearchResult {
+  std::optional<FoundPlan> plan;
+  std::string guess;  ///< That led to the plan.
+  std::vector<std::string> tried;
+  std::string failure;  ///< Why each guess failed.
+  std::string fault;    ///< What a plugin did amiss; the search ended there.
+  double solve_ms = 0.0;
+};
+
+/// Looks for a valid trajectory by one first guess after the other.
+class PlanSearch {
+ public:
+  PlanSearch(const Replanner::Parts& parts, const ReplannerSettings& settings);
+
+  struct Request {
+    std::shared_ptr<const DistanceField> field;
+    const ValidityCheck& check;  ///< In that field.
+    Departure departure;
+    /// What the new trajectory must cost less than, by the problem's terms.
+    std::optional<double> to_beat;
+  };
+  /// Throws what the problem's poser, the robot and the field throw.
+  [[nodiscard]] SearchResult run(const Request& request);
+
+  /// The cost, in a field, of the rest of what is followed, as the problem posed at the takeover
+  /// counts it; nothing where it cannot be told.
+  [[nodiscard]] std::optional<double> cost_of_rest(std::shared_ptr<const DistanceField> field,
+                                                   const Departure& departure) const;
+
+  [[nodiscard]] const std::vector<Replanner::GuessCount>& counts() const noexcept {
+    return counts_;
+  }
+
+ private:
+  struct Task;  ///< A request on its way through the guesses.
+
+  void attempt(std::size_t guess, Task& task);
+  [[nodiscard]] std::optional<Trajectory> first_guess(std::string_view name, Task& task);
+  [[nodiscard]] bool depart_after_stop(Task& task) const;
+  [[nodiscard]] std::optional<Trajectory> solve(Optimiser& optimiser, const std::string& name,
+                                                const Trajectory& guess, Task& task) const;
+  [[nodiscard]] std::string why_broken(const Task& task, const Trajectory& proposal) const;
+  [[nodiscard]] std::optional<FoundPlan> accept(Trajectory proposal, Task& task) const;
+
+  const Replanner::Parts& parts_;
+  const ReplannerSettings& settings_;
+  std::vector<Replanner::GuessCount> counts_;
+  int bends_ = 0;  ///< Guesses bent so far.
+};
+
+}  // namespace sidestep::detail

@@ -1,0 +1,256 @@
+#include <sidestep/runtime/replanner.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/trajectory/splice.hpp>
+
+#include "replanner_impl.hpp"
+
+namespace sidestep {
+
+std::string_view to_string(ReplannerEvent::Kind kind) noexcept {
+  using Kind = ReplannerEvent::Kind;
+  switch (kind) {
+    case Kind::kPlanned: return "planned";
+    case Kind::kReplanned: return "replanned";
+    case Kind::kReplanFailed: return "replan_failed";
+    case Kind::kStopped: return "stopped";
+    case Kind::kRecovered: return "recovered";
+    case Kind::kReached: return "reached";
+  }
+  return "unknown";
+}
+
+std::string_view to_string(ReplannerEvent::Reason reason) noexcept {
+  using Reason = ReplannerEvent::Reason;
+  switch (reason) {
+    case Reason::kGoal: return "goal";
+    case Reason::kBlocked: return "blocked";
+    case Reason::kCost: return "cost";
+    case Reason::kMap: return "map";
+    case Reason::kNotFollowing: return "not_following";
+    case Reason::kExecutor: return "executor";
+    case Reason::kPlugin: return "plugin";
+    case Reason::kClock: return "clock";
+  }
+  return "unknown";
+}
+
+Replanner::Replanner(Parts parts, ReplannerSettings settings)
+    : impl_(std::make_unique<Impl>(std::move(parts), std::move(settings))) {}
+Replanner::~Replanner() = default;
+
+Replanner::Status Replanner::step(Stamp now, std::vector<ReplannerEvent>& events) {
+  impl_->now = now;
+  impl_->watch.restart();
+  impl_->events = &events;
+  auto done = contained("replanning", [&]() -> Result<Status> { return impl_->advance(); });
+  if (done) return *done;
+  // Where a robot or a field throws, no stop can be verified.
+  impl_->halt(ReplannerEvent::Reason::kPlugin, done.error().describe(), true);
+  return impl_->status();
+}
+
+const Trajectory& Replanner::followed() const noexcept { return impl_->followed; }
+Stamp Replanner::followed_start() const noexcept { return impl_->followed_start; }
+std::int64_t Replanner::checks() const noexcept { return impl_->checks; }
+const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexcept {
+  return impl_->search.counts();
+}
+
+Replanner::Status Replanner::Impl::status() const {
+  if (is_at_goal) return Status::kReached;
+  return followed.size() > 0 || is_moving ? Status::kMoving : Status::kWaiting;
+}
+
+Stamp Replanner::Impl::present() const {
+  if (!settings.limit_wall_time) return now;
+  return Stamp::from_seconds(now.seconds() + 1e-3 * watch.elapsed_ms());
+}
+
+ReplannerEvent& Replanner::Impl::tell(Event::Kind kind, Reason reason, std::string cause) {
+  Event event;
+  event.kind = kind;
+  event.reason = reason;
+  event.stamp = now;
+  event.cause = std::move(cause);
+  if (field) event.map_stamp = field->info().stamp;
+  events->push_back(std::move(event));
+  return events->back();
+}
+
+bool Replanner::Impl::is_due() const {
+  if (!last_replan) return true;
+  // Half a nanosecond's rounding must not cost a step.
+  return now.seconds() - last_replan->seconds() >= settings.replan_period_s - 1e-9;
+}
+
+Replanner::Status Replanner::Impl::advance() {
+  if (is_at_goal) return Status::kReached;
+  if (last_step && now < *last_step) {
+    const double back_s = last_step->seconds() - now.seconds();
+    last_step = now;
+    last_replan.reset();
+    halt(Reason::kClock, "the clock went back by " + std::to_string(back_s) + " s", true);
+    return status();
+  }
+  last_step = now;
+  const auto measured = measure();
+  if (!measured) return status();
+  is_moving = !is_at_rest(*measured);
+  if (reaches_goal(*measured)) {
+    is_at_goal = true;
+    tell(Event::Kind::kReached, Reason::kGoal, "the robot is at rest at its goal");
+    return Status::kReached;
+  }
+  if (!keeps_to_plan(*measured)) return status();
+  end_motion(*measured);
+  if (!look_at_map()) return status();
+  if (followed.size() > 0) {
+    supervise();
+  } else if (!is_moving && is_due()) {
+    depart_from_rest(*measured);
+  }
+  return status();
+}
+
+/// Follows what is valid, replaces what is not, and stops in time where that does not succeed.
+void Replanner::Impl::supervise() {
+  if (is_braking) {
+    // A way that opens while the robot brakes for want of one is taken at once.
+    if (halted->reason != Reason::kBlocked || !is_due()) return;
+    const std::string cause = halted->cause;
+    (void)replan(departure_of_followed(), Reason::kBlocked, cause);
+    return;
+  }
+  if (!is_checked) check_followed();
+  if (blocked) return on_blocked();
+  if (settings.cost_tolerance > 0.0 && is_due()) improve();
+}
+
+void Replanner::Impl::on_blocked() {
+  if (is_due()) {
+    last_replan = now;
+    const bool is_in_time = blocked->begin_s > followed_s(now) + settings.takeover_s;
+    const std::string cause = blocked->cause;
+    if (is_in_time && replan(departure_of_followed(), Reason::kBlocked, cause)) return;
+    if (halted) return;
+    blocked->is_weighed = false;
+  }
+  if (blocked->is_weighed) return;
+  blocked->is_weighed = true;
+  if (must_stop_now()) halt(Reason::kBlocked, blocked->cause);
+}
+
+/// Replaces what is valid but has become costlier, by what is cheaper by more than the hysteresis.
+void Replanner::Impl::improve() {
+  detail::Departure departure = departure_of_followed();
+  const auto cost = search.cost_of_rest(field, departure);
+  const auto cost_then = search.cost_of_rest(planned_in, departure);
+  last_replan = now;
+  if (!cost || !cost_then || *cost <= (1.0 + settings.cost_tolerance) * *cost_then) return;
+  const std::string cause = "the cost of what is followed rose from " + std::to_string(*cost_then) +
+                            " to " + std::to_string(*cost);
+  (void)replan(std::move(departure), Reason::kCost, cause, (1.0 - settings.hysteresis) * *cost);
+}
+
+detail::Departure Replanner::Impl::departure_of_followed() const {
+  detail::Departure departure;
+  const double now_s = followed_s(now);
+  departure.from_s = now_s + settings.takeover_s;
+  departure.lead = cut(followed, now_s, departure.from_s);
+  departure.followed = &followed;
+  const auto speeds = departure.lead.qdot(departure.lead.size() - 1);
+  departure.is_moving = std::ranges::any_of(speeds, [](double v) { return v != 0.0; });
+  return departure;
+}
+
+void Replanner::Impl::depart_from_rest(const RobotState& measured) {
+  // Where the last motion ended is where the executor still holds the robot.
+  Eigen::VectorXd q = measured.q;
+  if (rested_at && (*rested_at - q).cwiseAbs().maxCoeff() <= settings.tracking_tolerance) {
+    q = *rested_at;
+  }
+  constexpr double kBeyond = 0.01;  // m, rad: what a measurement may be off
+  const std::vector<Joint>& joints = parts.robot->description().joints;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    double& value = q[static_cast<Eigen::Index>(j)];
+    const double inside = std::clamp(value, joints[j].lower, joints[j].upper);
+    if (std::abs(value - inside) <= kBeyond) value = inside;
+  }
+  detail::Departure departure;
+  departure.lead = resting({q.data(), joints.size()}, settings.takeover_s);
+  const Reason reason = halted ? halted->reason : Reason::kGoal;
+  const std::string cause = halted ? halted->cause : "the robot is not at its goal";
+  (void)replan(std::move(departure), reason, cause);
+}
+
+bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,
+                             std::optional<double> to_beat) {
+  last_replan = now;
+  detail::SearchResult found = search.run({field, *check, std::move(departure), to_beat});
+  const double took_s = 1e-3 * watch.elapsed_ms();
+  if (found.plan && settings.limit_wall_time && took_s > settings.takeover_s) {
+    found.plan.reset();
+    found.failure = "it came after " + std::to_string(took_s) + " s, too late to take over";
+  }
+  if (found.plan) return follow(found, reason, cause);
+  if (found.fault.empty() && reason == Reason::kCost) return false;  // what is followed is good
+  Event& event = tell(Event::Kind::kReplanFailed, found.fault.empty() ? reason : Reason::kPlugin,
+                      found.fault.empty() ? cause + "; " + found.failure : found.fault);
+  event.solve_ms = found.solve_ms;
+  event.attempts = static_cast<int>(found.tried.size());
+  event.tried = found.tried;
+  if (!found.fault.empty()) halt(Reason::kPlugin, found.fault);
+  return false;
+}
+
+bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
+                             const std::string& cause) {
+  const detail::FoundPlan& plan = *found.plan;
+  const auto accepted =
+      in_stage(parts.executor_name, [&] { return parts.executor.follow(plan.trajectory, now); });
+  if (!accepted) {
+    const std::string refusal = "the executor refused a trajectory: " + accepted.error().describe();
+    Event& event = tell(Event::Kind::kReplanFailed, Reason::kExecutor, refusal);
+    event.solve_ms = found.solve_ms;
+    event.attempts = static_cast<int>(found.tried.size());
+    event.tried = found.tried;
+    if (accepted.error().code == ErrorCode::kPlugin) halt(Reason::kExecutor, refusal);
+    return false;
+  }
+  const bool was_followed = followed.size() > 0 && !is_braking;
+  followed = plan.trajectory;
+  followed_start = now;
+  is_braking = false;
+  is_moving = true;
+  is_checked = true;
+  blocked.reset();
+  planned_in = field;
+  rested_at.reset();
+  free_goal.reset();
+  if (plan.frees_goal) {
+    free_goal =
+        Eigen::Map<const Eigen::VectorXd>(followed.q(followed.size() - 1).data(), followed.dof);
+  }
+  if (halted) {
+    tell(Event::Kind::kRecovered, halted->reason, halted->cause);
+    halted.reset();
+    stop_failed = false;
+  }
+  Event& event =
+      tell(was_followed ? Event::Kind::kReplanned : Event::Kind::kPlanned, reason, cause);
+  event.solve_ms = found.solve_ms;
+  event.guess = found.guess;
+  event.tried = found.tried;
+  event.attempts = static_cast<int>(found.tried.size());
+  event.cost = plan.cost;
+  event.splice_velocity_jump = plan.splice_velocity_jump;
+  event.takeover = Stamp::from_seconds(now.seconds() + plan.takeover_s);
+  return true;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,104 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/core/time.hpp>
+#include <sidestep/runtime/replanner.hpp>
+
+#include "plan_search.hpp"
+
+namespace sidestep {
+
+struct Replanner::Impl {
+  using Event = ReplannerEvent;
+  using Reason = ReplannerEvent::Reason;
+
+  Impl(Parts given, ReplannerSettings chosen)
+      : parts(std::move(given)), settings(std::move(chosen)), search(parts, settings) {}
+
+  // The state machine: replanner.cpp.
+  Status advance();
+  [[nodiscard]] Status status() const;
+  void supervise();
+  void on_blocked();
+  void improve();
+  void depart_from_rest(const RobotState& measured);
+  [[nodiscard]] detail::Departure departure_of_followed() const;
+  /// Searches and, where there is a plan, has it followed. False where what is followed goes on, or
+  /// the robot has been stopped.
+  bool replan(detail::Departure departure, Reason reason, const std::string& cause,
+              std::optional<double> to_beat = {});
+  bool follow(const detail::SearchResult& found, Reason reason, const std::string& cause);
+  [[nodiscard]] bool is_due() const;
+
+  // What it sees: replanner_map.cpp.
+  [[nodiscard]] std::optional<RobotState> measure();
+  [[nodiscard]] bool reaches_goal(const RobotState& measured) const;
+  [[nodiscard]] bool is_at_rest(const RobotState& measured) const;
+  [[nodiscard]] bool keeps_to_plan(const RobotState& measured);
+  void end_motion(const RobotState& measured);
+  /// Pins the newest map; false where there is none that can be planned in.
+  [[nodiscard]] bool look_at_map();
+  void check_followed();
+  [[nodiscard]] Violation plainer(const Violation& unproven) const;
+  [[nodiscard]] std::string describe(const Violation& violation) const;
+
+  // Stops: replanner_stop.cpp.
+  /// Brings the robot to rest, and notes why, once a reason. `by_executor`: no trajectory of ours
+  /// would be followed.
+  void halt(Reason reason, std::string cause, bool by_executor = false);
+  [[nodiscard]] std::string stop_motion(bool by_executor);
+  [[nodiscard]] bool follow_verified_stop(std::string& how);
+  [[nodiscard]] std::string stop_by_executor();
+  [[nodiscard]] bool must_stop_now();
+
+  /// Now, with what this step has taken where that counts.
+  [[nodiscard]] Stamp present() const;
+  /// Of a time on the clock of what is followed.
+  [[nodiscard]] double followed_s(Stamp stamp) const {
+    return stamp.seconds() - followed_start.seconds();
+  }
+  Event& tell(Event::Kind kind, Reason reason, std::string cause);
+
+  Parts parts;
+  ReplannerSettings settings;
+  detail::PlanSearch search;
+
+  Stamp now;
+  Stopwatch watch;  ///< Since the step's begin.
+  std::vector<Event>* events = nullptr;
+  std::optional<Stamp> last_step;
+  std::optional<Stamp> last_replan;
+
+  Trajectory followed;  ///< Empty where nothing is.
+  Stamp followed_start;
+  bool is_braking = false;  ///< What is followed is a stop.
+  bool is_at_goal = false;
+  bool is_moving = false;  ///< As measured.
+  Stamp measured_at;
+  std::optional<Eigen::VectorXd> rested_at;  ///< Where the last motion that was followed ended.
+  std::optional<Eigen::VectorXd> free_goal;  ///< The end of a plan whose goal costs decide.
+
+  struct Halt {
+    Reason reason;
+    std::string cause;
+  };
+  std::optional<Halt> halted;
+  bool stop_failed = false;  ///< The executor's own: to be tried again.
+
+  std::shared_ptr<const DistanceField> field;       ///< The newest one that was good.
+  std::shared_ptr<const DistanceField> planned_in;  ///< The one of what is followed.
+  std::unique_ptr<ValidityCheck> check;             ///< In `field`.
+  bool is_checked = false;                          ///< What is followed, in `field`.
+  struct Blocked {
+    double begin_s = 0.0;  ///< On the clock of what is followed; no earlier violation is known.
+    std::string cause;
+    bool is_weighed = false;  ///< Whether to stop has been decided for this check.
+  };
+  std::optional<Blocked> blocked;
+  std::int64_t checks = 0;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,192 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include <sidestep/runtime/guarded.hpp>
+
+#include "replanner_impl.hpp"
+
+namespace sidestep {
+namespace {
+
+std::string seconds(double value) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.3g s", value);
+  return text;
+}
+
+double largest(const Eigen::VectorXd& values) {
+  return values.size() == 0 ? 0.0 : values.cwiseAbs().maxCoeff();
+}
+
+}  // namespace
+
+std::optional<RobotState> Replanner::Impl::measure() {
+  auto current = in_stage(parts.executor_name, [&] { return parts.executor.current(); });
+  if (!current) {
+    halt(Reason::kExecutor, "the robot's state is not known: " + current.error().describe(), true);
+    return std::nullopt;
+  }
+  RobotState& state = current->state;
+  if (state.qdot.size() == 0) state.qdot = Eigen::VectorXd::Zero(state.q.size());
+  const Eigen::Index dof = parts.robot->description().dof();
+  if (state.q.size() != dof || state.qdot.size() != dof || !state.q.allFinite() ||
+      !state.qdot.allFinite()) {
+    halt(Reason::kExecutor,
+         parts.executor_name + " measured a state that is not of the robot or not finite", true);
+    return std::nullopt;
+  }
+  const double age_s = now.seconds() - current->stamp.seconds();
+  if (age_s > settings.max_state_age_s) {
+    halt(Reason::kExecutor,
+         "the newest state of " + parts.executor_name + " is " + seconds(age_s) + " old", true);
+    return std::nullopt;
+  }
+  measured_at = current->stamp;
+  return std::move(state);
+}
+
+bool Replanner::Impl::is_at_rest(const RobotState& measured) const {
+  return largest(measured.qdot) < settings.rest_speed;
+}
+
+bool Replanner::Impl::reaches_goal(const RobotState& measured) const {
+  const Eigen::VectorXd& goal = free_goal ? *free_goal : parts.goal.q;
+  return is_at_rest(measured) && goal.size() == measured.q.size() &&
+         largest(measured.q - goal) <= settings.goal_tolerance;
+}
+
+bool Replanner::Impl::keeps_to_plan(const RobotState& measured) {
+  if (followed.size() == 0) return true;
+  Eigen::VectorXd planned(followed.dof);
+  const auto dof = static_cast<std::size_t>(followed.dof);
+  followed.sample(followed_s(measured_at), std::span(planned.data(), dof), {});
+  Eigen::Index joint = 0;
+  const double off = (planned - measured.q).cwiseAbs().maxCoeff(&joint);
+  if (off <= settings.tracking_tolerance) return true;
+  const Joint& worst = parts.robot->description().joints[static_cast<std::size_t>(joint)];
+  char text[64];
+  std::snprintf(text, sizeof text, "%.3g %s", off,
+                worst.type == Joint::Type::kPrismatic ? "m" : "rad");
+  halt(Reason::kNotFollowing,
+       "the robot is not following: joint '" + worst.name + "' is " + text +
+           " from where it should be",
+       true);
+  return false;
+}
+
+/// Lets go of a motion that is over: a stop, or a plan that did not end at the goal.
+void Replanner::Impl::end_motion(const RobotState& measured) {
+  if (followed.size() == 0 || followed_s(now) < followed.duration_s() || !is_at_rest(measured)) {
+    return;
+  }
+  const auto end = followed.q(followed.size() - 1);
+  rested_at = Eigen::Map<const Eigen::VectorXd>(end.data(), followed.dof);
+  followed = {};
+  is_braking = false;
+  blocked.reset();
+}
+
+bool Replanner::Impl::look_at_map() {
+  auto newest = parts.slot.pin();
+  if (!newest) return false;
+  const double stamp_s = newest->info().stamp.seconds();
+  const double last_s = field ? field->info().stamp.seconds() : stamp_s;
+  const double age_s = now.seconds() - stamp_s;
+  if (stamp_s < last_s) {
+    halt(Reason::kMap, "the map's time jumped back by " + seconds(last_s - stamp_s));
+    return false;
+  }
+  if (age_s > settings.max_map_age_s) {
+    halt(Reason::kMap,
+         "the map is " + seconds(age_s) + " old, more than " + seconds(settings.max_map_age_s));
+    return false;
+  }
+  if (-age_s > settings.max_map_age_s) {
+    halt(Reason::kMap, "the map is " + seconds(-age_s) + " ahead of the clock");
+    return false;
+  }
+  if (newest == field) return true;
+  field = std::move(newest);
+  check = make_field_check(parts.robot, field, parts.space,
+                           {.margin_m = settings.margin_m,
+                            .max_step_m = settings.max_step_m,
+                            .first_violation_only = true});
+  is_checked = false;
+  return true;
+}
+
+void Replanner::Impl::check_followed() {
+  const auto verdict = check->check(followed, followed_s(now), Deadline());
+  ++checks;
+  is_checked = true;
+  blocked.reset();
+  if (verdict && verdict->valid()) return;
+  blocked.emplace();
+  if (!verdict || verdict->violations.empty()) {
+    blocked->cause = "what is followed cannot be checked";
+    if (!verdict) blocked->cause += ": " + verdict.error().describe();
+    return;
+  }
+  // The first one found lies in the first piece that has any; within it, others may be earlier.
+  const Violation* first = &verdict->violations.front();
+  for (const Violation& other : verdict->violations) {
+    if (other.time_s < first->time_s) first = &other;
+  }
+  const auto after =
+      std::upper_bound(followed.times_s.begin() + 1, followed.times_s.end(), first->time_s);
+  blocked->begin_s = std::max(followed_s(now), *(after - 1));
+  blocked->cause = describe(first->kind == Violation::Kind::kUnproven ? plainer(*first) : *first);
+}
+
+/// What is in the way soon after a place at which nothing but the proof failed; that, if nothing
+/// is.
+Violation Replanner::Impl::plainer(const Violation& unproven) const {
+  constexpr int kSteps = 25;
+  constexpr double kStep_s = 0.02;
+  std::vector<double> q(static_cast<std::size_t>(followed.dof));
+  for (int i = 0; i <= kSteps; ++i) {
+    const double time_s = unproven.time_s + i * kStep_s;
+    followed.sample(time_s, q, {});
+    auto violation = state_violation(parts.robot, field, parts.space, settings.margin_m, q);
+    if (!violation) continue;
+    violation->time_s = time_s;
+    return *std::move(violation);
+  }
+  return unproven;
+}
+
+/// What, where and how soon: the obstacle's place is that of the point nearest to the link.
+std::string Replanner::Impl::describe(const Violation& violation) const {
+  std::string text = violation.what();
+  const RobotDescription& robot = parts.robot->description();
+  const auto link = robot.link_index(violation.subject);
+  if (violation.kind == Violation::Kind::kCollision && link) {
+    std::vector<double> q(static_cast<std::size_t>(followed.dof));
+    followed.sample(violation.time_s, q, {});
+    Scratch scratch;
+    std::vector<Eigen::Vector3d> centres(robot.spheres.size()), gradients(robot.spheres.size());
+    std::vector<double> distances(robot.spheres.size());
+    parts.robot->sphere_centres(q, centres, scratch);
+    field->query(centres, distances, gradients, {});
+    std::optional<std::size_t> nearest;
+    for (std::size_t s = 0; s < robot.spheres.size(); ++s) {
+      if (robot.spheres[s].link != *link) continue;
+      const auto clearance = [&](std::size_t i) {
+        return distances[i] - robot.spheres[i].radius_m;
+      };
+      if (!nearest || clearance(s) < clearance(*nearest)) nearest = s;
+    }
+    if (nearest) {
+      const Eigen::Vector3d place =
+          centres[*nearest] - distances[*nearest] * gradients[*nearest].normalized();
+      char at[96];
+      std::snprintf(at, sizeof at, " at (%.2f, %.2f, %.2f) m", place.x(), place.y(), place.z());
+      text += at;
+    }
+  }
+  const double in_s = violation.time_s - followed_s(now);
+  return text + (in_s > 0.0 ? " in " + seconds(in_s) : " now");
+}
+
+}  // namespace sidestep

@@ -1,0 +1,103 @@
+#include <algorithm>
+#include <array>
+
+#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/trajectory/braking.hpp>
+#include <sidestep/trajectory/splice.hpp>
+
+#include "replanner_impl.hpp"
+
+namespace sidestep {
+
+void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
+  if (halted && halted->reason == reason && (followed.size() == 0 || is_braking)) {
+    const bool again = stop_failed && is_due();
+    if (!again) return;
+    last_replan = now;
+    (void)stop_by_executor();
+    return;
+  }
+  const Stamp begin =
+      by_executor ? now : Stamp::from_seconds(present().seconds() + settings.stop_lead_s);
+  halted = Halt{reason, cause};
+  const std::string how = stop_motion(by_executor);
+  Event& event = tell(Event::Kind::kStopped, reason, cause + how);
+  event.takeover = begin;
+  parts.log.warn("stopped: " + event.cause);
+}
+
+/// How the robot is stopped, as words to be appended to the cause.
+std::string Replanner::Impl::stop_motion(bool by_executor) {
+  blocked.reset();
+  if (by_executor) return stop_by_executor();
+  if (followed.size() == 0) return is_moving ? stop_by_executor() : "";
+  if (is_braking) return "";
+  std::string how;
+  if (follow_verified_stop(how)) return how;
+  return how + stop_by_executor();
+}
+
+/// The rest of the motion until braking can begin, and then a stop: along the path, or else along a
+/// straight line, whichever the newest map shows clear.
+bool Replanner::Impl::follow_verified_stop(std::string& how) {
+  const Stamp begin = present();
+  const double begin_s = followed_s(begin);
+  const double brake_s = begin_s + settings.stop_lead_s;
+  if (brake_s >= followed.duration_s()) {
+    is_braking = true;  // it ends before
+    return true;
+  }
+  const Trajectory lead = cut(followed, begin_s, brake_s);
+  const int last = lead.size() - 1;
+  const auto row = [&](std::span<const double> values) {
+    return Eigen::Map<const Eigen::VectorXd>(values.data(), lead.dof);
+  };
+  const auto along_path = brake(followed, brake_s, parts.limits);
+  const auto straight = brake_straight({row(lead.q(last)), row(lead.qdot(last))}, parts.limits);
+  for (const auto* stop : {&along_path, &straight}) {
+    if (!*stop || !check) continue;
+    const Trajectory motion = joined(lead, **stop);
+    const auto verdict = check->check(motion, 0.0, Deadline());
+    if (!verdict || !verdict->valid()) continue;
+    const auto accepted =
+        in_stage(parts.executor_name, [&] { return parts.executor.follow(motion, begin); });
+    if (!accepted) {
+      how = "; the executor refused the stop: " + accepted.error().describe();
+      return false;
+    }
+    followed = motion;
+    followed_start = begin;
+    is_braking = true;
+    how = stop == &along_path ? "" : "; the robot stops beside its path";
+    return true;
+  }
+  how = "; no stop is clear of obstacles";
+  return false;
+}
+
+std::string Replanner::Impl::stop_by_executor() {
+  followed = {};
+  is_braking = false;
+  rested_at.reset();
+  const auto stopped = in_stage(parts.executor_name, [&] { return parts.executor.stop(); });
+  stop_failed = !stopped;
+  if (stopped) return "; the executor stops by itself";
+  return "; the executor's own stop failed: " + stopped.error().describe();
+}
+
+/// Whether a stop that began only when a replan is due again could be too late: where it would end
+/// nearer than the reserve to what is in the way, or could not be shown clear.
+bool Replanner::Impl::must_stop_now() {
+  const double present_s = followed_s(present());
+  const double due_s =
+      last_replan ? followed_s(*last_replan) + settings.replan_period_s : present_s;
+  const double brake_s = std::max(present_s, due_s) + settings.stop_lead_s;
+  if (brake_s >= blocked->begin_s) return true;
+  const auto stop = brake(followed, brake_s, parts.limits);
+  if (!stop) return true;
+  if (blocked->begin_s - brake_s < settings.stop_reserve * stop->duration_s()) return true;
+  const auto verdict = check->check(*stop, 0.0, Deadline());
+  return !verdict || !verdict->valid();
+}
+
+}  // namespace sidestep

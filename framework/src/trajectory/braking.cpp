@@ -1,0 +1,146 @@
+#include <sidestep/trajectory/braking.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include <sidestep/trajectory/retime.hpp>
+#include <sidestep/trajectory/splice.hpp>
+
+#include "path_stages.hpp"
+#include "speed_profile.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kRest_s = 1e-3;  ///< Duration of a motion that stays put.
+/// Of a stop this short, in m or rad, a straight line is as good as the path.
+constexpr double kShortStop = 1e-6;
+constexpr int kStages = 100;
+constexpr double kKeptFree = 1e-6;  ///< Share of the limits, as for any retiming.
+/// A joint may be this much faster than at first while the others brake.
+constexpr double kFaster = 1e-5;
+/// How much longer than by braking hardest the way is made, one after the other, until the path's
+/// turns and the stages of another cut let the robot stop on it.
+constexpr std::array kReaches{1.0005, 1.003, 1.01, 1.03, 1.1, 1.3, 2.0};
+
+tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
+  return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
+}
+
+std::string joint_name(const MotionLimits& limits, std::size_t joint) {
+  return joint < limits.names.size() ? "joint '" + limits.names[joint] + "'"
+                                     : "joint " + std::to_string(joint);
+}
+
+RobotState state_at(const Trajectory& trajectory, double time_s) {
+  RobotState state{Eigen::VectorXd(trajectory.dof), Eigen::VectorXd(trajectory.dof)};
+  const auto dof = static_cast<std::size_t>(trajectory.dof);
+  trajectory.sample(time_s, std::span(state.q.data(), dof), std::span(state.qdot.data(), dof));
+  return state;
+}
+
+/// How far into a path it stands still when braked hardest, in seconds of its own; nothing where it
+/// cannot be braked so, or ends before.
+std::optional<double> way_of_braking_s(const Trajectory& path, double speed,
+                                       const MotionLimits& limits) {
+  const detail::PathStages stages(path, kStages);
+  if (stages.size() == 0) return std::nullopt;
+  detail::SpeedProfile profile(stages, limits);
+  const auto rest = profile.braking_end(speed * speed, 1.0 - kKeptFree);
+  if (!rest) return std::nullopt;
+  const double from_s = stages.begin_s(rest->stage);
+  const double to_s =
+      rest->stage + 1 < stages.size() ? stages.begin_s(rest->stage + 1) : path.duration_s();
+  return from_s + rest->share * (to_s - from_s);
+}
+
+Result<void> check(const Trajectory& trajectory, double from_s, const MotionLimits& limits) {
+  if (auto sound = trajectory.validate(); !sound) return sound;
+  if (!std::isfinite(from_s)) return invalid("the time to brake from is not a finite number");
+  const auto dof = static_cast<std::size_t>(trajectory.dof);
+  if (limits.velocity.size() != dof || limits.acceleration.size() != dof) {
+    return invalid("there are limits of " + std::to_string(limits.acceleration.size()) +
+                   " joints for a trajectory of " + std::to_string(dof));
+  }
+  return {};
+}
+
+/// The motion to rest on the first `way_s` of the path from `from_s` on.
+Result<Trajectory> stop_within(const Trajectory& trajectory, double from_s, double way_s,
+                               const MotionLimits& limits) {
+  auto stop = retime(cut(trajectory, from_s, from_s + way_s), limits,
+                     {.least_stages = kStages, .stop_at_goal = true});
+  if (!stop) return tl::make_unexpected(std::move(stop.error()));
+  trajectory.sample(from_s, stop->trajectory.q(0), stop->trajectory.qdot(0));
+  return std::move(stop->trajectory);
+}
+
+}  // namespace
+
+Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const MotionLimits& limits) {
+  if (auto sound = check(trajectory, from_s, limits); !sound) {
+    return tl::make_unexpected(std::move(sound.error()));
+  }
+  const double from = std::clamp(from_s, 0.0, trajectory.duration_s());
+  const double left_s = trajectory.duration_s() - from;
+  const RobotState state = state_at(trajectory, from);
+  auto straight = brake_straight(state, limits);
+  if (!straight) return straight;
+  const double straight_way = state.qdot.cwiseAbs().maxCoeff() * straight->duration_s();
+  if (straight_way < kShortStop) return straight;
+
+  MotionLimits while_braking = limits;
+  for (std::size_t j = 0; j < limits.velocity.size(); ++j) {
+    const double speed = std::abs(state.qdot[static_cast<Eigen::Index>(j)]);
+    while_braking.velocity[j] = std::max(limits.velocity[j], speed * (1.0 + kFaster));
+  }
+  for (double window_s = straight->duration_s();; window_s *= 2.0) {
+    const bool is_all = window_s >= left_s;
+    const double most_s = std::min(window_s, left_s);
+    if (most_s <= 2.0 * kShortStop) break;
+    const auto way_s =
+        way_of_braking_s(cut(trajectory, from, from + most_s), state.qdot.norm(), while_braking);
+    if (!way_s && !is_all) continue;
+    for (const double reach : kReaches) {
+      const double reach_s = way_s ? std::min(*way_s * reach, left_s) : left_s;
+      auto stop = stop_within(trajectory, from, reach_s, while_braking);
+      if (stop || reach_s >= left_s) return stop;
+    }
+    if (is_all) return stop_within(trajectory, from, left_s, while_braking);
+  }
+  return invalid("the trajectory ends before the robot can stop on its path",
+                 "let trajectories end at rest");
+}
+
+Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& limits) {
+  const auto dof = static_cast<std::size_t>(state.q.size());
+  if (dof == 0 || state.qdot.size() != state.q.size() || limits.acceleration.size() != dof) {
+    return invalid("a state of " + std::to_string(state.q.size()) + " positions and " +
+                   std::to_string(state.qdot.size()) +
+                   " velocities cannot be braked by limits of " +
+                   std::to_string(limits.acceleration.size()) + " joints");
+  }
+  if (!state.q.allFinite() || !state.qdot.allFinite()) {
+    return invalid("a state that is not finite cannot be braked");
+  }
+  double duration_s = 0.0;
+  for (std::size_t j = 0; j < dof; ++j) {
+    const double speed = std::abs(state.qdot[static_cast<Eigen::Index>(j)]);
+    if (speed == 0.0) continue;
+    if (!(limits.acceleration[j] > 0.0)) {
+      return invalid(joint_name(limits, j) + " moves, but its limit of acceleration is zero");
+    }
+    duration_s = std::max(duration_s, speed / (limits.acceleration[j] * (1.0 - kKeptFree)));
+  }
+  Trajectory out = resting(std::span(state.q.data(), dof), std::max(duration_s, kRest_s));
+  for (std::size_t j = 0; j < dof; ++j) {
+    const double velocity = state.qdot[static_cast<Eigen::Index>(j)];
+    out.qdot(0)[j] = velocity;
+    out.q(1)[j] += 0.5 * velocity * out.duration_s();
+  }
+  return out;
+}
+
+}  // namespace sidestep
