@@ -137,7 +137,8 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
   task.sampled.reset();
   if (name == "refit") {
     const Trajectory* followed = task.departure.followed;
-    if (followed == nullptr || followed->duration_s() <= task.departure.from_s) return std::nullopt;
+    const bool has_rest = followed != nullptr && followed->duration_s() > task.departure.from_s;
+    if (!has_rest || !task.departure.leads_to_goal) return std::nullopt;
     return sampled_anew(problem, *followed, task.departure.from_s);
   }
   if (name == "perturbed") {

@@ -12,8 +12,9 @@ namespace sidestep::detail {
 /// What a new trajectory takes over from.
 struct Departure {
   Trajectory lead;                       ///< The motion from now to the takeover; never empty.
-  const Trajectory* followed = nullptr;  ///< What is refitted; null where there is nothing.
+  const Trajectory* followed = nullptr;  ///< What the lead is the begin of; null at rest.
   double from_s = 0.0;                   ///< The takeover on its clock.
+  bool leads_to_goal = true;             ///< Its rest is worth a guess; not of a stop.
   bool is_moving = false;                ///< At the takeover.
 };
 

@@ -163,6 +163,7 @@ detail::Departure Replanner::Impl::departure_of_followed() const {
   departure.from_s = now_s + settings.takeover_s;
   departure.lead = cut(followed, now_s, departure.from_s);
   departure.followed = &followed;
+  departure.leads_to_goal = !is_braking;
   const auto speeds = departure.lead.qdot(departure.lead.size() - 1);
   departure.is_moving = std::ranges::any_of(speeds, [](double v) { return v != 0.0; });
   return departure;
@@ -181,10 +182,15 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
     const double inside = std::clamp(value, joints[j].lower, joints[j].upper);
     if (std::abs(value - inside) <= kBeyond) value = inside;
   }
+  // An obstacle that came up to a standing robot, or a map that wavers, must not hold it for good.
+  use_margin(margin_at(q));
   detail::Departure departure;
   departure.lead = resting({q.data(), joints.size()}, settings.takeover_s);
   const Reason reason = halted ? halted->reason : Reason::kGoal;
-  const std::string cause = halted ? halted->cause : "the robot is not at its goal";
+  std::string cause = halted ? halted->cause : "the robot is not at its goal";
+  if (margin_m < settings.margin_m) {
+    cause += "; it stands within the margin, and keeps " + std::to_string(margin_m) + " m";
+  }
   (void)replan(std::move(departure), reason, cause);
 }
 

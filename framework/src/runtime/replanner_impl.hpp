@@ -16,7 +16,10 @@ struct Replanner::Impl {
   using Reason = ReplannerEvent::Reason;
 
   Impl(Parts given, ReplannerSettings chosen)
-      : parts(std::move(given)), settings(std::move(chosen)), search(parts, settings) {}
+      : parts(std::move(given)),
+        settings(std::move(chosen)),
+        search(parts, settings),
+        margin_m(settings.margin_m) {}
 
   // The state machine: replanner.cpp.
   Status advance();
@@ -41,6 +44,9 @@ struct Replanner::Impl {
   void end_motion(const RobotState& measured);
   /// Pins the newest map; false where there is none that can be planned in.
   [[nodiscard]] bool look_at_map();
+  void use_margin(double kept_m);
+  /// The largest of a few shares of the margin that a robot standing there keeps.
+  [[nodiscard]] double margin_at(const Eigen::VectorXd& q) const;
   void check_followed();
   [[nodiscard]] Violation plainer(const Violation& unproven) const;
   [[nodiscard]] std::string describe(const Violation& violation) const;
@@ -90,8 +96,9 @@ struct Replanner::Impl {
 
   std::shared_ptr<const DistanceField> field;       ///< The newest one that was good.
   std::shared_ptr<const DistanceField> planned_in;  ///< The one of what is followed.
-  std::unique_ptr<ValidityCheck> check;             ///< In `field`.
-  bool is_checked = false;                          ///< What is followed, in `field`.
+  std::unique_ptr<ValidityCheck> check;             ///< In `field`, with `margin_m`.
+  double margin_m;          ///< The settings', or what a robot that leaves an obstacle can keep.
+  bool is_checked = false;  ///< What is followed, in `field`.
   struct Blocked {
     double begin_s = 0.0;  ///< On the clock of what is followed; no earlier violation is known.
     std::string cause;

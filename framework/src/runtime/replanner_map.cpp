@@ -108,12 +108,31 @@ bool Replanner::Impl::look_at_map() {
   }
   if (newest == field) return true;
   field = std::move(newest);
-  check = make_field_check(parts.robot, field, parts.space,
-                           {.margin_m = settings.margin_m,
-                            .max_step_m = settings.max_step_m,
-                            .first_violation_only = true});
   is_checked = false;
+  const double kept_m = margin_m;
+  use_margin(settings.margin_m);
+  if (kept_m == settings.margin_m || followed.size() == 0) return true;
+  // What left an obstacle with less keeps the whole margin again as soon as it can.
+  const auto verdict = check->check(followed, followed_s(now), Deadline());
+  if (!verdict || !verdict->valid()) use_margin(kept_m);
   return true;
+}
+
+void Replanner::Impl::use_margin(double kept_m) {
+  margin_m = kept_m;
+  check = make_field_check(
+      parts.robot, field, parts.space,
+      {.margin_m = kept_m, .max_step_m = settings.max_step_m, .first_violation_only = true});
+}
+
+double Replanner::Impl::margin_at(const Eigen::VectorXd& q) const {
+  for (const double share : {1.0, 0.5, 0.25, 0.0}) {
+    const double kept_m = share * settings.margin_m;
+    const auto violation = state_violation(parts.robot, field, parts.space, kept_m,
+                                           {q.data(), static_cast<std::size_t>(q.size())});
+    if (!violation || violation->kind != Violation::Kind::kCollision) return kept_m;
+  }
+  return settings.margin_m;
 }
 
 void Replanner::Impl::check_followed() {
@@ -148,7 +167,7 @@ Violation Replanner::Impl::plainer(const Violation& unproven) const {
   for (int i = 0; i <= kSteps; ++i) {
     const double time_s = unproven.time_s + i * kStep_s;
     followed.sample(time_s, q, {});
-    auto violation = state_violation(parts.robot, field, parts.space, settings.margin_m, q);
+    auto violation = state_violation(parts.robot, field, parts.space, margin_m, q);
     if (!violation) continue;
     violation->time_s = time_s;
     return *std::move(violation);

@@ -1,3 +1,5 @@
+#include <random>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -138,6 +140,38 @@ TEST(Replanner, StopsForWhatAppearsTooNearToReplan) {
   expect_continuous(loop);
 }
 
+/// Whatever appears, wherever the robot goes just then: a straight stop from speed v takes v^2 / 2a
+/// at most, after a map's period, a step and the lead.
+TEST(Replanner, NeverHitsWhatAppearsFartherThanItNeedsToStop) {
+  int appeared = 0, reached = 0;
+  for (std::uint64_t seed = 1; seed <= 16; ++seed) {
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> x(0.0, 4.5), y(-1.0, 1.0), radius(0.1, 0.6),
+        when(0.0, 6.0);
+    ClosedLoop loop;
+    std::vector<std::pair<double, Ball>> planned;
+    for (int i = 0; i < 4; ++i)
+      planned.push_back({when(random), {{x(random), y(random), 0}, radius(random)}});
+    loop.run(15.0, [&](double t) {
+      const RobotState at = loop.executor.state();
+      const double speed = at.qdot.norm();
+      const double needed_m = speed * (0.032 + 0.004 + 0.02) + 0.5 * speed * speed;
+      for (auto& [time_s, ball] : planned) {
+        if (t < time_s) continue;
+        time_s = 1e9;
+        if (ball.distance_m(at.q) - ClosedLoop::kRadius_m < needed_m + 1e-3) continue;
+        loop.obstacles.push_back(ball);
+        ++appeared;
+      }
+    });
+    EXPECT_GT(loop.least_clearance_m, 0.0) << "seed " << seed << "\n" << loop.story();
+    expect_continuous(loop);
+    if (loop.status == Status::kReached) ++reached;
+  }
+  EXPECT_GE(appeared, 32);
+  EXPECT_GE(reached, 1);  // the planner of these tests knows one detour only
+}
+
 TEST(Replanner, NeverFollowsAPlanInCollision) {
   ClosedLoop loop;
   loop.obstacles = {kInTheWay};
@@ -154,6 +188,34 @@ TEST(Replanner, NeverFollowsAPlanInCollision) {
   EXPECT_EQ(loop.count(Kind::kPlanned), 0);
   ASSERT_NE(loop.first(Kind::kReplanFailed), nullptr);
   EXPECT_THAT(loop.first(Kind::kReplanFailed)->cause, HasSubstr("obstacle"));
+}
+
+TEST(Replanner, LeavesTheMarginOfWhatCameUpToItAndKeepsItAfterwards) {
+  ReplannerSettings settings = ClosedLoop::defaults();
+  settings.margin_m = 0.1;
+  ClosedLoop loop(settings);
+  const Ball behind{{-0.47, 0.0, 0.0}, 0.2};  // 0.07 m from the robot
+  double least_ahead_m = 1e9;
+  loop.obstacles = {behind};
+  loop.planner.misbehave = [&](const Problem& problem, const Trajectory&,
+                               const Deadline&) -> std::optional<Result<Solution>> {
+    if (loop.mapped.size() > 1) return std::nullopt;
+    Solution straight;
+    straight.status = SolveStatus::kConverged;
+    straight.trajectory =
+        DetourPlanner::through({problem.start.q, problem.goal.q}, problem.start.qdot);
+    return straight;
+  };
+  loop.run(20.0, [&](double t) {
+    if (t >= 1.0) loop.obstacles = {behind, kInTheWay};
+    if (t < 1.0) return;
+    least_ahead_m = std::min(least_ahead_m,
+                             kInTheWay.distance_m(loop.executor.state().q) - ClosedLoop::kRadius_m);
+  });
+  expect_goal(loop);
+  EXPECT_NEAR(loop.least_clearance_m, 0.07, 1e-9);
+  EXPECT_GE(least_ahead_m, 0.1);
+  EXPECT_THAT(loop.first(Kind::kPlanned)->cause, HasSubstr("within the margin"));
 }
 
 TEST(Replanner, ChecksEachMapOnce) {
