@@ -152,6 +152,9 @@ void EpisodeRun::run_lockstep() {
   const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
   for (Stamp now{0};; now.ns += step_ns) {
     world_.clock->set(now);
+    // Brings the robot forward, so that a camera on it knows where it is; what fails, the replanner
+    // meets, too.
+    (void)guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
     mapping_.advance(now, settings_.experiment.latency.mapping_s);
     if (!step(now)) return;
   }
