@@ -105,6 +105,14 @@ void Canvas::outline(const Area& area, const Stroke& stroke) {
   cairo_stroke(context);
 }
 
+void Canvas::polygon(std::span<const Point> corners, const Colour& fill) {
+  cairo_t* context = impl_->context.get();
+  set_colour(context, fill);
+  cairo_new_path(context);
+  for (const Point& corner : corners) cairo_line_to(context, corner.x, corner.y);
+  cairo_fill(context);
+}
+
 void Canvas::circle(const Point& centre, double radius, const Colour& fill) {
   cairo_t* context = impl_->context.get();
   set_colour(context, fill);

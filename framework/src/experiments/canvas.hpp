@@ -70,6 +70,7 @@ class Canvas {
   [[nodiscard]] double height() const noexcept { return height_; }
 
   void line(std::span<const Point> points, const Stroke& stroke);
+  void polygon(std::span<const Point> corners, const Colour& fill);
   void rectangle(const Area& area, const Colour& fill);
   void outline(const Area& area, const Stroke& stroke);
   void circle(const Point& centre, double radius, const Colour& fill);

@@ -14,6 +14,8 @@
 #include "mapping_benchmark.hpp"
 #include "plan.hpp"
 #include "planner_benchmark.hpp"
+#include "replan.hpp"
+#include "replan_settings.hpp"
 #include "replanning.hpp"
 
 namespace sidestep {
@@ -22,8 +24,9 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::vector<ExperimentType> kTypes = {
-    plan_experiment(), mapping_benchmark_experiment(), field_study_experiment(),
-    planner_benchmark_experiment(), replanning_experiment()};
+    plan_experiment(),        mapping_benchmark_experiment(),
+    field_study_experiment(), planner_benchmark_experiment(),
+    replanning_experiment(),  replan_experiment()};
 
 constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
                                      PluginKind::kField,     PluginKind::kRobot,
@@ -34,6 +37,7 @@ constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper
 std::optional<Schema> settings_schema(std::string_view block) {
   if (block == "planning") return PlanningSettings::parameters().schema();
   if (block == "check") return CheckSettings::parameters().schema();
+  if (block == "replanner") return ReplannerBlock::parameters().schema();
   return std::nullopt;
 }
 
@@ -127,14 +131,16 @@ Result<void> check_division(const ExperimentContext& context, const ExperimentTy
   if (shard.count < 1 || shard.index < 0 || shard.index >= shard.count) {
     return fail(ErrorCode::kConfig, "there is no such shard", where, "i/n, with i from 1 to n");
   }
-  if (type.is_divisible || (shard.is_whole() && !context.resume)) return {};
+  const bool asks_to_divide = !shard.is_whole();
+  if (type.is_divisible || (!asks_to_divide && (!context.resume || type.is_resumable))) return {};
   std::string able;
   for (const ExperimentType& known : kTypes) {
-    if (known.is_divisible) able += (able.empty() ? "" : ", ") + known.name;
+    const bool can = known.is_divisible || (!asks_to_divide && known.is_resumable);
+    if (can) able += (able.empty() ? "" : ", ") + known.name;
   }
   return fail(ErrorCode::kConfig,
               "an experiment of type '" + type.name + "' cannot be " +
-                  (context.resume ? "resumed" : "divided into shards"),
+                  (asks_to_divide ? "divided into shards" : "resumed"),
               where, "these can: " + able);
 }
 
@@ -150,6 +156,7 @@ std::vector<SettingsBlock> settings_blocks() {
   blocks.push_back({"planning", "How problems are posed, whoever solves them",
                     *settings_schema("planning"), ""});
   blocks.push_back({"check", "What a plan must pass", *settings_schema("check"), ""});
+  blocks.push_back({"replanner", "How the closed loop behaves", *settings_schema("replanner"), ""});
   return blocks;
 }
 
@@ -201,6 +208,9 @@ Node effective_configuration(const Configuration& configuration, Host& host) {
     }
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key == to_string(kind)) entry.value = host.with_defaults(kind, entry.value);
+    }
+    if (entry.key == "sampler") {
+      entry.value = host.with_defaults(PluginKind::kOptimiser, entry.value);
     }
     if (entry.key == "optimiser" && type != nullptr) leave_out(type->set_of_optimiser, entry.value);
   }

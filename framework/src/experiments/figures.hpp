@@ -53,4 +53,9 @@ struct PlannerSeries {
 [[nodiscard]] std::vector<Figure> planner_figures(const std::vector<PlannerSeries>& runs,
                                                   bool costs_comparable);
 
+/// The pictures of one episode of a closed loop, as far as they were recorded: from above, and over
+/// time.
+[[nodiscard]] Result<std::vector<Figure>> replan_figures(ResultsReader& results,
+                                                         std::int64_t episode);
+
 }  // namespace sidestep

@@ -26,6 +26,11 @@ class Recorder {
       note(store_.add(series, item, key, value));
     }
   }
+  /// The same, but for an array without values: nothing.
+  void add_filled(std::string_view series, std::int64_t item, std::string_view key,
+                  const StoredArray& array) {
+    if (!array.values.empty()) add(series, item, key, array);
+  }
   /// Commits; the first failure since the last call, if there was one.
   [[nodiscard]] Result<void> commit();
 

@@ -249,21 +249,35 @@ Parameters<RobotStateEntry> RobotStateEntry::parameters() {
 Problem make_problem(std::shared_ptr<const RobotModel> robot,
                      std::shared_ptr<const DistanceField> field, const PlanningSettings& settings,
                      const Eigen::VectorXd& q_start, const Eigen::VectorXd& q_goal, double slower) {
-  const RobotDescription& description = robot->description();
+  return make_problem(std::move(robot), std::move(field), settings,
+                      RobotState{q_start, Eigen::VectorXd::Zero(q_start.size())}, q_goal, slower);
+}
+
+Problem make_problem(std::shared_ptr<const RobotModel> robot,
+                     std::shared_ptr<const DistanceField> field, const PlanningSettings& settings,
+                     const RobotState& start, const Eigen::VectorXd& q_goal, double slower) {
+  const Eigen::VectorXd& q_start = start.q;
   const Eigen::VectorXd at_rest = Eigen::VectorXd::Zero(q_start.size());
   const auto row = [](const Eigen::VectorXd& q) {
     return std::span(q.data(), static_cast<std::size_t>(q.size()));
   };
+  const MotionLimits limits = settings.limits(robot->description());
+  double braking_s = 0.0;
+  for (std::size_t j = 0; j < limits.acceleration.size(); ++j) {
+    const double speed = std::abs(start.qdot[static_cast<Eigen::Index>(j)]);
+    if (limits.acceleration[j] > 0.0) {
+      braking_s = std::max(braking_s, speed / limits.acceleration[j]);
+    }
+  }
   const double duration_s = settings.duration_s.value_or(
-      settings.duration_scale *
-      least_time_s(settings.limits(description), row(q_start), row(q_goal)));
+      settings.duration_scale * least_time_s(limits, row(q_start), row(q_goal)) + braking_s);
   const double intervals = std::ceil(slower * duration_s / settings.dt_s - 1e-9);
   Problem problem;
   problem.robot = std::move(robot);
   problem.field = std::move(field);
   problem.space = settings.space();
   problem.collision_margin_m = settings.collision_margin_m;
-  problem.start = {q_start, at_rest};
+  problem.start = start;
   problem.goal = {q_goal, at_rest};
   problem.support_states = static_cast<int>(std::clamp(intervals, 2.0, kMaxIntervals)) + 1;
   problem.dt_s = settings.dt_s;

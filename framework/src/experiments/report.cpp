@@ -160,6 +160,7 @@ Result<std::string> body_of(const Json& summary, ResultsReader& results, const f
     return planner_body(summary, results, run);
   }
   if (at(summary, "/experiment") == Json("replanning")) return replanning_body(summary);
+  if (at(summary, "/experiment") == Json("replan")) return replan_body(summary, results, run);
   if (at(summary, "/experiment") == Json("field_study")) return study_body(summary, run);
   return plan_body(summary, results, run);
 }
@@ -242,6 +243,21 @@ Row replan_row(const fs::path& run, const Json& summary, const Json& row) {
           cell(at(summary, "/provenance/git_hash"))};
 }
 
+Row loop_row(const fs::path& run, const Json& summary) {
+  return {run_name(run),
+          cell(at(summary, "/configuration")),
+          cell(at(summary, "/clock")),
+          cell(at(summary, "/optimiser")),
+          cell(at(summary, "/episodes")),
+          cell(at(summary, "/success_share"), "%.4f"),
+          cell(at(summary, "/collisions_true")),
+          cell(at(summary, "/min_true_clearance_m"), "%.3f m"),
+          cell(at(summary, "/replans")),
+          cell(at(summary, "/solve_ms/p50"), "%.2f ms"),
+          cell(at(summary, "/stamp_to_trajectory_ms/p95"), "%.1f ms"),
+          cell(at(summary, "/provenance/git_hash"))};
+}
+
 Row study_row(const fs::path& run, const Json& summary, const Json& robot, const char* field) {
   const Json outcome = at(robot, (std::string("/") + field).c_str());
   return {run_name(run),
@@ -262,10 +278,10 @@ Row study_row(const fs::path& run, const Json& summary, const Json& robot, const
 
 bool is_report_picture(std::string_view file_name) {
   const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
-  return picture &&
-         (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
-          file_name.starts_with("frame_times.") || file_name.starts_with("mapping_times.") ||
-          file_name.starts_with("planner_") || file_name.starts_with("study_"));
+  return picture && (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
+                     file_name.starts_with("frame_times.") ||
+                     file_name.starts_with("mapping_times.") || file_name.starts_with("planner_") ||
+                     file_name.starts_with("episode-") || file_name.starts_with("study_"));
 }
 
 Result<void> write_report(const fs::path& run) {
@@ -288,7 +304,10 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   const Row solver_header = {"run",        "configuration", "optimiser",     "problems",
                              "rules",      "field",         "iteration p50", "solve p50",
                              "iterations", "within 1 %",    "free",          "commit"};
-  std::vector<Row> plan_rows, system_rows, solver_rows, study_rows, replan_rows;
+  const Row loop_header = {
+      "run",        "configuration", "clock",   "optimiser", "episodes",          "success",
+      "collisions", "clearance",     "replans", "solve p50", "stamp to plan p95", "commit"};
+  std::vector<Row> plan_rows, system_rows, solver_rows, study_rows, replan_rows, loop_rows;
   const Row study_header = {"run",      "configuration", "robot",     "field",
                             "problems", "solvable",      "failures",  "iterations",
                             "cost",     "solve p50",     "solve p95", "commit"};
@@ -316,7 +335,9 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
       const Json rows = at(*summary, "/rows");
       for (const Json& row : rows) replan_rows.push_back(replan_row(run, *summary, row));
     }
-    if (systems.is_array() || is_planner || is_replanning || robots.is_array()) continue;
+    const bool is_loop = at(*summary, "/experiment") == Json("replan");
+    if (is_loop) loop_rows.push_back(loop_row(run, *summary));
+    if (is_loop || systems.is_array() || is_planner || is_replanning || robots.is_array()) continue;
     const Json plans = at(*summary, "/plans");
     for (const Json& plan : plans) plan_rows.push_back(plan_row(run, *summary, plan));
     if (!plans.is_array() || plans.empty())
@@ -326,7 +347,7 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   for (const auto& [header, rows] :
        {std::pair(&plan_header, &plan_rows), std::pair(&system_header, &system_rows),
         std::pair(&solver_header, &solver_rows), std::pair(&study_header, &study_rows),
-        std::pair(&replan_header, &replan_rows)}) {
+        std::pair(&replan_header, &replan_rows), std::pair(&loop_header, &loop_rows)}) {
     if (rows->empty()) continue;
     TextTable table(*header);
     for (const Row& row : *rows) table.add(row);

@@ -36,6 +36,10 @@ using Row = std::vector<std::string>;
 /// The table of a replanning experiment.
 [[nodiscard]] std::string replanning_body(const Json& summary);
 
+/// Tables and pictures of a closed loop.
+[[nodiscard]] Result<std::string> replan_body(const Json& summary, ResultsReader& results,
+                                              const std::filesystem::path& run);
+
 /// Tables and pictures of a field study.
 [[nodiscard]] Result<std::string> study_body(const Json& summary, const std::filesystem::path& run);
 

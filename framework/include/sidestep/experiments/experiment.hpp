@@ -39,7 +39,7 @@ struct ExperimentContext {
   /// being done. May be empty.
   std::function<void(std::int64_t done, std::int64_t total, std::string_view what)> progress;
   Shard shard;          ///< The whole, unless the type is divisible.
-  bool resume = false;  ///< Go on with what `out` holds; for types that are divisible.
+  bool resume = false;  ///< Go on with what `out` holds; for types that can.
 };
 
 /// How it ended.
@@ -71,6 +71,8 @@ struct ExperimentType {
   std::vector<std::string> set_of_optimiser = {};
   /// Whether it can do one shard of its work, and go on where an earlier run ended.
   bool is_divisible = false;
+  /// Whether it can go on where an earlier run ended; what is divisible can.
+  bool is_resumable = false;
 };
 
 [[nodiscard]] const std::vector<ExperimentType>& experiment_types();
@@ -99,7 +101,7 @@ struct RunSettings {
 /// Runs a checked configuration and leaves in context.out: effective_config.yaml,
 /// results.sqlite, summary.json, report.html and its pictures. Files of an earlier run are
 /// removed first, but for its results where context.resume goes on with them. Fails with kConfig
-/// where a shard or going on is asked of a type that is not divisible, and where the experiment
+/// where a shard or going on is asked of a type that cannot, and where the experiment
 /// could not be done at all (exit codes 2 to 4); a task that fails is an outcome.
 [[nodiscard]] Result<ExperimentOutcome> run_experiment(ExperimentContext& context);
 

@@ -76,6 +76,13 @@ struct RobotStateEntry {
                                    const PlanningSettings& settings, const Eigen::VectorXd& q_start,
                                    const Eigen::VectorXd& q_goal, double slower = 1.0);
 
+/// The same from a robot that moves; where the settings give no duration, the time in which it
+/// could come to rest is added.
+[[nodiscard]] Problem make_problem(std::shared_ptr<const RobotModel> robot,
+                                   std::shared_ptr<const DistanceField> field,
+                                   const PlanningSettings& settings, const RobotState& start,
+                                   const Eigen::VectorXd& q_goal, double slower = 1.0);
+
 /// Reads a configuration of the robot: `{pose: NAME, joints: {NAME: value, ...}}`, where
 /// `joints` overrides the named pose, and together they give every joint. Appends a kConfig
 /// error for each unknown pose, unknown or missing joint, and value beyond its joint's limits.

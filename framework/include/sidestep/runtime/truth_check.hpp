@@ -1,0 +1,52 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <sidestep/geometry/scene.hpp>
+#include <sidestep/robot/robot_model.hpp>
+#include <sidestep/runtime/shape_check.hpp>
+
+namespace sidestep {
+
+/// Where a robot truly was, on the scene's clock.
+struct TruePose {
+  double time_s = 0.0;
+  Eigen::VectorXd q;
+};
+
+/// A robot against an object of the scene, from the first touch to the last.
+struct TrueContact {
+  std::string link;  ///< That was deepest in.
+  std::string object;
+  double begin_s = 0.0;
+  double end_s = 0.0;
+  double depth_m = 0.0;
+};
+
+struct TrueMotion {
+  /// Least of all poses; negative: minus a depth. What is farther than was searched counts so.
+  double min_clearance_m = 0.0;
+  std::string nearest_link;  ///< Empty where nothing came near.
+  std::string nearest_object;
+  double nearest_s = 0.0;
+  std::vector<TrueContact> contacts;  ///< In the order in which they began.
+};
+
+struct TrueMotionSettings {
+  double farthest_m = 0.5;  ///< Clearances are searched up to this.
+  double apart_s = 0.5;     ///< Touches of one object that are nearer in time are one contact.
+  std::vector<AllowedContact> allowed_contacts;
+};
+
+/// What a robot that was at these poses truly touched: the collision shapes of its URDF against the
+/// scene at each pose's time, with FCL; no map, no spheres. Poses in order of time. Fails as
+/// make_shape_check() does, and with kInvalidArgument for a pose of another size. [any]; allocates.
+[[nodiscard]] Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& robot,
+                                                   const std::shared_ptr<const Scene>& scene,
+                                                   std::span<const TruePose> poses,
+                                                   const TrueMotionSettings& settings);
+
+}  // namespace sidestep

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <sidestep/sensing/source.hpp>
+
+#include "replan_types.hpp"
+
+namespace sidestep {
+
+/// Passes on the frames of another source when their time has come on the clock, whether that
+/// source keeps to the clock itself or not; keeps where the camera was.
+/// [mapping]
+class PacedFrames final : public Source {
+ public:
+  /// `waits`: until a frame is due or the deadline has passed; else it is due or it is not.
+  PacedFrames(Source& source, const Clock& clock, bool waits)
+      : source_(source), clock_(clock), waits_(waits) {}
+
+  /// Fails with kDeadlineExceeded where no frame is due in time; what does not wait needs none.
+  [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
+  [[nodiscard]] std::optional<std::int64_t> frame_count() const override {
+    return source_.frame_count();
+  }
+
+  /// Frames of the source from the first to the last that was passed on, those left out included.
+  [[nodiscard]] std::int64_t span() const noexcept {
+    return last_sequence_ ? *last_sequence_ - first_sequence_ + 1 : 0;
+  }
+  /// Whether to keep a copy of the last frame that was passed on.
+  void keep_last(bool keeps) noexcept { keeps_last_ = keeps; }
+  [[nodiscard]] const std::optional<Frame>& last() const noexcept { return last_; }
+  [[nodiscard]] const std::vector<CameraView>& views() const noexcept { return views_; }
+
+ private:
+  [[nodiscard]] Result<std::optional<Frame>> next_at_once();
+  [[nodiscard]] bool wait_until_due(const Frame& frame, const Deadline& deadline) const;
+  void note(const Frame& frame);
+
+  Source& source_;
+  const Clock& clock_;
+  bool waits_;
+  std::optional<bool> keeps_to_clock_;  ///< The source; nothing before its first frame.
+  std::unique_ptr<Frame> pending_;
+  bool keeps_last_ = false;
+  std::optional<Frame> last_;
+  std::optional<std::int64_t> last_sequence_;
+  std::int64_t first_sequence_ = 0;
+  std::vector<CameraView> views_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,150 @@
+#include "replan.hpp"
+
+#include <algorithm>
+#include <set>
+
+#include <sidestep/runtime/yaml_document.hpp>
+
+#include "replan_episode.hpp"
+#include "replan_rows.hpp"
+#include "replan_summary.hpp"
+#include "run_provenance.hpp"
+#include "study_rows.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr std::int64_t kAlwaysPictured = 2;  ///< Episodes; later ones where they failed.
+
+/// The robot of the run; null, and its error added, where it cannot be made.
+std::shared_ptr<const RobotModel> make_robot(const Configuration& configuration, Host& host,
+                                             std::vector<Error>& errors) {
+  auto made = host.create<RobotModel>(block_of(configuration, "robot"));
+  if (made) return std::move(*made);
+  errors.push_back(std::move(made.error()));
+  return nullptr;
+}
+
+void check_replan(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  const Node& sampler = block_of(configuration, "sampler");
+  if (!sampler.is_null()) host.check(PluginKind::kOptimiser, sampler, errors);
+  std::vector<Error> told;
+  host.check(PluginKind::kRobot, block_of(configuration, "robot"), told);
+  if (!told.empty()) return;
+  const auto robot = make_robot(configuration, host, errors);
+  if (robot == nullptr) return;
+  (void)read_replan_configuration(configuration, robot, errors);
+  check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
+}
+
+/// The effective configuration as far as it fixes outcomes.
+std::string identity_of(const ExperimentContext& context) {
+  Node root = effective_configuration(context.configuration, context.host);
+  if (Node* experiment = root.find("experiment")) {
+    // More episodes than before are the same experiment, gone on with.
+    std::erase_if(experiment->entries(), [](const Node::Entry& entry) {
+      return entry.key == "threads" || entry.key == "episodes";
+    });
+  }
+  return to_yaml(root, false);
+}
+
+/// Episodes that an earlier session finished: it must be of the same experiment.
+Result<std::set<std::int64_t>> finished_episodes(const ExperimentContext& context,
+                                                 const std::string& identity) {
+  std::set<std::int64_t> finished;
+  if (!context.resume) return finished;
+  const auto file = context.out / "results.sqlite";
+  const auto rows = read_replan_rows(file);
+  if (!rows) return tl::make_unexpected(rows.error());
+  const std::string other = difference(rows->identity, identity);
+  if (!other.empty()) {
+    return fail(ErrorCode::kConfig, "the run to resume is another experiment: " + other,
+                file.string(), "resume it with the configuration and overrides it began with");
+  }
+  for (const EpisodeRow& row : rows->episodes) finished.insert(row.episode);
+  return finished;
+}
+
+/// Runs and records the episodes that are not finished yet, each all or not at all.
+Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration& settings,
+                          const std::shared_ptr<const RobotModel>& robot,
+                          const std::set<std::int64_t>& finished, Recorder& recorder) {
+  const std::int64_t total = settings.experiment.episodes;
+  for (std::int64_t episode = 0; episode < total; ++episode) {
+    if (context.stop.stop_requested()) break;
+    if (finished.contains(episode)) continue;
+    if (context.progress) {
+      context.progress(episode, total, "episode " + std::to_string(episode));
+    }
+    auto world = make_replan_world(context, settings, robot, episode);
+    if (!world) return tl::make_unexpected(std::move(world.error()));
+    const auto done = run_episode(context, settings, std::move(*world), episode);
+    if (!done) return tl::make_unexpected(done.error());
+    if (done->interrupted) break;
+    const bool pictured = episode < kAlwaysPictured || !done->success();
+    record_episode(*done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
+    if (auto saved = recorder.commit(); !saved) return saved;
+    context.log.info("episode " + std::to_string(episode) + ": " +
+                     (done->success() ? "success" : done->reason));
+  }
+  if (context.progress) context.progress(total, total, "episodes");
+  return {};
+}
+
+Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
+  std::vector<Error> errors;
+  const auto robot = make_robot(context.configuration, context.host, errors);
+  if (robot == nullptr) return tl::make_unexpected(std::move(errors.front()));
+  const ReplanConfiguration settings =
+      read_replan_configuration(context.configuration, robot, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+
+  const std::string identity = identity_of(context);
+  const auto finished = finished_episodes(context, identity);
+  if (!finished) return tl::make_unexpected(finished.error());
+  ReplanFacts facts;
+  facts.provenance = provenance_of(context);
+  facts.clock = settings.experiment.clock;
+  facts.robot = robot->description().name;
+  facts.planned_episodes = settings.experiment.episodes;
+  if (const Node* name = block_of(context.configuration, "optimiser").find("plugin")) {
+    facts.optimiser = name->text();
+  }
+
+  const auto file = context.out / "results.sqlite";
+  auto store =
+      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, facts.provenance);
+  if (!store) return tl::make_unexpected(std::move(store.error()));
+  Recorder recorder(**store);
+  if (!context.resume) record_replan_run(identity, recorder);
+  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
+  // Held here, so that episodes before one that cannot be run are kept.
+  auto done = contained("the closed loop", [&] {
+    return run_episodes(context, settings, robot, *finished, recorder);
+  });
+  store->reset();
+  facts.interrupted = context.stop.stop_requested();
+  auto rows = read_replan_rows(file);
+  if (!rows) return tl::make_unexpected(std::move(rows.error()));
+  if (!done && rows->episodes.empty()) return tl::make_unexpected(std::move(done.error()));
+  if (!done) facts.fault = std::move(done.error());
+  return summarise_replan(facts, *rows);
+}
+
+}  // namespace
+
+ExperimentType replan_experiment() {
+  ExperimentType type;
+  type.name = "replan";
+  type.doc = "The closed loop: mapping, checking and replanning while the robot moves";
+  type.schema = [] { return ReplanSettings::parameters().schema(); };
+  type.blocks = {"robot",     "source",   "mapper",   "field",
+                 "optimiser", "planning", "executor", "replanner"};
+  type.check = &check_replan;
+  type.run = &run_replan;
+  type.is_resumable = true;
+  return type;
+}
+
+}  // namespace sidestep

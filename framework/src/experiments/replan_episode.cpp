@@ -1,0 +1,254 @@
+#include "replan_episode.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <thread>
+
+#include <sidestep/planning/goal.hpp>
+
+#include "replan_mapping.hpp"
+#include "replan_visibility.hpp"
+
+namespace sidestep {
+namespace {
+
+/// Between two recorded true states: 125 Hz.
+constexpr std::int64_t kTruthPeriod_ns = 8'000'000;
+
+/// Poses problems from any state to the episode's goal.
+Replanner::PoseProblem problems_of(const ReplanConfiguration& settings, const ReplanWorld& world) {
+  return [&settings, robot = world.robot, q_goal = world.q_goal](
+             std::shared_ptr<const DistanceField> field, const RobotState& start) {
+    Problem problem = make_problem(robot, std::move(field), settings.planning, start, q_goal);
+    for (const CostTerm& term : settings.task.terms) {
+      // Where it ends has been found: the goal's own terms are met there.
+      if (term.placement != Placement::kGoal) problem.terms.push_back(term);
+    }
+    return problem;
+  };
+}
+
+/// One episode while it runs.
+class EpisodeRun {
+ public:
+  EpisodeRun(ExperimentContext& context, const ReplanConfiguration& settings, ReplanWorld& world,
+             std::int64_t episode)
+      : context_(context),
+        settings_(settings),
+        world_(world),
+        mapping_(world, settings.experiment, slot_, context.log),
+        end_(Stamp::from_seconds(settings.experiment.duration_s)) {
+    record_.episode = episode;
+  }
+
+  Result<EpisodeRecord> run();
+
+ private:
+  [[nodiscard]] Result<void> find_goal();
+  void make_replanner();
+  void run_lockstep();
+  void run_wall();
+  /// One step of the planning side; false once there is nothing more to do.
+  bool step(Stamp now);
+  void note_events(Stamp now, std::size_t first);
+  void note_truth(Stamp now, bool always);
+  [[nodiscard]] Result<void> find_truth();
+  void judge();
+
+  ExperimentContext& context_;
+  const ReplanConfiguration& settings_;
+  ReplanWorld& world_;
+  SnapshotSlot slot_;
+  EpisodeMapping mapping_;
+  std::optional<Replanner> replanner_;
+  Stamp end_;
+  Stamp next_truth_;
+  std::vector<ReplannerEvent> events_;
+  EpisodeRecord record_;
+  Replanner::Status status_ = Replanner::Status::kWaiting;
+};
+
+/// The configuration in which the robot does what its task asks of the goal, as the first map has
+/// it.
+Result<void> EpisodeRun::find_goal() {
+  if (!settings_.task.frees_goal) return {};
+  auto field = mapping_.first_field(settings_.experiment.latency.mapping_s);
+  if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
+  PlanningSettings planning = settings_.planning;
+  planning.hold_goal = false;
+  Problem problem =
+      make_problem(world_.robot, std::move(field), planning, world_.q_start, world_.q_goal);
+  problem.terms.insert(problem.terms.end(), settings_.task.terms.begin(),
+                       settings_.task.terms.end());
+  const auto solution = in_stage(plugin_of(world_.optimiser), [&] {
+    return world_.optimiser->solve(
+        problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
+        Deadline::after_s(planning.time_limit_s, context_.stop));
+  });
+  if (!solution) return tl::make_unexpected(solution.error());
+  if (solution->trajectory.size() == 0) {
+    return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution->reason);
+  }
+  const auto q = solution->trajectory.q(solution->trajectory.size() - 1);
+  if (const std::string miss = goal_miss(problem, q); !miss.empty()) {
+    return fail(ErrorCode::kNotFound, "no goal configuration was found: " + miss);
+  }
+  std::ranges::copy(q, world_.q_goal.begin());
+  return {};
+}
+
+void EpisodeRun::make_replanner() {
+  ReplannerSettings settings = settings_.replanner;
+  settings.limit_wall_time = !settings_.experiment.is_lockstep();
+  settings.seed = world_.seed;
+  replanner_.emplace(Replanner::Parts{world_.robot,
+                                      *world_.executor,
+                                      *world_.optimiser,
+                                      world_.sampler.get(),
+                                      slot_,
+                                      problems_of(settings_, world_),
+                                      {world_.q_goal, Eigen::VectorXd::Zero(world_.q_goal.size())},
+                                      settings_.planning.space(),
+                                      settings_.planning.limits(world_.robot->description()),
+                                      context_.log,
+                                      plugin_of(world_.executor),
+                                      plugin_of(world_.optimiser),
+                                      world_.sampler ? plugin_of(world_.sampler) : ""},
+                     settings);
+}
+
+Result<EpisodeRecord> EpisodeRun::run() {
+  if (auto attached = mapping_.attach(); !attached) {
+    return tl::make_unexpected(std::move(attached.error()));
+  }
+  record_.q_start = world_.q_start;
+  record_.scene = world_.scene;
+  const auto found_goal = find_goal();
+  record_.q_goal = world_.q_goal;
+  if (!found_goal) {
+    record_.reason = found_goal.error().describe();
+    return std::move(record_);
+  }
+  make_replanner();
+  if (settings_.experiment.is_lockstep()) {
+    run_lockstep();
+  } else {
+    run_wall();
+  }
+  record_.duration_s = world_.clock->now().seconds();
+  record_.reached = status_ == Replanner::Status::kReached;
+  record_.checks = replanner_->checks();
+  record_.mapping = mapping_.frames();
+  record_.views = mapping_.source().views();
+  record_.frames = static_cast<std::int64_t>(record_.mapping.size());
+  record_.frames_dropped = mapping_.dropped();
+  record_.following = mapping_.following();
+  if (auto found = find_truth(); !found) return tl::make_unexpected(std::move(found.error()));
+  judge();
+  return std::move(record_);
+}
+
+void EpisodeRun::run_lockstep() {
+  const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
+  for (Stamp now{0};; now.ns += step_ns) {
+    world_.clock->set(now);
+    // Brings the robot forward, so that a camera on it knows where it is; what fails, the replanner
+    // meets, too.
+    (void)guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
+    mapping_.advance(now, settings_.experiment.latency.mapping_s);
+    if (!step(now)) return;
+  }
+}
+
+void EpisodeRun::run_wall() {
+  const auto period = std::chrono::nanoseconds(Stamp::from_seconds(settings_.experiment.step_s).ns);
+  world_.clock->start();
+  mapping_.start();
+  auto next = std::chrono::steady_clock::now();
+  while (step(world_.clock->now())) {
+    next = std::max(next + period, std::chrono::steady_clock::now());
+    std::this_thread::sleep_until(next);
+  }
+  mapping_.stop();
+}
+
+bool EpisodeRun::step(Stamp now) {
+  const std::size_t first = events_.size();
+  status_ = replanner_->step(now, events_);
+  ++record_.steps;
+  note_events(now, first);
+  const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
+  note_truth(now, is_last);
+  record_.interrupted = context_.stop.stop_requested();
+  return !is_last && !record_.interrupted;
+}
+
+void EpisodeRun::note_events(Stamp now, std::size_t first) {
+  using Kind = ReplannerEvent::Kind;
+  for (std::size_t i = first; i < events_.size(); ++i) {
+    EpisodeEvent event{events_[i], {}, {}};
+    if (event.event.kind == Kind::kPlanned || event.event.kind == Kind::kReplanned) {
+      const auto since_map_ms = [&](Stamp stamp) {
+        return 1e-6 * static_cast<double>(stamp.ns - event.event.map_stamp.ns);
+      };
+      // What the solve took has passed on the wall's clock; in lockstep it is charged.
+      const bool is_lockstep = settings_.experiment.is_lockstep();
+      event.map_age_ms = since_map_ms(now);
+      event.stamp_to_trajectory_ms =
+          since_map_ms(is_lockstep ? event.event.takeover : world_.clock->now());
+      record_.followed.push_back({replanner_->followed_start().seconds(), replanner_->followed()});
+    }
+    record_.events.push_back(std::move(event));
+  }
+}
+
+void EpisodeRun::note_truth(Stamp now, bool always) {
+  if (world_.true_robot == nullptr || (now < next_truth_ && !always)) return;
+  next_truth_ = Stamp{now.ns + kTruthPeriod_ns};
+  record_.poses.push_back({now.seconds(), world_.true_robot->true_state(now).q});
+}
+
+Result<void> EpisodeRun::find_truth() {
+  if (world_.scene == nullptr || record_.poses.empty()) return {};
+  TrueMotionSettings truth;
+  const auto& allowed = settings_.check.allowed_contacts;
+  truth.allowed_contacts.assign(allowed.begin(), allowed.end());
+  auto found = check_true_motion(world_.robot, world_.scene, record_.poses, truth);
+  if (!found) return tl::make_unexpected(std::move(found.error()));
+  record_.truth = std::move(*found);
+  for (const TrueContact& contact : record_.truth.contacts) {
+    record_.contacts.push_back(
+        {contact, cause_of(contact, record_, settings_.replanner.rest_speed)});
+  }
+  return {};
+}
+
+/// Why the episode is no success, if it is none: what weighs most.
+void EpisodeRun::judge() {
+  if (!record_.contacts.empty()) {
+    const EpisodeContact& first = record_.contacts.front();
+    record_.reason = "link '" + first.contact.link + "' touched '" + first.contact.object + "' (" +
+                     first.cause + ")";
+  } else if (record_.interrupted) {
+    record_.reason = "interrupted";
+  } else if (mapping_.fault()) {
+    record_.reason = mapping_.fault()->describe();
+  } else if (!record_.reached) {
+    record_.reason = "the goal was not reached in time";
+    const auto is_stop = [](const EpisodeEvent& event) {
+      return event.event.kind == ReplannerEvent::Kind::kStopped ||
+             event.event.kind == ReplannerEvent::Kind::kReplanFailed;
+    };
+    const auto last = std::find_if(record_.events.rbegin(), record_.events.rend(), is_stop);
+    if (last != record_.events.rend()) record_.reason += "; last: " + last->event.cause;
+  }
+}
+
+}  // namespace
+
+Result<EpisodeRecord> run_episode(ExperimentContext& context, const ReplanConfiguration& settings,
+                                  ReplanWorld world, std::int64_t episode) {
+  return EpisodeRun(context, settings, world, episode).run();
+}
+
+}  // namespace sidestep

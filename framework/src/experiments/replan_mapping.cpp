@@ -1,0 +1,93 @@
+#include "replan_mapping.hpp"
+
+namespace sidestep {
+namespace {
+
+/// By the wall's clock: how long to wait for a frame before looking whether to stop.
+constexpr double kPatience_s = 0.1;
+constexpr double kFirst_s = 60.0;
+
+}  // namespace
+
+EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings,
+                               SnapshotSlot& slot, Log& log)
+    : clock_(*world.clock),
+      is_lockstep_(settings.is_lockstep()),
+      slot_(slot),
+      source_(*world.source, *world.clock, !is_lockstep_),
+      pipeline_(
+          {source_,
+           *world.mapper,
+           *world.field_builder,
+           is_lockstep_ ? made_ : slot,
+           log,
+           {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)}}),
+      occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
+  const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
+  if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
+  source_.keep_last(measures);
+}
+
+bool EpisodeMapping::map_one(const Deadline& deadline) {
+  auto step = pipeline_.step(deadline);
+  if (!step) {
+    const bool goes_on = step.error().code == ErrorCode::kDeadlineExceeded;
+    has_ended_ = !goes_on;
+    if (!goes_on && step.error().code != ErrorCode::kCancelled) fault_ = std::move(step.error());
+    return false;
+  }
+  if (!*step) {
+    has_ended_ = true;
+    return false;
+  }
+  frames_.push_back(
+      {(*step)->stamp.seconds(), clock_.now().seconds(), (*step)->integrate_ms, (*step)->field_ms});
+  return true;
+}
+
+std::shared_ptr<const DistanceField> EpisodeMapping::first_field(double latency_s) {
+  if (!is_lockstep_) {
+    map_one(Deadline::after_s(kFirst_s));
+    return slot_.pin();
+  }
+  advance(clock_.now(), latency_s);
+  return made_.pin();
+}
+
+void EpisodeMapping::advance(Stamp now, double latency_s) {
+  if (!has_ended_ && now >= busy_until_ && map_one(Deadline())) {
+    busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s).ns};
+    frames_.back().published_s = busy_until_.seconds();
+    waiting_.push_back({busy_until_, made_.pin()});
+  }
+  while (!waiting_.empty() && waiting_.front().due <= now) {
+    slot_.publish(std::move(waiting_.front().field));
+    waiting_.pop_front();
+  }
+}
+
+void EpisodeMapping::start() {
+  thread_ = std::jthread([this](std::stop_token stop) {
+    while (!stop.stop_requested() && !has_ended_) {
+      map_one(Deadline::after_s(kPatience_s, stop));
+    }
+  });
+}
+
+void EpisodeMapping::stop() {
+  if (!thread_.joinable()) return;
+  thread_.request_stop();
+  thread_.join();
+}
+
+std::int64_t EpisodeMapping::dropped() const noexcept {
+  return source_.span() - static_cast<std::int64_t>(frames_.size());
+}
+
+std::optional<MapFollowing> EpisodeMapping::following() const {
+  if (!truth_) return std::nullopt;
+  const TruthRecord record = truth_->finish(*occupancy_);
+  return MapFollowing{record.appear_frames, record.gone_frames, record.ghost_vox};
+}
+
+}  // namespace sidestep

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include <sidestep/runtime/pipeline.hpp>
+
+#include "map_truth.hpp"
+#include "paced_frames.hpp"
+#include "replan_world.hpp"
+
+namespace sidestep {
+
+/// The mapping side of an episode: frames that are due become fields in the slot. Once it has
+/// failed or its source has ended, it maps no more, and the map ages.
+class EpisodeMapping {
+ public:
+  EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, SnapshotSlot& slot, Log& log);
+
+  /// Binds the field builder to the mapper. Call once, first.
+  [[nodiscard]] Result<void> attach() { return pipeline_.attach(); }
+
+  /// Maps the first frame, before the clock runs; null where there is none.
+  [[nodiscard]] std::shared_ptr<const DistanceField> first_field(double latency_s);
+
+  /// In lockstep: maps the frame that is due, if any, and publishes what `latency_s` has passed
+  /// for.
+  void advance(Stamp now, double latency_s);
+
+  /// By the wall's clock: maps in a thread until told to stop.
+  void start();
+  /// Stops and joins that thread, if there is one.
+  void stop();
+
+  /// Only in lockstep, or after stop().
+  [[nodiscard]] const std::optional<Error>& fault() const noexcept { return fault_; }
+  [[nodiscard]] const std::vector<MappedFrame>& frames() const noexcept { return frames_; }
+  [[nodiscard]] const PacedFrames& source() const noexcept { return source_; }
+  [[nodiscard]] std::int64_t dropped() const noexcept;
+  /// Nothing where it was not measured.
+  [[nodiscard]] std::optional<MapFollowing> following() const;
+
+ private:
+  struct Waiting {
+    Stamp due;
+    std::shared_ptr<const DistanceField> field;
+  };
+
+  /// Maps the next frame, if one comes before the deadline.
+  bool map_one(const Deadline& deadline);
+
+  const Clock& clock_;
+  bool is_lockstep_;
+  SnapshotSlot& slot_;
+  SnapshotSlot made_;  ///< In lockstep: what has been made, but is not to be seen yet.
+  PacedFrames source_;
+  MappingPipeline pipeline_;
+  std::deque<Waiting> waiting_;
+  Stamp busy_until_;
+  bool has_ended_ = false;
+  std::optional<Error> fault_;
+  std::vector<MappedFrame> frames_;
+  const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
+  std::optional<MapTruth> truth_;   ///< Where it is measured.
+  std::jthread thread_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,202 @@
+#include "replan_summary.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+#include "json.hpp"
+#include "report_parts.hpp"
+#include "statistics.hpp"
+#include "text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+using report::at;
+using report::cell;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kTableRows = 40;
+
+template <class Member>
+std::vector<double> all_of(const std::vector<EpisodeRow>& episodes, Member member) {
+  std::vector<double> values;
+  for (const EpisodeRow& episode : episodes) {
+    values.insert(values.end(), (episode.*member).begin(), (episode.*member).end());
+  }
+  return values;
+}
+
+template <class Member>
+auto sum_of(const std::vector<EpisodeRow>& episodes, Member member) {
+  auto sum = std::decay_t<decltype(episodes.front().*member)>{};
+  for (const EpisodeRow& episode : episodes) sum += episode.*member;
+  return sum;
+}
+
+Json quantile(const std::vector<double>& values, double share) {
+  return values.empty() ? Json(nullptr) : Json(percentile(values, share));
+}
+
+Json largest(const std::vector<double>& values) {
+  return values.empty() ? Json(nullptr) : Json(*std::ranges::max_element(values));
+}
+
+Json least_clearance(const std::vector<EpisodeRow>& episodes) {
+  std::optional<double> least;
+  for (const EpisodeRow& episode : episodes) {
+    if (!episode.min_true_clearance_m) continue;
+    least = std::min(least.value_or(*episode.min_true_clearance_m), *episode.min_true_clearance_m);
+  }
+  return least ? Json(*least) : Json(nullptr);
+}
+
+Json ghost_vox(const std::vector<EpisodeRow>& episodes) {
+  std::optional<std::int64_t> sum;
+  for (const EpisodeRow& episode : episodes) {
+    if (episode.ghost_vox) sum = sum.value_or(0) + *episode.ghost_vox;
+  }
+  return sum ? Json(*sum) : Json(nullptr);
+}
+
+Json times_to_goal(const std::vector<EpisodeRow>& episodes) {
+  std::vector<double> times_s;
+  for (const EpisodeRow& episode : episodes) {
+    if (episode.reached) times_s.push_back(episode.duration_s);
+  }
+  return {
+      {"p50", quantile(times_s, 0.5)}, {"p95", quantile(times_s, 0.95)}, {"max", largest(times_s)}};
+}
+
+Json metrics_of(const ReplanRows& rows) {
+  const auto& episodes = rows.episodes;
+  const auto count = static_cast<double>(episodes.size());
+  const auto successes = std::ranges::count(episodes, true, &EpisodeRow::success);
+  const double time_s = sum_of(episodes, &EpisodeRow::duration_s);
+  const auto solve_ms = all_of(episodes, &EpisodeRow::solve_ms);
+  const auto to_trajectory_ms = all_of(episodes, &EpisodeRow::stamp_to_trajectory_ms);
+  const auto map_age_ms = all_of(episodes, &EpisodeRow::map_age_ms);
+  double jump = 0.0;
+  for (const EpisodeRow& episode : episodes) {
+    jump = std::max(jump, episode.splice_velocity_jump_max);
+  }
+  const auto steps = static_cast<double>(sum_of(episodes, &EpisodeRow::steps));
+  const auto checks = static_cast<double>(sum_of(episodes, &EpisodeRow::checks));
+  return {
+      {"episodes", episodes.size()},
+      {"success_share",
+       episodes.empty() ? Json(nullptr) : Json(static_cast<double>(successes) / count)},
+      {"collisions_true", sum_of(episodes, &EpisodeRow::collisions)},
+      {"min_true_clearance_m", least_clearance(episodes)},
+      {"time_to_goal_s", times_to_goal(episodes)},
+      {"replans", sum_of(episodes, &EpisodeRow::replans)},
+      {"solve_ms", {{"p50", quantile(solve_ms, 0.5)}, {"p95", quantile(solve_ms, 0.95)}}},
+      {"stamp_to_trajectory_ms",
+       {{"p50", quantile(to_trajectory_ms, 0.5)},
+        {"p95", quantile(to_trajectory_ms, 0.95)},
+        {"max", largest(to_trajectory_ms)}}},
+      {"check_hz", time_s > 0.0 ? Json(checks / time_s) : Json(nullptr)},
+      {"step_hz", time_s > 0.0 ? Json(steps / time_s) : Json(nullptr)},
+      {"map_age_ms", {{"p95", quantile(map_age_ms, 0.95)}}},
+      {"splice_velocity_jump_max", jump},
+      {"stops", sum_of(episodes, &EpisodeRow::stops)},
+      {"frames", sum_of(episodes, &EpisodeRow::frames)},
+      {"frames_dropped", sum_of(episodes, &EpisodeRow::frames_dropped)},
+      {"appear_frames", {{"p95", quantile(all_of(episodes, &EpisodeRow::appear_frames), 0.95)}}},
+      {"clear_frames", {{"p95", quantile(all_of(episodes, &EpisodeRow::clear_frames), 0.95)}}},
+      {"ghost_vox", ghost_vox(episodes)}};
+}
+
+Json collisions_of(const ReplanRows& rows) {
+  Json list = Json::array();
+  for (const ContactRow& contact : rows.contacts) {
+    list.push_back({{"episode", contact.episode},
+                    {"time_s", contact.time_s},
+                    {"link", contact.link},
+                    {"object", contact.object},
+                    {"depth_m", contact.depth_m},
+                    {"cause", contact.cause}});
+  }
+  return list;
+}
+
+Json failures_of(const ReplanRows& rows) {
+  Json list = Json::array();
+  for (const EpisodeRow& episode : rows.episodes) {
+    if (episode.success) continue;
+    list.push_back({{"episode", episode.episode}, {"reason", episode.reason}});
+  }
+  return list;
+}
+
+std::string table_text(const ReplanRows& rows) {
+  TextTable table({"episode", "result", "time", "clearance", "collisions", "replans", "stops",
+                   "solve p50", "stamp to plan p95", "frames", "dropped"});
+  const std::size_t shown = std::min(rows.episodes.size(), kTableRows);
+  for (std::size_t i = 0; i < shown; ++i) {
+    const EpisodeRow& r = rows.episodes[i];
+    table.add({std::to_string(r.episode), r.success ? "success" : "failed",
+               format("%.2f s", r.duration_s),
+               r.min_true_clearance_m ? format("%.3f m", *r.min_true_clearance_m) : "-",
+               std::to_string(r.collisions), std::to_string(r.replans), std::to_string(r.stops),
+               cell(quantile(r.solve_ms, 0.5), "%.2f ms"),
+               cell(quantile(r.stamp_to_trajectory_ms, 0.95), "%.1f ms"), std::to_string(r.frames),
+               std::to_string(r.frames_dropped)});
+  }
+  std::string text = table.text();
+  if (shown < rows.episodes.size()) {
+    text += "and " + std::to_string(rows.episodes.size() - shown) + " more in results.sqlite\n";
+  }
+  return text;
+}
+
+std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const Json& metrics) {
+  const auto done = rows.episodes.size();
+  const auto successes = std::ranges::count(rows.episodes, true, &EpisodeRow::success);
+  const std::string count = std::to_string(successes) + " of " + std::to_string(done) +
+                            (done == 1 ? " episode" : " episodes") +
+                            " reached the goal without touching anything";
+  if (facts.fault) return "Ended early: " + facts.fault->describe();
+  if (facts.interrupted) {
+    return "Interrupted after " + std::to_string(done) + " of " +
+           std::to_string(facts.planned_episodes) + " episodes: " + count + "; they are saved.";
+  }
+  std::string text = (static_cast<std::size_t>(successes) == done ? "Success: " : "Failed: ") +
+                     count + "; " + cell(at(metrics, "/replans")) + " replans, " +
+                     cell(at(metrics, "/stops")) + " stops, least true clearance " +
+                     cell(at(metrics, "/min_true_clearance_m"), "%.3f m") + ".";
+  const auto failed = std::ranges::find(rows.episodes, false, &EpisodeRow::success);
+  if (failed != rows.episodes.end()) {
+    text += " Episode " + std::to_string(failed->episode) + ": " + failed->reason + ".";
+  }
+  return text;
+}
+
+}  // namespace
+
+ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows) {
+  const Json metrics = metrics_of(rows);
+  const bool all_done = rows.episodes.size() == static_cast<std::size_t>(facts.planned_episodes);
+  ExperimentOutcome outcome;
+  outcome.interrupted = facts.interrupted;
+  outcome.fault = facts.fault;
+  outcome.success = all_done && !facts.fault && !facts.interrupted &&
+                    std::ranges::all_of(rows.episodes, &EpisodeRow::success);
+  outcome.verdict = verdict_text(facts, rows, metrics);
+  outcome.table = table_text(rows);
+  Json summary = {{"configuration", facts.provenance.configuration},
+                  {"experiment", "replan"},
+                  {"success", outcome.success},
+                  {"interrupted", outcome.interrupted},
+                  {"verdict", outcome.verdict},
+                  {"clock", facts.clock},
+                  {"robot", facts.robot},
+                  {"optimiser", facts.optimiser}};
+  summary.update(metrics);
+  summary["collisions"] = collisions_of(rows);
+  summary["failures"] = failures_of(rows);
+  summary["provenance"] = provenance_json(facts.provenance);
+  outcome.summary_json = json_text(summary);
+  return outcome;
+}
+
+}  // namespace sidestep

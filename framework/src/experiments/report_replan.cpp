@@ -1,0 +1,124 @@
+#include <algorithm>
+#include <set>
+#include <string>
+
+#include "html.hpp"
+#include "replan_rows.hpp"
+#include "report_parts.hpp"
+
+namespace sidestep::report {
+namespace {
+
+constexpr std::size_t kPicturedEpisodes = 6;
+
+std::string metrics_section(const Json& summary) {
+  std::string html = html_table(
+      {"episodes", "success", "true collisions", "least true clearance", "time to goal p50",
+       "replans", "stops", "largest velocity jump at a splice"},
+      {{cell(at(summary, "/episodes")), cell(at(summary, "/success_share"), "%.4f"),
+        cell(at(summary, "/collisions_true")), cell(at(summary, "/min_true_clearance_m"), "%.3f m"),
+        cell(at(summary, "/time_to_goal_s/p50"), "%.2f s"), cell(at(summary, "/replans")),
+        cell(at(summary, "/stops")), cell(at(summary, "/splice_velocity_jump_max"), "%.2g")}});
+  html += html_table(
+      {"solve p50", "p95", "depth stamp to trajectory p50", "p95", "max", "age of the map p95",
+       "validity checks", "frames", "dropped"},
+      {{cell(at(summary, "/solve_ms/p50"), "%.2f ms"),
+        cell(at(summary, "/solve_ms/p95"), "%.2f ms"),
+        cell(at(summary, "/stamp_to_trajectory_ms/p50"), "%.1f ms"),
+        cell(at(summary, "/stamp_to_trajectory_ms/p95"), "%.1f ms"),
+        cell(at(summary, "/stamp_to_trajectory_ms/max"), "%.1f ms"),
+        cell(at(summary, "/map_age_ms/p95"), "%.1f ms"), cell(at(summary, "/check_hz"), "%.0f Hz"),
+        cell(at(summary, "/frames")), cell(at(summary, "/frames_dropped"))}});
+  return html;
+}
+
+std::string collisions_section(const Json& summary) {
+  const Json collisions = at(summary, "/collisions");
+  if (!collisions.is_array() || collisions.empty()) return "";
+  std::vector<Row> rows;
+  for (const Json& contact : collisions) {
+    rows.push_back({cell(at(contact, "/episode")), cell(at(contact, "/time_s"), "%.2f s"),
+                    cell(at(contact, "/link")), cell(at(contact, "/object")),
+                    cell(at(contact, "/depth_m"), "%.3f m"), cell(at(contact, "/cause"))});
+  }
+  return "<h2>True collisions</h2>\n" +
+         html_table({"episode", "at", "link", "object", "depth", "cause"}, rows);
+}
+
+std::string failures_section(const Json& failures) {
+  if (!failures.is_array() || failures.empty()) return "";
+  std::vector<Row> rows;
+  for (const Json& failure : failures) {
+    rows.push_back({cell(at(failure, "/episode")), cell(at(failure, "/reason"))});
+  }
+  return "<h2>Episodes that failed</h2>\n" + html_table({"episode", "reason"}, rows);
+}
+
+/// The first episode, then those that failed, then the next ones.
+std::vector<std::int64_t> chosen_episodes(const Json& summary) {
+  std::vector<std::int64_t> chosen;
+  const auto count = at(summary, "/episodes").get<std::int64_t>();
+  const auto choose = [&](std::int64_t episode) {
+    if (episode < count && chosen.size() < kPicturedEpisodes &&
+        std::ranges::find(chosen, episode) == chosen.end()) {
+      chosen.push_back(episode);
+    }
+  };
+  choose(0);
+  for (const Json& failure : at(summary, "/failures")) {
+    choose(at(failure, "/episode").get<std::int64_t>());
+  }
+  choose(1);
+  return chosen;
+}
+
+Result<std::string> events_section(ResultsReader& results, std::int64_t episode) {
+  std::set<std::int64_t> items;
+  const std::int64_t first = first_item_of(episode), end = first_item_of(episode + 1);
+  auto read = results.visit("event", [&](std::int64_t item, std::string_view, double) {
+    if (item >= first && item < end) items.insert(item);
+  });
+  if (!read) return tl::make_unexpected(std::move(read.error()));
+  std::vector<Row> rows;
+  for (const std::int64_t item : items) {
+    const auto text = [&](const char* key) {
+      const auto value = results.text("event", item, key);
+      return value ? value->value_or("") : std::string();
+    };
+    const auto number = [&](const char* key, const char* pattern) {
+      const auto value = results.number("event", item, key);
+      return cell(value && *value ? Json(**value) : Json(nullptr), pattern);
+    };
+    rows.push_back({number("time_s", "%.3f s"), text("kind_name"), text("cause"), text("guess"),
+                    number("attempts", "%.0f"), number("solve_ms", "%.2f ms"),
+                    number("map_age_ms", "%.1f ms"), number("stamp_to_trajectory_ms", "%.1f ms"),
+                    number("splice_velocity_jump", "%.2g")});
+  }
+  return "<details><summary>Events</summary>\n" +
+         html_table({"at", "event", "cause", "guess", "attempts", "solve", "map's age",
+                     "stamp to trajectory", "velocity jump"},
+                    rows) +
+         "</details>\n";
+}
+
+}  // namespace
+
+Result<std::string> replan_body(const Json& summary, ResultsReader& results,
+                                const std::filesystem::path& run) {
+  std::string html = metrics_section(summary) + collisions_section(summary) +
+                     failures_section(at(summary, "/failures"));
+  if (!at(summary, "/episodes").is_number_integer()) return html;
+  for (const std::int64_t episode : chosen_episodes(summary)) {
+    html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
+    const auto figures = replan_figures(results, episode);
+    if (!figures) return tl::make_unexpected(figures.error());
+    const auto section = figure_section(*figures, run);
+    if (!section) return section;
+    const auto events = events_section(results, episode);
+    if (!events) return events;
+    html += *section + *events;
+  }
+  return html;
+}
+
+}  // namespace sidestep::report

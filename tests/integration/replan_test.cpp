@@ -1,0 +1,115 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <sidestep/runtime/results_store.hpp>
+
+#include "command_line.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace sidestep::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+
+const std::string kConfig =
+    std::string(SIDESTEP_SOURCE_DIR) + "/tests/integration/configs/tiny_replan.yaml";
+
+class ReplanTest : public ::testing::Test {
+ protected:
+  [[nodiscard]] Finished run_it(const std::string& out, const std::vector<std::string>& sets = {},
+                                const std::vector<std::string>& options = {}) const {
+    std::vector<std::string> arguments = {"run", kConfig};
+    if (options.empty()) {
+      arguments.insert(arguments.end(), {"--out", (folder_.path() / out).string()});
+    }
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    for (const std::string& set : sets) arguments.insert(arguments.end(), {"--set", set});
+    return run(arguments);
+  }
+  [[nodiscard]] Json summary(const std::string& out) const {
+    return Json::parse(read_file(folder_.path() / out / "summary.json"), nullptr, false);
+  }
+  /// What does not depend on how fast the machine is.
+  [[nodiscard]] Json timeless(const std::string& out) const {
+    Json all = summary(out);
+    all.erase("solve_ms");
+    return all;
+  }
+
+  testing_support::TemporaryFolder folder_;
+};
+
+TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
+  const Finished finished = run_it("run");
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  const Json of = summary("run");
+  EXPECT_EQ(of["success"], true);
+  EXPECT_EQ(of["episodes"], 2);
+  EXPECT_EQ(of["success_share"], 1.0);
+  EXPECT_EQ(of["collisions_true"], 0);
+  EXPECT_GT(of["min_true_clearance_m"], 0.0);
+  EXPECT_GE(of["replans"], 1) << "the way was free all along";
+  EXPECT_GE(of["step_hz"], 249.0);
+  EXPECT_GE(of["check_hz"], 5.0);
+  EXPECT_LE(of["splice_velocity_jump_max"], 1e-3);
+  EXPECT_EQ(of["frames_dropped"], 0);
+  for (const char* key : {"solve_ms", "stamp_to_trajectory_ms", "map_age_ms", "stops",
+                          "appear_frames", "clear_frames", "ghost_vox"}) {
+    EXPECT_TRUE(of.contains(key)) << key;
+  }
+  const std::string report = read_file(folder_.path() / "run" / "report.html");
+  EXPECT_THAT(report, HasSubstr("Episode 0"));
+  for (const char* picture : {"episode-0-above.png", "episode-0-time.png"}) {
+    EXPECT_TRUE(fs::exists(folder_.path() / "run" / picture)) << picture;
+  }
+}
+
+TEST_F(ReplanTest, TheSameSeedGivesTheSameRunAndAnotherSeedAnother) {
+  ASSERT_EQ(run_it("first").exit_code, 0);
+  ASSERT_EQ(run_it("second").exit_code, 0);
+  ASSERT_EQ(run_it("other", {"experiment.seed=8"}).exit_code, 0);
+  EXPECT_EQ(timeless("first"), timeless("second"));
+  EXPECT_NE(summary("first")["time_to_goal_s"], summary("other")["time_to_goal_s"]);
+}
+
+TEST_F(ReplanTest, ResumingDoesWhatIsMissingAndNothingElse) {
+  ASSERT_EQ(run_it("whole").exit_code, 0);
+  ASSERT_EQ(run_it("parts", {"experiment.episodes=1"}).exit_code, 0);
+  const std::string parts = (folder_.path() / "parts").string();
+  const Finished resumed = run_it("parts", {}, {"--resume", parts});
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.error;
+  EXPECT_EQ(timeless("whole"), timeless("parts"));
+
+  const Finished other = run_it("parts", {"planning.qc=2.0"}, {"--resume", parts});
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.error, HasSubstr("the run to resume is another experiment"));
+}
+
+TEST_F(ReplanTest, ABlockedGoalIsAFailureThatSaysWhy) {
+  const Finished finished =
+      run_it("run", {"experiment.goal.joints.x=1.3", "experiment.goal.joints.y=-0.1",
+                     "experiment.random=null", "experiment.episodes=1", "experiment.duration_s=8"});
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  const Json of = summary("run");
+  EXPECT_EQ(of["success_share"], 0.0);
+  EXPECT_EQ(of["collisions_true"], 0);
+  EXPECT_THAT(of["failures"][0]["reason"].get<std::string>(),
+              HasSubstr("the goal was not reached in time"));
+}
+
+TEST_F(ReplanTest, RunsByTheClockOnTheWall) {
+  const Finished finished =
+      run_it("run", {"experiment.clock=wall", "experiment.episodes=1", "experiment.duration_s=3"});
+  const Json of = summary("run");
+  // Whether it gets there in time is the machine's affair; that it ends and tells is not.
+  EXPECT_TRUE(finished.exit_code == 0 || finished.exit_code == 1) << finished.error;
+  EXPECT_EQ(of["episodes"], 1);
+  EXPECT_GE(of["frames"], 1);
+  EXPECT_EQ(of["collisions_true"], 0);
+}
+
+}  // namespace
+}  // namespace sidestep::testing
