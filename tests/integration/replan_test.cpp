@@ -52,8 +52,8 @@ TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
   EXPECT_EQ(of["collisions_true"], 0);
   EXPECT_GT(of["min_true_clearance_m"], 0.0);
   EXPECT_GE(of["replans"], 1) << "the way was free all along";
-  EXPECT_GE(of["step_hz"], 249.0);
-  EXPECT_GE(of["check_hz"], 5.0);
+  EXPECT_GE(of["check_hz"], 249.0);
+  EXPECT_GE(of["new_check_hz"], 5.0);
   EXPECT_LE(of["splice_velocity_jump_max"], 1e-3);
   EXPECT_EQ(of["frames_dropped"], 0);
   for (const char* key : {"solve_ms", "stamp_to_trajectory_ms", "map_age_ms", "stops",

@@ -201,6 +201,7 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
   constexpr std::array kLanes = {std::pair(Kind::kPlanned, palette::kGreen),
                                  std::pair(Kind::kReplanned, palette::kBlue),
                                  std::pair(Kind::kReplanFailed, palette::kOrange),
+                                 std::pair(Kind::kSlowed, palette::kSky),
                                  std::pair(Kind::kStopped, palette::kVermilion),
                                  std::pair(Kind::kRecovered, palette::kPurple),
                                  std::pair(Kind::kReached, palette::kBlack)};

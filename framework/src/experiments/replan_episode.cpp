@@ -138,6 +138,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
   record_.duration_s = world_.clock->now().seconds();
   record_.reached = status_ == Replanner::Status::kReached;
   record_.checks = replanner_->checks();
+  record_.guesses = replanner_->guess_counts();
   record_.mapping = mapping_.frames();
   record_.views = mapping_.source().views();
   record_.frames = static_cast<std::int64_t>(record_.mapping.size());
@@ -195,7 +196,8 @@ void EpisodeRun::note_events(Stamp now, std::size_t first) {
       const bool is_lockstep = settings_.experiment.is_lockstep();
       event.map_age_ms = since_map_ms(now);
       event.stamp_to_trajectory_ms =
-          since_map_ms(is_lockstep ? event.event.takeover : world_.clock->now());
+          since_map_ms(is_lockstep ? Stamp::from_seconds(now.seconds() + settings_.replanner.takeover_s)
+                                   : world_.clock->now());
       record_.followed.push_back({replanner_->followed_start().seconds(), replanner_->followed()});
     }
     record_.events.push_back(std::move(event));

@@ -21,7 +21,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
            *world.field_builder,
            is_lockstep_ ? made_ : slot,
            log,
-           {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)}}),
+           {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
+           &motion_detector_}),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
   if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
@@ -58,10 +59,10 @@ void EpisodeMapping::advance(Stamp now, double latency_s) {
   if (!has_ended_ && now >= busy_until_ && map_one(Deadline())) {
     busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s).ns};
     frames_.back().published_s = busy_until_.seconds();
-    waiting_.push_back({busy_until_, made_.pin()});
+    waiting_.push_back({busy_until_, made_.snapshot()});
   }
   while (!waiting_.empty() && waiting_.front().due <= now) {
-    slot_.publish(std::move(waiting_.front().field));
+    slot_.publish(std::move(waiting_.front().snapshot));
     waiting_.pop_front();
   }
 }

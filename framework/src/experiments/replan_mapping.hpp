@@ -45,7 +45,7 @@ class EpisodeMapping {
  private:
   struct Waiting {
     Stamp due;
-    std::shared_ptr<const DistanceField> field;
+    MapSnapshot snapshot;
   };
 
   /// Maps the next frame, if one comes before the deadline.
@@ -56,6 +56,7 @@ class EpisodeMapping {
   SnapshotSlot& slot_;
   SnapshotSlot made_;  ///< In lockstep: what has been made, but is not to be seen yet.
   PacedFrames source_;
+  MotionDetector motion_detector_;
   MappingPipeline pipeline_;
   std::deque<Waiting> waiting_;
   Stamp busy_until_;

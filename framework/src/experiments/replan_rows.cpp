@@ -28,6 +28,7 @@ void record_event(const EpisodeEvent& event, std::int64_t episode, std::int64_t 
   recorder.add("event", item, "splice_velocity_jump", its.splice_velocity_jump);
   recorder.add("event", item, "takeover_s", its.takeover.seconds());
   recorder.add("event", item, "map_stamp_s", its.map_stamp.seconds());
+  recorder.add("event", item, "unknown_share", its.unknown_share);
   if (event.map_age_ms) recorder.add("event", item, "map_age_ms", *event.map_age_ms);
   if (event.stamp_to_trajectory_ms) {
     recorder.add("event", item, "stamp_to_trajectory_ms", *event.stamp_to_trajectory_ms);
@@ -113,10 +114,12 @@ void add_events(const Items& events, std::map<std::int64_t, EpisodeRow>& rows) {
     const auto kind = static_cast<Kind>(count_of(event, "kind"));
     if (kind == Kind::kReplanned) ++episode.replans;
     if (kind == Kind::kStopped) ++episode.stops;
+    if (kind == Kind::kSlowed) ++episode.slowdowns;
     if (kind != Kind::kReplanned && kind != Kind::kPlanned) continue;
     episode.splice_velocity_jump_max = std::max(
         episode.splice_velocity_jump_max, value_of(event, "splice_velocity_jump").value_or(0.0));
     episode.solve_ms.push_back(value_of(event, "solve_ms").value_or(0.0));
+    episode.unknown_share.push_back(value_of(event, "unknown_share").value_or(0.0));
     if (const auto age_ms = value_of(event, "map_age_ms")) episode.map_age_ms.push_back(*age_ms);
     if (const auto ms = value_of(event, "stamp_to_trajectory_ms")) {
       episode.stamp_to_trajectory_ms.push_back(*ms);
@@ -165,6 +168,13 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
     record_contact(episode.contacts[i], item, first_item_of(item) + static_cast<std::int64_t>(i),
                    recorder);
   }
+  for (std::size_t i = 0; i < episode.guesses.size(); ++i) {
+    const std::int64_t its = first_item_of(item) + static_cast<std::int64_t>(i);
+    recorder.add("guess", its, "episode", item);
+    recorder.add("guess", its, "name", episode.guesses[i].guess);
+    recorder.add("guess", its, "tried", episode.guesses[i].tried);
+    recorder.add("guess", its, "led", episode.guesses[i].led);
+  }
   if (pictures > 0) record_pictures(episode, robot, pictures, recorder);
 }
 
@@ -182,6 +192,15 @@ Result<ReplanRows> read_replan_rows(const std::filesystem::path& file) {
   if (!events) return tl::make_unexpected(events.error());
   const auto contacts = read_items(**reader, "contact");
   if (!contacts) return tl::make_unexpected(contacts.error());
+  const auto guesses = read_items(**reader, "guess");
+  if (!guesses) return tl::make_unexpected(guesses.error());
+  for (const auto& [item, values] : *guesses) {
+    const std::string name = text_of(**reader, "guess", item, "name");
+    auto known = std::ranges::find(rows.guesses, name, &Replanner::GuessCount::guess);
+    if (known == rows.guesses.end()) known = rows.guesses.insert(known, {name, 0, 0});
+    known->tried += count_of(values, "tried");
+    known->led += count_of(values, "led");
+  }
   std::map<std::int64_t, EpisodeRow> by_episode;
   for (const auto& [item, values] : *episodes) {
     EpisodeRow& row = by_episode[item];

@@ -13,7 +13,7 @@
 
 namespace sidestep {
 
-/// Items of the series "event" and "contact": those of an episode begin here.
+/// Items of the series "event", "contact" and "guess": those of an episode begin here.
 [[nodiscard]] constexpr std::int64_t first_item_of(std::int64_t episode) {
   return episode * 100'000;
 }
@@ -32,8 +32,10 @@ struct EpisodeRow {
   std::int64_t frames_dropped = 0;
   std::int64_t replans = 0;
   std::int64_t stops = 0;
+  std::int64_t slowdowns = 0;
   double splice_velocity_jump_max = 0.0;
   std::vector<double> solve_ms;
+  std::vector<double> unknown_share;
   std::vector<double> map_age_ms;
   std::vector<double> stamp_to_trajectory_ms;
   std::vector<double> appear_frames;
@@ -56,12 +58,13 @@ struct ReplanRows {
   std::string identity;  ///< The effective configuration that fixes every outcome, as YAML.
   std::vector<EpisodeRow> episodes;  ///< In ascending order.
   std::vector<ContactRow> contacts;
+  std::vector<Replanner::GuessCount> guesses;  ///< Of all episodes together, in order of trial.
 };
 
 /// Series "run".
 void record_replan_run(const std::string& identity, Recorder& recorder);
 
-/// Series "episode" (one item an episode), "event" and "contact"; and where `pictures` > 0,
+/// Series "episode" (one item an episode), "event", "contact" and "guess"; and where `pictures` > 0,
 /// "picture/EPISODE", so many spread evenly over its time: the robot, the obstacles, the way so far
 /// and what is being followed, from above.
 void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int pictures,

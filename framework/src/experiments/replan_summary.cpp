@@ -37,8 +37,16 @@ Json quantile(const std::vector<double>& values, double share) {
   return values.empty() ? Json(nullptr) : Json(percentile(values, share));
 }
 
-Json largest(const std::vector<double>& values) {
-  return values.empty() ? Json(nullptr) : Json(*std::ranges::max_element(values));
+Json spread(const std::vector<double>& values) {
+  return {{"p50", quantile(values, 0.5)},
+          {"p95", quantile(values, 0.95)},
+          {"max", quantile(values, 1.0)}};
+}
+
+/// That of one kind of measurement over all episodes.
+template <class Member>
+Json spread_of(const std::vector<EpisodeRow>& episodes, Member member) {
+  return spread(all_of(episodes, member));
 }
 
 Json least_clearance(const std::vector<EpisodeRow>& episodes) {
@@ -63,8 +71,15 @@ Json times_to_goal(const std::vector<EpisodeRow>& episodes) {
   for (const EpisodeRow& episode : episodes) {
     if (episode.reached) times_s.push_back(episode.duration_s);
   }
-  return {
-      {"p50", quantile(times_s, 0.5)}, {"p95", quantile(times_s, 0.95)}, {"max", largest(times_s)}};
+  return spread(times_s);
+}
+
+Json guesses_of(const ReplanRows& rows) {
+  Json list = Json::array();
+  for (const Replanner::GuessCount& guess : rows.guesses) {
+    list.push_back({{"name", guess.guess}, {"tried", guess.tried}, {"led", guess.led}});
+  }
+  return list;
 }
 
 Json metrics_of(const ReplanRows& rows) {
@@ -89,20 +104,20 @@ Json metrics_of(const ReplanRows& rows) {
       {"min_true_clearance_m", least_clearance(episodes)},
       {"time_to_goal_s", times_to_goal(episodes)},
       {"replans", sum_of(episodes, &EpisodeRow::replans)},
-      {"solve_ms", {{"p50", quantile(solve_ms, 0.5)}, {"p95", quantile(solve_ms, 0.95)}}},
-      {"stamp_to_trajectory_ms",
-       {{"p50", quantile(to_trajectory_ms, 0.5)},
-        {"p95", quantile(to_trajectory_ms, 0.95)},
-        {"max", largest(to_trajectory_ms)}}},
-      {"check_hz", time_s > 0.0 ? Json(checks / time_s) : Json(nullptr)},
-      {"step_hz", time_s > 0.0 ? Json(steps / time_s) : Json(nullptr)},
-      {"map_age_ms", {{"p95", quantile(map_age_ms, 0.95)}}},
+      {"guesses", guesses_of(rows)},
+      {"solve_ms", spread_of(episodes, &EpisodeRow::solve_ms)},
+      {"stamp_to_trajectory_ms", spread_of(episodes, &EpisodeRow::stamp_to_trajectory_ms)},
+      {"check_hz", time_s > 0.0 ? Json(steps / time_s) : Json(nullptr)},
+      {"new_check_hz", time_s > 0.0 ? Json(checks / time_s) : Json(nullptr)},
+      {"map_age_ms", spread_of(episodes, &EpisodeRow::map_age_ms)},
+      {"unknown_share", spread_of(episodes, &EpisodeRow::unknown_share)},
       {"splice_velocity_jump_max", jump},
       {"stops", sum_of(episodes, &EpisodeRow::stops)},
+      {"slowdowns", sum_of(episodes, &EpisodeRow::slowdowns)},
       {"frames", sum_of(episodes, &EpisodeRow::frames)},
       {"frames_dropped", sum_of(episodes, &EpisodeRow::frames_dropped)},
-      {"appear_frames", {{"p95", quantile(all_of(episodes, &EpisodeRow::appear_frames), 0.95)}}},
-      {"clear_frames", {{"p95", quantile(all_of(episodes, &EpisodeRow::clear_frames), 0.95)}}},
+      {"appear_frames", spread_of(episodes, &EpisodeRow::appear_frames)},
+      {"clear_frames", spread_of(episodes, &EpisodeRow::clear_frames)},
       {"ghost_vox", ghost_vox(episodes)}};
 }
 

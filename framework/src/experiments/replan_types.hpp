@@ -69,6 +69,7 @@ struct EpisodeRecord {
   Eigen::VectorXd q_goal;
   std::shared_ptr<const Scene> scene;
   std::vector<EpisodeEvent> events;
+  std::vector<Replanner::GuessCount> guesses;
   std::vector<MappedFrame> mapping;
   std::vector<CameraView> views;
   std::vector<FollowedPath> followed;

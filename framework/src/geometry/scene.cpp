@@ -3,8 +3,32 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
+
+#include <sidestep/core/seed.hpp>
 
 namespace sidestep {
+namespace {
+
+double draw(const MotionRanges::Range& range, std::mt19937_64& generator) {
+  return std::uniform_real_distribution<double>(range.lower, range.upper)(generator);
+}
+
+void draw_motion(SceneObject& object, const MotionRanges& ranges, std::uint64_t seed) {
+  std::mt19937_64 generator(derive_seed(seed, object.name));
+  const double delay_s = draw(ranges.delay_s, generator);
+  const double speed = draw(ranges.speed, generator);
+  Eigen::Vector3d offset_m;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    offset_m[static_cast<Eigen::Index>(axis)] = draw(ranges.offset_m[axis], generator);
+  }
+  for (Waypoint& waypoint : object.waypoints) {
+    waypoint.time_s = delay_s + waypoint.time_s / speed;
+    waypoint.T_world_object.translation() += offset_m;
+  }
+}
+
+}  // namespace
 
 Transform SceneObject::T_world_object(double time_s) const {
   const Waypoint& first = waypoints.front();
@@ -24,6 +48,16 @@ Transform SceneObject::T_world_object(double time_s) const {
   pose.translation() =
       (1.0 - s) * before->T_world_object.translation() + s * after->T_world_object.translation();
   return pose;
+}
+
+Scene Scene::drawn(std::uint64_t seed) const {
+  std::vector<SceneObject> objects = objects_;
+  for (SceneObject& object : objects) {
+    if (!object.random) continue;
+    draw_motion(object, *object.random, seed);
+    object.random.reset();
+  }
+  return Scene(std::move(objects));
 }
 
 SceneDistance Scene::signed_distance(const Eigen::Vector3d& p_world, double time_s) const {

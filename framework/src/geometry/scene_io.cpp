@@ -72,7 +72,7 @@ class SceneReader {
       add(node.error("expected an object, which is a map, found " + node.kind()));
       return object;
     }
-    check_keys(node, {"name", "shape", "pose", "waypoints", "repeat"});
+    check_keys(node, {"name", "shape", "pose", "waypoints", "repeat", "random"});
     read_name(node, object);
     if (const Node* shape = require(node, "shape", "an object")) object.shape = read_shape(*shape);
     if (const Node* repeat = node.find("repeat")) {
@@ -92,7 +92,47 @@ class SceneReader {
     if (object.repeat && waypoints == nullptr) {
       add(node.find("repeat")->error("only an object with 'waypoints' can repeat"));
     }
+    if (const Node* random = node.find("random")) object.random = read_ranges(*random, object);
     return object;
+  }
+
+  MotionRanges read_ranges(const Node& node, const SceneObject& object) {
+    MotionRanges ranges;
+    if (!node.is_map()) {
+      add(node.error("expected ranges such as {delay_s: [0, 2], y_m: [-0.1, 0.1]}, found " +
+                     node.kind()));
+      return ranges;
+    }
+    check_keys(node, {"delay_s", "speed", "x_m", "y_m", "z_m"});
+    ranges.delay_s = read_range(node, "delay_s", ranges.delay_s);
+    ranges.speed = read_range(node, "speed", ranges.speed);
+    const Names axes = {"x_m", "y_m", "z_m"};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      ranges.offset_m[axis] = read_range(node, axes[axis], ranges.offset_m[axis]);
+    }
+    for (const char* key : {"delay_s", "speed"}) {
+      const Node* value = node.find(key);
+      if (value != nullptr && !object.moves()) {
+        add(value->error(std::string("only an object with 'waypoints' has a ") + key));
+      }
+    }
+    if (!(ranges.speed.lower > 0.0)) {
+      add(node.find("speed")->error("a factor of speed must be greater than 0"));
+    }
+    return ranges;
+  }
+
+  MotionRanges::Range read_range(const Node& map, const std::string& key,
+                                 MotionRanges::Range otherwise) {
+    const Node* node = map.find(key);
+    if (node == nullptr) return otherwise;
+    const auto values = keep(node->as_doubles(2));
+    if (!values) return otherwise;
+    if ((*values)[0] > (*values)[1]) {
+      add(node->error("the range " + key + " is upside down"));
+      return otherwise;
+    }
+    return MotionRanges::Range{(*values)[0], (*values)[1]};
   }
 
   void read_name(const Node& node, SceneObject& object) {

@@ -103,6 +103,20 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
     const bool is_beyond_surface = sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
     fall_factor_.push_back(info.is_signed && !is_beyond_surface ? 2.0 : 1.0);
   }
+  largest_levers_.assign(description.joints.size(), 0.0);
+  for (int item = 0; item < item_count(); ++item) {
+    const auto levers = item < sphere_count_ ? bounds_.sphere_levers(item)
+                                             : bounds_.pair_levers(item - sphere_count_);
+    for (std::size_t j = 0; j < levers.size(); ++j) {
+      largest_levers_[j] = std::max(largest_levers_[j], levers[j]);
+    }
+  }
+}
+
+double ClearanceProver::way_bound_m(std::span<const double> variation) const noexcept {
+  double sum = 0.0;
+  for (std::size_t j = 0; j < variation.size(); ++j) sum += largest_levers_[j] * variation[j];
+  return sum;
 }
 
 double ClearanceProver::way_m(int item, const Workspace& w) const noexcept {

@@ -88,6 +88,9 @@ class ClearanceProver {
   void read(std::span<const double> q, std::span<ClearanceReading> readings,
             Workspace& workspace) const;
 
+  /// At least the way of every item for these variations of the joints.
+  [[nodiscard]] double way_bound_m(std::span<const double> variation) const noexcept;
+
   [[nodiscard]] int sphere_count() const noexcept { return sphere_count_; }
   [[nodiscard]] int item_count() const noexcept { return sphere_count_ + pair_count_; }
   /// Clearance that an item must keep.
@@ -134,6 +137,7 @@ class ClearanceProver {
   int pair_count_ = 0;
   std::vector<std::vector<int>> spheres_of_link_;
   std::vector<double> radius_m_;
+  std::vector<double> largest_levers_;  // by joint, of all items
   std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
 };
 

@@ -62,9 +62,9 @@ struct Cubic {
 };
 
 /// A trajectory between two of its support states.
-class CubicMotion final : public Motion {
+class CubicMotion {
  public:
-  void set(const Trajectory& trajectory, int state) {
+  CubicMotion(const Trajectory& trajectory, int state) {
     const std::size_t dof = static_cast<std::size_t>(trajectory.dof);
     begin_s_ = trajectory.times_s[static_cast<std::size_t>(state)];
     const double h = trajectory.times_s[static_cast<std::size_t>(state) + 1] - begin_s_;
@@ -78,20 +78,52 @@ class CubicMotion final : public Motion {
   [[nodiscard]] const std::vector<Cubic>& joints() const noexcept { return joints_; }
   [[nodiscard]] double begin_s() const noexcept { return begin_s_; }
   [[nodiscard]] double duration_s() const noexcept { return duration_s_; }
-
-  void configuration(double t, std::span<double> q) const override {
-    for (std::size_t j = 0; j < joints_.size(); ++j) q[j] = joints_[j].position(t - begin_s_);
-  }
-  void variation(double from, double to, std::span<double> v) const override {
-    for (std::size_t j = 0; j < joints_.size(); ++j) {
-      v[j] = joints_[j].variation(from - begin_s_, to - begin_s_);
-    }
-  }
+  [[nodiscard]] double end_s() const noexcept { return begin_s_ + duration_s_; }
 
  private:
   double begin_s_ = 0.0;
   double duration_s_ = 0.0;
   std::vector<Cubic> joints_;
+};
+
+/// Several such pieces, one after the other.
+class CubicChain final : public Motion {
+ public:
+  void clear() noexcept { pieces_.clear(); }
+  const CubicMotion& append(const Trajectory& trajectory, int state) {
+    return pieces_.emplace_back(trajectory, state);
+  }
+  [[nodiscard]] std::size_t size() const noexcept { return pieces_.size(); }
+
+  void configuration(double t, std::span<double> q) const override {
+    const CubicMotion& piece = *piece_at(t);
+    for (std::size_t j = 0; j < q.size(); ++j) {
+      q[j] = piece.joints()[j].position(t - piece.begin_s());
+    }
+  }
+  void variation(double from, double to, std::span<double> v) const override {
+    std::fill(v.begin(), v.end(), 0.0);
+    for (auto piece = piece_at(from); piece != pieces_.end(); ++piece) {
+      const bool is_first = piece == pieces_.begin() || piece->begin_s() <= from;
+      const bool is_last = piece + 1 == pieces_.end() || piece->end_s() >= to;
+      const double a = is_first ? from - piece->begin_s() : 0.0;
+      const double b = is_last ? to - piece->begin_s() : piece->duration_s();
+      for (std::size_t j = 0; j < v.size(); ++j) v[j] += piece->joints()[j].variation(a, b);
+      if (is_last) return;
+    }
+  }
+
+ private:
+  using Pieces = std::vector<CubicMotion>;
+  /// The last one that begins no later than t, else the first.
+  [[nodiscard]] Pieces::const_iterator piece_at(double t) const {
+    const auto after = std::upper_bound(
+        pieces_.begin(), pieces_.end(), t,
+        [](double time, const CubicMotion& piece) { return time < piece.begin_s(); });
+    return after == pieces_.begin() ? after : after - 1;
+  }
+
+  Pieces pieces_;
 };
 
 }  // namespace sidestep

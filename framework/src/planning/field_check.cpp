@@ -16,6 +16,8 @@ namespace {
 
 /// Of positions, relative: what it makes of an acceleration over a short piece is no acceleration.
 constexpr double kRounding = 24e-15;
+/// Pieces are proven clear together until they move the robot by about this much.
+constexpr double kProof_m = 0.3;
 
 /// Collects what the prover finds into a verdict.
 class VerdictBuilder final : public ClearanceProver::Listener {
@@ -27,7 +29,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
     if (prover_.violates(item, reading)) ledger_.add(violation_of(prover_, item, reading, t));
     if (item >= prover_.sphere_count()) {
       min_self_clearance_m_ = std::min(min_self_clearance_m_, reading.clearance_m);
-      return !is_decided();
+      return true;
     }
     ++sphere_checks_;
     if (reading.status == FieldStatus::kUnknown) ++unknown_checks_;
@@ -36,11 +38,11 @@ class VerdictBuilder final : public ClearanceProver::Listener {
       min_clearance_item_ = item;
       min_clearance_time_s_ = t;
     }
-    return !is_decided();
+    return true;
   }
   bool on_unproven(double t, int item, double shortfall_m) override {
     ledger_.add(unproven(prover_, item, shortfall_m, t));
-    return !is_decided();
+    return true;
   }
   /// Whether nothing more needs to be found.
   [[nodiscard]] bool is_decided() const noexcept { return first_only_ && !ledger_.empty(); }
@@ -49,6 +51,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
   [[nodiscard]] Verdict verdict() const {
     Verdict verdict;
     verdict.violations = ledger_.sorted();
+    verdict.first_violation_s = ledger_.first_s();
     verdict.outcome = Verdict::Outcome::kValid;
     if (!verdict.violations.empty()) {
       const bool is_proven = verdict.violations.front().kind != Violation::Kind::kUnproven;
@@ -146,16 +149,24 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
     }
     return builder.verdict();
   }
-  CubicMotion motion;
-  for (int i = 0; i + 1 < trajectory.size(); ++i) {
-    const double from = std::max(begin_s, trajectory.times_s[static_cast<std::size_t>(i)]);
-    const double to = trajectory.times_s[static_cast<std::size_t>(i) + 1];
-    if (to <= begin_s) continue;
-    motion.set(trajectory, i);
-    check_limits(motion, from, to, builder.ledger());
-    if (builder.is_decided()) break;
-    if (!prove(motion, from, to)) return tl::make_unexpected(late(trajectory, from));
-    if (builder.is_decided()) break;
+  const auto time_of = [&](int state) {
+    return trajectory.times_s[static_cast<std::size_t>(state)];
+  };
+  CubicChain chain;
+  std::vector<double> variation(static_cast<std::size_t>(trajectory.dof));
+  int state = 0;
+  while (time_of(state + 1) <= begin_s) ++state;
+  while (state + 1 < trajectory.size() && !builder.is_decided()) {
+    const double from_s = std::max(begin_s, time_of(state));
+    double way_m = 0.0;
+    for (chain.clear(); state + 1 < trajectory.size() && way_m < kProof_m; ++state) {
+      const CubicMotion& piece = chain.append(trajectory, state);
+      const double piece_from_s = std::max(begin_s, time_of(state));
+      check_limits(piece, piece_from_s, time_of(state + 1), builder.ledger());
+      chain.variation(piece_from_s, time_of(state + 1), variation);
+      way_m += prover_.way_bound_m(variation);
+    }
+    if (!prove(chain, from_s, time_of(state))) return tl::make_unexpected(late(trajectory, from_s));
   }
   return builder.verdict();
 }

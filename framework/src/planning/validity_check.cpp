@@ -89,6 +89,7 @@ std::string Verdict::describe() const {
 }
 
 void ViolationLedger::add(Violation violation) {
+  first_s_ = std::min(first_s_, violation.time_s);
   for (Violation& known : violations_) {
     if (known.kind != violation.kind || known.subject != violation.subject) continue;
     if (is_worse(violation, known)) known = std::move(violation);

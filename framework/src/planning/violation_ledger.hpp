@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -14,11 +15,14 @@ class ViolationLedger {
  public:
   void add(Violation violation);
   [[nodiscard]] bool empty() const noexcept { return violations_.empty(); }
+  /// The earliest time of all that were added; infinity if none was.
+  [[nodiscard]] double first_s() const noexcept { return first_s_; }
   /// Worst first: collisions, self-collisions, limits, unproven; the larger amount first.
   [[nodiscard]] std::vector<Violation> sorted() const;
 
  private:
   std::vector<Violation> violations_;
+  double first_s_ = std::numeric_limits<double>::infinity();
 };
 
 /// The violation that a reading of a sphere or of a pair of links amounts to.

@@ -58,7 +58,15 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     step.field_ms = watch.elapsed_ms();
 
     watch.restart();
-    parts_.slot.publish(std::move(*field));
+    MapSnapshot snapshot{std::move(*field), nullptr};
+    const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
+    if (parts_.motion_detector != nullptr && occupancy != nullptr) {
+      snapshot.moving = parts_.motion_detector->update(*occupancy, step.stamp);
+    }
+    step.motion_ms = watch.elapsed_ms();
+
+    watch.restart();
+    parts_.slot.publish(std::move(snapshot));
     step.publish_ms = watch.elapsed_ms();
     return step;
   }

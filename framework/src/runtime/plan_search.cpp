@@ -21,6 +21,7 @@ namespace {
 constexpr double kStartTolerance = 0.01;  // m, rad
 /// One that starts at another velocity may come from a planner that knows none.
 constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
+constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
 
 std::string number(const char* format, double value) {
@@ -136,10 +137,10 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
   const Problem& problem = task.problem;
   task.sampled.reset();
   if (name == "refit") {
-    const Trajectory* followed = task.departure.followed;
-    const bool has_rest = followed != nullptr && followed->duration_s() > task.departure.from_s;
-    if (!has_rest || !task.departure.leads_to_goal) return std::nullopt;
-    return sampled_anew(problem, *followed, task.departure.from_s);
+    const Trajectory* rest = task.departure.unfinished;
+    const double from_s = task.departure.unfinished_from_s;
+    if (rest == nullptr || rest->duration_s() <= from_s) return std::nullopt;
+    return sampled_anew(problem, *rest, from_s);
   }
   if (name == "perturbed") {
     const int bend = bends_++;
@@ -245,7 +246,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   FoundPlan plan;
   plan.cost = task.cost;
   set_first_state(proposal, task.start);
-  auto retimed = retime(proposal, parts_.limits, {.stop_at_goal = true});
+  auto retimed = retime(proposal, parts_.limits, {.least_stages = kStages, .stop_at_goal = true});
   if (!retimed) return refuse("it cannot be timed: " + retimed.error().describe());
   if (task.request.to_beat) {
     // Sampled as what is followed was: costs of unlike states do not compare.
@@ -261,9 +262,14 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   plan.takeover_s = task.departure.lead.duration_s();
   plan.trajectory = joined(task.departure.lead, retimed->trajectory);
   plan.frees_goal = is_goal_free(task.problem);
-  const auto verdict = task.request.check.check(plan.trajectory, 0.0, Deadline());
+  const auto verdict = task.request.check.check(plan.trajectory, 0.0, task.deadline);
   if (!verdict) return refuse("it cannot be checked: " + verdict.error().describe());
   if (!verdict->valid()) return refuse("it is " + verdict->describe());
+  plan.unknown_share = verdict->unknown_share;
+  const auto reached =
+      task.request.reach.first_reach(plan.trajectory, 0.0,
+                                     plan.takeover_s + settings_.replan_period_s, task.request.now);
+  if (reached) return refuse("before it could stop " + *reached);
   return plan;
 }
 

@@ -7,6 +7,8 @@
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/replanner.hpp>
 
+#include "reach_check.hpp"
+
 namespace sidestep::detail {
 
 /// What a new trajectory takes over from.
@@ -14,7 +16,8 @@ struct Departure {
   Trajectory lead;                       ///< The motion from now to the takeover; never empty.
   const Trajectory* followed = nullptr;  ///< What the lead is the begin of; null at rest.
   double from_s = 0.0;                   ///< The takeover on its clock.
-  bool leads_to_goal = true;             ///< Its rest is worth a guess; not of a stop.
+  const Trajectory* unfinished = nullptr;  ///< The motion to the goal whose rest is worth a guess.
+  double unfinished_from_s = 0.0;          ///< Where on it the takeover is.
   bool is_moving = false;                ///< At the takeover.
 };
 
@@ -23,6 +26,7 @@ struct FoundPlan {
   double takeover_s = 0.0;
   double splice_velocity_jump = 0.0;
   double cost = 0.0;
+  double unknown_share = 0.0;
   bool frees_goal = false;  ///< Its end stands for the goal.
 };
 
@@ -43,7 +47,9 @@ class PlanSearch {
   struct Request {
     std::shared_ptr<const DistanceField> field;
     const ValidityCheck& check;  ///< In that field.
+    const ReachCheck& reach;
     Departure departure;
+    Stamp now;
     /// What the new trajectory must cost less than, by the problem's terms.
     std::optional<double> to_beat;
   };

@@ -17,6 +17,7 @@ std::string_view to_string(ReplannerEvent::Kind kind) noexcept {
     case Kind::kPlanned: return "planned";
     case Kind::kReplanned: return "replanned";
     case Kind::kReplanFailed: return "replan_failed";
+    case Kind::kSlowed: return "slowed";
     case Kind::kStopped: return "stopped";
     case Kind::kRecovered: return "recovered";
     case Kind::kReached: return "reached";
@@ -30,6 +31,7 @@ std::string_view to_string(ReplannerEvent::Reason reason) noexcept {
     case Reason::kGoal: return "goal";
     case Reason::kBlocked: return "blocked";
     case Reason::kCost: return "cost";
+    case Reason::kMoving: return "moving";
     case Reason::kMap: return "map";
     case Reason::kNotFollowing: return "not_following";
     case Reason::kExecutor: return "executor";
@@ -121,14 +123,26 @@ Replanner::Status Replanner::Impl::advance() {
 void Replanner::Impl::supervise() {
   if (is_braking) {
     // A way that opens while the robot brakes for want of one is taken at once.
-    if (halted->reason != Reason::kBlocked || !is_due()) return;
+    const Reason reason = halted->reason;
+    if ((reason != Reason::kBlocked && reason != Reason::kMoving) || !is_due()) return;
     const std::string cause = halted->cause;
-    (void)replan(departure_of_followed(), Reason::kBlocked, cause);
+    (void)replan(departure_of_followed(), reason, cause);
     return;
   }
+  if (slows_down()) return;
   if (!is_checked) check_followed();
   if (blocked) return on_blocked();
   if (settings.cost_tolerance > 0.0 && is_due()) improve();
+}
+
+bool Replanner::Impl::slows_down() {
+  constexpr double kReaction_s = 0.02;  // until a later step has had the same chance
+  const double now_s = followed_s(now);
+  const double brake_s = followed_s(present()) + settings.stop_lead_s + kReaction_s;
+  const auto cause = reach.first_reach(followed, now_s, brake_s, now);
+  if (!cause) return false;
+  halt(Reason::kMoving, *cause);
+  return true;
 }
 
 void Replanner::Impl::on_blocked() {
@@ -163,13 +177,44 @@ detail::Departure Replanner::Impl::departure_of_followed() const {
   departure.from_s = now_s + settings.takeover_s;
   departure.lead = cut(followed, now_s, departure.from_s);
   departure.followed = &followed;
-  departure.leads_to_goal = !is_braking;
+  find_unfinished(departure);
   const auto speeds = departure.lead.qdot(departure.lead.size() - 1);
   departure.is_moving = std::ranges::any_of(speeds, [](double v) { return v != 0.0; });
   return departure;
 }
 
+/// Where the lead ends on the last motion that was to lead to the goal: a stop along its path, too,
+/// has not left it.
+void Replanner::Impl::find_unfinished(detail::Departure& departure) const {
+  if (unfinished.size() == 0) return;
+  if (followed.size() > 0 && !is_braking) {
+    departure.unfinished = &unfinished;
+    departure.unfinished_from_s = departure.from_s;
+    return;
+  }
+  constexpr double kOnPath = 0.05;  // m, rad
+  const auto q = departure.lead.q(departure.lead.size() - 1);
+  double least = kOnPath;
+  for (int state = 0; state < unfinished.size(); ++state) {
+    double off = 0.0;
+    for (std::size_t j = 0; j < q.size(); ++j) {
+      off = std::max(off, std::abs(unfinished.q(state)[j] - q[j]));
+    }
+    if (off >= least) continue;
+    least = off;
+    departure.unfinished = &unfinished;
+    departure.unfinished_from_s = unfinished.times_s[static_cast<std::size_t>(state)];
+  }
+}
+
 void Replanner::Impl::depart_from_rest(const RobotState& measured) {
+  const auto standing = resting({measured.q.data(), static_cast<std::size_t>(measured.q.size())},
+                                settings.takeover_s + settings.replan_period_s);
+  if (const auto cause = reach.first_reach(standing, 0.0, standing.duration_s(), now)) {
+    last_replan = now;
+    if (!halted) halt(Reason::kMoving, *cause);
+    return;
+  }
   // Where the last motion ended is where the executor still holds the robot.
   Eigen::VectorXd q = measured.q;
   if (rested_at && (*rested_at - q).cwiseAbs().maxCoeff() <= settings.tracking_tolerance) {
@@ -186,6 +231,7 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
   use_margin(margin_at(q));
   detail::Departure departure;
   departure.lead = resting({q.data(), joints.size()}, settings.takeover_s);
+  find_unfinished(departure);
   const Reason reason = halted ? halted->reason : Reason::kGoal;
   std::string cause = halted ? halted->cause : "the robot is not at its goal";
   if (margin_m < settings.margin_m) {
@@ -197,7 +243,7 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
 bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,
                              std::optional<double> to_beat) {
   last_replan = now;
-  detail::SearchResult found = search.run({field, *check, std::move(departure), to_beat});
+  detail::SearchResult found = search.run({field, *check, reach, std::move(departure), now, to_beat});
   const double took_s = 1e-3 * watch.elapsed_ms();
   if (found.plan && settings.limit_wall_time && took_s > settings.takeover_s) {
     found.plan.reset();
@@ -205,6 +251,9 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   }
   if (found.plan) return follow(found, reason, cause);
   if (found.fault.empty() && reason == Reason::kCost) return false;  // what is followed is good
+  const bool is_told = is_failing && found.fault.empty();
+  is_failing = followed.size() == 0 || is_braking;
+  if (is_told && is_failing) return false;
   Event& event = tell(Event::Kind::kReplanFailed, found.fault.empty() ? reason : Reason::kPlugin,
                       found.fault.empty() ? cause + "; " + found.failure : found.fault);
   event.solve_ms = found.solve_ms;
@@ -228,8 +277,10 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
     if (accepted.error().code == ErrorCode::kPlugin) halt(Reason::kExecutor, refusal);
     return false;
   }
-  const bool was_followed = followed.size() > 0 && !is_braking;
+  const bool was_slowed = halted && halted->reason == Reason::kMoving && followed.size() > 0;
+  const bool was_followed = followed.size() > 0 && (!is_braking || was_slowed);
   followed = plan.trajectory;
+  unfinished = plan.trajectory;
   followed_start = now;
   is_braking = false;
   is_moving = true;
@@ -238,12 +289,13 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   planned_in = field;
   rested_at.reset();
   free_goal.reset();
+  is_failing = false;
   if (plan.frees_goal) {
     free_goal =
         Eigen::Map<const Eigen::VectorXd>(followed.q(followed.size() - 1).data(), followed.dof);
   }
   if (halted) {
-    tell(Event::Kind::kRecovered, halted->reason, halted->cause);
+    if (!was_slowed) tell(Event::Kind::kRecovered, halted->reason, halted->cause);
     halted.reset();
     stop_failed = false;
   }
@@ -255,6 +307,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   event.attempts = static_cast<int>(found.tried.size());
   event.cost = plan.cost;
   event.splice_velocity_jump = plan.splice_velocity_jump;
+  event.unknown_share = plan.unknown_share;
   event.takeover = Stamp::from_seconds(now.seconds() + plan.takeover_s);
   return true;
 }

@@ -8,6 +8,7 @@
 #include <sidestep/runtime/replanner.hpp>
 
 #include "plan_search.hpp"
+#include "reach_check.hpp"
 
 namespace sidestep {
 
@@ -19,6 +20,7 @@ struct Replanner::Impl {
       : parts(std::move(given)),
         settings(std::move(chosen)),
         search(parts, settings),
+        reach(parts.robot, parts.limits, settings.obstacle_speed_mps, settings.margin_m),
         margin_m(settings.margin_m) {}
 
   // The state machine: replanner.cpp.
@@ -26,9 +28,12 @@ struct Replanner::Impl {
   [[nodiscard]] Status status() const;
   void supervise();
   void on_blocked();
+  /// Brakes where what moves could reach the robot before it is at rest.
+  [[nodiscard]] bool slows_down();
   void improve();
   void depart_from_rest(const RobotState& measured);
   [[nodiscard]] detail::Departure departure_of_followed() const;
+  void find_unfinished(detail::Departure& departure) const;
   /// Searches and, where there is a plan, has it followed. False where what is followed goes on, or
   /// the robot has been stopped.
   bool replan(detail::Departure departure, Reason reason, const std::string& cause,
@@ -71,6 +76,7 @@ struct Replanner::Impl {
   Parts parts;
   ReplannerSettings settings;
   detail::PlanSearch search;
+  detail::ReachCheck reach;
 
   Stamp now;
   Stopwatch watch;  ///< Since the step's begin.
@@ -80,6 +86,7 @@ struct Replanner::Impl {
 
   Trajectory followed;  ///< Empty where nothing is.
   Stamp followed_start;
+  Trajectory unfinished;  ///< The last one that was to lead to the goal, which stops interrupt.
   bool is_braking = false;  ///< What is followed is a stop.
   bool is_at_goal = false;
   bool is_moving = false;  ///< As measured.
@@ -99,6 +106,7 @@ struct Replanner::Impl {
   std::unique_ptr<ValidityCheck> check;             ///< In `field`, with `margin_m`.
   double margin_m;          ///< The settings', or what a robot that leaves an obstacle can keep.
   bool is_checked = false;  ///< What is followed, in `field`.
+  bool is_failing = false;  ///< The last replan from rest failed, and has been told of.
   struct Blocked {
     double begin_s = 0.0;  ///< On the clock of what is followed; no earlier violation is known.
     std::string cause;

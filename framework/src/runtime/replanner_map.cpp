@@ -82,13 +82,16 @@ void Replanner::Impl::end_motion(const RobotState& measured) {
   }
   const auto end = followed.q(followed.size() - 1);
   rested_at = Eigen::Map<const Eigen::VectorXd>(end.data(), followed.dof);
+  if (is_braking && halted && halted->reason == Reason::kMoving) {
+    tell(Event::Kind::kStopped, halted->reason, halted->cause);
+  }
   followed = {};
   is_braking = false;
   blocked.reset();
 }
 
 bool Replanner::Impl::look_at_map() {
-  auto newest = parts.slot.pin();
+  auto [newest, moving] = parts.slot.snapshot();
   if (!newest) return false;
   const double stamp_s = newest->info().stamp.seconds();
   const double last_s = field ? field->info().stamp.seconds() : stamp_s;
@@ -108,6 +111,7 @@ bool Replanner::Impl::look_at_map() {
   }
   if (newest == field) return true;
   field = std::move(newest);
+  reach.look_at(std::move(moving));
   is_checked = false;
   const double kept_m = margin_m;
   use_margin(settings.margin_m);
@@ -147,14 +151,11 @@ void Replanner::Impl::check_followed() {
     if (!verdict) blocked->cause += ": " + verdict.error().describe();
     return;
   }
-  // The first one found lies in the first piece that has any; within it, others may be earlier.
   const Violation* first = &verdict->violations.front();
   for (const Violation& other : verdict->violations) {
     if (other.time_s < first->time_s) first = &other;
   }
-  const auto after =
-      std::upper_bound(followed.times_s.begin() + 1, followed.times_s.end(), first->time_s);
-  blocked->begin_s = std::max(followed_s(now), *(after - 1));
+  blocked->begin_s = std::max(followed_s(now), verdict->first_violation_s);
   blocked->cause = describe(first->kind == Violation::Kind::kUnproven ? plainer(*first) : *first);
 }
 

@@ -20,10 +20,12 @@ void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
   const Stamp begin =
       by_executor ? now : Stamp::from_seconds(present().seconds() + settings.stop_lead_s);
   halted = Halt{reason, cause};
+  const bool slows = reason == Reason::kMoving && followed.size() > 0;
   const std::string how = stop_motion(by_executor);
-  Event& event = tell(Event::Kind::kStopped, reason, cause + how);
+  Event& event =
+      tell(slows ? Event::Kind::kSlowed : Event::Kind::kStopped, reason, cause + how);
   event.takeover = begin;
-  parts.log.warn("stopped: " + event.cause);
+  if (!slows) parts.log.warn("stopped: " + event.cause);
 }
 
 /// How the robot is stopped, as words to be appended to the cause.

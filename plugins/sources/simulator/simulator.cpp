@@ -148,7 +148,7 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, const Host
   auto viewpoint = Viewpoint::create(options, context);
   if (!viewpoint) return tl::make_unexpected(std::move(viewpoint.error()));
   return std::unique_ptr<Source>(
-      std::make_unique<Simulator>(options, std::move(*scene), std::move(*viewpoint), context));
+      std::make_unique<Simulator>(options, scene->drawn(context.seed), std::move(*viewpoint), context));
 }
 
 }  // namespace sidestep::simulator

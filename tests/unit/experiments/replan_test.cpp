@@ -144,8 +144,8 @@ TEST_F(ReplanRowsTest, SummarisesWhatWasRecorded) {
   for (const char* key : {"p50", "p95", "max"}) {
     EXPECT_EQ(summary["stamp_to_trajectory_ms"][key], 140.0);
   }
-  EXPECT_EQ(summary["step_hz"], 250.0);
-  EXPECT_EQ(summary["check_hz"], 12.5);
+  EXPECT_EQ(summary["check_hz"], 250.0);
+  EXPECT_EQ(summary["new_check_hz"], 12.5);
   EXPECT_EQ(summary["map_age_ms"]["p95"], 40.0);
   EXPECT_EQ(summary["splice_velocity_jump_max"], 1e-5);
   EXPECT_EQ(summary["stops"], 1);

@@ -138,6 +138,28 @@ TEST(ReadScene, RefusesWhatIsNoScene) {
               ElementsAre(HasSubstr("only an object with 'waypoints'")));
 }
 
+TEST(ReadScene, ReadsRangesToDrawFrom) {
+  const std::string object =
+      "objects: [{name: a, shape: {sphere: {radius_m: 1}}, waypoints: [{time_s: 0}, {time_s: 1}], ";
+  const SceneReading read =
+      read_text(object + "random: {delay_s: [-1, 2], speed: [0.5, 3], z_m: [4, 5]}}]");
+  ASSERT_TRUE(read.errors.empty());
+  const MotionRanges ranges = read.scene.objects().front().random.value();
+  EXPECT_EQ(ranges.delay_s.lower, -1.0);
+  EXPECT_EQ(ranges.delay_s.upper, 2.0);
+  EXPECT_EQ(ranges.speed.upper, 3.0);
+  EXPECT_EQ(ranges.offset_m[0].upper, 0.0);
+  EXPECT_EQ(ranges.offset_m[2].lower, 4.0);
+  EXPECT_THAT(messages(read_text(object + "random: {delay_s: [2, 1], sped: [1, 1], y_m: 3}}]")),
+              ElementsAre(HasSubstr("did you mean 'speed'?"), HasSubstr("delay_s is upside down"),
+                          HasSubstr("expected a list")));
+  EXPECT_THAT(messages(read_text(object + "random: {speed: [0, 1]}}]")),
+              ElementsAre(HasSubstr("a factor of speed must be greater than 0")));
+  EXPECT_THAT(
+      messages(read_text("objects: [{name: a, shape: plane, random: {delay_s: [0, 1]}}]")),
+      ElementsAre(HasSubstr("only an object with 'waypoints' has a delay_s")));
+}
+
 class SceneOfTheProject : public ::testing::TestWithParam<std::string> {
  protected:
   SceneReading read() {

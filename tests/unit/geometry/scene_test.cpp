@@ -1,5 +1,7 @@
 #include <sidestep/geometry/scene.hpp>
 
+#include <set>
+
 #include <gtest/gtest.h>
 
 #include "geometry_testing.hpp"
@@ -36,6 +38,40 @@ TEST(SceneObject, StartsAgainWhenItRepeats) {
   EXPECT_NEAR(door.T_world_object(3.0).translation().x(), 0.0, 1e-12);
   EXPECT_NEAR(door.T_world_object(3.5).translation().x(), 1.0, 1e-12);
   EXPECT_NEAR(door.T_world_object(1.0 + 20.0 + 0.5).translation().x(), 1.0, 1e-9);
+}
+
+TEST(Scene, DrawsMotionFromItsRangesByTheSeed) {
+  SceneObject walker{"walker", Sphere{0.3}, {at(1.0, {0, 0, 1}), at(3.0, {4, 0, 1})}};
+  walker.random = MotionRanges{{-2.0, 5.0}, {0.5, 2.0}, {{{-0.1, 0.1}, {1.0, 3.0}, {0.0, 0.0}}}};
+  const SceneObject pillar{"pillar", Sphere{0.3}, {at(0.0, {9, 9, 9})}};
+  const Scene scene({walker, pillar});
+  std::set<double> begins_s;
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    const SceneObject drawn = scene.drawn(seed).objects().front();
+    const Waypoint& first = drawn.waypoints.front();
+    const Waypoint& last = drawn.waypoints.back();
+    const double factor = 2.0 / (last.time_s - first.time_s);
+    EXPECT_GE(factor, 0.5);
+    EXPECT_LE(factor, 2.0);
+    const double delay_s = first.time_s - 1.0 / factor;
+    EXPECT_GE(delay_s, -2.0 - 1e-9);
+    EXPECT_LE(delay_s, 5.0 + 1e-9);
+    const Eigen::Vector3d moved_m = first.T_world_object.translation() - Eigen::Vector3d(0, 0, 1);
+    EXPECT_LE(std::abs(moved_m.x()), 0.1);
+    EXPECT_GE(moved_m.y(), 1.0);
+    EXPECT_LE(moved_m.y(), 3.0);
+    EXPECT_EQ(moved_m.z(), 0.0);
+    EXPECT_TRUE((last.T_world_object.translation() - first.T_world_object.translation())
+                    .isApprox(Eigen::Vector3d(4, 0, 0), 1e-12));
+    begins_s.insert(first.time_s);
+    EXPECT_EQ(scene.drawn(seed).objects().front().waypoints.front().time_s, first.time_s);
+    EXPECT_EQ(scene.drawn(seed).objects().back().waypoints.front().T_world_object.translation(),
+              Eigen::Vector3d(9, 9, 9));
+  }
+  EXPECT_EQ(begins_s.size(), 50U);
+  // What another object draws is its own.
+  EXPECT_EQ(Scene({pillar, walker}).drawn(7).objects().back().waypoints.front().time_s,
+            scene.drawn(7).objects().front().waypoints.front().time_s);
 }
 
 TEST(Scene, DistanceIsThatToTheNearestObjectWhereItIsNow) {

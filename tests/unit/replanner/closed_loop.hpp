@@ -257,8 +257,7 @@ class ClosedLoop {
       executor.now = Stamp::from_seconds(t + clock_offset_s);
       if (maps && ticks % 8 == 0) {
         mapped = obstacles;
-        slot.publish(std::make_shared<BallField>(
-            mapped, Stamp::from_seconds(executor.now.seconds() - map_age_s)));
+        publish(Stamp::from_seconds(executor.now.seconds() - map_age_s));
       }
       status = replanner->step(executor.now, events);
       note_motion();
@@ -297,6 +296,7 @@ class ClosedLoop {
   Replanner::Status status = Replanner::Status::kWaiting;
   std::vector<ReplannerEvent> events;
   bool maps = true;
+  bool tells_what_moves = false;  ///< All of the obstacles do, then.
   double map_age_s = 0.0;
   double clock_offset_s = 0.0;
   int ticks = 0;
@@ -307,6 +307,17 @@ class ClosedLoop {
   double largest_velocity_step = 0.0;
 
  private:
+  void publish(Stamp stamp) {
+    MapSnapshot snapshot{std::make_shared<BallField>(mapped, stamp), nullptr};
+    if (tells_what_moves) {
+      auto moving = std::make_shared<MovingObstacles>();
+      for (const Ball& ball : mapped) moving->balls.push_back({ball.centre_m, ball.radius_m});
+      moving->stamp = stamp;
+      snapshot.moving = std::move(moving);
+    }
+    slot.publish(std::move(snapshot));
+  }
+
   void note_motion() {
     const RobotState at = executor.state();
     least_clearance_m = std::min(least_clearance_m, distance_m(obstacles, at.q) - kRadius_m);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +19,18 @@ struct Waypoint {
   Transform T_world_object = Transform::Identity();
 };
 
+/// How an object's motion differs from one drawing of a scene to the next. Each number is drawn
+/// evenly from its range.
+struct MotionRanges {
+  struct Range {
+    double lower = 0.0;
+    double upper = 0.0;
+  };
+  Range delay_s;            ///< Added to the waypoints' times; below zero: the motion has begun.
+  Range speed{1.0, 1.0};    ///< Factor, greater than 0.
+  std::array<Range, 3> offset_m;  ///< Added to all positions: x, y, z.
+};
+
 /// A shape somewhere in the world. One waypoint: it stands still. Several: it moves along
 /// them, linear in position and slerp in orientation, and rests before the first and after
 /// the last; with `repeat` it starts again from the first once the last is reached.
@@ -25,6 +39,7 @@ struct SceneObject {
   Shape shape;
   std::vector<Waypoint> waypoints;  ///< At least one; times strictly increasing.
   bool repeat = false;
+  std::optional<MotionRanges> random;  ///< Not drawn yet.
 
   [[nodiscard]] bool moves() const noexcept { return waypoints.size() > 1; }
   [[nodiscard]] Transform T_world_object(double time_s) const;
@@ -43,6 +58,9 @@ class Scene {
   explicit Scene(std::vector<SceneObject> objects) : objects_(std::move(objects)) {}
 
   [[nodiscard]] const std::vector<SceneObject>& objects() const noexcept { return objects_; }
+
+  /// This scene with what is random drawn, by a seed and each object's name.
+  [[nodiscard]] Scene drawn(std::uint64_t seed) const;
 
   /// Exact signed distance to the union of the objects as it is outside them; inside, the
   /// deepest single object's distance.

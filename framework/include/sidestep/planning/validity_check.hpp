@@ -53,6 +53,9 @@ struct Verdict {
   double min_self_clearance_m = 0.0;
   double unknown_share = 0.0;         ///< Share of sphere checks that fell into unknown space.
   std::vector<Violation> violations;  ///< The worst of each subject and kind, worst first.
+  /// When the first violation that was looked at is; infinity where there is none. One before it
+  /// lasts for less than `max_step_m` of motion.
+  double first_violation_s = std::numeric_limits<double>::infinity();
 
   [[nodiscard]] bool valid() const noexcept { return outcome == Outcome::kValid; }
   /// One sentence: "valid, 0.042 m clear", or the first violations.
@@ -78,7 +81,8 @@ struct FieldCheckSettings {
   /// Acceleration limits that must hold, where they are known; infinity checks none.
   double acceleration_fraction = std::numeric_limits<double>::infinity();
   double limit_tolerance = 1e-6;  ///< Of positions, velocities and accelerations, in their units.
-  /// End at the first violation found: the verdict then tells of nothing after it.
+  /// End soon after the first violation: the verdict then tells of nothing later than 0.3 m of
+  /// motion after it.
   bool first_violation_only = false;
 };
 

@@ -25,10 +25,11 @@ struct MappingStep {
   double read_ms = 0.0;  ///< Source; not part of the frame time.
   double integrate_ms = 0.0;
   double field_ms = 0.0;
+  double motion_ms = 0.0;   ///< Looking for what moves, where that is asked for.
   double publish_ms = 0.0;  ///< The swap; freeing the field before, if nobody holds it.
 
   /// From the frame in hand to the published field.
-  [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms + publish_ms; }
+  [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms + motion_ms + publish_ms; }
 };
 
 /// What errors call the stages, e.g. "mapper voxel_grid".
@@ -49,6 +50,8 @@ class MappingPipeline {
     SnapshotSlot& slot;
     Log& log;
     StageNames names = {};
+    /// Looks for what moves in every map of a mapper with an OccupancyView; null: nobody does.
+    MotionDetector* motion_detector = nullptr;
   };
   explicit MappingPipeline(Parts parts) : parts_(std::move(parts)) {}
 

@@ -35,7 +35,11 @@ struct ReplannerSettings {
   double rest_speed = 0.02;         ///< Slower joints count as at rest, m/s or rad/s.
   double tracking_tolerance = 0.1;  ///< Largest distance of a joint from what it follows, m or rad.
   double margin_m = 0.0;            ///< That spheres must keep from obstacles.
-  double max_step_m = 0.02;         ///< Of the validity check.
+  /// What moves is taken to come nearer no faster than this: while the robot moves, it can always
+  /// come to rest before anything that was seen moving could reach it. 0: what moves is an obstacle
+  /// like any other.
+  double obstacle_speed_mps = 0.0;
+  double max_step_m = 0.05;         ///< Of the validity check.
   /// A stop begins no later than when what blocks the trajectory is so many times as far away, in
   /// time, as the robot needs to come to rest.
   double stop_reserve = 1.5;
@@ -59,6 +63,7 @@ struct ReplannerEvent {
     kPlanned,       ///< A first trajectory, or one after a stop, is followed.
     kReplanned,     ///< A trajectory has been replaced by a new one.
     kReplanFailed,  ///< No attempt led to a valid trajectory; what is followed goes on.
+    kSlowed,        ///< The robot brakes, since what moves nearby could else reach it.
     kStopped,       ///< The robot is being brought to rest, or kept there.
     kRecovered,     ///< The cause of a stop is gone; kPlanned or kReplanned follows.
     kReached,       ///< The robot is at rest at its goal.
@@ -68,6 +73,7 @@ struct ReplannerEvent {
     kGoal,          ///< There is a goal to go to, or it is reached.
     kBlocked,       ///< Something is in the way of what is, or was, followed.
     kCost,          ///< It has become costlier.
+    kMoving,        ///< Something that moves could reach the robot before it is at rest.
     kMap,           ///< The map is too old, or its time jumped.
     kNotFollowing,  ///< The robot is not where it should be.
     kExecutor,      ///< The executor failed, refused or fell silent.
@@ -87,6 +93,8 @@ struct ReplannerEvent {
   /// followed and what it takes over from. The trajectory that is sent has none: it has one state
   /// there (docs/closed_loop.md).
   double splice_velocity_jump = 0.0;
+  /// Share of the robot's spheres along the new trajectory that are in space no frame has seen.
+  double unknown_share = 0.0;
   Stamp takeover;   ///< When the new trajectory takes over, or the stop begins.
   Stamp map_stamp;  ///< Of the map that was planned in.
 };

@@ -5,30 +5,42 @@
 #include <utility>
 
 #include <sidestep/field/distance_field.hpp>
+#include <sidestep/mapping/moving_obstacles.hpp>
 
 namespace sidestep {
 
-/// The one thing that mapping and planning share: the newest field. publish() [mapping],
+/// What one frame made of the map.
+struct MapSnapshot {
+  std::shared_ptr<const DistanceField> field;
+  std::shared_ptr<const MovingObstacles> moving;  ///< Null where nobody looks for what moves.
+};
+
+/// The one thing that mapping and planning share: the newest map. publish() [mapping],
 /// pin() [any]; neither waits longer than a pointer's swap. (A mutex, because
 /// std::atomic<std::shared_ptr> is not lock-free in libstdc++ 12 and races under TSan.)
 class SnapshotSlot {
  public:
-  void publish(std::shared_ptr<const DistanceField> field) {
+  void publish(MapSnapshot snapshot) {
     {
       const std::lock_guard lock(mutex_);
-      field_.swap(field);
+      std::swap(snapshot_, snapshot);
     }
     // The previous field, if this was its last holder, is freed here, outside the lock.
   }
+  void publish(std::shared_ptr<const DistanceField> field) {
+    publish(MapSnapshot{std::move(field), nullptr});
+  }
   /// The newest field; null before the first publication. Holding it keeps it alive.
-  [[nodiscard]] std::shared_ptr<const DistanceField> pin() const {
+  [[nodiscard]] std::shared_ptr<const DistanceField> pin() const { return snapshot().field; }
+  /// The same, with what else belongs to it.
+  [[nodiscard]] MapSnapshot snapshot() const {
     const std::lock_guard lock(mutex_);
-    return field_;
+    return snapshot_;
   }
 
  private:
   mutable std::mutex mutex_;
-  std::shared_ptr<const DistanceField> field_;
+  MapSnapshot snapshot_;
 };
 
 }  // namespace sidestep

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <vector>
+
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/mapping/occupancy_view.hpp>
+
+namespace sidestep {
+
+/// A ball around a place that something has moved into. World frame.
+struct MovingBall {
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+  double radius_m = 0.0;
+};
+
+/// Where things move, as one immutable snapshot of a map.
+struct MovingObstacles {
+  std::vector<MovingBall> balls;
+  Stamp stamp;  ///< Of the newest frame in it.
+};
+
+struct MotionDetectorSettings {
+  double memory_s = 1.0;  ///< The map of now is held against the one of so long ago.
+  double cell_m = 0.25;   ///< Voxels in one cell make one ball.
+  int least_vox = 3;      ///< A cell with fewer voxels is noise.
+};
+
+/// Finds what moves in a map: voxels that are occupied now, had been seen free a while ago, and lay
+/// by more than one voxel beside what was occupied then. Surfaces that come into view are none,
+/// since they were unknown, nor is what flickers at the edges of what stands. Something has to move
+/// by two voxels before it is noticed, and is forgotten once it has stood for the memory and a
+/// half. [mapping]
+class SIDESTEP_EXPORT MotionDetector {
+ public:
+  explicit MotionDetector(MotionDetectorSettings settings = {}) : settings_(settings) {}
+
+  /// Looks at the map after a frame with this stamp. Where the grid has moved or the stamps went
+  /// back, it begins anew. Allocates.
+  [[nodiscard]] std::shared_ptr<const MovingObstacles> update(const OccupancyView& map,
+                                                              Stamp stamp);
+
+ private:
+  /// A map as it was.
+  struct Past {
+    Stamp stamp;
+    GridSpec grid;
+    std::vector<std::uint64_t> known;
+    std::vector<std::uint64_t> near_occupied;  ///< Occupied, or one voxel beside it.
+  };
+  void remember(const OccupancyView& map, Stamp stamp);
+
+  MotionDetectorSettings settings_;
+  std::deque<Past> past_;  ///< Oldest first.
+};
+
+}  // namespace sidestep

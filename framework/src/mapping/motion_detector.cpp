@@ -1,0 +1,126 @@
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <tuple>
+
+#include <Eigen/Geometry>
+
+#include <sidestep/mapping/moving_obstacles.hpp>
+
+namespace sidestep {
+namespace {
+
+using Words = std::vector<std::uint64_t>;
+
+/// Every voxel that is set, or has one beside it in x that is.
+void widen_row(std::span<const std::uint64_t> row, std::span<std::uint64_t> wide) {
+  for (std::size_t w = 0; w < row.size(); ++w) {
+    const std::uint64_t before = w > 0 ? row[w - 1] >> 63 : 0;
+    const std::uint64_t after = w + 1 < row.size() ? row[w + 1] << 63 : 0;
+    wide[w] = row[w] | row[w] << 1 | row[w] >> 1 | before | after;
+  }
+}
+
+/// `side` rows, `stride` apart, to the left and right of each row of words joined into it.
+void join_neighbours(const Words& rows, std::size_t words_per_row, std::size_t row_count,
+                     std::size_t stride, std::size_t period, Words& joined) {
+  for (std::size_t row = 0; row < row_count; ++row) {
+    const std::size_t place = row / stride % period;
+    const std::size_t first = row * words_per_row;
+    const std::size_t step = stride * words_per_row;
+    for (std::size_t w = first; w < first + words_per_row; ++w) {
+      joined[w] = rows[w] | (place > 0 ? rows[w - step] : 0) |
+                  (place + 1 < period ? rows[w + step] : 0);
+    }
+  }
+}
+
+/// The occupied voxels and their 26 neighbours.
+Words dilated(const VoxelBits& bits, const GridSpec& grid) {
+  const auto per_row = static_cast<std::size_t>(bits.words_per_row);
+  const auto ny = static_cast<std::size_t>(grid.size_vox.y());
+  const auto nz = static_cast<std::size_t>(grid.size_vox.z());
+  Words along_x(bits.words.size()), along_y(bits.words.size());
+  for (std::size_t row = 0; row < ny * nz; ++row) {
+    widen_row(bits.words.subspan(row * per_row, per_row),
+              std::span(along_x).subspan(row * per_row, per_row));
+  }
+  join_neighbours(along_x, per_row, ny * nz, 1, ny, along_y);
+  join_neighbours(along_y, per_row, ny * nz, ny, nz, along_x);
+  return along_x;
+}
+
+struct CellVoxel {
+  Eigen::Vector3i cell;
+  Eigen::Vector3d centre_m;
+
+  [[nodiscard]] auto key() const { return std::tuple(cell.z(), cell.y(), cell.x()); }
+};
+
+/// A ball around the voxels of each cell that has enough of them.
+std::vector<MovingBall> balls_of(std::vector<CellVoxel>& voxels, double resolution_m,
+                                 int least_vox) {
+  std::ranges::sort(voxels, {}, &CellVoxel::key);
+  const double half_diagonal_m = 0.5 * std::sqrt(3.0) * resolution_m;
+  std::vector<MovingBall> balls;
+  for (auto first = voxels.begin(); first != voxels.end();) {
+    Eigen::AlignedBox3d box;
+    auto last = first;
+    for (; last != voxels.end() && last->key() == first->key(); ++last) box.extend(last->centre_m);
+    if (last - first >= least_vox) {
+      balls.push_back({box.center(), 0.5 * box.diagonal().norm() + half_diagonal_m});
+    }
+    first = last;
+  }
+  return balls;
+}
+
+}  // namespace
+
+std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyView& map,
+                                                              Stamp stamp) {
+  const GridSpec& grid = map.occupancy_grid();
+  if (!past_.empty() && (past_.back().grid != grid || stamp < past_.back().stamp)) past_.clear();
+  const auto is_old_enough = [&](const Past& past) {
+    return stamp.seconds() - past.stamp.seconds() >= settings_.memory_s;
+  };
+  while (past_.size() > 1 && is_old_enough(past_[1])) past_.pop_front();
+
+  auto moving = std::make_shared<MovingObstacles>();
+  moving->stamp = stamp;
+  if (!past_.empty()) {
+    const Past& then = past_.front();
+    const VoxelBits occupied = map.occupied();
+    std::vector<CellVoxel> voxels;
+    for (std::size_t w = 0; w < occupied.words.size(); ++w) {
+      std::uint64_t moved = occupied.words[w] & then.known[w] & ~then.near_occupied[w];
+      for (; moved != 0; moved &= moved - 1) {
+        const auto per_row = static_cast<std::size_t>(occupied.words_per_row);
+        const auto ny = static_cast<std::size_t>(grid.size_vox.y());
+        const std::size_t row = w / per_row;
+        const Eigen::Vector3d centre_m = grid.centre_m(Eigen::Vector3i(
+            static_cast<int>(w % per_row) * 64 + std::countr_zero(moved),
+            static_cast<int>(row % ny), static_cast<int>(row / ny)));
+        voxels.push_back(
+            {(centre_m / settings_.cell_m).array().floor().cast<int>().matrix(), centre_m});
+      }
+    }
+    moving->balls = balls_of(voxels, grid.resolution_m, settings_.least_vox);
+  }
+  remember(map, stamp);
+  return moving;
+}
+
+/// Two a memory are enough.
+void MotionDetector::remember(const OccupancyView& map, Stamp stamp) {
+  if (!past_.empty() &&
+      stamp.seconds() - past_.back().stamp.seconds() < 0.5 * settings_.memory_s) {
+    return;
+  }
+  const GridSpec& grid = map.occupancy_grid();
+  const VoxelBits known = map.known();
+  past_.push_back(
+      {stamp, grid, {known.words.begin(), known.words.end()}, dilated(map.occupied(), grid)});
+}
+
+}  // namespace sidestep

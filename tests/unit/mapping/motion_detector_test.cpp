@@ -1,0 +1,137 @@
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/mapping/moving_obstacles.hpp>
+
+namespace sidestep {
+namespace {
+
+/// A map of 70 x 40 x 12 voxels of 0.1 m, more than a word a row, all of it known and free.
+class HandMadeMap final : public OccupancyView {
+ public:
+  HandMadeMap() {
+    grid_.resolution_m = 0.1;
+    grid_.size_vox = {70, 40, 12};
+    clear();
+  }
+  [[nodiscard]] const GridSpec& occupancy_grid() const noexcept override { return grid_; }
+  [[nodiscard]] VoxelBits occupied() const noexcept override { return {occupied_, kWordsPerRow}; }
+  [[nodiscard]] VoxelBits known() const noexcept override { return {known_, kWordsPerRow}; }
+
+  GridSpec& grid() { return grid_; }
+  void clear() {
+    occupied_.assign(static_cast<std::size_t>(kWordsPerRow) * 40 * 12, 0);
+    known_.assign(occupied_.size(), ~std::uint64_t{0});
+  }
+  void forget() { known_.assign(known_.size(), 0); }
+  void fill(const Eigen::Vector3i& lower, const Eigen::Vector3i& upper) {
+    for (int k = lower.z(); k <= upper.z(); ++k) {
+      for (int j = lower.y(); j <= upper.y(); ++j) {
+        for (int i = lower.x(); i <= upper.x(); ++i) {
+          const auto word = static_cast<std::size_t>((j + 40 * k) * kWordsPerRow + i / 64);
+          occupied_[word] |= std::uint64_t{1} << (i % 64);
+          known_[word] |= std::uint64_t{1} << (i % 64);
+        }
+      }
+    }
+  }
+
+ private:
+  static constexpr int kWordsPerRow = 2;
+  GridSpec grid_;
+  std::vector<std::uint64_t> occupied_, known_;
+};
+
+Stamp at(double time_s) { return Stamp::from_seconds(time_s); }
+
+bool covers(const MovingObstacles& moving, const Eigen::Vector3d& p) {
+  for (const MovingBall& ball : moving.balls) {
+    if ((ball.centre_m - p).norm() <= ball.radius_m) return true;
+  }
+  return false;
+}
+
+TEST(MotionDetector, FindsWhatMovesWhereItHasMovedTo) {
+  HandMadeMap map;
+  MotionDetector detector;
+  // Along x, past the end of a word, by a voxel every 0.1 s.
+  for (int step = 0; step < 20; ++step) {
+    map.clear();
+    const int x = 45 + step;
+    map.fill({x, 10, 2}, {x + 3, 14, 8});
+    const auto moving = detector.update(map, at(0.1 * step));
+    EXPECT_EQ(moving->stamp, at(0.1 * step));
+    if (step < 2) {
+      EXPECT_TRUE(moving->balls.empty()) << "it has not moved by two voxels yet";
+      continue;
+    }
+    const Eigen::Vector3d front = map.grid().centre_m({x + 3, 12, 5});
+    EXPECT_TRUE(covers(*moving, front)) << step;
+    for (const MovingBall& ball : moving->balls) {
+      EXPECT_GT(ball.centre_m.x(), 4.5);
+      EXPECT_LT(ball.radius_m, 0.4);
+    }
+  }
+  // It stands, and after the memory and a half is an obstacle like any other.
+  std::size_t balls = 1;
+  for (int step = 20; step < 37; ++step) balls = detector.update(map, at(0.1 * step))->balls.size();
+  EXPECT_EQ(balls, 0U);
+}
+
+TEST(MotionDetector, CoversEveryVoxelThatMovedFarEnough) {
+  HandMadeMap map;
+  MotionDetector detector({.memory_s = 1.0, .cell_m = 0.25, .least_vox = 1});
+  map.fill({10, 10, 2}, {12, 12, 4});
+  (void)detector.update(map, at(0.0));
+  map.clear();
+  map.fill({14, 20, 2}, {16, 22, 4});
+  const auto moving = detector.update(map, at(0.5));
+  for (int i = 14; i <= 16; ++i) {
+    for (int j = 20; j <= 22; ++j) EXPECT_TRUE(covers(*moving, map.grid().centre_m({i, j, 3})));
+  }
+  EXPECT_FALSE(covers(*moving, map.grid().centre_m({11, 11, 3})));
+}
+
+TEST(MotionDetector, TakesWhatComesIntoViewForStanding) {
+  HandMadeMap map;
+  map.forget();
+  MotionDetector detector;
+  (void)detector.update(map, at(0.0));
+  map.fill({20, 10, 0}, {24, 20, 11});
+  EXPECT_TRUE(detector.update(map, at(0.5))->balls.empty());
+}
+
+TEST(MotionDetector, IgnoresWhatFlickersBesideWhatStands) {
+  HandMadeMap map;
+  MotionDetector detector;
+  for (int step = 0; step < 40; ++step) {
+    map.clear();
+    const int flicker = step % 2;
+    map.fill({30, 0, 0}, {31 + flicker, 39, 11});
+    EXPECT_TRUE(detector.update(map, at(0.1 * step))->balls.empty()) << step;
+  }
+}
+
+TEST(MotionDetector, LeavesOutCellsWithTooFewVoxels) {
+  HandMadeMap map;
+  MotionDetector detector({.least_vox = 3});
+  (void)detector.update(map, at(0.0));
+  map.fill({5, 5, 5}, {5, 6, 5});
+  EXPECT_TRUE(detector.update(map, at(0.5))->balls.empty());
+}
+
+TEST(MotionDetector, BeginsAnewWhereTheGridMovesOrTimeGoesBack) {
+  HandMadeMap map;
+  MotionDetector detector;
+  (void)detector.update(map, at(1.0));
+  map.fill({20, 10, 2}, {24, 14, 6});
+  map.grid().origin_m.x() += 1.6;
+  EXPECT_TRUE(detector.update(map, at(1.5))->balls.empty());
+  map.clear();
+  map.fill({40, 10, 2}, {44, 14, 6});
+  EXPECT_TRUE(detector.update(map, at(0.5))->balls.empty());
+}
+
+}  // namespace
+}  // namespace sidestep

@@ -1,0 +1,108 @@
+#include <numbers>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "closed_loop.hpp"
+
+namespace sidestep {
+namespace {
+
+using testing::HasSubstr;
+using testing_support::Ball;
+using testing_support::ClosedLoop;
+using Kind = ReplannerEvent::Kind;
+using Reason = ReplannerEvent::Reason;
+using Status = Replanner::Status;
+
+constexpr double kSpeed_mps = 0.5;
+constexpr double kHunterRadius_m = 0.3;
+
+ReplannerSettings anticipating(double speed_mps) {
+  ReplannerSettings settings = ClosedLoop::defaults();
+  settings.obstacle_speed_mps = speed_mps;
+  return settings;
+}
+
+/// Makes straight for wherever the robot is, as fast as it may.
+struct Hunt {
+  explicit Hunt(const ReplannerSettings& settings, Eigen::Vector3d from_m) : loop(settings) {
+    loop.limits.acceleration = {0.25, 0.25, 0.25};
+    loop.limits.velocity = {0.4, 0.4, 0.4};
+    loop.tells_what_moves = true;
+    loop.obstacles = {Ball{from_m, kHunterRadius_m}};
+  }
+
+  /// Until the robot is touched, or for so long.
+  void run(double until_s) {
+    loop.run(until_s, [&](double) {
+      if (touched) return;
+      Ball& hunter = loop.obstacles.front();
+      const RobotState robot = loop.executor.state();
+      const Eigen::Vector3d way = robot.q - hunter.centre_m;
+      hunter.centre_m += kSpeed_mps * ClosedLoop::kStep_s * way.normalized();
+      if (hunter.distance_m(robot.q) > ClosedLoop::kRadius_m) return;
+      touched = true;
+      speed_when_touched = robot.qdot.norm();
+    });
+  }
+
+  ClosedLoop loop;
+  bool touched = false;
+  double speed_when_touched = 0.0;
+};
+
+class HuntedRobot : public testing::TestWithParam<double> {};
+
+TEST_P(HuntedRobot, IsAtRestBeforeItIsReached) {
+  const double angle = GetParam();
+  for (const double distance_m : {1.0, 1.8, 3.0}) {
+    Hunt hunt(anticipating(kSpeed_mps),
+              distance_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0));
+    hunt.run(20.0);
+    ASSERT_TRUE(hunt.touched) << "a robot that is hunted cannot get away";
+    EXPECT_LT(hunt.speed_when_touched, 1e-6) << distance_m << "\n" << hunt.loop.story();
+  }
+}
+INSTANTIATE_TEST_SUITE_P(FromAround, HuntedRobot,
+                         testing::Values(0.0, 0.4, 0.8, 0.5 * std::numbers::pi, 2.5,
+                                         std::numbers::pi, -0.3, -1.2));
+
+TEST(ReplannerMoving, WouldBeReachedAtSpeedIfItDidNotAnticipate) {
+  Hunt hunt(anticipating(0.0), {3.0, 0.0, 0.0});
+  hunt.run(20.0);
+  ASSERT_TRUE(hunt.touched);
+  EXPECT_GT(hunt.speed_when_touched, 0.05) << hunt.loop.story();
+}
+
+TEST(ReplannerMoving, SlowsDownForWhatPassesAndGoesOn) {
+  ClosedLoop loop(anticipating(kSpeed_mps));
+  loop.tells_what_moves = true;
+  loop.limits.acceleration = {0.25, 0.25, 0.25};
+  loop.limits.velocity = {0.4, 0.4, 0.4};
+  loop.obstacles = {Ball{{2.5, -3.0, 0.0}, kHunterRadius_m}};
+  loop.run(60.0, [&](double t) { loop.obstacles.front().centre_m.y() = -3.0 + 0.4 * t; });
+  EXPECT_EQ(loop.status, Status::kReached) << loop.story();
+  EXPECT_GT(loop.least_clearance_m, 0.0) << loop.story();
+  const ReplannerEvent* slowed = loop.first(Kind::kSlowed);
+  ASSERT_NE(slowed, nullptr) << loop.story();
+  EXPECT_EQ(slowed->reason, Reason::kMoving);
+  EXPECT_THAT(slowed->cause, HasSubstr("could reach"));
+  EXPECT_LE(loop.largest_velocity_step, 0.25 * ClosedLoop::kStep_s * (1.0 + 1e-3));
+}
+
+TEST(ReplannerMoving, DoesNotSetOutWhileItCouldBeReachedAtOnce) {
+  ClosedLoop loop(anticipating(kSpeed_mps));
+  loop.tells_what_moves = true;
+  loop.obstacles = {Ball{{0.0, 0.6, 0.0}, kHunterRadius_m}};
+  loop.run(3.0);
+  EXPECT_EQ(loop.status, Status::kWaiting) << loop.story();
+  EXPECT_EQ(loop.planner.solves, 0);
+  EXPECT_EQ(loop.count(Kind::kStopped), 1) << loop.story();
+  loop.obstacles.clear();
+  loop.run(20.0);
+  EXPECT_EQ(loop.status, Status::kReached) << loop.story();
+}
+
+}  // namespace
+}  // namespace sidestep
