@@ -125,6 +125,9 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
       .add("solve_limit_s", inherited(&S::solve_limit_s),
            "For all attempts of one replan; less than takeover_s.",
            {.unit = "s", .min = 1e-4, .max = 60.0})
+      .add("horizon_s", inherited(&S::horizon_s),
+           "Where no trajectory is free all the way, one that is so for this long may do.",
+           {.unit = "s", .min = 0.0, .max = 3600.0})
       .add("stop_lead_s", inherited(&S::stop_lead_s),
            "From the decision to stop to when braking begins.",
            {.unit = "s", .min = 0.0, .max = 60.0})
@@ -135,10 +138,11 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
            {.unit = "s", .min = 1e-3, .max = 3600.0})
       .add("goal_tolerance", inherited(&S::goal_tolerance), "Of every joint at the goal (m, rad).",
            {.min = 1e-6, .max = 10.0})
-      .add("obstacle_speed_mps", inherited(&S::obstacle_speed_mps),
-           "Largest speed of what moves: while the robot moves, it can come to rest before anything "
-           "seen moving could reach it. 0: what moves is an obstacle like any other.",
-           {.unit = "m/s", .min = 0.0, .max = 20.0})
+      .add(
+          "obstacle_speed_mps", inherited(&S::obstacle_speed_mps),
+          "Largest speed of what moves: while the robot moves, it can come to rest before anything "
+          "seen moving could reach it. 0: what moves is an obstacle like any other.",
+          {.unit = "m/s", .min = 0.0, .max = 20.0})
       .add("rest_speed", inherited(&S::rest_speed),
            "Joints that are slower count as at rest (m/s, rad/s).", {.min = 1e-6, .max = 10.0})
       .add("tracking_tolerance", inherited(&S::tracking_tolerance),

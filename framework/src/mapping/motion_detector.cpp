@@ -29,8 +29,8 @@ void join_neighbours(const Words& rows, std::size_t words_per_row, std::size_t r
     const std::size_t first = row * words_per_row;
     const std::size_t step = stride * words_per_row;
     for (std::size_t w = first; w < first + words_per_row; ++w) {
-      joined[w] = rows[w] | (place > 0 ? rows[w - step] : 0) |
-                  (place + 1 < period ? rows[w + step] : 0);
+      joined[w] =
+          rows[w] | (place > 0 ? rows[w - step] : 0) | (place + 1 < period ? rows[w + step] : 0);
     }
   }
 }
@@ -78,6 +78,7 @@ std::vector<MovingBall> balls_of(std::vector<CellVoxel>& voxels, double resoluti
 }  // namespace
 
 std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyView& map,
+                                                              const Eigen::Vector3d& eye_m,
                                                               Stamp stamp) {
   const GridSpec& grid = map.occupancy_grid();
   if (!past_.empty() && (past_.back().grid != grid || stamp < past_.back().stamp)) past_.clear();
@@ -98,29 +99,49 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
         const auto per_row = static_cast<std::size_t>(occupied.words_per_row);
         const auto ny = static_cast<std::size_t>(grid.size_vox.y());
         const std::size_t row = w / per_row;
-        const Eigen::Vector3d centre_m = grid.centre_m(Eigen::Vector3i(
-            static_cast<int>(w % per_row) * 64 + std::countr_zero(moved),
-            static_cast<int>(row % ny), static_cast<int>(row / ny)));
+        const Eigen::Vector3d centre_m = grid.centre_m(
+            Eigen::Vector3i(static_cast<int>(w % per_row) * 64 + std::countr_zero(moved),
+                            static_cast<int>(row % ny), static_cast<int>(row / ny)));
+        if (!could_be_seen(centre_m, then)) continue;
         voxels.push_back(
             {(centre_m / settings_.cell_m).array().floor().cast<int>().matrix(), centre_m});
       }
     }
     moving->balls = balls_of(voxels, grid.resolution_m, settings_.least_vox);
   }
-  remember(map, stamp);
+  remember(map, eye_m, stamp);
   return moving;
 }
 
+/// Whether nothing that was occupied hid a place then.
+bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
+  const VoxelBits occupied{then.occupied, then.words_per_row};
+  const Eigen::Vector3d way_m = p - then.eye_m;
+  const double step_m = 0.5 * then.grid.resolution_m;
+  const double before_m = 3.0 * step_m;  // what is beside the place itself hides nothing
+  const Eigen::Vector3d step = way_m.normalized() * step_m;
+  Eigen::Vector3d at = then.eye_m;
+  for (double left_m = way_m.norm(); left_m > before_m; left_m -= step_m, at += step) {
+    const Eigen::Vector3i voxel = then.grid.voxel_at(at);
+    if (then.grid.contains(voxel) && occupied.at(then.grid, voxel)) return false;
+  }
+  return true;
+}
+
 /// Two a memory are enough.
-void MotionDetector::remember(const OccupancyView& map, Stamp stamp) {
-  if (!past_.empty() &&
-      stamp.seconds() - past_.back().stamp.seconds() < 0.5 * settings_.memory_s) {
+void MotionDetector::remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp) {
+  if (!past_.empty() && stamp.seconds() - past_.back().stamp.seconds() < 0.5 * settings_.memory_s) {
     return;
   }
   const GridSpec& grid = map.occupancy_grid();
-  const VoxelBits known = map.known();
-  past_.push_back(
-      {stamp, grid, {known.words.begin(), known.words.end()}, dilated(map.occupied(), grid)});
+  const VoxelBits known = map.known(), occupied = map.occupied();
+  past_.push_back({stamp,
+                   eye_m,
+                   grid,
+                   {known.words.begin(), known.words.end()},
+                   {occupied.words.begin(), occupied.words.end()},
+                   occupied.words_per_row,
+                   dilated(occupied, grid)});
 }
 
 }  // namespace sidestep

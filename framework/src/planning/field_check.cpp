@@ -157,7 +157,7 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
   int state = 0;
   while (time_of(state + 1) <= begin_s) ++state;
   while (state + 1 < trajectory.size() && !builder.is_decided()) {
-    const double from_s = std::max(begin_s, time_of(state));
+    const double chain_from_s = std::max(begin_s, time_of(state));
     double way_m = 0.0;
     for (chain.clear(); state + 1 < trajectory.size() && way_m < kProof_m; ++state) {
       const CubicMotion& piece = chain.append(trajectory, state);
@@ -166,7 +166,9 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
       chain.variation(piece_from_s, time_of(state + 1), variation);
       way_m += prover_.way_bound_m(variation);
     }
-    if (!prove(chain, from_s, time_of(state))) return tl::make_unexpected(late(trajectory, from_s));
+    if (!prove(chain, chain_from_s, time_of(state))) {
+      return tl::make_unexpected(late(trajectory, chain_from_s));
+    }
   }
   return builder.verdict();
 }

@@ -61,7 +61,8 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     MapSnapshot snapshot{std::move(*field), nullptr};
     const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
     if (parts_.motion_detector != nullptr && occupancy != nullptr) {
-      snapshot.moving = parts_.motion_detector->update(*occupancy, step.stamp);
+      snapshot.moving = parts_.motion_detector->update(
+          *occupancy, (*frame)->T_world_camera.translation(), step.stamp);
     }
     step.motion_ms = watch.elapsed_ms();
 

@@ -73,6 +73,9 @@ struct PlanSearch::Task {
   double cost = 0.0;    ///< Of its solution, as the optimiser states it.
   /// A path that needs no optimiser where all else fails.
   std::optional<Trajectory> sampled;
+  /// The plan that is free for longest, of those that are not so all the way, and its guess.
+  std::optional<FoundPlan> stopgap;
+  std::size_t stopgap_guess = 0;
 };
 
 PlanSearch::PlanSearch(const Replanner::Parts& parts, const ReplannerSettings& settings)
@@ -87,7 +90,7 @@ PlanSearch::PlanSearch(const Replanner::Parts& parts, const ReplannerSettings& s
 }
 
 SearchResult PlanSearch::run(const Request& request) {
-  Task task{request, request.departure, end_of(request.departure.lead), {}, {}, {}, {}, 0.0, {}};
+  Task task{request, request.departure, end_of(request.departure.lead)};
   if (settings_.limit_wall_time) task.deadline = Deadline::after_s(settings_.solve_limit_s);
   task.problem = parts_.pose_problem(request.field, task.start);
   if (auto sound = task.problem.validate(); !sound) {
@@ -103,6 +106,11 @@ SearchResult PlanSearch::run(const Request& request) {
     if (task.result.plan || !task.result.fault.empty()) break;
   }
   if (task.result.tried.empty()) task.result.failure = "there is no first guess to try";
+  if (!task.result.plan && task.result.fault.empty() && task.stopgap) {
+    task.result.plan = std::move(task.stopgap);
+    task.result.guess = counts_[task.stopgap_guess].guess;
+    ++counts_[task.stopgap_guess].led;
+  }
   return std::move(task.result);
 }
 
@@ -121,6 +129,13 @@ void PlanSearch::attempt(std::size_t guess, Task& task) {
     if (is_left && !task.departure.is_moving) {
       task.result.plan = accept(*task.sampled, task);
     }
+  }
+  if (task.result.plan && std::isfinite(task.result.plan->free_until_s)) {
+    if (!task.stopgap || task.result.plan->free_until_s > task.stopgap->free_until_s) {
+      task.stopgap = std::move(task.result.plan);
+      task.stopgap_guess = guess;
+    }
+    task.result.plan.reset();
   }
   if (task.result.plan) {
     ++count.led;
@@ -264,11 +279,14 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   plan.frees_goal = is_goal_free(task.problem);
   const auto verdict = task.request.check.check(plan.trajectory, 0.0, task.deadline);
   if (!verdict) return refuse("it cannot be checked: " + verdict.error().describe());
-  if (!verdict->valid()) return refuse("it is " + verdict->describe());
+  if (!verdict->valid()) {
+    plan.free_until_s = verdict->first_violation_s;
+    task.failure = "it is " + verdict->describe();
+    if (plan.free_until_s < task.request.least_free_s) return std::nullopt;
+  }
   plan.unknown_share = verdict->unknown_share;
-  const auto reached =
-      task.request.reach.first_reach(plan.trajectory, 0.0,
-                                     plan.takeover_s + settings_.replan_period_s, task.request.now);
+  const auto reached = task.request.reach.first_reach(
+      plan.trajectory, 0.0, plan.takeover_s + settings_.replan_period_s, task.request.now);
   if (reached) return refuse("before it could stop " + *reached);
   return plan;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,12 +14,12 @@ namespace sidestep::detail {
 
 /// What a new trajectory takes over from.
 struct Departure {
-  Trajectory lead;                       ///< The motion from now to the takeover; never empty.
-  const Trajectory* followed = nullptr;  ///< What the lead is the begin of; null at rest.
-  double from_s = 0.0;                   ///< The takeover on its clock.
+  Trajectory lead;                         ///< The motion from now to the takeover; never empty.
+  const Trajectory* followed = nullptr;    ///< What the lead is the begin of; null at rest.
+  double from_s = 0.0;                     ///< The takeover on its clock.
   const Trajectory* unfinished = nullptr;  ///< The motion to the goal whose rest is worth a guess.
   double unfinished_from_s = 0.0;          ///< Where on it the takeover is.
-  bool is_moving = false;                ///< At the takeover.
+  bool is_moving = false;                  ///< At the takeover.
 };
 
 struct FoundPlan {
@@ -27,7 +28,9 @@ struct FoundPlan {
   double splice_velocity_jump = 0.0;
   double cost = 0.0;
   double unknown_share = 0.0;
-  bool frees_goal = false;  ///< Its end stands for the goal.
+  double free_until_s =
+      std::numeric_limits<double>::infinity();  ///< Of obstacles, if not for good.
+  bool frees_goal = false;                      ///< Its end stands for the goal.
 };
 
 struct SearchResult {
@@ -52,6 +55,8 @@ class PlanSearch {
     Stamp now;
     /// What the new trajectory must cost less than, by the problem's terms.
     std::optional<double> to_beat;
+    /// How long one that is not free all the way must be free for at least.
+    double least_free_s = 0.0;
   };
   /// Throws what the problem's poser, the robot and the field throw.
   [[nodiscard]] SearchResult run(const Request& request);

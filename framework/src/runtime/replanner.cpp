@@ -146,7 +146,13 @@ bool Replanner::Impl::slows_down() {
 }
 
 void Replanner::Impl::on_blocked() {
-  if (is_due()) {
+  // What is far off is not worth all of the time: it may go by itself.
+  const bool is_far = blocked->begin_s - followed_s(now) > settings.horizon_s;
+  constexpr double kPatience = 5.0;
+  const bool is_patient =
+      is_far && failed_at &&
+      now.seconds() - failed_at->seconds() < kPatience * settings.replan_period_s;
+  if (is_due() && !is_patient) {
     last_replan = now;
     const bool is_in_time = blocked->begin_s > followed_s(now) + settings.takeover_s;
     const std::string cause = blocked->cause;
@@ -243,13 +249,21 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
 bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,
                              std::optional<double> to_beat) {
   last_replan = now;
-  detail::SearchResult found = search.run({field, *check, reach, std::move(departure), now, to_beat});
+  // What is free for longer than what is followed now is worth going on with.
+  constexpr double kWorth_s = 1.0;
+  double least_free_s = settings.takeover_s + settings.horizon_s;
+  if (blocked) {
+    least_free_s = std::max(least_free_s, blocked->begin_s - followed_s(now) + kWorth_s);
+  }
+  detail::SearchResult found =
+      search.run({field, *check, reach, std::move(departure), now, to_beat, least_free_s});
   const double took_s = 1e-3 * watch.elapsed_ms();
   if (found.plan && settings.limit_wall_time && took_s > settings.takeover_s) {
     found.plan.reset();
     found.failure = "it came after " + std::to_string(took_s) + " s, too late to take over";
   }
   if (found.plan) return follow(found, reason, cause);
+  failed_at = now;
   if (found.fault.empty() && reason == Reason::kCost) return false;  // what is followed is good
   const bool is_told = is_failing && found.fault.empty();
   is_failing = followed.size() == 0 || is_braking;
@@ -284,7 +298,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   followed_start = now;
   is_braking = false;
   is_moving = true;
-  is_checked = true;
+  is_checked = !std::isfinite(plan.free_until_s);
   blocked.reset();
   planned_in = field;
   rested_at.reset();
@@ -308,6 +322,9 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   event.cost = plan.cost;
   event.splice_velocity_jump = plan.splice_velocity_jump;
   event.unknown_share = plan.unknown_share;
+  if (std::isfinite(plan.free_until_s)) {
+    event.cause += "; the way is free for " + std::to_string(plan.free_until_s) + " s";
+  }
   event.takeover = Stamp::from_seconds(now.seconds() + plan.takeover_s);
   return true;
 }

@@ -83,10 +83,11 @@ struct Replanner::Impl {
   std::vector<Event>* events = nullptr;
   std::optional<Stamp> last_step;
   std::optional<Stamp> last_replan;
+  std::optional<Stamp> failed_at;  ///< The last replan that failed.
 
   Trajectory followed;  ///< Empty where nothing is.
   Stamp followed_start;
-  Trajectory unfinished;  ///< The last one that was to lead to the goal, which stops interrupt.
+  Trajectory unfinished;    ///< The last one that was to lead to the goal, which stops interrupt.
   bool is_braking = false;  ///< What is followed is a stop.
   bool is_at_goal = false;
   bool is_moving = false;  ///< As measured.

@@ -43,6 +43,8 @@ class HandMadeMap final : public OccupancyView {
   std::vector<std::uint64_t> occupied_, known_;
 };
 
+const Eigen::Vector3d kEye_m{3.5, -3.0, 0.6};
+
 Stamp at(double time_s) { return Stamp::from_seconds(time_s); }
 
 bool covers(const MovingObstacles& moving, const Eigen::Vector3d& p) {
@@ -60,7 +62,7 @@ TEST(MotionDetector, FindsWhatMovesWhereItHasMovedTo) {
     map.clear();
     const int x = 45 + step;
     map.fill({x, 10, 2}, {x + 3, 14, 8});
-    const auto moving = detector.update(map, at(0.1 * step));
+    const auto moving = detector.update(map, kEye_m, at(0.1 * step));
     EXPECT_EQ(moving->stamp, at(0.1 * step));
     if (step < 2) {
       EXPECT_TRUE(moving->balls.empty()) << "it has not moved by two voxels yet";
@@ -75,7 +77,8 @@ TEST(MotionDetector, FindsWhatMovesWhereItHasMovedTo) {
   }
   // It stands, and after the memory and a half is an obstacle like any other.
   std::size_t balls = 1;
-  for (int step = 20; step < 37; ++step) balls = detector.update(map, at(0.1 * step))->balls.size();
+  for (int step = 20; step < 37; ++step)
+    balls = detector.update(map, kEye_m, at(0.1 * step))->balls.size();
   EXPECT_EQ(balls, 0U);
 }
 
@@ -83,10 +86,10 @@ TEST(MotionDetector, CoversEveryVoxelThatMovedFarEnough) {
   HandMadeMap map;
   MotionDetector detector({.memory_s = 1.0, .cell_m = 0.25, .least_vox = 1});
   map.fill({10, 10, 2}, {12, 12, 4});
-  (void)detector.update(map, at(0.0));
+  (void)detector.update(map, kEye_m, at(0.0));
   map.clear();
   map.fill({14, 20, 2}, {16, 22, 4});
-  const auto moving = detector.update(map, at(0.5));
+  const auto moving = detector.update(map, kEye_m, at(0.5));
   for (int i = 14; i <= 16; ++i) {
     for (int j = 20; j <= 22; ++j) EXPECT_TRUE(covers(*moving, map.grid().centre_m({i, j, 3})));
   }
@@ -97,9 +100,9 @@ TEST(MotionDetector, TakesWhatComesIntoViewForStanding) {
   HandMadeMap map;
   map.forget();
   MotionDetector detector;
-  (void)detector.update(map, at(0.0));
+  (void)detector.update(map, kEye_m, at(0.0));
   map.fill({20, 10, 0}, {24, 20, 11});
-  EXPECT_TRUE(detector.update(map, at(0.5))->balls.empty());
+  EXPECT_TRUE(detector.update(map, kEye_m, at(0.5))->balls.empty());
 }
 
 TEST(MotionDetector, IgnoresWhatFlickersBesideWhatStands) {
@@ -109,28 +112,42 @@ TEST(MotionDetector, IgnoresWhatFlickersBesideWhatStands) {
     map.clear();
     const int flicker = step % 2;
     map.fill({30, 0, 0}, {31 + flicker, 39, 11});
-    EXPECT_TRUE(detector.update(map, at(0.1 * step))->balls.empty()) << step;
+    EXPECT_TRUE(detector.update(map, kEye_m, at(0.1 * step))->balls.empty()) << step;
   }
+}
+
+TEST(MotionDetector, TakesWhatWasHiddenForStanding) {
+  HandMadeMap map;
+  MotionDetector detector;
+  map.fill({30, 10, 0}, {40, 10, 11});
+  (void)detector.update(map, kEye_m, at(0.0));
+  // Now its far side is seen, too; and something has come to where nothing hid it.
+  map.fill({30, 14, 0}, {40, 14, 11});
+  EXPECT_TRUE(detector.update(map, Eigen::Vector3d(3.5, 6.0, 0.6), at(0.5))->balls.empty());
+  map.fill({30, 5, 0}, {33, 6, 11});
+  const auto moving = detector.update(map, kEye_m, at(0.6));
+  EXPECT_TRUE(covers(*moving, map.grid().centre_m({31, 5, 5})));
+  EXPECT_FALSE(covers(*moving, map.grid().centre_m({35, 14, 5})));
 }
 
 TEST(MotionDetector, LeavesOutCellsWithTooFewVoxels) {
   HandMadeMap map;
   MotionDetector detector({.least_vox = 3});
-  (void)detector.update(map, at(0.0));
+  (void)detector.update(map, kEye_m, at(0.0));
   map.fill({5, 5, 5}, {5, 6, 5});
-  EXPECT_TRUE(detector.update(map, at(0.5))->balls.empty());
+  EXPECT_TRUE(detector.update(map, kEye_m, at(0.5))->balls.empty());
 }
 
 TEST(MotionDetector, BeginsAnewWhereTheGridMovesOrTimeGoesBack) {
   HandMadeMap map;
   MotionDetector detector;
-  (void)detector.update(map, at(1.0));
+  (void)detector.update(map, kEye_m, at(1.0));
   map.fill({20, 10, 2}, {24, 14, 6});
   map.grid().origin_m.x() += 1.6;
-  EXPECT_TRUE(detector.update(map, at(1.5))->balls.empty());
+  EXPECT_TRUE(detector.update(map, kEye_m, at(1.5))->balls.empty());
   map.clear();
   map.fill({40, 10, 2}, {44, 14, 6});
-  EXPECT_TRUE(detector.update(map, at(0.5))->balls.empty());
+  EXPECT_TRUE(detector.update(map, kEye_m, at(0.5))->balls.empty());
 }
 
 }  // namespace

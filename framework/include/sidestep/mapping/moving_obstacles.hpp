@@ -29,29 +29,34 @@ struct MotionDetectorSettings {
   int least_vox = 3;      ///< A cell with fewer voxels is noise.
 };
 
-/// Finds what moves in a map: voxels that are occupied now, had been seen free a while ago, and lay
-/// by more than one voxel beside what was occupied then. Surfaces that come into view are none,
-/// since they were unknown, nor is what flickers at the edges of what stands. Something has to move
-/// by two voxels before it is noticed, and is forgotten once it has stood for the memory and a
-/// half. [mapping]
+/// Finds what moves in a map: voxels that are occupied now, had been seen free, lay by more than
+/// one voxel beside what was occupied a while ago, and were not hidden behind it. Surfaces that
+/// come into view are none, since they were unknown or hidden, nor is what flickers at the edges of
+/// what stands. Something has to move by two voxels before it is noticed, and is forgotten once it
+/// has stood for the memory and a half. [mapping]
 class SIDESTEP_EXPORT MotionDetector {
  public:
   explicit MotionDetector(MotionDetectorSettings settings = {}) : settings_(settings) {}
 
-  /// Looks at the map after a frame with this stamp. Where the grid has moved or the stamps went
-  /// back, it begins anew. Allocates.
+  /// Looks at the map after a frame with this stamp, taken from `eye_m`. Where the grid has moved
+  /// or the stamps went back, it begins anew. Allocates.
   [[nodiscard]] std::shared_ptr<const MovingObstacles> update(const OccupancyView& map,
+                                                              const Eigen::Vector3d& eye_m,
                                                               Stamp stamp);
 
  private:
   /// A map as it was.
   struct Past {
     Stamp stamp;
+    Eigen::Vector3d eye_m;
     GridSpec grid;
     std::vector<std::uint64_t> known;
+    std::vector<std::uint64_t> occupied;
+    int words_per_row = 0;
     std::vector<std::uint64_t> near_occupied;  ///< Occupied, or one voxel beside it.
   };
-  void remember(const OccupancyView& map, Stamp stamp);
+  [[nodiscard]] static bool could_be_seen(const Eigen::Vector3d& p, const Past& then);
+  void remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp);
 
   MotionDetectorSettings settings_;
   std::deque<Past> past_;  ///< Oldest first.

@@ -39,7 +39,10 @@ struct ReplannerSettings {
   /// come to rest before anything that was seen moving could reach it. 0: what moves is an obstacle
   /// like any other.
   double obstacle_speed_mps = 0.0;
-  double max_step_m = 0.05;         ///< Of the validity check.
+  double max_step_m = 0.05;  ///< Of the validity check.
+  /// Where no trajectory is free all the way, one that is so for at least this long may do: what is
+  /// in the way later is looked at again when it is nearer, and may have gone.
+  double horizon_s = 8.0;
   /// A stop begins no later than when what blocks the trajectory is so many times as far away, in
   /// time, as the robot needs to come to rest.
   double stop_reserve = 1.5;
