@@ -247,6 +247,42 @@ std::string label_of(const CaseRecord& record) {
          format("%g m", record.what.resolution_m);
 }
 
+std::string table_csv(const Json& systems) {
+  constexpr std::array kColumns = {"/name",
+                                   "/mapper",
+                                   "/field",
+                                   "/signed",
+                                   "/resolution_m",
+                                   "/threads",
+                                   "/frames",
+                                   "/frame_ms/mean",
+                                   "/frame_ms/sd",
+                                   "/frame_ms/p50",
+                                   "/frame_ms/p95",
+                                   "/frame_ms/max",
+                                   "/stages_ms/integrate/mean",
+                                   "/stages_ms/field/mean",
+                                   "/stages_ms/publish/mean",
+                                   "/ratio/mean",
+                                   "/ratio/p50",
+                                   "/published_ms",
+                                   "/max_error_m",
+                                   "/mean_error_m",
+                                   "/memory_mib",
+                                   "/truth/collision_recall",
+                                   "/truth/false_obstacle_vox",
+                                   "/truth/appear_frames/max",
+                                   "/truth/gone_frames/max",
+                                   "/truth/ghost_vox",
+                                   "/truth/ghost_seen_vox",
+                                   "/real_time/rate_hz",
+                                   "/real_time/dropped_share",
+                                   "/real_time/latency_ms/p50",
+                                   "/real_time/latency_ms/p95",
+                                   "/error"};
+  return csv_text(systems, kColumns);
+}
+
 std::string verdict_text(const MappingBenchmarkSettings& settings,
                          const MappingBenchmarkRecord& record) {
   const std::string measured = std::to_string(record.cases.size()) + " of " +
@@ -329,6 +365,7 @@ ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
       std::ranges::all_of(systems, [](const Json& s) { return at(s, "/success") == Json(true); });
   outcome.verdict = verdict_text(settings, record);
   outcome.table = table_text(systems, settings.published_as);
+  outcome.table_csv = table_csv(systems);
   Json bad_frames = Json::array();
   for (const Error& error : record.bad_frames) bad_frames.push_back(error.describe());
   const Json summary = {{"configuration", provenance.configuration},
@@ -345,42 +382,6 @@ ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
                         {"provenance", provenance_json(provenance)}};
   outcome.summary_json = json_text(summary);
   return outcome;
-}
-
-std::string mapping_csv(const std::string& summary_json) {
-  constexpr std::array kColumns = {"/name",
-                                   "/mapper",
-                                   "/field",
-                                   "/signed",
-                                   "/resolution_m",
-                                   "/threads",
-                                   "/frames",
-                                   "/frame_ms/mean",
-                                   "/frame_ms/sd",
-                                   "/frame_ms/p50",
-                                   "/frame_ms/p95",
-                                   "/frame_ms/max",
-                                   "/stages_ms/integrate/mean",
-                                   "/stages_ms/field/mean",
-                                   "/stages_ms/publish/mean",
-                                   "/ratio/mean",
-                                   "/ratio/p50",
-                                   "/published_ms",
-                                   "/max_error_m",
-                                   "/mean_error_m",
-                                   "/memory_mib",
-                                   "/truth/collision_recall",
-                                   "/truth/false_obstacle_vox",
-                                   "/truth/appear_frames/max",
-                                   "/truth/gone_frames/max",
-                                   "/truth/ghost_vox",
-                                   "/truth/ghost_seen_vox",
-                                   "/real_time/rate_hz",
-                                   "/real_time/dropped_share",
-                                   "/real_time/latency_ms/p50",
-                                   "/real_time/latency_ms/p95",
-                                   "/error"};
-  return csv_text(at(Json::parse(summary_json, nullptr, false), "/systems"), kColumns);
 }
 
 }  // namespace sidestep

@@ -5,7 +5,6 @@
 #include <sidestep/runtime/guarded.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "html.hpp"
 #include "plan_recording.hpp"
 #include "planner_settings.hpp"
 #include "planner_summary.hpp"
@@ -210,12 +209,7 @@ Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
   }
   record.interrupted = context.stop.stop_requested();
 
-  ExperimentOutcome outcome = summarise_planner(provenance, settings, record);
-  if (auto written = write_file(context.out / "table.csv", planner_csv(outcome.summary_json));
-      !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  return outcome;
+  return summarise_planner(provenance, settings, record);
 }
 
 }  // namespace

@@ -146,6 +146,37 @@ std::string table_text(const Json& runs) {
   return times.text() + "\n" + results.text();
 }
 
+std::string table_csv(const Json& runs) {
+  constexpr std::array kColumns = {"/label",
+                                   "/field",
+                                   "/problems",
+                                   "/solved",
+                                   "/lm_iteration_us/p50",
+                                   "/lm_iteration_us/p95",
+                                   "/solve_ms/p50",
+                                   "/solve_ms/p95",
+                                   "/solve_ms/mean",
+                                   "/iterations/mean",
+                                   "/iterations/sd",
+                                   "/cost/share_within_1pct",
+                                   "/cost/mean",
+                                   "/cost/median",
+                                   "/cost/peer_mean",
+                                   "/cost/peer_median",
+                                   "/collision_free/share",
+                                   "/collision_free/peer_share",
+                                   "/free_ends/problems",
+                                   "/free_ends/share",
+                                   "/free_ends/peer_share",
+                                   "/free_at_checks/share",
+                                   "/free_at_checks/peer_share",
+                                   "/peer/lm_iteration_us/p50",
+                                   "/peer/solve_ms/p50",
+                                   "/peer/solve_ms/p95",
+                                   "/peer/iterations/mean"};
+  return csv_text(runs, kColumns);
+}
+
 std::string verdict_text(const PlannerBenchmarkRecord& record, std::size_t solves,
                          std::size_t unsolved, const std::string& first_reason) {
   const std::string count = std::to_string(solves) + " solves by " + record.optimiser;
@@ -187,6 +218,7 @@ ExperimentOutcome summarise_planner(const RunProvenance& provenance,
   outcome.success = !record.interrupted && solves > 0 && unsolved == 0;
   outcome.verdict = verdict_text(record, solves, unsolved, first_reason);
   outcome.table = table_text(runs);
+  outcome.table_csv = table_csv(runs);
   const Json summary = {{"configuration", provenance.configuration},
                         {"experiment", settings.type},
                         {"success", outcome.success},
@@ -202,37 +234,6 @@ ExperimentOutcome summarise_planner(const RunProvenance& provenance,
                         {"provenance", provenance_json(provenance)}};
   outcome.summary_json = json_text(summary);
   return outcome;
-}
-
-std::string planner_csv(const std::string& summary_json) {
-  constexpr std::array kColumns = {"/label",
-                                   "/field",
-                                   "/problems",
-                                   "/solved",
-                                   "/lm_iteration_us/p50",
-                                   "/lm_iteration_us/p95",
-                                   "/solve_ms/p50",
-                                   "/solve_ms/p95",
-                                   "/solve_ms/mean",
-                                   "/iterations/mean",
-                                   "/iterations/sd",
-                                   "/cost/share_within_1pct",
-                                   "/cost/mean",
-                                   "/cost/median",
-                                   "/cost/peer_mean",
-                                   "/cost/peer_median",
-                                   "/collision_free/share",
-                                   "/collision_free/peer_share",
-                                   "/free_ends/problems",
-                                   "/free_ends/share",
-                                   "/free_ends/peer_share",
-                                   "/free_at_checks/share",
-                                   "/free_at_checks/peer_share",
-                                   "/peer/lm_iteration_us/p50",
-                                   "/peer/solve_ms/p50",
-                                   "/peer/solve_ms/p95",
-                                   "/peer/iterations/mean"};
-  return csv_text(at(Json::parse(summary_json, nullptr, false), "/runs"), kColumns);
 }
 
 }  // namespace sidestep

@@ -54,12 +54,9 @@ struct PlannerBenchmarkRecord {
   bool interrupted = false;
 };
 
-/// Verdict, summary.json and table of a finished (or interrupted) planner benchmark.
+/// Verdict, summary.json and tables of a finished (or interrupted) planner benchmark.
 [[nodiscard]] ExperimentOutcome summarise_planner(const RunProvenance& provenance,
                                                   const PlannerBenchmarkSettings& settings,
                                                   const PlannerBenchmarkRecord& record);
-
-/// The table for a spreadsheet, from what summary.json holds: one line a run.
-[[nodiscard]] std::string planner_csv(const std::string& summary_json);
 
 }  // namespace sidestep

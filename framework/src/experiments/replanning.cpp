@@ -8,7 +8,6 @@
 #include <sidestep/runtime/guarded.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "html.hpp"
 #include "plan_recording.hpp"
 #include "recorded_fields.hpp"
 #include "replanning_settings.hpp"
@@ -312,12 +311,7 @@ Result<ExperimentOutcome> run_replanning(ExperimentContext& context) {
   }
   record.interrupted = context.stop.stop_requested();
 
-  ExperimentOutcome outcome = summarise_replanning(provenance, settings, record);
-  if (auto written = write_file(context.out / "table.csv", replanning_csv(outcome.summary_json));
-      !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  return outcome;
+  return summarise_replanning(provenance, settings, record);
 }
 
 }  // namespace

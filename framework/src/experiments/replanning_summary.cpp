@@ -107,6 +107,32 @@ std::string table_text(const Json& rows) {
   return table.text();
 }
 
+std::string table_csv(const Json& rows) {
+  constexpr std::array kColumns = {"/label",
+                                   "/field",
+                                   "/change",
+                                   "/way",
+                                   "/problems",
+                                   "/solved",
+                                   "/solve_ms/p50",
+                                   "/solve_ms/p95",
+                                   "/solve_ms/mean",
+                                   "/time_ratio/p50",
+                                   "/time_ratio/p95",
+                                   "/time_ratio/of_means",
+                                   "/iterations/p50",
+                                   "/iterations/p95",
+                                   "/iterations/mean",
+                                   "/cost_ratio/p05",
+                                   "/cost_ratio/p50",
+                                   "/cost_ratio/p95",
+                                   "/cost_ratio/share_within_1pct",
+                                   "/collision_free/share",
+                                   "/free_ends/problems",
+                                   "/free_ends/share"};
+  return csv_text(rows, kColumns);
+}
+
 std::string verdict_text(const ReplanningRecord& record, const Json& rows, std::size_t problems,
                          std::size_t unsolved, const std::string& first_reason) {
   const std::string count = std::to_string(problems) + " changed problems by " + record.optimiser;
@@ -160,6 +186,7 @@ ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
   outcome.success = !record.interrupted && problems > 0 && unsolved == 0;
   outcome.verdict = verdict_text(record, rows, problems, unsolved, first_reason);
   outcome.table = table_text(rows);
+  outcome.table_csv = table_csv(rows);
   const Json summary = {{"configuration", provenance.configuration},
                         {"experiment", settings.type},
                         {"success", outcome.success},
@@ -176,32 +203,6 @@ ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
                         {"provenance", provenance_json(provenance)}};
   outcome.summary_json = json_text(summary);
   return outcome;
-}
-
-std::string replanning_csv(const std::string& summary_json) {
-  constexpr std::array kColumns = {"/label",
-                                   "/field",
-                                   "/change",
-                                   "/way",
-                                   "/problems",
-                                   "/solved",
-                                   "/solve_ms/p50",
-                                   "/solve_ms/p95",
-                                   "/solve_ms/mean",
-                                   "/time_ratio/p50",
-                                   "/time_ratio/p95",
-                                   "/time_ratio/of_means",
-                                   "/iterations/p50",
-                                   "/iterations/p95",
-                                   "/iterations/mean",
-                                   "/cost_ratio/p05",
-                                   "/cost_ratio/p50",
-                                   "/cost_ratio/p95",
-                                   "/cost_ratio/share_within_1pct",
-                                   "/collision_free/share",
-                                   "/free_ends/problems",
-                                   "/free_ends/share"};
-  return csv_text(at(Json::parse(summary_json, nullptr, false), "/rows"), kColumns);
 }
 
 }  // namespace sidestep

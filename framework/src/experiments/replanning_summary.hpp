@@ -64,12 +64,9 @@ struct ReplanningRecord {
   bool interrupted = false;
 };
 
-/// Verdict, summary.json and table of a finished (or interrupted) replanning experiment.
+/// Verdict, summary.json and tables of a finished (or interrupted) replanning experiment.
 [[nodiscard]] ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
                                                      const ReplanningSettings& settings,
                                                      const ReplanningRecord& record);
-
-/// The table for a spreadsheet, from what summary.json holds: one line a series and way.
-[[nodiscard]] std::string replanning_csv(const std::string& summary_json);
 
 }  // namespace sidestep

@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "csv.hpp"
-#include "html.hpp"
 #include "json.hpp"
 #include "study_comparison.hpp"
 #include "text_table.hpp"
@@ -192,6 +191,47 @@ std::string table_text(const Json& robots, const std::string& published_as, doub
   return text + "\n" + counts.text();
 }
 
+/// One line for each robot and field.
+std::string table_csv(const Json& robots) {
+  constexpr std::array kColumns = {"/robot",
+                                   "/field",
+                                   "/dof",
+                                   "/boxes_per_scene",
+                                   "/resolution_m",
+                                   "/problems",
+                                   "/start_or_goal_in_collision",
+                                   "/solvable",
+                                   "/collision_free",
+                                   "/failures",
+                                   "/failure_percent",
+                                   "/failure_percent_ci/0",
+                                   "/failure_percent_ci/1",
+                                   "/iterations/mean",
+                                   "/iterations/sd",
+                                   "/iterations/ci/0",
+                                   "/iterations/ci/1",
+                                   "/valid_cost/count",
+                                   "/valid_cost/mean",
+                                   "/valid_cost/sd",
+                                   "/valid_cost/p50",
+                                   "/valid_cost/ci/0",
+                                   "/valid_cost/ci/1",
+                                   "/solve_ms/mean",
+                                   "/solve_ms/p50",
+                                   "/solve_ms/p95"};
+  Json rows = Json::array();
+  for (const Json& robot : robots) {
+    for (const char* kind : kFieldNames) {
+      Json row = robot;
+      row.update(robot.at(kind));
+      row["robot"] = robot.at("name");
+      row["field"] = kind;
+      rows.push_back(std::move(row));
+    }
+  }
+  return csv_text(rows, kColumns);
+}
+
 std::string verdict_text(const StudyRecord& study, const Json& robots, bool interrupted,
                          const std::optional<Error>& fault) {
   const std::string solved =
@@ -232,6 +272,7 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
   outcome.success = complete && !fault;
   outcome.verdict = verdict_text(study, robots, outcome.interrupted, fault);
   outcome.table = table_text(robots, study.published_as, study.confidence);
+  outcome.table_csv = table_csv(robots);
   const Json shard = study.shard.is_whole()
                          ? Json(nullptr)
                          : Json{{"index", study.shard.index + 1}, {"count", study.shard.count}};
@@ -252,49 +293,11 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
   return outcome;
 }
 
-std::string study_csv(const std::string& summary_json) {
-  constexpr std::array kOfRobot = {"/name",         "/dof",      "/boxes_per_scene",
-                                   "/resolution_m", "/problems", "/start_or_goal_in_collision",
-                                   "/solvable"};
-  constexpr std::array kOfField = {
-      "/collision_free",       "/failures",         "/failure_percent", "/failure_percent_ci/0",
-      "/failure_percent_ci/1", "/iterations/mean",  "/iterations/sd",   "/iterations/ci/0",
-      "/iterations/ci/1",      "/valid_cost/count", "/valid_cost/mean", "/valid_cost/sd",
-      "/valid_cost/p50",       "/valid_cost/ci/0",  "/valid_cost/ci/1", "/solve_ms/mean",
-      "/solve_ms/p50",         "/solve_ms/p95"};
-  const auto name_of = [](std::string pointer) {
-    std::ranges::replace(pointer, '/', '.');
-    return pointer.substr(1);
-  };
-  std::string text = "robot,field";
-  for (std::size_t c = 1; c < kOfRobot.size(); ++c) text += "," + name_of(kOfRobot[c]);
-  for (const char* column : kOfField) text += "," + name_of(column);
-  text += "\n";
-  const auto value = [](const Json& json, const char* pointer) {
-    const Json::json_pointer where(pointer);
-    return csv_cell(json.contains(where) ? json.at(where) : Json());
-  };
-  const Json summary = Json::parse(summary_json, nullptr, false);
-  for (const Json& robot : summary.at("robots")) {
-    for (const char* kind : kFieldNames) {
-      text += value(robot, kOfRobot.front()) + "," + kind;
-      for (std::size_t c = 1; c < kOfRobot.size(); ++c) text += "," + value(robot, kOfRobot[c]);
-      for (const char* column : kOfField) text += "," + value(robot.at(kind), column);
-      text += "\n";
-    }
-  }
-  return text;
-}
-
 Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
                                          const std::optional<Error>& fault) {
   const auto study = read_study(run / "results.sqlite");
   if (!study) return tl::make_unexpected(study.error());
-  ExperimentOutcome outcome = summarise_study(*study, interrupted, fault);
-  if (auto written = write_file(run / "table.csv", study_csv(outcome.summary_json)); !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  return outcome;
+  return summarise_study(*study, interrupted, fault);
 }
 
 }  // namespace sidestep
