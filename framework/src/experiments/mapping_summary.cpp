@@ -368,19 +368,13 @@ ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
   outcome.table_csv = table_csv(systems);
   Json bad_frames = Json::array();
   for (const Error& error : record.bad_frames) bad_frames.push_back(error.describe());
-  const Json summary = {{"configuration", provenance.configuration},
-                        {"experiment", settings.type},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"verdict", outcome.verdict},
-                        {"reference", settings.reference},
-                        {"published_as", settings.published_as},
-                        {"bad_frames", record.bad_frames.size()},
-                        {"bad_frame_errors", bad_frames},
-                        {"has_truth", record.has_truth},
-                        {"systems", systems},
-                        {"provenance", provenance_json(provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.summary_json = summary_text(provenance, settings.type, outcome,
+                                      {{"reference", settings.reference},
+                                       {"published_as", settings.published_as},
+                                       {"bad_frames", record.bad_frames.size()},
+                                       {"bad_frame_errors", bad_frames},
+                                       {"has_truth", record.has_truth},
+                                       {"systems", systems}});
   return outcome;
 }
 

@@ -219,20 +219,14 @@ ExperimentOutcome summarise_planner(const RunProvenance& provenance,
   outcome.verdict = verdict_text(record, solves, unsolved, first_reason);
   outcome.table = table_text(runs);
   outcome.table_csv = table_csv(runs);
-  const Json summary = {{"configuration", provenance.configuration},
-                        {"experiment", settings.type},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"verdict", outcome.verdict},
-                        {"problems_file", record.problems_file},
-                        {"robot", record.robot},
-                        {"optimiser", record.optimiser},
-                        {"costs_comparable", record.costs_comparable},
-                        {"repeats", settings.repeats},
-                        {"problems", problems},
-                        {"runs", runs},
-                        {"provenance", provenance_json(provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.summary_json = summary_text(provenance, settings.type, outcome,
+                                      {{"problems_file", record.problems_file},
+                                       {"robot", record.robot},
+                                       {"optimiser", record.optimiser},
+                                       {"costs_comparable", record.costs_comparable},
+                                       {"repeats", settings.repeats},
+                                       {"problems", problems},
+                                       {"runs", runs}});
   return outcome;
 }
 

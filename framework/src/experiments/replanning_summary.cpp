@@ -187,21 +187,15 @@ ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
   outcome.verdict = verdict_text(record, rows, problems, unsolved, first_reason);
   outcome.table = table_text(rows);
   outcome.table_csv = table_csv(rows);
-  const Json summary = {{"configuration", provenance.configuration},
-                        {"experiment", settings.type},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"verdict", outcome.verdict},
-                        {"problems_file", record.problems_file},
-                        {"robot", record.robot},
-                        {"optimiser", record.optimiser},
-                        {"repeats", settings.repeats},
-                        {"goal_sd", settings.goal_sd},
-                        {"obstacle_sd_m", settings.obstacle_sd_m},
-                        {"problems", problems},
-                        {"rows", rows},
-                        {"provenance", provenance_json(provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.summary_json = summary_text(provenance, settings.type, outcome,
+                                      {{"problems_file", record.problems_file},
+                                       {"robot", record.robot},
+                                       {"optimiser", record.optimiser},
+                                       {"repeats", settings.repeats},
+                                       {"goal_sd", settings.goal_sd},
+                                       {"obstacle_sd_m", settings.obstacle_sd_m},
+                                       {"problems", problems},
+                                       {"rows", rows}});
   return outcome;
 }
 

@@ -276,20 +276,14 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
   const Json shard = study.shard.is_whole()
                          ? Json(nullptr)
                          : Json{{"index", study.shard.index + 1}, {"count", study.shard.count}};
-  const Json summary = {{"configuration", study.provenance.configuration},
-                        {"experiment", "field_study"},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"verdict", outcome.verdict},
-                        {"fault", fault ? Json(fault->describe()) : Json(nullptr)},
-                        {"complete", complete},
-                        {"shard", shard},
-                        {"confidence", study.confidence},
-                        {"published_as", study.published_as},
-                        {"robots", robots},
-                        {"time", time_json(study, comparisons)},
-                        {"provenance", provenance_json(study.provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.summary_json = summary_text(study.provenance, "field_study", outcome,
+                                      {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
+                                       {"complete", complete},
+                                       {"shard", shard},
+                                       {"confidence", study.confidence},
+                                       {"published_as", study.published_as},
+                                       {"robots", robots},
+                                       {"time", time_json(study, comparisons)}});
   return outcome;
 }
 
