@@ -77,7 +77,8 @@ struct FieldCheckSettings {
   double speed_fraction = 1.0;  ///< Velocity limits that must hold.
   /// Acceleration limits that must hold, where they are known; infinity checks none.
   double acceleration_fraction = std::numeric_limits<double>::infinity();
-  double limit_tolerance = 1e-6;  ///< Of positions, velocities and accelerations, in their units.
+  double limit_tolerance =
+      kLimitTolerance;  ///< Of positions, velocities and accelerations, in their units.
   /// End at the first violation found: the verdict then tells of nothing after it.
   bool first_violation_only = false;
 };
