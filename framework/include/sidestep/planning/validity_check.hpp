@@ -81,6 +81,8 @@ struct FieldCheckSettings {
       kLimitTolerance;  ///< Of positions, velocities and accelerations, in their units.
   /// End at the first violation found: the verdict then tells of nothing after it.
   bool first_violation_only = false;
+  /// Look for collisions with the field alone: neither limits nor self-collision.
+  bool obstacles_only = false;
 };
 
 /// The check on one pinned snapshot: the robot's spheres against the distance field, and
