@@ -8,6 +8,7 @@
 
 #include "csv.hpp"
 #include "json.hpp"
+#include "report_parts.hpp"
 #include "study_comparison.hpp"
 #include "text_table.hpp"
 
@@ -122,11 +123,8 @@ Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& com
           {"field_s", field_s}};
 }
 
-std::string number(const Json& json, const char* pointer, const char* pattern) {
-  const Json::json_pointer where(pointer);
-  if (!json.contains(where) || !json.at(where).is_number()) return "-";
-  const double value = json.at(where).get<double>();
-  return std::isfinite(value) ? format(pattern, value) : "-";
+std::string number(const Json& json, const std::string& pointer, const char* pattern) {
+  return report::cell(report::at(json, pointer.c_str()), pattern);
 }
 
 /// One quantity of the paper's table: where it stands, and how it is written.
@@ -139,26 +137,25 @@ struct Quantity {
 
 std::string published_cell(const Json& robot, const char* kind, const Quantity& what) {
   const std::string at = std::string("/published/") + kind + "/" + what.key;
-  if (!what.is_mean) return number(robot, at.c_str(), "%g");
-  const std::string mean = number(robot, (at + "/mean").c_str(), "%g");
-  return mean == "-" ? mean : mean + " ± " + number(robot, (at + "/sd").c_str(), "%g");
+  if (!what.is_mean) return number(robot, at, "%g");
+  const std::string mean = number(robot, at + "/mean", "%g");
+  return mean == "-" ? mean : mean + " ± " + number(robot, at + "/sd", "%g");
 }
 
 std::string interval_cell(const Json& json, const std::string& at, const char* pattern) {
-  const std::string lower = number(json, (at + "/0").c_str(), pattern);
+  const std::string lower = number(json, at + "/0", pattern);
   if (lower == "-") return "";
-  return " [" + lower + ", " + number(json, (at + "/1").c_str(), pattern) + "]";
+  return " [" + lower + ", " + number(json, at + "/1", pattern) + "]";
 }
 
 std::string own_cell(const Json& robot, const std::string& at, const Quantity& what, bool with_sd) {
   const std::string base = "/" + at + "/" + what.key;
   if (!what.is_mean) {
-    return number(robot, base.c_str(), what.pattern) +
-           interval_cell(robot, base + "_ci", what.pattern);
+    return number(robot, base, what.pattern) + interval_cell(robot, base + "_ci", what.pattern);
   }
-  std::string text = number(robot, (base + "/mean").c_str(), what.pattern);
+  std::string text = number(robot, base + "/mean", what.pattern);
   if (text == "-") return text;
-  if (with_sd) text += " ± " + number(robot, (base + "/sd").c_str(), what.pattern);
+  if (with_sd) text += " ± " + number(robot, base + "/sd", what.pattern);
   return text + interval_cell(robot, base + "/ci", what.pattern);
 }
 
@@ -178,17 +175,16 @@ std::string table_text(const Json& robots, const std::string& published_as, doub
     }
   }
   std::string text = table.text();
-  TextTable counts({"robot", "problems", "start or goal collides", "solvable", "only USDF",
-                    "only SDF", "neither", "solve p50", "p95"});
-  for (const Json& robot : robots) {
-    counts.add({robot.at("name").get<std::string>(), number(robot, "/problems", "%.0f"),
-                number(robot, "/start_or_goal_in_collision", "%.0f"),
-                number(robot, "/solvable", "%.0f"), number(robot, "/only_unsigned", "%.0f"),
-                number(robot, "/only_signed", "%.0f"), number(robot, "/neither", "%.0f"),
-                number(robot, "/signed/solve_ms/p50", "%.3f ms"),
-                number(robot, "/signed/solve_ms/p95", "%.3f ms")});
-  }
-  return text + "\n" + counts.text();
+  const report::Columns counts = {{"robot", "/name"},
+                                  {"problems", "/problems", "%.0f"},
+                                  {"start or goal collides", "/start_or_goal_in_collision", "%.0f"},
+                                  {"solvable", "/solvable", "%.0f"},
+                                  {"only USDF", "/only_unsigned", "%.0f"},
+                                  {"only SDF", "/only_signed", "%.0f"},
+                                  {"neither", "/neither", "%.0f"},
+                                  {"solve p50", "/signed/solve_ms/p50", "%.3f ms"},
+                                  {"p95", "/signed/solve_ms/p95", "%.3f ms"}};
+  return text + "\n" + report::text_table(counts, robots);
 }
 
 /// One line for each robot and field.
