@@ -47,14 +47,9 @@ AttachedObject object_of(const AttachedEntry& entry) {
 /// Appends what is wrong with the names of an object.
 void check_names(const Node& block, const AttachedEntry& entry, const RobotDescription& robot,
                  std::vector<Error>& errors) {
-  const auto require_link = [&](const Node& name) {
-    if (robot.link_index(name.text())) return;
-    errors.push_back(unknown_name("robot '" + robot.name + "' has no link", name.text(),
-                                  name.mark().to_string(), names_of(robot.links)));
-  };
-  require_link(*block.find("link"));
+  (void)has_link(robot, *block.find("link"), errors);
   if (const Node* list = block.find("touch_links")) {
-    for (const Node& name : list->items()) require_link(name);
+    for (const Node& link : list->items()) (void)has_link(robot, link, errors);
   }
   const Node* name = block.find("name");
   const Node& named = name != nullptr ? *name : block;

@@ -1,12 +1,14 @@
 #include "csv.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "report_parts.hpp"
 
 namespace sidestep {
 
 std::string csv_cell(const nlohmann::ordered_json& value) {
+  if (value.is_number_float() && !std::isfinite(value.get<double>())) return "";
   if (value.is_null()) return "";
   if (!value.is_string()) return value.dump();
   const std::string text = value.get<std::string>();

@@ -7,7 +7,8 @@
 
 namespace sidestep {
 
-/// A cell of a CSV file, quoted where it must be; empty for null.
+/// A cell of a CSV file, quoted where it must be; empty for null and for numbers that are
+/// not finite.
 [[nodiscard]] std::string csv_cell(const nlohmann::ordered_json& value);
 
 /// A table for a spreadsheet: one line a row, and of each row what stands at these JSON pointers,

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include <sidestep/plugin/parameters.hpp>
+#include <sidestep/robot/robot_model.hpp>
 
 namespace sidestep {
 
@@ -33,6 +34,15 @@ template <class Named>
   const std::string nearest = nearest_name(name, names);
   return {ErrorCode::kConfig, what + " '" + name + "'", where,
           nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr};
+}
+
+/// Whether a robot has the link that a node names; appends a mistake where it does not.
+[[nodiscard]] inline bool has_link(const RobotDescription& robot, const Node& name,
+                                   std::vector<Error>& errors) {
+  if (robot.link_index(name.text())) return true;
+  errors.push_back(unknown_name("robot '" + robot.name + "' has no link", name.text(),
+                                name.mark().to_string(), names_of(robot.links)));
+  return false;
 }
 
 }  // namespace sidestep

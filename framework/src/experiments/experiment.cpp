@@ -17,6 +17,7 @@
 #include "replan.hpp"
 #include "replan_settings.hpp"
 #include "replanning.hpp"
+#include "save_outcome.hpp"
 
 namespace sidestep {
 namespace {
@@ -237,12 +238,9 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   if (!outcome) return outcome;
   if (context.resume) done = write_configuration();
   if (!done) return tl::make_unexpected(std::move(done.error()));
-  if (auto written = write_file(context.out / "summary.json", outcome->summary_json); !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
   if (context.progress) context.progress(0, 0, "drawing the report");
-  if (auto drawn = write_report(context.out); !drawn) {
-    return tl::make_unexpected(std::move(drawn.error()));
+  if (auto saved = save_outcome(*outcome, context.out); !saved) {
+    return tl::make_unexpected(std::move(saved.error()));
   }
   return outcome;
 }

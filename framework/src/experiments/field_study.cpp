@@ -66,7 +66,6 @@ class RobotStudy {
         check_(check),
         optimiser_block_(optimiser_block),
         robot_(std::move(robot)),
-        bare_robot_(obstacles_only(robot_)),
         map_(settings.grid) {}
   std::vector<char> free_states(const DistanceField& truth) const;
 
@@ -74,7 +73,6 @@ class RobotStudy {
   const CheckSettings& check_;
   const Node& optimiser_block_;
   std::shared_ptr<const RobotModel> robot_;
-  std::shared_ptr<const RobotModel> bare_robot_;
   std::vector<Eigen::VectorXd> states_;
   BoxMap map_;
   std::vector<PluginPtr<FieldBuilder>> builders_;  ///< By kind of field.
@@ -129,11 +127,9 @@ Result<RobotStudy::Prepared> RobotStudy::make_scene(int scene, int boxes, std::u
   }
   const auto truth = std::make_shared<const BoxField>(drawn);
   prepared.scene.state_free = free_states(*truth);
-  FieldCheckSettings check;
-  check.margin_m = check_.margin_m;
-  check.max_step_m = check_.max_step_m;
-  prepared.scene.check =
-      make_field_check(bare_robot_, truth, {Space::kFree, Space::kOccupied}, check);
+  prepared.scene.check = make_field_check(
+      robot_, truth, {Space::kFree, Space::kOccupied},
+      {.margin_m = check_.margin_m, .max_step_m = check_.max_step_m, .obstacles_only = true});
   return prepared;
 }
 

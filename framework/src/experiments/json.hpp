@@ -1,9 +1,11 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/experiments/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 namespace sidestep {
@@ -19,6 +21,22 @@ namespace sidestep {
   return {{"version", provenance.version},         {"git_hash", provenance.git_hash},
           {"build_flags", provenance.build_flags}, {"cpu", provenance.cpu},
           {"threads", provenance.threads},         {"seed", provenance.seed}};
+}
+
+/// What summary.json holds: of what type the run was and how it ended, what is particular to the
+/// type, and the provenance.
+[[nodiscard]] inline std::string summary_text(const RunProvenance& provenance,
+                                              std::string_view experiment,
+                                              const ExperimentOutcome& outcome,
+                                              const nlohmann::ordered_json& particulars) {
+  nlohmann::ordered_json summary = {{"configuration", provenance.configuration},
+                                    {"experiment", experiment},
+                                    {"success", outcome.success},
+                                    {"interrupted", outcome.interrupted},
+                                    {"verdict", outcome.verdict}};
+  summary.update(particulars);
+  summary["provenance"] = provenance_json(provenance);
+  return json_text(summary);
 }
 
 }  // namespace sidestep

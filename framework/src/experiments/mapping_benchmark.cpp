@@ -2,7 +2,6 @@
 
 #include <sidestep/runtime/results_store.hpp>
 
-#include "html.hpp"
 #include "mapping_measure.hpp"
 #include "mapping_settings.hpp"
 #include "mapping_summary.hpp"
@@ -119,12 +118,7 @@ Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
   record_bad_frames(record.bad_frames, recorder);
   if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
 
-  ExperimentOutcome outcome = summarise_mapping(provenance, settings, record);
-  if (auto written = write_file(context.out / "table.csv", mapping_csv(outcome.summary_json));
-      !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  return outcome;
+  return summarise_mapping(provenance, settings, record);
 }
 
 }  // namespace

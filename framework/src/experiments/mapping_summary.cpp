@@ -8,12 +8,14 @@
 
 #include "csv.hpp"
 #include "json.hpp"
+#include "report_parts.hpp"
 #include "statistics.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {
 namespace {
 
+using report::at;
 using Json = nlohmann::ordered_json;
 
 constexpr double kSameResolution = 1e-9;
@@ -169,82 +171,103 @@ Json case_json(const CaseRecord& record, const RunProvenance& provenance,
   return json;
 }
 
-Json at(const Json& json, const char* pointer) {
-  const Json::json_pointer where(pointer);
-  return json.contains(where) ? json.at(where) : Json();
-}
-
-std::string cell(const Json& json, const char* pointer, const char* pattern) {
-  const Json value = at(json, pointer);
-  return value.is_number() ? format(pattern, value.get<double>()) : "-";
-}
-
-std::string sign_text(const Json& system) {
-  return at(system, "/signed") == Json(true) ? "signed" : "unsigned";
-}
-
 std::string times_table(const Json& systems, const std::string& published_as) {
-  TextTable table({"system", "field", "voxel", "frames", "mean", "sd", "p50", "p95", "integrate",
-                   "field", "publish", "ratio", published_as, "max error", "mean error", "memory"});
-  for (const Json& s : systems) {
-    table.add({at(s, "/name").get<std::string>(), sign_text(s), cell(s, "/resolution_m", "%g m"),
-               cell(s, "/frames", "%.0f"), cell(s, "/frame_ms/mean", "%.2f ms"),
-               cell(s, "/frame_ms/sd", "%.2f"), cell(s, "/frame_ms/p50", "%.2f"),
-               cell(s, "/frame_ms/p95", "%.2f"), cell(s, "/stages_ms/integrate/mean", "%.2f"),
-               cell(s, "/stages_ms/field/mean", "%.2f"), cell(s, "/stages_ms/publish/mean", "%.2f"),
-               cell(s, "/ratio/mean", "%.2f"), cell(s, "/published_ms", "%g ms"),
-               cell(s, "/max_error_m", "%.4f m"), cell(s, "/mean_error_m", "%.2g m"),
-               cell(s, "/memory_mib", "%.0f MiB")});
-  }
-  return table.text();
+  return report::text_table({{"system", "/name"},
+                             {"field", "/signed", "signed|unsigned"},
+                             {"voxel", "/resolution_m", "%g m"},
+                             {"frames", "/frames", "%.0f"},
+                             {"mean", "/frame_ms/mean", "%.2f ms"},
+                             {"sd", "/frame_ms/sd", "%.2f"},
+                             {"p50", "/frame_ms/p50", "%.2f"},
+                             {"p95", "/frame_ms/p95", "%.2f"},
+                             {"integrate", "/stages_ms/integrate/mean", "%.2f"},
+                             {"field", "/stages_ms/field/mean", "%.2f"},
+                             {"publish", "/stages_ms/publish/mean", "%.2f"},
+                             {"ratio", "/ratio/mean", "%.2f"},
+                             {published_as, "/published_ms", "%g ms"},
+                             {"max error", "/max_error_m", "%.4f m"},
+                             {"mean error", "/mean_error_m", "%.2g m"},
+                             {"memory", "/memory_mib", "%.0f MiB"}},
+                            systems);
 }
 
 std::string truth_table(const Json& systems) {
-  TextTable table({"against the scene", "field", "voxel", "recall", "occupied", "false",
-                   "appears (max)", "gone (p95)", "gone (max)", "ghosts", "ghosts seen"});
-  for (const Json& s : systems) {
-    if (!at(s, "/truth").is_object()) continue;
-    table.add({at(s, "/name").get<std::string>(), sign_text(s), cell(s, "/resolution_m", "%g m"),
-               cell(s, "/truth/collision_recall", "%.4f"), cell(s, "/truth/occupied_vox", "%.0f"),
-               cell(s, "/truth/false_obstacle_vox", "%.0f"),
-               cell(s, "/truth/appear_frames/max", "%.0f frames"),
-               cell(s, "/truth/gone_frames/p95", "%.0f"),
-               cell(s, "/truth/gone_frames/max", "%.0f frames"),
-               cell(s, "/truth/ghost_vox", "%.0f"), cell(s, "/truth/ghost_seen_vox", "%.0f")});
-  }
-  return table.text();
+  return report::text_table({{"against the scene", "/name"},
+                             {"field", "/signed", "signed|unsigned"},
+                             {"voxel", "/resolution_m", "%g m"},
+                             {"recall", "/truth/collision_recall", "%.4f"},
+                             {"occupied", "/truth/occupied_vox", "%.0f"},
+                             {"false", "/truth/false_obstacle_vox", "%.0f"},
+                             {"appears (max)", "/truth/appear_frames/max", "%.0f frames"},
+                             {"gone (p95)", "/truth/gone_frames/p95", "%.0f"},
+                             {"gone (max)", "/truth/gone_frames/max", "%.0f frames"},
+                             {"ghosts", "/truth/ghost_vox", "%.0f"},
+                             {"ghosts seen", "/truth/ghost_seen_vox", "%.0f"}},
+                            systems);
 }
 
 std::string real_time_table(const Json& systems) {
-  TextTable table({"in real time", "field", "voxel", "mapped", "dropped", "share", "rate",
-                   "latency p50", "p95", "max"});
-  for (const Json& s : systems) {
-    if (!at(s, "/real_time").is_object()) continue;
-    table.add({at(s, "/name").get<std::string>(), sign_text(s), cell(s, "/resolution_m", "%g m"),
-               cell(s, "/real_time/frames", "%.0f"), cell(s, "/real_time/dropped", "%.0f"),
-               cell(s, "/real_time/dropped_share", "%.3f"),
-               cell(s, "/real_time/rate_hz", "%.1f Hz"),
-               cell(s, "/real_time/latency_ms/p50", "%.1f ms"),
-               cell(s, "/real_time/latency_ms/p95", "%.1f"),
-               cell(s, "/real_time/latency_ms/max", "%.1f")});
-  }
-  return table.text();
-}
-
-bool any_has(const Json& systems, const char* pointer) {
-  return std::ranges::any_of(systems, [&](const Json& s) { return at(s, pointer).is_object(); });
+  return report::text_table({{"in real time", "/name"},
+                             {"field", "/signed", "signed|unsigned"},
+                             {"voxel", "/resolution_m", "%g m"},
+                             {"mapped", "/real_time/frames", "%.0f"},
+                             {"dropped", "/real_time/dropped", "%.0f"},
+                             {"share", "/real_time/dropped_share", "%.3f"},
+                             {"rate", "/real_time/rate_hz", "%.1f Hz"},
+                             {"latency p50", "/real_time/latency_ms/p50", "%.1f ms"},
+                             {"p95", "/real_time/latency_ms/p95", "%.1f"},
+                             {"max", "/real_time/latency_ms/max", "%.1f"}},
+                            systems);
 }
 
 std::string table_text(const Json& systems, const std::string& published_as) {
   std::string text = times_table(systems, published_as);
-  if (any_has(systems, "/truth")) text += "\n" + truth_table(systems);
-  if (any_has(systems, "/real_time")) text += "\n" + real_time_table(systems);
+  const Json with_truth = report::those_with("/truth", systems);
+  if (!with_truth.empty()) text += "\n" + truth_table(with_truth);
+  const Json in_real_time = report::those_with("/real_time", systems);
+  if (!in_real_time.empty()) text += "\n" + real_time_table(in_real_time);
   return text;
 }
 
 std::string label_of(const CaseRecord& record) {
   return record.what.name + (record.is_signed ? ", signed" : "") + " at " +
          format("%g m", record.what.resolution_m);
+}
+
+std::string table_csv(const Json& systems) {
+  constexpr std::array kColumns = {"/name",
+                                   "/mapper",
+                                   "/field",
+                                   "/signed",
+                                   "/resolution_m",
+                                   "/threads",
+                                   "/frames",
+                                   "/frame_ms/mean",
+                                   "/frame_ms/sd",
+                                   "/frame_ms/p50",
+                                   "/frame_ms/p95",
+                                   "/frame_ms/max",
+                                   "/stages_ms/integrate/mean",
+                                   "/stages_ms/field/mean",
+                                   "/stages_ms/publish/mean",
+                                   "/ratio/mean",
+                                   "/ratio/p50",
+                                   "/published_ms",
+                                   "/max_error_m",
+                                   "/mean_error_m",
+                                   "/memory_mib",
+                                   "/truth/collision_recall",
+                                   "/truth/false_obstacle_vox",
+                                   "/truth/appear_frames/max",
+                                   "/truth/gone_frames/max",
+                                   "/truth/ghost_vox",
+                                   "/truth/ghost_seen_vox",
+                                   "/real_time/rate_hz",
+                                   "/real_time/dropped_share",
+                                   "/real_time/latency_ms/p50",
+                                   "/real_time/latency_ms/p95",
+                                   "/error"};
+  return csv_text(systems, kColumns);
 }
 
 std::string verdict_text(const MappingBenchmarkSettings& settings,
@@ -329,58 +352,17 @@ ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
       std::ranges::all_of(systems, [](const Json& s) { return at(s, "/success") == Json(true); });
   outcome.verdict = verdict_text(settings, record);
   outcome.table = table_text(systems, settings.published_as);
+  outcome.table_csv = table_csv(systems);
   Json bad_frames = Json::array();
   for (const Error& error : record.bad_frames) bad_frames.push_back(error.describe());
-  const Json summary = {{"configuration", provenance.configuration},
-                        {"experiment", settings.type},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"verdict", outcome.verdict},
-                        {"reference", settings.reference},
-                        {"published_as", settings.published_as},
-                        {"bad_frames", record.bad_frames.size()},
-                        {"bad_frame_errors", bad_frames},
-                        {"has_truth", record.has_truth},
-                        {"systems", systems},
-                        {"provenance", provenance_json(provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.summary_json = summary_text(provenance, settings.type, outcome,
+                                      {{"reference", settings.reference},
+                                       {"published_as", settings.published_as},
+                                       {"bad_frames", record.bad_frames.size()},
+                                       {"bad_frame_errors", bad_frames},
+                                       {"has_truth", record.has_truth},
+                                       {"systems", systems}});
   return outcome;
-}
-
-std::string mapping_csv(const std::string& summary_json) {
-  constexpr std::array kColumns = {"/name",
-                                   "/mapper",
-                                   "/field",
-                                   "/signed",
-                                   "/resolution_m",
-                                   "/threads",
-                                   "/frames",
-                                   "/frame_ms/mean",
-                                   "/frame_ms/sd",
-                                   "/frame_ms/p50",
-                                   "/frame_ms/p95",
-                                   "/frame_ms/max",
-                                   "/stages_ms/integrate/mean",
-                                   "/stages_ms/field/mean",
-                                   "/stages_ms/publish/mean",
-                                   "/ratio/mean",
-                                   "/ratio/p50",
-                                   "/published_ms",
-                                   "/max_error_m",
-                                   "/mean_error_m",
-                                   "/memory_mib",
-                                   "/truth/collision_recall",
-                                   "/truth/false_obstacle_vox",
-                                   "/truth/appear_frames/max",
-                                   "/truth/gone_frames/max",
-                                   "/truth/ghost_vox",
-                                   "/truth/ghost_seen_vox",
-                                   "/real_time/rate_hz",
-                                   "/real_time/dropped_share",
-                                   "/real_time/latency_ms/p50",
-                                   "/real_time/latency_ms/p95",
-                                   "/error"};
-  return csv_text(at(Json::parse(summary_json, nullptr, false), "/systems"), kColumns);
 }
 
 }  // namespace sidestep

@@ -19,13 +19,10 @@ struct MappingBenchmarkRecord {
   bool interrupted = false;
 };
 
-/// Verdict, summary.json and table of a finished (or interrupted) mapping benchmark.
+/// Verdict, summary.json and tables of a finished (or interrupted) mapping benchmark.
 [[nodiscard]] ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
                                                   const MappingBenchmarkSettings& settings,
                                                   const MappingBenchmarkRecord& record);
-
-/// The table for a spreadsheet, from what summary.json holds: one line a case.
-[[nodiscard]] std::string mapping_csv(const std::string& summary_json);
 
 /// Why a case does not reach what the settings expect; empty where it does.
 [[nodiscard]] std::string unmet_expectations(const CaseRecord& record,

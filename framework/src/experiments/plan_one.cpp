@@ -27,14 +27,9 @@ std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
 
 /// How the trajectory fails to lead from start to goal; empty if it does not fail.
 std::string endpoint_problem(const Problem& problem, const Trajectory& trajectory) {
-  const RobotDescription& robot = problem.robot->description();
-  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    const double off = std::abs(trajectory.q(0)[j] - problem.start.q[static_cast<Eigen::Index>(j)]);
-    if (off <= kGoalTolerance) continue;
-    return "the trajectory starts with joint '" + robot.joints[j].name + "' " +
-           format("%.4g", off) + (robot.joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") +
-           " off";
-  }
+  const std::string off =
+      configuration_miss(problem.robot->description(), trajectory.q(0), problem.start.q);
+  if (!off.empty()) return "the trajectory starts with " + off;
   const std::string miss = goal_miss(problem, trajectory.q(trajectory.size() - 1));
   return miss.empty() ? "" : "the trajectory ends with " + miss;
 }

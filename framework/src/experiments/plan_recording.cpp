@@ -175,8 +175,7 @@ void record_joints(const RobotDescription& robot, Recorder& recorder) {
     const Joint& joint = robot.joints[j];
     const auto item = static_cast<std::int64_t>(j);
     recorder.add("joint", item, "name", joint.name);
-    recorder.add("joint", item, "unit",
-                 std::string_view(joint.type == Joint::Type::kPrismatic ? "m" : "rad"));
+    recorder.add("joint", item, "unit", std::string_view(joint.unit()));
     recorder.add("joint", item, "lower", joint.lower);
     recorder.add("joint", item, "upper", joint.upper);
     recorder.add("joint", item, "max_velocity", joint.max_velocity);

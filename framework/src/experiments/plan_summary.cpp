@@ -220,19 +220,13 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
   for (const Error& error : map.bad_frames) bad_frames.push_back(error.describe());
   Json plan_list = Json::array();
   for (const PlanRecord& plan : plans) plan_list.push_back(plan_json(plan));
-  const Json summary = {{"configuration", provenance.configuration},
-                        {"experiment", "plan"},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"fault", map.fault ? Json(map.fault->describe()) : Json()},
-                        {"verdict", outcome.verdict},
-                        {"frames", map.steps.size()},
-                        {"bad_frames", map.bad_frames.size()},
-                        {"bad_frame_errors", bad_frames},
-                        {"map", map_json(map)},
-                        {"plans", plan_list},
-                        {"provenance", provenance_json(provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.summary_json = summary_text(provenance, "plan", outcome,
+                                      {{"fault", map.fault ? Json(map.fault->describe()) : Json()},
+                                       {"frames", map.steps.size()},
+                                       {"bad_frames", map.bad_frames.size()},
+                                       {"bad_frame_errors", bad_frames},
+                                       {"map", map_json(map)},
+                                       {"plans", plan_list}});
   return outcome;
 }
 

@@ -1,33 +1,19 @@
 #include "planner_benchmark.hpp"
 
-#include <algorithm>
-
-#include <sidestep/runtime/guarded.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "html.hpp"
-#include "plan_recording.hpp"
 #include "planner_settings.hpp"
 #include "planner_summary.hpp"
 #include "recorded_fields.hpp"
+#include "recorded_solves.hpp"
 #include "run_provenance.hpp"
 
 namespace sidestep {
 namespace {
 
-constexpr std::int64_t kProgressEvery = 25;  ///< Solves.
-
 void check_planner_benchmark(const Configuration& configuration, Host& host,
                              std::vector<Error>& errors) {
-  const Node* experiment = configuration.root.find("experiment");
-  const Node* optimiser = configuration.root.find("optimiser");
-  if (optimiser != nullptr) check_optimiser(*optimiser, set_of_optimiser(), host, errors);
-  std::vector<Error> unfit;
-  check_against_schema(*experiment, PlannerBenchmarkSettings::parameters().schema(), {}, unfit);
-  if (!unfit.empty()) return;  // its schema told
-  PlannerBenchmarkSettings settings;
-  PlannerBenchmarkSettings::parameters().read(*experiment, settings, errors);
-  if (!settings.problems.empty()) (void)read_chosen_problems(*experiment, settings, errors);
+  check_recorded<PlannerBenchmarkSettings>(configuration, set_of_optimiser(), host, errors);
 }
 
 /// Series "run" (one item a run), and of the run with index `item`: "solve/ITEM", one item a
@@ -45,15 +31,8 @@ void record_run(const PlannerRunRecord& run, std::int64_t item, Recorder& record
     };
     add("scene", solve.peer.scene);
     add("pair", solve.peer.pair);
-    add("status", to_string(solve.status));
-    if (!solve.reason.empty()) add("reason", solve.reason);
-    add("solve_ms", solve.solve_ms);
-    add("iterations", solve.iterations);
-    add("accepted_iterations", solve.accepted_iterations);
-    add("initial_cost", solve.initial_cost);
-    add("cost", solve.cost);
+    record_solve(solve, series, problem, recorder);
     add("ends_free", solve.ends_free);
-    add("exact_clearance_m", solve.exact_clearance_m);
     add("clearance_at_checks_m", solve.clearance_at_checks_m);
     add("peer_solve_ms", solve.peer.total_ms);
     add("peer_iterations", solve.peer.iterations);
@@ -71,15 +50,7 @@ struct Bench {
   const PlannerBenchmarkSettings& settings;
   ExperimentContext& context;
   RecordedFields fields;
-  std::int64_t total = 0;
-  std::int64_t done = 0;
-
-  void advance(const std::string& what) {
-    ++done;
-    if (context.progress && (done % kProgressEvery == 0 || done == total)) {
-      context.progress(done, total, what);
-    }
-  }
+  SolveProgress progress;
 };
 
 /// One problem, ready to be solved, so that the clock runs over nothing but solves.
@@ -100,37 +71,11 @@ std::vector<PosedProblem> pose(const RecordedRun& run, Bench& bench) {
   return posed;
 }
 
-Result<Solution> solve(PluginPtr<Optimiser>& optimiser, const PosedProblem& posed,
-                       const ExperimentContext& context) {
-  return guarded(plugin_of(optimiser), [&] {
-    return optimiser->solve(posed.problem, posed.initial, Deadline(context.stop));
-  });
-}
-
-void note(Result<Solution> solution, SolveRecord& record, Trajectory& trajectory) {
-  if (!solution) {
-    record.reason = solution.error().describe();
-    return;
-  }
-  record.status = solution->status;
-  record.reason = std::move(solution->reason);
-  record.iterations = solution->iterations;
-  record.accepted_iterations = solution->accepted_iterations;
-  record.initial_cost = solution->initial_cost;
-  record.cost = solution->cost;
-  trajectory = std::move(solution->trajectory);
-  record.solved = trajectory.size() > 0;
-}
-
 /// Holds a trajectory, which may be empty, against the obstacles.
 void judge(const Problem& problem, const Trajectory& trajectory, Bench& bench,
            SolveRecord& record) {
   const int scene = record.peer.scene;
-  const auto is_free = [&](const Eigen::VectorXd& q) {
-    const std::span<const double> values(q.data(), static_cast<std::size_t>(q.size()));
-    return exact_clearance_m(bench.problems, scene, values) > 0.0;
-  };
-  record.ends_free = is_free(problem.start.q) && is_free(problem.goal.q);
+  record.ends_free = are_ends_free(bench.problems, scene, problem);
   if (!record.solved) return;
   record.exact_clearance_m = exact_clearance_m(bench.problems, scene, trajectory);
   record.clearance_at_checks_m =
@@ -149,22 +94,22 @@ Result<PlannerRunRecord> solve_run(const RecordedRun& run, Bench& bench) {
   const std::string what = run.label + (run.is_signed ? ", signed" : ", unsigned");
   std::vector<Trajectory> trajectories(posed.size());
   record.solves.resize(posed.size());
-  if (!posed.empty()) (void)solve(*optimiser, posed.front(), context);
+  const auto solve = [&](const PosedProblem& one) {
+    return solve_timed(*optimiser, one.problem, one.initial, context);
+  };
+  if (!posed.empty()) (void)solve(posed.front());
   std::size_t reached = posed.size();
   for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
     for (std::size_t i = 0; i < reached; ++i) {
-      SolveRecord& one = record.solves[i];
-      const Stopwatch watch;
-      auto solution = solve(*optimiser, posed[i], context);
-      const double elapsed_ms = watch.elapsed_ms();
+      TimedSolve timed = solve(posed[i]);
       if (context.stop.stop_requested()) {
         reached = repeat == 0 ? i : reached;
         break;
       }
-      one.solve_ms = repeat == 0 ? elapsed_ms : std::min(one.solve_ms, elapsed_ms);
-      one.peer = run.outcomes[i];
-      if (repeat == 0) note(std::move(solution), one, trajectories[i]);
-      bench.advance(what);
+      record.solves[i].peer = run.outcomes[i];
+      note(timed, repeat == 0, record.solves[i]);
+      if (repeat == 0 && timed.solution) trajectories[i] = std::move(timed.solution->trajectory);
+      bench.progress.advance(what);
     }
   }
   record.solves.resize(reached);
@@ -189,33 +134,22 @@ Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
   Recorder recorder(**store);
 
   PlannerBenchmarkRecord record;
-  record.problems_file = settings.problems.filename().string();
-  record.robot = problems->robot->description().name;
-  record.optimiser = context.configuration.root.find("optimiser")->find("plugin")->text();
+  record.about = facts_of(*problems, context.configuration);
   record.costs_comparable = problems->costs_comparable;
-  Bench bench{*problems, settings, context, RecordedFields(*problems)};
+  std::int64_t total = 0;
   for (const RecordedRun& run : problems->runs) {
-    bench.total += settings.repeats * std::ssize(run.outcomes);
+    total += settings.repeats * std::ssize(run.outcomes);
   }
-  if (context.progress) context.progress(0, bench.total, "building fields");
+  Bench bench{*problems, settings, context, RecordedFields(*problems), {context, total}};
   for (const RecordedRun& run : problems->runs) {
     if (context.stop.stop_requested()) break;
-    auto solved = contained("solving recorded problems", [&] { return solve_run(run, bench); });
+    auto solved = solve_part(
+        record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder);
     if (!solved) return tl::make_unexpected(std::move(solved.error()));
-    record_run(*solved, std::ssize(record.runs), recorder);
-    record.runs.push_back(std::move(*solved));
-    if (auto saved = recorder.commit(); !saved) {
-      return tl::make_unexpected(std::move(saved.error()));
-    }
   }
   record.interrupted = context.stop.stop_requested();
 
-  ExperimentOutcome outcome = summarise_planner(provenance, settings, record);
-  if (auto written = write_file(context.out / "table.csv", planner_csv(outcome.summary_json));
-      !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  return outcome;
+  return summarise_planner(provenance, settings, record);
 }
 
 }  // namespace

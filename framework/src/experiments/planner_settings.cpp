@@ -13,18 +13,18 @@ void put(Node& block, const char* key, const std::string& value, const SourceMar
 }
 
 /// Leaves every n-th outcome, and of those as many as are wanted.
-void thin_out(std::vector<RecordedOutcome>& outcomes, const PlannerBenchmarkSettings& settings) {
-  const auto every = static_cast<std::size_t>(settings.every);
+void thin_out(std::vector<RecordedOutcome>& outcomes, const ProblemChoice& choice) {
+  const auto every = static_cast<std::size_t>(choice.every);
   std::vector<RecordedOutcome> kept;
   for (std::size_t i = 0; i < outcomes.size(); i += every) kept.push_back(outcomes[i]);
-  if (settings.limit > 0 && std::ssize(kept) > settings.limit) {
-    kept.resize(static_cast<std::size_t>(settings.limit));
+  if (choice.limit > 0 && std::ssize(kept) > choice.limit) {
+    kept.resize(static_cast<std::size_t>(choice.limit));
   }
   outcomes = std::move(kept);
 }
 
 /// A mistake for each label that no run has.
-void check_labels(const Node& experiment, const PlannerBenchmarkSettings& settings,
+void check_labels(const Node& experiment, const ProblemChoice& choice,
                   const RecordedProblems& problems, std::vector<Error>& errors) {
   std::vector<std::string> labels;
   std::string list;
@@ -34,8 +34,8 @@ void check_labels(const Node& experiment, const PlannerBenchmarkSettings& settin
     list += (list.empty() ? "" : ", ") + run.label;
   }
   const Node* written = experiment.find("runs");
-  for (std::size_t i = 0; i < settings.runs.size(); ++i) {
-    const std::string& label = settings.runs[i];
+  for (std::size_t i = 0; i < choice.runs.size(); ++i) {
+    const std::string& label = choice.runs[i];
     if (std::ranges::find(labels, label) != labels.end()) continue;
     const bool has_mark = written != nullptr && i < written->items().size();
     const Node& node = has_mark ? written->items()[i] : experiment;
@@ -75,57 +75,49 @@ void check_optimiser(const Node& optimiser, const std::vector<std::string>& name
   }
 }
 
-RecordedProblems read_chosen_problems(const Node& experiment,
-                                      const PlannerBenchmarkSettings& settings,
+RecordedProblems read_chosen_problems(const Node& experiment, const ProblemChoice& choice,
                                       std::vector<Error>& errors) {
   const Node* written = experiment.find("problems");
-  auto problems = read_recorded_problems(settings.problems);
+  auto problems = read_recorded_problems(choice.problems);
   if (!problems) {
     const Node& node = written != nullptr ? *written : experiment;
     errors.push_back(problems.error().wrapped(
         ErrorCode::kConfig, "the recorded problems cannot be used", node.mark().to_string()));
     return {};
   }
-  check_labels(experiment, settings, *problems, errors);
+  check_labels(experiment, choice, *problems, errors);
   std::erase_if(problems->runs, [&](const RecordedRun& run) {
-    return std::ranges::find(settings.runs, run.label) == settings.runs.end();
+    return std::ranges::find(choice.runs, run.label) == choice.runs.end();
   });
-  for (RecordedRun& run : problems->runs) thin_out(run.outcomes, settings);
+  for (RecordedRun& run : problems->runs) thin_out(run.outcomes, choice);
   const bool any = std::ranges::any_of(
       problems->runs, [](const RecordedRun& run) { return !run.outcomes.empty(); });
   if (!any) errors.push_back(experiment.error("there is no problem to solve"));
   return std::move(*problems);
 }
 
-Result<RecordedProblems> read_problems(const Node& experiment,
-                                       const PlannerBenchmarkSettings& settings) {
-  if (settings.problems.empty()) {
+Result<RecordedProblems> read_problems(const Node& experiment, const ProblemChoice& choice) {
+  if (choice.problems.empty()) {
     return tl::make_unexpected(
         experiment.error("there is no file of recorded problems",
                          "say where they are: --set experiment.problems=FILE"));
   }
   std::vector<Error> errors;
-  auto problems = read_chosen_problems(experiment, settings, errors);
+  auto problems = read_chosen_problems(experiment, choice, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   return problems;
 }
 
 Parameters<PlannerBenchmarkSettings> PlannerBenchmarkSettings::parameters() {
   using S = PlannerBenchmarkSettings;
-  return Parameters<S>()
-      .add("type", &S::type, "Type of the experiment.", {.required = true})
-      .add("seed", &S::seed, "Seed of everything random in the run.", {.min = 0})
-      .add("threads", &S::threads,
-           "Threads that the optimiser may use within a solve; 0 for one per core. Problems are "
-           "solved one after the other.",
-           {.min = 0, .max = 1024})
-      .add("problems", &S::problems, "File of recorded problems (JSON); needed to run.")
-      .add("runs", &S::runs, "Labels of the recorded runs whose stopping rules are used.")
-      .add("repeats", &S::repeats,
-           "How often all problems of a run are solved; the least time of each counts.",
-           {.min = 1, .max = 1000})
-      .add("every", &S::every, "Every n-th problem of a run is used.", {.min = 1})
-      .add("limit", &S::limit, "Most problems of a run; 0 for no limit.", {.min = 0});
+  return declare_choice(
+      Parameters<S>()
+          .add("type", &S::type, "Type of the experiment.", {.required = true})
+          .add("seed", &S::seed, "Seed of everything random in the run.", {.min = 0})
+          .add("threads", &S::threads,
+               "Threads that the optimiser may use within a solve; 0 for one per core. Problems "
+               "are solved one after the other.",
+               {.min = 0, .max = 1024}));
 }
 
 }  // namespace sidestep

@@ -4,27 +4,17 @@
 #include <vector>
 
 #include <sidestep/experiments/experiment.hpp>
-#include <sidestep/experiments/recorded_problems.hpp>
-#include <sidestep/planning/optimiser.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "planner_settings.hpp"
+#include "recorded_solves.hpp"
 
 namespace sidestep {
 
 /// One problem, solved.
-struct SolveRecord {
+struct SolveRecord : RecordedSolve {
   RecordedOutcome peer;
-  bool solved = false;  ///< There is a trajectory.
-  SolveStatus status = SolveStatus::kFailed;
-  std::string reason;  ///< Why it is not solved, or not better.
-  int iterations = 0;
-  int accepted_iterations = 0;
-  double initial_cost = 0.0;
-  double cost = 0.0;
-  double solve_ms = 0.0;               ///< The least of all repeats.
   double clearance_at_checks_m = 0.0;  ///< Where solved.
-  double exact_clearance_m = 0.0;      ///< Where solved.
   bool ends_free = false;              ///< Start and goal touch nothing.
 
   /// Per accepted step, which is what GPMP2 counts as an iteration.
@@ -32,7 +22,6 @@ struct SolveRecord {
   [[nodiscard]] bool free_at_checks() const noexcept {
     return solved && clearance_at_checks_m > 0.0;
   }
-  [[nodiscard]] bool free_exactly() const noexcept { return solved && exact_clearance_m > 0.0; }
 };
 
 /// All problems of one recorded run, solved.
@@ -46,20 +35,15 @@ struct PlannerRunRecord {
 
 /// What a planner benchmark came to.
 struct PlannerBenchmarkRecord {
-  std::string problems_file;
-  std::string robot;
-  std::string optimiser;  ///< Name of the plugin.
+  RecordedFacts about;
   bool costs_comparable = true;
   std::vector<PlannerRunRecord> runs;
   bool interrupted = false;
 };
 
-/// Verdict, summary.json and table of a finished (or interrupted) planner benchmark.
+/// Verdict, summary.json and tables of a finished (or interrupted) planner benchmark.
 [[nodiscard]] ExperimentOutcome summarise_planner(const RunProvenance& provenance,
                                                   const PlannerBenchmarkSettings& settings,
                                                   const PlannerBenchmarkRecord& record);
-
-/// The table for a spreadsheet, from what summary.json holds: one line a run.
-[[nodiscard]] std::string planner_csv(const std::string& summary_json);
 
 }  // namespace sidestep

@@ -5,23 +5,12 @@
 
 #include <sidestep/plugin/plugin.hpp>
 
+#include "entry_reading.hpp"
+
 namespace sidestep {
 namespace {
 
 constexpr double kMaxIntervals = 9'999.0;
-
-/// A member that PlanningSettings inherits, as a member of its own.
-constexpr double PlanningSettings::*inherited(double CostSettings::*member) { return member; }
-
-std::string joint_unit(const Joint& joint) {
-  return joint.type == Joint::Type::kPrismatic ? "m" : "rad";
-}
-
-std::vector<std::string> joint_names(const RobotDescription& robot) {
-  std::vector<std::string> names;
-  for (const Joint& joint : robot.joints) names.push_back(joint.name);
-  return names;
-}
 
 std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates) {
   const std::string nearest = nearest_name(name, candidates);
@@ -54,10 +43,8 @@ void apply_pose(const Node& pose, const RobotDescription& robot, PartialState& s
   }
   const NamedPose* named = robot.find_pose(pose.text());
   if (named == nullptr) {
-    std::vector<std::string> names;
-    for (const NamedPose& candidate : robot.poses) names.push_back(candidate.name);
     errors.push_back(pose.error("robot '" + robot.name + "' has no pose '" + pose.text() + "'",
-                                did_you_mean(pose.text(), names)));
+                                did_you_mean(pose.text(), names_of(robot.poses))));
     state.set_rest(pose);
     return;
   }
@@ -77,9 +64,9 @@ void apply_joints(const Node& joints, const RobotDescription& robot, PartialStat
   for (const Node::Entry& entry : joints.entries()) {
     const auto index = robot.joint_index(entry.key);
     if (!index) {
-      errors.push_back(
-          Error{ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + entry.key + "'",
-                entry.key_mark.to_string(), did_you_mean(entry.key, joint_names(robot)), nullptr});
+      errors.push_back(Error{
+          ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + entry.key + "'",
+          entry.key_mark.to_string(), did_you_mean(entry.key, names_of(robot.joints)), nullptr});
       continue;
     }
     const auto value = entry.value.as_double();
@@ -96,7 +83,7 @@ void check_limits(const RobotDescription& robot, const PartialState& state,
     const double value = state.q[static_cast<Eigen::Index>(j)];
     if (state.origin[j] == nullptr || (value >= joint.lower && value <= joint.upper)) continue;
     errors.push_back(state.origin[j]->error(
-        "joint '" + joint.name + "' is at " + detail::number_text(value) + " " + joint_unit(joint) +
+        "joint '" + joint.name + "' is at " + detail::number_text(value) + " " + joint.unit() +
         ", outside its limits [" + detail::number_text(joint.lower) + ", " +
         detail::number_text(joint.upper) + "]"));
   }
@@ -146,28 +133,28 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
       .add("attempts", &S::attempts,
            "How often to try from another first guess when a plan does not pass its checks.",
            {.min = 1, .max = 100})
-      .add("epsilon_m", inherited(&CostSettings::epsilon_m),
-           "Obstacle cost begins at this distance from a sphere.", {.unit = "m", .min = 0.0})
-      .add("sigma_obstacle", inherited(&CostSettings::sigma_obstacle),
-           "Standard deviation of the obstacle cost.", {.unit = "m", .min = 1e-9})
-      .add("self_collision_epsilon_m", inherited(&CostSettings::self_collision_epsilon_m),
+      .add("epsilon_m", &S::epsilon_m, "Obstacle cost begins at this distance from a sphere.",
+           {.unit = "m", .min = 0.0})
+      .add("sigma_obstacle", &S::sigma_obstacle, "Standard deviation of the obstacle cost.",
+           {.unit = "m", .min = 1e-9})
+      .add("self_collision_epsilon_m", &S::self_collision_epsilon_m,
            "Self-collision cost begins at this distance between spheres.",
            {.unit = "m", .min = 0.0})
-      .add("sigma_self_collision", inherited(&CostSettings::sigma_self_collision),
+      .add("sigma_self_collision", &S::sigma_self_collision,
            "Standard deviation of the self-collision cost; 0 leaves it out.",
            {.unit = "m", .min = 0.0})
       .add("self_collision_placement", &S::self_collision_states,
            "States at which the self-collision cost applies.",
            {.choices = {"support", "support_and_interpolated"}})
-      .add("sigma_position_limit", inherited(&CostSettings::sigma_position_limit),
+      .add("sigma_position_limit", &S::sigma_position_limit,
            "Standard deviation of the joint limit cost (m, rad); 0 leaves it out.", {.min = 0.0})
-      .add("position_limit_margin", inherited(&CostSettings::position_limit_margin),
+      .add("position_limit_margin", &S::position_limit_margin,
            "Joint limit cost begins this far inside the limits (m, rad).", {.min = 0.0})
-      .add("sigma_velocity_limit", inherited(&CostSettings::sigma_velocity_limit),
+      .add("sigma_velocity_limit", &S::sigma_velocity_limit,
            "Standard deviation of the velocity limit cost (m/s, rad/s); 0 leaves it out.",
            {.min = 0.0})
-      .add("sigma_endpoint", inherited(&CostSettings::sigma_endpoint),
-           "Standard deviation of start and goal.", {.min = 1e-9});
+      .add("sigma_endpoint", &S::sigma_endpoint, "Standard deviation of start and goal.",
+           {.min = 1e-9});
 }
 
 SpacePolicy PlanningSettings::space() const {
@@ -208,17 +195,14 @@ Parameters<CheckSettings> CheckSettings::parameters() {
 Parameters<AllowedContactEntry> AllowedContactEntry::parameters() {
   using E = AllowedContactEntry;
   return Parameters<E>()
-      .add("link", static_cast<std::string E::*>(&AllowedContact::link), "A link of the robot.",
-           {.required = true})
-      .add("object", static_cast<std::string E::*>(&AllowedContact::object),
-           "An object of the scene.", {.required = true});
+      .add("link", &E::link, "A link of the robot.", {.required = true})
+      .add("object", &E::object, "An object of the scene.", {.required = true});
 }
 
 void check_allowed_contacts(const Node& check, const RobotDescription& robot, const Scene* scene,
                             std::vector<Error>& errors) {
-  std::vector<std::string> links;
+  const std::vector<std::string> links = names_of(robot.links);
   std::vector<std::string> objects;
-  for (const Link& link : robot.links) links.push_back(link.name);
   if (scene != nullptr) {
     for (const SceneObject& object : scene->objects()) objects.push_back(object.name);
   }

@@ -10,12 +10,6 @@ namespace {
 const Node kNothing;
 const std::vector<std::string> kGuesses(kReplanGuesses.begin(), kReplanGuesses.end());
 
-/// A member that ReplannerBlock inherits, as a member of its own.
-template <class Value>
-constexpr Value ReplannerBlock::*inherited(Value ReplannerSettings::*member) {
-  return member;
-}
-
 template <class Settings>
 bool read_checked(const Configuration& configuration, std::string_view name, Settings& into) {
   const Node* block = configuration.root.find(name);
@@ -116,56 +110,56 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
 Parameters<ReplannerBlock> ReplannerBlock::parameters() {
   using S = ReplannerSettings;
   return Parameters<ReplannerBlock>()
-      .add("replan_period_s", inherited(&S::replan_period_s),
+      .add("replan_period_s", &S::replan_period_s,
            "Least time from one replan's begin to the next one's.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
-      .add("takeover_s", inherited(&S::takeover_s),
+      .add("takeover_s", &S::takeover_s,
            "From a replan's begin to when its trajectory takes over.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
-      .add("solve_limit_s", inherited(&S::solve_limit_s),
+      .add("solve_limit_s", &S::solve_limit_s,
            "For all attempts of one replan; less than takeover_s.",
            {.unit = "s", .min = 1e-4, .max = 60.0})
-      .add("horizon_s", inherited(&S::horizon_s),
+      .add("horizon_s", &S::horizon_s,
            "Where no trajectory is free all the way, one that is so for this long may do.",
            {.unit = "s", .min = 0.0, .max = 3600.0})
-      .add("stop_lead_s", inherited(&S::stop_lead_s),
+      .add("stop_lead_s", &S::stop_lead_s,
            "From the decision to stop to when braking begins.",
            {.unit = "s", .min = 0.0, .max = 60.0})
-      .add("max_state_age_s", inherited(&S::max_state_age_s),
+      .add("max_state_age_s", &S::max_state_age_s,
            "A measured state older than this leads to a stop.",
            {.unit = "s", .min = 1e-3, .max = 3600.0})
-      .add("max_map_age_s", inherited(&S::max_map_age_s), "A map older than this leads to a stop.",
+      .add("max_map_age_s", &S::max_map_age_s, "A map older than this leads to a stop.",
            {.unit = "s", .min = 1e-3, .max = 3600.0})
-      .add("goal_tolerance", inherited(&S::goal_tolerance), "Of every joint at the goal (m, rad).",
+      .add("goal_tolerance", &S::goal_tolerance, "Of every joint at the goal (m, rad).",
            {.min = 1e-6, .max = 10.0})
       .add(
-          "obstacle_speed_mps", inherited(&S::obstacle_speed_mps),
+          "obstacle_speed_mps", &S::obstacle_speed_mps,
           "Largest speed of what moves: while the robot moves, it can come to rest before anything "
           "seen moving could reach it. 0: what moves is an obstacle like any other.",
           {.unit = "m/s", .min = 0.0, .max = 20.0})
-      .add("rest_speed", inherited(&S::rest_speed),
+      .add("rest_speed", &S::rest_speed,
            "Joints that are slower count as at rest (m/s, rad/s).", {.min = 1e-6, .max = 10.0})
-      .add("tracking_tolerance", inherited(&S::tracking_tolerance),
+      .add("tracking_tolerance", &S::tracking_tolerance,
            "Largest distance of a joint from what it follows (m, rad); beyond it the robot stops.",
            {.min = 1e-6, .max = 100.0})
-      .add("margin_m", inherited(&S::margin_m), "Clearance that spheres must keep from obstacles.",
+      .add("margin_m", &S::margin_m, "Clearance that spheres must keep from obstacles.",
            {.unit = "m", .min = 0.0, .max = 10.0})
-      .add("max_step_m", inherited(&S::max_step_m),
+      .add("max_step_m", &S::max_step_m,
            "First spacing of validity checks, as sphere motion.",
            {.unit = "m", .min = 1e-4, .max = 1.0})
-      .add("stop_reserve", inherited(&S::stop_reserve),
+      .add("stop_reserve", &S::stop_reserve,
            "A stop begins no later than when what blocks the trajectory is so many times as far "
            "away, in time, as the robot needs to come to rest.",
            {.min = 1.0, .max = 100.0})
       .add(
-          "cost_tolerance", inherited(&S::cost_tolerance),
+          "cost_tolerance", &S::cost_tolerance,
           "A valid trajectory is replanned, too, once its cost in the newest map has grown by this "
           "share of what it was where it was planned; 0: never.",
           {.min = 0.0, .max = 1e9})
-      .add("hysteresis", inherited(&S::hysteresis),
+      .add("hysteresis", &S::hysteresis,
            "Share by which a new trajectory must then be cheaper to be taken.",
            {.min = 0.0, .max = 1.0})
-      .add("escalation", inherited(&S::escalation),
+      .add("escalation", &S::escalation,
            "First guesses of a replan, in order: refit, straight_line, perturbed, sampled (which "
            "needs a `sampler`), after_stop.");
 }

@@ -198,19 +198,12 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
                     std::ranges::all_of(rows.episodes, &EpisodeRow::success);
   outcome.verdict = verdict_text(facts, rows, metrics);
   outcome.table = table_text(rows);
-  Json summary = {{"configuration", facts.provenance.configuration},
-                  {"experiment", "replan"},
-                  {"success", outcome.success},
-                  {"interrupted", outcome.interrupted},
-                  {"verdict", outcome.verdict},
-                  {"clock", facts.clock},
-                  {"robot", facts.robot},
-                  {"optimiser", facts.optimiser}};
-  summary.update(metrics);
-  summary["collisions"] = collisions_of(rows);
-  summary["failures"] = failures_of(rows);
-  summary["provenance"] = provenance_json(facts.provenance);
-  outcome.summary_json = json_text(summary);
+  Json particulars = {
+      {"clock", facts.clock}, {"robot", facts.robot}, {"optimiser", facts.optimiser}};
+  particulars.update(metrics);
+  particulars["collisions"] = collisions_of(rows);
+  particulars["failures"] = failures_of(rows);
+  outcome.summary_json = summary_text(facts.provenance, "replan", outcome, particulars);
   return outcome;
 }
 

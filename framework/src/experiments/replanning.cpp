@@ -5,12 +5,10 @@
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/costs.hpp>
-#include <sidestep/runtime/guarded.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "html.hpp"
-#include "plan_recording.hpp"
 #include "recorded_fields.hpp"
+#include "recorded_solves.hpp"
 #include "replanning_settings.hpp"
 #include "replanning_summary.hpp"
 #include "run_provenance.hpp"
@@ -18,24 +16,11 @@
 namespace sidestep {
 namespace {
 
-constexpr std::int64_t kProgressEvery = 25;  ///< Problems.
 constexpr const char* kGoal = "goal";
 constexpr const char* kObstacles = "obstacles";
 
 void check_replanning(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  const Node* experiment = configuration.root.find("experiment");
-  const Node* optimiser = configuration.root.find("optimiser");
-  if (optimiser != nullptr) {
-    check_optimiser(*optimiser, set_of_replanning_optimiser(), host, errors);
-  }
-  std::vector<Error> unfit;
-  check_against_schema(*experiment, ReplanningSettings::parameters().schema(), {}, unfit);
-  if (!unfit.empty()) return;  // its schema told
-  ReplanningSettings settings;
-  ReplanningSettings::parameters().read(*experiment, settings, errors);
-  if (!settings.problems.empty()) {
-    (void)read_chosen_problems(*experiment, settings.choice(), errors);
-  }
+  check_recorded<ReplanningSettings>(configuration, set_of_replanning_optimiser(), host, errors);
 }
 
 std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {
@@ -72,15 +57,7 @@ struct Bench {
   const ReplanningSettings& settings;
   ExperimentContext& context;
   RecordedFields fields, moved_fields;
-  std::int64_t total = 0;
-  std::int64_t done = 0;
-
-  void advance(const std::string& what) {
-    ++done;
-    if (context.progress && (done % kProgressEvery == 0 || done == total)) {
-      context.progress(done, total, what);
-    }
-  }
+  SolveProgress progress;
 };
 
 void change_goal(Problem& problem, const RecordedOutcome& of, const Bench& bench) {
@@ -154,55 +131,27 @@ Result<Optimisers> make_optimisers(const RecordedRun& run, Bench& bench) {
   return Optimisers{std::move(*plain), std::move(*kept)};
 }
 
-struct Timed {
-  Result<Solution> solution;
-  double elapsed_ms;
-};
-
-Timed solve(PluginPtr<Optimiser>& optimiser, const Problem& problem, const Trajectory& initial,
-            const ExperimentContext& context) {
-  const Stopwatch watch;
-  auto solution = guarded(plugin_of(optimiser), [&] {
-    return optimiser->solve(problem, initial, Deadline(context.stop));
-  });
-  return {std::move(solution), watch.elapsed_ms()};
-}
-
-void note(Timed timed, bool is_first, double clearance_m, ReplanSolve& record) {
-  record.solve_ms = is_first ? timed.elapsed_ms : std::min(record.solve_ms, timed.elapsed_ms);
-  if (!is_first) return;
-  if (!timed.solution) {
-    record.reason = timed.solution.error().describe();
-    return;
-  }
-  record.status = timed.solution->status;
-  record.reason = timed.solution->reason;
-  record.iterations = timed.solution->iterations;
-  record.accepted_iterations = timed.solution->accepted_iterations;
-  record.initial_cost = timed.solution->initial_cost;
-  record.cost = timed.solution->cost;
-  record.solved = timed.solution->trajectory.size() > 0;
-  record.exact_clearance_m = clearance_m;
-}
-
 /// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
 /// another one in turn: the first one finds the memory of the change cold.
 void replan(const Replanned& posed, Optimisers& optimisers, std::size_t turn, bool is_first,
             const RecordedProblems& judged_in, const ExperimentContext& context,
             ReplanRecord& record) {
-  const auto base = solve(optimisers.kept, posed.before, posed.line_before, context).solution;
+  const auto base = solve_timed(optimisers.kept, posed.before, posed.line_before, context).solution;
   const bool has_base = base && base->trajectory.size() > 0;
   const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
   for (std::size_t i = 0; i < kReplanWays.size(); ++i) {
     const std::size_t way = (i + turn) % kReplanWays.size();
     const bool is_incremental = kReplanWays[way] == ReplanWay::kIncremental;
     const bool is_afresh = kReplanWays[way] == ReplanWay::kAfresh;
-    Timed timed = solve(is_incremental ? optimisers.kept : optimisers.plain, posed.after,
-                        is_afresh ? posed.line_after : previous, context);
-    const bool judges = is_first && timed.solution && timed.solution->trajectory.size() > 0;
-    const double clearance_m =
-        judges ? exact_clearance_m(judged_in, record.scene, timed.solution->trajectory) : 0.0;
-    note(std::move(timed), is_first, clearance_m, record.ways[way]);
+    const TimedSolve timed =
+        solve_timed(is_incremental ? optimisers.kept : optimisers.plain, posed.after,
+                    is_afresh ? posed.line_after : previous, context);
+    RecordedSolve& solve = record.ways[way];
+    note(timed, is_first, solve);
+    if (is_first && solve.solved) {
+      solve.exact_clearance_m =
+          exact_clearance_m(judged_in, record.scene, timed.solution->trajectory);
+    }
   }
 }
 
@@ -217,17 +166,13 @@ Result<ReplanSeries> solve_series(const RecordedRun& run, const std::string& cha
   ReplanSeries series{run.label, run.is_signed, change, {}};
   for (std::size_t i = 0; i < posed.size(); ++i) {
     ReplanRecord record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
-    const auto is_free = [&](const Eigen::VectorXd& q) {
-      const std::span<const double> values(q.data(), static_cast<std::size_t>(q.size()));
-      return exact_clearance_m(judged_in, record.scene, values) > 0.0;
-    };
-    record.ends_free = is_free(posed[i].after.start.q) && is_free(posed[i].after.goal.q);
+    record.ends_free = are_ends_free(judged_in, record.scene, posed[i].after);
     series.problems.push_back(std::move(record));
   }
   const std::string what =
       run.label + (run.is_signed ? ", signed, other " : ", unsigned, other ") + change;
-  for (const PluginPtr<Optimiser>* one : {&optimisers->plain, &optimisers->kept}) {
-    if (!posed.empty()) (void)(*one)->solve(posed[0].before, posed[0].line_before, Deadline());
+  for (PluginPtr<Optimiser>* one : {&optimisers->plain, &optimisers->kept}) {
+    if (!posed.empty()) (void)solve_timed(*one, posed[0].before, posed[0].line_before, context);
   }
   for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
     for (std::size_t i = 0; i < series.problems.size(); ++i) {
@@ -237,7 +182,7 @@ Result<ReplanSeries> solve_series(const RecordedRun& run, const std::string& cha
         if (repeat == 0) series.problems.resize(i);
         return series;
       }
-      bench.advance(what);
+      bench.progress.advance(what);
     }
   }
   return series;
@@ -253,21 +198,13 @@ void record_series(const ReplanSeries& series, std::int64_t item, Recorder& reco
     const std::string name = std::string(to_string(kReplanWays[way])) + "/" + std::to_string(item);
     std::int64_t problem = 0;
     for (const ReplanRecord& record : series.problems) {
-      const ReplanSolve& solve = record.ways[way];
       const auto add = [&](std::string_view key, const auto& value) {
         recorder.add(name, problem, key, value);
       };
       add("scene", record.scene);
       add("pair", record.pair);
       add("ends_free", record.ends_free);
-      add("status", to_string(solve.status));
-      if (!solve.reason.empty()) add("reason", solve.reason);
-      add("solve_ms", solve.solve_ms);
-      add("iterations", solve.iterations);
-      add("accepted_iterations", solve.accepted_iterations);
-      add("initial_cost", solve.initial_cost);
-      add("cost", solve.cost);
-      add("exact_clearance_m", solve.exact_clearance_m);
+      record_solve(record.ways[way], name, problem, recorder);
       ++problem;
     }
   }
@@ -279,7 +216,7 @@ Result<ExperimentOutcome> run_replanning(ExperimentContext& context) {
   ReplanningSettings settings;
   ReplanningSettings::parameters().read(experiment, settings, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  const auto problems = read_problems(experiment, settings.choice());
+  const auto problems = read_problems(experiment, settings);
   if (!problems) return tl::make_unexpected(problems.error());
 
   const RunProvenance provenance = provenance_of(context);
@@ -288,36 +225,27 @@ Result<ExperimentOutcome> run_replanning(ExperimentContext& context) {
   Recorder recorder(**store);
 
   ReplanningRecord record;
-  record.problems_file = settings.problems.filename().string();
-  record.robot = problems->robot->description().name;
-  record.optimiser = context.configuration.root.find("optimiser")->find("plugin")->text();
+  record.about = facts_of(*problems, context.configuration);
+  std::int64_t total = 0;
+  for (const RecordedRun& run : problems->runs) {
+    total += 2 * settings.repeats * std::ssize(run.outcomes);
+  }
   const RecordedProblems moved = with_moved_boxes(*problems, settings.obstacle_sd_m, context.seed);
   Bench bench{
-      *problems, moved, settings, context, RecordedFields(*problems), RecordedFields(moved)};
-  for (const RecordedRun& run : problems->runs) {
-    bench.total += 2 * settings.repeats * std::ssize(run.outcomes);
-  }
-  if (context.progress) context.progress(0, bench.total, "building fields");
+      *problems,       moved, settings, context, RecordedFields(*problems), RecordedFields(moved),
+      {context, total}};
   for (const RecordedRun& run : problems->runs) {
     for (const char* change : {kGoal, kObstacles}) {
       if (context.stop.stop_requested()) break;
-      auto solved = contained("replanning", [&] { return solve_series(run, change, bench); });
+      auto solved = solve_part(
+          record.series, [&] { return solve_series(run, change, bench); }, &record_series,
+          recorder);
       if (!solved) return tl::make_unexpected(std::move(solved.error()));
-      record_series(*solved, std::ssize(record.series), recorder);
-      record.series.push_back(std::move(*solved));
-      if (auto saved = recorder.commit(); !saved) {
-        return tl::make_unexpected(std::move(saved.error()));
-      }
     }
   }
   record.interrupted = context.stop.stop_requested();
 
-  ExperimentOutcome outcome = summarise_replanning(provenance, settings, record);
-  if (auto written = write_file(context.out / "table.csv", replanning_csv(outcome.summary_json));
-      !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  return outcome;
+  return summarise_replanning(provenance, settings, record);
 }
 
 }  // namespace

@@ -21,30 +21,17 @@ Node replanning_block(const Node& optimiser, const RecordedRun& run, bool is_inc
   return block;
 }
 
-PlannerBenchmarkSettings ReplanningSettings::choice() const {
-  PlannerBenchmarkSettings choice;
-  choice.problems = problems;
-  choice.runs = runs;
-  choice.every = every;
-  choice.limit = limit;
-  return choice;
-}
-
 Parameters<ReplanningSettings> ReplanningSettings::parameters() {
   using S = ReplanningSettings;
-  return Parameters<S>()
-      .add("type", &S::type, "Type of the experiment.", {.required = true})
-      .add("seed", &S::seed, "Seed of everything random in the run: what goals and boxes move by.",
-           {.min = 0})
-      .add("threads", &S::threads, "Threads that the optimiser may use; 0 for one per core.",
-           {.min = 0, .max = 1024})
-      .add("problems", &S::problems, "File of recorded problems (JSON); needed to run.")
-      .add("runs", &S::runs, "Labels of the recorded runs whose stopping rules are used.")
-      .add("repeats", &S::repeats,
-           "How often all problems are solved; the least time of each solve counts.",
-           {.min = 1, .max = 1000})
-      .add("every", &S::every, "Every n-th problem of a run is used.", {.min = 1})
-      .add("limit", &S::limit, "Most problems of a run; 0 for no limit.", {.min = 0})
+  return declare_choice(
+             Parameters<S>()
+                 .add("type", &S::type, "Type of the experiment.", {.required = true})
+                 .add("seed", &S::seed,
+                      "Seed of everything random in the run: what goals and boxes move by.",
+                      {.min = 0})
+                 .add("threads", &S::threads,
+                      "Threads that the optimiser may use; 0 for one per core.",
+                      {.min = 0, .max = 1024}))
       .add("goal_sd", &S::goal_sd,
            "Standard deviation of what each joint of a changed goal moves by (m, rad), within its "
            "limits.",

@@ -5,22 +5,15 @@
 namespace sidestep {
 
 /// The `experiment` block of a replanning experiment.
-struct ReplanningSettings {
+struct ReplanningSettings : ProblemChoice {
   std::string type;
   std::int64_t seed = 0;
   int threads = 0;
-  std::filesystem::path problems;
-  std::vector<std::string> runs = {"replan"};
-  int repeats = 1;
-  int every = 1;
-  std::int64_t limit = 0;
   double goal_sd = 0.1;
   double obstacle_sd_m = 0.05;
 
+  ReplanningSettings() { runs = {"replan"}; }
   static Parameters<ReplanningSettings> parameters();
-
-  /// What says which problems are solved.
-  [[nodiscard]] PlannerBenchmarkSettings choice() const;
 };
 
 /// What the experiment sets of the optimiser: the stopping rules of each recorded run, and

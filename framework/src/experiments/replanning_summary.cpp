@@ -5,8 +5,7 @@
 #include "csv.hpp"
 #include "json.hpp"
 #include "report_parts.hpp"
-#include "statistics.hpp"
-#include "text_table.hpp"
+#include "summary_values.hpp"
 
 namespace sidestep {
 namespace {
@@ -15,37 +14,12 @@ using report::at;
 using report::cell;
 using Json = nlohmann::ordered_json;
 
-constexpr double kOnePercent = 1.01;
 constexpr std::size_t kAfresh = static_cast<std::size_t>(ReplanWay::kAfresh);
-
-template <class Value>
-std::vector<double> values_of(const std::vector<ReplanRecord>& problems, Value value) {
-  std::vector<double> values;
-  for (const ReplanRecord& problem : problems) values.push_back(value(problem));
-  return values;
-}
-
-template <class Holds>
-Json share_of(const std::vector<ReplanRecord>& problems, Holds holds) {
-  if (problems.empty()) return nullptr;
-  return static_cast<double>(std::ranges::count_if(problems, holds)) /
-         static_cast<double>(problems.size());
-}
-
-Json quantile(const std::vector<double>& values, double share) {
-  return values.empty() ? Json(nullptr) : Json(percentile(values, share));
-}
-
-Json mean_of(const std::vector<double>& values) {
-  return values.empty() ? Json(nullptr) : Json(statistics_of(values).mean);
-}
 
 /// One way through a series; times, iterations and costs are of the problems solved in every way.
 Json row_of(const ReplanSeries& series, std::size_t way) {
-  std::vector<ReplanRecord> solved, with_free_ends;
-  std::ranges::copy_if(series.problems, std::back_inserter(solved), &ReplanRecord::solved);
-  std::ranges::copy_if(series.problems, std::back_inserter(with_free_ends),
-                       &ReplanRecord::ends_free);
+  const auto solved = those_of(series.problems, &ReplanRecord::solved);
+  const auto with_free_ends = those_of(series.problems, &ReplanRecord::ends_free);
   const auto is_free = [way](const ReplanRecord& r) { return r.ways[way].is_free(); };
   const auto solve_ms = values_of(solved, [&](const auto& r) { return r.ways[way].solve_ms; });
   const auto afresh_ms = values_of(solved, [](const auto& r) { return r.ways[kAfresh].solve_ms; });
@@ -54,7 +28,7 @@ Json row_of(const ReplanSeries& series, std::size_t way) {
   const auto cost_ratio =
       values_of(solved, [&](const auto& r) { return r.ways[way].cost / r.ways[kAfresh].cost; });
   const auto iterations =
-      values_of(solved, [&](const auto& r) { return 1.0 * r.ways[way].accepted_iterations; });
+      values_of(solved, [&](const auto& r) { return r.ways[way].accepted_iterations; });
   const double sum_ratio = statistics_of(solve_ms).mean / statistics_of(afresh_ms).mean;
   return {{"label", series.label},
           {"field", series.is_signed ? "sdf" : "usdf"},
@@ -62,22 +36,16 @@ Json row_of(const ReplanSeries& series, std::size_t way) {
           {"way", to_string(kReplanWays[way])},
           {"problems", series.problems.size()},
           {"solved", solved.size()},
-          {"solve_ms",
-           {{"p50", quantile(solve_ms, 0.5)},
-            {"p95", quantile(solve_ms, 0.95)},
-            {"mean", mean_of(solve_ms)}}},
+          {"solve_ms", quantiles_and_mean_json(solve_ms)},
           {"time_ratio",
-           {{"p50", quantile(time_ratio, 0.5)},
-            {"p95", quantile(time_ratio, 0.95)},
+           {{"p50", quantile_json(time_ratio, 0.5)},
+            {"p95", quantile_json(time_ratio, 0.95)},
             {"of_means", solved.empty() ? Json(nullptr) : Json(sum_ratio)}}},
-          {"iterations",
-           {{"p50", quantile(iterations, 0.5)},
-            {"p95", quantile(iterations, 0.95)},
-            {"mean", mean_of(iterations)}}},
+          {"iterations", quantiles_and_mean_json(iterations)},
           {"cost_ratio",
-           {{"p05", quantile(cost_ratio, 0.05)},
-            {"p50", quantile(cost_ratio, 0.5)},
-            {"p95", quantile(cost_ratio, 0.95)},
+           {{"p05", quantile_json(cost_ratio, 0.05)},
+            {"p50", quantile_json(cost_ratio, 0.5)},
+            {"p95", quantile_json(cost_ratio, 0.95)},
             {"share_within_1pct", share_of(solved,
                                            [way](const ReplanRecord& r) {
                                              return r.ways[way].cost <=
@@ -89,27 +57,56 @@ Json row_of(const ReplanSeries& series, std::size_t way) {
 }
 
 std::string table_text(const Json& rows) {
-  TextTable table({"run", "field", "change", "way", "problems", "solve p50", "p95", "mean",
-                   "of afresh's p50", "of means", "iterations", "cost p50", "p95", "within 1 %",
-                   "collision-free", "ends free", "of them"});
-  for (const Json& r : rows) {
-    table.add({cell(at(r, "/label")), cell(at(r, "/field")), cell(at(r, "/change")),
-               cell(at(r, "/way")), cell(at(r, "/problems"), "%.0f"),
-               cell(at(r, "/solve_ms/p50"), "%.4f ms"), cell(at(r, "/solve_ms/p95"), "%.4f ms"),
-               cell(at(r, "/solve_ms/mean"), "%.4f ms"), cell(at(r, "/time_ratio/p50"), "%.3f"),
-               cell(at(r, "/time_ratio/of_means"), "%.3f"), cell(at(r, "/iterations/mean"), "%.2f"),
-               cell(at(r, "/cost_ratio/p50"), "%.4f"), cell(at(r, "/cost_ratio/p95"), "%.4f"),
-               cell(at(r, "/cost_ratio/share_within_1pct"), "%.4f"),
-               cell(at(r, "/collision_free/share"), "%.4f"),
-               cell(at(r, "/free_ends/problems"), "%.0f"),
-               cell(at(r, "/free_ends/share"), "%.4f")});
-  }
-  return table.text();
+  return report::text_table({{"run", "/label"},
+                             {"field", "/field"},
+                             {"change", "/change"},
+                             {"way", "/way"},
+                             {"problems", "/problems", "%.0f"},
+                             {"solve p50", "/solve_ms/p50", "%.4f ms"},
+                             {"p95", "/solve_ms/p95", "%.4f ms"},
+                             {"mean", "/solve_ms/mean", "%.4f ms"},
+                             {"of afresh's p50", "/time_ratio/p50", "%.3f"},
+                             {"of means", "/time_ratio/of_means", "%.3f"},
+                             {"iterations", "/iterations/mean", "%.2f"},
+                             {"cost p50", "/cost_ratio/p50", "%.4f"},
+                             {"p95", "/cost_ratio/p95", "%.4f"},
+                             {"within 1 %", "/cost_ratio/share_within_1pct", "%.4f"},
+                             {"collision-free", "/collision_free/share", "%.4f"},
+                             {"ends free", "/free_ends/problems", "%.0f"},
+                             {"of them", "/free_ends/share", "%.4f"}},
+                            rows);
+}
+
+std::string table_csv(const Json& rows) {
+  constexpr std::array kColumns = {"/label",
+                                   "/field",
+                                   "/change",
+                                   "/way",
+                                   "/problems",
+                                   "/solved",
+                                   "/solve_ms/p50",
+                                   "/solve_ms/p95",
+                                   "/solve_ms/mean",
+                                   "/time_ratio/p50",
+                                   "/time_ratio/p95",
+                                   "/time_ratio/of_means",
+                                   "/iterations/p50",
+                                   "/iterations/p95",
+                                   "/iterations/mean",
+                                   "/cost_ratio/p05",
+                                   "/cost_ratio/p50",
+                                   "/cost_ratio/p95",
+                                   "/cost_ratio/share_within_1pct",
+                                   "/collision_free/share",
+                                   "/free_ends/problems",
+                                   "/free_ends/share"};
+  return csv_text(rows, kColumns);
 }
 
 std::string verdict_text(const ReplanningRecord& record, const Json& rows, std::size_t problems,
                          std::size_t unsolved, const std::string& first_reason) {
-  const std::string count = std::to_string(problems) + " changed problems by " + record.optimiser;
+  const std::string count =
+      std::to_string(problems) + " changed problems by " + record.about.optimiser;
   if (record.interrupted) return "Interrupted after " + count + "; what was measured is saved.";
   if (unsolved > 0) {
     return "Failed: " + std::to_string(unsolved) + " of " + count +
@@ -137,7 +134,7 @@ std::string_view to_string(ReplanWay way) noexcept {
 }
 
 bool ReplanRecord::solved() const noexcept {
-  return std::ranges::all_of(ways, &ReplanSolve::solved);
+  return std::ranges::all_of(ways, &RecordedSolve::solved);
 }
 
 ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
@@ -152,7 +149,7 @@ ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
       ++problems;
       if (problem.solved()) continue;
       if (unsolved++ > 0) continue;
-      first_reason = std::ranges::find(problem.ways, false, &ReplanSolve::solved)->reason;
+      first_reason = std::ranges::find(problem.ways, false, &RecordedSolve::solved)->reason;
     }
   }
   ExperimentOutcome outcome;
@@ -160,48 +157,17 @@ ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
   outcome.success = !record.interrupted && problems > 0 && unsolved == 0;
   outcome.verdict = verdict_text(record, rows, problems, unsolved, first_reason);
   outcome.table = table_text(rows);
-  const Json summary = {{"configuration", provenance.configuration},
-                        {"experiment", settings.type},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"verdict", outcome.verdict},
-                        {"problems_file", record.problems_file},
-                        {"robot", record.robot},
-                        {"optimiser", record.optimiser},
-                        {"repeats", settings.repeats},
-                        {"goal_sd", settings.goal_sd},
-                        {"obstacle_sd_m", settings.obstacle_sd_m},
-                        {"problems", problems},
-                        {"rows", rows},
-                        {"provenance", provenance_json(provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.table_csv = table_csv(rows);
+  outcome.summary_json = summary_text(provenance, settings.type, outcome,
+                                      {{"problems_file", record.about.problems_file},
+                                       {"robot", record.about.robot},
+                                       {"optimiser", record.about.optimiser},
+                                       {"repeats", settings.repeats},
+                                       {"goal_sd", settings.goal_sd},
+                                       {"obstacle_sd_m", settings.obstacle_sd_m},
+                                       {"problems", problems},
+                                       {"rows", rows}});
   return outcome;
-}
-
-std::string replanning_csv(const std::string& summary_json) {
-  constexpr std::array kColumns = {"/label",
-                                   "/field",
-                                   "/change",
-                                   "/way",
-                                   "/problems",
-                                   "/solved",
-                                   "/solve_ms/p50",
-                                   "/solve_ms/p95",
-                                   "/solve_ms/mean",
-                                   "/time_ratio/p50",
-                                   "/time_ratio/p95",
-                                   "/time_ratio/of_means",
-                                   "/iterations/p50",
-                                   "/iterations/p95",
-                                   "/iterations/mean",
-                                   "/cost_ratio/p05",
-                                   "/cost_ratio/p50",
-                                   "/cost_ratio/p95",
-                                   "/cost_ratio/share_within_1pct",
-                                   "/collision_free/share",
-                                   "/free_ends/problems",
-                                   "/free_ends/share"};
-  return csv_text(at(Json::parse(summary_json, nullptr, false), "/rows"), kColumns);
 }
 
 }  // namespace sidestep

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include <sidestep/experiments/experiment.hpp>
-#include <sidestep/planning/optimiser.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
+#include "recorded_solves.hpp"
 #include "replanning_settings.hpp"
 
 namespace sidestep {
@@ -22,27 +22,12 @@ inline constexpr std::array kReplanWays = {ReplanWay::kAfresh, ReplanWay::kWarm,
                                            ReplanWay::kIncremental};
 [[nodiscard]] std::string_view to_string(ReplanWay way) noexcept;
 
-/// A changed problem, solved in one way.
-struct ReplanSolve {
-  bool solved = false;  ///< There is a trajectory.
-  SolveStatus status = SolveStatus::kFailed;
-  std::string reason;  ///< Why it is not solved, or not better.
-  int iterations = 0;
-  int accepted_iterations = 0;
-  double initial_cost = 0.0;
-  double cost = 0.0;
-  double solve_ms = 0.0;           ///< The least of all repeats.
-  double exact_clearance_m = 0.0;  ///< Where solved.
-
-  [[nodiscard]] bool is_free() const noexcept { return solved && exact_clearance_m > 0.0; }
-};
-
 /// A changed problem in all ways.
 struct ReplanRecord {
   int scene = 0;
   int pair = 0;
   bool ends_free = false;  ///< Start and goal touch nothing.
-  std::array<ReplanSolve, kReplanWays.size()> ways;
+  std::array<RecordedSolve, kReplanWays.size()> ways;
 
   [[nodiscard]] bool solved() const noexcept;
 };
@@ -57,19 +42,14 @@ struct ReplanSeries {
 
 /// What a replanning experiment came to.
 struct ReplanningRecord {
-  std::string problems_file;
-  std::string robot;
-  std::string optimiser;  ///< Name of the plugin.
+  RecordedFacts about;
   std::vector<ReplanSeries> series;
   bool interrupted = false;
 };
 
-/// Verdict, summary.json and table of a finished (or interrupted) replanning experiment.
+/// Verdict, summary.json and tables of a finished (or interrupted) replanning experiment.
 [[nodiscard]] ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
                                                      const ReplanningSettings& settings,
                                                      const ReplanningRecord& record);
-
-/// The table for a spreadsheet, from what summary.json holds: one line a series and way.
-[[nodiscard]] std::string replanning_csv(const std::string& summary_json);
 
 }  // namespace sidestep

@@ -48,20 +48,18 @@ std::string map_section(const Json& summary) {
 }
 
 std::string plans_table(const Json& plans) {
-  std::vector<Row> rows;
-  for (const Json& plan : plans) {
-    const Json clearance_m = at(plan, "/min_clearance_m");
-    rows.push_back({cell(at(plan, "/name")),
-                    at(plan, "/success") == Json(true) ? "success" : "failed",
-                    cell(at(plan, "/valid_snapshot")), cell(at(plan, "/valid_independent")),
-                    cell(clearance_m, "%.3f m"), cell(at(plan, "/retiming/before_s"), "%.2f s"),
-                    cell(at(plan, "/duration_s"), "%.2f s"), cell(at(plan, "/solve_ms"), "%.1f ms"),
-                    cell(at(plan, "/iterations")), cell(at(plan, "/cost"), "%.4g"),
-                    cell(at(plan, "/attempts"))});
-  }
-  return html_table({"plan", "result", "valid in the field", "valid independently", "clearance",
-                     "optimised duration", "duration", "solve", "iterations", "cost", "attempts"},
-                    rows);
+  return html_table(Columns{{"plan", "/name"},
+                            {"result", "/success", "success|failed"},
+                            {"valid in the field", "/valid_snapshot"},
+                            {"valid independently", "/valid_independent"},
+                            {"clearance", "/min_clearance_m", "%.3f m"},
+                            {"optimised duration", "/retiming/before_s", "%.2f s"},
+                            {"duration", "/duration_s", "%.2f s"},
+                            {"solve", "/solve_ms", "%.1f ms"},
+                            {"iterations", "/iterations"},
+                            {"cost", "/cost", "%.4g"},
+                            {"attempts", "/attempts"}},
+                    plans);
 }
 
 std::string checks_table(const Json& plan) {
@@ -183,95 +181,100 @@ std::string run_name(const fs::path& run) {
   return (run.has_filename() ? run : run.parent_path()).filename().string();  // of "out/demo/", too
 }
 
-Row plan_row(const fs::path& run, const Json& summary, const Json& plan) {
-  return {run_name(run),
-          cell(at(summary, "/configuration")),
-          cell(at(plan, "/name")),
-          at(plan, "/success") == Json(true) ? "success" : "failed",
-          cell(at(plan, "/min_clearance_m"), "%.3f m"),
-          cell(at(plan, "/duration_s"), "%.2f s"),
-          cell(at(plan, "/solve_ms"), "%.1f ms"),
-          cell(at(plan, "/iterations")),
-          cell(at(summary, "/map/frame_ms/p50"), "%.1f ms"),
-          cell(at(summary, "/frames")),
-          cell(at(summary, "/provenance/git_hash"))};
+/// Runs of one type side by side: one row for each of what they tell of.
+struct Comparison {
+  const char* experiment;
+  /// Of an item, whose own values hide those of the run; between its name and its commit.
+  Columns columns;
+  Json (*items)(const Json& summary);
+};
+
+/// A run without a plan is a row, too.
+Json plans_of(const Json& summary) {
+  const Json plans = at(summary, "/plans");
+  return plans.empty() ? Json::array({{{"success", false}}}) : plans;
 }
 
-Row system_row(const fs::path& run, const Json& summary, const Json& system) {
-  return {run_name(run),
-          cell(at(summary, "/configuration")),
-          cell(at(system, "/name")),
-          at(system, "/signed") == Json(true) ? "signed" : "unsigned",
-          cell(at(system, "/resolution_m"), "%g m"),
-          cell(at(system, "/frame_ms/p50"), "%.2f ms"),
-          cell(at(system, "/frame_ms/p95"), "%.2f ms"),
-          cell(at(system, "/max_error_m"), "%.4f m"),
-          cell(at(system, "/mean_error_m"), "%.2g m"),
-          cell(at(system, "/memory_mib"), "%.0f MiB"),
-          cell(at(system, "/frames")),
-          cell(at(summary, "/provenance/git_hash"))};
+Json studied_fields_of(const Json& summary) {
+  Json fields = Json::array();
+  for (const Json& robot : at(summary, "/robots")) {
+    for (const char* name : {"unsigned", "signed"}) {
+      fields.push_back(robot);
+      fields.back()["field"] = name;
+      fields.back()["outcome"] = at(robot, ("/" + std::string(name)).c_str());
+    }
+  }
+  return fields;
 }
 
-Row solver_row(const fs::path& run, const Json& summary, const Json& solver) {
-  return {run_name(run),
-          cell(at(summary, "/configuration")),
-          cell(at(summary, "/optimiser")),
-          cell(at(summary, "/problems_file")),
-          cell(at(solver, "/label")),
-          cell(at(solver, "/field")),
-          cell(at(solver, "/lm_iteration_us/p50"), "%.1f us"),
-          cell(at(solver, "/solve_ms/p50"), "%.4f ms"),
-          cell(at(solver, "/iterations/mean"), "%.2f"),
-          cell(at(solver, "/cost/share_within_1pct"), "%.4f"),
-          cell(at(solver, "/collision_free/share"), "%.4f"),
-          cell(at(summary, "/provenance/git_hash"))};
-}
+const std::vector<Comparison> kComparisons = {
+    {"plan",
+     {{"plan", "/name"},
+      {"result", "/success", "success|failed"},
+      {"clearance", "/min_clearance_m", "%.3f m"},
+      {"duration", "/duration_s", "%.2f s"},
+      {"solve", "/solve_ms", "%.1f ms"},
+      {"iterations", "/iterations"},
+      {"frame p50", "/map/frame_ms/p50", "%.1f ms"},
+      {"frames", "/frames"}},
+     &plans_of},
+    {"mapping_benchmark",
+     {{"system", "/name"},
+      {"field", "/signed", "signed|unsigned"},
+      {"voxel", "/resolution_m", "%g m"},
+      {"frame p50", "/frame_ms/p50", "%.2f ms"},
+      {"frame p95", "/frame_ms/p95", "%.2f ms"},
+      {"max error", "/max_error_m", "%.4f m"},
+      {"mean error", "/mean_error_m", "%.2g m"},
+      {"memory", "/memory_mib", "%.0f MiB"},
+      {"frames", "/frames"}},
+     [](const Json& summary) { return at(summary, "/systems"); }},
+    {"planner_benchmark",
+     {{"optimiser", "/optimiser"},
+      {"problems", "/problems_file"},
+      {"rules", "/label"},
+      {"field", "/field"},
+      {"iteration p50", "/lm_iteration_us/p50", "%.1f us"},
+      {"solve p50", "/solve_ms/p50", "%.4f ms"},
+      {"iterations", "/iterations/mean", "%.2f"},
+      {"within 1 %", "/cost/share_within_1pct", "%.4f"},
+      {"free", "/collision_free/share", "%.4f"}},
+     [](const Json& summary) { return at(summary, "/runs"); }},
+    {"field_study",
+     {{"robot", "/name"},
+      {"field", "/field"},
+      {"problems", "/problems"},
+      {"solvable", "/solvable"},
+      {"failures", "/outcome/failure_percent", "%.3f %%"},
+      {"iterations", "/outcome/iterations/mean", "%.2f"},
+      {"cost", "/outcome/valid_cost/mean", "%.4g"},
+      {"solve p50", "/outcome/solve_ms/p50", "%.3f ms"},
+      {"solve p95", "/outcome/solve_ms/p95", "%.3f ms"}},
+     &studied_fields_of},
+    {"replanning",
+     {{"problems", "/problems_file"},
+      {"rules", "/label"},
+      {"field", "/field"},
+      {"other", "/change"},
+      {"way", "/way"},
+      {"solve p50", "/solve_ms/p50", "%.4f ms"},
+      {"of afresh's", "/time_ratio/p50", "%.3f"},
+      {"iterations", "/iterations/mean", "%.2f"},
+      {"within 1 %", "/cost_ratio/share_within_1pct", "%.4f"},
+      {"free", "/collision_free/share", "%.4f"}},
+     [](const Json& summary) { return at(summary, "/rows"); }}};
 
-Row replan_row(const fs::path& run, const Json& summary, const Json& row) {
-  return {run_name(run),
-          cell(at(summary, "/configuration")),
-          cell(at(summary, "/problems_file")),
-          cell(at(row, "/label")),
-          cell(at(row, "/field")),
-          cell(at(row, "/change")),
-          cell(at(row, "/way")),
-          cell(at(row, "/solve_ms/p50"), "%.4f ms"),
-          cell(at(row, "/time_ratio/p50"), "%.3f"),
-          cell(at(row, "/iterations/mean"), "%.2f"),
-          cell(at(row, "/cost_ratio/share_within_1pct"), "%.4f"),
-          cell(at(row, "/collision_free/share"), "%.4f"),
-          cell(at(summary, "/provenance/git_hash"))};
-}
-
-Row loop_row(const fs::path& run, const Json& summary) {
-  return {run_name(run),
-          cell(at(summary, "/configuration")),
-          cell(at(summary, "/clock")),
-          cell(at(summary, "/optimiser")),
-          cell(at(summary, "/episodes")),
-          cell(at(summary, "/success_share"), "%.4f"),
-          cell(at(summary, "/collisions_true")),
-          cell(at(summary, "/min_true_clearance_m"), "%.3f m"),
-          cell(at(summary, "/replans")),
-          cell(at(summary, "/solve_ms/p50"), "%.2f ms"),
-          cell(at(summary, "/stamp_to_trajectory_ms/p95"), "%.1f ms"),
-          cell(at(summary, "/provenance/git_hash"))};
-}
-
-Row study_row(const fs::path& run, const Json& summary, const Json& robot, const char* field) {
-  const Json outcome = at(robot, (std::string("/") + field).c_str());
-  return {run_name(run),
-          cell(at(summary, "/configuration")),
-          cell(at(robot, "/name")),
-          field,
-          cell(at(robot, "/problems")),
-          cell(at(robot, "/solvable")),
-          cell(at(outcome, "/failure_percent"), "%.3f %%"),
-          cell(at(outcome, "/iterations/mean"), "%.2f"),
-          cell(at(outcome, "/valid_cost/mean"), "%.4g"),
-          cell(at(outcome, "/solve_ms/p50"), "%.3f ms"),
-          cell(at(outcome, "/solve_ms/p95"), "%.3f ms"),
-          cell(at(summary, "/provenance/git_hash"))};
+/// What a run adds to a comparison.
+void add_rows(const Comparison& comparison, const std::string& run, const Json& summary,
+              std::vector<Row>& rows) {
+  for (const Json& item : comparison.items(summary)) {
+    Json shown = summary;
+    shown.update(item);
+    Row row = cells_of(shown, comparison.columns);
+    row.insert(row.begin(), {run, cell(at(summary, "/configuration"))});
+    row.push_back(cell(at(summary, "/provenance/git_hash")));
+    rows.push_back(std::move(row));
+  }
 }
 
 }  // namespace
@@ -296,63 +299,27 @@ Result<void> write_report(const fs::path& run) {
 }
 
 Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html) {
-  const Row plan_header = {"run",   "configuration", "plan",      "result", "clearance", "duration",
-                           "solve", "iterations",    "frame p50", "frames", "commit"};
-  const Row system_header = {"run",        "configuration", "system",    "field",
-                             "voxel",      "frame p50",     "frame p95", "max error",
-                             "mean error", "memory",        "frames",    "commit"};
-  const Row solver_header = {"run",        "configuration", "optimiser",     "problems",
-                             "rules",      "field",         "iteration p50", "solve p50",
-                             "iterations", "within 1 %",    "free",          "commit"};
-  const Row loop_header = {
-      "run",        "configuration", "clock",   "optimiser", "episodes",          "success",
-      "collisions", "clearance",     "replans", "solve p50", "stamp to plan p95", "commit"};
-  std::vector<Row> plan_rows, system_rows, solver_rows, study_rows, replan_rows, loop_rows;
-  const Row study_header = {"run",      "configuration", "robot",     "field",
-                            "problems", "solvable",      "failures",  "iterations",
-                            "cost",     "solve p50",     "solve p95", "commit"};
-  const Row replan_header = {
-      "run",       "configuration", "problems",   "rules",      "field", "other", "way",
-      "solve p50", "of afresh's",   "iterations", "within 1 %", "free",  "commit"};
+  std::vector<Json> summaries;
   for (const fs::path& run : runs) {
-    const auto summary = read_summary(run);
-    if (!summary) return tl::make_unexpected(summary.error());
-    const Json systems = at(*summary, "/systems");
-    for (const Json& system : systems) system_rows.push_back(system_row(run, *summary, system));
-    const bool is_planner = at(*summary, "/experiment") == Json("planner_benchmark");
-    if (is_planner) {
-      const Json solvers = at(*summary, "/runs");
-      for (const Json& solver : solvers) solver_rows.push_back(solver_row(run, *summary, solver));
-    }
-    const Json robots = at(*summary, "/robots");
-    for (const Json& robot : robots) {
-      for (const char* field : {"unsigned", "signed"}) {
-        study_rows.push_back(study_row(run, *summary, robot, field));
-      }
-    }
-    const bool is_replanning = at(*summary, "/experiment") == Json("replanning");
-    if (is_replanning) {
-      const Json rows = at(*summary, "/rows");
-      for (const Json& row : rows) replan_rows.push_back(replan_row(run, *summary, row));
-    }
-    const bool is_loop = at(*summary, "/experiment") == Json("replan");
-    if (is_loop) loop_rows.push_back(loop_row(run, *summary));
-    if (is_loop || systems.is_array() || is_planner || is_replanning || robots.is_array()) continue;
-    const Json plans = at(*summary, "/plans");
-    for (const Json& plan : plans) plan_rows.push_back(plan_row(run, *summary, plan));
-    if (!plans.is_array() || plans.empty())
-      plan_rows.push_back(plan_row(run, *summary, Json::object()));
+    auto summary = read_summary(run);
+    if (!summary) return tl::make_unexpected(std::move(summary.error()));
+    summaries.push_back(std::move(*summary));
   }
   std::string text, body;
-  for (const auto& [header, rows] :
-       {std::pair(&plan_header, &plan_rows), std::pair(&system_header, &system_rows),
-        std::pair(&solver_header, &solver_rows), std::pair(&study_header, &study_rows),
-        std::pair(&replan_header, &replan_rows), std::pair(&loop_header, &loop_rows)}) {
-    if (rows->empty()) continue;
-    TextTable table(*header);
-    for (const Row& row : *rows) table.add(row);
+  for (const Comparison& comparison : kComparisons) {
+    std::vector<Row> rows;
+    for (std::size_t r = 0; r < runs.size(); ++r) {
+      if (at(summaries[r], "/experiment") != Json(comparison.experiment)) continue;
+      add_rows(comparison, run_name(runs[r]), summaries[r], rows);
+    }
+    if (rows.empty()) continue;
+    Row header = names_of(comparison.columns);
+    header.insert(header.begin(), {"run", "configuration"});
+    header.push_back("commit");
+    TextTable table(header);
+    for (const Row& row : rows) table.add(row);
     text += (text.empty() ? "" : "\n") + table.text();
-    body += html_table(*header, *rows);
+    body += html_table(header, rows);
   }
   if (!html.empty()) {
     const std::string page = html_page("Sidestep: comparison", "<h1>Runs compared</h1>\n" + body);

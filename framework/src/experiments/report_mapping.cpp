@@ -6,13 +6,15 @@
 namespace sidestep::report {
 namespace {
 
-std::string sign_text(const Json& system) {
-  return at(system, "/signed") == Json(true) ? "signed" : "unsigned";
-}
-
 /// Name, field, resolution: what every table begins with.
-Row head_of(const Json& system) {
-  return {cell(at(system, "/name")), sign_text(system), cell(at(system, "/resolution_m"), "%g m")};
+const Columns kHead = {{"system", "/name"},
+                       {"field", "/signed", "signed|unsigned"},
+                       {"voxel", "/resolution_m", "%g m"}};
+
+Columns with_head(const Columns& columns) {
+  Columns all = kHead;
+  all.insert(all.end(), columns.begin(), columns.end());
+  return all;
 }
 
 void append(Row& row, Row more) {
@@ -22,7 +24,7 @@ void append(Row& row, Row more) {
 std::string times_section(const Json& summary) {
   std::vector<Row> rows;
   for (const Json& s : at(summary, "/systems")) {
-    Row row = head_of(s);
+    Row row = cells_of(s, kHead);
     append(row,
            {cell(at(s, "/frames")),
             cell(at(s, "/frame_ms/mean"), "%.2f") + " ± " + cell(at(s, "/frame_ms/sd"), "%.2f"),
@@ -46,67 +48,48 @@ std::string times_section(const Json& summary) {
 }
 
 std::string accuracy_section(const Json& summary) {
-  std::vector<Row> rows;
-  for (const Json& s : at(summary, "/systems")) {
-    Row row = head_of(s);
-    append(row, {cell(at(s, "/max_error_m"), "%.4f m"), cell(at(s, "/mean_error_m"), "%.3g m"),
-                 cell(at(s, "/differing_vox"), "%.0f"), cell(at(s, "/compared_vox"), "%.0f"),
-                 cell(at(s, "/memory_mib"), "%.0f MiB")});
-    rows.push_back(std::move(row));
-  }
   return "<h2>Fields against the exact transform of their own maps; memory</h2>\n" +
-         html_table({"system", "field", "voxel", "max error", "mean error", "voxels that differ",
-                     "voxels compared", "memory"},
-                    rows);
+         html_table(with_head({{"max error", "/max_error_m", "%.4f m"},
+                               {"mean error", "/mean_error_m", "%.3g m"},
+                               {"voxels that differ", "/differing_vox", "%.0f"},
+                               {"voxels compared", "/compared_vox", "%.0f"},
+                               {"memory", "/memory_mib", "%.0f MiB"}}),
+                    at(summary, "/systems"));
 }
 
 std::string truth_section(const Json& summary) {
-  std::vector<Row> rows;
-  for (const Json& s : at(summary, "/systems")) {
-    if (!at(s, "/truth").is_object()) continue;
-    Row row = head_of(s);
-    append(
-        row,
-        {cell(at(s, "/truth/collision_recall"), "%.4f"), cell(at(s, "/truth/occupied_vox"), "%.0f"),
-         cell(at(s, "/truth/false_obstacle_vox"), "%.0f"),
-         cell(at(s, "/truth/appear_frames/max"), "%.0f"),
-         cell(at(s, "/truth/gone_frames/p95"), "%.0f"),
-         cell(at(s, "/truth/gone_frames/max"), "%.0f"), cell(at(s, "/truth/ghost_vox"), "%.0f"),
-         cell(at(s, "/truth/ghost_seen_vox"), "%.0f")});
-    rows.push_back(std::move(row));
-  }
-  if (rows.empty()) return "";
+  const Json with_truth = those_with("/truth", at(summary, "/systems"));
+  if (with_truth.empty()) return "";
   return "<h2>Maps against the true scene</h2>\n" +
-         html_table({"system", "field", "voxel", "collision recall", "occupied", "false obstacles",
-                     "frames until it appears, max", "frames until it is gone, p95", "max",
-                     "ghost voxels", "of them seen through"},
-                    rows);
+         html_table(with_head({{"collision recall", "/truth/collision_recall", "%.4f"},
+                               {"occupied", "/truth/occupied_vox", "%.0f"},
+                               {"false obstacles", "/truth/false_obstacle_vox", "%.0f"},
+                               {"frames until it appears, max", "/truth/appear_frames/max", "%.0f"},
+                               {"frames until it is gone, p95", "/truth/gone_frames/p95", "%.0f"},
+                               {"max", "/truth/gone_frames/max", "%.0f"},
+                               {"ghost voxels", "/truth/ghost_vox", "%.0f"},
+                               {"of them seen through", "/truth/ghost_seen_vox", "%.0f"}}),
+                    with_truth);
 }
 
 std::string real_time_section(const Json& summary) {
-  std::vector<Row> rows;
-  for (const Json& s : at(summary, "/systems")) {
-    if (!at(s, "/real_time").is_object()) continue;
-    Row row = head_of(s);
-    append(row, {cell(at(s, "/real_time/frames")), cell(at(s, "/real_time/dropped")),
-                 cell(at(s, "/real_time/dropped_share"), "%.3f"),
-                 cell(at(s, "/real_time/rate_hz"), "%.1f Hz"),
-                 cell(at(s, "/real_time/latency_ms/p50"), "%.1f ms"),
-                 cell(at(s, "/real_time/latency_ms/p95"), "%.1f ms"),
-                 cell(at(s, "/real_time/latency_ms/max"), "%.1f ms")});
-    rows.push_back(std::move(row));
-  }
-  if (rows.empty()) return "";
+  const Json in_real_time = those_with("/real_time", at(summary, "/systems"));
+  if (in_real_time.empty()) return "";
   return "<h2>In real time, late frames dropped</h2>\n" +
-         html_table({"system", "field", "voxel", "mapped", "dropped", "share", "rate",
-                     "latency p50", "p95", "max"},
-                    rows);
+         html_table(with_head({{"mapped", "/real_time/frames"},
+                               {"dropped", "/real_time/dropped"},
+                               {"share", "/real_time/dropped_share", "%.3f"},
+                               {"rate", "/real_time/rate_hz", "%.1f Hz"},
+                               {"latency p50", "/real_time/latency_ms/p50", "%.1f ms"},
+                               {"p95", "/real_time/latency_ms/p95", "%.1f ms"},
+                               {"max", "/real_time/latency_ms/max", "%.1f ms"}}),
+                    in_real_time);
 }
 
 std::string quarters_section(const Json& summary) {
   std::vector<Row> rows;
   for (const Json& s : at(summary, "/systems")) {
-    Row times = head_of(s), memory = head_of(s);
+    Row times = cells_of(s, kHead), memory = cells_of(s, kHead);
     append(times, {"frame p50"});
     append(memory, {"memory"});
     for (const Json& quarter : at(s, "/quarters")) {
@@ -126,10 +109,9 @@ std::string errors_section(const Json& summary) {
     for (const char* key : {"/error", "/unmet"}) {
       const std::string text = cell(at(s, key));
       if (text.empty() || text == "-") continue;
+      const Row head = cells_of(s, kHead);
       html += "<p class=\"verdict failure\">" +
-              escape_html(cell(at(s, "/name")) + ", " + sign_text(s) + ", " +
-                          cell(at(s, "/resolution_m"), "%g m") + ": " + text) +
-              "</p>\n";
+              escape_html(head[0] + ", " + head[1] + ", " + head[2] + ": " + text) + "</p>\n";
     }
   }
   return html;

@@ -1,5 +1,8 @@
 #include "report_parts.hpp"
 
+#include <cmath>
+#include <string_view>
+
 #include "html.hpp"
 #include "text_table.hpp"
 
@@ -13,10 +16,51 @@ Json at(const Json& json, const char* pointer) {
 }
 
 std::string cell(const Json& value, const char* pattern) {
-  if (value.is_boolean()) return value.get<bool>() ? "yes" : "no";
-  if (value.is_number()) return format(pattern, value.get<double>());
+  if (value.is_boolean()) {
+    const std::string_view words(pattern);
+    const std::size_t bar = words.find('|');
+    if (bar == std::string_view::npos) return value.get<bool>() ? "yes" : "no";
+    return std::string(value.get<bool>() ? words.substr(0, bar) : words.substr(bar + 1));
+  }
+  if (value.is_number()) {
+    const double number = value.get<double>();
+    return std::isfinite(number) ? format(pattern, number) : "-";
+  }
   if (value.is_string()) return value.get<std::string>();
   return "-";
+}
+
+Row names_of(const Columns& columns) {
+  Row row;
+  for (const Column& column : columns) row.push_back(column.name);
+  return row;
+}
+
+Row cells_of(const Json& json, const Columns& columns) {
+  Row row;
+  for (const Column& column : columns)
+    row.push_back(cell(at(json, column.pointer), column.pattern));
+  return row;
+}
+
+Json those_with(const char* pointer, const Json& elements) {
+  Json those = Json::array();
+  for (const Json& element : elements) {
+    if (at(element, pointer).is_object()) those.push_back(element);
+  }
+  return those;
+}
+
+std::string text_table(const Columns& columns, const Json& rows) {
+  TextTable table(names_of(columns));
+  for (const Json& row : rows) table.add(cells_of(row, columns));
+  return table.text();
+}
+
+std::string html_table(const Columns& columns, const Json& rows) {
+  std::vector<Row> cells;
+  for (const Json& row : rows) cells.push_back(cells_of(row, columns));
+  return html_table(names_of(columns), cells);
 }
 
 std::string html_table(const Row& header, const std::vector<Row>& rows) {

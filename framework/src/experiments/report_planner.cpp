@@ -30,24 +30,24 @@ std::string times_section(const Json& runs) {
 }
 
 std::string results_section(const Json& summary) {
-  std::vector<Row> rows;
-  for (const Json& r : at(summary, "/runs")) {
-    rows.push_back(
-        {cell(at(r, "/label")), cell(at(r, "/field")), cell(at(r, "/solved")),
-         cell(at(r, "/cost/share_within_1pct"), "%.4f"), cell(at(r, "/cost/mean"), "%.6g"),
-         cell(at(r, "/cost/peer_mean"), "%.6g"), cell(at(r, "/cost/median"), "%.6g"),
-         cell(at(r, "/cost/peer_median"), "%.6g"), cell(at(r, "/collision_free/share"), "%.4f"),
-         cell(at(r, "/collision_free/peer_share"), "%.4f"), cell(at(r, "/free_ends/problems")),
-         cell(at(r, "/free_ends/share"), "%.4f"), cell(at(r, "/free_ends/peer_share"), "%.4f"),
-         cell(at(r, "/free_at_checks/share"), "%.4f"),
-         cell(at(r, "/free_at_checks/peer_share"), "%.4f")});
-  }
   std::string html =
       "<h2>Costs and collisions</h2>\n" +
-      html_table({"run", "field", "solved", "within 1 % or below", "mean", "peer's", "median",
-                  "peer's", "collision-free", "peer's", "start and goal free",
-                  "of them collision-free", "peer's", "free at the checked states", "peer's"},
-                 rows);
+      html_table(Columns{{"run", "/label"},
+                         {"field", "/field"},
+                         {"solved", "/solved"},
+                         {"within 1 % or below", "/cost/share_within_1pct", "%.4f"},
+                         {"mean", "/cost/mean", "%.6g"},
+                         {"peer's", "/cost/peer_mean", "%.6g"},
+                         {"median", "/cost/median", "%.6g"},
+                         {"peer's", "/cost/peer_median", "%.6g"},
+                         {"collision-free", "/collision_free/share", "%.4f"},
+                         {"peer's", "/collision_free/peer_share", "%.4f"},
+                         {"start and goal free", "/free_ends/problems"},
+                         {"of them collision-free", "/free_ends/share", "%.4f"},
+                         {"peer's", "/free_ends/peer_share", "%.4f"},
+                         {"free at the checked states", "/free_at_checks/share", "%.4f"},
+                         {"peer's", "/free_at_checks/peer_share", "%.4f"}},
+                 at(summary, "/runs"));
   if (at(summary, "/costs_comparable") == Json(false)) {
     html += "<p>The peer's state is a Lie group here: its costs are no measure of ours.</p>\n";
   }

@@ -6,21 +6,6 @@
 namespace sidestep::report {
 
 std::string replanning_body(const Json& summary) {
-  std::vector<Row> rows;
-  const Json all = at(summary, "/rows");
-  for (const Json& r : all) {
-    rows.push_back({cell(at(r, "/label")), cell(at(r, "/field")), cell(at(r, "/change")),
-                    cell(at(r, "/way")), cell(at(r, "/problems")),
-                    cell(at(r, "/solve_ms/p50"), "%.4f"), cell(at(r, "/solve_ms/p95"), "%.4f"),
-                    cell(at(r, "/solve_ms/mean"), "%.4f"), cell(at(r, "/time_ratio/p50"), "%.3f"),
-                    cell(at(r, "/time_ratio/p95"), "%.3f"),
-                    cell(at(r, "/time_ratio/of_means"), "%.3f"),
-                    cell(at(r, "/iterations/mean"), "%.2f"), cell(at(r, "/cost_ratio/p05"), "%.4f"),
-                    cell(at(r, "/cost_ratio/p50"), "%.4f"), cell(at(r, "/cost_ratio/p95"), "%.4f"),
-                    cell(at(r, "/cost_ratio/share_within_1pct"), "%.4f"),
-                    cell(at(r, "/collision_free/share"), "%.4f"),
-                    cell(at(r, "/free_ends/problems")), cell(at(r, "/free_ends/share"), "%.4f")});
-  }
   std::string html = "<p>" + escape_html(cell(at(summary, "/optimiser"))) + " on the problems of " +
                      escape_html(cell(at(summary, "/problems_file"))) + ", robot " +
                      escape_html(cell(at(summary, "/robot"))) +
@@ -28,11 +13,26 @@ std::string replanning_body(const Json& summary) {
                      ", or each box by " + cell(at(summary, "/obstacle_sd_m")) +
                      " m along each axis (standard deviations).</p>\n";
   html += "<h2>Replanning</h2>\n";
-  html += html_table(
-      {"run", "field", "change", "way", "problems", "solve p50, ms", "p95", "mean",
-       "of afresh's p50", "p95", "of means", "iterations", "cost of afresh's p05", "p50", "p95",
-       "within 1 % or below", "collision-free", "start and goal free", "of them collision-free"},
-      rows);
+  html += html_table(Columns{{"run", "/label"},
+                             {"field", "/field"},
+                             {"change", "/change"},
+                             {"way", "/way"},
+                             {"problems", "/problems"},
+                             {"solve p50, ms", "/solve_ms/p50", "%.4f"},
+                             {"p95", "/solve_ms/p95", "%.4f"},
+                             {"mean", "/solve_ms/mean", "%.4f"},
+                             {"of afresh's p50", "/time_ratio/p50", "%.3f"},
+                             {"p95", "/time_ratio/p95", "%.3f"},
+                             {"of means", "/time_ratio/of_means", "%.3f"},
+                             {"iterations", "/iterations/mean", "%.2f"},
+                             {"cost of afresh's p05", "/cost_ratio/p05", "%.4f"},
+                             {"p50", "/cost_ratio/p50", "%.4f"},
+                             {"p95", "/cost_ratio/p95", "%.4f"},
+                             {"within 1 % or below", "/cost_ratio/share_within_1pct", "%.4f"},
+                             {"collision-free", "/collision_free/share", "%.4f"},
+                             {"start and goal free", "/free_ends/problems"},
+                             {"of them collision-free", "/free_ends/share", "%.4f"}},
+                     at(summary, "/rows"));
   return html +
          "<p>Afresh: from a straight line. Warm: from the trajectory before the change. "
          "Incremental: by the optimiser that found it. Ratios are to afresh, problem by problem, "

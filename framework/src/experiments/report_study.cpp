@@ -59,21 +59,20 @@ std::string outcomes_section(const Json& summary) {
 }
 
 std::string counts_section(const Json& summary) {
-  std::vector<Row> rows;
-  for (const Json& r : at(summary, "/robots")) {
-    rows.push_back({cell(at(r, "/name")), cell(at(r, "/dof")), cell(at(r, "/spheres")),
-                    cell(at(r, "/resolution_m"), "%g m"), cell(at(r, "/boxes_per_scene")),
-                    cell(at(r, "/problems"), "%.0f"),
-                    cell(at(r, "/start_or_goal_in_collision"), "%.0f"),
-                    cell(at(r, "/solvable"), "%.0f"), cell(at(r, "/solved_by_both"), "%.0f"),
-                    cell(at(r, "/only_unsigned"), "%.0f"), cell(at(r, "/only_signed"), "%.0f"),
-                    cell(at(r, "/neither"), "%.0f")});
-  }
   return "<h2>Problems</h2>\n" +
-         html_table(
-             {"robot", "joints", "spheres", "voxel", "boxes", "problems", "start or goal collides",
-              "solvable", "solved by both", "only unsigned", "only signed", "neither"},
-             rows);
+         html_table(Columns{{"robot", "/name"},
+                            {"joints", "/dof"},
+                            {"spheres", "/spheres"},
+                            {"voxel", "/resolution_m", "%g m"},
+                            {"boxes", "/boxes_per_scene"},
+                            {"problems", "/problems", "%.0f"},
+                            {"start or goal collides", "/start_or_goal_in_collision", "%.0f"},
+                            {"solvable", "/solvable", "%.0f"},
+                            {"solved by both", "/solved_by_both", "%.0f"},
+                            {"only unsigned", "/only_unsigned", "%.0f"},
+                            {"only signed", "/only_signed", "%.0f"},
+                            {"neither", "/neither", "%.0f"}},
+                    at(summary, "/robots"));
 }
 
 std::string times_section(const Json& summary) {

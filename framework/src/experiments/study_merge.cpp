@@ -6,6 +6,7 @@
 #include <sidestep/experiments/report.hpp>
 
 #include "html.hpp"
+#include "save_outcome.hpp"
 #include "study_rows.hpp"
 #include "study_summary.hpp"
 
@@ -122,12 +123,11 @@ Result<ExperimentOutcome> merge_shards(const std::vector<fs::path>& runs, const 
   }
   auto outcome = conclude_study(out, false, std::nullopt);
   if (!outcome) return outcome;
-  auto written = write_file(out / "summary.json", outcome->summary_json);
-  if (const auto configuration = read_file(runs.front() / "effective_config.yaml");
-      written && configuration) {
+  Result<void> written;
+  if (const auto configuration = read_file(runs.front() / "effective_config.yaml")) {
     written = write_file(out / "effective_config.yaml", *configuration);
   }
-  if (written) written = write_report(out);
+  if (written) written = save_outcome(*outcome, out);
   if (!written) return tl::make_unexpected(std::move(written.error()));
   return outcome;
 }

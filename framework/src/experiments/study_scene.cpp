@@ -64,36 +64,6 @@ BoxDistance distance_to(const StudyBox& box, const Eigen::Vector3d& p) {
   return result;
 }
 
-class ObstaclesOnly final : public RobotModel {
- public:
-  explicit ObstaclesOnly(std::shared_ptr<const RobotModel> robot)
-      : robot_(std::move(robot)), description_(robot_->description()) {
-    description_.self_collision_pairs.clear();
-  }
-
-  const RobotDescription& description() const noexcept override { return description_; }
-  void link_poses(std::span<const double> q, std::span<Transform> T_world_link,
-                  Scratch& scratch) const override {
-    robot_->link_poses(q, T_world_link, scratch);
-  }
-  void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
-                      Scratch& scratch) const override {
-    robot_->sphere_centres(q, centres_m, scratch);
-  }
-  void sphere_jacobians(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
-                        std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const override {
-    robot_->sphere_jacobians(q, centres_m, jacobians, scratch);
-  }
-  void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
-                 std::span<double> joint_forces, Scratch& scratch) const override {
-    robot_->pull_back(q, forces, joint_forces, scratch);
-  }
-
- private:
-  std::shared_ptr<const RobotModel> robot_;
-  RobotDescription description_;
-};
-
 }  // namespace
 
 std::vector<StudyBox> draw_boxes(const StudyRobotEntry& robot, int boxes, int scene,
@@ -176,10 +146,6 @@ void BoxField::query(std::span<const Eigen::Vector3d> points_m, std::span<double
     distances_m[i] = nearest.distance_m;
     if (!gradients.empty()) gradients[i] = nearest.gradient;
   }
-}
-
-std::shared_ptr<const RobotModel> obstacles_only(std::shared_ptr<const RobotModel> robot) {
-  return std::make_shared<const ObstaclesOnly>(std::move(robot));
 }
 
 BoxMap::BoxMap(const GridSpec& grid) : grid_(grid), words_per_row_((grid.size_vox.x() + 63) / 64) {

@@ -47,10 +47,6 @@ class BoxField final : public DistanceField {
   std::vector<StudyBox> boxes_;
 };
 
-/// A robot that knows neither limits nor itself: its check is one for obstacles alone.
-[[nodiscard]] std::shared_ptr<const RobotModel> obstacles_only(
-    std::shared_ptr<const RobotModel> robot);
-
 /// The map of a scene: a voxel is occupied where its cube and a box overlap, as it is in a map of
 /// a scene whose surfaces were all seen and whose insides are full.
 class BoxMap final : public Mapper, public OccupancyView {

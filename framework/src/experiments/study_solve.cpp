@@ -1,19 +1,9 @@
 #include "study_solve.hpp"
 
-#include <algorithm>
-
 #include <sidestep/runtime/guarded.hpp>
 
 namespace sidestep {
 namespace {
-
-/// Self-collisions and limits are no part of the comparison: obstacles are.
-bool hits_obstacle(const Verdict& verdict) {
-  return std::ranges::any_of(verdict.violations, [](const Violation& violation) {
-    return violation.kind == Violation::Kind::kCollision ||
-           violation.kind == Violation::Kind::kUnproven;
-  });
-}
 
 Error cancelled() {
   return Error{ErrorCode::kCancelled, "the study was interrupted", {}, {}, nullptr};
@@ -81,7 +71,7 @@ Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t 
   outcome.check_ms = watch.elapsed_ms();
   if (!verdict && deadline.expired()) return tl::make_unexpected(cancelled());
   if (!verdict) return tl::make_unexpected(verdict.error());
-  outcome.collision_free = !hits_obstacle(*verdict);
+  outcome.collision_free = verdict->valid();
   outcome.clearance_m = verdict->min_clearance_m;
   return outcome;
 }

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "csv.hpp"
-#include "html.hpp"
 #include "json.hpp"
+#include "report_parts.hpp"
 #include "study_comparison.hpp"
 #include "text_table.hpp"
 
@@ -123,11 +123,8 @@ Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& com
           {"field_s", field_s}};
 }
 
-std::string number(const Json& json, const char* pointer, const char* pattern) {
-  const Json::json_pointer where(pointer);
-  if (!json.contains(where) || !json.at(where).is_number()) return "-";
-  const double value = json.at(where).get<double>();
-  return std::isfinite(value) ? format(pattern, value) : "-";
+std::string number(const Json& json, const std::string& pointer, const char* pattern) {
+  return report::cell(report::at(json, pointer.c_str()), pattern);
 }
 
 /// One quantity of the paper's table: where it stands, and how it is written.
@@ -140,26 +137,25 @@ struct Quantity {
 
 std::string published_cell(const Json& robot, const char* kind, const Quantity& what) {
   const std::string at = std::string("/published/") + kind + "/" + what.key;
-  if (!what.is_mean) return number(robot, at.c_str(), "%g");
-  const std::string mean = number(robot, (at + "/mean").c_str(), "%g");
-  return mean == "-" ? mean : mean + " ± " + number(robot, (at + "/sd").c_str(), "%g");
+  if (!what.is_mean) return number(robot, at, "%g");
+  const std::string mean = number(robot, at + "/mean", "%g");
+  return mean == "-" ? mean : mean + " ± " + number(robot, at + "/sd", "%g");
 }
 
 std::string interval_cell(const Json& json, const std::string& at, const char* pattern) {
-  const std::string lower = number(json, (at + "/0").c_str(), pattern);
+  const std::string lower = number(json, at + "/0", pattern);
   if (lower == "-") return "";
-  return " [" + lower + ", " + number(json, (at + "/1").c_str(), pattern) + "]";
+  return " [" + lower + ", " + number(json, at + "/1", pattern) + "]";
 }
 
 std::string own_cell(const Json& robot, const std::string& at, const Quantity& what, bool with_sd) {
   const std::string base = "/" + at + "/" + what.key;
   if (!what.is_mean) {
-    return number(robot, base.c_str(), what.pattern) +
-           interval_cell(robot, base + "_ci", what.pattern);
+    return number(robot, base, what.pattern) + interval_cell(robot, base + "_ci", what.pattern);
   }
-  std::string text = number(robot, (base + "/mean").c_str(), what.pattern);
+  std::string text = number(robot, base + "/mean", what.pattern);
   if (text == "-") return text;
-  if (with_sd) text += " ± " + number(robot, (base + "/sd").c_str(), what.pattern);
+  if (with_sd) text += " ± " + number(robot, base + "/sd", what.pattern);
   return text + interval_cell(robot, base + "/ci", what.pattern);
 }
 
@@ -179,17 +175,57 @@ std::string table_text(const Json& robots, const std::string& published_as, doub
     }
   }
   std::string text = table.text();
-  TextTable counts({"robot", "problems", "start or goal collides", "solvable", "only USDF",
-                    "only SDF", "neither", "solve p50", "p95"});
+  const report::Columns counts = {{"robot", "/name"},
+                                  {"problems", "/problems", "%.0f"},
+                                  {"start or goal collides", "/start_or_goal_in_collision", "%.0f"},
+                                  {"solvable", "/solvable", "%.0f"},
+                                  {"only USDF", "/only_unsigned", "%.0f"},
+                                  {"only SDF", "/only_signed", "%.0f"},
+                                  {"neither", "/neither", "%.0f"},
+                                  {"solve p50", "/signed/solve_ms/p50", "%.3f ms"},
+                                  {"p95", "/signed/solve_ms/p95", "%.3f ms"}};
+  return text + "\n" + report::text_table(counts, robots);
+}
+
+/// One line for each robot and field.
+std::string table_csv(const Json& robots) {
+  constexpr std::array kColumns = {"/robot",
+                                   "/field",
+                                   "/dof",
+                                   "/boxes_per_scene",
+                                   "/resolution_m",
+                                   "/problems",
+                                   "/start_or_goal_in_collision",
+                                   "/solvable",
+                                   "/collision_free",
+                                   "/failures",
+                                   "/failure_percent",
+                                   "/failure_percent_ci/0",
+                                   "/failure_percent_ci/1",
+                                   "/iterations/mean",
+                                   "/iterations/sd",
+                                   "/iterations/ci/0",
+                                   "/iterations/ci/1",
+                                   "/valid_cost/count",
+                                   "/valid_cost/mean",
+                                   "/valid_cost/sd",
+                                   "/valid_cost/p50",
+                                   "/valid_cost/ci/0",
+                                   "/valid_cost/ci/1",
+                                   "/solve_ms/mean",
+                                   "/solve_ms/p50",
+                                   "/solve_ms/p95"};
+  Json rows = Json::array();
   for (const Json& robot : robots) {
-    counts.add({robot.at("name").get<std::string>(), number(robot, "/problems", "%.0f"),
-                number(robot, "/start_or_goal_in_collision", "%.0f"),
-                number(robot, "/solvable", "%.0f"), number(robot, "/only_unsigned", "%.0f"),
-                number(robot, "/only_signed", "%.0f"), number(robot, "/neither", "%.0f"),
-                number(robot, "/signed/solve_ms/p50", "%.3f ms"),
-                number(robot, "/signed/solve_ms/p95", "%.3f ms")});
+    for (const char* kind : kFieldNames) {
+      Json row = robot;
+      row.update(robot.at(kind));
+      row["robot"] = robot.at("name");
+      row["field"] = kind;
+      rows.push_back(std::move(row));
+    }
   }
-  return text + "\n" + counts.text();
+  return csv_text(rows, kColumns);
 }
 
 std::string verdict_text(const StudyRecord& study, const Json& robots, bool interrupted,
@@ -232,69 +268,26 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
   outcome.success = complete && !fault;
   outcome.verdict = verdict_text(study, robots, outcome.interrupted, fault);
   outcome.table = table_text(robots, study.published_as, study.confidence);
+  outcome.table_csv = table_csv(robots);
   const Json shard = study.shard.is_whole()
                          ? Json(nullptr)
                          : Json{{"index", study.shard.index + 1}, {"count", study.shard.count}};
-  const Json summary = {{"configuration", study.provenance.configuration},
-                        {"experiment", "field_study"},
-                        {"success", outcome.success},
-                        {"interrupted", outcome.interrupted},
-                        {"verdict", outcome.verdict},
-                        {"fault", fault ? Json(fault->describe()) : Json(nullptr)},
-                        {"complete", complete},
-                        {"shard", shard},
-                        {"confidence", study.confidence},
-                        {"published_as", study.published_as},
-                        {"robots", robots},
-                        {"time", time_json(study, comparisons)},
-                        {"provenance", provenance_json(study.provenance)}};
-  outcome.summary_json = json_text(summary);
+  outcome.summary_json = summary_text(study.provenance, "field_study", outcome,
+                                      {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
+                                       {"complete", complete},
+                                       {"shard", shard},
+                                       {"confidence", study.confidence},
+                                       {"published_as", study.published_as},
+                                       {"robots", robots},
+                                       {"time", time_json(study, comparisons)}});
   return outcome;
-}
-
-std::string study_csv(const std::string& summary_json) {
-  constexpr std::array kOfRobot = {"/name",         "/dof",      "/boxes_per_scene",
-                                   "/resolution_m", "/problems", "/start_or_goal_in_collision",
-                                   "/solvable"};
-  constexpr std::array kOfField = {
-      "/collision_free",       "/failures",         "/failure_percent", "/failure_percent_ci/0",
-      "/failure_percent_ci/1", "/iterations/mean",  "/iterations/sd",   "/iterations/ci/0",
-      "/iterations/ci/1",      "/valid_cost/count", "/valid_cost/mean", "/valid_cost/sd",
-      "/valid_cost/p50",       "/valid_cost/ci/0",  "/valid_cost/ci/1", "/solve_ms/mean",
-      "/solve_ms/p50",         "/solve_ms/p95"};
-  const auto name_of = [](std::string pointer) {
-    std::ranges::replace(pointer, '/', '.');
-    return pointer.substr(1);
-  };
-  std::string text = "robot,field";
-  for (std::size_t c = 1; c < kOfRobot.size(); ++c) text += "," + name_of(kOfRobot[c]);
-  for (const char* column : kOfField) text += "," + name_of(column);
-  text += "\n";
-  const auto value = [](const Json& json, const char* pointer) {
-    const Json::json_pointer where(pointer);
-    return csv_cell(json.contains(where) ? json.at(where) : Json());
-  };
-  const Json summary = Json::parse(summary_json, nullptr, false);
-  for (const Json& robot : summary.at("robots")) {
-    for (const char* kind : kFieldNames) {
-      text += value(robot, kOfRobot.front()) + "," + kind;
-      for (std::size_t c = 1; c < kOfRobot.size(); ++c) text += "," + value(robot, kOfRobot[c]);
-      for (const char* column : kOfField) text += "," + value(robot.at(kind), column);
-      text += "\n";
-    }
-  }
-  return text;
 }
 
 Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
                                          const std::optional<Error>& fault) {
   const auto study = read_study(run / "results.sqlite");
   if (!study) return tl::make_unexpected(study.error());
-  ExperimentOutcome outcome = summarise_study(*study, interrupted, fault);
-  if (auto written = write_file(run / "table.csv", study_csv(outcome.summary_json)); !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  return outcome;
+  return summarise_study(*study, interrupted, fault);
 }
 
 }  // namespace sidestep

@@ -80,11 +80,7 @@ class TaskReader {
 
  private:
   bool has_link(const Node& block) {
-    const Node& link = *block.find("link");
-    if (description_.link_index(link.text())) return true;
-    errors_.push_back(unknown_name("robot '" + description_.name + "' has no link", link.text(),
-                                   link.mark().to_string(), names_of(description_.links)));
-    return false;
+    return sidestep::has_link(description_, *block.find("link"), errors_);
   }
 
   void add(const Node& block, Placement placement, Result<std::unique_ptr<StateCost>> cost) {

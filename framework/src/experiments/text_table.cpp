@@ -1,7 +1,6 @@
 #include "text_table.hpp"
 
 #include <algorithm>
-#include <cstdio>
 
 namespace sidestep {
 namespace {
@@ -13,12 +12,6 @@ std::size_t width_of(const std::string& text) {
 }
 
 }  // namespace
-
-std::string format(const char* pattern, double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, pattern, value);
-  return text;
-}
 
 std::string TextTable::text() const {
   std::vector<std::size_t> widths(rows_.front().size(), 0);

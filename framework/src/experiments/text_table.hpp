@@ -3,10 +3,9 @@
 #include <string>
 #include <vector>
 
-namespace sidestep {
+#include <sidestep/core/format.hpp>
 
-/// One number in words, as printf does it: format("%.2f s", 1.5).
-[[nodiscard]] std::string format(const char* pattern, double value);
+namespace sidestep {
 
 /// A table in columns of equal width for a terminal; the first column is flush left, the
 /// others flush right.

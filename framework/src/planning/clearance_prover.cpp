@@ -83,7 +83,7 @@ ClearanceProver::WorkspacePtr ClearanceProver::make_workspace() const {
 
 ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
                                  std::shared_ptr<const DistanceField> field, SpacePolicy space,
-                                 double margin_m)
+                                 double margin_m, bool obstacles_only)
     : robot_(std::move(robot)),
       field_(std::move(field)),
       dense_(dynamic_cast<const DenseField*>(field_.get())),
@@ -92,7 +92,7 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
       bounds_(*robot_) {
   const RobotDescription& description = robot_->description();
   sphere_count_ = static_cast<int>(description.spheres.size());
-  pair_count_ = static_cast<int>(description.self_collision_pairs.size());
+  if (!obstacles_only) pair_count_ = static_cast<int>(description.self_collision_pairs.size());
   spheres_of_link_.resize(description.links.size());
   const FieldInfo& info = field_->info();
   for (int s = 0; s < sphere_count_; ++s) {

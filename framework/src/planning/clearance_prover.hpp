@@ -27,7 +27,7 @@ class Motion {
 };
 
 /// What the prover measures: items [0, spheres) are the robot's spheres against the field,
-/// the rest its self_collision_pairs.
+/// the rest, if not only obstacles are looked for, its self_collision_pairs.
 struct ClearanceReading {
   double clearance_m = 0.0;  ///< Distance minus radius under the space policy.
   double smooth_m = 0.0;     ///< The same without the policy: what the Lipschitz bound is about.
@@ -53,7 +53,8 @@ struct ClearanceReading {
 class ClearanceProver {
  public:
   ClearanceProver(std::shared_ptr<const RobotModel> robot,
-                  std::shared_ptr<const DistanceField> field, SpacePolicy space, double margin_m);
+                  std::shared_ptr<const DistanceField> field, SpacePolicy space, double margin_m,
+                  bool obstacles_only = false);
 
   /// Hears what the prover finds; returning false ends the proof.
   class Listener {

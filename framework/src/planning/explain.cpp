@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <map>
 #include <utility>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/trajectory/gp_prior.hpp>
 
 #include "hindrance_reading.hpp"
@@ -18,13 +18,6 @@ constexpr std::size_t kMost = 8;
 constexpr int kStretches = 2;         // of one term and link or joint
 constexpr double kFelt = 1e-16;       // cost of one state: less is rounding
 constexpr double kLeastShare = 1e-3;  // of the cost; what is broken is told whatever it costs
-
-template <class... Values>
-std::string text(const char* format, Values... values) {
-  char buffer[128];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 /// The states at which a term of the given placement is felt, in order of time.
 StateRows states_of(const Trajectory& trajectory, Placement placement, int checks) {
@@ -175,10 +168,10 @@ Result<void> check_robot(const Problem& problem, int dof) {
 }  // namespace
 
 std::string Hindrance::what() const {
-  const std::string size = text("%.3g", std::abs(amount)) + " " + unit;
+  const std::string size = format("%.3g", std::abs(amount)) + " " + unit;
   std::string where;
   if (obstacle_m) {
-    where = text(" at (%.2f, %.2f, %.2f) m", obstacle_m->x(), obstacle_m->y(), obstacle_m->z());
+    where = format(" at (%.2f, %.2f, %.2f) m", obstacle_m->x(), obstacle_m->y(), obstacle_m->z());
   }
   const bool clear = amount < 0.0;
   switch (kind) {
@@ -193,10 +186,10 @@ std::string Hindrance::what() const {
 }
 
 std::string Hindrance::describe() const {
-  std::string when = text(", at %.2f s", worst_s);
-  if (to_s > from_s) when += text(" (from %.2f to %.2f s", from_s, to_s);
-  if (to_s > from_s) when += text(", states %d to %d)", first_state, last_state);
-  const std::string percent = share < kLeastShare ? "under 0.1" : text("%.1f", 100.0 * share);
+  std::string when = format(", at %.2f s", worst_s);
+  if (to_s > from_s) when += format(" (from %.2f to %.2f s", from_s, to_s);
+  if (to_s > from_s) when += format(", states %d to %d)", first_state, last_state);
+  const std::string percent = share < kLeastShare ? "under 0.1" : format("%.1f", 100.0 * share);
   return what() + when + ": " + percent + " % of the cost, as " + term;
 }
 

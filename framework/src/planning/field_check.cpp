@@ -89,7 +89,7 @@ class FieldCheck final : public ValidityCheck {
   FieldCheck(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
              SpacePolicy space, FieldCheckSettings settings)
       : robot_(std::move(robot)),
-        prover_(robot_, std::move(field), space, settings.margin_m),
+        prover_(robot_, std::move(field), space, settings.margin_m, settings.obstacles_only),
         settings_(settings) {}
 
   [[nodiscard]] Result<Verdict> check(const Trajectory& trajectory, double from_s,
@@ -229,6 +229,7 @@ void FieldCheck::check_acceleration(std::size_t joint, double acceleration, doub
 
 void FieldCheck::check_limits(const CubicMotion& motion, double from_s, double to_s,
                               ViolationLedger& ledger) const {
+  if (settings_.obstacles_only) return;
   const double begin = from_s - motion.begin_s();
   const double end = to_s - motion.begin_s();
   const double piece_s = motion.duration_s();
@@ -252,6 +253,7 @@ void FieldCheck::check_limits(const CubicMotion& motion, double from_s, double t
 
 void FieldCheck::check_state_limits(const Trajectory& trajectory, int state,
                                     ViolationLedger& ledger) const {
+  if (settings_.obstacles_only) return;
   const double time_s = trajectory.times_s[static_cast<std::size_t>(state)];
   for (std::size_t j = 0; j < static_cast<std::size_t>(trajectory.dof); ++j) {
     check_position(j, trajectory.q(state)[j], time_s, ledger);

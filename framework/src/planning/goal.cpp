@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include <sidestep/core/format.hpp>
 
 #include "residual_groups.hpp"
 
 namespace sidestep {
 namespace {
-
-std::string number(double value) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.4g", value);
-  return buffer;
-}
 
 /// Of where the robot ends, not of how fast.
 bool decides_goal(const CostTerm& term) {
@@ -22,17 +17,6 @@ bool decides_goal(const CostTerm& term) {
 
 bool is_goal_prior(const CostTerm& term) {
   return term.cost && term.placement == Placement::kGoal && term.cost->name() == "goal";
-}
-
-std::string configuration_miss(const Problem& problem, std::span<const double> q) {
-  const RobotDescription& robot = problem.robot->description();
-  for (std::size_t j = 0; j < q.size(); ++j) {
-    const double off = std::abs(q[j] - problem.goal.q[static_cast<Eigen::Index>(j)]);
-    if (off <= kGoalTolerance) continue;
-    return "joint '" + robot.joints[j].name + "' " + number(off) +
-           (robot.joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") + " off";
-  }
-  return "";
 }
 
 std::string term_miss(const StateCost& cost, std::span<const double> q) {
@@ -46,7 +30,7 @@ std::string term_miss(const StateCost& cost, std::span<const double> q) {
     const double sigmas = group.length(residuals);
     if (sigmas <= kGoalToleranceSigmas) continue;  // what is not a number is a miss
     const ResidualName& name = group.names.front();
-    const std::string amount = " " + number(sigmas * name.sigma) + " " + name.unit + " off";
+    const std::string amount = " " + format("%.4g ", sigmas * name.sigma) + name.unit + " off";
     if (name.target.empty())
       return name.quantity + " of '" + std::string(cost.name()) + "'" + amount;
     return "the " + name.quantity + amount + " " + name.target;
@@ -56,6 +40,17 @@ std::string term_miss(const StateCost& cost, std::span<const double> q) {
 
 }  // namespace
 
+std::string configuration_miss(const RobotDescription& robot, std::span<const double> q,
+                               const Eigen::VectorXd& wanted) {
+  for (std::size_t j = 0; j < q.size(); ++j) {
+    const double off = std::abs(q[j] - wanted[static_cast<Eigen::Index>(j)]);
+    if (off <= kGoalTolerance) continue;
+    return "joint '" + robot.joints[j].name + "' " + format("%.4g ", off) + robot.joints[j].unit() +
+           " off";
+  }
+  return "";
+}
+
 bool is_goal_free(const Problem& problem) noexcept {
   const auto is_at_goal = [](const CostTerm& term) { return term.placement == Placement::kGoal; };
   return std::ranges::any_of(problem.terms, is_at_goal) &&
@@ -63,7 +58,9 @@ bool is_goal_free(const Problem& problem) noexcept {
 }
 
 std::string goal_miss(const Problem& problem, std::span<const double> q) {
-  if (!is_goal_free(problem)) return configuration_miss(problem, q);
+  if (!is_goal_free(problem)) {
+    return configuration_miss(problem.robot->description(), q, problem.goal.q);
+  }
   for (const CostTerm& term : problem.terms) {
     if (!decides_goal(term)) continue;
     std::string miss = term_miss(*term.cost, q);

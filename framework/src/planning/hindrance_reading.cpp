@@ -13,13 +13,7 @@
 namespace sidestep {
 namespace {
 
-constexpr double kLimitTolerance = 1e-6;  // in the joint's unit, as the checks have it
 constexpr double kLeastGradient = 1e-6;
-
-std::string unit_of(const Joint& joint, bool velocity) {
-  const std::string unit = joint.type == Joint::Type::kPrismatic ? "m" : "rad";
-  return velocity ? unit + "/s" : unit;
-}
 
 }  // namespace
 
@@ -110,13 +104,9 @@ void HindranceReading::tell_obstacle(std::span<const double> q, std::size_t sphe
   out.amount = robot_.spheres[sphere].radius_m - distance_m;
   out.unit = "m";
   out.broken = !(out.amount <= 0.0);
-  out.other = "an obstacle";
-  if (status == FieldStatus::kOutside) {
-    out.other = "the space outside the map";
-  } else if (status == FieldStatus::kUnknown && problem_.space.unknown == Space::kOccupied) {
-    out.other = "unknown space";
-    return;  // where it begins, the field does not tell
-  }
+  out.other = obstacle_name(status, problem_.space);
+  // Where unknown space begins, the field does not tell.
+  if (status == FieldStatus::kUnknown && out.other != kObstacle) return;
   const double steepness = gradient.norm();
   if (std::isfinite(distance_m) && steepness > kLeastGradient) {
     out.obstacle_m = centre_m - distance_m / steepness * gradient;
@@ -153,7 +143,7 @@ void HindranceReading::tell_position(double q, std::size_t joint, Hindrance& out
   out.other =
       limit_name(of, is_low ? "lower limit" : "upper limit", is_low ? of.lower : of.upper, "");
   out.amount = is_low ? of.lower - q : q - of.upper;
-  out.unit = unit_of(of, false);
+  out.unit = of.unit();
   out.broken = !(out.amount <= kLimitTolerance);
 }
 
@@ -164,7 +154,7 @@ void HindranceReading::tell_velocity(double qdot, std::size_t joint, Hindrance& 
   out.subject = of.name;
   out.other = limit_name(of, "velocity limit", allowed, "/s");
   out.amount = std::abs(qdot) - allowed;
-  out.unit = unit_of(of, true);
+  out.unit = of.unit() + std::string("/s");
   out.broken = !(out.amount <= kLimitTolerance);
 }
 
@@ -180,7 +170,7 @@ void HindranceReading::tell_endpoint(const StateRows& rows, std::size_t state, s
   out.subject = robot_.joints[joint].name;
   out.other = meaning_ == Meaning::kStart ? "the start" : "the goal";
   out.amount = std::abs(has - (velocity ? wanted.qdot[index] : wanted.q[index]));
-  out.unit = unit_of(robot_.joints[joint], velocity);
+  out.unit = robot_.joints[joint].unit() + std::string(velocity ? "/s" : "");
   out.broken = !(out.amount <= kGoalTolerance);
 }
 

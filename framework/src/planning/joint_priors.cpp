@@ -77,8 +77,7 @@ class Posture final : public JointPrior, public NamesResiduals {
 
   [[nodiscard]] ResidualName residual_name(int residual) const override {
     const Joint& joint = joints_[static_cast<std::size_t>(residual)];
-    return {joint.name, "", "its preferred position",
-            joint.type == Joint::Type::kPrismatic ? "m" : "rad", 1.0 / weight(residual)};
+    return {joint.name, "", "its preferred position", joint.unit(), 1.0 / weight(residual)};
   }
 
  private:

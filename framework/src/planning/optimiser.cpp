@@ -1,6 +1,6 @@
 #include <sidestep/planning/optimiser.hpp>
 
-#include <cstdio>
+#include <sidestep/core/format.hpp>
 
 namespace sidestep {
 
@@ -26,10 +26,9 @@ Result<void> check_initial(const Problem& problem, const Trajectory& initial) {
 }
 
 std::string iteration_limit_reason(int iterations, double last_decrease, double cost) {
-  char percent[32];
-  std::snprintf(percent, sizeof percent, "%.2g %%", 100.0 * last_decrease / (cost + last_decrease));
   return "stopped after " + std::to_string(iterations) +
-         " iterations, when the last accepted one still lowered the cost by " + percent;
+         " iterations, when the last accepted one still lowered the cost by " +
+         format("%.2g %%", 100.0 * last_decrease / (cost + last_decrease));
 }
 
 }  // namespace sidestep

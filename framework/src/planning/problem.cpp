@@ -1,21 +1,15 @@
 #include <sidestep/planning/problem.hpp>
 
 #include <cmath>
-#include <cstdio>
 #include <string>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/planning/costs.hpp>
 
 namespace sidestep {
 namespace {
 
-constexpr double kLimitTolerance = 1e-6;
-
-std::string text(double value) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%.6g", value);
-  return buffer;
-}
+std::string text(double value) { return format("%.6g", value); }
 
 tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
   return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
+
+#include <sidestep/core/format.hpp>
 
 #include "clearance_prover.hpp"
 #include "violation_ledger.hpp"
@@ -13,14 +14,8 @@ namespace sidestep {
 namespace {
 
 constexpr std::size_t kDescribed = 3;
-constexpr double kLimitTolerance = 1e-6;  // m, rad
 
-std::string number(double value, const char* format) {
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
-std::string metres(double value) { return number(value, "%.3f m"); }
+std::string metres(double value) { return format("%.3f m", value); }
 
 bool is_worse(const Violation& a, const Violation& b) {
   if (a.kind != b.kind) return a.kind < b.kind;
@@ -63,7 +58,7 @@ std::string Violation::what() const {
     case Kind::kPositionLimit:
     case Kind::kVelocityLimit:
     case Kind::kAccelerationLimit:
-      return subject + " is " + number(amount, "%.3g") + " beyond " +
+      return subject + " is " + format("%.3g", amount) + " beyond " +
              (other.empty() ? "its limit" : other);
     case Kind::kUnproven:
       return subject + " could not be shown clear of " + (other.empty() ? "obstacles" : other);
@@ -71,7 +66,7 @@ std::string Violation::what() const {
   return subject;
 }
 
-std::string Violation::describe() const { return what() + number(time_s, " at %.2f s"); }
+std::string Violation::describe() const { return what() + format(" at %.2f s", time_s); }
 
 std::string Verdict::describe() const {
   if (valid()) {
@@ -104,6 +99,12 @@ std::vector<Violation> ViolationLedger::sorted() const {
   return sorted;
 }
 
+std::string obstacle_name(FieldStatus status, const SpacePolicy& space) {
+  if (status == FieldStatus::kOutside) return "the space outside the map";
+  const bool is_unseen = status == FieldStatus::kUnknown && space.unknown == Space::kOccupied;
+  return is_unseen ? "unknown space" : kObstacle;
+}
+
 Violation violation_of(const ClearanceProver& prover, int item, const ClearanceReading& reading,
                        double time_s) {
   const RobotDescription& robot = prover.robot().description();
@@ -120,15 +121,11 @@ Violation violation_of(const ClearanceProver& prover, int item, const ClearanceR
   }
   violation.kind = Violation::Kind::kCollision;
   violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
-  if (reading.status == FieldStatus::kOutside) {
-    violation.other = "the space outside the map";
-  } else if (reading.status == FieldStatus::kUnknown &&
-             prover.space().unknown == Space::kOccupied) {
-    violation.other = "unknown space";
-  } else if (reading.clearance_m >= 0.0) {
+  violation.other = obstacle_name(reading.status, prover.space());
+  if (violation.other != kObstacle) return violation;
+  if (reading.clearance_m >= 0.0) {
     violation.other = "the margin of an obstacle";
   } else {
-    violation.other = "an obstacle";
     violation.amount = -reading.clearance_m;
   }
   return violation;
@@ -154,8 +151,8 @@ Violation unproven(const ClearanceProver& prover, int item, double shortfall_m, 
 
 std::string limit_name(const Joint& joint, std::string_view which, double value,
                        std::string_view per) {
-  const char* unit = joint.type == Joint::Type::kPrismatic ? " m" : " rad";
-  return "its " + std::string(which) + " of " + number(value, "%.4g") + unit + std::string(per);
+  return "its " + std::string(which) + " of " + format("%.4g ", value) + joint.unit() +
+         std::string(per);
 }
 
 std::optional<Violation> state_violation(const std::shared_ptr<const RobotModel>& robot,

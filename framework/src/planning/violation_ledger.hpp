@@ -25,6 +25,10 @@ class ViolationLedger {
   double first_s_ = std::numeric_limits<double>::infinity();
 };
 
+inline constexpr const char* kObstacle = "an obstacle";
+/// kObstacle, or what else a point is in that counts as occupied under the policy.
+[[nodiscard]] std::string obstacle_name(FieldStatus status, const SpacePolicy& space);
+
 /// The violation that a reading of a sphere or of a pair of links amounts to.
 [[nodiscard]] Violation violation_of(const ClearanceProver& prover, int item,
                                      const ClearanceReading& reading, double time_s);

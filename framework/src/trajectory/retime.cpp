@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <string>
 #include <utility>
+
+#include <sidestep/core/format.hpp>
 
 #include "path_stages.hpp"
 #include "speed_profile.hpp"
@@ -26,11 +27,7 @@ constexpr int kMostStages = 20;      ///< Times as many as at first.
 constexpr int kMaxTries = 3;         ///< With a lower share; then the stage is too long, too.
 constexpr double kRounding = 1e-15;  ///< Of positions, relative.
 
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
+std::string number(double value) { return format("%.4g", value); }
 
 std::string joint_name(const MotionLimits& limits, std::size_t joint) {
   return joint < limits.names.size() ? "joint '" + limits.names[joint] + "'"

@@ -26,7 +26,7 @@ const Lanes16& lanes(const std::uint16_t* tile) { return *reinterpret_cast<const
 Lanes16& lanes(std::uint16_t* tile) { return *reinterpret_cast<Lanes16*>(tile); }
 
 /// The least of the values, old or new, of the voxels that changed.
-SIDESTEP_SIMD_CLONES
+SIDESTEP_AVX2_CLONES
 std::uint16_t least_changed(const std::uint16_t* was_tile, const std::uint16_t* is_tile) {
   const Lanes16 was = lanes(was_tile);
   const Lanes16 is = lanes(is_tile);
@@ -38,7 +38,7 @@ std::uint16_t least_changed(const std::uint16_t* was_tile, const std::uint16_t* 
 
 /// The envelope of one row, from the row outwards until the square of the offset exceeds every
 /// value so far. `in` is row 0 of the line.
-SIDESTEP_SIMD_CLONES
+SIDESTEP_AVX2_CLONES
 void envelope_of_row(const std::uint16_t* in, std::ptrdiff_t stride, int length, int row, int reach,
                      std::uint16_t* out) {
   const std::uint16_t* centre = in + row * stride;
@@ -60,7 +60,7 @@ void envelope_of_row(const std::uint16_t* in, std::ptrdiff_t stride, int length,
 
 /// The same from those rows alone that hold anything below the cap: `before` and `after` give the
 /// nearest on either side of each row.
-SIDESTEP_SIMD_CLONES
+SIDESTEP_AVX2_CLONES
 void envelope_of_row_among(const std::uint16_t* in, std::ptrdiff_t stride, int row, int reach,
                            const int* before, const int* after, std::uint16_t* out) {
   Lanes16 best = lanes(in + row * stride);
@@ -81,7 +81,7 @@ void envelope_of_row_among(const std::uint16_t* in, std::ptrdiff_t stride, int r
 }
 
 /// Whether any voxel of a tile is below the cap.
-SIDESTEP_SIMD_CLONES
+SIDESTEP_AVX2_CLONES
 bool is_below(const std::uint16_t* tile, std::uint16_t cap) {
   return any((Lanes16)(lanes(tile) < cap));
 }
@@ -90,7 +90,7 @@ bool is_below(const std::uint16_t* tile, std::uint16_t cap) {
 
 struct EnvelopeLine::Spread {
   /// Spreads the change of row `from` of line.in to the rows [low, high] of line.out.
-  SIDESTEP_SIMD_CLONES
+  SIDESTEP_AVX2_CLONES
   static void spread(const TileLine& line, int from, int low, int high, Fate* fates) {
     const Lanes16 was = lanes(line.in_was + from * line.in_was_stride);
     const Lanes16 is = lanes(line.in + from * line.stride);

@@ -85,7 +85,7 @@ Neighbours neighbours(const std::uint64_t* words, int words_per_row, int x) {
 }
 
 /// Appends the squared distances along x of a tile of a row that holds obstacles.
-SIDESTEP_WIDE_SIMD_CLONES
+SIDESTEP_AVX512_CLONES
 void append_scanned(const std::uint64_t* words, int words_per_row, int x, int position,
                     LineKeys& rows) {
   constexpr Lanes32 kLane = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -104,7 +104,7 @@ void append_scanned(const std::uint64_t* words, int words_per_row, int x, int po
 }
 
 /// Appends rows that the pass before has left, `stride` tiles apart.
-SIDESTEP_WIDE_SIMD_CLONES
+SIDESTEP_AVX512_CLONES
 void append_line(const Tile* tiles, std::ptrdiff_t stride, const std::vector<int>& positions,
                  LineKeys& rows) {
   for (const int position : positions) {
@@ -126,7 +126,7 @@ struct Numbers {
 };
 
 /// Computes the middle row of a part.
-SIDESTEP_WIDE_SIMD_CLONES
+SIDESTEP_AVX512_CLONES
 Numbers solve_middle(const LineKeys& rows, int row, int from, int to, Tile* out) {
   Lanes32 best = ~Lanes32{};
   const Tile* keys = rows.keys.data() + from;
@@ -162,7 +162,7 @@ Numbers solve_middle(const LineKeys& rows, int row, int from, int to, Tile* out)
 }
 
 /// Computes a part of at most kLeaf rows.
-SIDESTEP_WIDE_SIMD_CLONES
+SIDESTEP_AVX512_CLONES
 void solve_leaf(const LineKeys& rows, const Part& part, Tile* out) {
   Lanes32 best[kLeaf] = {~Lanes32{}, ~Lanes32{}, ~Lanes32{}, ~Lanes32{}};
   const Tile* keys = rows.keys.data() + part.from;

@@ -2,17 +2,10 @@
 
 #include <cstdint>
 
-// Compiles a function for the baseline and for AVX2, or for AVX-512 as well; which one runs is
-// chosen when the library is loaded. Sanitizers intercept the resolver before they are ready, so
-// they get the baseline.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SIDESTEP_SIMD_CLONES [[gnu::target_clones("avx2", "default")]]
-#define SIDESTEP_WIDE_SIMD_CLONES [[gnu::target_clones("avx512f", "avx2", "default")]]
-#else
-#define SIDESTEP_SIMD_CLONES
-#define SIDESTEP_WIDE_SIMD_CLONES
-#endif
+#include <sidestep/core/lanes.hpp>
+
+#define SIDESTEP_AVX2_CLONES SIDESTEP_CLONES_FOR("avx2", "default")
+#define SIDESTEP_AVX512_CLONES SIDESTEP_CLONES_FOR("avx512f", "avx2", "default")
 
 namespace sidestep::edt {
 

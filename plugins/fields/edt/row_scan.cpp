@@ -41,12 +41,12 @@ template <class Value>
     out[x] = d <= reach ? static_cast<Value>(d * d) : cap;
   }
 }
-SIDESTEP_WIDE_SIMD_CLONES
+SIDESTEP_AVX512_CLONES
 void fill(int left, int right, int begin, int end, std::uint16_t cap, int reach,
           std::uint16_t* out) {
   fill_between(left, right, begin, end, cap, reach, out);
 }
-SIDESTEP_WIDE_SIMD_CLONES
+SIDESTEP_AVX512_CLONES
 void fill(int left, int right, int begin, int end, std::uint32_t cap, int reach,
           std::uint32_t* out) {
   fill_between(left, right, begin, end, cap, reach, out);

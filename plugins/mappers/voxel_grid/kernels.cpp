@@ -4,19 +4,13 @@
 #include <cstring>
 #include <limits>
 
+#include <sidestep/core/lanes.hpp>
 #include <sidestep/mapping/point_rules.hpp>
 
-// Sanitizers run before the resolvers of multi-versioned functions could.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__OPTIMIZE__)
-#define SIDESTEP_KERNEL [[gnu::target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")]]
-#else
-#define SIDESTEP_KERNEL
-#endif
-// Clones have internal linkage, or their resolvers would be visible symbols of the plugin.
 #define SIDESTEP_INLINE [[gnu::always_inline]] inline
 
 namespace sidestep::voxel_grid {
+// Clones have internal linkage, or their resolvers would be visible symbols of the plugin.
 namespace {
 
 // The clones inline neither std::min nor std::fabs, which are compiled for another target.
@@ -146,7 +140,7 @@ SIDESTEP_INLINE void compare_row(const Projection& p, const float (&first)[3], s
   for (int i = 0; i < kLanes; ++i) delta[i] = static_cast<std::int16_t>(change[i]);
 }
 
-SIDESTEP_KERNEL
+SIDESTEP_SIMD_CLONES
 BlockOutcome projected(const Projection& projection, const LogOdds& model, const BlockRows& block,
                        const float (&base)[3], int first_surface_layer,
                        const std::uint16_t (&hits)[kBlockRows]) {
@@ -171,7 +165,7 @@ BlockOutcome projected(const Projection& projection, const LogOdds& model, const
   return {changed, false};
 }
 
-SIDESTEP_KERNEL
+SIDESTEP_SIMD_CLONES
 BlockOutcome free_block(const LogOdds& model, const BlockRows& block) {
   alignas(64) std::int16_t delta[kLanes];
   for (int i = 0; i < kLanes; ++i) delta[i] = i < block.nx ? model.miss : std::int16_t{0};
@@ -189,7 +183,7 @@ BlockOutcome free_block(const LogOdds& model, const BlockRows& block) {
   return {changed, bits_of(unsettled) == 0};
 }
 
-SIDESTEP_KERNEL
+SIDESTEP_SIMD_CLONES
 BlockOutcome marked(const LogOdds& model, const BlockRows& block,
                     const std::uint16_t (&hits)[kBlockRows],
                     const std::uint16_t (&misses)[kBlockRows]) {
@@ -210,7 +204,7 @@ BlockOutcome marked(const LogOdds& model, const BlockRows& block,
   return {changed, false};
 }
 
-SIDESTEP_KERNEL
+SIDESTEP_SIMD_CLONES
 BlockOutcome fade_block(const LogOdds& model, const BlockRows& block, const Fading& fading) {
   bool changed = false;
   for (int z = 0; z < block.nz; ++z) {
@@ -251,7 +245,7 @@ SIDESTEP_INLINE std::uint64_t pack_pixels(const std::uint8_t (&pixels)[kPixelChu
   return bits;
 }
 
-SIDESTEP_KERNEL
+SIDESTEP_SIMD_CLONES
 void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   constexpr auto kInsert = static_cast<std::int32_t>(PointFate::kInsert);
   constexpr auto kFloor = static_cast<std::int32_t>(PointFate::kFloor);
@@ -320,7 +314,7 @@ void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   fates.insert = bits & ~(pack_pixels(repeats) & (bits << 1));
 }
 
-SIDESTEP_KERNEL
+SIDESTEP_SIMD_CLONES
 void extremes(const float* values, int width, int rows, float& least, float& greatest) {
   float low[kTile_px];
   float high[kTile_px];

@@ -29,6 +29,7 @@ class ChainCosts {
 
   [[nodiscard]] int states() const noexcept { return intervals_ + 1; }
   [[nodiscard]] int dof() const noexcept { return dof_; }
+  [[nodiscard]] double dt_s() const noexcept { return problem_->dt_s; }
 
   /// Gives an evaluation the sizes of this problem.
   void resize(ChainEvaluation& evaluation) const;

@@ -88,6 +88,17 @@ bool ChainModel::resume(const Problem& problem, const Trajectory& initial) {
   return true;
 }
 
+Trajectory ChainModel::trajectory() const {
+  Trajectory out = make_trajectory(costs_.dof(), costs_.states(), costs_.dt_s());
+  const double* x = current_.support.data();
+  for (int i = 0; i < out.size(); ++i) {
+    std::copy_n(x, out.dof, out.q(i).begin());
+    std::copy_n(x + out.dof, out.dof, out.qdot(i).begin());
+    x += 2 * out.dof;
+  }
+  return out;
+}
+
 void ChainModel::linearise() {
   system_.clear(unchanged_);
   costs_.assemble(current_, system_);

@@ -14,7 +14,7 @@ namespace sidestep {
 
 /// The trajectory being improved, its normal equations, and a trial one. An end that no term with
 /// placement kStart or kGoal holds is kept at the problem's start or goal. [planning]; allocates in
-/// reset() only, and there only for problems larger than those before.
+/// trajectory(), and in reset() only for problems larger than those before.
 class ChainModel {
  public:
   /// Takes up a problem, which must outlive what follows, and evaluates the initial trajectory.
@@ -31,6 +31,9 @@ class ChainModel {
 
   /// What is known of the trajectory as it is now.
   [[nodiscard]] const ChainEvaluation& current() const noexcept { return current_; }
+
+  /// As it is now, on its own; allocates.
+  [[nodiscard]] Trajectory trajectory() const;
 
   /// Builds the normal equations at the current trajectory.
   void linearise();

@@ -97,6 +97,16 @@ void ChainSystem::substitute_back(std::span<double> x) noexcept {
   }
 }
 
+double ChainSystem::predicted_decrease(double lambda, std::span<const double> x) const noexcept {
+  double sum = 0.0;
+  const double* value = x.data();
+  for (int i = 0; i < states(); ++i) {
+    const double* b = rhs(i);
+    for (int j = 0; j < width(); ++j, ++value) sum += *value * (b[j] + lambda * *value);
+  }
+  return 0.5 * sum;
+}
+
 void ChainSystem::spread(std::span<double> x) noexcept {
   // L^T sample = D^-1/2 x: what substitute_panel() takes for y is D^1/2 x.
   eliminated_ = 0;

@@ -44,13 +44,18 @@ class ChainSystem {
 
   /// Makes a state's x zero: its rows and columns of H become those of the identity, its b zero.
   void hold(int state) noexcept;
-  /// Copies b into the panels; after it only solve(), product() and rhs() are called.
+  /// Copies b into the panels; after it only solve(), predicted_decrease(), product() and rhs() are
+  /// called.
   void seal() noexcept;
 
   /// x of (H + lambda I) x = b; states() * width() values. False where that is not positive
   /// definite; x is then undefined. H and b are kept, so that another lambda can follow. Where
   /// panels have not changed since they were eliminated with the same lambda, begins after them.
   [[nodiscard]] bool solve(double lambda, std::span<double> x) noexcept;
+
+  /// The decrease of 1/2 |r + J x|^2 from x = 0 to the x of (H + lambda I) x = b, where H = J^T J
+  /// and b = -J^T r: 1/2 (b . x + lambda x . x).
+  [[nodiscard]] double predicted_decrease(double lambda, std::span<const double> x) const noexcept;
 
   /// Turns independent normal numbers into a sample of N(0, (H + lambda I)^-1) for the H and lambda
   /// of the last solve(). states() * width() values.

@@ -7,7 +7,6 @@ namespace sidestep {
 namespace {
 
 constexpr double kLeastRadius = 1e-8;
-constexpr double kLeastFidelity = 1e-3;
 
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0.0;

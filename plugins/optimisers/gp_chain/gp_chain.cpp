@@ -26,17 +26,6 @@ std::vector<TermCost> term_costs(const Problem& problem, const ChainEvaluation& 
   return costs;
 }
 
-Trajectory trajectory_of(const Problem& problem, const ChainEvaluation& evaluation) {
-  const int dof = problem.robot->description().dof();
-  Trajectory out = make_trajectory(dof, problem.support_states, problem.dt_s);
-  const double* x = evaluation.support.data();
-  for (int i = 0; i < out.size(); ++i, x += 2 * dof) {
-    std::copy_n(x, dof, out.q(i).begin());
-    std::copy_n(x + dof, dof, out.qdot(i).begin());
-  }
-  return out;
-}
-
 /// One of several initial trajectories, and what became of it.
 struct Start {
   ChainModel model;
@@ -61,7 +50,7 @@ class Judge {
   /// False where the deadline passes before it is known.
   [[nodiscard]] bool accepts(const Start& start, const Deadline& deadline) const {
     if (!start.is_finite) return false;
-    const Trajectory found = trajectory_of(problem_, start.model.current());
+    const Trajectory found = start.model.trajectory();
     if (!goal_miss(problem_, found.q(found.size() - 1)).empty()) return false;
     const auto verdict = check_->check(found, 0.0, deadline);
     return verdict.has_value() && verdict->valid();
@@ -105,8 +94,7 @@ class GpChain final : public Optimiser {
     solution.terms = term_costs(problem, found);
     solution.cost = found.cost;
     if (!chosen->is_finite) name_broken_term(solution);
-    if (solution.status != SolveStatus::kFailed)
-      solution.trajectory = trajectory_of(problem, found);
+    if (solution.status != SolveStatus::kFailed) solution.trajectory = chosen->model.trajectory();
     if (settings_.incremental) starts_.front().model.keep(problem);
     solution.solve_ms = watch.elapsed_ms();
     return solution;

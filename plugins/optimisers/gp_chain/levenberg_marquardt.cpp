@@ -9,7 +9,6 @@ namespace {
 
 constexpr double kFactor = 10.0;
 constexpr double kLargestLambda = 1e5;
-constexpr double kLeastFidelity = 1e-3;
 constexpr double kLeastShare = 1e-4;  // of the initial lambda
 constexpr double kSameLength = 0.99999;
 
@@ -48,18 +47,6 @@ class LevenbergMarquardt final : public StepRule {
   }
 
  private:
-  /// The decrease of 1/2 |r + J step|^2: with (H + lambda I) step = b it is
-  /// 1/2 (b . step + lambda step . step).
-  [[nodiscard]] double predicted_decrease(const ChainSystem& system) const {
-    double sum = 0.0;
-    const double* step = step_.data();
-    for (int i = 0; i < system.states(); ++i) {
-      const double* b = system.rhs(i);
-      for (int j = 0; j < system.width(); ++j, ++step) sum += *step * (b[j] + lambda_ * *step);
-    }
-    return 0.5 * sum;
-  }
-
   [[nodiscard]] double step_length() const noexcept {
     double sum = 0.0;
     for (const double s : step_) sum += s * s;
@@ -68,7 +55,7 @@ class LevenbergMarquardt final : public StepRule {
 
   /// Whether the step was accepted; clears `worth_more` if a larger lambda is not worth trying.
   [[nodiscard]] bool try_step(ChainModel& model, bool& worth_more) {
-    const double predicted = predicted_decrease(model.system());
+    const double predicted = model.system().predicted_decrease(lambda_, step_);
     if (!(predicted >= 0.0)) return false;
     const double before = model.current().cost;
     const double decrease = before - model.try_step(step_);

@@ -4,22 +4,6 @@
 #include <cmath>
 
 namespace sidestep {
-namespace {
-
-constexpr double kLeastFidelity = 1e-3;
-
-/// The decrease of 1/2 |r + J step|^2 by the undamped step: 1/2 b . step.
-double predicted_decrease(const ChainSystem& system, std::span<const double> step) {
-  double sum = 0.0;
-  const double* value = step.data();
-  for (int i = 0; i < system.states(); ++i) {
-    const double* b = system.rhs(i);
-    for (int j = 0; j < system.width(); ++j) sum += b[j] * *value++;
-  }
-  return 0.5 * sum;
-}
-
-}  // namespace
 
 Minimisation settle(ChainModel& model, StepRule& rule, const StoppingRules& stop,
                     const Deadline& deadline, std::vector<double>& step) {
@@ -36,7 +20,7 @@ Minimisation settle(ChainModel& model, StepRule& rule, const StoppingRules& stop
     const double enough = std::max(stop.absolute_tolerance, stop.relative_tolerance * before);
     model.linearise();
     if (!model.system().solve(0.0, step)) break;
-    const double predicted = predicted_decrease(model.system(), step);
+    const double predicted = model.system().predicted_decrease(0.0, step);
     if (predicted <= enough) return ended(End::kConverged);
     ++result.tried;
     const double decrease = before - model.try_step(step);

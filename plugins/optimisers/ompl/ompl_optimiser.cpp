@@ -1,7 +1,6 @@
 #include "ompl_optimiser.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 #include <vector>
 
@@ -14,6 +13,7 @@
 #include <ompl/geometric/PathSimplifier.h>
 #include <ompl/util/Exception.h>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/motion_check.hpp>
 #include <sidestep/planning/validity_check.hpp>
@@ -156,11 +156,7 @@ std::vector<double> configurations(const Problem& problem, const Search& search,
   return q;
 }
 
-std::string seconds(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g s", value);
-  return text;
-}
+std::string seconds(double value) { return format("%.3g s", value); }
 
 Solution no_path(std::string reason) {
   Solution solution;

@@ -367,10 +367,11 @@ class StudySolverTest : public testing::Test {
 
   StudyScene scene(int number, const std::vector<StudyBox>& boxes, bool free) const {
     const auto field = std::make_shared<const BoxField>(boxes);
-    return {number,
-            {field, field},
-            make_field_check(obstacles_only(ball_), field, {Space::kFree, Space::kOccupied}, {}),
-            std::vector<char>(kStates, free ? 1 : 0)};
+    return {
+        number,
+        {field, field},
+        make_field_check(ball_, field, {Space::kFree, Space::kOccupied}, {.obstacles_only = true}),
+        std::vector<char>(kStates, free ? 1 : 0)};
   }
 
   static constexpr int kStates = 6;

@@ -4,6 +4,7 @@
 
 #include "cubic_motion.hpp"
 #include "support/chain_robot.hpp"
+#include "support/limit_checks.hpp"
 #include "support/voxel_field.hpp"
 
 namespace sidestep {
@@ -13,19 +14,10 @@ using testing_support::Aabb;
 using testing_support::ChainRobot;
 using testing_support::flying_ball;
 using testing_support::mobile_arm;
+using testing_support::rest_to_rest;
 using testing_support::VoxelWorld;
 
 constexpr SpacePolicy kOccupied{Space::kOccupied, Space::kOccupied};
-
-/// From rest to rest along a straight line in joint space.
-Trajectory straight(const Eigen::VectorXd& from, const Eigen::VectorXd& to, double duration_s) {
-  Trajectory trajectory = make_trajectory(static_cast<int>(from.size()), 2, duration_s);
-  for (Eigen::Index j = 0; j < from.size(); ++j) {
-    trajectory.q(0)[static_cast<std::size_t>(j)] = from[j];
-    trajectory.q(1)[static_cast<std::size_t>(j)] = to[j];
-  }
-  return trajectory;
-}
 
 /// A wall across x = 0 whose voxels' centres lie at x = +-0.05, for y < 0.5.
 VoxelWorld half_wall() {
@@ -52,12 +44,16 @@ class FieldCheckTest : public testing::Test {
     EXPECT_TRUE(verdict) << verdict.error().describe();
     return verdict.value();
   }
+  [[nodiscard]] testing_support::CheckOfLimits limits() {
+    return {robot_->description(), settings_.speed_fraction, settings_.acceleration_fraction, true,
+            [this](const Trajectory& trajectory) { return check(trajectory); }};
+  }
 };
 
 TEST_F(FieldCheckTest, MeasuresTheClearance) {
   // Parallel to the wall's end face (centres at y = 0.45) at y = 0.95: 0.5 - 0.1 clear.
   const Verdict verdict =
-      check(straight(Eigen::Vector3d(-1, 0.95, 0.05), Eigen::Vector3d(1, 0.95, 0.05), 2.0));
+      check(rest_to_rest(Eigen::Vector3d(-1, 0.95, 0.05), Eigen::Vector3d(1, 0.95, 0.05), 2.0));
   EXPECT_TRUE(verdict.valid()) << verdict.describe();
   EXPECT_NEAR(verdict.min_clearance_m, 0.4, 1e-3);
   EXPECT_EQ(verdict.min_clearance_link, "ball");
@@ -67,7 +63,8 @@ TEST_F(FieldCheckTest, MeasuresTheClearance) {
 }
 
 TEST_F(FieldCheckTest, NamesLinkDepthAndTime) {
-  const Verdict verdict = check(straight(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0));
+  const Verdict verdict =
+      check(rest_to_rest(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0));
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
   ASSERT_EQ(verdict.violations.size(), 1u);
   EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kCollision);
@@ -79,7 +76,7 @@ TEST_F(FieldCheckTest, NamesLinkDepthAndTime) {
 
 TEST_F(FieldCheckTest, DemandsTheMargin) {
   const Trajectory pass =
-      straight(Eigen::Vector3d(-1, 0.65, 0.05), Eigen::Vector3d(1, 0.65, 0.05), 2.0);
+      rest_to_rest(Eigen::Vector3d(-1, 0.65, 0.05), Eigen::Vector3d(1, 0.65, 0.05), 2.0);
   settings_.margin_m = 0.09;  // it keeps 0.1
   EXPECT_TRUE(check(pass).valid());
   settings_.margin_m = 0.12;
@@ -93,7 +90,7 @@ TEST_F(FieldCheckTest, CallsUnknownWhatItCannotShow) {
   // Exactly at the margin: no spacing of checks is short enough.
   settings_.margin_m = 0.1;
   const Verdict verdict =
-      check(straight(Eigen::Vector3d(-1, 0.65, 0.05), Eigen::Vector3d(1, 0.65, 0.05), 2.0));
+      check(rest_to_rest(Eigen::Vector3d(-1, 0.65, 0.05), Eigen::Vector3d(1, 0.65, 0.05), 2.0));
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kUnproven) << verdict.describe();
   ASSERT_EQ(verdict.violations.size(), 1u);
   EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kUnproven);
@@ -107,13 +104,14 @@ TEST_F(FieldCheckTest, NeverStepsOverAThinWall) {
   robot_ = flying_ball(0.002);
   settings_.max_step_m = 10.0;  // both ends only, to begin with
   const Verdict verdict =
-      check(straight(Eigen::Vector3d(-0.9, 0, 0), Eigen::Vector3d(0.9, 0, 0), 2.0));
+      check(rest_to_rest(Eigen::Vector3d(-0.9, 0, 0), Eigen::Vector3d(0.9, 0, 0), 2.0));
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
 }
 
 TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
   world_.unknown = {Aabb{{0.5, 0.9, -1.0}, {0.7, 1.1, 1.0}}};
-  const Trajectory through = straight(Eigen::Vector3d(0.05, 1, 0), Eigen::Vector3d(1.0, 1, 0), 2.0);
+  const Trajectory through =
+      rest_to_rest(Eigen::Vector3d(0.05, 1, 0), Eigen::Vector3d(1.0, 1, 0), 2.0);
   const Verdict blocked = check(through);
   ASSERT_EQ(blocked.outcome, Verdict::Outcome::kInvalid);
   EXPECT_EQ(blocked.violations[0].other, "unknown space");
@@ -123,7 +121,7 @@ TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
   EXPECT_TRUE(check(through).valid());
   EXPECT_EQ(check(through).unknown_share, blocked.unknown_share);
 
-  const Trajectory out = straight(Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(2.5, 1, 0), 2.0);
+  const Trajectory out = rest_to_rest(Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(2.5, 1, 0), 2.0);
   const Verdict left = check(out);
   ASSERT_EQ(left.outcome, Verdict::Outcome::kInvalid);
   EXPECT_EQ(left.violations[0].other, "the space outside the map");
@@ -136,16 +134,16 @@ TEST_F(FieldCheckTest, SeesAMotionClipTheCornerOfUnknownSpace) {
   // The ball's centre crosses 1 mm of an unknown voxel's corner.
   world_.unknown = {Aabb{{1.0, 1.0, -1.0}, {1.1, 1.1, 1.0}}};
   const double past = 0.001;
-  const Verdict verdict = check(straight(Eigen::Vector3d(0.9 + past, 1.1, 0.05),
-                                         Eigen::Vector3d(1.1 + past, 0.9, 0.05), 2.0));
+  const Verdict verdict = check(rest_to_rest(Eigen::Vector3d(0.9 + past, 1.1, 0.05),
+                                             Eigen::Vector3d(1.1 + past, 0.9, 0.05), 2.0));
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << verdict.describe();
-  const Verdict clear = check(straight(Eigen::Vector3d(0.9 - past, 1.1, 0.05),
-                                       Eigen::Vector3d(1.1 - past, 0.9, 0.05), 2.0));
+  const Verdict clear = check(rest_to_rest(Eigen::Vector3d(0.9 - past, 1.1, 0.05),
+                                           Eigen::Vector3d(1.1 - past, 0.9, 0.05), 2.0));
   EXPECT_TRUE(clear.valid()) << clear.describe();
 }
 
 TEST_F(FieldCheckTest, ChecksOnlyFromTheGivenTimeOn) {
-  const Trajectory through = straight(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0);
+  const Trajectory through = rest_to_rest(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0);
   EXPECT_FALSE(check(through, 0.0).valid());
   EXPECT_FALSE(check(through, 1.0).valid());
   EXPECT_TRUE(check(through, 1.3).valid());
@@ -155,43 +153,11 @@ TEST_F(FieldCheckTest, ChecksOnlyFromTheGivenTimeOn) {
 }
 
 TEST_F(FieldCheckTest, SeesLimitsBetweenSupportStates) {
-  Trajectory arc = make_trajectory(3, 2, 1.0);
-  arc.q(0)[1] = arc.q(1)[1] = 1.2;
-  arc.qdot(0)[0] = 3.0;
-  robot_->description().joints[0].upper = 0.4;
-  robot_->description().joints[0].max_velocity = 3.2;
-  settings_.speed_fraction = 0.5;
-  const Verdict verdict = check(arc);
-  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
-  ASSERT_EQ(verdict.violations.size(), 2u);
-  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kPositionLimit);
-  EXPECT_EQ(verdict.violations[0].subject, "x");
-  EXPECT_EQ(verdict.violations[0].other, "its upper limit of 0.4 m");
-  // x(t) = 3 t (1 - t)^2 is largest at t = 1/3: 4/9.
-  EXPECT_NEAR(verdict.violations[0].amount, 4.0 / 9.0 - 0.4, 1e-12);
-  EXPECT_NEAR(verdict.violations[0].time_s, 1.0 / 3.0, 1e-12);
-  EXPECT_EQ(verdict.violations[1].kind, Violation::Kind::kVelocityLimit);
-  EXPECT_NEAR(verdict.violations[1].amount, 3.0 - 1.6, 1e-12);
-  EXPECT_EQ(verdict.violations[1].other, "its velocity limit of 1.6 m/s");
+  testing_support::expect_limits_between_support_states(limits());
 }
 
 TEST_F(FieldCheckTest, SeesAccelerationsBeyondTheirLimitsWhereAsked) {
-  // From rest to rest over 1 m in 2 s: 6 / 2^2 = 1.5 m/s^2 at both ends.
-  const Trajectory way = straight(Eigen::Vector3d(-1, 1.2, 0), Eigen::Vector3d(0, 1.2, 0), 2.0);
-  robot_->description().joints[0].max_acceleration = 1.6;
-  EXPECT_TRUE(check(way).valid());
-  settings_.acceleration_fraction = 1.0;
-  EXPECT_TRUE(check(way).valid());
-  settings_.acceleration_fraction = 0.5;
-  const Verdict verdict = check(way);
-  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
-  ASSERT_EQ(verdict.violations.size(), 1u);
-  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kAccelerationLimit);
-  EXPECT_EQ(verdict.violations[0].subject, "x");
-  EXPECT_EQ(verdict.violations[0].other, "its acceleration limit of 0.8 m/s^2");
-  EXPECT_NEAR(verdict.violations[0].amount, 1.5 - 0.8, 1e-12);
-  robot_->description().joints[0].max_acceleration = std::numeric_limits<double>::infinity();
-  EXPECT_TRUE(check(way).valid());
+  testing_support::expect_acceleration_limits_where_asked(limits());
 }
 
 TEST_F(FieldCheckTest, AllowsWhatIsWithinTheTolerance) {
@@ -215,14 +181,33 @@ TEST_F(FieldCheckTest, SeesSelfCollision) {
   Eigen::VectorXd folded = stretched;
   folded[4] = -2.4;
   folded[5] = -2.0;
-  const Verdict free = check(straight(stretched, stretched, 1.0));
+  const Verdict free = check(rest_to_rest(stretched, stretched, 1.0));
   EXPECT_TRUE(free.valid()) << free.describe();
   EXPECT_GT(free.min_self_clearance_m, 0.0);
-  const Verdict verdict = check(straight(stretched, folded, 2.0));
+  const Verdict verdict = check(rest_to_rest(stretched, folded, 2.0));
   ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << verdict.describe();
   EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kSelfCollision);
   EXPECT_LT(verdict.min_self_clearance_m, 0.0);
   EXPECT_EQ(verdict.violations[0].amount, -verdict.min_self_clearance_m);
+}
+
+TEST_F(FieldCheckTest, LooksForObstaclesAloneWhereAsked) {
+  robot_ = mobile_arm();
+  world_.occupied.clear();
+  space_.outside = Space::kFree;
+  Eigen::VectorXd folded(7);
+  folded << 0, 0, 0, 0.0, -2.4, -2.0, 0;
+  robot_->description().joints[0].upper = -0.1;
+  const Trajectory still = rest_to_rest(folded, folded, 1.0);
+  const Verdict all = check(still);
+  ASSERT_GE(all.violations.size(), 2u) << all.describe();
+  EXPECT_EQ(all.violations.front().kind, Violation::Kind::kSelfCollision);
+  EXPECT_EQ(all.violations.back().kind, Violation::Kind::kPositionLimit);
+  settings_.obstacles_only = true;
+  EXPECT_TRUE(check(still).valid()) << check(still).describe();
+  EXPECT_EQ(check(still).min_self_clearance_m, std::numeric_limits<double>::infinity());
+  world_.occupied = {Aabb{{-0.1, -2.0, -1.0}, {0.1, 0.5, 1.0}}};
+  EXPECT_EQ(check(still).outcome, Verdict::Outcome::kInvalid);
 }
 
 /// A mobile arm that drives through a wall: base, mast, arm and hand all pass it.
@@ -238,7 +223,7 @@ class ArmThroughWallTest : public FieldCheckTest {
     from << -1, 0, 0, 0.2, -0.5, 0.5, 0;
     Eigen::VectorXd to = from;
     to[0] = 1.0;
-    return check(straight(from, to, 20.0));
+    return check(rest_to_rest(from, to, 20.0));
   }
 };
 

@@ -3,6 +3,7 @@
 #include <sidestep/runtime/shape_check.hpp>
 
 #include "support/chain_robot.hpp"
+#include "support/limit_checks.hpp"
 
 namespace sidestep {
 namespace {
@@ -10,16 +11,7 @@ namespace {
 using testing_support::ChainRobot;
 using testing_support::flying_ball;
 using testing_support::mobile_arm;
-
-/// From rest to rest along a straight line in joint space.
-Trajectory straight(const Eigen::VectorXd& from, const Eigen::VectorXd& to, double duration_s) {
-  Trajectory trajectory = make_trajectory(static_cast<int>(from.size()), 2, duration_s);
-  for (Eigen::Index j = 0; j < from.size(); ++j) {
-    trajectory.q(0)[static_cast<std::size_t>(j)] = from[j];
-    trajectory.q(1)[static_cast<std::size_t>(j)] = to[j];
-  }
-  return trajectory;
-}
+using testing_support::rest_to_rest;
 
 Transform at_point(double x, double y, double z) {
   return Transform(Eigen::Translation3d(x, y, z));
@@ -42,6 +34,10 @@ class ShapeCheckTest : public testing::Test {
     EXPECT_TRUE(verdict) << verdict.error().describe();
     return verdict.value();
   }
+  [[nodiscard]] testing_support::CheckOfLimits limits() {
+    return {robot_->description(), settings_.speed_fraction, settings_.acceleration_fraction, false,
+            [this](const Trajectory& trajectory) { return check(trajectory); }};
+  }
   [[nodiscard]] std::string refusal() const {
     auto its = make_shape_check(robot_, obstacles_, settings_);
     return its ? std::string() : its.error().describe();
@@ -55,7 +51,7 @@ TEST_F(ShapeCheckTest, MeasuresTheClearanceOfABallThatPassesAVoxel) {
   obstacles_.resolution_m = 0.2;
   obstacles_.occupied_centres_m = {{0.0, 0.0, 0.0}};
   const Verdict verdict =
-      check(straight(Eigen::Vector3d(-1, 0.25, 0), Eigen::Vector3d(1, 0.25, 0), 4.0));
+      check(rest_to_rest(Eigen::Vector3d(-1, 0.25, 0), Eigen::Vector3d(1, 0.25, 0), 4.0));
   EXPECT_TRUE(verdict.valid()) << verdict.describe();
   EXPECT_NEAR(verdict.min_clearance_m, 0.05, 1e-6);
   EXPECT_EQ(verdict.min_clearance_link, "ball");
@@ -67,7 +63,7 @@ TEST_F(ShapeCheckTest, FindsTheDepthAndTheTimeOfACollision) {
   obstacles_.resolution_m = 0.2;
   obstacles_.occupied_centres_m = {{0.0, 0.0, 0.0}};
   const Verdict verdict =
-      check(straight(Eigen::Vector3d(-1, 0.19, 0), Eigen::Vector3d(1, 0.19, 0), 4.0));
+      check(rest_to_rest(Eigen::Vector3d(-1, 0.19, 0), Eigen::Vector3d(1, 0.19, 0), 4.0));
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
   ASSERT_EQ(verdict.violations.size(), 1u);
   const Violation& violation = verdict.violations[0];
@@ -84,15 +80,16 @@ TEST_F(ShapeCheckTest, NeverStepsOverAThinObstacle) {
   obstacles_.occupied_centres_m = {{0.013, 0.0, 0.0}};
   robot_ = flying_ball(0.003);
   settings_.max_step_m = 0.02;
-  const Verdict verdict = check(straight(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0));
+  const Verdict verdict =
+      check(rest_to_rest(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 2.0));
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << verdict.describe();
 }
 
 TEST_F(ShapeCheckTest, CallsAGrazingPassUnknown) {
   obstacles_.resolution_m = 0.2;
   obstacles_.occupied_centres_m = {{0.0, 0.0, 0.0}};
-  const Verdict verdict =
-      check(straight(Eigen::Vector3d(-1, 0.2 + 1e-5, 0), Eigen::Vector3d(1, 0.2 + 1e-5, 0), 4.0));
+  const Verdict verdict = check(
+      rest_to_rest(Eigen::Vector3d(-1, 0.2 + 1e-5, 0), Eigen::Vector3d(1, 0.2 + 1e-5, 0), 4.0));
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kUnproven) << verdict.describe();
   ASSERT_FALSE(verdict.violations.empty());
   EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kUnproven);
@@ -104,22 +101,22 @@ TEST_F(ShapeCheckTest, MeetsAMovingObjectWhenItIsThere) {
       {"cart", Box{{0.2, 1.0, 1.0}}, {{0.0, at_point(-2, 0, 0)}, {8.0, at_point(2, 0, 0)}}, false});
   const Eigen::Vector3d here(0.0, 0.0, 0.0);
   // Touches when the wall's face (x + 0.1) reaches the ball's side (-0.1): x = -0.2, t = 3.6.
-  EXPECT_TRUE(check(straight(here, here, 3.59)).valid());
-  const Verdict hit = check(straight(here, here, 3.7));
+  EXPECT_TRUE(check(rest_to_rest(here, here, 3.59)).valid());
+  const Verdict hit = check(rest_to_rest(here, here, 3.7));
   ASSERT_EQ(hit.outcome, Verdict::Outcome::kInvalid) << hit.describe();
   EXPECT_EQ(hit.violations[0].other, "cart");
   EXPECT_GE(hit.violations[0].time_s, 3.6);
   EXPECT_NEAR(hit.violations[0].amount, 0.05, 1e-3);  // at 3.7 s the wall is 5 cm farther
   obstacles_.scene_time_s = 5.0;                      // the wall has gone by: its back is at 0.4
-  EXPECT_TRUE(check(straight(here, here, 3.0)).valid());
-  EXPECT_NEAR(check(straight(here, here, 3.0)).min_clearance_m, 0.3, 1e-6);
+  EXPECT_TRUE(check(rest_to_rest(here, here, 3.0)).valid());
+  EXPECT_NEAR(check(rest_to_rest(here, here, 3.0)).min_clearance_m, 0.3, 1e-6);
 }
 
 TEST_F(ShapeCheckTest, StandsOnTheFloorOnlyWhereThatIsAllowed) {
   add_object({"floor", HalfSpace{}, {{0.0, at_point(0, 0, 0)}}, false});
   add_object({"shelf", Box{{0.2, 0.2, 0.2}}, {{0.0, at_point(0, 1, 0.5)}}, false});
   const Trajectory roll =
-      straight(Eigen::Vector3d(-1, 0, 0.099), Eigen::Vector3d(1, 0, 0.099), 3.0);
+      rest_to_rest(Eigen::Vector3d(-1, 0, 0.099), Eigen::Vector3d(1, 0, 0.099), 3.0);
   const Verdict forbidden = check(roll);
   ASSERT_EQ(forbidden.outcome, Verdict::Outcome::kInvalid);
   EXPECT_EQ(forbidden.violations[0].other, "floor");
@@ -135,7 +132,8 @@ TEST_F(ShapeCheckTest, StandsOnTheFloorOnlyWhereThatIsAllowed) {
 TEST_F(ShapeCheckTest, CountsWhatIsFarAsFar) {
   obstacles_.resolution_m = 0.1;
   obstacles_.occupied_centres_m = {{2.5, 2.5, 2.5}};
-  const Verdict verdict = check(straight(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(0, 0, 0), 2.0));
+  const Verdict verdict =
+      check(rest_to_rest(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(0, 0, 0), 2.0));
   EXPECT_TRUE(verdict.valid());
   EXPECT_EQ(verdict.min_clearance_m, settings_.farthest_m);
   EXPECT_EQ(verdict.min_clearance_link, "");
@@ -144,7 +142,7 @@ TEST_F(ShapeCheckTest, CountsWhatIsFarAsFar) {
 TEST_F(ShapeCheckTest, ChecksOnlyFromTheGivenTimeOn) {
   obstacles_.resolution_m = 0.2;
   obstacles_.occupied_centres_m = {{0.0, 0.0, 0.0}};
-  const Trajectory through = straight(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 4.0);
+  const Trajectory through = rest_to_rest(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(1, 0, 0), 4.0);
   EXPECT_FALSE(check(through, 0.0).valid());
   EXPECT_FALSE(check(through, 2.0).valid());
   EXPECT_TRUE(check(through, 2.6).valid());
@@ -153,40 +151,11 @@ TEST_F(ShapeCheckTest, ChecksOnlyFromTheGivenTimeOn) {
 }
 
 TEST_F(ShapeCheckTest, SeesLimitsBetweenSupportStates) {
-  // Positions 0 and 0 at the ends, but velocities that carry x to 4 * v * h / 27 in between.
-  Trajectory arc = make_trajectory(3, 2, 1.0);
-  arc.qdot(0)[0] = 3.0;
-  robot_->description().joints[0].upper = 0.4;
-  robot_->description().joints[0].max_velocity = 2.5;
-  const Verdict verdict = check(arc);
-  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
-  ASSERT_EQ(verdict.violations.size(), 2u);
-  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kPositionLimit);
-  EXPECT_EQ(verdict.violations[0].subject, "x");
-  EXPECT_NEAR(verdict.violations[0].amount, 4.0 * 3.0 / 27.0 - 0.4, 1e-6);
-  EXPECT_NEAR(verdict.violations[0].time_s, 1.0 / 3.0, 1e-3);
-  EXPECT_EQ(verdict.violations[1].kind, Violation::Kind::kVelocityLimit);
-  EXPECT_NEAR(verdict.violations[1].amount, 0.5, 1e-9);
+  testing_support::expect_limits_between_support_states(limits());
 }
 
 TEST_F(ShapeCheckTest, SeesAccelerationsBeyondTheirLimitsWhereAsked) {
-  // From rest to rest over 1 m in 2 s: 6 / 2^2 = 1.5 m/s^2 at both ends.
-  Trajectory way = make_trajectory(3, 2, 2.0);
-  way.q(1)[0] = 0.5;
-  way.q(0)[0] = -0.5;
-  robot_->description().joints[0].max_acceleration = 1.6;
-  EXPECT_TRUE(check(way).valid());
-  settings_.acceleration_fraction = 1.0;
-  EXPECT_TRUE(check(way).valid());
-  settings_.acceleration_fraction = 0.5;
-  const Verdict verdict = check(way);
-  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
-  ASSERT_EQ(verdict.violations.size(), 1u);
-  EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kAccelerationLimit);
-  EXPECT_EQ(verdict.violations[0].subject, "x");
-  EXPECT_NEAR(verdict.violations[0].amount, 1.5 - 0.8, 1e-9);
-  robot_->description().joints[0].max_acceleration = std::numeric_limits<double>::infinity();
-  EXPECT_TRUE(check(way).valid());
+  testing_support::expect_acceleration_limits_where_asked(limits());
 }
 
 TEST_F(ShapeCheckTest, SeesSelfCollisionOfShapes) {
@@ -199,7 +168,7 @@ TEST_F(ShapeCheckTest, SeesSelfCollisionOfShapes) {
   Eigen::VectorXd stretched = folded;
   stretched[4] = -0.2;
   stretched[5] = 0.3;
-  const Verdict free = check(straight(stretched, stretched, 1.0));
+  const Verdict free = check(rest_to_rest(stretched, stretched, 1.0));
   EXPECT_TRUE(free.valid()) << free.describe();
   // The hand's box against the mast's cylinder, from the robot's own kinematics.
   std::vector<Transform> poses(d.links.size());
@@ -215,7 +184,7 @@ TEST_F(ShapeCheckTest, SeesSelfCollisionOfShapes) {
       is_hit |= signed_distance_m(Cylinder{0.25, 0.4}, in_mast) < 0.0;
     }
   }
-  const Verdict verdict = check(straight(stretched, folded, 3.0));
+  const Verdict verdict = check(rest_to_rest(stretched, folded, 3.0));
   EXPECT_EQ(verdict.outcome == Verdict::Outcome::kInvalid, is_hit) << verdict.describe();
   ASSERT_TRUE(is_hit);
   EXPECT_EQ(verdict.violations[0].kind, Violation::Kind::kSelfCollision);

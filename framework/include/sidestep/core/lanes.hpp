@@ -7,10 +7,11 @@
 // Sanitizers run before the resolvers of multi-versioned functions could.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && defined(__OPTIMIZE__)
-#define SIDESTEP_SIMD_CLONES [[gnu::target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")]]
+#define SIDESTEP_CLONES_FOR(...) [[gnu::target_clones(__VA_ARGS__)]]
 #else
-#define SIDESTEP_SIMD_CLONES
+#define SIDESTEP_CLONES_FOR(...)
 #endif
+#define SIDESTEP_SIMD_CLONES SIDESTEP_CLONES_FOR("default", "arch=x86-64-v3", "arch=x86-64-v4")
 
 namespace sidestep {
 

@@ -50,6 +50,7 @@ struct ExperimentOutcome {
   std::string verdict;         ///< In plain words, one or two sentences.
   std::string summary_json;    ///< What summary.json holds.
   std::string table;           ///< For the terminal.
+  std::string table_csv;       ///< What table.csv holds; empty where the type has none.
 };
 
 /// One type of experiment: a protocol that a configuration parameterises.
@@ -99,10 +100,10 @@ struct RunSettings {
 [[nodiscard]] Node effective_configuration(const Configuration& configuration, Host& host);
 
 /// Runs a checked configuration and leaves in context.out: effective_config.yaml,
-/// results.sqlite, summary.json, report.html and its pictures. Files of an earlier run are
-/// removed first, but for its results where context.resume goes on with them. Fails with kConfig
-/// where a shard or going on is asked of a type that cannot, and where the experiment
-/// could not be done at all (exit codes 2 to 4); a task that fails is an outcome.
+/// results.sqlite, summary.json, table.csv, report.html and its pictures. Files of an earlier run
+/// are removed first, but for its results where context.resume goes on with them. Fails with
+/// kConfig where a shard or going on is asked of a type that cannot, and where the
+/// experiment could not be done at all (exit codes 2 to 4); a task that fails is an outcome.
 [[nodiscard]] Result<ExperimentOutcome> run_experiment(ExperimentContext& context);
 
 }  // namespace sidestep

@@ -10,6 +10,12 @@ namespace sidestep {
 inline constexpr double kGoalTolerance = 1e-3;  ///< Of each joint at a goal configuration: m, rad.
 inline constexpr double kGoalToleranceSigmas = 3.0;  ///< Of what a cost at kGoal measures.
 
+/// The first joint that is more than kGoalTolerance off where it is wanted, e.g. "joint 'lift' 0.05
+/// m off"; empty if none is. [any]; allocates.
+[[nodiscard]] std::string configuration_miss(const RobotDescription& robot,
+                                             std::span<const double> q,
+                                             const Eigen::VectorXd& wanted);
+
 /// True if terms at kGoal, none of which is the goal prior of standard_terms(), say where the robot
 /// ends: problem.goal is then only where guesses head for. [any]
 [[nodiscard]] bool is_goal_free(const Problem& problem) noexcept;

@@ -13,6 +13,9 @@
 
 namespace sidestep {
 
+/// By how much a joint may break its limits: m, rad, and the same a second.
+inline constexpr double kLimitTolerance = 1e-6;
+
 /// What a region without measurements counts as. There is no default: a configuration says.
 enum class Space { kFree, kOccupied };
 

@@ -80,10 +80,13 @@ struct FieldCheckSettings {
   double speed_fraction = 1.0;  ///< Velocity limits that must hold.
   /// Acceleration limits that must hold, where they are known; infinity checks none.
   double acceleration_fraction = std::numeric_limits<double>::infinity();
-  double limit_tolerance = 1e-6;  ///< Of positions, velocities and accelerations, in their units.
+  double limit_tolerance =
+      kLimitTolerance;  ///< Of positions, velocities and accelerations, in their units.
   /// End soon after the first violation: the verdict then tells of nothing later than 0.3 m of
   /// motion after it.
   bool first_violation_only = false;
+  /// Look for collisions with the field alone: neither limits nor self-collision.
+  bool obstacles_only = false;
 };
 
 /// The check on one pinned snapshot: the robot's spheres against the distance field, and

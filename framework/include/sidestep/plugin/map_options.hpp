@@ -41,30 +41,28 @@ struct MapOptions {
 template <class O>
 [[nodiscard]] Parameters<O> declare_grid(Parameters<O> parameters) {
   return std::move(parameters)
-      .add("resolution_m", static_cast<double O::*>(&MapOptions::resolution_m), "Edge of a voxel.",
+      .add("resolution_m", &MapOptions::resolution_m, "Edge of a voxel.",
            {.unit = "m", .min = 1e-4})
-      .add("size_vox", static_cast<Eigen::Vector3i O::*>(&MapOptions::size_vox),
-           "Voxels along x, y and z.", {.unit = "vox", .min = 1})
-      .add("origin_m", static_cast<Eigen::Vector3d O::*>(&MapOptions::origin_m),
-           "Lower corner of the grid in the world.", {.unit = "m"});
+      .add("size_vox", &MapOptions::size_vox, "Voxels along x, y and z.", {.unit = "vox", .min = 1})
+      .add("origin_m", &MapOptions::origin_m, "Lower corner of the grid in the world.",
+           {.unit = "m"});
 }
 
 /// Adds the ranges, the floor rule, clear_no_return and self_filter_margin_m.
 template <class O>
 [[nodiscard]] Parameters<O> declare_measurement(Parameters<O> parameters) {
   return std::move(parameters)
-      .add("min_range_m", static_cast<double O::*>(&MapOptions::min_range_m),
-           "Nearer points count as no measurement.", {.unit = "m", .min = 0.0})
-      .add("max_range_m", static_cast<double O::*>(&MapOptions::max_range_m),
+      .add("min_range_m", &MapOptions::min_range_m, "Nearer points count as no measurement.",
+           {.unit = "m", .min = 0.0})
+      .add("max_range_m", &MapOptions::max_range_m,
            "Farther points are not inserted; rays end here.", {.unit = "m", .min = 0.0})
-      .add("floor_z_m", static_cast<double O::*>(&MapOptions::floor_z_m),
-           "Height of the floor in the world.", {.unit = "m"})
-      .add("floor_clearance_m", static_cast<double O::*>(&MapOptions::floor_clearance_m),
+      .add("floor_z_m", &MapOptions::floor_z_m, "Height of the floor in the world.", {.unit = "m"})
+      .add("floor_clearance_m", &MapOptions::floor_clearance_m,
            "Points lower than this above the floor clear along their ray and are not inserted.",
            {.unit = "m"})
-      .add("clear_no_return", static_cast<bool O::*>(&MapOptions::clear_no_return),
+      .add("clear_no_return", &MapOptions::clear_no_return,
            "Whether a pixel without return (depth 0) clears up to max_range_m.")
-      .add("self_filter_margin_m", static_cast<double O::*>(&MapOptions::self_filter_margin_m),
+      .add("self_filter_margin_m", &MapOptions::self_filter_margin_m,
            "Points this near to the robot's spheres are its own and are dropped.",
            {.unit = "m", .min = 0.0});
 }

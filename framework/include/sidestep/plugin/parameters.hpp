@@ -43,10 +43,11 @@ struct ParameterTraits;
 template <class T>
 class Parameters {
  public:
-  template <class V>
-  Parameters&& add(std::string name, V T::*member, std::string doc,
+  /// `member`: of T, or of what it derives from.
+  template <class V, class Base>
+  Parameters&& add(std::string name, V Base::*member, std::string doc,
                    ParameterOptions options = {}) && {
-    insert(std::move(name), member, std::move(doc), std::move(options));
+    insert(std::move(name), static_cast<V T::*>(member), std::move(doc), std::move(options));
     return std::move(*this);
   }
 

@@ -26,6 +26,9 @@ struct Joint {
   double upper = 0.0;
   double max_velocity = 0.0;      ///< Per second; positive.
   double max_acceleration = 0.0;  ///< Per second squared; infinity where unknown.
+
+  /// Of its position.
+  [[nodiscard]] const char* unit() const noexcept { return type == Type::kPrismatic ? "m" : "rad"; }
 };
 
 struct Link {

@@ -121,7 +121,8 @@ BENCHMARK_CAPTURE(solve_hsr, gp_ceres, false)
     ->Unit(benchmark::kMillisecond);
 
 /// The parts of one iteration on a recorded problem.
-void iteration_part(benchmark::State& state, void (*part)(ChainModel&, std::vector<double>&)) {
+template <class Part>
+void iteration_part(benchmark::State& state, Part part) {
   const auto& problems = problems_of("panda_single");
   if (problems.empty()) {
     state.SkipWithError("no recorded problems");
@@ -140,11 +141,14 @@ BENCHMARK_CAPTURE(iteration_part, evaluate, [](ChainModel& model, std::vector<do
 BENCHMARK_CAPTURE(iteration_part, assemble, [](ChainModel& model, std::vector<double>&) {
   model.linearise();
 })->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(iteration_part, solve, [](ChainModel& model, std::vector<double>& step) {
-  static double lambda = 0.01;
-  lambda = 0.03 - lambda;  // another one each time: with the same its factor would be kept
-  benchmark::DoNotOptimize(model.system().solve(lambda, step));
-})->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(iteration_part, solve,
+                  [lambda = 0.01](ChainModel& model, std::vector<double>& step) mutable {
+                    lambda =
+                        0.03 -
+                        lambda;  // another one each time: with the same its factor would be kept
+                    benchmark::DoNotOptimize(model.system().solve(lambda, step));
+                  })
+    ->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace sidestep

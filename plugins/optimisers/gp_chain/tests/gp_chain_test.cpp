@@ -5,6 +5,7 @@
 #include <sidestep/planning/costs.hpp>
 
 #include "conformance/optimiser_conformance.hpp"
+#include "support/joint_cost.hpp"
 
 namespace sidestep {
 namespace {
@@ -118,27 +119,13 @@ TEST_F(GpChainDegenerate, EverythingInCollisionStillLowersTheCost) {
   EXPECT_LT(solution->cost, solution->initial_cost);
 }
 
-/// A cost that becomes NaN along the way must not be taken for a lower one.
-class CliffCost final : public StateCost {
- public:
-  [[nodiscard]] std::string_view name() const noexcept override { return "cliff"; }
-  [[nodiscard]] int residual_count() const noexcept override { return 1; }
-  [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
-  void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
-    std::ranges::fill(out.jacobian_q, 0.0);
-    const auto d = static_cast<std::size_t>(states.dof);
-    for (std::size_t i = 0; i < out.residuals.size(); ++i) {
-      const double x = states.q[i * d + 1];
-      out.residuals[i] = 10.0 * (x - 1.0);  // draws towards x = 1
-      if (x > 0.5) out.residuals[i] = std::numeric_limits<double>::quiet_NaN();
-      if (!out.jacobian_q.empty()) out.jacobian_q[i * d + 1] = 10.0;
-    }
-  }
-};
-
 TEST_F(GpChainDegenerate, ACostThatBecomesNanIsNotTakenForLower) {
   Problem problem = reference_problem();
-  problem.terms.push_back({std::make_shared<CliffCost>(), Placement::kSupportAndInterpolated});
+  const auto cliff = std::make_shared<testing_support::JointCost>([](double q) {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    return testing_support::JointCost::Value{q > 0.5 ? nan : 10.0 * (q - 1.0), 10.0};
+  });
+  problem.terms.push_back({cliff, Placement::kSupportAndInterpolated});
   for (const char* method : {"levenberg_marquardt", "gauss_newton", "dogleg"}) {
     const auto solution =
         make_gp_chain({.method = method})->solve(problem, straight_line_of(problem), Deadline());

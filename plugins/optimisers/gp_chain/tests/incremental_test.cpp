@@ -8,6 +8,7 @@
 
 #include "conformance/optimiser_conformance.hpp"
 #include "gp_chain.hpp"
+#include "support/joint_cost.hpp"
 
 namespace sidestep {
 namespace {
@@ -237,35 +238,39 @@ INSTANTIATE_TEST_SUITE_P(
                              [](Problem& p) { p.terms.front().placement = Placement::kSupport; }}),
     [](const auto& of) { return of.param.name; });
 
-/// Counts the states that it is asked about, and throws or returns NaN where that is wanted.
+/// Tells how many states it is asked about, and throws or returns NaN where that is wanted.
 class ProbeCost final : public StateCost {
  public:
+  explicit ProbeCost(std::vector<int>& seen) : seen_(seen) {}
   [[nodiscard]] std::string_view name() const noexcept override { return "probe"; }
   [[nodiscard]] int residual_count() const noexcept override { return 1; }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
-    seen.push_back(states.count);
+    seen_.push_back(states.count);
     if (throws) throw std::runtime_error("out of order");
     std::ranges::fill(out.residuals, residual);
     std::ranges::fill(out.jacobian_q, 0.0);
   }
 
-  mutable std::vector<int> seen;
   bool throws = false;
   double residual = 0.5;
+
+ private:
+  std::vector<int>& seen_;
 };
 
 TEST_F(Incremental, EvaluatesOneStateOfAChainWhoseGoalChanges) {
   Problem problem = reference_problem();
-  const auto probe = std::make_shared<ProbeCost>();
+  std::vector<int> seen;
+  const auto probe = std::make_shared<ProbeCost>(seen);
   problem.terms.push_back({probe, Placement::kSupport});
   const Solution first = solved(*kept_, problem, straight_line_of(problem));
-  probe->seen.clear();
+  seen.clear();
   const Solution second = solved(*kept_, with_goal(problem, kBy), first.trajectory);
   ASSERT_GE(second.iterations, 1);
   std::vector<int> expected(static_cast<std::size_t>(second.iterations) + 1, 15);
   expected.front() = 1;
-  EXPECT_EQ(probe->seen, expected);
+  EXPECT_EQ(seen, expected);
   EXPECT_NEAR(second.terms.back().cost, 15 * 0.125, 1e-12) << "of all states";
 }
 
@@ -273,7 +278,8 @@ TEST_F(Incremental, TakesNothingFromASolveThatBroke) {
   Problem problem = reference_problem();
   const Solution first = solved(*kept_, problem, straight_line_of(problem));
 
-  const auto probe = std::make_shared<ProbeCost>();
+  std::vector<int> seen;
+  const auto probe = std::make_shared<ProbeCost>(seen);
   Problem broken = problem;
   probe->residual = std::numeric_limits<double>::quiet_NaN();
   replace_term(broken, Placement::kGoal, probe);
@@ -305,32 +311,19 @@ TEST_F(Incremental, StopsAtTheDeadlineWithWhatItHasAndLeadsOnFromIt) {
   EXPECT_NEAR(after.cost, warm.cost, 1e-6 * warm.cost);
 }
 
-/// atan(x) / sigma, the classic where Newton's steps diverge from afar.
-class ArcusCost final : public StateCost {
- public:
-  explicit ArcusCost(double offset) : offset_(offset) {}
-  [[nodiscard]] std::string_view name() const noexcept override { return "arcus"; }
-  [[nodiscard]] int residual_count() const noexcept override { return 1; }
-  [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
-  void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
-    std::ranges::fill(out.jacobian_q, 0.0);
-    const auto d = static_cast<std::size_t>(states.dof);
-    for (std::size_t i = 0; i < out.residuals.size(); ++i) {
-      const double x = 10.0 * (states.q[i * d + 1] - offset_);
-      out.residuals[i] = 100.0 * std::atan(x);
-      if (!out.jacobian_q.empty()) out.jacobian_q[i * d + 1] = 1000.0 / (1.0 + x * x);
-    }
-  }
-
- private:
-  double offset_;
-};
+/// The classic where Newton's steps diverge from afar.
+std::shared_ptr<const StateCost> arcus_cost(double offset) {
+  return std::make_shared<testing_support::JointCost>([offset](double q) {
+    const double x = 10.0 * (q - offset);
+    return testing_support::JointCost::Value{100.0 * std::atan(x), 1000.0 / (1.0 + x * x)};
+  });
+}
 
 TEST_F(Incremental, FallsBackToDampedStepsWhereFullOnesGoTooFar) {
   Problem problem = reference_problem();
-  problem.terms.push_back({std::make_shared<ArcusCost>(0.0), Placement::kSupport});
+  problem.terms.push_back({arcus_cost(0.0), Placement::kSupport});
   const Solution first = solved(*kept_, problem, straight_line_of(problem));
-  problem.terms.back().cost = std::make_shared<ArcusCost>(0.4);
+  problem.terms.back().cost = arcus_cost(0.4);
   const Solution second = solved(*kept_, problem, first.trajectory);
   EXPECT_GT(second.iterations, second.accepted_iterations) << "a full step was refused";
   const Solution warm = solved(*fresh_, problem, first.trajectory);
