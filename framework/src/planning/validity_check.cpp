@@ -119,26 +119,28 @@ Violation violation_of(const ClearanceProver& prover, int item, const ClearanceR
   }
   violation.kind = Violation::Kind::kCollision;
   violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
-  if (reading.status == FieldStatus::kOutside) {
+  const bool is_floor = reading.floor_m <= reading.clearance_m;
+  if (!is_floor && reading.status == FieldStatus::kOutside) {
     violation.other = "the space outside the map";
-  } else if (reading.status == FieldStatus::kUnknown &&
+  } else if (!is_floor && reading.status == FieldStatus::kUnknown &&
              prover.space().unknown == Space::kOccupied) {
     violation.other = "unknown space";
   } else if (reading.clearance_m >= 0.0) {
-    violation.other = "the margin of an obstacle";
+    violation.other = is_floor ? "the margin of the floor" : "the margin of an obstacle";
   } else {
-    violation.other = "an obstacle";
+    violation.other = is_floor ? "the floor" : "an obstacle";
     violation.amount = -reading.clearance_m;
   }
   return violation;
 }
 
-Violation unproven(const ClearanceProver& prover, int item, double shortfall_m, double time_s) {
+Violation unproven(const ClearanceProver& prover, int item, const Shortfall& shortfall,
+                   double time_s) {
   const RobotDescription& robot = prover.robot().description();
   Violation violation;
   violation.kind = Violation::Kind::kUnproven;
   violation.time_s = time_s;
-  violation.amount = shortfall_m;
+  violation.amount = shortfall.amount_m;
   if (item >= prover.sphere_count()) {
     const auto [first, second] =
         robot.self_collision_pairs[static_cast<std::size_t>(item - prover.sphere_count())];
@@ -146,7 +148,7 @@ Violation unproven(const ClearanceProver& prover, int item, double shortfall_m, 
     violation.other = link_name(robot, first);
   } else {
     violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
-    violation.other = "obstacles";
+    violation.other = shortfall.is_to_floor ? "the floor" : "obstacles";
   }
   return violation;
 }
