@@ -12,7 +12,8 @@
 /// Robots and fields in closed form, for tests that must not depend on the real ones.
 namespace sidestep::conformance {
 
-/// A chain of rotary links in the plane z = 0, on a base that may slide along x and y.
+/// A chain of rotary links in the plane z = 0, on a base that may slide along x and y; or upright,
+/// in the plane y = 0, on one that may slide along x and z.
 class PlanarRobot final : public RobotModel {
  public:
   static constexpr double kLinkLength_m = 0.3;
@@ -24,13 +25,15 @@ class PlanarRobot final : public RobotModel {
     double sphere_radius_m = 0.06;
     double range_rad = 2.8;      ///< Of every rotary joint, to both sides.
     double fastest_radps = 1.5;  ///< Velocity limit of every rotary joint.
+    bool upright = false;        ///< Rotary joints lift what points along x.
   };
 
   explicit PlanarRobot(Shape shape) : shape_(shape) {
     description_.name = "planar_robot";
     if (shape.mobile) {
-      description_.joints = {{"x", Joint::Type::kPrismatic, -5.0, 5.0, 1.0, kInfinity},
-                             {"y", Joint::Type::kPrismatic, -5.0, 5.0, 1.0, kInfinity}};
+      description_.joints = {
+          {"x", Joint::Type::kPrismatic, -5.0, 5.0, 1.0, kInfinity},
+          {shape.upright ? "z" : "y", Joint::Type::kPrismatic, -5.0, 5.0, 1.0, kInfinity}};
     }
     description_.links.push_back({"base", -1});
     if (shape.mobile) description_.spheres.push_back({0, Eigen::Vector3d::Zero(), 0.15});
@@ -94,7 +97,8 @@ class PlanarRobot final : public RobotModel {
         const int joint = static_cast<int>(j);
         // Of the point of the link that is at the world's origin.
         const Eigen::Vector3d motion = column(row, joint, link, Eigen::Vector3d::Zero());
-        joint_forces[k * dof + j] = motion.dot(force) + (turns(joint, link) ? moment.z() : 0.0);
+        joint_forces[k * dof + j] =
+            motion.dot(force) + (turns(joint, link) ? axis().dot(moment) : 0.0);
       }
     }
   }
@@ -105,14 +109,18 @@ class PlanarRobot final : public RobotModel {
   [[nodiscard]] Transform frame(std::span<const double> q, int link) const {
     Transform T_world_link = Transform::Identity();
     const int first = shape_.mobile ? 2 : 0;
-    if (shape_.mobile) T_world_link.translate(Eigen::Vector3d(q[0], q[1], 0.0));
+    if (shape_.mobile) T_world_link.translate(q[0] * slide(0) + q[1] * slide(1));
     for (int k = 1; k <= link; ++k) {
       if (k > 1) T_world_link.translate(Eigen::Vector3d(kLinkLength_m, 0, 0));
-      T_world_link.rotate(
-          Eigen::AngleAxisd(q[static_cast<std::size_t>(first + k - 1)], Eigen::Vector3d::UnitZ()));
+      T_world_link.rotate(Eigen::AngleAxisd(q[static_cast<std::size_t>(first + k - 1)], axis()));
     }
     return T_world_link;
   }
+
+  [[nodiscard]] Eigen::Vector3d slide(int joint) const {
+    return Eigen::Vector3d::Unit(joint == 1 && shape_.upright ? 2 : joint);
+  }
+  [[nodiscard]] Eigen::Vector3d axis() const { return slide(0).cross(slide(1)); }
 
   /// The first link that a joint turns.
   [[nodiscard]] int turned_by(int joint) const { return joint - (shape_.mobile ? 2 : 0) + 1; }
@@ -122,9 +130,9 @@ class PlanarRobot final : public RobotModel {
 
   [[nodiscard]] Eigen::Vector3d column(std::span<const double> q, int joint, int link,
                                        const Eigen::Vector3d& centre_m) const {
-    if (shape_.mobile && joint < 2) return Eigen::Vector3d::Unit(joint);
+    if (shape_.mobile && joint < 2) return slide(joint);
     if (!turns(joint, link)) return Eigen::Vector3d::Zero();
-    return Eigen::Vector3d::UnitZ().cross(centre_m - frame(q, turned_by(joint)).translation());
+    return axis().cross(centre_m - frame(q, turned_by(joint)).translation());
   }
 
   Shape shape_;

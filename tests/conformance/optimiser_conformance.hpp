@@ -68,6 +68,23 @@ inline void expect_state(std::span<const double> actual, const Eigen::VectorXd& 
   }
 }
 
+/// The lowest point of any sphere of the robot along a trajectory.
+[[nodiscard]] inline double height_m(const Problem& problem, const Trajectory& trajectory) {
+  const auto& spheres = problem.robot->description().spheres;
+  std::vector<double> q(static_cast<std::size_t>(trajectory.dof));
+  std::vector<Eigen::Vector3d> centres(spheres.size());
+  Scratch scratch;
+  double lowest = std::numeric_limits<double>::infinity();
+  for (double time_s = 0.0; time_s <= trajectory.duration_s(); time_s += 0.01) {
+    trajectory.sample(time_s, q, {});
+    problem.robot->sphere_centres(q, centres, scratch);
+    for (std::size_t s = 0; s < spheres.size(); ++s) {
+      lowest = std::min(lowest, centres[s].z() - spheres[s].radius_m);
+    }
+  }
+  return lowest;
+}
+
 /// The smallest distance between a sphere of the robot and an obstacle along a trajectory.
 [[nodiscard]] inline double clearance_m(const Problem& problem, const Trajectory& trajectory) {
   const auto& spheres = problem.robot->description().spheres;
@@ -375,6 +392,23 @@ TEST_P(OptimiserConformance, AnswersWhereNothingHasBeenSeen) {
     expect_well_formed(problem, *solution);
     if (unknown == Space::kFree) expect_reaches_goal(problem, *solution);
   }
+}
+
+TEST_P(OptimiserConformance, KeepsAboveTheFloor) {
+  // The arm swings through beneath its base, where it is longer than the base is high.
+  Problem problem = reference_problem();
+  problem.robot = std::make_shared<PlanarRobot>(
+      PlanarRobot::Shape{.rotary_joints = 2, .mobile = true, .upright = true});
+  problem.field = std::make_shared<BallField>(std::vector<Ball>{});
+  problem.space.floor = Floor{-0.5, {}};
+  problem.start.q = Eigen::Vector4d(0.0, 0.0, -0.2, 0.0);
+  problem.goal.q = Eigen::Vector4d(0.0, 0.0, -2.7, 0.0);
+  problem.terms = standard_terms(problem, {.epsilon_m = 0.1});
+  ASSERT_LT(height_m(problem, straight_line_of(problem)), -0.6);  // outermost sphere: 0.55 m away
+  const auto solution = optimiser_->solve(problem, straight_line_of(problem), Deadline());
+  ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+  expect_reaches_goal(problem, *solution);
+  EXPECT_GT(height_m(problem, solution->trajectory), -0.5);
 }
 
 TEST_P(OptimiserConformance, AnswersWhereTheGoalIsOutsideTheGrid) {

@@ -11,18 +11,19 @@
 
 namespace sidestep::testing_support {
 
-/// A mobile arm of four links beside two balls, with every cost of planning/costs.hpp: the goal
-/// configuration is left to the pose of the arm's end.
+/// An upright mobile arm of four links above a floor and beside two balls, with every cost of
+/// planning/costs.hpp: the goal configuration is left to the pose of the arm's end.
 [[nodiscard]] inline Problem problem_of_every_cost() {
   using conformance::Ball;
   using conformance::BallField;
   using conformance::PlanarRobot;
   Problem problem;
-  const auto robot =
-      std::make_shared<PlanarRobot>(PlanarRobot::Shape{.rotary_joints = 4, .mobile = true});
+  const auto robot = std::make_shared<PlanarRobot>(
+      PlanarRobot::Shape{.rotary_joints = 4, .mobile = true, .upright = true});
   problem.robot = robot;
   problem.field = std::make_shared<BallField>(
-      std::vector<Ball>{{{0.9, 0.5, 0.0}, 0.2}, {{0.3, -0.8, 0.1}, 0.3}});
+      std::vector<Ball>{{{0.9, 0.0, 0.5}, 0.2}, {{0.3, -0.1, -0.8}, 0.3}});
+  problem.space.floor = Floor{-1.0, {"base"}};
   const int dof = robot->description().dof();
   problem.start = {Eigen::VectorXd::Constant(dof, 0.2), Eigen::VectorXd::Zero(dof)};
   problem.goal = {Eigen::VectorXd::Constant(dof, 0.4), Eigen::VectorXd::Zero(dof)};
@@ -36,8 +37,8 @@ namespace sidestep::testing_support {
     problem.terms.push_back({std::move(cost).value(), placement});
   };
   Transform target = Transform::Identity();
-  target.translate(Eigen::Vector3d(1.4, 0.6, 0.0));
-  target.rotate(Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()));
+  target.translate(Eigen::Vector3d(1.4, 0.0, 0.6));
+  target.rotate(Eigen::AngleAxisd(-0.7, Eigen::Vector3d::UnitY()));
   const auto along = Placement::kSupportAndInterpolated;
   add(make_link_pose_cost(robot, "link_4", target, 0.01, 0.05), Placement::kGoal);
   add(make_link_position_cost(robot, "link_2", target.translation(), 2.0), Placement::kSupport);

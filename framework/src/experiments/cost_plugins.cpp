@@ -10,9 +10,9 @@ namespace sidestep {
 namespace {
 
 /// Of the standard terms, by which results and explanations know them.
-constexpr std::array<std::string_view, 8> kTakenNames = {
-    "gp_prior", "start",          "goal",           "goal_velocity",
-    "obstacle", "self_collision", "position_limit", "velocity_limit"};
+constexpr std::array<std::string_view, 9> kTakenNames = {
+    "gp_prior", "start",          "goal",           "goal_velocity", "obstacle",
+    "floor",    "self_collision", "position_limit", "velocity_limit"};
 
 Placement placement_of(const std::string& at) {
   if (at == "start") return Placement::kStart;

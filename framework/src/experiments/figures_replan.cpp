@@ -150,8 +150,9 @@ Figure above_figure(const std::vector<View>& views, std::int64_t episode) {
 }
 
 struct Mark {
-  Kind kind;
-  double time_s;
+  Kind kind = Kind::kPlanned;
+  double time_s = 0.0;
+  double solve_ms = 0.0;
 };
 
 Result<std::vector<Mark>> read_marks(ResultsReader& results, std::int64_t episode) {
@@ -161,6 +162,7 @@ Result<std::vector<Mark>> read_marks(ResultsReader& results, std::int64_t episod
     if (item < first || item >= end) return;
     if (key == "kind") marks[item].kind = static_cast<Kind>(static_cast<int>(value));
     if (key == "time_s") marks[item].time_s = value;
+    if (key == "solve_ms") marks[item].solve_ms = value;
   });
   if (!read) return tl::make_unexpected(std::move(read.error()));
   std::vector<Mark> list;
@@ -168,36 +170,24 @@ Result<std::vector<Mark>> read_marks(ResultsReader& results, std::int64_t episod
   return list;
 }
 
-/// The age of the newest published map over time: up with time, down with each map.
-void draw_map_age(Axes& axes, const StoredArray& mapping, double end_s) {
-  std::vector<double> x, y;
-  double stamp_s = NAN;
-  for (int i = 0; i < mapping.rows; ++i) {
-    const auto at = static_cast<std::size_t>(i) * 4;
-    const double published_s = mapping.values[at + 1];
-    x.push_back(published_s);
-    y.push_back(1e3 * (published_s - stamp_s));
-    stamp_s = mapping.values[at];
-    x.push_back(published_s);
-    y.push_back(1e3 * (published_s - stamp_s));
-  }
-  x.push_back(end_s);
-  y.push_back(1e3 * (end_s - stamp_s));
-  axes.line(x, y, {palette::kBlue, 1.1, {}});
-}
+/// What mapping took, frame by frame, wall time.
+struct MappingTimes {
+  std::vector<double> at_s;
+  std::vector<double> took_ms;
+};
 
-double oldest_map_ms(const StoredArray& mapping, double end_s) {
-  double oldest = 10.0;
+MappingTimes mapping_times(const StoredArray& mapping) {
+  MappingTimes times;
   for (int i = 0; i < mapping.rows; ++i) {
-    const auto at = static_cast<std::size_t>(i) * 4;
-    const double until_s = i + 1 < mapping.rows ? mapping.values[at + 5] : end_s;
-    oldest = std::max(oldest, 1e3 * (until_s - mapping.values[at]));
+    const float* frame = mapping.values.data() + static_cast<std::ptrdiff_t>(i) * mapping.columns;
+    times.at_s.push_back(frame[2]);
+    times.took_ms.push_back(frame[3] + frame[4]);
   }
-  return 1.08 * oldest;
+  return times;
 }
 
 Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
-  constexpr double kAge = 190.0, kLane = 20.0;
+  constexpr double kTimes = 190.0, kLane = 20.0;
   constexpr std::array kLanes = {std::pair(Kind::kPlanned, palette::kGreen),
                                  std::pair(Kind::kReplanned, palette::kBlue),
                                  std::pair(Kind::kReplanFailed, palette::kOrange),
@@ -206,21 +196,33 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
                                  std::pair(Kind::kRecovered, palette::kPurple),
                                  std::pair(Kind::kReached, palette::kBlack)};
   const std::string name = std::to_string(episode);
-  Figure figure{"episode-" + name + "-time",
-                "Episode " + name + " over time: the age of the map, and what the replanner did.",
-                Canvas(kWidth, kAge + kLane * kLanes.size() + 10.0)};
+  Figure figure{
+      "episode-" + name + "-time",
+      "Episode " + name +
+          " over time: what mapping took for each frame and planning for each attempt, and "
+          "what the replanner did.",
+      Canvas(kWidth, kTimes + kLane * kLanes.size() + 10.0)};
   const auto marks = read_marks(results, episode);
   if (!marks) return tl::make_unexpected(marks.error());
   const StoredArray mapping = array_of(results, "episode", episode, "mapping");
   const auto duration_s = results.number("episode", episode, "duration_s");
   const double end_s = duration_s ? std::max(1e-3, duration_s->value_or(1.0)) : 1.0;
-  Axes axes(figure.canvas, {90.0, 0.0, kWidth - 90.0, kAge}, {0.0, end_s},
-            {0.0, oldest_map_ms(mapping, end_s)}, {"", "time [s]", "age of the map [ms]"});
+  const MappingTimes mapped = mapping_times(mapping);
+  double longest_ms = 1.0;
+  for (const double took_ms : mapped.took_ms) longest_ms = std::max(longest_ms, took_ms);
+  for (const Mark& mark : *marks) longest_ms = std::max(longest_ms, mark.solve_ms);
+  Axes axes(figure.canvas, {90.0, 0.0, kWidth - 90.0, kTimes}, {0.0, end_s},
+            {0.0, 1.08 * longest_ms}, {"", "time [s]", "mapping, planning [ms]"});
   axes.grid();
-  draw_map_age(axes, mapping, end_s);
+  axes.line(mapped.at_s, mapped.took_ms, {palette::kBlue, 1.1, {}});
+  for (const Mark& mark : *marks) {
+    if (mark.solve_ms > 0.0) {
+      figure.canvas.circle(axes.at(mark.time_s, mark.solve_ms), 2.2, palette::kOrange);
+    }
+  }
   axes.finish();
   for (std::size_t lane = 0; lane < kLanes.size(); ++lane) {
-    const double y = kAge + kLane * (static_cast<double>(lane) + 0.5);
+    const double y = kTimes + kLane * (static_cast<double>(lane) + 0.5);
     const auto& [kind, its_colour] = kLanes[lane];
     figure.canvas.text({4.0, y + 4.0}, std::string(to_string(kind)), {.size = 11.0});
     const std::array line = {Point{axes.at(0.0, 0.0).x, y}, Point{axes.at(end_s, 0.0).x, y}};

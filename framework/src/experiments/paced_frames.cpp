@@ -52,6 +52,7 @@ bool PacedFrames::wait_until_due(const Frame& frame, const Deadline& deadline) c
 }
 
 void PacedFrames::note(const Frame& frame) {
+  received_ = clock_.now();
   if (!last_sequence_) first_sequence_ = frame.sequence;
   last_sequence_ = std::max(frame.sequence, last_sequence_.value_or(frame.sequence));
   if (const auto* image = std::get_if<DepthImage>(&frame.measurement)) {

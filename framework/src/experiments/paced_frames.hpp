@@ -29,6 +29,8 @@ class PacedFrames final : public Source {
   [[nodiscard]] std::int64_t span() const noexcept {
     return last_sequence_ ? *last_sequence_ - first_sequence_ + 1 : 0;
   }
+  /// When the last frame was passed on.
+  [[nodiscard]] Stamp received() const noexcept { return received_; }
   /// Whether to keep a copy of the last frame that was passed on.
   void keep_last(bool keeps) noexcept { keeps_last_ = keeps; }
   [[nodiscard]] const std::optional<Frame>& last() const noexcept { return last_; }
@@ -44,6 +46,7 @@ class PacedFrames final : public Source {
   bool waits_;
   std::optional<bool> keeps_to_clock_;  ///< The source; nothing before its first frame.
   std::unique_ptr<Frame> pending_;
+  Stamp received_;
   bool keeps_last_ = false;
   std::optional<Frame> last_;
   std::optional<std::int64_t> last_sequence_;

@@ -110,8 +110,9 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
   }
   const std::shared_ptr<const RobotModel> robot = std::move(*created);
   const auto plans = read_plans(configuration, robot, host, errors);
-  check_allowed_contacts(block_of(configuration, "check"), robot_of_all(*robot, plans), nullptr,
-                         errors);
+  const RobotDescription all = robot_of_all(*robot, plans);
+  check_allowed_contacts(block_of(configuration, "check"), all, nullptr, errors);
+  check_floor(block_of(configuration, "planning"), all, errors);
 }
 
 /// Maps every frame of the source; stops early on request or at a fault, with what there is.

@@ -84,6 +84,7 @@ void record_motion(const PlanRecord& plan, std::int64_t item, const PlanSurround
   std::vector<Eigen::Vector3d> centres(robot.spheres.size());
   std::vector<FieldStatus> statuses(robot.spheres.size());
   StoredArray motion{kMotionSamples, static_cast<int>(2 + 2 * dof), {}};
+  const FloorClearance above_floor(around.space, robot);
   Scratch scratch;
   for (int i = 0; i < kMotionSamples; ++i) {
     const double time_s = trajectory.duration_s() * i / (kMotionSamples - 1);
@@ -92,7 +93,8 @@ void record_motion(const PlanRecord& plan, std::int64_t item, const PlanSurround
     query_with_policy(around.field, around.space, centres, distances, {}, statuses);
     double clearance_m = std::numeric_limits<double>::infinity();
     for (std::size_t s = 0; s < centres.size(); ++s) {
-      clearance_m = std::min(clearance_m, distances[s] - robot.spheres[s].radius_m);
+      clearance_m = std::min(
+          {clearance_m, distances[s] - robot.spheres[s].radius_m, above_floor(s, centres[s])});
     }
     motion.values.push_back(static_cast<float>(time_s));
     motion.values.push_back(static_cast<float>(clearance_m));

@@ -76,6 +76,15 @@ void apply_joints(const Node& joints, const RobotDescription& robot, PartialStat
   }
 }
 
+void require_name(const Node* name, const std::vector<std::string>& names, const std::string& what,
+                  std::vector<Error>& errors) {
+  if (name == nullptr || !name->is_scalar()) return;  // its schema told
+  if (std::ranges::find(names, name->text()) != names.end()) return;
+  const std::string nearest = nearest_name(name->text(), names);
+  errors.push_back(name->error("there is no " + what + " '" + name->text() + "'",
+                               nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
+}
+
 void check_limits(const RobotDescription& robot, const PartialState& state,
                   std::vector<Error>& errors) {
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
@@ -91,12 +100,24 @@ void check_limits(const RobotDescription& robot, const PartialState& state,
 
 }  // namespace
 
+Parameters<FloorEntry> FloorEntry::parameters() {
+  using E = FloorEntry;
+  return Parameters<E>()
+      .add("height_m", static_cast<double E::*>(&Floor::height_m), "Its height in the world.",
+           {.unit = "m", .min = -1e6, .max = 1e6})
+      .add("except_links", static_cast<std::vector<std::string> E::*>(&Floor::except_links),
+           "Links that it is not there for: those that stand on it, whose spheres reach into it.");
+}
+
 Parameters<PlanningSettings> PlanningSettings::parameters() {
   using S = PlanningSettings;
   const ParameterOptions space{.required = true, .choices = {"free", "occupied"}};
   return Parameters<S>()
       .add("unknown", &S::unknown, "What space that no frame has seen counts as.", space)
       .add("outside", &S::outside, "What space outside the map counts as.", space)
+      .add("floor", &S::floor,
+           "The plane that the robot stands on, which maps leave out (`floor_clearance_m`): "
+           "everything below is occupied, inside the map and outside it. Left out: no floor.")
       .add("dt_s", &S::dt_s, "Time between support states.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
       .add("speed_fraction", &S::speed_fraction,
@@ -126,16 +147,17 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
            "States between each two support states at which obstacle costs apply.",
            {.min = 0, .max = 100})
       .add("collision_margin_m", &S::collision_margin_m,
-           "Least distance between spheres and obstacles: sampling planners keep it, the obstacle "
-           "cost of trajectory optimisers begins no nearer.",
+           "Least distance between spheres and obstacles, or the floor: sampling planners keep it, "
+           "the costs of trajectory optimisers begin no nearer.",
            {.unit = "m", .min = 0.0, .max = 10.0})
       .add("time_limit_s", &S::time_limit_s, "Time for one solve.", {.unit = "s", .min = 1e-3})
       .add("attempts", &S::attempts,
            "How often to try from another first guess when a plan does not pass its checks.",
            {.min = 1, .max = 100})
-      .add("epsilon_m", &S::epsilon_m, "Obstacle cost begins at this distance from a sphere.",
+      .add("epsilon_m", &S::epsilon_m,
+           "Obstacle and floor cost begin at this distance from a sphere.",
            {.unit = "m", .min = 0.0})
-      .add("sigma_obstacle", &S::sigma_obstacle, "Standard deviation of the obstacle cost.",
+      .add("sigma_obstacle", &S::sigma_obstacle, "Standard deviation of obstacle and floor cost.",
            {.unit = "m", .min = 1e-9})
       .add("self_collision_epsilon_m", &S::self_collision_epsilon_m,
            "Self-collision cost begins at this distance between spheres.",
@@ -161,7 +183,7 @@ SpacePolicy PlanningSettings::space() const {
   const auto space = [](const std::string& text) {
     return text == "free" ? Space::kFree : Space::kOccupied;
   };
-  return {space(unknown), space(outside)};
+  return {space(unknown), space(outside), floor};
 }
 
 MotionLimits PlanningSettings::limits(const RobotDescription& robot) const {
@@ -199,6 +221,14 @@ Parameters<AllowedContactEntry> AllowedContactEntry::parameters() {
       .add("object", &E::object, "An object of the scene.", {.required = true});
 }
 
+void check_floor(const Node& planning, const RobotDescription& robot, std::vector<Error>& errors) {
+  const Node* floor = planning.find("floor");
+  const Node* names = floor != nullptr ? floor->find("except_links") : nullptr;
+  if (names == nullptr) return;
+  const std::vector<std::string> links = names_of(robot.links);
+  for (const Node& name : names->items()) require_name(&name, links, "link", errors);
+}
+
 void check_allowed_contacts(const Node& check, const RobotDescription& robot, const Scene* scene,
                             std::vector<Error>& errors) {
   const std::vector<std::string> links = names_of(robot.links);
@@ -206,19 +236,12 @@ void check_allowed_contacts(const Node& check, const RobotDescription& robot, co
   if (scene != nullptr) {
     for (const SceneObject& object : scene->objects()) objects.push_back(object.name);
   }
-  const auto require = [&](const Node* name, const std::vector<std::string>& names,
-                           const std::string& what) {
-    if (name == nullptr || !name->is_scalar()) return;  // its schema told
-    if (std::ranges::find(names, name->text()) != names.end()) return;
-    const std::string nearest = nearest_name(name->text(), names);
-    errors.push_back(name->error("there is no " + what + " '" + name->text() + "'",
-                                 nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
-  };
   const Node* contacts = check.find("allowed_contacts");
   if (contacts == nullptr) return;
   for (const Node& contact : contacts->items()) {
-    require(contact.find("link"), links, "link");
-    if (scene != nullptr) require(contact.find("object"), objects, "object in the scene");
+    require_name(contact.find("link"), links, "link", errors);
+    if (scene == nullptr) continue;
+    require_name(contact.find("object"), objects, "object in the scene", errors);
   }
 }
 

@@ -35,6 +35,7 @@ void check_replan(const Configuration& configuration, Host& host, std::vector<Er
   if (robot == nullptr) return;
   (void)read_replan_configuration(configuration, robot, errors);
   check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
+  check_floor(block_of(configuration, "planning"), robot->description(), errors);
 }
 
 /// The effective configuration as far as it fixes outcomes.

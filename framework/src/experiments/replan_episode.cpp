@@ -51,6 +51,7 @@ class EpisodeRun {
   /// One step of the planning side; false once there is nothing more to do.
   bool step(Stamp now);
   void note_events(Stamp now, std::size_t first);
+  void note_receipts();
   void note_truth(Stamp now, bool always);
   [[nodiscard]] Result<void> find_truth();
   void judge();
@@ -140,6 +141,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
   record_.checks = replanner_->checks();
   record_.guesses = replanner_->guess_counts();
   record_.mapping = mapping_.frames();
+  note_receipts();
   record_.views = mapping_.source().views();
   record_.frames = static_cast<std::int64_t>(record_.mapping.size());
   record_.frames_dropped = mapping_.dropped();
@@ -195,12 +197,24 @@ void EpisodeRun::note_events(Stamp now, std::size_t first) {
       // What the solve took has passed on the wall's clock; in lockstep it is charged.
       const bool is_lockstep = settings_.experiment.is_lockstep();
       event.map_age_ms = since_map_ms(now);
-      event.stamp_to_trajectory_ms =
-          since_map_ms(is_lockstep ? Stamp::from_seconds(now.seconds() + settings_.replanner.takeover_s)
-                                   : world_.clock->now());
+      event.stamp_to_trajectory_ms = since_map_ms(
+          is_lockstep ? Stamp::from_seconds(now.seconds() + settings_.replanner.takeover_s)
+                      : world_.clock->now());
       record_.followed.push_back({replanner_->followed_start().seconds(), replanner_->followed()});
     }
     record_.events.push_back(std::move(event));
+  }
+}
+
+/// How long after the receipt of the newest frame in their map trajectories came.
+void EpisodeRun::note_receipts() {
+  for (EpisodeEvent& event : record_.events) {
+    if (!event.stamp_to_trajectory_ms) continue;
+    const double stamp_s = event.event.map_stamp.seconds();
+    const auto frame = std::ranges::find(record_.mapping, stamp_s, &MappedFrame::stamp_s);
+    if (frame == record_.mapping.end()) continue;
+    event.frame_to_trajectory_ms =
+        *event.stamp_to_trajectory_ms - 1e3 * (frame->received_s - stamp_s);
   }
 }
 

@@ -15,14 +15,13 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
       is_lockstep_(settings.is_lockstep()),
       slot_(slot),
       source_(*world.source, *world.clock, !is_lockstep_),
-      pipeline_(
-          {source_,
-           *world.mapper,
-           *world.field_builder,
-           is_lockstep_ ? made_ : slot,
-           log,
-           {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
-           &motion_detector_}),
+      pipeline_({source_,
+                 *world.mapper,
+                 *world.field_builder,
+                 is_lockstep_ ? made_ : slot,
+                 log,
+                 {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
+                 &motion_detector_}),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
   if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
@@ -41,8 +40,8 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
     has_ended_ = true;
     return false;
   }
-  frames_.push_back(
-      {(*step)->stamp.seconds(), clock_.now().seconds(), (*step)->integrate_ms, (*step)->field_ms});
+  frames_.push_back({(*step)->stamp.seconds(), source_.received().seconds(), clock_.now().seconds(),
+                     (*step)->integrate_ms, (*step)->field_ms});
   return true;
 }
 

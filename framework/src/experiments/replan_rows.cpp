@@ -33,6 +33,9 @@ void record_event(const EpisodeEvent& event, std::int64_t episode, std::int64_t 
   if (event.stamp_to_trajectory_ms) {
     recorder.add("event", item, "stamp_to_trajectory_ms", *event.stamp_to_trajectory_ms);
   }
+  if (event.frame_to_trajectory_ms) {
+    recorder.add("event", item, "frame_to_trajectory_ms", *event.frame_to_trajectory_ms);
+  }
 }
 
 void record_contact(const EpisodeContact& contact, std::int64_t episode, std::int64_t item,
@@ -47,10 +50,10 @@ void record_contact(const EpisodeContact& contact, std::int64_t episode, std::in
 }
 
 StoredArray mapping_array(const std::vector<MappedFrame>& frames) {
-  StoredArray array{static_cast<int>(frames.size()), 4, {}};
+  StoredArray array{static_cast<int>(frames.size()), 5, {}};
   for (const MappedFrame& frame : frames) {
     for (const double value :
-         {frame.stamp_s, frame.published_s, frame.integrate_ms, frame.field_ms}) {
+         {frame.stamp_s, frame.received_s, frame.published_s, frame.integrate_ms, frame.field_ms}) {
       array.values.push_back(static_cast<float>(value));
     }
   }
@@ -123,6 +126,9 @@ void add_events(const Items& events, std::map<std::int64_t, EpisodeRow>& rows) {
     if (const auto age_ms = value_of(event, "map_age_ms")) episode.map_age_ms.push_back(*age_ms);
     if (const auto ms = value_of(event, "stamp_to_trajectory_ms")) {
       episode.stamp_to_trajectory_ms.push_back(*ms);
+    }
+    if (const auto ms = value_of(event, "frame_to_trajectory_ms")) {
+      episode.frame_to_trajectory_ms.push_back(*ms);
     }
   }
 }

@@ -38,6 +38,7 @@ struct EpisodeRow {
   std::vector<double> unknown_share;
   std::vector<double> map_age_ms;
   std::vector<double> stamp_to_trajectory_ms;
+  std::vector<double> frame_to_trajectory_ms;
   std::vector<double> appear_frames;
   std::vector<double> clear_frames;
   std::optional<std::int64_t> ghost_vox;  ///< Nothing where it was not measured.
@@ -64,9 +65,9 @@ struct ReplanRows {
 /// Series "run".
 void record_replan_run(const std::string& identity, Recorder& recorder);
 
-/// Series "episode" (one item an episode), "event", "contact" and "guess"; and where `pictures` > 0,
-/// "picture/EPISODE", so many spread evenly over its time: the robot, the obstacles, the way so far
-/// and what is being followed, from above.
+/// Series "episode" (one item an episode), "event", "contact" and "guess"; and where `pictures` >
+/// 0, "picture/EPISODE", so many spread evenly over its time: the robot, the obstacles, the way so
+/// far and what is being followed, from above.
 void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int pictures,
                     Recorder& recorder);
 

@@ -96,29 +96,29 @@ Json metrics_of(const ReplanRows& rows) {
   }
   const auto steps = static_cast<double>(sum_of(episodes, &EpisodeRow::steps));
   const auto checks = static_cast<double>(sum_of(episodes, &EpisodeRow::checks));
-  return {
-      {"episodes", episodes.size()},
-      {"success_share",
-       episodes.empty() ? Json(nullptr) : Json(static_cast<double>(successes) / count)},
-      {"collisions_true", sum_of(episodes, &EpisodeRow::collisions)},
-      {"min_true_clearance_m", least_clearance(episodes)},
-      {"time_to_goal_s", times_to_goal(episodes)},
-      {"replans", sum_of(episodes, &EpisodeRow::replans)},
-      {"guesses", guesses_of(rows)},
-      {"solve_ms", spread_of(episodes, &EpisodeRow::solve_ms)},
-      {"stamp_to_trajectory_ms", spread_of(episodes, &EpisodeRow::stamp_to_trajectory_ms)},
-      {"check_hz", time_s > 0.0 ? Json(steps / time_s) : Json(nullptr)},
-      {"new_check_hz", time_s > 0.0 ? Json(checks / time_s) : Json(nullptr)},
-      {"map_age_ms", spread_of(episodes, &EpisodeRow::map_age_ms)},
-      {"unknown_share", spread_of(episodes, &EpisodeRow::unknown_share)},
-      {"splice_velocity_jump_max", jump},
-      {"stops", sum_of(episodes, &EpisodeRow::stops)},
-      {"slowdowns", sum_of(episodes, &EpisodeRow::slowdowns)},
-      {"frames", sum_of(episodes, &EpisodeRow::frames)},
-      {"frames_dropped", sum_of(episodes, &EpisodeRow::frames_dropped)},
-      {"appear_frames", spread_of(episodes, &EpisodeRow::appear_frames)},
-      {"clear_frames", spread_of(episodes, &EpisodeRow::clear_frames)},
-      {"ghost_vox", ghost_vox(episodes)}};
+  return {{"episodes", episodes.size()},
+          {"success_share",
+           episodes.empty() ? Json(nullptr) : Json(static_cast<double>(successes) / count)},
+          {"collisions_true", sum_of(episodes, &EpisodeRow::collisions)},
+          {"min_true_clearance_m", least_clearance(episodes)},
+          {"time_to_goal_s", times_to_goal(episodes)},
+          {"replans", sum_of(episodes, &EpisodeRow::replans)},
+          {"guesses", guesses_of(rows)},
+          {"solve_ms", spread_of(episodes, &EpisodeRow::solve_ms)},
+          {"stamp_to_trajectory_ms", spread_of(episodes, &EpisodeRow::stamp_to_trajectory_ms)},
+          {"frame_to_trajectory_ms", spread_of(episodes, &EpisodeRow::frame_to_trajectory_ms)},
+          {"check_hz", time_s > 0.0 ? Json(steps / time_s) : Json(nullptr)},
+          {"new_check_hz", time_s > 0.0 ? Json(checks / time_s) : Json(nullptr)},
+          {"map_age_ms", spread_of(episodes, &EpisodeRow::map_age_ms)},
+          {"unknown_share", spread_of(episodes, &EpisodeRow::unknown_share)},
+          {"splice_velocity_jump_max", jump},
+          {"stops", sum_of(episodes, &EpisodeRow::stops)},
+          {"slowdowns", sum_of(episodes, &EpisodeRow::slowdowns)},
+          {"frames", sum_of(episodes, &EpisodeRow::frames)},
+          {"frames_dropped", sum_of(episodes, &EpisodeRow::frames_dropped)},
+          {"appear_frames", spread_of(episodes, &EpisodeRow::appear_frames)},
+          {"clear_frames", spread_of(episodes, &EpisodeRow::clear_frames)},
+          {"ghost_vox", ghost_vox(episodes)}};
 }
 
 Json collisions_of(const ReplanRows& rows) {

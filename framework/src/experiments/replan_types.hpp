@@ -16,6 +16,7 @@ namespace sidestep {
 /// A frame as it went into the map, and when its field was there.
 struct MappedFrame {
   double stamp_s = 0.0;
+  double received_s = 0.0;  ///< From the source.
   double published_s = 0.0;
   double integrate_ms = 0.0;
   double field_ms = 0.0;
@@ -39,6 +40,7 @@ struct EpisodeEvent {
   ReplannerEvent event;
   std::optional<double> map_age_ms;  ///< Of plans and replans, as they began.
   std::optional<double> stamp_to_trajectory_ms;
+  std::optional<double> frame_to_trajectory_ms;  ///< From when the source had handed it over.
 };
 
 /// A collision, and how it came to it: "unseen", "walked into while stopped", "fault" or "unknown".

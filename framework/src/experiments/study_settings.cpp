@@ -60,6 +60,12 @@ void check_regions(const StudyRobotEntry& entry, const Node& node, std::vector<E
   require(entry.robot.is_map(), "robot", "expected a robot's plugin and parameters");
 }
 
+void refuse_floor(const Node& planning, std::vector<Error>& errors) {
+  const Node* floor = planning.find("floor");
+  if (floor == nullptr || floor->is_null()) return;
+  errors.push_back(floor->error("the scenes of a field study have no floor"));
+}
+
 /// The `planning` block of one robot; mistakes that the override brings in are told here.
 PlanningSettings read_planning(const Node& common, const Node& own, std::vector<Error>& errors) {
   const Schema schema = PlanningSettings::parameters().schema();
@@ -72,6 +78,7 @@ PlanningSettings read_planning(const Node& common, const Node& own, std::vector<
   for (Error& error : found) {
     if (!told.contains(error.describe())) errors.push_back(std::move(error));
   }
+  refuse_floor(own, errors);
   PlanningSettings settings;
   std::vector<Error> unreadable;  // no more than what the schema has told
   PlanningSettings::parameters().read(merged, settings, unreadable);
@@ -189,6 +196,7 @@ FieldStudy read_field_study(const Configuration& configuration, std::vector<Erro
   CheckSettings::parameters().read(block_of(configuration, "check"), study.check, errors);
   study.field_block = block_of(configuration, "field");
   study.optimiser_block = block_of(configuration, "optimiser");
+  refuse_floor(block_of(configuration, "planning"), errors);
   const Node& list = *experiment.find("robots");
   if (list.items().empty()) errors.push_back(list.error("there is no robot to study"));
   std::set<std::string> names;

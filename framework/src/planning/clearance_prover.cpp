@@ -5,8 +5,6 @@
 #include <limits>
 #include <utility>
 
-#include <sidestep/planning/costs.hpp>
-
 namespace sidestep {
 namespace {
 
@@ -87,7 +85,8 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
     : robot_(std::move(robot)),
       field_(std::move(field)),
       dense_(dynamic_cast<const DenseField*>(field_.get())),
-      space_(space),
+      space_(std::move(space)),
+      above_floor_(space_, robot_->description()),
       margin_m_(margin_m),
       bounds_(*robot_) {
   const RobotDescription& description = robot_->description();
@@ -186,6 +185,8 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
       field_->query({&w.points[i], 1}, {&smooth_m, 1}, {}, {});
       reading.smooth_m = smooth_m - radius_m;
     }
+    reading.floor_m = above_floor_(at(measurement.item), w.points[i]);
+    reading.clearance_m = std::min(reading.clearance_m, reading.floor_m);  // the field's NaN stays
   }
 }
 
@@ -221,7 +222,14 @@ void ClearanceProver::read(std::span<const double> q, std::span<ClearanceReading
   for (std::size_t i = 0; i < w.measurements.size(); ++i) readings[i] = w.measurements[i].reading;
 }
 
-double ClearanceProver::shortfall_m(const Gap& gap, double way_m, Workspace& w) const {
+Shortfall ClearanceProver::shortfall(const Gap& gap, double way_m, Workspace& w) const {
+  const double in_field_m = field_shortfall_m(gap, way_m, w);
+  const double above_floor_m = 0.5 * (gap.a.floor_m + gap.b.floor_m - way_m);
+  const double to_floor_m = required_m(gap.item) - above_floor_m;
+  return to_floor_m > in_field_m ? Shortfall(to_floor_m, true) : Shortfall(in_field_m);
+}
+
+double ClearanceProver::field_shortfall_m(const Gap& gap, double way_m, Workspace& w) const {
   const ClearanceReading& a = gap.a;
   const ClearanceReading& b = gap.b;
   const double clear_m = 0.5 * (a.smooth_m + b.smooth_m - fall_m(gap.item, way_m));
@@ -398,10 +406,10 @@ bool ClearanceProver::sift(const Request& request, Listener& listener, Workspace
       const Gap& gap = w.gaps[g];
       if (violates(gap.item, gap.a) || violates(gap.item, gap.b)) continue;
       const double way = way_m(gap.item, w);
-      const double shortfall = shortfall_m(gap, way, w);
-      if (shortfall <= 0.0) continue;
+      const Shortfall short_of = shortfall(gap, way, w);
+      if (short_of.amount_m <= 0.0) continue;
       if (!is_divisible || !(way > request.min_step_m)) {
-        if (!listener.on_unproven(middle, gap.item, shortfall)) return false;
+        if (!listener.on_unproven(middle, gap.item, short_of)) return false;
         continue;
       }
       if (kept != g) w.gaps[kept] = gap;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -10,6 +11,7 @@
 #include <sidestep/core/scratch.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/field/dense_field.hpp>
+#include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/problem.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
@@ -26,14 +28,23 @@ class Motion {
   virtual void variation(double from, double to, std::span<double> v) const = 0;
 };
 
-/// What the prover measures: items [0, spheres) are the robot's spheres against the field,
-/// the rest, if not only obstacles are looked for, its self_collision_pairs.
+/// What the prover measures: items [0, spheres) are the robot's spheres against the field and the
+/// floor, the rest, if not only obstacles are looked for, its self_collision_pairs.
 struct ClearanceReading {
-  double clearance_m = 0.0;  ///< Distance minus radius under the space policy.
-  double smooth_m = 0.0;     ///< The same without the policy: what the Lipschitz bound is about.
-  double inside_m = 0.0;     ///< Of the centre to the field's border; negative outside.
+  double clearance_m = 0.0;  ///< Distance minus radius under the space policy, the nearer of both.
+  double smooth_m = 0.0;     ///< Of the field alone, without the policy: what drop(L) is about.
+  double floor_m = std::numeric_limits<double>::infinity();  ///< Above the floor.
+  double inside_m = 0.0;  ///< Of the centre to the field's border; negative outside.
   FieldStatus status = FieldStatus::kKnown;
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+};
+
+/// By how much a bound on the clearance falls short of what is required; at most 0 where it does
+/// not.
+struct Shortfall {
+  Shortfall(double amount, bool to_floor = false) : amount_m(amount), is_to_floor(to_floor) {}
+  double amount_m;
+  bool is_to_floor;  ///< The clearance above the floor, rather than that in the field.
 };
 
 /// Shows that a motion keeps clear between checks, or where it does not (numerics:
@@ -48,6 +59,8 @@ struct ClearanceReading {
 /// field jumps by two voxels across a surface, which doubles both for spheres that may come
 /// that near. The field itself is taken to be exact.
 ///
+/// A height above the floor falls by at most L, in the map and outside it alike.
+///
 /// Where unknown space counts as occupied, all voxels within L/2 of the middle of the two
 /// centres must be known, too; where the outside does, the centre must stay inside.
 class ClearanceProver {
@@ -61,8 +74,8 @@ class ClearanceProver {
    public:
     virtual ~Listener() = default;
     virtual bool on_reading(double t, int item, const ClearanceReading& reading) = 0;
-    /// Not shown clear around t: the bound falls short of what is required by `shortfall_m`.
-    virtual bool on_unproven(double t, int item, double shortfall_m) = 0;
+    /// Not shown clear around t.
+    virtual bool on_unproven(double t, int item, const Shortfall& shortfall) = 0;
   };
 
   struct Request {
@@ -118,8 +131,8 @@ class ClearanceProver {
   void measure_spheres(Workspace& workspace) const;
   void measure_pairs(Workspace& workspace) const;
   [[nodiscard]] double fall_m(int item, double way_m) const noexcept;
-  /// What the required clearance exceeds the proven one by; at most 0 where all is proven.
-  [[nodiscard]] double shortfall_m(const Gap& gap, double way_m, Workspace& workspace) const;
+  [[nodiscard]] Shortfall shortfall(const Gap& gap, double way_m, Workspace& workspace) const;
+  [[nodiscard]] double field_shortfall_m(const Gap& gap, double way_m, Workspace& workspace) const;
   [[nodiscard]] bool stays_known(const Gap& gap, double way_m, Workspace& workspace) const;
   End prove_piece(const Request& request, int piece, Listener& listener, const Deadline& deadline,
                   Workspace& workspace) const;
@@ -132,6 +145,7 @@ class ClearanceProver {
   std::shared_ptr<const DistanceField> field_;
   const DenseField* dense_ = nullptr;  ///< field_, if it is one: tells known voxels at once.
   SpacePolicy space_;
+  FloorClearance above_floor_;
   double margin_m_ = 0.0;
   MotionBounds bounds_;
   int sphere_count_ = 0;
@@ -139,7 +153,7 @@ class ClearanceProver {
   std::vector<std::vector<int>> spheres_of_link_;
   std::vector<double> radius_m_;
   std::vector<double> largest_levers_;  // by joint, of all items
-  std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
+  std::vector<double> fall_factor_;     // spheres: 1, or 2 near the surface of a signed field
 };
 
 }  // namespace sidestep

@@ -40,8 +40,8 @@ class VerdictBuilder final : public ClearanceProver::Listener {
     }
     return true;
   }
-  bool on_unproven(double t, int item, double shortfall_m) override {
-    ledger_.add(unproven(prover_, item, shortfall_m, t));
+  bool on_unproven(double t, int item, const Shortfall& shortfall) override {
+    ledger_.add(unproven(prover_, item, shortfall, t));
     return true;
   }
   /// Whether nothing more needs to be found.

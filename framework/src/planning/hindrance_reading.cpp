@@ -27,11 +27,16 @@ HindranceReading::HindranceReading(const Problem& problem, const CostTerm& term)
     for (const ResidualGroup& group : named_) groups_.push_back(group.rows);
     return;
   }
+  if (meaning_ == Meaning::kFloor) above_floor_ = spheres_above(*problem.space.floor, robot_);
+  const auto link_of = [&](std::size_t sphere) {
+    return static_cast<std::size_t>(robot_.spheres[sphere].link);
+  };
   std::map<std::size_t, std::vector<std::size_t>> groups;
   const auto dof = static_cast<std::size_t>(robot_.dof());
   for (std::size_t row = 0; row < static_cast<std::size_t>(term.cost->residual_count()); ++row) {
     std::size_t key = row;
-    if (meaning_ == Meaning::kObstacle) key = static_cast<std::size_t>(robot_.spheres[row].link);
+    if (meaning_ == Meaning::kObstacle) key = link_of(row);
+    if (meaning_ == Meaning::kFloor) key = link_of(static_cast<std::size_t>(above_floor_[row]));
     if (meaning_ == Meaning::kStart || meaning_ == Meaning::kGoal) key = row % dof;
     groups[key].push_back(row);
   }
@@ -45,6 +50,8 @@ HindranceReading::Meaning HindranceReading::meaning_of(const Problem& problem,
     return cost.name() == name && static_cast<std::size_t>(cost.residual_count()) == residuals;
   };
   if (problem.field && is("obstacle", robot.spheres.size())) return Meaning::kObstacle;
+  const std::optional<Floor>& floor = problem.space.floor;
+  if (floor && is("floor", spheres_above(*floor, robot).size())) return Meaning::kFloor;
   if (is("self_collision", robot.self_collision_pairs.size())) return Meaning::kSelfCollision;
   if (is("position_limit", robot.joints.size())) return Meaning::kPositionLimit;
   if (is("velocity_limit", robot.joints.size())) return Meaning::kVelocityLimit;
@@ -62,6 +69,8 @@ void HindranceReading::tell(const StateRows& rows, std::size_t state, std::size_
   const std::size_t at = state * static_cast<std::size_t>(rows.dof) + row;
   switch (meaning_) {
     case Meaning::kObstacle: return tell_obstacle(rows.q_of(state), row, out);
+    case Meaning::kFloor:
+      return tell_floor(rows.q_of(state), static_cast<std::size_t>(above_floor_[row]), out);
     case Meaning::kSelfCollision: return tell_self_collision(rows.q_of(state), row, out);
     case Meaning::kPositionLimit: return tell_position(rows.q[at], row, out);
     case Meaning::kVelocityLimit: return tell_velocity(rows.qdot[at], row, out);
@@ -111,6 +120,21 @@ void HindranceReading::tell_obstacle(std::span<const double> q, std::size_t sphe
   if (std::isfinite(distance_m) && steepness > kLeastGradient) {
     out.obstacle_m = centre_m - distance_m / steepness * gradient;
   }
+}
+
+void HindranceReading::tell_floor(std::span<const double> q, std::size_t sphere,
+                                  Hindrance& out) const {
+  Scratch scratch;
+  std::vector<Eigen::Vector3d> centres_m(robot_.spheres.size());
+  problem_.robot->sphere_centres(q, centres_m, scratch);
+  const Eigen::Vector3d centre_m = centres_m[sphere];
+  out.kind = Hindrance::Kind::kCollision;
+  out.subject = robot_.links[static_cast<std::size_t>(robot_.spheres[sphere].link)].name;
+  out.other = "the floor";
+  out.amount = -FloorClearance(problem_.space, robot_)(sphere, centre_m);
+  out.unit = "m";
+  out.broken = !(out.amount <= 0.0);
+  out.obstacle_m = {centre_m.x(), centre_m.y(), problem_.space.floor->height_m};
 }
 
 void HindranceReading::tell_self_collision(std::span<const double> q, std::size_t pair,

@@ -48,6 +48,7 @@ class HindranceReading {
  private:
   enum class Meaning {
     kObstacle,
+    kFloor,
     kSelfCollision,
     kPositionLimit,
     kVelocityLimit,
@@ -59,6 +60,7 @@ class HindranceReading {
   [[nodiscard]] static Meaning meaning_of(const Problem& problem, const StateCost& cost);
 
   void tell_obstacle(std::span<const double> q, std::size_t sphere, Hindrance& out) const;
+  void tell_floor(std::span<const double> q, std::size_t sphere, Hindrance& out) const;
   void tell_self_collision(std::span<const double> q, std::size_t pair, Hindrance& out) const;
   void tell_position(double q, std::size_t joint, Hindrance& out) const;
   void tell_velocity(double qdot, std::size_t joint, Hindrance& out) const;
@@ -71,6 +73,7 @@ class HindranceReading {
   Meaning meaning_;
   bool is_at_goal_;
   std::vector<std::vector<std::size_t>> groups_;
+  std::vector<int> above_floor_;      ///< Spheres of kFloor's residuals.
   std::vector<ResidualGroup> named_;  ///< Of kNamed, as groups_.
 };
 

@@ -35,7 +35,7 @@ class FirstObjection final : public ClearanceProver::Listener {
   bool on_reading(double, int item, const ClearanceReading& reading) override {
     return !prover_.violates(item, reading);
   }
-  bool on_unproven(double, int, double) override { return false; }
+  bool on_unproven(double, int, const Shortfall&) override { return false; }
 
  private:
   const ClearanceProver& prover_;

@@ -35,6 +35,9 @@ Result<void> check_numbers(const Problem& problem) {
     return invalid("the collision margin is " + text(problem.collision_margin_m) +
                    " m, but must not be negative");
   }
+  if (problem.space.floor && !std::isfinite(problem.space.floor->height_m)) {
+    return invalid("the height of the floor is not a finite number");
+  }
   for (const CostTerm& term : problem.terms) {
     if (!term.cost) return invalid("a cost term of the problem is missing");
   }
@@ -110,11 +113,15 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
           ? make_state_prior("goal", problem.goal, settings.sigma_endpoint)
           : make_velocity_prior("goal_velocity", problem.goal.qdot, settings.sigma_endpoint),
       Placement::kGoal);
+  const double begins_m = std::max(settings.epsilon_m, problem.collision_margin_m);
   if (problem.field) {
-    const double begins_m = std::max(settings.epsilon_m, problem.collision_margin_m);
     add(make_obstacle_cost(problem.robot, problem.field, problem.space, begins_m,
                            settings.sigma_obstacle),
         everywhere);
+  }
+  const std::optional<Floor>& floor = problem.space.floor;
+  if (floor && !spheres_above(*floor, problem.robot->description()).empty()) {
+    add(make_floor_cost(problem.robot, *floor, begins_m, settings.sigma_obstacle), everywhere);
   }
   if (settings.sigma_self_collision > 0.0 &&
       !problem.robot->description().self_collision_pairs.empty()) {

@@ -121,22 +121,24 @@ Violation violation_of(const ClearanceProver& prover, int item, const ClearanceR
   }
   violation.kind = Violation::Kind::kCollision;
   violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
-  violation.other = obstacle_name(reading.status, prover.space());
-  if (violation.other != kObstacle) return violation;
+  const bool is_floor = reading.floor_m <= reading.clearance_m;
+  violation.other = is_floor ? "the floor" : obstacle_name(reading.status, prover.space());
+  if (!is_floor && violation.other != kObstacle) return violation;
   if (reading.clearance_m >= 0.0) {
-    violation.other = "the margin of an obstacle";
+    violation.other = "the margin of " + violation.other;
   } else {
     violation.amount = -reading.clearance_m;
   }
   return violation;
 }
 
-Violation unproven(const ClearanceProver& prover, int item, double shortfall_m, double time_s) {
+Violation unproven(const ClearanceProver& prover, int item, const Shortfall& shortfall,
+                   double time_s) {
   const RobotDescription& robot = prover.robot().description();
   Violation violation;
   violation.kind = Violation::Kind::kUnproven;
   violation.time_s = time_s;
-  violation.amount = shortfall_m;
+  violation.amount = shortfall.amount_m;
   if (item >= prover.sphere_count()) {
     const auto [first, second] =
         robot.self_collision_pairs[static_cast<std::size_t>(item - prover.sphere_count())];
@@ -144,7 +146,7 @@ Violation unproven(const ClearanceProver& prover, int item, double shortfall_m, 
     violation.other = link_name(robot, first);
   } else {
     violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
-    violation.other = "obstacles";
+    violation.other = shortfall.is_to_floor ? "the floor" : "obstacles";
   }
   return violation;
 }

@@ -33,8 +33,8 @@ inline constexpr const char* kObstacle = "an obstacle";
 [[nodiscard]] Violation violation_of(const ClearanceProver& prover, int item,
                                      const ClearanceReading& reading, double time_s);
 /// An item whose motion could not be shown clear.
-[[nodiscard]] Violation unproven(const ClearanceProver& prover, int item, double shortfall_m,
-                                 double time_s);
+[[nodiscard]] Violation unproven(const ClearanceProver& prover, int item,
+                                 const Shortfall& shortfall, double time_s);
 
 /// "its upper limit of 2.617 rad" and the like; `per` is "", "/s" or "/s^2".
 [[nodiscard]] std::string limit_name(const Joint& joint, std::string_view which, double value,

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include <sidestep/planning/costs.hpp>
 #include <sidestep/runtime/guarded.hpp>
 
 #include "replanner_impl.hpp"
@@ -189,17 +190,22 @@ std::string Replanner::Impl::describe(const Violation& violation) const {
     std::vector<double> distances(robot.spheres.size());
     parts.robot->sphere_centres(q, centres, scratch);
     field->query(centres, distances, gradients, {});
+    const FloorClearance above_floor(parts.space, robot);
     std::optional<std::size_t> nearest;
     for (std::size_t s = 0; s < robot.spheres.size(); ++s) {
       if (robot.spheres[s].link != *link) continue;
       const auto clearance = [&](std::size_t i) {
-        return distances[i] - robot.spheres[i].radius_m;
+        return std::min(distances[i] - robot.spheres[i].radius_m, above_floor(i, centres[i]));
       };
       if (!nearest || clearance(s) < clearance(*nearest)) nearest = s;
     }
     if (nearest) {
-      const Eigen::Vector3d place =
-          centres[*nearest] - distances[*nearest] * gradients[*nearest].normalized();
+      const std::size_t s = *nearest;
+      const double floor_m = above_floor(s, centres[s]);
+      Eigen::Vector3d place = centres[s] - distances[s] * gradients[s].normalized();
+      if (floor_m <= distances[s] - robot.spheres[s].radius_m) {
+        place = centres[s] - (floor_m + robot.spheres[s].radius_m) * Eigen::Vector3d::UnitZ();
+      }
       char at[96];
       std::snprintf(at, sizeof at, " at (%.2f, %.2f, %.2f) m", place.x(), place.y(), place.z());
       text += at;

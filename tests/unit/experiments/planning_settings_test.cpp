@@ -75,6 +75,49 @@ TEST(AllowedContacts, NameLinksOfTheRobotAndObjectsOfTheScene) {
                           "'table'?)"));
 }
 
+TEST(PlanningSettings, HaveAFloorWhereTheyNameOne) {
+  const auto space = [](const std::string& more) {
+    const Node block = parse("{unknown: free, outside: free" + more + "}");
+    std::vector<Error> errors;
+    check_against_schema(block, PlanningSettings::parameters().schema(), {}, errors);
+    PlanningSettings settings;
+    PlanningSettings::parameters().read(block, settings, errors);
+    EXPECT_TRUE(errors.empty()) << errors.front().describe();
+    return settings.space();
+  };
+  EXPECT_FALSE(space("").floor);
+  EXPECT_FALSE(space(", floor: null").floor);
+  ASSERT_TRUE(space(", floor: {}").floor);
+  EXPECT_EQ(space(", floor: {}").floor->height_m, 0.0);
+  EXPECT_THAT(space(", floor: {}").floor->except_links, ElementsAre());
+  const auto floor = space(", floor: {height_m: -0.25, except_links: [foot, arm]}").floor;
+  EXPECT_EQ(floor->height_m, -0.25);
+  EXPECT_THAT(floor->except_links, ElementsAre("foot", "arm"));
+}
+
+TEST(PlanningSettings, NameLinksOfTheRobotThatStandOnTheFloor) {
+  RobotDescription robot = small_robot();
+  robot.links = {{"foot", -1}, {"arm", 0}};
+  const auto complaints = [&](const std::string& text) {
+    const Node block = parse("unknown: free\noutside: free\n" + text);
+    std::vector<Error> errors;
+    check_against_schema(block, PlanningSettings::parameters().schema(), {}, errors);
+    check_floor(block, robot, errors);
+    std::vector<std::string> texts;
+    for (const Error& error : errors) texts.push_back(error.describe());
+    return texts;
+  };
+  EXPECT_THAT(complaints(""), ElementsAre());
+  EXPECT_THAT(complaints("floor: {except_links: [arm, foot]}"), ElementsAre());
+  EXPECT_THAT(complaints("floor: {except_links: [arm, fot]}"),
+              ElementsAre("c.yaml:3:29: there is no link 'fot' (did you mean 'foot'?)"));
+  EXPECT_THAT(complaints("floor: {except_links: foot}"), ElementsAre(HasSubstr("c.yaml:3:23")));
+  EXPECT_THAT(complaints("floor: {height_m: low}"), ElementsAre(HasSubstr("c.yaml:3:19")));
+  EXPECT_THAT(complaints("floor: {height_m: .nan}"), ElementsAre(HasSubstr("c.yaml:3:19")));
+  EXPECT_THAT(complaints("floor: {hight_m: 0}"), ElementsAre(HasSubstr("height_m")));
+  EXPECT_THAT(complaints("floor: 0.1"), ElementsAre(HasSubstr("c.yaml:3:8")));
+}
+
 TEST(RobotState, NeedsNoPose) {
   const Reading reading = read("joints: {base_x: 1, shoulder: -1.5, elbow: 2.5}");
   EXPECT_THAT(reading.errors, ElementsAre());
@@ -148,6 +191,23 @@ TEST(MakeProblem, PlacesSelfCollisionWhereTheSettingsSay) {
   EXPECT_EQ(placement(""), Placement::kSupportAndInterpolated);
   EXPECT_EQ(placement(", self_collision_placement: support"), Placement::kSupport);
   EXPECT_EQ(placement(", sigma_self_collision: 0"), std::nullopt);
+}
+
+TEST(MakeProblem, KeepsTheArmFromTheFloor) {
+  const auto robot = testing_support::mobile_arm();
+  PlanningSettings settings;
+  settings.unknown = settings.outside = "free";
+  const Eigen::VectorXd q = Eigen::VectorXd::Constant(robot->description().dof(), 0.1);
+  const auto has_floor = [&] {
+    const Problem problem = make_problem(robot, nullptr, settings, q, q);
+    return std::ranges::any_of(problem.terms, [](const CostTerm& term) {
+      return term.cost->name() == "floor" && term.placement == Placement::kSupportAndInterpolated;
+    });
+  };
+  EXPECT_FALSE(has_floor());
+  settings.floor = FloorEntry{{0.0, {"base"}}};
+  EXPECT_TRUE(has_floor());
+  EXPECT_EQ(make_problem(robot, nullptr, settings, q, q).space.floor->except_links.at(0), "base");
 }
 
 TEST(MakeProblem, TakesItsTimeFromTheLimitsOrFromTheSettings) {

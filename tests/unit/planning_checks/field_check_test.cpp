@@ -17,7 +17,7 @@ using testing_support::mobile_arm;
 using testing_support::rest_to_rest;
 using testing_support::VoxelWorld;
 
-constexpr SpacePolicy kOccupied{Space::kOccupied, Space::kOccupied};
+const SpacePolicy kOccupied{Space::kOccupied, Space::kOccupied};
 
 /// A wall across x = 0 whose voxels' centres lie at x = +-0.05, for y < 0.5.
 VoxelWorld half_wall() {
@@ -128,6 +128,68 @@ TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
   EXPECT_NEAR(left.violations[0].amount, 0.6, 1e-3);  // 0.5 outside, and its radius
   space_.outside = Space::kFree;
   EXPECT_TRUE(check(out).valid());
+}
+
+/// Goes down and up again between its two states; its lowest centre is at z = `low_m`.
+Trajectory dip(const Eigen::Vector3d& from, double low_m) {
+  Trajectory trajectory = straight(from, from, 1.0);
+  // z(t) = z0 - v t (1 - t), lowest at t = 1/2.
+  trajectory.qdot(0)[2] = -4.0 * (from.z() - low_m);
+  trajectory.qdot(1)[2] = 4.0 * (from.z() - low_m);
+  return trajectory;
+}
+
+TEST_F(FieldCheckTest, SeesTheFloorBetweenChecks) {
+  space_.floor = Floor{0.2, {"ball_x", "ball_y"}};
+  settings_.max_step_m = 10.0;  // at thirds only, to begin with: 0.9 times as low as it comes
+  settings_.speed_fraction = 10.0;
+  const Eigen::Vector3d from(1.0, 1.0, 0.7);
+  const Verdict clear = check(dip(from, 0.302));
+  EXPECT_TRUE(clear.valid()) << clear.describe();
+  const Verdict verdict = check(dip(from, 0.29));
+  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
+  ASSERT_EQ(verdict.violations.size(), 1u);
+  EXPECT_EQ(verdict.violations[0].describe(), "ball is 0.010 m inside the floor at 0.50 s");
+  EXPECT_NEAR(verdict.min_clearance_m, -0.01, 1e-12);
+  EXPECT_FALSE(check(dip(from, 0.2999)).valid());
+  settings_.margin_m = 0.01;
+  EXPECT_EQ(check(dip(from, 0.302)).violations.at(0).what(),
+            "ball is 0.008 m inside the margin of the floor");
+  // Along the margin: no spacing of checks is short enough.
+  const double along_m = 0.31 + 1e-9;
+  const Verdict touching =
+      check(straight(Eigen::Vector3d(1.0, 1.0, along_m), Eigen::Vector3d(1.5, 1.0, along_m), 1.0));
+  ASSERT_EQ(touching.outcome, Verdict::Outcome::kUnproven) << touching.describe();
+  EXPECT_EQ(touching.violations[0].what(), "ball could not be shown clear of the floor");
+}
+
+TEST_F(FieldCheckTest, LetsLinksStandOnTheFloorThatMay) {
+  space_.floor = Floor{0.2, {"ball"}};
+  settings_.speed_fraction = 10.0;
+  const Verdict verdict = check(dip({1.0, 1.0, 0.7}, -0.5));
+  EXPECT_TRUE(verdict.valid()) << verdict.describe();
+}
+
+TEST_F(FieldCheckTest, HasTheFloorInUnknownSpaceAndOutside) {
+  space_ = {Space::kFree, Space::kFree, Floor{0.0, {}}};
+  world_.unknown = {Aabb{{0.5, 0.9, -1.0}, {0.7, 1.1, 1.0}}};
+  settings_.speed_fraction = 10.0;
+  settings_.max_step_m = 10.0;
+  for (const Eigen::Vector3d& from : {Eigen::Vector3d(0.6, 1.0, 0.5), Eigen::Vector3d(2.5, 0, 0.5),
+                                      Eigen::Vector3d(2.5, 2.5, 1.5)}) {
+    EXPECT_TRUE(check(dip(from, 0.11)).valid()) << from.transpose();
+    const Verdict verdict = check(dip(from, 0.06));
+    ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << from.transpose();
+    EXPECT_EQ(verdict.violations[0].what(), "ball is 0.040 m inside the floor");
+  }
+  // Where both are occupied, what it is deeper in is named.
+  space_.unknown = space_.outside = Space::kOccupied;
+  const auto what_of = [&](const Eigen::Vector3d& p) {
+    return check(straight(p, p, 1.0)).violations.at(0).what();
+  };
+  EXPECT_EQ(what_of({0.6, 1.0, 0.06}), "ball is 0.100 m inside unknown space");
+  EXPECT_EQ(what_of({0.6, 1.0, -0.06}), "ball is 0.160 m inside the floor");
+  EXPECT_EQ(what_of({2.5, 1.0, -0.06}), "ball is 0.600 m inside the space outside the map");
 }
 
 TEST_F(FieldCheckTest, SeesAMotionClipTheCornerOfUnknownSpace) {
@@ -313,6 +375,15 @@ TEST_F(StateViolationTest, IsTheDeepestCollision) {
   const auto inside = of(Eigen::Vector3d(-0.1, 0.05, 0.05));  // 0.05 to the centres
   ASSERT_TRUE(inside);
   EXPECT_EQ(inside->what(), "ball is 0.050 m inside an obstacle");
+}
+
+TEST_F(StateViolationTest, IsTheFloorWhereThatIsDeeper) {
+  space_.floor = Floor{-0.1, {}};
+  EXPECT_FALSE(of(Eigen::Vector3d(-1, 0, 0.02), 0.02));
+  EXPECT_EQ(of(Eigen::Vector3d(-1, 0, 0.02), 0.03)->what(),
+            "ball is 0.010 m inside the margin of the floor");
+  EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.05))->what(), "ball is 0.050 m inside the floor");
+  EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.02))->what(), "ball is 0.050 m inside an obstacle");
 }
 
 TEST_F(StateViolationTest, IsALimitOrNotANumber) {

@@ -9,6 +9,13 @@
 #include "support/voxel_field.hpp"
 
 namespace sidestep {
+
+inline void PrintTo(const SpacePolicy& space, std::ostream* out) {
+  *out << (space.unknown == Space::kFree ? "unknown free" : "unknown occupied")
+       << (space.outside == Space::kFree ? ", outside free" : ", outside occupied")
+       << (space.floor ? ", floor" : "");
+}
+
 namespace {
 
 using testing_support::Aabb;
@@ -35,6 +42,12 @@ class Oracle {
     robot_->sphere_centres(q, centres_, scratch_);
     Clearance out;
     for (std::size_t s = 0; s < d.spheres.size(); ++s) {
+      const std::string& link = d.links[static_cast<std::size_t>(d.spheres[s].link)].name;
+      if (space_.floor && link != space_.floor->except_links.at(0)) {
+        const double lowest_m = centres_[s].z() - d.spheres[s].radius_m;
+        out.field_m = std::min(out.field_m, lowest_m - space_.floor->height_m);
+        if (lowest_m < space_.floor->height_m) ++in_floor_;
+      }
       double distance = 0.0;
       FieldStatus status = FieldStatus::kKnown;
       field_->query({&centres_[s], 1}, {&distance, 1}, {}, {&status, 1});
@@ -55,11 +68,14 @@ class Oracle {
     }
     return out;
   }
+  /// Spheres that were found in the floor.
+  [[nodiscard]] int in_floor() const { return in_floor_; }
 
  private:
   std::shared_ptr<const RobotModel> robot_;
   std::shared_ptr<const DistanceField> field_;
   SpacePolicy space_;
+  int in_floor_ = 0;
   Scratch scratch_;
   std::vector<Eigen::Vector3d> centres_;
 };
@@ -144,6 +160,7 @@ TEST_P(NeverFalselyValid, AgreesWithDenseSampling) {
   int valid = 0;
   int invalid = 0;
   int unknown = 0;
+  int in_floor = 0;
   for (int w = 0; w < 6; ++w) {
     std::shared_ptr<const DistanceField> field = random_world(random, true).field();
     if (w % 2 == 1) field = std::make_shared<OpaqueField>(field);
@@ -181,21 +198,28 @@ TEST_P(NeverFalselyValid, AgreesWithDenseSampling) {
         ++unknown;
       }
     }
+    in_floor += oracle.in_floor();
   }
+  EXPECT_GE(in_floor, space.floor ? 10 : 0);
   // The sample holds enough of both, and hardly anything remains undecided.
   EXPECT_GE(valid, 10);
   EXPECT_GE(invalid, 30);
   EXPECT_LE(unknown, 3);
 }
 
-INSTANTIATE_TEST_SUITE_P(Policies, NeverFalselyValid,
-                         testing::Values(SpacePolicy{Space::kOccupied, Space::kOccupied},
-                                         SpacePolicy{Space::kFree, Space::kOccupied},
-                                         SpacePolicy{Space::kOccupied, Space::kFree},
-                                         SpacePolicy{Space::kFree, Space::kFree}));
+INSTANTIATE_TEST_SUITE_P(
+    Policies, NeverFalselyValid,
+    testing::Values(SpacePolicy{Space::kOccupied, Space::kOccupied},
+                    SpacePolicy{Space::kFree, Space::kOccupied},
+                    SpacePolicy{Space::kOccupied, Space::kFree},
+                    SpacePolicy{Space::kFree, Space::kFree},
+                    SpacePolicy{Space::kOccupied, Space::kOccupied, Floor{0.45, {"base"}}},
+                    SpacePolicy{Space::kFree, Space::kFree, Floor{0.45, {"base"}}}));
 
-TEST(MotionCheck, AgreesWithDenseSamplingOfStraightMotions) {
-  const SpacePolicy space{Space::kOccupied, Space::kOccupied};
+class MotionCheckAgrees : public testing::TestWithParam<SpacePolicy> {};
+
+TEST_P(MotionCheckAgrees, WithDenseSamplingOfStraightMotions) {
+  const SpacePolicy& space = GetParam();
   const auto robot = unlimited_arm();
   constexpr double kMargin_m = 0.01;
   std::mt19937 random(3);
@@ -232,6 +256,11 @@ TEST(MotionCheck, AgreesWithDenseSamplingOfStraightMotions) {
   EXPECT_GE(blocked, 30);
   EXPECT_LE(wrongly_blocked, 2);  // those that pass within 5 mm of unknown space or the border
 }
+
+INSTANTIATE_TEST_SUITE_P(Policies, MotionCheckAgrees,
+                         testing::Values(SpacePolicy{Space::kOccupied, Space::kOccupied},
+                                         SpacePolicy{Space::kOccupied, Space::kOccupied,
+                                                     Floor{0.4, {"base"}}}));
 
 }  // namespace
 }  // namespace sidestep

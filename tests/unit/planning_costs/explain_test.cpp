@@ -84,6 +84,29 @@ TEST(Explain, NamesTheLinkTheObstacleAndTheStates) {
                 "1.80 to 2.20 s, states 3 to 5)"));
 }
 
+TEST(Explain, NamesTheFloor) {
+  // From 0.1 m above the floor to 0.06 m in it.
+  Problem problem = along_x({});
+  problem.space.floor = Floor{-0.5, {}};
+  problem.start.q.z() = -0.2;
+  problem.goal.q.z() = -0.36;
+  problem.terms = {everywhere(make_floor_cost(problem.robot, *problem.space.floor, 0.05, 0.01))};
+  const Explanation told = explained(problem, straight(problem));
+  ASSERT_EQ(told.hindrances.size(), 1u);
+  const Hindrance& held = told.hindrances.front();
+  EXPECT_EQ(held.kind, Hindrance::Kind::kCollision);
+  EXPECT_EQ(held.term, "floor");
+  EXPECT_EQ(held.subject, "ball");
+  EXPECT_TRUE(held.broken);
+  EXPECT_NEAR(held.amount, 0.06, 1e-9);
+  EXPECT_NEAR(held.worst_s, 4.0, 1e-9);
+  ASSERT_TRUE(held.obstacle_m);
+  EXPECT_NEAR((*held.obstacle_m - Eigen::Vector3d(2.0, 0.0, -0.5)).norm(), 0.0, 1e-9);
+  EXPECT_EQ(held.what(), "ball is 0.06 m inside the floor at (2.00, 0.00, -0.50) m");
+  // A reading of 0.05 m is passed at 0.05 / 0.16 of the way, between 1.2 and 1.3 s.
+  EXPECT_NEAR(held.from_s, 1.3, 1e-9);
+}
+
 TEST(Explain, TellsSeparateObstaclesApart) {
   Problem problem = along_x({{{-1.0, 0.0, 0.25}, 0.1}, {{1.0, 0.24, 0.0}, 0.1}});
   problem.terms = {

@@ -78,6 +78,28 @@ TEST(StandardTerms, AreAllThere) {
   EXPECT_EQ(terms[2].placement, Placement::kSupportAndInterpolated);
 }
 
+TEST(StandardTerms, HaveTheFloorWhereALinkIsKeptFromIt) {
+  Problem problem = conformance::reference_problem();
+  problem.space.floor = Floor{0.0, {"base"}};
+  problem.collision_margin_m = 0.3;  // of a cost that else begins at 0.2 m
+  auto terms = standard_terms(problem, {.epsilon_m = 0.2, .sigma_obstacle = 0.05});
+  EXPECT_THAT(names(terms), ElementsAre("start", "goal", "obstacle", "floor", "self_collision",
+                                        "position_limit", "velocity_limit"));
+  EXPECT_EQ(terms[3].placement, Placement::kSupportAndInterpolated);
+  // Two links of three spheres each, whose centres stay at the floor's height.
+  std::vector<double> residuals(6), qdot(4);
+  Scratch scratch;
+  const std::vector<double> times_s{0.0};
+  terms[3].cost->evaluate({1, 4, std::span(problem.start.q.data(), 4), qdot, times_s},
+                          {residuals, {}, {}}, scratch);
+  for (const double residual : residuals) EXPECT_NEAR(residual, (0.3 + 0.06) / 0.05, 1e-9);
+
+  problem.field = nullptr;
+  EXPECT_THAT(names(standard_terms(problem, {})), testing::Contains("floor"));
+  problem.space.floor = Floor{0.0, {"base", "link_1", "link_2"}};
+  EXPECT_THAT(names(standard_terms(problem, {})), testing::Not(testing::Contains("floor")));
+}
+
 TEST(StandardTerms, LeaveTheGoalConfigurationToOthers) {
   const auto terms =
       standard_terms(conformance::reference_problem(),

@@ -162,5 +162,22 @@ TEST_F(Hsr, ReachPosesReachWhatTheirNamesSay) {
   EXPECT_LT(tip.translation().z(), 0.10);
 }
 
+/// What the closed loops keep from the floor: everything but the base.
+TEST_F(Hsr, KeepsItsPosesAboveTheFloor) {
+  constexpr double kMargin_m = 0.02;
+  const RobotDescription& robot = robot_->description();
+  std::vector<Eigen::Vector3d> centres_m(robot.spheres.size());
+  Scratch scratch;
+  for (const NamedPose& pose : robot.poses) {
+    robot_->sphere_centres(testing_robot::pose_of(robot, pose.name), centres_m, scratch);
+    for (std::size_t s = 0; s < centres_m.size(); ++s) {
+      const CollisionSphere& sphere = robot.spheres[s];
+      const std::string& link = robot.links[static_cast<std::size_t>(sphere.link)].name;
+      if (link == "base_link") continue;
+      EXPECT_GT(centres_m[s].z() - sphere.radius_m, kMargin_m) << pose.name << ", " << link;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace sidestep

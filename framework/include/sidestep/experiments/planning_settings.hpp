@@ -12,10 +12,16 @@
 
 namespace sidestep {
 
+/// `planning.floor`.
+struct FloorEntry : Floor {
+  static Parameters<FloorEntry> parameters();
+};
+
 /// The `planning` block of a configuration: how a problem is posed, whoever solves it.
 struct PlanningSettings : CostSettings {
   std::string unknown;  ///< "free" or "occupied".
   std::string outside;
+  std::optional<FloorEntry> floor;
   double dt_s = 0.25;
   double speed_fraction = 0.8;
   double acceleration_fraction = 0.9;
@@ -52,6 +58,10 @@ struct CheckSettings {
 
   static Parameters<CheckSettings> parameters();
 };
+
+/// Appends a kConfig error for each name in `floor.except_links` of a `planning` block that is no
+/// link of the robot; what does not fit the block's schema is passed over.
+void check_floor(const Node& planning, const RobotDescription& robot, std::vector<Error>& errors);
 
 /// Appends a kConfig error for each name in the allowed contacts of a `check` block that is no link
 /// of the robot or no object of the scene. `scene` may be null: objects are then passed over, as is

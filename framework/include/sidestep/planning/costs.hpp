@@ -1,6 +1,8 @@
 #pragma once
 
 #include <memory>
+#include <span>
+#include <vector>
 
 #include <sidestep/planning/problem.hpp>
 #include <sidestep/planning/state_cost.hpp>
@@ -11,8 +13,9 @@ namespace sidestep {
 ///  - outside the field and Space::kOccupied: minus the distance to the field's box, gradient
 ///    pointing back inside; Space::kFree: infinity, gradient zero;
 ///  - unknown and Space::kOccupied: 0 at most, gradient as queried; kFree: as queried.
-/// The policy is applied here and below, nowhere else. All spans have n elements; gradients may be
-/// empty.
+/// The policy is applied here and below, nowhere else; its floor, which is there for some links
+/// only and so for no points, by FloorClearance and make_floor_cost() alone. All spans have n
+/// elements; gradients may be empty.
 void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
                        std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
                        std::span<Eigen::Vector3d> gradients,
@@ -26,10 +29,35 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
                                                   std::span<const double> limits_m,
                                                   std::span<FieldSample> samples) noexcept;
 
+/// The spheres that a floor is there for, those of all links but the excepted ones, ascending.
+[[nodiscard]] std::vector<int> spheres_above(const Floor& floor, const RobotDescription& robot);
+
+/// How far spheres of a robot are above the floor of a space policy.
+class FloorClearance {
+ public:
+  FloorClearance(const SpacePolicy& space, const RobotDescription& robot);
+
+  /// Of the lowest point of a sphere whose centre is at centre_m (world), negative in the floor;
+  /// infinity where there is no floor, or none for the sphere's link. [any]; does not allocate.
+  [[nodiscard]] double operator()(std::size_t sphere,
+                                  const Eigen::Vector3d& centre_m) const noexcept {
+    return centre_m.z() - touching_m_[sphere];
+  }
+
+ private:
+  std::vector<double> touching_m_;  ///< Height of each sphere's centre as it touches the floor.
+};
+
 /// One residual per sphere: max(0, epsilon - (D - r)) / sigma (GPMP2, eq. 33).
 [[nodiscard]] std::unique_ptr<StateCost> make_obstacle_cost(
     std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
     SpacePolicy space, double epsilon_m, double sigma_m);
+
+/// One residual per sphere of spheres_above(): max(0, epsilon - (z - height - r)) / sigma, z the
+/// height of its centre.
+[[nodiscard]] std::unique_ptr<StateCost> make_floor_cost(std::shared_ptr<const RobotModel> robot,
+                                                         const Floor& floor, double epsilon_m,
+                                                         double sigma_m);
 
 /// One residual per pair of links checked: the hinge of the closest pair of their spheres.
 [[nodiscard]] std::unique_ptr<StateCost> make_self_collision_cost(

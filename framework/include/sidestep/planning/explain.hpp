@@ -16,7 +16,7 @@ namespace sidestep {
 /// One thing that a cost term holds against a trajectory, over one stretch of it.
 struct Hindrance {
   enum class Kind {
-    kCollision,      ///< A link near or in an obstacle, or in space that counts as one.
+    kCollision,      ///< A link near or in an obstacle, the floor, or space that counts as one.
     kSelfCollision,  ///< Two links near or in each other.
     kLimit,          ///< A joint near or beyond a limit.
     kEndpoint,       ///< A joint off the start or the goal, a link off its goal.
@@ -57,11 +57,11 @@ struct Explanation {
 
 /// Evaluates the terms of a problem at the states of any trajectory, whoever found it, and tells
 /// what holds it: per term and per link, pair of links or joint, each stretch of neighbouring
-/// states at which it costs anything. Rows of the terms "obstacle", "self_collision",
-/// "position_limit", "velocity_limit", "start", "goal" and "goal_velocity" are those of
-/// planning/costs.hpp; rows of any other term are what the cost calls them (residual_names.hpp), or
-/// named by their number. Fails with kInvalidArgument where the trajectory is
-/// malformed or not of the problem's robot. [any]; allocates.
+/// states at which it costs anything. Rows of the terms "obstacle", "floor",
+/// "self_collision", "position_limit", "velocity_limit", "start", "goal" and "goal_velocity" are
+/// those of planning/costs.hpp; rows of any other term are what the cost calls them
+/// (residual_names.hpp), or named by their number. Fails with kInvalidArgument where the trajectory
+/// is malformed or not of the problem's robot. [any]; allocates.
 [[nodiscard]] Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory);
 
 /// The same of a single configuration (dof values) at rest, by the terms that are felt at every

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -19,9 +21,17 @@ inline constexpr double kLimitTolerance = 1e-6;
 /// What a region without measurements counts as. There is no default: a configuration says.
 enum class Space { kFree, kOccupied };
 
+/// The plane that a robot stands on. Maps may leave it out, for what stands on it would be in
+/// collision for ever: its spheres reach into it.
+struct Floor {
+  double height_m = 0.0;  ///< Everything below this z of the world is occupied, map or not,
+  std::vector<std::string> except_links;  ///< but not for these, which may stand on it.
+};
+
 struct SpacePolicy {
   Space unknown = Space::kOccupied;
   Space outside = Space::kOccupied;
+  std::optional<Floor> floor = std::nullopt;
 };
 
 /// At which states of the trajectory a cost applies.
@@ -44,8 +54,8 @@ struct Problem {
   std::shared_ptr<const RobotModel> robot;
   std::shared_ptr<const DistanceField> field;  ///< The one snapshot that a solve sees.
   SpacePolicy space;
-  /// Least distance between spheres and obstacles. Sampling planners keep it; the obstacle cost of
-  /// standard_terms() begins no nearer.
+  /// Least distance between spheres and obstacles, or the floor. Sampling planners keep it; the
+  /// obstacle and floor costs of standard_terms() begin no nearer.
   double collision_margin_m = 0.0;
 
   RobotState start;
@@ -68,8 +78,8 @@ struct Problem {
 
 /// The weights of the standard cost terms (docs/numerics.md).
 struct CostSettings {
-  double epsilon_m = 0.5;        ///< Obstacle hinge: cost begins this far from a sphere.
-  double sigma_obstacle = 0.05;  ///< m
+  double epsilon_m = 0.5;        ///< Obstacles, floor: cost begins this far from a sphere.
+  double sigma_obstacle = 0.05;  ///< m; of obstacles and floor.
   double self_collision_epsilon_m = 0.02;
   double sigma_self_collision = 0.05;  ///< m; 0 leaves the term out.
   Placement self_collision_placement = Placement::kSupportAndInterpolated;
@@ -82,8 +92,9 @@ struct CostSettings {
   bool hold_goal = true;
 };
 
-/// The standard terms for problem.robot, field, start and goal: obstacle, self-collision,
-/// position limits, velocity limits (scaled by speed_fraction), start, goal.
+/// The standard terms for problem.robot, space, field, start and goal: obstacle, floor (where there
+/// is one), self-collision, position limits, velocity limits (scaled by speed_fraction), start,
+/// goal.
 [[nodiscard]] std::vector<CostTerm> standard_terms(const Problem& problem,
                                                    const CostSettings& settings);
 

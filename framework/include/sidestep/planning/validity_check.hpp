@@ -29,7 +29,8 @@ struct Violation {
   };
   Kind kind = Kind::kCollision;
   std::string subject;  ///< Link or joint.
-  std::string other;  ///< What it hits or breaks: a link, "an obstacle", "its upper limit of ...".
+  std::string other;    ///< What it hits or breaks: a link, "an obstacle", "the floor", "its upper
+                        ///< limit of ...".
   double time_s = 0.0;  ///< Where it is worst.
   double amount = 0.0;  ///< By how much: penetration in m, or beyond the limit in its unit.
 
@@ -47,7 +48,8 @@ struct Verdict {
     kUnproven,  ///< No violation was found, nor could the motion be shown to be free of any.
   };
   Outcome outcome = Outcome::kUnproven;
-  double min_clearance_m = 0.0;  ///< Smallest at the times checked; infinity without obstacles.
+  double min_clearance_m = 0.0;  ///< Smallest at the times checked, the floor included; infinity
+                                 ///< where there is nothing.
   std::string min_clearance_link;
   double min_clearance_time_s = 0.0;
   double min_self_clearance_m = 0.0;
@@ -93,7 +95,8 @@ struct FieldCheckSettings {
 /// against each other, with bisection until the motion between two checks is proven clear
 /// (numerics: continuous-time validity); limits from the extrema of the cubic interpolant.
 ///
-/// A sphere's clearance is the field's value at its centre minus its radius. The field measures
+/// A sphere's clearance is the field's value at its centre minus its radius, or the height of its
+/// lowest point above the policy's floor where that is less. The field measures
 /// from voxel centre to voxel centre, and what occupies a voxel may reach up to half its
 /// diagonal beyond its centre: `margin_m` is what covers that; the independent check
 /// (runtime/shape_check.hpp) sees whole voxels. The proof holds for every field whose values at
@@ -105,7 +108,7 @@ struct FieldCheckSettings {
     std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
     SpacePolicy space, FieldCheckSettings settings);
 
-/// What is worst about one configuration (dof values): the deepest collision with the field
+/// What is worst about one configuration (dof values): the deepest collision with field or floor
 /// beyond `margin_m`, else the deepest self-collision, else the position limit that is broken
 /// the most; nothing where all is well. Says why a start or a goal cannot be used. [any];
 /// allocates.
