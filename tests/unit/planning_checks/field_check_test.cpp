@@ -132,7 +132,7 @@ TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
 
 /// Goes down and up again between its two states; its lowest centre is at z = `low_m`.
 Trajectory dip(const Eigen::Vector3d& from, double low_m) {
-  Trajectory trajectory = straight(from, from, 1.0);
+  Trajectory trajectory = rest_to_rest(from, from, 1.0);
   // z(t) = z0 - v t (1 - t), lowest at t = 1/2.
   trajectory.qdot(0)[2] = -4.0 * (from.z() - low_m);
   trajectory.qdot(1)[2] = 4.0 * (from.z() - low_m);
@@ -157,8 +157,8 @@ TEST_F(FieldCheckTest, SeesTheFloorBetweenChecks) {
             "ball is 0.008 m inside the margin of the floor");
   // Along the margin: no spacing of checks is short enough.
   const double along_m = 0.31 + 1e-9;
-  const Verdict touching =
-      check(straight(Eigen::Vector3d(1.0, 1.0, along_m), Eigen::Vector3d(1.5, 1.0, along_m), 1.0));
+  const Verdict touching = check(
+      rest_to_rest(Eigen::Vector3d(1.0, 1.0, along_m), Eigen::Vector3d(1.5, 1.0, along_m), 1.0));
   ASSERT_EQ(touching.outcome, Verdict::Outcome::kUnproven) << touching.describe();
   EXPECT_EQ(touching.violations[0].what(), "ball could not be shown clear of the floor");
 }
@@ -185,7 +185,7 @@ TEST_F(FieldCheckTest, HasTheFloorInUnknownSpaceAndOutside) {
   // Where both are occupied, what it is deeper in is named.
   space_.unknown = space_.outside = Space::kOccupied;
   const auto what_of = [&](const Eigen::Vector3d& p) {
-    return check(straight(p, p, 1.0)).violations.at(0).what();
+    return check(rest_to_rest(p, p, 1.0)).violations.at(0).what();
   };
   EXPECT_EQ(what_of({0.6, 1.0, 0.06}), "ball is 0.100 m inside unknown space");
   EXPECT_EQ(what_of({0.6, 1.0, -0.06}), "ball is 0.160 m inside the floor");
