@@ -96,6 +96,7 @@ TEST_F(ReplanTest, ABlockedGoalIsAFailureThatSaysWhy) {
   const Json of = summary("run");
   EXPECT_EQ(of["success_share"], 0.0);
   EXPECT_EQ(of["collisions_true"], 0);
+  ASSERT_EQ(of["failures"].size(), 1U);
   EXPECT_THAT(of["failures"][0]["reason"].get<std::string>(),
               HasSubstr("the goal was not reached in time"));
 }

@@ -113,8 +113,7 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
       .add("replan_period_s", &S::replan_period_s,
            "Least time from one replan's begin to the next one's.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
-      .add("takeover_s", &S::takeover_s,
-           "From a replan's begin to when its trajectory takes over.",
+      .add("takeover_s", &S::takeover_s, "From a replan's begin to when its trajectory takes over.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
       .add("solve_limit_s", &S::solve_limit_s,
            "For all attempts of one replan; less than takeover_s.",
@@ -122,8 +121,7 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
       .add("horizon_s", &S::horizon_s,
            "Where no trajectory is free all the way, one that is so for this long may do.",
            {.unit = "s", .min = 0.0, .max = 3600.0})
-      .add("stop_lead_s", &S::stop_lead_s,
-           "From the decision to stop to when braking begins.",
+      .add("stop_lead_s", &S::stop_lead_s, "From the decision to stop to when braking begins.",
            {.unit = "s", .min = 0.0, .max = 60.0})
       .add("max_state_age_s", &S::max_state_age_s,
            "A measured state older than this leads to a stop.",
@@ -137,15 +135,14 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
           "Largest speed of what moves: while the robot moves, it can come to rest before anything "
           "seen moving could reach it. 0: what moves is an obstacle like any other.",
           {.unit = "m/s", .min = 0.0, .max = 20.0})
-      .add("rest_speed", &S::rest_speed,
-           "Joints that are slower count as at rest (m/s, rad/s).", {.min = 1e-6, .max = 10.0})
+      .add("rest_speed", &S::rest_speed, "Joints that are slower count as at rest (m/s, rad/s).",
+           {.min = 1e-6, .max = 10.0})
       .add("tracking_tolerance", &S::tracking_tolerance,
            "Largest distance of a joint from what it follows (m, rad); beyond it the robot stops.",
            {.min = 1e-6, .max = 100.0})
       .add("margin_m", &S::margin_m, "Clearance that spheres must keep from obstacles.",
            {.unit = "m", .min = 0.0, .max = 10.0})
-      .add("max_step_m", &S::max_step_m,
-           "First spacing of validity checks, as sphere motion.",
+      .add("max_step_m", &S::max_step_m, "First spacing of validity checks, as sphere motion.",
            {.unit = "m", .min = 1e-4, .max = 1.0})
       .add("stop_reserve", &S::stop_reserve,
            "A stop begins no later than when what blocks the trajectory is so many times as far "

@@ -18,6 +18,7 @@ namespace {
 constexpr double kRounding = 24e-15;
 /// Pieces are proven clear together until they move the robot by about this much.
 constexpr double kProof_m = 0.3;
+constexpr double kMostParts = 1000.0;
 
 /// Collects what the prover finds into a verdict.
 class VerdictBuilder final : public ClearanceProver::Listener {
@@ -166,8 +167,17 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
       chain.variation(piece_from_s, time_of(state + 1), variation);
       way_m += prover_.way_bound_m(variation);
     }
-    if (!prove(chain, chain_from_s, time_of(state))) {
-      return tl::make_unexpected(late(trajectory, chain_from_s));
+    // A long piece of which the first violation matters is proven in parts.
+    const double to_s = time_of(state);
+    const double most_parts = settings_.first_violation_only ? kMostParts : 1.0;
+    const int parts = std::max(1, static_cast<int>(std::min(most_parts, way_m / kProof_m)));
+    for (int part = 0; part < parts && !builder.is_decided(); ++part) {
+      const auto at = [&](int p) {
+        return p == parts ? to_s : chain_from_s + (to_s - chain_from_s) * p / parts;
+      };
+      if (!prove(chain, at(part), at(part + 1))) {
+        return tl::make_unexpected(late(trajectory, at(part)));
+      }
     }
   }
   return builder.verdict();

@@ -282,7 +282,12 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   if (!verdict->valid()) {
     plan.free_until_s = verdict->first_violation_s;
     task.failure = "it is " + verdict->describe();
-    if (plan.free_until_s < task.request.least_free_s) return std::nullopt;
+    // What is in the way may go; a limit that is broken stays so.
+    const bool may_go = std::ranges::all_of(verdict->violations, [](const Violation& violation) {
+      return violation.kind == Violation::Kind::kCollision ||
+             violation.kind == Violation::Kind::kUnproven;
+    });
+    if (!may_go || plan.free_until_s < task.request.least_free_s) return std::nullopt;
   }
   plan.unknown_share = verdict->unknown_share;
   const auto reached = task.request.reach.first_reach(

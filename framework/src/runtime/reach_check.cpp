@@ -59,7 +59,8 @@ std::optional<std::string> ReachCheck::first_reach(const Trajectory& motion, dou
         if ((centres[s] - ball.centre_m).squaredNorm() >= apart_m * apart_m) continue;
         const auto link = static_cast<std::size_t>(spheres[s].link);
         char text[160];
-        std::snprintf(text, sizeof text, "what moves at (%.2f, %.2f, %.2f) m could reach %s in %.2g s",
+        std::snprintf(text, sizeof text,
+                      "what moves at (%.2f, %.2f, %.2f) m could reach %s in %.2g s",
                       ball.centre_m.x(), ball.centre_m.y(), ball.centre_m.z(),
                       robot_->description().links[link].name.c_str(), time_s);
         return text;

@@ -22,8 +22,7 @@ void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
   halted = Halt{reason, cause};
   const bool slows = reason == Reason::kMoving && followed.size() > 0;
   const std::string how = stop_motion(by_executor);
-  Event& event =
-      tell(slows ? Event::Kind::kSlowed : Event::Kind::kStopped, reason, cause + how);
+  Event& event = tell(slows ? Event::Kind::kSlowed : Event::Kind::kStopped, reason, cause + how);
   event.takeover = begin;
   if (!slows) parts.log.warn("stopped: " + event.cause);
 }

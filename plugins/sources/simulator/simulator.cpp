@@ -147,8 +147,8 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, const Host
   if (!scene) return tl::make_unexpected(scene.error());
   auto viewpoint = Viewpoint::create(options, context);
   if (!viewpoint) return tl::make_unexpected(std::move(viewpoint.error()));
-  return std::unique_ptr<Source>(
-      std::make_unique<Simulator>(options, scene->drawn(context.seed), std::move(*viewpoint), context));
+  return std::unique_ptr<Source>(std::make_unique<Simulator>(options, scene->drawn(context.seed),
+                                                             std::move(*viewpoint), context));
 }
 
 }  // namespace sidestep::simulator

@@ -155,9 +155,8 @@ TEST(ReadScene, ReadsRangesToDrawFrom) {
                           HasSubstr("expected a list")));
   EXPECT_THAT(messages(read_text(object + "random: {speed: [0, 1]}}]")),
               ElementsAre(HasSubstr("a factor of speed must be greater than 0")));
-  EXPECT_THAT(
-      messages(read_text("objects: [{name: a, shape: plane, random: {delay_s: [0, 1]}}]")),
-      ElementsAre(HasSubstr("only an object with 'waypoints' has a delay_s")));
+  EXPECT_THAT(messages(read_text("objects: [{name: a, shape: plane, random: {delay_s: [0, 1]}}]")),
+              ElementsAre(HasSubstr("only an object with 'waypoints' has a delay_s")));
 }
 
 class SceneOfTheProject : public ::testing::TestWithParam<std::string> {

@@ -280,20 +280,38 @@ class ArmThroughWallTest : public FieldCheckTest {
     world_.grid.origin_m.z() = 0.0;
     world_.occupied = {Aabb{{-0.1, -2.0, 0.0}, {0.1, 2.0, 2.0}}};
   }
-  [[nodiscard]] Verdict check_drive() const {
+  [[nodiscard]] static Trajectory drive() {
     Eigen::VectorXd from(7);
     from << -1, 0, 0, 0.2, -0.5, 0.5, 0;
     Eigen::VectorXd to = from;
     to[0] = 1.0;
-    return check(rest_to_rest(from, to, 20.0));
+    return rest_to_rest(from, to, 20.0);
   }
+  [[nodiscard]] Verdict check_drive() const { return check(drive()); }
 };
 
-TEST_F(ArmThroughWallTest, EndsAtTheFirstViolationWhereAsked) {
+TEST_F(ArmThroughWallTest, EndsSoonAfterTheFirstViolationWhereAsked) {
+  const Verdict full = check_drive();
   settings_.first_violation_only = true;
   const Verdict verdict = check_drive();
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
-  EXPECT_EQ(verdict.violations.size(), 1u);
+  EXPECT_LT(verdict.violations.size(), full.violations.size());
+  EXPECT_EQ(verdict.first_violation_s, full.first_violation_s);
+  // Rest to rest over 2 m in 20 s is nowhere faster than 0.15 m/s: 0.3 m take 2 s at least.
+  for (const Violation& violation : verdict.violations) {
+    EXPECT_GE(violation.time_s, verdict.first_violation_s);
+    EXPECT_LE(violation.time_s, verdict.first_violation_s + 4.0);
+  }
+  const auto field = world_.field();
+  const Trajectory motion = drive();
+  std::vector<double> q(7);
+  double time_s = 0.0;
+  for (; time_s < 20.0; time_s += 1e-3) {
+    motion.sample(time_s, q, {});
+    if (state_violation(robot_, field, space_, settings_.margin_m, q)) break;
+  }
+  // The checks are 0.02 m apart.
+  EXPECT_NEAR(verdict.first_violation_s, time_s, 0.2);
 }
 
 TEST_F(ArmThroughWallTest, ReportsTheWorstOfEachSubjectWorstFirst) {

