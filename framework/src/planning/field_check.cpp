@@ -170,7 +170,8 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
     // A long piece of which the first violation matters is proven in parts.
     const double to_s = time_of(state);
     const double most_parts = settings_.first_violation_only ? kMostParts : 1.0;
-    const int parts = std::max(1, static_cast<int>(std::min(most_parts, way_m / kProof_m)));
+    const int parts =
+        std::max(1, static_cast<int>(std::ceil(std::min(most_parts, way_m / kProof_m))));
     for (int part = 0; part < parts && !builder.is_decided(); ++part) {
       const auto at = [&](int p) {
         return p == parts ? to_s : chain_from_s + (to_s - chain_from_s) * p / parts;

@@ -86,8 +86,13 @@ ReplannerEvent& Replanner::Impl::tell(Event::Kind kind, Reason reason, std::stri
 
 bool Replanner::Impl::is_due() const {
   if (!last_replan) return true;
+  const double since_s = now.seconds() - last_replan->seconds();
+  // In the map that was searched last there is nothing new: the next one is waited for, a while.
+  constexpr double kWait = 5.0;
+  const bool is_searched = field != nullptr && field == searched_in;
+  const double periods = is_searched ? kWait : 1.0;
   // Half a nanosecond's rounding must not cost a step.
-  return now.seconds() - last_replan->seconds() >= settings.replan_period_s - 1e-9;
+  return since_s >= periods * settings.replan_period_s - 1e-9;
 }
 
 Replanner::Status Replanner::Impl::advance() {
@@ -249,6 +254,7 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
 bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,
                              std::optional<double> to_beat) {
   last_replan = now;
+  searched_in = field;
   // What is free for longer than what is followed now is worth going on with.
   constexpr double kWorth_s = 1.0;
   double least_free_s = settings.takeover_s + settings.horizon_s;

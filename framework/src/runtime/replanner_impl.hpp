@@ -83,7 +83,8 @@ struct Replanner::Impl {
   std::vector<Event>* events = nullptr;
   std::optional<Stamp> last_step;
   std::optional<Stamp> last_replan;
-  std::optional<Stamp> failed_at;  ///< The last replan that failed.
+  std::shared_ptr<const DistanceField> searched_in;  ///< The map of the last replan.
+  std::optional<Stamp> failed_at;                    ///< The last replan that failed.
 
   Trajectory followed;  ///< Empty where nothing is.
   Stamp followed_start;
