@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <optional>
 #include <string>
@@ -51,11 +53,16 @@ class ClosedLoopRun {
     }
   }
 
+  static auto is_of(const std::string& kind, const std::string& reason) {
+    return [&](const StoredEvent& e) { return e.kind == kind && e.reason == reason; };
+  }
   [[nodiscard]] const StoredEvent* first(const std::string& kind, const std::string& reason) const {
-    for (const StoredEvent& event : events) {
-      if (event.kind == kind && event.reason == reason) return &event;
-    }
-    return nullptr;
+    const auto found = std::ranges::find_if(events, is_of(kind, reason));
+    return found == events.end() ? nullptr : &*found;
+  }
+  [[nodiscard]] const StoredEvent* last(const std::string& kind, const std::string& reason) const {
+    const auto found = std::find_if(events.rbegin(), events.rend(), is_of(kind, reason));
+    return found == events.rend() ? nullptr : &*found;
   }
   /// How far the robot truly moved in a span of time.
   [[nodiscard]] double moved_m(double from_s, double to_s) const {

@@ -20,6 +20,8 @@ class PacedFrames final : public Source {
       : source_(source), clock_(clock), waits_(waits) {}
 
   /// Fails with kDeadlineExceeded where no frame is due in time; what does not wait needs none.
+  /// With kBadFrame, in addition to what the source says, for a frame that measured nothing at all:
+  /// the map would be none the newer for it.
   [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
   [[nodiscard]] std::optional<std::int64_t> frame_count() const override {
     return source_.frame_count();
@@ -37,6 +39,7 @@ class PacedFrames final : public Source {
   [[nodiscard]] const std::vector<CameraView>& views() const noexcept { return views_; }
 
  private:
+  [[nodiscard]] Result<std::optional<Frame>> next_of_source(const Deadline& deadline);
   [[nodiscard]] Result<std::optional<Frame>> next_at_once();
   [[nodiscard]] bool wait_until_due(const Frame& frame, const Deadline& deadline) const;
   void note(const Frame& frame);
@@ -47,6 +50,7 @@ class PacedFrames final : public Source {
   std::optional<bool> keeps_to_clock_;  ///< The source; nothing before its first frame.
   std::unique_ptr<Frame> pending_;
   Stamp received_;
+  std::optional<Stamp> bad_at_;  ///< When the source last had a frame that cannot be used.
   bool keeps_last_ = false;
   std::optional<Frame> last_;
   std::optional<std::int64_t> last_sequence_;

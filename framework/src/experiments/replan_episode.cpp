@@ -8,12 +8,15 @@
 
 #include "replan_mapping.hpp"
 #include "replan_visibility.hpp"
+#include "step_watch.hpp"
 
 namespace sidestep {
 namespace {
 
 /// Between two recorded true states: 125 Hz.
 constexpr std::int64_t kTruthPeriod_ns = 8'000'000;
+/// How long a robot that has been told to stop at an episode's end is waited for.
+constexpr double kLongestStop_s = 5.0;
 
 /// Poses problems from any state to the episode's goal.
 Replanner::PoseProblem problems_of(const ReplanConfiguration& settings, const ReplanWorld& world) {
@@ -50,6 +53,9 @@ class EpisodeRun {
   void run_wall();
   /// One step of the planning side; false once there is nothing more to do.
   bool step(Stamp now);
+  /// The episode is over: stops a robot that still moves, and waits until it is at rest.
+  void come_to_rest();
+  [[nodiscard]] bool is_at_rest();
   void note_events(Stamp now, std::size_t first);
   void note_receipts();
   void note_truth(Stamp now, bool always);
@@ -65,6 +71,7 @@ class EpisodeRun {
   Stamp end_;
   Stamp next_truth_;
   std::vector<ReplannerEvent> events_;
+  std::optional<Error> truth_fault_;  ///< After it, no truth is recorded.
   EpisodeRecord record_;
   Replanner::Status status_ = Replanner::Status::kWaiting;
 };
@@ -114,7 +121,8 @@ void EpisodeRun::make_replanner() {
                                       context_.log,
                                       plugin_of(world_.executor),
                                       plugin_of(world_.optimiser),
-                                      world_.sampler ? plugin_of(world_.sampler) : ""},
+                                      world_.sampler ? plugin_of(world_.sampler) : "",
+                                      [this] { return mapping_.trouble(); }},
                      settings);
 }
 
@@ -131,12 +139,19 @@ Result<EpisodeRecord> EpisodeRun::run() {
     return std::move(record_);
   }
   make_replanner();
-  if (settings_.experiment.is_lockstep()) {
-    run_lockstep();
-  } else {
-    run_wall();
-  }
+  // Whatever happens here, the robot is not left moving.
+  const auto done = contained("the closed loop", [&]() -> Result<void> {
+    if (settings_.experiment.is_lockstep()) {
+      run_lockstep();
+    } else {
+      run_wall();
+    }
+    return {};
+  });
   record_.duration_s = world_.clock->now().seconds();
+  come_to_rest();
+  mapping_.stop();
+  if (!done) return tl::make_unexpected(done.error());
   record_.reached = status_ == Replanner::Status::kReached;
   record_.checks = replanner_->checks();
   record_.guesses = replanner_->guess_counts();
@@ -167,12 +182,20 @@ void EpisodeRun::run_wall() {
   const auto period = std::chrono::nanoseconds(Stamp::from_seconds(settings_.experiment.step_s).ns);
   world_.clock->start();
   mapping_.start();
+  StepWatch watch(settings_.replanner.longest_step_s(), [this] {
+    context_.log.warn("the planning side has not come back: the executor is told to stop");
+    const auto stopped =
+        in_stage(plugin_of(world_.executor), [&] { return world_.executor->stop(); });
+    if (!stopped) context_.log.warn("it does not: " + stopped.error().describe());
+  });
   auto next = std::chrono::steady_clock::now();
-  while (step(world_.clock->now())) {
+  for (bool goes_on = true; goes_on;) {
+    watch.begin();
+    goes_on = step(world_.clock->now());
+    watch.end();
     next = std::max(next + period, std::chrono::steady_clock::now());
     std::this_thread::sleep_until(next);
   }
-  mapping_.stop();
 }
 
 bool EpisodeRun::step(Stamp now) {
@@ -184,6 +207,33 @@ bool EpisodeRun::step(Stamp now) {
   note_truth(now, is_last);
   record_.interrupted = context_.stop.stop_requested();
   return !is_last && !record_.interrupted;
+}
+
+void EpisodeRun::come_to_rest() {
+  if (status_ == Replanner::Status::kReached) return;
+  const std::size_t first = events_.size();
+  Stamp now = world_.clock->now();
+  replanner_->stop(now, "the episode is over", events_);
+  note_events(now, first);
+  const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
+  const Stamp last{now.ns + Stamp::from_seconds(kLongestStop_s).ns};
+  while (now < last && !is_at_rest()) {
+    if (settings_.experiment.is_lockstep()) {
+      world_.clock->set(Stamp{now.ns + step_ns});
+    } else {
+      std::this_thread::sleep_for(std::chrono::nanoseconds(step_ns));
+    }
+    now = world_.clock->now();
+    note_truth(now, false);
+  }
+}
+
+/// Where that cannot be known, there is nothing to wait for.
+bool EpisodeRun::is_at_rest() {
+  const auto current =
+      guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
+  if (!current || current->state.qdot.size() == 0) return true;
+  return !(current->state.qdot.cwiseAbs().maxCoeff() >= settings_.replanner.rest_speed);
 }
 
 void EpisodeRun::note_events(Stamp now, std::size_t first) {
@@ -219,9 +269,15 @@ void EpisodeRun::note_receipts() {
 }
 
 void EpisodeRun::note_truth(Stamp now, bool always) {
-  if (world_.true_robot == nullptr || (now < next_truth_ && !always)) return;
+  if (world_.true_robot == nullptr || truth_fault_ || (now < next_truth_ && !always)) return;
   next_truth_ = Stamp{now.ns + kTruthPeriod_ns};
-  record_.poses.push_back({now.seconds(), world_.true_robot->true_state(now).q});
+  auto state = in_stage(plugin_of(world_.executor),
+                        [&]() -> Result<RobotState> { return world_.true_robot->true_state(now); });
+  if (state) {
+    record_.poses.push_back({now.seconds(), std::move(state->q)});
+  } else {
+    truth_fault_ = std::move(state.error());
+  }
 }
 
 Result<void> EpisodeRun::find_truth() {
@@ -245,6 +301,8 @@ void EpisodeRun::judge() {
     const EpisodeContact& first = record_.contacts.front();
     record_.reason = "link '" + first.contact.link + "' touched '" + first.contact.object + "' (" +
                      first.cause + ")";
+  } else if (truth_fault_) {
+    record_.reason = "what the robot touched is not known: " + truth_fault_->describe();
   } else if (record_.interrupted) {
     record_.reason = "interrupted";
   } else if (mapping_.fault()) {

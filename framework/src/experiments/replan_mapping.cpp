@@ -1,5 +1,7 @@
 #include "replan_mapping.hpp"
 
+#include <algorithm>
+
 namespace sidestep {
 namespace {
 
@@ -22,6 +24,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
                  log,
                  {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
                  &motion_detector_}),
+      source_name_(plugin_of(world.source)),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
   if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
@@ -29,7 +32,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
 }
 
 bool EpisodeMapping::map_one(const Deadline& deadline) {
-  auto step = pipeline_.step(deadline);
+  auto step = contained("mapping", [&] { return pipeline_.step(deadline); });
+  note_trouble(step);
   if (!step) {
     const bool goes_on = step.error().code == ErrorCode::kDeadlineExceeded;
     has_ended_ = !goes_on;
@@ -43,6 +47,37 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
   frames_.push_back({(*step)->stamp.seconds(), source_.received().seconds(), clock_.now().seconds(),
                      (*step)->integrate_ms, (*step)->field_ms});
   return true;
+}
+
+void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step) {
+  const std::vector<Error>& bad = pipeline_.bad_frames();
+  const bool has_skipped = bad.size() > bad_frames_;
+  bad_frames_ = bad.size();
+  const std::lock_guard lock(condition_mutex_);
+  if (step && *step) {
+    const Stamp newest = condition_.newest.value_or((*step)->stamp);
+    condition_.newest = std::max(newest, (*step)->stamp);
+    condition_.trouble.clear();
+    if ((*step)->stamp < newest) {
+      condition_.trouble = source_name_ + ": frame " + std::to_string((*step)->frame_sequence) +
+                           " is of " + std::to_string((*step)->stamp.seconds()) + " s, one of " +
+                           std::to_string(newest.seconds()) + " s came before it";
+    }
+  } else if (step) {
+    condition_.trouble = source_name_ + " has no more frames";
+  } else if (step.error().code == ErrorCode::kDeadlineExceeded) {
+    if (has_skipped) condition_.trouble = source_name_ + ": unusable: " + bad.back().describe();
+  } else if (step.error().code != ErrorCode::kCancelled) {
+    condition_.trouble = step.error().describe();
+  }
+}
+
+std::string EpisodeMapping::trouble() const {
+  const std::lock_guard lock(condition_mutex_);
+  if (!condition_.trouble.empty()) return condition_.trouble;
+  if (!condition_.newest) return source_name_ + " has given no frame yet";
+  return source_name_ + " has given no frame since that of " +
+         std::to_string(condition_.newest->seconds()) + " s";
 }
 
 std::shared_ptr<const DistanceField> EpisodeMapping::first_field(double latency_s) {

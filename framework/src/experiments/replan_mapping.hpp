@@ -34,6 +34,9 @@ class EpisodeMapping {
   /// Stops and joins that thread, if there is one.
   void stop();
 
+  /// What keeps new maps from coming, as far as that is known. [any]
+  [[nodiscard]] std::string trouble() const;
+
   /// Only in lockstep, or after stop().
   [[nodiscard]] const std::optional<Error>& fault() const noexcept { return fault_; }
   [[nodiscard]] const std::vector<MappedFrame>& frames() const noexcept { return frames_; }
@@ -50,6 +53,7 @@ class EpisodeMapping {
 
   /// Maps the next frame, if one comes before the deadline.
   bool map_one(const Deadline& deadline);
+  void note_trouble(const Result<std::optional<MappingStep>>& step);
 
   const Clock& clock_;
   bool is_lockstep_;
@@ -63,6 +67,17 @@ class EpisodeMapping {
   bool has_ended_ = false;
   std::optional<Error> fault_;
   std::vector<MappedFrame> frames_;
+
+  /// What trouble() tells of, written by the side that maps.
+  struct Condition {
+    std::string trouble;  ///< Empty: frames come, or are waited for.
+    std::optional<Stamp> newest;
+  };
+  std::string source_name_;
+  mutable std::mutex condition_mutex_;
+  Condition condition_;
+  std::size_t bad_frames_ = 0;  ///< Of the pipeline's, those that have been noted.
+
   const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
   std::optional<MapTruth> truth_;   ///< Where it is measured.
   std::jthread thread_;

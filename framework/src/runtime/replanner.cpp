@@ -37,6 +37,7 @@ std::string_view to_string(ReplannerEvent::Reason reason) noexcept {
     case Reason::kExecutor: return "executor";
     case Reason::kPlugin: return "plugin";
     case Reason::kClock: return "clock";
+    case Reason::kEnd: return "end";
   }
   return "unknown";
 }
@@ -50,10 +51,28 @@ Replanner::Status Replanner::step(Stamp now, std::vector<ReplannerEvent>& events
   impl_->watch.restart();
   impl_->events = &events;
   auto done = contained("replanning", [&]() -> Result<Status> { return impl_->advance(); });
-  if (done) return *done;
   // Where a robot or a field throws, no stop can be verified.
-  impl_->halt(ReplannerEvent::Reason::kPlugin, done.error().describe(), true);
+  if (!done) impl_->halt(ReplannerEvent::Reason::kPlugin, done.error().describe(), true);
+  if (impl_->is_overdue() && impl_->followed.size() > 0) {
+    impl_->halt(ReplannerEvent::Reason::kPlugin,
+                "a step of the planning side took " +
+                    std::to_string(1e-3 * impl_->watch.elapsed_ms()) + " s",
+                true);
+  }
   return impl_->status();
+}
+
+void Replanner::stop(Stamp now, const std::string& cause, std::vector<ReplannerEvent>& events) {
+  impl_->now = now;
+  impl_->watch.restart();
+  impl_->events = &events;
+  if (impl_->status() != Status::kMoving || impl_->is_braking) return;
+  const auto done = contained("stopping", [&]() -> Result<void> {
+    impl_->halt(ReplannerEvent::Reason::kEnd, cause);
+    return {};
+  });
+  if (!done)
+    impl_->halt(ReplannerEvent::Reason::kEnd, cause + "; " + done.error().describe(), true);
 }
 
 const Trajectory& Replanner::followed() const noexcept { return impl_->followed; }
@@ -66,6 +85,10 @@ const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexce
 Replanner::Status Replanner::Impl::status() const {
   if (is_at_goal) return Status::kReached;
   return followed.size() > 0 || is_moving ? Status::kMoving : Status::kWaiting;
+}
+
+bool Replanner::Impl::is_overdue() const {
+  return settings.limit_wall_time && 1e-3 * watch.elapsed_ms() > settings.longest_step_s();
 }
 
 Stamp Replanner::Impl::present() const {
@@ -105,6 +128,7 @@ Replanner::Status Replanner::Impl::advance() {
     return status();
   }
   last_step = now;
+  if (!first_step) first_step = now;
   const auto measured = measure();
   if (!measured) return status();
   is_moving = !is_at_rest(*measured);
@@ -275,7 +299,9 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   is_failing = followed.size() == 0 || is_braking;
   if (is_told && is_failing) return false;
   Event& event = tell(Event::Kind::kReplanFailed, found.fault.empty() ? reason : Reason::kPlugin,
-                      found.fault.empty() ? cause + "; " + found.failure : found.fault);
+                      found.fault.empty() ? cause + "; no plan of " + parts.optimiser_name +
+                                                " will do: " + found.failure
+                                          : found.fault);
   event.solve_ms = found.solve_ms;
   event.attempts = static_cast<int>(found.tried.size());
   event.tried = found.tried;

@@ -49,6 +49,8 @@ struct Replanner::Impl {
   void end_motion(const RobotState& measured);
   /// Pins the newest map; false where there is none that can be planned in.
   [[nodiscard]] bool look_at_map();
+  /// A cause, and after it what whoever maps has to say.
+  [[nodiscard]] std::string with_map_trouble(std::string cause) const;
   void use_margin(double kept_m);
   /// The largest of a few shares of the margin that a robot standing there keeps.
   [[nodiscard]] double margin_at(const Eigen::VectorXd& q) const;
@@ -65,6 +67,8 @@ struct Replanner::Impl {
   [[nodiscard]] std::string stop_by_executor();
   [[nodiscard]] bool must_stop_now();
 
+  /// Whether so much time has passed in this step that what was measured in it says nothing now.
+  [[nodiscard]] bool is_overdue() const;
   /// Now, with what this step has taken where that counts.
   [[nodiscard]] Stamp present() const;
   /// Of a time on the clock of what is followed.
@@ -81,6 +85,7 @@ struct Replanner::Impl {
   Stamp now;
   Stopwatch watch;  ///< Since the step's begin.
   std::vector<Event>* events = nullptr;
+  std::optional<Stamp> first_step;
   std::optional<Stamp> last_step;
   std::optional<Stamp> last_replan;
   std::shared_ptr<const DistanceField> searched_in;  ///< The map of the last replan.

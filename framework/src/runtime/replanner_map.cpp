@@ -70,7 +70,7 @@ bool Replanner::Impl::keeps_to_plan(const RobotState& measured) {
   std::snprintf(text, sizeof text, "%.3g %s", off,
                 worst.type == Joint::Type::kPrismatic ? "m" : "rad");
   halt(Reason::kNotFollowing,
-       "the robot is not following: joint '" + worst.name + "' is " + text +
+       parts.executor_name + " is not following: joint '" + worst.name + "' is " + text +
            " from where it should be",
        true);
   return false;
@@ -93,21 +93,28 @@ void Replanner::Impl::end_motion(const RobotState& measured) {
 
 bool Replanner::Impl::look_at_map() {
   auto [newest, moving] = parts.slot.snapshot();
-  if (!newest) return false;
+  if (!newest) {
+    const double waited_s = now.seconds() - first_step->seconds();
+    if (waited_s > settings.max_map_age_s) {
+      halt(Reason::kMap, with_map_trouble("there is no map yet"));
+    }
+    return false;
+  }
   const double stamp_s = newest->info().stamp.seconds();
   const double last_s = field ? field->info().stamp.seconds() : stamp_s;
   const double age_s = now.seconds() - stamp_s;
   if (stamp_s < last_s) {
-    halt(Reason::kMap, "the map's time jumped back by " + seconds(last_s - stamp_s));
+    halt(Reason::kMap,
+         with_map_trouble("the map's time jumped back by " + seconds(last_s - stamp_s)));
     return false;
   }
   if (age_s > settings.max_map_age_s) {
-    halt(Reason::kMap,
-         "the map is " + seconds(age_s) + " old, more than " + seconds(settings.max_map_age_s));
+    halt(Reason::kMap, with_map_trouble("the map is " + seconds(age_s) + " old, more than " +
+                                        seconds(settings.max_map_age_s)));
     return false;
   }
   if (-age_s > settings.max_map_age_s) {
-    halt(Reason::kMap, "the map is " + seconds(-age_s) + " ahead of the clock");
+    halt(Reason::kMap, with_map_trouble("the map is " + seconds(-age_s) + " ahead of the clock"));
     return false;
   }
   if (newest == field) return true;
@@ -121,6 +128,11 @@ bool Replanner::Impl::look_at_map() {
   const auto verdict = check->check(followed, followed_s(now), Deadline());
   if (!verdict || !verdict->valid()) use_margin(kept_m);
   return true;
+}
+
+std::string Replanner::Impl::with_map_trouble(std::string cause) const {
+  const std::string trouble = parts.map_trouble ? parts.map_trouble() : "";
+  return trouble.empty() ? cause : cause + ": " + trouble;
 }
 
 void Replanner::Impl::use_margin(double kept_m) {

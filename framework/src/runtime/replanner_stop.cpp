@@ -30,7 +30,7 @@ void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
 /// How the robot is stopped, as words to be appended to the cause.
 std::string Replanner::Impl::stop_motion(bool by_executor) {
   blocked.reset();
-  if (by_executor) return stop_by_executor();
+  if (by_executor || is_overdue()) return stop_by_executor();
   if (followed.size() == 0) return is_moving ? stop_by_executor() : "";
   if (is_braking) return "";
   std::string how;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -58,6 +59,12 @@ struct ReplannerSettings {
   /// take beyond them counts. False on a clock that stands still meanwhile: solves end by their own
   /// limits alone, takeover_s stands for what they take, and equal inputs give equal events.
   bool limit_wall_time = true;
+
+  /// A step that takes longer, in wall time, has left the robot without supervision: whoever calls
+  /// step() has it stopped meanwhile, and its end is a stop.
+  [[nodiscard]] double longest_step_s() const noexcept {
+    return std::max(takeover_s, max_state_age_s);
+  }
 };
 
 /// What a replanner noticed or did.
@@ -82,6 +89,7 @@ struct ReplannerEvent {
     kExecutor,      ///< The executor failed, refused or fell silent.
     kPlugin,        ///< A plugin threw, returned what makes no sense or ignored its deadline.
     kClock,         ///< The clock went back.
+    kEnd,           ///< Whoever owns the replanner wants no more of it.
   };
   Kind kind = Kind::kPlanned;
   Reason reason = Reason::kGoal;
@@ -133,6 +141,9 @@ class Replanner {
     std::string executor_name = "executor";  ///< For messages, as the next two.
     std::string optimiser_name = "optimiser";
     std::string sampler_name = "sampler";
+    /// What keeps new maps from coming, in words, for the cause of a stop; empty where nothing
+    /// does.
+    std::function<std::string()> map_trouble = {};
   };
 
   Replanner(Parts parts, ReplannerSettings settings);
@@ -147,6 +158,10 @@ class Replanner {
   /// Never throws: what a plugin throws or returns amiss leads to a stop with an event that names
   /// it.
   Status step(Stamp now, std::vector<ReplannerEvent>& events);
+
+  /// Begins a stop, verified where that can be, of a robot that moves: for the last step() of all,
+  /// since the next one would go on. Never throws.
+  void stop(Stamp now, const std::string& cause, std::vector<ReplannerEvent>& events);
 
   /// What the robot follows, and when its time 0 was; empty before the first plan and after a stop.
   [[nodiscard]] const Trajectory& followed() const noexcept;
