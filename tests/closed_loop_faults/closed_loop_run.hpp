@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -74,6 +75,13 @@ class ClosedLoopRun {
       moved_m = std::max(moved_m, std::hypot(at(i, 1) - at(*first, 1), at(i, 2) - at(*first, 2)));
     }
     return moved_m;
+  }
+  /// Between its last two true states; infinite where there are none.
+  [[nodiscard]] double last_speed_mps() const {
+    const int last = motion.rows - 1;
+    if (last < 1) return std::numeric_limits<double>::infinity();
+    return std::hypot(at(last, 1) - at(last - 1, 1), at(last, 2) - at(last - 1, 2)) /
+           (at(last, 0) - at(last - 1, 0));
   }
   [[nodiscard]] std::string story() const {
     std::string text = finished.error;

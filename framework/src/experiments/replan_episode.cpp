@@ -269,15 +269,25 @@ void EpisodeRun::note_receipts() {
 }
 
 void EpisodeRun::note_truth(Stamp now, bool always) {
-  if (world_.true_robot == nullptr || truth_fault_ || (now < next_truth_ && !always)) return;
-  next_truth_ = Stamp{now.ns + kTruthPeriod_ns};
-  auto state = in_stage(plugin_of(world_.executor),
-                        [&]() -> Result<RobotState> { return world_.true_robot->true_state(now); });
-  if (state) {
-    record_.poses.push_back({now.seconds(), std::move(state->q)});
-  } else {
-    truth_fault_ = std::move(state.error());
+  if (world_.true_robot == nullptr || (now < next_truth_ && !always)) return;
+  const auto record = [&](Stamp stamp) {
+    if (truth_fault_) return;
+    auto state = in_stage(plugin_of(world_.executor), [&]() -> Result<RobotState> {
+      return world_.true_robot->true_state(stamp);
+    });
+    if (state) {
+      record_.poses.push_back({stamp.seconds(), std::move(state->q)});
+    } else {
+      truth_fault_ = std::move(state.error());
+    }
+  };
+  // What it did during a step that took long counts, too.
+  while (next_truth_.ns + kTruthPeriod_ns < now.ns) {
+    record(next_truth_);
+    next_truth_.ns += kTruthPeriod_ns;
   }
+  record(now);
+  next_truth_ = Stamp{now.ns + kTruthPeriod_ns};
 }
 
 Result<void> EpisodeRun::find_truth() {

@@ -50,13 +50,14 @@ Replanner::Status Replanner::step(Stamp now, std::vector<ReplannerEvent>& events
   impl_->now = now;
   impl_->watch.restart();
   impl_->events = &events;
+  impl_->overdue_by = "the planning side";
   auto done = contained("replanning", [&]() -> Result<Status> { return impl_->advance(); });
   // Where a robot or a field throws, no stop can be verified.
   if (!done) impl_->halt(ReplannerEvent::Reason::kPlugin, done.error().describe(), true);
   if (impl_->is_overdue() && impl_->followed.size() > 0) {
     impl_->halt(ReplannerEvent::Reason::kPlugin,
-                "a step of the planning side took " +
-                    std::to_string(1e-3 * impl_->watch.elapsed_ms()) + " s",
+                impl_->overdue_by + " took " + std::to_string(1e-3 * impl_->watch.elapsed_ms()) +
+                    " s, too long for a step",
                 true);
   }
   return impl_->status();
@@ -132,6 +133,7 @@ Replanner::Status Replanner::Impl::advance() {
   const auto measured = measure();
   if (!measured) return status();
   is_moving = !is_at_rest(*measured);
+  if (stop_failed && is_moving) (void)stop_by_executor();  // it still follows what it had
   if (reaches_goal(*measured)) {
     is_at_goal = true;
     tell(Event::Kind::kReached, Reason::kGoal, "the robot is at rest at its goal");
@@ -323,6 +325,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
     if (accepted.error().code == ErrorCode::kPlugin) halt(Reason::kExecutor, refusal);
     return false;
   }
+  if (is_overdue()) overdue_by = parts.executor_name;
   const bool was_slowed = halted && halted->reason == Reason::kMoving && followed.size() > 0;
   const bool was_followed = followed.size() > 0 && (!is_braking || was_slowed);
   followed = plan.trajectory;

@@ -84,6 +84,7 @@ struct Replanner::Impl {
 
   Stamp now;
   Stopwatch watch;  ///< Since the step's begin.
+  std::string overdue_by;  ///< Whom to name where the step takes too long.
   std::vector<Event>* events = nullptr;
   std::optional<Stamp> first_step;
   std::optional<Stamp> last_step;

@@ -28,6 +28,13 @@ std::optional<RobotState> Replanner::Impl::measure() {
     halt(Reason::kExecutor, "the robot's state is not known: " + current.error().describe(), true);
     return std::nullopt;
   }
+  if (is_overdue()) {
+    halt(Reason::kExecutor,
+         parts.executor_name + " took " + seconds(1e-3 * watch.elapsed_ms()) +
+             " to tell where the robot is",
+         true);
+    return std::nullopt;
+  }
   RobotState& state = current->state;
   if (state.qdot.size() == 0) state.qdot = Eigen::VectorXd::Zero(state.q.size());
   const Eigen::Index dof = parts.robot->description().dof();
