@@ -1,3 +1,5 @@
+#include <future>
+#include <limits>
 #include <numbers>
 
 #include <gtest/gtest.h>
@@ -10,6 +12,7 @@
 #include "replan_settings.hpp"
 #include "replan_summary.hpp"
 #include "replan_visibility.hpp"
+#include "step_watch.hpp"
 #include "support/chain_robot.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -59,6 +62,72 @@ TEST(PacedFramesTest, PassesOnWhatIsDueAndCountsWhatIsMissing) {
   EXPECT_FALSE(next_at(0.5).value());
   ASSERT_EQ(frames.views().size(), 3u);
   EXPECT_EQ(frames.views()[2].stamp_s, 0.4);
+}
+
+/// A camera that has always the same to say.
+class Stuck final : public Source {
+ public:
+  explicit Stuck(std::optional<Frame> frame) : frame_(std::move(frame)) {}
+  Result<std::optional<Frame>> next(const Deadline&) override {
+    ++asked;
+    if (!frame_) return fail(ErrorCode::kBadFrame, "where the camera was is not known");
+    return frame_;
+  }
+  std::optional<std::int64_t> frame_count() const override { return {}; }
+
+  int asked = 0;
+
+ private:
+  std::optional<Frame> frame_;
+};
+
+TEST(PacedFramesTest, ASourceOfBadFramesIsAskedOnceAtATime) {
+  Stuck source{std::nullopt};
+  EpisodeClock clock;
+  PacedFrames frames(source, clock, false);
+  for (const double time_s : {0.0, 0.004, 0.008}) {
+    clock.set(Stamp::from_seconds(time_s));
+    EXPECT_EQ(frames.next(Deadline()).error().code, ErrorCode::kBadFrame);
+    EXPECT_EQ(frames.next(Deadline()).error().code, ErrorCode::kDeadlineExceeded);
+  }
+  EXPECT_EQ(source.asked, 3);
+}
+
+TEST(PacedFramesTest, AFrameThatMeasuredNothingIsBad) {
+  constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+  const auto code_of = [](auto measurement) {
+    Frame frame;
+    frame.measurement = std::move(measurement);
+    Stuck source(std::move(frame));
+    EpisodeClock clock;
+    const auto passed = PacedFrames(source, clock, false).next(Deadline());
+    return passed ? std::nullopt : std::optional(passed.error().code);
+  };
+  EXPECT_EQ(code_of(DepthImage{{}, {kNaN, kNaN}}), ErrorCode::kBadFrame);
+  EXPECT_EQ(code_of(DepthImage{{}, {kNaN, 0.0F}}), std::nullopt) << "out of range is no fault";
+  EXPECT_EQ(code_of(PointCloud{{{kNaN, 0.0F, 1.0F}}}), ErrorCode::kBadFrame);
+  EXPECT_EQ(code_of(PointCloud{{{kNaN, 0.0F, 1.0F}, {0.0F, 0.0F, 1.0F}}}), std::nullopt);
+  EXPECT_EQ(code_of(PointCloud{}), std::nullopt);
+}
+
+TEST(StepWatchTest, TellsOnceOfAStepThatDoesNotComeBack) {
+  std::promise<void> told;  // a second time would throw
+  StepWatch watch(1e-3, [&] { told.set_value(); });
+  watch.begin();
+  told.get_future().wait();
+  watch.end();
+}
+
+TEST(StepWatchTest, SaysNothingOfStepsThatEndAndGoesWhenTold) {
+  int told = 0;
+  {
+    StepWatch watch(3600.0, [&] { ++told; });
+    for (int i = 0; i < 100; ++i) {
+      watch.begin();
+      watch.end();
+    }
+  }
+  EXPECT_EQ(told, 0);
 }
 
 EpisodeEvent event_of(Kind kind, double time_s, double solve_ms = 0.0, double jump = 0.0) {

@@ -89,6 +89,7 @@ class FakeExecutor final : public Executor {
   }
   /// Evenly in every joint: q(t) = q + v (t - t^2 / (2 T)).
   [[nodiscard]] Result<void> stop() override {
+    if (refuses_to_stop) return fail(ErrorCode::kIo, "no brakes");
     ++stops;
     const RobotState from = state();
     double duration_s = 1e-3;
@@ -117,6 +118,7 @@ class FakeExecutor final : public Executor {
   Stamp now;
   bool is_throwing = false;
   bool is_silent = false;
+  bool refuses_to_stop = false;
   int refusals = 0;
   Eigen::Vector3d offset = Eigen::Vector3d::Zero();
   int stops = 0;
@@ -244,7 +246,9 @@ class ClosedLoop {
                                        .limits = limits,
                                        .log = log,
                                        .executor_name = "executor fake",
-                                       .optimiser_name = "optimiser detour"},
+                                       .optimiser_name = "optimiser detour",
+                                       .sampler_name = "sampler",
+                                       .map_trouble = map_trouble},
                       settings_);
   }
 
@@ -289,6 +293,7 @@ class ClosedLoop {
   Balls mapped;     ///< As of the last map.
   DetourPlanner planner;
   Optimiser* sampler = nullptr;
+  std::function<std::string()> map_trouble;
   Replanner::PoseProblem pose;
   SnapshotSlot slot;
   QuietLog log;

@@ -44,6 +44,27 @@ TEST(ReplannerFaults, AnOldMapStopsTheRobotUntilNewOnesCome) {
   EXPECT_NEAR(loop.first(Kind::kStopped)->stamp.seconds(), 1.5, 0.05);
 }
 
+TEST(ReplannerFaults, WhatKeepsMapsFromComingIsNamed) {
+  ClosedLoop loop;
+  loop.map_trouble = [] { return "source fake: the lens is fogged"; };
+  loop.run(30.0, [&](double t) { loop.maps = t < 1.0 || t >= 5.0; });
+  expect_stop_and_recovery(loop, Reason::kMap, "more than 0.5 s: source fake: the lens is fogged");
+}
+
+TEST(ReplannerFaults, NoMapAtAllIsToldOnce) {
+  ClosedLoop loop;
+  loop.maps = false;
+  loop.run(0.4);
+  EXPECT_EQ(loop.events.size(), 0u) << loop.story();
+  loop.run(5.0);
+  ASSERT_EQ(loop.count(Kind::kStopped), 1) << loop.story();
+  EXPECT_EQ(loop.first(Kind::kStopped)->reason, Reason::kMap);
+  EXPECT_THAT(loop.first(Kind::kStopped)->cause, HasSubstr("there is no map yet"));
+  loop.maps = true;
+  loop.run(30.0);
+  EXPECT_EQ(loop.status, Status::kReached) << loop.story();
+}
+
 TEST(ReplannerFaults, AMapWhoseTimeJumpsBackStopsTheRobot) {
   ClosedLoop loop;
   loop.run(30.0, [&](double t) { loop.map_age_s = t >= 1.0 && t < 4.0 ? 0.3 : 0.0; });
@@ -85,6 +106,34 @@ TEST(ReplannerFaults, AnExecutorThatDoesNotKnowItsStateIsToldToStop) {
                              throws ? "the cable is loose" : "no message from the robot");
     EXPECT_THAT(loop.first(Kind::kStopped)->cause, HasSubstr("executor fake"));
   }
+}
+
+TEST(ReplannerFaults, AStopThatFailedIsAskedForAgainOnceTheExecutorAnswers) {
+  ClosedLoop loop;
+  double speed = 1.0;
+  loop.run(30.0, [&](double t) {
+    loop.executor.is_throwing = loop.executor.refuses_to_stop = t >= 1.0 && t < 1.1;
+    loop.maps = t < 1.0 || t >= 5.0;
+    if (t > 4.0 && t < 5.0) speed = loop.executor.state().qdot.norm();
+  });
+  EXPECT_EQ(speed, 0.0);
+  expect_stop_and_recovery(loop, Reason::kExecutor, "own stop failed: executor fake: no brakes");
+}
+
+TEST(ReplannerFaults, AnEndIsAStopAlongThePath) {
+  ClosedLoop loop;
+  loop.run(2.0);
+  loop.replanner->stop(loop.executor.now, "enough", loop.events);
+  ASSERT_NE(loop.first(Kind::kStopped), nullptr);
+  EXPECT_EQ(loop.first(Kind::kStopped)->reason, Reason::kEnd);
+  EXPECT_EQ(loop.first(Kind::kStopped)->cause, "enough");
+  EXPECT_EQ(loop.executor.stops, 0);
+  loop.executor.now = Stamp::from_seconds(4.0);
+  EXPECT_EQ(loop.executor.state().qdot.norm(), 0.0);
+  EXPECT_LT(loop.executor.state().q.x(), 3.0);
+  const std::size_t told = loop.events.size();
+  loop.replanner->stop(loop.executor.now, "again", loop.events);
+  EXPECT_EQ(loop.events.size(), told);
 }
 
 TEST(ReplannerFaults, AnExecutorThatRefusesIsAskedAgain) {
