@@ -106,6 +106,12 @@ Result<void> EpisodeRun::find_goal() {
 }
 
 void EpisodeRun::make_replanner() {
+  if (settings_.replanner.obstacle_speed_mps > 0.0 && !mapping_.finds_what_moves()) {
+    context_.log.warn(plugin_of(world_.mapper) + " offers no view of its " +
+                      OccupancyView::kViewName +
+                      ": what moves is an obstacle like any other, in spite of "
+                      "replanner.obstacle_speed_mps");
+  }
   ReplannerSettings settings = settings_.replanner;
   settings.limit_wall_time = !settings_.experiment.is_lockstep();
   settings.seed = world_.seed;

@@ -34,6 +34,8 @@ class EpisodeMapping {
   /// Stops and joins that thread, if there is one.
   void stop();
 
+  /// Whether the mapper has what it takes to find what moves.
+  [[nodiscard]] bool finds_what_moves() const noexcept { return occupancy_ != nullptr; }
   /// What keeps new maps from coming, as far as that is known. [any]
   [[nodiscard]] std::string trouble() const;
 
