@@ -83,7 +83,7 @@ struct Replanner::Impl {
   detail::ReachCheck reach;
 
   Stamp now;
-  Stopwatch watch;  ///< Since the step's begin.
+  Stopwatch watch;         ///< Since the step's begin.
   std::string overdue_by;  ///< Whom to name where the step takes too long.
   std::vector<Event>* events = nullptr;
   std::optional<Stamp> first_step;

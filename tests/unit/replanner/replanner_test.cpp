@@ -51,7 +51,7 @@ TEST(Replanner, GoesToAGoalAndStays) {
 TEST(Replanner, WaitsForAMap) {
   ClosedLoop loop;
   loop.maps = false;
-  loop.run(1.0);
+  loop.run(0.4);
   EXPECT_EQ(loop.status, Status::kWaiting);
   EXPECT_TRUE(loop.events.empty()) << loop.story();
   EXPECT_EQ(loop.replanner->followed().size(), 0);
