@@ -57,6 +57,8 @@ TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
   EXPECT_GE(of["new_check_hz"], 5.0);
   EXPECT_LE(of["splice_velocity_jump_max"], 1e-3);
   EXPECT_EQ(of["frames_dropped"], 0);
+  // The crosser leaves what it came through.
+  EXPECT_GE(of["clear_frames"]["p50"], 1.0);
   for (const char* key : {"solve_ms", "stamp_to_trajectory_ms", "map_age_ms", "stops",
                           "appear_frames", "clear_frames", "ghost_vox"}) {
     EXPECT_TRUE(of.contains(key)) << key;

@@ -46,6 +46,7 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
   }
   frames_.push_back({(*step)->stamp.seconds(), source_.received().seconds(), clock_.now().seconds(),
                      (*step)->integrate_ms, (*step)->field_ms});
+  if (truth_ && source_.last()) truth_->observe(*source_.last(), *occupancy_);
   return true;
 }
 
