@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <iterator>
 
 #include <sidestep/mapping/ray_ends.hpp>
 
@@ -43,15 +44,18 @@ IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
   const int tiles_v = (camera.height_px + kTile_px - 1) / kTile_px;
   tiles_.resize(static_cast<std::size_t>(tiles_u_) * static_cast<std::size_t>(tiles_v));
   project_balls(frame, camera, self);
-  if (!balls_.empty()) self_.resize(image.depth_m.size());
 
   const Eigen::Matrix3d rotation_vox = frame.T_world_camera.linear() / grid.resolution_m;
   const Eigen::Vector3d start_vox =
       (frame.T_world_camera.translation() - grid.origin_m) / grid.resolution_m;
   std::vector<IntegrationCounts> counts(static_cast<std::size_t>(tiles_v));
   workers.run(tiles_v, [&](int tile_v) {
-    const int end = std::min((tile_v + 1) * kTile_px, camera.height_px);
-    for (int v = tile_v * kTile_px; v < end; ++v) {
+    const int begin = tile_v * kTile_px;
+    const int end = std::min(begin + kTile_px, camera.height_px);
+    std::vector<CameraBall> balls;
+    std::copy_if(balls_.begin(), balls_.end(), std::back_inserter(balls),
+                 [&](const CameraBall& ball) { return ball.v0 < end && ball.v1 >= begin; });
+    for (int v = begin; v < end; ++v) {
       PixelRow row;
       row.x_first = static_cast<float>(-camera.cx_px / camera.fx_px);
       row.x_step = static_cast<float>(1.0 / camera.fx_px);
@@ -62,8 +66,7 @@ IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
         row.across_vox[c] = static_cast<float>(rotation_vox(c, 0));
         row.along_vox[c] = static_cast<float>(rotation_vox(c, 1) * y + rotation_vox(c, 2));
       }
-      if (!balls_.empty()) mask_self(image, v);
-      add_counts(counts[static_cast<std::size_t>(tile_v)], read_row(image, v, row, hits));
+      add_counts(counts[static_cast<std::size_t>(tile_v)], read_row(image, v, row, balls, hits));
     }
     reduce_tiles(camera, tile_v);
   });
@@ -75,19 +78,20 @@ IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
 }
 
 IntegrationCounts CarveImage::read_row(const DepthImage& image, int v, PixelRow row,
-                                       VoxelMarks& hits) {
+                                       std::span<const CameraBall> balls, VoxelMarks& hits) {
   const int width = image.camera.width_px;
   const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(width);
   const float x_first = row.x_first;
   IntegrationCounts counts;
   PixelFates fates;
+  std::uint8_t self[kPixelChunk];
   for (int u = 0; u < width; u += kPixelChunk) {
     const std::size_t at = begin + static_cast<std::size_t>(u);
     row.depth_m = image.depth_m.data() + at;
     row.carve_m = carve_m_.data() + at;
-    row.self = balls_.empty() ? nullptr : self_.data() + at;
     row.count = std::min(kPixelChunk, width - u);
     row.x_first = x_first + static_cast<float>(u) * row.x_step;
+    row.self = mark_self(row, u, balls, self) ? self : nullptr;
     classify_pixels(row, rules_, fates);
     count_pixels(fates, row.count, counts);
     for (std::uint64_t bits = fates.insert; bits != 0; bits &= bits - 1) {
@@ -143,8 +147,8 @@ void CarveImage::project_balls(const Frame& frame, const CameraIntrinsics& camer
     const Eigen::Vector3d centre_m = T_camera_world * ball.centre_m;
     const double r = ball.radius_m;
     if (centre_m.z() + r <= 0.0) continue;
-    Ball seen{centre_m.cast<float>(), static_cast<float>(r), 0, 0,
-              camera.width_px - 1,    camera.height_px - 1};
+    CameraBall seen{{}, static_cast<float>(r), 0, 0, camera.width_px - 1, camera.height_px - 1};
+    for (int c = 0; c < 3; ++c) seen.centre_m[c] = static_cast<float>(centre_m[c]);
     const double nearest_m = centre_m.z() - r;
     if (nearest_m > 1e-3) {
       // The image of the cube around the ball: extremes lie at its near or far face.
@@ -161,22 +165,6 @@ void CarveImage::project_balls(const Frame& frame, const CameraIntrinsics& camer
       range(centre_m.y(), camera.fy_px, camera.cy_px, camera.height_px - 1, seen.v0, seen.v1);
     }
     if (seen.u0 <= seen.u1 && seen.v0 <= seen.v1) balls_.push_back(seen);
-  }
-}
-
-void CarveImage::mask_self(const DepthImage& image, int v) {
-  const CameraIntrinsics& camera = image.camera;
-  const std::size_t begin = static_cast<std::size_t>(v) * static_cast<std::size_t>(camera.width_px);
-  std::uint8_t* mask = self_.data() + begin;
-  std::fill(mask, mask + camera.width_px, std::uint8_t{0});
-  for (const Ball& ball : balls_) {
-    if (v < ball.v0 || v > ball.v1) continue;
-    for (int u = ball.u0; u <= ball.u1; ++u) {
-      const float depth_m = image.depth_m[begin + static_cast<std::size_t>(u)];
-      if (!(depth_m > 0.0F)) continue;
-      const Eigen::Vector3f p = camera.unproject(u, v, depth_m).cast<float>();
-      if ((p - ball.centre_m).squaredNorm() <= ball.radius_m * ball.radius_m) mask[u] = 1;
-    }
   }
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cstdint>
+#include <span>
 #include <vector>
 
 #include <sidestep/core/worker_pool.hpp>
@@ -34,21 +34,16 @@ class CarveImage {
   [[nodiscard]] Bounds bounds(int u0, int v0, int u1, int v1) const noexcept;
 
  private:
-  struct Ball {
-    Eigen::Vector3f centre_m;  ///< Camera frame.
-    float radius_m;
-    int u0, v0, u1, v1;  ///< Pixels that may see it, inclusive.
-  };
   void project_balls(const Frame& frame, const CameraIntrinsics& camera, const SelfFilter& self);
-  void mask_self(const DepthImage& image, int v);
-  IntegrationCounts read_row(const DepthImage& image, int v, PixelRow row, VoxelMarks& hits);
+  /// `balls` are those that row v may see.
+  IntegrationCounts read_row(const DepthImage& image, int v, PixelRow row,
+                             std::span<const CameraBall> balls, VoxelMarks& hits);
   void reduce_tiles(const CameraIntrinsics& camera, int tile_v);
 
   double max_range_m_;
   PixelRules rules_;
   std::vector<float> carve_m_;
-  std::vector<Ball> balls_;
-  std::vector<std::uint8_t> self_;
+  std::vector<CameraBall> balls_;
   int tiles_u_ = 0;
   std::vector<Bounds> tiles_;
   float farthest_m_ = 0.0F;

@@ -246,6 +246,45 @@ SIDESTEP_INLINE std::uint64_t pack_pixels(const std::uint8_t (&pixels)[kPixelChu
 }
 
 SIDESTEP_SIMD_CLONES
+bool mark(const PixelRow& row, int u, std::span<const CameraBall> balls,
+          std::uint8_t (&self)[kPixelChunk]) {
+  const PixelRow pixels = row;  // a copy, which no store below can alias
+  float depth_m[kPixelChunk] = {};
+  std::copy(pixels.depth_m, pixels.depth_m + pixels.count, depth_m);
+  float least_m = std::numeric_limits<float>::max();
+  float greatest_m = 0.0F;
+  for (int i = 0; i < kPixelChunk; ++i) {
+    least_m = lesser(least_m, depth_m[i] > 0.0F ? depth_m[i] : least_m);
+    greatest_m = greater(greatest_m, depth_m[i]);
+  }
+  std::int32_t in[kPixelChunk] = {};
+  bool is_any = false;
+  for (const CameraBall& ball : balls) {
+    const float r = ball.radius_m;
+    const float x = ball.centre_m[0];
+    const float y = ball.centre_m[1];
+    const float z = ball.centre_m[2];
+    if (ball.u1 < u || ball.u0 >= u + kPixelChunk) continue;
+    if (z + r < least_m || z - r > greatest_m) continue;
+    const float r_sq = r * r;
+    std::int32_t found = 0;
+    for (int i = 0; i < kPixelChunk; ++i) {
+      const float d = depth_m[i];
+      const float dx = d * (pixels.x_first + static_cast<float>(i) * pixels.x_step) - x;
+      const float dy = d * pixels.y - y;
+      const float dz = d - z;
+      const bool is_in = (d > 0.0F) & (dx * dx + dy * dy + dz * dz <= r_sq);
+      in[i] |= is_in ? 1 : 0;
+      found |= is_in ? 1 : 0;
+    }
+    is_any |= found != 0;
+  }
+  if (!is_any) return false;
+  for (int i = 0; i < kPixelChunk; ++i) self[i] = static_cast<std::uint8_t>(in[i]);
+  return true;
+}
+
+SIDESTEP_SIMD_CLONES
 void classify(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {
   constexpr auto kInsert = static_cast<std::int32_t>(PointFate::kInsert);
   constexpr auto kFloor = static_cast<std::int32_t>(PointFate::kFloor);
@@ -353,6 +392,11 @@ BlockOutcome integrate_marked(const LogOdds& model, const BlockRows& block,
 
 BlockOutcome fade(const LogOdds& model, const BlockRows& block, const Fading& fading) {
   return fade_block(model, block, fading);
+}
+
+bool mark_self(const PixelRow& row, int u, std::span<const CameraBall> balls,
+               std::uint8_t (&self)[kPixelChunk]) {
+  return mark(row, u, balls, self);
 }
 
 void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates) {

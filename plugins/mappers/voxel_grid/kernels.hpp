@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "log_odds_grid.hpp"
 
@@ -106,6 +107,18 @@ struct PixelFates {
   std::uint64_t insert;
   std::int32_t voxel[3][kPixelChunk];  ///< Of those.
 };
+
+/// One ball of the robot as a camera sees it.
+struct CameraBall {
+  float centre_m[3] = {};  ///< Camera frame.
+  float radius_m = 0.0F;
+  int u0 = 0, v0 = 0, u1 = 0, v1 = 0;  ///< Pixels that may see it, inclusive.
+};
+
+/// Marks the pixels of a chunk, whose first has column `u`, that lie in one of the balls: 1 there
+/// and 0 elsewhere. False where there are none; then `self` may be left as it was.
+[[nodiscard]] bool mark_self(const PixelRow& row, int u, std::span<const CameraBall> balls,
+                             std::uint8_t (&self)[kPixelChunk]);
 
 /// Decides what each pixel of a chunk does, and how far its ray is free.
 void classify_pixels(const PixelRow& row, const PixelRules& rules, PixelFates& fates);
