@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 #include <Eigen/Geometry>
@@ -48,6 +49,67 @@ Words dilated(const VoxelBits& bits, const GridSpec& grid) {
   join_neighbours(along_x, per_row, ny * nz, 1, ny, along_y);
   join_neighbours(along_y, per_row, ny * nz, ny, nz, along_x);
   return along_x;
+}
+
+[[nodiscard]] std::size_t block_index(const Eigen::Vector3i& block, const Eigen::Vector3i& counts) {
+  return static_cast<std::size_t>(block.x()) +
+         static_cast<std::size_t>(counts.x()) *
+             (static_cast<std::size_t>(block.y()) +
+              static_cast<std::size_t>(counts.y()) * static_cast<std::size_t>(block.z()));
+}
+
+/// Which blocks hold an occupied voxel.
+std::vector<char> blocks_of(const VoxelBits& bits, const GridSpec& grid) {
+  static_assert(64 % kBlockSide_vox == 0);
+  const Eigen::Vector3i counts = block_counts(grid);
+  std::vector<char> blocks(static_cast<std::size_t>(counts.prod()), 0);
+  std::size_t w = 0;
+  for (int z = 0; z < grid.size_vox.z(); ++z) {
+    for (int y = 0; y < grid.size_vox.y(); ++y) {
+      for (int word = 0; word < bits.words_per_row; ++word, ++w) {
+        for (std::uint64_t left = bits.words[w]; left != 0;) {
+          const int x = std::countr_zero(left) / kBlockSide_vox;
+          const int block = word * (64 / kBlockSide_vox) + x;
+          blocks[block_index({block, y / kBlockSide_vox, z / kBlockSide_vox}, counts)] = 1;
+          left &= x + 1 == 64 / kBlockSide_vox ? 0 : ~std::uint64_t{0} << (x + 1) * kBlockSide_vox;
+        }
+      }
+    }
+  }
+  return blocks;
+}
+
+/// Walks the cells of a given edge along the part [begin, end] of a ray (Amanatides and Woo 1987),
+/// until `visit(cell, enter, leave)` says so; whether it did.
+template <class Visit>
+bool any_cell(const Eigen::Vector3d& start, const Eigen::Vector3d& direction, double begin,
+              double end, int edge, Visit&& visit) {
+  if (!(begin < end)) return false;
+  Eigen::Vector3i cell;
+  Eigen::Vector3i step;
+  Eigen::Vector3d next;  // along the ray, to where it leaves the cell
+  Eigen::Vector3d period;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double at = (start[axis] + begin * direction[axis]) / edge;
+    const double cell_begin = std::floor(at);
+    const bool is_up = direction[axis] > 0.0;
+    cell[axis] = static_cast<int>(cell_begin);
+    step[axis] = is_up ? 1 : -1;
+    period[axis] = direction[axis] != 0.0 ? edge / std::abs(direction[axis])
+                                          : std::numeric_limits<double>::infinity();
+    const double left = is_up ? cell_begin + 1.0 - at : at - cell_begin;
+    next[axis] = direction[axis] != 0.0 ? begin + left * period[axis] : period[axis];
+  }
+  for (double enter = begin;;) {
+    const int nearer = next[0] < next[1] ? 0 : 1;
+    const int axis = next[nearer] < next[2] ? nearer : 2;
+    const double leave = std::min(next[axis], end);
+    if (visit(cell, enter, leave)) return true;
+    if (next[axis] >= end) return false;
+    cell[axis] += step[axis];
+    next[axis] += period[axis];
+    enter = leave;
+  }
 }
 
 struct CellVoxel {
@@ -113,19 +175,28 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
   return moving;
 }
 
-/// Whether nothing that was occupied hid a place then.
+/// Whether nothing that was occupied hid a place then: looks along the ray to the eye, voxel by
+/// voxel through those blocks that held something.
 bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
+  const GridSpec& grid = then.grid;
   const VoxelBits occupied{then.occupied, then.words_per_row};
-  const Eigen::Vector3d way_m = p - then.eye_m;
-  const double step_m = 0.5 * then.grid.resolution_m;
-  const double before_m = 3.0 * step_m;  // what is beside the place itself hides nothing
-  const Eigen::Vector3d step = way_m.normalized() * step_m;
-  Eigen::Vector3d at = then.eye_m;
-  for (double left_m = way_m.norm(); left_m > before_m; left_m -= step_m, at += step) {
-    const Eigen::Vector3i voxel = then.grid.voxel_at(at);
-    if (then.grid.contains(voxel) && occupied.at(then.grid, voxel)) return false;
-  }
-  return true;
+  const Eigen::Vector3i counts = block_counts(grid);
+  const Eigen::Vector3d from_vox = (p - grid.origin_m) / grid.resolution_m;
+  const Eigen::Vector3d way_vox = (then.eye_m - grid.origin_m) / grid.resolution_m - from_vox;
+  const double length_vox = way_vox.norm();
+  const Eigen::Vector3d direction = way_vox / length_vox;
+  const auto is_occupied = [&](const Eigen::Vector3i& voxel, double, double) {
+    return grid.contains(voxel) && occupied.at(grid, voxel);
+  };
+  constexpr double kBeside_vox = 1.5;  // what is beside the place itself hides nothing
+  return !any_cell(from_vox, direction, kBeside_vox, length_vox, kBlockSide_vox,
+                   [&](const Eigen::Vector3i& block, double enter_vox, double leave_vox) {
+                     if ((block.array() < 0).any() || (block.array() >= counts.array()).any()) {
+                       return false;
+                     }
+                     return then.blocks[block_index(block, counts)] != 0 &&
+                            any_cell(from_vox, direction, enter_vox, leave_vox, 1, is_occupied);
+                   });
 }
 
 /// Two a memory are enough.
@@ -141,6 +212,7 @@ void MotionDetector::remember(const OccupancyView& map, const Eigen::Vector3d& e
                    {known.words.begin(), known.words.end()},
                    {occupied.words.begin(), occupied.words.end()},
                    occupied.words_per_row,
+                   blocks_of(occupied, grid),
                    dilated(occupied, grid)});
 }
 

@@ -111,10 +111,16 @@ ReplannerEvent& Replanner::Impl::tell(Event::Kind kind, Reason reason, std::stri
 bool Replanner::Impl::is_due() const {
   if (!last_replan) return true;
   const double since_s = now.seconds() - last_replan->seconds();
-  // In the map that was searched last there is nothing new: the next one is waited for, a while.
-  constexpr double kWait = 5.0;
-  const bool is_searched = field != nullptr && field == searched_in;
-  const double periods = is_searched ? kWait : 1.0;
+  // A search begins as a map comes, for what there is to see then is newest. One that is on its way
+  // is waited for, a while; longer where there is nothing new in the one before.
+  constexpr double kWaitForNewer = 2.0;
+  constexpr double kWaitForNew = 5.0;
+  double periods = 1.0;
+  if (field != nullptr && field == searched_in) {
+    periods = kWaitForNew;
+  } else if (field != nullptr && now != map_came) {
+    periods = kWaitForNewer;
+  }
   // Half a nanosecond's rounding must not cost a step.
   return since_s >= periods * settings.replan_period_s - 1e-9;
 }
@@ -189,11 +195,11 @@ void Replanner::Impl::on_blocked() {
     const std::string cause = blocked->cause;
     if (is_in_time && replan(departure_of_followed(), Reason::kBlocked, cause)) return;
     if (halted) return;
-    blocked->is_weighed = false;
+    blocked->may_wait_until.reset();
   }
-  if (blocked->is_weighed) return;
-  blocked->is_weighed = true;
-  if (must_stop_now()) halt(Reason::kBlocked, blocked->cause);
+  if (blocked->may_wait_until && now < *blocked->may_wait_until) return;
+  if (must_stop_now()) return halt(Reason::kBlocked, blocked->cause);
+  blocked->may_wait_until = Stamp::from_seconds(now.seconds() + settings.replan_period_s);
 }
 
 /// Replaces what is valid but has become costlier, by what is cheaper by more than the hysteresis.

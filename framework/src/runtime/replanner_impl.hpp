@@ -110,6 +110,7 @@ struct Replanner::Impl {
   bool stop_failed = false;  ///< The executor's own: to be tried again.
 
   std::shared_ptr<const DistanceField> field;       ///< The newest one that was good.
+  Stamp map_came;                                   ///< The step in which it did.
   std::shared_ptr<const DistanceField> planned_in;  ///< The one of what is followed.
   std::unique_ptr<ValidityCheck> check;             ///< In `field`, with `margin_m`.
   double margin_m;          ///< The settings', or what a robot that leaves an obstacle can keep.
@@ -118,7 +119,8 @@ struct Replanner::Impl {
   struct Blocked {
     double begin_s = 0.0;  ///< On the clock of what is followed; no earlier violation is known.
     std::string cause;
-    bool is_weighed = false;  ///< Whether to stop has been decided for this check.
+    /// Until when a stop would still be in time; nothing before that has been asked.
+    std::optional<Stamp> may_wait_until;
   };
   std::optional<Blocked> blocked;
   std::int64_t checks = 0;

@@ -126,6 +126,7 @@ bool Replanner::Impl::look_at_map() {
   }
   if (newest == field) return true;
   field = std::move(newest);
+  map_came = now;
   reach.look_at(std::move(moving));
   is_checked = false;
   const double kept_m = margin_m;

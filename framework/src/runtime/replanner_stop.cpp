@@ -86,13 +86,13 @@ std::string Replanner::Impl::stop_by_executor() {
   return "; the executor's own stop failed: " + stopped.error().describe();
 }
 
-/// Whether a stop that began only when a replan is due again could be too late: where it would end
-/// nearer than the reserve to what is in the way, or could not be shown clear.
+/// Whether a stop that began only a period from now, or after a search that began just before,
+/// could be too late: where it would end nearer than the reserve to what is in the way, or could
+/// not be shown clear.
 bool Replanner::Impl::must_stop_now() {
-  const double present_s = followed_s(present());
-  const double due_s =
-      last_replan ? followed_s(*last_replan) + settings.replan_period_s : present_s;
-  const double brake_s = std::max(present_s, due_s) + settings.stop_lead_s;
+  const double search_s = settings.limit_wall_time ? settings.solve_limit_s : 0.0;
+  const double brake_s =
+      followed_s(present()) + settings.replan_period_s + search_s + settings.stop_lead_s;
   if (brake_s >= blocked->begin_s) return true;
   const auto stop = brake(followed, brake_s, parts.limits);
   if (!stop) return true;

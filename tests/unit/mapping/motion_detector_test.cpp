@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -128,6 +130,74 @@ TEST(MotionDetector, TakesWhatWasHiddenForStanding) {
   const auto moving = detector.update(map, kEye_m, at(0.6));
   EXPECT_TRUE(covers(*moving, map.grid().centre_m({31, 5, 5})));
   EXPECT_FALSE(covers(*moving, map.grid().centre_m({35, 14, 5})));
+}
+
+/// Whether a segment passes through the inside of a voxel, by the slabs between its faces.
+bool passes_through(const GridSpec& grid, const Eigen::Vector3i& voxel, const Eigen::Vector3d& from,
+                    const Eigen::Vector3d& to) {
+  const Eigen::Vector3d lower = grid.origin_m + voxel.cast<double>() * grid.resolution_m;
+  double enter = 0.0, leave = 1.0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double a = (lower[axis] - from[axis]) / (to[axis] - from[axis]);
+    const double b = a + grid.resolution_m / (to[axis] - from[axis]);
+    enter = std::max(enter, std::min(a, b));
+    leave = std::min(leave, std::max(a, b));
+  }
+  return enter < leave;
+}
+
+TEST(MotionDetector, TakesExactlyWhatWasHiddenForHidden) {
+  std::mt19937 random(41);
+  int hidden = 0, seen = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    HandMadeMap map;
+    const GridSpec& grid = map.grid();
+    const auto any_voxel = [&] {
+      Eigen::Vector3i voxel;
+      for (int axis = 0; axis < 3; ++axis) {
+        voxel[axis] = std::uniform_int_distribution(0, grid.size_vox[axis] - 1)(random);
+      }
+      return voxel;
+    };
+    std::vector<Eigen::Vector3i> then;
+    for (int i = 0; i < 300; ++i) {
+      then.push_back(any_voxel());
+      map.fill(then.back(), then.back());
+    }
+    // Inside the map, and outside of it.
+    std::uniform_real_distribution<double> share(-0.3, 1.3);
+    const Eigen::Vector3d eye =
+        grid.origin_m + Eigen::Vector3d(share(random), share(random), share(random))
+                            .cwiseProduct(grid.upper_m() - grid.origin_m);
+    // One ball a voxel.
+    MotionDetector detector({.memory_s = 1.0, .cell_m = grid.resolution_m, .least_vox = 1});
+    (void)detector.update(map, eye, at(0.0));
+    std::vector<Eigen::Vector3i> now;
+    for (int i = 0; i < 50; ++i) {
+      const Eigen::Vector3i voxel = any_voxel();
+      const auto is_beside = [&](const Eigen::Vector3i& other) {
+        return (voxel - other).cwiseAbs().maxCoeff() <= 1;
+      };
+      if (std::ranges::none_of(then, is_beside)) now.push_back(voxel);
+    }
+    for (const Eigen::Vector3i& voxel : now) map.fill(voxel, voxel);
+    const auto moving = detector.update(map, eye, at(0.5));
+    for (const Eigen::Vector3i& voxel : now) {
+      const Eigen::Vector3d p = grid.centre_m(voxel);
+      const Eigen::Vector3d beside =
+          p + std::min(1.5 * grid.resolution_m, (eye - p).norm()) * (eye - p).normalized();
+      const bool is_hidden = std::ranges::any_of(then, [&](const Eigen::Vector3i& other) {
+        return passes_through(grid, other, beside, eye);
+      });
+      const bool is_found = std::ranges::any_of(moving->balls, [&](const MovingBall& ball) {
+        return (ball.centre_m - p).norm() < 0.1 * grid.resolution_m;
+      });
+      EXPECT_NE(is_found, is_hidden) << trial << ": " << voxel.transpose();
+      ++(is_hidden ? hidden : seen);
+    }
+  }
+  EXPECT_GT(hidden, 200);
+  EXPECT_GT(seen, 200);
 }
 
 TEST(MotionDetector, LeavesOutCellsWithTooFewVoxels) {

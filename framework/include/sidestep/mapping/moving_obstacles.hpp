@@ -53,6 +53,7 @@ class SIDESTEP_EXPORT MotionDetector {
     std::vector<std::uint64_t> known;
     std::vector<std::uint64_t> occupied;
     int words_per_row = 0;
+    std::vector<char> blocks;                  ///< Whether anything in them was occupied.
     std::vector<std::uint64_t> near_occupied;  ///< Occupied, or one voxel beside it.
   };
   [[nodiscard]] static bool could_be_seen(const Eigen::Vector3d& p, const Past& then);
