@@ -2,11 +2,13 @@
 
 #include <embree3/rtcore.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <vector>
 
+#include "ray_fan.hpp"
 #include "ray_shape.hpp"
 
 namespace sidestep {
@@ -35,9 +37,23 @@ using GeometryPtr = std::unique_ptr<RTCGeometryTy, GeometryDeleter>;
 struct CastObject {
   SceneObject source;
   Transform T_world_object = Transform::Identity();
+  double radius_m = kInfinity;  ///< Of a ball around it.
   ScenePtr mesh_scene;
   GeometryPtr geometry;
 };
+
+/// Half the edges of the smallest box around an analytic shape, aligned with its frame.
+Eigen::Vector3d half_extent_of(const Shape& shape) {
+  return std::visit(
+      [](const auto& analytic) -> Eigen::Vector3d {
+        if constexpr (requires { half_extent_m(analytic); }) {
+          return half_extent_m(analytic);
+        } else {
+          return Eigen::Vector3d::Zero();
+        }
+      },
+      shape);
+}
 
 /// What travels with one ray through Embree: the ray in double, and the nearest analytic hit.
 struct RayContext : RTCIntersectContext {
@@ -59,15 +75,7 @@ ShapeHit first_hit_world(const S& shape, const Transform& T_world_object,
 
 void analytic_bounds(const RTCBoundsFunctionArguments* arguments) {
   const auto& object = *static_cast<const CastObject*>(arguments->geometryUserPtr);
-  Eigen::Vector3d half_m = std::visit(
-      [](const auto& shape) -> Eigen::Vector3d {
-        if constexpr (requires { half_extent_m(shape); }) {
-          return half_extent_m(shape);
-        } else {
-          return Eigen::Vector3d::Zero();
-        }
-      },
-      object.source.shape);
+  Eigen::Vector3d half_m = half_extent_of(object.source.shape);
   half_m = object.T_world_object.linear().cwiseAbs() * half_m;
   const Eigen::Vector3d& centre = object.T_world_object.translation();
   half_m.array() += kBoundsSlack * (1.0 + centre.cwiseAbs().maxCoeff() + half_m.maxCoeff());
@@ -166,6 +174,7 @@ struct RayCaster::Impl {
   ScenePtr scene;
   std::vector<CastObject> objects;
   std::vector<std::size_t> half_spaces;
+  bool has_meshes = false;
 
   void add(std::size_t index);
   void place(CastObject& object) const;
@@ -179,11 +188,13 @@ void RayCaster::Impl::add(std::size_t index) {
     return;
   }
   if (const auto* mesh = std::get_if<std::shared_ptr<const Mesh>>(&object.source.shape)) {
+    has_meshes = true;
     object.mesh_scene = build_mesh_scene(device.get(), **mesh);
     object.geometry.reset(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_INSTANCE));
     rtcSetGeometryInstancedScene(object.geometry.get(), object.mesh_scene.get());
     rtcSetGeometryTimeStepCount(object.geometry.get(), 1);
   } else {
+    object.radius_m = half_extent_of(object.source.shape).norm();
     object.geometry.reset(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_USER));
     rtcSetGeometryUserPrimitiveCount(object.geometry.get(), 1);
     rtcSetGeometryUserData(object.geometry.get(), &object);
@@ -277,6 +288,32 @@ void RayCaster::set_poses(std::size_t first, std::span<const Transform> T_world_
 void RayCaster::cast(std::span<const Eigen::Vector3d> origins,
                      std::span<const Eigen::Vector3d> directions, std::span<RayHit> hits) const {
   for (std::size_t i = 0; i < hits.size(); ++i) hits[i] = impl_->cast(origins[i], directions[i]);
+}
+
+void RayCaster::measure(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d> directions,
+                        std::span<double> distances_m) const {
+  if (impl_->has_meshes) {
+    for (std::size_t i = 0; i < distances_m.size(); ++i) {
+      distances_m[i] = impl_->cast(origin, directions[i]).distance_m;
+    }
+    return;
+  }
+  RayFan fan;
+  for (std::size_t begin = 0; begin < distances_m.size(); begin += RayFan::kRays) {
+    const std::size_t count = std::min<std::size_t>(RayFan::kRays, distances_m.size() - begin);
+    fan.set(origin, directions.subspan(begin, count));
+    for (const CastObject& object : impl_->objects) {
+      if (!fan.may_meet(object.T_world_object.translation(), object.radius_m)) continue;
+      std::visit(
+          [&](const auto& shape) {
+            if constexpr (requires { fan.meet(shape, object.T_world_object); }) {
+              fan.meet(shape, object.T_world_object);
+            }
+          },
+          object.source.shape);
+    }
+    std::ranges::copy(fan.distances_m(), distances_m.subspan(begin).begin());
+  }
 }
 
 }  // namespace sidestep

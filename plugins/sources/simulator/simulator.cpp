@@ -45,7 +45,7 @@ class Simulator final : public Source, public GroundTruth {
         clock_(context.clock),
         workers_(context.workers),
         caster_(with_objects(scene_, viewpoint_.shapes())),
-        renderer_(camera_),
+        renderer_(camera_, options.noise.model != "none"),
         sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, context.seed) {}
 
   Result<std::optional<Frame>> next(const Deadline& deadline) override {

@@ -1,5 +1,7 @@
 #include <sidestep/geometry/ray_caster.hpp>
 
+#include <set>
+
 #include <gtest/gtest.h>
 
 #include <sidestep/core/worker_pool.hpp>
@@ -135,6 +137,54 @@ TEST(RayCaster, AgreesWithSphereTracing) {
     EXPECT_EQ(scene.signed_distance(p, 0.0).object, hit.object);
   }
   for (std::size_t i = 0; i < hits_of.size(); ++i) EXPECT_GT(hits_of[i], 20) << i;
+}
+
+/// Rays like a camera's, row after row, then all ways at once; every object is met by some.
+TEST(RayCaster, MeasuresRaysOfOneOriginAsItCastsEach) {
+  const Scene with_mesh = every_shape();
+  std::vector<SceneObject> analytic = with_mesh.objects();
+  std::erase_if(analytic, [](const SceneObject& object) { return object.name == "mesh"; });
+  // Also one that rays can run along.
+  analytic.push_back(still("shelf", Box{{1.0, 0.5, 0.02}}, {0, 0, 1.2}));
+  std::mt19937 random(31);
+  for (const Scene& scene : {with_mesh, Scene(std::move(analytic))}) {
+    const RayCaster caster(scene);
+    std::set<int> met;
+    for (int view = 0; view < 60; ++view) {
+      // Far away, close by, inside an object, and beside faces.
+      Eigen::Vector3d origin = testing::uniform_point(random, view % 2 == 0 ? 2.5 : 1.0);
+      if (view == 7) origin = {-0.8, 0.9, 0.4};
+      if (view == 8) origin = {2.0, 0.0, 1.21};
+      const bool is_level = view == 8 || view == 9;
+      std::vector<Eigen::Vector3d> directions;
+      const Transform R =
+          is_level ? Transform::Identity()
+                   : transform_from_xyz_rpy({0, 0, 0}, testing::uniform_point(random, 3.0));
+      for (int v = -20; v <= 20; ++v) {
+        for (int u = -25; u <= 25; ++u) {
+          directions.push_back((R * Eigen::Vector3d(0.03 * u, 0.03 * v, 1.0)).normalized());
+        }
+      }
+      for (int axis = 0; axis < 3; ++axis) {
+        directions.push_back(Eigen::Vector3d::Unit(axis));
+        directions.push_back(-Eigen::Vector3d::Unit(axis));
+      }
+      for (int i = 0; i < 500; ++i) directions.push_back(testing::uniform_direction(random));
+      std::vector<double> distances_m(directions.size());
+      caster.measure(origin, directions, distances_m);
+      for (std::size_t i = 0; i < directions.size(); ++i) {
+        const RayHit alone = cast_one(caster, origin, directions[i]);
+        if (alone.object < 0) {
+          ASSERT_TRUE(std::isinf(distances_m[i])) << view << ": ray " << i;
+          continue;
+        }
+        met.insert(alone.object);
+        ASSERT_NEAR(distances_m[i], alone.distance_m, 1e-7 * (1.0 + alone.distance_m))
+            << view << ": ray " << i << " meets object " << alone.object;
+      }
+    }
+    EXPECT_EQ(met.size(), scene.objects().size());
+  }
 }
 
 TEST(RayCaster, NormalsAreTheGradientOfTheDistance) {

@@ -37,6 +37,11 @@ class RayCaster {
   void cast(std::span<const Eigen::Vector3d> origins, std::span<const Eigen::Vector3d> directions,
             std::span<RayHit> hits) const;
 
+  /// Only how far rays of one origin go, as those of a camera: several times faster than cast()
+  /// where neighbours in the span go nearly the same way and the scene has no meshes.
+  void measure(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d> directions,
+               std::span<double> distances_m) const;
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -19,7 +19,7 @@ TEST(DepthRenderer, OfAWallFaceOnIsItsDistanceEverywhere) {
   WorkerPool workers(2);
   const RayCaster caster(Scene({still("wall", Box{{0.2, 50, 50}}, {3.1, 0, 0})}));
   ExactImage image;
-  DepthRenderer(kSmallCamera).render(caster, look_at({0, 0, 0}, {1, 0, 0}), workers, image);
+  DepthRenderer(kSmallCamera, true).render(caster, look_at({0, 0, 0}, {1, 0, 0}), workers, image);
   ASSERT_EQ(image.depth_m.size(), 64U * 48U);
   for (const float depth_m : image.depth_m) EXPECT_FLOAT_EQ(depth_m, 3.0F);
   const double diagonal =
@@ -33,7 +33,9 @@ TEST(DepthRenderer, SeesFloorAndSphereWhereThePinholeModelPutsThem) {
   const RayCaster caster(
       Scene({still("floor", HalfSpace{}, {0, 0, 0}), still("ball", Sphere{0.5}, {4, 0, 1.5})}));
   ExactImage image;
-  DepthRenderer(kSmallCamera).render(caster, look_at({0, 0, 1.5}, {1, 0, 1.5}), workers, image);
+  DepthRenderer(kSmallCamera, false)
+      .render(caster, look_at({0, 0, 1.5}, {1, 0, 1.5}), workers, image);
+  EXPECT_TRUE(image.cos_incidence.empty());
   int on_ball = 0;
   for (int v = 0; v < kSmallCamera.height_px; ++v) {
     for (int u = 0; u < kSmallCamera.width_px; ++u) {
