@@ -235,7 +235,7 @@ class EdtBuilder final : public FieldBuilder {
         for (int z = first_z; z < std::min(first_z + kSide, size.z()); ++z) {
           for (int y = first_y; y < std::min(first_y + kSide, size.y()); ++y) {
             const std::size_t row = row_index(y, z);
-            if (take_over_row(row) || is_first) row_changed_[row] = 1;
+            if (take_over_row(row)) row_changed_[row] = 1;
           }
         }
       }

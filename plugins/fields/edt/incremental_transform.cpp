@@ -59,10 +59,12 @@ IncrementalTransform::IncrementalTransform(const Eigen::Vector3i& size_vox, std:
       along_y_was_(static_cast<std::size_t>(size_vox.z())),
       changed_(changed_index(size_vox, size_vox.y(), 0), 0),
       start_tile_(kTile, start == Start::kAllObstacles ? std::uint16_t{0} : cap_) {
-  if (start == Start::kAllObstacles) return;
+  // Zeros, too, are written: the first update must not wait for memory.
   for (Grid* values : {&along_x_, &along_y_, &along_z_}) {
     workers_.run(size_.z(), [&](int z) {
-      for (int y = 0; y < size_.y(); ++y) std::fill_n(values->row(y, z), size_.x(), cap_);
+      for (int y = 0; y < size_.y(); ++y) {
+        std::fill_n(values->row(y, z), size_.x(), start_tile_.front());
+      }
     });
   }
 }
