@@ -80,7 +80,8 @@ class EpisodeRun {
 /// it.
 Result<void> EpisodeRun::find_goal() {
   if (!settings_.task.frees_goal) return {};
-  auto field = mapping_.first_field(settings_.experiment.latency.mapping_s);
+  constexpr double kPatience_s = 60.0;
+  auto field = mapping_.map_first(kPatience_s);
   if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
   PlanningSettings planning = settings_.planning;
   planning.hold_goal = false;
@@ -179,13 +180,16 @@ void EpisodeRun::run_lockstep() {
     // Brings the robot forward, so that a camera on it knows where it is; what fails, the replanner
     // meets, too.
     (void)guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
-    mapping_.advance(now, settings_.experiment.latency.mapping_s);
+    mapping_.advance(now);
     if (!step(now)) return;
   }
 }
 
 void EpisodeRun::run_wall() {
   const auto period = std::chrono::nanoseconds(Stamp::from_seconds(settings_.experiment.step_s).ns);
+  // A robot maps before it is sent anywhere.
+  constexpr double kPatience_s = 1.0;
+  if (slot_.pin() == nullptr) mapping_.map_first(kPatience_s);
   world_.clock->start();
   mapping_.start();
   StepWatch watch(settings_.replanner.longest_step_s(), [this] {
@@ -194,13 +198,13 @@ void EpisodeRun::run_wall() {
         in_stage(plugin_of(world_.executor), [&] { return world_.executor->stop(); });
     if (!stopped) context_.log.warn("it does not: " + stopped.error().describe());
   });
-  auto next = std::chrono::steady_clock::now();
   for (bool goes_on = true; goes_on;) {
+    const auto begin = std::chrono::steady_clock::now();
+    const auto seen = slot_.pin();
     watch.begin();
     goes_on = step(world_.clock->now());
     watch.end();
-    next = std::max(next + period, std::chrono::steady_clock::now());
-    std::this_thread::sleep_until(next);
+    slot_.wait_for_newer(seen, begin + period);
   }
 }
 

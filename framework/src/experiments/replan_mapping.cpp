@@ -7,7 +7,6 @@ namespace {
 
 /// By the wall's clock: how long to wait for a frame before looking whether to stop.
 constexpr double kPatience_s = 0.1;
-constexpr double kFirst_s = 60.0;
 
 }  // namespace
 
@@ -15,6 +14,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
                                SnapshotSlot& slot, Log& log)
     : clock_(*world.clock),
       is_lockstep_(settings.is_lockstep()),
+      latency_s_(settings.latency.mapping_s),
       slot_(slot),
       source_(*world.source, *world.clock, !is_lockstep_),
       pipeline_({source_,
@@ -81,18 +81,18 @@ std::string EpisodeMapping::trouble() const {
          std::to_string(condition_.newest->seconds()) + " s";
 }
 
-std::shared_ptr<const DistanceField> EpisodeMapping::first_field(double latency_s) {
+std::shared_ptr<const DistanceField> EpisodeMapping::map_first(double patience_s) {
   if (!is_lockstep_) {
-    map_one(Deadline::after_s(kFirst_s));
+    map_one(Deadline::after_s(patience_s));
     return slot_.pin();
   }
-  advance(clock_.now(), latency_s);
+  advance(clock_.now());
   return made_.pin();
 }
 
-void EpisodeMapping::advance(Stamp now, double latency_s) {
+void EpisodeMapping::advance(Stamp now) {
   if (!has_ended_ && now >= busy_until_ && map_one(Deadline())) {
-    busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s).ns};
+    busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s_).ns};
     frames_.back().published_s = busy_until_.seconds();
     waiting_.push_back({busy_until_, made_.snapshot()});
   }

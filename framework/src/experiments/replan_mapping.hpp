@@ -22,12 +22,12 @@ class EpisodeMapping {
   /// Binds the field builder to the mapper. Call once, first.
   [[nodiscard]] Result<void> attach() { return pipeline_.attach(); }
 
-  /// Maps the first frame, before the clock runs; null where there is none.
-  [[nodiscard]] std::shared_ptr<const DistanceField> first_field(double latency_s);
+  /// Maps the first frame, before the clock runs; null where none comes in time.
+  std::shared_ptr<const DistanceField> map_first(double patience_s);
 
-  /// In lockstep: maps the frame that is due, if any, and publishes what `latency_s` has passed
+  /// In lockstep: maps the frame that is due, if any, and publishes what the latency has passed
   /// for.
-  void advance(Stamp now, double latency_s);
+  void advance(Stamp now);
 
   /// By the wall's clock: maps in a thread until told to stop.
   void start();
@@ -59,6 +59,7 @@ class EpisodeMapping {
 
   const Clock& clock_;
   bool is_lockstep_;
+  double latency_s_;  ///< In lockstep: from a frame to its map.
   SnapshotSlot& slot_;
   SnapshotSlot made_;  ///< In lockstep: what has been made, but is not to be seen yet.
   PacedFrames source_;

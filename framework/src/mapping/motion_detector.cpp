@@ -152,21 +152,27 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
   auto moving = std::make_shared<MovingObstacles>();
   moving->stamp = stamp;
   if (!past_.empty()) {
-    const Past& then = past_.front();
+    Past& then = past_.front();
     const VoxelBits occupied = map.occupied();
+    const auto per_row = static_cast<std::size_t>(occupied.words_per_row);
+    const auto ny = static_cast<std::size_t>(grid.size_vox.y());
     std::vector<CellVoxel> voxels;
     for (std::size_t w = 0; w < occupied.words.size(); ++w) {
-      std::uint64_t moved = occupied.words[w] & then.known[w] & ~then.near_occupied[w];
-      for (; moved != 0; moved &= moved - 1) {
-        const auto per_row = static_cast<std::size_t>(occupied.words_per_row);
-        const auto ny = static_cast<std::size_t>(grid.size_vox.y());
-        const std::size_t row = w / per_row;
-        const Eigen::Vector3d centre_m = grid.centre_m(
-            Eigen::Vector3i(static_cast<int>(w % per_row) * 64 + std::countr_zero(moved),
-                            static_cast<int>(row % ny), static_cast<int>(row / ny)));
-        if (!could_be_seen(centre_m, then)) continue;
-        voxels.push_back(
-            {(centre_m / settings_.cell_m).array().floor().cast<int>().matrix(), centre_m});
+      const std::uint64_t moved = occupied.words[w] & then.known[w] & ~then.near_occupied[w];
+      if (moved == 0) continue;
+      const std::size_t row = w / per_row;
+      const auto centre_m = [&](std::uint64_t bits) {
+        return grid.centre_m({static_cast<int>(w % per_row) * 64 + std::countr_zero(bits),
+                              static_cast<int>(row % ny), static_cast<int>(row / ny)});
+      };
+      for (std::uint64_t left = moved & ~(then.in_sight[w] | then.hidden[w]); left != 0;
+           left &= left - 1) {
+        (could_be_seen(centre_m(left), then) ? then.in_sight : then.hidden)[w] |=
+            left & (~left + 1);
+      }
+      for (std::uint64_t left = moved & then.in_sight[w]; left != 0; left &= left - 1) {
+        const Eigen::Vector3d p = centre_m(left);
+        voxels.push_back({(p / settings_.cell_m).array().floor().cast<int>().matrix(), p});
       }
     }
     moving->balls = balls_of(voxels, grid.resolution_m, settings_.least_vox);
@@ -213,7 +219,9 @@ void MotionDetector::remember(const OccupancyView& map, const Eigen::Vector3d& e
                    {occupied.words.begin(), occupied.words.end()},
                    occupied.words_per_row,
                    blocks_of(occupied, grid),
-                   dilated(occupied, grid)});
+                   dilated(occupied, grid),
+                   std::vector<std::uint64_t>(occupied.words.size()),
+                   std::vector<std::uint64_t>(occupied.words.size())});
 }
 
 }  // namespace sidestep

@@ -1,4 +1,5 @@
 #include <atomic>
+#include <chrono>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -43,6 +44,26 @@ TEST(SnapshotSlot, APinnedFieldOutlivesItsSuccessors) {
   slot.publish(std::make_shared<NumberedField>(2));
   EXPECT_EQ(pinned->info().sequence, 1);
   EXPECT_EQ(pinned.use_count(), 1);
+}
+
+TEST(SnapshotSlot, WakesWhoeverWaitsForANewerField) {
+  using std::chrono::steady_clock;
+  using namespace std::chrono_literals;
+  SnapshotSlot slot;
+  slot.publish(std::make_shared<NumberedField>(1));
+  const auto first = slot.pin();
+  const auto begin = steady_clock::now();
+  slot.wait_for_newer(nullptr, begin + 1h);  // there is one already
+  slot.wait_for_newer(first, begin + 20ms);
+  EXPECT_GE(steady_clock::now() - begin, 20ms);
+  EXPECT_EQ(slot.pin(), first);
+  std::thread publisher([&] {
+    std::this_thread::sleep_for(10ms);
+    slot.publish(std::make_shared<NumberedField>(2));
+  });
+  slot.wait_for_newer(first, begin + 1h);
+  EXPECT_EQ(slot.pin()->info().sequence, 2);
+  publisher.join();
 }
 
 }  // namespace

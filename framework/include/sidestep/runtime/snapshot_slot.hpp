@@ -1,5 +1,7 @@
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <utility>
@@ -16,8 +18,8 @@ struct MapSnapshot {
 };
 
 /// The one thing that mapping and planning share: the newest map. publish() [mapping],
-/// pin() [any]; neither waits longer than a pointer's swap. (A mutex, because
-/// std::atomic<std::shared_ptr> is not lock-free in libstdc++ 12 and races under TSan.)
+/// pin() [any]; neither waits longer than a pointer's swap; wait_for_newer() [planning]. (A mutex,
+/// because std::atomic<std::shared_ptr> is not lock-free in libstdc++ 12 and races under TSan.)
 class SnapshotSlot {
  public:
   void publish(MapSnapshot snapshot) {
@@ -25,6 +27,7 @@ class SnapshotSlot {
       const std::lock_guard lock(mutex_);
       std::swap(snapshot_, snapshot);
     }
+    published_.notify_all();
     // The previous field, if this was its last holder, is freed here, outside the lock.
   }
   void publish(std::shared_ptr<const DistanceField> field) {
@@ -37,9 +40,16 @@ class SnapshotSlot {
     const std::lock_guard lock(mutex_);
     return snapshot_;
   }
+  /// Waits until the newest field is another one than `seen`, but not beyond `until`.
+  void wait_for_newer(const std::shared_ptr<const DistanceField>& seen,
+                      std::chrono::steady_clock::time_point until) const {
+    std::unique_lock lock(mutex_);
+    published_.wait_until(lock, until, [&] { return snapshot_.field != seen; });
+  }
 
  private:
   mutable std::mutex mutex_;
+  mutable std::condition_variable published_;
   MapSnapshot snapshot_;
 };
 
