@@ -121,6 +121,9 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
       .add("horizon_s", &S::horizon_s,
            "Where no trajectory is free all the way, one that is so for this long may do.",
            {.unit = "s", .min = 0.0, .max = 3600.0})
+      .add("stopgap_after_s", &S::stopgap_after_s,
+           "By the wall's clock, how long a search looks for better than that.",
+           {.unit = "s", .min = 0.0, .max = 60.0})
       .add("stop_lead_s", &S::stop_lead_s, "From the decision to stop to when braking begins.",
            {.unit = "s", .min = 0.0, .max = 60.0})
       .add("max_state_age_s", &S::max_state_age_s,

@@ -64,17 +64,19 @@ Trajectory sampled_anew(const Problem& problem, const Trajectory& trajectory, do
 
 struct PlanSearch::Task {
   const Request& request;
-  Departure departure;
-  RobotState start;  ///< The end of its lead.
-  Problem problem;
-  Deadline deadline;
-  SearchResult result;
-  std::string failure;  ///< Of the guess being tried.
-  double cost = 0.0;    ///< Of its solution, as the optimiser states it.
+  Departure departure = {};
+  RobotState start = {};  ///< The end of its lead.
+  Problem problem = {};
+  bool is_after_stop = false;  ///< The lead ends at rest, where the request's does not.
+  Deadline deadline = {};
+  Stopwatch watch = {};
+  SearchResult result = {};
+  std::string failure = {};  ///< Of the guess being tried.
+  double cost = 0.0;         ///< Of its solution, as the optimiser states it.
   /// A path that needs no optimiser where all else fails.
-  std::optional<Trajectory> sampled;
+  std::optional<Trajectory> sampled = {};
   /// The plan that is free for longest, of those that are not so all the way, and its guess.
-  std::optional<FoundPlan> stopgap;
+  std::optional<FoundPlan> stopgap = {};
   std::size_t stopgap_guess = 0;
 };
 
@@ -90,19 +92,24 @@ PlanSearch::PlanSearch(const Replanner::Parts& parts, const ReplannerSettings& s
 }
 
 SearchResult PlanSearch::run(const Request& request) {
-  Task task{request, request.departure, end_of(request.departure.lead)};
+  Task task{request};
   if (settings_.limit_wall_time) task.deadline = Deadline::after_s(settings_.solve_limit_s);
-  task.problem = parts_.pose_problem(request.field, task.start);
-  if (auto sound = task.problem.validate(); !sound) {
-    task.result.failure = "the problem makes no sense: " + sound.error().describe();
+  if (!depart(request.departure, task)) {
+    task.result.failure = std::move(task.failure);
     return std::move(task.result);
   }
+  const std::size_t first = std::exchange(first_, 0);
   for (std::size_t i = 0; i < counts_.size(); ++i) {
+    const std::size_t guess = (first + i) % counts_.size();
     if (!task.result.tried.empty() && task.deadline.expired()) {
       task.result.failure += "; there was no time for more";
       break;
     }
-    attempt(i, task);
+    if (task.stopgap && is_long_enough(task)) {
+      first_ = guess;
+      break;
+    }
+    attempt(guess, task);
     if (task.result.plan || !task.result.fault.empty()) break;
   }
   if (task.result.tried.empty()) task.result.failure = "there is no first guess to try";
@@ -148,6 +155,9 @@ void PlanSearch::attempt(std::size_t guess, Task& task) {
 
 /// Nothing, and no failure, where the guess does not fit the situation.
 std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& task) {
+  if (std::exchange(task.is_after_stop, false) && !depart(task.request.departure, task)) {
+    return std::nullopt;
+  }
   if (name == "after_stop" && !depart_after_stop(task)) return std::nullopt;
   const Problem& problem = task.problem;
   task.sampled.reset();
@@ -172,23 +182,35 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
   return sampled_anew(problem, *task.sampled, 0.0);
 }
 
+/// Poses the problem from the end of a lead; false, with the failure noted, where it makes no
+/// sense.
+bool PlanSearch::depart(Departure departure, Task& task) const {
+  task.departure = std::move(departure);
+  task.start = end_of(task.departure.lead);
+  if (!task.departure.is_moving) task.start.qdot.setZero();
+  task.problem = parts_.pose_problem(task.request.field, task.start);
+  auto sound = task.problem.validate();
+  if (!sound) task.failure = "the problem makes no sense: " + sound.error().describe();
+  return sound.has_value();
+}
+
 /// Lets the stop come first: the new motion begins at its end, at rest.
 bool PlanSearch::depart_after_stop(Task& task) const {
   if (!task.departure.is_moving || task.departure.followed == nullptr) return false;
   if (task.request.to_beat) return false;  // nothing worth a stop
   auto stop = brake(*task.departure.followed, task.departure.from_s, parts_.limits);
   if (!stop) return false;
-  task.departure.lead = joined(task.departure.lead, *stop);
-  task.departure.followed = nullptr;
-  task.departure.is_moving = false;
-  task.start = end_of(task.departure.lead);
-  task.start.qdot.setZero();
-  task.problem = parts_.pose_problem(task.request.field, task.start);
-  if (auto sound = task.problem.validate(); !sound) {
-    task.failure = "the problem makes no sense: " + sound.error().describe();
-    return false;
-  }
-  return true;
+  Departure departure = task.departure;
+  departure.lead = joined(departure.lead, *stop);
+  departure.followed = nullptr;
+  departure.is_moving = false;
+  task.is_after_stop = true;
+  return depart(std::move(departure), task);
+}
+
+/// By the wall's clock, whether a search need not go on for something better.
+bool PlanSearch::is_long_enough(const Task& task) const {
+  return settings_.limit_wall_time && 1e-3 * task.watch.elapsed_ms() > settings_.stopgap_after_s;
 }
 
 /// What the optimiser proposes; nothing where it does not, with the failure or the fault noted.

@@ -75,7 +75,9 @@ class PlanSearch {
 
   void attempt(std::size_t guess, Task& task);
   [[nodiscard]] std::optional<Trajectory> first_guess(std::string_view name, Task& task);
+  [[nodiscard]] bool depart(Departure departure, Task& task) const;
   [[nodiscard]] bool depart_after_stop(Task& task) const;
+  [[nodiscard]] bool is_long_enough(const Task& task) const;
   [[nodiscard]] std::optional<Trajectory> solve(Optimiser& optimiser, const std::string& name,
                                                 const Trajectory& guess, Task& task) const;
   [[nodiscard]] std::string why_broken(const Task& task, const Trajectory& proposal) const;
@@ -84,7 +86,8 @@ class PlanSearch {
   const Replanner::Parts& parts_;
   const ReplannerSettings& settings_;
   std::vector<Replanner::GuessCount> counts_;
-  int bends_ = 0;  ///< Guesses bent so far.
+  int bends_ = 0;          ///< Guesses bent so far.
+  std::size_t first_ = 0;  ///< Guess of the next search: where the last one was cut short.
 };
 
 }  // namespace sidestep::detail

@@ -1,4 +1,6 @@
+#include <chrono>
 #include <random>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -216,6 +218,31 @@ TEST(Replanner, LeavesTheMarginOfWhatCameUpToItAndKeepsItAfterwards) {
   EXPECT_NEAR(loop.least_clearance_m, 0.07, 1e-9);
   EXPECT_GE(least_ahead_m, 0.1);
   EXPECT_THAT(loop.first(Kind::kPlanned)->cause, HasSubstr("within the margin"));
+}
+
+/// Something stands on the goal: every motion is free for a while only.
+TEST(Replanner, TakesWhatIsFreeForAWhileOnceASearchHasTakenLong) {
+  for (const double stopgap_after_s : {10.0, 0.001}) {
+    ReplannerSettings settings;
+    settings.horizon_s = 2.0;
+    settings.stopgap_after_s = stopgap_after_s;
+    ClosedLoop loop(settings);
+    loop.obstacles = {{{4, 0, 0}, 0.2}};
+    loop.planner.misbehave = [](auto&&...) -> std::optional<Result<Solution>> {
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      return std::nullopt;
+    };
+    loop.run(1.0);
+    const ReplannerEvent* first = loop.first(ReplannerEvent::Kind::kPlanned);
+    ASSERT_NE(first, nullptr) << loop.story();
+    EXPECT_GT(loop.executor.state().q.x(), 0.05);
+    const bool is_cut = stopgap_after_s < 1.0;
+    const std::vector<std::string> both{"straight_line", "perturbed"};
+    EXPECT_EQ(first->tried, is_cut ? std::vector<std::string>{"straight_line"} : both);
+    // What was not tried then is tried next.
+    for (const auto& count : loop.replanner->guess_counts())
+      EXPECT_GT(count.tried, 0) << count.guess;
+  }
 }
 
 TEST(Replanner, ChecksEachMapOnce) {
