@@ -101,11 +101,9 @@ SearchResult PlanSearch::run(const Request& request) {
   const std::size_t first = std::exchange(first_, 0);
   for (std::size_t i = 0; i < counts_.size(); ++i) {
     const std::size_t guess = (first + i) % counts_.size();
-    if (!task.result.tried.empty() && task.deadline.expired()) {
-      task.result.failure += "; there was no time for more";
-      break;
-    }
-    if (task.stopgap && is_long_enough(task)) {
+    const bool is_late = !task.result.tried.empty() && task.deadline.expired();
+    if (is_late) task.result.failure += "; there was no time for more";
+    if (is_late || (task.stopgap && is_long_enough(task))) {
       first_ = guess;
       break;
     }
