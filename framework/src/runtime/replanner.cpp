@@ -110,19 +110,17 @@ ReplannerEvent& Replanner::Impl::tell(Event::Kind kind, Reason reason, std::stri
 
 bool Replanner::Impl::is_due() const {
   if (!last_replan) return true;
-  const double since_s = now.seconds() - last_replan->seconds();
-  // A search begins as a map comes, for what there is to see then is newest. One that is on its way
-  // is waited for, a while; longer where there is nothing new in the one before.
-  constexpr double kWaitForNewer = 2.0;
+  // In periods. A search begins as a map comes, for what there is to see then is newest: one that
+  // is on its way is waited for, a while; longer where there is nothing new in the one before.
+  constexpr double kWaitForNewer = 0.5;
   constexpr double kWaitForNew = 5.0;
-  double periods = 1.0;
-  if (field != nullptr && field == searched_in) {
-    periods = kWaitForNew;
-  } else if (field != nullptr && now != map_came) {
-    periods = kWaitForNewer;
-  }
-  // Half a nanosecond's rounding must not cost a step.
-  return since_s >= periods * settings.replan_period_s - 1e-9;
+  constexpr double kRounding = 1e-8;  // must not cost a step
+  const auto since = [&](Stamp then) {
+    return (now.seconds() - then.seconds()) / settings.replan_period_s + kRounding;
+  };
+  if (field != nullptr && field == searched_in) return since(*last_replan) >= kWaitForNew;
+  if (since(*last_replan) < 1.0) return false;
+  return now == map_came || since(map_came) >= kWaitForNewer;
 }
 
 Replanner::Status Replanner::Impl::advance() {
