@@ -46,7 +46,7 @@ struct ReplannerSettings {
   double horizon_s = 8.0;
   /// By the wall's clock: once a search has taken this long, such a trajectory is taken as it is, and
   /// the next search goes on with the next guess.
-  double stopgap_after_s = 0.005;
+  double stopgap_after_s = 0.002;
   /// A stop begins no later than when what blocks the trajectory is so many times as far away, in
   /// time, as the robot needs to come to rest.
   double stop_reserve = 1.5;
