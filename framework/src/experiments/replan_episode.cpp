@@ -81,7 +81,7 @@ class EpisodeRun {
 Result<void> EpisodeRun::find_goal() {
   if (!settings_.task.frees_goal) return {};
   constexpr double kPatience_s = 60.0;
-  auto field = mapping_.map_first(kPatience_s);
+  auto field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
   if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
   PlanningSettings planning = settings_.planning;
   planning.hold_goal = false;
@@ -189,7 +189,7 @@ void EpisodeRun::run_wall() {
   const auto period = std::chrono::nanoseconds(Stamp::from_seconds(settings_.experiment.step_s).ns);
   // A robot maps before it is sent anywhere.
   constexpr double kPatience_s = 1.0;
-  if (slot_.pin() == nullptr) mapping_.map_first(kPatience_s);
+  if (slot_.pin() == nullptr) mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
   world_.clock->start();
   mapping_.start();
   StepWatch watch(settings_.replanner.longest_step_s(), [this] {
@@ -272,7 +272,8 @@ void EpisodeRun::note_receipts() {
     if (!event.stamp_to_trajectory_ms) continue;
     const double stamp_s = event.event.map_stamp.seconds();
     const auto frame = std::ranges::find(record_.mapping, stamp_s, &MappedFrame::stamp_s);
-    if (frame == record_.mapping.end()) continue;
+    // One that was mapped before the clock ran was not waited for.
+    if (frame == record_.mapping.end() || frame->published_s <= 0.0) continue;
     event.frame_to_trajectory_ms =
         *event.stamp_to_trajectory_ms - 1e3 * (frame->received_s - stamp_s);
   }

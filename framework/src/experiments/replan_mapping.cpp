@@ -81,9 +81,9 @@ std::string EpisodeMapping::trouble() const {
          std::to_string(condition_.newest->seconds()) + " s";
 }
 
-std::shared_ptr<const DistanceField> EpisodeMapping::map_first(double patience_s) {
+std::shared_ptr<const DistanceField> EpisodeMapping::map_first(const Deadline& deadline) {
   if (!is_lockstep_) {
-    map_one(Deadline::after_s(patience_s));
+    map_one(deadline);
     return slot_.pin();
   }
   advance(clock_.now());

@@ -22,8 +22,9 @@ class EpisodeMapping {
   /// Binds the field builder to the mapper. Call once, first.
   [[nodiscard]] Result<void> attach() { return pipeline_.attach(); }
 
-  /// Maps the first frame, before the clock runs; null where none comes in time.
-  std::shared_ptr<const DistanceField> map_first(double patience_s);
+  /// Maps the first frame, before the clock runs; null where none comes by the deadline, which
+  /// counts by the wall's clock only.
+  std::shared_ptr<const DistanceField> map_first(const Deadline& deadline);
 
   /// In lockstep: maps the frame that is due, if any, and publishes what the latency has passed
   /// for.

@@ -121,9 +121,11 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
       .add("horizon_s", &S::horizon_s,
            "Where no trajectory is free all the way, one that is so for this long may do.",
            {.unit = "s", .min = 0.0, .max = 3600.0})
-      .add("stopgap_after_s", &S::stopgap_after_s,
-           "By the wall's clock, how long a search looks for better than that.",
-           {.unit = "s", .min = 0.0, .max = 60.0})
+      .add(
+          "stopgap_after_s", &S::stopgap_after_s,
+          "By the wall's clock: after so long no further first guess is tried where one has led to "
+          "a trajectory that is free for horizon_s.",
+          {.unit = "s", .min = 0.0, .max = 60.0})
       .add("stop_lead_s", &S::stop_lead_s, "From the decision to stop to when braking begins.",
            {.unit = "s", .min = 0.0, .max = 60.0})
       .add("max_state_age_s", &S::max_state_age_s,
@@ -196,7 +198,7 @@ Parameters<ReplanSettings> ReplanSettings::parameters() {
           {.choices = {"lockstep", "wall"}})
       .add("duration_s", &S::duration_s, "Most time of an episode.",
            {.unit = "s", .min = 0.01, .max = 86400.0})
-      .add("step_s", &S::step_s, "Time between two steps of the planning loop.",
+      .add("step_s", &S::step_s, "Longest time between two steps of the planning loop.",
            {.unit = "s", .min = 1e-4, .max = 0.01})
       .add("episodes", &S::episodes, "How often to do it, each time in a fresh world.",
            {.min = 1, .max = 1e6})

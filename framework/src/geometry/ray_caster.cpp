@@ -290,8 +290,9 @@ void RayCaster::cast(std::span<const Eigen::Vector3d> origins,
   for (std::size_t i = 0; i < hits.size(); ++i) hits[i] = impl_->cast(origins[i], directions[i]);
 }
 
-void RayCaster::measure(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d> directions,
-                        std::span<double> distances_m) const {
+void RayCaster::cast_distances(const Eigen::Vector3d& origin,
+                               std::span<const Eigen::Vector3d> directions,
+                               std::span<double> distances_m) const {
   if (impl_->has_meshes) {
     for (std::size_t i = 0; i < distances_m.size(); ++i) {
       distances_m[i] = impl_->cast(origin, directions[i]).distance_m;

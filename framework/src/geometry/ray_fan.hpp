@@ -13,7 +13,7 @@ class RayFan {
  public:
   static constexpr int kRays = 64;
 
-  /// At most kRays unit directions, which all objects are met with.
+  /// 1 to kRays unit directions.
   void set(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d> directions);
 
   /// Whether a ball may be met; true at least where it is.

@@ -51,13 +51,6 @@ Words dilated(const VoxelBits& bits, const GridSpec& grid) {
   return along_x;
 }
 
-[[nodiscard]] std::size_t block_index(const Eigen::Vector3i& block, const Eigen::Vector3i& counts) {
-  return static_cast<std::size_t>(block.x()) +
-         static_cast<std::size_t>(counts.x()) *
-             (static_cast<std::size_t>(block.y()) +
-              static_cast<std::size_t>(counts.y()) * static_cast<std::size_t>(block.z()));
-}
-
 /// Which blocks hold an occupied voxel.
 std::vector<char> blocks_of(const VoxelBits& bits, const GridSpec& grid) {
   static_assert(64 % kBlockSide_vox == 0);
@@ -70,7 +63,8 @@ std::vector<char> blocks_of(const VoxelBits& bits, const GridSpec& grid) {
         for (std::uint64_t left = bits.words[w]; left != 0;) {
           const int x = std::countr_zero(left) / kBlockSide_vox;
           const int block = word * (64 / kBlockSide_vox) + x;
-          blocks[block_index({block, y / kBlockSide_vox, z / kBlockSide_vox}, counts)] = 1;
+          blocks[static_cast<std::size_t>(
+              block_linear({block, y / kBlockSide_vox, z / kBlockSide_vox}, counts))] = 1;
           left &= x + 1 == 64 / kBlockSide_vox ? 0 : ~std::uint64_t{0} << (x + 1) * kBlockSide_vox;
         }
       }
@@ -200,7 +194,8 @@ bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
                      if ((block.array() < 0).any() || (block.array() >= counts.array()).any()) {
                        return false;
                      }
-                     return then.blocks[block_index(block, counts)] != 0 &&
+                     return then.blocks[static_cast<std::size_t>(block_linear(block, counts))] !=
+                                0 &&
                             any_cell(from_vox, direction, enter_vox, leave_vox, 1, is_occupied);
                    });
 }

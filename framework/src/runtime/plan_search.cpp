@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <numeric>
 #include <utility>
 
 #include <sidestep/planning/explain.hpp>
@@ -21,6 +22,7 @@ namespace {
 constexpr double kStartTolerance = 0.01;  // m, rad
 /// One that starts at another velocity may come from a planner that knows none.
 constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
+constexpr std::string_view kAfterStop = "after_stop";
 constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
 
@@ -98,9 +100,7 @@ SearchResult PlanSearch::run(const Request& request) {
     task.result.failure = std::move(task.failure);
     return std::move(task.result);
   }
-  const std::size_t first = std::exchange(first_, 0);
-  for (std::size_t i = 0; i < counts_.size(); ++i) {
-    const std::size_t guess = (first + i) % counts_.size();
+  for (const std::size_t guess : order(std::exchange(first_, 0))) {
     const bool is_late = !task.result.tried.empty() && task.deadline.expired();
     if (is_late) task.result.failure += "; there was no time for more";
     if (is_late || (task.stopgap && is_long_enough(task))) {
@@ -117,6 +117,18 @@ SearchResult PlanSearch::run(const Request& request) {
     ++counts_[task.stopgap_guess].led;
   }
   return std::move(task.result);
+}
+
+/// All guesses from one on. A stop stays the last resort.
+std::vector<std::size_t> PlanSearch::order(std::size_t first) const {
+  std::vector<std::size_t> guesses(counts_.size());
+  std::iota(guesses.begin(), guesses.end(), std::size_t{0});
+  if (first < counts_.size() && counts_[first].guess != kAfterStop) {
+    std::ranges::rotate(guesses, guesses.begin() + static_cast<std::ptrdiff_t>(first));
+  }
+  std::ranges::stable_partition(guesses,
+                                [&](std::size_t i) { return counts_[i].guess != kAfterStop; });
+  return guesses;
 }
 
 void PlanSearch::attempt(std::size_t guess, Task& task) {
@@ -156,7 +168,7 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
   if (std::exchange(task.is_after_stop, false) && !depart(task.request.departure, task)) {
     return std::nullopt;
   }
-  if (name == "after_stop" && !depart_after_stop(task)) return std::nullopt;
+  if (name == kAfterStop && !depart_after_stop(task)) return std::nullopt;
   const Problem& problem = task.problem;
   task.sampled.reset();
   if (name == "refit") {

@@ -73,6 +73,7 @@ class PlanSearch {
  private:
   struct Task;  ///< A request on its way through the guesses.
 
+  [[nodiscard]] std::vector<std::size_t> order(std::size_t first) const;
   void attempt(std::size_t guess, Task& task);
   [[nodiscard]] std::optional<Trajectory> first_guess(std::string_view name, Task& task);
   [[nodiscard]] bool depart(Departure departure, Task& task) const;

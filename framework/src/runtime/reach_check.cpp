@@ -22,8 +22,10 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
       speed_mps_(speed_mps),
       margin_m_(margin_m) {}
 
-/// The motion and then a stop, along the path where that can be, else beside it.
-Trajectory ReachCheck::until_rest(const Trajectory& motion, double from_s, double brake_s) const {
+/// The motion and then a stop, along the path where that can be, else beside it; nothing where
+/// neither can be.
+std::optional<Trajectory> ReachCheck::until_rest(const Trajectory& motion, double from_s,
+                                                 double brake_s) const {
   brake_s = std::min(brake_s, motion.duration_s());
   Trajectory lead = cut(motion, from_s, std::max(brake_s, from_s + 1e-3));
   auto stop = brake(motion, brake_s, limits_);
@@ -34,22 +36,24 @@ Trajectory ReachCheck::until_rest(const Trajectory& motion, double from_s, doubl
     };
     stop = brake_straight({row(lead.q(last)), row(lead.qdot(last))}, limits_);
   }
-  return stop ? joined(lead, *stop) : lead;
+  if (!stop) return std::nullopt;
+  return joined(lead, *stop);
 }
 
 std::optional<std::string> ReachCheck::first_reach(const Trajectory& motion, double from_s,
                                                    double brake_s, Stamp now) const {
   if (speed_mps_ <= 0.0 || moving_ == nullptr || moving_->balls.empty()) return std::nullopt;
-  const Trajectory contingency = until_rest(motion, from_s, brake_s);
+  const auto contingency = until_rest(motion, from_s, brake_s);
+  if (!contingency) return "something moves, and no stop can be found";
   const double age_s = std::max(0.0, now.seconds() - moving_->stamp.seconds());
   const std::vector<CollisionSphere>& spheres = robot_->description().spheres;
   std::vector<Eigen::Vector3d> centres(spheres.size());
   std::vector<double> q(static_cast<std::size_t>(motion.dof));
   Scratch scratch;
-  const int steps = std::max(1, static_cast<int>(std::ceil(contingency.duration_s() / kStep_s)));
+  const int steps = std::max(1, static_cast<int>(std::ceil(contingency->duration_s() / kStep_s)));
   for (int i = 0; i <= steps; ++i) {
-    const double time_s = contingency.duration_s() * i / steps;
-    contingency.sample(time_s, q, {});
+    const double time_s = contingency->duration_s() * i / steps;
+    contingency->sample(time_s, q, {});
     robot_->sphere_centres(q, centres, scratch);
     // What moves is taken to be where it can be at the end of the step.
     const double grown_m = margin_m_ + speed_mps_ * (age_s + time_s + kStep_s);

@@ -28,8 +28,8 @@ class ReachCheck {
                                                        double brake_s, Stamp now) const;
 
  private:
-  [[nodiscard]] Trajectory until_rest(const Trajectory& motion, double from_s,
-                                      double brake_s) const;
+  [[nodiscard]] std::optional<Trajectory> until_rest(const Trajectory& motion, double from_s,
+                                                     double brake_s) const;
 
   std::shared_ptr<const RobotModel> robot_;
   MotionLimits limits_;

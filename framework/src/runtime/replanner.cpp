@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include <sidestep/runtime/guarded.hpp>
@@ -112,6 +113,7 @@ bool Replanner::Impl::is_due() const {
   if (!last_replan) return true;
   // In periods. A search begins as a map comes, for what there is to see then is newest: one that
   // is on its way is waited for, a while; longer where there is nothing new in the one before.
+  constexpr double kEarly = 0.8;  // maps do not come at the nanosecond
   constexpr double kWaitForNewer = 0.5;
   constexpr double kWaitForNew = 5.0;
   constexpr double kRounding = 1e-8;  // must not cost a step
@@ -119,8 +121,8 @@ bool Replanner::Impl::is_due() const {
     return (now.seconds() - then.seconds()) / settings.replan_period_s + kRounding;
   };
   if (field != nullptr && field == searched_in) return since(*last_replan) >= kWaitForNew;
-  if (since(*last_replan) < 1.0) return false;
-  return now == map_came || since(map_came) >= kWaitForNewer;
+  if (now == map_came) return since(*last_replan) >= kEarly;
+  return since(*last_replan) >= 1.0 && since(map_came) >= kWaitForNewer;
 }
 
 Replanner::Status Replanner::Impl::advance() {
@@ -171,9 +173,11 @@ void Replanner::Impl::supervise() {
 }
 
 bool Replanner::Impl::slows_down() {
-  constexpr double kReaction_s = 0.02;  // until a later step has had the same chance
+  constexpr double kStep_s = 0.02;
+  // A later step has the same chance only once this one is over, with the search that may follow.
+  const double reaction_s = kStep_s + (settings.limit_wall_time ? settings.takeover_s : 0.0);
   const double now_s = followed_s(now);
-  const double brake_s = followed_s(present()) + settings.stop_lead_s + kReaction_s;
+  const double brake_s = followed_s(present()) + settings.stop_lead_s + reaction_s;
   const auto cause = reach.first_reach(followed, now_s, brake_s, now);
   if (!cause) return false;
   halt(Reason::kMoving, *cause);
@@ -288,7 +292,9 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   // What is free for longer than what is followed now is worth going on with.
   constexpr double kWorth_s = 1.0;
   double least_free_s = settings.takeover_s + settings.horizon_s;
-  if (blocked) {
+  if (to_beat) {
+    least_free_s = std::numeric_limits<double>::infinity();  // what is followed is free all the way
+  } else if (blocked) {
     least_free_s = std::max(least_free_s, blocked->begin_s - followed_s(now) + kWorth_s);
   }
   detail::SearchResult found =

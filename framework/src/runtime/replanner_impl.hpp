@@ -108,6 +108,7 @@ struct Replanner::Impl {
   };
   std::optional<Halt> halted;
   bool stop_failed = false;  ///< The executor's own: to be tried again.
+  std::optional<Stamp> stop_tried;
 
   std::shared_ptr<const DistanceField> field;       ///< The newest one that was good.
   Stamp map_came;                                   ///< The step in which it did.
@@ -119,7 +120,7 @@ struct Replanner::Impl {
   struct Blocked {
     double begin_s = 0.0;  ///< On the clock of what is followed; no earlier violation is known.
     std::string cause;
-    /// Until when a stop would still be in time; nothing before that has been asked.
+    /// Until then a stop is known to be in time: it need not be asked again before.
     std::optional<Stamp> may_wait_until;
   };
   std::optional<Blocked> blocked;

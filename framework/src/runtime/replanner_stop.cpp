@@ -11,10 +11,9 @@ namespace sidestep {
 
 void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
   if (halted && halted->reason == reason && (followed.size() == 0 || is_braking)) {
-    const bool again = stop_failed && is_due();
-    if (!again) return;
-    last_replan = now;
-    (void)stop_by_executor();
+    const bool is_again =
+        stop_failed && now.seconds() - stop_tried->seconds() >= settings.replan_period_s - 1e-9;
+    if (is_again) (void)stop_by_executor();
     return;
   }
   const Stamp begin =
@@ -82,6 +81,7 @@ std::string Replanner::Impl::stop_by_executor() {
   rested_at.reset();
   const auto stopped = in_stage(parts.executor_name, [&] { return parts.executor.stop(); });
   stop_failed = !stopped;
+  stop_tried = now;
   if (stopped) return "; the executor stops by itself";
   return "; the executor's own stop failed: " + stopped.error().describe();
 }
@@ -90,7 +90,7 @@ std::string Replanner::Impl::stop_by_executor() {
 /// could be too late: where it would end nearer than the reserve to what is in the way, or could
 /// not be shown clear.
 bool Replanner::Impl::must_stop_now() {
-  const double search_s = settings.limit_wall_time ? settings.solve_limit_s : 0.0;
+  const double search_s = settings.limit_wall_time ? settings.takeover_s : 0.0;
   const double brake_s =
       followed_s(present()) + settings.replan_period_s + search_s + settings.stop_lead_s;
   if (brake_s >= blocked->begin_s) return true;

@@ -35,7 +35,7 @@ class CarveImage {
 
  private:
   void project_balls(const Frame& frame, const CameraIntrinsics& camera, const SelfFilter& self);
-  /// `balls` are those that row v may see.
+  /// `balls` are those that the row's tiles may see.
   IntegrationCounts read_row(const DepthImage& image, int v, PixelRow row,
                              std::span<const CameraBall> balls, VoxelMarks& hits);
   void reduce_tiles(const CameraIntrinsics& camera, int tile_v);

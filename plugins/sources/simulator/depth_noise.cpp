@@ -62,7 +62,7 @@ DepthSensor::DepthSensor(const CameraIntrinsics& camera, const Range& range,
 void DepthSensor::measure(const ExactImage& exact, std::int64_t frame, WorkerPool& workers,
                           std::vector<float>& depth_m) const {
   depth_m.resize(exact.depth_m.size());
-  const bool ideal = noise_.model == "none";
+  const bool ideal = !needs_incidence();
   const std::uint64_t frame_seed = mix(seed_ ^ mix(static_cast<std::uint64_t>(frame)));
   workers.run_banded(camera_.height_px, kGrain_rows, [&](int begin, int end) {
     for (int v = begin; v < end; ++v) {

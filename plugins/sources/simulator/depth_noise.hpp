@@ -25,6 +25,9 @@ class DepthSensor {
   DepthSensor(const CameraIntrinsics& camera, const Range& range, const NoiseOptions& noise,
               std::uint64_t seed);
 
+  /// Whether the noise depends on how surfaces are inclined.
+  [[nodiscard]] bool needs_incidence() const noexcept { return noise_.model != "none"; }
+
   void measure(const ExactImage& exact, std::int64_t frame, WorkerPool& workers,
                std::vector<float>& depth_m) const;
 

@@ -43,7 +43,11 @@ void DepthRenderer::render(const RayCaster& caster, const Transform& T_world_cam
       for (std::size_t u = 0; u < width; ++u) {
         row.directions[u] = R_world_camera * directions_[row.first + u];
       }
-      with_incidence_ ? render_incidence(caster, row, image) : render_depth(caster, row, image);
+      if (with_incidence_) {
+        render_incidence(caster, row, image);
+      } else {
+        render_depth(caster, row, image);
+      }
     }
   });
 }
@@ -51,7 +55,7 @@ void DepthRenderer::render(const RayCaster& caster, const Transform& T_world_cam
 void DepthRenderer::render_depth(const RayCaster& caster, Row& row, ExactImage& image) const {
   const std::size_t width = row.directions.size();
   row.distances_m.resize(width);
-  caster.measure(row.origin, row.directions, row.distances_m);
+  caster.cast_distances(row.origin, row.directions, row.distances_m);
   for (std::size_t u = 0; u < width; ++u) {
     const std::size_t at = row.first + u;
     image.depth_m[at] = static_cast<float>(row.distances_m[u] * directions_[at].z());

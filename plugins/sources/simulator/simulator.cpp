@@ -45,8 +45,8 @@ class Simulator final : public Source, public GroundTruth {
         clock_(context.clock),
         workers_(context.workers),
         caster_(with_objects(scene_, viewpoint_.shapes())),
-        renderer_(camera_, options.noise.model != "none"),
-        sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, context.seed) {}
+        sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, context.seed),
+        renderer_(camera_, sensor_.needs_incidence()) {}
 
   Result<std::optional<Frame>> next(const Deadline& deadline) override {
     if (!is_paced_ && !deadline.stop_requested() && !is_over() && deadline.expired()) {
@@ -118,8 +118,8 @@ class Simulator final : public Source, public GroundTruth {
   const Clock& clock_;
   WorkerPool& workers_;
   RayCaster caster_;
-  DepthRenderer renderer_;
   DepthSensor sensor_;
+  DepthRenderer renderer_;
   ExactImage exact_;
   std::int64_t at_ = 0;
 };

@@ -140,7 +140,7 @@ TEST(RayCaster, AgreesWithSphereTracing) {
 }
 
 /// Rays like a camera's, row after row, then all ways at once; every object is met by some.
-TEST(RayCaster, MeasuresRaysOfOneOriginAsItCastsEach) {
+TEST(RayCaster, TellsDistancesFromOneOriginAsItCastsEachRay) {
   const Scene with_mesh = every_shape();
   std::vector<SceneObject> analytic = with_mesh.objects();
   std::erase_if(analytic, [](const SceneObject& object) { return object.name == "mesh"; });
@@ -171,7 +171,7 @@ TEST(RayCaster, MeasuresRaysOfOneOriginAsItCastsEach) {
       }
       for (int i = 0; i < 500; ++i) directions.push_back(testing::uniform_direction(random));
       std::vector<double> distances_m(directions.size());
-      caster.measure(origin, directions, distances_m);
+      caster.cast_distances(origin, directions, distances_m);
       for (std::size_t i = 0; i < directions.size(); ++i) {
         const RayHit alone = cast_one(caster, origin, directions[i]);
         if (alone.object < 0) {

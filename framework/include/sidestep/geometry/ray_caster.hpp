@@ -17,7 +17,7 @@ struct RayHit {
 /// Casts rays into a scene with Embree; curved shapes are cast exactly, not as facets. A ray
 /// that starts inside an object hits that object's surface from within. Keeps its own copy of
 /// the scene. The constructor throws std::runtime_error where Embree cannot start.
-/// set_time() and set_poses() are [simulation] only and must not run beside cast(); cast() is
+/// set_time() and set_poses() are [simulation] only and must not run beside the casts, which are
 /// [any].
 class RayCaster {
  public:
@@ -37,10 +37,12 @@ class RayCaster {
   void cast(std::span<const Eigen::Vector3d> origins, std::span<const Eigen::Vector3d> directions,
             std::span<RayHit> hits) const;
 
-  /// Only how far rays of one origin go, as those of a camera: several times faster than cast()
-  /// where neighbours in the span go nearly the same way and the scene has no meshes.
-  void measure(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d> directions,
-               std::span<double> distances_m) const;
+  /// Only how far rays of one origin go, as those of a camera, in metres; infinity without a hit.
+  /// Origin and unit directions in the world frame; both spans have the same length. Faster than
+  /// cast() where neighbours in the span go nearly the same way and the scene has no meshes. Does
+  /// not allocate.
+  void cast_distances(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d> directions,
+                      std::span<double> distances_m) const;
 
  private:
   struct Impl;

@@ -55,7 +55,7 @@ class SIDESTEP_EXPORT MotionDetector {
     int words_per_row = 0;
     std::vector<char> blocks;                  ///< Whether anything in them was occupied.
     std::vector<std::uint64_t> near_occupied;  ///< Occupied, or one voxel beside it.
-    /// What could be seen then, and what was hidden, as far as anybody has asked.
+    /// What could_be_seen() has said of voxels that were asked for.
     std::vector<std::uint64_t> in_sight, hidden;
   };
   [[nodiscard]] static bool could_be_seen(const Eigen::Vector3d& p, const Past& then);

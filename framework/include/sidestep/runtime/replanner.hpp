@@ -44,8 +44,8 @@ struct ReplannerSettings {
   /// Where no trajectory is free all the way, one that is so for at least this long may do: what is
   /// in the way later is looked at again when it is nearer, and may have gone.
   double horizon_s = 8.0;
-  /// By the wall's clock: once a search has taken this long, such a trajectory is taken as it is, and
-  /// the next search goes on with the next guess.
+  /// By the wall's clock: after so long no further first guess is tried where one has led to such a
+  /// trajectory; the next search begins with the next guess.
   double stopgap_after_s = 0.002;
   /// A stop begins no later than when what blocks the trajectory is so many times as far away, in
   /// time, as the robot needs to come to rest.

@@ -40,7 +40,7 @@ class SnapshotSlot {
     const std::lock_guard lock(mutex_);
     return snapshot_;
   }
-  /// Waits until the newest field is another one than `seen`, but not beyond `until`.
+  /// Waits until the newest field is another one than `seen`, at most until `until`.
   void wait_for_newer(const std::shared_ptr<const DistanceField>& seen,
                       std::chrono::steady_clock::time_point until) const {
     std::unique_lock lock(mutex_);
