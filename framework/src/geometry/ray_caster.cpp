@@ -243,7 +243,8 @@ RayHit RayCaster::Impl::cast(const Eigen::Vector3d& origin,
 }
 
 RayCaster::RayCaster(const Scene& scene) : impl_(std::make_unique<Impl>()) {
-  impl_->device.reset(rtcNewDevice(nullptr));
+  // Threads are the host's to lend: Embree, too, is to start none.
+  impl_->device.reset(rtcNewDevice("threads=1"));
   if (impl_->device == nullptr) throw std::runtime_error("Embree cannot start on this machine");
   impl_->scene.reset(rtcNewScene(impl_->device.get()));
   rtcSetSceneFlags(impl_->scene.get(), RTC_SCENE_FLAG_DYNAMIC | RTC_SCENE_FLAG_ROBUST);
