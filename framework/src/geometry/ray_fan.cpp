@@ -81,62 +81,57 @@ struct LocalFan {
   double* nearest_m;
 };
 
-// Plain loops over all rays of a fan, compiled for several instruction sets.
+/// Calls meet(dx, dy, dz, nearest_m) for all rays, with their directions in the shape's frame: a
+/// plain loop, which each of the functions below compiles for several instruction sets.
+template <class Meet>
+SIDESTEP_INLINE void each_ray(const LocalFan& fan, const Meet& meet) {
+  const double(&r)[3][3] = fan.rotation;
+  const double *x = fan.world[0], *y = fan.world[1], *z = fan.world[2];
+  double* __restrict nearest_m = fan.nearest_m;
+  for (int i = 0; i < kRays; ++i) {
+    meet(r[0][0] * x[i] + r[0][1] * y[i] + r[0][2] * z[i],
+         r[1][0] * x[i] + r[1][1] * y[i] + r[1][2] * z[i],
+         r[2][0] * x[i] + r[2][1] * y[i] + r[2][2] * z[i], nearest_m[i]);
+  }
+}
+
+#define SIDESTEP_RAY \
+  (double dx, double dy, double dz, double& nearest_m) __attribute__((always_inline))
 
 SIDESTEP_SIMD_CLONES
 void meet_box(const LocalFan& local, const Eigen::Vector3d& half_m) {
   const LocalFan fan = local;  // copies, which no store below can alias
   const double hx = half_m[0], hy = half_m[1], hz = half_m[2];
-  const double *wx = fan.world[0], *wy = fan.world[1], *wz = fan.world[2];
-  double* __restrict nearest_m = fan.nearest_m;
-  const auto& r = fan.rotation;
-  for (int i = 0; i < kRays; ++i) {
-    const Span x = slab(fan.origin[0], r[0][0] * wx[i] + r[0][1] * wy[i] + r[0][2] * wz[i], hx);
-    const Span y = slab(fan.origin[1], r[1][0] * wx[i] + r[1][1] * wy[i] + r[1][2] * wz[i], hy);
-    const Span z = slab(fan.origin[2], r[2][0] * wx[i] + r[2][1] * wy[i] + r[2][2] * wz[i], hz);
-    take(both(both(x, y), z), nearest_m[i]);
-  }
+  each_ray(fan, [&] SIDESTEP_RAY {
+    const Span x = slab(fan.origin[0], dx, hx);
+    const Span y = slab(fan.origin[1], dy, hy);
+    const Span z = slab(fan.origin[2], dz, hz);
+    take(both(both(x, y), z), nearest_m);
+  });
 }
 
-/// In a frame that is turned as the world is.
 SIDESTEP_SIMD_CLONES
 void meet_sphere(const LocalFan& local, double radius_m) {
   const LocalFan fan = local;
-  const double *wx = fan.world[0], *wy = fan.world[1], *wz = fan.world[2];
-  double* __restrict nearest_m = fan.nearest_m;
-  for (int i = 0; i < kRays; ++i) {
-    take(ball(fan.origin[0], fan.origin[1], fan.origin[2], wx[i], wy[i], wz[i], radius_m),
-         nearest_m[i]);
-  }
+  each_ray(fan, [&] SIDESTEP_RAY {
+    take(ball(fan.origin[0], fan.origin[1], fan.origin[2], dx, dy, dz, radius_m), nearest_m);
+  });
 }
 
 SIDESTEP_SIMD_CLONES
 void meet_cylinder(const LocalFan& local, double radius_m, double half_m) {
   const LocalFan fan = local;
-  const double *wx = fan.world[0], *wy = fan.world[1], *wz = fan.world[2];
-  double* __restrict nearest_m = fan.nearest_m;
-  const auto& r = fan.rotation;
-  for (int i = 0; i < kRays; ++i) {
-    const double dx = r[0][0] * wx[i] + r[0][1] * wy[i] + r[0][2] * wz[i];
-    const double dy = r[1][0] * wx[i] + r[1][1] * wy[i] + r[1][2] * wz[i];
-    const double dz = r[2][0] * wx[i] + r[2][1] * wy[i] + r[2][2] * wz[i];
-    take(
-        both(slab(fan.origin[2], dz, half_m), tube(fan.origin[0], fan.origin[1], dx, dy, radius_m)),
-        nearest_m[i]);
-  }
+  each_ray(fan, [&] SIDESTEP_RAY {
+    const Span sides = tube(fan.origin[0], fan.origin[1], dx, dy, radius_m);
+    take(both(slab(fan.origin[2], dz, half_m), sides), nearest_m);
+  });
 }
 
 SIDESTEP_SIMD_CLONES
 void meet_capsule(const LocalFan& local, double radius_m, double half_m) {
   const LocalFan fan = local;
-  const double *wx = fan.world[0], *wy = fan.world[1], *wz = fan.world[2];
-  double* __restrict nearest_m = fan.nearest_m;
-  const auto& r = fan.rotation;
-  for (int i = 0; i < kRays; ++i) {
-    const double dx = r[0][0] * wx[i] + r[0][1] * wy[i] + r[0][2] * wz[i];
-    const double dy = r[1][0] * wx[i] + r[1][1] * wy[i] + r[1][2] * wz[i];
-    const double dz = r[2][0] * wx[i] + r[2][1] * wy[i] + r[2][2] * wz[i];
-    const double ox = fan.origin[0], oy = fan.origin[1], oz = fan.origin[2];
+  const double ox = fan.origin[0], oy = fan.origin[1], oz = fan.origin[2];
+  each_ray(fan, [&] SIDESTEP_RAY {
     const Span middle = both(slab(oz, dz, half_m), tube(ox, oy, dx, dy, radius_m));
     const Span top = ball(ox, oy, oz - half_m, dx, dy, dz, radius_m);
     const Span bottom = ball(ox, oy, oz + half_m, dx, dy, dz, radius_m);
@@ -146,22 +141,19 @@ void meet_capsule(const LocalFan& local, double radius_m, double half_m) {
     const double leave = in_middle ? middle.leave : -kInfinity;
     take({lesser(enter, lesser(top.enter, bottom.enter)),
           greater(leave, greater(top.leave, bottom.leave))},
-         nearest_m[i]);
-  }
+         nearest_m);
+  });
 }
 
 SIDESTEP_SIMD_CLONES
 void meet_half_space(const LocalFan& local) {
   const LocalFan fan = local;
-  const double *wx = fan.world[0], *wy = fan.world[1], *wz = fan.world[2];
-  double* __restrict nearest_m = fan.nearest_m;
-  const auto& r = fan.rotation;
-  for (int i = 0; i < kRays; ++i) {
-    const double dz = r[2][0] * wx[i] + r[2][1] * wy[i] + r[2][2] * wz[i];
+  each_ray(fan, [&] SIDESTEP_RAY {
+    (void)dx, (void)dy;
     const double met = -fan.origin[2] / (dz == 0.0 ? kAlong : dz);
     const double met_ahead = (met > 0.0) & (dz != 0.0) ? met : kInfinity;
-    nearest_m[i] = lesser(nearest_m[i], met_ahead);
-  }
+    nearest_m = lesser(nearest_m, met_ahead);
+  });
 }
 
 }  // namespace
@@ -215,9 +207,7 @@ void RayFan::meet(const Box& box, const Transform& T_world_shape) {
   meet_box(Local(*this, T_world_shape), half_extent_m(box));
 }
 void RayFan::meet(const Sphere& sphere, const Transform& T_world_shape) {
-  Transform T_world_centre = Transform::Identity();  // a ball looks the same from all sides
-  T_world_centre.translation() = T_world_shape.translation();
-  meet_sphere(Local(*this, T_world_centre), sphere.radius_m);
+  meet_sphere(Local(*this, T_world_shape), sphere.radius_m);
 }
 void RayFan::meet(const Cylinder& cylinder, const Transform& T_world_shape) {
   meet_cylinder(Local(*this, T_world_shape), cylinder.radius_m, 0.5 * cylinder.length_m);
