@@ -322,8 +322,10 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
     if (!may_go || plan.free_until_s < task.request.least_free_s) return std::nullopt;
   }
   plan.unknown_share = verdict->unknown_share;
-  const auto reached = task.request.reach.first_reach(
-      plan.trajectory, 0.0, plan.takeover_s + settings_.replan_period_s, task.request.now);
+  // Longer than what is followed must keep to, lest the robot brake for what it just set out by.
+  const double brake_s = plan.takeover_s + settings_.replan_period_s + settings_.search_s();
+  const auto reached =
+      task.request.reach.first_reach(plan.trajectory, 0.0, brake_s, task.request.now);
   if (reached) return refuse("before it could stop " + *reached);
   return plan;
 }

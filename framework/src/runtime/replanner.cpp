@@ -173,11 +173,11 @@ void Replanner::Impl::supervise() {
 }
 
 bool Replanner::Impl::slows_down() {
-  constexpr double kStep_s = 0.02;
   // A later step has the same chance only once this one is over, with the search that may follow.
-  const double reaction_s = kStep_s + (settings.limit_wall_time ? settings.takeover_s : 0.0);
+  constexpr double kStep_s = 0.02;
   const double now_s = followed_s(now);
-  const double brake_s = followed_s(present()) + settings.stop_lead_s + reaction_s;
+  const double brake_s =
+      followed_s(present()) + settings.stop_lead_s + kStep_s + settings.search_s();
   const auto cause = reach.first_reach(followed, now_s, brake_s, now);
   if (!cause) return false;
   halt(Reason::kMoving, *cause);

@@ -90,9 +90,8 @@ std::string Replanner::Impl::stop_by_executor() {
 /// could be too late: where it would end nearer than the reserve to what is in the way, or could
 /// not be shown clear.
 bool Replanner::Impl::must_stop_now() {
-  const double search_s = settings.limit_wall_time ? settings.takeover_s : 0.0;
   const double brake_s =
-      followed_s(present()) + settings.replan_period_s + search_s + settings.stop_lead_s;
+      followed_s(present()) + settings.replan_period_s + settings.search_s() + settings.stop_lead_s;
   if (brake_s >= blocked->begin_s) return true;
   const auto stop = brake(followed, brake_s, parts.limits);
   if (!stop) return true;

@@ -63,6 +63,9 @@ struct ReplannerSettings {
   /// limits alone, takeover_s stands for what they take, and equal inputs give equal events.
   bool limit_wall_time = true;
 
+  /// How long a search keeps the robot from being looked after.
+  [[nodiscard]] double search_s() const noexcept { return limit_wall_time ? takeover_s : 0.0; }
+
   /// A step that takes longer, in wall time, has left the robot without supervision: whoever calls
   /// step() has it stopped meanwhile, and its end is a stop.
   [[nodiscard]] double longest_step_s() const noexcept {
