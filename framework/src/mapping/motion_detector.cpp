@@ -1,8 +1,10 @@
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
-#include <tuple>
+#include <map>
+#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -36,26 +38,26 @@ void join_neighbours(const Words& rows, std::size_t words_per_row, std::size_t r
   }
 }
 
-/// The occupied voxels and their 26 neighbours.
-Words dilated(const VoxelBits& bits, const GridSpec& grid) {
+/// Writes the occupied voxels and their 26 neighbours. `scratch` keeps its memory.
+void dilate(const VoxelBits& bits, const GridSpec& grid, Words& scratch, Words& wide) {
   const auto per_row = static_cast<std::size_t>(bits.words_per_row);
   const auto ny = static_cast<std::size_t>(grid.size_vox.y());
   const auto nz = static_cast<std::size_t>(grid.size_vox.z());
-  Words along_x(bits.words.size()), along_y(bits.words.size());
+  wide.resize(bits.words.size());
+  scratch.resize(bits.words.size());
   for (std::size_t row = 0; row < ny * nz; ++row) {
     widen_row(bits.words.subspan(row * per_row, per_row),
-              std::span(along_x).subspan(row * per_row, per_row));
+              std::span(wide).subspan(row * per_row, per_row));
   }
-  join_neighbours(along_x, per_row, ny * nz, 1, ny, along_y);
-  join_neighbours(along_y, per_row, ny * nz, ny, nz, along_x);
-  return along_x;
+  join_neighbours(wide, per_row, ny * nz, 1, ny, scratch);
+  join_neighbours(scratch, per_row, ny * nz, ny, nz, wide);
 }
 
-/// Which blocks hold an occupied voxel.
-std::vector<char> blocks_of(const VoxelBits& bits, const GridSpec& grid) {
+/// Marks the blocks that hold an occupied voxel.
+void find_blocks(const VoxelBits& bits, const GridSpec& grid, std::vector<char>& blocks) {
   static_assert(64 % kBlockSide_vox == 0);
   const Eigen::Vector3i counts = block_counts(grid);
-  std::vector<char> blocks(static_cast<std::size_t>(counts.prod()), 0);
+  blocks.assign(static_cast<std::size_t>(counts.prod()), 0);
   std::size_t w = 0;
   for (int z = 0; z < grid.size_vox.z(); ++z) {
     for (int y = 0; y < grid.size_vox.y(); ++y) {
@@ -70,7 +72,6 @@ std::vector<char> blocks_of(const VoxelBits& bits, const GridSpec& grid) {
       }
     }
   }
-  return blocks;
 }
 
 /// Walks the cells of a given edge along the part [begin, end] of a ray (Amanatides and Woo 1987),
@@ -106,30 +107,40 @@ bool any_cell(const Eigen::Vector3d& start, const Eigen::Vector3d& direction, do
   }
 }
 
-struct CellVoxel {
-  Eigen::Vector3i cell;
-  Eigen::Vector3d centre_m;
+/// Boxes around what moves, cell by cell.
+class Cells {
+ public:
+  explicit Cells(double edge_m) : edge_m_(edge_m) {}
 
-  [[nodiscard]] auto key() const { return std::tuple(cell.z(), cell.y(), cell.x()); }
-};
-
-/// A ball around the voxels of each cell that has enough of them.
-std::vector<MovingBall> balls_of(std::vector<CellVoxel>& voxels, double resolution_m,
-                                 int least_vox) {
-  std::ranges::sort(voxels, {}, &CellVoxel::key);
-  const double half_diagonal_m = 0.5 * std::sqrt(3.0) * resolution_m;
-  std::vector<MovingBall> balls;
-  for (auto first = voxels.begin(); first != voxels.end();) {
-    Eigen::AlignedBox3d box;
-    auto last = first;
-    for (; last != voxels.end() && last->key() == first->key(); ++last) box.extend(last->centre_m);
-    if (last - first >= least_vox) {
-      balls.push_back({box.center(), 0.5 * box.diagonal().norm() + half_diagonal_m});
-    }
-    first = last;
+  void add(const Eigen::Vector3d& p) {
+    const std::array key{std::floor(p.z() / edge_m_), std::floor(p.y() / edge_m_),
+                         std::floor(p.x() / edge_m_)};
+    // Voxels come row by row: most lie in the cell of the one before.
+    if (last_ == cells_.end() || last_->first != key) last_ = cells_.try_emplace(key).first;
+    last_->second.box.extend(p);
+    ++last_->second.count;
   }
-  return balls;
-}
+
+  /// A ball around the voxels of each cell that has enough of them.
+  [[nodiscard]] std::vector<MovingBall> balls(double resolution_m, int least_vox) const {
+    const double half_diagonal_m = 0.5 * std::sqrt(3.0) * resolution_m;
+    std::vector<MovingBall> balls;
+    for (const auto& [key, cell] : cells_) {
+      if (cell.count < least_vox) continue;
+      balls.push_back({cell.box.center(), 0.5 * cell.box.diagonal().norm() + half_diagonal_m});
+    }
+    return balls;
+  }
+
+ private:
+  struct Cell {
+    Eigen::AlignedBox3d box;
+    int count = 0;
+  };
+  double edge_m_;
+  std::map<std::array<double, 3>, Cell> cells_;
+  std::map<std::array<double, 3>, Cell>::iterator last_ = cells_.end();
+};
 
 }  // namespace
 
@@ -141,7 +152,10 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
   const auto is_old_enough = [&](const Past& past) {
     return stamp.seconds() - past.stamp.seconds() >= settings_.memory_s;
   };
-  while (past_.size() > 1 && is_old_enough(past_[1])) past_.pop_front();
+  while (past_.size() > 1 && is_old_enough(past_[1])) {
+    spare_ = std::move(past_.front());
+    past_.pop_front();
+  }
 
   auto moving = std::make_shared<MovingObstacles>();
   moving->stamp = stamp;
@@ -150,7 +164,7 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
     const VoxelBits occupied = map.occupied();
     const auto per_row = static_cast<std::size_t>(occupied.words_per_row);
     const auto ny = static_cast<std::size_t>(grid.size_vox.y());
-    std::vector<CellVoxel> voxels;
+    Cells cells(settings_.cell_m);
     for (std::size_t w = 0; w < occupied.words.size(); ++w) {
       const std::uint64_t moved = occupied.words[w] & then.known[w] & ~then.near_occupied[w];
       if (moved == 0) continue;
@@ -165,11 +179,10 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
             left & (~left + 1);
       }
       for (std::uint64_t left = moved & then.in_sight[w]; left != 0; left &= left - 1) {
-        const Eigen::Vector3d p = centre_m(left);
-        voxels.push_back({(p / settings_.cell_m).array().floor().cast<int>().matrix(), p});
+        cells.add(centre_m(left));
       }
     }
-    moving->balls = balls_of(voxels, grid.resolution_m, settings_.least_vox);
+    moving->balls = cells.balls(grid.resolution_m, settings_.least_vox);
   }
   remember(map, eye_m, stamp);
   return moving;
@@ -207,16 +220,17 @@ void MotionDetector::remember(const OccupancyView& map, const Eigen::Vector3d& e
   }
   const GridSpec& grid = map.occupancy_grid();
   const VoxelBits known = map.known(), occupied = map.occupied();
-  past_.push_back({stamp,
-                   eye_m,
-                   grid,
-                   {known.words.begin(), known.words.end()},
-                   {occupied.words.begin(), occupied.words.end()},
-                   occupied.words_per_row,
-                   blocks_of(occupied, grid),
-                   dilated(occupied, grid),
-                   std::vector<std::uint64_t>(occupied.words.size()),
-                   std::vector<std::uint64_t>(occupied.words.size())});
+  Past& past = past_.emplace_back(std::exchange(spare_, {}));
+  past.stamp = stamp;
+  past.eye_m = eye_m;
+  past.grid = grid;
+  past.known.assign(known.words.begin(), known.words.end());
+  past.occupied.assign(occupied.words.begin(), occupied.words.end());
+  past.words_per_row = occupied.words_per_row;
+  find_blocks(occupied, grid, past.blocks);
+  dilate(occupied, grid, past.in_sight, past.near_occupied);
+  past.in_sight.assign(occupied.words.size(), 0);
+  past.hidden.assign(occupied.words.size(), 0);
 }
 
 }  // namespace sidestep

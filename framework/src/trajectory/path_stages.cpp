@@ -1,9 +1,9 @@
 #include "path_stages.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace sidestep::detail {
 namespace {
@@ -27,63 +27,44 @@ double dot(std::span<const double> a, std::span<const double> b) {
   return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
 }
 
+/// |d3q/ds3|
+double third_derivative(const CubicLanes& cubic) {
+  const std::span c3(cubic.c3(), cubic.width);
+  return 6.0 * std::sqrt(dot(c3, c3));
+}
+
 }  // namespace
 
 PathStages::PathStages(const Trajectory& path, int least_stages)
-    : path_(path), dof_(static_cast<std::size_t>(path.dof)) {
+    : path_(path), dof_(static_cast<std::size_t>(path.dof)), width_(padded(dof_)) {
   const int pieces = path.size() - 1;
-  cubics_.reserve(at(std::max(pieces, 0)) * dof_);
+  if (pieces <= 0) return;
+  cubics_.assign_zeros(at(pieces) * CubicLanes::kRows * width_);
   for (int p = 0; p < pieces; ++p) {
     const double h = path.times_s[at(p) + 1] - path.times_s[at(p)];
     const auto q0 = path.q(p), q1 = path.q(p + 1), v0 = path.qdot(p), v1 = path.qdot(p + 1);
+    double* rows = cubics_.data() + at(p) * CubicLanes::kRows * width_;
     for (std::size_t j = 0; j < dof_; ++j) {
       const double slope = (q1[j] - q0[j]) / h;
-      cubics_.push_back({q0[j], v0[j], (3.0 * slope - 2.0 * v0[j] - v1[j]) / h,
-                         (v0[j] + v1[j] - 2.0 * slope) / (h * h)});
+      rows[j] = q0[j];
+      rows[width_ + j] = v0[j];
+      rows[2 * width_ + j] = (3.0 * slope - 2.0 * v0[j] - v1[j]) / h;
+      rows[3 * width_ + j] = (v0[j] + v1[j] - 2.0 * slope) / (h * h);
     }
+    length_ += arc_length(cubic(p), 0.0, h);
   }
-  for (int p = 0; p < pieces; ++p) {
-    length_ += arc_length(p, 0.0, path.times_s[at(p) + 1] - path.times_s[at(p)]);
-  }
-  if (pieces == 0) return;
-  ends_.resize(4 * dof_);
   const int parts = std::max(4, (least_stages + pieces - 1) / pieces);
-  stages_.reserve(2 * at(parts) * at(pieces));
+  const std::size_t expected = at(parts) * at(pieces) * 5 / 4;
+  stages_.reserve(expected);
+  rows_.reserve(expected * kRows * width_);
   for (int p = 0; p < pieces; ++p) cut_piece(p, parts);
-  derive_all();
   mark_stops();
 }
 
-PathStages::Rates PathStages::rates(int piece, double s) const {
-  double speed = 0.0, change = 0.0, bend = 0.0;
-  for (const Cubic& c : joints(piece)) {
-    const double v = c.v0 + s * (2.0 * c.c2 + s * 3.0 * c.c3);
-    const double a = 2.0 * c.c2 + s * 6.0 * c.c3;
-    speed += v * v;
-    change += v * a;
-    bend += a * a;
-  }
-  return {std::sqrt(speed), change, std::sqrt(bend)};
-}
-
-double PathStages::arc_length(int piece, double from_s, double to_s) const {
-  // Gauss-Legendre, five points.
-  constexpr std::array kNodes{0.0, 0.5384693101056831, 0.9061798459386640};
-  constexpr std::array kWeights{0.5688888888888889, 0.4786286704993665, 0.2369268850561891};
-  const double middle = 0.5 * (from_s + to_s), half = 0.5 * (to_s - from_s);
-  double sum = kWeights[0] * rates(piece, middle).speed;
-  for (std::size_t k = 1; k < kNodes.size(); ++k) {
-    sum += kWeights[k] * (rates(piece, middle - half * kNodes[k]).speed +
-                          rates(piece, middle + half * kNodes[k]).speed);
-  }
-  return half * sum;
-}
-
 void PathStages::position(int piece, double s, std::span<double> q) const {
-  const auto cubics = joints(piece);
+  const CubicLanes c = cubic(piece);
   for (std::size_t j = 0; j < dof_; ++j) {
-    const Cubic& c = cubics[j];
-    q[j] = c.q0 + s * (c.v0 + s * (c.c2 + s * c.c3));
+    q[j] = c.q0()[j] + s * (c.v0()[j] + s * (c.c2()[j] + s * c.c3()[j]));
   }
 }
 
@@ -94,16 +75,15 @@ double PathStages::begin_s(int i) const {
 
 double PathStages::distance(int i, std::span<const double> q) const {
   const Stage& stage = stages_[at(i)];
-  const auto cubics = joints(stage.piece);
+  const CubicLanes c = cubic(stage.piece);
   double s = 0.5 * (stage.from_s + stage.to_s);
   double best = 0.0;
   constexpr int kSteps = 4;  // of Gauss-Newton, towards the nearest point
   for (int step = 0; step < kSteps; ++step) {
     double along = 0.0, speed = 0.0, worst = 0.0;
     for (std::size_t j = 0; j < dof_; ++j) {
-      const Cubic& c = cubics[j];
-      const double off = q[j] - (c.q0 + s * (c.v0 + s * (c.c2 + s * c.c3)));
-      const double v = c.v0 + s * (2.0 * c.c2 + s * 3.0 * c.c3);
+      const double off = q[j] - (c.q0()[j] + s * (c.v0()[j] + s * (c.c2()[j] + s * c.c3()[j])));
+      const double v = c.v0()[j] + s * (2.0 * c.c2()[j] + s * 3.0 * c.c3()[j]);
       along += off * v;
       speed += v * v;
       worst = std::max(worst, std::abs(off));
@@ -117,51 +97,43 @@ double PathStages::distance(int i, std::span<const double> q) const {
   return best;
 }
 
-void PathStages::derive(const Stage& stage, bool at_end, std::span<double> tangent,
-                        std::span<double> curvature) const {
+void PathStages::derive_from(int stage) {
+  derive(stages_[at(stage)], false, &rows_[row_at(stage, 0)], &rows_[row_at(stage, 1)]);
+}
+
+void PathStages::derive_to(int stage) {
+  derive(stages_[at(stage)], true, &rows_[row_at(stage, 2)], &rows_[row_at(stage, 3)]);
+}
+
+void PathStages::derive(const Stage& stage, bool at_end, double* tangent, double* curvature) const {
   const double s = at_end ? stage.to_s : stage.from_s;
-  const auto cubics = joints(stage.piece);
-  std::ranges::fill(curvature, 0.0);
-  if ((at_end ? stage.still_to : stage.still_from) || rates(stage.piece, s).speed == 0.0) {
-    // Leaving a standstill the path goes where its second derivative points, arriving at one it
-    // comes from there; where that vanishes, too, both ways where the third one points.
-    const double sign = at_end ? -1.0 : 1.0;
-    for (std::size_t j = 0; j < dof_; ++j) {
-      tangent[j] = sign * (2.0 * cubics[j].c2 + 6.0 * cubics[j].c3 * s);
-    }
-    double norm = std::sqrt(dot(tangent, tangent));
-    const double reach = stage.to_s - stage.from_s;
-    double third = 0.0;
-    for (const Cubic& c : cubics) third += 36.0 * c.c3 * c.c3;
-    if (norm <= kStill * reach * std::sqrt(third)) {
-      for (std::size_t j = 0; j < dof_; ++j) tangent[j] = 6.0 * cubics[j].c3;
-      norm = std::sqrt(third);
-    }
-    for (double& value : tangent) value /= norm > 0.0 ? norm : 1.0;
-    return;
-  }
+  const CubicLanes c = cubic(stage.piece);
+  const bool is_still = at_end ? stage.still_to : stage.still_from;
+  if (!is_still && rates_at(c, s).speed > 0.0) return derive_by_length(c, s, tangent, curvature);
+  // Leaving a standstill the path goes where its second derivative points, arriving at one it
+  // comes from there; where that vanishes, too, both ways where the third one points.
+  const std::span direction(tangent, dof_);
+  std::fill_n(curvature, width_, 0.0);
+  const double sign = at_end ? -1.0 : 1.0;
   for (std::size_t j = 0; j < dof_; ++j) {
-    tangent[j] = cubics[j].v0 + s * (2.0 * cubics[j].c2 + s * 3.0 * cubics[j].c3);
-    curvature[j] = 2.0 * cubics[j].c2 + s * 6.0 * cubics[j].c3;
+    direction[j] = sign * (2.0 * c.c2()[j] + 6.0 * c.c3()[j] * s);
   }
-  const double speed = std::sqrt(dot(tangent, tangent));
-  for (double& value : tangent) value /= speed;
-  const double along = dot(tangent, curvature);
-  for (std::size_t j = 0; j < dof_; ++j) {
-    curvature[j] = (curvature[j] - along * tangent[j]) / (speed * speed);
+  double norm = std::sqrt(dot(direction, direction));
+  const double third = third_derivative(c);
+  if (norm <= kStill * (stage.to_s - stage.from_s) * third) {
+    for (std::size_t j = 0; j < dof_; ++j) direction[j] = 6.0 * c.c3()[j];
+    norm = third;
   }
+  for (double& value : direction) value /= norm > 0.0 ? norm : 1.0;
 }
 
 void PathStages::cut_piece(int piece, int parts) {
   const double h = path_.times_s[at(piece) + 1] - path_.times_s[at(piece)];
   const double step = h / parts;
-  const double third = [&] {
-    double sum = 0.0;
-    for (const Cubic& c : joints(piece)) sum += 36.0 * c.c3 * c.c3;
-    return std::sqrt(sum);
-  }();
+  const CubicLanes path = cubic(piece);
+  const double third = third_derivative(path);
   const auto is_still = [&](double s) {
-    const Rates there = rates(piece, s);
+    const CubicRates there = rates_at(path, s);
     return there.speed <= kStill * step * (there.bend + 0.5 * step * third);
   };
   double from = 0.0;
@@ -169,11 +141,12 @@ void PathStages::cut_piece(int piece, int parts) {
   const std::size_t first = stages_.size();
   const auto add = [&](double to) {
     const bool to_still = is_still(to);
-    if (!(arc_length(piece, from, to) > kLeastLength * length_)) {
+    if (!(arc_length(path, from, to) > kLeastLength * length_)) {
       // Too little to be a stage: the next one begins here, or the one before ends later.
       if (to < h || stages_.size() == first) return;
       stages_.back().to_s = to;
       stages_.back().still_to = to_still;
+      derive_to(size() - 1);
       return;
     }
     append({.piece = piece,
@@ -188,11 +161,11 @@ void PathStages::cut_piece(int piece, int parts) {
   for (int k = 0; k < parts; ++k) {
     const double to = k + 1 == parts ? h : (k + 1) * step;
     // Where the path is slowest it turns fastest: never inside a stage.
-    if (rates(piece, from).change < 0.0 && rates(piece, to).change > 0.0) {
+    if (rates_at(path, from).change < 0.0 && rates_at(path, to).change > 0.0) {
       double low = from, high = to;
       for (int halving = 0; halving < 50; ++halving) {
         const double middle = 0.5 * (low + high);
-        (rates(piece, middle).change < 0.0 ? low : high) = middle;
+        (rates_at(path, middle).change < 0.0 ? low : high) = middle;
       }
       const double slowest = 0.5 * (low + high);
       // A standstill at an end is that very place.
@@ -204,32 +177,28 @@ void PathStages::cut_piece(int piece, int parts) {
   }
 }
 
+/// Takes a stage over with its rows.
+void PathStages::push(const Stage& stage) {
+  stages_.push_back(stage);
+  rows_.resize(rows_.size() + kRows * width_);
+  derive_from(size() - 1);
+  derive_to(size() - 1);
+}
+
 void PathStages::append(Stage stage, int depth) {
-  stage.length = arc_length(stage.piece, stage.from_s, stage.to_s);
-  const auto part = [&](std::size_t k) { return std::span(ends_).subspan(k * dof_, dof_); };
-  derive(stage, false, part(0), part(1));
-  derive(stage, true, part(2), part(3));
+  stage.length = arc_length(cubic(stage.piece), stage.from_s, stage.to_s);
+  push(stage);
   if (depth >= kMaxDepth || stage.length < kLeastHalved * length_ ||
-      dot(part(0), part(2)) >= kLeastCosine) {
-    stages_.push_back(stage);
+      dot(tangent_from(size() - 1), tangent_to(size() - 1)) >= kLeastCosine) {
     return;
   }
+  stages_.pop_back();
+  rows_.resize(rows_.size() - kRows * width_);
   Stage first = stage, second = stage;
   first.to_s = second.from_s = 0.5 * (stage.from_s + stage.to_s);
   first.still_to = second.still_from = false;
   append(first, depth + 1);
   append(second, depth + 1);
-}
-
-void PathStages::derive_all() {
-  rows_.resize(stages_.size() * 4 * dof_);
-  for (std::size_t i = 0; i < stages_.size(); ++i) {
-    const auto part = [&](std::size_t k) {
-      return std::span(rows_).subspan((i * 4 + k) * dof_, dof_);
-    };
-    derive(stages_[i], false, part(0), part(1));
-    derive(stages_[i], true, part(2), part(3));
-  }
 }
 
 void PathStages::mark_stops() {
@@ -251,23 +220,25 @@ void PathStages::mark_stops() {
 }
 
 void PathStages::halve(const std::vector<char>& marks) {
-  std::vector<Stage> stages;
-  stages.reserve(2 * stages_.size());
-  for (std::size_t i = 0; i < stages_.size(); ++i) {
+  const std::vector<Stage> stages = std::exchange(stages_, {});
+  const std::vector<double> rows = std::exchange(rows_, {});
+  stages_.reserve(2 * stages.size());
+  rows_.reserve(2 * rows.size());
+  for (std::size_t i = 0; i < stages.size(); ++i) {
     if (!marks[i]) {
-      stages.push_back(stages_[i]);
+      stages_.push_back(stages[i]);
+      const auto of_stage = std::span(rows).subspan(i * kRows * width_, kRows * width_);
+      rows_.insert(rows_.end(), of_stage.begin(), of_stage.end());
       continue;
     }
-    Stage first = stages_[i], second = stages_[i];
+    Stage first = stages[i], second = stages[i];
     first.to_s = second.from_s = 0.5 * (first.from_s + first.to_s);
     first.still_to = second.still_from = first.stop_to = second.stop_from = false;
-    first.length = arc_length(first.piece, first.from_s, first.to_s);
-    second.length = arc_length(second.piece, second.from_s, second.to_s);
-    stages.push_back(first);
-    stages.push_back(second);
+    for (Stage* half : {&first, &second}) {
+      half->length = arc_length(cubic(half->piece), half->from_s, half->to_s);
+      push(*half);
+    }
   }
-  stages_ = std::move(stages);
-  derive_all();
 }
 
 }  // namespace sidestep::detail

@@ -4,7 +4,10 @@
 #include <span>
 #include <vector>
 
+#include <sidestep/core/lanes.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
+
+#include "cubic_lanes.hpp"
 
 namespace sidestep::detail {
 
@@ -53,37 +56,32 @@ class PathStages {
   void halve(const std::vector<char>& marks);
 
  private:
-  struct Cubic {
-    double q0, v0, c2, c3;
-  };
-  struct Rates {
-    double speed;   ///< |dq/ds|
-    double change;  ///< d|dq/ds|^2 / ds / 2
-    double bend;    ///< |d2q/ds2|
-  };
   static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
-  [[nodiscard]] std::span<const Cubic> joints(int piece) const noexcept {
-    return std::span(cubics_).subspan(at(piece) * dof_, dof_);
+  [[nodiscard]] CubicLanes cubic(int piece) const noexcept {
+    return {cubics_.data() + at(piece) * CubicLanes::kRows * width_, width_};
+  }
+  [[nodiscard]] std::size_t row_at(int stage, std::size_t which) const noexcept {
+    return (at(stage) * kRows + which) * width_;
   }
   [[nodiscard]] std::span<const double> row(int stage, std::size_t which) const noexcept {
-    return std::span(rows_).subspan((at(stage) * 4 + which) * dof_, dof_);
+    return std::span(rows_).subspan(row_at(stage, which), dof_);
   }
-  [[nodiscard]] Rates rates(int piece, double s) const;
-  [[nodiscard]] double arc_length(int piece, double from_s, double to_s) const;
-  /// Writes dq/dl and d2q/dl2 at one end of a stage.
-  void derive(const Stage& stage, bool at_end, std::span<double> tangent,
-              std::span<double> curvature) const;
+  /// Writes the rows of one end of a stage.
+  void derive_from(int stage);
+  void derive_to(int stage);
+  void derive(const Stage& stage, bool at_end, double* tangent, double* curvature) const;
   void cut_piece(int piece, int parts);
   void append(Stage stage, int depth);
-  void derive_all();
+  void push(const Stage& stage);
   void mark_stops();
 
   const Trajectory& path_;
   std::size_t dof_;
-  std::vector<Cubic> cubics_;  ///< Pieces x joints.
+  std::size_t width_;    ///< Of a row: the joints in whole lanes.
+  AlignedArray cubics_;  ///< Pieces x coefficients x joints.
   std::vector<Stage> stages_;
+  static constexpr std::size_t kRows = 4;
   std::vector<double> rows_;  ///< Stages x (tangent, curvature at either end) x joints.
-  std::vector<double> ends_;  ///< What a new stage is judged by.
   double length_ = 0.0;
 };
 

@@ -63,6 +63,7 @@ class SIDESTEP_EXPORT MotionDetector {
 
   MotionDetectorSettings settings_;
   std::deque<Past> past_;  ///< Oldest first.
+  Past spare_;             ///< A forgotten one, for its memory.
 };
 
 }  // namespace sidestep

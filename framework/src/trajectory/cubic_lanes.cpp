@@ -1,0 +1,88 @@
+#include "cubic_lanes.hpp"
+
+#include <array>
+#include <cmath>
+
+#include <sidestep/core/lanes.hpp>
+
+namespace sidestep::detail {
+namespace {
+
+[[gnu::always_inline]] inline double total(const Lanes& values) noexcept {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < kLanes; ++i) sum += values[i];
+  return sum;
+}
+
+/// dq/ds of the joints from j on.
+[[gnu::always_inline]] inline void find_velocity(const CubicLanes& cubic, std::size_t j, double s,
+                                                 Lanes& v) noexcept {
+  v = lanes(cubic.v0() + j) + s * (2.0 * lanes(cubic.c2() + j) + 3.0 * s * lanes(cubic.c3() + j));
+}
+
+/// d2q/ds2 of them.
+[[gnu::always_inline]] inline void find_acceleration(const CubicLanes& cubic, std::size_t j,
+                                                     double s, Lanes& a) noexcept {
+  a = 2.0 * lanes(cubic.c2() + j) + 6.0 * s * lanes(cubic.c3() + j);
+}
+
+}  // namespace
+
+SIDESTEP_SIMD_CLONES
+CubicRates rates_at(const CubicLanes& cubic, double s) noexcept {
+  Lanes speed{}, change{}, bend{};
+  for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+    Lanes v, a;
+    find_velocity(cubic, j, s, v);
+    find_acceleration(cubic, j, s, a);
+    speed += v * v;
+    change += v * a;
+    bend += a * a;
+  }
+  return {std::sqrt(total(speed)), total(change), std::sqrt(total(bend))};
+}
+
+SIDESTEP_SIMD_CLONES
+double arc_length(const CubicLanes& cubic, double from_s, double to_s) noexcept {
+  constexpr std::array kNodes{-0.9061798459386640, -0.5384693101056831, 0.0, 0.5384693101056831,
+                              0.9061798459386640};
+  constexpr std::array kWeights{0.2369268850561891, 0.4786286704993665, 0.5688888888888889,
+                                0.4786286704993665, 0.2369268850561891};
+  const double middle = 0.5 * (from_s + to_s), half = 0.5 * (to_s - from_s);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < kNodes.size(); ++k) {
+    const double s = middle + half * kNodes[k];
+    Lanes squares{};
+    for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+      Lanes v;
+      find_velocity(cubic, j, s, v);
+      squares += v * v;
+    }
+    sum += kWeights[k] * std::sqrt(total(squares));
+  }
+  return half * sum;
+}
+
+SIDESTEP_SIMD_CLONES
+void derive_by_length(const CubicLanes& cubic, double s, double* tangent,
+                      double* curvature) noexcept {
+  Lanes squares{}, products{};
+  for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+    Lanes v, a;
+    find_velocity(cubic, j, s, v);
+    find_acceleration(cubic, j, s, a);
+    squares += v * v;
+    products += v * a;
+  }
+  const double per_square = 1.0 / total(squares), per_speed = std::sqrt(per_square);
+  const double along = total(products) * per_square;  // of the acceleration, in velocities
+  for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+    Lanes v, a;
+    find_velocity(cubic, j, s, v);
+    find_acceleration(cubic, j, s, a);
+    lanes(tangent + j) = v * per_speed;
+    lanes(curvature + j) = (a - along * v) * per_square;
+  }
+}
+
+}  // namespace sidestep::detail
