@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <span>
 
 namespace sidestep::detail {
 namespace {
@@ -11,18 +13,100 @@ constexpr double kEndless = 1e18;   ///< Beyond any speed squared.
 constexpr double kRounding = 1e-12;
 constexpr double kEndTolerance = 1e-5;  ///< Relative, of the given squared speeds at both ends.
 
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
+[[gnu::always_inline]] inline void find_size(const Lanes& values, Lanes& size) noexcept {
+  size = values < 0.0 ? -values : values;
+}
+
+[[gnu::always_inline]] inline double least(const Lanes& values) noexcept {
+  double least = values[0];
+  for (std::size_t i = 1; i < kLanes; ++i) least = std::min(least, values[i]);
+  return least;
+}
+
+/// The speed dl/dt that the joints' velocity limits allow.
+SIDESTEP_SIMD_CLONES
+double fastest_along(const double* tangent, const double* limits, std::size_t width) noexcept {
+  Lanes speed = Lanes{} + kNever;
+  for (std::size_t j = 0; j < width; j += kLanes) {
+    Lanes size;
+    find_size(lanes(tangent + j), size);
+    const Lanes allowed = size > kNoEffect ? lanes(limits + j) / size : Lanes{} + kNever;
+    speed = allowed < speed ? allowed : speed;
+  }
+  return least(speed);
+}
+
+/// A strip -width - slope x <= u <= width - slope x for each joint that feels u at one end of a
+/// stage; returns the x that the others allow.
+SIDESTEP_SIMD_CLONES
+double write_strips(const double* tangent, const double* curvature, double twice_length,
+                    const double* limits, std::size_t count, double* widths,
+                    double* slopes) noexcept {
+  Lanes most = Lanes{} + kNever;
+  for (std::size_t j = 0; j < count; j += kLanes) {
+    const Lanes across = lanes(curvature + j), limit = lanes(limits + j);
+    const Lanes along = lanes(tangent + j) + twice_length * across;
+    Lanes along_size, across_size;
+    find_size(along, along_size);
+    find_size(across, across_size);
+    const Lanes none = Lanes{} + kNever;
+    lanes(widths + j) = along_size > kNoEffect ? limit / along_size : none;
+    lanes(slopes + j) = along_size > kNoEffect ? across / along : Lanes{};
+    const Lanes x_across = across_size > kNoEffect ? limit / across_size : none;
+    const Lanes x = along_size > kNoEffect ? none : x_across;
+    most = x < most ? x : most;
+  }
+  return least(most);
+}
+
+struct Edge {
+  double value, offset, slope;
+};
+
+/// The least upper and the greatest lower edge of the strips at an x, where they bind more than
+/// those given.
+SIDESTEP_SIMD_CLONES
+void find_edges(const double* widths, const double* slopes, std::size_t count, double share,
+                double x, Edge& lower, Edge& upper) noexcept {
+  Lanes high = Lanes{} + kNever, low = -high;
+  Lanes high_offset{}, high_slope{}, low_offset{}, low_slope{};
+  for (std::size_t j = 0; j < count; j += kLanes) {
+    const Lanes width = share * lanes(widths + j), slope = -lanes(slopes + j);
+    const Lanes above = slope * x + width, below = slope * x - width;
+    high_offset = above < high ? width : high_offset;
+    high_slope = above < high ? slope : high_slope;
+    high = above < high ? above : high;
+    low_offset = below > low ? -width : low_offset;
+    low_slope = below > low ? slope : low_slope;
+    low = below > low ? below : low;
+  }
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    if (high[i] < upper.value) upper = {high[i], high_offset[i], high_slope[i]};
+    if (low[i] > lower.value) lower = {low[i], low_offset[i], low_slope[i]};
+  }
+}
+
 }  // namespace
+
+/// Rows: velocity limits, acceleration limits; widths at both ends, slopes at both ends. What is
+/// beyond the joints never binds.
+void SpeedProfile::load_limits() {
+  const std::size_t dof = limits_.velocity.size();
+  width_ = padded(dof);
+  rows_.assign_zeros(6 * width_);
+  std::ranges::copy(limits_.velocity, rows_.data());
+  std::ranges::copy(limits_.acceleration, rows_.data() + width_);
+}
 
 void SpeedProfile::limit_speeds(const Shares& shares) {
   fastest_.assign(at(stages_.size()) + 1, kEndless);
   const auto limit = [&](std::size_t node, std::span<const double> tangent, double share) {
-    for (std::size_t j = 0; j < tangent.size(); ++j) {
-      if (std::abs(tangent[j]) <= kNoEffect || std::isinf(limits_.velocity[j])) continue;
-      const double speed = share * limits_.velocity[j] / tangent[j];
-      fastest_[node] = std::min(fastest_[node], speed * speed);
-    }
+    const double speed = share * fastest_along(tangent.data(), rows_.data(), width_);
+    fastest_[node] = std::min(fastest_[node], speed * speed);
   };
   for (int i = 0; i < stages_.size(); ++i) {
     limit(at(i), stages_.tangent_from(i), shares.velocity[at(i)]);
@@ -32,51 +116,35 @@ void SpeedProfile::limit_speeds(const Shares& shares) {
   }
 }
 
-void SpeedProfile::add_strip(double along, double across, double limit) {
-  if (std::abs(along) > kNoEffect) {
-    strips_.push_back({limit / std::abs(along), across / along});
-  } else if (std::abs(across) > kNoEffect) {
-    most_x_ = std::min(most_x_, limit / std::abs(across));
-  }
-}
-
 void SpeedProfile::load(int stage, double acceleration_share) {
-  strips_.clear();
-  most_x_ = kEndless;
+  share_ = acceleration_share;
   twice_length_ = 2.0 * stages_[stage].length;
-  const auto tangent_from = stages_.tangent_from(stage), tangent_to = stages_.tangent_to(stage);
-  const auto bend_from = stages_.curvature_from(stage), bend_to = stages_.curvature_to(stage);
-  for (std::size_t j = 0; j < tangent_from.size(); ++j) {
-    const double limit = acceleration_share * limits_.acceleration[j];
-    if (std::isinf(limit)) continue;
-    add_strip(tangent_from[j], bend_from[j], limit);
-    add_strip(tangent_to[j] + twice_length_ * bend_to[j], bend_to[j], limit);
-  }
+  const double* limits = rows_.data() + width_;
+  double* widths = rows_.data() + 2 * width_;
+  double* slopes = rows_.data() + 4 * width_;
+  const double from =
+      write_strips(stages_.tangent_from(stage).data(), stages_.curvature_from(stage).data(), 0.0,
+                   limits, width_, widths, slopes);
+  const double to =
+      write_strips(stages_.tangent_to(stage).data(), stages_.curvature_to(stage).data(),
+                   twice_length_, limits, width_, widths + width_, slopes + width_);
+  most_x_ = std::min(kEndless, share_ * std::min(from, to));
 }
 
 SpeedProfile::Bounds SpeedProfile::bounds(double x) const noexcept {
-  Bounds at_x{{next_.low / twice_length_, -1.0 / twice_length_},
-              {next_.high / twice_length_, -1.0 / twice_length_}};
-  double lower = at_x.lower(x), upper = at_x.upper(x);
-  for (const Strip& strip : strips_) {
-    const double middle = -strip.slope * x;
-    if (middle + strip.width < upper) {
-      upper = middle + strip.width;
-      at_x.upper = {strip.width, -strip.slope};
-    }
-    if (middle - strip.width > lower) {
-      lower = middle - strip.width;
-      at_x.lower = {-strip.width, -strip.slope};
-    }
-  }
-  return at_x;
+  const double slope = -1.0 / twice_length_;
+  const double low = next_.low / twice_length_, high = next_.high / twice_length_;
+  Edge lower{low + slope * x, low, slope}, upper{high + slope * x, high, slope};
+  find_edges(rows_.data() + 2 * width_, rows_.data() + 4 * width_, 2 * width_, share_, x, lower,
+             upper);
+  return {{lower.offset, lower.slope}, {upper.offset, upper.slope}};
 }
 
 std::optional<SpeedProfile::Interval> SpeedProfile::controllable(double x_max) const noexcept {
   // lower(x) - upper(x) is convex: Newton's method from outside walks to its roots monotonically
   // and ends, since the function has finitely many straight parts.
   const auto walk = [&](double x, double direction) -> std::optional<double> {
-    const std::size_t most = 4 * strips_.size() + 4;
+    const std::size_t most = 8 * width_ + 4;
     for (std::size_t step = 0; step < most; ++step) {
       const Bounds here = bounds(x);
       const double lower = here.lower(x), upper = here.upper(x);
@@ -145,6 +213,7 @@ int SpeedProfile::where_braking_fails(double x_start, const Shares& shares) {
 
 std::optional<SpeedProfile::Rest> SpeedProfile::braking_end(double x_start,
                                                             double acceleration_share) {
+  load_limits();
   double x = x_start;
   for (int i = 0; i < stages_.size(); ++i) {
     load(i, acceleration_share);
@@ -161,6 +230,7 @@ std::optional<SpeedProfile::Rest> SpeedProfile::braking_end(double x_start,
 }
 
 bool SpeedProfile::solve(double x_start, double x_goal, const Shares& shares) {
+  load_limits();
   limit_speeds(shares);
   // Speeds at the ends are given: a share that is lowered for the sake of what lies between must
   // not forbid them.

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include <sidestep/core/lanes.hpp>
 #include <sidestep/trajectory/motion_limits.hpp>
 
 #include "path_stages.hpp"
@@ -58,11 +59,6 @@ class SpeedProfile {
     double slope = 0.0;
     [[nodiscard]] double operator()(double x) const noexcept { return offset + slope * x; }
   };
-  /// -width - slope x <= u <= width - slope x.
-  struct Strip {
-    double width = 0.0;
-    double slope = 0.0;
-  };
   struct Bounds {
     Line lower, upper;  ///< Of u: the ones that bind at an x.
   };
@@ -71,8 +67,8 @@ class SpeedProfile {
     double high = 0.0;
   };
 
+  void load_limits();
   void load(int stage, double acceleration_share);
-  void add_strip(double along, double across, double limit);
   [[nodiscard]] Bounds bounds(double x) const noexcept;
   /// The values of x from which some u leads into [next_low_, next_high_].
   [[nodiscard]] std::optional<Interval> controllable(double x_max) const noexcept;
@@ -88,8 +84,11 @@ class SpeedProfile {
   std::vector<double> x_;
   Obstruction obstruction_;
 
+  std::size_t width_ = 0;  ///< Of a row: the joints in whole lanes.
+  AlignedArray rows_;      ///< Of joints, in whole lanes: two of limits, four of the stage loaded.
+
   // Of the stage that is loaded.
-  std::vector<Strip> strips_;
+  double share_ = 0.0;   ///< Of the acceleration limits.
   double most_x_ = 0.0;  ///< What joints that do not feel u allow.
   double twice_length_ = 0.0;
   Interval next_;
