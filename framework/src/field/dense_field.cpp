@@ -18,8 +18,7 @@ struct Address {
   std::size_t place;
 };
 
-[[gnu::always_inline]] inline Address address_of(int x, int y, int z, int blocks_x,
-                                                 int blocks_y) noexcept {
+SIDESTEP_INLINE Address address_of(int x, int y, int z, int blocks_x, int blocks_y) noexcept {
   // Coordinates are never negative, and unsigned division by a power of two is a shift.
   constexpr auto kSide = static_cast<unsigned>(kBlockSide_vox);
   const auto ux = static_cast<unsigned>(x), uy = static_cast<unsigned>(y),
@@ -29,8 +28,7 @@ struct Address {
           ux % kSide + kSide * (uy % kSide + kSide * (uz % kSide))};
 }
 
-[[gnu::always_inline]] inline bool is_known(const DenseField::KnownBlocks& known,
-                                            const Address& a) noexcept {
+SIDESTEP_INLINE bool is_known(const DenseField::KnownBlocks& known, const Address& a) noexcept {
   return ((known.block(a.block).rows[a.place / kBlockSide_vox] >> (a.place % kBlockSide_vox)) &
           1u) != 0;
 }
@@ -44,10 +42,10 @@ using WideIndices = std::int32_t __attribute__((vector_size(8 * kLanes), aligned
 using WideFloats = float __attribute__((vector_size(8 * kLanes), aligned(4), may_alias));
 
 using sidestep::lanes;
-[[gnu::always_inline]] inline Indices& lanes(std::int32_t* at) noexcept {
+SIDESTEP_INLINE Indices& lanes(std::int32_t* at) noexcept {
   return *reinterpret_cast<Indices*>(at);
 }
-[[gnu::always_inline]] inline const Indices& lanes(const std::int32_t* at) noexcept {
+SIDESTEP_INLINE const Indices& lanes(const std::int32_t* at) noexcept {
   return *reinterpret_cast<const Indices*>(at);
 }
 
@@ -96,8 +94,8 @@ struct Places {
   }
 };
 
-[[gnu::always_inline]] inline void locate(const PointLanes& points_m, const Bounds& bounds,
-                                          Places& places) noexcept {
+SIDESTEP_INLINE void locate(const PointLanes& points_m, const Bounds& bounds,
+                            Places& places) noexcept {
   const double* coordinates_m[] = {points_m.x, points_m.y, points_m.z};
   constexpr int kSide = kBlockSide_vox;
   constexpr int kShift = std::countr_zero(unsigned{kSide});
@@ -194,8 +192,7 @@ struct Cells {
   alignas(64) float corner[2][2][2][kLanes];  ///< z, y, x.
 };
 
-[[gnu::always_inline]] inline void find_cells(const Places& places, const Bounds& bounds,
-                                              Cells& cells) noexcept {
+SIDESTEP_INLINE void find_cells(const Places& places, const Bounds& bounds, Cells& cells) noexcept {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const Lanes clamped = lanes(places.clamped[axis]);
     const Lanes last_low = Lanes{} + bounds.last_low[axis];
@@ -207,9 +204,8 @@ struct Cells {
 }
 
 /// Reads the eight corners of the cell of `from` into a lane.
-[[gnu::always_inline]] inline void read_corners(const DenseField::Blocks& blocks,
-                                                const Bounds& bounds, Cells& cells,
-                                                std::size_t from, std::size_t lane) noexcept {
+SIDESTEP_INLINE void read_corners(const DenseField::Blocks& blocks, const Bounds& bounds,
+                                  Cells& cells, std::size_t from, std::size_t lane) noexcept {
   constexpr int kSide = kBlockSide_vox;
   const int x = cells.low[0][from], y = cells.low[1][from], z = cells.low[2][from];
   const auto inside = [](int low) { return low % kSide != kSide - 1; };
@@ -239,9 +235,8 @@ struct Cells {
 }
 
 /// The trilinear interpolant of the cells' corners, and its gradient per metre.
-[[gnu::always_inline]] inline void interpolate(const Cells& cells, const Places& places,
-                                               const Bounds& bounds, double (&values)[kLanes],
-                                               Coordinates& gradients) noexcept {
+SIDESTEP_INLINE void interpolate(const Cells& cells, const Places& places, const Bounds& bounds,
+                                 double (&values)[kLanes], Coordinates& gradients) noexcept {
   const Lanes x = lanes(cells.fraction[0]), y = lanes(cells.fraction[1]),
               z = lanes(cells.fraction[2]);
   Lanes along_x[2][2], slope_x[2][2];  // z, y

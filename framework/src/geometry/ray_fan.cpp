@@ -7,8 +7,6 @@
 
 #include "ray_shape.hpp"
 
-#define SIDESTEP_INLINE [[gnu::always_inline]] inline
-
 namespace sidestep {
 
 namespace {
@@ -18,9 +16,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Stands for a direction that is exactly along a face: its crossings are then far, on both sides.
 constexpr double kAlong = 1e-150;
 
-// The clones inline neither std::min nor std::sqrt, which are compiled for another target.
-SIDESTEP_INLINE double lesser(double a, double b) { return b < a ? b : a; }
-SIDESTEP_INLINE double greater(double a, double b) { return a < b ? b : a; }
 SIDESTEP_INLINE double root(double a) { return __builtin_sqrt(greater(a, 0.0)); }
 
 /// Where rays enter and leave something convex; not at all where they leave before.

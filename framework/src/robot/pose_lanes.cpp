@@ -11,9 +11,8 @@ namespace {
 using Motion = TreeJoint::Motion;
 
 /// out = R * v + offset, of column-major R.
-[[gnu::always_inline]] inline void multiply(const double (&R)[9][kLanes], const double* v,
-                                            double (*out)[kLanes],
-                                            const double (*offset)[kLanes]) noexcept {
+SIDESTEP_INLINE void multiply(const double (&R)[9][kLanes], const double* v, double (*out)[kLanes],
+                              const double (*offset)[kLanes]) noexcept {
   for (std::size_t row = 0; row < 3; ++row) {
     Lanes sum = lanes(R[row]) * v[0] + lanes(R[3 + row]) * v[1] + lanes(R[6 + row]) * v[2];
     if (offset != nullptr) sum += lanes(offset[row]);
@@ -22,8 +21,7 @@ using Motion = TreeJoint::Motion;
 }
 
 /// The pose of a frame that is fixed to a body, or to the world where that is null.
-[[gnu::always_inline]] inline void attach(const PoseLanes* body, const TreeBody& frame,
-                                          PoseLanes& out) noexcept {
+SIDESTEP_INLINE void attach(const PoseLanes* body, const TreeBody& frame, PoseLanes& out) noexcept {
   const double* R = frame.R_parent_joint.data();
   const double* p = frame.p_parent_joint.data();
   if (body == nullptr) {
@@ -38,7 +36,7 @@ using Motion = TreeJoint::Motion;
 }
 
 /// Turns about the frame's own z.
-[[gnu::always_inline]] inline void turn(PoseLanes& pose, const Lanes& s, const Lanes& c) noexcept {
+SIDESTEP_INLINE void turn(PoseLanes& pose, const Lanes& s, const Lanes& c) noexcept {
   for (std::size_t row = 0; row < 3; ++row) {
     const Lanes x = lanes(pose.R[row]), y = lanes(pose.R[3 + row]);
     lanes(pose.R[row]) = c * x + s * y;
@@ -47,7 +45,7 @@ using Motion = TreeJoint::Motion;
 }
 
 /// Shifts along the frame's own z.
-[[gnu::always_inline]] inline void shift(PoseLanes& pose, const Lanes& way) noexcept {
+SIDESTEP_INLINE void shift(PoseLanes& pose, const Lanes& way) noexcept {
   for (std::size_t row = 0; row < 3; ++row) lanes(pose.p[row]) += way * lanes(pose.R[6 + row]);
 }
 

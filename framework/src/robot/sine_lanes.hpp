@@ -15,8 +15,7 @@ inline constexpr double kHalfPi[] = {1.5707963267341256, 6.077100506303966e-11,
 
 /// Sines and cosines of angles in radians, within 3e-16 of the true ones up to kLargestAngle.
 /// Reduces to [-pi/4, pi/4], where Taylor's series to the powers 17 and 16 are exact to rounding.
-[[gnu::always_inline]] inline void sine_lanes(const Lanes& x, Lanes& sines,
-                                              Lanes& cosines) noexcept {
+SIDESTEP_INLINE void sine_lanes(const Lanes& x, Lanes& sines, Lanes& cosines) noexcept {
   using Bits = std::int64_t __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
   // Added to this, a number is rounded to an integer, which its last bits then hold.
   constexpr double kRounding = 6755399441055744.0;  // 1.5 * 2^52

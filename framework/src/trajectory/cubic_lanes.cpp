@@ -1,28 +1,27 @@
 #include "cubic_lanes.hpp"
 
 #include <array>
-#include <cmath>
 
 #include <sidestep/core/lanes.hpp>
 
 namespace sidestep::detail {
 namespace {
 
-[[gnu::always_inline]] inline double total(const Lanes& values) noexcept {
+SIDESTEP_INLINE double total(const Lanes& values) noexcept {
   double sum = 0.0;
   for (std::size_t i = 0; i < kLanes; ++i) sum += values[i];
   return sum;
 }
 
 /// dq/ds of the joints from j on.
-[[gnu::always_inline]] inline void find_velocity(const CubicLanes& cubic, std::size_t j, double s,
-                                                 Lanes& v) noexcept {
+SIDESTEP_INLINE void find_velocity(const CubicLanes& cubic, std::size_t j, double s,
+                                   Lanes& v) noexcept {
   v = lanes(cubic.v0() + j) + s * (2.0 * lanes(cubic.c2() + j) + 3.0 * s * lanes(cubic.c3() + j));
 }
 
 /// d2q/ds2 of them.
-[[gnu::always_inline]] inline void find_acceleration(const CubicLanes& cubic, std::size_t j,
-                                                     double s, Lanes& a) noexcept {
+SIDESTEP_INLINE void find_acceleration(const CubicLanes& cubic, std::size_t j, double s,
+                                       Lanes& a) noexcept {
   a = 2.0 * lanes(cubic.c2() + j) + 6.0 * s * lanes(cubic.c3() + j);
 }
 
@@ -39,7 +38,7 @@ CubicRates rates_at(const CubicLanes& cubic, double s) noexcept {
     change += v * a;
     bend += a * a;
   }
-  return {std::sqrt(total(speed)), total(change), std::sqrt(total(bend))};
+  return {__builtin_sqrt(total(speed)), total(change), __builtin_sqrt(total(bend))};
 }
 
 SIDESTEP_SIMD_CLONES
@@ -58,7 +57,7 @@ double arc_length(const CubicLanes& cubic, double from_s, double to_s) noexcept 
       find_velocity(cubic, j, s, v);
       squares += v * v;
     }
-    sum += kWeights[k] * std::sqrt(total(squares));
+    sum += kWeights[k] * __builtin_sqrt(total(squares));
   }
   return half * sum;
 }
@@ -74,7 +73,7 @@ void derive_by_length(const CubicLanes& cubic, double s, double* tangent,
     squares += v * v;
     products += v * a;
   }
-  const double per_square = 1.0 / total(squares), per_speed = std::sqrt(per_square);
+  const double per_square = 1.0 / total(squares), per_speed = __builtin_sqrt(per_square);
   const double along = total(products) * per_square;  // of the acceleration, in velocities
   for (std::size_t j = 0; j < cubic.width; j += kLanes) {
     Lanes v, a;

@@ -17,13 +17,13 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-[[gnu::always_inline]] inline void find_size(const Lanes& values, Lanes& size) noexcept {
+SIDESTEP_INLINE void find_size(const Lanes& values, Lanes& size) noexcept {
   size = values < 0.0 ? -values : values;
 }
 
-[[gnu::always_inline]] inline double least(const Lanes& values) noexcept {
+SIDESTEP_INLINE double least(const Lanes& values) noexcept {
   double least = values[0];
-  for (std::size_t i = 1; i < kLanes; ++i) least = std::min(least, values[i]);
+  for (std::size_t i = 1; i < kLanes; ++i) least = lesser(least, values[i]);
   return least;
 }
 

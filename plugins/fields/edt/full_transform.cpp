@@ -61,7 +61,7 @@ struct LineKeys {
   int count = 0;
 };
 
-[[gnu::always_inline]] inline void append(LineKeys& rows, int position, const Lanes32& values) {
+SIDESTEP_INLINE void append(LineKeys& rows, int position, const Lanes32& values) {
   const auto at = static_cast<std::size_t>(rows.count++);
   lanes(rows.keys[at]) = (values << rows.bits) | static_cast<std::uint32_t>(at);
   rows.positions[at] = position;

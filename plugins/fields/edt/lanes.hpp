@@ -17,12 +17,12 @@ using Lanes16 = std::uint16_t __attribute__((vector_size(32), aligned(2), may_al
 using Lanes32 = std::uint32_t __attribute__((vector_size(64), aligned(4), may_alias));
 
 /// Whether any lane of a comparison holds.
-[[gnu::always_inline]] inline bool any(const Lanes16& comparison) {
+SIDESTEP_INLINE bool any(const Lanes16& comparison) {
   using Words = std::uint64_t __attribute__((vector_size(32)));
   const auto words = (Words)comparison;
   return (words[0] | words[1] | words[2] | words[3]) != 0;
 }
-[[gnu::always_inline]] inline bool any(const Lanes32& comparison) {
+SIDESTEP_INLINE bool any(const Lanes32& comparison) {
   using Words = std::uint64_t __attribute__((vector_size(64)));
   const auto words = (Words)comparison;
   return (words[0] | words[1] | words[2] | words[3] | words[4] | words[5] | words[6] | words[7]) !=

@@ -32,8 +32,8 @@ void for_each_run(const std::uint64_t* words, int size, Visit visit) {
 /// Voxels [begin, end) between the obstacles `left` and `right` of a row: the square of the
 /// distance to the nearer one, as far as the reach goes.
 template <class Value>
-[[gnu::always_inline]] inline void fill_between(int left, int right, int begin, int end, Value cap,
-                                                int reach, Value* out) {
+SIDESTEP_INLINE void fill_between(int left, int right, int begin, int end, Value cap, int reach,
+                                  Value* out) {
   for (int x = begin; x < end; ++x) {
     const int to_left = x - left;
     const int to_right = right - x;

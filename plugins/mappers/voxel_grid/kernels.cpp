@@ -7,21 +7,10 @@
 #include <sidestep/core/lanes.hpp>
 #include <sidestep/mapping/point_rules.hpp>
 
-#define SIDESTEP_INLINE [[gnu::always_inline]] inline
-
 namespace sidestep::voxel_grid {
 // Clones have internal linkage, or their resolvers would be visible symbols of the plugin.
 namespace {
 
-// The clones inline neither std::min nor std::fabs, which are compiled for another target.
-template <class T>
-SIDESTEP_INLINE T lesser(T a, T b) {
-  return b < a ? b : a;
-}
-template <class T>
-SIDESTEP_INLINE T greater(T a, T b) {
-  return a < b ? b : a;
-}
 SIDESTEP_INLINE float magnitude(float a) { return __builtin_fabsf(a); }
 
 /// Bit i of the result is lane i; lanes are 0 or 1.

@@ -13,7 +13,7 @@ namespace {
 /// The elimination of one pivot after the other (L D L^T, right-looking), each with lambda added,
 /// for panels of `kRows` lanes; of any number if that is 0.
 template <std::size_t kRows>
-[[gnu::always_inline]] inline bool eliminate(const ChainPanel& panel, double lambda) {
+SIDESTEP_INLINE bool eliminate(const ChainPanel& panel, double lambda) {
   const std::size_t width = panel.width, own = panel.own;
   const std::size_t row_lanes = kRows != 0 ? kRows : (own + panel.next) / kLanes;
   const std::size_t stride = row_lanes * kLanes;

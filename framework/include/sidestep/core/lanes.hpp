@@ -13,7 +13,20 @@
 #endif
 #define SIDESTEP_SIMD_CLONES SIDESTEP_CLONES_FOR("default", "arch=x86-64-v3", "arch=x86-64-v4")
 
+/// For the parts of kernels: a clone does not inline what is compiled for another target.
+#define SIDESTEP_INLINE [[gnu::always_inline]] inline
+
 namespace sidestep {
+
+/// std::min and std::max for kernels.
+template <class T>
+SIDESTEP_INLINE T lesser(T a, T b) noexcept {
+  return b < a ? b : a;
+}
+template <class T>
+SIDESTEP_INLINE T greater(T a, T b) noexcept {
+  return a < b ? b : a;
+}
 
 /// Doubles that kernels compute with at once.
 inline constexpr std::size_t kLanes = 8;
@@ -22,10 +35,8 @@ inline constexpr std::size_t kLanes = 8;
 /// vectors are shorter. Read and written at any multiple of a double's size.
 using Lanes = double __attribute__((vector_size(8 * sizeof(double)), aligned(8), may_alias));
 
-[[gnu::always_inline]] inline Lanes& lanes(double* at) noexcept {
-  return *reinterpret_cast<Lanes*>(at);
-}
-[[gnu::always_inline]] inline const Lanes& lanes(const double* at) noexcept {
+SIDESTEP_INLINE Lanes& lanes(double* at) noexcept { return *reinterpret_cast<Lanes*>(at); }
+SIDESTEP_INLINE const Lanes& lanes(const double* at) noexcept {
   return *reinterpret_cast<const Lanes*>(at);
 }
 
