@@ -24,10 +24,11 @@ struct Retiming {
 /// The fastest motion along the path of `path` within `limits`: time-optimal path parameterisation
 /// by two passes of linear programs over the path (Pham and Pham, "A new approach to time-optimal
 /// path parameterization based on reachability analysis", 2018; docs/numerics.md). Start and goal
-/// are passed at the velocities that `path` has there, unless it is to stop at the goal. The result
-/// is a trajectory of cubic pieces itself; it keeps velocity and acceleration limits at every
-/// instant, and its states lie on the path. Where the path turns on the spot, the robot stops. A
-/// path that stays put takes a millisecond.
+/// are passed at the velocities that `path` has there, unless it is to stop at the goal; the path
+/// stands still where it is slower than a thousandth of the speed that it gains in a stage. The
+/// result is a trajectory of cubic pieces itself; it keeps velocity and acceleration limits at
+/// every instant, and its states lie on the path. Where the path turns on the spot, the robot
+/// stops. A path that stays put takes a millisecond.
 ///
 /// Fails with kInvalidArgument, naming joint and time, for a malformed path or limits that do not
 /// fit it, a joint that moves but may not or has no limit at all, and where the path cannot be
