@@ -14,6 +14,7 @@
 #include "mapping_benchmark.hpp"
 #include "plan.hpp"
 #include "planner_benchmark.hpp"
+#include "recorded_benchmark.hpp"
 #include "replan.hpp"
 #include "replan_settings.hpp"
 #include "replanning.hpp"
@@ -24,10 +25,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<ExperimentType> kTypes = {
-    plan_experiment(),        mapping_benchmark_experiment(),
-    field_study_experiment(), planner_benchmark_experiment(),
-    replanning_experiment(),  replan_experiment()};
+const std::vector<ExperimentType> kTypes = {plan_experiment(),
+                                            mapping_benchmark_experiment(),
+                                            field_study_experiment(),
+                                            planner_benchmark_experiment(),
+                                            recorded_benchmark_experiment(),
+                                            replanning_experiment(),
+                                            replan_experiment()};
 
 constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
                                      PluginKind::kField,     PluginKind::kRobot,

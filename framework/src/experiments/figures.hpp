@@ -40,7 +40,7 @@ struct SystemBar {
 [[nodiscard]] std::vector<Figure> mapping_figures(const std::vector<SystemBar>& bars,
                                                   const std::string& published_as);
 
-/// What the charts of a planner benchmark show of one run; one number a problem.
+/// What the charts of a benchmark on recorded problems show of one run; one number a problem.
 struct PlannerSeries {
   std::string label;
   std::vector<double> cost;
@@ -49,9 +49,9 @@ struct PlannerSeries {
   std::vector<double> peer_solve_ms;
 };
 
-/// The pictures of a planner benchmark: costs, where they can be compared, and times.
-[[nodiscard]] std::vector<Figure> planner_figures(const std::vector<PlannerSeries>& runs,
-                                                  bool costs_comparable);
+/// The pictures of a benchmark on recorded problems: costs, where they can be compared, and times.
+[[nodiscard]] std::vector<Figure> recorded_figures(const std::vector<PlannerSeries>& runs,
+                                                   bool costs_comparable);
 
 /// The pictures of one episode of a closed loop, as far as they were recorded: from above, and over
 /// time.

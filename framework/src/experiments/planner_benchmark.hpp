@@ -4,8 +4,8 @@
 
 namespace sidestep {
 
-/// The `planner_benchmark` experiment: an optimiser on problems that a peer has solved, under the
-/// peer's stopping rules, held against what the peer made of them.
+/// The `planner_benchmark` experiment: planners on problem sets whose shapes are known exactly,
+/// each answer held against the shapes by the independent check.
 [[nodiscard]] ExperimentType planner_benchmark_experiment();
 
 }  // namespace sidestep

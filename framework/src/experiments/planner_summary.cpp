@@ -1,6 +1,5 @@
 #include "planner_summary.hpp"
 
-#include <algorithm>
 #include <array>
 
 #include "csv.hpp"
@@ -13,193 +12,121 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json spread_json(const std::vector<double>& values) {
-  const Statistics s = statistics_of(values);
-  if (values.empty()) return {{"mean", nullptr}, {"sd", nullptr}};
-  return {{"mean", s.mean}, {"sd", s.sd}};
-}
-
-/// How often ours and the peer's are free, over some problems.
-Json free_json(const std::vector<SolveRecord>& solves) {
+/// One row: a planner on some problems.
+Json row_json(const PlannerRecord& planner, const std::string& family,
+              const std::vector<SetSolve>& solves) {
+  const auto solved = those_of(solves, &SetSolve::is_solved);
+  const auto within = [&](double limit_ms) {
+    return share_of(solves,
+                    [&](const SetSolve& s) { return s.is_solved() && s.time_ms <= limit_ms; });
+  };
   return {
-      {"share", share_of(solves, &SolveRecord::is_free)},
-      {"peer_share", share_of(solves, [](const SolveRecord& s) { return s.peer.free_exactly; })}};
+      {"name", planner.name},
+      {"checker", planner.checker},
+      {"family", family},
+      {"problems", solves.size()},
+      {"solved_share", {{"s1", within(1e3)}, {"s5", within(5e3)}}},
+      {"smooth_share",
+       share_of(solves, [](const SetSolve& s) { return s.is_solved() && s.is_smooth; })},
+      {"time_ms", quantiles_json(values_of(solved, [](const SetSolve& s) { return s.time_ms; }))},
+      {"path_length_rad",
+       {{"p50",
+         quantile_json(values_of(solved, [](const SetSolve& s) { return s.path_length; }), 0.5)}}},
+      {"duration_s",
+       {{"p50",
+         quantile_json(values_of(solved, [](const SetSolve& s) { return s.duration_s; }), 0.5)}}},
+      {"clearance_m",
+       {{"p50",
+         quantile_json(values_of(solved, [](const SetSolve& s) { return s.clearance_m; }), 0.5)}}},
+      {"refused_by_check",
+       std::ranges::count_if(solves, [](const SetSolve& s) { return !s.refusal.empty(); })}};
 }
 
-/// Against the peer's: over the problems that are solved, but for the share, which is of all.
-Json cost_json(const std::vector<SolveRecord>& solves, const std::vector<SolveRecord>& solved,
-               bool comparable) {
-  Json json = {{"share_within_1pct", nullptr},
-               {"mean", nullptr},
-               {"median", nullptr},
-               {"peer_mean", nullptr},
-               {"peer_median", nullptr}};
-  if (solved.empty()) return json;
-  const auto ours = values_of(solved, [](const SolveRecord& s) { return s.cost; });
-  json["mean"] = statistics_of(ours).mean;
-  json["median"] = percentile(ours, 0.5);
-  if (!comparable) return json;
-  const auto peers = values_of(solved, [](const SolveRecord& s) { return s.peer.final_cost; });
-  json["share_within_1pct"] = share_of(solves, [](const SolveRecord& s) {
-    return s.solved && s.cost <= kOnePercent * s.peer.final_cost;
-  });
-  json["peer_mean"] = statistics_of(peers).mean;
-  json["peer_median"] = percentile(peers, 0.5);
-  return json;
-}
-
-/// What the recording says of the peer's effort, over the same problems.
-Json peer_json(const std::vector<SolveRecord>& solves) {
-  std::vector<double> iterations, iteration_us;
-  for (const SolveRecord& solve : solves) {
-    if (solve.peer.iterations < 0) continue;  // not counted
-    iterations.push_back(solve.peer.iterations);
-    iteration_us.push_back(1e3 * solve.peer.optimise_ms / std::max(1, solve.peer.iterations));
+std::vector<std::string> families_of(const PlannerRecord& planner) {
+  std::vector<std::string> families;
+  for (const SetSolve& solve : planner.solves) {
+    if (std::ranges::find(families, solve.family) == families.end())
+      families.push_back(solve.family);
   }
-  return {{"lm_iteration_us", quantiles_json(iteration_us)},
-          {"solve_ms", quantiles_and_mean_json(values_of(
-                           solves, [](const SolveRecord& s) { return s.peer.total_ms; }))},
-          {"iterations", spread_json(iterations)}};
+  return families;
 }
 
-Json run_json(const PlannerRunRecord& run, bool comparable) {
-  const auto solved = those_of(run.solves, &SolveRecord::solved);
-  const auto with_free_ends = those_of(run.solves, &SolveRecord::ends_free);
-  Json free_ends = {{"problems", with_free_ends.size()}};
-  free_ends.update(free_json(with_free_ends));
-  return {
-      {"label", run.label},
-      {"field", run.is_signed ? "sdf" : "usdf"},
-      {"relative_tolerance", run.relative_tolerance},
-      {"max_iterations", run.max_iterations},
-      {"problems", run.solves.size()},
-      {"solved", solved.size()},
-      {"lm_iteration_us",
-       quantiles_json(values_of(solved, [](const SolveRecord& s) { return s.iteration_us(); }))},
-      {"solve_ms",
-       quantiles_and_mean_json(values_of(solved, [](const SolveRecord& s) { return s.solve_ms; }))},
-      {"iterations",
-       spread_json(values_of(solved, [](const SolveRecord& s) { return s.accepted_iterations; }))},
-      {"cost", cost_json(run.solves, solved, comparable)},
-      {"collision_free", free_json(run.solves)},
-      {"free_ends", free_ends},
-      {"free_at_checks",
-       {{"share", share_of(run.solves, &SolveRecord::free_at_checks)},
-        {"peer_share",
-         share_of(run.solves, [](const SolveRecord& s) { return s.peer.free_at_checks; })}}},
-      {"peer", peer_json(run.solves)}};
-}
-
-std::string table_text(const Json& runs) {
-  const report::Columns times = {{"run", "/label"},
-                                 {"field", "/field"},
-                                 {"problems", "/problems", "%.0f"},
-                                 {"iteration p50", "/lm_iteration_us/p50", "%.1f us"},
-                                 {"p95", "/lm_iteration_us/p95", "%.1f us"},
-                                 {"solve p50", "/solve_ms/p50", "%.4f ms"},
-                                 {"p95", "/solve_ms/p95", "%.4f ms"},
-                                 {"mean", "/solve_ms/mean", "%.4f ms"},
-                                 {"iterations", "/iterations/mean", "%.2f"},
-                                 {"sd", "/iterations/sd", "%.2f"},
-                                 {"peer's solve p50", "/peer/solve_ms/p50", "%.2f ms"},
-                                 {"iterations", "/peer/iterations/mean", "%.2f"}};
-  const report::Columns results = {{"run", "/label"},
-                                   {"field", "/field"},
-                                   {"within 1 %", "/cost/share_within_1pct", "%.4f"},
-                                   {"mean cost", "/cost/mean", "%.6g"},
-                                   {"peer's", "/cost/peer_mean", "%.6g"},
-                                   {"median cost", "/cost/median", "%.6g"},
-                                   {"peer's", "/cost/peer_median", "%.6g"},
-                                   {"collision-free", "/collision_free/share", "%.4f"},
-                                   {"peer's", "/collision_free/peer_share", "%.4f"},
-                                   {"ends free", "/free_ends/problems", "%.0f"},
-                                   {"of them", "/free_ends/share", "%.4f"},
-                                   {"peer's", "/free_ends/peer_share", "%.4f"}};
-  return report::text_table(times, runs) + "\n" + report::text_table(results, runs);
-}
-
-std::string table_csv(const Json& runs) {
-  constexpr std::array kColumns = {"/label",
-                                   "/field",
-                                   "/problems",
-                                   "/solved",
-                                   "/lm_iteration_us/p50",
-                                   "/lm_iteration_us/p95",
-                                   "/solve_ms/p50",
-                                   "/solve_ms/p95",
-                                   "/solve_ms/mean",
-                                   "/iterations/mean",
-                                   "/iterations/sd",
-                                   "/cost/share_within_1pct",
-                                   "/cost/mean",
-                                   "/cost/median",
-                                   "/cost/peer_mean",
-                                   "/cost/peer_median",
-                                   "/collision_free/share",
-                                   "/collision_free/peer_share",
-                                   "/free_ends/problems",
-                                   "/free_ends/share",
-                                   "/free_ends/peer_share",
-                                   "/free_at_checks/share",
-                                   "/free_at_checks/peer_share",
-                                   "/peer/lm_iteration_us/p50",
-                                   "/peer/solve_ms/p50",
-                                   "/peer/solve_ms/p95",
-                                   "/peer/iterations/mean"};
-  return csv_text(runs, kColumns);
-}
-
-std::string verdict_text(const PlannerBenchmarkRecord& record, std::size_t solves,
-                         std::size_t unsolved, const std::string& first_reason) {
-  const std::string count = std::to_string(solves) + " solves by " + record.about.optimiser;
-  if (record.interrupted) return "Interrupted after " + count + "; what was measured is saved.";
-  const std::string note = record.costs_comparable
-                               ? ""
-                               : " The peer's state is a Lie group here: costs are not comparable.";
-  if (unsolved > 0) {
-    return "Failed: " + std::to_string(unsolved) + " of " + count +
-           " came to nothing, the first because: " + first_reason + "." + note;
-  }
-  return "Success: " + count + " on the problems of " + record.about.problems_file +
-         ", each with a " + "trajectory." + note;
+const report::Columns& columns() {
+  static const report::Columns kColumns = {{"planner", "/name"},
+                                           {"checker", "/checker"},
+                                           {"family", "/family"},
+                                           {"problems", "/problems", "%.0f"},
+                                           {"solved in 1 s", "/solved_share/s1", "%.4f"},
+                                           {"in 5 s", "/solved_share/s5", "%.4f"},
+                                           {"smooth", "/smooth_share", "%.4f"},
+                                           {"time p50", "/time_ms/p50", "%.3f ms"},
+                                           {"p95", "/time_ms/p95", "%.2f ms"},
+                                           {"path p50", "/path_length_rad/p50", "%.2f rad"},
+                                           {"motion p50", "/duration_s/p50", "%.2f s"},
+                                           {"clearance p50", "/clearance_m/p50", "%.3f m"},
+                                           {"refused", "/refused_by_check", "%.0f"}};
+  return kColumns;
 }
 
 }  // namespace
 
-double SolveRecord::iteration_us() const noexcept {
-  return 1e3 * solve_ms / std::max(1, accepted_iterations);
-}
-
-ExperimentOutcome summarise_planner(const RunProvenance& provenance,
-                                    const PlannerBenchmarkSettings& settings,
-                                    const PlannerBenchmarkRecord& record) {
-  Json runs = Json::array();
-  std::size_t solves = 0, unsolved = 0, problems = 0;
-  std::string first_reason;
-  for (const PlannerRunRecord& run : record.runs) {
-    runs.push_back(run_json(run, record.costs_comparable));
-    problems = std::max(problems, run.solves.size());
-    for (const SolveRecord& solve : run.solves) {
-      ++solves;
-      if (solve.solved) continue;
-      if (unsolved++ == 0) first_reason = solve.reason;
+ExperimentOutcome summarise_planners(const RunProvenance& provenance,
+                                     const PlannerBenchmarkRecord& record) {
+  Json planners = Json::array(), families = Json::array();
+  std::size_t solves = 0;
+  std::ptrdiff_t refused = 0;
+  for (const PlannerRecord& planner : record.planners) {
+    planners.push_back(row_json(planner, "all", planner.solves));
+    solves += planner.solves.size();
+    refused += planners.back()["refused_by_check"].get<std::ptrdiff_t>();
+    for (const std::string& family : families_of(planner)) {
+      families.push_back(row_json(planner, family, those_of(planner.solves, [&](const SetSolve& s) {
+                                    return s.family == family;
+                                  })));
     }
   }
   ExperimentOutcome outcome;
   outcome.interrupted = record.interrupted;
-  outcome.success = !record.interrupted && solves > 0 && unsolved == 0;
-  outcome.verdict = verdict_text(record, solves, unsolved, first_reason);
-  outcome.table = table_text(runs);
-  outcome.table_csv = table_csv(runs);
-  outcome.summary_json = summary_text(provenance, settings.type, outcome,
-                                      {{"problems_file", record.about.problems_file},
-                                       {"robot", record.about.robot},
-                                       {"optimiser", record.about.optimiser},
-                                       {"costs_comparable", record.costs_comparable},
-                                       {"repeats", settings.repeats},
-                                       {"problems", problems},
-                                       {"runs", runs}});
+  outcome.success = !record.interrupted && solves > 0 && refused == 0;
+  const std::string count =
+      std::to_string(solves) + " answers to the problems of " + record.problems;
+  outcome.verdict =
+      record.interrupted ? "Interrupted after " + count + "; what was measured is saved."
+      : refused > 0 ? "Failed: the independent check refuses " + std::to_string(refused) + " of " +
+                          count + "."
+                    : "Success: " + count + ", none refused by the independent check.";
+  Json rows = planners;
+  for (const Json& family : families) rows.push_back(family);
+  outcome.table = report::text_table(columns(), rows);
+  constexpr std::array kCsv = {"/name",
+                               "/checker",
+                               "/family",
+                               "/problems",
+                               "/solved_share/s1",
+                               "/solved_share/s5",
+                               "/smooth_share",
+                               "/time_ms/p50",
+                               "/time_ms/p95",
+                               "/path_length_rad/p50",
+                               "/duration_s/p50",
+                               "/clearance_m/p50",
+                               "/refused_by_check"};
+  outcome.table_csv = csv_text(rows, kCsv);
+  outcome.summary_json = summary_text(provenance, record.type, outcome,
+                                      {{"problems_file", record.problems},
+                                       {"robot", record.robot},
+                                       {"planners", planners},
+                                       {"families", families}});
   return outcome;
 }
 
 }  // namespace sidestep
+
+namespace sidestep::report {
+
+std::string planners_body(const Json& summary) {
+  return "<h2>All problems</h2>\n" + html_table(columns(), at(summary, "/planners")) +
+         "<h2>Family by family</h2>\n" + html_table(columns(), at(summary, "/families"));
+}
+
+}  // namespace sidestep::report

@@ -1,49 +1,48 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <sidestep/experiments/experiment.hpp>
+#include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/results_store.hpp>
-
-#include "planner_settings.hpp"
-#include "recorded_solves.hpp"
 
 namespace sidestep {
 
-/// One problem, solved.
-struct SolveRecord : RecordedSolve {
-  RecordedOutcome peer;
-  double clearance_at_checks_m = 0.0;  ///< Where solved.
-  bool ends_free = false;              ///< Start and goal touch nothing.
+/// What a planner made of one problem.
+struct SetSolve {
+  std::string family;
+  int index = 0;
+  bool is_found = false;     ///< It gave a trajectory, which it holds for valid.
+  bool is_smooth = false;    ///< And it does not stop on its way.
+  double time_ms = 0.0;      ///< Until it did.
+  double path_length = 0.0;  ///< In the space of joints, rad and m alike.
+  double duration_s = 0.0;
+  double clearance_m = 0.0;  ///< By the independent check.
+  std::string refusal;       ///< Why the independent check refuses it; empty where it does not.
+  std::string reason;        ///< Why there is none.
+  std::string seed;
 
-  /// Per accepted step, which is what GPMP2 counts as an iteration.
-  [[nodiscard]] double iteration_us() const noexcept;
-  [[nodiscard]] bool free_at_checks() const noexcept {
-    return solved && clearance_at_checks_m > 0.0;
-  }
+  [[nodiscard]] bool is_solved() const noexcept { return is_found && refusal.empty(); }
 };
 
-/// All problems of one recorded run, solved.
-struct PlannerRunRecord {
-  std::string label;
-  bool is_signed = false;
-  double relative_tolerance = 0.0;
-  int max_iterations = 0;
-  std::vector<SolveRecord> solves;
+struct PlannerRecord {
+  std::string name;
+  std::string checker;
+  std::vector<SetSolve> solves;
 };
 
-/// What a planner benchmark came to.
 struct PlannerBenchmarkRecord {
-  RecordedFacts about;
-  bool costs_comparable = true;
-  std::vector<PlannerRunRecord> runs;
+  std::string type;
+  std::string problems;
+  std::string robot;
+  std::vector<PlannerRecord> planners;
   bool interrupted = false;
 };
 
 /// Verdict, summary.json and tables of a finished (or interrupted) planner benchmark.
-[[nodiscard]] ExperimentOutcome summarise_planner(const RunProvenance& provenance,
-                                                  const PlannerBenchmarkSettings& settings,
-                                                  const PlannerBenchmarkRecord& record);
+[[nodiscard]] ExperimentOutcome summarise_planners(const RunProvenance& provenance,
+                                                   const PlannerBenchmarkRecord& record);
 
 }  // namespace sidestep

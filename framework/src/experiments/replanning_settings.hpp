@@ -1,6 +1,6 @@
 #pragma once
 
-#include "planner_settings.hpp"
+#include "recorded_settings.hpp"
 
 namespace sidestep {
 

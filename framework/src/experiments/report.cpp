@@ -154,9 +154,10 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results, const
 /// What is particular to the type of the experiment.
 Result<std::string> body_of(const Json& summary, ResultsReader& results, const fs::path& run) {
   if (at(summary, "/systems").is_array()) return mapping_body(summary, run);
-  if (at(summary, "/experiment") == Json("planner_benchmark")) {
-    return planner_body(summary, results, run);
+  if (at(summary, "/experiment") == Json("recorded_benchmark")) {
+    return recorded_body(summary, results, run);
   }
+  if (at(summary, "/experiment") == Json("planner_benchmark")) return planners_body(summary);
   if (at(summary, "/experiment") == Json("replanning")) return replanning_body(summary);
   if (at(summary, "/experiment") == Json("replan")) return replan_body(summary, results, run);
   if (at(summary, "/experiment") == Json("field_study")) return study_body(summary, run);
@@ -230,6 +231,16 @@ const std::vector<Comparison> kComparisons = {
       {"frames", "/frames"}},
      [](const Json& summary) { return at(summary, "/systems"); }},
     {"planner_benchmark",
+     {{"planner", "/name"},
+      {"checker", "/checker"},
+      {"problems", "/problems"},
+      {"solved in 1 s", "/solved_share/s1", "%.4f"},
+      {"time p50", "/time_ms/p50", "%.3f ms"},
+      {"time p95", "/time_ms/p95", "%.2f ms"},
+      {"path p50", "/path_length_rad/p50", "%.2f rad"},
+      {"refused", "/refused_by_check"}},
+     [](const Json& summary) { return at(summary, "/planners"); }},
+    {"recorded_benchmark",
      {{"optimiser", "/optimiser"},
       {"problems", "/problems_file"},
       {"rules", "/label"},

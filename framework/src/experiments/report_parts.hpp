@@ -48,9 +48,12 @@ using Columns = std::vector<Column>;
 [[nodiscard]] Result<std::string> mapping_body(const Json& summary,
                                                const std::filesystem::path& run);
 
-/// Tables and charts of a planner benchmark.
-[[nodiscard]] Result<std::string> planner_body(const Json& summary, ResultsReader& results,
-                                               const std::filesystem::path& run);
+/// Tables and charts of a benchmark on recorded problems.
+[[nodiscard]] Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
+                                                const std::filesystem::path& run);
+
+/// The tables of a planner benchmark.
+[[nodiscard]] std::string planners_body(const Json& summary);
 
 /// The table of a replanning experiment.
 [[nodiscard]] std::string replanning_body(const Json& summary);

@@ -99,7 +99,8 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
     spheres_of_link_[at(sphere.link)].push_back(s);
     radius_m_.push_back(sphere.radius_m);
     // In a cell that touches an occupied voxel the interpolant is at most one diagonal.
-    const bool is_beyond_surface = sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
+    const bool is_beyond_surface =
+        info.is_exact || sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
     fall_factor_.push_back(info.is_signed && !is_beyond_surface ? 2.0 : 1.0);
   }
   largest_levers_.assign(description.joints.size(), 0.0);
@@ -137,7 +138,7 @@ double ClearanceProver::longest_way_m(const Workspace& w) const noexcept {
 }
 
 double ClearanceProver::fall_m(int item, double way_m) const noexcept {
-  if (item >= sphere_count_) return way_m;
+  if (item >= sphere_count_ || field_->info().is_exact) return way_m;
   return fall_factor_[at(item)] *
          std::min(kSqrt3 * way_m, way_m + kSqrt3 * field_->info().grid.resolution_m);
 }

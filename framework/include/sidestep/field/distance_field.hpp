@@ -28,6 +28,7 @@ struct FieldInfo {
   /// No two voxel centres outside obstacles differ in distance by more than this times the way
   /// between them: 1 where distances are exact, infinity where nothing is known.
   double steepest = std::numeric_limits<double>::infinity();
+  bool is_exact = false;  ///< Nothing is interpolated: 1-Lipschitz, and the grid is but its bounds.
   std::int64_t sequence = 0;  ///< Number of updates that went into it.
   Stamp stamp;                ///< Of the newest frame in it.
 };
@@ -48,8 +49,9 @@ class SIDESTEP_EXPORT DistanceField {
 
   [[nodiscard]] const FieldInfo& info() const noexcept { return info_; }
 
-  /// Trilinear interpolation between voxel centres, and its analytic gradient. A point beyond
-  /// the box of the outermost centres has the value of the nearest point of that box, and no
+  /// Trilinear interpolation between voxel centres, and its analytic gradient; the distance itself
+  /// where info().is_exact, beyond whose grid what follows holds of the grid's own box. A point
+  /// beyond the box of the outermost centres has the value of the nearest point of that box, and no
   /// gradient along the axes on which it is beyond. A point that is not finite is outside, with
   /// distance NaN and gradient 0. At voxels never observed the value is what the builder makes
   /// of them (its parameter `unknown`) and the status kUnknown; the nearest voxel decides.

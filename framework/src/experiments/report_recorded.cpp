@@ -74,8 +74,8 @@ Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& re
 
 }  // namespace
 
-Result<std::string> planner_body(const Json& summary, ResultsReader& results,
-                                 const std::filesystem::path& run) {
+Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
+                                  const std::filesystem::path& run) {
   const Json runs = at(summary, "/runs");
   const auto series = series_of(runs, results);
   if (!series) return tl::make_unexpected(series.error());
@@ -84,7 +84,7 @@ Result<std::string> planner_body(const Json& summary, ResultsReader& results,
                      escape_html(cell(at(summary, "/robot"))) + ".</p>\n";
   html += times_section(runs) + results_section(summary);
   const auto figures = figure_section(
-      planner_figures(*series, at(summary, "/costs_comparable") != Json(false)), run);
+      recorded_figures(*series, at(summary, "/costs_comparable") != Json(false)), run);
   if (!figures) return figures;
   return html + *figures;
 }

@@ -34,14 +34,14 @@ Parameters<Settings> declare_choice(Parameters<Settings> parameters) {
       .add("limit", &Settings::limit, "Most problems of a run; 0 for no limit.", {.min = 0});
 }
 
-/// The `experiment` block of a planner benchmark.
-struct PlannerBenchmarkSettings : ProblemChoice {
+/// The `experiment` block of a benchmark on recorded problems.
+struct RecordedBenchmarkSettings : ProblemChoice {
   std::string type;
   std::int64_t seed = 0;
   int threads = 0;
 
-  PlannerBenchmarkSettings() { runs = {"study", "replan"}; }
-  static Parameters<PlannerBenchmarkSettings> parameters();
+  RecordedBenchmarkSettings() { runs = {"study", "replan"}; }
+  static Parameters<RecordedBenchmarkSettings> parameters();
 };
 
 /// What the experiment sets of every optimiser: the stopping rules of each recorded run.

@@ -99,7 +99,8 @@ Figure time_figure(const std::vector<PlannerSeries>& runs) {
 
 }  // namespace
 
-std::vector<Figure> planner_figures(const std::vector<PlannerSeries>& runs, bool costs_comparable) {
+std::vector<Figure> recorded_figures(const std::vector<PlannerSeries>& runs,
+                                     bool costs_comparable) {
   std::vector<Figure> figures;
   if (runs.empty()) return figures;
   if (costs_comparable) figures.push_back(cost_figure(runs));

@@ -1,4 +1,4 @@
-#include "planner_settings.hpp"
+#include "recorded_settings.hpp"
 
 #include <algorithm>
 
@@ -108,8 +108,8 @@ Result<RecordedProblems> read_problems(const Node& experiment, const ProblemChoi
   return problems;
 }
 
-Parameters<PlannerBenchmarkSettings> PlannerBenchmarkSettings::parameters() {
-  using S = PlannerBenchmarkSettings;
+Parameters<RecordedBenchmarkSettings> RecordedBenchmarkSettings::parameters() {
+  using S = RecordedBenchmarkSettings;
   return declare_choice(
       Parameters<S>()
           .add("type", &S::type, "Type of the experiment.", {.required = true})

@@ -1,0 +1,128 @@
+#include "planning_race.hpp"
+
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include <sidestep/planning/initial_guess.hpp>
+#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/trajectory/retime.hpp>
+
+namespace sidestep {
+namespace {
+
+constexpr int kStages = 200;  ///< Of a motion's timing: within 1 % of the fastest.
+constexpr int kMostGuesses = 1000;
+
+}  // namespace
+
+/// What lanes share.
+struct PlanningRace::Track {
+  const Problem& problem;
+  const ValidityCheck& check;
+  const Deadline& deadline;
+  std::stop_source over;
+  Stopwatch watch;
+  std::mutex mutex;  ///< Of what follows.
+  RaceResult result;
+  std::optional<Error> error;
+
+  [[nodiscard]] bool is_over() const { return over.stop_requested() || deadline.expired(); }
+  [[nodiscard]] Deadline until_over() const {
+    return Deadline::after_s(deadline.remaining_s(), over.get_token());
+  }
+  void note(std::string reason) {
+    const std::scoped_lock lock(mutex);
+    if (result.trajectory.size() == 0) result.reason = std::move(reason);
+  }
+};
+
+Result<RaceResult> PlanningRace::run(const Problem& problem, const ValidityCheck& check,
+                                     std::uint64_t seed, const Deadline& deadline) {
+  Track track{.problem = problem, .check = check, .deadline = deadline};
+  const auto drive = [&](Lane& lane) {
+    const auto done = contained("planning", [&]() -> Result<void> {
+      lane.seed == "sampled" ? run_sampled(lane, track) : run_straight(lane, track, seed);
+      return {};
+    });
+    if (done) return;
+    const std::scoped_lock lock(track.mutex);
+    track.error = done.error();
+    track.over.request_stop();
+  };
+  {
+    std::vector<std::jthread> others;
+    for (std::size_t i = 1; i < lanes_.size(); ++i) {
+      others.emplace_back([&, i] { drive(lanes_[i]); });
+    }
+    if (!lanes_.empty()) drive(lanes_.front());
+  }
+  if (track.error) return tl::make_unexpected(std::move(*track.error));
+  return std::move(track.result);
+}
+
+std::optional<Trajectory> PlanningRace::propose(PluginPtr<Optimiser>& optimiser,
+                                                const Trajectory& guess, Track& track) const {
+  auto solution = in_stage(plugin_of(optimiser), [&] {
+    return optimiser->solve(track.problem, guess, track.until_over());
+  });
+  if (!solution) {
+    const std::scoped_lock lock(track.mutex);
+    track.error = solution.error();
+    track.over.request_stop();
+    return std::nullopt;
+  }
+  if (solution->trajectory.size() == 0) {
+    track.note(plugin_of(optimiser) + " found no trajectory (" +
+               std::string(to_string(solution->status)) + ": " + solution->reason + ")");
+    return std::nullopt;
+  }
+  return std::move(solution->trajectory);
+}
+
+/// Times and checks a proposal; whether it ends the race.
+bool PlanningRace::finish(const Trajectory& proposal, bool is_smooth, const std::string& seed,
+                          Track& track) const {
+  auto timed = retime(proposal, limits_, {.least_stages = kStages, .stop_at_goal = true});
+  if (!timed) {
+    track.note("the path cannot be timed: " + timed.error().describe());
+    return false;
+  }
+  const auto verdict = track.check.check(timed->trajectory, 0.0, track.until_over());
+  if (!verdict || !verdict->valid()) {
+    track.note(verdict ? "the trajectory is " + verdict->describe() : verdict.error().describe());
+    return false;
+  }
+  const std::scoped_lock lock(track.mutex);
+  const bool has_one = track.result.trajectory.size() > 0;
+  if (has_one && (track.result.is_smooth || !is_smooth)) return true;
+  track.result = {std::move(timed->trajectory), seed, is_smooth, track.watch.elapsed_ms(), {}};
+  if (is_smooth) track.over.request_stop();
+  return true;
+}
+
+void PlanningRace::run_straight(Lane& lane, Track& track, std::uint64_t seed) {
+  for (int guess = 0; guess < kMostGuesses && !track.is_over(); ++guess) {
+    const auto proposal = propose(lane.optimiser, initial_guess(track.problem, guess, seed), track);
+    if (proposal && finish(*proposal, true, lane.seed, track)) return;
+    if (lanes_.size() == 1 && guess == 0) return;  // that guess alone was asked for
+  }
+}
+
+void PlanningRace::run_sampled(Lane& lane, Track& track) {
+  const Problem& problem = track.problem;
+  const auto path = propose(lane.sampler, initial_guess(problem, 0, 0), track);
+  if (!path) return;
+  const bool is_valid = finish(*path, false, lane.seed, track);
+  if (!lane.optimiser) {
+    if (is_valid) track.over.request_stop();
+    return;
+  }
+  const auto polished =
+      propose(lane.optimiser, refit(*path, 0.0, problem.support_states, problem.dt_s), track);
+  if (polished) (void)finish(*polished, true, lane.seed, track);
+  if (is_valid) track.over.request_stop();  // a path that stops at its corners is better than none
+}
+
+}  // namespace sidestep

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/planning/optimiser.hpp>
+#include <sidestep/planning/validity_check.hpp>
+#include <sidestep/runtime/host.hpp>
+#include <sidestep/trajectory/motion_limits.hpp>
+
+namespace sidestep {
+
+/// What a planner came up with.
+struct RaceResult {
+  Trajectory trajectory;   ///< Valid by the check, and timed; empty where there is none.
+  std::string seed;        ///< The first guess that led there.
+  bool is_smooth = false;  ///< From an optimiser; a sampled path stops at its corners.
+  double took_ms = 0.0;    ///< From the call until there was a valid trajectory.
+  std::string reason;      ///< Why there is none.
+};
+
+/// Plans from several first guesses at once, a thread for each, until one has led to a trajectory
+/// that passes the check and is smooth; where none does, a sampled path that passes it will do.
+class PlanningRace {
+ public:
+  /// One first guess and who makes a trajectory of it. "straight": a straight line, and then others
+  /// that are perturbed. "sampled": the path of `sampler`, which is polished by `optimiser`, or
+  /// taken as it is where that is null.
+  struct Lane {
+    std::string seed;
+    PluginPtr<Optimiser> optimiser;
+    PluginPtr<Optimiser> sampler;
+  };
+
+  PlanningRace(std::vector<Lane> lanes, MotionLimits limits)
+      : lanes_(std::move(lanes)), limits_(std::move(limits)) {}
+
+  /// Fails where an optimiser does.
+  [[nodiscard]] Result<RaceResult> run(const Problem& problem, const ValidityCheck& check,
+                                       std::uint64_t seed, const Deadline& deadline);
+
+ private:
+  struct Track;
+  void run_straight(Lane& lane, Track& track, std::uint64_t seed);
+  void run_sampled(Lane& lane, Track& track);
+  [[nodiscard]] std::optional<Trajectory> propose(PluginPtr<Optimiser>& optimiser,
+                                                  const Trajectory& guess, Track& track) const;
+  [[nodiscard]] bool finish(const Trajectory& proposal, bool is_smooth, const std::string& seed,
+                            Track& track) const;
+
+  std::vector<Lane> lanes_;
+  MotionLimits limits_;
+};
+
+}  // namespace sidestep

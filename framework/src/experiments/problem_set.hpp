@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/geometry/scene.hpp>
+#include <sidestep/robot/robot_model.hpp>
+
+namespace sidestep {
+
+/// A motion from one configuration to another among shapes that stand still, all known exactly.
+struct SetProblem {
+  std::string family;  ///< E.g. "bookshelf_small".
+  int index = 0;       ///< Within the family, as the set counts.
+  Eigen::VectorXd q_start;
+  Eigen::VectorXd q_goal;
+  std::shared_ptr<const Scene> scene;
+};
+
+/// Reads a problem set of MotionBenchMaker's for a robot: a JSON file of one family, or a folder
+/// of them, in order of names. What a set says of joints that the robot does not plan for is
+/// passed over; those that it does may stand in any order. Fails with kNotFound, kIo, or kConfig,
+/// naming the file and the entry. [any]
+[[nodiscard]] Result<std::vector<SetProblem>> read_problem_set(const std::filesystem::path& from,
+                                                               const RobotDescription& robot);
+
+}  // namespace sidestep

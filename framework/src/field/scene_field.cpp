@@ -1,0 +1,160 @@
+#include <sidestep/field/scene_field.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "solid.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kResolution_m = 1e-3;  ///< Of the bounds.
+
+FieldInfo info_of(Stamp time, const Eigen::AlignedBox3d& bounds_m) {
+  FieldInfo info;
+  info.grid.resolution_m = kResolution_m;
+  info.grid.origin_m = bounds_m.min();
+  info.grid.size_vox =
+      (bounds_m.sizes() / kResolution_m).array().round().max(1.0).cast<int>().matrix();
+  info.is_signed = true;
+  info.is_exact = true;
+  info.max_distance_m = kInfinity;
+  info.steepest = 1.0;
+  info.stamp = time;
+  return info;
+}
+
+}  // namespace
+
+/// What is nearest to kLanes points.
+struct SceneField::Nearest {
+  PointLanes asked_m;
+  PointLanes inside_m;  ///< The nearest points within the bounds.
+  alignas(64) double distances_m[kLanes];
+  alignas(64) double numbers[kLanes];  ///< Of the solid; -1 for none.
+  bool is_finite[kLanes];
+  bool is_inside[kLanes];
+};
+
+SceneField::SceneField(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m)
+    : DistanceField(info_of(time, bounds_m)) {
+  for (const SceneObject& object : scene.objects()) {
+    solids_.push_back(detail::make_solid(object, time.seconds()));
+  }
+  const auto is_plain = [](const detail::Solid& solid) {
+    return solid.kind != detail::Solid::Kind::kMesh;
+  };
+  plain_ = static_cast<std::size_t>(std::ranges::stable_partition(solids_, is_plain).begin() -
+                                    solids_.begin());
+}
+
+SceneField::~SceneField() = default;
+
+/// Looks for what is nearer than a limit.
+void SceneField::find_nearest(const PointLanes& points_m, double limit_m,
+                              Nearest& nearest) const noexcept {
+  const GridSpec& grid = info().grid;
+  const Eigen::Vector3d low = grid.origin_m, high = grid.upper_m();
+  nearest.asked_m = points_m;
+  const double* asked[] = {points_m.x, points_m.y, points_m.z};
+  double* inside[] = {nearest.inside_m.x, nearest.inside_m.y, nearest.inside_m.z};
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    nearest.is_finite[lane] = nearest.is_inside[lane] = true;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double value = asked[axis][lane];
+      const double lowest = low[static_cast<int>(axis)], highest = high[static_cast<int>(axis)];
+      const double clamped = value > lowest ? std::min(value, highest) : lowest;
+      inside[axis][lane] = clamped;
+      nearest.is_finite[lane] &= std::isfinite(value);
+      nearest.is_inside[lane] &= value == clamped;
+    }
+    nearest.distances_m[lane] = limit_m;
+    nearest.numbers[lane] = -1.0;
+  }
+  detail::find_nearest_solids(solids_.data(), plain_, nearest.inside_m, nearest.distances_m,
+                              nearest.numbers);
+  for (std::size_t i = plain_; i < solids_.size(); ++i) {
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const Eigen::Vector3d p(inside[0][lane], inside[1][lane], inside[2][lane]);
+      const double least_m = (p - solids_[i].p_world_shape).norm() - solids_[i].reach_m;
+      if (least_m >= nearest.distances_m[lane]) continue;
+      const double distance_m = detail::mesh_distance_m(solids_[i], p);
+      if (!(distance_m < nearest.distances_m[lane])) continue;
+      nearest.distances_m[lane] = distance_m;
+      nearest.numbers[lane] = static_cast<double>(i);
+    }
+  }
+}
+
+FieldSample SceneField::sample(const Nearest& nearest, std::size_t lane) const noexcept {
+  FieldSample sample{0, FieldStatus::kKnown, nearest.distances_m[lane], Eigen::Vector3d::Zero()};
+  if (!nearest.is_inside[lane]) sample.status = FieldStatus::kOutside;
+  if (!nearest.is_finite[lane]) {
+    sample.distance_m = std::numeric_limits<double>::quiet_NaN();
+    return sample;
+  }
+  if (nearest.numbers[lane] < 0.0) return sample;
+  const PointLanes& in_m = nearest.inside_m;
+  const detail::Solid& solid = solids_[static_cast<std::size_t>(nearest.numbers[lane])];
+  sample.gradient = detail::gradient_of(solid, {in_m.x[lane], in_m.y[lane], in_m.z[lane]});
+  const PointLanes& asked_m = nearest.asked_m;
+  if (asked_m.x[lane] != in_m.x[lane]) sample.gradient.x() = 0.0;
+  if (asked_m.y[lane] != in_m.y[lane]) sample.gradient.y() = 0.0;
+  if (asked_m.z[lane] != in_m.z[lane]) sample.gradient.z() = 0.0;
+  return sample;
+}
+
+void SceneField::query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
+                       std::span<Eigen::Vector3d> gradients,
+                       std::span<FieldStatus> statuses) const noexcept {
+  Nearest nearest;
+  for (std::size_t first = 0; first < points_m.size(); first += kLanes) {
+    const std::size_t count = std::min(kLanes, points_m.size() - first);
+    PointLanes group;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const Eigen::Vector3d& p = points_m[first + std::min(lane, count - 1)];
+      group.x[lane] = p.x();
+      group.y[lane] = p.y();
+      group.z[lane] = p.z();
+    }
+    find_nearest(group, kInfinity, nearest);
+    for (std::size_t lane = 0; lane < count; ++lane) {
+      if (gradients.empty()) {
+        distances_m[first + lane] = nearest.is_finite[lane]
+                                        ? nearest.distances_m[lane]
+                                        : std::numeric_limits<double>::quiet_NaN();
+      } else {
+        const FieldSample found = sample(nearest, lane);
+        distances_m[first + lane] = found.distance_m;
+        gradients[first + lane] = found.gradient;
+      }
+      if (!statuses.empty()) {
+        statuses[first + lane] =
+            nearest.is_inside[lane] ? FieldStatus::kKnown : FieldStatus::kOutside;
+      }
+    }
+  }
+}
+
+std::size_t SceneField::query_below(std::span<const PointLanes> points_m,
+                                    std::span<const double> limits_m, bool /*also_unknown*/,
+                                    std::span<FieldSample> samples) const noexcept {
+  std::size_t written = 0;
+  Nearest nearest;
+  for (std::size_t i = 0; i < points_m.size(); ++i) {
+    find_nearest(points_m[i], limits_m[i], nearest);
+    const bool all_inside = std::ranges::all_of(nearest.is_inside, std::identity());
+    if (!all_inside) find_nearest(points_m[i], kInfinity, nearest);  // these have no limit
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      if (nearest.is_inside[lane] && !(nearest.distances_m[lane] < limits_m[i])) continue;
+      samples[written] = sample(nearest, lane);
+      samples[written++].point = i * kLanes + lane;
+    }
+  }
+  return written;
+}
+
+}  // namespace sidestep

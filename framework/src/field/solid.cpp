@@ -1,0 +1,206 @@
+#include "solid.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <variant>
+
+namespace sidestep::detail {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+void take(Solid& solid, const Box& box) {
+  solid.kind = Solid::Kind::kBox;
+  solid.half_m = 0.5 * box.size_m;
+  solid.reach_m = solid.half_m.norm();
+}
+
+void take(Solid& solid, const Sphere& sphere) {
+  solid.kind = Solid::Kind::kSphere;
+  solid.radius_m = solid.reach_m = sphere.radius_m;
+}
+
+void take(Solid& solid, const Cylinder& cylinder) {
+  solid.kind = Solid::Kind::kCylinder;
+  solid.radius_m = cylinder.radius_m;
+  solid.half_length_m = 0.5 * cylinder.length_m;
+  solid.reach_m = std::hypot(solid.radius_m, solid.half_length_m);
+}
+
+void take(Solid& solid, const Capsule& capsule) {
+  solid.kind = Solid::Kind::kCapsule;
+  solid.radius_m = capsule.radius_m;
+  solid.half_length_m = 0.5 * capsule.length_m;
+  solid.reach_m = solid.radius_m + solid.half_length_m;
+}
+
+void take(Solid& solid, const HalfSpace&) {
+  solid.kind = Solid::Kind::kHalfSpace;
+  solid.reach_m = kInfinity;
+}
+
+void take(Solid& solid, const std::shared_ptr<const Mesh>& mesh) {
+  solid.kind = Solid::Kind::kMesh;
+  solid.mesh = mesh;
+  for (const Eigen::Vector3d& vertex : mesh->vertices_m) {
+    solid.reach_m = std::max(solid.reach_m, vertex.norm());
+  }
+}
+
+Eigen::Vector3d in_shape(const Solid& solid, const Eigen::Vector3d& p_world) {
+  return solid.R_world_shape.transpose() * (p_world - solid.p_world_shape);
+}
+
+/// Of what is `beyond` faces along axes, all of it inside where nothing is: the way out of a box or
+/// of a cylinder's section.
+template <class Vector>
+Vector out_of_faces(const Vector& beyond) {
+  const Vector outside = beyond.cwiseMax(0.0);
+  if (const double norm = outside.norm(); norm > 0.0) return outside / norm;
+  Eigen::Index nearest = 0;
+  beyond.maxCoeff(&nearest);
+  return Vector::Unit(nearest);
+}
+
+Eigen::Vector3d gradient_in_shape(const Solid& solid, const Eigen::Vector3d& p) {
+  const auto sign = [](double value) { return value < 0.0 ? -1.0 : 1.0; };
+  switch (solid.kind) {
+    case Solid::Kind::kBox:
+      return out_of_faces<Eigen::Vector3d>(p.cwiseAbs() - solid.half_m)
+          .cwiseProduct(p.unaryExpr(sign));
+    case Solid::Kind::kCylinder: {
+      const double to_axis_m = p.head<2>().norm();
+      const Eigen::Vector2d way = out_of_faces<Eigen::Vector2d>(
+          {to_axis_m - solid.radius_m, std::abs(p.z()) - solid.half_length_m});
+      const Eigen::Vector2d radial =
+          to_axis_m > 0.0 ? Eigen::Vector2d(p.head<2>() / to_axis_m) : Eigen::Vector2d::UnitX();
+      return {way.x() * radial.x(), way.x() * radial.y(), way.y() * sign(p.z())};
+    }
+    case Solid::Kind::kSphere:
+    case Solid::Kind::kCapsule: {
+      const double on_axis_m = std::clamp(p.z(), -solid.half_length_m, solid.half_length_m);
+      const Eigen::Vector3d off = p - Eigen::Vector3d(0.0, 0.0, on_axis_m);
+      const double norm = off.norm();
+      return norm > 0.0 ? Eigen::Vector3d(off / norm) : Eigen::Vector3d::UnitX();
+    }
+    case Solid::Kind::kHalfSpace: break;
+    case Solid::Kind::kMesh: {
+      constexpr double kStep_m = 1e-6;
+      Eigen::Vector3d slope;
+      for (int axis = 0; axis < 3; ++axis) {
+        const Eigen::Vector3d step = kStep_m * Eigen::Vector3d::Unit(axis);
+        slope[axis] =
+            signed_distance_m(solid.mesh, p + step) - signed_distance_m(solid.mesh, p - step);
+      }
+      const double norm = slope.norm();
+      if (norm > 0.0) return slope / norm;
+      break;
+    }
+  }
+  return Eigen::Vector3d::UnitZ();
+}
+
+SIDESTEP_INLINE void roots_of(const Lanes& squares, Lanes& roots) noexcept {
+  double from[kLanes], to[kLanes];
+  lanes(from) = squares;
+  for (std::size_t i = 0; i < kLanes; ++i) to[i] = __builtin_sqrt(from[i] > 0.0 ? from[i] : 0.0);
+  roots = lanes(to);
+}
+
+SIDESTEP_INLINE void size_of(const Lanes& values, Lanes& sizes) noexcept {
+  sizes = values < 0.0 ? -values : values;
+}
+
+SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares, Lanes& deepest) noexcept {
+  const Lanes outside = beyond > 0.0 ? beyond : Lanes{};
+  squares += outside * outside;
+  deepest = beyond > deepest ? beyond : deepest;
+}
+
+/// Distances of points in the shape's frame.
+SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const Lanes& y,
+                                    const Lanes& z, Lanes& distances) noexcept {
+  Lanes squares{}, deepest = Lanes{} - kInfinity, size;
+  switch (solid.kind) {
+    case Solid::Kind::kBox:
+      size_of(x, size);
+      add_outside(size - solid.half_m.data()[0], squares, deepest);
+      size_of(y, size);
+      add_outside(size - solid.half_m.data()[1], squares, deepest);
+      size_of(z, size);
+      add_outside(size - solid.half_m.data()[2], squares, deepest);
+      break;
+    case Solid::Kind::kCylinder:
+      roots_of(x * x + y * y, size);
+      add_outside(size - solid.radius_m, squares, deepest);
+      size_of(z, size);
+      add_outside(size - solid.half_length_m, squares, deepest);
+      break;
+    case Solid::Kind::kSphere:
+    case Solid::Kind::kCapsule: {
+      size_of(z, size);
+      const Lanes above = size - solid.half_length_m;
+      const Lanes off = above > 0.0 ? above : Lanes{};
+      roots_of(x * x + y * y + off * off, distances);
+      distances -= solid.radius_m;
+      return;
+    }
+    case Solid::Kind::kHalfSpace:
+    case Solid::Kind::kMesh: distances = z; return;
+  }
+  roots_of(squares, size);
+  distances = deepest > 0.0 ? size : deepest;
+}
+
+SIDESTEP_INLINE double sum_of(const Lanes& values) noexcept {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < kLanes; ++i) sum += values[i];
+  return sum;
+}
+
+}  // namespace
+
+Solid make_solid(const SceneObject& object, double time_s) {
+  Solid solid;
+  const Transform pose = object.T_world_object(time_s);
+  solid.R_world_shape = pose.linear();
+  solid.p_world_shape = pose.translation();
+  std::visit([&](const auto& shape) { take(solid, shape); }, object.shape);
+  return solid;
+}
+
+Eigen::Vector3d gradient_of(const Solid& solid, const Eigen::Vector3d& p_world) {
+  return solid.R_world_shape * gradient_in_shape(solid, in_shape(solid, p_world));
+}
+
+double mesh_distance_m(const Solid& solid, const Eigen::Vector3d& p_world) {
+  return signed_distance_m(solid.mesh, in_shape(solid, p_world));
+}
+
+SIDESTEP_SIMD_CLONES
+void find_nearest_solids(const Solid* solids, std::size_t count, const PointLanes& points_m,
+                         double* distances_m, double* numbers) noexcept {
+  Lanes nearest = lanes(distances_m), number = lanes(numbers);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Solid& solid = solids[i];
+    const double* p = solid.p_world_shape.data();
+    const double* R = solid.R_world_shape.data();
+    const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
+                z = lanes(points_m.z) - p[2];
+    // It is no nearer than its reach allows.
+    const Lanes wanted = nearest + solid.reach_m;
+    const Lanes within = wanted > 0.0 ? wanted * wanted : Lanes{};
+    const Lanes could_be = x * x + y * y + z * z < within ? Lanes{} + 1.0 : Lanes{};
+    if (sum_of(could_be) == 0.0) continue;
+    Lanes distances;
+    find_distances(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
+                   R[6] * x + R[7] * y + R[8] * z, distances);
+    number = distances < nearest ? Lanes{} + static_cast<double>(i) : number;
+    nearest = distances < nearest ? distances : nearest;
+  }
+  lanes(distances_m) = nearest;
+  lanes(numbers) = number;
+}
+
+}  // namespace sidestep::detail

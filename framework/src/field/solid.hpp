@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/lanes.hpp>
+#include <sidestep/geometry/scene.hpp>
+
+namespace sidestep::detail {
+
+/// A shape where it stands, in the numbers that kernels want.
+struct Solid {
+  enum class Kind { kBox, kSphere, kCylinder, kCapsule, kHalfSpace, kMesh };
+
+  Kind kind = Kind::kBox;
+  Eigen::Matrix3d R_world_shape = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_world_shape = Eigen::Vector3d::Zero();
+  Eigen::Vector3d half_m = Eigen::Vector3d::Zero();  ///< Of a box: half of its edges.
+  double radius_m = 0.0;
+  double half_length_m = 0.0;  ///< Of a cylinder, and between the centres of a capsule's caps.
+  /// Around its place, holds all of it; infinity where nothing does.
+  double reach_m = 0.0;
+  std::shared_ptr<const Mesh> mesh;
+};
+
+[[nodiscard]] Solid make_solid(const SceneObject& object, double time_s);
+
+/// The unit vector along which the distance from a point grows fastest.
+[[nodiscard]] Eigen::Vector3d gradient_of(const Solid& solid, const Eigen::Vector3d& p_world);
+
+/// A mesh's, point by point.
+[[nodiscard]] double mesh_distance_m(const Solid& solid, const Eigen::Vector3d& p_world);
+
+/// The nearest of some solids, none of them a mesh, to each of kLanes points: where one is nearer
+/// than distances_m says, its distance and its number are written.
+void find_nearest_solids(const Solid* solids, std::size_t count, const PointLanes& points_m,
+                         double* distances_m, double* numbers) noexcept;
+
+}  // namespace sidestep::detail
