@@ -91,13 +91,21 @@ void check_planner(const Node& entry, Host& host, std::vector<Error>& errors) {
     const Node* block = entry.find(name);
     if (block != nullptr && !block->is_null()) host.check(PluginKind::kOptimiser, *block, errors);
   }
+  const auto is_given = [&](const char* name) {
+    const Node* block = entry.find(name);
+    return block != nullptr && block->is_map();
+  };
+  if (seeds == nullptr && !is_given("optimiser")) {
+    errors.push_back(entry.error("the seed 'straight' needs a block `optimiser`"));
+  }
   if (seeds == nullptr || !seeds->is_list()) return;
+  if (seeds->items().empty()) errors.push_back(seeds->error("there is no seed to begin with"));
   for (const Node& seed : seeds->items()) {
     const bool is_sampled = seed.text() == "sampled";
     if (!is_sampled && seed.text() != "straight") {
       errors.push_back(
           seed.error("no seed is called '" + seed.text() + "'", "there are straight and sampled"));
-    } else if (entry.find(is_sampled ? "sampler" : "optimiser") == nullptr) {
+    } else if (!is_given(is_sampled ? "sampler" : "optimiser")) {
       errors.push_back(seed.error("the seed '" + seed.text() + "' needs a block " +
                                   (is_sampled ? "`sampler`" : "`optimiser`")));
     }

@@ -25,9 +25,9 @@ struct RaceResult {
 /// that passes the check and is smooth; where none does, a sampled path that passes it will do.
 class PlanningRace {
  public:
-  /// One first guess and who makes a trajectory of it. "straight": a straight line, and then others
-  /// that are perturbed. "sampled": the path of `sampler`, which is polished by `optimiser`, or
-  /// taken as it is where that is null.
+  /// One first guess and who makes a trajectory of it. "straight": a straight line, and in a race
+  /// with others then lines that are perturbed. "sampled": the path of `sampler`, which is polished
+  /// by `optimiser`, or taken as it is where that is null.
   struct Lane {
     std::string seed;
     PluginPtr<Optimiser> optimiser;
