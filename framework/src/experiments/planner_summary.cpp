@@ -125,8 +125,25 @@ ExperimentOutcome summarise_planners(const RunProvenance& provenance,
 namespace sidestep::report {
 
 std::string planners_body(const Json& summary) {
-  return "<h2>All problems</h2>\n" + html_table(columns(), at(summary, "/planners")) +
-         "<h2>Family by family</h2>\n" + html_table(columns(), at(summary, "/families"));
+  const auto table = [&](const Column& second, const char* rows) {
+    return html_table(Columns{{"planner", "/name"},
+                              second,
+                              {"problems", "/problems"},
+                              {"solved in 1 s", "/solved_share/s1", "%.3f"},
+                              {"5 s", "/solved_share/s5", "%.3f"},
+                              {"refused", "/refused_by_check"},
+                              {"smooth", "/smooth_share", "%.3f"},
+                              {"time p50, ms", "/time_ms/p50", "%.2f"},
+                              {"p95", "/time_ms/p95", "%.1f"},
+                              {"path, rad", "/path_length_rad/p50", "%.2f"},
+                              {"clear, m", "/clearance_m/p50", "%.3f"}},
+                      at(summary, rows));
+  };
+  return "<h2>All problems</h2>\n" + table({"checker", "/checker"}, "/planners") +
+         "<h2>Family by family</h2>\n" + table({"family", "/family"}, "/families") +
+         "<p>Times, lengths and clearances are medians over what was solved, but for "
+         "p95. "
+         "Solved: the independent check accepts the answer. Refused: it does not.</p>\n";
 }
 
 }  // namespace sidestep::report
