@@ -7,6 +7,7 @@
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
+#include "blocks.hpp"
 #include "frame_tap.hpp"
 #include "plan_one.hpp"
 #include "plan_recording.hpp"
@@ -19,13 +20,6 @@ namespace sidestep {
 namespace {
 
 constexpr std::int64_t kCommitEvery = 50;  // frames
-
-const Node kNothing;
-
-const Node& block_of(const Configuration& configuration, std::string_view name) {
-  const Node* block = configuration.root.find(name);
-  return block != nullptr ? *block : kNothing;
-}
 
 /// Reads a block whose schema has been checked; what could still fail is kept for the caller.
 template <class Settings>

@@ -11,12 +11,12 @@
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
+#include "blocks.hpp"
 #include "plan_recording.hpp"
 #include "planner_summary.hpp"
 #include "planning_race.hpp"
 #include "problem_set.hpp"
 #include "run_provenance.hpp"
-#include "text_table.hpp"
 
 namespace sidestep {
 namespace {
@@ -77,13 +77,6 @@ struct PlannerBenchmarkSettings {
         .add("planners", &S::planners, "Who solves all of them.", {.required = true});
   }
 };
-
-const Node kNothing;
-
-const Node& block_of(const Configuration& configuration, std::string_view name) {
-  const Node* block = configuration.root.find(name);
-  return block != nullptr ? *block : kNothing;
-}
 
 void check_planner(const Node& entry, Host& host, std::vector<Error>& errors) {
   const Node* seeds = entry.find("seeds");

@@ -5,6 +5,7 @@
 
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "blocks.hpp"
 #include "replan_episode.hpp"
 #include "replan_rows.hpp"
 #include "replan_summary.hpp"

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
+#include "blocks.hpp"
 #include "entry_reading.hpp"
 
 namespace sidestep {
 namespace {
 
-const Node kNothing;
 const std::vector<std::string> kGuesses(kReplanGuesses.begin(), kReplanGuesses.end());
 
 template <class Settings>
@@ -77,11 +77,6 @@ void check_replanner(const Configuration& configuration, const ReplannerSettings
 }
 
 }  // namespace
-
-const Node& block_of(const Configuration& configuration, std::string_view name) {
-  const Node* block = configuration.root.find(name);
-  return block != nullptr ? *block : kNothing;
-}
 
 ReplanConfiguration read_replan_configuration(const Configuration& configuration,
                                               const std::shared_ptr<const RobotModel>& robot,

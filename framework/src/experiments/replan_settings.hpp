@@ -86,7 +86,4 @@ struct ReplanConfiguration {
     const Configuration& configuration, const std::shared_ptr<const RobotModel>& robot,
     std::vector<Error>& errors);
 
-/// A block at the top of the configuration; null where there is none.
-[[nodiscard]] const Node& block_of(const Configuration& configuration, std::string_view name);
-
 }  // namespace sidestep

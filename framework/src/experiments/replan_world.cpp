@@ -6,6 +6,7 @@
 #include <sidestep/core/seed.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
+#include "blocks.hpp"
 #include "source_facts.hpp"
 
 namespace sidestep {

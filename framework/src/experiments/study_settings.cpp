@@ -7,15 +7,10 @@
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 
+#include "blocks.hpp"
+
 namespace sidestep {
 namespace {
-
-const Node kNothing;
-
-const Node& block_of(const Configuration& configuration, std::string_view name) {
-  const Node* block = configuration.root.find(name);
-  return block != nullptr ? *block : kNothing;
-}
 
 /// `over` laid on the map `under`, key by key.
 Node laid_over(Node under, const Node& over) {

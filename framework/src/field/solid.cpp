@@ -5,6 +5,8 @@
 #include <limits>
 #include <variant>
 
+#include <sidestep/core/lane_math.hpp>
+
 namespace sidestep::detail {
 namespace {
 
@@ -108,10 +110,6 @@ SIDESTEP_INLINE void roots_of(const Lanes& squares, Lanes& roots) noexcept {
   roots = lanes(to);
 }
 
-SIDESTEP_INLINE void size_of(const Lanes& values, Lanes& sizes) noexcept {
-  sizes = values < 0.0 ? -values : values;
-}
-
 SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares, Lanes& deepest) noexcept {
   const Lanes outside = beyond > 0.0 ? beyond : Lanes{};
   squares += outside * outside;
@@ -124,22 +122,22 @@ SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const La
   Lanes squares{}, deepest = Lanes{} - kInfinity, size;
   switch (solid.kind) {
     case Solid::Kind::kBox:
-      size_of(x, size);
+      find_sizes(x, size);
       add_outside(size - solid.half_m.data()[0], squares, deepest);
-      size_of(y, size);
+      find_sizes(y, size);
       add_outside(size - solid.half_m.data()[1], squares, deepest);
-      size_of(z, size);
+      find_sizes(z, size);
       add_outside(size - solid.half_m.data()[2], squares, deepest);
       break;
     case Solid::Kind::kCylinder:
       roots_of(x * x + y * y, size);
       add_outside(size - solid.radius_m, squares, deepest);
-      size_of(z, size);
+      find_sizes(z, size);
       add_outside(size - solid.half_length_m, squares, deepest);
       break;
     case Solid::Kind::kSphere:
     case Solid::Kind::kCapsule: {
-      size_of(z, size);
+      find_sizes(z, size);
       const Lanes above = size - solid.half_length_m;
       const Lanes off = above > 0.0 ? above : Lanes{};
       roots_of(x * x + y * y + off * off, distances);
@@ -151,12 +149,6 @@ SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const La
   }
   roots_of(squares, size);
   distances = deepest > 0.0 ? size : deepest;
-}
-
-SIDESTEP_INLINE double sum_of(const Lanes& values) noexcept {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < kLanes; ++i) sum += values[i];
-  return sum;
 }
 
 }  // namespace

@@ -2,16 +2,10 @@
 
 #include <array>
 
-#include <sidestep/core/lanes.hpp>
+#include <sidestep/core/lane_math.hpp>
 
 namespace sidestep::detail {
 namespace {
-
-SIDESTEP_INLINE double total(const Lanes& values) noexcept {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < kLanes; ++i) sum += values[i];
-  return sum;
-}
 
 /// dq/ds of the joints from j on.
 SIDESTEP_INLINE void find_velocity(const CubicLanes& cubic, std::size_t j, double s,
@@ -38,7 +32,7 @@ CubicRates rates_at(const CubicLanes& cubic, double s) noexcept {
     change += v * a;
     bend += a * a;
   }
-  return {__builtin_sqrt(total(speed)), total(change), __builtin_sqrt(total(bend))};
+  return {__builtin_sqrt(sum_of(speed)), sum_of(change), __builtin_sqrt(sum_of(bend))};
 }
 
 SIDESTEP_SIMD_CLONES
@@ -57,7 +51,7 @@ double arc_length(const CubicLanes& cubic, double from_s, double to_s) noexcept 
       find_velocity(cubic, j, s, v);
       squares += v * v;
     }
-    sum += kWeights[k] * __builtin_sqrt(total(squares));
+    sum += kWeights[k] * __builtin_sqrt(sum_of(squares));
   }
   return half * sum;
 }
@@ -73,8 +67,8 @@ void derive_by_length(const CubicLanes& cubic, double s, double* tangent,
     squares += v * v;
     products += v * a;
   }
-  const double per_square = 1.0 / total(squares), per_speed = __builtin_sqrt(per_square);
-  const double along = total(products) * per_square;  // of the acceleration, in velocities
+  const double per_square = 1.0 / sum_of(squares), per_speed = __builtin_sqrt(per_square);
+  const double along = sum_of(products) * per_square;  // of the acceleration, in velocities
   for (std::size_t j = 0; j < cubic.width; j += kLanes) {
     Lanes v, a;
     find_velocity(cubic, j, s, v);

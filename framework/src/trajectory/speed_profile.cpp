@@ -5,6 +5,8 @@
 #include <limits>
 #include <span>
 
+#include <sidestep/core/lane_math.hpp>
+
 namespace sidestep::detail {
 namespace {
 
@@ -17,27 +19,17 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-SIDESTEP_INLINE void find_size(const Lanes& values, Lanes& size) noexcept {
-  size = values < 0.0 ? -values : values;
-}
-
-SIDESTEP_INLINE double least(const Lanes& values) noexcept {
-  double least = values[0];
-  for (std::size_t i = 1; i < kLanes; ++i) least = lesser(least, values[i]);
-  return least;
-}
-
 /// The speed dl/dt that the joints' velocity limits allow.
 SIDESTEP_SIMD_CLONES
 double fastest_along(const double* tangent, const double* limits, std::size_t width) noexcept {
   Lanes speed = Lanes{} + kNever;
   for (std::size_t j = 0; j < width; j += kLanes) {
     Lanes size;
-    find_size(lanes(tangent + j), size);
+    find_sizes(lanes(tangent + j), size);
     const Lanes allowed = size > kNoEffect ? lanes(limits + j) / size : Lanes{} + kNever;
     speed = allowed < speed ? allowed : speed;
   }
-  return least(speed);
+  return least_of(speed);
 }
 
 /// A strip -width - slope x <= u <= width - slope x for each joint that feels u at one end of a
@@ -51,8 +43,8 @@ double write_strips(const double* tangent, const double* curvature, double twice
     const Lanes across = lanes(curvature + j), limit = lanes(limits + j);
     const Lanes along = lanes(tangent + j) + twice_length * across;
     Lanes along_size, across_size;
-    find_size(along, along_size);
-    find_size(across, across_size);
+    find_sizes(along, along_size);
+    find_sizes(across, across_size);
     const Lanes none = Lanes{} + kNever;
     lanes(widths + j) = along_size > kNoEffect ? limit / along_size : none;
     lanes(slopes + j) = along_size > kNoEffect ? across / along : Lanes{};
@@ -60,7 +52,7 @@ double write_strips(const double* tangent, const double* curvature, double twice
     const Lanes x = along_size > kNoEffect ? none : x_across;
     most = x < most ? x : most;
   }
-  return least(most);
+  return least_of(most);
 }
 
 struct Edge {
