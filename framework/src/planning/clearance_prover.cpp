@@ -80,6 +80,7 @@ ClearanceProver::WorkspacePtr ClearanceProver::make_workspace() const {
 }
 
 ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
+                                 std::shared_ptr<const MotionBounds> bounds,
                                  std::shared_ptr<const DistanceField> field, SpacePolicy space,
                                  double margin_m, bool obstacles_only)
     : robot_(std::move(robot)),
@@ -88,7 +89,7 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
       space_(std::move(space)),
       above_floor_(space_, robot_->description()),
       margin_m_(margin_m),
-      bounds_(*robot_) {
+      bounds_(std::move(bounds)) {
   const RobotDescription& description = robot_->description();
   sphere_count_ = static_cast<int>(description.spheres.size());
   if (!obstacles_only) pair_count_ = static_cast<int>(description.self_collision_pairs.size());
@@ -105,8 +106,8 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
   }
   largest_levers_.assign(description.joints.size(), 0.0);
   for (int item = 0; item < item_count(); ++item) {
-    const auto levers = item < sphere_count_ ? bounds_.sphere_levers(item)
-                                             : bounds_.pair_levers(item - sphere_count_);
+    const auto levers = item < sphere_count_ ? bounds_->sphere_levers(item)
+                                             : bounds_->pair_levers(item - sphere_count_);
     for (std::size_t j = 0; j < levers.size(); ++j) {
       largest_levers_[j] = std::max(largest_levers_[j], levers[j]);
     }
@@ -123,7 +124,7 @@ double ClearanceProver::way_m(int item, const Workspace& w) const noexcept {
   const std::size_t dof = w.variation.size();
   const std::span<const double> row = item < sphere_count_
                                           ? std::span(w.levers).subspan(at(item) * dof, dof)
-                                          : bounds_.pair_levers(item - sphere_count_);
+                                          : bounds_->pair_levers(item - sphere_count_);
   double sum = 0.0;
   for (std::size_t j = 0; j < dof; ++j) {
     if (w.variation[j] != 0.0) sum += row[j] * w.variation[j];
@@ -319,7 +320,7 @@ int ClearanceProver::piece_count(const Request& request, Workspace& w) const {
   request.motion.variation(request.from, request.to, w.variation);
   w.levers.clear();
   for (int s = 0; s < sphere_count_; ++s) {
-    const auto row = bounds_.sphere_levers(s);
+    const auto row = bounds_->sphere_levers(s);
     w.levers.insert(w.levers.end(), row.begin(), row.end());
   }
   const double pieces = std::ceil(longest_way_m(w) / kPiece_m);
@@ -367,7 +368,7 @@ bool ClearanceProver::open_piece(const Request& request, int piece, Listener& li
   request.motion.configuration(from, w.q);
   robot_->sphere_jacobians(w.q, w.centres, w.jacobians, w.scratch);
   request.motion.variation(from, to, w.variation);
-  bounds_.local_levers(w.jacobians, w.variation, w.levers);
+  bounds_->local_levers(w.jacobians, w.variation, w.levers);
 
   const double steps = std::max(1.0, std::ceil(longest_way_m(w) / request.max_step_m));
   w.times.clear();

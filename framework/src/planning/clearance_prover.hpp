@@ -65,7 +65,9 @@ struct Shortfall {
 /// centres must be known, too; where the outside does, the centre must stay inside.
 class ClearanceProver {
  public:
+  /// `bounds` are the robot's.
   ClearanceProver(std::shared_ptr<const RobotModel> robot,
+                  std::shared_ptr<const MotionBounds> bounds,
                   std::shared_ptr<const DistanceField> field, SpacePolicy space, double margin_m,
                   bool obstacles_only = false);
 
@@ -147,7 +149,7 @@ class ClearanceProver {
   SpacePolicy space_;
   FloorClearance above_floor_;
   double margin_m_ = 0.0;
-  MotionBounds bounds_;
+  std::shared_ptr<const MotionBounds> bounds_;
   int sphere_count_ = 0;
   int pair_count_ = 0;
   std::vector<std::vector<int>> spheres_of_link_;

@@ -87,10 +87,12 @@ class VerdictBuilder final : public ClearanceProver::Listener {
 
 class FieldCheck final : public ValidityCheck {
  public:
-  FieldCheck(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
-             SpacePolicy space, FieldCheckSettings settings)
+  FieldCheck(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const MotionBounds> bounds,
+             std::shared_ptr<const DistanceField> field, SpacePolicy space,
+             FieldCheckSettings settings)
       : robot_(std::move(robot)),
-        prover_(robot_, std::move(field), space, settings.margin_m, settings.obstacles_only),
+        prover_(robot_, std::move(bounds), std::move(field), space, settings.margin_m,
+                settings.obstacles_only),
         settings_(settings) {}
 
   [[nodiscard]] Result<Verdict> check(const Trajectory& trajectory, double from_s,
@@ -286,7 +288,14 @@ Error FieldCheck::late(const Trajectory& trajectory, double time_s) const {
 std::unique_ptr<ValidityCheck> make_field_check(std::shared_ptr<const RobotModel> robot,
                                                 std::shared_ptr<const DistanceField> field,
                                                 SpacePolicy space, FieldCheckSettings settings) {
-  return std::make_unique<FieldCheck>(std::move(robot), std::move(field), space, settings);
+  return FieldChecks(std::move(robot)).make(std::move(field), std::move(space), settings);
+}
+
+std::unique_ptr<ValidityCheck> FieldChecks::make(std::shared_ptr<const DistanceField> field,
+                                                 SpacePolicy space,
+                                                 FieldCheckSettings settings) const {
+  return std::make_unique<FieldCheck>(robot_, bounds_, std::move(field), std::move(space),
+                                      settings);
 }
 
 }  // namespace sidestep

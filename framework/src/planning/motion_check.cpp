@@ -46,7 +46,8 @@ class FirstObjection final : public ClearanceProver::Listener {
 struct MotionCheck::Impl {
   Impl(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
        SpacePolicy space, double margin_m)
-      : prover(std::move(robot), std::move(field), space, margin_m),
+      : prover(robot, std::make_shared<const MotionBounds>(*robot), std::move(field), space,
+               margin_m),
         workspace(prover.make_workspace()),
         readings(static_cast<std::size_t>(prover.item_count())) {}
 

@@ -161,7 +161,16 @@ std::optional<Violation> state_violation(const std::shared_ptr<const RobotModel>
                                          const std::shared_ptr<const DistanceField>& field,
                                          const SpacePolicy& space, double margin_m,
                                          std::span<const double> q) {
-  const std::vector<Joint>& joints = robot->description().joints;
+  return FieldChecks(robot).state_violation(field, space, margin_m, q);
+}
+
+FieldChecks::FieldChecks(std::shared_ptr<const RobotModel> robot)
+    : robot_(std::move(robot)), bounds_(std::make_shared<const MotionBounds>(*robot_)) {}
+
+std::optional<Violation> FieldChecks::state_violation(
+    const std::shared_ptr<const DistanceField>& field, const SpacePolicy& space, double margin_m,
+    std::span<const double> q) const {
+  const std::vector<Joint>& joints = robot_->description().joints;
   ViolationLedger ledger;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const double position = j < q.size() ? q[j] : std::nan("");
@@ -177,7 +186,7 @@ std::optional<Violation> state_violation(const std::shared_ptr<const RobotModel>
                 .amount = std::abs(position - limit)});
     if (!std::isfinite(position)) return ledger.sorted().front();
   }
-  const ClearanceProver prover(robot, field, space, margin_m);
+  const ClearanceProver prover(robot_, bounds_, field, space, margin_m);
   const auto workspace = prover.make_workspace();
   std::vector<ClearanceReading> readings(static_cast<std::size_t>(prover.item_count()));
   prover.read(q, readings, *workspace);

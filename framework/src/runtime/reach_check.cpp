@@ -48,6 +48,8 @@ std::optional<std::string> ReachCheck::first_reach(const Trajectory& motion, dou
   const double age_s = std::max(0.0, now.seconds() - moving_->stamp.seconds());
   const std::vector<CollisionSphere>& spheres = robot_->description().spheres;
   std::vector<Eigen::Vector3d> centres(spheres.size());
+  double largest_m = 0.0;
+  for (const CollisionSphere& sphere : spheres) largest_m = std::max(largest_m, sphere.radius_m);
   std::vector<double> q(static_cast<std::size_t>(motion.dof));
   Scratch scratch;
   const int steps = std::max(1, static_cast<int>(std::ceil(contingency->duration_s() / kStep_s)));
@@ -57,7 +59,10 @@ std::optional<std::string> ReachCheck::first_reach(const Trajectory& motion, dou
     robot_->sphere_centres(q, centres, scratch);
     // What moves is taken to be where it can be at the end of the step.
     const double grown_m = margin_m_ + speed_mps_ * (age_s + time_s + kStep_s);
+    Eigen::AlignedBox3d around;
+    for (const Eigen::Vector3d& centre : centres) around.extend(centre);
     for (const MovingBall& ball : moving_->balls) {
+      if (around.exteriorDistance(ball.centre_m) >= largest_m + ball.radius_m + grown_m) continue;
       for (std::size_t s = 0; s < spheres.size(); ++s) {
         const double apart_m = spheres[s].radius_m + ball.radius_m + grown_m;
         if ((centres[s] - ball.centre_m).squaredNorm() >= apart_m * apart_m) continue;

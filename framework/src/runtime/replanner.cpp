@@ -343,7 +343,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   followed_start = now;
   is_braking = false;
   is_moving = true;
-  is_checked = !std::isfinite(plan.free_until_s);
+  is_checked = is_sound = !std::isfinite(plan.free_until_s);
   blocked.reset();
   planned_in = field;
   rested_at.reset();

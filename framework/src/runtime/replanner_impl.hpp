@@ -21,6 +21,7 @@ struct Replanner::Impl {
         settings(std::move(chosen)),
         search(parts, settings),
         reach(parts.robot, parts.limits, settings.obstacle_speed_mps, settings.margin_m),
+        checks_of_robot(parts.robot),
         margin_m(settings.margin_m) {}
 
   // The state machine: replanner.cpp.
@@ -81,6 +82,7 @@ struct Replanner::Impl {
   ReplannerSettings settings;
   detail::PlanSearch search;
   detail::ReachCheck reach;
+  FieldChecks checks_of_robot;
 
   Stamp now;
   Stopwatch watch;         ///< Since the step's begin.
@@ -114,8 +116,11 @@ struct Replanner::Impl {
   Stamp map_came;                                   ///< The step in which it did.
   std::shared_ptr<const DistanceField> planned_in;  ///< The one of what is followed.
   std::unique_ptr<ValidityCheck> check;             ///< In `field`, with `margin_m`.
+  std::unique_ptr<ValidityCheck> obstacle_check;    ///< The same, of obstacles alone.
   double margin_m;          ///< The settings', or what a robot that leaves an obstacle can keep.
   bool is_checked = false;  ///< What is followed, in `field`.
+  /// What is followed keeps all limits and is clear of itself: maps do not change that.
+  bool is_sound = false;
   bool is_failing = false;  ///< The last replan from rest failed, and has been told of.
   struct Blocked {
     double begin_s = 0.0;  ///< On the clock of what is followed; no earlier violation is known.

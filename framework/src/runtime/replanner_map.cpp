@@ -145,27 +145,33 @@ std::string Replanner::Impl::with_map_trouble(std::string cause) const {
 
 void Replanner::Impl::use_margin(double kept_m) {
   margin_m = kept_m;
-  check = make_field_check(
-      parts.robot, field, parts.space,
-      {.margin_m = kept_m, .max_step_m = settings.max_step_m, .first_violation_only = true});
+  FieldCheckSettings settings_of_check = {
+      .margin_m = kept_m, .max_step_m = settings.max_step_m, .first_violation_only = true};
+  check = checks_of_robot.make(field, parts.space, settings_of_check);
+  settings_of_check.obstacles_only = true;
+  obstacle_check = checks_of_robot.make(field, parts.space, settings_of_check);
 }
 
 double Replanner::Impl::margin_at(const Eigen::VectorXd& q) const {
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
     const double kept_m = share * settings.margin_m;
-    const auto violation = state_violation(parts.robot, field, parts.space, kept_m,
-                                           {q.data(), static_cast<std::size_t>(q.size())});
+    const auto violation = checks_of_robot.state_violation(
+        field, parts.space, kept_m, {q.data(), static_cast<std::size_t>(q.size())});
     if (!violation || violation->kind != Violation::Kind::kCollision) return kept_m;
   }
   return settings.margin_m;
 }
 
 void Replanner::Impl::check_followed() {
-  const auto verdict = check->check(followed, followed_s(now), Deadline());
+  const ValidityCheck& needed = is_sound ? *obstacle_check : *check;
+  const auto verdict = needed.check(followed, followed_s(now), Deadline());
   ++checks;
   is_checked = true;
   blocked.reset();
-  if (verdict && verdict->valid()) return;
+  if (verdict && verdict->valid()) {
+    is_sound = true;
+    return;
+  }
   blocked.emplace();
   if (!verdict || verdict->violations.empty()) {
     blocked->cause = "what is followed cannot be checked";
@@ -189,7 +195,7 @@ Violation Replanner::Impl::plainer(const Violation& unproven) const {
   for (int i = 0; i <= kSteps; ++i) {
     const double time_s = unproven.time_s + i * kStep_s;
     followed.sample(time_s, q, {});
-    auto violation = state_violation(parts.robot, field, parts.space, margin_m, q);
+    auto violation = checks_of_robot.state_violation(field, parts.space, margin_m, q);
     if (!violation) continue;
     violation->time_s = time_s;
     return *std::move(violation);

@@ -67,7 +67,7 @@ bool Replanner::Impl::follow_verified_stop(std::string& how) {
     }
     followed = motion;
     followed_start = begin;
-    is_braking = true;
+    is_braking = is_sound = true;
     how = stop == &along_path ? "" : "; the robot stops beside its path";
     return true;
   }

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -40,12 +41,12 @@ struct Start {
 /// How fast they are may still be changed.
 class Judge {
  public:
-  explicit Judge(const Problem& problem)
+  Judge(const Problem& problem, const FieldChecks& checks)
       : problem_(problem),
-        check_(make_field_check(problem.robot, problem.field, problem.space,
-                                {.margin_m = problem.collision_margin_m,
-                                 .speed_fraction = std::numeric_limits<double>::infinity(),
-                                 .first_violation_only = true})) {}
+        check_(checks.make(problem.field, problem.space,
+                           {.margin_m = problem.collision_margin_m,
+                            .speed_fraction = std::numeric_limits<double>::infinity(),
+                            .first_violation_only = true})) {}
 
   /// False where the deadline passes before it is known.
   [[nodiscard]] bool accepts(const Start& start, const Deadline& deadline) const {
@@ -124,7 +125,8 @@ class GpChain final : public Optimiser {
   /// Goes on from the first start, which is done, to the others.
   const Start& best_of_all(const Problem& problem, const Trajectory& initial,
                            const Deadline& deadline) {
-    const Judge judge(problem);
+    if (!checks_ || checks_->robot() != problem.robot.get()) checks_.emplace(problem.robot);
+    const Judge judge(problem, *checks_);
     if (settings_.accept == "first_valid") {
       minimise_others(problem, initial, deadline, &judge);
       const auto first = std::ranges::find_if(starts_, &Start::is_valid);
@@ -236,7 +238,8 @@ class GpChain final : public Optimiser {
   StoppingRules stop_;
   WorkerPool* workers_;
   std::vector<Start> starts_;
-  std::vector<double> step_;  ///< Of an incremental solve.
+  std::optional<FieldChecks> checks_;  ///< Of the last problem's robot; for several starts.
+  std::vector<double> step_;           ///< Of an incremental solve.
   PriorSampler sampler_;
   std::vector<double> samples_;  ///< Of one start after the other; nothing for the first.
 };

@@ -117,4 +117,25 @@ struct FieldCheckSettings {
     const std::shared_ptr<const DistanceField>& field, const SpacePolicy& space, double margin_m,
     std::span<const double> q);
 
+class MotionBounds;
+
+/// make_field_check() and state_violation() for one robot in one map after the other: what they
+/// need to know of the robot alone is worked out once. Immutable; [any].
+class FieldChecks {
+ public:
+  explicit FieldChecks(std::shared_ptr<const RobotModel> robot);
+
+  [[nodiscard]] const RobotModel* robot() const noexcept { return robot_.get(); }
+  [[nodiscard]] std::unique_ptr<ValidityCheck> make(std::shared_ptr<const DistanceField> field,
+                                                    SpacePolicy space,
+                                                    FieldCheckSettings settings) const;
+  [[nodiscard]] std::optional<Violation> state_violation(
+      const std::shared_ptr<const DistanceField>& field, const SpacePolicy& space, double margin_m,
+      std::span<const double> q) const;
+
+ private:
+  std::shared_ptr<const RobotModel> robot_;
+  std::shared_ptr<const MotionBounds> bounds_;
+};
+
 }  // namespace sidestep
