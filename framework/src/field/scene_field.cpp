@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 
 #include "solid.hpp"
 
@@ -49,6 +50,8 @@ SceneField::SceneField(const Scene& scene, Stamp time, const Eigen::AlignedBox3d
   };
   plain_ = static_cast<std::size_t>(std::ranges::stable_partition(solids_, is_plain).begin() -
                                     solids_.begin());
+  numbers_.resize(solids_.size());
+  std::iota(numbers_.begin(), numbers_.end(), std::uint16_t{0});
 }
 
 SceneField::~SceneField() = default;
@@ -155,6 +158,31 @@ std::size_t SceneField::query_below(std::span<const PointLanes> points_m,
     }
   }
   return written;
+}
+
+std::size_t SceneField::find_within(std::span<const std::uint16_t> shapes,
+                                    const PointLanes& points_m, const double* limits_m,
+                                    std::uint16_t* near, double* is_near) const noexcept {
+  const std::size_t plain = static_cast<std::size_t>(
+      std::ranges::lower_bound(shapes, plain_, {}, [](std::uint16_t n) { return std::size_t{n}; }) -
+      shapes.begin());
+  std::size_t found = detail::find_solids_within(solids_.data(), shapes.data(), plain, points_m,
+                                                 limits_m, near, is_near);
+  for (const std::uint16_t number : shapes.subspan(plain)) {
+    const detail::Solid& solid = solids_[number];
+    bool is_any = false;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const Eigen::Vector3d p(points_m.x[lane], points_m.y[lane], points_m.z[lane]);
+      const double least_m = (p - solid.p_world_shape).norm() - solid.reach_m;
+      if (least_m >= limits_m[lane] || detail::mesh_distance_m(solid, p) >= limits_m[lane]) {
+        continue;
+      }
+      is_near[lane] = 1.0;
+      is_any = true;
+    }
+    if (is_any) near[found++] = number;
+  }
+  return found;
 }
 
 }  // namespace sidestep

@@ -151,6 +151,38 @@ SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const La
   distances = deepest > 0.0 ? size : deepest;
 }
 
+/// 1 where points in the shape's frame are nearer to it than their limits, else 0.
+SIDESTEP_INLINE void find_near(const Solid& solid, const Lanes& x, const Lanes& y, const Lanes& z,
+                               const Lanes& limits, Lanes& is_near) noexcept {
+  Lanes squares{}, deepest{}, size, wanted = limits;
+  switch (solid.kind) {
+    case Solid::Kind::kBox:
+      find_sizes(x, size);
+      add_outside(size - solid.half_m.data()[0], squares, deepest);
+      find_sizes(y, size);
+      add_outside(size - solid.half_m.data()[1], squares, deepest);
+      find_sizes(z, size);
+      add_outside(size - solid.half_m.data()[2], squares, deepest);
+      break;
+    case Solid::Kind::kCylinder:
+      roots_of(x * x + y * y, size);
+      add_outside(size - solid.radius_m, squares, deepest);
+      find_sizes(z, size);
+      add_outside(size - solid.half_length_m, squares, deepest);
+      break;
+    case Solid::Kind::kSphere:
+    case Solid::Kind::kCapsule:
+      find_sizes(z, size);
+      add_outside(size - solid.half_length_m, squares, deepest);
+      squares += x * x + y * y;
+      wanted += solid.radius_m;
+      break;
+    case Solid::Kind::kHalfSpace:
+    case Solid::Kind::kMesh: is_near = z < limits ? Lanes{} + 1.0 : Lanes{}; return;
+  }
+  is_near = squares < wanted * wanted ? Lanes{} + 1.0 : Lanes{};
+}
+
 }  // namespace
 
 Solid make_solid(const SceneObject& object, double time_s) {
@@ -193,6 +225,30 @@ void find_nearest_solids(const Solid* solids, std::size_t count, const PointLane
   }
   lanes(distances_m) = nearest;
   lanes(numbers) = number;
+}
+
+SIDESTEP_SIMD_CLONES
+std::size_t find_solids_within(const Solid* solids, const std::uint16_t* numbers, std::size_t count,
+                               const PointLanes& points_m, const double* limits_m,
+                               std::uint16_t* near, double* is_near) noexcept {
+  const Lanes limits = lanes(limits_m);
+  Lanes near_any = lanes(is_near);
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Solid& solid = solids[numbers[i]];
+    const double* p = solid.p_world_shape.data();
+    const double* R = solid.R_world_shape.data();
+    const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
+                z = lanes(points_m.z) - p[2];
+    Lanes is_near_this;
+    find_near(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
+              R[6] * x + R[7] * y + R[8] * z, limits, is_near_this);
+    if (!any_of(is_near_this)) continue;
+    near_any = is_near_this > near_any ? is_near_this : near_any;
+    near[found++] = numbers[i];
+  }
+  lanes(is_near) = near_any;
+  return found;
 }
 
 }  // namespace sidestep::detail

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 
 #include <Eigen/Core>
@@ -37,5 +38,13 @@ struct Solid {
 /// than distances_m says, its distance and its number are written.
 void find_nearest_solids(const Solid* solids, std::size_t count, const PointLanes& points_m,
                          double* distances_m, double* numbers) noexcept;
+
+/// Of the solids with these numbers, none of them a mesh, those that come nearer than its limit
+/// (positive) to any of kLanes points: their numbers, for which there is room. is_near[lane]
+/// becomes 1 where any is, and is left alone elsewhere. Takes no roots where it need not. Returns
+/// how many.
+std::size_t find_solids_within(const Solid* solids, const std::uint16_t* numbers, std::size_t count,
+                               const PointLanes& points_m, const double* limits_m,
+                               std::uint16_t* near, double* is_near) noexcept;
 
 }  // namespace sidestep::detail

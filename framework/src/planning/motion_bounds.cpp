@@ -216,4 +216,23 @@ void MotionBounds::local_levers(std::span<const Eigen::Vector3d> jacobians,
   }
 }
 
+double MotionBounds::bend(int sphere, std::span<const double> variation) const noexcept {
+  const std::span<const double> levers = sphere_levers(sphere);
+  const std::size_t link = at(sphere_link_[at(sphere)]);
+  double bend = 0.0;
+  for (std::size_t j = 0; j < dof_; ++j) {
+    const double rate = turn_rate_[link * dof_ + j];
+    if (variation[j] == 0.0 || rate == 0.0) continue;
+    if (rate < 0.0) return std::numeric_limits<double>::infinity();
+    double beyond = 0.0;
+    for (std::size_t k = 0; k < dof_; ++k) {
+      if (is_beyond_[(link * dof_ + j) * dof_ + k] != 0 && variation[k] > 0.0) {
+        beyond += levers[k] * variation[k];
+      }
+    }
+    bend += rate * variation[j] * (levers[j] * variation[j] + 2.0 * beyond);
+  }
+  return bend;
+}
+
 }  // namespace sidestep

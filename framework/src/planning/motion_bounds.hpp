@@ -39,6 +39,12 @@ class MotionBounds {
   void local_levers(std::span<const Eigen::Vector3d> jacobians, std::span<const double> variation,
                     std::span<double> levers) const noexcept;
 
+  /// Of a sphere's centre on a straight motion: how far, at most, its velocity changes in a unit of
+  /// time when each joint moves at the constant speed `variation` (dof): m per unit of time
+  /// squared. The velocity that joint k gives it turns with the joints k lies beyond, and it with
+  /// them. Infinity where a moving joint moves several links of the chain.
+  [[nodiscard]] double bend(int sphere, std::span<const double> variation) const noexcept;
+
  private:
   struct Probe;
 

@@ -1,10 +1,14 @@
 #include <sidestep/planning/motion_check.hpp>
 
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include <sidestep/field/scene_field.hpp>
+
 #include "clearance_prover.hpp"
+#include "edge_prover.hpp"
 
 namespace sidestep {
 namespace {
@@ -44,41 +48,74 @@ class FirstObjection final : public ClearanceProver::Listener {
 }  // namespace
 
 struct MotionCheck::Impl {
-  Impl(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
-       SpacePolicy space, double margin_m)
-      : prover(robot, std::make_shared<const MotionBounds>(*robot), std::move(field), space,
-               margin_m),
-        workspace(prover.make_workspace()),
-        readings(static_cast<std::size_t>(prover.item_count())) {}
+  /// For fields in general.
+  struct Voxels {
+    Voxels(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
+           SpacePolicy space, double margin_m)
+        : prover(robot, std::make_shared<const MotionBounds>(*robot), std::move(field),
+                 std::move(space), margin_m),
+          workspace(prover.make_workspace()),
+          readings(static_cast<std::size_t>(prover.item_count())) {}
 
-  ClearanceProver prover;
-  ClearanceProver::WorkspacePtr workspace;
-  std::vector<ClearanceReading> readings;
+    [[nodiscard]] bool is_clear(std::span<const double> q) {
+      prover.read(q, readings, *workspace);
+      for (int item = 0; item < prover.item_count(); ++item) {
+        if (prover.violates(item, readings[static_cast<std::size_t>(item)])) return false;
+      }
+      return true;
+    }
+    [[nodiscard]] bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
+                                double resolution_m) {
+      const StraightMotion motion(q_from, q_to);
+      FirstObjection objection(prover);
+      const ClearanceProver::Request request{motion, 0.0, 1.0, kFirstStep_m, resolution_m};
+      return prover.prove(request, objection, Deadline(), *workspace) ==
+             ClearanceProver::End::kFinished;
+    }
+
+    ClearanceProver prover;
+    ClearanceProver::WorkspacePtr workspace;
+    std::vector<ClearanceReading> readings;
+  };
+
+  explicit Impl(std::shared_ptr<const RobotModel> of) : robot(std::move(of)) {}
+
+  std::shared_ptr<const RobotModel> robot;
+  std::optional<EdgeProver> edges;  ///< Among shapes.
+  std::optional<Voxels> voxels;     ///< Otherwise; one of the two is there.
+  bool is_among_shapes = false;
 };
 
 MotionCheck::MotionCheck(std::shared_ptr<const RobotModel> robot,
                          std::shared_ptr<const DistanceField> field, SpacePolicy space,
                          double margin_m)
-    : impl_(std::make_unique<Impl>(std::move(robot), std::move(field), space, margin_m)) {}
+    : impl_(std::make_unique<Impl>(std::move(robot))) {
+  look_at(std::move(field), std::move(space), margin_m);
+}
 MotionCheck::~MotionCheck() = default;
 MotionCheck::MotionCheck(MotionCheck&&) noexcept = default;
 MotionCheck& MotionCheck::operator=(MotionCheck&&) noexcept = default;
 
-bool MotionCheck::is_clear(std::span<const double> q) {
-  impl_->prover.read(q, impl_->readings, *impl_->workspace);
-  for (int item = 0; item < impl_->prover.item_count(); ++item) {
-    if (impl_->prover.violates(item, impl_->readings[static_cast<std::size_t>(item)])) return false;
+void MotionCheck::look_at(std::shared_ptr<const DistanceField> field, SpacePolicy space,
+                          double margin_m) {
+  auto scene = std::dynamic_pointer_cast<const SceneField>(field);
+  impl_->is_among_shapes = scene != nullptr;
+  if (scene == nullptr) {
+    impl_->voxels.emplace(impl_->robot, std::move(field), std::move(space), margin_m);
+    return;
   }
-  return true;
+  if (!impl_->edges) impl_->edges.emplace(impl_->robot);
+  impl_->edges->look_at(std::move(scene), space, margin_m);
+}
+
+bool MotionCheck::is_clear(std::span<const double> q) {
+  return impl_->is_among_shapes ? impl_->edges->is_clear(q) : impl_->voxels->is_clear(q);
 }
 
 bool MotionCheck::is_clear(std::span<const double> q_from, std::span<const double> q_to,
                            double resolution_m) {
-  const StraightMotion motion(q_from, q_to);
-  FirstObjection objection(impl_->prover);
-  const ClearanceProver::Request request{motion, 0.0, 1.0, kFirstStep_m, resolution_m};
-  return impl_->prover.prove(request, objection, Deadline(), *impl_->workspace) ==
-         ClearanceProver::End::kFinished;
+  return impl_->is_among_shapes ? impl_->edges->is_clear(q_from, q_to, resolution_m)
+                                : impl_->voxels->is_clear(q_from, q_to, resolution_m);
 }
 
 }  // namespace sidestep

@@ -174,5 +174,50 @@ TEST(SceneField, IsEndlessWhereNothingStands) {
   EXPECT_EQ(gradients[0], Eigen::Vector3d::Zero());
 }
 
+TEST(SceneField, FindsWhatIsWithinALimit) {
+  const Scene scene = all_shapes();
+  const SceneField field(scene, Stamp(), kBounds);
+  const auto points = random_points(4000, 0.5);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> limit_m(0.01, 0.6);
+  std::vector<std::uint16_t> near(field.shapes().size()), nearer(field.shapes().size());
+  int found = 0;
+  for (std::size_t first = 0; first < points.size(); first += kLanes) {
+    PointLanes group;
+    double limits_m[kLanes], wider_m[kLanes], is_near[kLanes] = {}, again[kLanes] = {};
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const Eigen::Vector3d& p = points[first + lane];
+      group.x[lane] = p.x(), group.y[lane] = p.y(), group.z[lane] = p.z();
+      limits_m[lane] = limit_m(random);
+      wider_m[lane] = limits_m[lane] + 0.1;
+    }
+    const std::size_t count =
+        field.find_within(field.shapes(), group, limits_m, near.data(), is_near);
+    std::size_t expected = 0;
+    for (const SceneObject& object : scene.objects()) {
+      const Scene alone({object});
+      bool is_any = false;
+      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+        is_any |= alone.signed_distance(points[first + lane], 0.0).distance_m < limits_m[lane];
+      }
+      if (is_any) ++expected;
+    }
+    EXPECT_EQ(count, expected);
+    found += static_cast<int>(count);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const double distance_m = scene.signed_distance(points[first + lane], 0.0).distance_m;
+      EXPECT_EQ(is_near[lane] != 0.0, distance_m < limits_m[lane]) << distance_m;
+    }
+    // Among those within a wider limit, too.
+    std::fill(again, again + kLanes, 0.0);
+    const std::size_t wide = field.find_within(field.shapes(), group, wider_m, near.data(), again);
+    std::fill(again, again + kLanes, 0.0);
+    EXPECT_EQ(field.find_within(std::span(near).first(wide), group, limits_m, nearer.data(), again),
+              count);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) EXPECT_EQ(again[lane], is_near[lane]);
+  }
+  EXPECT_GT(found, 500);
+}
+
 }  // namespace
 }  // namespace sidestep

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -31,6 +33,19 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
                           bool also_unknown,
                           std::span<FieldSample> samples) const noexcept override;
 
+  /// Numbers of all shapes, for find_within().
+  [[nodiscard]] std::span<const std::uint16_t> shapes() const noexcept { return numbers_; }
+
+  /// Of the shapes with these numbers, in the order of shapes(), those that come nearer to any of
+  /// kLanes finite points than its limit (limits_m: kLanes, positive), within the field's bounds or
+  /// not: their numbers into `near`, which has room for all that are asked about. is_near[lane] of
+  /// kLanes becomes 1 where any shape is near, and is left alone elsewhere. What a check that knows
+  /// of no distances wants, first for the whole of a link and then, among what was found, for its
+  /// parts. Returns how many. Does not allocate.
+  std::size_t find_within(std::span<const std::uint16_t> shapes, const PointLanes& points_m,
+                          const double* limits_m, std::uint16_t* near,
+                          double* is_near) const noexcept;
+
  private:
   struct Nearest;
   void find_nearest(const PointLanes& points_m, double limit_m, Nearest& nearest) const noexcept;
@@ -38,6 +53,7 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
 
   std::vector<detail::Solid> solids_;  ///< Meshes last.
   std::size_t plain_ = 0;              ///< Those before the meshes.
+  std::vector<std::uint16_t> numbers_;
 };
 
 }  // namespace sidestep

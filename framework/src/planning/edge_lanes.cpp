@@ -1,0 +1,46 @@
+#include "edge_lanes.hpp"
+
+#include <sidestep/core/lane_math.hpp>
+
+namespace sidestep::detail {
+namespace {
+
+/// Steps from each lane to the next of its four; the fourth's is the third's.
+SIDESTEP_INLINE void add_steps(const double* from, double* squares) noexcept {
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const std::size_t first = lane - (lane % 4 == 3 ? 1 : 0);
+    const double step = from[first + 1] - from[first];
+    squares[lane] += step * step;
+  }
+}
+
+}  // namespace
+
+SIDESTEP_SIMD_CLONES
+void find_ways(const PointLanes& points_m, double widest_m, double bent_m,
+               double* ways_m) noexcept {
+  alignas(64) double squares[kLanes] = {};
+  add_steps(points_m.x, squares);
+  add_steps(points_m.y, squares);
+  add_steps(points_m.z, squares);
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    ways_m[lane] = lesser(widest_m, 0.5 * __builtin_sqrt(squares[lane]) + bent_m);
+  }
+}
+
+SIDESTEP_SIMD_CLONES
+bool find_close(const PointLanes& a_m, const PointLanes& b_m, double limit_m,
+                double* is_near) noexcept {
+  const Lanes x = lanes(a_m.x) - lanes(b_m.x), y = lanes(a_m.y) - lanes(b_m.y),
+              z = lanes(a_m.z) - lanes(b_m.z);
+  const Lanes close = x * x + y * y + z * z < limit_m * limit_m ? Lanes{} + 1.0 : Lanes{};
+  lanes(is_near) = close > lanes(is_near) ? close : lanes(is_near);
+  return any_of(close);
+}
+
+SIDESTEP_SIMD_CLONES
+void add_to(const double* values, double addend, double* sums) noexcept {
+  lanes(sums) = lanes(values) + addend;
+}
+
+}  // namespace sidestep::detail

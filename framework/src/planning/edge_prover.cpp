@@ -1,0 +1,271 @@
+#include "edge_prover.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "edge_lanes.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kFirstParts = kLanes;
+constexpr std::size_t kSplit = 4;  ///< find_ways() counts on neighbours in fours.
+/// More open parts than this are not worth cutting: the edge is absurd.
+constexpr std::size_t kMostParts = std::size_t{1} << 16;
+
+std::size_t at(int value) { return static_cast<std::size_t>(value); }
+std::uint64_t bit_of(std::size_t number) { return std::uint64_t{1} << (number % 64); }
+
+/// To the nearest face of the grid, negative outside. 1-Lipschitz.
+double inside_grid_m(const GridSpec& grid, const Eigen::Vector3d& p) {
+  return std::min((p - grid.origin_m).minCoeff(), (grid.upper_m() - p).minCoeff());
+}
+
+Eigen::Vector3d point(const PointLanes& points_m, std::size_t lane) {
+  return {points_m.x[lane], points_m.y[lane], points_m.z[lane]};
+}
+
+}  // namespace
+
+struct EdgeProver::Look {
+  std::span<const Part> parts;
+  double half;  ///< Of a part.
+  double resolution_m;
+  std::uint64_t balls[kLanes] = {};  ///< Not shown clear.
+  std::uint64_t pairs[kLanes] = {};
+};
+
+EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot)
+    : robot_(std::move(robot)),
+      above_floor_(space_, robot_->description()),
+      bounds_(*robot_),
+      variation_(robot_->description().joints.size()),
+      q_(kLanes * variation_.size()),
+      centres_(robot_->description().spheres.size()) {
+  const RobotDescription& robot_is = robot_->description();
+  std::vector<std::size_t> ball_of_link(robot_is.links.size(), robot_is.links.size());
+  for (int s = 0; s < static_cast<int>(robot_is.spheres.size()); ++s) {
+    const CollisionSphere& sphere = robot_is.spheres[at(s)];
+    radius_m_.push_back(sphere.radius_m);
+    std::size_t& ball = ball_of_link[at(sphere.link)];
+    if (ball == robot_is.links.size()) {
+      ball = balls_.size();
+      balls_.push_back({.link = sphere.link, .radius_m = kInfinity});
+    }
+    balls_[ball].spheres.push_back(s);
+  }
+  const auto centre_m = [&](int s) -> const Eigen::Vector3d& {
+    return robot_is.spheres[at(s)].centre_link_m;
+  };
+  for (Ball& ball : balls_) {
+    ball.outermost =
+        *std::ranges::max_element(ball.spheres, {}, [&](int s) { return centre_m(s).norm(); });
+    for (const int middle : ball.spheres) {
+      double radius_m = 0.0;
+      for (const int s : ball.spheres) {
+        radius_m = std::max(radius_m, (centre_m(s) - centre_m(middle)).norm() + radius_m_[at(s)]);
+      }
+      if (radius_m >= ball.radius_m) continue;
+      ball.radius_m = radius_m;
+      ball.centre = middle;
+    }
+  }
+  for (std::size_t pair = 0; pair < robot_is.self_collision_pairs.size(); ++pair) {
+    const auto [first, second] = robot_is.self_collision_pairs[pair];
+    const std::size_t a = ball_of_link[at(first)], b = ball_of_link[at(second)];
+    if (std::max(a, b) == robot_is.links.size()) continue;  // one has no spheres
+    pairs_.push_back({a, b, static_cast<int>(pair)});
+  }
+  ball_way_m_.resize(balls_.size());
+  ball_bend_m_.resize(balls_.size());
+  pair_way_m_.resize(pairs_.size());
+}
+
+void EdgeProver::look_at(std::shared_ptr<const SceneField> field, const SpacePolicy& space,
+                         double margin_m) {
+  field_ = std::move(field);
+  space_ = space;
+  above_floor_ = FloorClearance(space_, robot_->description());
+  is_bounded_ = space_.floor.has_value() || space_.outside == Space::kOccupied;
+  margin_m_ = margin_m;
+  shapes_.resize(field_->shapes().size());
+  nearer_.resize(field_->shapes().size());
+}
+
+bool EdgeProver::is_clear(std::span<const double> q) { return is_clear(q, q, kInfinity); }
+
+bool EdgeProver::is_clear(std::span<const double> q_from, std::span<const double> q_to,
+                          double resolution_m) {
+  const auto is_finite = [](double value) { return std::isfinite(value); };
+  if (!std::ranges::all_of(q_from, is_finite) || !std::ranges::all_of(q_to, is_finite)) {
+    return false;
+  }
+  q_from_ = q_from;
+  q_to_ = q_to;
+  measure_edge();
+  return prove(resolution_m);
+}
+
+void EdgeProver::measure_edge() {
+  const std::size_t dof = variation_.size();
+  for (std::size_t j = 0; j < dof; ++j) variation_[j] = std::abs(q_to_[j] - q_from_[j]);
+  const auto way_m = [&](std::span<const double> levers) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < dof; ++j)
+      sum += variation_[j] > 0.0 ? levers[j] * variation_[j] : 0;
+    return sum;
+  };
+  for (std::size_t b = 0; b < balls_.size(); ++b) {
+    ball_way_m_[b] = way_m(bounds_.sphere_levers(balls_[b].outermost));
+    ball_bend_m_[b] = bounds_.bend(balls_[b].outermost, variation_);
+  }
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    pair_way_m_[p] = way_m(bounds_.pair_levers(pairs_[p].pair));
+  }
+}
+
+bool EdgeProver::prove(double resolution_m) {
+  double half = 0.5 / kFirstParts;
+  parts_.clear();
+  for (std::size_t i = 0; i < kFirstParts; ++i) {
+    parts_.push_back({static_cast<double>(2 * i + 1) * half, ~std::uint64_t{0}, ~std::uint64_t{0}});
+  }
+  while (true) {
+    next_.clear();
+    for (std::size_t first = 0; first < parts_.size(); first += kLanes) {
+      const std::size_t count = std::min(kLanes, parts_.size() - first);
+      if (!look(std::span(parts_).subspan(first, count), half, resolution_m)) return false;
+    }
+    if (next_.empty()) return true;
+    if (next_.size() > kMostParts) return false;
+    half /= kSplit;
+    parts_.clear();
+    for (const Part& part : next_) {
+      for (std::size_t i = 0; i < kSplit; ++i) {
+        const double shift = static_cast<double>(2 * i + 1) - static_cast<double>(kSplit);
+        parts_.push_back({part.middle + shift * half, part.balls, part.pairs});
+      }
+    }
+  }
+}
+
+/// Looks at kLanes parts at most, and leaves those that must be cut in next_; false where one is
+/// not clear, or cannot be shown clear.
+bool EdgeProver::look(std::span<const Part> parts, double half, double resolution_m) {
+  const std::size_t dof = variation_.size();
+  Look look{.parts = parts, .half = half, .resolution_m = resolution_m};
+  std::uint64_t balls = 0, pairs = 0;
+  for (std::size_t lane = 0; lane < parts.size(); ++lane) {
+    balls |= parts[lane].balls;
+    pairs |= parts[lane].pairs;
+    for (std::size_t j = 0; j < dof; ++j) {
+      q_[lane * dof + j] = q_from_[j] + parts[lane].middle * (q_to_[j] - q_from_[j]);
+    }
+  }
+  robot_->sphere_centre_lanes(std::span(q_).first(parts.size() * dof), centres_, scratch_);
+  for (std::size_t ball = balls_.size(); ball-- > 0;) {  // what moves most is likeliest to touch
+    if ((balls & bit_of(ball)) != 0 && !look_at_ball(ball, look)) return false;
+  }
+  for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
+    if ((pairs & bit_of(pair)) != 0 && !look_at_pair(pair, look)) return false;
+  }
+  for (std::size_t lane = 0; lane < parts.size(); ++lane) {
+    if ((look.balls[lane] | look.pairs[lane]) == 0) continue;
+    next_.push_back({parts[lane].middle, look.balls[lane], look.pairs[lane]});
+  }
+  return true;
+}
+
+bool EdgeProver::look_at_ball(std::size_t number, Look& look) {
+  const Ball& ball = balls_[number];
+  alignas(64) double limits_m[kLanes], is_near[kLanes] = {};
+  std::ranges::fill(limits_m, ball.radius_m + margin_m_ + ball_way_m_[number] * look.half);
+  const PointLanes& centre_m = centres_[at(ball.centre)];
+  const std::size_t near =
+      field_->find_within(field_->shapes(), centre_m, limits_m, shapes_.data(), is_near);
+  const bool is_on_edge = is_bounded_ && !is_well_inside(number, look);
+  if (near == 0 && !is_on_edge) return true;
+  for (const int sphere : ball.spheres) {
+    if (!look_at_sphere(number, sphere, std::span(shapes_).first(near), look)) return false;
+  }
+  return true;
+}
+
+/// Whether the whole ball keeps away from the floor and the field's bounds, as far as they matter.
+bool EdgeProver::is_well_inside(std::size_t number, const Look& look) const {
+  const Ball& ball = balls_[number];
+  const double way_m = ball_way_m_[number] * look.half;
+  const double beyond_m = ball.radius_m - radius_m_[at(ball.centre)];
+  for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
+    const Eigen::Vector3d p_m = point(centres_[at(ball.centre)], lane);
+    if (above_floor_(at(ball.centre), p_m) - beyond_m - way_m < margin_m_) return false;
+    if (space_.outside == Space::kFree) continue;
+    if (inside_grid_m(field_->info().grid, p_m) < ball.radius_m + way_m) return false;
+  }
+  return true;
+}
+
+bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
+                                std::span<const std::uint16_t> shapes, Look& look) {
+  const PointLanes& centre_m = centres_[at(sphere)];
+  const double required_m = radius_m_[at(sphere)] + margin_m_;
+  alignas(64) double ways_m[kLanes], limits_m[kLanes], is_near[kLanes] = {}, is_hit[kLanes] = {};
+  detail::find_ways(centre_m, ball_way_m_[number] * look.half,
+                    1.5 * ball_bend_m_[number] * look.half * look.half, ways_m);
+  detail::add_to(ways_m, required_m, limits_m);
+  const std::size_t near = field_->find_within(shapes, centre_m, limits_m, nearer_.data(), is_near);
+  if (near == 0 && !is_bounded_) return true;
+  std::ranges::fill(limits_m, required_m);
+  (void)field_->find_within(std::span(nearer_).first(near), centre_m, limits_m, nearer_.data(),
+                            is_hit);
+  for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
+    if ((look.parts[lane].balls & bit_of(number)) == 0) continue;
+    const Eigen::Vector3d p_m = point(centre_m, lane);
+    const double inside_m = inside_grid_m(field_->info().grid, p_m);
+    const double above_m = above_floor_(at(sphere), p_m);
+    const bool is_outside_free = space_.outside == Space::kFree && inside_m < 0.0;
+    if (is_hit[lane] != 0.0 && !is_outside_free) return false;
+    if (above_m < margin_m_ || (space_.outside == Space::kOccupied && inside_m < 0.0)) return false;
+    const bool is_away = is_outside_free && -inside_m >= ways_m[lane];  // never comes inside
+    const bool is_open = (is_near[lane] != 0.0 && !is_away) || above_m - ways_m[lane] < margin_m_ ||
+                         (space_.outside == Space::kOccupied && inside_m < ways_m[lane]);
+    if (!is_open) continue;
+    if (2.0 * ways_m[lane] <= look.resolution_m) return false;
+    look.balls[lane] |= bit_of(number);
+  }
+  return true;
+}
+
+bool EdgeProver::look_at_pair(std::size_t number, Look& look) const {
+  const BallPair& pair = pairs_[number];
+  const Ball &first = balls_[pair.a], &second = balls_[pair.b];
+  const double way_m = pair_way_m_[number] * look.half;
+  alignas(64) double ignored[kLanes] = {}, is_near[kLanes] = {}, is_hit[kLanes] = {};
+  const PointLanes& middle_m = centres_[at(second.centre)];
+  if (!detail::find_close(centres_[at(first.centre)], middle_m,
+                          first.radius_m + second.radius_m + way_m, ignored)) {
+    return true;
+  }
+  for (const int a : first.spheres) {
+    const double a_m = radius_m_[at(a)];
+    if (!detail::find_close(centres_[at(a)], middle_m, a_m + second.radius_m + way_m, ignored)) {
+      continue;
+    }
+    for (const int b : second.spheres) {
+      const double sum_m = a_m + radius_m_[at(b)];
+      if (!detail::find_close(centres_[at(a)], centres_[at(b)], sum_m + way_m, is_near)) continue;
+      (void)detail::find_close(centres_[at(a)], centres_[at(b)], sum_m, is_hit);
+    }
+  }
+  for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
+    if ((look.parts[lane].pairs & bit_of(number)) == 0 || is_near[lane] == 0.0) continue;
+    if (is_hit[lane] != 0.0 || 2.0 * way_m <= look.resolution_m) return false;
+    look.pairs[lane] |= bit_of(number);
+  }
+  return true;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <sidestep/core/lanes.hpp>
+#include <sidestep/core/scratch.hpp>
+#include <sidestep/field/scene_field.hpp>
+#include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/problem.hpp>
+#include <sidestep/robot/robot_model.hpp>
+
+#include "motion_bounds.hpp"
+
+namespace sidestep {
+
+/// Shows edges (straight motions in joint space) clear of the shapes of a scene, of the floor and
+/// of the robot itself, over the whole of each edge, in lanes of configurations.
+///
+/// An edge is cut into eight parts, each looked at in its middle, all at once: so most edges in
+/// collision are found out by the first look. A part is clear of a sphere whose distance there
+/// exceeds its radius, the margin, and its way: how far its centre comes within half a part. Which
+/// parts are not shown clear of which links is remembered, and they are cut into four, for those
+/// links alone, until a sphere's way in a part is less than the resolution.
+///
+/// A link's spheres are first taken together, as a ball around one of them. The way of a sphere is
+/// bounded by its levers (motion_bounds.hpp), and by the chord between the middles of two
+/// neighbouring parts and how far the sphere can turn off it (edge_lanes.hpp).
+///
+/// The same verdicts as ClearanceProver's, but for edges that one or the other cannot show clear at
+/// its resolution, and for shapes beyond the bounds of the field, which here are in the way of
+/// spheres that cross these bounds. Keeps its temporaries: one object per thread.
+class EdgeProver {
+ public:
+  explicit EdgeProver(std::shared_ptr<const RobotModel> robot);
+
+  /// What is to be avoided from now on.
+  void look_at(std::shared_ptr<const SceneField> field, const SpacePolicy& space, double margin_m);
+
+  [[nodiscard]] bool is_clear(std::span<const double> q);
+  [[nodiscard]] bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
+                              double resolution_m);
+
+ private:
+  /// The spheres of one link, within one ball.
+  struct Ball {
+    int link = 0;
+    int centre = 0;         ///< The sphere around whose centre the ball is.
+    int outermost = 0;      ///< The sphere that moves farthest, whatever the joints do.
+    double radius_m = 0.0;  ///< Of the ball.
+    std::vector<int> spheres = {};
+  };
+  struct BallPair {
+    std::size_t a, b;  ///< Balls.
+    int pair;          ///< Of self_collision_pairs.
+  };
+  /// A part of the edge, and what it is not shown clear of: bit i of `balls` is for all balls whose
+  /// number modulo 64 is i, and so for pairs.
+  struct Part {
+    double middle;
+    std::uint64_t balls;
+    std::uint64_t pairs;
+  };
+  /// What is known of kLanes parts while they are looked at.
+  struct Look;
+
+  [[nodiscard]] bool prove(double resolution_m);
+  [[nodiscard]] bool look(std::span<const Part> parts, double half, double resolution_m);
+  [[nodiscard]] bool look_at_ball(std::size_t number, Look& look);
+  [[nodiscard]] bool is_well_inside(std::size_t number, const Look& look) const;
+  [[nodiscard]] bool look_at_sphere(std::size_t number, int sphere,
+                                    std::span<const std::uint16_t> shapes, Look& look);
+  [[nodiscard]] bool look_at_pair(std::size_t number, Look& look) const;
+  void measure_edge();
+
+  std::shared_ptr<const RobotModel> robot_;
+  std::shared_ptr<const SceneField> field_;
+  SpacePolicy space_;
+  FloorClearance above_floor_;
+  bool is_bounded_ = false;  ///< Whether the floor or the field's bounds are in the way.
+  double margin_m_ = 0.0;
+  MotionBounds bounds_;
+  std::vector<Ball> balls_;
+  std::vector<BallPair> pairs_;
+  std::vector<double> radius_m_;  ///< Of spheres.
+
+  // Of the edge that is looked at.
+  std::span<const double> q_from_;
+  std::span<const double> q_to_;
+  std::vector<double> variation_;
+  std::vector<double> ball_way_m_;  ///< By levers, over the whole edge.
+  std::vector<double> ball_bend_m_;
+  std::vector<double> pair_way_m_;
+  std::vector<Part> parts_;
+  std::vector<Part> next_;
+  std::vector<double> q_;
+  std::vector<PointLanes> centres_;
+  std::vector<std::uint16_t> shapes_;  ///< Near the ball that is looked at.
+  std::vector<std::uint16_t> nearer_;
+  Scratch scratch_;
+};
+
+}  // namespace sidestep
