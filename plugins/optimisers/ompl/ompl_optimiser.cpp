@@ -1,14 +1,12 @@
 #include "ompl_optimiser.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
-#include <ompl/base/MotionValidator.h>
 #include <ompl/base/ProblemDefinition.h>
-#include <ompl/base/SpaceInformation.h>
 #include <ompl/base/objectives/PathLengthOptimizationObjective.h>
-#include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/PathSimplifier.h>
 #include <ompl/util/Exception.h>
@@ -18,8 +16,8 @@
 #include <sidestep/planning/motion_check.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
-#include "joint_space.hpp"
 #include "planners.hpp"
+#include "search.hpp"
 #include "session.hpp"
 
 namespace sidestep::ompl_optimiser {
@@ -31,117 +29,7 @@ namespace og = ::ompl::geometric;
 /// Clearance kept beyond the problem's margin, so that whatever is shown clear here can be
 /// shown clear again by a check with other steps.
 constexpr double kSpareMargin_m = 2e-4;
-constexpr int kSimplifyRounds = 3;
-constexpr unsigned kSimplifySteps = 100;
-constexpr unsigned kSimplifyEmptySteps = 30;
-constexpr int kLastValidHalvings = 6;
 constexpr double kGoalTolerance = 1e-9;  // in the scaled space: the goal is met exactly
-
-/// One search: the problem in OMPL's terms.
-class Search {
- public:
-  Search(const Problem& problem, const Deadline& deadline)
-      : space_(problem),
-        check_(problem.robot, problem.field, problem.space,
-               problem.collision_margin_m + kSpareMargin_m),
-        deadline_(deadline),
-        q_from_(space_.dof()),
-        q_to_(space_.dof()) {}
-
-  [[nodiscard]] const JointSpace& space() const noexcept { return space_; }
-  [[nodiscard]] const Deadline& deadline() const noexcept { return deadline_; }
-
-  [[nodiscard]] bool is_clear(const ob::State* state) {
-    to_joints(state, q_from_);
-    return check_.is_clear(q_from_);
-  }
-  [[nodiscard]] bool is_clear(const ob::State* from, const ob::State* to, double resolution_m) {
-    if (deadline_.expired()) return false;  // nothing more is to be found
-    to_joints(from, q_from_);
-    to_joints(to, q_to_);
-    return check_.is_clear(q_from_, q_to_, resolution_m);
-  }
-  void to_joints(const ob::State* state, std::span<double> q) const {
-    const double* u = state->as<ob::RealVectorStateSpace::StateType>()->values;
-    space_.to_joints({u, space_.dof()}, q);
-  }
-  void from_joints(std::span<const double> q, ob::State* state) const {
-    double* u = state->as<ob::RealVectorStateSpace::StateType>()->values;
-    space_.from_joints(q, {u, space_.dof()});
-  }
-
- private:
-  JointSpace space_;
-  MotionCheck check_;
-  Deadline deadline_;
-  std::vector<double> q_from_;
-  std::vector<double> q_to_;
-};
-
-class ClearStates final : public ob::StateValidityChecker {
- public:
-  ClearStates(ob::SpaceInformation* information, Search& search)
-      : ob::StateValidityChecker(information), search_(search) {}
-  using ob::StateValidityChecker::isValid;
-  bool isValid(const ob::State* state) const override {
-    return si_->satisfiesBounds(state) && search_.is_clear(state);
-  }
-
- private:
-  Search& search_;
-};
-
-class ClearMotions final : public ob::MotionValidator {
- public:
-  ClearMotions(ob::SpaceInformation* information, Search& search, double resolution_m)
-      : ob::MotionValidator(information), search_(search), resolution_m_(resolution_m) {}
-
-  bool checkMotion(const ob::State* from, const ob::State* to) const override {
-    const bool is_clear = si_->satisfiesBounds(to) && search_.is_clear(from, to, resolution_m_);
-    ++(is_clear ? valid_ : invalid_);
-    return is_clear;
-  }
-
-  bool checkMotion(const ob::State* from, const ob::State* to,
-                   std::pair<ob::State*, double>& last_valid) const override {
-    if (checkMotion(from, to)) return true;
-    ob::State* part = si_->allocState();
-    double clear = 0.0;
-    double step = 0.5;
-    for (int i = 0; i < kLastValidHalvings; ++i, step *= 0.5) {
-      si_->getStateSpace()->interpolate(from, to, clear + step, part);
-      if (si_->satisfiesBounds(part) && search_.is_clear(from, part, resolution_m_)) clear += step;
-    }
-    si_->freeState(part);
-    last_valid.second = clear;
-    if (last_valid.first != nullptr) {
-      si_->getStateSpace()->interpolate(from, to, clear, last_valid.first);
-    }
-    return false;
-  }
-
- private:
-  Search& search_;
-  double resolution_m_;
-};
-
-ob::SpaceInformationPtr make_information(Search& search, double resolution_m) {
-  const JointSpace& joints = search.space();
-  auto space = std::make_shared<ob::RealVectorStateSpace>(static_cast<unsigned>(joints.dof()));
-  ob::RealVectorBounds bounds(static_cast<unsigned>(joints.dof()));
-  for (std::size_t j = 0; j < joints.dof(); ++j) {
-    // A joint whose range is a point still needs a little width for OMPL.
-    bounds.setLow(static_cast<unsigned>(j), joints.lower(j));
-    bounds.setHigh(static_cast<unsigned>(j), std::max(joints.upper(j), joints.lower(j) + 1e-9));
-  }
-  space->setBounds(bounds);
-  auto information = std::make_shared<ob::SpaceInformation>(space);
-  information->setStateValidityChecker(std::make_shared<ClearStates>(information.get(), search));
-  information->setMotionValidator(
-      std::make_shared<ClearMotions>(information.get(), search, resolution_m));
-  information->setup();
-  return information;
-}
 
 std::vector<double> configurations(const Problem& problem, const Search& search,
                                    const og::PathGeometric& path) {
@@ -156,6 +44,7 @@ std::vector<double> configurations(const Problem& problem, const Search& search,
   return q;
 }
 
+std::string number(double value) { return format("%.17g", value); }
 std::string seconds(double value) { return format("%.3g s", value); }
 
 Solution no_path(std::string reason) {
@@ -194,7 +83,9 @@ class OmplOptimiser final : public Optimiser {
                                        const Deadline& deadline) override;
 
  private:
-  [[nodiscard]] Solution search(const Problem& problem, const Deadline& deadline) const;
+  void look_at(const Problem& problem);
+  [[nodiscard]] Solution search(const Problem& problem, const Deadline& deadline);
+  [[nodiscard]] ob::PlannerPtr make_planner(const ob::SpaceInformationPtr& information) const;
   [[nodiscard]] Solution timed(const Problem& problem, const Search& search,
                                const og::PathGeometric& path) const;
   [[nodiscard]] Solution nothing_found(const Deadline& deadline, int iterations) const;
@@ -205,7 +96,20 @@ class OmplOptimiser final : public Optimiser {
   Options options_;
   std::uint64_t seed_;
   Log& log_;
+  std::shared_ptr<const RobotModel> robot_;  ///< Of check_.
+  std::optional<MotionCheck> check_;
 };
+
+/// What is known of a robot is kept from problem to problem.
+void OmplOptimiser::look_at(const Problem& problem) {
+  const double margin_m = problem.collision_margin_m + kSpareMargin_m;
+  if (check_ && robot_ == problem.robot) {
+    check_->look_at(problem.field, problem.space, margin_m);
+    return;
+  }
+  robot_ = problem.robot;
+  check_.emplace(problem.robot, problem.field, problem.space, margin_m);
+}
 
 Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
                                       const Deadline& deadline) {
@@ -217,10 +121,12 @@ Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
     return fail(ErrorCode::kInvalidArgument, "a sampling planner needs a distance field");
   }
   Solution solution;
-  const auto blocked = [&](const RobotState& state) {
+  look_at(problem);
+  const auto blocked = [&](const RobotState& state) -> std::optional<Violation> {
+    const std::span<const double> q(state.q.data(), static_cast<std::size_t>(state.q.size()));
+    if (check_->is_clear(q)) return std::nullopt;
     return state_violation(problem.robot, problem.field, problem.space,
-                           problem.collision_margin_m + kSpareMargin_m,
-                           {state.q.data(), static_cast<std::size_t>(state.q.size())});
+                           problem.collision_margin_m + kSpareMargin_m, q);
   };
   if (is_goal_free(problem)) {
     solution = no_path(why_not_free(problem));
@@ -241,9 +147,9 @@ Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
   return solution;
 }
 
-Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline) const {
+Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline) {
   const Session session(seed_, log_);
-  Search search(problem, deadline.capped_s(options_.max_time_s));
+  Search search(problem, *check_, deadline.capped_s(options_.max_time_s));
   const auto information = make_information(search, options_.resolution_m);
   const auto definition = std::make_shared<ob::ProblemDefinition>(information);
   ob::ScopedState<> start(information);
@@ -270,13 +176,13 @@ Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline)
     return iterations > options_.max_iterations || search.deadline().expired() ||
            (is_found && iterations > options_.optimise_iterations);
   });
-  const auto planner = make_planner(information, options_.planner, options_.range_s);
+  const auto planner = make_planner(information);
   planner->setProblemDefinition(definition);
   planner->setup();
   const ob::PlannerStatus status = planner->solve(done);
   if (status != ob::PlannerStatus::EXACT_SOLUTION) return nothing_found(deadline, iterations);
 
-  const bool is_cut = improves_until_stopped(options_.planner) && search.deadline().expired();
+  const bool is_cut = planner->getSpecs().optimizingPaths && search.deadline().expired();
   og::PathGeometric path = *definition->getSolutionPath()->as<og::PathGeometric>();
   const double found_length = path.length();
   if (options_.simplify) simplify(information, search.deadline(), path);
@@ -288,6 +194,17 @@ Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline)
     solution.reason = "the deadline ended the search for shorter paths";
   }
   return solution;
+}
+
+ob::PlannerPtr OmplOptimiser::make_planner(const ob::SpaceInformationPtr& information) const {
+  ob::PlannerPtr planner = ompl_optimiser::make_planner(information, options_.planner);
+  if (options_.range_s > 0.0 && planner->params().hasParam("range")) {
+    (void)set_parameter(*planner, "range", number(options_.range_s));
+  }
+  for (const Node::Entry& entry : options_.planner_parameters.entries()) {
+    (void)set_parameter(*planner, entry.key, entry.value.text());  // Options::check() has tried it
+  }
+  return planner;
 }
 
 Solution OmplOptimiser::timed(const Problem& problem, const Search& search,
@@ -321,13 +238,13 @@ Solution OmplOptimiser::nothing_found(const Deadline& deadline, int iterations) 
 void OmplOptimiser::simplify(const ob::SpaceInformationPtr& information, const Deadline& deadline,
                              og::PathGeometric& path) const {
   og::PathSimplifier simplifier(information);
-  for (int round = 0; round < kSimplifyRounds && !deadline.expired(); ++round) {
-    bool is_changed = simplifier.reduceVertices(path, kSimplifySteps, kSimplifyEmptySteps);
-    is_changed |= simplifier.collapseCloseVertices(path, kSimplifySteps, kSimplifyEmptySteps);
-    is_changed |= simplifier.shortcutPath(path, kSimplifySteps, kSimplifyEmptySteps);
+  const auto tries = static_cast<unsigned>(options_.simplify_tries);
+  const unsigned in_vain = std::max(1u, tries / 3);
+  for (int round = 0; round < options_.simplify_rounds && !deadline.expired(); ++round) {
+    bool is_changed = simplifier.reduceVertices(path, tries, in_vain);
+    is_changed |= simplifier.shortcutPath(path, tries, in_vain);
     if (!is_changed) break;
   }
-  simplifier.reduceVertices(path, kSimplifySteps, kSimplifyEmptySteps);
 }
 
 void OmplOptimiser::warn_of_moving_ends(const Problem& problem) const {

@@ -1,18 +1,27 @@
 #include "options.hpp"
 
+#include <map>
+#include <utility>
+
+#include "planners.hpp"
+
 namespace sidestep::ompl_optimiser {
 
 Parameters<Options> Options::parameters() {
   return Parameters<Options>()
       .add("planner", &Options::planner, "The planner of OMPL that searches.",
-           {.choices = {"RRTConnect", "RRTstar", "BITstar", "PRM"}})
+           {.choices = planner_names()})
+      .add("parameters", &Options::planner_parameters,
+           "Parameters of the planner by OMPL's own names, as {samples_per_batch: 200}.")
       .add("max_time_s", &Options::max_time_s,
            "Gives up after this long, or at the caller's deadline if that is sooner.",
            {.unit = "s", .min = 0.001})
       .add("max_iterations", &Options::max_iterations,
            "Gives up after this many iterations of the planner.", {.min = 1})
       .add("optimise_iterations", &Options::optimise_iterations,
-           "RRTstar and BITstar go on improving their path until this many iterations.", {.min = 1})
+           "Planners that improve their path (RRTstar, BITstar, ...) go on until this many "
+           "iterations.",
+           {.min = 1})
       .add("range_s", &Options::range_s,
            "Longest extension of a tree, as the time it takes at full speed; 0 lets OMPL choose.",
            {.unit = "s", .min = 0.0})
@@ -20,7 +29,45 @@ Parameters<Options> Options::parameters() {
            "A motion that is not shown clear before no sphere moves more than this between two "
            "checks counts as blocked.",
            {.unit = "m", .min = 1e-4})
-      .add("simplify", &Options::simplify, "Shorten the path before it is timed.");
+      .add("simplify", &Options::simplify, "Shorten the path before it is timed.")
+      .add("simplify_rounds", &Options::simplify_rounds,
+           "Rounds of shortening, at most; it ends where one has changed nothing.", {.min = 1})
+      .add("simplify_tries", &Options::simplify_tries,
+           "Short cuts that are tried in a round, and vertices that are left out: so many each.",
+           {.min = 1});
+}
+
+std::vector<OptionMistake> Options::check() const {
+  std::vector<OptionMistake> mistakes;
+  if (planner_parameters.is_null()) return mistakes;
+  if (!planner_parameters.is_map()) {
+    mistakes.push_back({{"parameters"}, "must be a map of the planner's parameters", {}});
+    return mistakes;
+  }
+  const std::map<std::string, std::string> known = parameters_of(planner);
+  std::vector<std::string> names;
+  std::string list;
+  for (const auto& [name, value] : known) {
+    names.push_back(name);
+    list += (list.empty() ? "" : ", ") + name + " (" + value + ")";
+  }
+  for (const Node::Entry& entry : planner_parameters.entries()) {
+    const std::string path = "parameters." + entry.key;
+    if (!known.contains(entry.key)) {
+      const std::string nearest = nearest_name(entry.key, names);
+      mistakes.push_back({{path},
+                          "is no parameter of " + planner,
+                          (nearest.empty() ? "" : "did you mean '" + nearest + "'? ") +
+                              (list.empty() ? planner + " has none"
+                                            : planner + " has, with their defaults: " + list)});
+    } else if (!entry.value.is_scalar()) {
+      mistakes.push_back({{path}, "must be one value, not " + entry.value.kind(), {}});
+    } else if (std::string wrong = try_parameter(planner, entry.key, entry.value.text());
+               !wrong.empty()) {
+      mistakes.push_back({{path}, std::move(wrong), {}});
+    }
+  }
+  return mistakes;
 }
 
 }  // namespace sidestep::ompl_optimiser

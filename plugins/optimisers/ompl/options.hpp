@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <sidestep/plugin/parameters.hpp>
 
@@ -8,14 +9,18 @@ namespace sidestep::ompl_optimiser {
 
 struct Options {
   std::string planner = "RRTConnect";
+  Node planner_parameters;
   double max_time_s = 5.0;
   int max_iterations = 200000;
   int optimise_iterations = 2000;
   double range_s = 0.0;
   double resolution_m = 0.005;
   bool simplify = true;
+  int simplify_rounds = 3;
+  int simplify_tries = 100;
 
   static Parameters<Options> parameters();
+  [[nodiscard]] std::vector<OptionMistake> check() const;
 };
 
 }  // namespace sidestep::ompl_optimiser

@@ -15,4 +15,4 @@ Result<std::unique_ptr<Optimiser>> create(const Options& options, const HostCont
 
 SIDESTEP_PLUGIN(sidestep::Optimiser, sidestep::ompl_optimiser::Options,
                 sidestep::ompl_optimiser::create, "ompl", "0.1.0",
-                "Sampling-based planners of OMPL: RRTConnect, RRTstar, BITstar, PRM")
+                "Sampling-based planners of OMPL, by their names: RRTConnect, BITstar, PRM, ...")

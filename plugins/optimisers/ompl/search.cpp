@@ -1,0 +1,116 @@
+#include "search.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include <ompl/base/MotionValidator.h>
+#include <ompl/base/spaces/RealVectorStateSpace.h>
+
+namespace sidestep::ompl_optimiser {
+
+namespace ob = ::ompl::base;
+
+Search::Search(const Problem& problem, MotionCheck& check, const Deadline& deadline)
+    : space_(problem),
+      check_(check),
+      deadline_(deadline),
+      q_from_(space_.dof()),
+      q_to_(space_.dof()) {}
+
+bool Search::is_clear(const ob::State* state) {
+  const std::scoped_lock lock(mutex_);
+  to_joints(state, q_from_);
+  return check_.is_clear(q_from_);
+}
+
+bool Search::is_clear(const ob::State* from, const ob::State* to, double resolution_m) {
+  if (deadline_.expired()) return false;  // nothing more is to be found
+  const std::scoped_lock lock(mutex_);
+  to_joints(from, q_from_);
+  to_joints(to, q_to_);
+  return check_.is_clear(q_from_, q_to_, resolution_m);
+}
+
+void Search::to_joints(const ob::State* state, std::span<double> q) const {
+  const double* u = state->as<ob::RealVectorStateSpace::StateType>()->values;
+  space_.to_joints({u, space_.dof()}, q);
+}
+
+void Search::from_joints(std::span<const double> q, ob::State* state) const {
+  double* u = state->as<ob::RealVectorStateSpace::StateType>()->values;
+  space_.from_joints(q, {u, space_.dof()});
+}
+
+namespace {
+
+constexpr int kLastValidHalvings = 6;
+
+class ClearStates final : public ob::StateValidityChecker {
+ public:
+  ClearStates(ob::SpaceInformation* information, Search& search)
+      : ob::StateValidityChecker(information), search_(search) {}
+  using ob::StateValidityChecker::isValid;
+  bool isValid(const ob::State* state) const override {
+    return si_->satisfiesBounds(state) && search_.is_clear(state);
+  }
+
+ private:
+  Search& search_;
+};
+
+class ClearMotions final : public ob::MotionValidator {
+ public:
+  ClearMotions(ob::SpaceInformation* information, Search& search, double resolution_m)
+      : ob::MotionValidator(information), search_(search), resolution_m_(resolution_m) {}
+
+  bool checkMotion(const ob::State* from, const ob::State* to) const override {
+    const bool is_clear = si_->satisfiesBounds(to) && search_.is_clear(from, to, resolution_m_);
+    ++(is_clear ? valid_ : invalid_);
+    return is_clear;
+  }
+
+  bool checkMotion(const ob::State* from, const ob::State* to,
+                   std::pair<ob::State*, double>& last_valid) const override {
+    if (checkMotion(from, to)) return true;
+    ob::State* part = si_->allocState();
+    double clear = 0.0;
+    double step = 0.5;
+    for (int i = 0; i < kLastValidHalvings; ++i, step *= 0.5) {
+      si_->getStateSpace()->interpolate(from, to, clear + step, part);
+      if (si_->satisfiesBounds(part) && search_.is_clear(from, part, resolution_m_)) clear += step;
+    }
+    si_->freeState(part);
+    last_valid.second = clear;
+    if (last_valid.first != nullptr) {
+      si_->getStateSpace()->interpolate(from, to, clear, last_valid.first);
+    }
+    return false;
+  }
+
+ private:
+  Search& search_;
+  double resolution_m_;
+};
+
+}  // namespace
+
+ob::SpaceInformationPtr make_information(Search& search, double resolution_m) {
+  const JointSpace& joints = search.space();
+  auto space = std::make_shared<ob::RealVectorStateSpace>(static_cast<unsigned>(joints.dof()));
+  ob::RealVectorBounds bounds(static_cast<unsigned>(joints.dof()));
+  for (std::size_t j = 0; j < joints.dof(); ++j) {
+    // A joint whose range is a point still needs a little width for OMPL.
+    bounds.setLow(static_cast<unsigned>(j), joints.lower(j));
+    bounds.setHigh(static_cast<unsigned>(j), std::max(joints.upper(j), joints.lower(j) + 1e-9));
+  }
+  space->setBounds(bounds);
+  auto information = std::make_shared<ob::SpaceInformation>(space);
+  information->setStateValidityChecker(std::make_shared<ClearStates>(information.get(), search));
+  information->setMotionValidator(
+      std::make_shared<ClearMotions>(information.get(), search, resolution_m));
+  information->setup();
+  return information;
+}
+
+}  // namespace sidestep::ompl_optimiser

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include <ompl/base/SpaceInformation.h>
+
+#include <sidestep/core/time.hpp>
+#include <sidestep/planning/motion_check.hpp>
+#include <sidestep/planning/problem.hpp>
+
+#include "joint_space.hpp"
+
+namespace sidestep::ompl_optimiser {
+
+/// One search: a problem in OMPL's terms. Planners with threads of their own check one at a time.
+class Search {
+ public:
+  /// `check` must outlive it, and looks at the problem's field.
+  Search(const Problem& problem, MotionCheck& check, const Deadline& deadline);
+
+  [[nodiscard]] const JointSpace& space() const noexcept { return space_; }
+  [[nodiscard]] const Deadline& deadline() const noexcept { return deadline_; }
+
+  [[nodiscard]] bool is_clear(const ::ompl::base::State* state);
+  [[nodiscard]] bool is_clear(const ::ompl::base::State* from, const ::ompl::base::State* to,
+                              double resolution_m);
+  void to_joints(const ::ompl::base::State* state, std::span<double> q) const;
+  void from_joints(std::span<const double> q, ::ompl::base::State* state) const;
+
+ private:
+  JointSpace space_;
+  MotionCheck& check_;
+  Deadline deadline_;
+  std::mutex mutex_;  ///< Of check_ and what follows.
+  std::vector<double> q_from_;
+  std::vector<double> q_to_;
+};
+
+/// The space that `search` searches, ready for planners: what is valid is what its check shows
+/// clear.
+[[nodiscard]] ::ompl::base::SpaceInformationPtr make_information(Search& search,
+                                                                 double resolution_m);
+
+}  // namespace sidestep::ompl_optimiser
