@@ -13,6 +13,8 @@ namespace sidestep {
 namespace {
 
 constexpr int kStages = 200;  ///< Of a motion's timing: within 1 % of the fastest.
+/// Of one along straight lines that stops at every corner: within 1 % again, mostly within 0.1 %.
+constexpr int kStraightStages = 60;
 constexpr int kMostGuesses = 1000;
 
 }  // namespace
@@ -84,7 +86,9 @@ std::optional<Trajectory> PlanningRace::propose(PluginPtr<Optimiser>& optimiser,
 /// Times and checks a proposal; whether it ends the race.
 bool PlanningRace::finish(const Trajectory& proposal, bool is_smooth, const std::string& seed,
                           Track& track) const {
-  auto timed = retime(proposal, limits_, {.least_stages = kStages, .stop_at_goal = true});
+  auto timed =
+      retime(proposal, limits_,
+             {.least_stages = is_smooth ? kStages : kStraightStages, .stop_at_goal = true});
   if (!timed) {
     track.note("the path cannot be timed: " + timed.error().describe());
     return false;

@@ -163,9 +163,8 @@ std::size_t SceneField::query_below(std::span<const PointLanes> points_m,
 std::size_t SceneField::find_within(std::span<const std::uint16_t> shapes,
                                     const PointLanes& points_m, const double* limits_m,
                                     std::uint16_t* near, double* is_near) const noexcept {
-  const std::size_t plain = static_cast<std::size_t>(
-      std::ranges::lower_bound(shapes, plain_, {}, [](std::uint16_t n) { return std::size_t{n}; }) -
-      shapes.begin());
+  std::size_t plain = shapes.size();
+  while (plain > 0 && shapes[plain - 1] >= plain_) --plain;
   std::size_t found = detail::find_solids_within(solids_.data(), shapes.data(), plain, points_m,
                                                  limits_m, near, is_near);
   for (const std::uint16_t number : shapes.subspan(plain)) {

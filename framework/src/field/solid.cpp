@@ -50,6 +50,24 @@ void take(Solid& solid, const std::shared_ptr<const Mesh>& mesh) {
   }
 }
 
+constexpr double kRounding = 1e-15;
+
+/// A box that is turned by right angles is one that is not, with its edges exchanged.
+void align_box(Solid& solid) {
+  const Eigen::Matrix3d whole = solid.R_world_shape.array().round();
+  if ((solid.R_world_shape - whole).cwiseAbs().maxCoeff() > kRounding) return;
+  solid.half_m = whole.cwiseAbs() * solid.half_m;
+  solid.R_world_shape.setIdentity();
+  solid.is_aligned = true;
+}
+
+/// How an upright cylinder is turned about its axis, or upside down, makes no difference.
+void align_cylinder(Solid& solid) {
+  if (solid.R_world_shape.col(2).head<2>().cwiseAbs().maxCoeff() > kRounding) return;
+  solid.R_world_shape.setIdentity();
+  solid.is_aligned = true;
+}
+
 Eigen::Vector3d in_shape(const Solid& solid, const Eigen::Vector3d& p_world) {
   return solid.R_world_shape.transpose() * (p_world - solid.p_world_shape);
 }
@@ -151,29 +169,49 @@ SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const La
   distances = deepest > 0.0 ? size : deepest;
 }
 
+SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares) noexcept {
+  const Lanes outside = beyond > 0.0 ? beyond : Lanes{};
+  squares += outside * outside;
+}
+
+SIDESTEP_INLINE void find_near_box(const Solid& box, const Lanes& x, const Lanes& y, const Lanes& z,
+                                   const Lanes& limits, Lanes& is_near) noexcept {
+  Lanes squares{}, size;
+  find_sizes(x, size);
+  add_outside(size - box.half_m.data()[0], squares);
+  find_sizes(y, size);
+  add_outside(size - box.half_m.data()[1], squares);
+  find_sizes(z, size);
+  add_outside(size - box.half_m.data()[2], squares);
+  is_near = squares < limits * limits ? Lanes{} + 1.0 : Lanes{};
+}
+
 /// 1 where points in the shape's frame are nearer to it than their limits, else 0.
-SIDESTEP_INLINE void find_near(const Solid& solid, const Lanes& x, const Lanes& y, const Lanes& z,
-                               const Lanes& limits, Lanes& is_near) noexcept {
-  Lanes squares{}, deepest{}, size, wanted = limits;
+SIDESTEP_INLINE void find_near_in_shape(const Solid& solid, const Lanes& x, const Lanes& y,
+                                        const Lanes& z, const Lanes& limits,
+                                        Lanes& is_near) noexcept {
+  Lanes squares{}, size, wanted = limits;
   switch (solid.kind) {
-    case Solid::Kind::kBox:
-      find_sizes(x, size);
-      add_outside(size - solid.half_m.data()[0], squares, deepest);
-      find_sizes(y, size);
-      add_outside(size - solid.half_m.data()[1], squares, deepest);
+    case Solid::Kind::kBox: find_near_box(solid, x, y, z, limits, is_near); return;
+    case Solid::Kind::kCylinder: {
       find_sizes(z, size);
-      add_outside(size - solid.half_m.data()[2], squares, deepest);
-      break;
-    case Solid::Kind::kCylinder:
-      roots_of(x * x + y * y, size);
-      add_outside(size - solid.radius_m, squares, deepest);
-      find_sizes(z, size);
-      add_outside(size - solid.half_length_m, squares, deepest);
-      break;
+      const Lanes beyond = size - solid.half_length_m, around = x * x + y * y;
+      wanted += solid.radius_m;
+      // Hardly ever within its limit of both the barrel and the lids: no roots until it is.
+      const Lanes off_lids = beyond - limits, off_barrel = around - wanted * wanted;
+      const Lanes off_either = off_lids > off_barrel ? off_lids : off_barrel;
+      is_near = off_either < 0.0 ? Lanes{} + 1.0 : Lanes{};
+      if (!any_of(is_near)) return;
+      roots_of(around, size);
+      add_outside(size - solid.radius_m, squares);
+      add_outside(beyond, squares);
+      is_near = squares < limits * limits ? Lanes{} + 1.0 : Lanes{};
+      return;
+    }
     case Solid::Kind::kSphere:
     case Solid::Kind::kCapsule:
       find_sizes(z, size);
-      add_outside(size - solid.half_length_m, squares, deepest);
+      add_outside(size - solid.half_length_m, squares);
       squares += x * x + y * y;
       wanted += solid.radius_m;
       break;
@@ -181,6 +219,21 @@ SIDESTEP_INLINE void find_near(const Solid& solid, const Lanes& x, const Lanes& 
     case Solid::Kind::kMesh: is_near = z < limits ? Lanes{} + 1.0 : Lanes{}; return;
   }
   is_near = squares < wanted * wanted ? Lanes{} + 1.0 : Lanes{};
+}
+
+/// 1 where points of the world are nearer to it than their limits, else 0.
+SIDESTEP_INLINE void find_near(const Solid& solid, const PointLanes& points_m, const Lanes& limits,
+                               Lanes& is_near) noexcept {
+  const double* p = solid.p_world_shape.data();
+  const double* R = solid.R_world_shape.data();
+  const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
+              z = lanes(points_m.z) - p[2];
+  if (solid.is_aligned) {
+    find_near_in_shape(solid, x, y, z, limits, is_near);
+  } else {
+    find_near_in_shape(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
+                       R[6] * x + R[7] * y + R[8] * z, limits, is_near);
+  }
 }
 
 }  // namespace
@@ -191,6 +244,8 @@ Solid make_solid(const SceneObject& object, double time_s) {
   solid.R_world_shape = pose.linear();
   solid.p_world_shape = pose.translation();
   std::visit([&](const auto& shape) { take(solid, shape); }, object.shape);
+  if (solid.kind == Solid::Kind::kBox) align_box(solid);
+  if (solid.kind == Solid::Kind::kCylinder) align_cylinder(solid);
   return solid;
 }
 
@@ -232,22 +287,19 @@ std::size_t find_solids_within(const Solid* solids, const std::uint16_t* numbers
                                const PointLanes& points_m, const double* limits_m,
                                std::uint16_t* near, double* is_near) noexcept {
   const Lanes limits = lanes(limits_m);
-  Lanes near_any = lanes(is_near);
+  // Mostly nothing is near, which is known without looking at the lanes of each solid.
+  Lanes is_near_any{}, is_near_this;
+  for (std::size_t i = 0; i < count; ++i) {
+    find_near(solids[numbers[i]], points_m, limits, is_near_this);
+    is_near_any += is_near_this;
+  }
+  if (!any_of(is_near_any)) return 0;
   std::size_t found = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    const Solid& solid = solids[numbers[i]];
-    const double* p = solid.p_world_shape.data();
-    const double* R = solid.R_world_shape.data();
-    const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
-                z = lanes(points_m.z) - p[2];
-    Lanes is_near_this;
-    find_near(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
-              R[6] * x + R[7] * y + R[8] * z, limits, is_near_this);
-    if (!any_of(is_near_this)) continue;
-    near_any = is_near_this > near_any ? is_near_this : near_any;
-    near[found++] = numbers[i];
+    find_near(solids[numbers[i]], points_m, limits, is_near_this);
+    if (any_of(is_near_this)) near[found++] = numbers[i];
   }
-  lanes(is_near) = near_any;
+  lanes(is_near) = is_near_any > 0.0 ? Lanes{} + 1.0 : lanes(is_near);
   return found;
 }
 

@@ -19,6 +19,7 @@ struct Solid {
   Eigen::Matrix3d R_world_shape = Eigen::Matrix3d::Identity();
   Eigen::Vector3d p_world_shape = Eigen::Vector3d::Zero();
   Eigen::Vector3d half_m = Eigen::Vector3d::Zero();  ///< Of a box: half of its edges.
+  bool is_aligned = false;                           ///< R is the identity.
   double radius_m = 0.0;
   double half_length_m = 0.0;  ///< Of a cylinder, and between the centres of a capsule's caps.
   /// Around its place, holds all of it; infinity where nothing does.

@@ -115,6 +115,8 @@ class ClearanceProver {
   }
   [[nodiscard]] bool violates(int item, const ClearanceReading& reading) const noexcept;
   [[nodiscard]] const RobotModel& robot() const noexcept { return *robot_; }
+  /// By joint, of all items.
+  [[nodiscard]] std::span<const double> largest_levers() const noexcept { return largest_levers_; }
   [[nodiscard]] const SpacePolicy& space() const noexcept { return space_; }
 
  private:
@@ -154,8 +156,8 @@ class ClearanceProver {
   int pair_count_ = 0;
   std::vector<std::vector<int>> spheres_of_link_;
   std::vector<double> radius_m_;
-  std::vector<double> largest_levers_;  // by joint, of all items
-  std::vector<double> fall_factor_;     // spheres: 1, or 2 near the surface of a signed field
+  std::vector<double> largest_levers_;
+  std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
 };
 
 }  // namespace sidestep

@@ -64,7 +64,9 @@ struct Cubic {
 /// A trajectory between two of its support states.
 class CubicMotion {
  public:
-  CubicMotion(const Trajectory& trajectory, int state) {
+  CubicMotion() = default;
+  CubicMotion(const Trajectory& trajectory, int state) { take(trajectory, state); }
+  void take(const Trajectory& trajectory, int state) {
     const std::size_t dof = static_cast<std::size_t>(trajectory.dof);
     begin_s_ = trajectory.times_s[static_cast<std::size_t>(state)];
     const double h = trajectory.times_s[static_cast<std::size_t>(state) + 1] - begin_s_;

@@ -39,6 +39,18 @@ bool find_close(const PointLanes& a_m, const PointLanes& b_m, double limit_m,
 }
 
 SIDESTEP_SIMD_CLONES
+void find_products(const double* table, std::size_t stride, std::size_t columns, const double* from,
+                   const double* to, double* ways) noexcept {
+  for (std::size_t row = 0; row < stride; row += kLanes) {
+    Lanes sum{};
+    for (std::size_t column = 0; column < columns; ++column) {
+      sum += __builtin_fabs(to[column] - from[column]) * lanes(table + column * stride + row);
+    }
+    lanes(ways + row) = sum;
+  }
+}
+
+SIDESTEP_SIMD_CLONES
 void add_to(const double* values, double addend, double* sums) noexcept {
   lanes(sums) = lanes(values) + addend;
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+
 #include <sidestep/core/lanes.hpp>
 
 namespace sidestep::detail {
@@ -15,6 +17,11 @@ void find_ways(const PointLanes& points_m, double widest_m, double bent_m, doubl
 /// left alone elsewhere.
 bool find_close(const PointLanes& a_m, const PointLanes& b_m, double limit_m,
                 double* is_near) noexcept;
+
+/// ways[row] = sum over columns of |to - from| * table[column * stride + row]; `stride` rows, whole
+/// lanes.
+void find_products(const double* table, std::size_t stride, std::size_t columns, const double* from,
+                   const double* to, double* ways) noexcept;
 
 /// sums = values + addend.
 void add_to(const double* values, double addend, double* sums) noexcept;

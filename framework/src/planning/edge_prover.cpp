@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "edge_lanes.hpp"
@@ -11,6 +12,7 @@ namespace sidestep {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kEndless_m = 1e30;
 constexpr std::size_t kFirstParts = kLanes;
 constexpr std::size_t kSplit = 4;  ///< find_ways() counts on neighbours in fours.
 /// More open parts than this are not worth cutting: the edge is absurd.
@@ -38,10 +40,11 @@ struct EdgeProver::Look {
   std::uint64_t pairs[kLanes] = {};
 };
 
-EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot)
+EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot,
+                       std::shared_ptr<const MotionBounds> bounds)
     : robot_(std::move(robot)),
       above_floor_(space_, robot_->description()),
-      bounds_(*robot_),
+      bounds_(std::move(bounds)),
       variation_(robot_->description().joints.size()),
       q_(kLanes * variation_.size()),
       centres_(robot_->description().spheres.size()) {
@@ -79,9 +82,23 @@ EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot)
     if (std::max(a, b) == robot_is.links.size()) continue;  // one has no spheres
     pairs_.push_back({a, b, static_cast<int>(pair)});
   }
-  ball_way_m_.resize(balls_.size());
+  robot_->sphere_centre_lanes(std::span(q_).first(variation_.size()), centres_, scratch_);  // warm
+  order_.resize(balls_.size());
+  std::iota(order_.rbegin(), order_.rend(),
+            std::size_t{0});  // what moves most is likeliest to touch
   ball_bend_m_.resize(balls_.size());
-  pair_way_m_.resize(pairs_.size());
+  ways_m_.assign_zeros(balls_.size() + pairs_.size());
+  levers_.assign_zeros(ways_m_.size() * variation_.size());
+  for (std::size_t row = 0; row < balls_.size() + pairs_.size(); ++row) {
+    const auto levers = row < balls_.size()
+                            ? bounds_->sphere_levers(balls_[row].outermost)
+                            : bounds_->pair_levers(pairs_[row - balls_.size()].pair);
+    for (std::size_t j = 0; j < levers.size(); ++j) {
+      // Of an unlimited slide before a turning joint it is infinite: of no use to an edge, and not
+      // to become a number where that joint rests.
+      levers_.data()[j * ways_m_.size() + row] = std::min(levers[j], kEndless_m);
+    }
+  }
 }
 
 void EdgeProver::look_at(std::shared_ptr<const SceneField> field, const SpacePolicy& space,
@@ -95,36 +112,34 @@ void EdgeProver::look_at(std::shared_ptr<const SceneField> field, const SpacePol
   nearer_.resize(field_->shapes().size());
 }
 
-bool EdgeProver::is_clear(std::span<const double> q) { return is_clear(q, q, kInfinity); }
+bool EdgeProver::is_clear(std::span<const double> q) { return is_clear(q, q, kInfinity, 0.0); }
 
 bool EdgeProver::is_clear(std::span<const double> q_from, std::span<const double> q_to,
-                          double resolution_m) {
+                          double resolution_m, double spare_m) {
   const auto is_finite = [](double value) { return std::isfinite(value); };
   if (!std::ranges::all_of(q_from, is_finite) || !std::ranges::all_of(q_to, is_finite)) {
     return false;
   }
   q_from_ = q_from;
   q_to_ = q_to;
+  spare_m_ = spare_m;
   measure_edge();
   return prove(resolution_m);
 }
 
 void EdgeProver::measure_edge() {
-  const std::size_t dof = variation_.size();
-  for (std::size_t j = 0; j < dof; ++j) variation_[j] = std::abs(q_to_[j] - q_from_[j]);
-  const auto way_m = [&](std::span<const double> levers) {
-    double sum = 0.0;
-    for (std::size_t j = 0; j < dof; ++j)
-      sum += variation_[j] > 0.0 ? levers[j] * variation_[j] : 0;
-    return sum;
-  };
-  for (std::size_t b = 0; b < balls_.size(); ++b) {
-    ball_way_m_[b] = way_m(bounds_.sphere_levers(balls_[b].outermost));
-    ball_bend_m_[b] = bounds_.bend(balls_[b].outermost, variation_);
+  detail::find_products(levers_.data(), ways_m_.size(), variation_.size(), q_from_.data(),
+                        q_to_.data(), ways_m_.data());
+  for (std::size_t j = 0; j < variation_.size(); ++j) {
+    variation_[j] = std::abs(q_to_[j] - q_from_[j]);
   }
-  for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    pair_way_m_[p] = way_m(bounds_.pair_levers(pairs_[p].pair));
-  }
+  std::ranges::fill(ball_bend_m_, -1.0);
+}
+
+double EdgeProver::ball_bend_m(std::size_t ball) {
+  double& bend_m = ball_bend_m_[ball];
+  if (bend_m < 0.0) bend_m = bounds_->bend(balls_[ball].outermost, variation_);
+  return bend_m;
 }
 
 bool EdgeProver::prove(double resolution_m) {
@@ -166,8 +181,12 @@ bool EdgeProver::look(std::span<const Part> parts, double half, double resolutio
     }
   }
   robot_->sphere_centre_lanes(std::span(q_).first(parts.size() * dof), centres_, scratch_);
-  for (std::size_t ball = balls_.size(); ball-- > 0;) {  // what moves most is likeliest to touch
-    if ((balls & bit_of(ball)) != 0 && !look_at_ball(ball, look)) return false;
+  for (std::size_t i = 0; i < balls_.size(); ++i) {
+    const std::size_t ball = order_[i];
+    if ((balls & bit_of(ball)) == 0 || look_at_ball(ball, look)) continue;
+    std::rotate(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(i),
+                order_.begin() + static_cast<std::ptrdiff_t>(i) + 1);
+    return false;
   }
   for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
     if ((pairs & bit_of(pair)) != 0 && !look_at_pair(pair, look)) return false;
@@ -180,16 +199,19 @@ bool EdgeProver::look(std::span<const Part> parts, double half, double resolutio
 }
 
 bool EdgeProver::look_at_ball(std::size_t number, Look& look) {
-  const Ball& ball = balls_[number];
+  Ball& ball = balls_[number];
   alignas(64) double limits_m[kLanes], is_near[kLanes] = {};
-  std::ranges::fill(limits_m, ball.radius_m + margin_m_ + ball_way_m_[number] * look.half);
+  std::ranges::fill(limits_m,
+                    ball.radius_m + margin_m_ + spare_m_ + ball_way_m(number) * look.half);
   const PointLanes& centre_m = centres_[at(ball.centre)];
   const std::size_t near =
       field_->find_within(field_->shapes(), centre_m, limits_m, shapes_.data(), is_near);
   const bool is_on_edge = is_bounded_ && !is_well_inside(number, look);
   if (near == 0 && !is_on_edge) return true;
-  for (const int sphere : ball.spheres) {
-    if (!look_at_sphere(number, sphere, std::span(shapes_).first(near), look)) return false;
+  for (int& sphere : ball.spheres) {
+    if (look_at_sphere(number, sphere, std::span(shapes_).first(near), look)) continue;
+    std::swap(sphere, ball.spheres.front());
+    return false;
   }
   return true;
 }
@@ -197,7 +219,7 @@ bool EdgeProver::look_at_ball(std::size_t number, Look& look) {
 /// Whether the whole ball keeps away from the floor and the field's bounds, as far as they matter.
 bool EdgeProver::is_well_inside(std::size_t number, const Look& look) const {
   const Ball& ball = balls_[number];
-  const double way_m = ball_way_m_[number] * look.half;
+  const double way_m = ball_way_m(number) * look.half + spare_m_;
   const double beyond_m = ball.radius_m - radius_m_[at(ball.centre)];
   for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
     const Eigen::Vector3d p_m = point(centres_[at(ball.centre)], lane);
@@ -211,10 +233,10 @@ bool EdgeProver::is_well_inside(std::size_t number, const Look& look) const {
 bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
                                 std::span<const std::uint16_t> shapes, Look& look) {
   const PointLanes& centre_m = centres_[at(sphere)];
-  const double required_m = radius_m_[at(sphere)] + margin_m_;
+  const double required_m = radius_m_[at(sphere)] + margin_m_ + spare_m_;
   alignas(64) double ways_m[kLanes], limits_m[kLanes], is_near[kLanes] = {}, is_hit[kLanes] = {};
-  detail::find_ways(centre_m, ball_way_m_[number] * look.half,
-                    1.5 * ball_bend_m_[number] * look.half * look.half, ways_m);
+  detail::find_ways(centre_m, ball_way_m(number) * look.half,
+                    1.5 * ball_bend_m(number) * look.half * look.half, ways_m);
   detail::add_to(ways_m, required_m, limits_m);
   const std::size_t near = field_->find_within(shapes, centre_m, limits_m, nearer_.data(), is_near);
   if (near == 0 && !is_bounded_) return true;
@@ -225,13 +247,14 @@ bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
     if ((look.parts[lane].balls & bit_of(number)) == 0) continue;
     const Eigen::Vector3d p_m = point(centre_m, lane);
     const double inside_m = inside_grid_m(field_->info().grid, p_m);
-    const double above_m = above_floor_(at(sphere), p_m);
+    const double above_m = above_floor_(at(sphere), p_m) - spare_m_;
     const bool is_outside_free = space_.outside == Space::kFree && inside_m < 0.0;
     if (is_hit[lane] != 0.0 && !is_outside_free) return false;
-    if (above_m < margin_m_ || (space_.outside == Space::kOccupied && inside_m < 0.0)) return false;
-    const bool is_away = is_outside_free && -inside_m >= ways_m[lane];  // never comes inside
+    if (above_m < margin_m_ || (space_.outside == Space::kOccupied && inside_m < spare_m_))
+      return false;
+    const bool is_away = is_outside_free && -inside_m >= ways_m[lane] + spare_m_;  // never inside
     const bool is_open = (is_near[lane] != 0.0 && !is_away) || above_m - ways_m[lane] < margin_m_ ||
-                         (space_.outside == Space::kOccupied && inside_m < ways_m[lane]);
+                         (space_.outside == Space::kOccupied && inside_m < ways_m[lane] + spare_m_);
     if (!is_open) continue;
     if (2.0 * ways_m[lane] <= look.resolution_m) return false;
     look.balls[lane] |= bit_of(number);
@@ -242,7 +265,7 @@ bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
 bool EdgeProver::look_at_pair(std::size_t number, Look& look) const {
   const BallPair& pair = pairs_[number];
   const Ball &first = balls_[pair.a], &second = balls_[pair.b];
-  const double way_m = pair_way_m_[number] * look.half;
+  const double way_m = pair_way_m(number) * look.half + spare_m_;
   alignas(64) double ignored[kLanes] = {}, is_near[kLanes] = {}, is_hit[kLanes] = {};
   const PointLanes& middle_m = centres_[at(second.centre)];
   if (!detail::find_close(centres_[at(first.centre)], middle_m,
@@ -262,7 +285,7 @@ bool EdgeProver::look_at_pair(std::size_t number, Look& look) const {
   }
   for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
     if ((look.parts[lane].pairs & bit_of(number)) == 0 || is_near[lane] == 0.0) continue;
-    if (is_hit[lane] != 0.0 || 2.0 * way_m <= look.resolution_m) return false;
+    if (is_hit[lane] != 0.0 || 2.0 * (way_m - spare_m_) <= look.resolution_m) return false;
     look.pairs[lane] |= bit_of(number);
   }
   return true;

@@ -34,14 +34,20 @@ namespace sidestep {
 /// spheres that cross these bounds. Keeps its temporaries: one object per thread.
 class EdgeProver {
  public:
-  explicit EdgeProver(std::shared_ptr<const RobotModel> robot);
+  /// `bounds` are the robot's.
+  EdgeProver(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const MotionBounds> bounds);
 
   /// What is to be avoided from now on.
   void look_at(std::shared_ptr<const SceneField> field, const SpacePolicy& space, double margin_m);
 
   [[nodiscard]] bool is_clear(std::span<const double> q);
   [[nodiscard]] bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
-                              double resolution_m);
+                              double resolution_m) {
+    return is_clear(q_from, q_to, resolution_m, 0.0);
+  }
+  /// With so much more to spare, of everything, than the margin asks for.
+  [[nodiscard]] bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
+                              double resolution_m, double spare_m);
 
  private:
   /// The spheres of one link, within one ball.
@@ -74,6 +80,11 @@ class EdgeProver {
                                     std::span<const std::uint16_t> shapes, Look& look);
   [[nodiscard]] bool look_at_pair(std::size_t number, Look& look) const;
   void measure_edge();
+  [[nodiscard]] double ball_way_m(std::size_t ball) const noexcept { return ways_m_.data()[ball]; }
+  [[nodiscard]] double pair_way_m(std::size_t pair) const noexcept {
+    return ways_m_.data()[balls_.size() + pair];
+  }
+  [[nodiscard]] double ball_bend_m(std::size_t ball);
 
   std::shared_ptr<const RobotModel> robot_;
   std::shared_ptr<const SceneField> field_;
@@ -81,18 +92,20 @@ class EdgeProver {
   FloorClearance above_floor_;
   bool is_bounded_ = false;  ///< Whether the floor or the field's bounds are in the way.
   double margin_m_ = 0.0;
-  MotionBounds bounds_;
+  std::shared_ptr<const MotionBounds> bounds_;
   std::vector<Ball> balls_;
   std::vector<BallPair> pairs_;
-  std::vector<double> radius_m_;  ///< Of spheres.
+  std::vector<std::size_t> order_;  ///< Of balls: those that were in the way last come first.
+  std::vector<double> radius_m_;    ///< Of spheres.
+  AlignedArray levers_;             ///< By joint, of balls and then of pairs; whole lanes each.
 
   // Of the edge that is looked at.
+  double spare_m_ = 0.0;
   std::span<const double> q_from_;
   std::span<const double> q_to_;
   std::vector<double> variation_;
-  std::vector<double> ball_way_m_;  ///< By levers, over the whole edge.
-  std::vector<double> ball_bend_m_;
-  std::vector<double> pair_way_m_;
+  AlignedArray ways_m_;              ///< By levers, over the whole edge: of balls, then of pairs.
+  std::vector<double> ball_bend_m_;  ///< Negative until it is wanted.
   std::vector<Part> parts_;
   std::vector<Part> next_;
   std::vector<double> q_;

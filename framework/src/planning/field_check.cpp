@@ -2,11 +2,13 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include <sidestep/planning/validity_check.hpp>
 
+#include "chord_check.hpp"
 #include "clearance_prover.hpp"
 #include "cubic_motion.hpp"
 #include "violation_ledger.hpp"
@@ -91,9 +93,13 @@ class FieldCheck final : public ValidityCheck {
              std::shared_ptr<const DistanceField> field, SpacePolicy space,
              FieldCheckSettings settings)
       : robot_(std::move(robot)),
-        prover_(robot_, std::move(bounds), std::move(field), space, settings.margin_m,
-                settings.obstacles_only),
-        settings_(settings) {}
+        prover_(robot_, bounds, field, space, settings.margin_m, settings.obstacles_only),
+        settings_(settings) {
+    auto shapes = std::dynamic_pointer_cast<const SceneField>(field);
+    if (shapes == nullptr || !settings.first_violation_only || settings.obstacles_only) return;
+    chords_.emplace(robot_, std::move(bounds), prover_.largest_levers(), std::move(shapes), space,
+                    settings.margin_m);
+  }
 
   [[nodiscard]] Result<Verdict> check(const Trajectory& trajectory, double from_s,
                                       const Deadline& deadline) const override;
@@ -114,6 +120,7 @@ class FieldCheck final : public ValidityCheck {
   std::shared_ptr<const RobotModel> robot_;
   ClearanceProver prover_;
   FieldCheckSettings settings_;
+  std::optional<ChordCheck> chords_;  ///< Where it is enough to know that all is well.
 };
 
 /// A motion that stands still.
@@ -137,11 +144,12 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
     return tl::make_unexpected(std::move(sound.error()));
   }
   const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
-  const auto workspace = prover_.make_workspace();
   VerdictBuilder builder(prover_, settings_.first_violation_only);
+  ClearanceProver::WorkspacePtr workspace;
   const auto prove = [&](const Motion& motion, double from, double to) {
     const ClearanceProver::Request request{motion, from, to, settings_.max_step_m,
                                            settings_.min_step_m};
+    if (workspace == nullptr) workspace = prover_.make_workspace();
     return prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kDeadline;
   };
   if (begin_s >= trajectory.duration_s()) {
@@ -159,6 +167,14 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
   std::vector<double> variation(static_cast<std::size_t>(trajectory.dof));
   int state = 0;
   while (time_of(state + 1) <= begin_s) ++state;
+  if (chords_ && chords_->shows_clear(trajectory, state, settings_.min_step_m, deadline)) {
+    CubicMotion piece;
+    for (; state + 1 < trajectory.size() && !builder.is_decided(); ++state) {
+      piece.take(trajectory, state);
+      check_limits(piece, std::max(begin_s, time_of(state)), time_of(state + 1), builder.ledger());
+    }
+    return builder.verdict();
+  }
   while (state + 1 < trajectory.size() && !builder.is_decided()) {
     const double chain_from_s = std::max(begin_s, time_of(state));
     double way_m = 0.0;

@@ -50,10 +50,9 @@ class FirstObjection final : public ClearanceProver::Listener {
 struct MotionCheck::Impl {
   /// For fields in general.
   struct Voxels {
-    Voxels(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
-           SpacePolicy space, double margin_m)
-        : prover(robot, std::make_shared<const MotionBounds>(*robot), std::move(field),
-                 std::move(space), margin_m),
+    Voxels(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const MotionBounds> bounds,
+           std::shared_ptr<const DistanceField> field, SpacePolicy space, double margin_m)
+        : prover(std::move(robot), std::move(bounds), std::move(field), std::move(space), margin_m),
           workspace(prover.make_workspace()),
           readings(static_cast<std::size_t>(prover.item_count())) {}
 
@@ -78,9 +77,11 @@ struct MotionCheck::Impl {
     std::vector<ClearanceReading> readings;
   };
 
-  explicit Impl(std::shared_ptr<const RobotModel> of) : robot(std::move(of)) {}
+  explicit Impl(std::shared_ptr<const RobotModel> of)
+      : robot(std::move(of)), bounds(std::make_shared<const MotionBounds>(*robot)) {}
 
   std::shared_ptr<const RobotModel> robot;
+  std::shared_ptr<const MotionBounds> bounds;
   std::optional<EdgeProver> edges;  ///< Among shapes.
   std::optional<Voxels> voxels;     ///< Otherwise; one of the two is there.
   bool is_among_shapes = false;
@@ -101,10 +102,11 @@ void MotionCheck::look_at(std::shared_ptr<const DistanceField> field, SpacePolic
   auto scene = std::dynamic_pointer_cast<const SceneField>(field);
   impl_->is_among_shapes = scene != nullptr;
   if (scene == nullptr) {
-    impl_->voxels.emplace(impl_->robot, std::move(field), std::move(space), margin_m);
+    impl_->voxels.emplace(impl_->robot, impl_->bounds, std::move(field), std::move(space),
+                          margin_m);
     return;
   }
-  if (!impl_->edges) impl_->edges.emplace(impl_->robot);
+  if (!impl_->edges) impl_->edges.emplace(impl_->robot, impl_->bounds);
   impl_->edges->look_at(std::move(scene), space, margin_m);
 }
 

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include <ompl/base/OptimizationObjective.h>
 #include <ompl/base/ProblemDefinition.h>
-#include <ompl/base/objectives/PathLengthOptimizationObjective.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/PathSimplifier.h>
 #include <ompl/util/Exception.h>
@@ -16,6 +16,7 @@
 #include <sidestep/planning/motion_check.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
+#include "objective.hpp"
 #include "planners.hpp"
 #include "search.hpp"
 #include "session.hpp"
@@ -46,6 +47,14 @@ std::vector<double> configurations(const Problem& problem, const Search& search,
 
 std::string number(double value) { return format("%.17g", value); }
 std::string seconds(double value) { return format("%.3g s", value); }
+
+double path_cost(const ob::OptimizationObjective& objective, const og::PathGeometric& path) {
+  double cost = 0.0;
+  for (unsigned i = 1; i < path.getStateCount(); ++i) {
+    cost += objective.motionCost(path.getState(i - 1), path.getState(i)).value();
+  }
+  return cost;
+}
 
 Solution no_path(std::string reason) {
   Solution solution;
@@ -89,7 +98,7 @@ class OmplOptimiser final : public Optimiser {
   [[nodiscard]] Solution timed(const Problem& problem, const Search& search,
                                const og::PathGeometric& path) const;
   [[nodiscard]] Solution nothing_found(const Deadline& deadline, int iterations) const;
-  void simplify(const ob::SpaceInformationPtr& information, const Deadline& deadline,
+  void simplify(const ob::OptimizationObjective& objective, const Deadline& deadline,
                 og::PathGeometric& path) const;
   void warn_of_moving_ends(const Problem& problem) const;
 
@@ -150,17 +159,22 @@ Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
 Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline) {
   const Session session(seed_, log_);
   Search search(problem, *check_, deadline.capped_s(options_.max_time_s));
-  const auto information = make_information(search, options_.resolution_m);
+  const bool is_connect = options_.planner == "RRTConnect";
+  const auto information = make_information(search, {.resolution_m = options_.resolution_m,
+                                                     .is_projected = !is_connect,
+                                                     .checks_motions_to_states = is_connect});
   const auto definition = std::make_shared<ob::ProblemDefinition>(information);
   ob::ScopedState<> start(information);
   ob::ScopedState<> goal(information);
   search.from_joints({problem.start.q.data(), search.space().dof()}, start.get());
   search.from_joints({problem.goal.q.data(), search.space().dof()}, goal.get());
   definition->setStartAndGoalStates(start, goal, kGoalTolerance);
-  definition->setOptimizationObjective(
-      std::make_shared<ob::PathLengthOptimizationObjective>(information));
+  const auto objective = make_objective(information, options_, problem, search);
+  definition->setOptimizationObjective(objective);
 
-  if (search.is_clear(start.get(), goal.get(), options_.resolution_m)) {
+  // The straight line is the shortest path, but not the one that keeps farthest away.
+  if (options_.objective == "length" &&
+      search.is_clear(start.get(), goal.get(), options_.resolution_m)) {
     og::PathGeometric straight(information, start.get(), goal.get());
     Solution solution = timed(problem, search, straight);
     solution.initial_cost = solution.cost;
@@ -185,7 +199,7 @@ Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline)
   const bool is_cut = planner->getSpecs().optimizingPaths && search.deadline().expired();
   og::PathGeometric path = *definition->getSolutionPath()->as<og::PathGeometric>();
   const double found_length = path.length();
-  if (options_.simplify) simplify(information, search.deadline(), path);
+  if (options_.simplify) simplify(*objective, search.deadline(), path);
   Solution solution = timed(problem, search, path);
   solution.iterations = iterations;
   solution.initial_cost = found_length;
@@ -235,15 +249,20 @@ Solution OmplOptimiser::nothing_found(const Deadline& deadline, int iterations) 
   return solution;
 }
 
-void OmplOptimiser::simplify(const ob::SpaceInformationPtr& information, const Deadline& deadline,
+/// Shortens a path, unless what is shorter is worse by the objective.
+void OmplOptimiser::simplify(const ob::OptimizationObjective& objective, const Deadline& deadline,
                              og::PathGeometric& path) const {
-  og::PathSimplifier simplifier(information);
+  og::PathSimplifier simplifier(path.getSpaceInformation());
   const auto tries = static_cast<unsigned>(options_.simplify_tries);
   const unsigned in_vain = std::max(1u, tries / 3);
+  const bool may_be_worse = options_.objective != "length";
   for (int round = 0; round < options_.simplify_rounds && !deadline.expired(); ++round) {
+    std::optional<og::PathGeometric> before;
+    if (may_be_worse) before.emplace(path);
     bool is_changed = simplifier.reduceVertices(path, tries, in_vain);
     is_changed |= simplifier.shortcutPath(path, tries, in_vain);
     if (!is_changed) break;
+    if (before && path_cost(objective, *before) < path_cost(objective, path)) path = *before;
   }
 }
 

@@ -34,7 +34,17 @@ Parameters<Options> Options::parameters() {
            "Rounds of shortening, at most; it ends where one has changed nothing.", {.min = 1})
       .add("simplify_tries", &Options::simplify_tries,
            "Short cuts that are tried in a round, and vertices that are left out: so many each.",
-           {.min = 1});
+           {.min = 1})
+      .add("objective", &Options::objective,
+           "What planners that improve their path minimise: its `length` in seconds at full speed, "
+           "how near it comes to obstacles (`clearance`), or the weighted sum of both.",
+           {.choices = {"length", "clearance", "length_and_clearance"}})
+      .add("clearance_m", &Options::clearance_m,
+           "Beyond this distance from the nearest sphere an obstacle costs nothing.",
+           {.unit = "m", .min = 1e-3, .max = 10.0})
+      .add("clearance_weight", &Options::clearance_weight,
+           "How many times its length a path along an obstacle costs beyond that.",
+           {.min = 0.0, .max = 1e6});
 }
 
 std::vector<OptionMistake> Options::check() const {

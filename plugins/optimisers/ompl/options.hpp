@@ -17,7 +17,10 @@ struct Options {
   double resolution_m = 0.005;
   bool simplify = true;
   int simplify_rounds = 3;
-  int simplify_tries = 100;
+  int simplify_tries = 30;
+  std::string objective = "length";
+  double clearance_m = 0.1;
+  double clearance_weight = 10.0;
 
   static Parameters<Options> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;

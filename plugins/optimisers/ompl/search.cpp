@@ -6,6 +6,7 @@
 
 #include <ompl/base/MotionValidator.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
+#include <Eigen/Core>
 
 namespace sidestep::ompl_optimiser {
 
@@ -46,17 +47,40 @@ namespace {
 
 constexpr int kLastValidHalvings = 6;
 
+/// A vector space without projections, if possible: making them takes longer than many a search.
+class JointStates final : public ob::RealVectorStateSpace {
+ public:
+  JointStates(unsigned dof, bool is_projected)
+      : ob::RealVectorStateSpace(dof), is_projected_(is_projected) {}
+  void registerProjections() override {
+    if (is_projected_) ob::RealVectorStateSpace::registerProjections();
+  }
+  /// The same number as the base's, without waiting for each joint's sum.
+  double distance(const ob::State* a, const ob::State* b) const override {
+    const auto count = static_cast<Eigen::Index>(dimension_);
+    const Eigen::Map<const Eigen::VectorXd> from(a->as<StateType>()->values, count);
+    const Eigen::Map<const Eigen::VectorXd> to(b->as<StateType>()->values, count);
+    return (to - from).norm();
+  }
+
+ private:
+  bool is_projected_;
+};
+
 class ClearStates final : public ob::StateValidityChecker {
  public:
-  ClearStates(ob::SpaceInformation* information, Search& search)
-      : ob::StateValidityChecker(information), search_(search) {}
+  ClearStates(ob::SpaceInformation* information, Search& search, bool is_left_to_motions)
+      : ob::StateValidityChecker(information),
+        search_(search),
+        is_left_to_motions_(is_left_to_motions) {}
   using ob::StateValidityChecker::isValid;
   bool isValid(const ob::State* state) const override {
-    return si_->satisfiesBounds(state) && search_.is_clear(state);
+    return si_->satisfiesBounds(state) && (is_left_to_motions_ || search_.is_clear(state));
   }
 
  private:
   Search& search_;
+  bool is_left_to_motions_;
 };
 
 class ClearMotions final : public ob::MotionValidator {
@@ -95,9 +119,10 @@ class ClearMotions final : public ob::MotionValidator {
 
 }  // namespace
 
-ob::SpaceInformationPtr make_information(Search& search, double resolution_m) {
+ob::SpaceInformationPtr make_information(Search& search, const SearchSettings& settings) {
   const JointSpace& joints = search.space();
-  auto space = std::make_shared<ob::RealVectorStateSpace>(static_cast<unsigned>(joints.dof()));
+  auto space =
+      std::make_shared<JointStates>(static_cast<unsigned>(joints.dof()), settings.is_projected);
   ob::RealVectorBounds bounds(static_cast<unsigned>(joints.dof()));
   for (std::size_t j = 0; j < joints.dof(); ++j) {
     // A joint whose range is a point still needs a little width for OMPL.
@@ -106,9 +131,10 @@ ob::SpaceInformationPtr make_information(Search& search, double resolution_m) {
   }
   space->setBounds(bounds);
   auto information = std::make_shared<ob::SpaceInformation>(space);
-  information->setStateValidityChecker(std::make_shared<ClearStates>(information.get(), search));
+  information->setStateValidityChecker(
+      std::make_shared<ClearStates>(information.get(), search, settings.checks_motions_to_states));
   information->setMotionValidator(
-      std::make_shared<ClearMotions>(information.get(), search, resolution_m));
+      std::make_shared<ClearMotions>(information.get(), search, settings.resolution_m));
   information->setup();
   return information;
 }

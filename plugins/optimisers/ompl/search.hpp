@@ -38,9 +38,17 @@ class Search {
   std::vector<double> q_to_;
 };
 
+struct SearchSettings {
+  double resolution_m = 0.005;  ///< Of MotionCheck.
+  bool is_projected = true;     ///< Whether the planner wants the space's default projection.
+  /// Whether the planner asks of every state first whether it is valid, and then of a motion that
+  /// leads there, which says it again: the first question is then not worth answering.
+  bool checks_motions_to_states = false;
+};
+
 /// The space that `search` searches, ready for planners: what is valid is what its check shows
 /// clear.
 [[nodiscard]] ::ompl::base::SpaceInformationPtr make_information(Search& search,
-                                                                 double resolution_m);
+                                                                 const SearchSettings& settings);
 
 }  // namespace sidestep::ompl_optimiser

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kEdgeMargin_m = 0.01;
 constexpr double kEdgeResolution_m = 0.005;
-constexpr int kEdgeSamples = 2000;
+constexpr int kEdgeSamples = 400;
 
 SceneObject edge_object(Shape shape, const Eigen::Vector3d& xyz_m, const Eigen::Vector3d& turn) {
   SceneObject made;
@@ -111,6 +111,8 @@ struct EdgeCase {
   double reach;  ///< Length of an edge, as a share of the way to another random configuration.
 };
 
+void PrintTo(const EdgeCase& edge, std::ostream* out) { *out << edge.name; }
+
 class EdgeAmongShapes : public testing::TestWithParam<EdgeCase> {
  protected:
   EdgeAmongShapes() {
@@ -149,7 +151,7 @@ TEST_P(EdgeAmongShapes, IsClearWhereDenseSamplingSaysSo) {
       check.emplace(robot_, field, GetParam().space, kEdgeMargin_m);
     }
     EdgeOracle oracle{*robot_, scene, bounds, GetParam().space};
-    for (int i = 0; i < 150; ++i) {
+    for (int i = 0; i < 80; ++i) {
       const Eigen::VectorXd from = any_configuration();
       const Eigen::VectorXd to = from + GetParam().reach * (any_configuration() - from);
       const std::span<const double> q_from(from.data(), static_cast<std::size_t>(from.size()));
