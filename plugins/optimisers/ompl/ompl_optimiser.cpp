@@ -56,6 +56,21 @@ double path_cost(const ob::OptimizationObjective& objective, const og::PathGeome
   return cost;
 }
 
+/// Leaves out every vertex that is not needed, one after the other: random short cuts leave many at
+/// which the path hardly turns, where a robot that stops at corners would stop for nothing.
+void drop_vertices(og::PathGeometric& path) {
+  const ob::SpaceInformationPtr& information = path.getSpaceInformation();
+  std::vector<ob::State*>& states = path.getStates();
+  for (std::size_t i = 1; i + 1 < states.size();) {
+    if (information->checkMotion(states[i - 1], states[i + 1])) {
+      information->freeState(states[i]);
+      states.erase(states.begin() + static_cast<std::ptrdiff_t>(i));
+    } else {
+      ++i;
+    }
+  }
+}
+
 Solution no_path(std::string reason) {
   Solution solution;
   solution.status = SolveStatus::kNoPath;
@@ -262,6 +277,7 @@ void OmplOptimiser::simplify(const ob::OptimizationObjective& objective, const D
     bool is_changed = simplifier.reduceVertices(path, tries, in_vain);
     is_changed |= simplifier.shortcutPath(path, tries, in_vain);
     if (!is_changed) break;
+    drop_vertices(path);
     if (before && path_cost(objective, *before) < path_cost(objective, path)) path = *before;
   }
 }

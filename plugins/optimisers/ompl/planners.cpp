@@ -46,6 +46,7 @@
 #include <ompl/geometric/planners/stride/STRIDE.h>
 
 #include "counting_prm.hpp"
+#include "flat_nearest.hpp"
 #include "session.hpp"
 
 namespace sidestep::ompl_optimiser {
@@ -60,6 +61,17 @@ template <class Planner>
 std::pair<const std::string, Maker> entry(const char* name) {
   return {name, [](const ob::SpaceInformationPtr& of) { return std::make_shared<Planner>(of); }};
 }
+
+/// RRTConnect, except that it looks for the nearest motion in lanes: the same planner, sooner.
+class FlatRrtConnect final : public og::RRTConnect {
+ public:
+  using og::RRTConnect::RRTConnect;
+  void setup() override {
+    if (!tStart_) tStart_ = std::make_shared<FlatNearest<Motion*>>(si_->getStateDimension());
+    if (!tGoal_) tGoal_ = std::make_shared<FlatNearest<Motion*>>(si_->getStateDimension());
+    og::RRTConnect::setup();
+  }
+};
 
 /// All but those that need what a problem has not: VFRRT a vector field, TSRRT a task space, XXL a
 /// decomposition, QRRT a chain of simpler robots, Lightning and Thunder a base of old plans.
@@ -91,7 +103,7 @@ std::map<std::string, Maker> makers() {
       entry<og::ProjEST>("ProjEST"),
       entry<og::RLRT>("RLRT"),
       entry<og::RRT>("RRT"),
-      entry<og::RRTConnect>("RRTConnect"),
+      entry<FlatRrtConnect>("RRTConnect"),
       entry<og::RRTXstatic>("RRTXstatic"),
       entry<og::RRTsharp>("RRTsharp"),
       entry<og::RRTstar>("RRTstar"),
