@@ -1,6 +1,7 @@
 #include "ompl_optimiser.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -195,15 +196,15 @@ Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline)
     solution.initial_cost = solution.cost;
     return solution;
   }
-  int iterations = 0;
-  bool is_found = false;
+  std::atomic<int> iterations = 0;  // planners may have threads of their own
+  std::atomic<bool> is_found = false;
   definition->setIntermediateSolutionCallback([&is_found](const ob::Planner*,
                                                           const std::vector<const ob::State*>&,
                                                           ob::Cost) { is_found = true; });
   const ob::PlannerTerminationCondition done([&] {
-    ++iterations;
-    return iterations > options_.max_iterations || search.deadline().expired() ||
-           (is_found && iterations > options_.optimise_iterations);
+    const int now = ++iterations;
+    return now > options_.max_iterations || search.deadline().expired() ||
+           (is_found && now > options_.optimise_iterations);
   });
   const auto planner = make_planner(information);
   planner->setProblemDefinition(definition);

@@ -56,6 +56,7 @@ class PlannerByName : public testing::TestWithParam<std::string> {
     options.planner = planner;
     options.max_time_s = 60.0;
     options.optimise_iterations = 400;
+    options.max_iterations = 5000;  // some do not say when they have found a first path
     options.objective = objective;
     options.clearance_m = 0.4;
     auto solution = make_ompl_optimiser(options, seed, log_)->solve(problem_, {}, Deadline());
