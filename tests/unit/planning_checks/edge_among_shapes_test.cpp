@@ -5,6 +5,7 @@
 
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/planning/motion_check.hpp>
+#include <sidestep/planning/validity_check.hpp>
 
 #include "support/chain_robot.hpp"
 
@@ -176,6 +177,57 @@ TEST_P(EdgeAmongShapes, IsClearWhereDenseSamplingSaysSo) {
   EXPECT_GE(blocked, 30);
   // Near the bounds of the field: shapes beyond them, and the border itself.
   EXPECT_LE(wrongly_blocked, GetParam().space.outside == Space::kFree ? 8 : 2);
+}
+
+/// A check that is only asked whether all is well goes along chords, and agrees with one that
+/// tells.
+TEST_P(EdgeAmongShapes, AndTrajectoriesAreValidWhereTheFullCheckSaysSo) {
+  const Eigen::AlignedBox3d bounds(Eigen::Vector3d(-1.3, -1.3, -0.5),
+                                   Eigen::Vector3d(1.3, 1.3, 1.6));
+  for (Joint& joint : robot_->description().joints) joint.max_velocity = 1e3;
+  int valid = 0, invalid = 0;
+  for (int w = 0; w < 6; ++w) {
+    const Scene scene = edge_scene(random_);
+    const auto field = std::make_shared<const SceneField>(scene, Stamp(), bounds);
+    FieldCheckSettings settings{.margin_m = kEdgeMargin_m};
+    const auto full = make_field_check(robot_, field, GetParam().space, settings);
+    settings.first_violation_only = true;
+    const auto quick = make_field_check(robot_, field, GetParam().space, settings);
+    EdgeOracle oracle{*robot_, scene, bounds, GetParam().space};
+    for (int i = 0; i < 40; ++i) {
+      // Odd ones bend at every state, even ones run straight to a corner and on from there.
+      const Eigen::VectorXd a = any_configuration();
+      const Eigen::VectorXd b = a + 0.2 * (any_configuration() - a);
+      const Eigen::VectorXd c = b + 0.2 * (any_configuration() - b);
+      const int dof = robot_->description().dof();
+      Trajectory trajectory = make_trajectory(dof, 9, 0.25);
+      for (int k = 0; k < 9; ++k) {
+        const double s = k % 4 / 4.0;
+        const Eigen::VectorXd q = k < 4 ? Eigen::VectorXd(a + s * (b - a))
+                                        : Eigen::VectorXd(b + (k < 8 ? s : 1.0) * (c - b));
+        for (int j = 0; j < dof; ++j) {
+          const auto at = static_cast<std::size_t>(j);
+          trajectory.q(k)[at] = q[j];
+          trajectory.qdot(k)[at] = i % 2 == 1   ? 0.2 * std::sin(k + j)
+                                   : k % 4 == 0 ? 0.0
+                                                : b[j] - a[j];
+        }
+      }
+      const auto told = full->check(trajectory, 0.0, Deadline());
+      const auto asked = quick->check(trajectory, 0.0, Deadline());
+      ASSERT_TRUE(told && asked);
+      EXPECT_EQ(asked->valid(), told->valid()) << told->describe() << " but " << asked->describe();
+      ++(asked->valid() ? valid : invalid);
+      if (!asked->valid()) continue;
+      std::vector<double> q(static_cast<std::size_t>(dof));
+      for (double t = 0.0; t <= trajectory.duration_s(); t += 2e-3) {
+        trajectory.sample(t, q, {});
+        ASSERT_GE(oracle.least_m(q), -1e-9) << "at " << t;
+      }
+    }
+  }
+  EXPECT_GE(valid, 10);
+  EXPECT_GE(invalid, 10);
 }
 
 INSTANTIATE_TEST_SUITE_P(
