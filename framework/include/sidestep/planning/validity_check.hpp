@@ -85,7 +85,7 @@ struct FieldCheckSettings {
   double limit_tolerance =
       kLimitTolerance;  ///< Of positions, velocities and accelerations, in their units.
   /// End soon after the first violation: the verdict then tells of nothing later than 0.3 m of
-  /// motion after it.
+  /// motion after it, nor, among exact shapes (SceneField) if it is valid, of clearances.
   bool first_violation_only = false;
   /// Look for collisions with the field alone: neither limits nor self-collision.
   bool obstacles_only = false;
