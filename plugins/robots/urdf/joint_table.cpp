@@ -94,16 +94,27 @@ void JointTable::read_fixed() {
       errors_.push_back(value.error());
       continue;
     }
-    const bool bounded = joint->limits && joint->type != UrdfJoint::Type::kContinuous;
-    if (bounded && (*value < joint->limits->lower || *value > joint->limits->upper)) {
-      errors_.push_back(entry.value.error("joint '" + entry.key +
-                                          "' would be fixed outside of its limits, " +
-                                          detail::number_text(joint->limits->lower) + " to " +
-                                          detail::number_text(joint->limits->upper)));
+    const auto [lower, upper] = position_limits(*joint);
+    if (*value < lower || *value > upper) {
+      errors_.push_back(
+          entry.value.error("joint '" + entry.key + "' would be fixed outside of its limits, " +
+                            detail::number_text(lower) + " to " + detail::number_text(upper)));
       continue;
     }
     fixed_[entry.key] = *value;
   }
+}
+
+std::pair<double, double> JointTable::position_limits(const UrdfJoint& joint) const {
+  std::pair<double, double> limits(-kInfinity, kInfinity);
+  if (joint.limits && joint.type != UrdfJoint::Type::kContinuous) {
+    limits = {joint.limits->lower, joint.limits->upper};
+  }
+  if (const auto own = limits_.find(joint.name); own != limits_.end()) {
+    limits.first = own->second.lower.value_or(limits.first);
+    limits.second = own->second.upper.value_or(limits.second);
+  }
+  return limits;
 }
 
 std::vector<std::string> JointTable::default_joints() const {

@@ -3,6 +3,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <sidestep/robot/kinematic_tree.hpp>
@@ -33,6 +34,8 @@ class JointTable {
   void add_planned(const UrdfJoint& joint, const Node* where);
   [[nodiscard]] std::vector<std::string> default_joints() const;
   [[nodiscard]] Error unknown_joint(const Node& where, const std::string& name) const;
+  /// Lower and upper: the profile's own where it has any, else the URDF's; infinite without.
+  [[nodiscard]] std::pair<double, double> position_limits(const UrdfJoint& joint) const;
   [[nodiscard]] double rest_value(const UrdfJoint& joint) const;
 
   const UrdfModel& model_;

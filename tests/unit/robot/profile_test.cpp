@@ -174,6 +174,24 @@ TEST_F(ProfileFile, AdmitsNothingBesideItThatItSaysItself) {
   EXPECT_TRUE(loader_.load("{profile: " + file + ", fixed_joints: {grip: 0.1}}"));
 }
 
+TEST_F(ProfileFile, FixesJointsWithinTheLimitsItGivesThem) {
+  write_file(folder_ / "arm/profile.yaml", kGood);
+  const std::string file = (folder_ / "arm/profile.yaml").string();
+  const std::string fixed = ", fixed_joints: {grip: 0.15}";
+  EXPECT_FALSE(loader_.load("{profile: " + file + fixed + "}"));
+  const auto robot =
+      loader_.load("{profile: " + file + fixed + ", joint_limits: {grip: {upper: 0.15}}}");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  const std::vector<double> q(2, 0.0);
+  for (const char* finger : {"finger", "thumb"}) {
+    EXPECT_NEAR(testing_robot::link_pose(**robot, q, finger).translation().x(), 1.15, 1e-12);
+  }
+  const auto tighter = loader_.load("{profile: " + file + ", joint_limits: {grip: {upper: 0.04}}}");
+  ASSERT_FALSE(tighter);
+  EXPECT_NE(tighter.error().describe().find("outside of its limits, 0 to 0.04"), std::string::npos)
+      << tighter.error().describe();
+}
+
 TEST(ProfileText, ReplacesOnlyTheSelfCollisionBlock) {
   const std::string before = "# top\nname: a\nself_collision:\n  # old\n  pairs:\n    - [x, y]\n";
   const std::string after = "# keep\nposes:\n  p: [1]\n";
