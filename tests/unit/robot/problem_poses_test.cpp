@@ -80,7 +80,7 @@ TEST_P(ProblemPoses, AreFreeByTheShapes) {
   EXPECT_EQ(count_refused(is_valid), 0);
 }
 
-// VAMP's spheres for the Panda refuse one of these poses.
+// VAMP's spheres for the Panda refuse one of these poses, those for Fetch seven.
 TEST_P(ProblemPoses, AreFreeByTheSpheres) {
   const Eigen::AlignedBox3d bounds_m(Eigen::Vector3d::Constant(-3.0),
                                      Eigen::Vector3d::Constant(3.0));
@@ -93,7 +93,7 @@ TEST_P(ProblemPoses, AreFreeByTheSpheres) {
   EXPECT_EQ(count_refused(is_clear), 0);
 }
 
-INSTANTIATE_TEST_SUITE_P(Robots, ProblemPoses, ::testing::Values("panda"),
+INSTANTIATE_TEST_SUITE_P(Robots, ProblemPoses, ::testing::Values("panda", "fetch"),
                          [](const auto& test) { return test.param; });
 
 }  // namespace

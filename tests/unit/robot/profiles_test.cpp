@@ -17,9 +17,8 @@ struct Stated {
 };
 
 const std::map<std::string, Stated> kStated = {
-    {"hsr", {45, 0.091, 1.55}},
-    {"panda", {62, 0.049, 1.6}},
-    {"planar", {1, 1e-9, 1.001}},
+    {"fetch", {102, 0.101, 1.75}}, {"hsr", {45, 0.091, 1.55}},  {"panda", {62, 0.049, 1.6}},
+    {"planar", {1, 1e-9, 1.001}},  {"ur5e", {31, 0.055, 1.55}},
 };
 
 std::vector<std::string> profiles() {
