@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "json_entry.hpp"
+#include "moveit_problems.hpp"
 
 namespace sidestep {
 namespace {
@@ -63,8 +64,9 @@ Eigen::VectorXd read_configuration(const JsonEntry& values, std::size_t count,
   return q;
 }
 
-Result<void> read_family(const std::filesystem::path& file, const RobotDescription& robot,
-                         std::vector<SetProblem>& problems) {
+Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
+                                            const RobotDescription& robot) {
+  std::vector<SetProblem> problems;
   auto content = JsonEntry::read(file.string());
   if (!content) return tl::make_unexpected(std::move(content.error()));
   const JsonEntry set(*content);
@@ -92,31 +94,44 @@ Result<void> read_family(const std::filesystem::path& file, const RobotDescripti
     problems.push_back(std::move(read));
   }
   if (content->error) return tl::make_unexpected(*content->error);
-  return {};
+  return problems;
+}
+
+/// What a folder holds, in order of names: files of the neutral form, folders of
+/// MotionBenchMaker's.
+std::vector<std::filesystem::path> families_in(const std::filesystem::path& folder) {
+  if (holds_moveit_problems(folder)) return {folder};
+  std::vector<std::filesystem::path> found;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
+    const bool is_family = entry.is_directory(ignored) ? holds_moveit_problems(entry.path())
+                                                       : entry.path().extension() == ".json";
+    if (is_family) found.push_back(entry.path());
+  }
+  std::ranges::sort(found);
+  return found;
 }
 
 }  // namespace
 
 Result<std::vector<SetProblem>> read_problem_set(const std::filesystem::path& from,
                                                  const RobotDescription& robot) {
-  std::vector<std::filesystem::path> files{from};
+  std::vector<std::filesystem::path> families{from};
   std::error_code ignored;
   if (std::filesystem::is_directory(from, ignored)) {
-    files.clear();
-    for (const auto& entry : std::filesystem::directory_iterator(from, ignored)) {
-      if (entry.path().extension() == ".json") files.push_back(entry.path());
-    }
-    std::ranges::sort(files);
-    if (files.empty()) {
-      return fail(ErrorCode::kNotFound, "there are no problems (*.json) in this folder",
+    families = families_in(from);
+    if (families.empty()) {
+      return fail(ErrorCode::kNotFound,
+                  "there are no problems in this folder, neither *.json nor request*.yaml",
                   from.string());
     }
   }
   std::vector<SetProblem> problems;
-  for (const std::filesystem::path& file : files) {
-    if (auto read = read_family(file, robot, problems); !read) {
-      return tl::make_unexpected(std::move(read.error()));
-    }
+  for (const std::filesystem::path& family : families) {
+    auto read = std::filesystem::is_directory(family, ignored) ? read_moveit_family(family, robot)
+                                                               : read_family(family, robot);
+    if (!read) return read;
+    std::ranges::move(*read, std::back_inserter(problems));
   }
   return problems;
 }

@@ -22,10 +22,11 @@ struct SetProblem {
   std::shared_ptr<const Scene> scene;
 };
 
-/// Reads a problem set of MotionBenchMaker's for a robot: a JSON file of one family, or a folder
-/// of them, in order of names. What a set says of joints that the robot does not plan for is
-/// passed over; those that it does may stand in any order. Fails with kNotFound, kIo, or kConfig,
-/// naming the file and the entry. [any]
+/// Reads a problem set for a robot (docs/reference/problem_sets.md): a JSON file of one family, a
+/// folder of one as MotionBenchMaker writes it (moveit_problems.hpp), or a folder of either, in
+/// order of names. What a set says of joints that the robot does not plan for is passed over; those
+/// that it does may stand in any order. Fails with kNotFound, kIo, or kConfig, naming the file and
+/// the entry. [any]
 [[nodiscard]] Result<std::vector<SetProblem>> read_problem_set(const std::filesystem::path& from,
                                                                const RobotDescription& robot);
 

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/node.hpp>
+
+namespace sidestep {
+
+/// A value of a YAML document that remembers the way to it, so that reading needs no check a line:
+/// the first thing that is missing or not what it should be becomes the error, with file, line and
+/// column, and reads as zero or empty. (JsonEntry is the same for JSON.)
+class DocumentEntry {
+ public:
+  /// The whole document. Both must outlive the entry and what it leads to.
+  DocumentEntry(const Node& document, std::optional<Error>& error)
+      : node_(&document), error_(&error) {}
+
+  /// Whether there is such a value, and it is not null or an empty list.
+  [[nodiscard]] bool has(const char* key) const;
+  /// A value of a map.
+  [[nodiscard]] DocumentEntry operator[](const char* key) const;
+  /// All values of a list.
+  [[nodiscard]] std::vector<DocumentEntry> items() const;
+  [[nodiscard]] bool is_map() const { return node_ != nullptr && node_->is_map(); }
+
+  [[nodiscard]] double number() const;
+  [[nodiscard]] std::string text() const;
+  /// A list of so many numbers.
+  [[nodiscard]] Eigen::VectorXd numbers(std::size_t count) const;
+
+  /// Makes this the error, unless there is one already.
+  void complain(const std::string& message, const std::string& hint = {}) const;
+
+ private:
+  DocumentEntry(const Node* node, std::optional<Error>* error, std::string path)
+      : node_(node), error_(error), path_(std::move(path)) {}
+  /// Whether the node is there and `is`; complains where it is there and is not.
+  [[nodiscard]] bool expect(bool is, const std::string& what) const;
+  template <class Value>
+  void keep_error(const Result<Value>& value) const {
+    if (!value) complain(value.error().message, value.error().hint);
+  }
+
+  const Node* node_;  ///< Null where something on the way was missing.
+  std::optional<Error>* error_;
+  std::string path_;  ///< E.g. "world.collision_objects[3].id".
+};
+
+}  // namespace sidestep
