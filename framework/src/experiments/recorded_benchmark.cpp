@@ -6,7 +6,6 @@
 #include "recorded_settings.hpp"
 #include "recorded_solves.hpp"
 #include "recorded_summary.hpp"
-#include "run_provenance.hpp"
 
 namespace sidestep {
 namespace {
@@ -121,28 +120,20 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, Bench& bench) {
 }
 
 Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
-  const Node& experiment = *context.configuration.root.find("experiment");
-  std::vector<Error> errors;
-  RecordedBenchmarkSettings settings;
-  RecordedBenchmarkSettings::parameters().read(experiment, settings, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  const auto problems = read_problems(experiment, settings);
-  if (!problems) return tl::make_unexpected(problems.error());
-
-  const RunProvenance provenance = provenance_of(context);
-  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
-  Recorder recorder(**store);
+  const auto start = start_recorded<RecordedBenchmarkSettings>(context);
+  if (!start) return tl::make_unexpected(start.error());
+  const auto& [settings, problems, provenance, store] = *start;
+  Recorder recorder(*store);
 
   RecordedBenchmarkRecord record;
-  record.about = facts_of(*problems, context.configuration);
-  record.costs_comparable = problems->costs_comparable;
+  record.about = facts_of(problems, context.configuration);
+  record.costs_comparable = problems.costs_comparable;
   std::int64_t total = 0;
-  for (const RecordedRun& run : problems->runs) {
+  for (const RecordedRun& run : problems.runs) {
     total += settings.repeats * std::ssize(run.outcomes);
   }
-  Bench bench{*problems, settings, context, RecordedFields(*problems), {context, total}};
-  for (const RecordedRun& run : problems->runs) {
+  Bench bench{problems, settings, context, RecordedFields(problems), {context, total}};
+  for (const RecordedRun& run : problems.runs) {
     if (context.stop.stop_requested()) break;
     auto solved = solve_part(
         record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder);

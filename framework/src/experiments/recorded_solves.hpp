@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,6 +12,8 @@
 #include <sidestep/runtime/guarded.hpp>
 
 #include "plan_recording.hpp"
+#include "recorded_settings.hpp"
+#include "run_provenance.hpp"
 
 namespace sidestep {
 
@@ -51,6 +54,33 @@ void note(const TimedSolve& timed, bool is_first, RecordedSolve& record);
 /// Adds all of a solve to the store.
 void record_solve(const RecordedSolve& solve, std::string_view series, std::int64_t item,
                   Recorder& recorder);
+
+/// What an experiment on recorded problems begins with.
+template <class Settings>
+struct RecordedStart {
+  Settings settings;
+  RecordedProblems problems;
+  RunProvenance provenance;
+  std::unique_ptr<ResultsStore> store;
+};
+
+/// Reads settings and problems, and opens a new store.
+template <class Settings>
+[[nodiscard]] Result<RecordedStart<Settings>> start_recorded(const ExperimentContext& context) {
+  const Node& experiment = *context.configuration.root.find("experiment");
+  std::vector<Error> errors;
+  RecordedStart<Settings> start;
+  Settings::parameters().read(experiment, start.settings, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  auto problems = read_problems(experiment, start.settings);
+  if (!problems) return tl::make_unexpected(std::move(problems.error()));
+  start.problems = std::move(*problems);
+  start.provenance = provenance_of(context);
+  auto store = ResultsStore::open(context.out / "results.sqlite", start.provenance);
+  if (!store) return tl::make_unexpected(std::move(store.error()));
+  start.store = std::move(*store);
+  return start;
+}
 
 /// Whether a problem's start and goal touch nothing in a scene.
 [[nodiscard]] bool are_ends_free(const RecordedProblems& problems, int scene,

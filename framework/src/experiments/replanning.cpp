@@ -11,7 +11,6 @@
 #include "recorded_solves.hpp"
 #include "replanning_settings.hpp"
 #include "replanning_summary.hpp"
-#include "run_provenance.hpp"
 
 namespace sidestep {
 namespace {
@@ -211,30 +210,22 @@ void record_series(const ReplanSeries& series, std::int64_t item, Recorder& reco
 }
 
 Result<ExperimentOutcome> run_replanning(ExperimentContext& context) {
-  const Node& experiment = *context.configuration.root.find("experiment");
-  std::vector<Error> errors;
-  ReplanningSettings settings;
-  ReplanningSettings::parameters().read(experiment, settings, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  const auto problems = read_problems(experiment, settings);
-  if (!problems) return tl::make_unexpected(problems.error());
-
-  const RunProvenance provenance = provenance_of(context);
-  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
-  Recorder recorder(**store);
+  const auto start = start_recorded<ReplanningSettings>(context);
+  if (!start) return tl::make_unexpected(start.error());
+  const auto& [settings, problems, provenance, store] = *start;
+  Recorder recorder(*store);
 
   ReplanningRecord record;
-  record.about = facts_of(*problems, context.configuration);
+  record.about = facts_of(problems, context.configuration);
   std::int64_t total = 0;
-  for (const RecordedRun& run : problems->runs) {
+  for (const RecordedRun& run : problems.runs) {
     total += 2 * settings.repeats * std::ssize(run.outcomes);
   }
-  const RecordedProblems moved = with_moved_boxes(*problems, settings.obstacle_sd_m, context.seed);
+  const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
   Bench bench{
-      *problems,       moved, settings, context, RecordedFields(*problems), RecordedFields(moved),
+      problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
       {context, total}};
-  for (const RecordedRun& run : problems->runs) {
+  for (const RecordedRun& run : problems.runs) {
     for (const char* change : {kGoal, kObstacles}) {
       if (context.stop.stop_requested()) break;
       auto solved = solve_part(
