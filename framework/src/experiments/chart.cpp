@@ -29,6 +29,13 @@ double spacing_of(const std::vector<double>& values) {
   return values.size() > 1 ? values[1] - values[0] : 1.0;
 }
 
+/// Of a decimal logarithm: "0.01", "1", "200".
+std::string antilog_text(double logarithm) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", std::pow(10.0, logarithm));
+  return text;
+}
+
 }  // namespace
 
 Colour sequential_colour(double share) {
@@ -78,6 +85,19 @@ std::vector<double> ticks(const Range& range, int most) {
   return values;
 }
 
+std::vector<double> log_ticks(const Range& range) {
+  constexpr double kFewDecades = 2.5;
+  std::vector<double> values;
+  for (double power = std::floor(range.lower); power <= range.upper; ++power) {
+    for (const double factor : {1.0, 2.0, 5.0}) {
+      const double value = power + std::log10(factor);
+      const bool is_shown = factor == 1.0 || range.upper - range.lower < kFewDecades;
+      if (is_shown && value >= range.lower && value <= range.upper) values.push_back(value);
+    }
+  }
+  return values;
+}
+
 std::string tick_text(double value, double spacing) {
   int digits = spacing > 0.0 ? static_cast<int>(std::ceil(-std::log10(spacing) - 1e-9)) : 0;
   digits = std::clamp(digits, 0, 6);
@@ -97,7 +117,8 @@ Axes::Axes(Canvas& canvas, const Area& area, const Range& x, const Range& y, con
       y_(y),
       labels_(labels),
       area_(area),
-      x_ticks_(ticks(x, std::clamp(static_cast<int>(plot_.width / 55.0), 3, 12))),
+      x_ticks_(labels.log_x ? log_ticks(x)
+                            : ticks(x, std::clamp(static_cast<int>(plot_.width / 55.0), 3, 12))),
       y_ticks_(ticks(y, std::clamp(static_cast<int>(plot_.height / 28.0), 3, 12))) {}
 
 Point Axes::at(double x, double y) const {
@@ -145,7 +166,8 @@ void Axes::finish() {
   for (const double x : x_ticks_) {
     const Point p = at(x, y_.lower);
     canvas_.line(std::array{Point{p.x, bottom}, Point{p.x, bottom + kTickLength}}, frame);
-    canvas_.text({p.x, bottom + 16.0}, tick_text(x, spacing_of(x_ticks_)), small);
+    canvas_.text({p.x, bottom + 16.0},
+                 labels_.log_x ? antilog_text(x) : tick_text(x, spacing_of(x_ticks_)), small);
   }
   for (const double y : y_ticks_) {
     const Point p = at(x_.lower, y);

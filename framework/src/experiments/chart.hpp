@@ -38,6 +38,9 @@ struct Range {
 
 /// Between 3 and `most` round numbers within a range.
 [[nodiscard]] std::vector<double> ticks(const Range& range, int most);
+/// Decimal logarithms of the powers of ten within a range of such, and, where these are few, of
+/// twice and five times them.
+[[nodiscard]] std::vector<double> log_ticks(const Range& range);
 /// A tick's number with as many digits as its neighbours need.
 [[nodiscard]] std::string tick_text(double value, double spacing);
 
@@ -48,6 +51,7 @@ class Axes {
     std::string title;
     std::string x;
     std::string y;
+    bool log_x = false;  ///< Values of x are decimal logarithms; ticks tell of what.
   };
   /// `area` holds everything, labels included.
   Axes(Canvas& canvas, const Area& area, const Range& x, const Range& y, const Labels& labels);

@@ -2,16 +2,12 @@
 
 #include <algorithm>
 #include <atomic>
-#include <ctime>
 #include <mutex>
 
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/runtime/guarded.hpp>
-#include <sidestep/runtime/yaml_document.hpp>
 
-#include "html.hpp"
-#include "run_provenance.hpp"
 #include "study_rows.hpp"
 #include "study_scene.hpp"
 #include "study_settings.hpp"
@@ -23,15 +19,6 @@ namespace {
 
 /// Problems, at least, between two commits: what a run that is killed loses.
 constexpr std::int64_t kProblemsInBatch = 512;
-
-/// The effective configuration as far as it fixes outcomes.
-std::string identity_of(const ExperimentContext& context) {
-  Node root = effective_configuration(context.configuration, context.host);
-  if (Node* experiment = root.find("experiment")) {
-    std::erase_if(experiment->entries(), [](const auto& entry) { return entry.key == "threads"; });
-  }
-  return to_yaml(root, false);
-}
 
 bool in_shard(const Shard& shard, std::size_t robot, int scene, int scenes) {
   const auto unit = static_cast<std::int64_t>(robot) * scenes + scene;
@@ -206,7 +193,8 @@ class StudyRun {
         context_(context),
         recorder_(recorder),
         done_(std::move(done)),
-        workers_(context.threads) {}
+        workers_(context.threads),
+        clock_(workers_.thread_count()) {}
 
   /// What is known of the robots before any problem is solved.
   Result<std::vector<StudyRobotRows>> prepare();
@@ -215,7 +203,7 @@ class StudyRun {
  private:
   Result<void> solve_robot(std::size_t robot);
   Result<void> solve_batch(std::size_t robot, const std::vector<int>& scenes);
-  void note_session();
+  void note_session(std::int64_t problems);
 
   const FieldStudy& study_;
   ExperimentContext& context_;
@@ -226,9 +214,7 @@ class StudyRun {
   std::int64_t solved_ = 0;  ///< In all sessions.
   std::int64_t total_ = 0;
   std::int64_t session_ = 0;
-  StudySession spent_;
-  Stopwatch watch_;
-  std::clock_t cpu_begin_ = std::clock();
+  SessionClock clock_;
 };
 
 Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
@@ -260,14 +246,13 @@ Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
 
 Result<void> StudyRun::solve(std::int64_t session) {
   session_ = session;
-  spent_.threads = workers_.thread_count();
   for (std::size_t r = 0; r < robots_.size(); ++r) {
     if (context_.stop.stop_requested()) break;
     auto done = solve_robot(r);
     robots_[r].reset();  // its fields and optimisers
     if (!done) return done;
   }
-  note_session();
+  note_session(0);
   return recorder_.commit();
 }
 
@@ -315,41 +300,21 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
   const auto solved = solve_all(items, *robots_[robot], workers_, context_, solved_, total_);
   if (!solved) return tl::make_unexpected(solved.error());
   for (const ProblemOutcome& outcome : *solved) record_problem(outcome, robot, recorder_);
-  spent_.problems += static_cast<std::int64_t>(solved->size());
-  note_session();
+  note_session(std::ssize(*solved));
   return recorder_.commit();
 }
 
-void StudyRun::note_session() {
-  spent_.wall_s = 1e-3 * watch_.elapsed_ms();
-  spent_.cpu_s = static_cast<double>(std::clock() - cpu_begin_) / CLOCKS_PER_SEC;
-  record_session(spent_, session_, recorder_);
+void StudyRun::note_session(std::int64_t problems) {
+  record_session(clock_.after(problems), session_, recorder_);
 }
 
 /// What an earlier session left, where this run goes on with it: it must be of the same study.
-Result<StudyRecord> earlier_sessions(const ExperimentContext& context,
-                                     const std::string& identity) {
+Result<StudyRecord> earlier_sessions(const ExperimentContext& context, const DividedRun& here) {
   const auto file = context.out / "results.sqlite";
   auto study = read_study(file);
   if (!study) return study;
-  const std::string other = difference(study->identity, identity);
-  if (!other.empty()) {
-    return fail(ErrorCode::kConfig, "the run to resume is of another study: " + other,
-                file.string(), "resume it with the configuration and overrides it began with");
-  }
-  if (study->shard.index != context.shard.index || study->shard.count != context.shard.count) {
-    return fail(ErrorCode::kConfig,
-                "the run to resume is shard " + std::to_string(study->shard.index + 1) + "/" +
-                    std::to_string(study->shard.count),
-                file.string(), "resume it with the same --shard");
-  }
-  const RunProvenance here = current_provenance();
-  if (study->provenance.git_hash != here.git_hash) {
-    return fail(ErrorCode::kConfig,
-                "the run to resume was made by another build, " + study->provenance.git_hash +
-                    "; this one is " + here.git_hash,
-                file.string(), "its outcomes may differ: begin anew");
-  }
+  auto same = check_same_run(*study, here, file.string());
+  if (!same) return tl::make_unexpected(std::move(same.error()));
   return study;
 }
 
@@ -364,18 +329,15 @@ Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
                     std::to_string(context.shard.count) + " shards",
                 context.configuration.file.string());
   }
-  StudyRecord record;
-  record.identity = identity_of(context);
-  record.provenance = provenance_of(context);
+  StudyRecord record{divided_run_of(context)};
   record.confidence = study.settings.confidence;
   record.bootstrap_samples = study.settings.bootstrap_samples;
   record.published_as = study.settings.published_as;
-  record.shard = context.shard;
 
   std::vector<DoneProblems> done(study.robots.size());
   std::int64_t session = 0;
   if (context.resume) {
-    auto earlier = earlier_sessions(context, record.identity);
+    auto earlier = earlier_sessions(context, record);
     if (!earlier) return tl::make_unexpected(std::move(earlier.error()));
     session = static_cast<std::int64_t>(earlier->sessions.size());
     for (std::size_t r = 0; r < done.size(); ++r) {

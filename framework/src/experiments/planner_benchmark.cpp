@@ -1,22 +1,16 @@
 #include "planner_benchmark.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 
-#include <sidestep/core/seed.hpp>
 #include <sidestep/experiments/planning_settings.hpp>
-#include <sidestep/field/scene_field.hpp>
-#include <sidestep/planning/goal.hpp>
 #include <sidestep/runtime/results_store.hpp>
-#include <sidestep/runtime/shape_check.hpp>
+#include <sidestep/runtime/yaml_document.hpp>
 
 #include "blocks.hpp"
 #include "plan_recording.hpp"
+#include "planner_solve.hpp"
 #include "planner_summary.hpp"
-#include "planning_race.hpp"
-#include "problem_set.hpp"
-#include "run_provenance.hpp"
 
 namespace sidestep {
 namespace {
@@ -48,6 +42,7 @@ struct PlannerEntry {
 struct PlannerBenchmarkSettings {
   std::string type;
   std::int64_t seed = 0;
+  int seeds = 1;
   int threads = 0;
   std::filesystem::path problems;
   std::vector<std::string> families;
@@ -62,8 +57,14 @@ struct PlannerBenchmarkSettings {
     return Parameters<S>()
         .add("type", &S::type, "Type of the experiment.", {.required = true})
         .add("seed", &S::seed, "Seed of everything random in the run.", {.min = 0})
-        .add("threads", &S::threads, "Threads to work with; 0 for one per core.",
-             {.min = 0, .max = 1024})
+        .add("seeds", &S::seeds,
+             "How often each planner is given each problem: with `seed`, the next one, and so on.",
+             {.min = 1, .max = 1000})
+        .add(
+            "threads", &S::threads,
+            "Threads that a planner may use; 0 for one per core. Problems are solved one after the "
+            "other, so that nothing else is timed; `--jobs` solves several at once.",
+            {.min = 0, .max = 1024})
         .add("problems", &S::problems,
              "Folder of problem sets (docs/reference/problem_sets.md), or one; needed to run.")
         .add("families", &S::families, "Families of problems that are used; none: all.")
@@ -157,133 +158,164 @@ std::vector<SetProblem> chosen(std::vector<SetProblem> all,
   return kept;
 }
 
-double path_length(const Trajectory& trajectory) {
-  double length = 0.0;
-  for (int i = 1; i < trajectory.size(); ++i) {
-    double squares = 0.0;
-    for (std::size_t j = 0; j < trajectory.q(i).size(); ++j) {
-      const double step = trajectory.q(i)[j] - trajectory.q(i - 1)[j];
-      squares += step * step;
-    }
-    length += std::sqrt(squares);
-  }
-  return length;
-}
+/// A run of a benchmark: the problems of its shard that have no answer yet.
+class BenchmarkRun {
+ public:
+  BenchmarkRun(const PlannerBenchmarkSettings& settings, const std::vector<SetProblem>& problems,
+               SetBench bench, const PlannerBenchmarkRecord& record, ExperimentContext& context,
+               Recorder& recorder)
+      : settings_(settings),
+        problems_(problems),
+        bench_(std::move(bench)),
+        record_(record),
+        context_(context),
+        recorder_(recorder),
+        clock_(context.threads),
+        session_(std::ssize(record.sessions)),
+        done_(record.solved()) {}
 
-/// What solving borrows.
-struct Bench {
-  std::shared_ptr<const RobotModel> robot;
-  const PlannerBenchmarkSettings& settings;
-  PlanningSettings planning;
-  CheckSettings check;
-  ExperimentContext& context;
+  [[nodiscard]] Result<void> solve();
+
+ private:
+  [[nodiscard]] Result<void> solve_with(const PlannerEntry& entry, const PlannerRecord& earlier,
+                                        int seed);
+  [[nodiscard]] Result<PlanningRace> make_race(const PlannerEntry& entry, std::uint64_t seed);
+  [[nodiscard]] std::vector<std::int64_t> left_for(const PlannerRecord& earlier, int seed) const;
+
+  const PlannerBenchmarkSettings& settings_;
+  const std::vector<SetProblem>& problems_;
+  SetBench bench_;
+  const PlannerBenchmarkRecord& record_;
+  ExperimentContext& context_;
+  Recorder& recorder_;
+  SessionClock clock_;
+  std::int64_t session_;
+  std::int64_t done_;
 };
 
-Result<PlanningRace> make_race(const PlannerEntry& entry, const Bench& bench) {
+Result<void> BenchmarkRun::solve() {
+  for (std::size_t p = 0; p < settings_.planners.size(); ++p) {
+    for (int seed = 0; seed < settings_.seeds; ++seed) {
+      auto solved = solve_with(settings_.planners[p], record_.planners[p], seed);
+      if (!solved) return solved;
+    }
+  }
+  record_session(clock_.after(0), session_, recorder_);
+  return recorder_.commit();
+}
+
+std::vector<std::int64_t> BenchmarkRun::left_for(const PlannerRecord& earlier, int seed) const {
+  std::set<std::int64_t> done;
+  for (const SetSolve& solve : earlier.solves) {
+    if (solve.seed == seed) done.insert(solve.problem);
+  }
+  std::vector<std::int64_t> left;
+  for (std::int64_t problem = 0; problem < std::ssize(problems_); ++problem) {
+    if (record_.is_ours(problem) && !done.contains(problem)) left.push_back(problem);
+  }
+  return left;
+}
+
+Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRecord& earlier,
+                                      int seed) {
+  const std::vector<std::int64_t> left = left_for(earlier, seed);
+  if (left.empty() || context_.stop.stop_requested()) return {};
+  const std::uint64_t run_seed = context_.seed + static_cast<std::uint64_t>(seed);
+  auto race = make_race(entry, run_seed);
+  if (!race) return tl::make_unexpected(std::move(race.error()));
+  const auto solve_one = [&](std::int64_t problem) {
+    return contained("planning", [&] {
+      return solve_set_problem(*race, problems_[static_cast<std::size_t>(problem)], run_seed,
+                               bench_);
+    });
+  };
+  (void)solve_one(left.front());  // does not count
+  for (const std::int64_t problem : left) {
+    if (context_.progress) context_.progress(done_, record_.planned(), entry.name);
+    auto solve = solve_one(problem);
+    if (context_.stop.stop_requested()) return {};  // it may have been cut short
+    if (!solve) return tl::make_unexpected(std::move(solve.error()));
+    solve->problem = problem;
+    solve->seed = seed;
+    record_set_solve(*solve, entry.name, problems_.size(), recorder_);
+    record_session(clock_.after(1), session_, recorder_);
+    if (auto saved = recorder_.commit(); !saved) return saved;
+    ++done_;
+  }
+  return {};
+}
+
+Result<PlanningRace> BenchmarkRun::make_race(const PlannerEntry& entry, std::uint64_t seed) {
+  const RunLoan loan{bench_.robot, nullptr, nullptr, seed};
   std::vector<PlanningRace::Lane> lanes;
-  for (const std::string& seed : entry.seeds) {
+  for (const std::string& guess : entry.seeds) {
     PlanningRace::Lane lane;
-    lane.seed = seed;
+    lane.seed = guess;
     for (const auto& [block, into] :
          {std::pair(&entry.optimiser, &lane.optimiser), std::pair(&entry.sampler, &lane.sampler)}) {
       const bool is_sampler = into == &lane.sampler;
-      if (block->is_null() || (is_sampler && seed != "sampled")) continue;
-      auto made = bench.context.host.create<Optimiser>(*block, bench.robot);
+      if (block->is_null() || (is_sampler && guess != "sampled")) continue;
+      auto made = context_.host.create<Optimiser>(*block, loan);
       if (!made) return tl::make_unexpected(std::move(made.error()));
       *into = std::move(*made);
     }
     lanes.push_back(std::move(lane));
   }
-  return PlanningRace(std::move(lanes), bench.planning.limits(bench.robot->description()));
+  return PlanningRace(std::move(lanes), bench_.planning.limits(bench_.robot->description()));
 }
 
-/// Holds an answer against the shapes.
-Result<void> judge(const SetProblem& posed, const RaceResult& answer, const Bench& bench,
-                   SetSolve& solve) {
-  solve.path_length = path_length(answer.trajectory);
-  solve.duration_s = answer.trajectory.duration_s();
-  const RobotDescription& robot = bench.robot->description();
-  const Trajectory& trajectory = answer.trajectory;
-  for (const auto& [state, wanted, which] :
-       {std::tuple(0, &posed.q_start, "starts"),
-        std::tuple(trajectory.size() - 1, &posed.q_goal, "ends")}) {
-    const std::string miss = configuration_miss(robot, trajectory.q(state), *wanted);
-    if (!miss.empty() && solve.refusal.empty())
-      solve.refusal = std::string("it ") + which + " with " + miss;
+/// What the effective configuration says of each planner.
+std::vector<std::string> planner_texts(const ExperimentContext& context) {
+  const Node root = effective_configuration(context.configuration, context.host);
+  std::vector<std::string> texts;
+  for (const Node& entry : root.find("experiment")->find("planners")->items()) {
+    texts.push_back(to_yaml(entry, false));
   }
-  ShapeObstacles truth;
-  truth.scene = posed.scene;
-  auto check = make_shape_check(bench.robot, truth,
-                                {.max_step_m = bench.check.shape_max_step_m,
-                                 .speed_fraction = bench.check.speed_fraction,
-                                 .acceleration_fraction = bench.check.acceleration_fraction});
-  if (!check) return tl::make_unexpected(std::move(check.error()));
-  const auto verdict = (*check)->check(trajectory, 0.0, Deadline(bench.context.stop));
-  if (!verdict) return tl::make_unexpected(verdict.error());
-  solve.clearance_m = verdict->min_clearance_m;
-  if (!verdict->valid() && solve.refusal.empty()) solve.refusal = verdict->describe();
-  return {};
+  return texts;
 }
 
-Result<SetSolve> solve_one(PlanningRace& race, const SetProblem& posed, const Bench& bench) {
-  SetSolve solve;
-  solve.family = posed.family;
-  solve.index = posed.index;
-  const Eigen::Vector3d reach_m = Eigen::Vector3d::Constant(bench.settings.reach_m);
-  const auto field = std::make_shared<const SceneField>(*posed.scene, Stamp(),
-                                                        Eigen::AlignedBox3d(-reach_m, reach_m));
-  const Problem problem =
-      make_problem(bench.robot, field, bench.planning, posed.q_start, posed.q_goal);
-  if (auto sound = problem.validate(); !sound) {
-    solve.reason = "the problem makes no sense: " + sound.error().describe();
-    return solve;
+/// The benchmark before anything is solved.
+PlannerBenchmarkRecord new_record(const PlannerBenchmarkSettings& settings,
+                                  const std::vector<SetProblem>& problems, const RobotModel& robot,
+                                  const ExperimentContext& context) {
+  PlannerBenchmarkRecord record;
+  static_cast<DividedRun&>(record) = divided_run_of(context);
+  record.problems = settings.problems.filename().string();
+  record.robot = robot.description().name;
+  record.deadline_s = settings.deadline_s;
+  record.seeds = settings.seeds;
+  for (const SetProblem& problem : problems)
+    record.names.push_back({problem.family, problem.index});
+  const std::vector<std::string> texts = planner_texts(context);
+  for (std::size_t p = 0; p < settings.planners.size(); ++p) {
+    const PlannerEntry& entry = settings.planners[p];
+    record.planners.push_back({entry.name, entry.checker, texts[p], {}});
   }
-  const auto check = make_field_check(bench.robot, field, bench.planning.space(),
-                                      {.margin_m = bench.check.margin_m,
-                                       .max_step_m = bench.check.max_step_m,
-                                       .speed_fraction = bench.check.speed_fraction,
-                                       .acceleration_fraction = bench.check.acceleration_fraction,
-                                       .first_violation_only = true});
-  const std::uint64_t seed =
-      derive_seed(bench.context.seed, posed.family + "/" + std::to_string(posed.index));
-  auto answer = race.run(problem, *check, seed,
-                         Deadline::after_s(bench.settings.deadline_s, bench.context.stop));
-  if (!answer) return tl::make_unexpected(std::move(answer.error()));
-  solve.is_found = answer->trajectory.size() > 0;
-  solve.is_smooth = answer->is_smooth;
-  solve.time_ms = answer->took_ms;
-  solve.reason = answer->reason;
-  solve.seed = answer->seed;
-  if (!solve.is_found) return solve;
-  if (auto judged = judge(posed, *answer, bench, solve); !judged) {
-    return tl::make_unexpected(std::move(judged.error()));
+  return record;
+}
+
+/// The same with what an earlier session has left, where this run goes on with it.
+Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord record,
+                                                     const ExperimentContext& context) {
+  if (!context.resume) return record;
+  const auto file = context.out / "results.sqlite";
+  auto earlier = read_planner_record(file);
+  if (!earlier) return earlier;
+  auto same = check_same_run(*earlier, record, file.string());
+  if (!same) return tl::make_unexpected(std::move(same.error()));
+  if (earlier->names.size() != record.names.size()) {
+    return fail(ErrorCode::kConfig, "the problems have changed since the run to resume began",
+                file.string(), "begin anew");
   }
-  return solve;
+  return earlier;
 }
 
-/// Series "solve/PLANNER", one item a problem.
-void record(const SetSolve& solve, const std::string& series, std::int64_t item,
-            Recorder& recorder) {
-  recorder.add(series, item, "family", solve.family);
-  recorder.add(series, item, "index", solve.index);
-  recorder.add(series, item, "solved", solve.is_solved());
-  recorder.add(series, item, "smooth", solve.is_smooth);
-  recorder.add(series, item, "seed", solve.seed);
-  recorder.add(series, item, "reason", solve.refusal.empty() ? solve.reason : solve.refusal);
-  if (!solve.is_found) return;
-  recorder.add(series, item, "time_ms", solve.time_ms);
-  recorder.add(series, item, "path_length", solve.path_length);
-  recorder.add(series, item, "duration_s", solve.duration_s);
-  recorder.add(series, item, "clearance_m", solve.clearance_m);
-}
-
-Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
+Result<PlannerBenchmarkSettings> read_settings(const ExperimentContext& context, SetBench& bench) {
   const Configuration& configuration = context.configuration;
   std::vector<Error> errors;
   PlannerBenchmarkSettings settings;
   PlannerBenchmarkSettings::parameters().read(block_of(configuration, "experiment"), settings,
                                               errors);
-  Bench bench{nullptr, settings, {}, {}, context};
   PlanningSettings::parameters().read(block_of(configuration, "planning"), bench.planning, errors);
   CheckSettings::parameters().read(block_of(configuration, "check"), bench.check, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
@@ -291,57 +323,72 @@ Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
     return fail(ErrorCode::kConfig, "experiment.problems does not say where the problems are", {},
                 "give it with --set experiment.problems=FOLDER");
   }
-  auto robot = context.host.create<RobotModel>(block_of(configuration, "robot"));
+  bench.reach_m = settings.reach_m;
+  bench.deadline_s = settings.deadline_s;
+  bench.stop = context.stop;
+  return settings;
+}
+
+Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& settings,
+                                            const ExperimentContext& context,
+                                            const RobotModel& robot) {
+  auto all = read_problem_set(settings.problems, robot.description());
+  if (!all) return all;
+  std::vector<SetProblem> problems = chosen(std::move(*all), settings);
+  if (std::ssize(problems) < context.shard.count) {
+    return fail(ErrorCode::kConfig,
+                problems.empty()
+                    ? std::string("there is no problem to solve")
+                    : "there are " + std::to_string(problems.size()) + " problems, too few for " +
+                          std::to_string(context.shard.count) + " shards",
+                settings.problems.string());
+  }
+  return problems;
+}
+
+Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
+  SetBench bench;
+  const auto settings = read_settings(context, bench);
+  if (!settings) return tl::make_unexpected(settings.error());
+  auto robot = context.host.create<RobotModel>(block_of(context.configuration, "robot"));
   if (!robot) return tl::make_unexpected(std::move(robot.error()));
   bench.robot = std::move(*robot);
-  auto all = read_problem_set(settings.problems, bench.robot->description());
-  if (!all) return tl::make_unexpected(std::move(all.error()));
-  const std::vector<SetProblem> problems = chosen(std::move(*all), settings);
+  const auto problems = read_chosen(*settings, context, *bench.robot);
+  if (!problems) return tl::make_unexpected(problems.error());
 
-  const RunProvenance provenance = provenance_of(context);
-  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
+  const auto record =
+      with_earlier_sessions(new_record(*settings, *problems, *bench.robot, context), context);
+  if (!record) return tl::make_unexpected(record.error());
+  const auto file = context.out / "results.sqlite";
+  auto store =
+      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, record->provenance);
   if (!store) return tl::make_unexpected(std::move(store.error()));
   Recorder recorder(**store);
+  if (!context.resume) record_planner_head(*record, recorder);
+  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
 
-  PlannerBenchmarkRecord outcome{settings.type,
-                                 settings.problems.filename().string(),
-                                 bench.robot->description().name,
-                                 {},
-                                 false};
-  const auto total = static_cast<std::int64_t>(problems.size() * settings.planners.size());
-  std::int64_t done = 0;
-  for (const PlannerEntry& entry : settings.planners) {
-    auto race = make_race(entry, bench);
-    if (!race) return tl::make_unexpected(std::move(race.error()));
-    PlannerRecord planner{entry.name, entry.checker, {}};
-    if (!problems.empty()) (void)solve_one(*race, problems.front(), bench);  // does not count
-    for (const SetProblem& problem : problems) {
-      if (context.stop.stop_requested()) break;
-      if (context.progress) context.progress(done, total, entry.name);
-      auto solve = contained("planning", [&] { return solve_one(*race, problem, bench); });
-      if (!solve) return tl::make_unexpected(std::move(solve.error()));
-      record(*solve, "solve/" + entry.name, std::ssize(planner.solves), recorder);
-      planner.solves.push_back(std::move(*solve));
-      ++done;
-    }
-    outcome.planners.push_back(std::move(planner));
-    if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
-  }
-  outcome.interrupted = context.stop.stop_requested();
-  return summarise_planners(provenance, outcome);
+  BenchmarkRun run(*settings, *problems, std::move(bench), *record, context, recorder);
+  auto solved = run.solve();
+  store->reset();
+  if (context.progress) context.progress(0, 0, "summing up");
+  return conclude_planners(context.out, context.stop.stop_requested(),
+                           solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
 }
 
 }  // namespace
 
 ExperimentType planner_benchmark_experiment() {
-  return {
-      "planner_benchmark",
-      "Planners on problem sets: time, success, path quality, each answer checked independently",
-      [] { return PlannerBenchmarkSettings::parameters().schema(); },
-      {"robot"},
-      &check_planner_benchmark,
-      &run_planner_benchmark,
-      &fill_planners};
+  ExperimentType type;
+  type.name = "planner_benchmark";
+  type.doc =
+      "Planners on problem sets: time, success, path quality, each answer checked independently";
+  type.schema = [] { return PlannerBenchmarkSettings::parameters().schema(); };
+  type.blocks = {"robot"};
+  type.check = &check_planner_benchmark;
+  type.run = &run_planner_benchmark;
+  type.fill = &fill_planners;
+  type.is_divisible = true;
+  return type;
 }
 
 }  // namespace sidestep

@@ -101,7 +101,12 @@ bool PlanningRace::finish(const Trajectory& proposal, bool is_smooth, const std:
   const std::scoped_lock lock(track.mutex);
   const bool has_one = track.result.trajectory.size() > 0;
   if (has_one && (track.result.is_smooth || !is_smooth)) return true;
-  track.result = {std::move(timed->trajectory), seed, is_smooth, track.watch.elapsed_ms(), {}};
+  RaceResult& result = track.result;
+  if (has_one) {
+    result.earlier.push_back({std::move(result.trajectory), result.is_smooth, result.took_ms});
+  }
+  result = {std::move(timed->trajectory), seed, is_smooth,
+            track.watch.elapsed_ms(),     {},   std::move(result.earlier)};
   if (is_smooth) track.over.request_stop();
   return true;
 }

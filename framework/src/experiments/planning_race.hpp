@@ -12,6 +12,13 @@
 
 namespace sidestep {
 
+/// A trajectory that passed the check before a better one did.
+struct EarlierAnswer {
+  Trajectory trajectory;
+  bool is_smooth = false;
+  double took_ms = 0.0;
+};
+
 /// What a planner came up with.
 struct RaceResult {
   Trajectory trajectory;   ///< Valid by the check, and timed; empty where there is none.
@@ -19,6 +26,7 @@ struct RaceResult {
   bool is_smooth = false;  ///< From an optimiser; a sampled path stops at its corners.
   double took_ms = 0.0;    ///< From the call until there was a valid trajectory.
   std::string reason;      ///< Why there is none.
+  std::vector<EarlierAnswer> earlier;  ///< Those that it took the place of, in order.
 };
 
 /// Plans from several first guesses at once, a thread for each, until one has led to a trajectory

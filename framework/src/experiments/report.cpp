@@ -157,7 +157,7 @@ Result<std::string> body_of(const Json& summary, ResultsReader& results, const f
   if (at(summary, "/experiment") == Json("recorded_benchmark")) {
     return recorded_body(summary, results, run);
   }
-  if (at(summary, "/experiment") == Json("planner_benchmark")) return planners_body(summary);
+  if (at(summary, "/experiment") == Json("planner_benchmark")) return planners_body(summary, run);
   if (at(summary, "/experiment") == Json("replanning")) return replanning_body(summary);
   if (at(summary, "/experiment") == Json("replan")) return replan_body(summary, results, run);
   if (at(summary, "/experiment") == Json("field_study")) return study_body(summary, run);
@@ -233,7 +233,7 @@ const std::vector<Comparison> kComparisons = {
     {"planner_benchmark",
      {{"planner", "/name"},
       {"checker", "/checker"},
-      {"problems", "/problems"},
+      {"answers", "/answers"},
       {"solved in 1 s", "/solved_share/s1", "%.4f"},
       {"time p50", "/time_ms/p50", "%.3f ms"},
       {"time p95", "/time_ms/p95", "%.2f ms"},

@@ -52,8 +52,9 @@ using Columns = std::vector<Column>;
 [[nodiscard]] Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
                                                 const std::filesystem::path& run);
 
-/// The tables of a planner benchmark.
-[[nodiscard]] std::string planners_body(const Json& summary);
+/// Tables and charts of a planner benchmark.
+[[nodiscard]] Result<std::string> planners_body(const Json& summary,
+                                                const std::filesystem::path& run);
 
 /// The table of a replanning experiment.
 [[nodiscard]] std::string replanning_body(const Json& summary);

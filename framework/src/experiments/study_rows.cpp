@@ -1,8 +1,6 @@
 #include "study_rows.hpp"
 
-#include <algorithm>
-#include <charconv>
-#include <sstream>
+#include "stored_values.hpp"
 
 namespace sidestep {
 namespace {
@@ -12,75 +10,6 @@ constexpr double kSkipped = -1.0;
 std::string of_robot(const char* series, std::size_t robot) {
   return std::string(series) + "/" + std::to_string(robot);
 }
-
-/// Reads single values; the first failure or missing value is kept.
-class ItemReader {
- public:
-  ItemReader(ResultsReader& reader, std::string series, std::int64_t item, std::string file)
-      : reader_(reader), series_(std::move(series)), item_(item), file_(std::move(file)) {}
-
-  double number(const std::string& key) {
-    auto value = reader_.number(series_, item_, key);
-    if (!value) return keep(std::move(value.error())), 0.0;
-    if (!*value) return keep(missing(key)), 0.0;
-    return **value;
-  }
-  int integer(const std::string& key) { return static_cast<int>(number(key)); }
-  std::string text(const std::string& key) {
-    auto value = reader_.text(series_, item_, key);
-    if (!value) return keep(std::move(value.error())), "";
-    if (!*value) return keep(missing(key)), "";
-    return **value;
-  }
-  [[nodiscard]] const std::optional<Error>& error() const { return error_; }
-
- private:
-  [[nodiscard]] Error missing(const std::string& key) const {
-    return Error{ErrorCode::kIo, "these are not the results of a field study", file_,
-                 "there is no '" + key + "' of '" + series_ + "'", nullptr};
-  }
-  void keep(Error error) {
-    if (!error_) error_ = std::move(error);
-  }
-  ResultsReader& reader_;
-  std::string series_;
-  std::int64_t item_;
-  std::string file_;
-  std::optional<Error> error_;
-};
-
-/// The columns of one series, all of one length, read in one pass.
-class ColumnReader {
- public:
-  ColumnReader(ResultsReader& reader, const std::string& series, const std::string& file) {
-    auto done = reader.visit(series, [&](std::int64_t, std::string_view key, double value) {
-      auto at = columns_.find(key);
-      if (at == columns_.end()) at = columns_.emplace(std::string(key), Column{}).first;
-      at->second.push_back(value);
-    });
-    if (!done) error_ = std::move(done.error());
-    for (const auto& [key, column] : columns_) rows_ = std::max(rows_, column.size());
-    for (auto& [key, column] : columns_) {
-      if (column.size() == rows_) continue;
-      error_ = Error{ErrorCode::kIo, "the rows of '" + series + "' are not complete", file,
-                     "'" + key + "' is missing in some", nullptr};
-      column.resize(rows_, 0.0);
-    }
-  }
-
-  /// Zeros where the series has no such column.
-  std::vector<double> column(const std::string& key) {
-    const auto at = columns_.find(key);
-    return at != columns_.end() ? std::move(at->second) : Column(rows_, 0.0);
-  }
-  [[nodiscard]] const std::optional<Error>& error() const { return error_; }
-
- private:
-  using Column = std::vector<double>;
-  std::map<std::string, Column, std::less<>> columns_;
-  std::size_t rows_ = 0;
-  std::optional<Error> error_;
-};
 
 void record_published(const PublishedOutcome& published, const std::string& kind, std::int64_t item,
                       Recorder& recorder) {
@@ -184,16 +113,6 @@ StudyRobotRows read_robot(ResultsReader& reader, std::size_t robot, const std::s
   return rows;
 }
 
-std::vector<std::string> lines_of(const std::string& text) {
-  std::vector<std::string> lines;
-  std::istringstream stream(text);
-  for (std::string line; std::getline(stream, line);) {
-    const std::size_t first = line.find_first_not_of(" -");
-    lines.push_back(first == std::string::npos ? "" : line.substr(first));
-  }
-  return lines;
-}
-
 }  // namespace
 
 std::int64_t StudyRecord::planned() const {
@@ -211,19 +130,10 @@ std::int64_t StudyRecord::solved() const {
 }
 
 void record_study(const StudyRecord& study, Recorder& recorder) {
-  recorder.add("study", 0, "identity", study.identity);
-  recorder.add("study", 0, "configuration", study.provenance.configuration);
-  recorder.add("study", 0, "version", study.provenance.version);
-  recorder.add("study", 0, "git_hash", study.provenance.git_hash);
-  recorder.add("study", 0, "build_flags", study.provenance.build_flags);
-  recorder.add("study", 0, "cpu", study.provenance.cpu);
-  recorder.add("study", 0, "threads", study.provenance.threads);
-  recorder.add("study", 0, "seed", std::to_string(study.provenance.seed));
+  record_run_head(study, "study", recorder);
   recorder.add("study", 0, "confidence", study.confidence);
   recorder.add("study", 0, "bootstrap_samples", study.bootstrap_samples);
   recorder.add("study", 0, "published_as", study.published_as);
-  recorder.add("study", 0, "shard_index", study.shard.index);
-  recorder.add("study", 0, "shard_count", study.shard.count);
   recorder.add("study", 0, "robots", study.robots.size());
   for (std::size_t r = 0; r < study.robots.size(); ++r) {
     const StudyRobotRows& robot = study.robots[r];
@@ -248,13 +158,6 @@ void record_study(const StudyRecord& study, Recorder& recorder) {
     record_published(robot.published->unsigned_field, "unsigned", item, recorder);
     record_published(robot.published->signed_field, "signed", item, recorder);
   }
-}
-
-void record_session(const StudySession& session, std::int64_t index, Recorder& recorder) {
-  recorder.add("session", index, "wall_s", session.wall_s);
-  recorder.add("session", index, "cpu_s", session.cpu_s);
-  recorder.add("session", index, "threads", session.threads);
-  recorder.add("session", index, "problems", session.problems);
 }
 
 void record_scene(const SceneRow& scene, std::size_t robot, Recorder& recorder) {
@@ -289,46 +192,21 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 Result<StudyRecord> read_study(const std::filesystem::path& file) {
   auto reader = ResultsReader::open(file);
   if (!reader) return tl::make_unexpected(std::move(reader.error()));
-  ItemReader item(**reader, "study", 0, file.string());
   StudyRecord study;
-  study.identity = item.text("identity");
-  study.provenance.configuration = item.text("configuration");
-  study.provenance.version = item.text("version");
-  study.provenance.git_hash = item.text("git_hash");
-  study.provenance.build_flags = item.text("build_flags");
-  study.provenance.cpu = item.text("cpu");
-  study.provenance.threads = item.integer("threads");
-  const std::string seed = item.text("seed");
-  std::from_chars(seed.data(), seed.data() + seed.size(), study.provenance.seed);
+  if (auto read = read_run_head(**reader, "study", file.string(), study); !read) {
+    return tl::make_unexpected(std::move(read.error()));
+  }
+  ItemReader item(**reader, "study", 0, file.string());
   study.confidence = item.number("confidence");
   study.bootstrap_samples = item.integer("bootstrap_samples");
   study.published_as = item.text("published_as");
-  study.shard = {item.integer("shard_index"), item.integer("shard_count")};
   const int robots = item.integer("robots");
   std::optional<Error> error = item.error();
   for (int r = 0; !error && r < robots; ++r) {
     study.robots.push_back(read_robot(**reader, static_cast<std::size_t>(r), file.string(), error));
   }
-  ColumnReader sessions(**reader, "session", file.string());
-  const auto wall_s = sessions.column("wall_s"), cpu_s = sessions.column("cpu_s");
-  const auto threads = sessions.column("threads");
-  const auto problems = sessions.column("problems");
-  for (std::size_t i = 0; i < wall_s.size(); ++i) {
-    study.sessions.push_back({wall_s[i], cpu_s[i], static_cast<int>(threads[i]),
-                              static_cast<std::int64_t>(problems[i])});
-  }
-  if (!error) error = sessions.error();
   if (error) return tl::make_unexpected(std::move(*error));
   return study;
-}
-
-std::string difference(const std::string& there, const std::string& here) {
-  if (there == here) return "";
-  const std::vector<std::string> a = lines_of(there), b = lines_of(here);
-  const auto [at_a, at_b] = std::ranges::mismatch(a, b);
-  const std::string nothing = "nothing";
-  return "`" + (at_a == a.end() ? nothing : *at_a) + "` there, `" +
-         (at_b == b.end() ? nothing : *at_b) + "` here";
 }
 
 }  // namespace sidestep

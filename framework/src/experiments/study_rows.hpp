@@ -5,25 +5,17 @@
 #include <filesystem>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
 #include <sidestep/runtime/results_store.hpp>
 
+#include "divided_run.hpp"
 #include "plan_recording.hpp"
 #include "study_settings.hpp"
 #include "study_solve.hpp"
 
 namespace sidestep {
-
-/// A stretch of work on a study: one `sidestep run`, up to its end or its interruption.
-struct StudySession {
-  double wall_s = 0.0;
-  double cpu_s = 0.0;  ///< Of all threads: what it takes where nothing else runs.
-  int threads = 0;
-  std::int64_t problems = 0;  ///< That it solved.
-};
 
 struct SceneRow {
   std::int64_t scene = 0;
@@ -53,14 +45,10 @@ struct StudyRobotRows {
 };
 
 /// What a results store holds of a study: everything that its summary is made from.
-struct StudyRecord {
-  std::string identity;  ///< The effective configuration that fixes every outcome, as YAML.
-  RunProvenance provenance;
+struct StudyRecord : DividedRun {
   double confidence = 0.95;
   int bootstrap_samples = 0;
   std::string published_as;
-  Shard shard;
-  std::vector<StudySession> sessions;
   std::vector<StudyRobotRows> robots;
 
   [[nodiscard]] std::int64_t planned() const;
@@ -69,8 +57,6 @@ struct StudyRecord {
 
 /// Everything but what is solved: series "study", "robot" and "state/ROBOT".
 void record_study(const StudyRecord& study, Recorder& recorder);
-/// Series "session", item `index`.
-void record_session(const StudySession& session, std::int64_t index, Recorder& recorder);
 /// Series "scene/ROBOT".
 void record_scene(const SceneRow& scene, std::size_t robot, Recorder& recorder);
 /// Series "problem/ROBOT".
@@ -78,9 +64,5 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 
 /// Reads back what was recorded. Fails with kIo where the store is that of no study.
 [[nodiscard]] Result<StudyRecord> read_study(const std::filesystem::path& file);
-
-/// Says in what two identities differ, e.g. "`scenes: 100` there, `scenes: 50` here"; empty if in
-/// nothing.
-[[nodiscard]] std::string difference(const std::string& there, const std::string& here);
 
 }  // namespace sidestep

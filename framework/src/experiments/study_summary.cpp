@@ -100,7 +100,7 @@ Json robot_json(const StudyRobotRows& robot, const RobotComparison& comparison) 
 
 Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& comparisons) {
   double wall_s = 0.0, cpu_s = 0.0, solve_s = 0.0, check_s = 0.0, field_s = 0.0;
-  for (const StudySession& session : study.sessions) {
+  for (const RunSession& session : study.sessions) {
     wall_s += session.wall_s;
     cpu_s += session.cpu_s;
   }
@@ -236,10 +236,7 @@ std::string verdict_text(const StudyRecord& study, const Json& robots, bool inte
   if (interrupted) {
     return "Interrupted after " + solved + "; what was solved is saved, --resume goes on.";
   }
-  const std::string part = study.shard.is_whole()
-                               ? ""
-                               : "Shard " + std::to_string(study.shard.index + 1) + "/" +
-                                     std::to_string(study.shard.count) + ": ";
+  const std::string part = study.shard.is_whole() ? "" : "Shard " + shard_name(study.shard) + ": ";
   if (study.solved() < study.planned()) return part + "Incomplete: " + solved + ".";
   std::string text = part + "Success: " + solved + " in both fields; failures USDF / SDF:";
   for (const Json& robot : robots) {

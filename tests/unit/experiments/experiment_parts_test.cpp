@@ -162,6 +162,13 @@ TEST(Ticks, AreRoundAndInside) {
   EXPECT_EQ(tick_text(20.0, 10.0), "20");
 }
 
+TEST(Ticks, OfLogarithmsArePowersOfTenOrRoundNumbersBetweenThem) {
+  EXPECT_THAT(log_ticks({-1.5, 3.2}), ElementsAre(-1.0, 0.0, 1.0, 2.0, 3.0));
+  EXPECT_THAT(log_ticks({0.2, 1.5}), ElementsAre(testing::DoubleNear(std::log10(2.0), 1e-12),
+                                                 testing::DoubleNear(std::log10(5.0), 1e-12), 1.0,
+                                                 testing::DoubleNear(std::log10(20.0), 1e-12)));
+}
+
 TEST(PlanSummary, OfARunThatAFaultEndedKeepsWhatWasMeasured) {
   MapRecord map;
   map.steps.resize(3);

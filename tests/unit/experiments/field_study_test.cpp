@@ -205,7 +205,7 @@ TEST(StudyRows, OfAnotherExperimentAreRefused) {
   ASSERT_TRUE(ResultsStore::open(folder.path() / "results.sqlite", {}));
   const auto read = read_study(folder.path() / "results.sqlite");
   ASSERT_FALSE(read);
-  EXPECT_THAT(read.error().describe(), HasSubstr("not the results of a field study"));
+  EXPECT_THAT(read.error().describe(), HasSubstr("no 'identity' of 'study'"));
   EXPECT_EQ(ResultsStore::reopen(folder.path() / "none.sqlite").error().code, ErrorCode::kNotFound);
   folder.write("bad.sqlite", "no database at all");
   EXPECT_EQ(ResultsStore::reopen(folder.path() / "bad.sqlite").error().code, ErrorCode::kIo);
