@@ -3,7 +3,7 @@
 # Does nothing when all are there. Uses sudo when not root.
 #
 #   tools/install_deps.sh          what building, testing and running need
-#   tools/install_deps.sh --dev    also clang-format and clang-tidy
+#   tools/install_deps.sh --dev    also clang-format, clang-tidy and what some tests hold results against
 set -euo pipefail
 
 packages=(
@@ -23,6 +23,7 @@ packages=(
 )
 if [ "${1:-}" = "--dev" ]; then
   packages+=(clang-format clang-tidy)
+  packages+=(ompl-demos)  # ompl_benchmark_statistics, with which a test reads a benchmark's database
 elif [ $# -gt 0 ]; then
   echo "usage: tools/install_deps.sh [--dev]" >&2
   exit 2

@@ -12,6 +12,7 @@
 #include "field_study.hpp"
 #include "html.hpp"
 #include "mapping_benchmark.hpp"
+#include "ompl_database.hpp"
 #include "plan.hpp"
 #include "planner_benchmark.hpp"
 #include "recorded_benchmark.hpp"
@@ -118,7 +119,7 @@ Result<void> clear_results(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
     const bool fixed = name == "effective_config.yaml" || name == "summary.json" ||
-                       name == "report.html" || name == "table.csv" ||
+                       name == "report.html" || name == "table.csv" || name == kOmplDatabase ||
                        name.starts_with("results.sqlite");
     if (fixed || is_report_picture(name)) stale.push_back(entry.path());
   }

@@ -5,6 +5,7 @@
 
 #include "csv.hpp"
 #include "json.hpp"
+#include "ompl_database.hpp"
 #include "report_parts.hpp"
 #include "summary_values.hpp"
 
@@ -175,6 +176,8 @@ Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run, bo
                                             const std::optional<Error>& fault) {
   const auto record = read_planner_record(run / "results.sqlite");
   if (!record) return tl::make_unexpected(record.error());
+  auto written = write_ompl_database(*record, run / kOmplDatabase);
+  if (!written) return tl::make_unexpected(std::move(written.error()));
   return summarise_planners(*record, interrupted, fault);
 }
 
