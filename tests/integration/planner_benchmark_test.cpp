@@ -1,6 +1,10 @@
+#include <map>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+
+#include <sidestep/runtime/results_store.hpp>
 
 #include "command_line.hpp"
 #include "support/temporary_folder.hpp"
@@ -39,18 +43,65 @@ Json problems() {
           {"problems", {problem(1, Json::array()), problem(2, wall), problem(3, cell)}}};
 }
 
+/// The same without what takes until the deadline.
+Json solvable_problems() {
+  Json content = problems();
+  content["problems"].erase(2);
+  return content;
+}
+
+/// (item, key) -> value of a series.
+using Rows = std::map<std::pair<std::int64_t, std::string>, double>;
+
 class PlannerBenchmarkTest : public ::testing::Test {
  protected:
-  [[nodiscard]] Finished run_it(const Json& content) const {
-    return run({"run", kConfig, "--out", out_.string(), "--set",
-                "experiment.problems=" + folder_.write("plane.json", content.dump()).string()});
+  [[nodiscard]] std::vector<std::string> arguments(const fs::path& problems,
+                                                   std::vector<std::string> options) const {
+    options.insert(options.begin(),
+                   {"run", kConfig, "--set", "experiment.problems=" + problems.string()});
+    return options;
   }
-  [[nodiscard]] Json planner(const std::string& name) const {
-    const Json summary = Json::parse(read_file(out_ / "summary.json"), nullptr, false);
-    for (const Json& planner : summary["planners"]) {
+  [[nodiscard]] fs::path written(const Json& content) const {
+    return folder_.write("plane.json", content.dump());
+  }
+  [[nodiscard]] Finished run_it(const Json& content, std::vector<std::string> options = {}) const {
+    options.insert(options.end(), {"--out", out_.string()});
+    return run(arguments(written(content), std::move(options)));
+  }
+  [[nodiscard]] std::string at(const std::string& out) const {
+    return (folder_.path() / out).string();
+  }
+  [[nodiscard]] Json summary(const std::string& out) const {
+    return Json::parse(read_file(folder_.path() / out / "summary.json"), nullptr, false);
+  }
+  [[nodiscard]] Json planner(const std::string& name, const std::string& out = "run") const {
+    const Json whole = summary(out);
+    for (const Json& planner : whole["planners"]) {
       if (planner["name"] == name) return planner;
     }
     return {};
+  }
+  /// What a planner has found; with times where asked for.
+  [[nodiscard]] Rows rows(const std::string& out, const std::string& planner,
+                          bool times = false) const {
+    Rows rows;
+    const auto reader = ResultsReader::open(folder_.path() / out / "results.sqlite");
+    EXPECT_TRUE(reader);
+    if (!reader) return rows;
+    EXPECT_TRUE((*reader)->visit("solve/" + planner,
+                                 [&](std::int64_t item, std::string_view key, double value) {
+                                   if (key.ends_with("_ms") == times)
+                                     rows[{item, std::string(key)}] = value;
+                                 }));
+    return rows;
+  }
+  /// That two runs have found the same, but for who wins a race.
+  void expect_equal_outcomes(const std::string& a, const std::string& b) const {
+    for (const char* planner : {"sampling", "line"}) {
+      EXPECT_FALSE(rows(a, planner).empty());
+      EXPECT_EQ(rows(a, planner), rows(b, planner)) << planner;
+    }
+    EXPECT_EQ(rows(a, "raced").size(), rows(b, "raced").size());
   }
 
   testing_support::TemporaryFolder folder_;
@@ -66,6 +117,8 @@ TEST_F(PlannerBenchmarkTest, TellsWhoSolvesWhat) {
     EXPECT_NEAR(of["solved_share"]["s5"].get<double>(), 2.0 / 3.0, 1e-9) << of;
     EXPECT_EQ(of["refused_by_check"], 0) << of;
     EXPECT_GE(of["path_length_rad"]["p50"].get<double>(), 2.0) << of;
+    EXPECT_GE(of["acceleration_ratio"]["p50"].get<double>(), 0.999) << of;
+    EXPECT_LE(of["acceleration_ratio"]["p50"].get<double>(), 100.0) << of;
   }
   // A smooth motion is found by whoever has an optimiser.
   EXPECT_NEAR(planner("raced")["smooth_share"].get<double>(), 2.0 / 3.0, 1e-9);
@@ -86,6 +139,153 @@ TEST_F(PlannerBenchmarkTest, NeedsProblems) {
   const Finished finished = run({"run", kConfig, "--out", out_.string()});
   EXPECT_NE(finished.exit_code, 0);
   EXPECT_THAT(finished.error, HasSubstr("experiment.problems"));
+}
+
+TEST_F(PlannerBenchmarkTest, EverySeedIsARunWithThatSeed) {
+  ASSERT_EQ(run_it(solvable_problems(), {"--set", "experiment.seeds=2"}).exit_code, 0);
+  ASSERT_EQ(run(arguments(written(solvable_problems()), {"--seed", "4", "--out", at("fourth")}))
+                .exit_code,
+            0);
+  EXPECT_EQ(planner("sampling")["problems"], 2);
+  EXPECT_EQ(planner("sampling")["answers"], 4);
+  const Rows both = rows("run", "sampling"), fourth = rows("fourth", "sampling");
+  // The seed after 3 is 4, whatever was drawn before in the same process.
+  EXPECT_EQ(both.at({3, "path_length"}), fourth.at({1, "path_length"}));
+  EXPECT_NE(both.at({3, "path_length"}), both.at({1, "path_length"}));
+}
+
+TEST_F(PlannerBenchmarkTest, ShardsMakeUpTheWhole) {
+  const fs::path set = written(solvable_problems());
+  ASSERT_EQ(run(arguments(set, {"--out", at("whole")})).exit_code, 0);
+  for (const std::string i : {"2", "1"}) {
+    const Finished part = run(arguments(set, {"--shard", i + "/2", "--out", at("part" + i)}));
+    ASSERT_EQ(part.exit_code, 0) << part.error;
+    EXPECT_EQ(summary("part" + i)["/shard/index"_json_pointer], std::stoi(i));
+    EXPECT_EQ(planner("line", "part" + i)["problems"], 1);
+  }
+  const Finished merged = run({"report", at("part2"), at("part1"), "--merged", at("merged")});
+  ASSERT_EQ(merged.exit_code, 0) << merged.error;
+  expect_equal_outcomes("whole", "merged");
+  for (const char* file : {"report.html", "effective_config.yaml", "ompl_benchmark.db",
+                           "planner_success.png", "planner_families.png"}) {
+    EXPECT_TRUE(fs::exists(folder_.path() / "merged" / file)) << file;
+  }
+  const Finished twice = run({"report", at("part1"), at("part1"), "--merged", at("twice")});
+  EXPECT_EQ(twice.exit_code, 2);
+  EXPECT_THAT(twice.error, HasSubstr("shard 1/2 is there twice"));
+  const Finished many = run(arguments(set, {"--shard", "1/3", "--out", at("many")}));
+  EXPECT_EQ(many.exit_code, 2);
+  EXPECT_THAT(many.error, HasSubstr("2 problems, too few for 3 shards"));
+}
+
+TEST_F(PlannerBenchmarkTest, JobsShareTheWorkAndMakeUpTheWhole) {
+  const fs::path set = written(solvable_problems());
+  ASSERT_EQ(run(arguments(set, {"--out", at("whole")})).exit_code, 0);
+  const Finished finished = run(arguments(set, {"--jobs", "2", "--out", at("shared")}));
+  ASSERT_EQ(finished.exit_code, 0) << finished.error;
+  EXPECT_THAT(finished.out, HasSubstr("none refused"));
+  EXPECT_THAT(finished.error, HasSubstr("2/2 "));
+  EXPECT_EQ(summary("shared")["complete"], true);
+  expect_equal_outcomes("whole", "shared");
+  const Finished refused = run(arguments(set, {"--jobs", "3", "--out", at("many")}));
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.error, HasSubstr("too few for 3 shards"));
+}
+
+TEST_F(PlannerBenchmarkTest, JobsStopWhenAskedToAndGoOn) {
+  const fs::path set = written(solvable_problems());
+  const auto with = [&](const char* option) {
+    return arguments(set, {option, at("shared"), "--jobs", "2", "--set", "experiment.seeds=50"});
+  };
+  CommandLine command(with("--out"));
+  ASSERT_TRUE(command.wait_for("1/2 info: sampling "));
+  command.send(SIGTERM);
+  const Finished stopped = command.wait();
+  EXPECT_THAT(stopped.exit_code, ::testing::AnyOf(0, 1)) << stopped.error;  // 0: it was faster
+  const Rows before = rows("shared/shard-1", "raced", true);
+  EXPECT_FALSE(before.empty());
+  const Finished resumed = run(with("--resume"));
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.error;
+  EXPECT_EQ(before, rows("shared/shard-1", "raced", true)) << "solved once, timed once";
+  EXPECT_EQ(planner("line", "shared")["answers"], 100);
+}
+
+TEST_F(PlannerBenchmarkTest, GoesOnAfterBeingKilledWithoutSolvingAnythingTwice) {
+  const fs::path set = written(solvable_problems());
+  const std::vector<std::string> many = {"--set", "experiment.seeds=20"};
+  const auto with = [&](std::vector<std::string> options) {
+    options.insert(options.end(), many.begin(), many.end());
+    return arguments(set, std::move(options));
+  };
+  {
+    CommandLine command(with({"--out", at("killed")}));
+    ASSERT_TRUE(command.wait_for("sampling "));
+    command.send(SIGKILL);
+    (void)command.wait();
+  }
+  fs::copy(folder_.path() / "killed", folder_.path() / "before");
+  const Rows before = rows("before", "raced", true);
+  EXPECT_EQ(rows("before", "raced").size() % 40, 0u) << "two problems with twenty seeds";
+  EXPECT_FALSE(before.empty());
+  const Finished resumed = run(with({"--resume", at("killed")}));
+  ASSERT_EQ(resumed.exit_code, 0) << resumed.error;
+  EXPECT_EQ(before, rows("killed", "raced", true)) << "solved once, timed once";
+  EXPECT_EQ(summary("killed")["complete"], true);
+  EXPECT_EQ(summary("killed")["/time/sessions"_json_pointer], 2);
+  EXPECT_EQ(planner("sampling", "killed")["answers"], 40);
+  const Finished other = run(arguments(set, {"--resume", at("killed")}));
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.error, HasSubstr("`seeds: 20` there, `seeds: 1` here"));
+}
+
+TEST_F(PlannerBenchmarkTest, ReadsTheSameProblemsAsMotionBenchMakerWritesThem) {
+  const fs::path neutral = written(solvable_problems());
+  const std::string request = R"(
+start_state: {joint_state: {name: [y, x], position: [0, -1]}}
+goal_constraints: [{joint_constraints: [{joint_name: x, position: 1}, {joint_name: y, position: 0}]}]
+)";
+  for (const char* number : {"1", "2"}) {
+    (void)folder_.write(std::string("plane/request000") + number + ".yaml", request);
+  }
+  (void)folder_.write("plane/scene0001.yaml", "world: {collision_objects: []}\n");
+  (void)folder_.write("plane/scene0002.yaml", R"(
+world:
+  collision_objects:
+    - id: wall
+      primitives: [{type: box, dimensions: [0.1, 2.4, 1.0]}]
+      primitive_poses: [{position: [0, 0.6, 0], orientation: [0, 0, 0, 1]}]
+)");
+  ASSERT_EQ(run(arguments(neutral, {"--out", at("neutral")})).exit_code, 0);
+  const Finished finished = run(arguments(folder_.path() / "plane", {"--out", at("moveit")}));
+  ASSERT_EQ(finished.exit_code, 0) << finished.error;
+  expect_equal_outcomes("neutral", "moveit");
+}
+
+/// How many pages a PDF has: its objects of that type.
+int pages_of(const std::string& pdf) {
+  const std::string page = "/Type /Page ";
+  int pages = 0;
+  for (std::size_t at = 0; (at = pdf.find(page, at)) != std::string::npos; ++at) ++pages;
+  return pages;
+}
+
+TEST_F(PlannerBenchmarkTest, OmplsOwnToolReadsTheDatabase) {
+  const fs::path tool = "/usr/bin/ompl_benchmark_statistics";
+  if (!fs::exists(tool)) GTEST_SKIP() << "no " << tool << " (Debian's ompl-demos)";
+  ASSERT_EQ(run_it(problems(), {"--set", "experiment.seeds=2"}).exit_code, 0);
+  const fs::path database = out_ / "ompl_benchmark.db", log = folder_.path() / "log";
+  // Its caches stay in our folder.
+  const std::string home = folder_.path().string();
+  const std::string command = "HOME=" + home + " MPLCONFIGDIR=" + home + "/matplotlib " +
+                              tool.string() + " -v -p -d " + database.string() + " >" +
+                              log.string() + " 2>&1";
+  ASSERT_EQ(std::system(command.c_str()), 0) << read_file(log);
+  EXPECT_THAT(read_file(log), ::testing::Not(HasSubstr("Skipping")))
+      << "there is something in every column";
+  const std::string pdf = read_file(out_ / "ompl_benchmark.pdf");
+  ASSERT_TRUE(pdf.starts_with("%PDF-")) << read_file(log);
+  EXPECT_THAT(pdf.substr(pdf.size() - 16), HasSubstr("%%EOF"));
+  EXPECT_EQ(pages_of(pdf), 12) << "ten columns, the progress, and what the experiments were";
 }
 
 }  // namespace

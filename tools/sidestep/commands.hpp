@@ -15,6 +15,7 @@ struct RunOptions {
   std::optional<std::filesystem::path> out;
   std::optional<std::string> shard;             ///< "i/n"
   std::optional<std::filesystem::path> resume;  ///< The folder of the run to go on with.
+  int jobs = 1;                                 ///< Processes that share the work, a shard each.
   bool json = false;
 };
 /// Runs each configuration; the worst of their exit codes.

@@ -53,6 +53,11 @@ void add_commands(CLI::App& app, CommandLine& line) {
   run->add_option("--shard", line.run.shard,
                   "Do part i of n of the work, e.g. 1/4; `sidestep report` merges the parts")
       ->type_name("i/n");
+  run->add_option("--jobs", line.run.jobs,
+                  "Do the work in n processes at once, a shard each, and merge the parts")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1024))
+      ->excludes("--shard");
   run->add_option("--resume", line.run.resume,
                   "Go on with the run in this folder where it ended, with the same configuration")
       ->type_name("DIR")

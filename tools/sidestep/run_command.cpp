@@ -6,7 +6,10 @@
 #include <set>
 #include <string>
 
+#include <sidestep/experiments/report.hpp>
+
 #include "commands.hpp"
+#include "jobs.hpp"
 #include "stop_on_signal.hpp"
 
 namespace sidestep {
@@ -87,13 +90,19 @@ Result<Shard> read_shard(const std::optional<std::string>& text) {
   return Shard{index - 1, count};
 }
 
+/// Where one of a run's jobs leaves its files.
+fs::path shard_folder(const fs::path& run, int index) {
+  return run / ("shard-" + std::to_string(index + 1));
+}
+
 /// The folder of the run to go on with, or one for a new run.
 Result<fs::path> out_folder(const RunOptions& options, const std::string& name) {
   if (!options.resume) {
     return make_out_folder(options.out, name, options.configurations.size() > 1);
   }
   std::error_code ignored;
-  if (fs::is_regular_file(*options.resume / "results.sqlite", ignored)) return *options.resume;
+  const fs::path first = options.jobs > 1 ? shard_folder(*options.resume, 0) : *options.resume;
+  if (fs::is_regular_file(first / "results.sqlite", ignored)) return *options.resume;
   return fail(ErrorCode::kConfig, "the folder holds no run to go on with",
               "--resume " + options.resume->string(), "give the folder that a run wrote to");
 }
@@ -140,6 +149,48 @@ RunResult run_one(const std::string& name, const RunOptions& options, const Shar
   return {outcome->success ? ExitCode::kSuccess : ExitCode::kTaskFailed, outcome->summary_json};
 }
 
+/// What each of a run's jobs is asked to do.
+std::vector<Job> jobs_of(const std::string& name, const RunOptions& options,
+                         const fs::path& folder) {
+  std::vector<Job> jobs;
+  for (int i = 0; i < options.jobs; ++i) {
+    const std::string shard = std::to_string(i + 1) + "/" + std::to_string(options.jobs);
+    const fs::path part = shard_folder(folder, i);
+    std::error_code ignored;
+    const bool has_begun = options.resume && fs::is_regular_file(part / "results.sqlite", ignored);
+    Job job{shard, {"run", name, "--shard", shard, has_begun ? "--resume" : "--out", part}};
+    for (const std::string& value : options.overrides) {
+      job.arguments.insert(job.arguments.end(), {"--set", value});
+    }
+    jobs.push_back(std::move(job));
+  }
+  return jobs;
+}
+
+/// The same as run_one(), by several processes.
+RunResult run_in_jobs(const std::string& name, const RunOptions& options, std::stop_token stop) {
+  Console console;
+  const auto folder = out_folder(options, fs::path(name).stem().string());
+  if (!folder) return refused(folder.error(), console);
+  if (auto opened = console.open_file(*folder / "run.log", options.resume.has_value()); !opened) {
+    return refused(opened.error(), console);
+  }
+  const std::vector<int> codes = run_jobs(jobs_of(name, options, *folder), stop,
+                                          [&](const std::string& line) { console.info(line); });
+  ExitCode code = ExitCode::kSuccess;
+  std::vector<fs::path> parts;
+  for (const int one : codes) {
+    code = worse(code, one < 0 ? ExitCode::kFault : static_cast<ExitCode>(one));
+    parts.push_back(shard_folder(*folder, static_cast<int>(parts.size())));
+  }
+  if (code != ExitCode::kSuccess && code != ExitCode::kTaskFailed) return {code, ""};
+  const auto whole = merge_shards(parts, *folder);
+  if (!whole) return refused(whole.error(), console);
+  console.info(whole->verdict);
+  if (!options.json) print_outcome(*whole, *folder);
+  return {whole->success ? code : worse(code, ExitCode::kTaskFailed), whole->summary_json};
+}
+
 }  // namespace
 
 ExitCode run_command(const RunOptions& options) {
@@ -169,7 +220,8 @@ ExitCode run_command(const RunOptions& options) {
       code = worse(code, ExitCode::kTaskFailed);
       break;
     }
-    const RunResult result = run_one(name, options, *shard, stop.token());
+    const RunResult result = options.jobs > 1 ? run_in_jobs(name, options, stop.token())
+                                              : run_one(name, options, *shard, stop.token());
     code = worse(code, result.code);
     if (!summaries.empty()) summaries += ",\n";
     summaries += result.summary_json.empty() ? "null" : result.summary_json;
