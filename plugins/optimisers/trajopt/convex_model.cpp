@@ -1,0 +1,156 @@
+#include "convex_model.hpp"
+
+#include <algorithm>
+
+namespace sidestep {
+namespace {
+
+/// A state depends on two waypoints before it and two after it.
+constexpr int kBandReach = 3;
+
+std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+ConvexModel::ConvexModel(const Problem& problem, const DifferenceMetric& metric,
+                         double smoothness_weight, double keep_m, double reach_m)
+    : problem_(&problem),
+      metric_(&metric),
+      smoothness_weight_(smoothness_weight),
+      keep_m_(keep_m),
+      reach_m_(reach_m),
+      states_(problem),
+      terms_(problem, {"obstacle", "floor", "start", "goal"}),
+      swept_(problem),
+      zeros_(metric.inner(), states_.dof(), kBandReach) {}
+
+int ConvexModel::variable(int waypoint, int joint) const noexcept {
+  const bool is_end = waypoint == 0 || waypoint + 1 == states_.waypoints();
+  return is_end ? -1 : (waypoint - 1) * states_.dof() + joint;
+}
+
+double ConvexModel::keep_m(const SweptContact& contact) const {
+  double keep = keep_m_;
+  const auto no_more_than_at = [&](int state) {
+    keep = std::min(keep, swept_.clearance_m(state, contact.sphere) - contact.slack_m);
+  };
+  if (contact.state < states_.step()) no_more_than_at(0);
+  if (contact.state + states_.step() >= states_.states() - 1) no_more_than_at(states_.states() - 1);
+  return keep;
+}
+
+Merit ConvexModel::evaluate(const Waypoints& positions) {
+  states_.update(positions);
+  Merit merit;
+  std::vector<double> costs(index(states_.states()));
+  terms_.add_costs(states_, costs);
+  for (const double cost : costs) merit.cost += cost;
+  merit.cost += smoothness_weight_ * metric_->cost(positions);
+  for (const SweptContact& contact : swept_.find(states_, keep_m_)) {
+    const double lacks_m = std::max(0.0, keep_m(contact) - contact.clearance_m);
+    merit.shortfall_m += lacks_m;
+    merit.worst_m = std::max(merit.worst_m, lacks_m);
+  }
+  return merit;
+}
+
+PenaltyQp ConvexModel::convexify(const Waypoints& positions, double penalty) {
+  states_.update(positions);
+  PenaltyQp qp{zeros_, Eigen::VectorXd::Zero(zeros_.size()), {}, {}, {}};
+  add_smoothness(positions, qp);
+  add_terms(qp);
+  add_contacts(penalty, qp);
+  return qp;
+}
+
+void ConvexModel::add_smoothness(const Waypoints& positions, PenaltyQp& qp) const {
+  const int d = states_.dof();
+  Waypoints gradient = Waypoints::Zero(positions.rows(), positions.cols());
+  metric_->add_gradient(positions, smoothness_weight_, gradient);
+  qp.g += gradient.middleCols(1, metric_->inner()).reshaped();
+  const Eigen::SparseMatrix<double>& a = metric_->a();
+  for (int column = 0; column < a.outerSize(); ++column) {
+    for (Eigen::SparseMatrix<double>::InnerIterator it(a, column); it; ++it) {
+      if (it.row() < column) continue;
+      for (int j = 0; j < d; ++j) {
+        qp.h.add(static_cast<int>(it.row()) * d + j, column * d + j,
+                 smoothness_weight_ * metric_->joint_weights()[j] * it.value());
+      }
+    }
+  }
+}
+
+void ConvexModel::add_terms(PenaltyQp& qp) {
+  (void)terms_.linearise(states_, normals_);
+  const int d = states_.dof();
+  Eigen::MatrixXd hessian(2 * d, 2 * d);
+  Eigen::VectorXd gradient(2 * d);
+  for (int s = 0; s < states_.states(); ++s) {
+    const bool has_position = normals_.has_position(index(s)),
+               has_full = normals_.has_full(index(s));
+    if (!has_position && !has_full) continue;
+    hessian.setZero();
+    gradient.setZero();
+    const auto add = [&](const StateNormals::Block& block, int width, std::size_t stride) {
+      const Eigen::OuterStride<> columns(static_cast<Eigen::Index>(stride));
+      hessian.topLeftCorner(width, width) +=
+          Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>(block.hessian, width, width,
+                                                                     columns);
+      gradient.head(width) += Eigen::Map<const Eigen::VectorXd>(block.gradient, width);
+    };
+    if (has_position) add(normals_.position(index(s)), d, normals_.position_stride());
+    if (has_full) add(normals_.full(index(s)), 2 * d, normals_.full_stride());
+    for (const auto& a : states_.shares(s)) {
+      for (int i = 0; i < d; ++i) {
+        const int row = variable(a.waypoint, i);
+        if (row < 0) continue;
+        qp.g[row] += a.of_q * gradient[i] + a.of_qdot * gradient[d + i];
+        for (const auto& b : states_.shares(s)) {
+          for (int j = 0; j < d; ++j) {
+            const int column = variable(b.waypoint, j);
+            if (column < 0 || column > row) continue;
+            qp.h.add(
+                row, column,
+                a.of_q * (b.of_q * hessian(i, j) + b.of_qdot * hessian(i, d + j)) +
+                    a.of_qdot * (b.of_q * hessian(d + i, j) + b.of_qdot * hessian(d + i, d + j)));
+          }
+        }
+      }
+    }
+  }
+}
+
+void ConvexModel::add_contacts(double penalty, PenaltyQp& qp) {
+  const auto& contacts = swept_.find(states_, reach_m_);
+  const std::size_t d = index(states_.dof());
+  for (const int end : {0, 1}) {
+    forces_.clear();
+    for (const SweptContact& contact : contacts) {
+      const int link = problem_->robot->description().spheres[contact.sphere].link;
+      forces_.push_back(
+          {contact.state + end, link, contact.normal,
+           swept_.centre_m(contact.state + end, contact.sphere).cross(contact.normal)});
+    }
+    rows_[end].resize(contacts.size() * d);
+    problem_->robot->pull_back(states_.everywhere().q, forces_, rows_[end], scratch_);
+  }
+  for (std::size_t k = 0; k < contacts.size(); ++k) {
+    const SweptContact& contact = contacts[k];
+    const int first = std::max(1, contact.state / states_.step() - 1);
+    const int last = std::min(first + kBandReach, states_.waypoints() - 2);
+    if (first > last) continue;
+    Hinge hinge{variable(first, 0), std::vector<double>(index(last - first + 1) * d),
+                keep_m(contact) - contact.clearance_m, penalty};
+    for (const int end : {0, 1}) {
+      const double part = end == 0 ? 1.0 - contact.fraction : contact.fraction;
+      for (const auto& share : states_.shares(contact.state + end)) {
+        if (share.waypoint < first || share.waypoint > last) continue;
+        double* to = &hinge.coefficients[index(share.waypoint - first) * d];
+        for (std::size_t j = 0; j < d; ++j) to[j] += part * share.of_q * rows_[end][k * d + j];
+      }
+    }
+    qp.hinges.push_back(std::move(hinge));
+  }
+}
+
+}  // namespace sidestep
