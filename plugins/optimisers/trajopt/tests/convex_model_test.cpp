@@ -66,13 +66,16 @@ TEST_F(ConvexModelTest, PredictsClearances) {
   ConvexModel model(problem_, metric, 1.0, 0.05, 0.3);
   const PenaltyQp qp = model.convexify(positions_, 1.0);
   const Merit here = model.evaluate(positions_);
+  double missed = 0.0, changed = 0.0;
   for (int trial = 0; trial < 20; ++trial) {
     const Eigen::VectorXd step = 0.01 * Eigen::VectorXd::Random(28);
     double predicted = 0.0;
     for (const Hinge& hinge : qp.hinges) predicted += std::max(0.0, hinge.shortfall(step));
     const double actual = model.evaluate(moved(step)).shortfall_m;
-    EXPECT_NEAR(predicted - here.shortfall_m, actual - here.shortfall_m, 0.06) << "trial " << trial;
+    missed += std::abs(predicted - actual);
+    changed += std::abs(here.shortfall_m - actual);
   }
+  EXPECT_LT(missed, 0.25 * changed);
 }
 
 TEST_F(ConvexModelTest, HasAPositiveSemidefiniteHessian) {
