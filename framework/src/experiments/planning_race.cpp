@@ -12,10 +12,19 @@
 namespace sidestep {
 namespace {
 
-constexpr int kStages = 200;  ///< Of a motion's timing: within 1 % of the fastest.
-/// Of one along straight lines that stops at every corner: within 1 % again, mostly within 0.1 %.
-constexpr int kStraightStages = 60;
+constexpr int kStages = 200;  ///< Of a motion's timing: mostly within 1 % of the fastest.
 constexpr int kMostGuesses = 1000;
+/// A path that cannot be polished is so again with so many times as many states, each time.
+constexpr int kFiner = 2;
+constexpr int kMostPolishes = 3;
+
+/// The same motion on more states.
+Problem finer(const Problem& problem) {
+  Problem fine = problem;
+  fine.support_states = kFiner * (problem.support_states - 1) + 1;
+  fine.dt_s = problem.dt_s / kFiner;
+  return fine;
+}
 
 }  // namespace
 
@@ -65,10 +74,10 @@ Result<RaceResult> PlanningRace::run(const Problem& problem, const ValidityCheck
 }
 
 std::optional<Trajectory> PlanningRace::propose(PluginPtr<Optimiser>& optimiser,
-                                                const Trajectory& guess, Track& track) const {
-  auto solution = in_stage(plugin_of(optimiser), [&] {
-    return optimiser->solve(track.problem, guess, track.until_over());
-  });
+                                                const Problem& problem, const Trajectory& guess,
+                                                Track& track) const {
+  auto solution = in_stage(plugin_of(optimiser),
+                           [&] { return optimiser->solve(problem, guess, track.until_over()); });
   if (!solution) {
     const std::scoped_lock lock(track.mutex);
     track.error = solution.error();
@@ -86,9 +95,7 @@ std::optional<Trajectory> PlanningRace::propose(PluginPtr<Optimiser>& optimiser,
 /// Times and checks a proposal; whether it ends the race.
 bool PlanningRace::finish(const Trajectory& proposal, bool is_smooth, const std::string& seed,
                           Track& track) const {
-  auto timed =
-      retime(proposal, limits_,
-             {.least_stages = is_smooth ? kStages : kStraightStages, .stop_at_goal = true});
+  auto timed = retime(proposal, limits_, {.least_stages = kStages, .stop_at_goal = true});
   if (!timed) {
     track.note("the path cannot be timed: " + timed.error().describe());
     return false;
@@ -112,26 +119,27 @@ bool PlanningRace::finish(const Trajectory& proposal, bool is_smooth, const std:
 }
 
 void PlanningRace::run_straight(Lane& lane, Track& track, std::uint64_t seed) {
+  const Problem& problem = track.problem;
   for (int guess = 0; guess < kMostGuesses && !track.is_over(); ++guess) {
-    const auto proposal = propose(lane.optimiser, initial_guess(track.problem, guess, seed), track);
+    const auto proposal =
+        propose(lane.optimiser, problem, initial_guess(problem, guess, seed), track);
     if (proposal && finish(*proposal, true, lane.seed, track)) return;
     if (lanes_.size() == 1 && guess == 0) return;  // that guess alone was asked for
   }
 }
 
 void PlanningRace::run_sampled(Lane& lane, Track& track) {
-  const Problem& problem = track.problem;
-  const auto path = propose(lane.sampler, initial_guess(problem, 0, 0), track);
+  Problem problem = track.problem;
+  const auto path = propose(lane.sampler, problem, initial_guess(problem, 0, 0), track);
   if (!path) return;
-  const bool is_valid = finish(*path, false, lane.seed, track);
-  if (!lane.optimiser) {
-    if (is_valid) track.over.request_stop();
-    return;
+  for (int polish = 0; lane.optimiser && polish < kMostPolishes && !track.is_over(); ++polish) {
+    if (polish > 0) problem = finer(problem);
+    const Trajectory guess = refit(*path, 0.0, problem.support_states, problem.dt_s);
+    const auto polished = propose(lane.optimiser, problem, guess, track);
+    if (polished && finish(*polished, true, lane.seed, track)) return;
   }
-  const auto polished =
-      propose(lane.optimiser, refit(*path, 0.0, problem.support_states, problem.dt_s), track);
-  if (polished) (void)finish(*polished, true, lane.seed, track);
-  if (is_valid) track.over.request_stop();  // a path that stops at its corners is better than none
+  // One that stops at its corners is better than none.
+  if (finish(*path, false, lane.seed, track) && !lane.optimiser) track.over.request_stop();
 }
 
 }  // namespace sidestep

@@ -54,7 +54,8 @@ class PlanningRace {
   void run_straight(Lane& lane, Track& track, std::uint64_t seed);
   void run_sampled(Lane& lane, Track& track);
   [[nodiscard]] std::optional<Trajectory> propose(PluginPtr<Optimiser>& optimiser,
-                                                  const Trajectory& guess, Track& track) const;
+                                                  const Problem& problem, const Trajectory& guess,
+                                                  Track& track) const;
   [[nodiscard]] bool finish(const Trajectory& proposal, bool is_smooth, const std::string& seed,
                             Track& track) const;
 

@@ -50,6 +50,7 @@ SceneField::SceneField(const Scene& scene, Stamp time, const Eigen::AlignedBox3d
   };
   plain_ = static_cast<std::size_t>(std::ranges::stable_partition(solids_, is_plain).begin() -
                                     solids_.begin());
+  bounds_ = detail::bounds_of(std::span(solids_).first(plain_));
   numbers_.resize(solids_.size());
   std::iota(numbers_.begin(), numbers_.end(), std::uint16_t{0});
 }
@@ -77,8 +78,8 @@ void SceneField::find_nearest(const PointLanes& points_m, double limit_m,
     nearest.distances_m[lane] = limit_m;
     nearest.numbers[lane] = -1.0;
   }
-  detail::find_nearest_solids(solids_.data(), plain_, nearest.inside_m, nearest.distances_m,
-                              nearest.numbers);
+  detail::find_nearest_solids(solids_.data(), bounds_, nearest.inside_m, limit_m,
+                              nearest.distances_m, nearest.numbers);
   for (std::size_t i = plain_; i < solids_.size(); ++i) {
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const Eigen::Vector3d p(inside[0][lane], inside[1][lane], inside[2][lane]);

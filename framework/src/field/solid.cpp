@@ -68,6 +68,24 @@ void align_cylinder(Solid& solid) {
   solid.is_aligned = true;
 }
 
+/// Half the edges of the box around a solid that is no mesh.
+Eigen::Vector3d half_bounds_m(const Solid& solid) {
+  const Eigen::Vector3d axis = solid.R_world_shape.col(2).cwiseAbs();
+  switch (solid.kind) {
+    case Solid::Kind::kBox: return solid.R_world_shape.cwiseAbs() * solid.half_m;
+    case Solid::Kind::kSphere: return Eigen::Vector3d::Constant(solid.radius_m);
+    case Solid::Kind::kCylinder: {
+      const Eigen::Array3d across = (1.0 - axis.array().square()).max(0.0).sqrt();
+      return solid.half_length_m * axis + (solid.radius_m * across).matrix();
+    }
+    case Solid::Kind::kCapsule:
+      return (solid.half_length_m * axis.array() + solid.radius_m).matrix();
+    case Solid::Kind::kHalfSpace:
+    case Solid::Kind::kMesh: break;
+  }
+  return Eigen::Vector3d::Constant(kInfinity);
+}
+
 Eigen::Vector3d in_shape(const Solid& solid, const Eigen::Vector3d& p_world) {
   return solid.R_world_shape.transpose() * (p_world - solid.p_world_shape);
 }
@@ -221,7 +239,13 @@ SIDESTEP_INLINE void find_near_in_shape(const Solid& solid, const Lanes& x, cons
   is_near = squares < wanted * wanted ? Lanes{} + 1.0 : Lanes{};
 }
 
-/// 1 where points of the world are nearer to it than their limits, else 0.
+SIDESTEP_INLINE void widen_gap(const Lanes& gap, Lanes& widest) noexcept {
+  widest = gap > widest ? gap : widest;
+}
+
+constexpr double kLeast_m = 1e-9;
+
+/// 1 where points of the world are nearer to it than their limits, which are positive, else 0.
 SIDESTEP_INLINE void find_near(const Solid& solid, const PointLanes& points_m, const Lanes& limits,
                                Lanes& is_near) noexcept {
   const double* p = solid.p_world_shape.data();
@@ -257,26 +281,66 @@ double mesh_distance_m(const Solid& solid, const Eigen::Vector3d& p_world) {
   return signed_distance_m(solid.mesh, in_shape(solid, p_world));
 }
 
+std::vector<SolidBounds> bounds_of(std::span<const Solid> solids) {
+  std::vector<SolidBounds> bounds(padded(solids.size()) / kLanes);
+  for (std::size_t i = 0; i < kLanes * bounds.size(); ++i) {
+    PointLanes& low_m = bounds[i / kLanes].low_m;
+    PointLanes& high_m = bounds[i / kLanes].high_m;
+    Eigen::Vector3d place = Eigen::Vector3d::Zero(), half_m = Eigen::Vector3d::Constant(-kInfinity);
+    if (i < solids.size()) {
+      place = solids[i].p_world_shape;
+      half_m = half_bounds_m(solids[i]);
+    }
+    const std::size_t lane = i % kLanes;
+    low_m.x[lane] = place.x() - half_m.x();
+    low_m.y[lane] = place.y() - half_m.y();
+    low_m.z[lane] = place.z() - half_m.z();
+    high_m.x[lane] = place.x() + half_m.x();
+    high_m.y[lane] = place.y() + half_m.y();
+    high_m.z[lane] = place.z() + half_m.z();
+  }
+  return bounds;
+}
+
 SIDESTEP_SIMD_CLONES
-void find_nearest_solids(const Solid* solids, std::size_t count, const PointLanes& points_m,
-                         double* distances_m, double* numbers) noexcept {
-  Lanes nearest = lanes(distances_m), number = lanes(numbers);
-  for (std::size_t i = 0; i < count; ++i) {
-    const Solid& solid = solids[i];
-    const double* p = solid.p_world_shape.data();
-    const double* R = solid.R_world_shape.data();
-    const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
-                z = lanes(points_m.z) - p[2];
-    // It is no nearer than its reach allows.
-    const Lanes wanted = nearest + solid.reach_m;
-    const Lanes within = wanted > 0.0 ? wanted * wanted : Lanes{};
-    const Lanes could_be = x * x + y * y + z * z < within ? Lanes{} + 1.0 : Lanes{};
-    if (sum_of(could_be) == 0.0) continue;
-    Lanes distances;
-    find_distances(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
-                   R[6] * x + R[7] * y + R[8] * z, distances);
-    number = distances < nearest ? Lanes{} + static_cast<double>(i) : number;
-    nearest = distances < nearest ? distances : nearest;
+void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bounds,
+                         const PointLanes& points_m, double limit_m, double* distances_m,
+                         double* numbers) noexcept {
+  Lanes nearest = lanes(distances_m), number = lanes(numbers), is_nearer;
+  const double* coordinates[] = {points_m.x, points_m.y, points_m.z};
+  double low_m[3], high_m[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    low_m[axis] = least_of(lanes(coordinates[axis])) - limit_m;
+    high_m[axis] = limit_m - least_of(-lanes(coordinates[axis]));
+  }
+  for (std::size_t group = 0; group < bounds.size(); ++group) {
+    const SolidBounds& around = bounds[group];
+    Lanes apart = lanes(around.low_m.x) - high_m[0];
+    widen_gap(low_m[0] - lanes(around.high_m.x), apart);
+    widen_gap(lanes(around.low_m.y) - high_m[1], apart);
+    widen_gap(low_m[1] - lanes(around.high_m.y), apart);
+    widen_gap(lanes(around.low_m.z) - high_m[2], apart);
+    widen_gap(low_m[2] - lanes(around.high_m.z), apart);
+    const Lanes are_beside = apart <= kLeast_m ? Lanes{} + 1.0 : Lanes{};  // not where it is NaN
+    if (!any_of(are_beside)) continue;
+    double is_beside[kLanes];
+    lanes(is_beside) = are_beside;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      if (is_beside[lane] == 0.0) continue;
+      const Solid& solid = solids[group * kLanes + lane];
+      // Mostly it is not nearer, which is known without roots.
+      find_near(solid, points_m, nearest > kLeast_m ? nearest : Lanes{} + kLeast_m, is_nearer);
+      if (!any_of(is_nearer)) continue;
+      const double* p = solid.p_world_shape.data();
+      const double* R = solid.R_world_shape.data();
+      const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
+                  z = lanes(points_m.z) - p[2];
+      Lanes distances;
+      find_distances(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
+                     R[6] * x + R[7] * y + R[8] * z, distances);
+      number = distances < nearest ? Lanes{} + static_cast<double>(group * kLanes + lane) : number;
+      nearest = distances < nearest ? distances : nearest;
+    }
   }
   lanes(distances_m) = nearest;
   lanes(numbers) = number;

@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -35,10 +37,18 @@ struct Solid {
 /// A mesh's, point by point.
 [[nodiscard]] double mesh_distance_m(const Solid& solid, const Eigen::Vector3d& p_world);
 
+/// Boxes around kLanes solids in a row; where there are fewer, the last ones hold nothing.
+struct SolidBounds {
+  PointLanes low_m, high_m;
+};
+[[nodiscard]] std::vector<SolidBounds> bounds_of(std::span<const Solid> solids);
+
 /// The nearest of some solids, none of them a mesh, to each of kLanes points: where one is nearer
-/// than distances_m says, its distance and its number are written.
-void find_nearest_solids(const Solid* solids, std::size_t count, const PointLanes& points_m,
-                         double* distances_m, double* numbers) noexcept;
+/// than distances_m says, its distance and its number are written. Only those are looked at whose
+/// bounds come within `limit_m` of the points, none of whose distances may be greater.
+void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bounds,
+                         const PointLanes& points_m, double limit_m, double* distances_m,
+                         double* numbers) noexcept;
 
 /// Of the solids with these numbers, none of them a mesh, those that come nearer than its limit
 /// (positive) to any of kLanes points: their numbers, for which there is room. is_near[lane]

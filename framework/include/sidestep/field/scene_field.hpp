@@ -14,7 +14,8 @@ namespace sidestep {
 
 namespace detail {
 struct Solid;
-}
+struct SolidBounds;
+}  // namespace detail
 
 /// The exact distance to the shapes of a scene as they stand at one time: nothing is cut into
 /// voxels, nothing interpolated. Everything within its bounds is known. Of overlapping shapes, the
@@ -51,8 +52,9 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
   void find_nearest(const PointLanes& points_m, double limit_m, Nearest& nearest) const noexcept;
   [[nodiscard]] FieldSample sample(const Nearest& nearest, std::size_t lane) const noexcept;
 
-  std::vector<detail::Solid> solids_;  ///< Meshes last.
-  std::size_t plain_ = 0;              ///< Those before the meshes.
+  std::vector<detail::Solid> solids_;        ///< Meshes last.
+  std::size_t plain_ = 0;                    ///< Those before the meshes.
+  std::vector<detail::SolidBounds> bounds_;  ///< Of those.
   std::vector<std::uint16_t> numbers_;
 };
 
