@@ -166,9 +166,16 @@ std::size_t SceneField::find_within(std::span<const std::uint16_t> shapes,
                                     std::uint16_t* near, double* is_near) const noexcept {
   std::size_t plain = shapes.size();
   while (plain > 0 && shapes[plain - 1] >= plain_) --plain;
-  std::size_t found = detail::find_solids_within(solids_.data(), shapes.data(), plain, points_m,
-                                                 limits_m, near, is_near);
-  for (const std::uint16_t number : shapes.subspan(plain)) {
+  const auto meshes = shapes.subspan(plain);
+  const std::uint16_t* numbers = shapes.data();
+  if (numbers == numbers_.data() && plain == plain_) {  // all of them: most are far away
+    const double limit_m = *std::max_element(limits_m, limits_m + kLanes);
+    plain = detail::find_solids_beside(bounds_, points_m, limit_m, near);
+    numbers = near;
+  }
+  std::size_t found =
+      detail::find_solids_within(solids_.data(), numbers, plain, points_m, limits_m, near, is_near);
+  for (const std::uint16_t number : meshes) {
     const detail::Solid& solid = solids_[number];
     bool is_any = false;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {

@@ -239,11 +239,38 @@ SIDESTEP_INLINE void find_near_in_shape(const Solid& solid, const Lanes& x, cons
   is_near = squares < wanted * wanted ? Lanes{} + 1.0 : Lanes{};
 }
 
+constexpr double kLeast_m = 1e-9;
+
 SIDESTEP_INLINE void widen_gap(const Lanes& gap, Lanes& widest) noexcept {
   widest = gap > widest ? gap : widest;
 }
 
-constexpr double kLeast_m = 1e-9;
+/// A box around points and some space around them.
+struct PointBounds {
+  double low_m[3], high_m[3];
+};
+SIDESTEP_INLINE void find_bounds(const PointLanes& points_m, double limit_m,
+                                 PointBounds& bounds) noexcept {
+  const double* coordinates[] = {points_m.x, points_m.y, points_m.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    bounds.low_m[axis] = least_of(lanes(coordinates[axis])) - limit_m;
+    bounds.high_m[axis] = limit_m - least_of(-lanes(coordinates[axis]));
+  }
+}
+
+/// 1 where a solid's bounds meet a box, else 0; false where none does.
+SIDESTEP_INLINE bool find_beside(const SolidBounds& solids, const PointBounds& box,
+                                 double* is_beside) noexcept {
+  Lanes apart = lanes(solids.low_m.x) - box.high_m[0];
+  widen_gap(box.low_m[0] - lanes(solids.high_m.x), apart);
+  widen_gap(lanes(solids.low_m.y) - box.high_m[1], apart);
+  widen_gap(box.low_m[1] - lanes(solids.high_m.y), apart);
+  widen_gap(lanes(solids.low_m.z) - box.high_m[2], apart);
+  widen_gap(box.low_m[2] - lanes(solids.high_m.z), apart);
+  const Lanes are_beside = apart <= kLeast_m ? Lanes{} + 1.0 : Lanes{};  // not where it is NaN
+  lanes(is_beside) = are_beside;
+  return any_of(are_beside);
+}
 
 /// 1 where points of the world are nearer to it than their limits, which are positive, else 0.
 SIDESTEP_INLINE void find_near(const Solid& solid, const PointLanes& points_m, const Lanes& limits,
@@ -303,28 +330,32 @@ std::vector<SolidBounds> bounds_of(std::span<const Solid> solids) {
 }
 
 SIDESTEP_SIMD_CLONES
+std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointLanes& points_m,
+                               double limit_m, std::uint16_t* beside) noexcept {
+  PointBounds around;
+  find_bounds(points_m, limit_m, around);
+  std::size_t found = 0;
+  double is_beside[kLanes];
+  for (std::size_t group = 0; group < bounds.size(); ++group) {
+    if (!find_beside(bounds[group], around, is_beside)) continue;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      if (is_beside[lane] != 0.0)
+        beside[found++] = static_cast<std::uint16_t>(group * kLanes + lane);
+    }
+  }
+  return found;
+}
+
+SIDESTEP_SIMD_CLONES
 void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bounds,
                          const PointLanes& points_m, double limit_m, double* distances_m,
                          double* numbers) noexcept {
   Lanes nearest = lanes(distances_m), number = lanes(numbers), is_nearer;
-  const double* coordinates[] = {points_m.x, points_m.y, points_m.z};
-  double low_m[3], high_m[3];
-  for (int axis = 0; axis < 3; ++axis) {
-    low_m[axis] = least_of(lanes(coordinates[axis])) - limit_m;
-    high_m[axis] = limit_m - least_of(-lanes(coordinates[axis]));
-  }
+  PointBounds around;
+  find_bounds(points_m, limit_m, around);
+  double is_beside[kLanes];
   for (std::size_t group = 0; group < bounds.size(); ++group) {
-    const SolidBounds& around = bounds[group];
-    Lanes apart = lanes(around.low_m.x) - high_m[0];
-    widen_gap(low_m[0] - lanes(around.high_m.x), apart);
-    widen_gap(lanes(around.low_m.y) - high_m[1], apart);
-    widen_gap(low_m[1] - lanes(around.high_m.y), apart);
-    widen_gap(lanes(around.low_m.z) - high_m[2], apart);
-    widen_gap(low_m[2] - lanes(around.high_m.z), apart);
-    const Lanes are_beside = apart <= kLeast_m ? Lanes{} + 1.0 : Lanes{};  // not where it is NaN
-    if (!any_of(are_beside)) continue;
-    double is_beside[kLanes];
-    lanes(is_beside) = are_beside;
+    if (!find_beside(bounds[group], around, is_beside)) continue;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       if (is_beside[lane] == 0.0) continue;
       const Solid& solid = solids[group * kLanes + lane];

@@ -6,7 +6,9 @@
 namespace sidestep {
 namespace {
 
-constexpr double kBeside_m = 5e-4;  ///< Pieces farther than this from a chord begin another.
+/// Pieces farther than this from a chord begin another: long chords first, and where they cannot
+/// be shown clear, shorter ones.
+constexpr double kBeside_m[] = {2e-3, 5e-4};
 
 /// Calls with the control points of the piece after a state, less the first: three in a row.
 template <class Call>
@@ -56,18 +58,22 @@ bool ChordCheck::shows_clear(const Trajectory& trajectory, int from_state, doubl
   const std::scoped_lock lock(mutex_);
   for (int first = from_state; first + 1 < trajectory.size();) {
     if (deadline.expired()) return false;
-    const int last = chord_end(trajectory, first);
-    const double beside = beside_m(trajectory, first, last);
-    if (!(beside < 2.0 * kBeside_m)) return false;
-    if (!prover_.is_clear(trajectory.q(first), trajectory.q(last), resolution_m, beside)) {
-      return false;
+    int last = first;
+    for (const double most_m : kBeside_m) {
+      const int end = chord_end(trajectory, first, most_m);
+      const double beside = beside_m(trajectory, first, end);
+      if (!(beside < 2.0 * most_m)) continue;
+      if (!prover_.is_clear(trajectory.q(first), trajectory.q(end), resolution_m, beside)) continue;
+      last = end;
+      break;
     }
+    if (last == first) return false;
     first = last;
   }
   return true;
 }
 
-int ChordCheck::chord_end(const Trajectory& trajectory, int first) const {
+int ChordCheck::chord_end(const Trajectory& trajectory, int first, double most_m) const {
   // The direction is that of the first piece that leads anywhere.
   int ahead = first + 1;
   while (ahead + 1 < trajectory.size() &&
@@ -78,8 +84,8 @@ int ChordCheck::chord_end(const Trajectory& trajectory, int first) const {
   for (; last + 1 < trajectory.size(); ++last) {
     bool is_near = true;
     for_control_points(trajectory, last, [&](const auto& point) {
-      is_near = is_near && off_line_m(trajectory.q(first), trajectory.q(ahead), true, levers_,
-                                      point) < kBeside_m;
+      is_near = is_near &&
+                off_line_m(trajectory.q(first), trajectory.q(ahead), true, levers_, point) < most_m;
     });
     if (!is_near) break;
   }

@@ -33,7 +33,7 @@ class ChordCheck {
 
  private:
   /// The last state that a chord from `first` may reach.
-  [[nodiscard]] int chord_end(const Trajectory& trajectory, int first) const;
+  [[nodiscard]] int chord_end(const Trajectory& trajectory, int first, double most_m) const;
   /// The largest distance of pieces from the chord between their ends, as motion of spheres.
   [[nodiscard]] double beside_m(const Trajectory& trajectory, int first, int last) const;
 
