@@ -40,7 +40,7 @@ struct ReplannerSettings {
   /// come to rest before anything that was seen moving could reach it. 0: what moves is an obstacle
   /// like any other.
   double obstacle_speed_mps = 0.0;
-  double max_step_m = 0.05;  ///< Of the validity check.
+  double max_step_m = 0.1;  ///< First spacing of validity checks, as motion of spheres.
   /// Where no trajectory is free all the way, one that is so for at least this long may do: what is
   /// in the way later is looked at again when it is nearer, and may have gone.
   double horizon_s = 8.0;
