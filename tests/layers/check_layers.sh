@@ -18,6 +18,7 @@ allowed() {
     mapping | trajectory) echo "core geometry sensing field robot $1" ;;
     planning) echo "core geometry sensing field robot mapping trajectory planning" ;;
     plugin | plugins) echo "$sdk" ;;
+    shapes) echo "$sdk" ;;
     runtime) echo "$sdk runtime" ;;
     experiments) echo "$sdk runtime experiments" ;;
   esac
@@ -42,7 +43,7 @@ check_file() {
 }
 
 violations=$(
-  for layer in $sdk runtime experiments; do
+  for layer in $sdk shapes runtime experiments; do
     find "framework/include/sidestep/$layer" -name '*.hpp' 2>/dev/null | sort |
       while read -r file; do check_file "$file" "$layer" 1; done
     find "framework/src/$layer" -name '*.[hc]pp' 2>/dev/null | sort |

@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "solid.hpp"
 
@@ -28,6 +29,14 @@ FieldInfo info_of(Stamp time, const Eigen::AlignedBox3d& bounds_m) {
   return info;
 }
 
+std::shared_ptr<const Scene> stopped(const Scene& scene, double time_s) {
+  std::vector<SceneObject> objects = scene.objects();
+  for (SceneObject& object : objects) {
+    object.waypoints = {{time_s, object.T_world_object(time_s)}};
+  }
+  return std::make_shared<const Scene>(std::move(objects));
+}
+
 }  // namespace
 
 /// What is nearest to kLanes points.
@@ -41,7 +50,7 @@ struct SceneField::Nearest {
 };
 
 SceneField::SceneField(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m)
-    : DistanceField(info_of(time, bounds_m)) {
+    : DistanceField(info_of(time, bounds_m)), scene_(stopped(scene, time.seconds())) {
   for (const SceneObject& object : scene.objects()) {
     solids_.push_back(detail::make_solid(object, time.seconds()));
   }

@@ -399,6 +399,20 @@ Result<void> validate_contacts(const RobotDescription& robot, const Scene* scene
 
 }  // namespace
 
+std::vector<Eigen::Vector3d> occupied_centres(const OccupancyView& view) {
+  const GridSpec& grid = view.occupancy_grid();
+  const VoxelBits bits = view.occupied();
+  std::vector<Eigen::Vector3d> centres;
+  for (int k = 0; k < grid.size_vox.z(); ++k) {
+    for (int j = 0; j < grid.size_vox.y(); ++j) {
+      for (int i = 0; i < grid.size_vox.x(); ++i) {
+        if (bits.at(grid, {i, j, k})) centres.push_back(grid.centre_m({i, j, k}));
+      }
+    }
+  }
+  return centres;
+}
+
 Result<std::unique_ptr<ValidityCheck>> make_shape_check(std::shared_ptr<const RobotModel> robot,
                                                         const ShapeObstacles& obstacles,
                                                         ShapeCheckSettings settings) {

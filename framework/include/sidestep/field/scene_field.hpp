@@ -34,6 +34,9 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
                           bool also_unknown,
                           std::span<FieldSample> samples) const noexcept override;
 
+  /// The scene, standing still as it was at the field's time.
+  [[nodiscard]] const std::shared_ptr<const Scene>& scene() const noexcept { return scene_; }
+
   /// Numbers of all shapes, for find_within().
   [[nodiscard]] std::span<const std::uint16_t> shapes() const noexcept { return numbers_; }
 
@@ -52,6 +55,7 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
   void find_nearest(const PointLanes& points_m, double limit_m, Nearest& nearest) const noexcept;
   [[nodiscard]] FieldSample sample(const Nearest& nearest, std::size_t lane) const noexcept;
 
+  std::shared_ptr<const Scene> scene_;
   std::vector<detail::Solid> solids_;        ///< Meshes last.
   std::size_t plain_ = 0;                    ///< Those before the meshes.
   std::vector<detail::SolidBounds> bounds_;  ///< Of those.

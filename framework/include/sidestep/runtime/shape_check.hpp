@@ -5,29 +5,14 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/geometry/scene.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/planning/shape_obstacles.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
 namespace sidestep {
 
-/// Obstacles of the independent check: boxes of `resolution_m` around occupied voxels, or the
-/// true scene at its times.
-struct ShapeObstacles {
-  double resolution_m = 0.0;
-  std::vector<Eigen::Vector3d> occupied_centres_m;
-  std::shared_ptr<const Scene> scene;  ///< May be null.
-  double scene_time_s = 0.0;           ///< Scene time at the trajectory's time 0.
-};
-
 /// Centres of all occupied voxels of a view.
 [[nodiscard]] std::vector<Eigen::Vector3d> occupied_centres(const OccupancyView& view);
-
-/// A link that may touch an object of the scene, e.g. a wheel the floor.
-struct AllowedContact {
-  std::string link;
-  std::string object;
-};
 
 struct ShapeCheckSettings {
   double max_step_m = 0.01;  ///< Largest motion of any point of the robot between checks.

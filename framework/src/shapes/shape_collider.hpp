@@ -6,7 +6,8 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/runtime/shape_check.hpp>
+#include <sidestep/planning/shape_obstacles.hpp>
+#include <sidestep/robot/robot_model.hpp>
 
 namespace sidestep {
 
@@ -41,6 +42,9 @@ class ShapeCollider {
   };
   /// A shape against all obstacles, if it is nearer to one than `bound_m`.
   [[nodiscard]] Proximity to_obstacles(int shape, const Pose& pose, double bound_m) const;
+  /// The clearance alone, up to 5e-5 m too large, and 0 where they overlap: sooner told.
+  [[nodiscard]] double gap_to_obstacles_m(int shape, const Pose& pose, double bound_m) const;
+  [[nodiscard]] double gap_between_pair_m(int pair, const Pose& pose, double bound_m) const;
   /// The two shapes of a pair, if they are nearer than `bound_m`.
   [[nodiscard]] double between_pair(int pair, const Pose& pose, double bound_m) const;
 

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include <sidestep/runtime/shape_check.hpp>
-
 namespace sidestep {
 namespace {
 
@@ -69,20 +67,6 @@ std::vector<Eigen::AlignedBox3d> merge_voxels(const std::vector<Eigen::Vector3d>
     boxes.push_back(box);
   }
   return boxes;
-}
-
-std::vector<Eigen::Vector3d> occupied_centres(const OccupancyView& view) {
-  const GridSpec& grid = view.occupancy_grid();
-  const VoxelBits bits = view.occupied();
-  std::vector<Eigen::Vector3d> centres;
-  for (int k = 0; k < grid.size_vox.z(); ++k) {
-    for (int j = 0; j < grid.size_vox.y(); ++j) {
-      for (int i = 0; i < grid.size_vox.x(); ++i) {
-        if (bits.at(grid, {i, j, k})) centres.push_back(grid.centre_m({i, j, k}));
-      }
-    }
-  }
-  return centres;
 }
 
 }  // namespace sidestep

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/geometry/scene.hpp>
+
+namespace sidestep {
+
+/// Obstacles for the collision shapes of a robot's URDF: boxes of `resolution_m` around occupied
+/// voxels, or the true scene at its times.
+struct ShapeObstacles {
+  double resolution_m = 0.0;
+  std::vector<Eigen::Vector3d> occupied_centres_m;
+  bool voxels_in_octree = false;       ///< Keep them in an OctoMap instead of joining their boxes.
+  std::shared_ptr<const Scene> scene;  ///< May be null.
+  double scene_time_s = 0.0;           ///< Scene time at the trajectory's time 0.
+};
+
+/// A link that may touch an object of the scene, e.g. a wheel the floor.
+struct AllowedContact {
+  std::string link;
+  std::string object;
+};
+
+}  // namespace sidestep
