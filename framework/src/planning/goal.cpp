@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <sidestep/core/format.hpp>
 
@@ -43,7 +44,10 @@ std::string term_miss(const StateCost& cost, std::span<const double> q) {
 std::string configuration_miss(const RobotDescription& robot, std::span<const double> q,
                                const Eigen::VectorXd& wanted) {
   for (std::size_t j = 0; j < q.size(); ++j) {
-    const double off = std::abs(q[j] - wanted[static_cast<Eigen::Index>(j)]);
+    double off = std::abs(q[j] - wanted[static_cast<Eigen::Index>(j)]);
+    if (robot.joints[j].type == Joint::Type::kContinuous) {
+      off = std::abs(std::remainder(off, 2.0 * std::numbers::pi));
+    }
     if (off <= kGoalTolerance) continue;
     return "joint '" + robot.joints[j].name + "' " + format("%.4g ", off) + robot.joints[j].unit() +
            " off";

@@ -52,6 +52,16 @@ TEST_F(Goal, IsAConfigurationUnlessCostsSayWhereTheRobotEnds) {
   EXPECT_EQ(goal_miss(problem_, values()), "");
 }
 
+TEST_F(Goal, IsMetWholeTurnsAwayByWhatTurnsWithoutLimits) {
+  q_[2] -= 4.0 * M_PI - 0.5e-3;
+  EXPECT_EQ(goal_miss(problem_, values()), "");
+  q_[2] += 0.01;
+  EXPECT_THAT(goal_miss(problem_, values()), HasSubstr("joint 'theta' 0.0105 rad off"));
+  q_ = problem_.goal.q;
+  q_[5] += 2.0 * M_PI;
+  EXPECT_THAT(goal_miss(problem_, values()), HasSubstr("joint 'elbow' 6.283 rad off"));
+}
+
 TEST_F(Goal, IsMissedByAPoseThreeStandardDeviationsOff) {
   Transform target = T_world_hand_;
   // 0.03 m in all, no component more than 0.02: within three times 0.0101, beyond three times
