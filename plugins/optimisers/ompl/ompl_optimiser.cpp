@@ -8,15 +8,16 @@
 
 #include <ompl/base/OptimizationObjective.h>
 #include <ompl/base/ProblemDefinition.h>
+#include <ompl/base/goals/GoalStates.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/PathSimplifier.h>
 #include <ompl/util/Exception.h>
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/planning/goal.hpp>
-#include <sidestep/planning/motion_check.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
+#include "checker.hpp"
 #include "objective.hpp"
 #include "planners.hpp"
 #include "search.hpp"
@@ -28,9 +29,6 @@ namespace {
 namespace ob = ::ompl::base;
 namespace og = ::ompl::geometric;
 
-/// Clearance kept beyond the problem's margin, so that whatever is shown clear here can be
-/// shown clear again by a check with other steps.
-constexpr double kSpareMargin_m = 2e-4;
 constexpr double kGoalTolerance = 1e-9;  // in the scaled space: the goal is met exactly
 
 std::vector<double> configurations(const Problem& problem, const Search& search,
@@ -42,12 +40,39 @@ std::vector<double> configurations(const Problem& problem, const Search& search,
   }
   // Exactly, not up to the rounding of the scaled space.
   std::copy_n(problem.start.q.data(), dof, q.begin());
-  std::copy_n(problem.goal.q.data(), dof, q.end() - static_cast<std::ptrdiff_t>(dof));
+  const Eigen::Map<Eigen::VectorXd> end(&q[q.size() - dof], static_cast<Eigen::Index>(dof));
+  const auto off = [&](const Eigen::VectorXd& goal) { return (goal - end).squaredNorm(); };
+  const Eigen::VectorXd goal = *std::ranges::min_element(search.space().goals(), {}, off);
+  std::copy_n(goal.data(), dof, q.end() - static_cast<std::ptrdiff_t>(dof));
   return q;
 }
 
 std::string number(double value) { return format("%.17g", value); }
 std::string seconds(double value) { return format("%.3g s", value); }
+
+std::vector<ob::ScopedState<>> start_and_goals(const Problem& problem, const Search& search,
+                                               const ob::SpaceInformationPtr& information) {
+  std::vector<ob::ScopedState<>> ends(1 + search.space().goals().size(),
+                                      ob::ScopedState<>(information));
+  search.from_joints({problem.start.q.data(), search.space().dof()}, ends[0].get());
+  for (std::size_t i = 1; i < ends.size(); ++i) {
+    search.from_joints({search.space().goals()[i - 1].data(), search.space().dof()}, ends[i].get());
+  }
+  return ends;
+}
+
+/// Some planners know what to do with one goal only.
+void set_ends(const std::vector<ob::ScopedState<>>& ends, ob::ProblemDefinition& definition) {
+  if (ends.size() == 2) {
+    definition.setStartAndGoalStates(ends[0], ends[1], kGoalTolerance);
+    return;
+  }
+  definition.addStartState(ends[0]);
+  const auto goals = std::make_shared<ob::GoalStates>(definition.getSpaceInformation());
+  goals->setThreshold(kGoalTolerance);
+  for (std::size_t i = 1; i < ends.size(); ++i) goals->addState(ends[i]);
+  definition.setGoal(goals);
+}
 
 double path_cost(const ob::OptimizationObjective& objective, const og::PathGeometric& path) {
   double cost = 0.0;
@@ -102,13 +127,12 @@ std::string why_not_free(const Problem& problem) {
 class OmplOptimiser final : public Optimiser {
  public:
   OmplOptimiser(const Options& options, std::uint64_t seed, Log& log)
-      : options_(options), seed_(seed), log_(log) {}
+      : options_(options), seed_(seed), log_(log), checker_(make_checker(options.checker)) {}
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override;
 
  private:
-  void look_at(const Problem& problem);
   [[nodiscard]] Solution search(const Problem& problem, const Deadline& deadline);
   [[nodiscard]] ob::PlannerPtr make_planner(const ob::SpaceInformationPtr& information) const;
   [[nodiscard]] Solution timed(const Problem& problem, const Search& search,
@@ -121,20 +145,8 @@ class OmplOptimiser final : public Optimiser {
   Options options_;
   std::uint64_t seed_;
   Log& log_;
-  std::shared_ptr<const RobotModel> robot_;  ///< Of check_.
-  std::optional<MotionCheck> check_;
+  std::unique_ptr<Checker> checker_;
 };
-
-/// What is known of a robot is kept from problem to problem.
-void OmplOptimiser::look_at(const Problem& problem) {
-  const double margin_m = problem.collision_margin_m + kSpareMargin_m;
-  if (check_ && robot_ == problem.robot) {
-    check_->look_at(problem.field, problem.space, margin_m);
-    return;
-  }
-  robot_ = problem.robot;
-  check_.emplace(problem.robot, problem.field, problem.space, margin_m);
-}
 
 Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
                                       const Deadline& deadline) {
@@ -146,12 +158,16 @@ Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
     return fail(ErrorCode::kInvalidArgument, "a sampling planner needs a distance field");
   }
   Solution solution;
-  look_at(problem);
+  if (auto sound = check_weights(options_.joint_metric(), problem.robot->description()); !sound) {
+    return tl::make_unexpected(std::move(sound.error()));
+  }
+  if (auto fits = checker_->look_at(problem); !fits) {
+    return tl::make_unexpected(std::move(fits.error()));
+  }
   const auto blocked = [&](const RobotState& state) -> std::optional<Violation> {
     const std::span<const double> q(state.q.data(), static_cast<std::size_t>(state.q.size()));
-    if (check_->is_clear(q)) return std::nullopt;
-    return state_violation(problem.robot, problem.field, problem.space,
-                           problem.collision_margin_m + kSpareMargin_m, q);
+    if (checker_->is_clear(q)) return std::nullopt;
+    return checker_->violation(q);
   };
   if (is_goal_free(problem)) {
     solution = no_path(why_not_free(problem));
@@ -174,24 +190,22 @@ Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
 
 Solution OmplOptimiser::search(const Problem& problem, const Deadline& deadline) {
   const Session session(seed_, log_);
-  Search search(problem, *check_, deadline.capped_s(options_.max_time_s));
+  Search search(JointSpace(problem, options_.joint_metric(), options_.any_turn), *checker_,
+                deadline.capped_s(options_.max_time_s));
   const bool is_connect = options_.planner == "RRTConnect";
   const auto information = make_information(search, {.resolution_m = options_.resolution_m,
                                                      .is_projected = !is_connect,
                                                      .checks_motions_to_states = is_connect});
   const auto definition = std::make_shared<ob::ProblemDefinition>(information);
-  ob::ScopedState<> start(information);
-  ob::ScopedState<> goal(information);
-  search.from_joints({problem.start.q.data(), search.space().dof()}, start.get());
-  search.from_joints({problem.goal.q.data(), search.space().dof()}, goal.get());
-  definition->setStartAndGoalStates(start, goal, kGoalTolerance);
+  const std::vector<ob::ScopedState<>> ends = start_and_goals(problem, search, information);
+  set_ends(ends, *definition);
   const auto objective = make_objective(information, options_, problem, search);
   definition->setOptimizationObjective(objective);
 
   // The straight line is the shortest path, but not the one that keeps farthest away.
   if (options_.objective == "length" &&
-      search.is_clear(start.get(), goal.get(), options_.resolution_m)) {
-    og::PathGeometric straight(information, start.get(), goal.get());
+      search.is_clear(ends[0].get(), ends[1].get(), options_.resolution_m)) {
+    og::PathGeometric straight(information, ends[0].get(), ends[1].get());
     Solution solution = timed(problem, search, straight);
     solution.initial_cost = solution.cost;
     return solution;

@@ -1,5 +1,6 @@
 #include "options.hpp"
 
+#include <cmath>
 #include <map>
 #include <utility>
 
@@ -13,6 +14,21 @@ Parameters<Options> Options::parameters() {
            {.choices = planner_names()})
       .add("parameters", &Options::planner_parameters,
            "Parameters of the planner by OMPL's own names, as {samples_per_batch: 200}.")
+      .add("checker", &Options::checker,
+           "What says whether a motion is clear: the robot's spheres against the distance `field`; "
+           "FCL on the shapes of its URDF against a scene's `primitives` and meshes; or against an "
+           "octree of a map's occupied voxels (`octomap`).",
+           {.choices = {"field", "primitives", "octomap"}})
+      .add("metric", &Options::metric,
+           "How far apart configurations are, joint by joint: by the `time` that it takes at full "
+           "speed, or by the `motion` of the robot's farthest point at its fastest.",
+           {.choices = {"time", "motion"}})
+      .add("weights", &Options::weights,
+           "Weights of joints in place of those of the metric, as {odom_t: 0.5}, in s per m or "
+           "rad.")
+      .add("any_turn", &Options::any_turn,
+           "Joints that turn without limits may end any whole number of turns from the goal. For "
+           "plans that are driven as they are: as a start of gp_chain they would end elsewhere.")
       .add("max_time_s", &Options::max_time_s,
            "Gives up after this long, or at the caller's deadline if that is sooner.",
            {.unit = "s", .min = 0.001})
@@ -26,8 +42,8 @@ Parameters<Options> Options::parameters() {
            "Longest extension of a tree, as the time it takes at full speed; 0 lets OMPL choose.",
            {.unit = "s", .min = 0.0})
       .add("resolution_m", &Options::resolution_m,
-           "A motion that is not shown clear before no sphere moves more than this between two "
-           "checks counts as blocked.",
+           "A motion that is not shown clear before no sphere (or shape) moves more than this "
+           "between two checks counts as blocked.",
            {.unit = "m", .min = 1e-4})
       .add("simplify", &Options::simplify, "Shorten the path before it is timed.")
       .add("simplify_rounds", &Options::simplify_rounds,
@@ -47,8 +63,26 @@ Parameters<Options> Options::parameters() {
            {.min = 0.0, .max = 1e6});
 }
 
+namespace {
+
+void check_weights(const Node& weights, std::vector<OptionMistake>& mistakes) {
+  if (weights.is_null()) return;
+  if (!weights.is_map()) {
+    mistakes.push_back({{"weights"}, "must be a map of joints", {}});
+    return;
+  }
+  for (const Node::Entry& entry : weights.entries()) {
+    const auto weight = entry.value.as_double();
+    if (weight && *weight > 0.0 && std::isfinite(*weight)) continue;
+    mistakes.push_back({{"weights." + entry.key}, "must be a number greater than 0", {}});
+  }
+}
+
+}  // namespace
+
 std::vector<OptionMistake> Options::check() const {
   std::vector<OptionMistake> mistakes;
+  check_weights(weights, mistakes);
   if (planner_parameters.is_null()) return mistakes;
   if (!planner_parameters.is_map()) {
     mistakes.push_back({{"parameters"}, "must be a map of the planner's parameters", {}});

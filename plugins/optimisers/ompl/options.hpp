@@ -5,11 +5,17 @@
 
 #include <sidestep/plugin/parameters.hpp>
 
+#include "joint_space.hpp"
+
 namespace sidestep::ompl_optimiser {
 
 struct Options {
   std::string planner = "RRTConnect";
   Node planner_parameters;
+  std::string checker = "field";
+  std::string metric = "time";
+  Node weights;
+  bool any_turn = false;
   double max_time_s = 5.0;
   int max_iterations = 200000;
   int optimise_iterations = 2000;
@@ -21,6 +27,8 @@ struct Options {
   std::string objective = "length";
   double clearance_m = 0.1;
   double clearance_weight = 10.0;
+
+  [[nodiscard]] JointMetric joint_metric() const { return {metric, weights}; }
 
   static Parameters<Options> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;

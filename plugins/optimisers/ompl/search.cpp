@@ -12,9 +12,9 @@ namespace sidestep::ompl_optimiser {
 
 namespace ob = ::ompl::base;
 
-Search::Search(const Problem& problem, MotionCheck& check, const Deadline& deadline)
-    : space_(problem),
-      check_(check),
+Search::Search(JointSpace space, Checker& checker, const Deadline& deadline)
+    : space_(std::move(space)),
+      checker_(checker),
       deadline_(deadline),
       q_from_(space_.dof()),
       q_to_(space_.dof()) {}
@@ -22,7 +22,7 @@ Search::Search(const Problem& problem, MotionCheck& check, const Deadline& deadl
 bool Search::is_clear(const ob::State* state) {
   const std::scoped_lock lock(mutex_);
   to_joints(state, q_from_);
-  return check_.is_clear(q_from_);
+  return checker_.is_clear(q_from_);
 }
 
 bool Search::is_clear(const ob::State* from, const ob::State* to, double resolution_m) {
@@ -30,7 +30,7 @@ bool Search::is_clear(const ob::State* from, const ob::State* to, double resolut
   const std::scoped_lock lock(mutex_);
   to_joints(from, q_from_);
   to_joints(to, q_to_);
-  return check_.is_clear(q_from_, q_to_, resolution_m);
+  return checker_.is_clear(q_from_, q_to_, resolution_m);
 }
 
 void Search::to_joints(const ob::State* state, std::span<double> q) const {

@@ -7,9 +7,8 @@
 #include <ompl/base/SpaceInformation.h>
 
 #include <sidestep/core/time.hpp>
-#include <sidestep/planning/motion_check.hpp>
-#include <sidestep/planning/problem.hpp>
 
+#include "checker.hpp"
 #include "joint_space.hpp"
 
 namespace sidestep::ompl_optimiser {
@@ -17,8 +16,8 @@ namespace sidestep::ompl_optimiser {
 /// One search: a problem in OMPL's terms. Planners with threads of their own check one at a time.
 class Search {
  public:
-  /// `check` must outlive it, and looks at the problem's field.
-  Search(const Problem& problem, MotionCheck& check, const Deadline& deadline);
+  /// `checker` must outlive it, and looks at the problem of `space`.
+  Search(JointSpace space, Checker& checker, const Deadline& deadline);
 
   [[nodiscard]] const JointSpace& space() const noexcept { return space_; }
   [[nodiscard]] const Deadline& deadline() const noexcept { return deadline_; }
@@ -31,22 +30,22 @@ class Search {
 
  private:
   JointSpace space_;
-  MotionCheck& check_;
+  Checker& checker_;
   Deadline deadline_;
-  std::mutex mutex_;  ///< Of check_ and what follows.
+  std::mutex mutex_;  ///< Of checker_ and what follows.
   std::vector<double> q_from_;
   std::vector<double> q_to_;
 };
 
 struct SearchSettings {
-  double resolution_m = 0.005;  ///< Of MotionCheck.
+  double resolution_m = 0.005;  ///< Of Checker.
   bool is_projected = true;     ///< Whether the planner wants the space's default projection.
   /// Whether the planner asks of every state first whether it is valid, and then of a motion that
   /// leads there, which says it again: the first question is then not worth answering.
   bool checks_motions_to_states = false;
 };
 
-/// The space that `search` searches, ready for planners: what is valid is what its check shows
+/// The space that `search` searches, ready for planners: what is valid is what its checker shows
 /// clear.
 [[nodiscard]] ::ompl::base::SpaceInformationPtr make_information(Search& search,
                                                                  const SearchSettings& settings);
