@@ -18,7 +18,6 @@ namespace {
 /// An item of `experiment.planners`.
 struct PlannerEntry {
   std::string name;
-  std::string checker = "primitives";
   std::vector<std::string> seeds = {"straight"};
   Node optimiser;
   Node sampler;
@@ -27,9 +26,6 @@ struct PlannerEntry {
     using E = PlannerEntry;
     return Parameters<E>()
         .add("name", &E::name, "Name of the planner in results.", {.required = true})
-        .add("checker", &E::checker,
-             "What its own checks and costs see: `primitives`, the shapes themselves.",
-             {.choices = {"primitives"}})
         .add("seeds", &E::seeds,
              "First guesses, raced over the cores: `straight`, a line (and, beside others, lines "
              "that are perturbed); `sampled`, the sampler's path, which the optimiser polishes if "
@@ -38,6 +34,18 @@ struct PlannerEntry {
         .add("sampler", &E::sampler, "The block of the sampling planner, for the seed `sampled`.");
   }
 };
+
+/// What the planner's own checks see: what its sampler says, as far as it has one, else the field.
+std::string checker_of(const PlannerEntry& entry) {
+  const bool is_sampling = std::ranges::find(entry.seeds, "sampled") != entry.seeds.end();
+  const Node* checker = is_sampling ? entry.sampler.find("checker") : nullptr;
+  return checker != nullptr ? checker->text() : "field";
+}
+
+/// True for paths by FCL that nothing polishes: no check by spheres is to come after them.
+bool plans_by_shapes(const PlannerEntry& entry) {
+  return entry.optimiser.is_null() && checker_of(entry) == "primitives";
+}
 
 struct PlannerBenchmarkSettings {
   std::string type;
@@ -226,7 +234,7 @@ Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRe
   const auto solve_one = [&](std::int64_t problem) {
     return contained("planning", [&] {
       return solve_set_problem(*race, problems_[static_cast<std::size_t>(problem)], run_seed,
-                               bench_);
+                               bench_, plans_by_shapes(entry));
     });
   };
   (void)solve_one(left.front());  // does not count
@@ -289,7 +297,7 @@ PlannerBenchmarkRecord new_record(const PlannerBenchmarkSettings& settings,
   const std::vector<std::string> texts = planner_texts(context);
   for (std::size_t p = 0; p < settings.planners.size(); ++p) {
     const PlannerEntry& entry = settings.planners[p];
-    record.planners.push_back({entry.name, entry.checker, texts[p], {}});
+    record.planners.push_back({entry.name, checker_of(entry), texts[p], {}});
   }
   return record;
 }

@@ -12,16 +12,21 @@
 namespace sidestep {
 namespace {
 
+/// The independent check: the robot's shapes against the true scene.
+Result<std::unique_ptr<ValidityCheck>> true_check(const SetProblem& posed, const SetBench& bench) {
+  ShapeObstacles truth;
+  truth.scene = posed.scene;
+  return make_shape_check(bench.robot, truth,
+                          {.max_step_m = bench.check.shape_max_step_m,
+                           .speed_fraction = bench.check.speed_fraction,
+                           .acceleration_fraction = bench.check.acceleration_fraction});
+}
+
 /// Holds answers against the true shapes.
 class Judge {
  public:
   [[nodiscard]] static Result<Judge> make(const SetProblem& posed, const SetBench& bench) {
-    ShapeObstacles truth;
-    truth.scene = posed.scene;
-    auto check = make_shape_check(bench.robot, truth,
-                                  {.max_step_m = bench.check.shape_max_step_m,
-                                   .speed_fraction = bench.check.speed_fraction,
-                                   .acceleration_fraction = bench.check.acceleration_fraction});
+    auto check = true_check(posed, bench);
     if (!check) return tl::make_unexpected(std::move(check.error()));
     return Judge(posed, bench, std::move(*check));
   }
@@ -77,7 +82,7 @@ Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetB
 }  // namespace
 
 Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, std::uint64_t seed,
-                                   const SetBench& bench) {
+                                   const SetBench& bench, bool by_shapes) {
   SetSolve solve;
   solve.family = posed.family;
   solve.index = posed.index;
@@ -90,16 +95,19 @@ Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, 
     solve.reason = "the problem makes no sense: " + sound.error().describe();
     return solve;
   }
-  const auto check = make_field_check(bench.robot, field, bench.planning.space(),
-                                      {.margin_m = bench.check.margin_m,
-                                       .max_step_m = bench.check.max_step_m,
-                                       .speed_fraction = bench.check.speed_fraction,
-                                       .acceleration_fraction = bench.check.acceleration_fraction,
-                                       .first_violation_only = true});
+  Result<std::unique_ptr<ValidityCheck>> check =
+      by_shapes ? true_check(posed, bench)
+                : make_field_check(bench.robot, field, bench.planning.space(),
+                                   {.margin_m = bench.check.margin_m,
+                                    .max_step_m = bench.check.max_step_m,
+                                    .speed_fraction = bench.check.speed_fraction,
+                                    .acceleration_fraction = bench.check.acceleration_fraction,
+                                    .first_violation_only = true});
+  if (!check) return tl::make_unexpected(std::move(check.error()));
   const Stopwatch watch;
-  auto answer =
-      race.run(problem, *check, derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
-               Deadline::after_s(bench.deadline_s, bench.stop));
+  auto answer = race.run(problem, **check,
+                         derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
+                         Deadline::after_s(bench.deadline_s, bench.stop));
   if (!answer) return tl::make_unexpected(std::move(answer.error()));
   solve.spent_ms = watch.elapsed_ms();
   solve.reason = answer->reason;

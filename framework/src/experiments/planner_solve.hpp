@@ -23,8 +23,11 @@ struct SetBench {
 };
 
 /// Poses a problem, has it raced for, and holds every answer against the shapes, independently.
-/// SetSolve::problem and seed are the caller's. Fails where a planner or the check does. [planning]
+/// In the race proposals are checked by the robot's spheres, or, for what is planned `by_shapes`
+/// and may come nearer than they can, by its shapes. SetSolve::problem and seed are the caller's.
+/// Fails where a planner or a check does. [planning]
 [[nodiscard]] Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed,
-                                                 std::uint64_t seed, const SetBench& bench);
+                                                 std::uint64_t seed, const SetBench& bench,
+                                                 bool by_shapes = false);
 
 }  // namespace sidestep
