@@ -22,17 +22,17 @@ constexpr const char* kScene = "scene";
 
 constexpr std::size_t kMostDigits = 9;  // an int holds them
 
-/// The digits before ".yaml" in a name that begins with `prefix`; empty for other names.
+/// The digits in a name that is `prefix`, digits and ".yaml"; empty for other names.
 std::string digits_of(const fs::path& file, std::string_view prefix) {
   const std::string stem = file.stem().string();
-  const std::size_t last = stem.find_last_not_of("0123456789");
-  const bool fits = file.extension() == ".yaml" && stem.starts_with(prefix);
-  const bool has_digits =
-      fits && last != std::string::npos && stem.size() - last <= kMostDigits + 1;
-  return has_digits ? stem.substr(last + 1) : "";
+  if (file.extension() != ".yaml" || !stem.starts_with(prefix)) return "";
+  const std::string digits = stem.substr(prefix.size());
+  const bool is_number = !digits.empty() && digits.size() <= kMostDigits &&
+                         digits.find_first_not_of("0123456789") == std::string::npos;
+  return is_number ? digits : "";
 }
 
-/// The files of a folder that begin with `prefix`, by their digits.
+/// The files of a folder called `prefix` and a number, by their digits.
 std::map<std::string, fs::path> numbered_files(const fs::path& folder, std::string_view prefix) {
   std::map<std::string, fs::path> files;
   std::error_code ignored;

@@ -311,7 +311,7 @@ Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord reco
   if (!earlier) return earlier;
   auto same = check_same_run(*earlier, record, file.string());
   if (!same) return tl::make_unexpected(std::move(same.error()));
-  if (earlier->names.size() != record.names.size()) {
+  if (earlier->names != record.names) {
     return fail(ErrorCode::kConfig, "the problems have changed since the run to resume began",
                 file.string(), "begin anew");
   }

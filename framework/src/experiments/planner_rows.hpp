@@ -57,6 +57,8 @@ struct PlannerRecord {
 struct ProblemName {
   std::string family;
   int index = 0;
+
+  bool operator==(const ProblemName&) const = default;
 };
 
 /// What a results store holds of a planner benchmark: everything that its summary is made from.

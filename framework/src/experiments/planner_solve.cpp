@@ -1,6 +1,6 @@
 #include "planner_solve.hpp"
 
-#include <tuple>
+#include <cmath>
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/field/scene_field.hpp>
@@ -53,14 +53,13 @@ class Judge {
 
   /// Where it does not begin or end as it should; empty where it does.
   [[nodiscard]] std::string miss(const Trajectory& trajectory) const {
-    const RobotDescription& robot = bench_.robot->description();
-    for (const auto& [state, wanted, which] :
-         {std::tuple(0, &posed_.q_start, "starts"),
-          std::tuple(trajectory.size() - 1, &posed_.q_goal, "ends")}) {
-      const std::string by = configuration_miss(robot, trajectory.q(state), *wanted);
-      if (!by.empty()) return std::string("it ") + which + " with " + by;
+    for (std::size_t j = 0; j < trajectory.q(0).size(); ++j) {
+      const double off = trajectory.q(0)[j] - posed_.q_start[static_cast<Eigen::Index>(j)];
+      if (!(std::abs(off) <= kGoalTolerance)) return "it starts where the robot is not";
     }
-    return "";
+    const std::string by = configuration_miss(bench_.robot->description(),
+                                              trajectory.q(trajectory.size() - 1), posed_.q_goal);
+    return by.empty() ? "" : "it ends with " + by;
   }
 
   const SetProblem& posed_;
@@ -107,7 +106,7 @@ Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, 
   const Stopwatch watch;
   auto answer = race.run(problem, **check,
                          derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
-                         Deadline::after_s(bench.deadline_s, bench.stop));
+                         Deadline::after_s(bench.deadline_s, bench.stop), bench.stop);
   if (!answer) return tl::make_unexpected(std::move(answer.error()));
   solve.spent_ms = watch.elapsed_ms();
   solve.reason = answer->reason;

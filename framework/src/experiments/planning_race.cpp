@@ -50,8 +50,10 @@ struct PlanningRace::Track {
 };
 
 Result<RaceResult> PlanningRace::run(const Problem& problem, const ValidityCheck& check,
-                                     std::uint64_t seed, const Deadline& deadline) {
+                                     std::uint64_t seed, const Deadline& deadline,
+                                     const std::stop_token& stop) {
   Track track{.problem = problem, .check = check, .deadline = deadline};
+  const std::stop_callback forward(stop, [&] { track.over.request_stop(); });
   const auto drive = [&](Lane& lane) {
     const auto done = contained("planning", [&]() -> Result<void> {
       lane.seed == "sampled" ? run_sampled(lane, track) : run_straight(lane, track, seed);
@@ -132,14 +134,15 @@ void PlanningRace::run_sampled(Lane& lane, Track& track) {
   Problem problem = track.problem;
   const auto path = propose(lane.sampler, problem, initial_guess(problem, 0, 0), track);
   if (!path) return;
+  // One that stops at its corners is better than none.
+  const bool is_valid = finish(*path, false, lane.seed, track);
+  if (is_valid && !lane.optimiser) track.over.request_stop();
   for (int polish = 0; lane.optimiser && polish < kMostPolishes && !track.is_over(); ++polish) {
     if (polish > 0) problem = finer(problem);
     const Trajectory guess = refit(*path, 0.0, problem.support_states, problem.dt_s);
     const auto polished = propose(lane.optimiser, problem, guess, track);
     if (polished && finish(*polished, true, lane.seed, track)) return;
   }
-  // One that stops at its corners is better than none.
-  if (finish(*path, false, lane.seed, track) && !lane.optimiser) track.over.request_stop();
 }
 
 }  // namespace sidestep

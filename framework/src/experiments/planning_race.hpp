@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -45,9 +46,10 @@ class PlanningRace {
   PlanningRace(std::vector<Lane> lanes, MotionLimits limits)
       : lanes_(std::move(lanes)), limits_(std::move(limits)) {}
 
-  /// Fails where an optimiser does.
+  /// Ends at the deadline, or soon after a stop is asked for. Fails where an optimiser does.
   [[nodiscard]] Result<RaceResult> run(const Problem& problem, const ValidityCheck& check,
-                                       std::uint64_t seed, const Deadline& deadline);
+                                       std::uint64_t seed, const Deadline& deadline,
+                                       const std::stop_token& stop);
 
  private:
   struct Track;

@@ -73,6 +73,11 @@ Result<ExperimentOutcome> merge_study(const std::vector<fs::path>& runs, const f
 Result<ExperimentOutcome> merge_planners(const std::vector<fs::path>& runs, const fs::path& out) {
   auto whole = merged_record(runs, &read_planner_record, &absorb_planners);
   if (!whole) return tl::make_unexpected(std::move(whole.error()));
+  for (const fs::path& run : runs) {
+    const auto part = read_planner_record(run / "results.sqlite");
+    if (part && part->names == whole->names) continue;
+    return fail(ErrorCode::kConfig, "this shard is of other problems than the first", run.string());
+  }
   return conclude(*whole, out, &record_planners, &conclude_planners);
 }
 

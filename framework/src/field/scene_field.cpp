@@ -61,7 +61,7 @@ SceneField::SceneField(const Scene& scene, Stamp time, const Eigen::AlignedBox3d
                                     solids_.begin());
   bounds_ = detail::bounds_of(std::span(solids_).first(plain_));
   numbers_.resize(solids_.size());
-  std::iota(numbers_.begin(), numbers_.end(), std::uint16_t{0});
+  std::iota(numbers_.begin(), numbers_.end(), std::uint32_t{0});
 }
 
 SceneField::~SceneField() = default;
@@ -170,13 +170,13 @@ std::size_t SceneField::query_below(std::span<const PointLanes> points_m,
   return written;
 }
 
-std::size_t SceneField::find_within(std::span<const std::uint16_t> shapes,
+std::size_t SceneField::find_within(std::span<const std::uint32_t> shapes,
                                     const PointLanes& points_m, const double* limits_m,
-                                    std::uint16_t* near, double* is_near) const noexcept {
+                                    std::uint32_t* near, double* is_near) const noexcept {
   std::size_t plain = shapes.size();
   while (plain > 0 && shapes[plain - 1] >= plain_) --plain;
   const auto meshes = shapes.subspan(plain);
-  const std::uint16_t* numbers = shapes.data();
+  const std::uint32_t* numbers = shapes.data();
   if (numbers == numbers_.data() && plain == plain_) {  // all of them: most are far away
     const double limit_m = *std::max_element(limits_m, limits_m + kLanes);
     plain = detail::find_solids_beside(bounds_, points_m, limit_m, near);
@@ -184,7 +184,7 @@ std::size_t SceneField::find_within(std::span<const std::uint16_t> shapes,
   }
   std::size_t found =
       detail::find_solids_within(solids_.data(), numbers, plain, points_m, limits_m, near, is_near);
-  for (const std::uint16_t number : meshes) {
+  for (const std::uint32_t number : meshes) {
     const detail::Solid& solid = solids_[number];
     bool is_any = false;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {

@@ -331,7 +331,7 @@ std::vector<SolidBounds> bounds_of(std::span<const Solid> solids) {
 
 SIDESTEP_SIMD_CLONES
 std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointLanes& points_m,
-                               double limit_m, std::uint16_t* beside) noexcept {
+                               double limit_m, std::uint32_t* beside) noexcept {
   PointBounds around;
   find_bounds(points_m, limit_m, around);
   std::size_t found = 0;
@@ -340,7 +340,7 @@ std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointL
     if (!find_beside(bounds[group], around, is_beside)) continue;
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       if (is_beside[lane] != 0.0)
-        beside[found++] = static_cast<std::uint16_t>(group * kLanes + lane);
+        beside[found++] = static_cast<std::uint32_t>(group * kLanes + lane);
     }
   }
   return found;
@@ -378,9 +378,9 @@ void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bound
 }
 
 SIDESTEP_SIMD_CLONES
-std::size_t find_solids_within(const Solid* solids, const std::uint16_t* numbers, std::size_t count,
+std::size_t find_solids_within(const Solid* solids, const std::uint32_t* numbers, std::size_t count,
                                const PointLanes& points_m, const double* limits_m,
-                               std::uint16_t* near, double* is_near) noexcept {
+                               std::uint32_t* near, double* is_near) noexcept {
   const Lanes limits = lanes(limits_m);
   // Mostly nothing is near, which is known without looking at the lanes of each solid.
   Lanes is_near_any{}, is_near_this;

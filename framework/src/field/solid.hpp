@@ -53,14 +53,14 @@ void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bound
 /// Numbers of the solids whose bounds come within `limit_m` of some of kLanes points, for which
 /// there is room. Returns how many.
 std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointLanes& points_m,
-                               double limit_m, std::uint16_t* beside) noexcept;
+                               double limit_m, std::uint32_t* beside) noexcept;
 
 /// Of the solids with these numbers, none of them a mesh, those that come nearer than its limit
 /// (positive) to any of kLanes points: their numbers, for which there is room; it may be that of
 /// `numbers`. is_near[lane] becomes 1 where any is, and is left alone elsewhere. Takes no roots
 /// where it need not. Returns how many.
-std::size_t find_solids_within(const Solid* solids, const std::uint16_t* numbers, std::size_t count,
+std::size_t find_solids_within(const Solid* solids, const std::uint32_t* numbers, std::size_t count,
                                const PointLanes& points_m, const double* limits_m,
-                               std::uint16_t* near, double* is_near) noexcept;
+                               std::uint32_t* near, double* is_near) noexcept;
 
 }  // namespace sidestep::detail

@@ -231,7 +231,7 @@ bool EdgeProver::is_well_inside(std::size_t number, const Look& look) const {
 }
 
 bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
-                                std::span<const std::uint16_t> shapes, Look& look) {
+                                std::span<const std::uint32_t> shapes, Look& look) {
   const PointLanes& centre_m = centres_[at(sphere)];
   const double required_m = radius_m_[at(sphere)] + margin_m_ + spare_m_;
   alignas(64) double ways_m[kLanes], limits_m[kLanes], is_near[kLanes] = {}, is_hit[kLanes] = {};

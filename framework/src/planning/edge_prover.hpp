@@ -77,7 +77,7 @@ class EdgeProver {
   [[nodiscard]] bool look_at_ball(std::size_t number, Look& look);
   [[nodiscard]] bool is_well_inside(std::size_t number, const Look& look) const;
   [[nodiscard]] bool look_at_sphere(std::size_t number, int sphere,
-                                    std::span<const std::uint16_t> shapes, Look& look);
+                                    std::span<const std::uint32_t> shapes, Look& look);
   [[nodiscard]] bool look_at_pair(std::size_t number, Look& look) const;
   void measure_edge();
   [[nodiscard]] double ball_way_m(std::size_t ball) const noexcept { return ways_m_.data()[ball]; }
@@ -110,8 +110,8 @@ class EdgeProver {
   std::vector<Part> next_;
   std::vector<double> q_;
   std::vector<PointLanes> centres_;
-  std::vector<std::uint16_t> shapes_;  ///< Near the ball that is looked at.
-  std::vector<std::uint16_t> nearer_;
+  std::vector<std::uint32_t> shapes_;  ///< Near the ball that is looked at.
+  std::vector<std::uint32_t> nearer_;
   Scratch scratch_;
 };
 

@@ -44,8 +44,10 @@ std::string term_miss(const StateCost& cost, std::span<const double> q) {
 std::string configuration_miss(const RobotDescription& robot, std::span<const double> q,
                                const Eigen::VectorXd& wanted) {
   for (std::size_t j = 0; j < q.size(); ++j) {
+    const Joint& joint = robot.joints[j];
     double off = std::abs(q[j] - wanted[static_cast<Eigen::Index>(j)]);
-    if (robot.joints[j].type == Joint::Type::kContinuous) {
+    const bool has_no_limit = std::isinf(joint.lower) && std::isinf(joint.upper);
+    if (joint.type == Joint::Type::kContinuous && has_no_limit) {
       off = std::abs(std::remainder(off, 2.0 * std::numbers::pi));
     }
     if (off <= kGoalTolerance) continue;

@@ -60,6 +60,7 @@ class Descent {
   }
 
   [[nodiscard]] const Waypoints& current() const noexcept { return current_; }
+  [[nodiscard]] bool is_finite() const noexcept { return std::isfinite(cost_); }
 
   [[nodiscard]] WaypointSearch run(const Deadline& deadline) {
     WaypointSearch search;
@@ -157,6 +158,10 @@ class Chomp final : public Optimiser {
 
     const JointBounds bounds(problem, settings_.limit_margin);
     Descent descent(settings_, bounds, metric, objective, guess);
+    if (!descent.is_finite()) {
+      return without_trajectory(SolveStatus::kFailed,
+                                "the objective of the initial trajectory is not a finite number");
+    }
     const WaypointSearch search = descent.run(deadline);
     end_solution(problem, states, guess, descent.current(), search, settings_.max_iterations,
                  deadline, solution);

@@ -213,10 +213,8 @@ void JointTable::add_planned(const UrdfJoint& joint, const Node* where) {
 double JointTable::rest_value(const UrdfJoint& joint) const {
   const auto it = fixed_.find(joint.name);
   if (it != fixed_.end()) return it->second;
-  if (!joint.limits || joint.type == UrdfJoint::Type::kContinuous ||
-      joint.limits->lower > joint.limits->upper)
-    return 0.0;
-  return std::clamp(0.0, joint.limits->lower, joint.limits->upper);
+  const auto [lower, upper] = position_limits(joint);
+  return lower > upper ? 0.0 : std::clamp(0.0, lower, upper);
 }
 
 TreeJoint JointTable::tree_joint(const UrdfJoint& joint) const {

@@ -180,7 +180,7 @@ TEST(SceneField, FindsWhatIsWithinALimit) {
   const auto points = random_points(4000, 0.5);
   std::mt19937 random(5);
   std::uniform_real_distribution<double> limit_m(0.01, 0.6);
-  std::vector<std::uint16_t> near(field.shapes().size()), nearer(field.shapes().size());
+  std::vector<std::uint32_t> near(field.shapes().size()), nearer(field.shapes().size());
   int found = 0;
   for (std::size_t first = 0; first < points.size(); first += kLanes) {
     PointLanes group;

@@ -38,7 +38,7 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
   [[nodiscard]] const std::shared_ptr<const Scene>& scene() const noexcept { return scene_; }
 
   /// Numbers of all shapes, for find_within().
-  [[nodiscard]] std::span<const std::uint16_t> shapes() const noexcept { return numbers_; }
+  [[nodiscard]] std::span<const std::uint32_t> shapes() const noexcept { return numbers_; }
 
   /// Of the shapes with these numbers, in the order of shapes(), those that come nearer to any of
   /// kLanes finite points than its limit (limits_m: kLanes, positive), within the field's bounds or
@@ -46,8 +46,8 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
   /// kLanes becomes 1 where any shape is near, and is left alone elsewhere. What a check that knows
   /// of no distances wants, first for the whole of a link and then, among what was found, for its
   /// parts. Returns how many. Does not allocate.
-  std::size_t find_within(std::span<const std::uint16_t> shapes, const PointLanes& points_m,
-                          const double* limits_m, std::uint16_t* near,
+  std::size_t find_within(std::span<const std::uint32_t> shapes, const PointLanes& points_m,
+                          const double* limits_m, std::uint32_t* near,
                           double* is_near) const noexcept;
 
  private:
@@ -59,7 +59,7 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
   std::vector<detail::Solid> solids_;        ///< Meshes last.
   std::size_t plain_ = 0;                    ///< Those before the meshes.
   std::vector<detail::SolidBounds> bounds_;  ///< Of those.
-  std::vector<std::uint16_t> numbers_;
+  std::vector<std::uint32_t> numbers_;
 };
 
 }  // namespace sidestep
