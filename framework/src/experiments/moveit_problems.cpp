@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
+#include <string>
 #include <utility>
 
 #include <sidestep/runtime/yaml_document.hpp>
@@ -22,23 +24,31 @@ constexpr const char* kScene = "scene";
 
 constexpr std::size_t kMostDigits = 9;  // an int holds them
 
-/// The digits in a name that is `prefix`, digits and ".yaml"; empty for other names.
+/// The digits before ".yaml" in a name that begins with `prefix`; empty for other names.
 std::string digits_of(const fs::path& file, std::string_view prefix) {
   const std::string stem = file.stem().string();
-  if (file.extension() != ".yaml" || !stem.starts_with(prefix)) return "";
-  const std::string digits = stem.substr(prefix.size());
-  const bool is_number = !digits.empty() && digits.size() <= kMostDigits &&
-                         digits.find_first_not_of("0123456789") == std::string::npos;
-  return is_number ? digits : "";
+  const std::size_t last = stem.find_last_not_of("0123456789");
+  const bool fits = file.extension() == ".yaml" && stem.starts_with(prefix);
+  const bool has_digits =
+      fits && last != std::string::npos && stem.size() - last <= kMostDigits + 1;
+  return has_digits ? stem.substr(last + 1) : "";
 }
 
-/// The files of a folder called `prefix` and a number, by their digits.
+/// The files of a folder that begin with `prefix`, by their digits; of several with the same, the
+/// one with nothing between the two, or else the first by name.
 std::map<std::string, fs::path> numbered_files(const fs::path& folder, std::string_view prefix) {
   std::map<std::string, fs::path> files;
+  const auto is_better = [&](const fs::path& file, const fs::path& than,
+                             const std::string& digits) {
+    const std::string plain = std::string(prefix) + digits;
+    return std::pair(file.stem() != plain, file) < std::pair(than.stem() != plain, than);
+  };
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder, ignored)) {
     const std::string digits = digits_of(entry.path(), prefix);
-    if (!digits.empty()) files.emplace(digits, entry.path());
+    if (digits.empty()) continue;
+    const auto [found, is_new] = files.emplace(digits, entry.path());
+    if (!is_new && is_better(entry.path(), found->second, digits)) found->second = entry.path();
   }
   return files;
 }
@@ -73,16 +83,7 @@ class Frames {
   Frames(const DocumentEntry& scene, const RobotDescription& robot)
       : root_(robot.links.empty() ? "" : robot.links.front().name) {
     T_planning_frame_ = {{"", Transform::Identity()}, {"world", Transform::Identity()}};
-    if (scene.has("fixed_frame_transforms")) {
-      const auto transforms = scene["fixed_frame_transforms"].items();
-      for (const DocumentEntry& one : transforms) {
-        T_planning_frame_[one["header"]["frame_id"].text()] = Transform::Identity();
-      }
-      for (const DocumentEntry& one : transforms) {
-        T_planning_frame_[one["child_frame_id"].text()] =
-            read_pose(one["transform"], "translation", "rotation");
-      }
-    }
+    if (scene.has("fixed_frame_transforms")) add(scene["fixed_frame_transforms"].items());
     T_planning_frame_.emplace(root_, Transform::Identity());
   }
 
@@ -99,6 +100,31 @@ class Frames {
   }
 
  private:
+  /// Transforms in any order; the frame that is nobody's child is the planning frame.
+  void add(std::vector<DocumentEntry> transforms) {
+    std::set<std::string> children, parents;
+    for (const DocumentEntry& one : transforms) children.insert(one["child_frame_id"].text());
+    for (const DocumentEntry& one : transforms) {
+      const DocumentEntry parent = one["header"]["frame_id"];
+      if (children.contains(parent.text())) continue;
+      parents.insert(parent.text());
+      if (parents.size() > 1) parent.complain("there is another planning frame before this one");
+      T_planning_frame_[parent.text()] = Transform::Identity();
+    }
+    const auto is_placed = [&](const DocumentEntry& one) {
+      const auto parent = T_planning_frame_.find(one["header"]["frame_id"].text());
+      if (parent == T_planning_frame_.end()) return false;
+      T_planning_frame_[one["child_frame_id"].text()] =
+          parent->second * read_pose(one["transform"], "translation", "rotation");
+      return true;
+    };
+    while (std::erase_if(transforms, is_placed) > 0) {
+    }
+    if (!transforms.empty()) {
+      transforms.front()["child_frame_id"].complain("this frame hangs on no planning frame");
+    }
+  }
+
   std::string root_;
   std::map<std::string, Transform> T_planning_frame_;
 };

@@ -119,6 +119,24 @@ fixed_frame_transforms:
   ASSERT_TRUE(problems) << problems.error().describe();
   // From the robot's foot the ball is at (-1 - 2, 0, 0.7 - 0.5).
   EXPECT_NEAR(distance_at(problems->front(), {-3.0, 0.0, 0.5}), 0.2, 1e-12);
+  // A frame on a frame, named before it: 0.1 m above the table.
+  const std::string tray = R"(
+fixed_frame_transforms:
+  - header: {frame_id: table}
+    child_frame_id: tray
+    transform: {translation: [0, 0, 0.1], rotation: [0, 0, 0, 1]}
+)" + table.substr(table.find("  - header"));
+  const auto carried = read(replaced(kScene, "frame_id: world", "frame_id: tray") + tray, kRequest);
+  ASSERT_TRUE(carried) << carried.error().describe();
+  EXPECT_NEAR(distance_at(carried->front(), {-3.0, 0.0, 0.6}), 0.2, 1e-12);
+  const auto with_frames = [&](const char* frames) {
+    return mistake(kScene + std::string("\nfixed_frame_transforms:\n") + frames, kRequest);
+  };
+  EXPECT_THAT(with_frames("  - header: {frame_id: a}\n    child_frame_id: b\n"
+                          "    transform: {translation: [0, 0, 0], rotation: [0, 0, 0, 1]}\n"
+                          "  - header: {frame_id: b}\n    child_frame_id: a\n"
+                          "    transform: {translation: [0, 0, 0], rotation: [0, 0, 0, 1]}\n"),
+              HasSubstr("hangs on no planning frame"));
   EXPECT_THAT(mistake(replaced(kScene, "frame_id: world", "frame_id: tray"), kRequest),
               HasSubstr("'tray' is neither the robot's root 'pedestal'"));
 }
@@ -198,6 +216,12 @@ TEST_F(MoveItProblemsTest, ReadsFamiliesInFoldersInOrderOfNamesAndNumbers) {
     found.push_back(problem.family + std::to_string(problem.index));
   }
   EXPECT_THAT(found, ::testing::ElementsAre("a2", "a10", "b2", "b10"));
+  // Of two scenes the plain one counts.
+  (void)folder_.write("sets/a/scene0002.yaml",
+                      replaced(kScene, "frame_id: world", "frame_id: tray"));
+  EXPECT_THAT(read_problem_set(folder_.path() / "sets", reacher()).error().describe(),
+              HasSubstr("'tray'"));
+  (void)folder_.write("sets/a/scene0002.yaml", kScene);
   (void)folder_.write("sets/a/request0011.yaml", kRequest);
   EXPECT_THAT(read_problem_set(folder_.path() / "sets", reacher()).error().describe(),
               HasSubstr("no scene0011.yaml"));
