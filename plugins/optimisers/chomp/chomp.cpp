@@ -130,25 +130,14 @@ class Chomp final : public Optimiser {
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override {
-    const Stopwatch watch;
-    if (auto valid = check_waypoint_problem(problem, initial); !valid) {
-      return tl::make_unexpected(valid.error());
-    }
-    Solution solution = find(problem, initial, deadline);
-    solution.solve_ms = watch.elapsed_ms();
-    return solution;
+    return solve_between_ends(
+        problem, initial, "chomp", settings_.smoothness,
+        [&](const DifferenceMetric& metric) { return find(problem, initial, deadline, metric); });
   }
 
  private:
   [[nodiscard]] Solution find(const Problem& problem, const Trajectory& initial,
-                              const Deadline& deadline) const {
-    if (std::string why = why_not_between_ends(problem, "chomp"); !why.empty()) {
-      return without_trajectory(SolveStatus::kNoPath, std::move(why));
-    }
-    const DifferenceMetric metric(problem, derivative_of(settings_.smoothness));
-    if (!metric.is_usable()) {
-      return without_trajectory(SolveStatus::kFailed, singular_metric_reason(problem));
-    }
+                              const Deadline& deadline, const DifferenceMetric& metric) const {
     Objective objective(problem, settings_, metric);
     WaypointStates& states = objective.states();
     const Waypoints guess = states.positions_of(initial);
@@ -159,8 +148,7 @@ class Chomp final : public Optimiser {
     const JointBounds bounds(problem, settings_.limit_margin);
     Descent descent(settings_, bounds, metric, objective, guess);
     if (!descent.is_finite()) {
-      return without_trajectory(SolveStatus::kFailed,
-                                "the objective of the initial trajectory is not a finite number");
+      return without_trajectory(SolveStatus::kFailed, kObjectiveNotFinite);
     }
     const WaypointSearch search = descent.run(deadline);
     end_solution(problem, states, guess, descent.current(), search, settings_.max_iterations,

@@ -197,25 +197,14 @@ class Stomp final : public Optimiser {
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override {
-    const Stopwatch watch;
-    if (auto valid = check_waypoint_problem(problem, initial); !valid) {
-      return tl::make_unexpected(valid.error());
-    }
-    Solution solution = find(problem, initial, deadline);
-    solution.solve_ms = watch.elapsed_ms();
-    return solution;
+    return solve_between_ends(
+        problem, initial, "stomp", settings_.smoothness,
+        [&](const DifferenceMetric& metric) { return find(problem, initial, deadline, metric); });
   }
 
  private:
   [[nodiscard]] Solution find(const Problem& problem, const Trajectory& initial,
-                              const Deadline& deadline) const {
-    if (std::string why = why_not_between_ends(problem, "stomp"); !why.empty()) {
-      return without_trajectory(SolveStatus::kNoPath, std::move(why));
-    }
-    const DifferenceMetric metric(problem, derivative_of(settings_.smoothness));
-    if (!metric.is_usable()) {
-      return without_trajectory(SolveStatus::kFailed, singular_metric_reason(problem));
-    }
+                              const Deadline& deadline, const DifferenceMetric& metric) const {
     Search search(problem, settings_, metric, workers_, seed_);
     WaypointStates& states = search.states();
     const Waypoints guess = states.positions_of(initial);
@@ -223,8 +212,7 @@ class Stomp final : public Optimiser {
     Solution solution = begin_solution(problem, states);
     if (solution.status == SolveStatus::kFailed) return solution;
     if (!search.begin(guess)) {
-      return without_trajectory(SolveStatus::kFailed,
-                                "the objective of the initial trajectory is not a finite number");
+      return without_trajectory(SolveStatus::kFailed, kObjectiveNotFinite);
     }
     const WaypointSearch ended = search.run(deadline);
     end_solution(problem, states, guess, search.best(), ended, settings_.max_iterations, deadline,

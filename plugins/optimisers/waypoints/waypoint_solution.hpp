@@ -2,10 +2,12 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 
 #include <sidestep/core/time.hpp>
 #include <sidestep/planning/optimiser.hpp>
 
+#include "difference_metric.hpp"
 #include "waypoint_states.hpp"
 
 namespace sidestep {
@@ -41,5 +43,31 @@ struct WaypointSearch {
 void end_solution(const Problem& problem, WaypointStates& states, const Waypoints& initial,
                   const Waypoints& found, const WaypointSearch& search, int max_iterations,
                   const Deadline& deadline, Solution& solution);
+
+/// Checks problem and initial trajectory, makes the metric, and has `find(metric)` look for the
+/// Solution; where there can be none, says why. `optimiser`: its name. `smoothness`: an option's
+/// value (derivative_of()).
+template <class Find>
+[[nodiscard]] Result<Solution> solve_between_ends(const Problem& problem, const Trajectory& initial,
+                                                  const std::string& optimiser,
+                                                  const std::string& smoothness, Find find) {
+  const Stopwatch watch;
+  if (auto valid = check_waypoint_problem(problem, initial); !valid) {
+    return tl::make_unexpected(valid.error());
+  }
+  if (std::string why = why_not_between_ends(problem, optimiser); !why.empty()) {
+    return without_trajectory(SolveStatus::kNoPath, std::move(why));
+  }
+  const DifferenceMetric metric(problem, derivative_of(smoothness));
+  if (!metric.is_usable()) {
+    return without_trajectory(SolveStatus::kFailed, singular_metric_reason(problem));
+  }
+  Solution solution = find(metric);
+  solution.solve_ms = watch.elapsed_ms();
+  return solution;
+}
+
+inline constexpr const char* kObjectiveNotFinite =
+    "the objective of the initial trajectory is not a finite number";
 
 }  // namespace sidestep
