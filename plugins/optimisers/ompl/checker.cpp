@@ -68,7 +68,7 @@ void add_floor(const Floor& floor, ShapeWorld& world) {
 /// Centres of the voxels in which a map says that there is something: where an obstacle is nearer
 /// than half a voxel, for those that are free are a whole one away, and where nothing is known if
 /// that counts as occupied.
-std::vector<Eigen::Vector3d> occupied_centres(const DistanceField& field, Space unknown) {
+std::vector<Eigen::Vector3d> centres_of_taken_voxels(const DistanceField& field, Space unknown) {
   const GridSpec& grid = field.info().grid;
   const double half_m = 0.5 * grid.resolution_m;
   const auto count = static_cast<std::size_t>(grid.size_vox.x());
@@ -147,7 +147,8 @@ class ShapeChecker final : public Checker {
     }
     world.obstacles.voxels_in_octree = true;
     world.obstacles.resolution_m = problem.field->info().grid.resolution_m;
-    world.obstacles.occupied_centres_m = occupied_centres(*problem.field, problem.space.unknown);
+    world.obstacles.occupied_centres_m =
+        centres_of_taken_voxels(*problem.field, problem.space.unknown);
     return {};
   }
 
