@@ -20,7 +20,10 @@ Result<std::optional<Frame>> FrameTap::next(const Deadline& deadline) {
   if (limit_ > 0 && passed_ >= limit_) return std::nullopt;
   auto frame = source_.next(deadline);
   if (frame ? frame->has_value() : frame.error().code == ErrorCode::kBadFrame) ++passed_;
-  if (frame && *frame) keep(**frame);
+  if (frame && *frame) {
+    keep(**frame);
+    if (keeps_last_) last_ = std::make_shared<const Frame>(**frame);
+  }
   return frame;
 }
 

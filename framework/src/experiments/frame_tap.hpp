@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include <sidestep/sensing/source.hpp>
@@ -26,6 +27,11 @@ class FrameTap final : public Source {
   [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
   [[nodiscard]] std::optional<std::int64_t> frame_count() const override;
 
+  /// Whether to keep a copy of the last frame that was passed on.
+  void keep_last(bool keeps) noexcept { keeps_last_ = keeps; }
+  /// Null before the first one that was kept.
+  [[nodiscard]] const std::shared_ptr<const Frame>& last() const noexcept { return last_; }
+
   [[nodiscard]] const std::vector<DepthPicture>& pictures() const noexcept { return pictures_; }
 
  private:
@@ -38,6 +44,8 @@ class FrameTap final : public Source {
   std::int64_t passed_ = 0;  ///< Frames asked for, usable or not.
   std::int64_t stride_ = 1;  ///< Every stride_-th frame is kept.
   std::vector<DepthPicture> pictures_;
+  bool keeps_last_ = false;
+  std::shared_ptr<const Frame> last_;
 };
 
 }  // namespace sidestep

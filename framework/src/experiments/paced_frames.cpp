@@ -41,7 +41,7 @@ Result<std::optional<Frame>> PacedFrames::next(const Deadline& deadline) {
     return tl::make_unexpected(bad_frame(*blind, "none of its depths is a number"));
   }
   note(*pending_);
-  if (keeps_last_) last_ = *pending_;
+  if (keeps_last_) last_ = std::make_shared<const Frame>(*pending_);
   const std::unique_ptr<Frame> due = std::move(pending_);
   return std::optional<Frame>(std::in_place, std::move(*due));
 }

@@ -35,7 +35,8 @@ class PacedFrames final : public Source {
   [[nodiscard]] Stamp received() const noexcept { return received_; }
   /// Whether to keep a copy of the last frame that was passed on.
   void keep_last(bool keeps) noexcept { keeps_last_ = keeps; }
-  [[nodiscard]] const std::optional<Frame>& last() const noexcept { return last_; }
+  /// Null before the first one that was kept.
+  [[nodiscard]] const std::shared_ptr<const Frame>& last() const noexcept { return last_; }
   [[nodiscard]] const std::vector<CameraView>& views() const noexcept { return views_; }
 
  private:
@@ -52,7 +53,7 @@ class PacedFrames final : public Source {
   Stamp received_;
   std::optional<Stamp> bad_at_;  ///< When the source last had a frame that cannot be used.
   bool keeps_last_ = false;
-  std::optional<Frame> last_;
+  std::shared_ptr<const Frame> last_;
   std::optional<std::int64_t> last_sequence_;
   std::int64_t first_sequence_ = 0;
   std::vector<CameraView> views_;

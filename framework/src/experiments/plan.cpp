@@ -4,6 +4,7 @@
 #include <bit>
 #include <set>
 
+#include <sidestep/experiments/run_observer.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
@@ -126,6 +127,10 @@ Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, 
     if (!*step) break;
     const auto item = static_cast<std::int64_t>(map.steps.size());
     record_frame(**step, item, recorder);
+    if (context.observer != nullptr) {
+      const Stamp stamp = (*step)->stamp;
+      context.observer->mapped({source.last(), **step, slot.snapshot(), stamp, stamp});
+    }
     map.steps.push_back(std::move(**step));
     if (item % kCommitEvery == kCommitEvery - 1) {
       if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
@@ -201,10 +206,45 @@ void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSet
            format("%g s", planning.assumed_ramp_s));
 }
 
+/// To whoever looks on, plans follow one another on the source's clock, from its last frame on.
+class PlanShow {
+ public:
+  /// `observer` may be null.
+  PlanShow(RunObserver* observer, Stamp begin) : observer_(observer), time_(begin) {}
+
+  void show(const PlanRecord& plan) {
+    if (observer_ == nullptr || plan.solution.trajectory.size() == 0) return;
+    auto trajectory = std::make_shared<const Trajectory>(plan.solution.trajectory);
+    ObservedEvent shown;
+    shown.event.stamp = shown.event.takeover = time_;
+    shown.event.solve_ms = plan.solution.solve_ms;
+    shown.event.cost = plan.solution.cost;
+    shown.event.cause = plan.name;
+    if (plan.success()) {
+      shown.followed = trajectory;
+      shown.followed_start = time_;
+    } else {
+      shown.event.kind = ReplannerEvent::Kind::kReplanFailed;
+      shown.event.cause += ": " + plan.reason;
+      shown.event.refused = trajectory;
+    }
+    observer_->happened(shown);
+    time_.ns += Stamp::from_seconds(trajectory->duration_s()).ns;
+  }
+  void end(bool success, std::string verdict) {
+    if (observer_ != nullptr) observer_->end({time_, success, std::move(verdict)});
+  }
+
+ private:
+  RunObserver* observer_;
+  Stamp time_;
+};
+
 /// Plans through a finished map, recording each plan as soon as it is there in `plans`.
 Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
                         const PlanSettings& settings, Recorder& recorder,
-                        ExperimentContext& context, std::vector<PlanRecord>& plans) {
+                        ExperimentContext& context, std::vector<PlanRecord>& plans,
+                        PlanShow& show) {
   std::optional<PlanWorld> world;
   // One for all plans that the robot makes as it is; one for each plan that has it carry something.
   const auto enter_world_of = [&](const std::shared_ptr<const RobotModel>& robot) -> Result<void> {
@@ -234,6 +274,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
                                         settings.check.margin_m,
                                         settings.experiment.slice_heights_m};
     record_plan(*made, index, surroundings, recorder);
+    show.show(*made);
     plans.push_back(std::move(*made));
     if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
   }
@@ -262,6 +303,11 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   if (!frames) return tl::make_unexpected(frames.error());
   FrameTap source(*parts->source, *frames, settings->experiment.max_frames,
                   settings->experiment.depth_pictures);
+  source.keep_last(context.observer != nullptr);
+  if (context.observer != nullptr && !endpoints.empty()) {
+    context.observer->begin({context.configuration.name, 0, parts->robot, parts->scene,
+                             endpoints.front().q_start, endpoints.front().q_goal});
+  }
   SnapshotSlot slot;
   MappingPipeline pipeline(
       {source,
@@ -278,16 +324,20 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   record_depth_pictures(source.pictures(), recorder);
   if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
 
+  PlanShow show(context.observer, map->steps.empty() ? Stamp{} : map->steps.back().stamp);
   std::vector<PlanRecord> plans;
   if (!map->steps.empty() && !map->interrupted && !map->fault) {
     // Held here, so that what was measured before a robot throws is kept.
     auto done = contained("planning", [&] {
-      return make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans);
+      return make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans,
+                        show);
     });
     if (!done) map->fault = std::move(done.error());
     map->interrupted = context.stop.stop_requested();
   }
-  return summarise_plans(provenance, *map, plans);
+  auto outcome = summarise_plans(provenance, *map, plans);
+  show.end(outcome.success, outcome.verdict);
+  return outcome;
 }
 
 void fill_plans(Node& experiment, Host& host) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <thread>
 
+#include <sidestep/experiments/run_observer.hpp>
 #include <sidestep/planning/goal.hpp>
 
 #include "replan_mapping.hpp"
@@ -39,7 +40,7 @@ class EpisodeRun {
       : context_(context),
         settings_(settings),
         world_(world),
-        mapping_(world, settings.experiment, slot_, context.log),
+        mapping_(world, settings.experiment, slot_, context.log, context.observer),
         end_(Stamp::from_seconds(settings.experiment.duration_s)) {
     record_.episode = episode;
   }
@@ -56,6 +57,10 @@ class EpisodeRun {
   /// The episode is over: stops a robot that still moves, and waits until it is at rest.
   void come_to_rest();
   [[nodiscard]] bool is_at_rest();
+  void show_world() const;
+  void show_step(Stamp now, double step_ms);
+  void show_event(const EpisodeEvent& event, bool is_followed) const;
+  void show_end() const;
   void note_events(Stamp now, std::size_t first);
   void note_receipts();
   void note_truth(Stamp now, bool always);
@@ -146,6 +151,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
     return std::move(record_);
   }
   make_replanner();
+  show_world();
   // Whatever happens here, the robot is not left moving.
   const auto done = contained("the closed loop", [&]() -> Result<void> {
     if (settings_.experiment.is_lockstep()) {
@@ -170,6 +176,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
   record_.following = mapping_.following();
   if (auto found = find_truth(); !found) return tl::make_unexpected(std::move(found.error()));
   judge();
+  show_end();
   return std::move(record_);
 }
 
@@ -210,9 +217,12 @@ void EpisodeRun::run_wall() {
 
 bool EpisodeRun::step(Stamp now) {
   const std::size_t first = events_.size();
+  const Stopwatch watch;
   status_ = replanner_->step(now, events_);
+  const double step_ms = watch.elapsed_ms();
   ++record_.steps;
   note_events(now, first);
+  if (context_.observer != nullptr) show_step(now, step_ms);
   const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
   note_truth(now, is_last);
   record_.interrupted = context_.stop.stop_requested();
@@ -250,7 +260,9 @@ void EpisodeRun::note_events(Stamp now, std::size_t first) {
   using Kind = ReplannerEvent::Kind;
   for (std::size_t i = first; i < events_.size(); ++i) {
     EpisodeEvent event{events_[i], {}, {}};
-    if (event.event.kind == Kind::kPlanned || event.event.kind == Kind::kReplanned) {
+    const bool is_followed =
+        event.event.kind == Kind::kPlanned || event.event.kind == Kind::kReplanned;
+    if (is_followed) {
       const auto since_map_ms = [&](Stamp stamp) {
         return 1e-6 * static_cast<double>(stamp.ns - event.event.map_stamp.ns);
       };
@@ -262,8 +274,42 @@ void EpisodeRun::note_events(Stamp now, std::size_t first) {
                       : world_.clock->now());
       record_.followed.push_back({replanner_->followed_start().seconds(), replanner_->followed()});
     }
+    if (context_.observer != nullptr) show_event(event, is_followed);
     record_.events.push_back(std::move(event));
   }
+}
+
+void EpisodeRun::show_world() const {
+  if (context_.observer == nullptr) return;
+  context_.observer->begin({context_.configuration.name, record_.episode, world_.robot,
+                            world_.scene, world_.q_start, world_.q_goal});
+}
+
+void EpisodeRun::show_step(Stamp now, double step_ms) {
+  ObservedStep step{now, step_ms, status_, replanner_->checks(), {}, {}};
+  const auto current =
+      guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
+  if (current) step.q = current->state.q;
+  if (!record_.poses.empty()) step.q_true = record_.poses.back().q;
+  context_.observer->stepped(step);
+}
+
+/// A stop is followed, too: every event is shown with what is followed after it.
+void EpisodeRun::show_event(const EpisodeEvent& event, bool is_followed) const {
+  ObservedEvent shown{event.event, event.stamp_to_trajectory_ms, nullptr, {}};
+  const bool is_stop = event.event.kind == ReplannerEvent::Kind::kStopped ||
+                       event.event.kind == ReplannerEvent::Kind::kSlowed;
+  if (is_followed || is_stop) {
+    shown.followed = std::make_shared<const Trajectory>(replanner_->followed());
+    shown.followed_start = replanner_->followed_start();
+  }
+  context_.observer->happened(shown);
+}
+
+void EpisodeRun::show_end() const {
+  if (context_.observer == nullptr) return;
+  context_.observer->end({world_.clock->now(), record_.success(),
+                          record_.success() ? "the robot is at its goal" : record_.reason});
 }
 
 /// How long after the receipt of the newest frame in their map trajectories came.

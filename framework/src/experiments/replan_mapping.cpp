@@ -11,10 +11,11 @@ constexpr double kPatience_s = 0.1;
 }  // namespace
 
 EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings,
-                               SnapshotSlot& slot, Log& log)
+                               SnapshotSlot& slot, Log& log, RunObserver* observer)
     : clock_(*world.clock),
       is_lockstep_(settings.is_lockstep()),
       latency_s_(settings.latency.mapping_s),
+      observer_(observer),
       slot_(slot),
       source_(*world.source, *world.clock, !is_lockstep_),
       pipeline_({source_,
@@ -28,7 +29,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
   if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
-  source_.keep_last(measures);
+  source_.keep_last(measures || observer_ != nullptr);
 }
 
 bool EpisodeMapping::map_one(const Deadline& deadline) {
@@ -44,10 +45,20 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
     has_ended_ = true;
     return false;
   }
-  frames_.push_back({(*step)->stamp.seconds(), source_.received().seconds(), clock_.now().seconds(),
-                     (*step)->integrate_ms, (*step)->field_ms});
-  if (truth_ && source_.last()) truth_->observe(*source_.last(), *occupancy_);
+  note_frame(std::move(**step));
   return true;
+}
+
+/// In lockstep its field is there once the latency has passed.
+void EpisodeMapping::note_frame(MappingStep step) {
+  Stamp published = clock_.now();
+  if (is_lockstep_) published.ns += Stamp::from_seconds(latency_s_).ns;
+  frames_.push_back({step.stamp.seconds(), source_.received().seconds(), published.seconds(),
+                     step.integrate_ms, step.field_ms});
+  if (truth_ && source_.last()) truth_->observe(*source_.last(), *occupancy_);
+  if (observer_ == nullptr) return;
+  const MapSnapshot snapshot = (is_lockstep_ ? made_ : slot_).snapshot();
+  observer_->mapped({source_.last(), std::move(step), snapshot, source_.received(), published});
 }
 
 void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step) {
@@ -93,7 +104,6 @@ std::shared_ptr<const DistanceField> EpisodeMapping::map_first(const Deadline& d
 void EpisodeMapping::advance(Stamp now) {
   if (!has_ended_ && now >= busy_until_ && map_one(Deadline())) {
     busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s_).ns};
-    frames_.back().published_s = busy_until_.seconds();
     waiting_.push_back({busy_until_, made_.snapshot()});
   }
   while (!waiting_.empty() && waiting_.front().due <= now) {

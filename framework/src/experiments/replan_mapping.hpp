@@ -7,6 +7,8 @@
 
 #include <sidestep/runtime/pipeline.hpp>
 
+#include <sidestep/experiments/run_observer.hpp>
+
 #include "map_truth.hpp"
 #include "paced_frames.hpp"
 #include "replan_world.hpp"
@@ -17,7 +19,9 @@ namespace sidestep {
 /// failed or its source has ended, it maps no more, and the map ages.
 class EpisodeMapping {
  public:
-  EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, SnapshotSlot& slot, Log& log);
+  /// `observer` may be null.
+  EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, SnapshotSlot& slot, Log& log,
+                 RunObserver* observer);
 
   /// Binds the field builder to the mapper. Call once, first.
   [[nodiscard]] Result<void> attach() { return pipeline_.attach(); }
@@ -57,10 +61,12 @@ class EpisodeMapping {
   /// Maps the next frame, if one comes before the deadline.
   bool map_one(const Deadline& deadline);
   void note_trouble(const Result<std::optional<MappingStep>>& step);
+  void note_frame(MappingStep step);
 
   const Clock& clock_;
   bool is_lockstep_;
   double latency_s_;  ///< In lockstep: from a frame to its map.
+  RunObserver* observer_;
   SnapshotSlot& slot_;
   SnapshotSlot made_;  ///< In lockstep: what has been made, but is not to be seen yet.
   PacedFrames source_;

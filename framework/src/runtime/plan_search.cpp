@@ -314,6 +314,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   if (!verdict->valid()) {
     plan.free_until_s = verdict->first_violation_s;
     task.failure = "it is " + verdict->describe();
+    task.result.refused = std::make_shared<const Trajectory>(plan.trajectory);
     // What is in the way may go; a limit that is broken stays so.
     const bool may_go = std::ranges::all_of(verdict->violations, [](const Violation& violation) {
       return violation.kind == Violation::Kind::kCollision ||
@@ -326,7 +327,10 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   const double brake_s = plan.takeover_s + settings_.replan_period_s + settings_.search_s();
   const auto reached =
       task.request.reach.first_reach(plan.trajectory, 0.0, brake_s, task.request.now);
-  if (reached) return refuse("before it could stop " + *reached);
+  if (reached) {
+    task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
+    return refuse("before it could stop " + *reached);
+  }
   return plan;
 }
 

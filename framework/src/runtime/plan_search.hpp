@@ -40,6 +40,7 @@ struct SearchResult {
   std::string failure;  ///< Why each guess failed.
   std::string fault;    ///< What a plugin did amiss; the search ended there.
   double solve_ms = 0.0;
+  std::shared_ptr<const Trajectory> refused;  ///< The last motion that was turned down.
 };
 
 /// Looks for a valid trajectory by one first guess after the other.

@@ -317,6 +317,7 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   event.solve_ms = found.solve_ms;
   event.attempts = static_cast<int>(found.tried.size());
   event.tried = found.tried;
+  event.refused = found.refused;
   if (!found.fault.empty()) halt(Reason::kPlugin, found.fault);
   return false;
 }
@@ -371,6 +372,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
     event.cause += "; the way is free for " + std::to_string(plan.free_until_s) + " s";
   }
   event.takeover = Stamp::from_seconds(now.seconds() + plan.takeover_s);
+  event.refused = found.refused;
   return true;
 }
 

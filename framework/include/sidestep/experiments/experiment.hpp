@@ -25,6 +25,8 @@ struct Shard {
   [[nodiscard]] bool is_whole() const noexcept { return count == 1; }
 };
 
+class RunObserver;
+
 /// What an experiment is given.
 struct ExperimentContext {
   const Configuration& configuration;
@@ -40,6 +42,8 @@ struct ExperimentContext {
   std::function<void(std::int64_t done, std::int64_t total, std::string_view what)> progress;
   Shard shard;          ///< The whole, unless the type is divisible.
   bool resume = false;  ///< Go on with what `out` holds; for types that can.
+  /// Who looks on; null: nobody. Types that show nothing while they run never call it.
+  RunObserver* observer = nullptr;
 };
 
 /// How it ended.

@@ -114,6 +114,9 @@ struct ReplannerEvent {
   double unknown_share = 0.0;
   Stamp takeover;   ///< When the new trajectory takes over, or the stop begins.
   Stamp map_stamp;  ///< Of the map that was planned in.
+  /// The last motion, from the event's stamp on, that the search found and turned down; may be
+  /// null.
+  std::shared_ptr<const Trajectory> refused;
 };
 [[nodiscard]] std::string_view to_string(ReplannerEvent::Kind kind) noexcept;
 [[nodiscard]] std::string_view to_string(ReplannerEvent::Reason reason) noexcept;
