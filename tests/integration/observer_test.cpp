@@ -116,7 +116,7 @@ TEST_F(ObserverTest, SeesWhatIsFollowedAndWhatWasTurnedDown) {
 
 TEST_F(ObserverTest, SeesTheMapAndThePlansOfAPlanExperiment) {
   Witness witness;
-  const Json summary = run("tiny.yaml", &witness);
+  const Json summary = run("tiny.yaml", &witness, {"optimiser.plugin=gp_chain"});
   EXPECT_EQ(witness.count("begin"), 1);
   EXPECT_EQ(witness.count("end"), 1);
   EXPECT_EQ(witness.count("stepped"), 0);

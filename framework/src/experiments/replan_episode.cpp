@@ -222,9 +222,9 @@ bool EpisodeRun::step(Stamp now) {
   const double step_ms = watch.elapsed_ms();
   ++record_.steps;
   note_events(now, first);
-  if (context_.observer != nullptr) show_step(now, step_ms);
   const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
   note_truth(now, is_last);
+  if (context_.observer != nullptr) show_step(now, step_ms);
   record_.interrupted = context_.stop.stop_requested();
   return !is_last && !record_.interrupted;
 }
