@@ -16,7 +16,10 @@ class EpisodeClock final : public Clock {
     return start_ns == 0 ? Stamp{ns_} : Stamp{wall_ns() - start_ns};
   }
   void set(Stamp stamp) noexcept { ns_ = stamp.ns; }
-  void start() noexcept { start_ns_ = wall_ns(); }
+  /// From where it is; it may run already.
+  void start() noexcept {
+    if (start_ns_ == 0) start_ns_ = wall_ns() - ns_;
+  }
 
  private:
   [[nodiscard]] static std::int64_t wall_ns() noexcept {

@@ -9,6 +9,7 @@
 #include <sidestep/experiments/report.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "deploy.hpp"
 #include "field_study.hpp"
 #include "html.hpp"
 #include "mapping_benchmark.hpp"
@@ -32,7 +33,8 @@ const std::vector<ExperimentType> kTypes = {plan_experiment(),
                                             planner_benchmark_experiment(),
                                             recorded_benchmark_experiment(),
                                             replanning_experiment(),
-                                            replan_experiment()};
+                                            replan_experiment(),
+                                            deploy_experiment()};
 
 constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
                                      PluginKind::kField,     PluginKind::kRobot,

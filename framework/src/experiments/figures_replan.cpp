@@ -205,13 +205,15 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
   const auto marks = read_marks(results, episode);
   if (!marks) return tl::make_unexpected(marks.error());
   const StoredArray mapping = array_of(results, "episode", episode, "mapping");
+  const auto begin = results.number("episode", episode, "begin_s");
   const auto duration_s = results.number("episode", episode, "duration_s");
-  const double end_s = duration_s ? std::max(1e-3, duration_s->value_or(1.0)) : 1.0;
+  const double begin_s = begin ? begin->value_or(0.0) : 0.0;
+  const double end_s = begin_s + (duration_s ? std::max(1e-3, duration_s->value_or(1.0)) : 1.0);
   const MappingTimes mapped = mapping_times(mapping);
   double longest_ms = 1.0;
   for (const double took_ms : mapped.took_ms) longest_ms = std::max(longest_ms, took_ms);
   for (const Mark& mark : *marks) longest_ms = std::max(longest_ms, mark.solve_ms);
-  Axes axes(figure.canvas, {90.0, 0.0, kWidth - 90.0, kTimes}, {0.0, end_s},
+  Axes axes(figure.canvas, {90.0, 0.0, kWidth - 90.0, kTimes}, {begin_s, end_s},
             {0.0, 1.08 * longest_ms}, {"", "time [s]", "mapping, planning [ms]"});
   axes.grid();
   axes.line(mapped.at_s, mapped.took_ms, {palette::kBlue, 1.1, {}});
@@ -225,7 +227,7 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
     const double y = kTimes + kLane * (static_cast<double>(lane) + 0.5);
     const auto& [kind, its_colour] = kLanes[lane];
     figure.canvas.text({4.0, y + 4.0}, std::string(to_string(kind)), {.size = 11.0});
-    const std::array line = {Point{axes.at(0.0, 0.0).x, y}, Point{axes.at(end_s, 0.0).x, y}};
+    const std::array line = {Point{axes.at(begin_s, 0.0).x, y}, Point{axes.at(end_s, 0.0).x, y}};
     figure.canvas.line(line, {palette::kPale, 1.0, {}});
     for (const Mark& mark : *marks) {
       if (mark.kind == kind)

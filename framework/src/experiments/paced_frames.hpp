@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <sidestep/sensing/source.hpp>
@@ -27,9 +28,11 @@ class PacedFrames final : public Source {
     return source_.frame_count();
   }
 
-  /// Frames of the source from the first to the last that was passed on, those left out included.
-  [[nodiscard]] std::int64_t span() const noexcept {
-    return last_sequence_ ? *last_sequence_ - first_sequence_ + 1 : 0;
+  /// Frames of the source from the first to the last that was passed on since the last call, those
+  /// left out included.
+  [[nodiscard]] std::int64_t take_span() noexcept {
+    if (!last_sequence_) return 0;
+    return *last_sequence_ + 1 - std::exchange(first_sequence_, *last_sequence_ + 1);
   }
   /// When the last frame was passed on.
   [[nodiscard]] Stamp received() const noexcept { return received_; }
@@ -37,7 +40,8 @@ class PacedFrames final : public Source {
   void keep_last(bool keeps) noexcept { keeps_last_ = keeps; }
   /// Null before the first one that was kept.
   [[nodiscard]] const std::shared_ptr<const Frame>& last() const noexcept { return last_; }
-  [[nodiscard]] const std::vector<CameraView>& views() const noexcept { return views_; }
+  /// Where the camera was since the last call.
+  [[nodiscard]] std::vector<CameraView> take_views() noexcept { return std::exchange(views_, {}); }
 
  private:
   [[nodiscard]] Result<std::optional<Frame>> next_of_source(const Deadline& deadline);

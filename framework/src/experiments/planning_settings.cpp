@@ -300,8 +300,8 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
 }
 
 Eigen::VectorXd read_robot_state(const Node& block, const RobotDescription& robot,
-                                 std::vector<Error>& errors) {
-  PartialState state{Eigen::VectorXd::Zero(robot.dof()),
+                                 std::vector<Error>& errors, const Eigen::VectorXd* otherwise) {
+  PartialState state{otherwise != nullptr ? *otherwise : Eigen::VectorXd::Zero(robot.dof()),
                      std::vector<const Node*>(robot.joints.size(), nullptr)};
   if (const Node* pose = block.find("pose"); pose != nullptr && !pose->is_null()) {
     apply_pose(*pose, robot, state, errors);
@@ -311,7 +311,7 @@ Eigen::VectorXd read_robot_state(const Node& block, const RobotDescription& robo
     apply_joints(*joints, robot, state, errors);
   }
   std::string missing;
-  for (std::size_t j = 0; j < state.origin.size(); ++j) {
+  for (std::size_t j = 0; j < state.origin.size() && otherwise == nullptr; ++j) {
     if (state.origin[j] != nullptr) continue;
     missing += (missing.empty() ? "'" : ", '") + robot.joints[j].name + "'";
   }

@@ -17,22 +17,13 @@ namespace {
 
 constexpr std::int64_t kAlwaysPictured = 2;  ///< Episodes; later ones where they failed.
 
-/// The robot of the run; null, and its error added, where it cannot be made.
-std::shared_ptr<const RobotModel> make_robot(const Configuration& configuration, Host& host,
-                                             std::vector<Error>& errors) {
-  auto made = host.create<RobotModel>(block_of(configuration, "robot"));
-  if (made) return std::move(*made);
-  errors.push_back(std::move(made.error()));
-  return nullptr;
-}
-
 void check_replan(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
   const Node& sampler = block_of(configuration, "sampler");
   if (!sampler.is_null()) host.check(PluginKind::kOptimiser, sampler, errors);
   std::vector<Error> told;
   host.check(PluginKind::kRobot, block_of(configuration, "robot"), told);
   if (!told.empty()) return;
-  const auto robot = make_robot(configuration, host, errors);
+  const auto robot = make_run_robot(configuration, host, errors);
   if (robot == nullptr) return;
   (void)read_replan_configuration(configuration, robot, errors);
   check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
@@ -96,7 +87,7 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
 
 Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
   std::vector<Error> errors;
-  const auto robot = make_robot(context.configuration, context.host, errors);
+  const auto robot = make_run_robot(context.configuration, context.host, errors);
   if (robot == nullptr) return tl::make_unexpected(std::move(errors.front()));
   const ReplanConfiguration settings =
       read_replan_configuration(context.configuration, robot, errors);
@@ -105,14 +96,8 @@ Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
   const std::string identity = identity_of(context);
   const auto finished = finished_episodes(context, identity);
   if (!finished) return tl::make_unexpected(finished.error());
-  ReplanFacts facts;
-  facts.provenance = provenance_of(context);
-  facts.clock = settings.experiment.clock;
-  facts.robot = robot->description().name;
+  ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
   facts.planned_episodes = settings.experiment.episodes;
-  if (const Node* name = block_of(context.configuration, "optimiser").find("plugin")) {
-    facts.optimiser = name->text();
-  }
 
   const auto file = context.out / "results.sqlite";
   auto store =

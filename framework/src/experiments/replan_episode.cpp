@@ -35,14 +35,18 @@ Replanner::PoseProblem problems_of(const ReplanConfiguration& settings, const Re
 /// One episode while it runs.
 class EpisodeRun {
  public:
-  EpisodeRun(ExperimentContext& context, const ReplanConfiguration& settings, ReplanWorld& world,
-             std::int64_t episode)
+  EpisodeRun(ExperimentContext& context, const EpisodeParts& parts, std::int64_t episode)
       : context_(context),
-        settings_(settings),
-        world_(world),
-        mapping_(world, settings.experiment, slot_, context.log, context.observer),
-        end_(Stamp::from_seconds(settings.experiment.duration_s)) {
+        settings_(parts.settings),
+        world_(parts.world),
+        slot_(parts.slot),
+        mapping_(parts.mapping),
+        watch_(parts.watch),
+        begin_(parts.world.clock->now()),
+        end_(Stamp::from_seconds(begin_.seconds() + settings_.experiment.duration_s)),
+        next_truth_(begin_) {
     record_.episode = episode;
+    record_.begin_s = begin_.seconds();
   }
 
   Result<EpisodeRecord> run();
@@ -70,9 +74,11 @@ class EpisodeRun {
   ExperimentContext& context_;
   const ReplanConfiguration& settings_;
   ReplanWorld& world_;
-  SnapshotSlot slot_;
-  EpisodeMapping mapping_;
+  SnapshotSlot& slot_;
+  EpisodeMapping& mapping_;
+  const EpisodeWatch& watch_;
   std::optional<Replanner> replanner_;
+  Stamp begin_;
   Stamp end_;
   Stamp next_truth_;
   std::vector<ReplannerEvent> events_;
@@ -86,7 +92,8 @@ class EpisodeRun {
 Result<void> EpisodeRun::find_goal() {
   if (!settings_.task.frees_goal) return {};
   constexpr double kPatience_s = 60.0;
-  auto field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
+  auto field = slot_.pin();
+  if (field == nullptr) field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
   if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
   PlanningSettings planning = settings_.planning;
   planning.hold_goal = false;
@@ -139,9 +146,6 @@ void EpisodeRun::make_replanner() {
 }
 
 Result<EpisodeRecord> EpisodeRun::run() {
-  if (auto attached = mapping_.attach(); !attached) {
-    return tl::make_unexpected(std::move(attached.error()));
-  }
   record_.q_start = world_.q_start;
   record_.scene = world_.scene;
   const auto found_goal = find_goal();
@@ -161,18 +165,19 @@ Result<EpisodeRecord> EpisodeRun::run() {
     }
     return {};
   });
-  record_.duration_s = world_.clock->now().seconds();
+  record_.duration_s = world_.clock->now().seconds() - begin_.seconds();
   come_to_rest();
   mapping_.stop();
   if (!done) return tl::make_unexpected(done.error());
   record_.reached = status_ == Replanner::Status::kReached;
   record_.checks = replanner_->checks();
   record_.guesses = replanner_->guess_counts();
-  record_.mapping = mapping_.frames();
+  MappingRecord mapped = mapping_.take_record();
+  record_.mapping = std::move(mapped.frames);
   note_receipts();
-  record_.views = mapping_.source().views();
+  record_.views = std::move(mapped.views);
   record_.frames = static_cast<std::int64_t>(record_.mapping.size());
-  record_.frames_dropped = mapping_.dropped();
+  record_.frames_dropped = mapped.dropped;
   record_.following = mapping_.following();
   if (auto found = find_truth(); !found) return tl::make_unexpected(std::move(found.error()));
   judge();
@@ -182,7 +187,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
 
 void EpisodeRun::run_lockstep() {
   const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
-  for (Stamp now{0};; now.ns += step_ns) {
+  for (Stamp now = begin_;; now.ns += step_ns) {
     world_.clock->set(now);
     // Brings the robot forward, so that a camera on it knows where it is; what fails, the replanner
     // meets, too.
@@ -197,7 +202,7 @@ void EpisodeRun::run_wall() {
   // A robot maps before it is sent anywhere.
   constexpr double kPatience_s = 1.0;
   if (slot_.pin() == nullptr) mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
-  world_.clock->start();
+  world_.clock->start();  // unless it runs
   mapping_.start();
   StepWatch watch(settings_.replanner.longest_step_s(), [this] {
     context_.log.warn("the planning side has not come back: the executor is told to stop");
@@ -226,7 +231,8 @@ bool EpisodeRun::step(Stamp now) {
   note_truth(now, is_last);
   if (context_.observer != nullptr) show_step(now, step_ms);
   record_.interrupted = context_.stop.stop_requested();
-  return !is_last && !record_.interrupted;
+  if (watch_ && !is_last) record_.called_off = watch_(now, *replanner_);
+  return !is_last && !record_.interrupted && record_.called_off.empty();
 }
 
 void EpisodeRun::come_to_rest() {
@@ -372,6 +378,8 @@ void EpisodeRun::judge() {
     record_.reason = "what the robot touched is not known: " + truth_fault_->describe();
   } else if (record_.interrupted) {
     record_.reason = "interrupted";
+  } else if (!record_.called_off.empty()) {
+    record_.reason = record_.called_off;
   } else if (mapping_.fault()) {
     record_.reason = mapping_.fault()->describe();
   } else if (!record_.reached) {
@@ -389,7 +397,17 @@ void EpisodeRun::judge() {
 
 Result<EpisodeRecord> run_episode(ExperimentContext& context, const ReplanConfiguration& settings,
                                   ReplanWorld world, std::int64_t episode) {
-  return EpisodeRun(context, settings, world, episode).run();
+  SnapshotSlot slot;
+  EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
+  if (auto attached = mapping.attach(); !attached) {
+    return tl::make_unexpected(std::move(attached.error()));
+  }
+  return run_episode(context, {settings, world, slot, mapping, {}}, episode);
+}
+
+Result<EpisodeRecord> run_episode(ExperimentContext& context, const EpisodeParts& parts,
+                                  std::int64_t episode) {
+  return EpisodeRun(context, parts, episode).run();
 }
 
 }  // namespace sidestep

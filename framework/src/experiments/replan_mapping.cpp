@@ -113,6 +113,7 @@ void EpisodeMapping::advance(Stamp now) {
 }
 
 void EpisodeMapping::start() {
+  if (thread_.joinable()) return;
   thread_ = std::jthread([this](std::stop_token stop) {
     while (!stop.stop_requested() && !has_ended_) {
       map_one(Deadline::after_s(kPatience_s, stop));
@@ -126,8 +127,12 @@ void EpisodeMapping::stop() {
   thread_.join();
 }
 
-std::int64_t EpisodeMapping::dropped() const noexcept {
-  return source_.span() - static_cast<std::int64_t>(frames_.size());
+MappingRecord EpisodeMapping::take_record() {
+  MappingRecord record;
+  record.frames = std::exchange(frames_, {});
+  record.views = source_.take_views();
+  record.dropped = source_.take_span() - static_cast<std::int64_t>(record.frames.size());
+  return record;
 }
 
 std::optional<MapFollowing> EpisodeMapping::following() const {

@@ -34,7 +34,7 @@ class EpisodeMapping {
   /// for.
   void advance(Stamp now);
 
-  /// By the wall's clock: maps in a thread until told to stop.
+  /// By the wall's clock: maps in a thread until told to stop, unless it does already.
   void start();
   /// Stops and joins that thread, if there is one.
   void stop();
@@ -44,11 +44,10 @@ class EpisodeMapping {
   /// What keeps new maps from coming, as far as that is known. [any]
   [[nodiscard]] std::string trouble() const;
 
-  /// Only in lockstep, or after stop().
+  /// The next three only in lockstep, or after stop().
   [[nodiscard]] const std::optional<Error>& fault() const noexcept { return fault_; }
-  [[nodiscard]] const std::vector<MappedFrame>& frames() const noexcept { return frames_; }
-  [[nodiscard]] const PacedFrames& source() const noexcept { return source_; }
-  [[nodiscard]] std::int64_t dropped() const noexcept;
+  /// Hands over what was mapped since the last call.
+  [[nodiscard]] MappingRecord take_record();
   /// Nothing where it was not measured.
   [[nodiscard]] std::optional<MapFollowing> following() const;
 

@@ -177,7 +177,7 @@ void record_pictures(const EpisodeRecord& episode, const RobotModel& robot, int 
   const std::string series = "picture/" + std::to_string(episode.episode);
   for (int p = 0; p < pictures; ++p) {
     const double share = pictures == 1 ? 1.0 : static_cast<double>(p) / (pictures - 1);
-    const double time_s = share * episode.duration_s;
+    const double time_s = episode.begin_s + share * episode.duration_s;
     const auto after = std::ranges::lower_bound(episode.poses, time_s, {}, &TruePose::time_s);
     const auto at = std::min<std::size_t>(static_cast<std::size_t>(after - episode.poses.begin()),
                                           episode.poses.size() - 1);

@@ -145,6 +145,7 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
   recorder.add("episode", item, "success", episode.success());
   recorder.add("episode", item, "reached", episode.reached);
   recorder.add("episode", item, "reason", episode.reason);
+  recorder.add("episode", item, "begin_s", episode.begin_s);
   recorder.add("episode", item, "duration_s", episode.duration_s);
   recorder.add("episode", item, "collisions", episode.contacts.size());
   recorder.add("episode", item, "steps", episode.steps);

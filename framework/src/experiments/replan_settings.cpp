@@ -78,18 +78,23 @@ void check_replanner(const Configuration& configuration, const ReplannerSettings
 
 }  // namespace
 
+void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& into,
+                      std::vector<Error>& errors) {
+  ReplannerBlock replanner;
+  if (read_checked(configuration, "replanner", replanner)) {
+    check_replanner(configuration, replanner, errors);
+  }
+  into.replanner = replanner;
+  (void)read_checked(configuration, "planning", into.planning);
+  (void)read_checked(configuration, "check", into.check);
+}
+
 ReplanConfiguration read_replan_configuration(const Configuration& configuration,
                                               const std::shared_ptr<const RobotModel>& robot,
                                               std::vector<Error>& errors) {
   ReplanConfiguration read;
   const RobotDescription& description = robot->description();
-  ReplannerBlock replanner;
-  if (read_checked(configuration, "replanner", replanner)) {
-    check_replanner(configuration, replanner, errors);
-  }
-  read.replanner = replanner;
-  (void)read_checked(configuration, "planning", read.planning);
-  (void)read_checked(configuration, "check", read.check);
+  read_loop_blocks(configuration, read, errors);
   const Node& experiment = block_of(configuration, "experiment");
   if (!read_checked(configuration, "experiment", read.experiment)) return read;
   read.q_start = read_robot_state(*experiment.find("start"), description, errors);

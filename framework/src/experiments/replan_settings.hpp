@@ -80,6 +80,10 @@ struct ReplanConfiguration {
   Task task;
 };
 
+/// Reads the blocks `replanner`, `planning` and `check`; mistakes as below.
+void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& into,
+                      std::vector<Error>& errors);
+
 /// Reads everything, for this robot. Appends all mistakes that no schema knows of; what does not
 /// fit its schema has been told.
 [[nodiscard]] ReplanConfiguration read_replan_configuration(

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <numeric>
 
+#include "blocks.hpp"
 #include "json.hpp"
 #include "report_parts.hpp"
+#include "run_provenance.hpp"
 #include "statistics.hpp"
 #include "text_table.hpp"
 
@@ -172,8 +174,10 @@ std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const
                             " reached the goal without touching anything";
   if (facts.fault) return "Ended early: " + facts.fault->describe();
   if (facts.interrupted) {
-    return "Interrupted after " + std::to_string(done) + " of " +
-           std::to_string(facts.planned_episodes) + " episodes: " + count + "; they are saved.";
+    const std::string planned =
+        facts.planned_episodes > 0 ? " of " + std::to_string(facts.planned_episodes) : "";
+    return "Interrupted after " + std::to_string(done) + planned + " episodes: " + count +
+           "; they are saved.";
   }
   std::string text = (static_cast<std::size_t>(successes) == done ? "Success: " : "Failed: ") +
                      count + "; " + cell(at(metrics, "/replans")) + " replans, " +
@@ -188,9 +192,23 @@ std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const
 
 }  // namespace
 
+ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& settings,
+                     const RobotDescription& robot) {
+  ReplanFacts facts;
+  facts.provenance = provenance_of(context);
+  facts.experiment = settings.type;
+  facts.clock = settings.clock;
+  facts.robot = robot.name;
+  if (const Node* name = block_of(context.configuration, "optimiser").find("plugin")) {
+    facts.optimiser = name->text();
+  }
+  return facts;
+}
+
 ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows) {
   const Json metrics = metrics_of(rows);
-  const bool all_done = rows.episodes.size() == static_cast<std::size_t>(facts.planned_episodes);
+  const bool all_done = facts.planned_episodes == 0 ||
+                        rows.episodes.size() == static_cast<std::size_t>(facts.planned_episodes);
   ExperimentOutcome outcome;
   outcome.interrupted = facts.interrupted;
   outcome.fault = facts.fault;
@@ -203,7 +221,7 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
   particulars.update(metrics);
   particulars["collisions"] = collisions_of(rows);
   particulars["failures"] = failures_of(rows);
-  outcome.summary_json = summary_text(facts.provenance, "replan", outcome, particulars);
+  outcome.summary_json = summary_text(facts.provenance, facts.experiment, outcome, particulars);
   return outcome;
 }
 

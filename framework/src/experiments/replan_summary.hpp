@@ -4,19 +4,25 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include "replan_rows.hpp"
+#include "replan_settings.hpp"
 
 namespace sidestep {
 
 /// What a replan experiment is, beyond its rows.
 struct ReplanFacts {
   RunProvenance provenance;
+  std::string experiment = "replan";  ///< Its type.
   std::string clock;
   std::string robot;
-  std::string optimiser;  ///< Name of the plugin.
-  int planned_episodes = 0;
+  std::string optimiser;     ///< Name of the plugin.
+  int planned_episodes = 0;  ///< 0: as many as there are.
   bool interrupted = false;
   std::optional<Error> fault;  ///< That ended it early.
 };
+
+/// What a context and its settings say of them.
+[[nodiscard]] ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& settings,
+                                   const RobotDescription& robot);
 
 /// Verdict, summary.json and table of a finished (or interrupted) replan experiment.
 [[nodiscard]] ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows);

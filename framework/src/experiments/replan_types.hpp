@@ -29,6 +29,13 @@ struct CameraView {
   CameraIntrinsics camera;
 };
 
+/// What was mapped in some time.
+struct MappingRecord {
+  std::vector<MappedFrame> frames;
+  std::vector<CameraView> views;
+  std::int64_t dropped = 0;  ///< Frames of the source that were not mapped.
+};
+
 /// What the robot began to follow.
 struct FollowedPath {
   double start_s = 0.0;
@@ -61,6 +68,8 @@ struct EpisodeRecord {
   std::int64_t episode = 0;
   bool reached = false;
   bool interrupted = false;
+  std::string called_off;   ///< Why nobody wants it any more; empty while somebody does.
+  double begin_s = 0.0;     ///< On the run's clock, as all times.
   double duration_s = 0.0;  ///< Until the goal was reached, or the end.
   std::string reason;       ///< Why it did not succeed; empty if it did.
   std::int64_t steps = 0;

@@ -124,6 +124,14 @@ Node executor_block(const Node& block, const ReplanWorld& world, Host& host) {
 
 }  // namespace
 
+std::shared_ptr<const RobotModel> make_run_robot(const Configuration& configuration, Host& host,
+                                                 std::vector<Error>& errors) {
+  auto made = host.create<RobotModel>(block_of(configuration, "robot"));
+  if (made) return std::move(*made);
+  errors.push_back(std::move(made.error()));
+  return nullptr;
+}
+
 Result<ReplanWorld> make_replan_world(ExperimentContext& context,
                                       const ReplanConfiguration& settings,
                                       const std::shared_ptr<const RobotModel>& robot,

@@ -30,6 +30,11 @@ struct ReplanWorld {
   Eigen::VectorXd q_goal;
 };
 
+/// The robot of a run; null, and its error added, where it cannot be made.
+[[nodiscard]] std::shared_ptr<const RobotModel> make_run_robot(const Configuration& configuration,
+                                                               Host& host,
+                                                               std::vector<Error>& errors);
+
 /// The world of an episode: start and goal drawn, the robot at rest at its start, the clock at
 /// zero. Fails where a plugin cannot be made, and where no start or goal is free.
 [[nodiscard]] Result<ReplanWorld> make_replan_world(ExperimentContext& context,

@@ -159,7 +159,10 @@ Result<std::string> body_of(const Json& summary, ResultsReader& results, const f
   }
   if (at(summary, "/experiment") == Json("planner_benchmark")) return planners_body(summary, run);
   if (at(summary, "/experiment") == Json("replanning")) return replanning_body(summary);
-  if (at(summary, "/experiment") == Json("replan")) return replan_body(summary, results, run);
+  if (at(summary, "/experiment") == Json("replan") ||
+      at(summary, "/experiment") == Json("deploy")) {
+    return replan_body(summary, results, run);
+  }
   if (at(summary, "/experiment") == Json("field_study")) return study_body(summary, run);
   return plan_body(summary, results, run);
 }

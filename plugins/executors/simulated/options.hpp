@@ -6,6 +6,7 @@ namespace sidestep::simulated {
 
 struct Options {
   Node start;
+  Node goals;
   double delay_s = 0.0;
   double lag_s = 0.0;
   double position_noise = 0.0;
@@ -20,6 +21,11 @@ struct Options {
         .add("start", &O::start,
              "Where the robot stands at first: a map of joint names to m or rad; joints left out "
              "are at 0.")
+        .add(
+            "goals", &O::goals,
+            "For experiments of type deploy: goals that come while the robot runs, a list of "
+            "`{at_s, goal: {pose, joints}, end_effector, ...}`; with `at_s` alone, the robot is to "
+            "stop.")
         .add("delay_s", &O::delay_s,
              "After this long the robot acts on what it is told, a stop included.",
              {.unit = "s", .min = 0.0, .max = 10.0})

@@ -10,6 +10,7 @@
 #include <sidestep/trajectory/robot_motion.hpp>
 
 #include "measurement_noise.hpp"
+#include "scheduled_goals.hpp"
 #include "simulated_robot.hpp"
 #include "start_state.hpp"
 
@@ -45,9 +46,10 @@ double peak_velocity(const Trajectory& trajectory, int state, int joint) {
   return peak;
 }
 
-class SimulatedExecutor final : public Executor, public TrueRobot {
+class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSource {
  public:
-  SimulatedExecutor(const Options& options, const HostContext& context, Eigen::VectorXd start)
+  SimulatedExecutor(const Options& options, const HostContext& context, Eigen::VectorXd start,
+                    ScheduledGoals goals)
       : robot_model_(context.robot),
         clock_(context.clock),
         motion_(context.motion ? context.motion : std::make_shared<RobotMotion>()),
@@ -56,6 +58,7 @@ class SimulatedExecutor final : public Executor, public TrueRobot {
         velocity_tolerance_(options.velocity_tolerance),
         steps_per_record_(std::max<std::int64_t>(1, std::llround(1e3 / options.measured_rate_hz))),
         noise_(options.position_noise, context.seed),
+        goals_(std::move(goals)),
         robot_(motion_limits(robot_model_->description(), {1.0, 1.0, options.assumed_ramp_s}),
                options.lag_s, std::move(start), clock_.now()) {
     motion_->record_truth(robot_.state(), robot_.time());
@@ -95,6 +98,10 @@ class SimulatedExecutor final : public Executor, public TrueRobot {
     if (auto state = motion_->truth(stamp)) return *state;
     return robot_.state();  // longer ago than anything is kept
   }
+
+  std::optional<GoalRequest> next_goal() override { return goals_.next(clock_.now()); }
+  void report(const GoalReport&) override {}  // nobody asked
+  bool is_open() const override { return !goals_.is_empty(); }
 
  private:
   [[nodiscard]] Stamp later(Stamp stamp) const noexcept { return {stamp.ns + delay_ns_}; }
@@ -157,6 +164,7 @@ class SimulatedExecutor final : public Executor, public TrueRobot {
   double velocity_tolerance_;
   std::int64_t steps_per_record_;
   MeasurementNoise noise_;
+  ScheduledGoals goals_;  ///< [planning] only.
   std::mutex mutex_;
   SimulatedRobot robot_;
 };
@@ -170,8 +178,10 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   }
   auto start = read_start(options.start, context.robot->description());
   if (!start) return tl::make_unexpected(std::move(start.error()));
+  auto goals = ScheduledGoals::read(options.goals);
+  if (!goals) return tl::make_unexpected(std::move(goals.error()));
   return std::unique_ptr<Executor>(
-      std::make_unique<SimulatedExecutor>(options, context, std::move(*start)));
+      std::make_unique<SimulatedExecutor>(options, context, std::move(*start), std::move(*goals)));
 }
 
 }  // namespace sidestep::simulated

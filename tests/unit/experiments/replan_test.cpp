@@ -55,13 +55,15 @@ TEST(PacedFramesTest, PassesOnWhatIsDueAndCountsWhatIsMissing) {
   ASSERT_FALSE(early);
   EXPECT_EQ(early.error().code, ErrorCode::kDeadlineExceeded);
   EXPECT_EQ(next_at(0.1).value()->sequence, 1);
-  EXPECT_EQ(frames.span(), 2);
   EXPECT_FALSE(next_at(0.3));
   EXPECT_EQ(next_at(0.4).value()->sequence, 4);
-  EXPECT_EQ(frames.span(), 5);
+  EXPECT_EQ(frames.take_span(), 5);
+  EXPECT_EQ(frames.take_span(), 0);
   EXPECT_FALSE(next_at(0.5).value());
-  ASSERT_EQ(frames.views().size(), 3u);
-  EXPECT_EQ(frames.views()[2].stamp_s, 0.4);
+  const auto views = frames.take_views();
+  ASSERT_EQ(views.size(), 3u);
+  EXPECT_EQ(views[2].stamp_s, 0.4);
+  EXPECT_TRUE(frames.take_views().empty());
 }
 
 /// A camera that has always the same to say.

@@ -94,10 +94,12 @@ struct RobotStateEntry {
                                    const Eigen::VectorXd& q_goal, double slower = 1.0);
 
 /// Reads a configuration of the robot: `{pose: NAME, joints: {NAME: value, ...}}`, where
-/// `joints` overrides the named pose, and together they give every joint. Appends a kConfig
-/// error for each unknown pose, unknown or missing joint, and value beyond its joint's limits.
-/// The block has been checked against RobotStateEntry's schema. Returns what could be read.
+/// `joints` overrides the named pose, and together they give every joint, but for those that
+/// `otherwise`, where there is one, gives. Appends a kConfig error for each unknown pose, unknown
+/// or missing joint, and value beyond its joint's limits. The block has been checked against
+/// RobotStateEntry's schema. Returns what could be read.
 [[nodiscard]] Eigen::VectorXd read_robot_state(const Node& block, const RobotDescription& robot,
-                                               std::vector<Error>& errors);
+                                               std::vector<Error>& errors,
+                                               const Eigen::VectorXd* otherwise = nullptr);
 
 }  // namespace sidestep
