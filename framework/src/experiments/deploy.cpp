@@ -224,10 +224,7 @@ Result<ExperimentOutcome> run_deploy(ExperimentContext& context) {
   if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
   store->reset();
   facts.interrupted = context.stop.stop_requested() && settings.deploy.goals > 0;
-  if (!done) facts.fault = std::move(done.error());
-  auto rows = read_replan_rows(file);
-  if (!rows) return tl::make_unexpected(std::move(rows.error()));
-  return summarise_replan(facts, *rows);
+  return conclude_replan(std::move(facts), std::move(done), file);
 }
 
 }  // namespace

@@ -112,11 +112,7 @@ Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
   });
   store->reset();
   facts.interrupted = context.stop.stop_requested();
-  auto rows = read_replan_rows(file);
-  if (!rows) return tl::make_unexpected(std::move(rows.error()));
-  if (!done && rows->episodes.empty()) return tl::make_unexpected(std::move(done.error()));
-  if (!done) facts.fault = std::move(done.error());
-  return summarise_replan(facts, *rows);
+  return conclude_replan(std::move(facts), std::move(done), file);
 }
 
 }  // namespace

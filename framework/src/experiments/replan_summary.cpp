@@ -225,4 +225,13 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
   return outcome;
 }
 
+Result<ExperimentOutcome> conclude_replan(ReplanFacts facts, Result<void> done,
+                                          const std::filesystem::path& results) {
+  auto rows = read_replan_rows(results);
+  if (!rows) return tl::make_unexpected(std::move(rows.error()));
+  if (!done && rows->episodes.empty()) return tl::make_unexpected(std::move(done.error()));
+  if (!done) facts.fault = std::move(done.error());
+  return summarise_replan(facts, *rows);
+}
+
 }  // namespace sidestep

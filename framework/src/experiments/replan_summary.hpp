@@ -27,4 +27,9 @@ struct ReplanFacts {
 /// Verdict, summary.json and table of a finished (or interrupted) replan experiment.
 [[nodiscard]] ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows);
 
+/// The same of what a run left in its results store; `done` says what ended it early. Fails with
+/// that where there is not one episode.
+[[nodiscard]] Result<ExperimentOutcome> conclude_replan(ReplanFacts facts, Result<void> done,
+                                                        const std::filesystem::path& results);
+
 }  // namespace sidestep
