@@ -53,6 +53,16 @@ struct PlannerSeries {
 [[nodiscard]] std::vector<Figure> recorded_figures(const std::vector<PlannerSeries>& runs,
                                                    bool costs_comparable);
 
+/// What was measured of one quantity.
+struct Spread {
+  std::string label;  ///< With its unit.
+  std::vector<double> values;
+};
+
+/// Cumulative shares of what was measured, side by side; nothing where there are not at least five
+/// values of anything.
+[[nodiscard]] std::vector<Figure> spread_figures(const std::vector<Spread>& spreads);
+
 /// The pictures of one episode of a closed loop, as far as they were recorded: from above, and over
 /// time.
 [[nodiscard]] Result<std::vector<Figure>> replan_figures(ResultsReader& results,

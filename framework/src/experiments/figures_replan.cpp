@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <map>
 
 #include <sidestep/runtime/replanner.hpp>
@@ -8,6 +9,7 @@
 #include "chart.hpp"
 #include "figures.hpp"
 #include "replan_rows.hpp"
+#include "statistics.hpp"
 #include "text_table.hpp"
 
 namespace sidestep {
@@ -238,6 +240,42 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
 }
 
 }  // namespace
+
+std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
+  constexpr std::size_t kEnough = 5;
+  constexpr double kHeight = 260.0;
+  std::vector<Spread> shown;
+  std::ranges::copy_if(spreads, std::back_inserter(shown),
+                       [](const Spread& spread) { return spread.values.size() >= kEnough; });
+  if (shown.empty()) return {};
+  const double width = kWidth / static_cast<double>(shown.size());
+  Figure figure{"spread",
+                "How what was measured is spread: the share of measurements (up) that are at most "
+                "so large (right); dashed: p50 and p95.",
+                Canvas(kWidth, kHeight)};
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    std::vector<double> values = shown[i].values;
+    std::ranges::sort(values);
+    Range range{values.front(), values.back()};
+    Axes axes(figure.canvas, {static_cast<double>(i) * width, 0.0, width, kHeight},
+              range.padded(0.04), {0.0, 1.0}, {"", shown[i].label, i == 0 ? "share" : ""});
+    axes.grid();
+    std::vector<double> x{values.front()}, share{0.0};
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      x.insert(x.end(), {values[k], values[k]});
+      share.push_back(share.back());
+      share.push_back(static_cast<double>(k + 1) / static_cast<double>(values.size()));
+    }
+    axes.line(x, share, {palette::kBlue, 1.6, {}});
+    for (const double quantile : {0.5, 0.95}) {
+      axes.vertical(percentile(values, quantile), {palette::kGrey, 1.0, {4.0, 3.0}});
+    }
+    axes.finish();
+  }
+  std::vector<Figure> figures;
+  figures.push_back(std::move(figure));
+  return figures;
+}
 
 Result<std::vector<Figure>> replan_figures(ResultsReader& results, std::int64_t episode) {
   std::vector<Figure> figures;

@@ -36,7 +36,7 @@ std::string identity_of(const ExperimentContext& context) {
   if (Node* experiment = root.find("experiment")) {
     // More episodes than before are the same experiment, gone on with.
     std::erase_if(experiment->entries(), [](const Node::Entry& entry) {
-      return entry.key == "threads" || entry.key == "episodes";
+      return entry.key == "threads" || entry.key == "episodes" || entry.key == "first_episode";
     });
   }
   return to_yaml(root, false);
@@ -64,18 +64,17 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
                           const std::shared_ptr<const RobotModel>& robot,
                           const std::set<std::int64_t>& finished, Recorder& recorder) {
   const std::int64_t total = settings.experiment.episodes;
-  for (std::int64_t episode = 0; episode < total; ++episode) {
+  for (std::int64_t i = 0; i < total; ++i) {
+    const std::int64_t episode = settings.experiment.first_episode + i;
     if (context.stop.stop_requested()) break;
     if (finished.contains(episode)) continue;
-    if (context.progress) {
-      context.progress(episode, total, "episode " + std::to_string(episode));
-    }
+    if (context.progress) context.progress(i, total, "episode " + std::to_string(episode));
     auto world = make_replan_world(context, settings, robot, episode);
     if (!world) return tl::make_unexpected(std::move(world.error()));
     const auto done = run_episode(context, settings, std::move(*world), episode);
     if (!done) return tl::make_unexpected(done.error());
     if (done->interrupted) break;
-    const bool pictured = episode < kAlwaysPictured || !done->success();
+    const bool pictured = i < kAlwaysPictured || !done->success();
     record_episode(*done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
     if (auto saved = recorder.commit(); !saved) return saved;
     context.log.info("episode " + std::to_string(episode) + ": " +
@@ -98,6 +97,7 @@ Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
   if (!finished) return tl::make_unexpected(finished.error());
   ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
   facts.planned_episodes = settings.experiment.episodes;
+  facts.again = command_again(context.configuration);
 
   const auto file = context.out / "results.sqlite";
   auto store =

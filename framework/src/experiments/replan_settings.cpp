@@ -202,6 +202,9 @@ Parameters<ReplanSettings> ReplanSettings::parameters() {
            {.unit = "s", .min = 1e-4, .max = 0.01})
       .add("episodes", &S::episodes, "How often to do it, each time in a fresh world.",
            {.min = 1, .max = 1e6})
+      .add("first_episode", &S::first_episode,
+           "Number of the first one: any episode can be run again by itself.",
+           {.min = 0, .max = 1e6})
       .add("latency", &S::latency,
            "What computing is charged with in lockstep; planning with replanner.takeover_s.")
       .add("start", &S::start, "Where the robot starts.", {.required = true})

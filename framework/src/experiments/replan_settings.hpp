@@ -44,6 +44,7 @@ struct ReplanSettings {
   std::string clock = "lockstep";
   double duration_s = 60.0;
   double step_s = 0.004;
+  int first_episode = 0;
   int episodes = 1;
   LatencyEntry latency;
   RobotStateEntry start;

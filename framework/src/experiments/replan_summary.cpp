@@ -136,13 +136,29 @@ Json collisions_of(const ReplanRows& rows) {
   return list;
 }
 
-Json failures_of(const ReplanRows& rows) {
+Json failures_of(const ReplanFacts& facts, const ReplanRows& rows) {
   Json list = Json::array();
   for (const EpisodeRow& episode : rows.episodes) {
     if (episode.success) continue;
-    list.push_back({{"episode", episode.episode}, {"reason", episode.reason}});
+    Json failure = {{"episode", episode.episode}, {"reason", episode.reason}};
+    if (!facts.again.empty()) {
+      failure["again"] = facts.again +
+                         " --set experiment.first_episode=" + std::to_string(episode.episode) +
+                         " --set experiment.episodes=1";
+    }
+    list.push_back(std::move(failure));
   }
   return list;
+}
+
+/// The overrides that a configuration was read with, as they were written.
+void find_overrides(const Node& node, std::vector<std::string>& overrides) {
+  const std::string& origin = node.mark().file;
+  if (origin.starts_with("--set ") && std::ranges::find(overrides, origin) == overrides.end()) {
+    overrides.push_back(origin);
+  }
+  for (const Node& item : node.items()) find_overrides(item, overrides);
+  for (const Node::Entry& entry : node.entries()) find_overrides(entry.value, overrides);
 }
 
 std::string table_text(const ReplanRows& rows) {
@@ -205,6 +221,16 @@ ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& set
   return facts;
 }
 
+std::string command_again(const Configuration& configuration) {
+  std::vector<std::string> overrides;
+  find_overrides(configuration.root, overrides);
+  std::string command = "sidestep run " + configuration.file.string();
+  for (const std::string& override : overrides) {
+    command += " --set '" + override.substr(std::string("--set ").size()) + "'";
+  }
+  return command;
+}
+
 ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows) {
   const Json metrics = metrics_of(rows);
   const bool all_done = facts.planned_episodes == 0 ||
@@ -220,7 +246,7 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
       {"clock", facts.clock}, {"robot", facts.robot}, {"optimiser", facts.optimiser}};
   particulars.update(metrics);
   particulars["collisions"] = collisions_of(rows);
-  particulars["failures"] = failures_of(rows);
+  particulars["failures"] = failures_of(facts, rows);
   outcome.summary_json = summary_text(facts.provenance, facts.experiment, outcome, particulars);
   return outcome;
 }

@@ -16,6 +16,9 @@ struct ReplanFacts {
   std::string robot;
   std::string optimiser;     ///< Name of the plugin.
   int planned_episodes = 0;  ///< 0: as many as there are.
+  /// The command that runs it again, up to which of its episodes; empty where none can be run by
+  /// itself.
+  std::string again;
   bool interrupted = false;
   std::optional<Error> fault;  ///< That ended it early.
 };
@@ -23,6 +26,9 @@ struct ReplanFacts {
 /// What a context and its settings say of them.
 [[nodiscard]] ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& settings,
                                    const RobotDescription& robot);
+
+/// The command that runs a configuration again, overrides included.
+[[nodiscard]] std::string command_again(const Configuration& configuration);
 
 /// Verdict, summary.json and table of a finished (or interrupted) replan experiment.
 [[nodiscard]] ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows);

@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <set>
 #include <string>
 
@@ -47,11 +49,59 @@ std::string collisions_section(const Json& summary) {
 
 std::string failures_section(const Json& failures) {
   if (!failures.is_array() || failures.empty()) return "";
-  std::vector<Row> rows;
+  std::string html = "<h2>Episodes that failed</h2>\n";
   for (const Json& failure : failures) {
-    rows.push_back({cell(at(failure, "/episode")), cell(at(failure, "/reason"))});
+    const std::string episode = cell(at(failure, "/episode"));
+    html += "<details><summary>Episode " + episode + ": " +
+            escape_html(cell(at(failure, "/reason"))) + "</summary>\n";
+    if (at(failure, "/again").is_string()) {
+      html += "<p>Watch it again:</p><pre>" +
+              escape_html(at(failure, "/again").get<std::string>() + " --view --open") + "</pre>\n";
+    }
+    html += "</details>\n";
   }
-  return "<h2>Episodes that failed</h2>\n" + html_table({"episode", "reason"}, rows);
+  return html;
+}
+
+/// What the paper says of its own loop, beside this run's.
+std::string comparison_section(const Json& summary) {
+  return html_table(
+      {"", "this run", "Finean 2021"},
+      {{"validity checks", cell(at(summary, "/check_hz"), "%.0f Hz"), "250 Hz"},
+       {"solve p50", cell(at(summary, "/solve_ms/p50"), "%.2f ms"), "at most 100 ms (10 Hz)"}});
+}
+
+/// Numbers of the series "episode" or "event", of all items.
+Result<std::vector<double>> numbers_of(ResultsReader& results, const std::string& series,
+                                       std::string_view wanted) {
+  std::vector<double> values;
+  auto read = results.visit(series, [&](std::int64_t, std::string_view key, double value) {
+    if (key == wanted && std::isfinite(value)) values.push_back(value);
+  });
+  if (!read) return tl::make_unexpected(std::move(read.error()));
+  return values;
+}
+
+/// How what was measured is spread over the run; nothing where too little was.
+Result<std::string> spread_section(ResultsReader& results, const std::filesystem::path& run) {
+  struct Quantity {
+    const char* series;
+    const char* key;
+    const char* label;
+  };
+  constexpr std::array kQuantities = {
+      Quantity{"event", "solve_ms", "solve [ms]"},
+      Quantity{"event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"},
+      Quantity{"episode", "duration_s", "time of an episode [s]"},
+      Quantity{"episode", "min_true_clearance_m", "least true clearance [m]"}};
+  std::vector<Spread> spreads;
+  for (const Quantity& quantity : kQuantities) {
+    auto values = numbers_of(results, quantity.series, quantity.key);
+    if (!values) return tl::make_unexpected(std::move(values.error()));
+    std::erase(*values, 0.0);  // events without a solve
+    spreads.push_back({quantity.label, std::move(*values)});
+  }
+  return figure_section(spread_figures(spreads), run);
 }
 
 /// The first episode, then those that failed, then the next ones.
@@ -105,9 +155,12 @@ Result<std::string> events_section(ResultsReader& results, std::int64_t episode)
 
 Result<std::string> replan_body(const Json& summary, ResultsReader& results,
                                 const std::filesystem::path& run) {
-  std::string html = metrics_section(summary) + collisions_section(summary) +
-                     failures_section(at(summary, "/failures"));
+  std::string html = metrics_section(summary) + comparison_section(summary) +
+                     collisions_section(summary) + failures_section(at(summary, "/failures"));
   if (!at(summary, "/episodes").is_number_integer()) return html;
+  const auto spread = spread_section(results, run);
+  if (!spread) return spread;
+  html += *spread;
   for (const std::int64_t episode : chosen_episodes(summary)) {
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
     const auto figures = replan_figures(results, episode);
