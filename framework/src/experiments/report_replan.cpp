@@ -90,7 +90,7 @@ Result<std::string> spread_section(ResultsReader& results, const std::filesystem
     const char* label;
   };
   constexpr std::array kQuantities = {
-      Quantity{"event", "solve_ms", "solve [ms]"},
+      Quantity{"event", "solve_ms", "solve, in vain or not [ms]"},
       Quantity{"event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"},
       Quantity{"episode", "duration_s", "time of an episode [s]"},
       Quantity{"episode", "min_true_clearance_m", "least true clearance [m]"}};
