@@ -50,6 +50,10 @@ void add_narrow_products(double* hessian, double* gradient, const double* rows,
 }  // namespace
 
 void StateNormals::Blocks::resize(std::size_t states, std::size_t block_width) {
+  if (active.size() == states && width == block_width) {  // of which few hold anything
+    for (std::size_t s = 0; s < states; ++s) clear(s);
+    return;
+  }
   width = block_width;
   hessians.assign_zeros(states * width * padded(width));
   gradients.assign_zeros(states * padded(width));

@@ -40,12 +40,16 @@ StateBatch ChainCosts::States::batch(int first, int count, int dof) const noexce
           std::span(times_s).subspan(index(first), index(count))};
 }
 
-void ChainCosts::reset(const Problem& problem) {
+bool ChainCosts::reset(const Problem& problem) {
   problem_ = &problem;
+  const bool is_resized = dof_ != problem.robot->description().dof() ||
+                          checks_ != problem.interpolated_checks ||
+                          intervals_ != problem.support_states - 1;
+  const bool is_other_prior = prior_.reset(problem.qc, problem.dt_s);
+  if (!is_resized && !is_other_prior) return false;
   dof_ = problem.robot->description().dof();
   checks_ = problem.interpolated_checks;
   intervals_ = problem.support_states - 1;
-  prior_.reset(problem.qc, problem.dt_s);
   const GpPrior prior({}, problem.dt_s);  // interpolation is the same for every joint
   interpolations_.clear();
   for (int k = 1; k <= checks_; ++k) {
@@ -55,6 +59,7 @@ void ChainCosts::reset(const Problem& problem) {
   all_.resize(intervals_ * (checks_ + 1) + 1, dof_, problem.dt_s / (checks_ + 1));
   ends_.assign_zeros(4 * padded(index(dof_)));
   sums_.assign_zeros(interval_sums_size(index(dof_)));
+  return true;
 }
 
 void ChainCosts::resize(ChainEvaluation& evaluation) const {

@@ -24,8 +24,9 @@ struct ChainEvaluation {
 /// all its states in one batch.
 class ChainCosts {
  public:
-  /// Takes up a problem, which must outlive what follows.
-  void reset(const Problem& problem);
+  /// Takes up a problem, which must outlive what follows. Returns whether its chain is another one
+  /// than before: its size, its times or its prior; a system that was prepared must be so again.
+  bool reset(const Problem& problem);
 
   [[nodiscard]] int states() const noexcept { return intervals_ + 1; }
   [[nodiscard]] int dof() const noexcept { return dof_; }

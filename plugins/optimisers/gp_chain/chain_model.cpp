@@ -26,10 +26,9 @@ void put(const RobotState& state, double* to) {
 void ChainModel::reset(const Problem& problem, const Trajectory& initial) {
   is_kept_ = false;
   unchanged_ = 0;
-  costs_.reset(problem);
+  if (costs_.reset(problem)) costs_.prepare(system_);
   costs_.resize(current_);
   costs_.resize(trial_);
-  costs_.prepare(system_);
   hold_start_ = !is_held(problem, Placement::kStart);
   hold_goal_ = !is_held(problem, Placement::kGoal);
 

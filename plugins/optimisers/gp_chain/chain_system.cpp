@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
+#include "joint_panels.hpp"
 #include "panel_kernels.hpp"
 
 namespace sidestep {
@@ -12,6 +12,7 @@ void ChainSystem::resize(int states, int width) {
   states_ = static_cast<std::size_t>(states);
   width_ = static_cast<std::size_t>(width);
   eliminated_ = 0;
+  begin_ = end_ = 0;
   own_ = padded(width_);
   next_ = padded(width_ + 1);
   // Blocks are written in whole lanes, of which the last may reach beyond the last panel.
@@ -22,19 +23,34 @@ void ChainSystem::resize(int states, int width) {
   rhs_.assign_zeros(states_ * next_ + kLanes);
   inverse_pivots_.assign_zeros(states_ * own_);
   scaled_.assign_zeros(width_ * next_);
-  solved_.assign_zeros(2 * own_);
+  solved_.assign_zeros((states_ + 1) * solved_stride());
+  joint_panels_.assign_zeros(states_ * JointPanel::kRows * joint_row());
+  joint_factors_.assign_zeros(states_ * JointFactor::kRows * joint_row());
+  remainders_.assign_zeros(states_ * JointRemainder::kRows * joint_row());
+  traits_.assign(states_, Traits{});
 }
 
 void ChainSystem::clear(int changed) noexcept {
-  eliminated_ = std::min(eliminated_, static_cast<std::size_t>(changed));
-  std::copy_n(kept_.data(), kept_.size(), panels_.data());
+  const auto first = static_cast<std::size_t>(changed);
+  if (first < states_ && end_ < states_) eliminated_ = std::min(eliminated_, end_ - 1);
+  eliminated_ = std::min(eliminated_, first);
+  for (std::size_t i = 0; i < states_; ++i) {
+    if (!traits_[i].is_written) continue;
+    std::copy_n(kept_.data() + i * panel_size(), panel_size(), panel(i));
+    traits_[i] = {};
+  }
   std::fill_n(rhs_.data(), rhs_.size(), 0.0);
 }
 
-void ChainSystem::keep() noexcept { std::copy_n(panels_.data(), panels_.size(), kept_.data()); }
+void ChainSystem::keep() noexcept {
+  std::copy_n(panels_.data(), panels_.size(), kept_.data());
+  for (Traits& traits : traits_) traits.is_written = false;
+}
 
 double* ChainSystem::own_block(int state) noexcept {
-  return panels_.data() + static_cast<std::size_t>(state) * panel_size();
+  const auto i = static_cast<std::size_t>(state);
+  traits_[i] = {.is_written = true};
+  return panel(i);
 }
 
 const double* ChainSystem::own_block(int state) const noexcept {
@@ -50,18 +66,59 @@ const double* ChainSystem::rhs(int state) const noexcept {
 }
 
 void ChainSystem::hold(int state) noexcept {
-  std::fill_n(own_block(state), panel_size(), 0.0);
+  double* const own = own_block(state);
+  std::fill_n(own, panel_size(), 0.0);
   std::fill_n(rhs(state), width_, 0.0);
-  for (std::size_t j = 0; j < width_; ++j) {
-    own_block(state)[j * stride() + j] = 1.0;
-    if (state > 0) std::fill_n(coupling(state - 1) + j * stride(), width_, 0.0);
-  }
+  for (std::size_t j = 0; j < width_; ++j) own[j * stride() + j] = 1.0;
+  if (state == 0) return;
+  double* const before = coupling(state - 1);
+  for (std::size_t j = 0; j < width_; ++j) std::fill_n(before + j * stride(), width_, 0.0);
 }
 
 void ChainSystem::seal() noexcept {
-  for (int i = 0; i < states(); ++i) {
-    for (std::size_t j = 0; j < width_; ++j) own_block(i)[j * stride() + own_ + width_] = rhs(i)[j];
+  for (std::size_t i = 0; i < states_; ++i) {
+    if (!traits_[i].is_examined) examine(i);
   }
+  divide();
+  for (std::size_t i = begin_; i < end_; ++i) {
+    const double* b = rhs_.data() + i * next_;
+    for (std::size_t j = 0; j < width_; ++j) panel(i)[j * stride() + own_ + width_] = b[j];
+  }
+}
+
+/// Whether a panel couples joints, and what it holds if it does not.
+void ChainSystem::examine(std::size_t state) noexcept {
+  Traits& traits = traits_[state];
+  traits.is_examined = true;
+  traits.own_is_joint = couples_no_joints(panel(state), stride(), dof(), true);
+  traits.next_is_joint = couples_no_joints(panel(state) + own_, stride(), dof(), false);
+  if (traits.own_is_joint || traits.next_is_joint) {
+    read_joint_panel(panel(state), stride(), own_, dof(), joint_panel(state));
+  }
+}
+
+/// Finds out which states are eliminated in which way.
+void ChainSystem::divide() noexcept {
+  begin_ = 0;
+  while (begin_ < states_ && traits_[begin_].own_is_joint && traits_[begin_].next_is_joint) {
+    ++begin_;
+  }
+  end_ = states_;
+  while (end_ > begin_ + 1 && traits_[end_ - 1].own_is_joint && traits_[end_ - 2].next_is_joint) {
+    --end_;
+  }
+}
+
+double* ChainSystem::joint_panel(std::size_t state) noexcept {
+  return joint_panels_.data() + state * JointPanel::kRows * joint_row();
+}
+
+double* ChainSystem::joint_factor(std::size_t state) noexcept {
+  return joint_factors_.data() + state * JointFactor::kRows * joint_row();
+}
+
+double* ChainSystem::remainder(std::size_t state) noexcept {
+  return remainders_.data() + state * JointRemainder::kRows * joint_row();
 }
 
 ChainPanel ChainSystem::panel_of(std::size_t state) noexcept {
@@ -76,24 +133,72 @@ ChainPanel ChainSystem::panel_of(std::size_t state) noexcept {
 bool ChainSystem::solve(double lambda, std::span<double> x) noexcept {
   if (lambda != lambda_) eliminated_ = 0;
   lambda_ = lambda;
-  for (std::size_t& i = eliminated_; i < states_; ++i) {
-    const ChainPanel panel = panel_of(i);
-    const ChainPanel previous = panel_of(i == 0 ? 0 : i - 1);
-    load_panel(panel, own_block(static_cast<int>(i)), i == 0 ? nullptr : &previous, scaled_.data());
-    if (!factorise_panel(panel, lambda)) return false;
+  if (eliminated_ < states_) {
+    if (!eliminate_end(lambda)) return false;
+    while (eliminated_ < end_) {
+      if (!eliminate_next(lambda)) return false;
+    }
+    eliminated_ = states_;
   }
   substitute_back(x);
   return true;
 }
 
+/// The states from end_ on, the last one first.
+bool ChainSystem::eliminate_end(double lambda) noexcept {
+  if (end_ == states_) return true;
+  eliminated_ = std::min(eliminated_, end_ - 1);
+  for (std::size_t i = states_; i-- > end_;) {
+    const double* taken = i + 1 < states_ ? remainder(i + 1) : nullptr;
+    if (!eliminate_joints(Neighbour::kPrevious, joint_panel(i), joint_panel(i - 1),
+                          rhs_.data() + i * next_, taken, lambda, dof(), joint_factor(i),
+                          remainder(i))) {
+      return false;
+    }
+  }
+  return true;
+}
+
+bool ChainSystem::eliminate_next(double lambda) noexcept {
+  const std::size_t i = eliminated_;
+  const double* taken = i > 0 && i <= begin_ ? remainder(i - 1) : nullptr;
+  if (i < begin_) {
+    if (!eliminate_joints(Neighbour::kNext, joint_panel(i), joint_panel(i), rhs_.data() + i * next_,
+                          taken, lambda, dof(), joint_factor(i), remainder(i))) {
+      return false;
+    }
+  } else {
+    const ChainPanel here = panel_of(i);
+    const ChainPanel previous = panel_of(i == 0 ? 0 : i - 1);
+    load_panel(here, panel(i), i > begin_ ? &previous : nullptr, scaled_.data());
+    if (taken != nullptr) take_remainder(taken, stride(), own_, dof(), here.columns);
+    if (i + 1 == end_ && end_ < states_) {
+      take_remainder(remainder(end_), stride(), own_, dof(), here.columns);
+    }
+    if (!factorise_panel(here, lambda)) return false;
+  }
+  ++eliminated_;
+  return true;
+}
+
 void ChainSystem::substitute_back(std::span<double> x) noexcept {
-  double* next = solved_.data();
-  double* here = next + own_;
-  std::fill_n(next, 2 * own_, 0.0);
-  for (std::size_t i = states_; i-- > 0;) {
-    substitute_panel(panel_of(i), next, here);
-    std::copy_n(here, width_, x.begin() + static_cast<std::ptrdiff_t>(i * width_));
-    std::swap(here, next);
+  const std::size_t step = solved_stride();
+  const auto solved = [&](std::size_t state) { return solved_.data() + state * step; };
+  std::fill_n(solved(end_), step, 0.0);  // nothing is left of it where it is eliminated backwards
+  for (std::size_t i = end_; i-- > 0;) {
+    if (i < begin_) {
+      substitute_joints(Neighbour::kNext, joint_factor(i), joint_panel(i), solved(i + 1), dof(),
+                        solved(i));
+    } else {
+      substitute_panel(panel_of(i), solved(i + 1), solved(i));
+    }
+  }
+  for (std::size_t i = end_; i < states_; ++i) {
+    substitute_joints(Neighbour::kPrevious, joint_factor(i), joint_panel(i - 1), solved(i - 1),
+                      dof(), solved(i));
+  }
+  for (std::size_t i = 0; i < states_; ++i) {
+    std::copy_n(solved(i), width_, x.data() + i * width_);
   }
 }
 
@@ -111,6 +216,10 @@ void ChainSystem::spread(std::span<double> x) noexcept {
   // L^T sample = D^-1/2 x: what substitute_panel() takes for y is D^1/2 x.
   eliminated_ = 0;
   for (std::size_t i = 0; i < states_; ++i) {
+    if (i < begin_ || i >= end_) {
+      put_normals(x.data() + i * width_, dof(), joint_factor(i));
+      continue;
+    }
     const ChainPanel panel = panel_of(i);
     for (std::size_t k = 0; k < width_; ++k) {
       panel.columns[k * stride() + own_ + width_] =

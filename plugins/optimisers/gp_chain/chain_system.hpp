@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
+#include <vector>
 
 #include <sidestep/core/lanes.hpp>
 
@@ -17,9 +19,15 @@ struct ChainPanel;
 /// lanes, the w rows of the block that couples the next state to it, and b as row w. With b among
 /// the rows, eliminating a state also substitutes forward, and what is left of it updates the next
 /// panel at once.
+///
+/// Where nothing but the GP prior is felt no joint is coupled with another one, and a state is
+/// eliminated joint by joint, all of them side by side (joint_panels.hpp). Such states at the
+/// beginning of the chain are eliminated forwards, those at its end backwards, and the panels
+/// between them one after the other.
 class ChainSystem {
  public:
-  /// `states` blocks of `width` variables. Allocates only where it was never as large.
+  /// `states` blocks of `width` variables [q; qdot], an even number. Allocates only where it was
+  /// never as large.
   void resize(int states, int width);
 
   [[nodiscard]] int states() const noexcept { return static_cast<int>(states_); }
@@ -32,7 +40,7 @@ class ChainSystem {
   void clear(int changed = 0) noexcept;
   /// Keeps H as it is for clear() to go back to.
   void keep() noexcept;
-  /// Column 0 of a state's own block of H.
+  /// Column 0 of a state's own block of H. What is not const counts as written to, until seal().
   [[nodiscard]] double* own_block(int state) noexcept;
   [[nodiscard]] const double* own_block(int state) const noexcept;
   /// Column 0 of the block with the rows of state + 1 and the columns of `state`.
@@ -67,13 +75,39 @@ class ChainSystem {
  private:
   [[nodiscard]] std::size_t panel_size() const noexcept { return width_ * stride(); }
 
+  [[nodiscard]] double* panel(std::size_t state) noexcept {
+    return panels_.data() + state * panel_size();
+  }
+  [[nodiscard]] std::size_t dof() const noexcept { return width_ / 2; }
+  /// Lanes may be written beyond whole ones of width_: the velocities of joints begin anywhere.
+  [[nodiscard]] std::size_t solved_stride() const noexcept { return padded(width_) + kLanes; }
+  [[nodiscard]] std::size_t joint_row() const noexcept { return padded(dof()); }
+  [[nodiscard]] double* joint_panel(std::size_t state) noexcept;
+  [[nodiscard]] double* joint_factor(std::size_t state) noexcept;
+  [[nodiscard]] double* remainder(std::size_t state) noexcept;
+
+  void examine(std::size_t state) noexcept;
+  void divide() noexcept;
   [[nodiscard]] ChainPanel panel_of(std::size_t state) noexcept;
+  [[nodiscard]] bool eliminate_end(double lambda) noexcept;
+  [[nodiscard]] bool eliminate_next(double lambda) noexcept;
   void substitute_back(std::span<double> x) noexcept;
+
+  /// What has happened to a panel.
+  struct Traits {
+    bool is_written = false;     ///< H may not be what was kept,
+    bool is_examined = false;    ///< and what follows is known.
+    bool own_is_joint = false;   ///< No joint is coupled with another one: in its own block,
+    bool next_is_joint = false;  ///< in the coupling.
+  };
 
   std::size_t states_ = 0;
   std::size_t width_ = 0;
-  std::size_t eliminated_ = 0;  ///< Panels whose factor stands for H and lambda_.
+  std::size_t eliminated_ = 0;  ///< Panels from the first on whose factor stands for H and lambda_.
   double lambda_ = 0.0;
+  std::size_t begin_ = 0;  ///< Panels before it are eliminated joint by joint forwards,
+  std::size_t end_ = 0;    ///< and from it on backwards.
+  std::vector<Traits> traits_;
   std::size_t own_ = 0;   ///< Rows of a panel for a block, in whole lanes,
   std::size_t next_ = 0;  ///< and for a block and b.
   AlignedArray panels_;   ///< H and b.
@@ -83,7 +117,8 @@ class ChainSystem {
   AlignedArray rhs_;
   AlignedArray inverse_pivots_;
   AlignedArray scaled_;  ///< Of one panel: the coupling times its inverse pivots.
-  AlignedArray solved_;  ///< x of two neighbours, zero beyond width_.
+  AlignedArray solved_;  ///< x of every state, zero beyond width_.
+  AlignedArray joint_panels_, joint_factors_, remainders_;
 };
 
 }  // namespace sidestep

@@ -1,5 +1,7 @@
 #include "prior_chain.hpp"
 
+#include <algorithm>
+
 namespace sidestep {
 namespace {
 
@@ -21,12 +23,15 @@ void add_block(double* block, const Eigen::Matrix2d& values, std::size_t joint, 
 
 }  // namespace
 
-void PriorChain::reset(const Eigen::VectorXd& qc, double dt_s) {
+bool PriorChain::reset(const Eigen::VectorXd& qc, double dt_s) {
+  const auto is_inverse = [](double inverse, double value) { return inverse == 1.0 / value; };
+  if (dt_s == dt_s_ && std::ranges::equal(inverse_qc_, qc, is_inverse)) return false;
   dt_s_ = dt_s;
   information_ << 12.0 / (dt_s * dt_s * dt_s), -6.0 / (dt_s * dt_s),  //
       -6.0 / (dt_s * dt_s), 4.0 / dt_s;
   inverse_qc_.clear();
   for (const double value : qc) inverse_qc_.push_back(1.0 / value);
+  return true;
 }
 
 double PriorChain::cost(std::span<const double> support) const noexcept {

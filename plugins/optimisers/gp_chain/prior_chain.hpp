@@ -15,7 +15,8 @@ namespace sidestep {
 class PriorChain {
  public:
   /// `qc`: one positive value per joint. Allocates only for more joints than ever before.
-  void reset(const Eigen::VectorXd& qc, double dt_s);
+  /// Returns whether the prior is another one than before.
+  bool reset(const Eigen::VectorXd& qc, double dt_s);
 
   /// `support`: [q; qdot] of each support state, one after the other.
   [[nodiscard]] double cost(std::span<const double> support) const noexcept;
