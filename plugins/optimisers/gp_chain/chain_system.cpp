@@ -22,12 +22,14 @@ void ChainSystem::resize(int states, int width) {
   rows_.assign_zeros(states_ * width_ * own_);
   rhs_.assign_zeros(states_ * next_ + kLanes);
   inverse_pivots_.assign_zeros(states_ * own_);
-  scaled_.assign_zeros(width_ * next_);
+  scaled_.assign_zeros((width_ + 1) * next_);
   solved_.assign_zeros((states_ + 1) * solved_stride());
   joint_panels_.assign_zeros(states_ * JointPanel::kRows * joint_row());
   joint_factors_.assign_zeros(states_ * JointFactor::kRows * joint_row());
   remainders_.assign_zeros(states_ * JointRemainder::kRows * joint_row());
   traits_.assign(states_, Traits{});
+  masks_.resize(panel_size());
+  mark_couplings(stride(), own_, dof(), masks_.data());
 }
 
 void ChainSystem::clear(int changed) noexcept {
@@ -90,9 +92,9 @@ void ChainSystem::seal() noexcept {
 void ChainSystem::examine(std::size_t state) noexcept {
   Traits& traits = traits_[state];
   traits.is_examined = true;
-  traits.own_is_joint = couples_no_joints(panel(state), stride(), dof(), true);
-  traits.next_is_joint = couples_no_joints(panel(state) + own_, stride(), dof(), false);
-  if (traits.own_is_joint || traits.next_is_joint) {
+  find_couplings(panel(state), masks_.data(), stride(), own_, width_, traits.own_couples,
+                 traits.next_couples);
+  if (!traits.own_couples || !traits.next_couples) {
     read_joint_panel(panel(state), stride(), own_, dof(), joint_panel(state));
   }
 }
@@ -100,11 +102,11 @@ void ChainSystem::examine(std::size_t state) noexcept {
 /// Finds out which states are eliminated in which way.
 void ChainSystem::divide() noexcept {
   begin_ = 0;
-  while (begin_ < states_ && traits_[begin_].own_is_joint && traits_[begin_].next_is_joint) {
+  while (begin_ < states_ && !traits_[begin_].own_couples && !traits_[begin_].next_couples) {
     ++begin_;
   }
   end_ = states_;
-  while (end_ > begin_ + 1 && traits_[end_ - 1].own_is_joint && traits_[end_ - 2].next_is_joint) {
+  while (end_ > begin_ + 1 && !traits_[end_ - 1].own_couples && !traits_[end_ - 2].next_couples) {
     --end_;
   }
 }

@@ -95,10 +95,10 @@ class ChainSystem {
 
   /// What has happened to a panel.
   struct Traits {
-    bool is_written = false;     ///< H may not be what was kept,
-    bool is_examined = false;    ///< and what follows is known.
-    bool own_is_joint = false;   ///< No joint is coupled with another one: in its own block,
-    bool next_is_joint = false;  ///< in the coupling.
+    bool is_written = false;    ///< H may not be what was kept.
+    bool is_examined = false;   ///< What follows is known.
+    bool own_couples = false;   ///< Joints with each other, in its own block,
+    bool next_couples = false;  ///< and in the coupling.
   };
 
   std::size_t states_ = 0;
@@ -108,15 +108,16 @@ class ChainSystem {
   std::size_t begin_ = 0;  ///< Panels before it are eliminated joint by joint forwards,
   std::size_t end_ = 0;    ///< and from it on backwards.
   std::vector<Traits> traits_;
-  std::size_t own_ = 0;   ///< Rows of a panel for a block, in whole lanes,
-  std::size_t next_ = 0;  ///< and for a block and b.
-  AlignedArray panels_;   ///< H and b.
-  AlignedArray kept_;     ///< H at the last keep().
-  AlignedArray factor_;   ///< The same of L D and L^-1 b.
-  AlignedArray rows_;     ///< L of the states' own blocks, row by row.
+  std::vector<std::int64_t> masks_;  ///< Of mark_couplings().
+  std::size_t own_ = 0;              ///< Rows of a panel for a block, in whole lanes,
+  std::size_t next_ = 0;             ///< and for a block and b.
+  AlignedArray panels_;              ///< H and b.
+  AlignedArray kept_;                ///< H at the last keep().
+  AlignedArray factor_;              ///< The same of L D and L^-1 b.
+  AlignedArray rows_;                ///< L of the states' own blocks, row by row.
   AlignedArray rhs_;
   AlignedArray inverse_pivots_;
-  AlignedArray scaled_;  ///< Of one panel: the coupling times its inverse pivots.
+  AlignedArray scaled_;  ///< Of one panel: the coupling times its inverse pivots, and b.
   AlignedArray solved_;  ///< x of every state, zero beyond width_.
   AlignedArray joint_panels_, joint_factors_, remainders_;
 };

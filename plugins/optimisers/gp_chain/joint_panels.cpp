@@ -1,14 +1,18 @@
 #include "joint_panels.hpp"
 
 #include <cmath>
-#include <cstdint>
-
-#include <sidestep/core/lane_math.hpp>
+#include <limits>
 
 namespace sidestep {
 namespace {
 
 using Counts = std::int64_t __attribute__((vector_size(8 * kLanes)));
+using Bits = std::int64_t __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
+
+SIDESTEP_INLINE const Bits& bits(const void* at) noexcept { return *static_cast<const Bits*>(at); }
+
+/// All of a double but its sign: zero has two.
+constexpr std::int64_t kMagnitude = std::numeric_limits<std::int64_t>::max();
 
 /// The rows of the coupling of a panel to a neighbour: of its q, v by the state's own q, v.
 struct CouplingRows {
@@ -23,27 +27,37 @@ struct CouplingRows {
 
 }  // namespace
 
-SIDESTEP_SIMD_CLONES
-bool couples_no_joints(const double* block, std::size_t stride, std::size_t dof,
-                       bool is_lower) noexcept {
-  const Counts lane = {0, 1, 2, 3, 4, 5, 6, 7};
-  const auto width = static_cast<std::int64_t>(2 * dof), half = static_cast<std::int64_t>(dof);
-  for (std::int64_t c = 0; c < width; ++c) {
-    const std::int64_t other = c < half ? c + half : c - half;
-    const std::int64_t first = is_lower ? c : 0;
-    Lanes any = {};
-    for (std::int64_t r = first / 8 * 8; r < width; r += 8) {
-      const Counts row = lane + r;
-      Lanes value = lanes(block + c * static_cast<std::int64_t>(stride) + r);
-      value = row == c ? Lanes{} : value;
-      value = row == other ? Lanes{} : value;
-      value = row < first ? Lanes{} : value;
-      value = row < width ? value : Lanes{};
-      any = value == 0.0 ? any : Lanes{} + 1.0;
+void mark_couplings(std::size_t stride, std::size_t own, std::size_t dof,
+                    std::int64_t* masks) noexcept {
+  for (std::size_t c = 0; c < 2 * dof; ++c) {
+    for (std::size_t r = 0; r < stride; ++r) {
+      const std::size_t row = r < own ? r : r - own;
+      const bool is_below = r >= own || r > c;
+      const bool is_same_joint = row % dof == c % dof;
+      masks[c * stride + r] = is_below && row < 2 * dof && !is_same_joint ? kMagnitude : 0;
     }
-    if (any_of(any)) return false;
   }
-  return true;
+}
+
+SIDESTEP_SIMD_CLONES
+void find_couplings(const double* columns, const std::int64_t* masks, std::size_t stride,
+                    std::size_t own, std::size_t width, bool& in_own, bool& in_next) noexcept {
+  Bits of_own = {}, of_next = {};
+  for (std::size_t c = 0; c < width; ++c) {
+    const double* column = columns + c * stride;
+    const std::int64_t* mask = masks + c * stride;
+    for (std::size_t r = 0; r < own; r += kLanes) of_own |= bits(column + r) & bits(mask + r);
+    for (std::size_t r = own; r < stride; r += kLanes) {
+      of_next |= bits(column + r) & bits(mask + r);
+    }
+  }
+  std::int64_t any_own = 0, any_next = 0;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    any_own |= of_own[i];
+    any_next |= of_next[i];
+  }
+  in_own = any_own != 0;
+  in_next = any_next != 0;
 }
 
 void read_joint_panel(const double* columns, std::size_t stride, std::size_t own, std::size_t dof,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 #include <sidestep/core/lanes.hpp>
 
@@ -37,12 +38,16 @@ struct JointRemainder {
 /// transpose of the blocks in that neighbour's panel.
 enum class Neighbour { kNext, kPrevious };
 
-/// Whether of a block of [q; qdot], `stride` from column to column, only what couples a joint with
-/// itself is not zero; of the lower triangle alone if `is_lower`.
-[[nodiscard]] bool couples_no_joints(const double* block, std::size_t stride, std::size_t dof,
-                                     bool is_lower) noexcept;
+/// The bits of a panel, columns of `stride` values whose coupling begins at row `own`, that are set
+/// only where one joint is coupled with another one.
+void mark_couplings(std::size_t stride, std::size_t own, std::size_t dof,
+                    std::int64_t* masks) noexcept;
 
-/// Copies a panel, columns of `stride` values whose coupling begins at row `own`.
+/// Whether a panel couples joints in its own block, and in the coupling to the next state.
+void find_couplings(const double* columns, const std::int64_t* masks, std::size_t stride,
+                    std::size_t own, std::size_t width, bool& in_own, bool& in_next) noexcept;
+
+/// Copies such a panel.
 void read_joint_panel(const double* columns, std::size_t stride, std::size_t own, std::size_t dof,
                       double* panel) noexcept;
 

@@ -10,13 +10,14 @@ struct ChainPanel {
   double* columns;
   double* rows;
   double* inverse_pivots;
-  std::size_t width;
-  std::size_t own;   ///< Rows of the state's own block, in whole lanes.
-  std::size_t next;  ///< Rows of the coupling and b.
+  std::size_t width;  ///< An even number.
+  std::size_t own;    ///< Rows of the state's own block, in whole lanes.
+  std::size_t next;   ///< Rows of the coupling and b.
 };
 
 /// panel = source - (what eliminating the previous panel leaves to this one).
-/// `scaled`: room for a panel's coupling.
+/// `scaled`: room for width + 1 columns of a panel's coupling. What lies above the diagonal, in
+/// lanes of their own, is left as it was.
 void load_panel(const ChainPanel& panel, const double* source, const ChainPanel* previous,
                 double* scaled);
 
