@@ -58,7 +58,6 @@ bool ChainCosts::reset(const Problem& problem) {
   support_.resize(states(), dof_, problem.dt_s);
   all_.resize(intervals_ * (checks_ + 1) + 1, dof_, problem.dt_s / (checks_ + 1));
   ends_.assign_zeros(4 * padded(index(dof_)));
-  sums_.assign_zeros(interval_sums_size(index(dof_)));
   return true;
 }
 
@@ -150,7 +149,7 @@ void ChainCosts::assemble(const ChainEvaluation& evaluation, ChainSystem& system
   for (int i = 0; i <= intervals_; ++i) {
     add_support_state(evaluation.normals, index(i) * step, system, i);
     if (i == intervals_) break;
-    add_interval(evaluation.normals, index(i) * step + 1, interpolations_, system, i, sums_);
+    add_interval(evaluation.normals, index(i) * step + 1, interpolations_, system, i);
   }
 }
 

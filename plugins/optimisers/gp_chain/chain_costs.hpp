@@ -69,7 +69,6 @@ class ChainCosts {
   std::vector<GpPrior::Interpolation> interpolations_;  ///< Of the checks of every interval.
   States support_, all_;
   AlignedArray ends_;  ///< Of an interval: positions and velocities of both, in whole lanes.
-  AlignedArray sums_;
   Scratch scratch_;
 };
 

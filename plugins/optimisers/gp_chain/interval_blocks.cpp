@@ -6,8 +6,14 @@
 namespace sidestep {
 namespace {
 
-/// Pairs m >= n of the four parts of z.
+/// Pairs m >= n of the four parts of z, those of neighbouring rows of H far from each other: in
+/// whole lanes they overlap, and what is read must have been written for a while.
 constexpr std::size_t kPairs = 10;
+constexpr std::size_t kRowOf[kPairs] = {0, 2, 2, 2, 1, 3, 1, 3, 3, 3};
+constexpr std::size_t kColumnOf[kPairs] = {0, 0, 1, 2, 1, 3, 0, 0, 1, 2};
+
+/// States that are summed at once; more are rare.
+constexpr std::size_t kStatesAtOnce = 8;
 
 /// to += from, `columns` columns of `rows` values padded to whole lanes.
 SIDESTEP_SIMD_CLONES
@@ -21,15 +27,50 @@ void add_columns(double* to, std::size_t to_stride, const double* from, std::siz
   }
 }
 
-/// sums[pair] += products[pair] * block, for all ten pairs.
+/// Some of an interval's states, and what their costs go to.
+struct IntervalSums {
+  const double* hessians[kStatesAtOnce];   ///< J^T J,
+  const double* gradients[kStatesAtOnce];  ///< and J^T r, of each state.
+  double chains[kStatesAtOnce][4];         ///< The four c,
+  double products[kStatesAtOnce][kPairs];  ///< and of each pair their product.
+  std::size_t count = 0;
+  double* blocks[kPairs];  ///< Of H, columns `stride` apart.
+  double* rhs[4];
+  std::size_t stride;
+};
+
+/// The ten sums of c_m c_n J^T J and the four of c_m J^T r, column by column, so that each is kept
+/// in a register over all states.
 SIDESTEP_SIMD_CLONES
-void add_products(double* sums, const double* products, const double* block, std::size_t size) {
-  for (std::size_t k = 0; k < size; k += kLanes) {
-    const Lanes values = lanes(block + k);
+void add_sums(const IntervalSums& interval, std::size_t dof) {
+  const std::size_t from_stride = padded(dof), to_stride = interval.stride, count = interval.count;
+  for (std::size_t r = 0; r < dof; r += kLanes) {
+    for (std::size_t c = 0; c < dof; ++c) {
+      Lanes sums[kPairs];
 #pragma GCC unroll 10
-    for (std::size_t pair = 0; pair < kPairs; ++pair) {
-      lanes(sums + pair * size + k) += products[pair] * values;
+      for (std::size_t pair = 0; pair < kPairs; ++pair) sums[pair] = Lanes{};
+      for (std::size_t k = 0; k < count; ++k) {
+        const Lanes values = lanes(interval.hessians[k] + c * from_stride + r);
+#pragma GCC unroll 10
+        for (std::size_t pair = 0; pair < kPairs; ++pair) {
+          sums[pair] += interval.products[k][pair] * values;
+        }
+      }
+#pragma GCC unroll 10
+      for (std::size_t pair = 0; pair < kPairs; ++pair) {
+        lanes(interval.blocks[pair] + c * to_stride + r) += sums[pair];
+      }
     }
+    Lanes pulls[4];
+#pragma GCC unroll 4
+    for (std::size_t m = 0; m < 4; ++m) pulls[m] = Lanes{};
+    for (std::size_t k = 0; k < count; ++k) {
+      const Lanes gradient = lanes(interval.gradients[k] + r);
+#pragma GCC unroll 4
+      for (std::size_t m = 0; m < 4; ++m) pulls[m] += interval.chains[k][m] * gradient;
+    }
+#pragma GCC unroll 4
+    for (std::size_t m = 0; m < 4; ++m) lanes(interval.rhs[m] + r) -= pulls[m];
   }
 }
 
@@ -86,8 +127,6 @@ void add_full_state(const StateNormals& normals, std::size_t state,
 
 }  // namespace
 
-std::size_t interval_sums_size(std::size_t dof) noexcept { return kPairs * dof * padded(dof); }
-
 void add_support_state(const StateNormals& normals, std::size_t state, ChainSystem& system,
                        int support) {
   const auto dof = static_cast<std::size_t>(normals.dof());
@@ -100,35 +139,35 @@ void add_support_state(const StateNormals& normals, std::size_t state, ChainSyst
 }
 
 void add_interval(const StateNormals& normals, std::size_t first,
-                  std::span<const GpPrior::Interpolation> checks, ChainSystem& system, int interval,
-                  AlignedArray& sums) {
+                  std::span<const GpPrior::Interpolation> checks, ChainSystem& system,
+                  int interval) {
   const auto dof = static_cast<std::size_t>(normals.dof());
-  const std::size_t block_size = dof * normals.position_stride();
-  bool any = false;
+  IntervalSums sums;
+  const auto add = [&] {
+    if (sums.count == 0) return;
+    for (std::size_t pair = 0; pair < kPairs; ++pair) {
+      sums.blocks[pair] = block_of(system, interval, kRowOf[pair], kColumnOf[pair], dof);
+    }
+    for (std::size_t m = 0; m < 4; ++m) sums.rhs[m] = rhs_of(system, interval, m, dof);
+    sums.stride = system.stride();
+    add_sums(sums, dof);
+    sums.count = 0;
+  };
   for (std::size_t k = 0; k < checks.size(); ++k) {
     const std::size_t state = first + k;
     if (normals.has_full(state)) add_full_state(normals, state, checks[k], system, interval);
     if (!normals.has_position(state)) continue;
-    if (!any) std::fill_n(sums.data(), kPairs * block_size, 0.0);
-    any = true;
     const StateNormals::Block block = normals.position(state);
     const auto c = chain(checks[k], 0);
-    double products[kPairs];
-    std::size_t pair = 0;
-    for (std::size_t m = 0; m < 4; ++m) {
-      for (std::size_t n = 0; n <= m; ++n) products[pair++] = c[m] * c[n];
-      subtract_padded(rhs_of(system, interval, m, dof), c[m], block.gradient, dof);
+    sums.hessians[sums.count] = block.hessian;
+    sums.gradients[sums.count] = block.gradient;
+    std::ranges::copy(c, sums.chains[sums.count]);
+    for (std::size_t pair = 0; pair < kPairs; ++pair) {
+      sums.products[sums.count][pair] = c[kRowOf[pair]] * c[kColumnOf[pair]];
     }
-    add_products(sums.data(), products, block.hessian, block_size);
+    if (++sums.count == kStatesAtOnce) add();
   }
-  if (!any) return;
-  std::size_t pair = 0;
-  for (std::size_t m = 0; m < 4; ++m) {
-    for (std::size_t n = 0; n <= m; ++n) {
-      add_columns(block_of(system, interval, m, n, dof), system.stride(),
-                  sums.data() + block_size * pair++, dof, dof);
-    }
-  }
+  add();
 }
 
 }  // namespace sidestep

@@ -17,12 +17,9 @@ void add_support_state(const StateNormals& normals, std::size_t state, ChainSyst
 /// x(t) = Lambda x_i + Psi x_{i+1}, a block G of positions enters the blocks of
 /// z = (q_i, qdot_i, q_{i+1}, qdot_{i+1}) as c_m c_n G, c = [Lambda11 Lambda12 Psi11 Psi12]
 /// (docs/numerics.md). The interval's states share the ten sums over their c_m c_n.
-/// `first`: the first of them in `normals`. `sums`: room for ten blocks.
+/// `first`: the first of them in `normals`.
 void add_interval(const StateNormals& normals, std::size_t first,
-                  std::span<const GpPrior::Interpolation> checks, ChainSystem& system, int interval,
-                  AlignedArray& sums);
-
-/// Doubles that `sums` must hold.
-[[nodiscard]] std::size_t interval_sums_size(std::size_t dof) noexcept;
+                  std::span<const GpPrior::Interpolation> checks, ChainSystem& system,
+                  int interval);
 
 }  // namespace sidestep
