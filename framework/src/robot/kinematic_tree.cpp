@@ -24,6 +24,23 @@ Eigen::Matrix3d turn_z_to(const Eigen::Vector3d& axis) {
   return R;
 }
 
+/// Makes every column of a rotation that is an axis up to rounding that axis, as after quarter
+/// turns. Returns which axis each column is, counted from 1, negative if reversed; 0 for none.
+std::array<std::int8_t, 3> snap_to_axes(Eigen::Matrix3d& R) {
+  constexpr double kRounding = 1e-15;
+  std::array<std::int8_t, 3> axes{};
+  for (int column = 0; column < 3; ++column) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const double sign = R(axis, column) < 0.0 ? -1.0 : 1.0;
+      const Eigen::Vector3d exact = sign * Eigen::Vector3d::Unit(axis);
+      if ((R.col(column) - exact).cwiseAbs().maxCoeff() > kRounding) continue;
+      R.col(column) = exact;
+      axes[at(column)] = static_cast<std::int8_t>(sign * (axis + 1));
+    }
+  }
+  return axes;
+}
+
 /// R * Rz of an angle with sine s and cosine c.
 Eigen::Matrix3d turned_about_z(const Eigen::Matrix3d& R, double s, double c) {
   Eigen::Matrix3d turned;
@@ -105,13 +122,16 @@ void KinematicTree::add_link(std::size_t link) {
 
   if (moves || link == 0) {
     const Eigen::Matrix3d turn = turn_z_to(moves ? joint.axis : Eigen::Vector3d::UnitZ());
+    Eigen::Matrix3d R_parent_joint = joint_pose.R * turn;
+    const auto axes = snap_to_axes(R_parent_joint);
     bodies_.push_back({.parent = parent_body,
                        .motion = moves ? joint.motion : TreeJoint::Motion::kFixed,
                        .joint = moves ? joint.joint : -1,
                        .multiplier = joint.multiplier,
                        .offset = joint.offset,
-                       .R_parent_joint = joint_pose.R * turn,
-                       .p_parent_joint = joint_pose.p});
+                       .R_parent_joint = R_parent_joint,
+                       .p_parent_joint = joint_pose.p,
+                       .axes = axes});
     body_of_link_.push_back(static_cast<int>(bodies_.size()) - 1);
     T_body_link_.push_back({turn.transpose(), Eigen::Vector3d::Zero()});
   } else {

@@ -20,6 +20,16 @@ SIDESTEP_INLINE void multiply(const double (&R)[9][kLanes], const double* v, dou
   }
 }
 
+/// out = column `axis` of R, counted from 1, reversed where that is negative.
+SIDESTEP_INLINE void copy_axis(const double (&R)[9][kLanes], int axis,
+                               double (*out)[kLanes]) noexcept {
+  const std::size_t from = 3 * (static_cast<std::size_t>(axis < 0 ? -axis : axis) - 1);
+  for (std::size_t row = 0; row < 3; ++row) {
+    const Lanes value = lanes(R[from + row]);
+    lanes(out[row]) = axis < 0 ? -value : value;
+  }
+}
+
 /// The pose of a frame that is fixed to a body, or to the world where that is null.
 SIDESTEP_INLINE void attach(const PoseLanes* body, const TreeBody& frame, PoseLanes& out) noexcept {
   const double* R = frame.R_parent_joint.data();
@@ -30,7 +40,12 @@ SIDESTEP_INLINE void attach(const PoseLanes* body, const TreeBody& frame, PoseLa
     return;
   }
   for (std::size_t column = 0; column < 3; ++column) {
-    multiply(body->R, R + 3 * column, out.R + 3 * column, nullptr);
+    const int axis = frame.axes[column];
+    if (axis == 0) {
+      multiply(body->R, R + 3 * column, out.R + 3 * column, nullptr);
+    } else {
+      copy_axis(body->R, axis, out.R + 3 * column);
+    }
   }
   multiply(body->R, p, out.p, body->p);
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <vector>
 
 #include <sidestep/core/lanes.hpp>
@@ -33,6 +35,9 @@ struct TreeBody {
   double offset = 0.0;
   Eigen::Matrix3d R_parent_joint = Eigen::Matrix3d::Identity();
   Eigen::Vector3d p_parent_joint = Eigen::Vector3d::Zero();
+  /// Of each column of R_parent_joint that is an axis of the parent's frame: 1 for x to 3 for z,
+  /// negative where it points the other way; else 0.
+  std::array<std::int8_t, 3> axes{};
 };
 
 struct TreeSphere {
