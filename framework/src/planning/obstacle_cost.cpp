@@ -4,6 +4,7 @@
 
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
 
 namespace sidestep {
 namespace {
@@ -16,6 +17,7 @@ class ObstacleCost final : public StateCost {
         field_(std::move(field)),
         space_(space),
         weight_(1.0 / sigma_m),
+        tree_(dynamic_cast<const KinematicTree*>(robot_.get())),
         spheres_(robot_->description().spheres.size()) {
     for (const CollisionSphere& sphere : robot_->description().spheres) {
       reach_m_.push_back(epsilon_m + sphere.radius_m);
@@ -38,7 +40,12 @@ class ObstacleCost final : public StateCost {
     for (std::size_t g = 0; g < groups; ++g) {
       std::ranges::copy(reach_m_, limits_m.begin() + static_cast<std::ptrdiff_t>(g * spheres_));
     }
-    robot_->sphere_centre_lanes(states.q, centres_m, scratch);
+    const auto axes = scope.doubles(tree_ != nullptr ? tree_->axes_size(groups * kLanes) : 0);
+    if (tree_ != nullptr) {
+      tree_->sphere_centre_lanes(states.q, centres_m, axes, scratch);
+    } else {
+      robot_->sphere_centre_lanes(states.q, centres_m, scratch);
+    }
     const std::size_t found = query_below_with_policy(*field_, space_, centres_m, limits_m, near);
 
     const auto forces = scope.array<LinkForce>(found);
@@ -69,7 +76,11 @@ class ObstacleCost final : public StateCost {
         residuals[k] = weight_ * (reach_m_[sphere] - sample.distance_m);
       }
     }
-    robot_->pull_back(states.q, forces.first(count), rows, scratch);
+    if (tree_ != nullptr) {
+      tree_->pull_back_along(axes, forces.first(count), rows, scratch);
+    } else {
+      robot_->pull_back(states.q, forces.first(count), rows, scratch);
+    }
     double sum = 0.0;
     for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
       for (; end < count && forces[end].row == forces[begin].row; ++end) {
@@ -143,6 +154,7 @@ class ObstacleCost final : public StateCost {
   std::shared_ptr<const DistanceField> field_;
   SpacePolicy space_;
   double weight_;
+  const KinematicTree* tree_;  ///< The robot, if it is one: its bodies are placed only once.
   std::size_t spheres_;
   std::vector<int> link_;        ///< Of each sphere.
   std::vector<double> reach_m_;  ///< Distance at which the cost of each sphere's centre begins.

@@ -187,17 +187,29 @@ void KinematicTree::link_poses(std::span<const double> q, std::span<Transform> T
 
 void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
                                         Scratch& scratch) const {
+  sphere_centre_lanes(q, centres_m, {}, scratch);
+}
+
+void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
+                                        std::span<double> axes, Scratch& scratch) const {
   const std::size_t count = spheres_.size();
   if (count == 0) return;
   const std::size_t dof = at(description_.dof());
   const std::size_t n = std::min(q.size() / dof, centres_m.size() / count * kLanes);
+  auto* const all_axes = reinterpret_cast<detail::AxisLanes*>(axes.data());
   Scratch::Scope scope(scratch);
   const auto bodies = scope.array<detail::PoseLanes>(bodies_.size());
   for (std::size_t row = 0; row < n; row += kLanes) {
     detail::place_bodies(bodies_, q.subspan(row * dof, std::min(kLanes, n - row) * dof), dof,
                          bodies.data());
     detail::carry_spheres(spheres_, bodies.data(), centres_m.data() + row / kLanes * count);
+    if (axes.empty()) continue;
+    detail::find_axes(bodies.data(), bodies_.size(), all_axes + row / kLanes * bodies_.size());
   }
+}
+
+std::size_t KinematicTree::axes_size(std::size_t n) const noexcept {
+  return padded(n) / kLanes * bodies_.size() * (sizeof(detail::AxisLanes) / sizeof(double));
 }
 
 void KinematicTree::sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
@@ -251,42 +263,59 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
 void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkForce> forces,
                               std::span<double> joint_forces, Scratch& scratch) const {
   const std::size_t dof = at(description_.dof());
-  const std::size_t n = q.size() / dof;
+  Scratch::Scope scope(scratch);
+  const auto poses = scope.array<detail::PoseLanes>(bodies_.size());
+  const auto axes = scope.array<detail::AxisLanes>(bodies_.size());
+  const auto axes_of = [&](std::size_t group) {
+    const auto from = q.subspan(group * kLanes * dof);
+    detail::place_bodies(bodies_, from.first(std::min(from.size(), kLanes * dof)), dof,
+                         poses.data());
+    detail::find_axes(poses.data(), bodies_.size(), axes.data());
+    return axes.data();
+  };
+  pull_back_with(axes_of, forces, joint_forces, scratch);
+}
+
+void KinematicTree::pull_back_along(std::span<const double> axes, std::span<const LinkForce> forces,
+                                    std::span<double> joint_forces, Scratch& scratch) const {
+  const auto* const first = reinterpret_cast<const detail::AxisLanes*>(axes.data());
+  const auto axes_of = [&](std::size_t group) { return first + group * bodies_.size(); };
+  pull_back_with(axes_of, forces, joint_forces, scratch);
+}
+
+/// axes_of(group): those of all bodies in configurations group * kLanes and on.
+template <class AxesOf>
+void KinematicTree::pull_back_with(const AxesOf& axes_of, std::span<const LinkForce> forces,
+                                   std::span<double> joint_forces, Scratch& scratch) const {
+  const std::size_t dof = at(description_.dof());
   const std::size_t count = std::min(forces.size(), joint_forces.size() / dof);
   const std::size_t stride = padded(columns_.size());
   Scratch::Scope scope(scratch);
-  const auto poses = scope.array<detail::PoseLanes>(bodies_.size());
   const auto screws = scope.array<detail::ScrewLanes>(bodies_.size());
   const auto table = scope.doubles(6 * stride);
-  const auto works = scope.doubles(stride);
+  const auto works = scope.doubles(count * stride);
   std::ranges::fill(table, 0.0);
-  std::size_t first = 0;  // of the rows that are placed
-  std::size_t end = 0;
-  int row = -1;  // of the table
-  for (std::size_t k = 0; k < count; ++k) {
-    const LinkForce& force = forces[k];
-    if (force.row != row) {
-      row = force.row;
-      if (at(row) < first || at(row) >= end) {
-        first = at(row) / kLanes * kLanes;
-        end = std::min(n, first + kLanes);
-        detail::place_bodies(bodies_, q.subspan(first * dof, (end - first) * dof), dof,
-                             poses.data());
-        detail::find_screws(bodies_, poses.data(), screws.data());
-      }
-      for (std::size_t c = 0; c < columns_.size(); ++c) {
-        if (columns_[c].body == -1) continue;
-        const detail::ScrewLanes& screw = screws[at(columns_[c].body)];
-        for (std::size_t i = 0; i < 6; ++i)
-          table[i * stride + c] = screw.values[i][at(row) - first];
-      }
+  std::size_t group = 0;  // whose screws are known, counted from 1
+  for (std::size_t k = 0, end = 0; k < count; k = end) {
+    const std::size_t row = at(forces[k].row), lane = row % kLanes;
+    if (row / kLanes + 1 != group) {
+      group = row / kLanes + 1;
+      detail::find_screws(bodies_, axes_of(group - 1), screws.data());
     }
-    const std::size_t body = at(body_of_link_[at(force.link)]);
-    detail::work_of(force.force.data(), force.moment.data(), table.data(), stride,
-                    weights_.data() + body * stride, works.data());
+    for (std::size_t c = 0; c < columns_.size(); ++c) {
+      if (columns_[c].body == -1) continue;
+      const detail::ScrewLanes& screw = screws[at(columns_[c].body)];
+      for (std::size_t i = 0; i < 6; ++i) table[i * stride + c] = screw.values[i][lane];
+    }
+    while (end < count && forces[end].row == forces[k].row) ++end;
+    detail::find_works(forces.subspan(k, end - k), body_of_link_.data(), table.data(), stride,
+                       weights_.data(), works.data() + k * stride, stride);
+  }
+  for (std::size_t k = 0; k < count; ++k) {
+    const double* work = works.data() + k * stride;
     double* out = joint_forces.data() + k * dof;
-    std::copy_n(works.data(), dof, out);
-    for (std::size_t c = dof; c < columns_.size(); ++c) out[columns_[c].joint] += works[c];
+    for (std::size_t c = 0; c < dof; ++c) out[c] = work[c];
+    for (std::size_t c = dof; c < columns_.size(); ++c) out[columns_[c].joint] += work[c];
   }
 }
 

@@ -139,16 +139,26 @@ void carry_spheres(std::span<const TreeSphere> spheres, const PoseLanes* poses,
 }
 
 SIDESTEP_SIMD_CLONES
-void find_screws(std::span<const TreeBody> bodies, const PoseLanes* poses,
+void find_axes(const PoseLanes* poses, std::size_t count, AxisLanes* axes) noexcept {
+  for (std::size_t b = 0; b < count; ++b) {
+    for (std::size_t row = 0; row < 3; ++row) {
+      lanes(axes[b].z[row]) = lanes(poses[b].R[6 + row]);
+      lanes(axes[b].p[row]) = lanes(poses[b].p[row]);
+    }
+  }
+}
+
+SIDESTEP_SIMD_CLONES
+void find_screws(std::span<const TreeBody> bodies, const AxisLanes* axes,
                  ScrewLanes* screws) noexcept {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const PoseLanes& pose = poses[b];
+    const AxisLanes& at = axes[b];
     const bool turns = bodies[b].motion == Motion::kRotation;
     for (std::size_t row = 0; row < 3; ++row) {
       const std::size_t next = (row + 1) % 3, last = (row + 2) % 3;
-      const Lanes axis = lanes(pose.R[6 + row]);
-      const Lanes offset = lanes(pose.p[next]) * lanes(pose.R[6 + last]) -
-                           lanes(pose.p[last]) * lanes(pose.R[6 + next]);
+      const Lanes axis = lanes(at.z[row]);
+      const Lanes offset =
+          lanes(at.p[next]) * lanes(at.z[last]) - lanes(at.p[last]) * lanes(at.z[next]);
       lanes(screws[b].values[row]) = turns ? axis : Lanes{};
       lanes(screws[b].values[3 + row]) = turns ? offset : axis;
     }
@@ -156,16 +166,21 @@ void find_screws(std::span<const TreeBody> bodies, const PoseLanes* poses,
 }
 
 SIDESTEP_SIMD_CLONES
-void work_of(const double* force, const double* moment, const double* table, std::size_t stride,
-             const double* weights, double* works) noexcept {
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
+                std::size_t stride, const double* weights, double* works,
+                std::size_t step) noexcept {
   for (std::size_t c = 0; c < stride; c += kLanes) {
-    const double* column = table + c;
-    const Lanes turning = moment[0] * lanes(column) + moment[1] * lanes(column + stride) +
-                          moment[2] * lanes(column + 2 * stride);
-    const Lanes moving = force[0] * lanes(column + 3 * stride) +
-                         force[1] * lanes(column + 4 * stride) +
-                         force[2] * lanes(column + 5 * stride);
-    lanes(works + c) = lanes(weights + c) * (turning + moving);
+    Lanes column[6];
+#pragma GCC unroll 6
+    for (std::size_t i = 0; i < 6; ++i) column[i] = lanes(table + i * stride + c);
+    for (std::size_t k = 0; k < forces.size(); ++k) {
+      const double* force = forces[k].force.data();
+      const double* moment = forces[k].moment.data();
+      const std::size_t body = static_cast<std::size_t>(body_of_link[forces[k].link]);
+      const Lanes turning = moment[0] * column[0] + moment[1] * column[1] + moment[2] * column[2];
+      const Lanes moving = force[0] * column[3] + force[1] * column[4] + force[2] * column[5];
+      lanes(works + k * step + c) = lanes(weights + body * stride + c) * (turning + moving);
+    }
   }
 }
 

@@ -13,6 +13,13 @@ struct alignas(64) PoseLanes {
   double p[3][kLanes];
 };
 
+/// Where the z axis of one body is, about or along which its joint moves it, in kLanes
+/// configurations.
+struct alignas(64) AxisLanes {
+  double z[3][kLanes];
+  double p[3][kLanes];
+};
+
 /// The screw about or along which a joint moves, in kLanes configurations: a force f on what it
 /// moves, with moment m about the world's origin, does the work values[0..2] . m + values[3..5] .
 /// f.
@@ -29,13 +36,19 @@ void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, s
 void carry_spheres(std::span<const TreeSphere> spheres, const PoseLanes* poses,
                    PointLanes* centres) noexcept;
 
+/// The axes of `count` bodies.
+void find_axes(const PoseLanes* poses, std::size_t count, AxisLanes* axes) noexcept;
+
 /// The screws of all bodies.
-void find_screws(std::span<const TreeBody> bodies, const PoseLanes* poses,
+void find_screws(std::span<const TreeBody> bodies, const AxisLanes* axes,
                  ScrewLanes* screws) noexcept;
 
-/// What a force does to each column of a table of screws: six rows of `stride` values, whole lanes,
-/// one column for each of as many screws, whose works are multiplied with `weights`.
-void work_of(const double* force, const double* moment, const double* table, std::size_t stride,
-             const double* weights, double* works) noexcept;
+/// What forces do to each column of a table of screws: six rows of `stride` values, whole lanes,
+/// one column for each of as many screws. weights: `stride` values for each body, with which what a
+/// force on a link of it does is multiplied. works: forces.size() rows, `step` from one to the
+/// next, which are written in whole lanes.
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
+                std::size_t stride, const double* weights, double* works,
+                std::size_t step) noexcept;
 
 }  // namespace sidestep::detail

@@ -71,6 +71,16 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
   void pull_back(std::span<const double> q, std::span<const LinkForce> forces,
                  std::span<double> joint_forces, Scratch& scratch) const override;
 
+  /// Numbers that say where the axes of the joints are in n configurations.
+  [[nodiscard]] std::size_t axes_size(std::size_t n) const noexcept;
+  /// sphere_centre_lanes() that leaves such numbers for pull_back_along(), so that bodies are
+  /// placed once for both. axes: axes_size(n), on a cache line, as Scratch has it.
+  void sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
+                           std::span<double> axes, Scratch& scratch) const;
+  /// pull_back() in the configurations of which the axes are known.
+  void pull_back_along(std::span<const double> axes, std::span<const LinkForce> forces,
+                       std::span<double> joint_forces, Scratch& scratch) const;
+
  private:
   struct Pose {
     Eigen::Matrix3d R;
@@ -85,6 +95,9 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
 
   void add_link(std::size_t link);
   void add_columns();
+  template <class AxesOf>
+  void pull_back_with(const AxesOf& axes_of, std::span<const LinkForce> forces,
+                      std::span<double> joint_forces, Scratch& scratch) const;
   void place_bodies(const double* q, std::span<Pose> bodies) const noexcept;
 
   RobotDescription description_;
