@@ -259,11 +259,13 @@ SIDESTEP_INLINE void interpolate(const Cells& cells, const Places& places, const
       (lanes(places.position[0]) + lanes(places.position[1]) + lanes(places.position[2])) * 0.0;
   value = none == 0.0 ? value : none;
   lanes(values) = value;
+  // A factor, since two conditions on one value would be combined.
+  const Lanes per_m = none == 0.0 ? Lanes{} + bounds.inverse_resolution : Lanes{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     // Beyond the outermost centres the value no longer changes along that axis.
-    Lanes slope = slopes[axis] * bounds.inverse_resolution;
-    slope = lanes(places.position[axis]) == lanes(places.clamped[axis]) ? slope : Lanes{};
-    lanes(gradients[axis]) = none == 0.0 ? slope : Lanes{};
+    const Lanes slope = slopes[axis] * per_m;
+    lanes(gradients[axis]) =
+        lanes(places.position[axis]) == lanes(places.clamped[axis]) ? slope : Lanes{};
   }
 }
 

@@ -105,8 +105,8 @@ bool eliminate_joints(Neighbour into, const double* own_panel, const double* cou
     }
     const Lanes determinant = qq * vv - vq * vq;
     const Lanes least = qq < determinant ? qq : determinant;
-    const Lanes sound = least > 0.0 ? Lanes{} : Lanes{} + 1.0;
-    wrong += determinant < 1e300 ? sound : Lanes{} + 1.0;
+    wrong += least > 0.0 ? Lanes{} : Lanes{} + 1.0;
+    wrong += determinant < 1e300 ? Lanes{} : Lanes{} + 1.0;
     const Lanes inverse = 1.0 / determinant;
     const Lanes iqq = vv * inverse, ivq = -vq * inverse, ivv = qq * inverse;
     lanes(factor + JointFactor::kQQ * row + j) = iqq;
