@@ -19,32 +19,49 @@ void add_outer(double* hessian, double* gradient, const double* row, double resi
   }
 }
 
-/// The same for many rows of at most kLanes entries, `width` values apart.
-SIDESTEP_SIMD_CLONES
-void add_narrow_products(double* hessian, double* gradient, const double* rows,
-                         const double* residuals, std::size_t count, std::size_t width) {
+/// The same for many rows of `kWidth` entries, at most kLanes, one after the other.
+template <std::size_t kWidth>
+SIDESTEP_INLINE void add_products_of(double* hessian, double* gradient, const double* rows,
+                                     const double* residuals, std::size_t count) {
   using Counts = std::int64_t __attribute__((vector_size(8 * kLanes)));
   const Counts lane = {0, 1, 2, 3, 4, 5, 6, 7};
-  const Counts end = Counts{} + static_cast<std::int64_t>(width);
-  Lanes sums[kLanes];
+  const Counts end = Counts{} + static_cast<std::int64_t>(kWidth);
+  Lanes sums[kWidth];
 #pragma GCC unroll 8
-  for (std::size_t j = 0; j < kLanes; ++j) sums[j] = Lanes{};
+  for (std::size_t j = 0; j < kWidth; ++j) sums[j] = Lanes{};
   Lanes pull = {};
   alignas(64) double last_row[kLanes] = {};
   for (std::size_t i = 0; i < count; ++i) {
     // Read in whole lanes, of which those beyond the row count as zero, where there is so much.
-    const double* row = rows + i * width;
-    if ((count - i) * width < kLanes) {
-      std::copy_n(row, width, last_row);
+    const double* row = rows + i * kWidth;
+    if ((count - i) * kWidth < kLanes) {
+      std::copy_n(row, kWidth, last_row);
       row = last_row;
     }
     const Lanes values = lane < end ? lanes(row) : Lanes{};
     pull += residuals[i] * values;
 #pragma GCC unroll 8
-    for (std::size_t j = 0; j < kLanes; ++j) sums[j] += (j < width ? row[j] : 0.0) * values;
+    for (std::size_t j = 0; j < kWidth; ++j) sums[j] += row[j] * values;
   }
   lanes(gradient) += pull;
-  for (std::size_t j = 0; j < width; ++j) lanes(hessian + j * kLanes) += sums[j];
+#pragma GCC unroll 8
+  for (std::size_t j = 0; j < kWidth; ++j) lanes(hessian + j * kLanes) += sums[j];
+}
+
+/// The same for any width: with one that is known the sums stay in registers.
+SIDESTEP_SIMD_CLONES
+void add_narrow_products(double* hessian, double* gradient, const double* rows,
+                         const double* residuals, std::size_t count, std::size_t width) {
+  switch (width) {
+    case 1: return add_products_of<1>(hessian, gradient, rows, residuals, count);
+    case 2: return add_products_of<2>(hessian, gradient, rows, residuals, count);
+    case 3: return add_products_of<3>(hessian, gradient, rows, residuals, count);
+    case 4: return add_products_of<4>(hessian, gradient, rows, residuals, count);
+    case 5: return add_products_of<5>(hessian, gradient, rows, residuals, count);
+    case 6: return add_products_of<6>(hessian, gradient, rows, residuals, count);
+    case 7: return add_products_of<7>(hessian, gradient, rows, residuals, count);
+    default: return add_products_of<8>(hessian, gradient, rows, residuals, count);
+  }
 }
 
 }  // namespace

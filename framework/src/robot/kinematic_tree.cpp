@@ -293,7 +293,10 @@ void KinematicTree::pull_back_with(const AxesOf& axes_of, std::span<const LinkFo
   Scratch::Scope scope(scratch);
   const auto screws = scope.array<detail::ScrewLanes>(bodies_.size());
   const auto table = scope.doubles(6 * stride);
-  const auto works = scope.doubles(count * stride);
+  // In one go of lanes those beyond the joints may fall on the next row, which is written later.
+  const bool in_rows = columns_.size() == dof && stride == kLanes;
+  const std::size_t step = in_rows ? dof : stride;
+  const auto works = scope.doubles(count * step + stride);
   std::ranges::fill(table, 0.0);
   std::size_t group = 0;  // whose screws are known, counted from 1
   for (std::size_t k = 0, end = 0; k < count; k = end) {
@@ -309,7 +312,11 @@ void KinematicTree::pull_back_with(const AxesOf& axes_of, std::span<const LinkFo
     }
     while (end < count && forces[end].row == forces[k].row) ++end;
     detail::find_works(forces.subspan(k, end - k), body_of_link_.data(), table.data(), stride,
-                       weights_.data(), works.data() + k * stride, stride);
+                       weights_.data(), works.data() + k * step, step);
+  }
+  if (in_rows) {
+    std::ranges::copy(works.first(count * dof), joint_forces.begin());
+    return;
   }
   for (std::size_t k = 0; k < count; ++k) {
     const double* work = works.data() + k * stride;
