@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 
 #include <sidestep/core/lanes.hpp>
@@ -189,47 +190,67 @@ unsigned find_near(const PointLanes& first_m, const PointLanes& second_m,
 struct Cells {
   alignas(64) Coordinates fraction;  ///< Within the cell, in [0, 1].
   alignas(64) std::int32_t low[3][kLanes];
-  alignas(64) float corner[2][2][2][kLanes];  ///< z, y, x.
+  // Of the lowest corner.
+  alignas(64) std::int32_t block[kLanes];
+  alignas(64) std::int32_t place[kLanes];
+  alignas(64) std::int32_t is_cut[kLanes];    ///< Not zero: its corners lie in several blocks.
+  alignas(64) float corner[2][2][kLanes][2];  ///< z, y; x last.
 };
 
 SIDESTEP_INLINE void find_cells(const Places& places, const Bounds& bounds, Cells& cells) noexcept {
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  constexpr int kSide = kBlockSide_vox;
+  constexpr int kShift = std::countr_zero(unsigned{kSide});
+  Indices block = {}, place = {}, cut = Indices{} + (bounds.is_flat ? kSide : 0);
+  for (std::size_t axis = 3; axis-- > 0;) {
     const Lanes clamped = lanes(places.clamped[axis]);
     const Lanes last_low = Lanes{} + bounds.last_low[axis];
     const Lanes below = clamped < last_low ? clamped : last_low;
     const Indices low = __builtin_convertvector(below, Indices);
     lanes(cells.fraction[axis]) = clamped - __builtin_convertvector(low, Lanes);
     lanes(cells.low[axis]) = low;
+    const Indices within = low & (kSide - 1);
+    block = (low >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
+    place = within + kSide * place;
+    cut |= (within + 1) & kSide;
+  }
+  lanes(cells.block) = block;
+  lanes(cells.place) = place;
+  lanes(cells.is_cut) = cut;
+}
+
+/// Reads the corners of a cell that lie in several blocks, or where there is but one voxel.
+SIDESTEP_INLINE void read_cut_corners(const DenseField::Blocks& blocks, const Bounds& bounds,
+                                      Cells& cells, std::size_t from, std::size_t lane) noexcept {
+  Address at[3][2];  // what each coordinate of a corner adds to its address
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (int side = 0; side < 2; ++side) {
+      const int voxel = std::min(cells.low[axis][from] + side, bounds.size_vox[axis] - 1);
+      at[axis][side] = address_of(axis == 0 ? voxel : 0, axis == 1 ? voxel : 0,
+                                  axis == 2 ? voxel : 0, bounds.blocks[0], bounds.blocks[1]);
+    }
+  }
+  for (std::size_t k = 0; k < 2; ++k) {
+    for (std::size_t j = 0; j < 2; ++j) {
+      for (std::size_t i = 0; i < 2; ++i) {
+        const Address a{at[0][i].block + at[1][j].block + at[2][k].block,
+                        at[0][i].place + at[1][j].place + at[2][k].place};
+        cells.corner[k][j][lane][i] = blocks.block(a.block).distance_m[a.place];
+      }
+    }
   }
 }
 
 /// Reads the eight corners of the cell of `from` into a lane.
 SIDESTEP_INLINE void read_corners(const DenseField::Blocks& blocks, const Bounds& bounds,
                                   Cells& cells, std::size_t from, std::size_t lane) noexcept {
-  constexpr int kSide = kBlockSide_vox;
-  const int x = cells.low[0][from], y = cells.low[1][from], z = cells.low[2][from];
-  const auto inside = [](int low) { return low % kSide != kSide - 1; };
-  if (inside(x) && inside(y) && inside(z) && !bounds.is_flat) {
-    // Four cells in five lie within a block, where one address serves all corners.
-    const Address a = address_of(x, y, z, bounds.blocks[0], bounds.blocks[1]);
-    const float* first = &blocks.block(a.block).distance_m[a.place];
-    for (int k = 0; k < 2; ++k) {
-      for (int j = 0; j < 2; ++j) {
-        const float* pair = first + kSide * (j + kSide * k);
-        cells.corner[k][j][0][lane] = pair[0];
-        cells.corner[k][j][1][lane] = pair[1];
-      }
-    }
-    return;
-  }
-  for (int k = 0; k < 2; ++k) {
-    for (int j = 0; j < 2; ++j) {
-      for (int i = 0; i < 2; ++i) {
-        const Address a = address_of(
-            std::min(x + i, bounds.size_vox[0] - 1), std::min(y + j, bounds.size_vox[1] - 1),
-            std::min(z + k, bounds.size_vox[2] - 1), bounds.blocks[0], bounds.blocks[1]);
-        cells.corner[k][j][i][lane] = blocks.block(a.block).distance_m[a.place];
-      }
+  constexpr std::size_t kSide = kBlockSide_vox;
+  if (cells.is_cut[from] != 0) return read_cut_corners(blocks, bounds, cells, from, lane);
+  // Four cells in five lie within a block, where one address serves all corners.
+  const FieldBlock& block = blocks.block(static_cast<std::size_t>(cells.block[from]));
+  const float* first = block.distance_m.data() + cells.place[from];
+  for (std::size_t k = 0; k < 2; ++k) {
+    for (std::size_t j = 0; j < 2; ++j) {
+      std::memcpy(cells.corner[k][j][lane], first + kSide * (j + kSide * k), 2 * sizeof(float));
     }
   }
 }
@@ -242,9 +263,12 @@ SIDESTEP_INLINE void interpolate(const Cells& cells, const Places& places, const
   Lanes along_x[2][2], slope_x[2][2];  // z, y
   for (std::size_t k = 0; k < 2; ++k) {
     for (std::size_t j = 0; j < 2; ++j) {
-      const auto& corners = reinterpret_cast<const Floats(&)[2]>(cells.corner[k][j]);
-      const Lanes low = __builtin_convertvector(corners[0], Lanes);
-      slope_x[k][j] = __builtin_convertvector(corners[1], Lanes) - low;
+      const auto& corners = reinterpret_cast<const WideFloats&>(cells.corner[k][j]);
+      const Lanes low = __builtin_convertvector(
+          __builtin_shufflevector(corners, corners, 0, 2, 4, 6, 8, 10, 12, 14), Lanes);
+      const Lanes high = __builtin_convertvector(
+          __builtin_shufflevector(corners, corners, 1, 3, 5, 7, 9, 11, 13, 15), Lanes);
+      slope_x[k][j] = high - low;
       along_x[k][j] = low + x * slope_x[k][j];
     }
   }
