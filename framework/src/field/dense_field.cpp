@@ -132,10 +132,11 @@ constexpr float kRounding_vox = 0.007F;
 
 /// Which points of two groups, bit by bit, are not beyond doubt inside the grid and at least
 /// limits_m[group] from obstacles by the value at the nearest centre; with `known`, those in
-/// unknown space too. In single precision, within the grid: kRounding covers it.
+/// unknown space too. steepest_voxel_m: how much values differ from voxel to voxel at most. In
+/// single precision, within the grid: kRounding covers it.
 SIDESTEP_SIMD_CLONES
 unsigned find_near(const PointLanes& first_m, const PointLanes& second_m,
-                   const double (&limits_m)[2], const Bounds& bounds, double steepest,
+                   const double (&limits_m)[2], const Bounds& bounds, float steepest_voxel_m,
                    const DenseField::Blocks& blocks,
                    const DenseField::KnownBlocks* known) noexcept {
   const double* groups_m[2][3] = {{first_m.x, first_m.y, first_m.z},
@@ -167,10 +168,9 @@ unsigned find_near(const PointLanes& first_m, const PointLanes& second_m,
   alignas(64) std::int32_t at_block[2 * kLanes], at_place[2 * kLanes];
   const Floats first = Floats{} + static_cast<float>(limits_m[0]);
   const Floats second = Floats{} + static_cast<float>(limits_m[1]);
-  const auto voxel_m = static_cast<float>(steepest / bounds.inverse_resolution);
   way = way < kLongestWay_vox ? way : WideFloats{} + kLongestWay_vox;
   const WideFloats far =
-      voxel_m * (way + kRounding_vox) +
+      steepest_voxel_m * (way + kRounding_vox) +
       __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   *reinterpret_cast<WideFloats*>(far_m) =
       excess == 0.0F ? far : WideFloats{} + std::numeric_limits<float>::infinity();
@@ -403,6 +403,8 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
   Batch near;
   std::array<std::size_t, Batch::kPoints> points;  // of the batch, among all
 
+  const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
+
   const auto write_those_below = [&] {
     sample(blocks_, bounds, near);
     for (std::size_t k = 0; k < near.count; ++k) {
@@ -418,7 +420,7 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
   for (std::size_t i = 0; i < points_m.size(); i += 2) {
     const std::size_t next = std::min(i + 1, points_m.size() - 1);
     const double limits[] = {std::max(limits_m[i], 0.0), std::max(limits_m[next], 0.0)};
-    unsigned found = find_near(points_m[i], points_m[next], limits, bounds, info().steepest,
+    unsigned found = find_near(points_m[i], points_m[next], limits, bounds, steepest_voxel_m,
                                blocks_, also_unknown ? &known_ : nullptr);
     if (next == i) found &= (1u << kLanes) - 1;
     for (; found != 0; found &= found - 1) {

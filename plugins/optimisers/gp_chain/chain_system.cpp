@@ -92,7 +92,7 @@ void ChainSystem::seal() noexcept {
 void ChainSystem::examine(std::size_t state) noexcept {
   Traits& traits = traits_[state];
   traits.is_examined = true;
-  find_couplings(panel(state), masks_.data(), stride(), own_, width_, traits.own_couples,
+  find_couplings(panel(state), masks_.data(), stride(), own_, dof(), traits.own_couples,
                  traits.next_couples);
   if (!traits.own_couples || !traits.next_couples) {
     read_joint_panel(panel(state), stride(), own_, dof(), joint_panel(state));

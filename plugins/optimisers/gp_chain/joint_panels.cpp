@@ -41,9 +41,12 @@ void mark_couplings(std::size_t stride, std::size_t own, std::size_t dof,
 
 SIDESTEP_SIMD_CLONES
 void find_couplings(const double* columns, const std::int64_t* masks, std::size_t stride,
-                    std::size_t own, std::size_t width, bool& in_own, bool& in_next) noexcept {
+                    std::size_t own, std::size_t dof, bool& in_own, bool& in_next) noexcept {
+  in_own = columns[1] != 0.0 && dof > 1;
+  in_next = columns[own + 1] != 0.0 && dof > 1;
+  if (in_own && in_next) return;  // as a rule, if any joints are coupled, the first two are
   Bits of_own = {}, of_next = {};
-  for (std::size_t c = 0; c < width; ++c) {
+  for (std::size_t c = 0; c < 2 * dof; ++c) {
     const double* column = columns + c * stride;
     const std::int64_t* mask = masks + c * stride;
     for (std::size_t r = 0; r < own; r += kLanes) of_own |= bits(column + r) & bits(mask + r);

@@ -45,7 +45,7 @@ void mark_couplings(std::size_t stride, std::size_t own, std::size_t dof,
 
 /// Whether a panel couples joints in its own block, and in the coupling to the next state.
 void find_couplings(const double* columns, const std::int64_t* masks, std::size_t stride,
-                    std::size_t own, std::size_t width, bool& in_own, bool& in_next) noexcept;
+                    std::size_t own, std::size_t dof, bool& in_own, bool& in_next) noexcept;
 
 /// Copies such a panel.
 void read_joint_panel(const double* columns, std::size_t stride, std::size_t own, std::size_t dof,
