@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/robot/kinematic_tree.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
 /// What every RobotModel must hold, for the test of a robot plugin:
@@ -194,6 +195,38 @@ inline void check_pull_back(const RobotModel& model, int n, std::uint64_t seed) 
   }
 }
 
+/// A KinematicTree pulls back along axes that it has left with the centres of spheres to the bit as
+/// it does where it finds them again.
+inline void check_pull_back_along(const KinematicTree& tree, int n, std::uint64_t seed) {
+  const RobotDescription& robot = tree.description();
+  const auto rows = static_cast<std::size_t>(n);
+  const std::vector<double> q = random_configurations(robot, n, seed);
+  Scratch scratch;
+  Scratch::Scope scope(scratch);
+  const std::size_t points = padded(rows) / kLanes * robot.spheres.size();
+  const auto centres = scope.array<PointLanes>(points), again = scope.array<PointLanes>(points);
+  const auto axes = scope.doubles(tree.axes_size(rows));
+  tree.sphere_centre_lanes(q, centres, scratch);
+  tree.sphere_centre_lanes(q, again, axes, scratch);
+  std::vector<LinkForce> forces;
+  for (std::size_t row = 0; row < rows; ++row) {
+    for (std::size_t s = 0; s < robot.spheres.size(); ++s) {
+      const PointLanes& in = centres[row / kLanes * robot.spheres.size() + s];
+      const PointLanes& in_again = again[row / kLanes * robot.spheres.size() + s];
+      const std::size_t lane = row % kLanes;
+      const Eigen::Vector3d centre(in.x[lane], in.y[lane], in.z[lane]);
+      EXPECT_EQ(centre, Eigen::Vector3d(in_again.x[lane], in_again.y[lane], in_again.z[lane]));
+      const Eigen::Vector3d force(1.0, -2.0, 0.5);
+      if ((row + s) % 3 == 0) continue;
+      forces.push_back({static_cast<int>(row), robot.spheres[s].link, force, centre.cross(force)});
+    }
+  }
+  std::vector<double> pulled(forces.size() * robot.joints.size(), NAN), along = pulled;
+  tree.pull_back(q, forces, pulled, scratch);
+  tree.pull_back_along(axes, forces, along, scratch);
+  EXPECT_EQ(along, pulled);
+}
+
 /// Several threads with a Scratch each get the same as one.
 inline void check_threads(const RobotModel& model, std::uint64_t seed) {
   const RobotDescription& robot = model.description();
@@ -219,6 +252,9 @@ inline void check_robot(const RobotModel& model, int configurations = 20, std::u
   check_centres(model, configurations, seed);
   check_derivatives(model, configurations, seed);
   check_pull_back(model, configurations, seed);
+  if (const auto* tree = dynamic_cast<const KinematicTree*>(&model)) {
+    check_pull_back_along(*tree, 13, seed);
+  }
   check_threads(model, seed);
 }
 

@@ -74,9 +74,8 @@ void BM_HsrSphereJacobians(benchmark::State& state) {
 }
 BENCHMARK(BM_HsrSphereJacobians);
 
-void BM_HsrPullBack(benchmark::State& state) {
-  Bench b;
-  // As costs do it: a few spheres of each configuration.
+/// As costs have them: a few spheres of each configuration.
+std::vector<LinkForce> some_forces(Bench& b) {
   std::vector<LinkForce> forces;
   b.robot->sphere_centres(b.q, b.centres, b.scratch);
   const auto& spheres = b.robot->description().spheres;
@@ -84,6 +83,12 @@ void BM_HsrPullBack(benchmark::State& state) {
     forces.push_back({static_cast<int>(i / spheres.size()), spheres[i % spheres.size()].link,
                       Eigen::Vector3d::UnitX(), b.centres[i].cross(Eigen::Vector3d::UnitX())});
   }
+  return forces;
+}
+
+void BM_HsrPullBack(benchmark::State& state) {
+  Bench b;
+  const std::vector<LinkForce> forces = some_forces(b);
   std::vector<double> joint_forces(forces.size() * b.dof);
   for (auto _ : state) {
     b.robot->pull_back(b.q, forces, joint_forces, b.scratch);
@@ -92,5 +97,22 @@ void BM_HsrPullBack(benchmark::State& state) {
   count(state);
 }
 BENCHMARK(BM_HsrPullBack);
+
+/// Where bodies have been placed already, for the centres of spheres.
+void BM_HsrPullBackAlong(benchmark::State& state) {
+  Bench b;
+  const std::vector<LinkForce> forces = some_forces(b);
+  std::vector<double> joint_forces(forces.size() * b.dof);
+  Scratch::Scope scope(b.scratch);
+  const auto axes = scope.doubles(b.robot->axes_size(kBatch));
+  const auto centres = scope.array<PointLanes>(padded(kBatch) / kLanes * b.spheres);
+  b.robot->sphere_centre_lanes(b.q, centres, axes, b.scratch);
+  for (auto _ : state) {
+    b.robot->pull_back_along(axes, forces, joint_forces, b.scratch);
+    benchmark::DoNotOptimize(joint_forces.data());
+  }
+  count(state);
+}
+BENCHMARK(BM_HsrPullBackAlong);
 
 }  // namespace

@@ -118,15 +118,17 @@ BENCHMARK_CAPTURE(linearise, self_collision, "self_collision", linearise_as_it_d
 BENCHMARK_CAPTURE(linearise, self_collision_plainly, "self_collision", linearise_plainly)
     ->Unit(benchmark::kMicrosecond);
 
-/// A chain of 20 states with 16 variables each, and the same as a sparse matrix.
+/// A chain of 20 states with 16 variables each, and the same as a sparse matrix. Joints are coupled
+/// with each other in the states from `first` to `last` - 1 only.
 struct Chain {
   static constexpr int kStates = 20;
   static constexpr int kWidth = 16;
+  static constexpr int kDof = kWidth / 2;
   ChainSystem system;
   Eigen::SparseMatrix<double> H;
   Eigen::VectorXd b;
 
-  Chain() {
+  explicit Chain(int first = 0, int last = kStates) {
     std::mt19937 generator(4);
     std::normal_distribution<double> normal;
     system.resize(kStates, kWidth);
@@ -138,6 +140,7 @@ struct Chain {
         double* own = system.own_block(i) + static_cast<std::size_t>(c) * system.stride();
         double* next = system.coupling(i) + static_cast<std::size_t>(c) * system.stride();
         for (int r = 0; r < kWidth; ++r) {
+          if (r % kDof != c % kDof && (i < first || i >= last)) continue;
           if (r >= c) {
             own[r] = normal(generator) + (r == c ? 100.0 : 0.0);
             entries.emplace_back(i * kWidth + r, i * kWidth + c, own[r]);
@@ -155,8 +158,7 @@ struct Chain {
   }
 };
 
-void solve_chain(benchmark::State& state) {
-  Chain chain;
+void solve(benchmark::State& state, Chain chain) {
   std::vector<double> x(static_cast<std::size_t>(chain.b.size()));
   double lambda = 0.1;
   for (auto _ : state) {
@@ -165,7 +167,12 @@ void solve_chain(benchmark::State& state) {
     benchmark::DoNotOptimize(x.data());
   }
 }
+void solve_chain(benchmark::State& state) { solve(state, Chain()); }
 BENCHMARK(solve_chain)->Unit(benchmark::kMicrosecond);
+
+/// As where an obstacle is near at five states in the middle.
+void solve_chain_coupled_in_part(benchmark::State& state) { solve(state, Chain(8, 13)); }
+BENCHMARK(solve_chain_coupled_in_part)->Unit(benchmark::kMicrosecond);
 
 /// The pattern is analysed once.
 void solve_chain_as_sparse_matrix(benchmark::State& state) {

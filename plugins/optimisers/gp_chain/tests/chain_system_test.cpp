@@ -9,12 +9,24 @@
 namespace sidestep {
 namespace {
 
+/// A chain whose joints are coupled with each other in the intervals from `first` to `last` - 1
+/// only.
+struct ChainShape {
+  int states;
+  int width;
+  int first;
+  int last;
+};
+
+ChainShape coupled_throughout(int states, int width) { return {states, width, 0, states - 1}; }
+
 /// A random positive definite block tridiagonal system, dense.
 struct DenseChain {
   Eigen::MatrixXd h;
   Eigen::VectorXd b;
 
-  DenseChain(int states, int width) {
+  explicit DenseChain(const ChainShape& shape) {
+    const auto [states, width, first, last] = shape;
     std::mt19937 generator(5);
     std::uniform_real_distribution<double> uniform(-1.0, 1.0);
     const auto draw = [&] { return uniform(generator); };
@@ -22,12 +34,18 @@ struct DenseChain {
     h = 0.1 * Eigen::MatrixXd::Identity(n, n);
     b = Eigen::VectorXd::NullaryExpr(n, draw);
     for (int i = 0; i + 1 < states; ++i) {  // rows that touch two neighbours only
-      const Eigen::MatrixXd rows = Eigen::MatrixXd::NullaryExpr(width + 2, 2 * width, draw);
+      Eigen::MatrixXd rows = Eigen::MatrixXd::NullaryExpr(2 * width, 2 * width, draw);
+      for (Eigen::Index row = 0; row < rows.rows() && (i < first || i >= last); ++row) {
+        for (Eigen::Index v = 0; v < rows.cols(); ++v) {  // and but one joint
+          if (v % (width / 2) != row % (width / 2)) rows(row, v) = 0.0;
+        }
+      }
       h.block(i * width, i * width, 2 * width, 2 * width) += rows.transpose() * rows;
     }
   }
 
-  void fill(ChainSystem& system, int states, int width) const {
+  void fill(ChainSystem& system, const ChainShape& shape) const {
+    const int states = shape.states, width = shape.width;
     system.resize(states, width);
     for (int i = 0; i < states; ++i) {
       for (int j = 0; j < width; ++j) {
@@ -47,13 +65,13 @@ struct DenseChain {
   }
 };
 
-class ChainSystemTest : public testing::TestWithParam<std::pair<int, int>> {};
+class ChainSystemTest : public testing::TestWithParam<ChainShape> {};
 
 TEST_P(ChainSystemTest, SolvesAsADenseCholeskyDoesForOneDampingAfterAnother) {
-  const auto [states, width] = GetParam();
-  const DenseChain dense(states, width);
+  const int states = GetParam().states, width = GetParam().width;
+  const DenseChain dense(GetParam());
   ChainSystem system;
-  dense.fill(system, states, width);
+  dense.fill(system, GetParam());
   Eigen::VectorXd x(states * width);
   for (const double lambda : {0.0, 10.0, 0.5}) {
     ASSERT_TRUE(system.solve(lambda, {x.data(), static_cast<std::size_t>(x.size())}));
@@ -64,10 +82,10 @@ TEST_P(ChainSystemTest, SolvesAsADenseCholeskyDoesForOneDampingAfterAnother) {
 }
 
 TEST_P(ChainSystemTest, EliminatesOnlyWhatHasChanged) {
-  const auto [states, width] = GetParam();
-  DenseChain dense(states, width);
+  const int states = GetParam().states, width = GetParam().width;
+  DenseChain dense(GetParam());
   ChainSystem system;
-  dense.fill(system, states, width);
+  dense.fill(system, GetParam());
   system.keep();
   Eigen::VectorXd x(states * width);
   const std::span<double> solved(x.data(), static_cast<std::size_t>(x.size()));
@@ -98,10 +116,10 @@ TEST_P(ChainSystemTest, EliminatesOnlyWhatHasChanged) {
 }
 
 TEST_P(ChainSystemTest, MultipliesAsADenseMatrixDoes) {
-  const auto [states, width] = GetParam();
-  const DenseChain dense(states, width);
+  const int states = GetParam().states, width = GetParam().width;
+  const DenseChain dense(GetParam());
   ChainSystem system;
-  dense.fill(system, states, width);
+  dense.fill(system, GetParam());
   Eigen::VectorXd out(states * width);
   const auto n = static_cast<std::size_t>(out.size());
   system.product({dense.b.data(), n}, {out.data(), n});
@@ -109,10 +127,10 @@ TEST_P(ChainSystemTest, MultipliesAsADenseMatrixDoes) {
 }
 
 TEST_P(ChainSystemTest, HoldsAStateStill) {
-  const auto [states, width] = GetParam();
-  const DenseChain dense(states, width);
+  const int states = GetParam().states, width = GetParam().width;
+  const DenseChain dense(GetParam());
   ChainSystem system;
-  dense.fill(system, states, width);
+  dense.fill(system, GetParam());
   system.hold(states - 1);
   system.seal();
   Eigen::VectorXd x(states * width);
@@ -124,19 +142,68 @@ TEST_P(ChainSystemTest, HoldsAStateStill) {
 }
 
 TEST_P(ChainSystemTest, SaysWhereItIsNotPositiveDefinite) {
-  const auto [states, width] = GetParam();
-  DenseChain dense(states, width);
+  const int states = GetParam().states, width = GetParam().width;
+  DenseChain dense(GetParam());
   dense.h(states * width - 1, states * width - 1) = -1.0;
   ChainSystem system;
-  dense.fill(system, states, width);
+  dense.fill(system, GetParam());
   std::vector<double> x(static_cast<std::size_t>(states * width));
   EXPECT_FALSE(system.solve(0.0, x));
   EXPECT_TRUE(system.solve(1e3, x));
 }
 
-INSTANTIATE_TEST_SUITE_P(Sizes, ChainSystemTest,
-                         testing::Values(std::pair{2, 2}, std::pair{3, 4}, std::pair{5, 6},
-                                         std::pair{11, 14}, std::pair{7, 16}, std::pair{4, 30}));
+TEST_P(ChainSystemTest, SolvesWhereJointsBecomeCoupledAndAreNoLonger) {
+  const int states = GetParam().states, width = GetParam().width;
+  const DenseChain dense(GetParam());
+  ChainSystem system;
+  dense.fill(system, GetParam());
+  system.keep();
+  Eigen::VectorXd x(states * width);
+  for (const int coupled : {states - 1, states / 2, 0, -1}) {
+    Eigen::MatrixXd h = dense.h;
+    system.clear();
+    for (int j = 0; j < width && coupled >= 0; ++j) {  // the sum of all that moves, squared
+      const auto column = static_cast<std::size_t>(j) * system.stride();
+      for (int r = j; r < width; ++r) {
+        system.own_block(coupled)[column + static_cast<std::size_t>(r)] += 1.0;
+      }
+    }
+    if (coupled >= 0) h.block(coupled * width, coupled * width, width, width).array() += 1.0;
+    for (int v = 0; v < states * width; ++v) system.rhs(v / width)[v % width] = dense.b[v];
+    system.seal();
+    ASSERT_TRUE(system.solve(0.0, {x.data(), static_cast<std::size_t>(x.size())}));
+    EXPECT_TRUE(x.isApprox(h.llt().solve(dense.b), 1e-9)) << "state " << coupled;
+  }
+}
+
+TEST_P(ChainSystemTest, SpreadsNormalNumbersAsTheInverseHasThem) {
+  const int states = GetParam().states, width = GetParam().width;
+  const DenseChain dense(GetParam());
+  ChainSystem system;
+  dense.fill(system, GetParam());
+  const Eigen::Index n = states * width;
+  Eigen::VectorXd x(n);
+  ASSERT_TRUE(system.solve(0.5, {x.data(), static_cast<std::size_t>(n)}));
+  Eigen::MatrixXd spread = Eigen::MatrixXd::Identity(n, n);
+  for (Eigen::Index v = 0; v < n; ++v) {
+    system.spread({spread.col(v).data(), static_cast<std::size_t>(n)});
+  }
+  Eigen::MatrixXd damped = dense.h;
+  damped.diagonal().array() += 0.5;
+  // Samples are spread * normal numbers, their covariance is spread * spread^T.
+  EXPECT_TRUE((damped * spread * spread.transpose()).isIdentity(1e-8));
+}
+
+INSTANTIATE_TEST_SUITE_P(CoupledThroughout, ChainSystemTest,
+                         testing::Values(coupled_throughout(2, 2), coupled_throughout(3, 4),
+                                         coupled_throughout(5, 6), coupled_throughout(11, 14),
+                                         coupled_throughout(7, 16), coupled_throughout(4, 30)));
+INSTANTIATE_TEST_SUITE_P(CoupledInPart, ChainSystemTest,
+                         testing::Values(ChainShape{11, 14, 3, 5}, ChainShape{11, 14, 0, 2},
+                                         ChainShape{11, 14, 8, 10}, ChainShape{11, 14, 9, 10},
+                                         ChainShape{11, 14, 0, 0}, ChainShape{2, 14, 0, 0},
+                                         ChainShape{7, 16, 5, 6}, ChainShape{9, 18, 3, 5},
+                                         ChainShape{6, 30, 2, 3}));
 
 }  // namespace
 }  // namespace sidestep
