@@ -12,7 +12,8 @@ void ChainSystem::resize(int states, int width) {
   states_ = static_cast<std::size_t>(states);
   width_ = static_cast<std::size_t>(width);
   eliminated_ = 0;
-  begin_ = end_ = 0;
+  begin_ = 0;
+  end_ = states_;
   own_ = padded(width_);
   next_ = padded(width_ + 1);
   // Blocks are written in whole lanes, of which the last may reach beyond the last panel.
@@ -186,7 +187,8 @@ bool ChainSystem::eliminate_next(double lambda) noexcept {
 void ChainSystem::substitute_back(std::span<double> x) noexcept {
   const std::size_t step = solved_stride();
   const auto solved = [&](std::size_t state) { return solved_.data() + state * step; };
-  std::fill_n(solved(end_), step, 0.0);  // nothing is left of it where it is eliminated backwards
+  // Nothing is left of the neighbour where it is eliminated backwards, and of what is no number.
+  std::fill_n(solved_.data(), solved_.size(), 0.0);
   for (std::size_t i = end_; i-- > 0;) {
     if (i < begin_) {
       substitute_joints(Neighbour::kNext, joint_factor(i), joint_panel(i), solved(i + 1), dof(),
