@@ -309,6 +309,14 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   plan.takeover_s = task.departure.lead.duration_s();
   plan.trajectory = joined(task.departure.lead, retimed->trajectory);
   plan.frees_goal = is_goal_free(task.problem);
+  // Longer than what is followed must keep to, lest the robot brake for what it just set out by.
+  const double brake_s = plan.takeover_s + settings_.replan_period_s + settings_.search_s();
+  const auto reached =
+      task.request.reach.first_reach(plan.trajectory, 0.0, brake_s, task.request.now);
+  if (reached) {
+    task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
+    return refuse("before it could stop " + *reached);
+  }
   const auto verdict = task.request.check.check(plan.trajectory, 0.0, task.deadline);
   if (!verdict) return refuse("it cannot be checked: " + verdict.error().describe());
   if (!verdict->valid()) {
@@ -323,14 +331,6 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
     if (!may_go || plan.free_until_s < task.request.least_free_s) return std::nullopt;
   }
   plan.unknown_share = verdict->unknown_share;
-  // Longer than what is followed must keep to, lest the robot brake for what it just set out by.
-  const double brake_s = plan.takeover_s + settings_.replan_period_s + settings_.search_s();
-  const auto reached =
-      task.request.reach.first_reach(plan.trajectory, 0.0, brake_s, task.request.now);
-  if (reached) {
-    task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
-    return refuse("before it could stop " + *reached);
-  }
   return plan;
 }
 

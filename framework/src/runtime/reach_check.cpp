@@ -20,7 +20,11 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
     : robot_(std::move(robot)),
       limits_(std::move(limits)),
       speed_mps_(speed_mps),
-      margin_m_(margin_m) {}
+      margin_m_(margin_m) {
+  for (const CollisionSphere& sphere : robot_->description().spheres) {
+    largest_m_ = std::max(largest_m_, sphere.radius_m);
+  }
+}
 
 /// The motion and then a stop, along the path where that can be, else beside it; nothing where
 /// neither can be.
@@ -40,43 +44,70 @@ std::optional<Trajectory> ReachCheck::until_rest(const Trajectory& motion, doubl
   return joined(lead, *stop);
 }
 
-std::optional<std::string> ReachCheck::first_reach(const Trajectory& motion, double from_s,
-                                                   double brake_s, Stamp now) const {
-  if (speed_mps_ <= 0.0 || moving_ == nullptr || moving_->balls.empty()) return std::nullopt;
-  const auto contingency = until_rest(motion, from_s, brake_s);
-  if (!contingency) return "something moves, and no stop can be found";
-  const double age_s = std::max(0.0, now.seconds() - moving_->stamp.seconds());
-  const std::vector<CollisionSphere>& spheres = robot_->description().spheres;
-  std::vector<Eigen::Vector3d> centres(spheres.size());
-  double largest_m = 0.0;
-  for (const CollisionSphere& sphere : spheres) largest_m = std::max(largest_m, sphere.radius_m);
-  std::vector<double> q(static_cast<std::size_t>(motion.dof));
+std::optional<Contingency> ReachCheck::contingency(const Trajectory& motion, double from_s,
+                                                   double brake_s) const {
+  const auto way = until_rest(motion, from_s, brake_s);
+  if (!way) return std::nullopt;
+  const int steps = std::max(1, static_cast<int>(std::ceil(way->duration_s() / kStep_s)));
+  const auto states = static_cast<std::size_t>(steps) + 1;
+  const auto dof = static_cast<std::size_t>(motion.dof);
+  const std::size_t spheres = robot_->description().spheres.size();
+  Contingency out;
+  out.begin_s = from_s;
+  out.brake_s = brake_s;
+  out.centres_m.resize(states * spheres);
+  std::vector<double> q(states * dof);
+  for (std::size_t i = 0; i < states; ++i) {
+    out.times_s.push_back(way->duration_s() * static_cast<double>(i) / steps);
+    way->sample(out.times_s.back(), std::span(q).subspan(i * dof, dof), {});
+  }
   Scratch scratch;
-  const int steps = std::max(1, static_cast<int>(std::ceil(contingency->duration_s() / kStep_s)));
-  for (int i = 0; i <= steps; ++i) {
-    const double time_s = contingency->duration_s() * i / steps;
-    contingency->sample(time_s, q, {});
-    robot_->sphere_centres(q, centres, scratch);
+  robot_->sphere_centres(q, out.centres_m, scratch);
+  for (std::size_t i = 0; i < states; ++i) {
+    Eigen::AlignedBox3d& box = out.boxes_m.emplace_back();
+    for (std::size_t s = 0; s < spheres; ++s) box.extend(out.centres_m[i * spheres + s]);
+  }
+  return out;
+}
+
+std::optional<std::string> ReachCheck::first_reach(const Contingency& contingency, Stamp begin,
+                                                   Stamp now) const {
+  if (!sees_anything()) return std::nullopt;
+  const std::vector<CollisionSphere>& spheres = robot_->description().spheres;
+  const double begin_s = begin.seconds() - now.seconds();
+  const double seen_s = std::min(0.0, moving_->stamp.seconds() - now.seconds());
+  for (std::size_t i = 0; i < contingency.times_s.size(); ++i) {
+    const double in_s = begin_s + contingency.times_s[i];
+    const bool is_last = i + 1 == contingency.times_s.size();
+    if (in_s + kStep_s < 0.0 && !is_last) continue;  // over
     // What moves is taken to be where it can be at the end of the step.
-    const double grown_m = margin_m_ + speed_mps_ * (age_s + time_s + kStep_s);
-    Eigen::AlignedBox3d around;
-    for (const Eigen::Vector3d& centre : centres) around.extend(centre);
+    const double grown_m = margin_m_ + speed_mps_ * (std::max(in_s, 0.0) - seen_s + kStep_s);
+    const Eigen::Vector3d* centres_m = contingency.centres_m.data() + i * spheres.size();
     for (const MovingBall& ball : moving_->balls) {
-      if (around.exteriorDistance(ball.centre_m) >= largest_m + ball.radius_m + grown_m) continue;
+      const double near_m = largest_m_ + ball.radius_m + grown_m;
+      if (contingency.boxes_m[i].exteriorDistance(ball.centre_m) >= near_m) continue;
       for (std::size_t s = 0; s < spheres.size(); ++s) {
         const double apart_m = spheres[s].radius_m + ball.radius_m + grown_m;
-        if ((centres[s] - ball.centre_m).squaredNorm() >= apart_m * apart_m) continue;
+        if ((centres_m[s] - ball.centre_m).squaredNorm() >= apart_m * apart_m) continue;
         const auto link = static_cast<std::size_t>(spheres[s].link);
         char text[160];
         std::snprintf(text, sizeof text,
                       "what moves at (%.2f, %.2f, %.2f) m could reach %s in %.2g s",
                       ball.centre_m.x(), ball.centre_m.y(), ball.centre_m.z(),
-                      robot_->description().links[link].name.c_str(), time_s);
+                      robot_->description().links[link].name.c_str(), std::max(in_s, 0.0));
         return text;
       }
     }
   }
   return std::nullopt;
+}
+
+std::optional<std::string> ReachCheck::first_reach(const Trajectory& motion, double from_s,
+                                                   double brake_s, Stamp now) const {
+  if (!sees_anything()) return std::nullopt;
+  const auto way = contingency(motion, from_s, brake_s);
+  if (!way) return "something moves, and no stop can be found";
+  return first_reach(*way, now, now);
 }
 
 }  // namespace sidestep::detail

@@ -3,6 +3,9 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
 
 #include <sidestep/mapping/moving_obstacles.hpp>
 #include <sidestep/robot/robot_model.hpp>
@@ -10,6 +13,16 @@
 #include <sidestep/trajectory/trajectory.hpp>
 
 namespace sidestep::detail {
+
+/// A motion that goes on until it brakes, and then comes to rest as fast as limits allow: where the
+/// robot's spheres are on it.
+struct Contingency {
+  double begin_s = 0.0;         ///< On the motion's clock, as brake_s.
+  double brake_s = 0.0;         ///< When braking begins.
+  std::vector<double> times_s;  ///< Of the states that are looked at, after begin_s; ascending.
+  std::vector<Eigen::Vector3d> centres_m;    ///< Of all spheres, state by state. World frame.
+  std::vector<Eigen::AlignedBox3d> boxes_m;  ///< Around the centres of each state.
+};
 
 /// Passive safety (Macek, Vasquez, Fraichard and Siegwart, "Towards safe vehicle navigation in
 /// dynamic urban scenarios", 2009): nothing that has been seen moving, and is no faster than it is
@@ -21,9 +34,23 @@ class ReachCheck {
              double margin_m);
 
   void look_at(std::shared_ptr<const MovingObstacles> moving) { moving_ = std::move(moving); }
+  /// Whether anything moves that could reach the robot anywhere.
+  [[nodiscard]] bool sees_anything() const noexcept {
+    return speed_mps_ > 0.0 && moving_ != nullptr && !moving_->balls.empty();
+  }
+
+  /// `motion` from `from_s` on, braking at `brake_s`, along the path where that can be, else beside
+  /// it; nothing where neither can be. Most of what first_reach() costs.
+  [[nodiscard]] std::optional<Contingency> contingency(const Trajectory& motion, double from_s,
+                                                       double brake_s) const;
+
+  /// What could reach the robot on a contingency, which begins at the stamp `begin`, from `now` on;
+  /// nothing where nothing could.
+  [[nodiscard]] std::optional<std::string> first_reach(const Contingency& contingency, Stamp begin,
+                                                       Stamp now) const;
 
   /// What could reach the robot if it followed `motion` from `from_s`, which is `now`, until
-  /// `brake_s`, and then came to rest as fast as its limits allow; nothing where nothing could.
+  /// `brake_s`, and then came to rest; nothing where nothing could.
   [[nodiscard]] std::optional<std::string> first_reach(const Trajectory& motion, double from_s,
                                                        double brake_s, Stamp now) const;
 
@@ -35,6 +62,7 @@ class ReachCheck {
   MotionLimits limits_;
   double speed_mps_;
   double margin_m_;
+  double largest_m_ = 0.0;  ///< Radius of the largest sphere.
   std::shared_ptr<const MovingObstacles> moving_;
 };
 

@@ -89,6 +89,12 @@ Replanner::Status Replanner::Impl::status() const {
   return followed.size() > 0 || is_moving ? Status::kMoving : Status::kWaiting;
 }
 
+void Replanner::Impl::set_followed(Trajectory motion, Stamp start) {
+  followed = std::move(motion);
+  followed_start = start;
+  contingency.reset();
+}
+
 bool Replanner::Impl::is_overdue() const {
   return settings.limit_wall_time && 1e-3 * watch.elapsed_ms() > settings.longest_step_s();
 }
@@ -172,12 +178,27 @@ void Replanner::Impl::supervise() {
   if (settings.cost_tolerance > 0.0 && is_due()) improve();
 }
 
+/// A stop that begins no earlier than must be is looked for ahead of need, between two maps, and
+/// held against what moves in each: to find one takes longer than all else in most steps.
 bool Replanner::Impl::slows_down() {
   // A later step has the same chance only once this one is over, with the search that may follow.
   constexpr double kStep_s = 0.02;
+  constexpr double kAhead_s = 0.03;
+  constexpr double kRenewed_s = 0.01;
+  if (!reach.sees_anything()) return false;
   const double now_s = followed_s(now);
   const double brake_s =
       followed_s(present()) + settings.stop_lead_s + kStep_s + settings.search_s();
+  const double spare_s = contingency ? contingency->brake_s - brake_s : -1.0;
+  if (spare_s < 0.0 || (spare_s < kRenewed_s && now != map_came)) {
+    contingency = reach.contingency(followed, now_s, brake_s + kAhead_s);
+    is_unreached = false;
+  }
+  if (contingency && !is_unreached) {
+    const Stamp begin = Stamp::from_seconds(followed_start.seconds() + contingency->begin_s);
+    is_unreached = !reach.first_reach(*contingency, begin, now);
+  }
+  if (contingency && is_unreached) return false;
   const auto cause = reach.first_reach(followed, now_s, brake_s, now);
   if (!cause) return false;
   halt(Reason::kMoving, *cause);
@@ -339,9 +360,8 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   if (is_overdue()) overdue_by = parts.executor_name;
   const bool was_slowed = halted && halted->reason == Reason::kMoving && followed.size() > 0;
   const bool was_followed = followed.size() > 0 && (!is_braking || was_slowed);
-  followed = plan.trajectory;
+  set_followed(plan.trajectory, now);
   unfinished = plan.trajectory;
-  followed_start = now;
   is_braking = false;
   is_moving = true;
   is_checked = is_sound = !std::isfinite(plan.free_until_s);

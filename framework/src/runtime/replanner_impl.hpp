@@ -40,6 +40,7 @@ struct Replanner::Impl {
   bool replan(detail::Departure departure, Reason reason, const std::string& cause,
               std::optional<double> to_beat = {});
   bool follow(const detail::SearchResult& found, Reason reason, const std::string& cause);
+  void set_followed(Trajectory motion, Stamp start);
   [[nodiscard]] bool is_due() const;
 
   // What it sees: replanner_map.cpp.
@@ -96,8 +97,10 @@ struct Replanner::Impl {
 
   Trajectory followed;  ///< Empty where nothing is.
   Stamp followed_start;
-  Trajectory unfinished;    ///< The last one that was to lead to the goal, which stops interrupt.
-  bool is_braking = false;  ///< What is followed is a stop.
+  std::optional<detail::Contingency> contingency;  ///< Of what is followed; braking not too early.
+  bool is_unreached = false;  ///< Nothing that moves in the newest map could reach the robot on it.
+  Trajectory unfinished;      ///< The last one that was to lead to the goal, which stops interrupt.
+  bool is_braking = false;    ///< What is followed is a stop.
   bool is_at_goal = false;
   bool is_moving = false;  ///< As measured.
   Stamp measured_at;

@@ -93,7 +93,7 @@ void Replanner::Impl::end_motion(const RobotState& measured) {
   if (is_braking && halted && halted->reason == Reason::kMoving) {
     tell(Event::Kind::kStopped, halted->reason, halted->cause);
   }
-  followed = {};
+  set_followed({}, followed_start);
   is_braking = false;
   blocked.reset();
 }
@@ -128,6 +128,7 @@ bool Replanner::Impl::look_at_map() {
   field = std::move(newest);
   map_came = now;
   reach.look_at(std::move(moving));
+  is_unreached = false;
   is_checked = false;
   const double kept_m = margin_m;
   use_margin(settings.margin_m);

@@ -65,8 +65,7 @@ bool Replanner::Impl::follow_verified_stop(std::string& how) {
       how = "; the executor refused the stop: " + accepted.error().describe();
       return false;
     }
-    followed = motion;
-    followed_start = begin;
+    set_followed(motion, begin);
     is_braking = is_sound = true;
     how = stop == &along_path ? "" : "; the robot stops beside its path";
     return true;
@@ -76,7 +75,7 @@ bool Replanner::Impl::follow_verified_stop(std::string& how) {
 }
 
 std::string Replanner::Impl::stop_by_executor() {
-  followed = {};
+  set_followed({}, followed_start);
   is_braking = false;
   rested_at.reset();
   const auto stopped = in_stage(parts.executor_name, [&] { return parts.executor.stop(); });

@@ -1,0 +1,112 @@
+#include <algorithm>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "reach_check.hpp"
+#include "support/ball_robot.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kCruise_mps = 0.4;
+constexpr double kBrake_mps2 = 0.25;
+constexpr double kWalk_mps = 0.5;
+constexpr double kBody_m = 0.2;
+constexpr double kMargin_m = 0.05;
+/// Between two states that the check looks at: in it, both may come this much nearer.
+constexpr double kLook_s = 0.1;
+constexpr double kSlack_m = kLook_s * (kWalk_mps + kCruise_mps) + 1e-3;
+
+/// Along x at cruising speed from its time 0 on; at rest in the end.
+Trajectory cruise() {
+  Trajectory motion = make_trajectory(3, 3, 0.0);
+  const double stop_s = kCruise_mps / kBrake_mps2;
+  motion.times_s = {0.0, 10.0, 10.0 + stop_s};
+  motion.qdot(0)[0] = motion.qdot(1)[0] = kCruise_mps;
+  motion.q(1)[0] = 10.0 * kCruise_mps;
+  motion.q(2)[0] = (10.0 + 0.5 * stop_s) * kCruise_mps;
+  return motion;
+}
+
+/// Where it is if it brakes from a time on.
+double braking_x_m(double time_s, double brake_s) {
+  const double braking_s = std::clamp(time_s - brake_s, 0.0, kCruise_mps / kBrake_mps2);
+  return kCruise_mps * std::min(time_s, brake_s) +
+         braking_s * (kCruise_mps - 0.5 * kBrake_mps2 * braking_s);
+}
+
+struct Meeting {
+  MovingBall ball;
+  double now_s, brake_s;
+
+  /// By how much the ball, grown by its way since `now_s`, comes nearer than it may before the
+  /// robot is at rest; negative where it does not.
+  [[nodiscard]] double worst_m() const {
+    double worst = -1e9;
+    const double rest_s = brake_s + kCruise_mps / kBrake_mps2;
+    for (double t = now_s; t <= rest_s; t += 1e-3) {
+      const Eigen::Vector3d robot_m(braking_x_m(t, brake_s), 0.0, 0.0);
+      const double grown_m = ball.radius_m + kBody_m + kMargin_m + kWalk_mps * (t - now_s);
+      worst = std::max(worst, grown_m - (robot_m - ball.centre_m).norm());
+    }
+    return worst;
+  }
+};
+
+Stamp at(double time_s) { return Stamp::from_seconds(time_s); }
+
+detail::ReachCheck reach_check() {
+  return {std::make_shared<testing_support::BallRobot>(kBody_m),
+          {{1.0, 1.0, 1.0}, {kBrake_mps2, kBrake_mps2, kBrake_mps2}, {}},
+          kWalk_mps,
+          kMargin_m};
+}
+
+std::shared_ptr<const MovingObstacles> seen(const MovingBall& ball, Stamp stamp) {
+  auto moving = std::make_shared<MovingObstacles>();
+  moving->balls = {ball};
+  moving->stamp = stamp;
+  return moving;
+}
+
+TEST(ReachCheck, OfContingencyHoldsFromAnyInstantOnUntilItBrakes) {
+  detail::ReachCheck reach = reach_check();
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> along(-3.0, 5.0), beside(-2.0, 2.0), share(0.0, 1.0);
+  int reached = 0, clear = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    const double begin_s = 4.0 * share(random);
+    const double brake_s = begin_s + 0.05 + 2.0 * share(random);
+    const auto contingency = reach.contingency(cruise(), begin_s, brake_s);
+    ASSERT_TRUE(contingency);
+    const double now_s = begin_s + share(random) * (brake_s - begin_s);
+    const Meeting meeting{{{along(random), beside(random), 0.0}, 0.3}, now_s, brake_s};
+    reach.look_at(seen(meeting.ball, at(now_s)));
+    const auto cause = reach.first_reach(*contingency, at(begin_s), at(now_s));
+    const double worst_m = meeting.worst_m();
+    if (worst_m > 1e-3) {
+      EXPECT_TRUE(cause) << trial << ": nearer by " << worst_m << " m";
+      ++reached;
+    } else if (worst_m < -kSlack_m) {
+      EXPECT_FALSE(cause) << trial << ": " << *cause << ", but is off by " << -worst_m << " m";
+      ++clear;
+    }
+  }
+  EXPECT_GT(reached, 50);
+  EXPECT_GT(clear, 50);
+}
+
+TEST(ReachCheck, OfContingencySaysNothingOfWhatTheRobotHasPassed) {
+  detail::ReachCheck reach = reach_check();
+  const auto contingency = reach.contingency(cruise(), 0.0, 3.0);
+  ASSERT_TRUE(contingency);
+  const MovingBall at_begin{{-0.2, 0.0, 0.0}, 0.3};
+  reach.look_at(seen(at_begin, at(0.0)));
+  EXPECT_TRUE(reach.first_reach(*contingency, at(0.0), at(0.0)));
+  reach.look_at(seen(at_begin, at(2.9)));
+  EXPECT_FALSE(reach.first_reach(*contingency, at(0.0), at(2.9)));
+}
+
+}  // namespace
+}  // namespace sidestep
