@@ -147,6 +147,12 @@ class Cells {
 std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyView& map,
                                                               const Eigen::Vector3d& eye_m,
                                                               Stamp stamp) {
+  auto moving = look(map, stamp);
+  remember(map, eye_m, stamp);
+  return moving;
+}
+
+std::shared_ptr<const MovingObstacles> MotionDetector::look(const OccupancyView& map, Stamp stamp) {
   const GridSpec& grid = map.occupancy_grid();
   if (!past_.empty() && (past_.back().grid != grid || stamp < past_.back().stamp)) past_.clear();
   const auto is_old_enough = [&](const Past& past) {
@@ -166,6 +172,7 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
     const auto ny = static_cast<std::size_t>(grid.size_vox.y());
     Cells cells(settings_.cell_m);
     for (std::size_t w = 0; w < occupied.words.size(); ++w) {
+      if (occupied.words[w] == 0) continue;  // most: what was there before need not be read
       const std::uint64_t moved = occupied.words[w] & then.known[w] & ~then.near_occupied[w];
       if (moved == 0) continue;
       const std::size_t row = w / per_row;
@@ -184,7 +191,6 @@ std::shared_ptr<const MovingObstacles> MotionDetector::update(const OccupancyVie
     }
     moving->balls = cells.balls(grid.resolution_m, settings_.least_vox);
   }
-  remember(map, eye_m, stamp);
   return moving;
 }
 
@@ -213,7 +219,6 @@ bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
                    });
 }
 
-/// Two a memory are enough.
 void MotionDetector::remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp) {
   if (!past_.empty() && stamp.seconds() - past_.back().stamp.seconds() < 0.5 * settings_.memory_s) {
     return;

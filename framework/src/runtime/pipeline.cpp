@@ -60,15 +60,17 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     watch.restart();
     MapSnapshot snapshot{std::move(*field), nullptr};
     const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
-    if (parts_.motion_detector != nullptr && occupancy != nullptr) {
-      snapshot.moving = parts_.motion_detector->update(
-          *occupancy, (*frame)->T_world_camera.translation(), step.stamp);
-    }
+    const bool finds_motion = parts_.motion_detector != nullptr && occupancy != nullptr;
+    if (finds_motion) snapshot.moving = parts_.motion_detector->look(*occupancy, step.stamp);
     step.motion_ms = watch.elapsed_ms();
 
     watch.restart();
     parts_.slot.publish(std::move(snapshot));
     step.publish_ms = watch.elapsed_ms();
+    if (finds_motion) {
+      parts_.motion_detector->remember(*occupancy, (*frame)->T_world_camera.translation(),
+                                       step.stamp);
+    }
     return step;
   }
 }

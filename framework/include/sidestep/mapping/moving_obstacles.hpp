@@ -38,11 +38,17 @@ class SIDESTEP_EXPORT MotionDetector {
  public:
   explicit MotionDetector(MotionDetectorSettings settings = {}) : settings_(settings) {}
 
-  /// Looks at the map after a frame with this stamp, taken from `eye_m`. Where the grid has moved
-  /// or the stamps went back, it begins anew. Allocates.
+  /// look(), and then remember().
   [[nodiscard]] std::shared_ptr<const MovingObstacles> update(const OccupancyView& map,
                                                               const Eigen::Vector3d& eye_m,
                                                               Stamp stamp);
+
+  /// What moves in the map after a frame with this stamp. Where the grid has moved or the stamps
+  /// went back, it begins anew. Allocates.
+  [[nodiscard]] std::shared_ptr<const MovingObstacles> look(const OccupancyView& map, Stamp stamp);
+  /// Keeps the map, seen from `eye_m`, for later ones to be held against, where it is time: twice a
+  /// memory. To be called after look(), with the same map; nobody needs to wait for it.
+  void remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp);
 
  private:
   /// A map as it was.
@@ -59,7 +65,6 @@ class SIDESTEP_EXPORT MotionDetector {
     std::vector<std::uint64_t> in_sight, hidden;
   };
   [[nodiscard]] static bool could_be_seen(const Eigen::Vector3d& p, const Past& then);
-  void remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp);
 
   MotionDetectorSettings settings_;
   std::deque<Past> past_;  ///< Oldest first.
