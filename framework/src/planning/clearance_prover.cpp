@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 namespace sidestep {
@@ -58,6 +59,7 @@ struct ClearanceProver::Workspace {
   std::vector<double> q;  // one row per time
   std::vector<double> piece_times;
   std::vector<ClearanceReading> piece_ends;  // all items at each of piece_times
+  std::optional<double> read_to;             // the last of piece_times
   std::vector<double> variation;
   std::vector<double> levers;  // spheres x dof
   std::vector<Eigen::Vector3d> jacobians;
@@ -224,19 +226,20 @@ void ClearanceProver::read(std::span<const double> q, std::span<ClearanceReading
   for (std::size_t i = 0; i < w.measurements.size(); ++i) readings[i] = w.measurements[i].reading;
 }
 
-Shortfall ClearanceProver::shortfall(const Gap& gap, double way_m, Workspace& w) const {
-  const double in_field_m = field_shortfall_m(gap, way_m, w);
-  const double above_floor_m = 0.5 * (gap.a.floor_m + gap.b.floor_m - way_m);
-  const double to_floor_m = required_m(gap.item) - above_floor_m;
+Shortfall ClearanceProver::shortfall(int item, const ClearanceReading& a, const ClearanceReading& b,
+                                     double way_m, Workspace& w) const {
+  const double in_field_m = field_shortfall_m(item, a, b, way_m, w);
+  const double above_floor_m = 0.5 * (a.floor_m + b.floor_m - way_m);
+  const double to_floor_m = required_m(item) - above_floor_m;
   return to_floor_m > in_field_m ? Shortfall(to_floor_m, true) : Shortfall(in_field_m);
 }
 
-double ClearanceProver::field_shortfall_m(const Gap& gap, double way_m, Workspace& w) const {
-  const ClearanceReading& a = gap.a;
-  const ClearanceReading& b = gap.b;
-  const double clear_m = 0.5 * (a.smooth_m + b.smooth_m - fall_m(gap.item, way_m));
-  const double shortfall = required_m(gap.item) - clear_m;
-  if (gap.item >= sphere_count_) return shortfall;
+double ClearanceProver::field_shortfall_m(int item, const ClearanceReading& a,
+                                          const ClearanceReading& b, double way_m,
+                                          Workspace& w) const {
+  const double clear_m = 0.5 * (a.smooth_m + b.smooth_m - fall_m(item, way_m));
+  const double shortfall = required_m(item) - clear_m;
+  if (item >= sphere_count_) return shortfall;
   if (space_.outside == Space::kFree) {
     if (0.5 * (a.inside_m + b.inside_m + way_m) < 0.0) return 0.0;  // never comes inside
   } else {
@@ -244,12 +247,13 @@ double ClearanceProver::field_shortfall_m(const Gap& gap, double way_m, Workspac
     if (!(inside_m > 0.0)) return std::max(shortfall, way_m);
   }
   if (!(shortfall <= 0.0) || space_.unknown == Space::kFree) return shortfall;
-  return stays_known(gap, way_m, w) ? shortfall : way_m;
+  return stays_known(a, b, way_m, w) ? shortfall : way_m;
 }
 
-bool ClearanceProver::stays_known(const Gap& gap, double way_m, Workspace& w) const {
+bool ClearanceProver::stays_known(const ClearanceReading& a, const ClearanceReading& b,
+                                  double way_m, Workspace& w) const {
   const GridSpec& grid = field_->info().grid;
-  const Eigen::Vector3d middle = 0.5 * (gap.a.centre_m + gap.b.centre_m);
+  const Eigen::Vector3d middle = 0.5 * (a.centre_m + b.centre_m);
   const double radius_m = 0.5 * way_m;
   if (!(radius_m < kMaxVoxels * grid.resolution_m)) return false;
   const Eigen::Array3d last_voxel = grid.size_vox.cast<double>().array() - 1.0;
@@ -291,16 +295,7 @@ ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& li
                                             const Deadline& deadline, Workspace& w) const {
   if (deadline.expired()) return End::kDeadline;
   const int pieces = piece_count(request, w);
-  w.times.clear();
-  for (int p = 0; p <= pieces; ++p) {
-    const double share = pieces == 0 ? 0.0 : static_cast<double>(p) / pieces;
-    w.times.push_back(p == pieces && p > 0 ? request.to
-                                           : request.from + share * (request.to - request.from));
-  }
-  if (!measure_all(request.motion, listener, w)) return End::kStopped;
-  w.piece_times = w.times;
-  w.piece_ends.clear();
-  for (const Measurement& m : w.measurements) w.piece_ends.push_back(m.reading);
+  if (!measure_ends(request, pieces, listener, w)) return End::kStopped;
   if (pieces == 0 && request.to > request.from) {
     for (int item = 0; item < item_count(); ++item) {
       if (!listener.on_unproven(request.from, item, kInfinity)) return End::kStopped;
@@ -311,6 +306,30 @@ ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& li
     if (end != End::kFinished) return end;
   }
   return End::kFinished;
+}
+
+bool ClearanceProver::measure_ends(const Request& request, int pieces, Listener& listener,
+                                   Workspace& w) const {
+  const std::size_t items = at(item_count());
+  const bool goes_on = request.goes_on && w.read_to == request.from;
+  if (goes_on) {
+    w.piece_ends.erase(w.piece_ends.begin(),
+                       w.piece_ends.end() - static_cast<std::ptrdiff_t>(items));
+  } else {
+    w.piece_ends.clear();
+  }
+  w.piece_times.clear();
+  for (int p = 0; p <= pieces; ++p) {
+    const double share = pieces == 0 ? 0.0 : static_cast<double>(p) / pieces;
+    w.piece_times.push_back(
+        p == pieces && p > 0 ? request.to : request.from + share * (request.to - request.from));
+  }
+  w.times.assign(w.piece_times.begin() + (goes_on ? 1 : 0), w.piece_times.end());
+  w.read_to.reset();
+  if (!measure_all(request.motion, listener, w)) return false;
+  for (const Measurement& m : w.measurements) w.piece_ends.push_back(m.reading);
+  w.read_to = w.piece_times.back();
+  return true;
 }
 
 int ClearanceProver::piece_count(const Request& request, Workspace& w) const {
@@ -385,13 +404,26 @@ bool ClearanceProver::open_piece(const Request& request, int piece, Listener& li
   w.gaps.clear();
   for (std::size_t k = 0; k <= inner; ++k) {
     const std::size_t first = w.gaps.size();
+    const double begin = k == 0 ? from : w.times[k - 1];
+    const double end = k == inner ? to : w.times[k];
+    if (inner > 0) request.motion.variation(begin, end, w.variation);
     for (std::size_t item = 0; item < items; ++item) {
-      w.gaps.push_back({static_cast<int>(item), reading(k, item), reading(k + 1, item)});
+      // Most are settled at once, and their readings need not be kept.
+      const auto number = static_cast<int>(item);
+      if (is_settled(number, reading(k, item), reading(k + 1, item), w)) continue;
+      w.gaps.push_back({number, reading(k, item), reading(k + 1, item)});
     }
-    w.intervals.push_back(
-        {k == 0 ? from : w.times[k - 1], k == inner ? to : w.times[k], first, w.gaps.size()});
+    if (w.gaps.size() > first) w.intervals.push_back({begin, end, first, w.gaps.size()});
   }
   return true;
+}
+
+/// Whether there is nothing to show between two readings: an end is in collision, and has been
+/// told of, or they are far enough off for the way in between, at the variation in the workspace.
+bool ClearanceProver::is_settled(int item, const ClearanceReading& a, const ClearanceReading& b,
+                                 Workspace& w) const {
+  if (violates(item, a) || violates(item, b)) return true;
+  return shortfall(item, a, b, way_m(item, w), w).amount_m <= 0.0;
 }
 
 /// Leaves only the gaps that must be halved.
@@ -408,7 +440,7 @@ bool ClearanceProver::sift(const Request& request, Listener& listener, Workspace
       const Gap& gap = w.gaps[g];
       if (violates(gap.item, gap.a) || violates(gap.item, gap.b)) continue;
       const double way = way_m(gap.item, w);
-      const Shortfall short_of = shortfall(gap, way, w);
+      const Shortfall short_of = shortfall(gap.item, gap.a, gap.b, way, w);
       if (short_of.amount_m <= 0.0) continue;
       if (!is_divisible || !(way > request.min_step_m)) {
         if (!listener.on_unproven(middle, gap.item, short_of)) return false;

@@ -86,6 +86,9 @@ class ClearanceProver {
     double to = 0.0;          ///< Equal to `from`: that instant alone.
     double max_step_m = 0.0;  ///< First spacing of checks, as motion of spheres.
     double min_step_m = 0.0;  ///< Halving ends here.
+    /// At `from` the robot is where the last proof in this workspace ended: what was read there
+    /// need not be read again.
+    bool goes_on = false;
   };
 
   /// The temporaries of a proof, one per thread.
@@ -131,13 +134,23 @@ class ClearanceProver {
   [[nodiscard]] int piece_count(const Request& request, Workspace& workspace) const;
   /// All items at workspace.times; false if the listener ends it.
   bool measure_all(const Motion& motion, Listener& listener, Workspace& workspace) const;
+  /// The same between the pieces of a motion and at its ends, into workspace.piece_ends.
+  bool measure_ends(const Request& request, int pieces, Listener& listener,
+                    Workspace& workspace) const;
   void measure(Workspace& workspace) const;
   void measure_spheres(Workspace& workspace) const;
   void measure_pairs(Workspace& workspace) const;
   [[nodiscard]] double fall_m(int item, double way_m) const noexcept;
-  [[nodiscard]] Shortfall shortfall(const Gap& gap, double way_m, Workspace& workspace) const;
-  [[nodiscard]] double field_shortfall_m(const Gap& gap, double way_m, Workspace& workspace) const;
-  [[nodiscard]] bool stays_known(const Gap& gap, double way_m, Workspace& workspace) const;
+  /// Between two readings of an item, for a bound on its way from one to the other.
+  [[nodiscard]] Shortfall shortfall(int item, const ClearanceReading& a, const ClearanceReading& b,
+                                    double way_m, Workspace& workspace) const;
+  [[nodiscard]] double field_shortfall_m(int item, const ClearanceReading& a,
+                                         const ClearanceReading& b, double way_m,
+                                         Workspace& workspace) const;
+  [[nodiscard]] bool stays_known(const ClearanceReading& a, const ClearanceReading& b, double way_m,
+                                 Workspace& workspace) const;
+  [[nodiscard]] bool is_settled(int item, const ClearanceReading& a, const ClearanceReading& b,
+                                Workspace& workspace) const;
   End prove_piece(const Request& request, int piece, Listener& listener, const Deadline& deadline,
                   Workspace& workspace) const;
   bool open_piece(const Request& request, int piece, Listener& listener,

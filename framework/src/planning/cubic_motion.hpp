@@ -50,9 +50,14 @@ struct Cubic {
   }
   /// Length of the way from s = a to s = b, there and back counted both.
   [[nodiscard]] double variation(double a, double b) const noexcept {
+    return variation(a, b, turning_points());
+  }
+  /// The same where the turning points are known.
+  [[nodiscard]] double variation(double a, double b,
+                                 const std::array<double, 2>& turns) const noexcept {
     double total = 0.0;
     double from = a;
-    for (const double turn : turning_points()) {
+    for (const double turn : turns) {
       if (!(turn > from && turn < b)) continue;
       total += std::abs(position(turn) - position(from));
       from = turn;
@@ -72,10 +77,20 @@ class CubicMotion {
     const double h = trajectory.times_s[static_cast<std::size_t>(state) + 1] - begin_s_;
     duration_s_ = h;
     joints_.resize(dof);
+    turns_.resize(dof);
     for (std::size_t j = 0; j < dof; ++j) {
       joints_[j] = Cubic::hermite(trajectory.q(state)[j], trajectory.qdot(state)[j],
                                   trajectory.q(state + 1)[j], trajectory.qdot(state + 1)[j], h);
+      turns_[j] = joints_[j].turning_points();
     }
+  }
+  /// Cubic::variation() of a joint.
+  [[nodiscard]] double variation(std::size_t joint, double a, double b) const noexcept {
+    return joints_[joint].variation(a, b, turns_[joint]);
+  }
+  /// Where a joint's velocity is zero, as Cubic::turning_points().
+  [[nodiscard]] const std::array<double, 2>& turns(std::size_t joint) const noexcept {
+    return turns_[joint];
   }
   [[nodiscard]] const std::vector<Cubic>& joints() const noexcept { return joints_; }
   [[nodiscard]] double begin_s() const noexcept { return begin_s_; }
@@ -86,16 +101,20 @@ class CubicMotion {
   double begin_s_ = 0.0;
   double duration_s_ = 0.0;
   std::vector<Cubic> joints_;
+  std::vector<std::array<double, 2>> turns_;
 };
 
 /// Several such pieces, one after the other.
 class CubicChain final : public Motion {
  public:
-  void clear() noexcept { pieces_.clear(); }
+  /// Keeps the memory of its pieces.
+  void clear() noexcept { size_ = 0; }
   const CubicMotion& append(const Trajectory& trajectory, int state) {
-    return pieces_.emplace_back(trajectory, state);
+    if (size_ == pieces_.size()) pieces_.emplace_back();
+    pieces_[size_].take(trajectory, state);
+    return pieces_[size_++];
   }
-  [[nodiscard]] std::size_t size() const noexcept { return pieces_.size(); }
+  [[nodiscard]] std::size_t size() const noexcept { return size_; }
 
   void configuration(double t, std::span<double> q) const override {
     const CubicMotion& piece = *piece_at(t);
@@ -105,27 +124,28 @@ class CubicChain final : public Motion {
   }
   void variation(double from, double to, std::span<double> v) const override {
     std::fill(v.begin(), v.end(), 0.0);
-    for (auto piece = piece_at(from); piece != pieces_.end(); ++piece) {
-      const bool is_first = piece == pieces_.begin() || piece->begin_s() <= from;
-      const bool is_last = piece + 1 == pieces_.end() || piece->end_s() >= to;
+    for (const CubicMotion* piece = piece_at(from); piece != end(); ++piece) {
+      const bool is_first = piece == pieces_.data() || piece->begin_s() <= from;
+      const bool is_last = piece + 1 == end() || piece->end_s() >= to;
       const double a = is_first ? from - piece->begin_s() : 0.0;
       const double b = is_last ? to - piece->begin_s() : piece->duration_s();
-      for (std::size_t j = 0; j < v.size(); ++j) v[j] += piece->joints()[j].variation(a, b);
+      for (std::size_t j = 0; j < v.size(); ++j) v[j] += piece->variation(j, a, b);
       if (is_last) return;
     }
   }
 
  private:
-  using Pieces = std::vector<CubicMotion>;
+  [[nodiscard]] const CubicMotion* end() const noexcept { return pieces_.data() + size_; }
   /// The last one that begins no later than t, else the first.
-  [[nodiscard]] Pieces::const_iterator piece_at(double t) const {
-    const auto after = std::upper_bound(
-        pieces_.begin(), pieces_.end(), t,
+  [[nodiscard]] const CubicMotion* piece_at(double t) const {
+    const CubicMotion* after = std::upper_bound(
+        pieces_.data(), end(), t,
         [](double time, const CubicMotion& piece) { return time < piece.begin_s(); });
-    return after == pieces_.begin() ? after : after - 1;
+    return after == pieces_.data() ? after : after - 1;
   }
 
-  Pieces pieces_;
+  std::vector<CubicMotion> pieces_;  ///< The first size_ of them.
+  std::size_t size_ = 0;
 };
 
 }  // namespace sidestep

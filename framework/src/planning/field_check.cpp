@@ -147,8 +147,8 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
   VerdictBuilder builder(prover_, settings_.first_violation_only);
   ClearanceProver::WorkspacePtr workspace;
   const auto prove = [&](const Motion& motion, double from, double to) {
-    const ClearanceProver::Request request{motion, from, to, settings_.max_step_m,
-                                           settings_.min_step_m};
+    const ClearanceProver::Request request{
+        motion, from, to, settings_.max_step_m, settings_.min_step_m, workspace != nullptr};
     if (workspace == nullptr) workspace = prover_.make_workspace();
     return prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kDeadline;
   };
@@ -272,7 +272,7 @@ void FieldCheck::check_limits(const CubicMotion& motion, double from_s, double t
                          kRounding * std::abs(cubic.q0) / piece_s / piece_s, motion.begin_s() + s,
                          ledger);
     }
-    for (const double s : cubic.turning_points()) {
+    for (const double s : motion.turns(j)) {
       if (within(s)) check_position(j, cubic.position(s), motion.begin_s() + s, ledger);
     }
     const double s = cubic.inflection();
