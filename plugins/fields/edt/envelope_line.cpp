@@ -17,6 +17,11 @@ constexpr std::int64_t kSpreadsPerEnvelope = 12;
 /// Beyond the reach of any cap.
 constexpr int kFarthest = 1 << 16;
 
+/// So many rows on either side of a change are asked whether they bound what it can change. Inside
+/// obstacles and in free space, the first one does as a rule; where none of these does, to ask on
+/// would cost as much as it could save.
+constexpr int kAskedRows = 3;
+
 /// Largest d >= 0 with d^2 < limit; -1 where there is none.
 int largest_offset(int limit) {
   return limit <= 0 ? -1 : static_cast<int>(std::ceil(std::sqrt(static_cast<double>(limit)))) - 1;
@@ -34,6 +39,34 @@ std::uint16_t least_changed(const std::uint16_t* was_tile, const std::uint16_t* 
   std::uint16_t least = lower[0];
   for (int i = 1; i < kTile; ++i) least = std::min(least, lower[i]);
   return least;
+}
+
+/// How many rows beyond `from`, towards `step` (1 or -1) and at most `most`, its change may change.
+///
+/// A row r whose own value is at most the changed one plus the square of their distance stands
+/// nearer to all that lies beyond it, and is at most as high there: neither before nor after the
+/// update does the envelope come from `from` alone at r or beyond. Each of the 16 voxels of a tile
+/// has such a row of its own.
+SIDESTEP_AVX2_CLONES
+int extent(const TileLine& line, int from, int step, int most, const std::uint8_t* row_changed) {
+  constexpr std::uint16_t kUnchanged = 32767;  // at least any cap
+  const Lanes16 was = lanes(line.in_was + from * line.in_was_stride);
+  const Lanes16 is = lanes(line.in + from * line.stride);
+  const Lanes16 least = was < is ? was : is;
+  const Lanes16 lower = was == is ? Lanes16{} + kUnchanged : least;
+  Lanes16 open = ~Lanes16{};
+  const int asked = std::min(most, kAskedRows);
+  for (int d = 1; d <= asked; ++d) {
+    const int row = from + step * d;
+    const Lanes16 after = lanes(line.in + row * line.stride);
+    const Lanes16 before =
+        row_changed[row] != 0 ? lanes(line.in_was + row * line.in_was_stride) : after;
+    const Lanes16 higher = before > after ? before : after;
+    const Lanes16 via = lower + static_cast<std::uint16_t>(d * d);
+    open = higher > via ? open : Lanes16{};
+    if (!any(open)) return d - 1;
+  }
+  return most;
 }
 
 /// The envelope of one row, from the row outwards until the square of the offset exceeds every
@@ -117,6 +150,7 @@ struct EnvelopeLine::Spread {
 EnvelopeLine::EnvelopeLine(int longest, std::uint16_t cap)
     : cap_(cap),
       reach_(largest_offset(cap)),
+      row_changed_(static_cast<std::size_t>(longest), 0),
       fates_(static_cast<std::size_t>(longest), Fate::kKept),
       before_(static_cast<std::size_t>(longest)),
       after_(static_cast<std::size_t>(longest)) {}
@@ -126,22 +160,26 @@ void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> chang
   first_ = line.length;
   last_ = -1;
   total_reach_ = 0;
+  for (const int row : changed) row_changed_[static_cast<std::size_t>(row)] = 1;
   for (const int row : changed) {
     const std::uint16_t least =
         least_changed(line.in_was + row * line.in_was_stride, line.in + row * line.stride);
     const int reach = largest_offset(cap_ - least);
     if (reach < 0) continue;
-    sources_.push_back({row, reach});
-    first_ = std::min(first_, std::max(row - reach, 0));
-    last_ = std::max(last_, std::min(row + reach, line.length - 1));
-    total_reach_ += 2 * reach + 1;
+    const int before = extent(line, row, -1, std::min(reach, row), row_changed_.data());
+    const int after =
+        extent(line, row, 1, std::min(reach, line.length - 1 - row), row_changed_.data());
+    sources_.push_back({row, row - before, row + after});
+    first_ = std::min(first_, row - before);
+    last_ = std::max(last_, row + after);
+    total_reach_ += before + after + 1;
   }
+  for (const int row : changed) row_changed_[static_cast<std::size_t>(row)] = 0;
 }
 
 void EnvelopeLine::mark_all_lost(const TileLine& line) {
   for (const Source& source : sources_) {
-    const int high = std::min(source.row + source.reach, line.length - 1);
-    for (int row = std::max(source.row - source.reach, 0); row <= high; ++row) {
+    for (int row = source.low; row <= source.high; ++row) {
       Fate& fate = fates_[static_cast<std::size_t>(row)];
       if (fate == Fate::kLost) continue;
       fate = Fate::kLost;
@@ -181,8 +219,7 @@ std::span<const int> EnvelopeLine::update(const TileLine& line, std::span<const 
     find_filled(line);
   } else {
     for (const Source& source : sources_) {
-      Spread::spread(line, source.row, std::max(source.row - source.reach, 0),
-                     std::min(source.row + source.reach, line.length - 1), fates_.data());
+      Spread::spread(line, source.row, source.low, source.high, fates_.data());
     }
   }
   changed_.clear();

@@ -40,7 +40,7 @@ class EnvelopeLine {
   };
   struct Source {
     int row;
-    int reach;  ///< Farthest row that it may change.
+    int low, high;  ///< The rows that it may change.
   };
   struct Spread;
 
@@ -55,7 +55,8 @@ class EnvelopeLine {
   std::vector<Source> sources_;
   int first_ = 0, last_ = -1;  ///< Of the rows that the sources reach.
   std::int64_t total_reach_ = 0;
-  std::vector<Fate> fates_;  ///< All kKept between calls.
+  std::vector<std::uint8_t> row_changed_;  ///< All 0 between calls.
+  std::vector<Fate> fates_;                ///< All kKept between calls.
   /// For each row within reach of those, the nearest rows before and after it that hold anything
   /// below the cap, if within reach too.
   std::vector<int> before_, after_;
