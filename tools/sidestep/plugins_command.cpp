@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include <sidestep/experiments/experiment.hpp>
+#include <sidestep/runtime/not_built.hpp>
 #include <sidestep/runtime/reference.hpp>
 
 #include "commands.hpp"
@@ -59,12 +60,32 @@ void print_list(const std::vector<PluginInfo>& plugins) {
   }
 }
 
+/// Plugins that this build has not, and no other folder on the search path has either.
+std::vector<NotBuiltPlugin> left_out(const std::vector<PluginInfo>& plugins) {
+  auto all = plugins_not_built(host_plugin_paths({}, install_layout()));
+  std::erase_if(all, [&](const NotBuiltPlugin& absent) {
+    return std::ranges::any_of(plugins, [&](const PluginInfo& plugin) {
+      return plugin.name == absent.name && to_string(plugin.kind) == absent.kind;
+    });
+  });
+  return all;
+}
+
+void print_left_out(const std::vector<PluginInfo>& plugins) {
+  for (const NotBuiltPlugin& plugin : left_out(plugins)) {
+    std::printf("%-10s %s\n", plugin.kind.c_str(), how_to_build(plugin).c_str());
+  }
+}
+
 ExitCode print_unknown(const std::string& name, const std::vector<PluginInfo>& plugins) {
   std::vector<std::string> names;
   for (const PluginInfo& plugin : plugins) names.push_back(plugin.name);
   const std::string nearest = nearest_name(name, names);
-  const std::string hint = nearest.empty() ? "`sidestep plugins` lists those that are there"
-                                           : "did you mean '" + nearest + "'?";
+  std::string hint = nearest.empty() ? "`sidestep plugins` lists those that are there"
+                                     : "did you mean '" + nearest + "'?";
+  for (const NotBuiltPlugin& plugin : left_out(plugins)) {
+    if (plugin.name == name) hint = how_to_build(plugin);
+  }
   print_errors({Error{ErrorCode::kPlugin, "there is no plugin '" + name + "'", "", hint, nullptr}});
   return ExitCode::kPlugin;
 }
@@ -93,6 +114,7 @@ ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat f
     std::printf("%s\n", list.dump(2).c_str());
   } else if (!name) {
     print_list(wanted);
+    print_left_out(plugins);
   } else {
     for (const PluginInfo& plugin : wanted) {
       std::printf("%s plugin '%s', version %s\n%s.\n%s%s%s\n\n",

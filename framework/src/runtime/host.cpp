@@ -5,6 +5,7 @@
 #include <set>
 
 #include <sidestep/core/seed.hpp>
+#include <sidestep/runtime/not_built.hpp>
 
 #include "plugin_library.hpp"
 
@@ -218,9 +219,18 @@ struct Host::Impl {
     for (const PluginRejection& rejection : rejections) {
       message += "\n    " + rejection.error.describe();
     }
-    const std::string nearest = nearest_name(name.text(), name_list(kind));
     return Error{ErrorCode::kPlugin, std::move(message), name.mark().to_string(),
-                 nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr};
+                 instead_of(kind_name, kind, name.text()), nullptr};
+  }
+
+  /// What to do where there is no plugin of that name: build it, or take the nearest.
+  std::string instead_of(const std::string& kind_name, PluginKind kind,
+                         const std::string& name) const {
+    for (const NotBuiltPlugin& plugin : plugins_not_built(settings.plugin_paths)) {
+      if (plugin.kind == kind_name && plugin.name == name) return how_to_build(plugin);
+    }
+    const std::string nearest = nearest_name(name, name_list(kind));
+    return nearest.empty() ? "" : "did you mean '" + nearest + "'?";
   }
 };
 
