@@ -3,7 +3,8 @@
 # Does nothing when all are there. Uses sudo when not root.
 #
 #   tools/install_deps.sh          what building, testing and running need
-#   tools/install_deps.sh --dev    also clang-format, clang-tidy and what some tests hold results against
+#   tools/install_deps.sh --dev    also clang-format, clang-tidy, ROS 1 for the plugins that speak it, and
+#                                  what some tests hold results against
 set -euo pipefail
 
 packages=(
@@ -23,6 +24,9 @@ packages=(
 )
 if [ "${1:-}" = "--dev" ]; then
   packages+=(clang-format clang-tidy)
+  # ROS 1, for source rosbag and its tests
+  packages+=(libroscpp-core-dev libsensor-msgs-dev libnav-msgs-dev libtf2-msgs-dev libbz2-dev liblz4-dev
+    librosbag-storage-dev)
   packages+=(ompl-demos)  # ompl_benchmark_statistics, with which a test reads a benchmark's database
 elif [ $# -gt 0 ]; then
   echo "usage: tools/install_deps.sh [--dev]" >&2

@@ -1,0 +1,92 @@
+#include "bag.hpp"
+
+#include <string_view>
+#include <utility>
+
+#include "bag_record.hpp"
+
+namespace sidestep::rosbag {
+namespace {
+
+constexpr std::string_view kMagic = "#ROSBAG V2.0\n";
+
+std::string seconds_text(Stamp stamp) {
+  std::string digits = std::to_string(stamp.ns % 1'000'000'000);
+  digits.insert(0, 9 - digits.size(), '0');
+  return std::to_string(stamp.ns / 1'000'000'000) + "." + digits + " s";
+}
+
+Result<void> check_magic(const FileBytes& bytes, const std::string& where) {
+  std::string magic(kMagic.size(), '\0');
+  if (!bytes.read(0, {reinterpret_cast<std::uint8_t*>(magic.data()), magic.size()})) {
+    return fail(ErrorCode::kIo,
+                "the bag is cut off in its first line, at byte " + std::to_string(bytes.size()),
+                where);
+  }
+  if (magic == kMagic) return {};
+  if (magic.starts_with("#ROSBAG V1") || magic.starts_with("#ROSRECORD")) {
+    return fail(ErrorCode::kUnsupported, "the bag has a format older than 2.0", where,
+                "convert it with `rosbag fix`");
+  }
+  return fail(ErrorCode::kUnsupported, "this is no bag of ROS 1", where,
+              "bags of ROS 1 begin with '#ROSBAG V2.0'");
+}
+
+}  // namespace
+
+std::string Damage::describe() const {
+  return what + ", at byte " + std::to_string(offset) +
+         (after ? ", after the message of " + seconds_text(*after) : ", before the first message");
+}
+
+Result<std::unique_ptr<Bag>> Bag::open(const std::filesystem::path& file) {
+  auto bytes = FileBytes::open(file);
+  if (!bytes) return tl::make_unexpected(std::move(bytes.error()));
+  const auto checked = check_magic(**bytes, file.string());
+  if (!checked) return tl::make_unexpected(checked.error());
+  const auto header = read_record(**bytes, kMagic.size(), (*bytes)->size());
+  if (!header || header->op != Op::kBagHeader || header->end() > (*bytes)->size()) {
+    return fail(ErrorCode::kIo,
+                "the bag's header cannot be read, at byte " + std::to_string(kMagic.size()) +
+                    (header ? "" : ": " + header.error()),
+                file.string());
+  }
+  if (const auto encryptor = header->fields.find("encryptor"); encryptor && !encryptor->empty()) {
+    return fail(ErrorCode::kUnsupported, "the bag is encrypted, with " + std::string(*encryptor),
+                file.string(), "decrypt it with `rosbag decrypt`");
+  }
+  std::unique_ptr<Bag> bag(new Bag(file, std::move(*bytes)));
+  bag->index_offset_ = header->fields.u64("index_pos").value_or(0);
+  bag->connection_count_ = header->fields.u32("conn_count").value_or(0);
+  bag->chunk_count_ = header->fields.u32("chunk_count").value_or(0);
+  bag->first_record_ = header->end();
+  return bag;
+}
+
+std::string Bag::load(std::int32_t chunk) {
+  const StoredChunk& wanted = chunks_[static_cast<std::size_t>(chunk)];
+  loaded_ = -1;
+  std::vector<std::uint8_t> stored(wanted.stored_bytes);
+  if (!bytes_->read(wanted.offset, stored)) return "the file cannot be read";
+  ChunkData data = decompress(wanted.compression, stored, wanted.most_bytes);
+  chunk_bytes_ = std::move(data.bytes);
+  loaded_ = chunk;
+  return std::move(data.damage);
+}
+
+Result<std::span<const std::uint8_t>> Bag::read(const MessageRef& ref) {
+  const auto gone = [&] {
+    return fail(ErrorCode::kBadFrame, "the message can no longer be read", file_.string());
+  };
+  if (ref.chunk < 0) {
+    message_bytes_.resize(ref.size_bytes);
+    if (!bytes_->read(ref.offset, message_bytes_)) return gone();
+    return std::span<const std::uint8_t>(message_bytes_);
+  }
+  // A damaged chunk was scanned as far as it goes, and its messages with it.
+  if (loaded_ != ref.chunk) static_cast<void>(load(ref.chunk));
+  if (loaded_ != ref.chunk || ref.offset + ref.size_bytes > chunk_bytes_.size()) return gone();
+  return std::span<const std::uint8_t>(chunk_bytes_).subspan(ref.offset, ref.size_bytes);
+}
+
+}  // namespace sidestep::rosbag

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <tl/expected.hpp>
+
+#include <sidestep/core/time.hpp>
+
+#include "byte_source.hpp"
+
+/// Records of a bag, format 2.0 (wiki.ros.org/Bags/Format/2.0): the length of a header, the
+/// header's fields `name=value`, each after its length, the length of the data, the data. Numbers
+/// are little-endian.
+namespace sidestep::rosbag {
+
+enum class Op : std::uint8_t {
+  kMessage = 2,
+  kBagHeader = 3,
+  kIndex = 4,
+  kChunk = 5,
+  kChunkInfo = 6,
+  kConnection = 7,
+};
+
+/// The fields of a header, which it keeps.
+class Fields {
+ public:
+  /// Nothing where the bytes are no fields.
+  [[nodiscard]] static std::optional<Fields> parse(std::string bytes);
+
+  [[nodiscard]] std::optional<std::string_view> find(std::string_view name) const;
+  /// Nothing as well where the field has not the number's size.
+  [[nodiscard]] std::optional<std::uint8_t> u8(std::string_view name) const;
+  [[nodiscard]] std::optional<std::uint32_t> u32(std::string_view name) const;
+  [[nodiscard]] std::optional<std::uint64_t> u64(std::string_view name) const;
+  [[nodiscard]] std::optional<Stamp> time(std::string_view name) const;
+
+ private:
+  struct Field {
+    std::uint32_t begin;
+    std::uint32_t equals;
+    std::uint32_t end;
+  };
+  std::string bytes_;
+  std::vector<Field> fields_;
+};
+
+/// A record, without its data.
+struct Record {
+  Op op = Op::kMessage;
+  Fields fields;
+  std::uint64_t data_offset = 0;
+  std::uint32_t data_size = 0;
+
+  [[nodiscard]] std::uint64_t end() const noexcept { return data_offset + data_size; }
+};
+
+/// The record at an offset; its data may go on beyond `limit`, the header does not. Fails with what
+/// is wrong, for people.
+[[nodiscard]] tl::expected<Record, std::string> read_record(const ByteSource& bytes,
+                                                            std::uint64_t offset,
+                                                            std::uint64_t limit);
+
+/// A little-endian number at the beginning of bytes that hold it.
+[[nodiscard]] std::uint32_t read_u32(std::string_view bytes) noexcept;
+
+}  // namespace sidestep::rosbag
