@@ -14,6 +14,8 @@ packages=(
   libeigen3-dev libexpected-dev libtbb-dev libembree-dev
   # the host and the command
   libyaml-cpp-dev libsqlite3-dev libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libfcl-dev
+  # the viewer's server
+  libboost-dev
   # pictures
   libcairo2-dev fontconfig fonts-dejavu-core
   # plugins

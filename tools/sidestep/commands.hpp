@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "live_view.hpp"
 #include "session.hpp"
 
 namespace sidestep {
@@ -17,6 +18,7 @@ struct RunOptions {
   std::optional<std::filesystem::path> resume;  ///< The folder of the run to go on with.
   int jobs = 1;                                 ///< Processes that share the work, a shard each.
   bool json = false;
+  ViewOptions view;
 };
 /// Runs each configuration; the worst of their exit codes.
 [[nodiscard]] ExitCode run_command(const RunOptions& options);
@@ -36,5 +38,8 @@ enum class PluginsFormat { kText, kJson, kMarkdown, kJsonSchema };
 [[nodiscard]] ExitCode report_command(const std::vector<std::filesystem::path>& runs,
                                       const std::filesystem::path& comparison,
                                       const std::filesystem::path& merged);
+
+/// Serves a recorded run in the viewer's page until a signal comes.
+[[nodiscard]] ExitCode view_command(const std::filesystem::path& file, const ViewOptions& options);
 
 }  // namespace sidestep

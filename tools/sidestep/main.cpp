@@ -24,6 +24,7 @@ struct CommandLine {
   std::vector<std::filesystem::path> report_runs;
   std::filesystem::path comparison = "comparison.html";
   std::filesystem::path merged = "merged";
+  std::filesystem::path recording;
 };
 
 void add_configurations(CLI::App& command, CommandLine& line) {
@@ -35,6 +36,19 @@ void add_configurations(CLI::App& command, CommandLine& line) {
       ->type_name("KEY=VALUE")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+/// Of a command that serves the viewer.
+void add_view_options(CLI::App& command, ViewOptions& view) {
+  command.add_option("--view-port", view.port, "Port of the viewer (default: a free one)")
+      ->type_name("N")
+      ->check(CLI::Range(1, 65535));
+  command
+      .add_option("--view-bind", view.bind,
+                  "Serve the viewer on this address, not only to this machine; the URL then holds "
+                  "a token, without which nobody sees anything")
+      ->type_name("ADDRESS");
+  command.add_flag("--open", view.open, "Open the viewer in a browser");
 }
 
 void add_commands(CLI::App& app, CommandLine& line) {
@@ -66,6 +80,16 @@ void add_commands(CLI::App& app, CommandLine& line) {
   run->add_option("--threads", line.threads, "Threads; same as --set experiment.threads=N")
       ->type_name("N");
   run->add_flag("--json", line.run.json, "Print the summary, and nothing else, on stdout");
+  run->add_flag("--view", line.run.view.view, "Show the run in a browser while it goes on")
+      ->excludes("--jobs");
+  add_view_options(*run, line.run.view);
+  for (const char* option : {"--view-port", "--view-bind", "--open"}) {
+    run->get_option(option)->needs("--view");
+  }
+
+  CLI::App* view = app.add_subcommand("view", "Show a recorded run in a browser");
+  view->add_option("FILE", line.recording, "What `sidestep run --record` wrote")->required();
+  add_view_options(*view, line.run.view);
 
   CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
   add_configurations(*check, line);
@@ -106,6 +130,7 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
   if (app.got_subcommand("report")) {
     return report_command(line.report_runs, line.comparison, line.merged);
   }
+  if (app.got_subcommand("view")) return view_command(line.recording, line.run.view);
   std::printf("%s", app.help().c_str());
   return ExitCode::kSuccess;
 }

@@ -107,8 +107,9 @@ Result<fs::path> out_folder(const RunOptions& options, const std::string& name) 
               "--resume " + options.resume->string(), "give the folder that a run wrote to");
 }
 
+/// `observer` looks on; may be null.
 RunResult run_one(const std::string& name, const RunOptions& options, const Shard& shard,
-                  std::stop_token stop) {
+                  RunObserver* observer, std::stop_token stop) {
   Console console;
   CheckedConfiguration loaded = load_configuration(name, options.overrides, console);
   if (!loaded.errors.empty()) {
@@ -136,6 +137,7 @@ RunResult run_one(const std::string& name, const RunOptions& options, const Shar
                             },
                             shard,
                             options.resume.has_value()};
+  context.observer = observer;
   const auto outcome = run_experiment(context);
   if (!outcome) return refused(outcome.error(), console);
   console.end_progress();
@@ -213,6 +215,16 @@ ExitCode run_command(const RunOptions& options) {
     return ExitCode::kConfiguration;
   }
   const StopOnSignal stop;
+  std::unique_ptr<LiveView> live;
+  if (options.view.view) {
+    auto started = LiveView::start(options.view, stop.token());
+    if (!started) {
+      print_errors({started.error()});
+      return ExitCode::kConfiguration;
+    }
+    live = std::move(*started);
+  }
+  RunObserver* const observer = live != nullptr ? &live->observer() : nullptr;
   ExitCode code = ExitCode::kSuccess;
   std::string summaries;
   for (const std::string& name : options.configurations) {
@@ -220,8 +232,9 @@ ExitCode run_command(const RunOptions& options) {
       code = worse(code, ExitCode::kTaskFailed);
       break;
     }
-    const RunResult result = options.jobs > 1 ? run_in_jobs(name, options, stop.token())
-                                              : run_one(name, options, *shard, stop.token());
+    const RunResult result = options.jobs > 1
+                                 ? run_in_jobs(name, options, stop.token())
+                                 : run_one(name, options, *shard, observer, stop.token());
     code = worse(code, result.code);
     if (!summaries.empty()) summaries += ",\n";
     summaries += result.summary_json.empty() ? "null" : result.summary_json;

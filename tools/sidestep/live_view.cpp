@@ -1,0 +1,47 @@
+#include "live_view.hpp"
+
+#include "open_browser.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr std::chrono::seconds kBrowserTime{20};
+constexpr std::chrono::seconds kFlushTime{1};
+
+}  // namespace
+
+Result<std::unique_ptr<ViewServer>> serve_view(const ViewOptions& options, Log& log,
+                                               RecordingOpener recording) {
+  auto assets = ViewAssets::read(view_assets_folder());
+  if (!assets) return tl::make_unexpected(assets.error());
+  ViewServerSettings settings;
+  settings.bind = options.bind.value_or(settings.bind);
+  settings.require_token = options.bind.has_value();
+  settings.port = options.port;
+  auto server = ViewServer::start(std::move(*assets), settings, std::move(recording));
+  if (!server) return server;
+  log.info("viewer: " + (*server)->url());
+  if (options.open) open_browser((*server)->url(), log);
+  return server;
+}
+
+Result<std::unique_ptr<LiveView>> LiveView::start(const ViewOptions& options,
+                                                  const std::stop_token& stop) {
+  std::unique_ptr<LiveView> live(new LiveView);
+  auto server = serve_view(options, live->console_);
+  if (!server) return tl::make_unexpected(server.error());
+  live->server_ = std::move(*server);
+  live->feed_ =
+      std::make_unique<ViewFeed>(std::vector<ViewSink*>{live->server_.get()}, live->console_);
+  if (options.open && !live->server_->wait_for_client(kBrowserTime, stop)) {
+    live->console_.warn("no browser has come; the run begins without");
+  }
+  return live;
+}
+
+LiveView::~LiveView() {
+  if (feed_ != nullptr) feed_->finish();
+  if (server_ != nullptr) server_->finish(kFlushTime);
+}
+
+}  // namespace sidestep

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include <sidestep/experiments/run_observer.hpp>
+
+#include "field_slice.hpp"
+#include "occupancy_bits.hpp"
+#include "robot_clearance.hpp"
+#include "view_message.hpp"
+
+namespace sidestep {
+
+// What a run tells, as messages of docs/reference/viewer.md. Numbers that are not finite are null.
+// [any]
+
+[[nodiscard]] ViewMessage world_message(const ObservedWorld& world);
+
+/// The bits of these blocks. `stamp` is that of the newest frame in them.
+[[nodiscard]] ViewMessage map_message(Stamp time, Stamp stamp, const OccupancyBits& bits,
+                                      std::span<const std::int32_t> blocks, bool full);
+
+/// `T_world_link`: of all links; T_world_object: of the objects that move.
+[[nodiscard]] ViewMessage state_message(const ObservedStep& step,
+                                        std::span<const Transform> T_world_link,
+                                        std::span<const Transform> T_world_object,
+                                        const std::optional<Clearance>& clearance);
+
+/// Nothing for a frame without a depth image.
+[[nodiscard]] std::optional<ViewMessage> frame_message(Stamp time, const Frame& frame);
+
+/// `role`: "followed" or "refused". `start` is the trajectory's time 0.
+[[nodiscard]] ViewMessage plan_message(Stamp time, std::string_view role,
+                                       const Trajectory& trajectory, Stamp start,
+                                       const RobotModel& robot);
+
+[[nodiscard]] ViewMessage event_message(const ObservedEvent& event);
+
+/// What took how long, since the message before.
+struct ViewTiming {
+  /// stamp_s, received_s, published_s, integrate_ms, field_ms.
+  std::vector<std::array<double, 5>> frames;
+  std::vector<std::array<double, 2>>
+      steps;                        ///< time_s, step_ms: the longest of a tenth of a second.
+  std::int64_t checks = 0;          ///< So far.
+  std::int64_t frames_dropped = 0;  ///< So far.
+};
+[[nodiscard]] ViewMessage timing_message(Stamp time, const ViewTiming& timing);
+
+/// `stamp` is that of the newest frame in the field.
+[[nodiscard]] ViewMessage slice_message(Stamp time, Stamp stamp, const FieldSlice& slice);
+
+[[nodiscard]] ViewMessage end_message(const ObservedEnd& end);
+
+/// The first and the last link that a sphere is on: base and tool. 0 without spheres.
+[[nodiscard]] int base_link(const RobotDescription& robot) noexcept;
+[[nodiscard]] int tool_link(const RobotDescription& robot) noexcept;
+
+}  // namespace sidestep
