@@ -86,16 +86,22 @@ void ViewMaker::take_over(EpisodeNews& news) {
 
 void ViewMaker::tell_events(EpisodeNews& news) {
   if (!world_) return;
-  const auto tell_plan = [&](const ObservedEvent& event) {
-    if (event.followed == nullptr) return;
-    publish(kFollowed, plan_message(event.event.stamp, "followed", *event.followed,
-                                    event.followed_start, *world_->robot));
-  };
-  if (news.plan) tell_plan(*news.plan);
+  if (news.plan) {
+    const ObservedEvent& plan = *news.plan;
+    tell_plan(kFollowed, plan.event.stamp, plan.followed.get(), plan.followed_start);
+  }
   for (const ObservedEvent& event : news.events) {
     publish(kEvent, event_message(event));
-    tell_plan(event);
+    const Stamp stamp = event.event.stamp;
+    tell_plan(kRefused, stamp, event.event.refused.get(), stamp);
+    tell_plan(kFollowed, stamp, event.followed.get(), event.followed_start);
   }
+}
+
+void ViewMaker::tell_plan(Slot role, Stamp time, const Trajectory* trajectory, Stamp start) {
+  if (trajectory == nullptr) return;
+  publish(role, plan_message(time, role == kRefused ? "refused" : "followed", *trajectory, start,
+                             *world_->robot));
 }
 
 void ViewMaker::make_due(TimePoint now, bool force) {

@@ -52,6 +52,7 @@ class ViewMaker {
   void begin_episode(const ObservedWorld& world);
   void take_over(EpisodeNews& news);
   void tell_events(EpisodeNews& news);
+  void tell_plan(Slot role, Stamp time, const Trajectory* trajectory, Stamp start);
   void make_due(TimePoint now, bool force);
   void make_state();
   void make_map(TimePoint now);

@@ -8,6 +8,7 @@
 namespace sidestep {
 namespace {
 
+using ::testing::DoubleEq;
 using ::testing::ElementsAre;
 using testing_support::ball_world;
 using testing_support::map_at;
@@ -28,8 +29,8 @@ TEST(ViewInbox, KeepsTheNewestAndEveryTime) {
   EXPECT_EQ(news[0].map->field, field);
   EXPECT_EQ(news[0].step->stamp, Stamp::from_seconds(0.2));
   EXPECT_EQ(news[0].frames.size(), 2U);
-  EXPECT_THAT(news[0].frames[1], ElementsAre(::testing::DoubleEq(0.2), ::testing::DoubleEq(0.21),
-                                             ::testing::DoubleEq(0.22), 2.0, 3.0));
+  EXPECT_THAT(news[0].frames[1],
+              ElementsAre(DoubleEq(0.2), DoubleEq(0.21), DoubleEq(0.22), 2.0, 3.0));
   EXPECT_EQ(news[0].frames_dropped, 2);
   EXPECT_EQ(news[0].checks, 7);
   EXPECT_TRUE(inbox.take().empty());
@@ -43,11 +44,11 @@ TEST(ViewInbox, TellsTheLongestStepOfEachTenthOfASecond) {
   inbox.stepped(step_at(1.09, 1.0));
   inbox.stepped(step_at(1.15, 0.25));
   auto news = inbox.take();
-  EXPECT_THAT(news.at(0).steps, ElementsAre(ElementsAre(1.05, 2.0)));
+  EXPECT_THAT(news.at(0).steps, ElementsAre(ElementsAre(DoubleEq(1.05), 2.0)));
   inbox.stepped(step_at(1.19, 0.75));
   inbox.end({});
   news = inbox.take();
-  EXPECT_THAT(news.at(0).steps, ElementsAre(ElementsAre(1.19, 0.75)));
+  EXPECT_THAT(news.at(0).steps, ElementsAre(ElementsAre(DoubleEq(1.19), 0.75)));
 }
 
 TEST(ViewInbox, IsBounded) {
@@ -67,7 +68,7 @@ TEST(ViewInbox, IsBounded) {
   EXPECT_EQ(news.at(0).events.size(), EpisodeNews::kMostEvents);
   EXPECT_EQ(news[0].frames.size(), EpisodeNews::kMostTimes);
   EXPECT_EQ(news[0].steps.size(), EpisodeNews::kMostTimes);
-  EXPECT_EQ(news[0].frames.back()[0], 999.0);
+  EXPECT_DOUBLE_EQ(news[0].frames.back()[0], 999.0);
   ASSERT_TRUE(news[0].plan) << "what is followed is not forgotten";
   EXPECT_EQ(news[0].plan->followed, plan.followed);
   for (int i = 0; i < 10; ++i) {

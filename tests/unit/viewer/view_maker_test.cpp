@@ -170,6 +170,24 @@ TEST_F(ViewMakerTest, AnEpisodeBeginsAnewAndEndsLast) {
   }
 }
 
+TEST_F(ViewMakerTest, TellsWhatWasRefusedAndThenWhatIsFollowed) {
+  inbox_.begin(ball_world());
+  look();
+  (void)sink_.take_kinds();
+  ObservedEvent event = plan_at(2.0);
+  event.event.refused = plan_at(0.0, -3.0).followed;
+  inbox_.happened(event);
+  look(1);
+  ASSERT_EQ(sink_.messages.size(), 3U);
+  const DecodedMessage refused(*sink_.messages[1].bytes), followed(*sink_.messages[2].bytes);
+  EXPECT_EQ(refused.header.at("role"), "refused");
+  EXPECT_EQ(refused.header.at("start_s"), 2.0);
+  const std::size_t last = refused.header.at("times_s").size() - 1;
+  EXPECT_NEAR(refused.f32(3 * last), -3.0F, 1e-5F);
+  EXPECT_EQ(followed.header.at("role"), "followed");
+  EXPECT_NEAR(followed.header.at("start_s"), 2.1, 1e-9);
+}
+
 TEST_F(ViewMakerTest, FirstMapOfAnEpisodeIsFull) {
   for (int episode = 0; episode < 2; ++episode) {
     inbox_.begin(ball_world());
@@ -215,8 +233,9 @@ TEST_F(ViewMakerTest, StateShowsTheNewestKnownPose) {
   step.q.resize(0);  // not known for a while
   inbox_.stepped(step);
   look(100);
-  const DecodedMessage message(*sink_.messages.back().bytes);
-  EXPECT_EQ(message.kind(), "state");
+  std::erase_if(sink_.messages, [](const ViewMessage& m) { return m.kind != ViewKind::kState; });
+  ASSERT_EQ(sink_.messages.size(), 2U);
+  const DecodedMessage message(*sink_.messages[1].bytes);
   EXPECT_EQ(message.header.at("time_s"), 2.0);
   EXPECT_EQ(message.f32(0), 1.0F);
   ASSERT_EQ(message.payload.size(), 2U * 7U * 4U) << "the link, and the box that moves";

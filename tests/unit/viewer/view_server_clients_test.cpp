@@ -180,7 +180,7 @@ TEST_F(ViewServerClientsTest, ConnectionsThatAreNoPagesAreBounded) {
 
 TEST_F(ViewServerClientsTest, GoodbyeComesAfterAllThatIsLeft) {
   start();
-  const auto client = greeted_client();
+  auto client = greeted_client();
   for (int i = 0; i < 50; ++i) server_->publish(message(std::string(100'000, 'm')));
   server_->publish(message("end"));
   std::optional<std::string> last;
@@ -193,7 +193,9 @@ TEST_F(ViewServerClientsTest, GoodbyeComesAfterAllThatIsLeft) {
       } else {
         last = frame->payload;
       }
+      if (close_code != 0) break;
     }
+    client.reset();
   });
   server_->finish(std::chrono::hours(1));
   page.join();

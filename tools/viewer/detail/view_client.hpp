@@ -1,0 +1,238 @@
+#pragma once
+
+// Part of view_server.cpp, which alone includes it: Boost.Beast takes a minute to compile.
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <mutex>
+#include <set>
+#include <utility>
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+
+#include "view_server.hpp"
+
+namespace sidestep::serving {
+
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace net = boost::asio;
+namespace websocket = beast::websocket;
+using tcp = net::ip::tcp;
+using Bytes = std::shared_ptr<const std::string>;
+using Ticket = std::shared_ptr<const int>;  ///< Counts connections by who shares it.
+
+inline constexpr std::size_t kMostHeaderBytes = 8 << 10;
+inline constexpr std::size_t kMostMessageBytes = 256;
+inline constexpr std::size_t kMostDrainedBytes = 1 << 20;
+inline constexpr int kMostPending = 256;  ///< Messages on their way from the feed to this thread.
+
+inline std::string_view view(beast::string_view text) noexcept {
+  return {text.data(), text.size()};
+}
+
+class Client;
+
+/// What all connections share; everything of the server's thread's, but for what says otherwise.
+struct Hub {
+  Hub(ViewAssets page, ViewServerSettings values, RecordingOpener opener)
+      : assets(std::move(page)), settings(std::move(values)), recording(std::move(opener)) {}
+
+  void remove(const std::shared_ptr<Client>& client);
+  /// After every change of who is connected, greeted, or wants which slice.
+  void update();
+  /// Calls `act` with every client that is connected; it may remove itself.
+  template <class Act>
+  void for_each(const Act& act);
+
+  net::io_context io{1};
+  tcp::acceptor acceptor{io};
+  net::steady_timer retry{io};
+  const ViewAssets assets;
+  const ViewServerSettings settings;
+  const RecordingOpener recording;
+  ViewAddress address;
+  Ticket ticket = std::make_shared<const int>(0);
+  std::set<std::shared_ptr<Client>> clients;
+  bool is_finishing = false;
+  std::atomic<int> pending = 0;  ///< [any]
+
+  std::mutex mutex;  ///< Of what follows. [any]
+  std::condition_variable_any changed;
+  std::size_t connected = 0;
+  ViewSink::Demand demand;
+  bool is_empty = true;  ///< Nobody is left.
+};
+
+/// A page that is connected.
+class Client : public std::enable_shared_from_this<Client> {
+ public:
+  Client(Hub& hub, tcp::socket socket, Ticket ticket)
+      : hub_(hub), ticket_(std::move(ticket)), socket_(std::move(socket)) {
+    websocket::stream_base::timeout limits{};
+    limits.handshake_timeout = hub_.settings.request_time;
+    limits.idle_timeout = hub_.settings.idle_time;
+    limits.keep_alive_pings = true;
+    socket_.set_option(limits);
+    socket_.read_message_max(kMostMessageBytes);
+    socket_.auto_fragment(false);
+    socket_.binary(true);
+  }
+
+  void accept(const http::request<http::empty_body>& request) {
+    socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
+      if (error || self->is_gone_) return self->leave();
+      self->is_connected_ = true;
+      self->begin();
+    });
+  }
+
+  void send(const Bytes& bytes) {
+    if (is_gone_ || is_closing_) return;
+    if (queued_bytes_ > hub_.settings.max_queued_bytes) return leave();
+    queue_.push_back(bytes);
+    queued_bytes_ += bytes->size();
+    pump();
+  }
+
+  void greet(const std::vector<ViewMessage>& messages) {
+    if (std::exchange(is_greeted_, true)) return;
+    for (const ViewMessage& message : messages) send(message.bytes);
+  }
+
+  /// Ends the connection once all is sent.
+  void say_goodbye() {
+    if (!is_connected_) return leave();
+    is_last_ = true;
+    pump();
+  }
+
+  /// Ends the connection at once.
+  void leave() {
+    if (std::exchange(is_gone_, true)) return;
+    beast::get_lowest_layer(socket_).close();
+    hub_.remove(shared_from_this());
+  }
+
+  [[nodiscard]] bool is_connected() const noexcept { return is_connected_; }
+  [[nodiscard]] bool is_greeted() const noexcept { return is_greeted_; }
+  [[nodiscard]] const std::optional<SliceRequest>& slice() const noexcept { return slice_; }
+
+ private:
+  void begin() {
+    if (hub_.recording) {
+      is_greeted_ = true;
+      auto opened = hub_.recording();
+      if (!opened) return close(websocket::close_code::internal_error);
+      recording_ = std::move(*opened);
+    }
+    hub_.update();
+    read();
+    pump();
+  }
+
+  void read() {
+    socket_.async_read(in_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (error) return self->leave();
+      self->obey();
+    });
+  }
+
+  void obey() {
+    const auto message =
+        socket_.got_text()
+            ? read_page_message({static_cast<const char*>(in_.cdata().data()), in_.cdata().size()})
+            : std::nullopt;
+    in_.consume(in_.size());
+    if (!message) return close(websocket::close_code::policy_error);
+    slice_ = message->slice;
+    hub_.update();
+    read();
+  }
+
+  void refill() {
+    if (recording_ == nullptr || !queue_.empty() || is_last_) return;
+    auto next = recording_->next();
+    if (!next || !*next) {
+      recording_ = nullptr;
+      return;
+    }
+    queue_.push_back((*next)->bytes);
+    queued_bytes_ += queue_.back()->size();
+  }
+
+  void pump() {
+    if (is_writing_ || is_closing_ || is_gone_) return;
+    refill();
+    if (queue_.empty()) {
+      if (is_last_) close(websocket::close_code::going_away);
+      return;
+    }
+    is_writing_ = true;
+    socket_.async_write(net::buffer(*queue_.front()),
+                        [self = shared_from_this()](beast::error_code error, std::size_t) {
+                          self->is_writing_ = false;
+                          if (error) return self->leave();
+                          self->queued_bytes_ -= self->queue_.front()->size();
+                          self->queue_.pop_front();
+                          self->pump();
+                        });
+  }
+
+  void close(websocket::close_code code) {
+    if (std::exchange(is_closing_, true) || is_gone_) return;
+    socket_.async_close(code, [self = shared_from_this()](beast::error_code) { self->leave(); });
+  }
+
+  Hub& hub_;
+  Ticket ticket_;
+  websocket::stream<beast::tcp_stream> socket_;
+  beast::flat_buffer in_;
+  std::deque<Bytes> queue_;  ///< The first is being sent.
+  std::size_t queued_bytes_ = 0;
+  std::unique_ptr<Recording> recording_;
+  std::optional<SliceRequest> slice_;
+  bool is_connected_ = false, is_greeted_ = false, is_writing_ = false;
+  bool is_last_ = false, is_closing_ = false, is_gone_ = false;
+};
+
+inline void Hub::remove(const std::shared_ptr<Client>& client) {
+  clients.erase(client);
+  update();
+}
+
+inline void Hub::update() {
+  ViewSink::Demand now;
+  std::size_t count = 0;
+  for (const auto& client : clients) {
+    if (!client->is_connected()) continue;
+    ++count;
+    now.newcomers = now.newcomers || !client->is_greeted();
+    const auto& slice = client->slice();
+    if (slice && std::ranges::count(now.slices, *slice) == 0) now.slices.push_back(*slice);
+  }
+  now.any = count > 0;
+  {
+    const std::lock_guard lock(mutex);
+    connected = count;
+    demand = std::move(now);
+    is_empty = clients.empty();
+  }
+  changed.notify_all();
+}
+
+template <class Act>
+void Hub::for_each(const Act& act) {
+  const auto all = clients;
+  for (const auto& client : all) {
+    if (client->is_connected()) act(*client);
+  }
+}
+
+}  // namespace sidestep::serving
