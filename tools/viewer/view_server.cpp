@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <exception>
 #include <thread>
 #include <utility>
 
@@ -37,6 +38,17 @@ void accept_next(Hub& hub) {
     }
     accept_next(hub);
   });
+}
+
+/// Until it is stopped. What goes wrong with one connection costs that one.
+void serve(net::io_context& io) {
+  while (!io.stopped()) {
+    try {
+      io.run();
+    } catch (const std::exception&) {
+      continue;
+    }
+  }
 }
 
 tl::unexpected<Error> cannot_serve(const ViewServerSettings& settings, const std::string& why) {
@@ -106,7 +118,7 @@ Result<std::unique_ptr<ViewServer>> ViewServer::start(ViewAssets assets,
   accept_next(impl->hub);
   impl->thread = std::thread([&io = impl->hub.io] {
     lower_thread_priority();
-    io.run();
+    serve(io);
   });
   return std::unique_ptr<ViewServer>(new ViewServer(std::move(impl)));
 }

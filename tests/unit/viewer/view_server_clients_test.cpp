@@ -104,6 +104,19 @@ TEST_F(ViewServerClientsTest, WhoNeverReadsIsDroppedAndOthersGetEverything) {
   EXPECT_LT(received, sent) << "it was not waited for";
 }
 
+TEST_F(ViewServerClientsTest, ALargeGreetingIsNoReasonToBeDropped) {
+  ViewServerSettings settings;
+  settings.max_queued_bytes = 1'000;
+  start(settings);
+  const std::string map(20'000'000, 'm');  // more than the kernel's buffers hold
+  const auto client = greeted_client({message("world"), message(map), message("state")}, 4096);
+  server_->publish(message("next"));
+  for (const std::string& expected : {std::string("world"), map, std::string("state")}) {
+    ASSERT_EQ(client->receive_message(), expected);
+  }
+  EXPECT_EQ(client->receive_message(), "next");
+}
+
 TEST_F(ViewServerClientsTest, WhoShowsNoSignOfLifeIsDropped) {
   ViewServerSettings settings;
   settings.idle_time = milliseconds(100);
@@ -225,6 +238,21 @@ TEST_F(ViewServerClientsTest, RecordingsGoToEachPageFromTheBeginning) {
   ASSERT_EQ(second.ask_for_socket(), 101);
   expect_all(second);
   EXPECT_EQ(server_->clients(), 2U) << "both may look at it further";
+}
+
+TEST_F(ViewServerClientsTest, RecordingThatBreaksOffEndsTheConnection) {
+  struct Broken final : Recording {
+    Result<std::optional<ViewMessage>> next() override {
+      if (std::exchange(read, true)) return fail(ErrorCode::kIo, "broken off");
+      return ViewMessage{ViewKind::kState, {}, std::make_shared<const std::string>("first")};
+    }
+    bool read = false;
+  };
+  start({}, [] { return Result<std::unique_ptr<Recording>>(std::make_unique<Broken>()); });
+  SocketClient client(port());
+  ASSERT_EQ(client.ask_for_socket(), 101);
+  EXPECT_EQ(client.receive_message(), "first");
+  EXPECT_EQ(client.receive_frame().value().close_code(), 1011);
 }
 
 TEST_F(ViewServerClientsTest, RecordingsAreReadNoFasterThanThePage) {

@@ -95,15 +95,16 @@ class Client : public std::enable_shared_from_this<Client> {
 
   void send(const Bytes& bytes) {
     if (is_gone_ || is_closing_) return;
-    if (queued_bytes_ > hub_.settings.max_queued_bytes) return leave();
-    queue_.push_back(bytes);
-    queued_bytes_ += bytes->size();
+    if (queued_bytes_ > hub_.settings.max_queued_bytes + greeting_bytes_) return leave();
+    add(bytes);
     pump();
   }
 
   void greet(const std::vector<ViewMessage>& messages) {
-    if (std::exchange(is_greeted_, true)) return;
-    for (const ViewMessage& message : messages) send(message.bytes);
+    if (std::exchange(is_greeted_, true) || is_gone_ || is_closing_) return;
+    for (const ViewMessage& message : messages) add(message.bytes);
+    greeting_bytes_ = queued_bytes_;  // A large map is no reason to be dropped.
+    pump();
   }
 
   /// Ends the connection once all is sent.
@@ -156,15 +157,17 @@ class Client : public std::enable_shared_from_this<Client> {
     read();
   }
 
+  void add(const Bytes& bytes) {
+    queue_.push_back(bytes);
+    queued_bytes_ += bytes->size();
+  }
+
   void refill() {
     if (recording_ == nullptr || !queue_.empty() || is_last_) return;
-    auto next = recording_->next();
-    if (!next || !*next) {
-      recording_ = nullptr;
-      return;
-    }
-    queue_.push_back((*next)->bytes);
-    queued_bytes_ += queue_.back()->size();
+    const auto next = recording_->next();
+    if (next && *next) return add((*next)->bytes);
+    recording_ = nullptr;
+    if (!next) close(websocket::close_code::internal_error);
   }
 
   void pump() {
@@ -196,6 +199,7 @@ class Client : public std::enable_shared_from_this<Client> {
   beast::flat_buffer in_;
   std::deque<Bytes> queue_;  ///< The first is being sent.
   std::size_t queued_bytes_ = 0;
+  std::size_t greeting_bytes_ = 0;
   std::unique_ptr<Recording> recording_;
   std::optional<SliceRequest> slice_;
   bool is_connected_ = false, is_greeted_ = false, is_writing_ = false;
