@@ -37,7 +37,8 @@ class OccupancyBits {
   /// Forgets everything.
   void clear();
 
-  [[nodiscard]] bool has_field() const noexcept { return last_ != nullptr; }
+  /// Whether there is nothing to draw.
+  [[nodiscard]] bool is_empty() const noexcept { return blocks_.empty(); }
   [[nodiscard]] const GridSpec& grid() const noexcept { return grid_; }
   [[nodiscard]] const BlockBits& block(std::int32_t index) const noexcept {
     return blocks_[static_cast<std::size_t>(index)];

@@ -140,6 +140,7 @@ void ViewMaker::make_map(TimePoint now) {
   bits_stamp_ = map_->field->info().stamp;
   bits_time_ = map_->published;
   const OccupancyBits::Change change = bits_.update(map_->field);
+  if (bits_.is_empty()) return;
   const ViewMessage message =
       map_message(bits_time_, bits_stamp_, bits_, change.blocks, change.is_new_grid);
   for (ViewSink* const sink : sinks_) sink->publish(message);
@@ -164,7 +165,7 @@ void ViewMaker::make_timing() {
 }
 
 void ViewMaker::make_slices(bool is_new_map) {
-  if (!map_ || map_->field == nullptr) return;
+  if (!map_ || map_->field == nullptr || map_->field->info().grid.voxel_count() == 0) return;
   std::vector<std::pair<ViewSink*, SliceRequest>> wanted;
   for (std::size_t i = 0; i < sinks_.size(); ++i) {
     for (const SliceRequest& request : demands_[i].slices) wanted.emplace_back(sinks_[i], request);
@@ -183,7 +184,7 @@ void ViewMaker::greet() {
     if (newest_[slot]) greeting.push_back(*newest_[slot]);
   };
   add(kWorld);
-  if (bits_.has_field()) {
+  if (!bits_.is_empty()) {
     greeting.push_back(map_message(bits_time_, bits_stamp_, bits_, bits_.filled(), true));
   }
   for (const Slot slot : {kState, kFrame, kFollowed, kRefused, kEvent, kTiming, kEnd}) add(slot);

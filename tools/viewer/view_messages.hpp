@@ -21,6 +21,9 @@ namespace sidestep {
 
 [[nodiscard]] ViewMessage world_message(const ObservedWorld& world);
 
+/// The same with `recorded`: true, for a page that plays it; what is no message is left as it is.
+[[nodiscard]] ViewMessage recorded_world(const ViewMessage& world);
+
 /// The bits of these blocks. `stamp` is that of the newest frame in them.
 [[nodiscard]] ViewMessage map_message(Stamp time, Stamp stamp, const OccupancyBits& bits,
                                       std::span<const std::int32_t> blocks, bool full);

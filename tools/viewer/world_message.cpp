@@ -9,9 +9,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Of what stands for the plane that bounds a half-space.
-constexpr double kPlaneSide_m = 100.0;
-
 Json finite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 Json mesh_json(const Mesh& mesh) {
@@ -21,13 +18,6 @@ Json mesh_json(const Mesh& mesh) {
     triangles.push_back(Json::array({t.x(), t.y(), t.z()}));
   }
   return {{"type", "mesh"}, {"vertices", std::move(vertices)}, {"triangles", std::move(triangles)}};
-}
-
-/// The plane z = 0 around the origin, seen from above.
-Json plane_json() {
-  constexpr double h = kPlaneSide_m / 2.0;
-  return mesh_json(
-      {{{-h, -h, 0.0}, {h, -h, 0.0}, {h, h, 0.0}, {-h, h, 0.0}}, {{0, 1, 2}, {0, 2, 3}}, nullptr});
 }
 
 struct ShapeJson {
@@ -43,10 +33,8 @@ struct ShapeJson {
   Json operator()(const Capsule& capsule) const {
     return {{"type", "capsule"}, {"radius_m", capsule.radius_m}, {"length_m", capsule.length_m}};
   }
-  Json operator()(const HalfSpace&) const { return plane_json(); }
-  Json operator()(const std::shared_ptr<const Mesh>& mesh) const {
-    return mesh_json(mesh == nullptr ? Mesh{} : *mesh);
-  }
+  Json operator()(const HalfSpace&) const { return {{"type", "half_space"}}; }
+  Json operator()(const std::shared_ptr<const Mesh>& mesh) const { return mesh_json(*mesh); }
 };
 
 Json shape_json(const Shape& shape) { return std::visit(ShapeJson{}, shape); }
@@ -135,6 +123,17 @@ ViewMessage world_message(const ObservedWorld& world) {
                        {"objects", objects_json(world.scene.get())},
                        {"start", poses_json(*world.robot, world.q_start)},
                        {"goal", poses_json(*world.robot, world.q_goal)}});
+}
+
+ViewMessage recorded_world(const ViewMessage& world) {
+  const std::string& bytes = *world.bytes;
+  std::uint32_t length = 0;
+  if (bytes.size() < sizeof(length)) return world;
+  std::memcpy(&length, bytes.data(), sizeof(length));
+  Json header = Json::parse(bytes.substr(sizeof(length), length), nullptr, false);
+  if (!header.is_object()) return world;
+  header["recorded"] = true;
+  return make_message(ViewKind::kWorld, world.stamp, std::move(header));
 }
 
 }  // namespace sidestep

@@ -69,6 +69,7 @@ TEST(WorldMessage, SaysWhatRobotAndSceneConsistOf) {
                   {"pose", {0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0}}}));
   EXPECT_EQ(header.at("spheres").at(0),
             (Json{{"link", 2}, {"centre_m", {0.1, 0.0, 0.0}}, {"radius_m", 0.05}}));
+  EXPECT_EQ(header.at("objects").at(0).at("shape"), (Json{{"type", "half_space"}}));
   EXPECT_EQ(header.at("objects").at(1),
             (Json{{"name", "box"},
                   {"shape", {{"type", "box"}, {"size_m", {1.0, 1.0, 1.0}}}},
@@ -89,26 +90,15 @@ TEST(WorldMessage, SaysWhatRobotAndSceneConsistOf) {
   EXPECT_EQ(header.at("goal").size(), 4U);
 }
 
-TEST(WorldMessage, AHalfSpaceIsItsPlane) {
-  const Json header = DecodedMessage(*world_message(testing_support::ball_world()).bytes).header;
-  const Json& floor = header.at("objects").at(0).at("shape");
-  EXPECT_EQ(floor.at("type"), "mesh");
-  const auto& vertices = floor.at("vertices");
-  double area_m2 = 0.0;
-  for (const auto& triangle : floor.at("triangles")) {
-    Eigen::Vector3d corner[3];
-    for (std::size_t c = 0; c < 3; ++c) {
-      for (int k = 0; k < 3; ++k) {
-        corner[c][k] =
-            vertices.at(triangle.at(c).get<std::size_t>()).at(static_cast<std::size_t>(k));
-      }
-      EXPECT_EQ(corner[c].z(), 0.0);
-    }
-    const Eigen::Vector3d normal = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
-    EXPECT_GT(normal.z(), 0.0) << "seen from above";
-    area_m2 += 0.5 * normal.norm();
-  }
-  EXPECT_NEAR(area_m2, 1e4, 1e-6);
+TEST(WorldMessage, OfARecordingSaysSo) {
+  const ViewMessage live = world_message(testing_support::ball_world());
+  const ViewMessage recorded = recorded_world(live);
+  Json header = DecodedMessage(*live.bytes).header;
+  EXPECT_FALSE(header.contains("recorded"));
+  header["recorded"] = true;
+  EXPECT_EQ(DecodedMessage(*recorded.bytes).header, header);
+  const ViewMessage broken{ViewKind::kWorld, {}, std::make_shared<const std::string>("\1\0\0\0{")};
+  EXPECT_EQ(recorded_world(broken).bytes, broken.bytes);
 }
 
 TEST(StateMessage, HasPosesAndTheNearest) {

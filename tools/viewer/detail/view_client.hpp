@@ -16,6 +16,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 
+#include "view_messages.hpp"
 #include "view_server.hpp"
 
 namespace sidestep::serving {
@@ -165,7 +166,10 @@ class Client : public std::enable_shared_from_this<Client> {
   void refill() {
     if (recording_ == nullptr || !queue_.empty() || is_last_) return;
     const auto next = recording_->next();
-    if (next && *next) return add((*next)->bytes);
+    if (next && *next) {
+      const bool is_world = (*next)->kind == ViewKind::kWorld;
+      return add(is_world ? recorded_world(**next).bytes : (*next)->bytes);
+    }
     recording_ = nullptr;
     if (!next) close(websocket::close_code::internal_error);
   }
