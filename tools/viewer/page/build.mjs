@@ -1,0 +1,45 @@
+// Bundles the page, or with --tests its tests, which need Node alone then.
+//
+//   node build.mjs [--outdir FOLDER]   index.html, viewer.js, viewer.css; FOLDER is dist unless said
+//   node build.mjs --tests             build/tests/*.js
+import { copyFile, mkdir, readdir } from "node:fs/promises";
+import path from "node:path";
+import { fileURLToPath } from "node:url";
+import { build } from "esbuild";
+
+const here = path.dirname(fileURLToPath(import.meta.url));
+
+async function buildPage(folder) {
+  await mkdir(folder, { recursive: true });
+  await build({
+    entryPoints: { viewer: path.join(here, "src/main.ts") },
+    outdir: folder,
+    bundle: true,
+    minify: true,
+    format: "iife",
+    target: ["es2022", "chrome100", "firefox100", "safari15.4"],
+    legalComments: "linked",
+  });
+  await copyFile(path.join(here, "index.html"), path.join(folder, "index.html"));
+}
+
+async function buildTests() {
+  const tests = (await readdir(path.join(here, "tests"))).filter((name) => name.endsWith(".ts"));
+  await build({
+    entryPoints: tests.map((name) => path.join(here, "tests", name)),
+    outdir: path.join(here, "build/tests"),
+    bundle: true,
+    packages: "external",
+    platform: "node",
+    format: "esm",
+    target: "node18",
+    sourcemap: "inline",
+  });
+}
+
+const outdir = process.argv.indexOf("--outdir");
+if (process.argv.includes("--tests")) {
+  await buildTests();
+} else {
+  await buildPage(outdir < 0 ? path.join(here, "dist") : path.resolve(process.argv[outdir + 1]));
+}
