@@ -24,11 +24,15 @@ packages=(
   # tests and benchmarks
   libgtest-dev libgmock-dev libbenchmark-dev
 )
+# the viewer's page; a Node that comes from elsewhere brings an npm of its own
+command -v node >/dev/null || packages+=(nodejs)
+command -v npm >/dev/null || packages+=(npm)
 if [ "${1:-}" = "--dev" ]; then
   packages+=(clang-format clang-tidy)
   # ROS 1, for source rosbag and its tests
   packages+=(libroscpp-core-dev libsensor-msgs-dev libnav-msgs-dev libtf2-msgs-dev libbz2-dev liblz4-dev
     librosbag-storage-dev)
+  packages+=(chromium fonts-inter)  # for the tests and pictures of the viewer's page
   packages+=(ompl-demos)  # ompl_benchmark_statistics, with which a test reads a benchmark's database
 elif [ $# -gt 0 ]; then
   echo "usage: tools/install_deps.sh [--dev]" >&2

@@ -18,7 +18,7 @@ async function buildPage(folder) {
     minify: true,
     format: "iife",
     target: ["es2022", "chrome100", "firefox100", "safari15.4"],
-    legalComments: "linked",
+    legalComments: "eof",
   });
   await copyFile(path.join(here, "index.html"), path.join(folder, "index.html"));
 }

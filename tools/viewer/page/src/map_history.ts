@@ -112,8 +112,9 @@ export class MapHistory {
   }
 
   add(map: MapUpdate): void {
-    // Maps come in order; one that claims to be older than the last is as new as that.
-    const time_s = Math.max(map.time_s, this.last_s);
+    // Maps come in order; an older one is of a recording that is told again.
+    const time_s = map.time_s;
+    if (time_s < this.last_s) return;
     this.last_s = time_s;
     let epoch = this.epochs.last;
     if (epoch === null || !sameGrid(epoch.grid, map.grid)) {

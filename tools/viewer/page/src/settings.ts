@@ -1,0 +1,67 @@
+// What the viewer remembers of its user, in this browser alone.
+
+export interface Overlay {
+  id: string;
+  label: string;
+  /** What it is, in a sentence. */
+  hint: string;
+  /** The key that turns it on and off. */
+  key: string;
+  shown: boolean;
+}
+
+/** In the order of the panel; `shown` is what a new user sees. */
+export const kOverlays: readonly Overlay[] = [
+  { id: "robot", label: "Robot", key: "1", shown: true, hint: "The robot, by the shapes that it is checked with" },
+  { id: "spheres", label: "Spheres", key: "2", shown: false, hint: "The spheres that plans keep clear with" },
+  { id: "voxels", label: "Voxels", key: "3", shown: true, hint: "Occupied voxels, coloured by height" },
+  { id: "unknown", label: "Unknown space", key: "4", shown: false, hint: "Where known free space ends and nobody has looked yet" },
+  { id: "slice", label: "Distance slice", key: "5", shown: false, hint: "A slice through the distance field" },
+  { id: "followed", label: "Trajectory", key: "6", shown: true, hint: "The trajectory that is followed: tool thick, base thin" },
+  { id: "previous", label: "Previous one", key: "7", shown: true, hint: "The trajectory that was followed before" },
+  { id: "refused", label: "Refused one", key: "8", shown: true, hint: "The last trajectory that was found and turned down" },
+  { id: "swept", label: "Swept volume", key: "9", shown: false, hint: "What the robot will pass through" },
+  { id: "moving", label: "Moving, true", key: "0", shown: true, hint: "Moving obstacles as they truly are, in simulation" },
+  { id: "fixed", label: "Fixed, true", key: "o", shown: false, hint: "Fixed objects as they truly are, in simulation" },
+  { id: "goal", label: "Goal", key: "g", shown: true, hint: "Where the robot is to end up" },
+  { id: "camera", label: "Camera", key: "c", shown: true, hint: "The camera's frustum, what it measured, and the depth image" },
+  { id: "clearance", label: "Clearance", key: "m", shown: true, hint: "Where robot and obstacle are closest" },
+];
+
+export type Theme = "light" | "dark";
+
+/** Storage may be full or forbidden: then nothing is remembered. */
+function recall(key: string): string | null {
+  try {
+    return window.localStorage.getItem(`sidestep.${key}`);
+  } catch {
+    return null;
+  }
+}
+
+function remember(key: string, value: string): void {
+  try {
+    window.localStorage.setItem(`sidestep.${key}`, value);
+  } catch {
+    // Not remembered, then.
+  }
+}
+
+export function overlayShown(overlay: Overlay): boolean {
+  const value = recall(`overlay.${overlay.id}`);
+  return value === null ? overlay.shown : value === "on";
+}
+
+export function rememberOverlay(id: string, shown: boolean): void {
+  remember(`overlay.${id}`, shown ? "on" : "off");
+}
+
+/** The chosen one, or null where the system's is to be used. */
+export function chosenTheme(): Theme | null {
+  const value = recall("theme");
+  return value === "light" || value === "dark" ? value : null;
+}
+
+export function rememberTheme(theme: Theme): void {
+  remember("theme", theme);
+}
