@@ -4,6 +4,8 @@ import { DepthFrame, End, FrameTiming, Message, Plan, RunEvent, Slice, State, St
 import { Track } from "./track";
 
 export const kWindow_s = 60;
+/** By so much, what is told first may be older than what was told last. */
+const kSlack_s = 1;
 
 /** Of a live run; beyond it, the oldest goes first, whatever its age. */
 export interface Budgets {
@@ -42,6 +44,8 @@ export class History {
   /** The newest time that anything was told of. */
   last_s: number;
   private start_s: number;
+  /** A map or a state has been told of: what came before is not known here. */
+  private begun = false;
   private pruned_s = -Infinity;
 
   constructor(
@@ -57,13 +61,24 @@ export class History {
     return this.start_s;
   }
 
-  /** Whether `world` tells of this episode again, as after a lost connection. */
+  /** Whether `world` may tell of this episode again, as after a lost connection. */
   continues(world: World): boolean {
-    return world.identity === this.world.identity && world.time_s >= this.last_s - 1;
+    if (world.identity !== this.world.identity) return false;
+    return world.time_s === this.world.time_s || world.time_s >= this.last_s - kSlack_s;
+  }
+
+  /** Whether a message shows that time has begun anew. */
+  isFromBefore(message: Message): boolean {
+    const isNow = message.kind === "state" || message.kind === "map";
+    return !this.world.recorded && isNow && message.time_s < this.last_s - kSlack_s;
   }
 
   add(message: Message): void {
     if (message.kind !== "world") this.keep(message);
+    if (!this.begun && (message.kind === "state" || message.kind === "map")) {
+      this.begun = true;
+      this.start_s = message.time_s;
+    }
     this.last_s = Math.max(this.last_s, message.time_s);
     if (this.last_s > this.pruned_s + 1) this.prune();
   }

@@ -15,8 +15,9 @@ function isTaken(target: EventTarget | null, key: string): boolean {
   if (!(target instanceof HTMLElement)) return false;
   if (target.tagName === "SELECT" || target.isContentEditable) return true;
   const isArrow = key.startsWith("Arrow") || key === "Home" || key === "End";
-  if (target instanceof HTMLInputElement) return target.type === "checkbox" ? key === " " : isArrow;
-  return (target.tagName === "BUTTON" || target.tagName === "SUMMARY") && (key === " " || key === "Enter");
+  if (target instanceof HTMLInputElement && target.type === "range") return isArrow && target.dataset["keys"] !== "page";
+  // What was clicked at keeps the focus, but whoever presses a key then means the page.
+  return (key === " " || key === "Enter") && target.matches("button, summary, input") && target.matches(":focus-visible");
 }
 
 export class Keyboard {

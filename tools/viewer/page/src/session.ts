@@ -21,6 +21,8 @@ export class Session {
   take(data: ArrayBuffer): void {
     const message = decode(data, this.told?.world ?? null);
     if (message.kind === "world") this.begin(message);
+    // The same run, begun anew while nobody listened.
+    else if (this.told?.isFromBefore(message)) this.beginAnew(this.told.world);
     this.told?.add(message);
   }
 
@@ -39,6 +41,10 @@ export class Session {
       this.told = known ?? (again as History);
       return;
     }
+    this.beginAnew(world);
+  }
+
+  private beginAnew(world: World): void {
     const history = new History(world);
     if (!world.recorded) this.episodes.length = 0;
     this.episodes.push(history);

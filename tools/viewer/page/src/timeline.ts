@@ -59,6 +59,8 @@ export class Timeline {
   private readonly marks = create("canvas", "event-marks");
   private readonly playhead = create("div", "playhead");
   private span: [number, number] = [0, 1];
+  /** What the charts show, in short. */
+  private drawn = "";
 
   /** `seek` is called when a moment is pointed at. */
   constructor(
@@ -78,18 +80,25 @@ export class Timeline {
   rebuild(): void {
     for (const chart of this.charts) chart.plot.destroy();
     this.charts = [];
+    this.drawn = "";
     this.root.replaceChildren();
     this.build();
   }
 
+  /** Does nothing where nothing is new. */
   update(history: History): void {
+    const { frameTimings, stepTimings, events, last_s } = history;
+    const told = [frameTimings, stepTimings, events].map((track) => track.items.length);
+    const drawn = [history.world.identity, last_s, ...told].join();
+    if (drawn === this.drawn) return;
+    this.drawn = drawn;
     const from_s = history.first_s;
     const to_s = Math.max(history.last_s, from_s + 1);
     this.span = [from_s, to_s];
     for (const { row, plot, medians } of this.charts) {
       const [times, values] = row.values(history, from_s, to_s);
       plot.setData([times, values], false);
-      const most = Math.max(0.01, ...values) * 1.15;
+      const most = values.reduce((one, other) => Math.max(one, other), 0.01) * 1.15;
       plot.batch(() => {
         plot.setScale("x", { min: from_s, max: to_s });
         plot.setScale("y", { min: 0, max: most });
@@ -140,6 +149,7 @@ export class Timeline {
     const ratio = window.devicePixelRatio;
     this.marks.width = Math.max(1, Math.round(this.marks.clientWidth * ratio));
     this.marks.height = Math.max(1, Math.round(this.marks.clientHeight * ratio));
+    this.drawn = "";
   }
 
   /** In the root's pixels: where the plots lie. */
@@ -192,7 +202,7 @@ function plotOptions(row: Row, isLast: boolean): uPlot.Options {
     scales: { x: { time: false, auto: false }, y: { auto: false } },
     axes: [
       { ...axis, show: true, size: isLast ? 16 : 0, gap: 2, values: isLast ? (_, all) => all.map((t) => `${t} s`) : () => [] },
-      { ...axis, size: kAxisWidth_px, gap: 4, space: 18, values: (_, all) => all.map((value) => String(value)) },
+      { ...axis, size: kAxisWidth_px, gap: 4, space: 13, values: (_, all) => all.map((value) => String(value)) },
     ],
     series: [
       {},

@@ -51,6 +51,17 @@ test("a moment is what had been told by then", () => {
   assert.equal(history.at(3).end?.verdict, "reached");
 });
 
+test("whoever comes late knows nothing of before", () => {
+  const history = new History(world);
+  history.add(world);
+  history.add(map(40, true, { 0: 1 }));
+  history.add(plan(12));
+  history.add(event(12));
+  history.add(state(40.5));
+  assert.equal(history.first_s, 40);
+  assert.equal(history.at(40).followed?.time_s, 12);
+});
+
 test("of a live run the last minute is kept, of a recording all", () => {
   const recording = decode(encode(smallWorld({ time_s: 0, recorded: true })), null) as World;
   const [live, recorded] = [new History(world), new History(recording)];
@@ -63,7 +74,7 @@ test("of a live run the last minute is kept, of a recording all", () => {
   assert.equal(live.at(live.first_s).state?.time_s, live.first_s, "what held at the window's start stays");
   assert.equal(live.at(200).followed?.time_s, 0.25, "what is still followed stays, however old");
   assert.ok(live.states.items.length <= 2 * (kWindow_s + 2));
-  assert.equal(recorded.first_s, 0);
+  assert.equal(recorded.first_s, 0.5);
   assert.equal(recorded.states.items.length, 400);
 });
 
@@ -83,7 +94,8 @@ test("what is told again after a lost connection is known", () => {
   assert.ok(history.continues(decode(encode(smallWorld({ time_s: 5 })), null) as World));
   assert.ok(!history.continues(decode(encode(smallWorld({ time_s: 5, episode: 3 })), null) as World));
   history.add(state(20));
-  assert.ok(!history.continues(decode(encode(smallWorld({ time_s: 0 })), null) as World), "the same run, begun anew");
+  assert.ok(!history.continues(decode(encode(smallWorld({ time_s: 2 })), null) as World), "the same run, begun anew");
+  assert.ok(history.isFromBefore(state(2)) && !history.isFromBefore(state(19.5)) && !history.isFromBefore(event(2)));
 });
 
 test("the map at any kept time is that of all updates up to it, applied one by one", () => {

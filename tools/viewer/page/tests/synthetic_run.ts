@@ -3,8 +3,8 @@ import { blockCounts, Grid, kBlockBytes, Point } from "../src/messages";
 import { encode } from "./encode";
 import {
   configuration,
+  distanceAt,
   distanceTo,
-  distanceToAll,
   hallSolids,
   kDuration_s,
   kJoints,
@@ -45,6 +45,7 @@ export class SyntheticRun {
   private readonly fixed: Solid[];
   private readonly counts: Point;
   private readonly bits = new Map<number, Uint8Array>();
+  private readonly fixedBlocks = new Map<number, Uint8Array>();
   private fixedBits: Uint8Array | null = null;
 
   constructor(private readonly options: RunOptions) {
@@ -86,13 +87,14 @@ export class SyntheticRun {
   }
 
   frame(time_s: number): ArrayBuffer {
-    const [columns, rows] = [80, 60];
+    const [columns, rows] = [64, 48];
     const camera = { width_px: 640, height_px: 480, fx_px: 480, fy_px: 480, cx_px: 320, cy_px: 240 };
     const { eye, yaw } = this.eye(time_s);
     const depth = new Uint16Array(columns * rows);
+    const distance = distanceAt(this.solids, time_s);
     for (let i = 0; i < depth.length; ++i) {
-      const [u, v] = [8 * (i % columns), 8 * Math.floor(i / columns)];
-      depth[i] = this.cast(eye, yaw, (u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, time_s);
+      const [u, v] = [10 * (i % columns), 10 * Math.floor(i / columns)];
+      depth[i] = cast(distance, eye, yaw, (u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px);
     }
     const pose = [...eye, ...opticalRotation(yaw)];
     return encode({ kind: "frame", time_s, stamp_s: time_s - 0.02, pose, camera, columns, rows }, depth);
@@ -134,19 +136,20 @@ export class SyntheticRun {
     const [columns, rows] = [this.grid.size_vox[u], this.grid.size_vox[v]];
     const first_m = this.grid.origin_m.map((value) => value + step_m / 2) as Point;
     first_m[normal] = position_m;
-    const distance = new Int16Array(columns * rows);
+    const samples = new Int16Array(columns * rows);
+    const distance = distanceAt(this.solids, time_s);
     for (let row = 0; row < rows; ++row) {
       for (let column = 0; column < columns; ++column) {
         const p: Point = [...first_m];
         p[u] += step_m * column;
         p[v] += step_m * row;
         const is_seen = this.options.voxels && this.isKnown(p);
-        const metres = Math.min(kMost_m, distanceToAll(this.solids, p, time_s));
-        distance[column + columns * row] = is_seen ? Math.round(1000 * metres) : -32768;
+        const metres = Math.min(kMost_m, distance(...p));
+        samples[column + columns * row] = is_seen ? Math.round(1000 * metres) : -32768;
       }
     }
     const header = { kind: "slice", time_s, stamp_s: time_s, axis, position_m, first_m, step_m, columns, rows, max_m: kMost_m };
-    return encode(header, distance);
+    return encode(header, samples);
   }
 
   end(time_s: number): ArrayBuffer {
@@ -171,21 +174,6 @@ export class SyntheticRun {
   private eye(time_s: number): { eye: Point; yaw: number } {
     const [x, y, turn] = configuration(time_s);
     return { eye: [x + 0.08 * Math.cos(turn), y + 0.08 * Math.sin(turn), 1.0], yaw: turn + 0.5 * Math.sin(0.8 * time_s) };
-  }
-
-  /** Millimetres along the optical axis, by stepping as far as nothing can be; 0 beyond the range. */
-  private cast(eye: Point, yaw: number, right: number, down: number, time_s: number): number {
-    const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
-    const direction: Point = [c + s * right, s - c * right, -down];
-    const length = Math.hypot(...direction);
-    let z_m = 0.2;
-    for (let i = 0; i < 40 && z_m < 2 * kRange_m; ++i) {
-      const p = eye.map((value, axis) => value + direction[axis] * z_m) as Point;
-      const free_m = Math.min(p[2], distanceToAll(this.solids, p, time_s));
-      if (free_m < 0.01) return Math.round(1000 * z_m);
-      z_m += free_m / length;
-    }
-    return 0;
   }
 
   /** Bits of what stands still, computed once. */
@@ -216,18 +204,28 @@ export class SyntheticRun {
 
   /** Takes in what lies within view; returns the blocks that this changes. */
   private look(time_s: number): Set<number> {
-    const fixed = this.fixedOccupancy();
-    const walker = new Set<number>();
-    const before = this.solids.filter((solid) => solid.moves);
-    for (const solid of before) this.rasterise(solid, time_s, (index) => walker.add(index));
+    const moving = new Map<number, number[]>();
+    for (const solid of this.solids.filter((one) => one.moves)) {
+      this.rasterise(solid, time_s, (index) => {
+        const { block, bit } = this.blockOf(index);
+        moving.set(block, [...(moving.get(block) ?? []), bit]);
+      });
+    }
     const { eye, yaw } = this.eye(time_s);
     const changed = new Set<number>();
     const [nx, ny, nz] = this.counts;
     for (let block = 0; block < nx * ny * nz; ++block) {
       const at: Point = [block % nx, Math.floor(block / nx) % ny, Math.floor(block / (nx * ny))];
-      if (this.isInView(at, eye, yaw) && this.refresh(block, at, fixed, walker)) changed.add(block);
+      if (this.isInView(at, eye, yaw) && this.refresh(block, at, moving.get(block) ?? [])) changed.add(block);
     }
     return changed;
+  }
+
+  private blockOf(index: number): { block: number; bit: number } {
+    const [sx, sy] = this.grid.size_vox;
+    const [x, y, z] = [index % sx, Math.floor(index / sx) % sy, Math.floor(index / (sx * sy))];
+    const block = (x >> 4) + this.counts[0] * ((y >> 4) + this.counts[1] * (z >> 4));
+    return { block, bit: (x & 15) + 16 * ((y & 15) + 16 * (z & 15)) };
   }
 
   private isInView(block: Point, eye: Point, yaw: number): boolean {
@@ -238,26 +236,56 @@ export class SyntheticRun {
     return distance < 0.9 || (distance < kRange_m && off < kHalfView) || this.options.place === "hall";
   }
 
-  private refresh(block: number, at: Point, fixed: Uint8Array, walker: Set<number>): boolean {
-    const bytes = new Uint8Array(kBlockBytes);
-    const [sx, sy, sz] = this.grid.size_vox;
-    for (let i = 0; i < 4096; ++i) {
-      const [x, y, z] = [16 * at[0] + (i % 16), 16 * at[1] + ((i >> 4) % 16), 16 * at[2] + (i >> 8)];
-      if (x >= sx || y >= sy || z >= sz) continue;
-      const index = x + sx * (y + sy * z);
-      if (fixed[index] === 1 || walker.has(index)) bytes[i >> 3] |= 1 << (i & 7);
-      bytes[512 + (i >> 3)] |= 1 << (i & 7);
-    }
+  private refresh(block: number, at: Point, moving: number[]): boolean {
+    const bytes = Uint8Array.from(this.fixedBlock(block, at));
+    for (const bit of moving) bytes[bit >> 3] |= 1 << (bit & 7);
     const before = this.bits.get(block);
     if (before !== undefined && Buffer.compare(before, bytes) === 0) return false;
     this.bits.set(block, bytes);
     return true;
   }
 
+  /** A block as it is once it has been seen, without what moves. */
+  private fixedBlock(block: number, at: Point): Uint8Array {
+    const known = this.fixedBlocks.get(block);
+    if (known !== undefined) return known;
+    const fixed = this.fixedOccupancy();
+    const bytes = new Uint8Array(kBlockBytes);
+    const [sx, sy, sz] = this.grid.size_vox;
+    for (let i = 0; i < 4096; ++i) {
+      const [x, y, z] = [16 * at[0] + (i % 16), 16 * at[1] + ((i >> 4) % 16), 16 * at[2] + (i >> 8)];
+      if (x >= sx || y >= sy || z >= sz) continue;
+      if (fixed[x + sx * (y + sy * z)] === 1) bytes[i >> 3] |= 1 << (i & 7);
+      bytes[512 + (i >> 3)] |= 1 << (i & 7);
+    }
+    this.fixedBlocks.set(block, bytes);
+    return bytes;
+  }
+
   private isKnown(p: Point): boolean {
     const voxel = p.map((value, i) => Math.floor((value - this.grid.origin_m[i]) / this.grid.voxel_m / 16));
     return this.bits.has(voxel[0] + this.counts[0] * (voxel[1] + this.counts[1] * voxel[2]));
   }
+}
+
+/** Millimetres along the optical axis, by stepping as far as nothing can be; 0 beyond the range. */
+function cast(
+  distance: (x: number, y: number, z: number) => number,
+  [x, y, z]: Point,
+  yaw: number,
+  right: number,
+  down: number,
+): number {
+  const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
+  const [dx, dy, dz] = [c + s * right, s - c * right, -down];
+  const length = Math.sqrt(dx * dx + dy * dy + dz * dz);
+  let ahead_m = 0.2;
+  for (let i = 0; i < 40 && ahead_m < 2 * kRange_m; ++i) {
+    const free_m = Math.min(z + dz * ahead_m, distance(x + dx * ahead_m, y + dy * ahead_m, z + dz * ahead_m));
+    if (free_m < 0.01) return Math.round(1000 * ahead_m);
+    ahead_m += free_m / length;
+  }
+  return 0;
 }
 
 /** x right, y down, z ahead, level and turned by `yaw`. */

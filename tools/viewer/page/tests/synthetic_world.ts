@@ -49,20 +49,32 @@ export function hallSolids(): Solid[] {
   return solids;
 }
 
-/** Exact signed distance. */
-export function distanceTo(solid: Solid, [x, y, z]: Point, time_s: number): number {
-  const [cx, cy, cz] = solid.centre(time_s);
-  const [dx, dy, dz] = [x - cx, y - cy, z - cz];
+/** Exact signed distance to a solid whose centre is known. */
+function distanceFrom(solid: Solid, centre: Point, x: number, y: number, z: number): number {
   const { shape } = solid;
-  const out =
-    shape.type === "box"
-      ? [Math.abs(dx) - shape.size_m[0] / 2, Math.abs(dy) - shape.size_m[1] / 2, Math.abs(dz) - shape.size_m[2] / 2]
-      : [Math.hypot(dx, dy) - shape.radius_m, Math.abs(dz) - shape.length_m / 2];
-  return Math.hypot(...out.map((one) => Math.max(one, 0))) + Math.min(Math.max(...out), 0);
+  const [dx, dy, dz] = [Math.abs(x - centre[0]), Math.abs(y - centre[1]), Math.abs(z - centre[2])];
+  if (shape.type === "cylinder") {
+    const [a, c] = [Math.sqrt(dx * dx + dy * dy) - shape.radius_m, dz - shape.length_m / 2];
+    const [ap, cp] = [Math.max(a, 0), Math.max(c, 0)];
+    return Math.sqrt(ap * ap + cp * cp) + Math.min(Math.max(a, c), 0);
+  }
+  const [a, b, c] = [dx - shape.size_m[0] / 2, dy - shape.size_m[1] / 2, dz - shape.size_m[2] / 2];
+  const [ap, bp, cp] = [Math.max(a, 0), Math.max(b, 0), Math.max(c, 0)];
+  return Math.sqrt(ap * ap + bp * bp + cp * cp) + Math.min(Math.max(a, b, c), 0);
 }
 
-export function distanceToAll(solids: readonly Solid[], p: Point, time_s: number): number {
-  return Math.min(...solids.map((solid) => distanceTo(solid, p, time_s)));
+export function distanceTo(solid: Solid, p: Point, time_s: number): number {
+  return distanceFrom(solid, solid.centre(time_s), ...p);
+}
+
+/** Of all solids as they stand at one time. */
+export function distanceAt(solids: readonly Solid[], time_s: number): (x: number, y: number, z: number) => number {
+  const centres = solids.map((solid) => solid.centre(time_s));
+  return (x, y, z) => {
+    let least = Infinity;
+    for (let i = 0; i < solids.length; ++i) least = Math.min(least, distanceFrom(solids[i], centres[i], x, y, z));
+    return least;
+  };
 }
 
 /** Turned about z, then about y. */

@@ -13,8 +13,7 @@ import {
 } from "three";
 import type { Pose, Shape } from "../messages";
 
-/** Null for what has no bounds. */
-export function shapeGeometry(shape: Shape): BufferGeometry | null {
+export function shapeGeometry(shape: Shape): BufferGeometry {
   switch (shape.type) {
     case "sphere":
       return new SphereGeometry(shape.radius_m, 32, 20);
@@ -25,8 +24,6 @@ export function shapeGeometry(shape: Shape): BufferGeometry | null {
       return new CylinderGeometry(shape.radius_m, shape.radius_m, shape.length_m, 40).rotateX(Math.PI / 2);
     case "capsule":
       return new CapsuleGeometry(shape.radius_m, shape.length_m, 10, 32).rotateX(Math.PI / 2);
-    case "half_space":
-      return null;
     case "mesh": {
       const indexed = new BufferGeometry();
       indexed.setAttribute("position", new BufferAttribute(shape.vertices, 3));

@@ -27,13 +27,11 @@ abstract class ObjectsLayer implements Layer {
     for (const { shape, pose } of objects) {
       const body = new Group();
       const geometry = shapeGeometry(shape);
-      if (geometry !== null) {
-        const face = new MeshStandardMaterial({
-          ...{ color: this.colour, roughness: 0.9, transparent: true, opacity: this.opacity, depthWrite: false },
-        });
-        const edge = new LineBasicMaterial({ color: this.colour, transparent: true, opacity: 0.8 });
-        body.add(new Mesh(geometry, face), new LineSegments(new EdgesGeometry(geometry, kEdgeAngle_deg), edge));
-      }
+      const face = new MeshStandardMaterial({
+        ...{ color: this.colour, roughness: 0.9, transparent: true, opacity: this.opacity, depthWrite: false },
+      });
+      const edge = new LineBasicMaterial({ color: this.colour, transparent: true, opacity: 0.8 });
+      body.add(new Mesh(geometry, face), new LineSegments(new EdgesGeometry(geometry, kEdgeAngle_deg), edge));
       place(body, pose);
       this.object.add(body);
     }

@@ -28,9 +28,7 @@ class Bodies {
       this.materials.push(new MeshStandardMaterial({ roughness: 0.62, metalness: 0.05 }));
     }
     for (const { link, shape, pose } of world.shapes) {
-      const geometry = shapeGeometry(shape);
-      if (geometry === null) continue;
-      const mesh = new Mesh(geometry, this.materials[link]);
+      const mesh = new Mesh(shapeGeometry(shape), this.materials[link]);
       place(mesh, pose);
       this.group.children[link].add(mesh);
     }
@@ -72,7 +70,7 @@ export class RobotLayer implements Layer {
     this.bodies.materials.forEach((material, i) => {
       const isClosest = link !== null && this.world?.links[i] === link;
       material.color.copy(this.colour);
-      if (isClosest) material.color.lerp(this.highlight, 0.55);
+      if (isClosest) material.color.lerp(this.highlight, 0.4);
     });
   }
 }

@@ -3,9 +3,9 @@
 import {
   Color,
   DirectionalLight,
-  GridHelper,
   HemisphereLight,
   LineBasicMaterial,
+  LineSegments,
   Scene,
   WebGLRenderer,
 } from "three";
@@ -13,6 +13,7 @@ import type { History, Moment } from "../history";
 import type { Grid, World } from "../messages";
 import { CameraLayer } from "./camera";
 import { ClearanceLayer } from "./clearance";
+import { groundLines } from "./ground";
 import type { Layer } from "./layer";
 import { MapView } from "./map_view";
 import { FixedObjectsLayer, MovingObjectsLayer } from "./objects";
@@ -36,7 +37,7 @@ export class Stage {
   readonly handle: SliceHandle;
   private readonly renderer: WebGLRenderer;
   private readonly scene = new Scene();
-  private readonly ground = new GridHelper(24, 24);
+  private readonly ground = new LineSegments(groundLines(12), new LineBasicMaterial());
   private readonly map = new MapView();
   private readonly clearance: ClearanceLayer;
   private readonly layers: Record<string, Layer>;
@@ -102,10 +103,7 @@ export class Stage {
   recolour(): void {
     const palette = readPalette();
     this.scene.background = palette["scene-bottom"];
-    const ground = this.ground.material as LineBasicMaterial;
-    ground.vertexColors = false;
-    ground.color.copy(palette["ground"]);
-    ground.needsUpdate = true;
+    this.ground.material.color.copy(palette["ground"]);
     for (const layer of Object.values(this.layers)) layer.recolour(palette);
     this.handle.recolour(palette);
     this.invalidate();
@@ -132,9 +130,6 @@ export class Stage {
   }
 
   private furnish(): void {
-    this.ground.rotateX(Math.PI / 2);
-    (this.ground.material as LineBasicMaterial).transparent = true;
-    (this.ground.material as LineBasicMaterial).opacity = 0.6;
     const sky = new HemisphereLight(new Color("#ffffff"), new Color("#8a8f98"), 1.7);
     sky.position.set(0, 0, 1);
     const sun = new DirectionalLight(new Color("#ffffff"), 1.6);
