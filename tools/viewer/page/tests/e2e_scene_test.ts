@@ -42,13 +42,17 @@ async function scrubTo(page: Page, time_s: number): Promise<void> {
 
 test("robot and voxels are drawn, and hidden when they are not wanted", { timeout: 3 * kWait_ms }, async () => {
   const [whole, robotless, voxelless] = [await watch(4), await watch(4, { robot: false }), await watch(4, { voxels: false })];
+  for (const { page } of [whole, robotless, voxelless]) await setOverlay(page, "goal", false);
   const all = await scenePixels(whole.page);
   const [noRobot, noVoxels] = [await scenePixels(robotless.page), await scenePixels(voxelless.page)];
   assert.ok(differingPixels(all, noRobot) > 1500, `robot: ${differingPixels(all, noRobot)} pixels`);
   assert.ok(differingPixels(all, noVoxels) > 30000, `voxels: ${differingPixels(all, noVoxels)} pixels`);
-  // Hidden, they leave what a run without them shows. Spheres and goal have no bodies there either.
+  // Hidden, each leaves what a run without it shows.
   await setOverlay(whole.page, "voxels", false);
   assert.ok(differingPixels(await scenePixels(whole.page), noVoxels) < 50);
+  await setOverlay(whole.page, "voxels", true);
+  await setOverlay(whole.page, "robot", false);
+  assert.ok(differingPixels(await scenePixels(whole.page), noRobot) < 50);
   for (const one of [whole, robotless, voxelless]) {
     assert.deepEqual(one.complaints, []);
     await close(one);
@@ -142,7 +146,11 @@ test("the slice moves by keys, by its slider and by its handle", { timeout: 3 * 
   for (let i = 0; i < 6; ++i) await page.keyboard.press("ArrowUp");
   await isAsked("z", (z) => Math.abs(z - first_m - 0.3) < 1e-6);
   assert.ok(differingPixels(first, await shown()) > 5000);
-  await page.locator("#slice-position").fill("1.075");
+  await page.evaluate(() => {
+    const slider = document.querySelector("#slice-position") as HTMLInputElement;
+    slider.value = "1.075";
+    slider.dispatchEvent(new Event("input", { bubbles: true }));
+  });
   await isAsked("z", (z) => Math.abs(z - 1.075) < 0.03);
   const box = (await page.locator("#scene").boundingBox()) as { x: number; y: number; width: number; height: number };
   const handle = await page.locator("#scene").getAttribute("data-handle");

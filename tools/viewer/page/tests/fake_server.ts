@@ -25,6 +25,7 @@ export class FakeServer {
   private readonly run: SyntheticRun;
   private readonly newest = new Map<string, ArrayBuffer>();
   private readonly told: ArrayBuffer[] = [];
+  private welcomed = 0;
   private readonly listeners: (() => void)[] = [];
   private slice: SliceRequest | null = null;
   private step = -1;
@@ -78,7 +79,9 @@ export class FakeServer {
   async close(): Promise<void> {
     this.drop();
     this.sockets.close();
-    await new Promise((done) => this.http_.close(done));
+    const closed = new Promise((done) => this.http_.close(done));
+    this.http_.closeAllConnections();
+    await closed;
   }
 
   /** Bytes as they are, to everybody. */
@@ -122,7 +125,13 @@ export class FakeServer {
     this.tellRaw(data);
   }
 
+  /** Until so many have connected since the start. */
+  async untilWelcomed(count: number): Promise<void> {
+    while (this.welcomed < count) await new Promise<void>((done) => this.sockets.once("connection", () => done()));
+  }
+
   private welcome(socket: WebSocket): void {
+    ++this.welcomed;
     socket.on("message", (data, isBinary) => this.hear(socket, String(data), isBinary));
     socket.on("error", () => socket.terminate());
     socket.send(this.run.world(this.options.recorded ? 0 : Math.max(0, this.time_s)));

@@ -61,7 +61,7 @@ export class SyntheticRun {
       ...{ kind: "world", time_s, title: `Synthetic ${this.options.place}`, episode: 3, robot: "synthetic" },
       ...{ joints: kJoints, links: kLinks, tool_link: 5, recorded: this.options.recorded },
       shapes: this.options.robot ? kShapes : [],
-      spheres: this.options.robot ? kSpheres : [],
+      spheres: kSpheres,
       objects: this.solids.map(({ name, shape, centre, moves }) => ({ name, shape, pose: upright(centre(0)), moves })),
       start: linkPoses(configuration(0)),
       goal: linkPoses(configuration(kDuration_s)),
