@@ -97,7 +97,8 @@ struct Replanner::Impl {
 
   Trajectory followed;  ///< Empty where nothing is.
   Stamp followed_start;
-  std::optional<detail::Contingency> contingency;  ///< Of what is followed; braking not too early.
+  std::optional<detail::Contingency>
+      contingency;            ///< The last that was found, of what is followed.
   bool is_unreached = false;  ///< Nothing that moves in the newest map could reach the robot on it.
   Trajectory unfinished;      ///< The last one that was to lead to the goal, which stops interrupt.
   bool is_braking = false;    ///< What is followed is a stop.
