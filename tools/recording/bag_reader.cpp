@@ -1,0 +1,275 @@
+#include "bag_reader.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace sidestep::bag {
+namespace {
+
+/// A message's record takes this much at least: its fields, and no data.
+constexpr std::uint64_t kSmallestMessage_bytes = 46;
+
+template <class Number>
+Number number_at(std::span<const std::byte> bytes, std::size_t position) {
+  Number number;
+  std::memcpy(&number, bytes.data() + position, sizeof number);
+  return number;
+}
+
+}  // namespace
+
+Result<Reader> Reader::open(const std::filesystem::path& file) {
+  auto opened = File::open(file);
+  if (!opened) return tl::make_unexpected(opened.error());
+  Reader reader(std::move(*opened));
+  if (auto read = reader.read_all(); !read) return tl::make_unexpected(read.error());
+  return reader;
+}
+
+Result<void> Reader::read_all() {
+  const auto line = file_.read(0, kFirstLine.size());
+  if (!line || std::memcmp(line->data(), kFirstLine.data(), kFirstLine.size()) != 0) {
+    return tl::make_unexpected(file_.damaged(0, "this is no ROS bag of format 2.0"));
+  }
+  const auto first = file_.record(kFirstLine.size(), file_.size());
+  if (!first) return tl::make_unexpected(first.error());
+  if (first->op != Op::kFile) {
+    return tl::make_unexpected(file_.damaged(first->position, "the bag does not begin as one"));
+  }
+  const auto indexed = read_index(*first);
+  is_indexed_ = indexed.has_value();
+  if (!indexed) {
+    if (indexed.error().code == ErrorCode::kUnsupported) return indexed;
+    connections_.clear();
+    entries_.clear();
+    const auto scanned = scan(first->end());
+    if (!scanned && scanned.error().code == ErrorCode::kUnsupported) return scanned;
+    if (!scanned) {
+      damage_ = scanned.error();
+    } else if (indexed.error().code != ErrorCode::kNotFound) {
+      damage_ = indexed.error();
+    }
+  }
+  std::ranges::stable_sort(entries_, {}, &Entry::time);
+  return {};
+}
+
+/// Fails with kNotFound where there is none.
+Result<void> Reader::read_index(const Record& file_record) {
+  const auto begin = file_record.fields.number<std::uint64_t>("index_pos");
+  const auto connections = file_record.fields.number<std::uint32_t>("conn_count");
+  const auto chunks = file_record.fields.number<std::uint32_t>("chunk_count");
+  if (!begin || !connections || !chunks) {
+    return tl::make_unexpected(
+        file_.damaged(file_record.position, "it is not said where the index is"));
+  }
+  if (*begin == 0) return fail(ErrorCode::kNotFound, "there is no index");
+  std::uint64_t position = *begin;
+  for (std::uint32_t i = 0; i < *connections; ++i) {
+    const auto record = file_.record(position, file_.size());
+    if (!record) return tl::make_unexpected(record.error());
+    if (auto noted = note_connection(*record); !noted) return noted;
+    position = record->end();
+  }
+  for (std::uint32_t i = 0; i < *chunks; ++i) {
+    const auto record = file_.record(position, file_.size());
+    if (!record) return tl::make_unexpected(record.error());
+    if (auto read = read_chunk_index(*record); !read) return read;
+    position = record->end();
+  }
+  return {};
+}
+
+Result<void> Reader::note_connection(const Record& record) {
+  const auto id = record.fields.number<std::uint32_t>("conn");
+  const auto topic = record.fields.text("topic");
+  if (record.op != Op::kConnection || !id || !topic) {
+    return tl::make_unexpected(file_.damaged(record.position, "here should be a connection"));
+  }
+  const auto data = file_.read(record.data_position, record.data_bytes);
+  if (!data) return tl::make_unexpected(data.error());
+  const auto fields = Fields::of(*data);
+  const auto type = fields ? fields->text("type") : std::nullopt;
+  const auto md5sum = fields ? fields->text("md5sum") : std::nullopt;
+  const auto definition = fields ? fields->text("message_definition") : std::nullopt;
+  if (!type || !md5sum || !definition) {
+    return tl::make_unexpected(
+        file_.damaged(record.position, "a connection does not say what its messages are"));
+  }
+  Connection connection{.id = *id,
+                        .topic = std::string(*topic),
+                        .type = std::string(*type),
+                        .md5sum = std::string(*md5sum),
+                        .definition = std::string(*definition),
+                        .latching = fields->text("latching") == "1"};
+  // Said again in every chunk that has its messages, and in the index: it remains as it was said
+  // first.
+  connections_.try_emplace(*id, std::move(connection));
+  return {};
+}
+
+Result<void> Reader::check_chunk(const Record& chunk) const {
+  const auto compression = chunk.fields.text("compression");
+  const auto size = chunk.fields.number<std::uint32_t>("size");
+  if (chunk.op != Op::kChunk || !compression || !size) {
+    return tl::make_unexpected(file_.damaged(chunk.position, "here should be a chunk"));
+  }
+  if (*compression == "bz2" || *compression == "lz4") {
+    Error error = file_.damaged(chunk.position, "");
+    error.code = ErrorCode::kUnsupported;
+    error.message = "the bag's chunks are compressed (" + std::string(*compression) + ")";
+    error.hint = "make a plain copy with `rosbag decompress`";
+    return tl::make_unexpected(std::move(error));
+  }
+  if (*compression != "none" || *size != chunk.data_bytes) {
+    return tl::make_unexpected(file_.damaged(chunk.position, "a chunk contradicts itself"));
+  }
+  return {};
+}
+
+Result<void> Reader::read_chunk_index(const Record& chunk_info) {
+  const auto begin = chunk_info.fields.number<std::uint64_t>("chunk_pos");
+  const auto connections = chunk_info.fields.number<std::uint32_t>("count");
+  if (chunk_info.op != Op::kChunkInfo || !begin || !connections ||
+      chunk_info.data_bytes != *connections * kChunkCount_bytes) {
+    return tl::make_unexpected(
+        file_.damaged(chunk_info.position, "here should be what there is in a chunk"));
+  }
+  const auto data = file_.read(chunk_info.data_position, chunk_info.data_bytes);
+  if (!data) return tl::make_unexpected(data.error());
+  std::map<std::uint32_t, std::uint32_t> counts;
+  for (std::uint32_t i = 0; i < *connections; ++i) {
+    counts[number_at<std::uint32_t>(*data, i * kChunkCount_bytes)] =
+        number_at<std::uint32_t>(*data, i * kChunkCount_bytes + sizeof(std::uint32_t));
+  }
+  const auto chunk = file_.record(*begin, file_.size());
+  if (!chunk) return tl::make_unexpected(chunk.error());
+  if (auto checked = check_chunk(*chunk); !checked) return checked;
+  std::uint64_t position = chunk->end();
+  for (std::uint32_t i = 0; i < *connections; ++i) {
+    const auto index = file_.record(position, file_.size());
+    if (!index) return tl::make_unexpected(index.error());
+    const auto connection = read_entries(*index, *chunk);
+    if (!connection) return tl::make_unexpected(connection.error());
+    const auto said = counts.find(*connection);
+    if (said == counts.end() || said->second * kIndexEntry_bytes != index->data_bytes) {
+      return tl::make_unexpected(
+          file_.damaged(index->position, "a chunk's index is not what is said of the chunk"));
+    }
+    counts.erase(said);
+    position = index->end();
+  }
+  return {};
+}
+
+/// Returns the connection whose messages they are.
+Result<std::uint32_t> Reader::read_entries(const Record& index, const Record& chunk) {
+  const auto version = index.fields.number<std::uint32_t>("ver");
+  const auto connection = index.fields.number<std::uint32_t>("conn");
+  const auto count = index.fields.number<std::uint32_t>("count");
+  if (index.op != Op::kIndex || version != kIndexVersion || !connection || !count ||
+      !connections_.contains(*connection) ||
+      index.data_bytes != std::uint64_t{*count} * kIndexEntry_bytes) {
+    return tl::make_unexpected(file_.damaged(index.position, "here should be a chunk's index"));
+  }
+  // Else damage that names one chunk again and again would cost memory.
+  if (entries_.size() + *count > file_.size() / kSmallestMessage_bytes) {
+    return tl::make_unexpected(
+        file_.damaged(index.position, "the index names more messages than there can be"));
+  }
+  const auto data = file_.read(index.data_position, index.data_bytes);
+  if (!data) return tl::make_unexpected(data.error());
+  for (std::size_t i = 0; i < *count; ++i) {
+    const auto time = number_at<ros::Time>(*data, i * kIndexEntry_bytes);
+    const auto offset = number_at<std::uint32_t>(*data, i * kIndexEntry_bytes + sizeof(ros::Time));
+    if (offset >= chunk.data_bytes) {
+      return tl::make_unexpected(
+          file_.damaged(index.position, "a chunk's index names a place outside the chunk"));
+    }
+    entries_.push_back({time, *connection, chunk.data_position + offset});
+  }
+  return *connection;
+}
+
+Result<void> Reader::scan(std::uint64_t position) {
+  while (position < file_.size()) {
+    const auto record = file_.record(position, file_.size());
+    if (!record) return tl::make_unexpected(record.error());
+    if (record->op == Op::kConnection) {
+      if (auto noted = note_connection(*record); !noted) return noted;
+    } else if (record->op == Op::kChunk) {
+      if (auto checked = check_chunk(*record); !checked) return checked;
+      if (auto scanned = scan_chunk(*record); !scanned) return scanned;
+    } else if (record->op != Op::kIndex && record->op != Op::kChunkInfo) {
+      return tl::make_unexpected(file_.damaged(position, "here should be a chunk"));
+    }
+    position = record->end();
+  }
+  return {};
+}
+
+Result<void> Reader::scan_chunk(const Record& chunk) {
+  std::uint64_t position = chunk.data_position;
+  const std::uint64_t end = std::min(chunk.end(), file_.size());
+  while (position < end) {
+    const auto record = file_.record(position, end);
+    if (!record) return tl::make_unexpected(record.error());
+    if (record->op == Op::kConnection) {
+      if (auto noted = note_connection(*record); !noted) return noted;
+    } else {
+      const auto connection = record->fields.number<std::uint32_t>("conn");
+      const auto time = record->fields.number<ros::Time>("time");
+      if (record->op != Op::kMessage || !connection || !time ||
+          !connections_.contains(*connection)) {
+        return tl::make_unexpected(file_.damaged(position, "here should be a message"));
+      }
+      entries_.push_back({*time, *connection, position});
+    }
+    position = record->end();
+  }
+  if (end == chunk.end()) return {};
+  return tl::make_unexpected(file_.damaged(end, "the file ends within a chunk"));
+}
+
+ros::Time Reader::first_time() const noexcept {
+  return entries_.empty() ? ros::Time{} : entries_.front().time;
+}
+
+ros::Time Reader::last_time() const noexcept {
+  return entries_.empty() ? ros::Time{} : entries_.back().time;
+}
+
+void Reader::select(const std::vector<std::string>& topics) {
+  selected_.reset();
+  if (topics.empty()) return;
+  selected_.emplace();
+  for (const auto& [id, connection] : connections_) {
+    if (std::ranges::find(topics, connection.topic) != topics.end()) selected_->push_back(id);
+  }
+}
+
+void Reader::seek(ros::Time time) noexcept {
+  next_ = static_cast<std::size_t>(std::ranges::lower_bound(entries_, time, {}, &Entry::time) -
+                                   entries_.begin());
+}
+
+Result<std::optional<Message>> Reader::next() {
+  while (next_ < entries_.size()) {
+    const Entry& entry = entries_[next_++];
+    if (selected_ && std::ranges::find(*selected_, entry.connection) == selected_->end()) continue;
+    const auto record = file_.record(entry.position, file_.size());
+    if (!record) return tl::make_unexpected(record.error());
+    if (record->op != Op::kMessage ||
+        record->fields.number<std::uint32_t>("conn") != entry.connection ||
+        record->fields.number<ros::Time>("time") != entry.time) {
+      return tl::make_unexpected(
+          file_.damaged(entry.position, "here is not the message that the index names"));
+    }
+    const auto data = file_.read(record->data_position, record->data_bytes);
+    if (!data) return tl::make_unexpected(data.error());
+    return Message{&connections_.at(entry.connection), entry.time, *data};
+  }
+  return std::nullopt;
+}
+
+}  // namespace sidestep::bag

@@ -1,0 +1,170 @@
+#include "run_recorder.hpp"
+
+#include <sched.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <exception>
+#include <utility>
+
+#include <sidestep/core/format.hpp>
+
+namespace sidestep {
+namespace {
+
+using std::chrono::steady_clock;
+
+/// What is not on its way to the disk after so long is written however little it is.
+constexpr std::chrono::milliseconds kLongestHeld{1000};
+
+/// Lets the calling thread run where others leave it time. What the system does not grant is passed
+/// over.
+void lower_priority() noexcept {
+  constexpr int kNice =
+      10;  // 19 would starve it, and lose depth images, on a machine that is busy.
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
+}
+
+std::size_t bytes_of(const Trajectory& trajectory) noexcept {
+  return sizeof(double) *
+         (trajectory.times_s.size() + trajectory.positions.size() + trajectory.velocities.size());
+}
+
+std::size_t bytes_of(const Frame& frame) noexcept {
+  if (const auto* const depth = std::get_if<DepthImage>(&frame.measurement)) {
+    return sizeof frame + depth->depth_m.size() * sizeof(float);
+  }
+  return sizeof frame + std::get<PointCloud>(frame.measurement).points_m.size() * 3 * sizeof(float);
+}
+
+/// What a map keeps from being freed: its own blocks, and its table.
+std::size_t bytes_of(const ObservedMap& map) noexcept {
+  const std::size_t changed = map.step.update.changed_blocks.size();
+  const std::size_t blocks =
+      map.snapshot.field == nullptr
+          ? 0
+          : static_cast<std::size_t>(block_counts(map.snapshot.field->info().grid).prod());
+  return changed * (sizeof(FieldBlock) + sizeof(KnownBlock)) + blocks * 2 * sizeof(void*);
+}
+
+std::size_t bytes_of(const ObservedEvent& event) noexcept {
+  std::size_t bytes = sizeof event + event.event.cause.size();
+  if (event.followed) bytes += bytes_of(*event.followed);
+  if (event.event.refused) bytes += bytes_of(*event.event.refused);
+  return bytes;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<RunRecorder>> RunRecorder::start(const std::filesystem::path& file, Log& log,
+                                                        std::size_t most_queued_bytes) {
+  auto bag = RunBag::create(file);
+  if (!bag) return tl::make_unexpected(bag.error());
+  return std::unique_ptr<RunRecorder>(
+      new RunRecorder(std::move(*bag), file, log, most_queued_bytes));
+}
+
+RunRecorder::RunRecorder(RunBag bag, std::filesystem::path file, Log& log,
+                         std::size_t most_queued_bytes)
+    : queue_(most_queued_bytes),
+      file_(std::move(file)),
+      log_(log),
+      bag_(std::move(bag)),
+      thread_([this] { work(); }) {}
+
+RunRecorder::~RunRecorder() { finish(); }
+
+void RunRecorder::begin(const ObservedWorld& world) {
+  queue_.push(RecordClass::kEvent, world, sizeof world);
+}
+
+void RunRecorder::mapped(const ObservedMap& map) {
+  if (map.frame != nullptr) {
+    queue_.push(RecordClass::kDepth, Seen{map.frame, map.received}, bytes_of(*map.frame));
+  }
+  queue_.push(RecordClass::kMap, Mapped{map.snapshot, map.published}, bytes_of(map));
+}
+
+void RunRecorder::stepped(const ObservedStep& step) {
+  queue_.push(
+      RecordClass::kState, step,
+      sizeof step + static_cast<std::size_t>(step.q.size() + step.q_true.size()) * sizeof(double));
+}
+
+void RunRecorder::happened(const ObservedEvent& event) {
+  queue_.push(RecordClass::kEvent, event, bytes_of(event));
+}
+
+void RunRecorder::end(const ObservedEnd& end) {
+  queue_.push(RecordClass::kEvent, end, sizeof end + end.verdict.size());
+}
+
+bool RunRecorder::record_view(Stamp stamp, std::span<const std::byte> message) {
+  if (!queue_.has_room(message.size())) {
+    ++view_messages_dropped_;
+    return false;
+  }
+  queue_.push(RecordClass::kEvent, Viewed{stamp, {message.begin(), message.end()}}, message.size());
+  return true;
+}
+
+void RunRecorder::work() {
+  lower_priority();
+  auto flushed = steady_clock::now();
+  while (!queue_.is_done()) {
+    const auto item = queue_.pop(kLongestHeld);
+    // A robot that throws costs what it was asked for.
+    try {
+      if (item && !bag_.fault()) write(*item);
+    } catch (const std::exception& exception) {
+      log_.warn(file_.string() + ": not recorded: " + exception.what());
+    }
+    if (steady_clock::now() - flushed >= kLongestHeld) {
+      bag_.flush();
+      flushed = steady_clock::now();
+    }
+    tell_fault();
+  }
+}
+
+void RunRecorder::write(const Item& item) {
+  struct Writing {
+    RunBag& bag;
+    void operator()(const ObservedWorld& world) const { bag.begin(world); }
+    void operator()(const Seen& seen) const { bag.seen(*seen.frame, seen.received); }
+    void operator()(const Mapped& mapped) const { bag.mapped(mapped.map, mapped.published); }
+    void operator()(const ObservedStep& step) const { bag.stepped(step); }
+    void operator()(const ObservedEvent& event) const { bag.happened(event); }
+    void operator()(const ObservedEnd& end) const { bag.end(end); }
+    void operator()(const Viewed& viewed) const { bag.viewed(viewed.stamp, viewed.message); }
+  };
+  std::visit(Writing{bag_}, item);
+}
+
+void RunRecorder::tell_fault() {
+  if (has_told_fault_ || !bag_.fault()) return;
+  has_told_fault_ = true;
+  log_.error(bag_.fault()->describe() + "; the run goes on, and is recorded no further");
+}
+
+void RunRecorder::finish() {
+  if (!thread_.joinable()) return;
+  queue_.close();
+  thread_.join();
+  const Dropped dropped = queue_.dropped();
+  bag_.close(dropped, view_messages_dropped_);
+  tell_fault();
+  if (!bag_.fault()) {
+    log_.info("recorded " + std::to_string(bag_.message_count()) + " messages, " +
+              format("%.1f MB", static_cast<double>(bag_.bytes()) * 1e-6) + ", in " +
+              file_.string());
+  }
+  if (dropped == Dropped{} && view_messages_dropped_ == 0) return;
+  log_.warn("the recording could not keep up: it lacks " +
+            std::to_string(dropped.of(RecordClass::kDepth)) + " depth images, " +
+            std::to_string(dropped.of(RecordClass::kMap)) + " maps, " +
+            std::to_string(dropped.of(RecordClass::kState)) + " states, " +
+            std::to_string(view_messages_dropped_) + " messages of the viewer");
+}
+
+}  // namespace sidestep
