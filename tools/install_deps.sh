@@ -34,6 +34,9 @@ if [ "${1:-}" = "--dev" ]; then
     librosbag-storage-dev)
   packages+=(chromium fonts-inter)  # for the tests and pictures of the viewer's page
   packages+=(ompl-demos)  # ompl_benchmark_statistics, with which a test reads a benchmark's database
+  # with which tests read recordings
+  packages+=(python3-rosbag python3-std-msgs python3-sensor-msgs python3-tf2-msgs)
+  packages+=(python3-visualization-msgs python3-trajectory-msgs python3-yaml)
 elif [ $# -gt 0 ]; then
   echo "usage: tools/install_deps.sh [--dev]" >&2
   exit 2

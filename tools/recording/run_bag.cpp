@@ -47,15 +47,9 @@ Json json_of(const ObservedEvent& observed) {
   return json;
 }
 
-/// Whether a message of the viewer begins an episode (docs/reference/viewer.md).
-bool begins_episode(std::span<const std::byte> message) {
-  std::uint32_t length = 0;
-  if (message.size() < sizeof length) return false;
-  std::memcpy(&length, message.data(), sizeof length);
-  if (length > message.size() - sizeof length) return false;
-  const auto* const text = reinterpret_cast<const char*>(message.data()) + sizeof length;
-  const Json header = Json::parse(text, text + length, nullptr, false);
-  return header.is_object() && header.contains("kind") && header["kind"] == "world";
+/// `time`, or just after the last one: readers disagree on the order of what has the same time.
+ros::Time next_time(ros::Time time, ros::Time last) {
+  return std::max(time, ros_time(Stamp{run_stamp(last).ns + 1}));
 }
 
 /// "camera_optical_frame", or with a dash more where a link has that name.
@@ -147,7 +141,7 @@ void RunBag::mapped(const MapSnapshot& map, Stamp published) {
 }
 
 void RunBag::put_map(Stamp stamp) {
-  if (voxels_.update(std::exchange(waiting_map_, nullptr))) {
+  if (voxels_.update(std::exchange(waiting_map_, nullptr)).any()) {
     put(topics::kMap, time_of(stamp), voxel_markers(voxels_, time_of(stamp)), true);
   }
 }
@@ -202,16 +196,14 @@ void RunBag::move_epoch() noexcept {
   epoch_ = Stamp{(std::int64_t{last_time_.sec} + 2) * kSecond_ns};
 }
 
-void RunBag::viewed(Stamp stamp, std::span<const std::byte> message) {
-  if (begins_episode(message)) view_epoch_ = epoch_;
-  put(topics::kView, ros_time(stamp, view_epoch_), byte_array(message));
+void RunBag::viewed(Stamp stamp, std::string_view message) {
+  last_view_ = next_time(time_of(stamp), last_view_);
+  put(topics::kView, last_view_, byte_array(std::as_bytes(std::span(message))));
 }
 
 void RunBag::put_event(ros::Time time, const std::string& json) {
-  // Readers disagree on the order of what has one and the same time.
-  const Stamp after{run_stamp(last_event_).ns + 1};
-  time = last_event_ = std::max(time, ros_time(after));
-  put(topics::kEvents, time, ros::String{json});
+  last_event_ = next_time(time, last_event_);
+  put(topics::kEvents, last_event_, ros::String{json});
 }
 
 template <class Message>
@@ -233,13 +225,12 @@ void RunBag::flush() {
   if (!fault_) note(writer_.flush());
 }
 
-void RunBag::close(const Dropped& dropped, std::int64_t view_messages_dropped) {
+void RunBag::close(const Dropped& dropped) {
   put_event(last_time_, text_of({{"event", "recorded"},
                                  {"dropped",
                                   {{"depth_images", dropped.of(RecordClass::kDepth)},
                                    {"maps", dropped.of(RecordClass::kMap)},
-                                   {"states", dropped.of(RecordClass::kState)},
-                                   {"view_messages", view_messages_dropped}}}}));
+                                   {"states", dropped.of(RecordClass::kState)}}}}));
   // Where the disk is full, the index of what is there may still find room.
   const auto closed = writer_.close();
   if (!fault_) note(closed);

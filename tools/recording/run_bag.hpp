@@ -10,7 +10,7 @@
 #include <sidestep/experiments/run_observer.hpp>
 
 #include "bag_writer.hpp"
-#include "occupied_voxels.hpp"
+#include "occupancy_bits.hpp"
 #include "record_queue.hpp"
 #include "run_messages.hpp"
 
@@ -65,13 +65,13 @@ class RunBag {
   void stepped(const ObservedStep& step);
   void happened(const ObservedEvent& event);
   void end(const ObservedEnd& end);
-  /// A message of the viewer, whose clock is that of the episode of the last `world` before it.
-  void viewed(Stamp stamp, std::span<const std::byte> message);
+  /// A message to the viewer's page, of this episode.
+  void viewed(Stamp stamp, std::string_view message);
 
   /// Hands over to the disk what is there.
   void flush();
   /// What was given up is the last event of all.
-  void close(const Dropped& dropped, std::int64_t view_messages_dropped);
+  void close(const Dropped& dropped);
 
   /// What went wrong, if anything.
   [[nodiscard]] const std::optional<Error>& fault() const noexcept { return fault_; }
@@ -101,16 +101,15 @@ class RunBag {
   std::optional<Error> fault_;
   std::int64_t message_count_ = 0;
   ros::Time last_time_;
-  ros::Time last_event_;
+  ros::Time last_event_, last_view_;
 
   Stamp epoch_ = kRosEpoch;
-  Stamp view_epoch_ = kRosEpoch;
   bool has_begun_ = false;
   ObservedWorld world_;
   std::string camera_frame_;
   bool is_shown_ = false;
   bool has_stepped_ = false;
-  OccupiedVoxels voxels_;
+  OccupancyBits voxels_;
   std::shared_ptr<const DistanceField> waiting_map_;  ///< Has not been written yet.
   Stamp waiting_map_stamp_;
   std::shared_ptr<const Trajectory> followed_;

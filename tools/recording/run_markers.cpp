@@ -119,9 +119,9 @@ ros::MarkerArray sphere_markers(const RobotDescription& robot, ros::Time time) {
   return array;
 }
 
-ros::MarkerArray voxel_markers(const OccupiedVoxels& voxels, ros::Time time) {
+ros::MarkerArray voxel_markers(const OccupancyBits& voxels, ros::Time time) {
   ros::MarkerArray array = fresh(time);
-  const std::vector<Eigen::Vector3d> centres_m = voxels.centres_m();
+  const std::vector<Eigen::Vector3d> centres_m = voxels.occupied_centres_m();
   if (centres_m.empty()) return array;  // rviz takes a list of none for a mistake.
   ros::Marker& marker = add(array, "occupied", ros::Marker::kCubeList, time);
   marker.scale = cube(voxels.grid().resolution_m);

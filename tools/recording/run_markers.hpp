@@ -6,7 +6,7 @@
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
-#include "occupied_voxels.hpp"
+#include "occupancy_bits.hpp"
 #include "ros_messages.hpp"
 
 /// What rviz draws of a run. Each message shows its topic anew: it begins with a marker that
@@ -17,7 +17,7 @@ namespace sidestep {
 [[nodiscard]] ros::MarkerArray sphere_markers(const RobotDescription& robot, ros::Time time);
 
 /// All occupied voxels as cubes.
-[[nodiscard]] ros::MarkerArray voxel_markers(const OccupiedVoxels& voxels, ros::Time time);
+[[nodiscard]] ros::MarkerArray voxel_markers(const OccupancyBits& voxels, ros::Time time);
 
 /// The objects that move, or those that do not, where they truly are at scene time `time_s`. A
 /// half-space is drawn as a slab, 20 m a side and 1 cm thick.

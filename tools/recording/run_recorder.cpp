@@ -1,13 +1,11 @@
 #include "run_recorder.hpp"
 
-#include <sched.h>
-#include <sys/resource.h>
-#include <unistd.h>
-
 #include <exception>
 #include <utility>
 
 #include <sidestep/core/format.hpp>
+
+#include "low_priority.hpp"
 
 namespace sidestep {
 namespace {
@@ -17,13 +15,8 @@ using std::chrono::steady_clock;
 /// What is not on its way to the disk after so long is written however little it is.
 constexpr std::chrono::milliseconds kLongestHeld{1000};
 
-/// Lets the calling thread run where others leave it time. What the system does not grant is passed
-/// over.
-void lower_priority() noexcept {
-  constexpr int kNice =
-      10;  // 19 would starve it, and lose depth images, on a machine that is busy.
-  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
-}
+/// 19 would starve the thread, and lose depth images, on a machine that is busy.
+constexpr int kNice = 10;
 
 std::size_t bytes_of(const Trajectory& trajectory) noexcept {
   return sizeof(double) *
@@ -70,6 +63,7 @@ RunRecorder::RunRecorder(RunBag bag, std::filesystem::path file, Log& log,
       file_(std::move(file)),
       log_(log),
       bag_(std::move(bag)),
+      view_([this](Stamp stamp, const std::string& message) { bag_.viewed(stamp, message); }),
       thread_([this] { work(); }) {}
 
 RunRecorder::~RunRecorder() { finish(); }
@@ -82,7 +76,9 @@ void RunRecorder::mapped(const ObservedMap& map) {
   if (map.frame != nullptr) {
     queue_.push(RecordClass::kDepth, Seen{map.frame, map.received}, bytes_of(*map.frame));
   }
-  queue_.push(RecordClass::kMap, Mapped{map.snapshot, map.published}, bytes_of(map));
+  Mapped mapped{map};
+  mapped.map.frame = nullptr;
+  queue_.push(RecordClass::kMap, std::move(mapped), bytes_of(map));
 }
 
 void RunRecorder::stepped(const ObservedStep& step) {
@@ -99,17 +95,8 @@ void RunRecorder::end(const ObservedEnd& end) {
   queue_.push(RecordClass::kEvent, end, sizeof end + end.verdict.size());
 }
 
-bool RunRecorder::record_view(Stamp stamp, std::span<const std::byte> message) {
-  if (!queue_.has_room(message.size())) {
-    ++view_messages_dropped_;
-    return false;
-  }
-  queue_.push(RecordClass::kEvent, Viewed{stamp, {message.begin(), message.end()}}, message.size());
-  return true;
-}
-
 void RunRecorder::work() {
-  lower_priority();
+  lower_thread_priority(kNice);
   auto flushed = steady_clock::now();
   while (!queue_.is_done()) {
     const auto item = queue_.pop(kLongestHeld);
@@ -129,16 +116,37 @@ void RunRecorder::work() {
 
 void RunRecorder::write(const Item& item) {
   struct Writing {
-    RunBag& bag;
-    void operator()(const ObservedWorld& world) const { bag.begin(world); }
-    void operator()(const Seen& seen) const { bag.seen(*seen.frame, seen.received); }
-    void operator()(const Mapped& mapped) const { bag.mapped(mapped.map, mapped.published); }
-    void operator()(const ObservedStep& step) const { bag.stepped(step); }
-    void operator()(const ObservedEvent& event) const { bag.happened(event); }
-    void operator()(const ObservedEnd& end) const { bag.end(end); }
-    void operator()(const Viewed& viewed) const { bag.viewed(viewed.stamp, viewed.message); }
+    RunRecorder& to;
+    void operator()(const ObservedWorld& world) const {
+      to.newest_frame_ = nullptr;
+      to.bag_.begin(world);
+      to.view_.begin(world);
+    }
+    void operator()(const Seen& seen) const {
+      to.newest_frame_ = seen.frame;
+      to.bag_.seen(*seen.frame, seen.received);
+    }
+    void operator()(const Mapped& mapped) const { to.write_map(mapped.map); }
+    void operator()(const ObservedStep& step) const {
+      to.bag_.stepped(step);
+      to.view_.stepped(step);
+    }
+    void operator()(const ObservedEvent& event) const {
+      to.bag_.happened(event);
+      to.view_.happened(event);
+    }
+    void operator()(const ObservedEnd& end) const {
+      to.view_.end(end);  // First: then the bag's clock is the next episode's.
+      to.bag_.end(end);
+    }
   };
-  std::visit(Writing{bag_}, item);
+  std::visit(Writing{*this}, item);
+}
+
+void RunRecorder::write_map(ObservedMap map) {
+  bag_.mapped(map.snapshot, map.published);
+  map.frame = newest_frame_;
+  view_.mapped(map);
 }
 
 void RunRecorder::tell_fault() {
@@ -152,19 +160,18 @@ void RunRecorder::finish() {
   queue_.close();
   thread_.join();
   const Dropped dropped = queue_.dropped();
-  bag_.close(dropped, view_messages_dropped_);
+  bag_.close(dropped);
   tell_fault();
   if (!bag_.fault()) {
     log_.info("recorded " + std::to_string(bag_.message_count()) + " messages, " +
               format("%.1f MB", static_cast<double>(bag_.bytes()) * 1e-6) + ", in " +
               file_.string());
   }
-  if (dropped == Dropped{} && view_messages_dropped_ == 0) return;
+  if (dropped == Dropped{}) return;
   log_.warn("the recording could not keep up: it lacks " +
             std::to_string(dropped.of(RecordClass::kDepth)) + " depth images, " +
             std::to_string(dropped.of(RecordClass::kMap)) + " maps, " +
-            std::to_string(dropped.of(RecordClass::kState)) + " states, " +
-            std::to_string(view_messages_dropped_) + " messages of the viewer");
+            std::to_string(dropped.of(RecordClass::kState)) + " states");
 }
 
 }  // namespace sidestep

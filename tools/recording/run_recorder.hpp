@@ -1,9 +1,7 @@
 #pragma once
 
-#include <atomic>
 #include <filesystem>
 #include <memory>
-#include <span>
 #include <thread>
 #include <variant>
 #include <vector>
@@ -13,6 +11,7 @@
 
 #include "record_queue.hpp"
 #include "run_bag.hpp"
+#include "view_recorder.hpp"
 
 namespace sidestep {
 
@@ -38,11 +37,6 @@ class RunRecorder final : public RunObserver {
   void happened(const ObservedEvent& event) override;
   void end(const ObservedEnd& end) override;
 
-  /// Records a message of the viewer, by the clock of the episode of the last `world` among them.
-  /// False where the disk is too slow: the message is given up, and the next map had better be a
-  /// full one. [any]
-  bool record_view(Stamp stamp, std::span<const std::byte> message);
-
   /// Writes what is left, and ends the file; tells the log what was given up. [main]
   void finish();
 
@@ -51,27 +45,25 @@ class RunRecorder final : public RunObserver {
     std::shared_ptr<const Frame> frame;
     Stamp received;
   };
+  /// Without its frame, which may have been given up.
   struct Mapped {
-    MapSnapshot map;
-    Stamp published;
+    ObservedMap map;
   };
-  struct Viewed {
-    Stamp stamp;
-    std::vector<std::byte> message;
-  };
-  using Item =
-      std::variant<ObservedWorld, Seen, Mapped, ObservedStep, ObservedEvent, ObservedEnd, Viewed>;
+  using Item = std::variant<ObservedWorld, Seen, Mapped, ObservedStep, ObservedEvent, ObservedEnd>;
 
   RunRecorder(RunBag bag, std::filesystem::path file, Log& log, std::size_t most_queued_bytes);
   void work();
   void write(const Item& item);
+  void write_map(ObservedMap map);
   void tell_fault();
 
   RecordQueue<Item> queue_;
-  std::atomic<std::int64_t> view_messages_dropped_ = 0;
   std::filesystem::path file_;
   Log& log_;
-  RunBag bag_;  ///< Of the thread alone, while there is one.
+  /// These three of the thread alone, while there is one.
+  RunBag bag_;
+  ViewRecorder view_;
+  std::shared_ptr<const Frame> newest_frame_;
   bool has_told_fault_ = false;
   std::jthread thread_;
 };

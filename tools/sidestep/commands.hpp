@@ -19,6 +19,7 @@ struct RunOptions {
   int jobs = 1;                                 ///< Processes that share the work, a shard each.
   bool json = false;
   ViewOptions view;
+  std::optional<std::filesystem::path> record;  ///< File that the one run is recorded into.
 };
 /// Runs each configuration; the worst of their exit codes.
 [[nodiscard]] ExitCode run_command(const RunOptions& options);

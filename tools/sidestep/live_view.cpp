@@ -31,8 +31,6 @@ Result<std::unique_ptr<LiveView>> LiveView::start(const ViewOptions& options,
   auto server = serve_view(options, live->console_);
   if (!server) return tl::make_unexpected(server.error());
   live->server_ = std::move(*server);
-  live->feed_ =
-      std::make_unique<ViewFeed>(std::vector<ViewSink*>{live->server_.get()}, live->console_);
   if (options.open && !live->server_->wait_for_client(kBrowserTime, stop)) {
     live->console_.warn("no browser has come; the run begins without");
   }
@@ -40,7 +38,6 @@ Result<std::unique_ptr<LiveView>> LiveView::start(const ViewOptions& options,
 }
 
 LiveView::~LiveView() {
-  if (feed_ != nullptr) feed_->finish();
   if (server_ != nullptr) server_->finish(kFlushTime);
 }
 

@@ -6,7 +6,6 @@
 #include <string>
 
 #include "console.hpp"
-#include "view_feed.hpp"
 #include "view_server.hpp"
 
 namespace sidestep {
@@ -33,14 +32,14 @@ class LiveView {
   /// Sends what is left, for a second at most.
   ~LiveView();
 
-  [[nodiscard]] RunObserver& observer() noexcept { return *feed_; }
+  /// For the messages of the runs.
+  [[nodiscard]] ViewSink& sink() noexcept { return *server_; }
 
  private:
   LiveView() = default;
 
   Console console_;
   std::unique_ptr<ViewServer> server_;
-  std::unique_ptr<ViewFeed> feed_;
 };
 
 }  // namespace sidestep

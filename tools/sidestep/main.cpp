@@ -90,6 +90,11 @@ void add_commands(CLI::App& app, CommandLine& line) {
   CLI::App* view = app.add_subcommand("view", "Show a recorded run in a browser");
   view->add_option("FILE", line.recording, "What `sidestep run --record` wrote")->required();
   add_view_options(*view, line.run.view);
+  run->add_option(
+         "--record", line.run.record,
+         "Record the run into this new file, as a bag of ROS 1 (docs/reference/recording.md)")
+      ->type_name("FILE")
+      ->excludes("--jobs");
 
   CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
   add_configurations(*check, line);

@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "jobs.hpp"
+#include "observers.hpp"
 #include "stop_on_signal.hpp"
 
 namespace sidestep {
@@ -107,9 +108,9 @@ Result<fs::path> out_folder(const RunOptions& options, const std::string& name) 
               "--resume " + options.resume->string(), "give the folder that a run wrote to");
 }
 
-/// `observer` looks on; may be null.
+/// `live`, the viewer, may be null.
 RunResult run_one(const std::string& name, const RunOptions& options, const Shard& shard,
-                  RunObserver* observer, std::stop_token stop) {
+                  LiveView* live, std::stop_token stop) {
   Console console;
   CheckedConfiguration loaded = load_configuration(name, options.overrides, console);
   if (!loaded.errors.empty()) {
@@ -118,6 +119,8 @@ RunResult run_one(const std::string& name, const RunOptions& options, const Shar
                  loaded.errors.size() == 1 ? "" : "s");
     return {exit_code(loaded.errors), ""};
   }
+  auto observers = attach_observers(options, live, console);
+  if (!observers) return refused(observers.error(), console);
   const auto folder = out_folder(options, loaded.configuration.name);
   if (!folder) return refused(folder.error(), console);
   if (auto opened = console.open_file(*folder / "run.log", options.resume.has_value()); !opened) {
@@ -136,11 +139,12 @@ RunResult run_one(const std::string& name, const RunOptions& options, const Shar
                               console.progress(done, total, what);
                             },
                             shard,
-                            options.resume.has_value()};
-  context.observer = observer;
+                            options.resume.has_value(),
+                            (*observers)->get()};
   const auto outcome = run_experiment(context);
-  if (!outcome) return refused(outcome.error(), console);
   console.end_progress();
+  observers->reset();  // A recording is whole before the verdict is told.
+  if (!outcome) return refused(outcome.error(), console);
   if (outcome->fault) {
     console.error(outcome->verdict);
   } else {
@@ -214,6 +218,11 @@ ExitCode run_command(const RunOptions& options) {
                "--resume " + options.resume->string(), "resume them one by one", nullptr}});
     return ExitCode::kConfiguration;
   }
+  if (options.record && options.configurations.size() > 1) {
+    print_errors({Error{ErrorCode::kConfig, "a recording holds the run of one configuration",
+                        "--record " + options.record->string(), "run them one by one", nullptr}});
+    return ExitCode::kConfiguration;
+  }
   const StopOnSignal stop;
   std::unique_ptr<LiveView> live;
   if (options.view.view) {
@@ -224,7 +233,6 @@ ExitCode run_command(const RunOptions& options) {
     }
     live = std::move(*started);
   }
-  RunObserver* const observer = live != nullptr ? &live->observer() : nullptr;
   ExitCode code = ExitCode::kSuccess;
   std::string summaries;
   for (const std::string& name : options.configurations) {
@@ -234,7 +242,7 @@ ExitCode run_command(const RunOptions& options) {
     }
     const RunResult result = options.jobs > 1
                                  ? run_in_jobs(name, options, stop.token())
-                                 : run_one(name, options, *shard, observer, stop.token());
+                                 : run_one(name, options, *shard, live.get(), stop.token());
     code = worse(code, result.code);
     if (!summaries.empty()) summaries += ",\n";
     summaries += result.summary_json.empty() ? "null" : result.summary_json;

@@ -2,6 +2,7 @@
 #include <mutex>
 
 #include "commands.hpp"
+#include "recorded_view.hpp"
 #include "stop_on_signal.hpp"
 
 namespace sidestep {

@@ -2,8 +2,8 @@
 
 namespace sidestep {
 
-/// Lets the calling thread run only where others leave it time (nice 19, SCHED_BATCH). What the
-/// system does not grant is passed over.
-void lower_thread_priority() noexcept;
+/// Lets the calling thread run where others leave it time (SCHED_BATCH): with nice 19 hardly at all
+/// on a machine that is busy. What the system does not grant is passed over.
+void lower_thread_priority(int nice = 19) noexcept;
 
 }  // namespace sidestep

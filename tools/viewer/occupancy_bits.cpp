@@ -1,6 +1,7 @@
 #include "occupancy_bits.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 namespace sidestep {
@@ -117,6 +118,24 @@ std::vector<std::int32_t> OccupancyBits::filled() const {
     if (blocks_[i] != BlockBits{}) filled.push_back(static_cast<std::int32_t>(i));
   }
   return filled;
+}
+
+std::vector<Eigen::Vector3d> OccupancyBits::occupied_centres_m() const {
+  std::vector<Eigen::Vector3d> centres_m;
+  const Eigen::Vector3i counts = block_counts(grid_);
+  for (std::size_t i = 0; i < blocks_.size(); ++i) {
+    const Eigen::Vector3i first = first_voxel(static_cast<std::int32_t>(i), counts);
+    for (int row = 0; row < kBlockSide_vox * kBlockSide_vox; ++row) {
+      const auto at = static_cast<std::size_t>(row);
+      const unsigned bits = blocks_[i].occupied[at] & blocks_[i].known[at];
+      for (unsigned rest = bits; rest != 0; rest &= rest - 1) {
+        centres_m.push_back(
+            grid_.centre_m(first + Eigen::Vector3i(std::countr_zero(rest), row % kBlockSide_vox,
+                                                   row / kBlockSide_vox)));
+      }
+    }
+  }
+  return centres_m;
 }
 
 }  // namespace sidestep

@@ -29,6 +29,8 @@ class OccupancyBits {
   struct Change {
     bool is_new_grid = false;          ///< Nothing of before holds any more.
     std::vector<std::int32_t> blocks;  ///< Whose bits are others now, ascending.
+
+    [[nodiscard]] bool any() const noexcept { return is_new_grid || !blocks.empty(); }
   };
   /// Takes over what `field`, not null, says. Blocks that it shares with the field before are not
   /// looked at. Of a grid that is too large: an empty grid.
@@ -45,6 +47,8 @@ class OccupancyBits {
   }
   /// The blocks with any bit set, ascending.
   [[nodiscard]] std::vector<std::int32_t> filled() const;
+  /// Centres of the voxels that are known to be occupied, world frame, block by block.
+  [[nodiscard]] std::vector<Eigen::Vector3d> occupied_centres_m() const;
 
  private:
   void start(const GridSpec& grid);

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -21,8 +20,5 @@ class Recording {
 
 /// Opens one for each page that connects.
 using RecordingOpener = std::function<Result<std::unique_ptr<Recording>>()>;
-
-/// Fails with kNotFound, or kUnsupported for a file of another kind.
-[[nodiscard]] Result<std::unique_ptr<Recording>> open_recording(const std::filesystem::path& file);
 
 }  // namespace sidestep

@@ -61,10 +61,10 @@ class EpisodeRun {
   /// The episode is over: stops a robot that still moves, and waits until it is at rest.
   void come_to_rest();
   [[nodiscard]] bool is_at_rest();
-  void show_world() const;
+  void show_world();
   void show_step(Stamp now, double step_ms);
   void show_event(const EpisodeEvent& event, bool is_followed) const;
-  void show_end() const;
+  void show_end();
   void note_events(Stamp now, std::size_t first);
   void note_receipts();
   void note_truth(Stamp now, bool always);
@@ -285,10 +285,11 @@ void EpisodeRun::note_events(Stamp now, std::size_t first) {
   }
 }
 
-void EpisodeRun::show_world() const {
+void EpisodeRun::show_world() {
   if (context_.observer == nullptr) return;
   context_.observer->begin({context_.configuration.name, record_.episode, world_.robot,
                             world_.scene, world_.q_start, world_.q_goal});
+  mapping_.show(true);
 }
 
 void EpisodeRun::show_step(Stamp now, double step_ms) {
@@ -312,8 +313,9 @@ void EpisodeRun::show_event(const EpisodeEvent& event, bool is_followed) const {
   context_.observer->happened(shown);
 }
 
-void EpisodeRun::show_end() const {
+void EpisodeRun::show_end() {
   if (context_.observer == nullptr) return;
+  mapping_.show(false);
   context_.observer->end({world_.clock->now(), record_.success(),
                           record_.success() ? "the robot is at its goal" : record_.reason});
 }

@@ -56,7 +56,7 @@ void EpisodeMapping::note_frame(MappingStep step) {
   frames_.push_back({step.stamp.seconds(), source_.received().seconds(), published.seconds(),
                      step.integrate_ms, step.field_ms});
   if (truth_ && source_.last()) truth_->observe(*source_.last(), *occupancy_);
-  if (observer_ == nullptr) return;
+  if (observer_ == nullptr || !shows_) return;
   const MapSnapshot snapshot = (is_lockstep_ ? made_ : slot_).snapshot();
   observer_->mapped({source_.last(), std::move(step), snapshot, source_.received(), published});
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <mutex>
 #include <optional>
@@ -19,7 +20,7 @@ namespace sidestep {
 /// failed or its source has ended, it maps no more, and the map ages.
 class EpisodeMapping {
  public:
-  /// `observer` may be null.
+  /// `observer` may be null; it is shown nothing before show() says so.
   EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, SnapshotSlot& slot, Log& log,
                  RunObserver* observer);
 
@@ -33,6 +34,9 @@ class EpisodeMapping {
   /// In lockstep: maps the frame that is due, if any, and publishes what the latency has passed
   /// for.
   void advance(Stamp now);
+
+  /// Whether the observer is shown what is mapped from now on. [any]
+  void show(bool shows) noexcept { shows_ = shows; }
 
   /// By the wall's clock: maps in a thread until told to stop, unless it does already.
   void start();
@@ -66,6 +70,7 @@ class EpisodeMapping {
   bool is_lockstep_;
   double latency_s_;  ///< In lockstep: from a frame to its map.
   RunObserver* observer_;
+  std::atomic<bool> shows_ = false;
   SnapshotSlot& slot_;
   SnapshotSlot made_;  ///< In lockstep: what has been made, but is not to be seen yet.
   PacedFrames source_;

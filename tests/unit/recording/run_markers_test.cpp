@@ -55,8 +55,8 @@ std::vector<Eigen::Vector3d> sorted(std::vector<Eigen::Vector3d> points) {
 TEST(MapMarkers, AreCubesAtTheOccupiedVoxels) {
   const std::vector<Eigen::Vector3i> occupied{{0, 0, 0}, {39, 19, 17}, {16, 3, 15}, {15, 16, 16}};
   const auto field = field_of(occupied);
-  OccupiedVoxels voxels;
-  EXPECT_TRUE(voxels.update(field));
+  OccupancyBits voxels;
+  EXPECT_TRUE(voxels.update(field).any());
   const ros::MarkerArray array = voxel_markers(voxels, {1, 2});
   ASSERT_EQ(array.markers.size(), 2U);
   const ros::Marker& cubes = array.markers[1];
@@ -74,15 +74,15 @@ TEST(MapMarkers, AreCubesAtTheOccupiedVoxels) {
 }
 
 TEST(MapMarkers, FollowTheMapFieldByField) {
-  OccupiedVoxels voxels;
-  EXPECT_TRUE(voxels.update(field_of({{1, 1, 1}})));
-  EXPECT_FALSE(voxels.update(field_of({{1, 1, 1}})));
-  EXPECT_TRUE(voxels.update(field_of({{1, 1, 1}, {20, 1, 1}})));
-  EXPECT_EQ(voxels.centres_m().size(), 2U);
-  EXPECT_TRUE(voxels.update(field_of({{20, 1, 1}})));
-  ASSERT_EQ(voxels.centres_m().size(), 1U);
-  EXPECT_TRUE(voxels.centres_m()[0].isApprox(Eigen::Vector3d(1.05, -1.85, 0.65)));
-  EXPECT_TRUE(voxels.update(field_of({})));
+  OccupancyBits voxels;
+  EXPECT_TRUE(voxels.update(field_of({{1, 1, 1}})).any());
+  EXPECT_FALSE(voxels.update(field_of({{1, 1, 1}})).any());
+  EXPECT_TRUE(voxels.update(field_of({{1, 1, 1}, {20, 1, 1}})).any());
+  EXPECT_EQ(voxels.occupied_centres_m().size(), 2U);
+  EXPECT_TRUE(voxels.update(field_of({{20, 1, 1}})).any());
+  ASSERT_EQ(voxels.occupied_centres_m().size(), 1U);
+  EXPECT_TRUE(voxels.occupied_centres_m()[0].isApprox(Eigen::Vector3d(1.05, -1.85, 0.65)));
+  EXPECT_TRUE(voxels.update(field_of({})).any());
   EXPECT_EQ(voxel_markers(voxels, {1, 2}).markers.size(), 1U) << "an empty list of cubes";
 }
 
@@ -93,10 +93,10 @@ TEST(MapMarkers, LeaveOutWhatNobodyHasSeen) {
   auto seen = std::make_shared<KnownBlock>(known.block(0));
   seen->rows[3 + 16 * 3] = static_cast<std::uint16_t>(~(1U << 4));
   known.set(0, seen);
-  OccupiedVoxels voxels;
+  OccupancyBits voxels;
   voxels.update(std::make_shared<const DenseField>(field->info(), blocks, known));
-  ASSERT_EQ(voxels.centres_m().size(), 1U);
-  EXPECT_NEAR(voxels.centres_m()[0].x(), -0.65, 1e-12);
+  ASSERT_EQ(voxels.occupied_centres_m().size(), 1U);
+  EXPECT_NEAR(voxels.occupied_centres_m()[0].x(), -0.65, 1e-12);
 }
 
 /// The same map, but not as a dense field: it has to be asked.
@@ -116,10 +116,10 @@ class AskedField final : public DistanceField {
 
 TEST(MapMarkers, AreTheSameOfAFieldThatIsAsked) {
   const auto field = field_of({{0, 0, 0}, {39, 19, 17}, {16, 3, 15}, {15, 16, 16}});
-  OccupiedVoxels dense, asked;
+  OccupancyBits dense, asked;
   dense.update(field);
   asked.update(std::make_shared<AskedField>(field));
-  EXPECT_EQ(dense.centres_m(), asked.centres_m());
+  EXPECT_EQ(dense.occupied_centres_m(), asked.occupied_centres_m());
 }
 
 SceneObject object(const std::string& name, Shape shape, bool moves = false) {

@@ -308,57 +308,6 @@ TEST_F(RunRecorderTest, GivesUpTheOldestDepthImagesAndNeverHoldsUpTheRun) {
               HasSubstr("lacks " + std::to_string(dropped) + " depth images"));
 }
 
-TEST_F(RunRecorderTest, RefusesTheViewersMessagesRatherThanLosingEvents) {
-  const auto ball = std::make_shared<GatedBall>();
-  const auto recorder = start(10'000);
-  recorder->begin(world(ball));
-  recorder->stepped(step(0.0));
-  ball->wait_until_reached();
-  const std::vector<std::byte> message(1500);
-  int taken = 0;
-  while (taken < 100 && recorder->record_view(Stamp{taken}, message)) ++taken;
-  EXPECT_GE(taken, 2);
-  EXPECT_LE(taken, 3);
-  recorder->happened(event(1.0, "still told"));
-  ball->open();
-  recorder->finish();
-  read_bag();
-  EXPECT_EQ(read_[topics::kView].size(), static_cast<std::size_t>(taken));
-  EXPECT_THAT(values_of(events(), "cause"), ElementsAre("still told"));
-  EXPECT_EQ(events().back()["dropped"]["view_messages"], 1);
-}
-
-TEST_F(RunRecorderTest, TheViewersMessagesKeepTheClockOfTheirEpisode) {
-  const auto ball = testing_support::flying_ball(0.2);
-  const auto message = [](const std::string& kind, const std::string& payload) {
-    const std::string header = Json{{"kind", kind}, {"time_s", 0.5}}.dump();
-    const auto length = static_cast<std::uint32_t>(header.size());
-    std::vector<std::byte> bytes(sizeof length);
-    std::memcpy(bytes.data(), &length, sizeof length);
-    for (const char c : header + payload) bytes.push_back(static_cast<std::byte>(c));
-    return bytes;
-  };
-  const auto recorder = start();
-  recorder->begin(world(ball, 0));
-  EXPECT_TRUE(recorder->record_view(Stamp{0}, message("world", "")));
-  recorder->happened(event(3.25, ""));
-  recorder->end({Stamp::from_seconds(3.5), true, ""});
-  recorder->begin(world(ball, 1));
-  // Made of the episode before, but late.
-  EXPECT_TRUE(recorder->record_view(Stamp::from_seconds(3.5), message("end", "")));
-  EXPECT_TRUE(recorder->record_view(Stamp{0}, message("world", "")));
-  EXPECT_TRUE(recorder->record_view(Stamp::from_seconds(0.5), message("map", "payload")));
-  recorder->finish();
-  read_bag();
-  std::vector<ros::Time> times;
-  for (const Read& read : read_[topics::kView]) times.push_back(read.time);
-  EXPECT_THAT(times, ElementsAre(ros::Time{1, 0}, ros::Time{4, 500'000'000}, ros::Time{6, 0},
-                                 ros::Time{6, 500'000'000}));
-  const auto last = all<ros::UInt8MultiArray>(topics::kView).back();
-  EXPECT_EQ(last.data, message("map", "payload"));
-  EXPECT_EQ(last.layout.dim.at(0).size, last.data.size());
-}
-
 TEST_F(RunRecorderTest, WhereTheDiskIsFullTellsSoOnceAndTheRunGoesOn) {
   const auto ball = testing_support::flying_ball(0.2);
   constexpr std::size_t kLimit_bytes = 1'500'000;
