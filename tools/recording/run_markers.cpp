@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "run_messages.hpp"
+#include "view_messages.hpp"
 
 namespace sidestep {
 namespace {
@@ -168,16 +169,6 @@ ros::MarkerArray path_markers(const RobotModel& robot, std::span<const DrawnMoti
     }
   }
   return array;
-}
-
-int base_link(const RobotDescription& robot) noexcept {
-  const auto first = std::ranges::min_element(robot.spheres, {}, &CollisionSphere::link);
-  return first == robot.spheres.end() ? 0 : first->link;
-}
-
-int tool_link(const RobotDescription& robot) noexcept {
-  const auto last = std::ranges::max_element(robot.spheres, {}, &CollisionSphere::link);
-  return last == robot.spheres.end() ? 0 : last->link;
 }
 
 }  // namespace sidestep

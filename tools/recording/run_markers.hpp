@@ -33,8 +33,4 @@ struct DrawnMotion {
 [[nodiscard]] ros::MarkerArray path_markers(const RobotModel& robot,
                                             std::span<const DrawnMotion> motions, ros::Time time);
 
-/// The first and the last link that a collision sphere is on; 0 without spheres.
-[[nodiscard]] int base_link(const RobotDescription& robot) noexcept;
-[[nodiscard]] int tool_link(const RobotDescription& robot) noexcept;
-
 }  // namespace sidestep
