@@ -1,6 +1,6 @@
 // Bundles the page, or with --tests its tests, which need Node alone then.
 //
-//   node build.mjs [--outdir FOLDER]   index.html, viewer.js, viewer.css; FOLDER is dist unless said
+//   node build.mjs [--outdir FOLDER]   index.html, icon.svg, viewer.js, viewer.css; dist unless said
 //   node build.mjs --tests             build/tests/*.js
 import { copyFile, mkdir, readdir } from "node:fs/promises";
 import path from "node:path";
@@ -20,7 +20,7 @@ async function buildPage(folder) {
     target: ["es2022", "chrome100", "firefox100", "safari15.4"],
     legalComments: "eof",
   });
-  await copyFile(path.join(here, "index.html"), path.join(folder, "index.html"));
+  for (const name of ["index.html", "icon.svg"]) await copyFile(path.join(here, name), path.join(folder, name));
 }
 
 async function buildTests() {

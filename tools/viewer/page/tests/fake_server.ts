@@ -12,6 +12,7 @@ import { kStep_s, RunOptions, SliceRequest, SyntheticRun } from "./synthetic_run
 
 const kTypes: Record<string, string> = {
   "/index.html": "text/html; charset=utf-8",
+  "/icon.svg": "image/svg+xml",
   "/viewer.js": "text/javascript; charset=utf-8",
   "/viewer.css": "text/css; charset=utf-8",
 };
