@@ -1,3 +1,3 @@
 #include <octomap/octomap.h>
-#include <sidestep/runtime/host.hpp>
 #include <sensor_msgs/Image.h>
+#include <sidestep/runtime/host.hpp>
