@@ -123,6 +123,7 @@ test("without WebGL the rest works, and the page says what does not", kLong, asy
   await page.goto(server.url);
   await waitForText(page, "#card-title", /does not draw in three dimensions/);
   await waitForText(page, "#clock", /^4\.00 s/);
+  server.tellUntil(5);
   await waitForText(page, "#medians-mapping", /^\d+\.\d \/ \d+\.\d$/);
   assert.ok((await page.locator("#depth-image").getAttribute("width")) === "64");
   await context.close();
