@@ -139,6 +139,8 @@ std::size_t run(const std::string& config, const std::string& duration_s, bool w
   const pid_t process = start(arguments);
   const std::size_t bytes = with_page ? look_on(process, port) : 0;
   waitpid(process, nullptr, 0);
+  if (with_page && bytes == 0)
+    throw std::runtime_error("no page came; was the viewer's page built?");
   read_times((folder.path() / "results.sqlite").string(), times);
   return bytes;
 }

@@ -135,7 +135,7 @@ std::size_t ViewServer::clients() const {
 bool ViewServer::wait_for_client(std::chrono::milliseconds limit, const std::stop_token& stop) {
   Hub& hub = impl_->hub;
   std::unique_lock lock(hub.mutex);
-  return hub.changed.wait_for(lock, stop, limit, [&] { return hub.connected > 0; });
+  return hub.changed.wait_for(lock, stop, limit, [&] { return hub.was_visited; });
 }
 
 void ViewServer::finish(std::chrono::milliseconds limit) {

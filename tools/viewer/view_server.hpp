@@ -43,7 +43,8 @@ class ViewServer final : public ViewSink {
   /// How many pages are connected. [any]
   [[nodiscard]] std::size_t clients() const;
 
-  /// Waits until a page is connected; false where none is in time, or once stop is requested. [any]
+  /// Waits until a page has connected, even if it has left again; false where none has in time, or
+  /// once stop is requested. [any]
   bool wait_for_client(std::chrono::milliseconds limit, const std::stop_token& stop);
 
   /// Sends what is left to all that read, says goodbye, and ends. Waits for at most `limit`. [main]

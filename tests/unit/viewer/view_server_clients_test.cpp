@@ -45,6 +45,14 @@ TEST_F(ViewServerClientsTest, NobodyIsWaitedForBeforeAPageIsConnected) {
   EXPECT_TRUE(server_->demand().any);
 }
 
+TEST_F(ViewServerClientsTest, WhoHasLeftAgainHasBeenThere) {
+  start();
+  { ASSERT_EQ(SocketClient(port()).ask_for_socket(), 101); }
+  EXPECT_TRUE(server_->wait_for_client(std::chrono::hours(1), {}));
+  while (server_->clients() > 0) std::this_thread::yield();
+  EXPECT_TRUE(server_->wait_for_client(milliseconds(0), {}));
+}
+
 TEST_F(ViewServerClientsTest, TenPagesGetTheSameMessages) {
   start();
   std::vector<std::unique_ptr<SocketClient>> clients;

@@ -69,6 +69,7 @@ struct Hub {
   std::size_t connected = 0;
   ViewSink::Demand demand;
   bool is_empty = true;  ///< Nobody is left.
+  bool was_visited = false;
 };
 
 /// A page that is connected.
@@ -231,6 +232,7 @@ inline void Hub::update() {
     connected = count;
     demand = std::move(now);
     is_empty = clients.empty();
+    was_visited = was_visited || count > 0;
   }
   changed.notify_all();
 }
