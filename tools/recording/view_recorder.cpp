@@ -7,8 +7,7 @@ namespace sidestep {
 void ViewRecorder::begin(const ObservedWorld& world) {
   constexpr std::chrono::seconds kBetweenEpisodes{1};
   begin_ = last_ = last_ + kBetweenEpisodes;
-  inbox_.begin(world);
-  make(Stamp{});
+  inbox_.begin(world);  // Its clock is not known before anything has a stamp.
 }
 
 void ViewRecorder::mapped(const ObservedMap& map) {
@@ -32,13 +31,9 @@ void ViewRecorder::end(const ObservedEnd& end) {
 }
 
 void ViewRecorder::make(Stamp stamp) {
+  made_ = stamp;
   last_ = std::max(last_, begin_ + std::chrono::nanoseconds(stamp.ns));
   if (maker_.is_wanted()) maker_.make(last_, inbox_.take());
-}
-
-void ViewRecorder::greet(const std::vector<ViewMessage>& messages) {
-  is_greeted_ = true;
-  for (const ViewMessage& message : messages) publish(message);
 }
 
 }  // namespace sidestep

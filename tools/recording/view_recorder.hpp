@@ -15,7 +15,8 @@ namespace sidestep {
 /// time. [one thread]
 class ViewRecorder final : private ViewSink {
  public:
-  using Write = std::function<void(Stamp stamp, const std::string& message)>;
+  /// `made`: the time of the episode at which a page would have been sent the message.
+  using Write = std::function<void(Stamp made, const std::string& message)>;
 
   explicit ViewRecorder(Write write) : write_(std::move(write)), maker_({this}) {}
 
@@ -29,15 +30,15 @@ class ViewRecorder final : private ViewSink {
   /// Makes what is due at a time of the episode.
   void make(Stamp stamp);
 
-  Demand demand() override { return {true, !is_greeted_, {}}; }
-  void greet(const std::vector<ViewMessage>& messages) override;
-  void publish(const ViewMessage& message) override { write_(message.stamp, *message.bytes); }
+  Demand demand() override { return {true, false, {}}; }  // It is there from the beginning.
+  void greet(const std::vector<ViewMessage>&) override {}
+  void publish(const ViewMessage& message) override { write_(made_, *message.bytes); }
   void publish_slice(const SliceRequest&, const ViewMessage&) override {}
 
   Write write_;
   ViewInbox inbox_;
   ViewMaker maker_;
-  bool is_greeted_ = false;
+  Stamp made_;
   ViewMaker::TimePoint begin_, last_;  ///< Of this episode: its time 0, and the latest so far.
 };
 
