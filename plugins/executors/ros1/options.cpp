@@ -1,0 +1,162 @@
+#include "options.hpp"
+
+#include <set>
+
+namespace sidestep::ros1_executor {
+
+Parameters<OdometryOptions> OdometryOptions::parameters() {
+  using O = OdometryOptions;
+  return Parameters<O>()
+      .add("topic", &O::topic, "nav_msgs/Odometry of the base, in world_frame.")
+      .add("x_joint", &O::x_joint, "The robot's joint that is the pose's x.")
+      .add("y_joint", &O::y_joint, "The robot's joint that is the pose's y.")
+      .add("yaw_joint", &O::yaw_joint, "The robot's joint that is the pose's yaw.")
+      .add("twist_in", &O::twist_in,
+           "The frame of the message's twist: the base's own, as REP 105 has it, or the world's.",
+           {.choices = {"base", "world"}});
+}
+
+Parameters<ControllerEntry> ControllerEntry::parameters() {
+  using C = ControllerEntry;
+  return Parameters<C>()
+      .add("command_topic", &C::command_topic, "Takes trajectory_msgs/JointTrajectory.",
+           {.required = true})
+      .add("state_topic", &C::state_topic,
+           "On which the controller says, in whatever type, that it is there; absent: not watched.")
+      .add("joints", &C::joints,
+           "That it moves, in its own order: the robot's, and those of `hold`.",
+           {.required = true});
+}
+
+Parameters<HeldJoint> HeldJoint::parameters() {
+  using H = HeldJoint;
+  return Parameters<H>()
+      .add("joint", &H::joint, "A controller's joint that is not planned.", {.required = true})
+      .add("position", &H::position, "Where it is kept, m or rad: where the profile has it fixed.");
+}
+
+Parameters<KeepInBox> KeepInBox::parameters() {
+  using K = KeepInBox;
+  return Parameters<K>()
+      .add("lower_m", &K::lower_m, "Least x and y of the base in world_frame.",
+           {.unit = "m", .required = true})
+      .add("upper_m", &K::upper_m, "Largest x and y of the base.",
+           {.unit = "m", .required = true});
+}
+
+Parameters<WatchOptions> WatchOptions::parameters() {
+  using W = WatchOptions;
+  return Parameters<W>()
+      .add("max_joint_age_s", &W::max_joint_age_s, "Joint states older than this stop the robot.",
+           {.unit = "s", .min = 0.01})
+      .add("max_odometry_age_s", &W::max_odometry_age_s, "So does odometry.",
+           {.unit = "s", .min = 0.01})
+      .add("controller_silence_s", &W::controller_silence_s,
+           "So does a controller whose state topic was silent for so long.",
+           {.unit = "s", .min = 0.01})
+      .add("master_silence_s", &W::master_silence_s,
+           "So does a master that did not answer for so long; 0: the master is not watched.",
+           {.unit = "s", .min = 0.0})
+      .add("clock_tolerance_s", &W::clock_tolerance_s,
+           "A change of the distance between ROS time and the run's clock beyond this is a jump; "
+           "so is a stamp that is farther ahead.",
+           {.unit = "s", .min = 0.001})
+      .add("stop_topic", &W::stop_topic,
+           "std_msgs/Bool of an emergency stop, e.g. /hsrb/runstop_button; absent: not watched.")
+      .add("stop_value", &W::stop_value, "What it says while the robot must not move.")
+      .add("battery_topic", &W::battery_topic,
+           "sensor_msgs/BatteryState; absent: not watched.")
+      .add("min_battery", &W::min_battery, "Share of the battery below which the robot stops.",
+           {.min = 0.0, .max = 1.0});
+}
+
+Parameters<MarkerOptions> MarkerOptions::parameters() {
+  using M = MarkerOptions;
+  return Parameters<M>()
+      .add("topic", &M::topic, "visualization_msgs/MarkerArray: plan, robot and refused plans.")
+      .add("rate_hz", &M::rate_hz, "How often at most; 0: none.",
+           {.unit = "Hz", .min = 0.0, .max = 100.0})
+      .add("link", &M::link, "Whose path the plan shows; absent: the robot's last link.");
+}
+
+Parameters<Options> Options::parameters() {
+  using O = Options;
+  return Parameters<O>()
+      .add("mode", &O::mode,
+           "shadow: commands nothing, and takes the plan for what the robot does; confirm: asks "
+           "before the first motion after each standstill; drive: moves.",
+           {.choices = {"shadow", "confirm", "drive"}})
+      .add("confirm_topic", &O::confirm_topic,
+           "std_msgs/Bool: true lets the motion that is shown begin.")
+      .add("world_frame", &O::world_frame,
+           "In which plans are made, and markers shown: the one that odometry and base controller "
+           "speak of.")
+      .add("joint_state_topics", &O::joint_state_topics, "sensor_msgs/JointState.")
+      .add("odometry", &O::odometry, "Where the base is; absent: all joints are in joint states.")
+      .add("controllers", &O::controllers, "Who moves which joints.")
+      .add("hold", &O::hold, "Joints that controllers move but plans do not.")
+      .add("command_rate_hz", &O::command_rate_hz,
+           "Points of a command a second; controllers go between them by cubics, as plans do.",
+           {.unit = "Hz", .min = 1.0, .max = 500.0})
+      .add("command_horizon_s", &O::command_horizon_s,
+           "How much motion one command holds before a stop along the plan's path: what the robot "
+           "does if nobody commands it any more. 0: the whole plan.",
+           {.unit = "s", .min = 0.0, .max = 60.0})
+      .add("command_renewal_s", &O::command_renewal_s, "After which it is sent again, further on.",
+           {.unit = "s", .min = 0.02, .max = 30.0})
+      .add("start_tolerance", &O::start_tolerance,
+           "A trajectory that begins farther than this from where a joint is to be is refused, m "
+           "or rad.",
+           {.min = 0.0})
+      .add("velocity_tolerance", &O::velocity_tolerance,
+           "So is one that is faster than a joint's limit by more than this share.", {.min = 0.0})
+      .add("acceleration_fraction", &O::acceleration_fraction,
+           "Share of the acceleration limits with which stops brake.", {.min = 0.01, .max = 1.0})
+      .add("assumed_ramp_s", &O::assumed_ramp_s,
+           "A joint without a known acceleration limit reaches its largest velocity in this time.",
+           {.unit = "s", .min = 1e-3})
+      .add("connect_wait_s", &O::connect_wait_s,
+           "How long the master and a first state of all joints are waited for.",
+           {.unit = "s", .min = 0.0, .max = 600.0})
+      .add("keep_in", &O::keep_in, "A trajectory whose base leaves this box is refused.")
+      .add("watch", &O::watch, "What stops the robot.")
+      .add("markers", &O::markers, "What RViz is shown.");
+}
+
+std::vector<OptionMistake> Options::check() const {
+  std::vector<OptionMistake> mistakes;
+  if (joint_state_topics.empty()) mistakes.push_back({{"joint_state_topics"}, "is empty", {}});
+  if (mode != "shadow" && controllers.empty()) {
+    mistakes.push_back({{"mode", "controllers"}, "needs controllers, and there are none", {}});
+  }
+  std::set<std::string> moved;
+  for (const ControllerEntry& controller : controllers) {
+    for (const std::string& joint : controller.joints) {
+      if (moved.insert(joint).second) continue;
+      mistakes.push_back({{"controllers"}, "move joint '" + joint + "' twice", {}});
+    }
+  }
+  for (const HeldJoint& held : hold) {
+    if (moved.contains(held.joint)) continue;
+    mistakes.push_back({{"hold", "controllers"},
+                        "hold joint '" + held.joint + "', which no controller moves", {}});
+  }
+  if (command_horizon_s > 0.0 && command_renewal_s >= command_horizon_s) {
+    mistakes.push_back({{"command_renewal_s", "command_horizon_s"},
+                        "must be less than command_horizon_s", {}});
+  }
+  if (keep_in) {
+    const bool is_plane = keep_in->lower_m.size() == 2 && keep_in->upper_m.size() == 2;
+    if (!is_plane || !(keep_in->lower_m[0] < keep_in->upper_m[0]) ||
+        !(keep_in->lower_m[1] < keep_in->upper_m[1])) {
+      mistakes.push_back(
+          {{"keep_in"}, "needs two values each, those of lower_m below those of upper_m", {}});
+    }
+    if (!odometry) {
+      mistakes.push_back({{"keep_in", "odometry"}, "needs odometry, whose joints it bounds", {}});
+    }
+  }
+  return mistakes;
+}
+
+}  // namespace sidestep::ros1_executor

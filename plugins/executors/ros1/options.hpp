@@ -1,0 +1,88 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/plugin/parameters.hpp>
+
+namespace sidestep::ros1_executor {
+
+/// Where the holonomic base is, of nav_msgs/Odometry.
+struct OdometryOptions {
+  std::string topic = "/hsrb/odom";
+  std::string x_joint = "odom_x";
+  std::string y_joint = "odom_y";
+  std::string yaw_joint = "odom_t";
+  std::string twist_in = "base";
+  static Parameters<OdometryOptions> parameters();
+};
+
+/// Joints that one controller moves.
+struct ControllerEntry {
+  std::string command_topic;
+  std::optional<std::string> state_topic;
+  std::vector<std::string> joints;
+  static Parameters<ControllerEntry> parameters();
+};
+
+/// A joint that is not planned, and is kept where the robot's profile has it.
+struct HeldJoint {
+  std::string joint;
+  double position = 0.0;
+  static Parameters<HeldJoint> parameters();
+};
+
+/// Of the base, in the world's frame.
+struct KeepInBox {
+  std::vector<double> lower_m;
+  std::vector<double> upper_m;
+  static Parameters<KeepInBox> parameters();
+};
+
+/// What else must be well for the robot to move.
+struct WatchOptions {
+  double max_joint_age_s = 0.2;
+  double max_odometry_age_s = 0.2;
+  double controller_silence_s = 0.5;
+  double master_silence_s = 2.5;
+  double clock_tolerance_s = 0.1;
+  std::optional<std::string> stop_topic;
+  bool stop_value = true;
+  std::optional<std::string> battery_topic;
+  double min_battery = 0.1;
+  static Parameters<WatchOptions> parameters();
+};
+
+/// What RViz is shown.
+struct MarkerOptions {
+  std::string topic = "/sidestep/markers";
+  double rate_hz = 5.0;
+  std::optional<std::string> link;
+  static Parameters<MarkerOptions> parameters();
+};
+
+struct Options {
+  std::string mode = "shadow";
+  std::string confirm_topic = "/sidestep/confirm";
+  std::string world_frame = "odom";
+  std::vector<std::string> joint_state_topics{"/hsrb/joint_states"};
+  std::optional<OdometryOptions> odometry;
+  std::vector<ControllerEntry> controllers;
+  std::vector<HeldJoint> hold;
+  double command_rate_hz = 20.0;
+  double command_horizon_s = 1.0;
+  double command_renewal_s = 0.25;
+  double start_tolerance = 0.1;
+  double velocity_tolerance = 0.05;
+  double acceleration_fraction = 1.0;
+  double assumed_ramp_s = 0.5;
+  double connect_wait_s = 5.0;
+  std::optional<KeepInBox> keep_in;
+  WatchOptions watch;
+  MarkerOptions markers;
+  static Parameters<Options> parameters();
+  [[nodiscard]] std::vector<OptionMistake> check() const;
+};
+
+}  // namespace sidestep::ros1_executor
