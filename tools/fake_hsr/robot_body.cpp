@@ -1,0 +1,119 @@
+#include "robot_body.hpp"
+
+#include <algorithm>
+
+#include <sidestep/trajectory/motion_limits.hpp>
+
+#include "conversions.hpp"
+
+namespace sidestep::fake_hsr {
+namespace {
+
+std::vector<int> indices_of(const RobotDescription& robot, const std::vector<std::string>& names) {
+  std::vector<int> indices;
+  for (const std::string& name : names) indices.push_back(robot.joint_index(name).value());
+  return indices;
+}
+
+/// Those of the joints alone.
+MotionLimits limits_of(const RobotDescription& robot, const std::vector<int>& indices) {
+  const MotionLimits all = motion_limits(robot, {});
+  MotionLimits some;
+  for (const int index : indices) {
+    some.velocity.push_back(all.velocity[static_cast<std::size_t>(index)]);
+    some.acceleration.push_back(all.acceleration[static_cast<std::size_t>(index)]);
+  }
+  return some;
+}
+
+Eigen::VectorXd part(const Eigen::VectorXd& q, const std::vector<int>& indices) {
+  Eigen::VectorXd some(static_cast<Eigen::Index>(indices.size()));
+  for (std::size_t i = 0; i < indices.size(); ++i) some[static_cast<Eigen::Index>(i)] = q[indices[i]];
+  return some;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const KinematicTree>> with_joints(const KinematicTree& tree,
+                                                         const std::vector<Joint>& joints) {
+  RobotDescription description = tree.description();
+  std::vector<TreeJoint> tree_joints = tree.tree_joints();
+  description.poses.clear();  // They are of the planned joints.
+  for (const Joint& joint : joints) {
+    const auto found = std::ranges::find(tree_joints, joint.name, &TreeJoint::name);
+    const bool turns = found != tree_joints.end() && found->joint == -1 &&
+                       found->motion != TreeJoint::Motion::kFixed;
+    if (!turns) {
+      return fail(ErrorCode::kConfig,
+                  "robot '" + description.name + "' has no joint '" + joint.name +
+                      "' that its profile fixes");
+    }
+    found->joint = description.dof();
+    found->multiplier = 1.0;
+    found->offset = 0.0;
+    description.joints.push_back(joint);
+  }
+  auto made = KinematicTree::create(std::move(description), std::move(tree_joints));
+  if (!made) return tl::make_unexpected(std::move(made.error()));
+  return std::shared_ptr<const KinematicTree>(std::move(*made));
+}
+
+JointGroup::JointGroup(const RobotDescription& robot, const std::vector<std::string>& joints,
+                       const Eigen::VectorXd& q, Stamp now)
+    : names_(joints),
+      indices_(indices_of(robot, joints)),
+      robot_(limits_of(robot, indices_), 0.0, part(q, indices_), now) {}
+
+Result<Command> JointGroup::read(const ros_messages::JointTrajectory& message, Stamp now) const {
+  const auto bad = [](std::string what) {
+    return fail(ErrorCode::kInvalidArgument, std::move(what));
+  };
+  if (message.points.empty()) return Command{{}, now};
+  std::vector<std::size_t> columns;
+  for (const std::string& name : names_) {
+    const auto found = std::ranges::find(message.joint_names, name);
+    if (found == message.joint_names.end()) return bad("it does not command joint '" + name + "'");
+    columns.push_back(static_cast<std::size_t>(found - message.joint_names.begin()));
+  }
+  if (message.joint_names.size() != names_.size()) return bad("it commands other joints, too");
+  Command command;
+  command.trajectory.dof = static_cast<int>(names_.size());
+  const Stamp header = ros_messages::to_stamp(message.header.stamp);
+  const auto since_ns = [](const auto& point) { return point.time_from_start.toNSec(); };
+  const std::int64_t first_ns = since_ns(message.points.front());
+  command.start = {(header.ns == 0 ? now.ns : header.ns) + first_ns};
+  for (const auto& point : message.points) {
+    if (point.positions.size() != names_.size() || point.velocities.size() != names_.size()) {
+      return bad("a point has not a position and a velocity for each joint");
+    }
+    command.trajectory.times_s.push_back(1e-9 * static_cast<double>(since_ns(point) - first_ns));
+    for (const std::size_t column : columns) {
+      command.trajectory.positions.push_back(point.positions[column]);
+      command.trajectory.velocities.push_back(point.velocities[column]);
+    }
+  }
+  if (auto valid = command.trajectory.validate(); !valid) return bad(valid.error().message);
+  return command;
+}
+
+Result<void> JointGroup::follow(const ros_messages::JointTrajectory& message, Stamp now) {
+  auto command = read(message, now);
+  if (!command) return tl::make_unexpected(std::move(command.error()));
+  if (command->trajectory.size() == 0) {
+    robot_.brake(now);
+    return {};
+  }
+  robot_.follow(std::make_shared<const Trajectory>(std::move(command->trajectory)), command->start,
+                now);
+  return {};
+}
+
+void JointGroup::advance(Stamp now, RobotState& into) {
+  while (robot_.time().ns + simulated::SimulatedRobot::kStep_ns <= now.ns) robot_.step();
+  for (std::size_t i = 0; i < indices_.size(); ++i) {
+    into.q[indices_[i]] = robot_.state().q[static_cast<Eigen::Index>(i)];
+    into.qdot[indices_[i]] = robot_.state().qdot[static_cast<Eigen::Index>(i)];
+  }
+}
+
+}  // namespace sidestep::fake_hsr

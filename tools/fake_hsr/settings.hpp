@@ -1,0 +1,39 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <sidestep/sensing/frame.hpp>
+
+#include "faults.hpp"
+
+namespace sidestep::fake_hsr {
+
+/// What the command line says.
+struct Settings {
+  std::filesystem::path scene;
+  std::string profile = "hsr";
+  std::string prefix = "/hsrb";
+  std::string pose = "go";
+  std::vector<std::string> joints;  ///< NAME=VALUE, over the pose.
+  std::int64_t seed = 0;
+  double state_rate_hz = 100.0;
+  double camera_rate_hz = 15.0;
+  int width_px = 320;
+  int height_px = 240;
+  double focal_px = 200.0;
+  std::string encoding = "16UC1";
+  double range_max_m = 5.0;
+  bool scene_waits = true;  ///< The scene moves from the first command on.
+  std::vector<std::string> silences;
+  std::vector<std::string> allowed{"base_link:floor"};
+  std::filesystem::path summary;
+
+  [[nodiscard]] CameraIntrinsics camera() const {
+    return {width_px, height_px, focal_px, focal_px, 0.5 * (width_px - 1), 0.5 * (height_px - 1)};
+  }
+};
+
+}  // namespace sidestep::fake_hsr
