@@ -59,12 +59,12 @@ Result<MasterProbe> MasterProbe::create(const MasterAddress& address, double per
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_family = AF_INET;  // As roscpp, unless it is told otherwise.
   addrinfo* found = nullptr;
-  const int fault = ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(),
-                                  &hints, &found);
+  const int fault =
+      ::getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found);
   if (fault != 0) {
     return fail(ErrorCode::kNotFound,
-                "the host of ROS_MASTER_URI, '" + address.host + "', has no address: " +
-                    ::gai_strerror(fault),
+                "the host of ROS_MASTER_URI, '" + address.host +
+                    "', has no address: " + ::gai_strerror(fault),
                 "environment");
   }
   MasterProbe probe;

@@ -23,9 +23,8 @@ Result<MasterProbe> join_ros(double patience_s, double probe_period_s) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   if (!probe->has_answered()) {
-    return fail(ErrorCode::kNotFound,
-                std::string("no ROS master answers at ROS_MASTER_URI=") + uri, "environment",
-                "start the robot or a rosmaster, or export another ROS_MASTER_URI");
+    return fail(ErrorCode::kNotFound, std::string("no ROS master answers at ROS_MASTER_URI=") + uri,
+                "environment", "start the robot or a rosmaster, or export another ROS_MASTER_URI");
   }
   if (!::ros::isInitialized()) {
     ::ros::init(::ros::M_string(), "sidestep",

@@ -25,13 +25,13 @@ Result<void> RunTime::update(Stamp run, Stamp ros) {
   const bool was_standing = !last_ || last_->run.ns <= 0;
   const auto tolerance_ns = Stamp::from_seconds(jump_tolerance_s_).ns;
   if (!was_standing && std::abs(offset_ns - offset_ns_) > tolerance_ns) {
-    jump_ = Error{ErrorCode::kInternal,
-                  "ROS time jumped against the run's clock: it went on by " +
-                      seconds_text(ros.ns - last_->ros.ns) + " to " + seconds_text(ros.ns) +
-                      " while the run's clock went on by " + seconds_text(run.ns - last_->run.ns) +
-                      " to " + seconds_text(run.ns),
-                  "clock", "let the machines' clocks settle before a run (chrony, not steps)",
-                  nullptr};
+    jump_ =
+        Error{ErrorCode::kInternal,
+              "ROS time jumped against the run's clock: it went on by " +
+                  seconds_text(ros.ns - last_->ros.ns) + " to " + seconds_text(ros.ns) +
+                  " while the run's clock went on by " + seconds_text(run.ns - last_->run.ns) +
+                  " to " + seconds_text(run.ns),
+              "clock", "let the machines' clocks settle before a run (chrony, not steps)", nullptr};
     return tl::make_unexpected(*jump_);
   }
   offset_ns_ = offset_ns;
