@@ -84,10 +84,10 @@ Result<void> check_motion(const Trajectory& trajectory, const RobotDescription& 
     const Joint& joint = robot.joints[static_cast<std::size_t>(j)];
     const JointExtent extent = extent_of(trajectory, j);
     if (extent.fastest <= joint.max_velocity * (1.0 + velocity_tolerance)) continue;
-    return fail(ErrorCode::kInvalidArgument,
-                "the trajectory moves joint '" + joint.name + "' at " + number(extent.fastest) +
-                    " per s after " + number(extent.fastest_at_s) + " s, its limit is " +
-                    number(joint.max_velocity));
+    return fail(ErrorCode::kInvalidArgument, "the trajectory moves joint '" + joint.name + "' at " +
+                                                 number(extent.fastest) + " per s after " +
+                                                 number(extent.fastest_at_s) + " s, its limit is " +
+                                                 number(joint.max_velocity));
   }
   return {};
 }

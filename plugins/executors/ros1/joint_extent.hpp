@@ -12,8 +12,8 @@ namespace sidestep::ros1_executor {
 struct JointExtent {
   double lowest = 0.0;
   double highest = 0.0;
-  double fastest = 0.0;      ///< Absolute velocity.
-  double fastest_at_s = 0.0; ///< Where the stretch begins in which that is.
+  double fastest = 0.0;       ///< Absolute velocity.
+  double fastest_at_s = 0.0;  ///< Where the stretch begins in which that is.
 };
 
 /// `trajectory` is sound and not empty. [any]

@@ -39,12 +39,11 @@ Result<int> joint_of(const RobotDescription& robot, const std::string& name,
 Result<JointFeed> JointFeed::create(const RobotDescription& robot, const Options& options) {
   JointFeed feed;
   feed.clock_tolerance_s_ = options.watch.clock_tolerance_s;
-  feed.joint_states_ = {"joint states", list_of(options.joint_state_topics),
-                        options.watch.max_joint_age_s, {}};
+  feed.joint_states_ = {
+      "joint state", list_of(options.joint_state_topics), options.watch.max_joint_age_s, {}};
   for (const Joint& joint : robot.joints) {
     feed.by_name_[joint.name] = static_cast<int>(feed.channels_.size());
-    feed.channels_.push_back(
-        {joint.name, joint.type == Joint::Type::kContinuous, false, {}});
+    feed.channels_.push_back({joint.name, joint.type == Joint::Type::kContinuous, false, {}});
   }
   for (const HeldJoint& held : options.hold) feed.held_[held.joint] = std::nullopt;
   if (!options.odometry) return feed;
@@ -62,9 +61,9 @@ Result<JointFeed> JointFeed::create(const RobotDescription& robot, const Options
     channel.is_continuous = channel.is_continuous || &into == &feed.yaw_;
     return {};
   };
-  for (const auto& found : {find(odometry.x_joint, "x_joint", feed.x_),
-                            find(odometry.y_joint, "y_joint", feed.y_),
-                            find(odometry.yaw_joint, "yaw_joint", feed.yaw_)}) {
+  for (const auto& found :
+       {find(odometry.x_joint, "x_joint", feed.x_), find(odometry.y_joint, "y_joint", feed.y_),
+        find(odometry.yaw_joint, "yaw_joint", feed.yaw_)}) {
     if (!found) return tl::make_unexpected(found.error());
   }
   return feed;
@@ -141,7 +140,8 @@ std::optional<JointFeed::State> JointFeed::newest() const {
     }
     // Without velocities, that between the last two positions.
     const auto& samples = series.samples();
-    const auto at = std::ranges::lower_bound(samples, common, {}, [](const auto& s) { return s.stamp; });
+    const auto at =
+        std::ranges::lower_bound(samples, common, {}, [](const auto& s) { return s.stamp; });
     const auto next = at == samples.begin() ? at : std::prev(at);
     const double dt_s = seconds_between(next->stamp, at->stamp);
     result.state.qdot[j] = dt_s > 0.0 ? (at->value.q - next->value.q) / dt_s : 0.0;
@@ -151,24 +151,24 @@ std::optional<JointFeed::State> JointFeed::newest() const {
 
 std::optional<std::string> JointFeed::trouble_of(const Channel& channel, Stamp now) const {
   const Origin& origin = origin_of(channel);
-  if (!origin.received) return "no " + origin.name + " have come on " + origin.topics;
+  if (!origin.received) return "no " + origin.name + " has come on " + origin.topics;
   if (channel.series.samples().empty()) {
-    return "the " + origin.name + " on " + origin.topics + " do not tell of joint '" +
+    return "the " + origin.name + " on " + origin.topics + " does not tell of joint '" +
            channel.joint + "'";
   }
   const double age_s = seconds_between(channel.series.samples().back().stamp, now);
   if (age_s < -clock_tolerance_s_) {
-    return "the " + origin.name + " on " + origin.topics + " are stamped " + seconds_text(-age_s) +
+    return "the " + origin.name + " on " + origin.topics + " is stamped " + seconds_text(-age_s) +
            " ahead of this machine's clock: the clocks are not synchronised";
   }
   if (age_s <= origin.max_age_s) return std::nullopt;
   const double silence_s = seconds_between(*origin.received, now);
-  const std::string late = silence_s <= origin.max_age_s
+  const std::string late = silence_s < 0.5 * origin.max_age_s
                                ? ", though messages come: they are late, not of this joint, or the "
                                  "clocks are not synchronised"
                                : "";
   return "the newest " + origin.name + " of joint '" + channel.joint + "' on " + origin.topics +
-         " are " + seconds_text(age_s) + " old" + late;
+         " is " + seconds_text(age_s) + " old" + late;
 }
 
 std::optional<std::string> JointFeed::trouble(Stamp now) const {

@@ -50,7 +50,7 @@ class JointFeed {
   };
   /// What one kind of message tells.
   struct Origin {
-    std::string name;    ///< "joint states", "odometry"
+    std::string name;    ///< "joint state", "odometry"
     std::string topics;  ///< For messages.
     double max_age_s = 0.0;
     std::optional<Stamp> received;

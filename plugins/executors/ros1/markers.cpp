@@ -42,8 +42,7 @@ Result<MarkerPainter> MarkerPainter::create(std::shared_ptr<const RobotModel> ro
   if (link.empty()) return painter;
   const auto index = description.link_index(link);
   if (!index) {
-    return fail(ErrorCode::kConfig,
-                "robot '" + description.name + "' has no link '" + link + "'",
+    return fail(ErrorCode::kConfig, "robot '" + description.name + "' has no link '" + link + "'",
                 "executor.markers.link");
   }
   painter.link_ = *index;
@@ -108,8 +107,7 @@ MarkerArray MarkerPainter::paint(const Eigen::VectorXd& q, const Trajectory& pla
   array.markers.push_back(marker("plan", 0, Marker::LINE_STRIP, ros_stamp));
   array.markers.back().action = Marker::DELETE;
   for (std::size_t s = 0; s < centres_m_.size(); ++s) {
-    array.markers.push_back(
-        marker("plan_end", static_cast<int>(s), Marker::SPHERE, ros_stamp));
+    array.markers.push_back(marker("plan_end", static_cast<int>(s), Marker::SPHERE, ros_stamp));
     array.markers.back().action = Marker::DELETE;
   }
   return array;

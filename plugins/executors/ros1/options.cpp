@@ -40,8 +40,7 @@ Parameters<KeepInBox> KeepInBox::parameters() {
   return Parameters<K>()
       .add("lower_m", &K::lower_m, "Least x and y of the base in world_frame.",
            {.unit = "m", .required = true})
-      .add("upper_m", &K::upper_m, "Largest x and y of the base.",
-           {.unit = "m", .required = true});
+      .add("upper_m", &K::upper_m, "Largest x and y of the base.", {.unit = "m", .required = true});
 }
 
 Parameters<WatchOptions> WatchOptions::parameters() {
@@ -64,8 +63,7 @@ Parameters<WatchOptions> WatchOptions::parameters() {
       .add("stop_topic", &W::stop_topic,
            "std_msgs/Bool of an emergency stop, e.g. /hsrb/runstop_button; absent: not watched.")
       .add("stop_value", &W::stop_value, "What it says while the robot must not move.")
-      .add("battery_topic", &W::battery_topic,
-           "sensor_msgs/BatteryState; absent: not watched.")
+      .add("battery_topic", &W::battery_topic, "sensor_msgs/BatteryState; absent: not watched.")
       .add("min_battery", &W::min_battery, "Share of the battery below which the robot stops.",
            {.min = 0.0, .max = 1.0});
 }
@@ -139,11 +137,12 @@ std::vector<OptionMistake> Options::check() const {
   for (const HeldJoint& held : hold) {
     if (moved.contains(held.joint)) continue;
     mistakes.push_back({{"hold", "controllers"},
-                        "hold joint '" + held.joint + "', which no controller moves", {}});
+                        "hold joint '" + held.joint + "', which no controller moves",
+                        {}});
   }
   if (command_horizon_s > 0.0 && command_renewal_s >= command_horizon_s) {
-    mistakes.push_back({{"command_renewal_s", "command_horizon_s"},
-                        "must be less than command_horizon_s", {}});
+    mistakes.push_back(
+        {{"command_renewal_s", "command_horizon_s"}, "must be less than command_horizon_s", {}});
   }
   if (keep_in) {
     const bool is_plane = keep_in->lower_m.size() == 2 && keep_in->upper_m.size() == 2;

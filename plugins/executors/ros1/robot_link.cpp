@@ -34,8 +34,7 @@ RobotLink::RobotLink(const Options& options, JointFeed feed, ros1_node::MasterPr
     const ControllerEntry& entry = options_.controllers[i];
     controllers_.push_back({entry.state_topic.value_or(""), {}});
     if (options_.mode != "shadow") {
-      commands_.push_back(
-          node_.advertise<ros_messages::JointTrajectory>(entry.command_topic, 1));
+      commands_.push_back(node_.advertise<ros_messages::JointTrajectory>(entry.command_topic, 1));
     }
     if (!entry.state_topic) continue;
     subscribe<ros1_node::AnyMessage>(*entry.state_topic,

@@ -186,8 +186,7 @@ Result<void> Ros1Executor::follow(const Trajectory& trajectory, Stamp start) {
 }
 
 /// A trajectory goes on from where the robot has been told to be, or else from where it is.
-Result<void> Ros1Executor::check_start(const Trajectory& trajectory, Stamp start,
-                                       Stamp now) const {
+Result<void> Ros1Executor::check_start(const Trajectory& trajectory, Stamp start, Stamp now) const {
   const Stamp from = std::max(start, now);
   // Where a motion or a stop was to end, the robot need not have come to.
   auto expected = is_shadow() || is_following(from) ? told(from) : std::nullopt;
@@ -225,8 +224,8 @@ Result<void> Ros1Executor::check_box(const Trajectory& trajectory) const {
 /// In mode `confirm`, a robot that stands is not moved without a yes to what is shown.
 Result<void> Ros1Executor::check_confirmed(const Trajectory& trajectory, Stamp now) {
   const auto state = measured();
-  const bool moves = is_following(now) ||
-                     (state && state->state.qdot.cwiseAbs().maxCoeff() > kRest);
+  const bool moves =
+      is_following(now) || (state && state->state.qdot.cwiseAbs().maxCoeff() > kRest);
   if (options_.mode != "confirm" || moves) return {};
   const bool was_shown = proposed_.size() > 0;
   // A yes from before there was anything to say yes to is none.
@@ -316,10 +315,9 @@ void Ros1Executor::show(Stamp now, const Eigen::VectorXd& q) {
   if (!link_.has_viewers()) return;
   shown_ = now;
   const bool waits = proposed_.size() > 0;
-  link_.show(painter_.paint(q, waits ? proposed_ : followed_,
-                            waits ? 0.0 : std::max(0.0, since_start_s(now)),
-                            waits ? PlanState::kProposed : PlanState::kFollowed,
-                            time_.to_ros(now)));
+  link_.show(painter_.paint(
+      q, waits ? proposed_ : followed_, waits ? 0.0 : std::max(0.0, since_start_s(now)),
+      waits ? PlanState::kProposed : PlanState::kFollowed, time_.to_ros(now)));
 }
 
 }  // namespace
@@ -334,8 +332,8 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   if (!feed) return tl::make_unexpected(std::move(feed.error()));
   auto writer = CommandWriter::create(robot, options);
   if (!writer) return tl::make_unexpected(std::move(writer.error()));
-  auto painter = MarkerPainter::create(context.robot, options.markers.link.value_or(""),
-                                       options.world_frame);
+  auto painter =
+      MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame);
   if (!painter) return tl::make_unexpected(std::move(painter.error()));
   auto master = ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s);
   if (!master) return tl::make_unexpected(std::move(master.error()));
