@@ -45,8 +45,7 @@ Parameters<Options> Options::parameters() {
       .add("tf_static_topics", &O::tf_static_topics,
            "Topics of transforms that hold for all times.")
       .add("tf_max_gap_s", &O::tf_max_gap_s,
-           "Longest time between two transforms that are interpolated.",
-           {.unit = "s", .min = 0.0})
+           "Longest time between two transforms that are interpolated.", {.unit = "s", .min = 0.0})
       .add("sync_wait_s", &O::sync_wait_s,
            "How long tf and joint states may come later than the frame that they are needed for.",
            {.unit = "s", .min = 0.0, .max = 10.0})

@@ -1,15 +1,15 @@
 #include "ros1_source.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <cmath>
+#include <cstdio>
 #include <numeric>
 #include <string>
 #include <utility>
 
-#include <boost/function.hpp>
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
+#include <boost/function.hpp>
 
 #include "conversions.hpp"
 #include "frame_drops.hpp"
@@ -44,8 +44,8 @@ std::string milliseconds(double value_s) {
 std::string spread_text(std::vector<double> values_s) {
   if (values_s.empty()) return "none";
   std::ranges::sort(values_s);
-  const double mean_s = std::accumulate(values_s.begin(), values_s.end(), 0.0) /
-                        static_cast<double>(values_s.size());
+  const double mean_s =
+      std::accumulate(values_s.begin(), values_s.end(), 0.0) / static_cast<double>(values_s.size());
   const auto at = static_cast<std::size_t>(0.95 * static_cast<double>(values_s.size() - 1));
   return "mean " + milliseconds(mean_s) + ", p95 " + milliseconds(values_s[at]);
 }
@@ -140,9 +140,9 @@ void Ros1Source::subscribe(const std::string& topic, std::uint32_t queue, Callba
 void Ros1Source::subscribe_all() {
   for (const bool is_static : {false, true}) {
     for (const std::string& topic : is_static ? options_.tf_static_topics : options_.tf_topics) {
-      subscribe<ros_messages::TfMessage>(
-          topic, kTfQueue,
-          [this, is_static](const auto& message) { feed_.add(*message, is_static); });
+      subscribe<ros_messages::TfMessage>(topic, kTfQueue, [this, is_static](const auto& message) {
+        feed_.add(*message, is_static);
+      });
     }
   }
   if (options_.joints) {
@@ -288,8 +288,9 @@ std::optional<std::string> Ros1Source::jump_to(const Transform& T_world_camera, 
     return std::nullopt;
   }
   char text[120];
-  std::snprintf(text, sizeof text, "tf jumped: the camera moved %.3f m and turned %.3f rad in %.3f s",
-                way_m, turn_rad, dt_s);
+  std::snprintf(text, sizeof text,
+                "tf jumped: the camera moved %.3f m and turned %.3f rad in %.3f s", way_m, turn_rad,
+                dt_s);
   return text;
 }
 

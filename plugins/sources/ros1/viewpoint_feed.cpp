@@ -60,8 +60,8 @@ tl::expected<Eigen::VectorXd, ros_messages::LookupFailure> ViewpointFeed::joints
     q[j] = *position;
   }
   if (!base_) return q;
-  const auto T_world_base = tf_.lookup(options_.world_frame, options_.joints->base->frame, stamp,
-                                       options_.tf_max_gap_s);
+  const auto T_world_base =
+      tf_.lookup(options_.world_frame, options_.joints->base->frame, stamp, options_.tf_max_gap_s);
   if (!T_world_base) return tl::make_unexpected(T_world_base.error());
   q[base_->x] = T_world_base->translation().x();
   q[base_->y] = T_world_base->translation().y();
