@@ -65,14 +65,14 @@ function(sidestep_add_plugin_library name)
   sidestep_warnings(${target})
 endfunction()
 
-# sidestep_add_test(NAME SOURCES ... [LINK library...] [LABELS label...])
+# sidestep_add_test(NAME SOURCES ... [LINK library...] [LABELS label...] [SERIAL])
 # A GoogleTest executable whose cases become ctest tests. Those with the label `threads` are what
-# ThreadSanitizer runs; the target sidestep_thread_tests builds them.
+# ThreadSanitizer runs; the target sidestep_thread_tests builds them. SERIAL: beside no other test.
 function(sidestep_add_test name)
   if(NOT SIDESTEP_TESTS)
     return()
   endif()
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL" "" "SOURCES;LINK;LABELS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   # The headers of GoogleTest, Eigen and the SDK take most of the time: read once for all sources.
   set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
@@ -90,7 +90,7 @@ function(sidestep_add_test name)
   if("threads" IN_LIST ARG_LABELS)
     add_dependencies(sidestep_thread_tests ${name})
   endif()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600)
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600 RUN_SERIAL ${ARG_SERIAL})
 endfunction()
 
 # sidestep_add_benchmark(NAME SOURCES ... [LINK library...])

@@ -25,9 +25,9 @@ class DepthCamera {
   struct World {
     std::shared_ptr<const KinematicTree> robot;
     std::shared_ptr<const Scene> scene;
-    std::shared_ptr<const RobotMotion> motion;           ///< On ROS's clock.
-    std::function<double(Stamp)> scene_time_s;           ///< [any]
-    std::function<bool()> is_silent;                     ///< [any]
+    std::shared_ptr<const RobotMotion> motion;  ///< On ROS's clock.
+    std::function<double(Stamp)> scene_time_s;  ///< [any]
+    std::function<bool()> is_silent;            ///< [any]
   };
 
   /// Fails with kConfig where the robot has no link `head_rgbd_sensor_link`.

@@ -61,8 +61,8 @@ Result<Eigen::VectorXd> start_of(const RobotDescription& planned, const Kinemati
   }
   const NamedPose* const pose = planned.find_pose(settings.pose);
   if (pose == nullptr) {
-    return fail(ErrorCode::kConfig, "robot '" + planned.name + "' has no pose '" + settings.pose +
-                                        "'");
+    return fail(ErrorCode::kConfig,
+                "robot '" + planned.name + "' has no pose '" + settings.pose + "'");
   }
   for (std::size_t j = 0; j < pose->positions.size(); ++j) {
     if (pose->positions[j]) q[static_cast<Eigen::Index>(j)] = *pose->positions[j];
@@ -101,19 +101,19 @@ Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
   const auto q = start_of((*tree)->description(), **tree, (*robot)->description(), settings);
   if (!q) return tl::make_unexpected(q.error());
 
-  auto drawn = std::make_shared<const Scene>(
-      scene->drawn(static_cast<std::uint64_t>(settings.seed)));
+  auto drawn =
+      std::make_shared<const Scene>(scene->drawn(static_cast<std::uint64_t>(settings.seed)));
   std::unique_ptr<FakeHsr> fake(new FakeHsr(settings, *robot, std::move(drawn), *q));
   for (const std::string& text : settings.silences) {
     auto silence = parse_silence(text);
     if (!silence) return tl::make_unexpected(std::move(silence.error()));
     fake->silences_.push_back(std::move(*silence));
   }
-  auto camera = DepthCamera::create(
-      {fake->robot_, fake->scene_, fake->motion_,
-       [raw = fake.get()](Stamp stamp) { return raw->scene_time_s(stamp); },
-       [raw = fake.get()] { return raw->is_part_silent("camera"); }},
-      settings);
+  auto camera =
+      DepthCamera::create({fake->robot_, fake->scene_, fake->motion_,
+                           [raw = fake.get()](Stamp stamp) { return raw->scene_time_s(stamp); },
+                           [raw = fake.get()] { return raw->is_part_silent("camera"); }},
+                          settings);
   if (!camera) return tl::make_unexpected(std::move(camera.error()));
   fake->camera_ = std::move(*camera);
   fake->connect();
@@ -151,10 +151,9 @@ void FakeHsr::connect() {
     controller->state = node_.advertise<ControllerState>(topic + "/state", 1);
     const boost::function<void(const Pointer&)> call(
         [this, raw = controller.get()](const Pointer& message) { on_command(*raw, *message); });
-    controller->command =
-        node_.subscribe<JointTrajectory>(topic + "/command", kQueueLength, call,
-                                         ::ros::VoidConstPtr(),
-                                         ::ros::TransportHints().tcpNoDelay());
+    controller->command = node_.subscribe<JointTrajectory>(topic + "/command", kQueueLength, call,
+                                                           ::ros::VoidConstPtr(),
+                                                           ::ros::TransportHints().tcpNoDelay());
   }
   publishers_["joint_states"] =
       node_.advertise<ros_messages::JointState>(prefix + "/joint_states", kQueueLength);
@@ -284,9 +283,8 @@ void FakeHsr::publish_transforms(Stamp stamp) {
     const auto i = static_cast<std::size_t>(link);
     const int parent = link == base ? -1 : robot.links[i].parent;
     const Transform T_parent_link =
-        parent == -1
-            ? T_world_link_[i]
-            : T_world_link_[static_cast<std::size_t>(parent)].inverse() * T_world_link_[i];
+        parent == -1 ? T_world_link_[i]
+                     : T_world_link_[static_cast<std::size_t>(parent)].inverse() * T_world_link_[i];
     message.transforms.push_back(ros_messages::to_transform(
         ros_messages::rigid_pose(T_parent_link), stamp,
         parent == -1 ? kWorldFrame : robot.links[static_cast<std::size_t>(parent)].name,
@@ -297,8 +295,8 @@ void FakeHsr::publish_transforms(Stamp stamp) {
 
 void FakeHsr::publish_static_transforms() {
   ros_messages::TfMessage message;
-  message.transforms.push_back(ros_messages::to_transform({}, ros_now(), DepthCamera::kLink,
-                                                          DepthCamera::kFrame));
+  message.transforms.push_back(
+      ros_messages::to_transform({}, ros_now(), DepthCamera::kLink, DepthCamera::kFrame));
   publishers_["tf_static"].publish(message);
 }
 

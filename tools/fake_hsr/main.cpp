@@ -33,9 +33,7 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
   app.add_option("--width", settings.width_px, "Of the image, in pixels")
       ->check(CLI::Range(8, 4096))
       ->capture_default_str();
-  app.add_option("--height", settings.height_px)
-      ->check(CLI::Range(8, 4096))
-      ->capture_default_str();
+  app.add_option("--height", settings.height_px)->check(CLI::Range(8, 4096))->capture_default_str();
   app.add_option("--focal", settings.focal_px, "Focal length, in pixels")
       ->check(CLI::Range(1.0, 10000.0))
       ->capture_default_str();

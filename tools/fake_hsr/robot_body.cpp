@@ -28,7 +28,8 @@ MotionLimits limits_of(const RobotDescription& robot, const std::vector<int>& in
 
 Eigen::VectorXd part(const Eigen::VectorXd& q, const std::vector<int>& indices) {
   Eigen::VectorXd some(static_cast<Eigen::Index>(indices.size()));
-  for (std::size_t i = 0; i < indices.size(); ++i) some[static_cast<Eigen::Index>(i)] = q[indices[i]];
+  for (std::size_t i = 0; i < indices.size(); ++i)
+    some[static_cast<Eigen::Index>(i)] = q[indices[i]];
   return some;
 }
 
@@ -44,9 +45,8 @@ Result<std::shared_ptr<const KinematicTree>> with_joints(const KinematicTree& tr
     const bool turns = found != tree_joints.end() && found->joint == -1 &&
                        found->motion != TreeJoint::Motion::kFixed;
     if (!turns) {
-      return fail(ErrorCode::kConfig,
-                  "robot '" + description.name + "' has no joint '" + joint.name +
-                      "' that its profile fixes");
+      return fail(ErrorCode::kConfig, "robot '" + description.name + "' has no joint '" +
+                                          joint.name + "' that its profile fixes");
     }
     found->joint = description.dof();
     found->multiplier = 1.0;

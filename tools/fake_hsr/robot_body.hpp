@@ -42,8 +42,7 @@ class JointGroup {
   [[nodiscard]] const RobotState& state() const noexcept { return robot_.state(); }
 
  private:
-  [[nodiscard]] Result<Command> read(const ros_messages::JointTrajectory& message,
-                                     Stamp now) const;
+  [[nodiscard]] Result<Command> read(const ros_messages::JointTrajectory& message, Stamp now) const;
 
   std::vector<std::string> names_;
   std::vector<int> indices_;
