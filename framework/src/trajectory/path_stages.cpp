@@ -12,6 +12,16 @@ namespace {
 constexpr double kLeastCosine = 0.94;
 /// Directions that agree this well are one: cos 1 degree.
 constexpr double kSameDirection = 0.9998;
+/// Unit vectors that differ by no more than this, by rounding, are one at any speed.
+constexpr double kOneDirection = 1e-9;
+/// Shares of the shorter side's way to its piece's other end, and of the path, that a stage around
+/// a corner takes of each side: the shorter, the slower it must be.
+constexpr double kAroundCorner = 1.0 / 3.0;
+constexpr double kMostAroundCorner = 0.01;
+/// Of a stage so little is not left beside one around a corner.
+constexpr double kLeastLeft = 0.1;
+/// Pieces that lead no farther in a row, as a share of the path, are left out.
+constexpr double kLeastPiece = 1e-6;
 constexpr int kMaxDepth = 14;
 /// The path stands still where it is slower than this share of the speed that it gains within one
 /// stage: what it does there is finer than the stage by that share squared.
@@ -40,25 +50,40 @@ PathStages::PathStages(const Trajectory& path, int least_stages)
   const int pieces = path.size() - 1;
   if (pieces <= 0) return;
   cubics_.assign_zeros(at(pieces) * CubicLanes::kRows * width_);
-  for (int p = 0; p < pieces; ++p) {
-    const double h = path.times_s[at(p) + 1] - path.times_s[at(p)];
-    const auto q0 = path.q(p), q1 = path.q(p + 1), v0 = path.qdot(p), v1 = path.qdot(p + 1);
-    double* rows = cubics_.data() + at(p) * CubicLanes::kRows * width_;
-    for (std::size_t j = 0; j < dof_; ++j) {
-      const double slope = (q1[j] - q0[j]) / h;
-      rows[j] = q0[j];
-      rows[width_ + j] = v0[j];
-      rows[2 * width_ + j] = (3.0 * slope - 2.0 * v0[j] - v1[j]) / h;
-      rows[3 * width_ + j] = (v0[j] + v1[j] - 2.0 * slope) / (h * h);
-    }
-    length_ += arc_length(cubic(p), 0.0, h);
-  }
+  for (int p = 0; p < pieces; ++p) length_ += take_piece(p, p);
   const int parts = std::max(4, (least_stages + pieces - 1) / pieces);
   const std::size_t expected = at(parts) * at(pieces) * 5 / 4;
   stages_.reserve(expected);
   rows_.reserve(expected * kRows * width_);
-  for (int p = 0; p < pieces; ++p) cut_piece(p, parts);
+  double missing = 0.0;
+  for (int p = 0, begin = 0; p < pieces; ++p) {
+    const double length = take_piece(p, begin);
+    const bool is_tiny = missing + length <= kLeastPiece * length_;
+    const bool is_end = p == 0 || p + 1 == pieces;
+    missing = is_tiny && !is_end ? missing + length : 0.0;
+    if (is_tiny && !is_end) continue;  // the next one begins where this one would have
+    begin = p + 1;
+    cut_piece(p, is_tiny ? 1 : parts);
+  }
   mark_stops();
+  span_corners();
+}
+
+/// Writes the cubic of the piece that ends at the state after `piece`, with the position of `begin`
+/// where it begins; returns its length.
+double PathStages::take_piece(int piece, int begin) {
+  const double h = path_.times_s[at(piece) + 1] - path_.times_s[at(piece)];
+  const auto q0 = path_.q(begin), q1 = path_.q(piece + 1);
+  const auto v0 = path_.qdot(piece), v1 = path_.qdot(piece + 1);
+  double* rows = cubics_.data() + at(piece) * CubicLanes::kRows * width_;
+  for (std::size_t j = 0; j < dof_; ++j) {
+    const double slope = (q1[j] - q0[j]) / h;
+    rows[j] = q0[j];
+    rows[width_ + j] = v0[j];
+    rows[2 * width_ + j] = (3.0 * slope - 2.0 * v0[j] - v1[j]) / h;
+    rows[3 * width_ + j] = (v0[j] + v1[j] - 2.0 * slope) / (h * h);
+  }
+  return arc_length(cubic(piece), 0.0, h);
 }
 
 void PathStages::position(int piece, double s, std::span<double> q) const {
@@ -73,10 +98,33 @@ double PathStages::begin_s(int i) const {
   return path_.times_s[at(stage.piece)] + stage.from_s;
 }
 
+double PathStages::length_of(const Stage& stage) const noexcept {
+  if (!stage.is_corner) return arc_length(cubic(stage.piece), stage.from_s, stage.to_s);
+  return arc_length(cubic(stage.piece), stage.from_s, stage.corner_s) +
+         arc_length(cubic(stage.to_piece), behind_corner_s(stage), stage.to_s);
+}
+
+double PathStages::place_s(int piece, double from_s, double to_s, double way) const noexcept {
+  const CubicLanes path = cubic(piece);
+  double low = from_s, high = to_s;
+  for (int halving = 0; halving < 50; ++halving) {
+    const double middle = 0.5 * (low + high);
+    (arc_length(path, from_s, middle) < way ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
 double PathStages::distance(int i, std::span<const double> q) const {
   const Stage& stage = stages_[at(i)];
-  const CubicLanes c = cubic(stage.piece);
-  double s = 0.5 * (stage.from_s + stage.to_s);
+  if (!stage.is_corner) return distance(stage.piece, stage.from_s, stage.to_s, q);
+  return std::min(distance(stage.piece, stage.from_s, stage.corner_s, q),
+                  distance(stage.to_piece, behind_corner_s(stage), stage.to_s, q));
+}
+
+double PathStages::distance(int piece, double from_s, double to_s,
+                            std::span<const double> q) const {
+  const CubicLanes c = cubic(piece);
+  double s = 0.5 * (from_s + to_s);
   double best = 0.0;
   constexpr int kSteps = 4;  // of Gauss-Newton, towards the nearest point
   for (int step = 0; step < kSteps; ++step) {
@@ -90,8 +138,8 @@ double PathStages::distance(int i, std::span<const double> q) const {
     }
     best = step == 0 ? worst : std::min(best, worst);
     if (speed == 0.0) break;
-    const double next = std::clamp(s + along / speed, stage.from_s, stage.to_s);
-    if (std::abs(next - s) <= 1e-4 * (stage.to_s - stage.from_s)) break;
+    const double next = std::clamp(s + along / speed, from_s, to_s);
+    if (std::abs(next - s) <= 1e-4 * (to_s - from_s)) break;
     s = next;
   }
   return best;
@@ -107,7 +155,7 @@ void PathStages::derive_to(int stage) {
 
 void PathStages::derive(const Stage& stage, bool at_end, double* tangent, double* curvature) const {
   const double s = at_end ? stage.to_s : stage.from_s;
-  const CubicLanes c = cubic(stage.piece);
+  const CubicLanes c = cubic(at_end ? stage.to_piece : stage.piece);
   const bool is_still = at_end ? stage.still_to : stage.still_from;
   if (!is_still && rates_at(c, s).speed > 0.0) return derive_by_length(c, s, tangent, curvature);
   // Leaving a standstill the path goes where its second derivative points, arriving at one it
@@ -150,6 +198,7 @@ void PathStages::cut_piece(int piece, int parts) {
       return;
     }
     append({.piece = piece,
+            .to_piece = piece,
             .from_s = from,
             .to_s = to,
             .still_from = from_still,
@@ -183,10 +232,16 @@ void PathStages::push(const Stage& stage) {
   rows_.resize(rows_.size() + kRows * width_);
   derive_from(size() - 1);
   derive_to(size() - 1);
+  if (!stage.is_corner) return;
+  const auto from = tangent_from(size() - 1), to = tangent_to(size() - 1);
+  for (std::size_t j = 0; j < dof_; ++j) {
+    const double turn = (to[j] - from[j]) / stage.length;
+    rows_[row_at(size() - 1, 1) + j] = rows_[row_at(size() - 1, 3) + j] = turn;
+  }
 }
 
 void PathStages::append(Stage stage, int depth) {
-  stage.length = arc_length(cubic(stage.piece), stage.from_s, stage.to_s);
+  stage.length = length_of(stage);
   push(stage);
   if (depth >= kMaxDepth || stage.length < kLeastHalved * length_ ||
       dot(tangent_from(size() - 1), tangent_to(size() - 1)) >= kLeastCosine) {
@@ -231,13 +286,114 @@ void PathStages::halve(const std::vector<char>& marks) {
       rows_.insert(rows_.end(), of_stage.begin(), of_stage.end());
       continue;
     }
-    Stage first = stages[i], second = stages[i];
-    first.to_s = second.from_s = 0.5 * (first.from_s + first.to_s);
-    first.still_to = second.still_from = first.stop_to = second.stop_from = false;
-    for (Stage* half : {&first, &second}) {
-      half->length = arc_length(cubic(half->piece), half->from_s, half->to_s);
-      push(*half);
+    push_parts(stages[i]);
+  }
+}
+
+void PathStages::push_parts(const Stage& stage) {
+  Stage first = stage, last = stage, middle = stage;
+  if (stage.is_corner) {
+    const double behind_s = behind_corner_s(stage);
+    const double before = arc_length(cubic(stage.piece), stage.from_s, stage.corner_s);
+    const double behind = arc_length(cubic(stage.to_piece), behind_s, stage.to_s);
+    const double way = 0.5 * std::min(before, behind);
+    first.to_piece = stage.piece;
+    last.piece = stage.to_piece;
+    first.is_corner = last.is_corner = false;
+    first.to_s = middle.from_s = place_s(stage.piece, stage.from_s, stage.corner_s, before - way);
+    last.from_s = middle.to_s = place_s(stage.to_piece, behind_s, stage.to_s, way);
+  } else {
+    first.to_s = last.from_s = 0.5 * (stage.from_s + stage.to_s);
+  }
+  first.still_to = last.still_from = first.stop_to = last.stop_from = false;
+  for (Stage* part : {&first, &middle, &last}) {
+    if (part == &middle && !stage.is_corner) continue;
+    part->length = length_of(*part);
+    push(*part);
+  }
+}
+
+bool PathStages::is_corner_behind(int i) const {
+  if (i + 1 >= size() || stages_[at(i)].stop_to) return false;
+  double squares = 0.0;
+  for (std::size_t j = 0; j < dof_; ++j) {
+    const double turn = tangent_from(i + 1)[j] - tangent_to(i)[j];
+    squares += turn * turn;
+  }
+  return squares > kOneDirection * kOneDirection;
+}
+
+/// What a stage around the corner behind each stage takes of both of its sides; 0 for no corner.
+std::vector<double> PathStages::ways_around_corners() const {
+  const std::size_t count = stages_.size();
+  std::vector<char> is_corner(count);
+  for (int i = 0; i < size(); ++i) is_corner[at(i)] = is_corner_behind(i);
+  // Before and behind each stage, itself included, within its piece and without a corner between.
+  std::vector<double> before(count), behind(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool goes_on = i > 0 && !is_corner[i - 1] && stages_[i - 1].piece == stages_[i].piece;
+    before[i] = stages_[i].length + (goes_on ? before[i - 1] : 0.0);
+  }
+  for (std::size_t i = count; i-- > 0;) {
+    const bool goes_on = i + 1 < count && !is_corner[i] && stages_[i + 1].piece == stages_[i].piece;
+    behind[i] = stages_[i].length + (goes_on ? behind[i + 1] : 0.0);
+  }
+  std::vector<double> ways(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!is_corner[i]) continue;
+    ways[i] =
+        std::min(kAroundCorner * std::min(before[i], behind[i + 1]), kMostAroundCorner * length_);
+  }
+  return ways;
+}
+
+/// What is left of a stage behind its first `before` and before its last `behind`; nothing where
+/// that is hardly anything.
+std::optional<PathStages::Stage> PathStages::rest_of(const Stage& stage, double before,
+                                                     double behind) const {
+  if (before <= 0.0 && behind <= 0.0) return stage;
+  if (stage.length - before - behind <= kLeastLeft * stage.length) return std::nullopt;
+  Stage rest = stage;
+  if (before > 0.0) rest.from_s = place_s(stage.piece, stage.from_s, stage.to_s, before);
+  if (behind > 0.0) {
+    rest.to_s = place_s(stage.piece, stage.from_s, stage.to_s, stage.length - behind);
+  }
+  rest.length = length_of(rest);
+  return rest;
+}
+
+/// Gives parts of the stages on both sides of each corner that is no stop to one around it.
+void PathStages::span_corners() {
+  const std::vector<double> ways = ways_around_corners();
+  const std::size_t count = stages_.size();
+  if (std::ranges::count(ways, 0.0) == std::ssize(ways)) return;
+  std::vector<double> before(count), behind(count);  // that stages around corners take of each
+  for (std::size_t corner = 0; corner < count; ++corner) {
+    double left = ways[corner];
+    for (std::size_t i = corner + 1; i-- > 0 && left > 0.0; left -= stages_[i].length) {
+      behind[i] = left;
     }
+    left = ways[corner];
+    for (std::size_t i = corner + 1; i < count && left > 0.0; left -= stages_[i++].length) {
+      before[i] = left;
+    }
+  }
+  const std::vector<Stage> stages = std::exchange(stages_, {});
+  rows_.clear();
+  std::optional<Stage> around;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto rest = rest_of(stages[i], before[i], behind[i]);
+    if (rest && around) {
+      around->from_s = stages_.back().to_s;
+      around->to_piece = rest->piece;
+      around->to_s = rest->from_s;
+      around->length = length_of(*around);
+      push(*around);
+      around.reset();
+    }
+    if (rest) push(*rest);
+    if (ways[i] == 0.0) continue;
+    around = Stage{.piece = stages[i].piece, .is_corner = true, .corner_s = stages[i].to_s};
   }
 }
 

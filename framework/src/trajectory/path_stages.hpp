@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -18,12 +19,19 @@ namespace sidestep::detail {
 /// A stage lies within one cubic piece, so that its two ends see that piece's own curvature; the
 /// next stage sees its own at the same point, since the acceleration of a Gaussian-process
 /// trajectory jumps at its support states.
+///
+/// Where two pieces meet at an angle too small to stop at, a state in the corner would have two
+/// velocities. There one stage reaches from before it to behind it, as far on both sides, and what
+/// it sees as curvature is how much the path turns on its length.
 class PathStages {
  public:
   struct Stage {
-    int piece = 0;
-    double from_s = 0.0;  ///< Within the piece.
+    int piece = 0;        ///< In which it begins,
+    int to_piece = 0;     ///< and in which it ends: the same but for one around a corner.
+    double from_s = 0.0;  ///< Within the pieces.
     double to_s = 0.0;
+    bool is_corner = false;
+    double corner_s = 0.0;  ///< Within the piece in which it begins.
     /// The path's own speed vanishes at this end; its direction there is the limit within the
     /// stage.
     bool still_from = false;
@@ -45,14 +53,22 @@ class PathStages {
   [[nodiscard]] std::span<const double> tangent_to(int i) const { return row(i, 2); }
   [[nodiscard]] std::span<const double> curvature_to(int i) const { return row(i, 3); }
 
-  /// The path's position at one time within a piece.
-  void position(int piece, double s, std::span<double> q) const;
+  /// The path's position at both ends of stage `i`.
+  void position_from(int i, std::span<double> q) const {
+    position(stages_[at(i)].piece, stages_[at(i)].from_s, q);
+  }
+  void position_to(int i, std::span<double> q) const {
+    position(stages_[at(i)].to_piece, stages_[at(i)].to_s, q);
+  }
   /// The largest distance of any joint of `q` from the path's nearest point within stage `i`.
   [[nodiscard]] double distance(int i, std::span<const double> q) const;
   /// When stage `i` begins, on the clock of the path's trajectory.
   [[nodiscard]] double begin_s(int i) const;
 
-  /// Halves the stages that are marked; every mark takes one stage for itself and one more.
+  /// How many stages halve() makes of stage `i`: of one around a corner the outer halves of both
+  /// of its sides, and what is left.
+  [[nodiscard]] int parts_of(int i) const { return stages_[at(i)].is_corner ? 3 : 2; }
+  /// Halves the stages that are marked.
   void halve(const std::vector<char>& marks);
 
  private:
@@ -66,14 +82,32 @@ class PathStages {
   [[nodiscard]] std::span<const double> row(int stage, std::size_t which) const noexcept {
     return std::span(rows_).subspan(row_at(stage, which), dof_);
   }
+  void position(int piece, double s, std::span<double> q) const;
+  /// Where the second side of a stage around a corner begins, within the piece in which it ends.
+  [[nodiscard]] static double behind_corner_s(const Stage& stage) noexcept {
+    return stage.to_piece == stage.piece ? stage.corner_s : 0.0;
+  }
+  [[nodiscard]] double length_of(const Stage& stage) const noexcept;
+  /// Where in a piece the path has gone so far from `from_s`, at most to `to_s`.
+  [[nodiscard]] double place_s(int piece, double from_s, double to_s, double way) const noexcept;
+  /// The largest distance of any joint of `q` from the nearest point of a part of a piece.
+  [[nodiscard]] double distance(int piece, double from_s, double to_s,
+                                std::span<const double> q) const;
   /// Writes the rows of one end of a stage.
   void derive_from(int stage);
   void derive_to(int stage);
   void derive(const Stage& stage, bool at_end, double* tangent, double* curvature) const;
+  [[nodiscard]] double take_piece(int piece, int begin);
   void cut_piece(int piece, int parts);
   void append(Stage stage, int depth);
   void push(const Stage& stage);
+  void push_parts(const Stage& stage);
   void mark_stops();
+  [[nodiscard]] bool is_corner_behind(int i) const;
+  [[nodiscard]] std::vector<double> ways_around_corners() const;
+  [[nodiscard]] std::optional<Stage> rest_of(const Stage& stage, double before,
+                                             double behind) const;
+  void span_corners();
 
   const Trajectory& path_;
   std::size_t dof_;

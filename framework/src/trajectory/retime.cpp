@@ -160,13 +160,12 @@ void Retimer::write_motion() {
   for (int i = 0; i <= n; ++i) {
     const auto k = static_cast<std::size_t>(i);
     const bool last = i == n;
-    const PathStages::Stage& stage = stages_[last ? n - 1 : i];
-    stages_.position(stage.piece, last ? stage.to_s : stage.from_s, motion.q(i));
+    last ? stages_.position_to(n - 1, motion.q(i)) : stages_.position_from(i, motion.q(i));
     const auto tangent = last ? stages_.tangent_to(n - 1) : stages_.tangent_from(i);
     for (std::size_t j = 0; j < dof(); ++j) motion.qdot(i)[j] = speed * tangent[j];
     if (last) break;
     const double next = std::sqrt(x[k + 1]);
-    motion.times_s[k + 1] = motion.times_s[k] + 2.0 * stage.length / (speed + next);
+    motion.times_s[k + 1] = motion.times_s[k] + 2.0 * stages_[i].length / (speed + next);
     speed = next;
   }
 }
@@ -222,7 +221,8 @@ bool Retimer::refine(SpeedProfile::Shares& shares) {
   SpeedProfile::Shares finer;
   std::vector<int> tries;
   for (std::size_t i = 0; i < n; ++i) {
-    for (int part = 0; part <= halved[i]; ++part) {
+    const int parts = halved[i] ? stages_.parts_of(static_cast<int>(i)) : 1;
+    for (int part = 0; part < parts; ++part) {
       finer.velocity.push_back(shares.velocity[i]);
       finer.acceleration.push_back(shares.acceleration[i]);
       tries.push_back(halved[i] ? 0 : tries_[i]);

@@ -28,7 +28,8 @@ struct Retiming {
 /// stands still where it is slower than a thousandth of the speed that it gains in a stage. The
 /// result is a trajectory of cubic pieces itself; it keeps velocity and acceleration limits at
 /// every instant, and its states lie on the path. Where the path turns on the spot, the robot
-/// stops. A path that stays put takes a millisecond.
+/// stops; corners of less than a degree it rounds off within `max_deviation`. A path that stays put
+/// takes a millisecond.
 ///
 /// Fails with kInvalidArgument, naming joint and time, for a malformed path or limits that do not
 /// fit it, a joint that moves but may not or has no limit at all, and where the path cannot be
