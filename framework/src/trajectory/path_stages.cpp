@@ -10,8 +10,6 @@ namespace {
 
 /// A stage whose direction turns by more than this is halved: cos 20 degrees.
 constexpr double kLeastCosine = 0.94;
-/// Directions that agree this well are one: cos 1 degree.
-constexpr double kSameDirection = 0.9998;
 /// Unit vectors that differ by no more than this, by rounding, are one at any speed.
 constexpr double kOneDirection = 1e-9;
 /// Shares of the shorter side's way to its piece's other end, and of the path, that a stage around

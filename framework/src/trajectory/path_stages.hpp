@@ -25,6 +25,9 @@ namespace sidestep::detail {
 /// it sees as curvature is how much the path turns on its length.
 class PathStages {
  public:
+  /// Directions that agree this well are one, or meet at a corner that is no stop: cos 1 degree.
+  static constexpr double kSameDirection = 0.9998;
+
   struct Stage {
     int piece = 0;        ///< In which it begins,
     int to_piece = 0;     ///< and in which it ends: the same but for one around a corner.

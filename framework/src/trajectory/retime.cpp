@@ -10,6 +10,7 @@
 
 #include "path_stages.hpp"
 #include "speed_profile.hpp"
+#include "stop_and_go.hpp"
 
 namespace sidestep {
 namespace {
@@ -307,6 +308,8 @@ Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
   if (auto sound = check(path, limits, settings); !sound) {
     return tl::make_unexpected(std::move(sound.error()));
   }
+  auto motion = detail::stop_and_go(path, limits, kInside, PathStages::kSameDirection);
+  if (motion) return Retiming{std::move(*motion), 0.0};
   return Retimer(path, limits, settings).run();
 }
 
