@@ -131,6 +131,11 @@ ShapeMotion::ShapeMotion(const RobotModel& robot) : robot_(robot.description()) 
   for (const CollisionShape& shape : robot_.shapes) {
     radius_m_[at(shape.link)] = std::max(radius_m_[at(shape.link)], farthest_point_m(shape));
   }
+  centre_radius_m_.assign(links, 0.0);
+  for (const CollisionSphere& sphere : robot_.spheres) {
+    double& radius_m = centre_radius_m_[at(sphere.link)];
+    radius_m = std::max(radius_m, sphere.centre_link_m.norm());
+  }
   turn_rate_.assign(links * joints, 0.0);
   shift_rate_.assign(links * joints, 0.0);
   Scratch scratch;
@@ -163,6 +168,11 @@ ShapeMotion::ShapeMotion(const RobotModel& robot) : robot_(robot.description()) 
 double ShapeMotion::link_way_m(int link, const std::vector<Transform>& from,
                                const std::vector<double>& ways, double limit_m, int other) const {
   if (radius_m_[at(link)] < 0.0) return 0.0;
+  return point_way_m(link, radius_m_[at(link)], from, ways, limit_m, other);
+}
+
+double ShapeMotion::point_way_m(int link, double radius_m, const std::vector<Transform>& from,
+                                const std::vector<double>& ways, double limit_m, int other) const {
   const auto carries_other = [&](int candidate) {
     for (int i = other; i >= 0; i = robot_.links[at(i)].parent) {
       if (i == candidate) return true;
@@ -178,7 +188,7 @@ double ShapeMotion::link_way_m(int link, const std::vector<Transform>& from,
       way_m += shift_rate_[at(k) * joints + j] * ways[j];
     }
     const double arm_m =
-        (from[at(link)].translation() - from[at(k)].translation()).norm() + radius_m_[at(link)];
+        (from[at(link)].translation() - from[at(k)].translation()).norm() + radius_m;
     way_m += turn_rad * (arm_m + 2.0 * limit_m);
   }
   return way_m;
@@ -189,6 +199,15 @@ double ShapeMotion::robot_way_m(const std::vector<Transform>& from, const std::v
   double way_m = 0.0;
   for (int link = 0; link < static_cast<int>(robot_.links.size()); ++link) {
     way_m = std::max(way_m, link_way_m(link, from, ways, limit_m));
+  }
+  return way_m;
+}
+
+double ShapeMotion::centres_way_m(const std::vector<Transform>& from,
+                                  const std::vector<double>& ways, double limit_m) const {
+  double way_m = 0.0;
+  for (int link = 0; link < static_cast<int>(robot_.links.size()); ++link) {
+    way_m = std::max(way_m, point_way_m(link, centre_radius_m_[at(link)], from, ways, limit_m, -1));
   }
   return way_m;
 }

@@ -55,12 +55,22 @@ class ShapeMotion {
   /// The longest of all links against the world.
   [[nodiscard]] double robot_way_m(const std::vector<Transform>& from,
                                    const std::vector<double>& ways, double limit_m) const;
+  /// The same of the centres of the robot's spheres, and of its links' origins. Spheres may reach
+  /// farther than a link's shapes, or be on links without.
+  [[nodiscard]] double centres_way_m(const std::vector<Transform>& from,
+                                     const std::vector<double>& ways, double limit_m) const;
 
  private:
+  /// Of all points of a link that are no farther from its origin than `radius_m`.
+  [[nodiscard]] double point_way_m(int link, double radius_m, const std::vector<Transform>& from,
+                                   const std::vector<double>& ways, double limit_m,
+                                   int other) const;
+
   const RobotDescription& robot_;
-  std::vector<double> radius_m_;    // links: farthest point of a shape; negative without shapes
-  std::vector<double> turn_rate_;   // links x joints, rad per unit
-  std::vector<double> shift_rate_;  // links x joints, m per unit
+  std::vector<double> radius_m_;  // links: farthest point of a shape; negative without shapes
+  std::vector<double> centre_radius_m_;  // links: farthest centre of a sphere; 0 without spheres
+  std::vector<double> turn_rate_;        // links x joints, rad per unit
+  std::vector<double> shift_rate_;       // links x joints, m per unit
 };
 
 /// Farthest point of a shape from the origin of its link; infinity for a half-space.

@@ -63,7 +63,7 @@ bool ShapePaths::is_clear(std::span<const double> q_from, std::span<const double
       auto open = look_at(*part.items);
       if (!open) return false;
       if (open->empty()) continue;
-      if (2.0 * motion_.robot_way_m(poses_, ways_, kLongestStep_m) <= resolution_m) return false;
+      if (2.0 * robot_way_m() <= resolution_m) return false;
       const auto items = std::make_shared<const std::vector<Item>>(std::move(*open));
       next.push_back({part.middle - 0.5 * half, items});
       next.push_back({part.middle + 0.5 * half, items});
@@ -110,6 +110,13 @@ ShapePaths::Shown ShapePaths::look_at(Item item) {
   return is_short && gap_m >= wanted_m ? Shown::kClear : Shown::kOpen;
 }
 
+/// Of whatever is looked at.
+double ShapePaths::robot_way_m() const {
+  const double shapes_m = motion_.robot_way_m(poses_, ways_, kLongestStep_m);
+  if (!world_.bounds_m) return shapes_m;
+  return std::max(shapes_m, motion_.centres_way_m(poses_, ways_, kLongestStep_m));
+}
+
 double ShapePaths::link_way_m(int link) {
   double& way_m = link_ways_m_[at(link)];
   if (way_m < 0.0) way_m = motion_.link_way_m(link, poses_, ways_, kLongestStep_m);
@@ -135,7 +142,7 @@ double ShapePaths::inside_m() const {
 ShapePaths::Shown ShapePaths::look_at_bounds() {
   const double clearance_m = inside_m();
   if (clearance_m < 0.0) return Shown::kBlocked;
-  const double way_m = motion_.robot_way_m(poses_, ways_, kLongestStep_m);
+  const double way_m = robot_way_m();
   return way_m <= std::min(clearance_m, kLongestStep_m) ? Shown::kClear : Shown::kOpen;
 }
 

@@ -65,6 +65,7 @@ class ShapePaths {
   [[nodiscard]] std::optional<std::vector<Item>> look_at(const std::vector<Item>& items);
   [[nodiscard]] Shown look_at(Item item);
   [[nodiscard]] Shown look_at_bounds();
+  [[nodiscard]] double robot_way_m() const;
   [[nodiscard]] double link_way_m(int link);
   [[nodiscard]] double pair_way_m(int pair) const;
   [[nodiscard]] double inside_m() const;

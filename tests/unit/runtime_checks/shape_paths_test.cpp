@@ -102,6 +102,39 @@ TEST(ShapePaths, KeepCentresOfSpheresWithinBounds) {
   EXPECT_NEAR(hit->amount, 0.01, 1e-12);
 }
 
+/// An arm whose link has spheres 1 m away from its axis, beyond its shape or without one.
+std::shared_ptr<const RobotModel> arm_of_spheres(bool has_shape) {
+  RobotDescription description;
+  description.name = "arm";
+  description.joints = {{.name = "turn", .lower = -3.0, .upper = 3.0, .max_velocity = 1.0}};
+  description.links = {{"base", -1}, {"arm", 0}};
+  description.spheres = {{.link = 1, .centre_link_m = {1.0, 0.0, 0.0}, .radius_m = 0.05}};
+  description.shapes = {{.link = has_shape ? 1 : 0, .shape = Sphere{0.05}}};
+  return std::make_shared<testing_support::ChainRobot>(
+      description, std::vector<testing_support::ChainRobot::Step>{{}, {.joint = 0}});
+}
+
+TEST(ShapePaths, KeepCentresWithinBoundsThatShapesDoNotReach) {
+  for (const bool has_shape : {false, true}) {
+    SCOPED_TRACE(has_shape);
+    ShapeWorld world;
+    world.bounds_m.emplace(Eigen::Vector3d(-2, -0.9, -1), Eigen::Vector3d(2, 0.9, 1));
+    ShapePaths paths(arm_of_spheres(has_shape), world);
+    int clear = 0;
+    for (double to = -1.5; to <= 1.5; to += 0.05) {
+      const std::vector<double> from{-0.3}, end{to};
+      // y is the sine of the angle.
+      const bool is_inside = std::abs(std::sin(to)) <= 0.9;
+      const bool is_shown = paths.is_clear(from, end, kFinest_m);
+      if (is_shown) EXPECT_TRUE(is_inside) << to;
+      if (std::abs(std::sin(to)) < 0.9 - kFinest_m) EXPECT_TRUE(is_shown) << to;
+      clear += is_shown ? 1 : 0;
+    }
+    EXPECT_GT(clear, 20);
+    EXPECT_LT(clear, 55);
+  }
+}
+
 /// Distances to an octree's voxels against those to each of their cubes.
 TEST(ShapeCollider, MeasuresToTheVoxelsOfAnOctree) {
   constexpr double kSide_m = 0.07;
