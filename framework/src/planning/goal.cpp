@@ -63,6 +63,15 @@ bool is_goal_free(const Problem& problem) noexcept {
          std::ranges::none_of(problem.terms, is_goal_prior);
 }
 
+std::string goal_cost_names(const Problem& problem) {
+  std::string names;
+  for (const CostTerm& term : problem.terms) {
+    if (!term.cost || term.placement != Placement::kGoal) continue;
+    names += (names.empty() ? "'" : ", '") + std::string(term.cost->name()) + "'";
+  }
+  return names;
+}
+
 std::string goal_miss(const Problem& problem, std::span<const double> q) {
   if (!is_goal_free(problem)) {
     return configuration_miss(problem.robot->description(), q, problem.goal.q);

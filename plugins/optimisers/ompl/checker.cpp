@@ -51,8 +51,8 @@ class FieldChecker final : public Checker {
   std::optional<MotionCheck> check_;
 };
 
-/// Adds what the policy says of the floor to a scene.
-void add_floor(const Floor& floor, ShapeWorld& world) {
+/// What the policy says of the floor becomes an object of the scene.
+void add_floor_object(const Floor& floor, ShapeWorld& world) {
   std::vector<SceneObject> objects;
   if (world.obstacles.scene) objects = world.obstacles.scene->objects();
   SceneObject plane;
@@ -90,6 +90,12 @@ std::vector<Eigen::Vector3d> centres_of_taken_voxels(const DistanceField& field,
   return centres;
 }
 
+bool is_same(const SpacePolicy& a, const SpacePolicy& b) {
+  if (a.unknown != b.unknown || a.outside != b.outside) return false;
+  if (!a.floor || !b.floor) return a.floor.has_value() == b.floor.has_value();
+  return a.floor->height_m == b.floor->height_m && a.floor->except_links == b.floor->except_links;
+}
+
 /// The shapes of the robot's URDF against those of a scene, or against an octree, by FCL.
 class ShapeChecker final : public Checker {
  public:
@@ -103,6 +109,7 @@ class ShapeChecker final : public Checker {
                       " looks at the robot's collision shapes, and " + robot.name + " has none",
                   {}, "use checker: field, or give its links <collision> elements in the URDF");
     }
+    if (paths_ && is_looked_at(problem)) return {};
     ShapeWorld world;
     if (auto filled = in_octree_ ? fill_octree(problem, world) : fill_scene(problem, world);
         !filled) {
@@ -110,12 +117,16 @@ class ShapeChecker final : public Checker {
     }
     world.margin_m = problem.collision_margin_m + kSpareShapeMargin_m;
     world.self_margin_m = kSpareShapeMargin_m;
-    if (problem.space.floor) add_floor(*problem.space.floor, world);
+    if (problem.space.floor) add_floor_object(*problem.space.floor, world);
     if (problem.space.outside == Space::kOccupied) {
       const GridSpec& grid = problem.field->info().grid;
       world.bounds_m.emplace(grid.origin_m, grid.upper_m());
     }
     paths_.emplace(problem.robot, std::move(world));
+    robot_ = problem.robot;
+    field_ = problem.field;
+    space_ = problem.space;
+    margin_m_ = problem.collision_margin_m;
     return {};
   }
   bool is_clear(std::span<const double> q) override { return paths_->is_clear(q); }
@@ -152,8 +163,19 @@ class ShapeChecker final : public Checker {
     return {};
   }
 
+  /// An octree takes far longer to build than most searches: for the same map there is one.
+  [[nodiscard]] bool is_looked_at(const Problem& problem) const {
+    return robot_ == problem.robot && field_ == problem.field &&
+           margin_m_ == problem.collision_margin_m && is_same(space_, problem.space);
+  }
+
   bool in_octree_;
   std::optional<ShapePaths> paths_;
+  // What they are about.
+  std::shared_ptr<const RobotModel> robot_;
+  std::shared_ptr<const DistanceField> field_;
+  SpacePolicy space_;
+  double margin_m_ = 0.0;
 };
 
 }  // namespace

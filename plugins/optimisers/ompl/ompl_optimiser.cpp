@@ -114,12 +114,7 @@ std::string why_blocked(const char* which, const Violation& violation) {
 }
 
 std::string why_not_free(const Problem& problem) {
-  std::string names;
-  for (const CostTerm& term : problem.terms) {
-    if (term.placement != Placement::kGoal) continue;
-    names += (names.empty() ? "'" : ", '") + std::string(term.cost->name()) + "'";
-  }
-  return "the goal configuration is left to costs (" + names +
+  return "the goal configuration is left to costs (" + goal_cost_names(problem) +
          "), and sampling planners know of none: give a goal configuration alone, or use an "
          "optimiser that minimises costs, such as gp_chain";
 }

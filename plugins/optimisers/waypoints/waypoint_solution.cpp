@@ -34,12 +34,8 @@ Result<void> check_waypoint_problem(const Problem& problem, const Trajectory& in
 
 std::string why_not_between_ends(const Problem& problem, const std::string& optimiser) {
   if (!is_goal_free(problem)) return {};
-  std::string names;
-  for (const CostTerm& term : problem.terms) {
-    if (term.placement != Placement::kGoal) continue;
-    names += (names.empty() ? "'" : ", '") + std::string(term.cost->name()) + "'";
-  }
-  return "the goal configuration is left to costs (" + names + "), and " + optimiser +
+  return "the goal configuration is left to costs (" + goal_cost_names(problem) + "), and " +
+         optimiser +
          " moves the waypoints between two fixed ends: give a goal configuration, or use gp_chain";
 }
 

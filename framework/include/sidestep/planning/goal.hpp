@@ -20,6 +20,9 @@ inline constexpr double kGoalToleranceSigmas = 3.0;  ///< Of what a cost at kGoa
 /// ends: problem.goal is then only where guesses head for. [any]
 [[nodiscard]] bool is_goal_free(const Problem& problem) noexcept;
 
+/// Names of the costs at kGoal, quoted: "'position_hand', 'level'". [any]; allocates.
+[[nodiscard]] std::string goal_cost_names(const Problem& problem);
+
 /// How a configuration (dof values), at rest, misses the goal, e.g. "the position of hand 0.05 m
 /// off its target"; empty if it does not. A goal configuration is missed if any joint is more than
 /// kGoalTolerance off; a free one if anything that a cost at kGoal measures, of those that do not

@@ -69,6 +69,32 @@ TEST(Checker, PlansAmongVoxelsOfAnOctree) {
   EXPECT_GE(verdict->min_clearance_m, problem.collision_margin_m);
 }
 
+/// What is kept of a map is not kept where anything about the problem differs.
+TEST(Checker, LooksAtTheSameOctreeUnlessSomethingDiffers) {
+  const Problem problem = HsrRoom(0.1).problem();
+  const std::span<const double> q(problem.start.q.data(), 8);
+  const auto checker = make_checker("octomap");
+  const auto is_clear_in = [&](const Problem& posed) {
+    EXPECT_TRUE(checker->look_at(posed));
+    return checker->is_clear(q);
+  };
+  ASSERT_TRUE(is_clear_in(problem));
+  EXPECT_TRUE(is_clear_in(problem));
+  Problem far = problem;
+  far.collision_margin_m = 2.0;
+  EXPECT_FALSE(is_clear_in(far));
+  Problem flooded = problem;
+  flooded.space.floor = Floor{0.3, {}};
+  EXPECT_FALSE(is_clear_in(flooded));
+  flooded.space.floor = Floor{-1.0, {}};
+  EXPECT_TRUE(is_clear_in(flooded));
+  Problem elsewhere = problem;
+  const HsrRoom other(0.1);
+  elsewhere.field = other.problem().field;
+  EXPECT_TRUE(is_clear_in(elsewhere));
+  EXPECT_TRUE(is_clear_in(problem));
+}
+
 /// The floor is a plane for shapes, too, and its exceptions hold.
 TEST(Checker, KeepsLinksFromTheFloor) {
   Problem problem = HsrRoom(0.1).problem();

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "conformance/optimiser_conformance.hpp"
-#include "support/waypoint_problem.hpp"
+#include "support/waypoint_expectations.hpp"
 
 namespace sidestep {
 namespace {
@@ -37,9 +37,8 @@ class OccupancyField final : public DistanceField {
 };
 
 Problem blocked_problem() {
-  Problem problem = disc_problem(41, {-1.0, 0.0}, {1.0, 0.0});
+  Problem problem = problem_with_a_ball();
   problem.interpolated_checks = 1;
-  problem.field = std::make_shared<BallField>(std::vector<Ball>{{{0.0, 0.1, 0.0}, 0.25}});
   problem.terms = standard_terms(problem, {.epsilon_m = 0.05, .sigma_obstacle = 0.01});
   return problem;
 }
@@ -124,20 +123,11 @@ TEST(Stomp, KeepsJointLimitsInEveryRollout) {
 }
 
 TEST(Stomp, SaysThatItRanOutOfIterations) {
-  const Solution solution = stomp_solution(blocked_problem(), {.max_iterations = 3});
-  EXPECT_EQ(solution.status, SolveStatus::kIterationLimit);
-  EXPECT_EQ(solution.iterations, 3);
-  EXPECT_NE(solution.reason.find("3 iterations"), std::string::npos) << solution.reason;
+  expect_iteration_limit(stomp_solution(blocked_problem(), {.max_iterations = 3}), 3);
 }
 
 TEST(Stomp, RefusesAGoalThatOnlyCostsKnow) {
-  Problem problem = disc_problem(21, {-1.0, 0.0}, {1.0, 0.0});
-  auto there = make_link_position_cost(problem.robot, "base", {1.0, 0.2, 0.0}, 1e-3);
-  ASSERT_TRUE(there) << there.error().describe();
-  problem.terms.push_back({std::move(*there), Placement::kGoal});
-  const Solution solution = stomp_solution(problem, {});
-  EXPECT_EQ(solution.status, SolveStatus::kNoPath);
-  EXPECT_EQ(solution.trajectory.size(), 0);
+  expect_free_goal_is_refused([](const Problem& problem) { return stomp_solution(problem, {}); });
 }
 
 TEST(StompSettings, MustLeaveSomethingNewToTry) {
