@@ -273,6 +273,7 @@ void PathStages::mark_stops() {
 }
 
 void PathStages::halve(const std::vector<char>& marks) {
+  ++version_;
   const std::vector<Stage> stages = std::exchange(stages_, {});
   const std::vector<double> rows = std::exchange(rows_, {});
   stages_.reserve(2 * stages.size());

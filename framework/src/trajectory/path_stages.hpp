@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -71,6 +72,8 @@ class PathStages {
   /// How many stages halve() makes of stage `i`: of one around a corner the outer halves of both
   /// of its sides, and what is left.
   [[nodiscard]] int parts_of(int i) const { return stages_[at(i)].is_corner ? 3 : 2; }
+  /// Changes with the stages.
+  [[nodiscard]] std::int64_t version() const noexcept { return version_; }
   /// Halves the stages that are marked.
   void halve(const std::vector<char>& marks);
 
@@ -120,6 +123,7 @@ class PathStages {
   static constexpr std::size_t kRows = 4;
   std::vector<double> rows_;  ///< Stages x (tangent, curvature at either end) x joints.
   double length_ = 0.0;
+  std::int64_t version_ = 0;
 };
 
 }  // namespace sidestep::detail

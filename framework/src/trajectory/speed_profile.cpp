@@ -84,14 +84,35 @@ void find_edges(const double* widths, const double* slopes, std::size_t count, d
 
 }  // namespace
 
-/// Rows: velocity limits, acceleration limits; widths at both ends, slopes at both ends. What is
-/// beyond the joints never binds.
+/// Rows: velocity limits, acceleration limits. What is beyond the joints never binds.
 void SpeedProfile::load_limits() {
   const std::size_t dof = limits_.velocity.size();
   width_ = padded(dof);
-  rows_.assign_zeros(6 * width_);
+  rows_.assign_zeros(2 * width_);
   std::ranges::copy(limits_.velocity, rows_.data());
   std::ranges::copy(limits_.acceleration, rows_.data() + width_);
+}
+
+/// Rows of each stage: widths at both ends, slopes at both ends. They stay while the stages do,
+/// whatever shares of the limits are asked for.
+void SpeedProfile::load_strips() {
+  const auto count = at(stages_.size());
+  if (count == most_x_of_.size() && version_ == stages_.version()) return;
+  version_ = stages_.version();
+  strips_.assign_zeros(count * 4 * width_);
+  most_x_of_.resize(count);
+  const double* limits = rows_.data() + width_;
+  for (int i = 0; i < stages_.size(); ++i) {
+    double* widths = strips_.data() + at(i) * 4 * width_;
+    double* slopes = widths + 2 * width_;
+    const double from =
+        write_strips(stages_.tangent_from(i).data(), stages_.curvature_from(i).data(), 0.0, limits,
+                     width_, widths, slopes);
+    const double to =
+        write_strips(stages_.tangent_to(i).data(), stages_.curvature_to(i).data(),
+                     2.0 * stages_[i].length, limits, width_, widths + width_, slopes + width_);
+    most_x_of_[at(i)] = std::min(from, to);
+  }
 }
 
 void SpeedProfile::limit_speeds(const Shares& shares) {
@@ -111,24 +132,15 @@ void SpeedProfile::limit_speeds(const Shares& shares) {
 void SpeedProfile::load(int stage, double acceleration_share) {
   share_ = acceleration_share;
   twice_length_ = 2.0 * stages_[stage].length;
-  const double* limits = rows_.data() + width_;
-  double* widths = rows_.data() + 2 * width_;
-  double* slopes = rows_.data() + 4 * width_;
-  const double from =
-      write_strips(stages_.tangent_from(stage).data(), stages_.curvature_from(stage).data(), 0.0,
-                   limits, width_, widths, slopes);
-  const double to =
-      write_strips(stages_.tangent_to(stage).data(), stages_.curvature_to(stage).data(),
-                   twice_length_, limits, width_, widths + width_, slopes + width_);
-  most_x_ = std::min(kEndless, share_ * std::min(from, to));
+  widths_ = strips_.data() + at(stage) * 4 * width_;
+  most_x_ = std::min(kEndless, share_ * most_x_of_[at(stage)]);
 }
 
 SpeedProfile::Bounds SpeedProfile::bounds(double x) const noexcept {
   const double slope = -1.0 / twice_length_;
   const double low = next_.low / twice_length_, high = next_.high / twice_length_;
   Edge lower{low + slope * x, low, slope}, upper{high + slope * x, high, slope};
-  find_edges(rows_.data() + 2 * width_, rows_.data() + 4 * width_, 2 * width_, share_, x, lower,
-             upper);
+  find_edges(widths_, widths_ + 2 * width_, 2 * width_, share_, x, lower, upper);
   return {{lower.offset, lower.slope}, {upper.offset, upper.slope}};
 }
 
@@ -206,6 +218,7 @@ int SpeedProfile::where_braking_fails(double x_start, const Shares& shares) {
 std::optional<SpeedProfile::Rest> SpeedProfile::braking_end(double x_start,
                                                             double acceleration_share) {
   load_limits();
+  load_strips();
   double x = x_start;
   for (int i = 0; i < stages_.size(); ++i) {
     load(i, acceleration_share);
@@ -223,6 +236,7 @@ std::optional<SpeedProfile::Rest> SpeedProfile::braking_end(double x_start,
 
 bool SpeedProfile::solve(double x_start, double x_goal, const Shares& shares) {
   load_limits();
+  load_strips();
   limit_speeds(shares);
   // Speeds at the ends are given: a share that is lowered for the sake of what lies between must
   // not forbid them.

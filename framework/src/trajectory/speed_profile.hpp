@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
@@ -68,6 +69,7 @@ class SpeedProfile {
   };
 
   void load_limits();
+  void load_strips();
   void load(int stage, double acceleration_share);
   [[nodiscard]] Bounds bounds(double x) const noexcept;
   /// The values of x from which some u leads into [next_low_, next_high_].
@@ -84,12 +86,16 @@ class SpeedProfile {
   std::vector<double> x_;
   Obstruction obstruction_;
 
-  std::size_t width_ = 0;  ///< Of a row: the joints in whole lanes.
-  AlignedArray rows_;      ///< Of joints, in whole lanes: two of limits, four of the stage loaded.
+  std::size_t width_ = 0;          ///< Of a row: the joints in whole lanes.
+  AlignedArray rows_;              ///< Of joints, in whole lanes: two of limits.
+  AlignedArray strips_;            ///< Stages x four such rows.
+  std::vector<double> most_x_of_;  ///< Per stage: what joints that do not feel u allow.
+  std::int64_t version_ = 0;       ///< Of the stages that these are of.
 
   // Of the stage that is loaded.
-  double share_ = 0.0;   ///< Of the acceleration limits.
-  double most_x_ = 0.0;  ///< What joints that do not feel u allow.
+  const double* widths_ = nullptr;  ///< And its slopes.
+  double share_ = 0.0;              ///< Of the acceleration limits.
+  double most_x_ = 0.0;             ///< What joints that do not feel u allow.
   double twice_length_ = 0.0;
   Interval next_;
 };
