@@ -126,8 +126,12 @@ TEST(ShapePaths, KeepCentresWithinBoundsThatShapesDoNotReach) {
       // y is the sine of the angle.
       const bool is_inside = std::abs(std::sin(to)) <= 0.9;
       const bool is_shown = paths.is_clear(from, end, kFinest_m);
-      if (is_shown) EXPECT_TRUE(is_inside) << to;
-      if (std::abs(std::sin(to)) < 0.9 - kFinest_m) EXPECT_TRUE(is_shown) << to;
+      if (is_shown) {
+        EXPECT_TRUE(is_inside) << to;
+      }
+      if (std::abs(std::sin(to)) < 0.9 - kFinest_m) {
+        EXPECT_TRUE(is_shown) << to;
+      }
       clear += is_shown ? 1 : 0;
     }
     EXPECT_GT(clear, 20);

@@ -65,7 +65,9 @@ TEST(StopAndGo, IsTheFastestMotionAlongAPolyline) {
     const double least_s = least_time_along(path, limits);
     // A joint may turn back where another does not, or go on in the same direction, with one dof.
     const bool may_go_on = path.dof == 1;
-    if (!may_go_on) EXPECT_GE(motion.duration_s(), least_s * (1.0 - 1e-9));
+    if (!may_go_on) {
+      EXPECT_GE(motion.duration_s(), least_s * (1.0 - 1e-9));
+    }
     EXPECT_LE(motion.duration_s(), least_s * 1.001);
     const auto use = limit_use(motion, limits, 20'000);
     EXPECT_LE(*std::ranges::max_element(use), 1.0 + 1e-5);
