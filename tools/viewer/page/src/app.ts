@@ -43,6 +43,7 @@ export class App {
   private panel_ms = 0;
   private timeline_ms = 0;
   private faults = 0;
+  private firstFault = "";
 
   constructor() {
     this.applyTheme(this.theme());
@@ -160,9 +161,9 @@ export class App {
       this.session.take(data);
     } catch (error) {
       if (!(error instanceof ProtocolError)) throw error;
-      ++this.faults;
-      const count = this.faults === 1 ? "A message" : `${this.faults} messages`;
-      showFault(`${count} could not be read, the last since ${error.message}.`);
+      this.firstFault ||= error.message;
+      const count = ++this.faults === 1 ? "A message" : `${this.faults} messages`;
+      showFault(`${count} could not be read, the first since ${this.firstFault}.`);
     }
     this.refresh();
   }

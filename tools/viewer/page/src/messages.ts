@@ -10,6 +10,7 @@ export type Shape =
   | { type: "sphere"; radius_m: number }
   | { type: "box"; size_m: Point }
   | { type: "cylinder" | "capsule"; radius_m: number; length_m: number }
+  | { type: "half_space" }
   | { type: "mesh"; vertices: Float32Array; triangles: Uint32Array };
 
 export interface Joint {

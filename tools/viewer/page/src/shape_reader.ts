@@ -12,6 +12,8 @@ export function readShape(shape: Reader): Shape {
     case "cylinder":
     case "capsule":
       return { type, radius_m: shape.positive("radius_m"), length_m: shape.number("length_m") };
+    case "half_space":
+      return { type };
     case "mesh":
       return readMesh(shape);
     default:

@@ -101,7 +101,7 @@ test("a message that cannot be read is told of, and does not stop the next", kLo
   const { page, complaints } = await openPage(browser, server.url);
   await waitForText(page, "#clock", /^1\.00 s/);
   server.tellRaw(new Uint8Array([9, 0, 0, 0, 1, 2]).buffer);
-  await waitForText(page, "#scene-note", /^A message could not be read, the last since the header's length/);
+  await waitForText(page, "#scene-note", /^A message could not be read, the first since the header's length/);
   server.tellUntil(2);
   await waitForText(page, "#clock", /^2\.00 s/);
   assert.deepEqual(complaints, []);

@@ -127,6 +127,8 @@ test("what is no message is refused", () => {
   refuses(encode(smallWorld({ tool_link: 2 })), /tool_link is 2/);
   refuses(encode(smallWorld({ goal: [] })), /0 poses for 2 links/);
   refuses(encode(smallWorld({ shapes: [{ link: 0, shape: { type: "cone" }, pose: [0, 0, 0, 0, 0, 0, 1] }] })), /cone/);
+  const floor = { name: "floor", shape: { type: "half_space" }, pose: [0, 0, 0, 0, 0, 0, 1], moves: false };
+  assert.equal((decode(encode(smallWorld({ objects: [floor] })), null) as World).objects[0].shape.type, "half_space");
   const loose = { type: "mesh", vertices: [[0, 0, 0]], triangles: [[0, 0, 1]] };
   refuses(
     encode(smallWorld({ objects: [{ name: "x", shape: loose, pose: [0, 0, 0, 0, 0, 0, 1], moves: false }] })),

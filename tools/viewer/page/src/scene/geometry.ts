@@ -13,6 +13,7 @@ import {
 } from "three";
 import type { Pose, Shape } from "../messages";
 
+/** Nothing of what has no bounds. */
 export function shapeGeometry(shape: Shape): BufferGeometry {
   switch (shape.type) {
     case "sphere":
@@ -24,6 +25,8 @@ export function shapeGeometry(shape: Shape): BufferGeometry {
       return new CylinderGeometry(shape.radius_m, shape.radius_m, shape.length_m, 40).rotateX(Math.PI / 2);
     case "capsule":
       return new CapsuleGeometry(shape.radius_m, shape.length_m, 10, 32).rotateX(Math.PI / 2);
+    case "half_space":
+      return new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(0), 3));
     case "mesh": {
       const indexed = new BufferGeometry();
       indexed.setAttribute("position", new BufferAttribute(shape.vertices, 3));
