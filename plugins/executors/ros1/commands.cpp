@@ -15,11 +15,11 @@ namespace {
 /// Two points of a command are at least so far apart.
 constexpr double kLeastStep_s = 1e-3;
 
-std::vector<double> times(double duration_s, double rate_hz) {
-  std::vector<double> list{0.0};
-  for (int k = 1; k / rate_hz < duration_s - kLeastStep_s; ++k) list.push_back(k / rate_hz);
-  list.push_back(std::max(duration_s, kLeastStep_s));
-  return list;
+/// Of values at times, between the neighbours of each; zero at both ends.
+double rate_at(const std::vector<double>& values, const std::vector<double>& times_s,
+               std::size_t i) {
+  if (i == 0 || i + 1 == values.size()) return 0.0;
+  return (values[i + 1] - values[i - 1]) / (times_s[i + 1] - times_s[i - 1]);
 }
 
 }  // namespace
@@ -44,9 +44,10 @@ Result<CommandWriter> CommandWriter::create(const RobotDescription& robot, const
       const auto held = std::ranges::find(options.hold, name, &HeldJoint::joint);
       if (const auto index = robot.joint_index(name)) {
         is_moved[static_cast<std::size_t>(*index)] = true;
-        controller.columns.push_back({*index, 0.0});
+        controller.columns.push_back({*index, 0.0, false});
       } else if (held != options.hold.end()) {
-        controller.columns.push_back({-1, held->position});
+        const bool pans = options.look && options.look->pan_joint == name;
+        controller.columns.push_back({-1, held->position, pans});
       } else {
         return fail(ErrorCode::kConfig,
                     "robot '" + robot.name + "' has no joint '" + name + "', which " +
@@ -72,9 +73,17 @@ ros_messages::JointTrajectory CommandWriter::header_of(const Controller& control
   return message;
 }
 
-std::vector<ros_messages::JointTrajectory> CommandWriter::write(const Trajectory& trajectory,
-                                                                Stamp stamp) const {
-  const std::vector<double> at_s = times(trajectory.duration_s(), rate_hz_);
+std::vector<double> CommandWriter::times(const Trajectory& trajectory) const {
+  const double duration_s = trajectory.duration_s();
+  std::vector<double> list{0.0};
+  for (int k = 1; k / rate_hz_ < duration_s - kLeastStep_s; ++k) list.push_back(k / rate_hz_);
+  list.push_back(std::max(duration_s, kLeastStep_s));
+  return list;
+}
+
+std::vector<ros_messages::JointTrajectory> CommandWriter::write(
+    const Trajectory& trajectory, Stamp stamp, const std::vector<double>& pans) const {
+  const std::vector<double> at_s = times(trajectory);
   std::vector<ros_messages::JointTrajectory> messages;
   for (const Controller& controller : controllers_) {
     messages.push_back(header_of(controller, stamp));
@@ -89,6 +98,11 @@ std::vector<ros_messages::JointTrajectory> CommandWriter::write(const Trajectory
       point.time_from_start = ::ros::Duration(at_s[i]);
       for (const Column& column : controllers_[c].columns) {
         const auto j = static_cast<std::size_t>(column.joint);
+        if (column.pans && !pans.empty()) {
+          point.positions.push_back(pans[i]);
+          point.velocities.push_back(rate_at(pans, at_s, i));
+          continue;
+        }
         point.positions.push_back(column.joint < 0 ? column.held : q[j]);
         point.velocities.push_back(column.joint < 0 ? 0.0 : qdot[j]);
       }

@@ -28,10 +28,14 @@ class CommandWriter {
   [[nodiscard]] static Result<CommandWriter> create(const RobotDescription& robot,
                                                     const Options& options);
 
-  /// One for each controller, in order: states at 0, at each 1 / rate and at the end, whose time 0
-  /// is at `stamp`, ROS time. Held joints stay where they are held.
-  [[nodiscard]] std::vector<ros_messages::JointTrajectory> write(const Trajectory& trajectory,
-                                                                 Stamp stamp) const;
+  /// The times of a command's points: 0, each 1 / rate, and the end.
+  [[nodiscard]] std::vector<double> times(const Trajectory& trajectory) const;
+
+  /// One for each controller, in order: states at those times, whose time 0 is at `stamp`, ROS
+  /// time. Held joints stay where they are held, but for `look.pan_joint`, which is at `pans` if
+  /// that is not empty.
+  [[nodiscard]] std::vector<ros_messages::JointTrajectory> write(
+      const Trajectory& trajectory, Stamp stamp, const std::vector<double>& pans = {}) const;
   /// Messages without any state: controllers drop what they follow, and hold.
   [[nodiscard]] std::vector<ros_messages::JointTrajectory> write_hold(Stamp stamp) const;
 
@@ -39,6 +43,7 @@ class CommandWriter {
   struct Column {
     int joint = -1;     ///< The robot's; -1: held.
     double held = 0.0;  ///< Where.
+    bool pans = false;  ///< It is `look.pan_joint`.
   };
   struct Controller {
     std::vector<std::string> names;

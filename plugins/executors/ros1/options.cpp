@@ -1,5 +1,6 @@
 #include "options.hpp"
 
+#include <algorithm>
 #include <set>
 
 namespace sidestep::ros1_executor {
@@ -33,6 +34,18 @@ Parameters<HeldJoint> HeldJoint::parameters() {
   return Parameters<H>()
       .add("joint", &H::joint, "A controller's joint that is not planned.", {.required = true})
       .add("position", &H::position, "Where it is kept, m or rad: where the profile has it fixed.");
+}
+
+Parameters<LookOptions> LookOptions::parameters() {
+  using L = LookOptions;
+  return Parameters<L>()
+      .add("pan_joint", &L::pan_joint, "One of `hold` that turns the camera left, from ahead at 0.")
+      .add("ahead_s", &L::ahead_s, "It looks where the base is to be so much later.",
+           {.unit = "s", .min = 0.0, .max = 120.0})
+      .add("lower_rad", &L::lower_rad, "Its lower limit.", {.unit = "rad"})
+      .add("upper_rad", &L::upper_rad, "Its upper limit.", {.unit = "rad"})
+      .add("speed_radps", &L::speed_radps, "How fast it turns at most.",
+           {.unit = "rad/s", .min = 0.01, .max = 10.0});
 }
 
 Parameters<KeepInBox> KeepInBox::parameters() {
@@ -93,6 +106,8 @@ Parameters<Options> Options::parameters() {
       .add("odometry", &O::odometry, "Where the base is; absent: all joints are in joint states.")
       .add("controllers", &O::controllers, "Who moves which joints.")
       .add("hold", &O::hold, "Joints that controllers move but plans do not.")
+      .add("look", &O::look,
+           "A head that pans towards where the base is going; absent: it stays where it is held.")
       .add("command_rate_hz", &O::command_rate_hz,
            "Points of a command a second; controllers go between them by cubics, as plans do.",
            {.unit = "Hz", .min = 1.0, .max = 500.0})
@@ -139,6 +154,14 @@ std::vector<OptionMistake> Options::check() const {
     mistakes.push_back({{"hold", "controllers"},
                         "hold joint '" + held.joint + "', which no controller moves",
                         {}});
+  }
+  if (look) {
+    const bool is_held = std::ranges::find(hold, look->pan_joint, &HeldJoint::joint) != hold.end();
+    if (!is_held) mistakes.push_back({{"look", "hold"}, "pans a joint that is not in hold", {}});
+    if (!odometry) mistakes.push_back({{"look", "odometry"}, "needs odometry", {}});
+    if (look->lower_rad >= look->upper_rad) {
+      mistakes.push_back({{"look"}, "needs lower_rad below upper_rad", {}});
+    }
   }
   if (command_horizon_s > 0.0 && command_renewal_s >= command_horizon_s) {
     mistakes.push_back(

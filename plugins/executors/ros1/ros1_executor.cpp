@@ -15,6 +15,7 @@
 
 #include "commands.hpp"
 #include "conversions.hpp"
+#include "gaze.hpp"
 #include "joint_extent.hpp"
 #include "markers.hpp"
 #include "node.hpp"
@@ -45,6 +46,7 @@ struct Parts {
   JointFeed feed;
   CommandWriter writer;
   MarkerPainter painter;
+  std::optional<Gaze> gaze;
 };
 
 class Ros1Executor final : public Executor {
@@ -60,6 +62,7 @@ class Ros1Executor final : public Executor {
         time_(options.watch.clock_tolerance_s),
         writer_(std::move(parts.writer)),
         painter_(std::move(parts.painter)),
+        gaze_(std::move(parts.gaze)),
         link_(options, std::move(parts.feed), std::move(parts.master)) {}
 
   /// A robot is not left moving.
@@ -94,6 +97,8 @@ class Ros1Executor final : public Executor {
   [[nodiscard]] Trajectory stopping(Stamp now) const;
   void adopt(Trajectory trajectory, Stamp start);
   void send(Stamp now);
+  void command(const Trajectory& window, const Trajectory& plan, double from_s, Stamp from);
+  void compare_held() const;
   void show(Stamp now, const Eigen::VectorXd& q);
 
   Options options_;
@@ -106,6 +111,7 @@ class Ros1Executor final : public Executor {
   ros1_node::RunTime time_;
   CommandWriter writer_;
   MarkerPainter painter_;
+  std::optional<Gaze> gaze_;
   RobotLink link_;
   Trajectory followed_;  ///< Kept once it has ended, for it is still held there.
   Stamp start_;
@@ -125,11 +131,25 @@ Result<void> Ros1Executor::connect() {
     trouble = link_.trouble(ros_messages::to_stamp(::ros::Time::now()));
     const auto deaf = link_.deaf_controllers();
     if (!trouble && !deaf.empty()) trouble = "no controller listens on " + deaf.front();
-    if (!trouble && measured()) return {};
+    if (!trouble && measured()) {
+      compare_held();
+      return {};
+    }
     std::this_thread::sleep_for(kPoll);
   } while (!deadline.expired());
   return fail(ErrorCode::kNotFound, trouble.value_or("the robot's state is not known"), kWhere,
               "is the robot up, and are the topics its own? (rostopic hz TOPIC)");
+}
+
+/// The robot's model has held joints where they are to be.
+void Ros1Executor::compare_held() const {
+  for (const HeldJoint& held : options_.hold) {
+    const auto position = link_.feed().held_position(held.joint);
+    if (position && std::abs(*position - held.position) <= options_.start_tolerance) continue;
+    log_.warn("executor ros1: joint '" + held.joint + "' is to be at " + number(held.position) +
+              (position ? ", it is at " + number(*position) : ", joint states do not tell of it") +
+              (is_shadow() ? "" : "; the first command moves it there"));
+  }
 }
 
 /// What the robot has been told to do at a time; nothing where it was told nothing yet, or its
@@ -263,9 +283,19 @@ void Ros1Executor::send(Stamp now) {
   if (from_s + kShortest_s >= followed_.duration_s()) return;
   const double horizon_s = options_.command_horizon_s;
   sent_whole_ = horizon_s <= 0.0 || from_s + horizon_s >= followed_.duration_s();
-  link_.command(
-      writer_.write(command_window(followed_, from_s, horizon_s, limits_), time_.to_ros(from)));
+  command(command_window(followed_, from_s, horizon_s, limits_), followed_, from_s, from);
   sent_ = now;
+}
+
+/// A window of a plan that begins at `from_s` of it, its time 0 at `from`.
+void Ros1Executor::command(const Trajectory& window, const Trajectory& plan, double from_s,
+                           Stamp from) {
+  std::vector<double> pans;
+  if (gaze_) {
+    const double pan_rad = link_.feed().held_position(options_.look->pan_joint).value_or(0.0);
+    pans = gaze_->pans(plan, from_s, writer_.times(window), pan_rad);
+  }
+  link_.command(writer_.write(window, time_.to_ros(from), pans));
 }
 
 /// From what the robot was told if it is there, or else from what it does: along the path, or
@@ -301,7 +331,7 @@ Result<void> Ros1Executor::stop() {
     return {};
   }
   // Sent whole: nobody may come to send the rest.
-  if (!is_shadow()) link_.command(writer_.write(motion, time_.to_ros(now)));
+  if (!is_shadow()) command(motion, motion, 0.0, now);
   adopt(std::move(motion), now);
   sent_whole_ = true;
   motion_->follow({}, now);
@@ -335,11 +365,18 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   auto painter =
       MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame);
   if (!painter) return tl::make_unexpected(std::move(painter.error()));
+  std::optional<Gaze> gaze;
+  if (options.look) {
+    auto made = Gaze::create(robot, *options.odometry, *options.look);
+    if (!made) return tl::make_unexpected(std::move(made.error()));
+    gaze = std::move(*made);
+  }
   auto master = ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s);
   if (!master) return tl::make_unexpected(std::move(master.error()));
-  auto executor = std::make_unique<Ros1Executor>(
-      options, context,
-      Parts{std::move(*master), std::move(*feed), std::move(*writer), std::move(*painter)});
+  auto executor =
+      std::make_unique<Ros1Executor>(options, context,
+                                     Parts{std::move(*master), std::move(*feed), std::move(*writer),
+                                           std::move(*painter), std::move(gaze)});
   if (auto connected = executor->connect(); !connected) {
     return tl::make_unexpected(std::move(connected.error()));
   }
