@@ -58,6 +58,8 @@ struct PassingFault {
   std::string part;
   std::string cause;  ///< Of the stop.
   double detected_s;  ///< Within which it is noticed.
+
+  friend void PrintTo(const PassingFault& fault, std::ostream* out) { *out << fault.part; }
 };
 
 class PassingFaults : public Deployment, public ::testing::WithParamInterface<PassingFault> {};

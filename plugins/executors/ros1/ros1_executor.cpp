@@ -94,10 +94,15 @@ class Ros1Executor final : public Executor {
                                          Stamp now) const;
   [[nodiscard]] Result<void> check_box(const Trajectory& trajectory) const;
   [[nodiscard]] Result<void> check_confirmed(const Trajectory& trajectory, Stamp now);
+  /// Nothing was commanded yet, and nothing moves.
+  [[nodiscard]] bool stands_by_itself() const {
+    const auto state = measured();
+    return followed_.size() == 0 && state && state->state.qdot.cwiseAbs().maxCoeff() <= kRest;
+  }
   [[nodiscard]] Trajectory stopping(Stamp now) const;
   void adopt(Trajectory trajectory, Stamp start);
   void send(Stamp now);
-  void command(const Trajectory& window, const Trajectory& plan, double from_s, Stamp from);
+  void command(const Trajectory& window, const Trajectory& plan, double from_s, Stamp ros_stamp);
   void compare_held() const;
   void show(Stamp now, const Eigen::VectorXd& q);
 
@@ -283,19 +288,20 @@ void Ros1Executor::send(Stamp now) {
   if (from_s + kShortest_s >= followed_.duration_s()) return;
   const double horizon_s = options_.command_horizon_s;
   sent_whole_ = horizon_s <= 0.0 || from_s + horizon_s >= followed_.duration_s();
-  command(command_window(followed_, from_s, horizon_s, limits_), followed_, from_s, from);
+  command(command_window(followed_, from_s, horizon_s, limits_), followed_, from_s,
+          time_.to_ros(from));
   sent_ = now;
 }
 
-/// A window of a plan that begins at `from_s` of it, its time 0 at `from`.
+/// A window of a plan that begins at `from_s` of it.
 void Ros1Executor::command(const Trajectory& window, const Trajectory& plan, double from_s,
-                           Stamp from) {
+                           Stamp ros_stamp) {
   std::vector<double> pans;
   if (gaze_) {
     const double pan_rad = link_.feed().held_position(options_.look->pan_joint).value_or(0.0);
     pans = gaze_->pans(plan, from_s, writer_.times(window), pan_rad);
   }
-  link_.command(writer_.write(window, time_.to_ros(from), pans));
+  link_.command(writer_.write(window, ros_stamp, pans));
 }
 
 /// From what the robot was told if it is there, or else from what it does: along the path, or
@@ -322,16 +328,20 @@ Trajectory Ros1Executor::stopping(Stamp now) const {
 Result<void> Ros1Executor::stop() {
   const std::lock_guard lock(mutex_);
   const Stamp now = clock_.now();
-  Trajectory motion = stopping(now);
   proposed_ = {};
+  if (stands_by_itself()) return {};
+  // Clocks that disagree say nothing of when: a stamp of zero is at once.
+  const bool agree = ros1_node::update(time_, clock_).has_value();
+  const Stamp ros_stamp = agree ? time_.to_ros(now) : Stamp{0};
+  Trajectory motion = stopping(now);
   if (motion.size() < 2) {
     followed_ = {};
     motion_->follow({}, now);
-    if (!is_shadow()) link_.command(writer_.write_hold(time_.to_ros(now)));
+    if (!is_shadow()) link_.command(writer_.write_hold(ros_stamp));
     return {};
   }
   // Sent whole: nobody may come to send the rest.
-  if (!is_shadow()) command(motion, motion, 0.0, now);
+  if (!is_shadow()) command(motion, motion, 0.0, ros_stamp);
   adopt(std::move(motion), now);
   sent_whole_ = true;
   motion_->follow({}, now);
