@@ -126,6 +126,7 @@ export class Panel {
     const solve = (event.solve_ms ?? 0) > 0 ? `${(event.solve_ms as number).toFixed(1)} ms` : "";
     button.append(create("span", "event-time", event.time_s.toFixed(2)), name, create("span", "event-solve", solve));
     const text = [event.cause || event.reason, event.guess && `from the guess ${event.guess}`].filter(Boolean).join("; ");
+    button.title = text;
     if (text !== "") button.append(create("span", "event-cause", text));
     button.addEventListener("click", () => this.seek(event.time_s));
     item.append(button);

@@ -13,7 +13,7 @@ export class CameraLayer implements Layer {
   private readonly frustum = new LineSegments(new BufferGeometry(), new LineBasicMaterial());
   private readonly points = new Points(
     new BufferGeometry(),
-    new PointsMaterial({ size: 1.6, sizeAttenuation: false, transparent: true, opacity: 0.55 }),
+    new PointsMaterial({ size: 1.4, sizeAttenuation: false, transparent: true, opacity: 0.4 }),
   );
   private drawn: DepthFrame | null = null;
 
