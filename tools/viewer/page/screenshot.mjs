@@ -1,8 +1,13 @@
 // A picture of a recording in the viewer: node screenshot.mjs URL FILE [SHARE]
-// SHARE of its time is where it is shown, 0.5 unless given.
+// SHARE of its time is where it is shown, 0.5 unless given. Fails where the page complains, or
+// shows no recording.
 import { chromium } from "playwright-core";
 
+const kPatience_ms = 60000;
+const kLook_ms = 500;
+
 const [url, file, share = "0.5"] = process.argv.slice(2);
+const complaints = [];
 const browser = await chromium.launch({
   executablePath: "/usr/bin/chromium",
   args: [
@@ -13,25 +18,34 @@ const browser = await chromium.launch({
 });
 try {
   const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  page.on("pageerror", (error) => complaints.push(error.message));
+  page.on("console", (message) => {
+    if (message.type() === "error") complaints.push(message.text());
+  });
   await page.emulateMedia({ colorScheme: "dark" });
   await page.goto(url);
-  // All of the recording has come once its end is told.
-  await page.waitForFunction(
-    () => /reached|the goal|failed/i.test(document.querySelector("header")?.textContent ?? ""),
-    undefined, { timeout: 60000 },
-  ).catch(() => undefined);
+  const end = () => page.evaluate(() => Number(document.querySelector("#scrub")?.max ?? 0));
+  // All of it has come once its end moves no more.
+  let [last, steady] = [0, 0];
+  for (let waited_ms = 0; steady < 4; waited_ms += kLook_ms) {
+    if (waited_ms > kPatience_ms) throw new Error("there is no recording to be seen");
+    await page.waitForTimeout(kLook_ms);
+    const now = await end();
+    steady = now > 1 && now === last ? steady + 1 : 0;
+    last = now;
+  }
   await page.evaluate((at) => {
     const scrub = document.querySelector("#scrub");
     const [from, to] = [Number(scrub.min), Number(scrub.max)];
     scrub.value = String(from + (to - from) * at);
     scrub.dispatchEvent(new Event("input", { bubbles: true }));
   }, Number(share));
-  await page.evaluate(() => new Promise((drawn) => {
-    let frames = 30;
-    const next = () => (--frames > 0 ? requestAnimationFrame(next) : drawn(undefined));
-    requestAnimationFrame(next);
-  }));
+  await page.waitForTimeout(4 * kLook_ms);
   await page.screenshot({ path: file });
 } finally {
   await browser.close();
+}
+if (complaints.length > 0) {
+  console.error(complaints.join("\n"));
+  process.exit(1);
 }
