@@ -88,6 +88,7 @@ class Retimer {
   [[nodiscard]] Result<void> release_resting_joints();
   [[nodiscard]] Result<void> check_end(int state, std::string_view which);
   [[nodiscard]] double squared_speed(int state, bool still) const;
+  [[nodiscard]] double from_rest_to_rest_s(int stage) const;
   void write_motion();
   [[nodiscard]] Use use_of(int stage);
   [[nodiscard]] bool refine(SpeedProfile::Shares& shares);
@@ -151,6 +152,20 @@ double Retimer::squared_speed(int state, bool still) const {
   return sum;
 }
 
+/// How long a stage takes that lies between two stops, as the cubic piece that it becomes: at its
+/// ends it accelerates by 6 l / t^2, and in its middle it moves at 1.5 l / t.
+double Retimer::from_rest_to_rest_s(int stage) const {
+  const double length = stages_[stage].length;
+  const auto tangent = stages_.tangent_from(stage);
+  double least_s = 0.0;
+  for (std::size_t j = 0; j < dof(); ++j) {
+    const double way = std::abs(tangent[j]) * length / (1.0 - kInside);
+    least_s = std::max(
+        {least_s, std::sqrt(6.0 * way / limits_.acceleration[j]), 1.5 * way / limits_.velocity[j]});
+  }
+  return std::max(least_s, kLeast_s);
+}
+
 /// The states at the ends of the stages, with the profile's speeds and times.
 void Retimer::write_motion() {
   const int n = stages_.size();
@@ -166,7 +181,9 @@ void Retimer::write_motion() {
     for (std::size_t j = 0; j < dof(); ++j) motion.qdot(i)[j] = speed * tangent[j];
     if (last) break;
     const double next = std::sqrt(x[k + 1]);
-    motion.times_s[k + 1] = motion.times_s[k] + 2.0 * stages_[i].length / (speed + next);
+    const double sum = speed + next;
+    const double took_s = sum > 0.0 ? 2.0 * stages_[i].length / sum : from_rest_to_rest_s(i);
+    motion.times_s[k + 1] = motion.times_s[k] + took_s;
     speed = next;
   }
 }

@@ -27,6 +27,7 @@ trap cleanup EXIT
 
 "$sidestep" run "$config" --record "$folder/run.bag" --out "$folder/out" >/dev/null 2>"$folder/log" ||
   [ $? -eq 1 ] || { cat "$folder/log" >&2; exit 1; }  # a robot that does not get there is shown, too
+: >"$folder/served"
 "$sidestep" view "$folder/run.bag" 2>"$folder/served" &
 server=$!
 until grep -q 'viewer: ' "$folder/served"; do
