@@ -38,6 +38,7 @@ TYPES = {
     "/sidestep/moving": "visualization_msgs/MarkerArray",
     "/sidestep/paths": "visualization_msgs/MarkerArray",
     "/sidestep/events": "std_msgs/String",
+    "/sidestep/view": "std_msgs/UInt8MultiArray",
 }
 
 

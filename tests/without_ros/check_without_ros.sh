@@ -21,7 +21,7 @@ cmake -S "$source" -B "$work/build" -G Ninja -DCMAKE_CXX_COMPILER="$cxx" -DSIDES
 not_built=$work/build/lib/sidestep/plugins/not_built.txt
 expect "source rosbag libroscpp-core-dev libsensor-msgs-dev" "$not_built"
 expect "Plugin rosbag is not built: install libroscpp-core-dev" "$work/configure.log"
-if grep -qE 'source_rosbag|ros_messages|roscpp' "$work/build/build.ninja"; then
+if grep -qE 'source_rosbag|plugins/ros_messages|roscpp' "$work/build/build.ninja"; then
   echo "something of ROS is built all the same"
   exit 1
 fi
