@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "event_json.hpp"
 #include "run_markers.hpp"
 
 namespace sidestep {
@@ -27,23 +28,10 @@ std::vector<double> numbers(const Eigen::VectorXd& q) { return {q.begin(), q.end
 
 Json json_of(const ObservedEvent& observed) {
   const ReplannerEvent& event = observed.event;
-  Json json{{"event", to_string(event.kind)},
-            {"time_s", event.stamp.seconds()},
-            {"reason", to_string(event.reason)},
-            {"cause", event.cause},
-            {"solve_ms", event.solve_ms},
-            {"guess", event.guess},
-            {"tried", event.tried},
-            {"attempts", event.attempts},
-            {"cost", event.cost},
-            {"splice_velocity_jump", event.splice_velocity_jump},
-            {"unknown_share", event.unknown_share},
-            {"takeover_s", event.takeover.seconds()},
-            {"map_stamp_s", event.map_stamp.seconds()},
-            {"stamp_to_trajectory_ms", nullptr}};
-  if (observed.stamp_to_trajectory_ms) {
-    json["stamp_to_trajectory_ms"] = *observed.stamp_to_trajectory_ms;
-  }
+  Json json = event_json(observed);
+  json["time_s"] = event.stamp.seconds();
+  json["splice_velocity_jump"] = event.splice_velocity_jump;
+  json["unknown_share"] = event.unknown_share;
   return json;
 }
 

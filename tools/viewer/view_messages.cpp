@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "event_json.hpp"
 #include "message_bytes.hpp"
 
 namespace sidestep {
@@ -105,20 +106,7 @@ std::optional<ViewMessage> frame_message(Stamp time, const Frame& frame) {
 }
 
 ViewMessage event_message(const ObservedEvent& observed) {
-  const ReplannerEvent& event = observed.event;
-  const auto& latency = observed.stamp_to_trajectory_ms;
-  return make_message(ViewKind::kEvent, event.stamp,
-                      {{"event", to_string(event.kind)},
-                       {"reason", to_string(event.reason)},
-                       {"cause", event.cause},
-                       {"solve_ms", event.solve_ms},
-                       {"guess", event.guess},
-                       {"tried", event.tried},
-                       {"attempts", event.attempts},
-                       {"cost", event.cost},
-                       {"takeover_s", event.takeover.seconds()},
-                       {"map_stamp_s", event.map_stamp.seconds()},
-                       {"stamp_to_trajectory_ms", latency ? Json(*latency) : Json(nullptr)}});
+  return make_message(ViewKind::kEvent, observed.event.stamp, event_json(observed));
 }
 
 ViewMessage timing_message(Stamp time, const ViewTiming& timing) {

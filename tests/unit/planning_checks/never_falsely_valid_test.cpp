@@ -6,6 +6,7 @@
 #include <sidestep/planning/validity_check.hpp>
 
 #include "support/chain_robot.hpp"
+#include "support/opaque_field.hpp"
 #include "support/voxel_field.hpp"
 
 namespace sidestep {
@@ -80,21 +81,6 @@ class Oracle {
   std::vector<Eigen::Vector3d> centres_;
 };
 
-/// A field that is not known to be dense: the check must ask it point by point.
-class OpaqueField final : public DistanceField {
- public:
-  explicit OpaqueField(std::shared_ptr<const DistanceField> field)
-      : DistanceField(field->info()), field_(std::move(field)) {}
-  void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
-             std::span<Eigen::Vector3d> gradients,
-             std::span<FieldStatus> statuses) const noexcept override {
-    field_->query(points_m, distances_m, gradients, statuses);
-  }
-
- private:
-  std::shared_ptr<const DistanceField> field_;
-};
-
 VoxelWorld random_world(std::mt19937& random, bool with_unknown) {
   std::uniform_real_distribution<double> across(-1.7, 1.7);
   std::uniform_real_distribution<double> up(0.0, 1.5);
@@ -163,7 +149,7 @@ TEST_P(NeverFalselyValid, AgreesWithDenseSampling) {
   int in_floor = 0;
   for (int w = 0; w < 6; ++w) {
     std::shared_ptr<const DistanceField> field = random_world(random, true).field();
-    if (w % 2 == 1) field = std::make_shared<OpaqueField>(field);
+    if (w % 2 == 1) field = std::make_shared<testing_support::OpaqueField>(field);
     FieldCheckSettings settings;
     settings.margin_m = 0.02 * (w % 3);
     const auto check = make_field_check(robot, field, space, settings);

@@ -7,6 +7,7 @@
 #include "run_markers.hpp"
 #include "run_messages.hpp"
 #include "support/chain_robot.hpp"
+#include "support/opaque_field.hpp"
 
 namespace sidestep::testing {
 namespace {
@@ -99,26 +100,11 @@ TEST(MapMarkers, LeaveOutWhatNobodyHasSeen) {
   EXPECT_NEAR(voxels.occupied_centres_m()[0].x(), -0.65, 1e-12);
 }
 
-/// The same map, but not as a dense field: it has to be asked.
-class AskedField final : public DistanceField {
- public:
-  explicit AskedField(std::shared_ptr<const DenseField> field)
-      : DistanceField(field->info()), field_(std::move(field)) {}
-  void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
-             std::span<Eigen::Vector3d> gradients,
-             std::span<FieldStatus> statuses) const noexcept override {
-    field_->query(points_m, distances_m, gradients, statuses);
-  }
-
- private:
-  std::shared_ptr<const DenseField> field_;
-};
-
 TEST(MapMarkers, AreTheSameOfAFieldThatIsAsked) {
   const auto field = field_of({{0, 0, 0}, {39, 19, 17}, {16, 3, 15}, {15, 16, 16}});
   OccupancyBits dense, asked;
   dense.update(field);
-  asked.update(std::make_shared<AskedField>(field));
+  asked.update(std::make_shared<testing_support::OpaqueField>(field));
   EXPECT_EQ(dense.occupied_centres_m(), asked.occupied_centres_m());
 }
 

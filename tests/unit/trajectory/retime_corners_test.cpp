@@ -179,5 +179,26 @@ TEST(RetimeCorners, StopAtSteepOnesAndPassShallowOnesOfOnePath) {
   }
 }
 
+// A stop, and after it hardly anything: the profile has no speed anywhere on that last piece.
+TEST(RetimeCorners, ATinyWayAfterAStopTakesTimeAndKeepsTheLimits) {
+  const MotionLimits limits{{1.0, 1.0}, {1.0, 1.0}, {}};
+  for (int digits = 1; digits <= 12; ++digits) {
+    const double way = std::pow(10.0, -digits);
+    Trajectory path = make_trajectory(2, 3, 0.0);
+    path.times_s = {0.0, 2.0, 2.5};
+    path.qdot(0)[0] = 0.5;
+    path.q(1)[0] = path.q(2)[0] = 0.5;
+    path.q(2)[1] = way;
+    path.qdot(2)[1] = way;
+    const auto retimed = retime(path, limits, {.least_stages = 100, .stop_at_goal = true});
+    ASSERT_TRUE(retimed) << digits << ": " << retimed.error().describe();
+    const auto sound = retimed->trajectory.validate();
+    ASSERT_TRUE(sound) << digits << ": " << sound.error().describe();
+    const auto use = limit_use(retimed->trajectory, limits, 5000);
+    EXPECT_LE(*std::ranges::max_element(use), 1.01) << digits;
+    EXPECT_NEAR(retimed->trajectory.q(retimed->trajectory.size() - 1)[1], way, 1e-9) << digits;
+  }
+}
+
 }  // namespace
 }  // namespace sidestep

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "support/opaque_field.hpp"
 #include "view_messages.hpp"
 #include "view_testing.hpp"
 
@@ -68,21 +69,6 @@ std::vector<std::int32_t> blocks_that_differ(const DenseField& a, const DenseFie
   blocks.erase(rest.begin(), rest.end());
   return blocks;
 }
-
-/// A field whose blocks are not seen by those who look at it.
-class OpaqueCopy final : public DistanceField {
- public:
-  explicit OpaqueCopy(std::shared_ptr<const DistanceField> field)
-      : DistanceField(field->info()), field_(std::move(field)) {}
-  void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
-             std::span<Eigen::Vector3d> gradients,
-             std::span<FieldStatus> statuses) const noexcept override {
-    field_->query(points_m, distances_m, gradients, statuses);
-  }
-
- private:
-  std::shared_ptr<const DistanceField> field_;
-};
 
 TEST(OccupancyBits, FollowFieldsThatShareBlocks) {
   std::mt19937 random(1);
@@ -149,7 +135,7 @@ TEST(OccupancyBits, FieldsWithoutBlocksAreSampledAtTheCentresOfVoxels) {
   DecodedMap page;
   for (const double x_m : {0.0, 0.3, 1.9}) {
     const auto field = testing_support::ball_field({x_m, 1.2, 1.1});
-    const auto change = bits.update(std::make_shared<const OpaqueCopy>(field));
+    const auto change = bits.update(std::make_shared<const testing_support::OpaqueField>(field));
     page.apply(DecodedMessage(*map_message({}, {}, bits, change.blocks, change.is_new_grid).bytes));
     expect_shows(page, *field);
   }
