@@ -125,7 +125,7 @@ test("without WebGL the rest works, and the page says what does not", kLong, asy
   await waitForText(page, "#clock", /^4\.00 s/);
   server.tellUntil(5);
   await waitForText(page, "#medians-mapping", /^\d+\.\d \/ \d+\.\d$/);
-  assert.ok((await page.locator("#depth-image").getAttribute("width")) === "64");
+  await page.waitForFunction(() => document.querySelector("#depth-image")?.getAttribute("width") === "64");
   await context.close();
   await server.close();
 });
@@ -137,8 +137,12 @@ test("a recording is played from its beginning, and all of it is kept", kLong, a
   await waitForText(page, "#live", /^To the end$/);
   await page.keyboard.press(" ");
   await page.waitForFunction(() => document.documentElement.dataset["mode"] === "paused");
+  // Paused or not, what the server still sends is taken in: on a slow machine that is most of the recording.
+  await page.waitForFunction(
+    (end_s) => Math.abs(Number(document.querySelector("#scrub")?.getAttribute("max")) - end_s) < 0.005,
+    kDuration_s,
+  );
   assert.equal(await page.locator("#scrub").getAttribute("min"), "0");
-  assert.equal(Number(await page.locator("#scrub").getAttribute("max")).toFixed(2), kDuration_s.toFixed(2));
   await page.keyboard.press("l");
   await waitForText(page, "#run-status", /^Ended: succeeded$/);
   await page.context().close();
