@@ -5,8 +5,10 @@
 #include <thread>
 #include <utility>
 
+#include <sidestep/planning/explain.hpp>
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/guarded.hpp>
+#include <sidestep/trajectory/blend.hpp>
 #include <sidestep/trajectory/retime.hpp>
 
 namespace sidestep {
@@ -17,6 +19,8 @@ constexpr int kMostGuesses = 1000;
 /// A path that cannot be polished is so again with so many times as many states, each time.
 constexpr int kFiner = 2;
 constexpr int kMostPolishes = 3;
+/// How far from a corner its rounding begins, in m and rad: as far as mostly is clear, then closer.
+constexpr double kRounding[] = {0.5, 0.1};
 
 /// The same motion on more states.
 Problem finer(const Problem& problem) {
@@ -26,7 +30,18 @@ Problem finer(const Problem& problem) {
   return fine;
 }
 
+/// What the problem makes of a timed motion, at its own support states; nothing where it cannot
+/// tell.
+std::optional<double> cost_of(const Problem& problem, const Trajectory& timed) {
+  const auto explained = explain(problem, refit(timed, 0.0, problem.support_states, problem.dt_s));
+  if (!explained) return std::nullopt;
+  return explained->cost;
+}
+
 }  // namespace
+
+/// What a proposal is; the later, the better.
+enum class PlanningRace::Kind { kNone, kSampled, kRounded, kOptimised };
 
 /// What lanes share.
 struct PlanningRace::Track {
@@ -37,8 +52,15 @@ struct PlanningRace::Track {
   Stopwatch watch;
   std::mutex mutex;  ///< Of what follows.
   RaceResult result;
+  Kind kind = Kind::kNone;  ///< Of the result.
   std::optional<Error> error;
 
+  /// Whether a motion that passed the check is to take the place of the result.
+  [[nodiscard]] bool is_better(Kind other, const Trajectory& timed) const {
+    if (other <= kind || kind != Kind::kRounded) return other > kind;
+    const auto cost = cost_of(problem, timed), to_beat = cost_of(problem, result.trajectory);
+    return cost && (!to_beat || *cost < *to_beat);
+  }
   [[nodiscard]] bool is_over() const { return over.stop_requested() || deadline.expired(); }
   [[nodiscard]] Deadline until_over() const {
     return Deadline::after_s(deadline.remaining_s(), over.get_token());
@@ -95,8 +117,8 @@ std::optional<Trajectory> PlanningRace::propose(PluginPtr<Optimiser>& optimiser,
   return std::move(solution->trajectory);
 }
 
-/// Times and checks a proposal; whether it ends the race.
-bool PlanningRace::finish(const Trajectory& proposal, bool is_smooth, const std::string& seed,
+/// Times and checks a proposal; whether it is valid. An optimiser's then ends the race.
+bool PlanningRace::finish(const Trajectory& proposal, Kind kind, const std::string& seed,
                           Track& track) const {
   auto timed = retime(proposal, limits_, {.least_stages = kStages, .stop_at_goal = true});
   if (!timed) {
@@ -109,15 +131,15 @@ bool PlanningRace::finish(const Trajectory& proposal, bool is_smooth, const std:
     return false;
   }
   const std::scoped_lock lock(track.mutex);
-  const bool has_one = track.result.trajectory.size() > 0;
-  if (has_one && (track.result.is_smooth || !is_smooth)) return true;
+  if (kind == Kind::kOptimised) track.over.request_stop();
+  if (!track.is_better(kind, timed->trajectory)) return true;
   RaceResult& result = track.result;
-  if (has_one) {
+  if (track.kind != Kind::kNone) {
     result.earlier.push_back({std::move(result.trajectory), result.is_smooth, result.took_ms});
   }
-  result = {std::move(timed->trajectory), seed, is_smooth,
+  result = {std::move(timed->trajectory), seed, kind != Kind::kSampled,
             track.watch.elapsed_ms(),     {},   std::move(result.earlier)};
-  if (is_smooth) track.over.request_stop();
+  track.kind = kind;
   return true;
 }
 
@@ -126,24 +148,46 @@ void PlanningRace::run_straight(Lane& lane, Track& track, std::uint64_t seed) {
   for (int guess = 0; guess < kMostGuesses && !track.is_over(); ++guess) {
     const auto proposal =
         propose(lane.optimiser, problem, initial_guess(problem, guess, seed), track);
-    if (proposal && finish(*proposal, true, lane.seed, track)) return;
+    if (proposal && finish(*proposal, Kind::kOptimised, lane.seed, track)) return;
     if (lanes_.size() == 1 && guess == 0) return;  // that guess alone was asked for
   }
 }
 
 void PlanningRace::run_sampled(Lane& lane, Track& track) {
-  Problem problem = track.problem;
+  const Problem& problem = track.problem;
   const auto path = propose(lane.sampler, problem, initial_guess(problem, 0, 0), track);
   if (!path) return;
   // One that stops at its corners is better than none.
-  const bool is_valid = finish(*path, false, lane.seed, track);
-  if (is_valid && !lane.optimiser) track.over.request_stop();
-  for (int polish = 0; lane.optimiser && polish < kMostPolishes && !track.is_over(); ++polish) {
-    if (polish > 0) problem = finer(problem);
-    const Trajectory guess = refit(*path, 0.0, problem.support_states, problem.dt_s);
-    const auto polished = propose(lane.optimiser, problem, guess, track);
-    if (polished && finish(*polished, true, lane.seed, track)) return;
+  const bool is_valid = finish(*path, Kind::kSampled, lane.seed, track);
+  if (lane.optimiser) {
+    if (is_valid) round_corners(*path, lane.seed, track);
+    polish(lane, *path, track);
+  } else if (is_valid) {
+    track.over.request_stop();
   }
+}
+
+void PlanningRace::round_corners(const Trajectory& path, const std::string& seed,
+                                 Track& track) const {
+  for (const double reach : kRounding) {
+    if (track.is_over()) return;
+    const auto rounded = blend_corners(path, reach);
+    if (!rounded) return track.note("no corners to round off: " + rounded.error().describe());
+    if (finish(*rounded, Kind::kRounded, seed, track)) return;
+  }
+}
+
+/// Lets the optimiser start from a sampled path; ends the race if that has a smooth answer at last.
+void PlanningRace::polish(Lane& lane, const Trajectory& path, Track& track) const {
+  Problem problem = track.problem;
+  for (int polish = 0; polish < kMostPolishes && !track.is_over(); ++polish) {
+    if (polish > 0) problem = finer(problem);
+    const Trajectory guess = refit(path, 0.0, problem.support_states, problem.dt_s);
+    const auto polished = propose(lane.optimiser, problem, guess, track);
+    if (polished && finish(*polished, Kind::kOptimised, lane.seed, track)) return;
+  }
+  const std::scoped_lock lock(track.mutex);
+  if (track.result.is_smooth) track.over.request_stop();
 }
 
 }  // namespace sidestep

@@ -24,14 +24,16 @@ struct EarlierAnswer {
 struct RaceResult {
   Trajectory trajectory;   ///< Valid by the check, and timed; empty where there is none.
   std::string seed;        ///< The first guess that led there.
-  bool is_smooth = false;  ///< From an optimiser; a sampled path stops at its corners.
+  bool is_smooth = false;  ///< A sampled path stops at its corners, unless they are rounded off.
   double took_ms = 0.0;    ///< From the call until there was a valid trajectory.
   std::string reason;      ///< Why there is none.
   std::vector<EarlierAnswer> earlier;  ///< Those that it took the place of, in order.
 };
 
-/// Plans from several first guesses at once, a thread for each, until one has led to a trajectory
-/// that passes the check and is smooth; where none does, a sampled path that passes it will do.
+/// Plans from several first guesses at once, a thread for each, until an optimiser has made a
+/// trajectory of one that passes the check; where none does, a sampled path will do that passes it,
+/// best with its corners rounded off. Of a rounded one and an optimiser's, the one is the answer
+/// that costs less by the problem's terms.
 class PlanningRace {
  public:
   /// One first guess and who makes a trajectory of it. "straight": a straight line, and in a race
@@ -52,14 +54,17 @@ class PlanningRace {
                                        const std::stop_token& stop);
 
  private:
+  enum class Kind;
   struct Track;
   void run_straight(Lane& lane, Track& track, std::uint64_t seed);
   void run_sampled(Lane& lane, Track& track);
   [[nodiscard]] std::optional<Trajectory> propose(PluginPtr<Optimiser>& optimiser,
                                                   const Problem& problem, const Trajectory& guess,
                                                   Track& track) const;
-  [[nodiscard]] bool finish(const Trajectory& proposal, bool is_smooth, const std::string& seed,
+  [[nodiscard]] bool finish(const Trajectory& proposal, Kind kind, const std::string& seed,
                             Track& track) const;
+  void round_corners(const Trajectory& path, const std::string& seed, Track& track) const;
+  void polish(Lane& lane, const Trajectory& path, Track& track) const;
 
   std::vector<Lane> lanes_;
   MotionLimits limits_;
