@@ -46,7 +46,7 @@ enum class PlanningRace::Kind { kNone, kSampled, kRounded, kOptimised };
 /// What lanes share.
 struct PlanningRace::Track {
   const Problem& problem;
-  const ValidityCheck& check;
+  const Checks& checks;
   const Deadline& deadline;
   std::stop_source over;
   Stopwatch watch;
@@ -71,10 +71,10 @@ struct PlanningRace::Track {
   }
 };
 
-Result<RaceResult> PlanningRace::run(const Problem& problem, const ValidityCheck& check,
+Result<RaceResult> PlanningRace::run(const Problem& problem, const Checks& checks,
                                      std::uint64_t seed, const Deadline& deadline,
                                      const std::stop_token& stop) {
-  Track track{.problem = problem, .check = check, .deadline = deadline};
+  Track track{.problem = problem, .checks = checks, .deadline = deadline};
   const std::stop_callback forward(stop, [&] { track.over.request_stop(); });
   const auto drive = [&](Lane& lane) {
     const auto done = contained("planning", [&]() -> Result<void> {
@@ -125,7 +125,8 @@ bool PlanningRace::finish(const Trajectory& proposal, Kind kind, const std::stri
     track.note("the path cannot be timed: " + timed.error().describe());
     return false;
   }
-  const auto verdict = track.check.check(timed->trajectory, 0.0, track.until_over());
+  const ValidityCheck& check = kind == Kind::kSampled ? track.checks.sampled : track.checks.smooth;
+  const auto verdict = check.check(timed->trajectory, 0.0, track.until_over());
   if (!verdict || !verdict->valid()) {
     track.note(verdict ? "the trajectory is " + verdict->describe() : verdict.error().describe());
     return false;

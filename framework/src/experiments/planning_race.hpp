@@ -31,7 +31,7 @@ struct RaceResult {
 };
 
 /// Plans from several first guesses at once, a thread for each, until an optimiser has made a
-/// trajectory of one that passes the check; where none does, a sampled path will do that passes it,
+/// trajectory of one that passes its check; where none does, a sampled path will do that passes it,
 /// best with its corners rounded off. Of a rounded one and an optimiser's, the one is the answer
 /// that costs less by the problem's terms.
 class PlanningRace {
@@ -45,11 +45,17 @@ class PlanningRace {
     PluginPtr<Optimiser> sampler;
   };
 
+  /// What answers must pass.
+  struct Checks {
+    const ValidityCheck& sampled;  ///< Paths as their sampler made them, which keeps its distance.
+    const ValidityCheck& smooth;   ///< All others.
+  };
+
   PlanningRace(std::vector<Lane> lanes, MotionLimits limits)
       : lanes_(std::move(lanes)), limits_(std::move(limits)) {}
 
   /// Ends at the deadline, or soon after a stop is asked for. Fails where an optimiser does.
-  [[nodiscard]] Result<RaceResult> run(const Problem& problem, const ValidityCheck& check,
+  [[nodiscard]] Result<RaceResult> run(const Problem& problem, const Checks& checks,
                                        std::uint64_t seed, const Deadline& deadline,
                                        const std::stop_token& stop);
 

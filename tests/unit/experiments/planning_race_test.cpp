@@ -66,7 +66,7 @@ class PlanningRaceTest : public testing::Test {
     std::vector<PlanningRace::Lane> lanes;
     lanes.push_back({"sampled", std::move(optimiser), that_returns(by_way_of(0.8, 0.0))});
     PlanningRace race(std::move(lanes), {{1.0, 1.0, 1.0}, {2.0, 2.0, 2.0}, {}});
-    auto result = race.run(problem_, *check_, 1, Deadline::after_s(60.0), {});
+    auto result = race.run(problem_, {*check_, *check_}, 1, Deadline::after_s(60.0), {});
     EXPECT_TRUE(result) << result.error().describe();
     return result ? std::move(*result) : RaceResult{};
   }
