@@ -243,6 +243,23 @@ planing: {}
   EXPECT_FALSE(fs::exists(folder_ / "run"));
 }
 
+TEST_F(CommandTest, ReadsOneValueAfterEachSet) {
+  const std::string first = config("schema_version: 1\nbase: " + kTiny + "\n");
+  const std::string set = "experiment.seed=3";
+  for (const auto& order : std::vector<std::vector<std::string>>{{"--set", set, first, kTiny},
+                                                                 {first, "--set", set, kTiny},
+                                                                 {first, kTiny, "--set", set}}) {
+    std::vector<std::string> arguments = {"check"};
+    arguments.insert(arguments.end(), order.begin(), order.end());
+    const Finished checked = run(arguments);
+    EXPECT_EQ(checked.exit_code, 0) << checked.error;
+    EXPECT_EQ(checked.out, first + ": ok\n" + kTiny + ": ok\n");
+  }
+  const Finished mistaken = run({"check", first, "--set", "experiment.seed=x", kTiny});
+  EXPECT_EQ(mistaken.exit_code, 2);
+  EXPECT_EQ(mistaken.out, first + ": 1 error\n" + kTiny + ": 1 error\n");
+}
+
 TEST_F(CommandTest, ChecksThePosesOfPlans) {
   const Finished checked = run({"check", kTiny, "--set", "experiment.plans.0.goal.pose=table",
                                 "--set", "experiment.plans.0.start.joints={x: 1, w: 0}"});

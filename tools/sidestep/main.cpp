@@ -29,13 +29,14 @@ struct CommandLine {
 
 void add_configurations(CLI::App& command, CommandLine& line) {
   command.add_option("CONFIG", line.run.configurations, kConfigHelp)->required();
-  // One value an occurrence, so that `--set a=1 CONFIG` does not take CONFIG for a value.
+  // One value an occurrence, so that `CONFIG --set a=1 CONFIG` does not take CONFIG for a value.
   command
       .add_option("--set", line.run.overrides,
                   "Override a value of the configuration, e.g. mapper.resolution_m=0.05")
       ->type_name("KEY=VALUE")
       ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->allow_extra_args(false);  // after the policy, which allows them
 }
 
 /// Of a command that serves the viewer.
@@ -51,13 +52,7 @@ void add_view_options(CLI::App& command, ViewOptions& view) {
   command.add_flag("--open", view.open, "Open the viewer in a browser");
 }
 
-void add_commands(CLI::App& app, CommandLine& line) {
-  app.set_version_flag("--version", [] {
-    const RunProvenance build = current_provenance();
-    return "sidestep " + build.version + " (" + build.git_hash + ")";
-  });
-  app.require_subcommand(0, 1);
-
+void add_run(CLI::App& app, CommandLine& line) {
   CLI::App* run = app.add_subcommand("run", "Run experiments");
   add_configurations(*run, line);
   run->add_option("--out", line.run.out,
@@ -86,15 +81,25 @@ void add_commands(CLI::App& app, CommandLine& line) {
   for (const char* option : {"--view-port", "--view-bind", "--open"}) {
     run->get_option(option)->needs("--view");
   }
-
-  CLI::App* view = app.add_subcommand("view", "Show a recorded run in a browser");
-  view->add_option("FILE", line.recording, "What `sidestep run --record` wrote")->required();
-  add_view_options(*view, line.run.view);
   run->add_option(
          "--record", line.run.record,
          "Record the run into this new file, as a bag of ROS 1 (docs/reference/recording.md)")
       ->type_name("FILE")
       ->excludes("--jobs");
+}
+
+void add_commands(CLI::App& app, CommandLine& line) {
+  app.set_version_flag("--version", [] {
+    const RunProvenance build = current_provenance();
+    return "sidestep " + build.version + " (" + build.git_hash + ")";
+  });
+  app.require_subcommand(0, 1);
+
+  add_run(app, line);
+
+  CLI::App* view = app.add_subcommand("view", "Show a recorded run in a browser");
+  view->add_option("FILE", line.recording, "What `sidestep run --record` wrote")->required();
+  add_view_options(*view, line.run.view);
 
   CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
   add_configurations(*check, line);
