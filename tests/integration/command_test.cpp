@@ -353,6 +353,16 @@ TEST_F(CommandTest, KeepsWhatWasMeasuredWhenInterrupted) {
   EXPECT_TRUE(fs::exists(folder_ / "run" / "report.html"));
 }
 
+TEST_F(CommandTest, TakesSignalsThatComeTogetherForOne) {
+  CommandLine command({"run", kTiny, "--out", (folder_ / "run").string(), "--set",
+                       "source.frames=0"});  // a stream without end
+  ASSERT_TRUE(command.wait_for("mapping 1"));
+  for (const int signal : {SIGSTOP, SIGTERM, SIGINT, SIGCONT}) command.send(signal);
+  const Finished finished = command.wait();
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_THAT(finished.out, HasSubstr("Interrupted"));
+}
+
 TEST_F(CommandTest, ReplacesAnEarlierRunsFilesAndNoOthers) {
   ASSERT_EQ(run_tiny({}).exit_code, 0);
   std::ofstream(folder_ / "run" / "notes.txt") << "mine";

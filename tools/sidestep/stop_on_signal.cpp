@@ -2,11 +2,16 @@
 
 #include <pthread.h>
 
+#include <chrono>
 #include <csignal>
 #include <ctime>
 
 namespace sidestep {
 namespace {
+
+/// Signals this soon after the first are the same wish: coreutils' timeout sends one to the process
+/// and one to its group.
+constexpr auto kSameWish = std::chrono::milliseconds(500);
 
 sigset_t handled_signals() {
   sigset_t signals;
@@ -19,10 +24,13 @@ sigset_t handled_signals() {
 void wait_for_signals(const std::stop_token& done, std::stop_source stop) {
   const sigset_t signals = handled_signals();
   const timespec interval{0, 100'000'000};
+  std::chrono::steady_clock::time_point first;
   while (!done.stop_requested()) {
     const int signal = sigtimedwait(&signals, nullptr, &interval);
     if (signal < 0) continue;
-    if (stop.request_stop()) continue;
+    const auto now = std::chrono::steady_clock::now();
+    if (stop.request_stop()) first = now;
+    if (now - first < kSameWish) continue;
     std::signal(signal, SIG_DFL);
     pthread_sigmask(SIG_UNBLOCK, &signals, nullptr);
     std::raise(signal);

@@ -5,8 +5,9 @@
 
 namespace sidestep {
 
-/// While it lives, the first SIGINT or SIGTERM requests a stop; the second ends the process as
-/// it would without us. To be made before other threads are, which inherit the blocked signals.
+/// While it lives, the first SIGINT or SIGTERM requests a stop; one that comes half a second later
+/// or more ends the process as it would without us. To be made before other threads are, which
+/// inherit the blocked signals.
 class StopOnSignal {
  public:
   StopOnSignal();
