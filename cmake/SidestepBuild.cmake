@@ -65,6 +65,20 @@ function(sidestep_add_plugin_library name)
   sidestep_warnings(${target})
 endfunction()
 
+# sidestep_add_command(NAME SOURCES ... [LINK library...])
+# A program that is installed, and so part of sidestep_product. It finds its libraries from where it
+# lies.
+function(sidestep_add_command name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_LINK})
+  set_target_properties(${name} PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}")
+  sidestep_warnings(${name})
+  sidestep_optimise_little(${name})
+  install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  add_dependencies(sidestep_product ${name})
+endfunction()
+
 # sidestep_add_test(NAME SOURCES ... [LINK library...] [LABELS label...] [SERIAL])
 # A GoogleTest executable whose cases become ctest tests. Those with the label `threads` are what
 # ThreadSanitizer runs; the target sidestep_thread_tests builds them. SERIAL: beside no other test.
