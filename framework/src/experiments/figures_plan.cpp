@@ -127,7 +127,9 @@ Figure slice_figure(const FieldSlice& slice, std::string file) {
   double plot_width = kWidth - kBar - across;
   if (plot_width * aspect > kLargestPlot) plot_width = kLargestPlot / aspect;
   const double plot_height = plot_width * aspect;
-  Figure figure{std::move(file), slice.title + ".", Canvas(kWidth, plot_height + down + 48.0)};
+  Figure figure{std::move(file),
+                slice.title + ": where spheres cross the cut, and paths as seen along its normal.",
+                Canvas(kWidth, plot_height + down + 48.0)};
   Canvas& canvas = figure.canvas;
   Axes axes(canvas, {0.0, 0.0, plot_width + across, plot_height + down}, u, v,
             {slice.title, slice.u_label, slice.v_label});

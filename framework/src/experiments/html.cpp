@@ -14,7 +14,9 @@ constexpr std::string_view kStyle = R"(
   .success { border-color: #0072B2; background: #eaf4fa; }
   .failure { border-color: #D55E00; background: #fdf0e6; }
   table { border-collapse: collapse; margin: 1em 0; }
-  .wide { overflow-x: auto; }
+  .wide { overflow-x: auto; width: min-content; min-width: 100%; max-width: calc(100vw - 3em);
+          position: relative; left: 50%; transform: translateX(-50%); }
+  .wide td { white-space: nowrap; } .wide td.long { white-space: normal; }
   th, td { padding: .3em .8em; text-align: right; border-bottom: 1px solid #ddd;
            vertical-align: top; }
   th:first-child, td:first-child, td.text { text-align: left; }

@@ -64,9 +64,10 @@ std::string plans_table(const Json& plans) {
 
 std::string checks_table(const Json& plan) {
   std::vector<Row> rows;
-  for (const auto& [key, words] : {std::pair("snapshot", "spheres in the distance field"),
-                                   {"voxels", "collision shapes among the occupied voxels"},
-                                   {"scene", "collision shapes in the true scene"}}) {
+  for (const auto& [key, words] :
+       {std::pair("snapshot", "spheres in the distance field"),
+        {"voxels", "collision shapes among the occupied voxels"},
+        {"scene", "collision shapes in the true scene, its floor included"}}) {
     const Json check = at(plan, ("/checks/" + std::string(key)).c_str());
     if (!check.is_object()) continue;
     rows.push_back(

@@ -10,6 +10,13 @@ namespace sidestep::report {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+/// Characters from which on a cell is broken into lines: numbers and names stay whole.
+constexpr std::size_t kLongCell = 40;
+
+}  // namespace
+
 Json at(const Json& json, const char* pointer) {
   const Json::json_pointer where(pointer);
   return json.contains(where) ? json.at(where) : Json();
@@ -69,7 +76,10 @@ std::string html_table(const Row& header, const std::vector<Row>& rows) {
   html += "</tr>\n";
   for (const Row& row : rows) {
     html += "<tr>";
-    for (const std::string& value : row) html += "<td>" + escape_html(value) + "</td>";
+    for (const std::string& value : row) {
+      html += value.size() > kLongCell ? "<td class=\"long\">" : "<td>";
+      html += escape_html(value) + "</td>";
+    }
     html += "</tr>\n";
   }
   html += "</table></div>\n";

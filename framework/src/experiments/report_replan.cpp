@@ -7,6 +7,7 @@
 #include "html.hpp"
 #include "replan_rows.hpp"
 #include "report_parts.hpp"
+#include "text_table.hpp"
 
 namespace sidestep::report {
 namespace {
@@ -14,10 +15,12 @@ namespace {
 constexpr std::size_t kPicturedEpisodes = 6;
 
 std::string metrics_section(const Json& summary) {
+  const Json success = at(summary, "/success_share");
   std::string html = html_table(
       {"episodes", "success", "true collisions", "least true clearance", "time to goal p50",
        "replans", "stops", "largest velocity jump at a splice"},
-      {{cell(at(summary, "/episodes")), cell(at(summary, "/success_share"), "%.4f"),
+      {{cell(at(summary, "/episodes")),
+        success.is_number() ? format("%.1f %%", 100.0 * success.get<double>()) : "-",
         cell(at(summary, "/collisions_true")), cell(at(summary, "/min_true_clearance_m"), "%.3f m"),
         cell(at(summary, "/time_to_goal_s/p50"), "%.2f s"), cell(at(summary, "/replans")),
         cell(at(summary, "/stops")), cell(at(summary, "/splice_velocity_jump_max"), "%.2g")}});
@@ -104,21 +107,23 @@ Result<std::string> spread_section(ResultsReader& results, const std::filesystem
   return figure_section(spread_figures(spreads), run);
 }
 
-/// The first episode, then those that failed, then the next ones.
-std::vector<std::int64_t> chosen_episodes(const Json& summary) {
+/// The first episode that was run, then those that failed, then the second.
+Result<std::vector<std::int64_t>> chosen_episodes(const Json& summary, ResultsReader& results) {
+  std::set<std::int64_t> run;  // numbered from experiment.first_episode
+  auto read = results.visit("episode",
+                            [&](std::int64_t item, std::string_view, double) { run.insert(item); });
+  if (!read) return tl::make_unexpected(std::move(read.error()));
   std::vector<std::int64_t> chosen;
-  const auto count = at(summary, "/episodes").get<std::int64_t>();
   const auto choose = [&](std::int64_t episode) {
-    if (episode < count && chosen.size() < kPicturedEpisodes &&
-        std::ranges::find(chosen, episode) == chosen.end()) {
+    if (chosen.size() < kPicturedEpisodes && std::ranges::find(chosen, episode) == chosen.end()) {
       chosen.push_back(episode);
     }
   };
-  choose(0);
+  if (!run.empty()) choose(*run.begin());
   for (const Json& failure : at(summary, "/failures")) {
     choose(at(failure, "/episode").get<std::int64_t>());
   }
-  choose(1);
+  if (run.size() > 1) choose(*std::next(run.begin()));
   return chosen;
 }
 
@@ -161,7 +166,9 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
   const auto spread = spread_section(results, run);
   if (!spread) return spread;
   html += *spread;
-  for (const std::int64_t episode : chosen_episodes(summary)) {
+  const auto chosen = chosen_episodes(summary, results);
+  if (!chosen) return tl::make_unexpected(chosen.error());
+  for (const std::int64_t episode : *chosen) {
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
     const auto figures = replan_figures(results, episode);
     if (!figures) return tl::make_unexpected(figures.error());

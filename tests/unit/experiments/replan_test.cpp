@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <future>
 #include <limits>
 #include <numbers>
@@ -6,12 +7,14 @@
 #include <nlohmann/json.hpp>
 
 #include "episode_clock.hpp"
+#include "html.hpp"
 #include "paced_frames.hpp"
 #include "replan_pictures.hpp"
 #include "replan_rows.hpp"
 #include "replan_settings.hpp"
 #include "replan_summary.hpp"
 #include "replan_visibility.hpp"
+#include "save_outcome.hpp"
 #include "step_watch.hpp"
 #include "support/chain_robot.hpp"
 #include "support/temporary_folder.hpp"
@@ -258,6 +261,27 @@ TEST_F(ReplanRowsTest, KeepsPicturesFromAbove) {
   EXPECT_NEAR(robot->values[0], 0.5, 1e-2);  // half way, of 1 m
   EXPECT_NEAR(robot->values[2], 0.1, 1e-6);
   EXPECT_EQ((*reader)->number("picture/0", 1, "objects").value(), 1.0) << "the floor is no object";
+}
+
+TEST_F(ReplanRowsTest, ReportsTheEpisodesThatWereRunWhateverTheirNumbers) {
+  EpisodeRecord late = flight(6);
+  late.reached = false;
+  late.reason = "the goal was not reached in time";
+  record({flight(4), flight(5), late});
+  ASSERT_TRUE(save_outcome(summary_of(3), folder_.path()));
+  const auto html = read_file(folder_.path() / "report.html");
+  ASSERT_TRUE(html) << html.error().describe();
+  std::vector<std::size_t> order;
+  for (const char* episode : {"<h2>Episode 4<", "<h2>Episode 6<", "<h2>Episode 5<"}) {
+    order.push_back(html->find(episode));
+    EXPECT_NE(order.back(), std::string::npos) << episode;
+  }
+  EXPECT_TRUE(std::ranges::is_sorted(order));
+  EXPECT_EQ(html->find("<h2>Episode 0<"), std::string::npos);
+  for (const char* picture : {"episode-4-above.png", "episode-6-above.png"}) {
+    EXPECT_TRUE(std::filesystem::exists(folder_.path() / picture)) << picture;
+  }
+  EXPECT_NE(html->find("66.7 %"), std::string::npos) << "two of three succeeded";
 }
 
 TEST_F(ReplanRowsTest, RefusesAStoreOfSomethingElse) {
