@@ -122,6 +122,18 @@ std::string count_of(std::size_t count, const std::string& thing) {
   return std::to_string(count) + " " + thing + (count == 1 ? "" : "s");
 }
 
+/// How much of the way nobody has seen, at most of any plan; empty where that is next to nothing.
+std::string unseen_text(std::span<const PlanRecord> plans) {
+  double share = 0.0;
+  for (const PlanRecord& plan : plans) {
+    if (plan.in_snapshot) share = std::max(share, plan.in_snapshot->unknown_share);
+  }
+  if (share < 0.005) return "";
+  return std::string("; ") + (plans.size() == 1 ? "" : "of one ") +
+         format("%.0f %%", 100.0 * share) +
+         " of the robot's way is in space that no frame has seen";
+}
+
 std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans, bool interrupted,
                          std::size_t succeeded) {
   if (interrupted) {
@@ -157,7 +169,7 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
     text += "; the robot comes no closer than " + format("%.3f m", *closest->min_clearance_m()) +
             " to an obstacle";
   }
-  return text + ".";
+  return text + unseen_text(plans) + ".";
 }
 
 std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) {

@@ -182,6 +182,21 @@ TEST(PlanSummary, OfARunThatAFaultEndedKeepsWhatWasMeasured) {
   EXPECT_THAT(outcome.summary_json, testing::HasSubstr("threw: out of luck"));
 }
 
+TEST(PlanSummary, TellsHowMuchOfTheWayNobodyHasSeen) {
+  MapRecord map;
+  map.steps.resize(1);
+  std::vector<PlanRecord> plans(2);
+  for (PlanRecord& plan : plans) plan.in_snapshot = Verdict{};
+  const auto verdict = [&] { return summarise_plans({}, map, plans).verdict; };
+  EXPECT_EQ(verdict().find("seen"), std::string::npos);
+  plans[1].in_snapshot->unknown_share = 0.406;
+  EXPECT_NE(verdict().find("; of one 41 % of the robot's way"), std::string::npos) << verdict();
+  plans.erase(plans.begin());
+  EXPECT_NE(verdict().find("; 41 % of the robot's way is in space that no frame has seen."),
+            std::string::npos)
+      << verdict();
+}
+
 TEST(TextTable, AlignsItsColumns) {
   TextTable table({"plan", "time"});
   table.add({"über", "1.5 s"});
