@@ -79,8 +79,8 @@ void check_blocks(const Configuration& configuration, const ExperimentType* type
   if (type != nullptr) {
     for (const std::string& needed : type->blocks) {
       if (configuration.root.find(needed) != nullptr) continue;
-      errors.push_back(configuration.root.error("experiment '" + type->name + "' needs a `" +
-                                                needed + "` block, and there is none"));
+      errors.push_back(configuration.root.error(
+          "experiment '" + type->name + "' needs the block `" + needed + "`, and there is none"));
     }
     check_against_schema(*configuration.root.find("experiment"), type->schema(), {}, errors);
   }
@@ -163,7 +163,8 @@ std::vector<SettingsBlock> settings_blocks() {
   }
   blocks.push_back({"planning", "How problems are posed, whoever solves them",
                     *settings_schema("planning"), ""});
-  blocks.push_back({"check", "What a plan must pass", *settings_schema("check"), ""});
+  blocks.push_back({"check", "What a plan must pass; of a closed loop the allowed contacts alone",
+                    *settings_schema("check"), ""});
   blocks.push_back({"replanner", "How the closed loop behaves", *settings_schema("replanner"), ""});
   return blocks;
 }

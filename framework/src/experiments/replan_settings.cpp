@@ -76,6 +76,24 @@ void check_replanner(const Configuration& configuration, const ReplannerSettings
   }
 }
 
+/// A loop judges by its own blocks: what `check` asks for beside contacts would be without effect.
+void check_for_plans_only(const Node& block, const CheckSettings& settings,
+                          std::vector<Error>& errors) {
+  const CheckSettings usual;
+  const auto refuse = [&](const char* key, double value, double by_default, const char* hint) {
+    if (value == by_default) return;
+    errors.push_back(block.find(key)->error(
+        "'" + std::string(key) + "' is for plans, and without effect in a closed loop", hint));
+  };
+  refuse("margin_m", settings.margin_m, usual.margin_m, "set replanner.margin_m");
+  refuse("max_step_m", settings.max_step_m, usual.max_step_m, "set replanner.max_step_m");
+  refuse("shape_max_step_m", settings.shape_max_step_m, usual.shape_max_step_m, "leave it out");
+  refuse("speed_fraction", settings.speed_fraction, usual.speed_fraction,
+         "set planning.speed_fraction");
+  refuse("acceleration_fraction", settings.acceleration_fraction, usual.acceleration_fraction,
+         "set planning.acceleration_fraction");
+}
+
 }  // namespace
 
 void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& into,
@@ -86,7 +104,9 @@ void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& i
   }
   into.replanner = replanner;
   (void)read_checked(configuration, "planning", into.planning);
-  (void)read_checked(configuration, "check", into.check);
+  if (read_checked(configuration, "check", into.check)) {
+    check_for_plans_only(block_of(configuration, "check"), into.check, errors);
+  }
 }
 
 ReplanConfiguration read_replan_configuration(const Configuration& configuration,
