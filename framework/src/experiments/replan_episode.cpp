@@ -4,10 +4,10 @@
 #include <cmath>
 #include <thread>
 
-#include <sidestep/experiments/run_observer.hpp>
 #include <sidestep/planning/goal.hpp>
 
 #include "replan_mapping.hpp"
+#include "replan_show.hpp"
 #include "replan_visibility.hpp"
 #include "step_watch.hpp"
 
@@ -42,6 +42,7 @@ class EpisodeRun {
         slot_(parts.slot),
         mapping_(parts.mapping),
         watch_(parts.watch),
+        show_(context.observer, parts.world, parts.mapping),
         begin_(parts.world.clock->now()),
         end_(Stamp::from_seconds(begin_.seconds() + settings_.experiment.duration_s)),
         next_truth_(begin_) {
@@ -61,10 +62,6 @@ class EpisodeRun {
   /// The episode is over: stops a robot that still moves, and waits until it is at rest.
   void come_to_rest();
   [[nodiscard]] bool is_at_rest();
-  void show_world();
-  void show_step(Stamp now, double step_ms);
-  void show_event(const EpisodeEvent& event, bool is_followed) const;
-  void show_end();
   void note_events(Stamp now, std::size_t first);
   void note_receipts();
   void note_truth(Stamp now, bool always);
@@ -77,6 +74,7 @@ class EpisodeRun {
   SnapshotSlot& slot_;
   EpisodeMapping& mapping_;
   const EpisodeWatch& watch_;
+  EpisodeShow show_;
   std::optional<Replanner> replanner_;
   Stamp begin_;
   Stamp end_;
@@ -155,7 +153,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
     return std::move(record_);
   }
   make_replanner();
-  show_world();
+  show_.begin(context_.configuration.name, record_.episode);
   // Whatever happens here, the robot is not left moving.
   const auto done = contained("the closed loop", [&]() -> Result<void> {
     if (settings_.experiment.is_lockstep()) {
@@ -181,7 +179,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
   record_.following = mapping_.following();
   if (auto found = find_truth(); !found) return tl::make_unexpected(std::move(found.error()));
   judge();
-  show_end();
+  show_.end(record_);
   return std::move(record_);
 }
 
@@ -229,7 +227,7 @@ bool EpisodeRun::step(Stamp now) {
   note_events(now, first);
   const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
   note_truth(now, is_last);
-  if (context_.observer != nullptr) show_step(now, step_ms);
+  show_.step(now, step_ms, status_, *replanner_, record_);
   record_.interrupted = context_.stop.stop_requested();
   if (watch_ && !is_last) record_.called_off = watch_(now, *replanner_);
   return !is_last && !record_.interrupted && record_.called_off.empty();
@@ -266,9 +264,7 @@ void EpisodeRun::note_events(Stamp now, std::size_t first) {
   using Kind = ReplannerEvent::Kind;
   for (std::size_t i = first; i < events_.size(); ++i) {
     EpisodeEvent event{events_[i], {}, {}};
-    const bool is_followed =
-        event.event.kind == Kind::kPlanned || event.event.kind == Kind::kReplanned;
-    if (is_followed) {
+    if (event.event.kind == Kind::kPlanned || event.event.kind == Kind::kReplanned) {
       const auto since_map_ms = [&](Stamp stamp) {
         return 1e-6 * static_cast<double>(stamp.ns - event.event.map_stamp.ns);
       };
@@ -280,44 +276,9 @@ void EpisodeRun::note_events(Stamp now, std::size_t first) {
                       : world_.clock->now());
       record_.followed.push_back({replanner_->followed_start().seconds(), replanner_->followed()});
     }
-    if (context_.observer != nullptr) show_event(event, is_followed);
+    show_.event(event, *replanner_);
     record_.events.push_back(std::move(event));
   }
-}
-
-void EpisodeRun::show_world() {
-  if (context_.observer == nullptr) return;
-  context_.observer->begin({context_.configuration.name, record_.episode, world_.robot,
-                            world_.scene, world_.q_start, world_.q_goal});
-  mapping_.show(true);
-}
-
-void EpisodeRun::show_step(Stamp now, double step_ms) {
-  ObservedStep step{now, step_ms, status_, replanner_->checks(), {}, {}};
-  const auto current =
-      guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
-  if (current) step.q = current->state.q;
-  if (!record_.poses.empty()) step.q_true = record_.poses.back().q;
-  context_.observer->stepped(step);
-}
-
-/// A stop is followed, too: every event is shown with what is followed after it.
-void EpisodeRun::show_event(const EpisodeEvent& event, bool is_followed) const {
-  ObservedEvent shown{event.event, event.stamp_to_trajectory_ms, nullptr, {}};
-  const bool is_stop = event.event.kind == ReplannerEvent::Kind::kStopped ||
-                       event.event.kind == ReplannerEvent::Kind::kSlowed;
-  if (is_followed || is_stop) {
-    shown.followed = std::make_shared<const Trajectory>(replanner_->followed());
-    shown.followed_start = replanner_->followed_start();
-  }
-  context_.observer->happened(shown);
-}
-
-void EpisodeRun::show_end() {
-  if (context_.observer == nullptr) return;
-  mapping_.show(false);
-  context_.observer->end({world_.clock->now(), record_.success(),
-                          record_.success() ? "the robot is at its goal" : record_.reason});
 }
 
 /// How long after the receipt of the newest frame in their map trajectories came.
