@@ -1,12 +1,9 @@
 #include "deploy.hpp"
 
-#include <sidestep/runtime/yaml_document.hpp>
-
 #include "blocks.hpp"
 #include "deploy_settings.hpp"
+#include "loop_experiment.hpp"
 #include "replan_episode.hpp"
-#include "replan_rows.hpp"
-#include "replan_summary.hpp"
 
 namespace sidestep {
 namespace {
@@ -18,16 +15,12 @@ constexpr auto kIdle = std::chrono::milliseconds(20);
 constexpr double kForget_s = 60.0;
 
 void check_deploy(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  const Node& sampler = block_of(configuration, "sampler");
-  if (!sampler.is_null()) host.check(PluginKind::kOptimiser, sampler, errors);
-  std::vector<Error> told;
-  host.check(PluginKind::kRobot, block_of(configuration, "robot"), told);
-  if (!told.empty()) return;
-  const auto robot = make_run_robot(configuration, host, errors);
-  if (robot == nullptr) return;
-  (void)read_deploy_configuration(configuration, robot->description(), errors);
-  check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
-  check_floor(block_of(configuration, "planning"), robot->description(), errors);
+  check_loop(
+      configuration, host,
+      [&](const std::shared_ptr<const RobotModel>& robot, std::vector<Error>& mistakes) {
+        (void)read_deploy_configuration(configuration, robot->description(), mistakes);
+      },
+      errors);
 }
 
 /// A robot that goes where it is sent, until nobody sends it any more.
@@ -212,30 +205,18 @@ Result<ExperimentOutcome> run_deploy(ExperimentContext& context) {
   }
   ReplanFacts facts = facts_of(context, settings.loop.experiment, robot->description());
   facts.planned_episodes = settings.deploy.goals;
-
-  const auto file = context.out / "results.sqlite";
-  auto store = ResultsStore::open(file, facts.provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
-  Recorder recorder(**store);
-  record_replan_run("", recorder);
-  auto done = contained("the closed loop", [&] {
+  return run_loop(context, std::move(facts), "", [&](Recorder& recorder) {
     return Deployment(context, settings, *world, *goals).run(recorder);
   });
-  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
-  store->reset();
-  facts.interrupted = context.stop.stop_requested() && settings.deploy.goals > 0;
-  return conclude_replan(std::move(facts), std::move(done), file);
 }
 
 }  // namespace
 
 ExperimentType deploy_experiment() {
-  ExperimentType type;
+  ExperimentType type = loop_experiment();
   type.name = "deploy";
   type.doc = "The closed loop to goals that come while it runs, in one map";
   type.schema = [] { return DeploySettings::parameters().schema(); };
-  type.blocks = {"robot",     "source",   "mapper",   "field",
-                 "optimiser", "planning", "executor", "replanner"};
   type.check = &check_deploy;
   type.run = &run_deploy;
   return type;

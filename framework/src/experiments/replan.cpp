@@ -5,11 +5,8 @@
 
 #include <sidestep/runtime/yaml_document.hpp>
 
-#include "blocks.hpp"
+#include "loop_experiment.hpp"
 #include "replan_episode.hpp"
-#include "replan_rows.hpp"
-#include "replan_summary.hpp"
-#include "run_provenance.hpp"
 #include "study_rows.hpp"
 
 namespace sidestep {
@@ -18,16 +15,12 @@ namespace {
 constexpr std::int64_t kAlwaysPictured = 2;  ///< Episodes; later ones where they failed.
 
 void check_replan(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  const Node& sampler = block_of(configuration, "sampler");
-  if (!sampler.is_null()) host.check(PluginKind::kOptimiser, sampler, errors);
-  std::vector<Error> told;
-  host.check(PluginKind::kRobot, block_of(configuration, "robot"), told);
-  if (!told.empty()) return;
-  const auto robot = make_run_robot(configuration, host, errors);
-  if (robot == nullptr) return;
-  (void)read_replan_configuration(configuration, robot, errors);
-  check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
-  check_floor(block_of(configuration, "planning"), robot->description(), errors);
+  check_loop(
+      configuration, host,
+      [&](const std::shared_ptr<const RobotModel>& robot, std::vector<Error>& mistakes) {
+        (void)read_replan_configuration(configuration, robot, mistakes);
+      },
+      errors);
 }
 
 /// The effective configuration as far as it fixes outcomes.
@@ -99,31 +92,18 @@ Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
   facts.planned_episodes = settings.experiment.episodes;
   facts.again = command_again(context.configuration);
 
-  const auto file = context.out / "results.sqlite";
-  auto store =
-      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, facts.provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
-  Recorder recorder(**store);
-  if (!context.resume) record_replan_run(identity, recorder);
-  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
-  // Held here, so that episodes before one that cannot be run are kept.
-  auto done = contained("the closed loop", [&] {
+  return run_loop(context, std::move(facts), identity, [&](Recorder& recorder) {
     return run_episodes(context, settings, robot, *finished, recorder);
   });
-  store->reset();
-  facts.interrupted = context.stop.stop_requested();
-  return conclude_replan(std::move(facts), std::move(done), file);
 }
 
 }  // namespace
 
 ExperimentType replan_experiment() {
-  ExperimentType type;
+  ExperimentType type = loop_experiment();
   type.name = "replan";
   type.doc = "The closed loop: mapping, checking and replanning while the robot moves";
   type.schema = [] { return ReplanSettings::parameters().schema(); };
-  type.blocks = {"robot",     "source",   "mapper",   "field",
-                 "optimiser", "planning", "executor", "replanner"};
   type.check = &check_replan;
   type.run = &run_replan;
   type.is_resumable = true;
