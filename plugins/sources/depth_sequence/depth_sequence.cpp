@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "chosen_frames.hpp"
 #include "png_depth.hpp"
 #include "pose.hpp"
 #include "sequence.hpp"
@@ -95,25 +96,6 @@ class DepthSequence final : public Source {
   std::size_t at_ = 0;
 };
 
-Result<std::vector<SequenceEntry>> select(const Sequence& sequence, const Options& options) {
-  const auto& all = sequence.entries();
-  std::vector<SequenceEntry> selected;
-  const auto stride = static_cast<std::size_t>(options.stride);
-  const auto limit =
-      options.max_frames > 0 ? static_cast<std::size_t>(options.max_frames) : all.size();
-  for (auto i = static_cast<std::size_t>(options.first_frame);
-       i < all.size() && selected.size() < limit; i += stride) {
-    selected.push_back(all[i]);
-  }
-  if (selected.empty()) {
-    return fail(ErrorCode::kConfig,
-                "first_frame is " + std::to_string(options.first_frame) +
-                    ", but the sequence has only " + std::to_string(all.size()) + " frames",
-                options.path.string());
-  }
-  return selected;
-}
-
 /// The size that most of the first readable images have, so that one odd file, even the first,
 /// does not decide.
 Result<ImageSize> image_size(const std::vector<SequenceEntry>& entries, const Options& options) {
@@ -192,7 +174,8 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
                                               const DocumentReader& documents) {
   auto sequence = open_sequence(options, log);
   if (!sequence) return tl::make_unexpected(sequence.error());
-  auto selected = select(**sequence, options);
+  auto selected = recorded_frames::chosen_frames((*sequence)->entries(), options, "frames",
+                                                 options.path.string());
   if (!selected) return tl::make_unexpected(selected.error());
   const auto size = image_size(*selected, options);
   if (!size) return tl::make_unexpected(size.error());

@@ -1,11 +1,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
-#include <functional>
-#include <sstream>
 
 #include "sequence.hpp"
+#include "word_lines.hpp"
 
 namespace sidestep::depth_sequence {
 namespace {
@@ -15,26 +13,6 @@ struct TimedPose {
   Eigen::Vector3d translation_m;
   Eigen::Quaterniond rotation;
 };
-
-/// Calls handle(words, `file:line`) for each line that is neither empty nor a comment.
-Result<void> for_each_line(const std::filesystem::path& file,
-                           const std::function<Result<void>(const std::vector<std::string>&,
-                                                            const std::string&)>& handle) {
-  std::ifstream stream(file);
-  if (!stream) return fail(ErrorCode::kNotFound, "there is no such file", file.string());
-  int number = 0;
-  for (std::string line; std::getline(stream, line);) {
-    ++number;
-    std::istringstream words_of(line.substr(0, line.find('#')));
-    std::vector<std::string> words;
-    for (std::string word; words_of >> word;) words.push_back(word);
-    if (words.empty()) continue;
-    if (auto handled = handle(words, file.string() + ":" + std::to_string(number)); !handled) {
-      return handled;
-    }
-  }
-  return {};
-}
 
 Result<double> number(const std::string& word, const std::string& where) {
   char* end = nullptr;
@@ -56,7 +34,7 @@ Result<double> time(const std::string& word, const std::string& where) {
 
 Result<std::vector<SequenceEntry>> read_depth_list(const std::filesystem::path& folder) {
   std::vector<SequenceEntry> entries;
-  auto read = for_each_line(
+  auto read = recorded_frames::for_each_line(
       folder / "depth.txt",
       [&](const std::vector<std::string>& words, const std::string& where) -> Result<void> {
         if (words.size() != 2) {
@@ -75,7 +53,7 @@ Result<std::vector<SequenceEntry>> read_depth_list(const std::filesystem::path& 
 
 Result<std::vector<TimedPose>> read_poses(const std::filesystem::path& file) {
   std::vector<TimedPose> poses;
-  auto read = for_each_line(
+  auto read = recorded_frames::for_each_line(
       file, [&](const std::vector<std::string>& words, const std::string& where) -> Result<void> {
         if (words.size() != 8) {
           return fail(ErrorCode::kConfig, "expected 'timestamp tx ty tz qx qy qz qw'", where);

@@ -7,6 +7,7 @@
 
 #include <sidestep/core/seed.hpp>
 
+#include "chosen_frames.hpp"
 #include "cloud_filters.hpp"
 #include "pcd_file.hpp"
 #include "poses.hpp"
@@ -173,24 +174,6 @@ Result<void> match_by_stamp(const Options& options, std::vector<StampedPose> pos
   return {};
 }
 
-Result<std::vector<Entry>> select(const Options& options, std::vector<Entry> all) {
-  std::vector<Entry> selected;
-  const auto stride = static_cast<std::size_t>(options.stride);
-  const auto limit =
-      options.max_frames > 0 ? static_cast<std::size_t>(options.max_frames) : all.size();
-  for (auto i = static_cast<std::size_t>(options.first_frame);
-       i < all.size() && selected.size() < limit; i += stride) {
-    selected.push_back(std::move(all[i]));
-  }
-  if (selected.empty()) {
-    return fail(ErrorCode::kConfig,
-                "first_frame is " + std::to_string(options.first_frame) + ", but there are only " +
-                    std::to_string(all.size()) + " point clouds",
-                options.path.string());
-  }
-  return selected;
-}
-
 }  // namespace
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, std::uint64_t seed) {
@@ -204,7 +187,8 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, std::uint6
                              : match_by_stamp(options, std::move(*poses), *entries);
     if (!matched) return tl::make_unexpected(matched.error());
   }
-  auto selected = select(options, std::move(*entries));
+  auto selected = recorded_frames::chosen_frames(std::move(*entries), options, "point clouds",
+                                                 options.path.string());
   if (!selected) return tl::make_unexpected(selected.error());
   return std::unique_ptr<Source>(std::make_unique<PcdSource>(options, std::move(*selected), seed));
 }

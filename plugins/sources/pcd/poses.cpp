@@ -3,10 +3,10 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <string>
+
+#include "word_lines.hpp"
 
 namespace sidestep::pcd {
 namespace {
@@ -62,24 +62,20 @@ Result<Stamp> read_stamp(const std::string& text, const std::string& where) {
 }
 
 Result<std::vector<StampedPose>> read_poses(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  if (!stream) {
+  std::vector<StampedPose> poses;
+  auto read = recorded_frames::for_each_line(
+      file, [&](const std::vector<std::string>& words, const std::string& where) -> Result<void> {
+        auto pose = read_pose(words, where);
+        if (!pose) return tl::make_unexpected(std::move(pose.error()));
+        poses.push_back(*pose);
+        return {};
+      });
+  if (read) return poses;
+  if (read.error().code == ErrorCode::kNotFound) {
     return fail(ErrorCode::kNotFound, "there is no such file of poses", file.string(),
                 "set source.poses");
   }
-  std::vector<StampedPose> poses;
-  int number = 0;
-  for (std::string line; std::getline(stream, line);) {
-    ++number;
-    std::istringstream words_of(line.substr(0, line.find('#')));
-    std::vector<std::string> words;
-    for (std::string word; words_of >> word;) words.push_back(word);
-    if (words.empty()) continue;
-    auto pose = read_pose(words, file.string() + ":" + std::to_string(number));
-    if (!pose) return tl::make_unexpected(std::move(pose.error()));
-    poses.push_back(*pose);
-  }
-  return poses;
+  return tl::make_unexpected(std::move(read.error()));
 }
 
 }  // namespace sidestep::pcd

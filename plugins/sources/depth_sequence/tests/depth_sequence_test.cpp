@@ -113,7 +113,7 @@ TEST_F(SevenScenes, SelectsFramesByFirstStrideAndNumber) {
   options_.max_frames = 1;
   EXPECT_EQ(read_all().size(), 1U);
   options_.first_frame = 4;
-  EXPECT_THAT(create().error().describe(), HasSubstr("has only 4 frames"));
+  EXPECT_THAT(create().error().describe(), HasSubstr("there are only 4 frames"));
 }
 
 TEST_F(SevenScenes, AppliesTheWorldFrameUnlessToldNot) {
