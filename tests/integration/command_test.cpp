@@ -411,6 +411,17 @@ TEST_F(CommandTest, ListsPluginsAndTheirParameters) {
   EXPECT_THAT(unknown.error, HasSubstr("did you mean 'voxel_grid'?"));
 }
 
+TEST_F(CommandTest, TellsWhyAPluginThatIsAskedForIsNotUsable) {
+  const fs::path library = folder_ / "libfield_mine.so";
+  std::ofstream(library) << "no library";
+  setenv("SIDESTEP_PLUGIN_PATH", folder_.c_str(), 1);
+  const Finished finished = run({"plugins", "mine"});
+  unsetenv("SIDESTEP_PLUGIN_PATH");
+  EXPECT_EQ(finished.exit_code, 3);
+  EXPECT_THAT(finished.error, HasSubstr(library.string() + " is not usable"));
+  EXPECT_THAT(finished.error, HasSubstr("there is no plugin 'mine'"));
+}
+
 TEST_F(CommandTest, FindsNoMistakeInTheConfigurationsThatAreInstalled) {
   int checked = 0;
   for (const auto& entry : fs::directory_iterator(std::string(SIDESTEP_SOURCE_DIR) + "/configs")) {

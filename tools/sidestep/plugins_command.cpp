@@ -99,10 +99,10 @@ ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat f
   std::vector<PluginInfo> wanted;
   std::ranges::copy_if(plugins, std::back_inserter(wanted),
                        [&](const PluginInfo& plugin) { return !name || plugin.name == *name; });
-  if (name && wanted.empty()) return print_unknown(*name, plugins);
   for (const PluginRejection& rejection : session.host().rejections()) {
     console.warn(rejection.library.string() + " is not usable: " + rejection.error.describe());
   }
+  if (name && wanted.empty()) return print_unknown(*name, plugins);
   const std::vector<SettingsBlock> blocks = name ? std::vector<SettingsBlock>{} : settings_blocks();
   if (format == PluginsFormat::kMarkdown) {
     std::printf("%s", reference_markdown(wanted, blocks).c_str());
