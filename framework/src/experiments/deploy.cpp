@@ -45,6 +45,7 @@ class Deployment {
   [[nodiscard]] Result<EpisodeRecord> go_to(const Goal& goal);
   [[nodiscard]] std::string watch(Stamp now, const Goal& goal);
   void report(const std::string& id, State state, std::string message, double farthest = 0.0);
+  void show_progress(std::string what) const;
   [[nodiscard]] std::optional<Eigen::VectorXd> measured();
   [[nodiscard]] double farthest_joint();
 
@@ -77,8 +78,7 @@ Result<void> Deployment::run(Recorder& recorder) {
 
 /// Nothing where none will come, or a stop is requested.
 std::optional<Goal> Deployment::wait_for_goal() {
-  if (context_.progress)
-    context_.progress(episode_, settings_.deploy.goals, "waiting; goals done:");
+  show_progress("waiting");
   double idle_s = 0.0;
   while (!context_.stop.stop_requested()) {
     if (waiting_) return std::exchange(waiting_, std::nullopt);
@@ -93,6 +93,13 @@ std::optional<Goal> Deployment::wait_for_goal() {
     }
   }
   return std::nullopt;
+}
+
+/// How many goals are done follows where there are any.
+void Deployment::show_progress(std::string what) const {
+  if (!context_.progress) return;
+  if (episode_ > 0) what += "; goals done:";
+  context_.progress(episode_, settings_.deploy.goals, what);
 }
 
 /// Lets time pass; the map follows, so that it is there when a goal comes.
@@ -132,10 +139,7 @@ Result<EpisodeRecord> Deployment::go_to(const Goal& goal) {
   world_.q_goal = goal.q;
   settings_.loop.task = goal.task;
   report(goal.id, State::kAccepted, "");
-  if (context_.progress) {
-    context_.progress(episode_, settings_.deploy.goals,
-                      "on the way to goal " + goal.id + "; goals done:");
-  }
+  show_progress("on the way to goal " + goal.id);
   next_feedback_ = world_.clock->now();
   auto done = run_episode(context_,
                           {settings_.loop, world_, slot_, mapping_,

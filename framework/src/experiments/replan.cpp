@@ -5,9 +5,9 @@
 
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "divided_run.hpp"
 #include "loop_experiment.hpp"
 #include "replan_episode.hpp"
-#include "study_rows.hpp"
 
 namespace sidestep {
 namespace {
