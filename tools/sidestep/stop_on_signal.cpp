@@ -21,7 +21,7 @@ sigset_t handled_signals() {
   return signals;
 }
 
-void wait_for_signals(const std::stop_token& done, std::stop_source stop) {
+void wait_for_signals(const std::stop_token& done, const std::stop_source& stop) {
   const sigset_t signals = handled_signals();
   const timespec interval{0, 100'000'000};
   std::chrono::steady_clock::time_point first;
