@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json times(std::vector<double> values) {
+Json times(const std::vector<double>& values) {
   return {{"p50", percentile(values, 0.5)},
           {"p95", percentile(values, 0.95)},
           {"max", percentile(values, 1.0)}};

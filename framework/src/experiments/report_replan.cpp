@@ -163,7 +163,7 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
   std::string html = metrics_section(summary) + comparison_section(summary) +
                      collisions_section(summary) + failures_section(at(summary, "/failures"));
   if (!at(summary, "/episodes").is_number_integer()) return html;
-  const auto spread = spread_section(results, run);
+  auto spread = spread_section(results, run);
   if (!spread) return spread;
   html += *spread;
   const auto chosen = chosen_episodes(summary, results);
@@ -172,9 +172,9 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
     const auto figures = replan_figures(results, episode);
     if (!figures) return tl::make_unexpected(figures.error());
-    const auto section = figure_section(*figures, run);
+    auto section = figure_section(*figures, run);
     if (!section) return section;
-    const auto events = events_section(results, episode);
+    auto events = events_section(results, episode);
     if (!events) return events;
     html += *section + *events;
   }
