@@ -118,10 +118,15 @@ void add_events(const Items& events, std::map<std::int64_t, EpisodeRow>& rows) {
     if (kind == Kind::kReplanned) ++episode.replans;
     if (kind == Kind::kStopped) ++episode.stops;
     if (kind == Kind::kSlowed) ++episode.slowdowns;
-    if (kind != Kind::kReplanned && kind != Kind::kPlanned) continue;
+    const bool is_followed = kind == Kind::kReplanned || kind == Kind::kPlanned;
+    const double solve_ms = value_of(event, "solve_ms").value_or(0.0);
+    if (is_followed || (kind == Kind::kReplanFailed && solve_ms > 0.0)) {
+      episode.search_ms.push_back(solve_ms);
+    }
+    if (!is_followed) continue;
     episode.splice_velocity_jump_max = std::max(
         episode.splice_velocity_jump_max, value_of(event, "splice_velocity_jump").value_or(0.0));
-    episode.solve_ms.push_back(value_of(event, "solve_ms").value_or(0.0));
+    episode.solve_ms.push_back(solve_ms);
     episode.unknown_share.push_back(value_of(event, "unknown_share").value_or(0.0));
     if (const auto age_ms = value_of(event, "map_age_ms")) episode.map_age_ms.push_back(*age_ms);
     if (const auto ms = value_of(event, "stamp_to_trajectory_ms")) {

@@ -107,6 +107,7 @@ Json metrics_of(const ReplanRows& rows) {
           {"replans", sum_of(episodes, &EpisodeRow::replans)},
           {"guesses", guesses_of(rows)},
           {"solve_ms", spread_of(episodes, &EpisodeRow::solve_ms)},
+          {"search_ms", spread_of(episodes, &EpisodeRow::search_ms)},
           {"stamp_to_trajectory_ms", spread_of(episodes, &EpisodeRow::stamp_to_trajectory_ms)},
           {"frame_to_trajectory_ms", spread_of(episodes, &EpisodeRow::frame_to_trajectory_ms)},
           {"check_hz", time_s > 0.0 ? Json(steps / time_s) : Json(nullptr)},
