@@ -229,6 +229,8 @@ Result<ReplanRows> read_replan_rows(const std::filesystem::path& file) {
     row.appear_frames = list_of(**reader, item, "appear_frames");
     row.clear_frames = list_of(**reader, item, "clear_frames");
     if (values.contains("ghost_vox")) row.ghost_vox = count_of(values, "ghost_vox");
+    row.nearest_link = text_of(**reader, "episode", item, "nearest_link");
+    row.nearest_object = text_of(**reader, "episode", item, "nearest_object");
     row.reason = text_of(**reader, "episode", item, "reason");
   }
   add_events(*events, by_episode);

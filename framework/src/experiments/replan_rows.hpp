@@ -25,6 +25,8 @@ struct EpisodeRow {
   bool reached = false;
   double duration_s = 0.0;
   std::optional<double> min_true_clearance_m;
+  std::string nearest_link;  ///< That it is of, and to which object; empty where nothing came near.
+  std::string nearest_object;
   std::int64_t collisions = 0;
   std::int64_t steps = 0;
   std::int64_t checks = 0;

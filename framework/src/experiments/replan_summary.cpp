@@ -51,13 +51,24 @@ Json spread_of(const std::vector<EpisodeRow>& episodes, Member member) {
   return spread(all_of(episodes, member));
 }
 
-Json least_clearance(const std::vector<EpisodeRow>& episodes) {
-  std::optional<double> least;
+/// The episode with the least true clearance; null where it is known of none.
+const EpisodeRow* closest_of(const std::vector<EpisodeRow>& episodes) {
+  const EpisodeRow* closest = nullptr;
   for (const EpisodeRow& episode : episodes) {
     if (!episode.min_true_clearance_m) continue;
-    least = std::min(least.value_or(*episode.min_true_clearance_m), *episode.min_true_clearance_m);
+    const bool is_closer =
+        closest == nullptr || *episode.min_true_clearance_m < *closest->min_true_clearance_m;
+    if (is_closer) closest = &episode;
   }
-  return least ? Json(*least) : Json(nullptr);
+  return closest;
+}
+
+/// What came nearest to what, there.
+Json nearest_json(const EpisodeRow* closest) {
+  if (closest == nullptr || closest->nearest_link.empty()) return nullptr;
+  return {{"episode", closest->episode},
+          {"link", closest->nearest_link},
+          {"object", closest->nearest_object}};
 }
 
 Json ghost_vox(const std::vector<EpisodeRow>& episodes) {
@@ -92,6 +103,7 @@ Json metrics_of(const ReplanRows& rows) {
   const auto solve_ms = all_of(episodes, &EpisodeRow::solve_ms);
   const auto to_trajectory_ms = all_of(episodes, &EpisodeRow::stamp_to_trajectory_ms);
   const auto map_age_ms = all_of(episodes, &EpisodeRow::map_age_ms);
+  const EpisodeRow* closest = closest_of(episodes);
   double jump = 0.0;
   for (const EpisodeRow& episode : episodes) {
     jump = std::max(jump, episode.splice_velocity_jump_max);
@@ -102,7 +114,9 @@ Json metrics_of(const ReplanRows& rows) {
           {"success_share",
            episodes.empty() ? Json(nullptr) : Json(static_cast<double>(successes) / count)},
           {"collisions_true", sum_of(episodes, &EpisodeRow::collisions)},
-          {"min_true_clearance_m", least_clearance(episodes)},
+          {"min_true_clearance_m",
+           closest != nullptr ? Json(*closest->min_true_clearance_m) : Json(nullptr)},
+          {"nearest", nearest_json(closest)},
           {"time_to_goal_s", times_to_goal(episodes)},
           {"replans", sum_of(episodes, &EpisodeRow::replans)},
           {"guesses", guesses_of(rows)},
@@ -199,7 +213,12 @@ std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const
   std::string text = (static_cast<std::size_t>(successes) == done ? "Success: " : "Failed: ") +
                      count + "; " + cell(at(metrics, "/replans")) + " replans, " +
                      cell(at(metrics, "/stops")) + " stops, least true clearance " +
-                     cell(at(metrics, "/min_true_clearance_m"), "%.3f m") + ".";
+                     cell(at(metrics, "/min_true_clearance_m"), "%.3f m");
+  if (at(metrics, "/nearest").is_object()) {
+    text += ", of " + cell(at(metrics, "/nearest/link")) + " to " +
+            cell(at(metrics, "/nearest/object"));
+  }
+  text += ".";
   const auto failed = std::ranges::find(rows.episodes, false, &EpisodeRow::success);
   if (failed != rows.episodes.end()) {
     text += " Episode " + std::to_string(failed->episode) + ": " + failed->reason + ".";

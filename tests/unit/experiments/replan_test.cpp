@@ -201,6 +201,8 @@ class ReplanRowsTest : public testing::Test {
 TEST_F(ReplanRowsTest, SummarisesWhatWasRecorded) {
   EpisodeRecord touched = flight(1);
   touched.truth.min_clearance_m = -0.02;
+  touched.truth.nearest_link = "ball";
+  touched.truth.nearest_object = "box";
   touched.contacts = {{{"ball", "box", 1.9, 2.0, 0.02}, "unseen"}};
   touched.reason = "link 'ball' touched 'box' (unseen)";
   touched.events.push_back(event_of(Kind::kReplanFailed, 1.9, 50.0));
@@ -214,6 +216,10 @@ TEST_F(ReplanRowsTest, SummarisesWhatWasRecorded) {
   EXPECT_EQ(summary["success_share"], 0.5);
   EXPECT_EQ(summary["collisions_true"], 1);
   EXPECT_EQ(summary["min_true_clearance_m"], -0.02);
+  EXPECT_EQ(summary["nearest"], (Json{{"episode", 1}, {"link", "ball"}, {"object", "box"}}));
+  EXPECT_NE(outcome.verdict.find("least true clearance -0.020 m, of ball to box."),
+            std::string::npos)
+      << outcome.verdict;
   EXPECT_EQ(summary["replans"], 2);
   EXPECT_EQ(summary["solve_ms"]["p50"], 3.0);
   EXPECT_EQ(summary["solve_ms"]["max"], 4.0);
