@@ -8,9 +8,9 @@
 #include <vector>
 
 #include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/field/occupancy_bits.hpp>
 
 #include "bag_writer.hpp"
-#include "occupancy_bits.hpp"
 #include "record_queue.hpp"
 #include "run_messages.hpp"
 

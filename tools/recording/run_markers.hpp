@@ -2,11 +2,11 @@
 
 #include <span>
 
+#include <sidestep/field/occupancy_bits.hpp>
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
-#include "occupancy_bits.hpp"
 #include "ros_messages.hpp"
 
 /// What rviz draws of a run. Each message shows its topic anew: it begins with a marker that

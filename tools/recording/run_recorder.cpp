@@ -4,8 +4,7 @@
 #include <utility>
 
 #include <sidestep/core/format.hpp>
-
-#include "low_priority.hpp"
+#include <sidestep/core/low_priority.hpp>
 
 namespace sidestep {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <exception>
 
-#include "low_priority.hpp"
+#include <sidestep/core/low_priority.hpp>
 
 namespace sidestep {
 
@@ -44,3 +44,5 @@ void ViewFeed::work(const std::stop_token& stop) {
 }
 
 }  // namespace sidestep
+
+#include <sidestep/core/low_priority.hpp>

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/field/occupancy_bits.hpp>
 
 #include "field_slice.hpp"
-#include "occupancy_bits.hpp"
 #include "robot_clearance.hpp"
 #include "view_message.hpp"
 

@@ -9,9 +9,10 @@
 
 #include <boost/asio/post.hpp>
 
+#include <sidestep/core/low_priority.hpp>
+
 #include "detail/view_client.hpp"
 #include "detail/view_connection.hpp"
-#include "low_priority.hpp"
 
 namespace sidestep {
 namespace {

@@ -1,4 +1,4 @@
-#include "occupancy_bits.hpp"
+#include <sidestep/field/occupancy_bits.hpp>
 
 #include <algorithm>
 #include <random>

@@ -3,8 +3,8 @@
 #include <benchmark/benchmark.h>
 
 #include <sidestep/core/log.hpp>
+#include <sidestep/field/occupancy_bits.hpp>
 
-#include "occupancy_bits.hpp"
 #include "view_feed.hpp"
 #include "view_testing.hpp"
 

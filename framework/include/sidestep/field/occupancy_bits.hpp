@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include <sidestep/core/export.hpp>
 #include <sidestep/field/dense_field.hpp>
 
 namespace sidestep {
@@ -21,7 +22,7 @@ struct BlockBits {
 
 /// A map as a viewer draws it, kept up to date field by field. A voxel is occupied where its
 /// distance is 0 or less.
-class OccupancyBits {
+class SIDESTEP_EXPORT OccupancyBits {
  public:
   /// Larger grids are not drawn: those of exact fields have voxels of a millimetre.
   static constexpr std::size_t kMostVoxels = std::size_t{1} << 27;

@@ -1,4 +1,4 @@
-#include "low_priority.hpp"
+#include <sidestep/core/low_priority.hpp>
 
 #include <pthread.h>
 #include <sched.h>
