@@ -46,7 +46,7 @@ class Deployment {
   [[nodiscard]] std::string watch(Stamp now, const Goal& goal);
   void report(const std::string& id, State state, std::string message, double farthest = 0.0);
   void show_progress(std::string what) const;
-  [[nodiscard]] std::optional<Eigen::VectorXd> measured();
+  [[nodiscard]] Result<Eigen::VectorXd> measured();
   [[nodiscard]] double farthest_joint();
 
   ExperimentContext& context_;
@@ -124,7 +124,8 @@ std::optional<Goal> Deployment::next_goal() {
   if (!request || !*request) return std::nullopt;
   const auto q_now = measured();
   if (!q_now) {
-    report((*request)->id, State::kRefused, "where the robot is, is not known");
+    report((*request)->id, State::kRefused,
+           "where the robot is, is not known: " + q_now.error().describe());
     return std::nullopt;
   }
   auto goal = read_goal(**request, world_.robot, *q_now);
@@ -135,7 +136,7 @@ std::optional<Goal> Deployment::next_goal() {
 
 Result<EpisodeRecord> Deployment::go_to(const Goal& goal) {
   const auto q_now = measured();
-  world_.q_start = q_now.value_or(world_.q_start);
+  if (q_now) world_.q_start = *q_now;
   world_.q_goal = goal.q;
   settings_.loop.task = goal.task;
   report(goal.id, State::kAccepted, "");
@@ -180,11 +181,10 @@ void Deployment::report(const std::string& id, State state, std::string message,
   if (!told) context_.log.warn("the report was lost: " + told.error().describe());
 }
 
-std::optional<Eigen::VectorXd> Deployment::measured() {
-  const auto current =
-      guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
-  if (!current) return std::nullopt;
-  return current->state.q;
+Result<Eigen::VectorXd> Deployment::measured() {
+  auto current = guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
+  if (!current) return tl::make_unexpected(std::move(current.error()));
+  return std::move(current->state.q);
 }
 
 double Deployment::farthest_joint() {

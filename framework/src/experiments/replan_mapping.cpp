@@ -30,6 +30,9 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
   if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
   source_.keep_last(measures || observer_ != nullptr);
+  auto* const display = dynamic_cast<MapDisplay*>(world.executor.get());
+  if (is_lockstep_ || display == nullptr) return;
+  show_ = std::make_unique<MapShow>(*display, slot_, plugin_of(world.executor), log);
 }
 
 bool EpisodeMapping::map_one(const Deadline& deadline) {
@@ -93,12 +96,16 @@ std::string EpisodeMapping::trouble() const {
 }
 
 std::shared_ptr<const DistanceField> EpisodeMapping::map_first(const Deadline& deadline) {
-  if (!is_lockstep_) {
-    map_one(deadline);
-    return slot_.pin();
+  if (is_lockstep_) {
+    advance(clock_.now());
+    return made_.pin();
   }
-  advance(clock_.now());
-  return made_.pin();
+  if (!thread_.joinable()) map_one(deadline);
+  constexpr auto kLook = std::chrono::milliseconds(20);
+  while (thread_.joinable() && slot_.pin() == nullptr && !deadline.expired()) {
+    slot_.wait_for_newer(nullptr, std::chrono::steady_clock::now() + kLook);
+  }
+  return slot_.pin();
 }
 
 void EpisodeMapping::advance(Stamp now) {

@@ -10,14 +10,16 @@
 
 #include <sidestep/experiments/run_observer.hpp>
 
+#include "map_show.hpp"
 #include "map_truth.hpp"
 #include "paced_frames.hpp"
 #include "replan_world.hpp"
 
 namespace sidestep {
 
-/// The mapping side of an episode: frames that are due become fields in the slot. Once it has
-/// failed or its source has ended, it maps no more, and the map ages.
+/// The mapping side of an episode: frames that are due become fields in the slot, and are shown by
+/// an executor that can. Once it has failed or its source has ended, it maps no more, and the map
+/// ages.
 class EpisodeMapping {
  public:
   /// `observer` may be null; it is shown nothing before show() says so.
@@ -27,8 +29,8 @@ class EpisodeMapping {
   /// Binds the field builder to the mapper. Call once, first.
   [[nodiscard]] Result<void> attach() { return pipeline_.attach(); }
 
-  /// Maps the first frame, before the clock runs; null where none comes by the deadline, which
-  /// counts by the wall's clock only.
+  /// Maps the first frame, before the clock runs, or waits for it where a thread maps already; null
+  /// where none comes by the deadline, which counts by the wall's clock only.
   std::shared_ptr<const DistanceField> map_first(const Deadline& deadline);
 
   /// In lockstep: maps the frame that is due, if any, and publishes what the latency has passed
@@ -95,6 +97,7 @@ class EpisodeMapping {
   const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
   std::optional<MapTruth> truth_;   ///< Where it is measured.
   std::jthread thread_;
+  std::unique_ptr<MapShow> show_;  ///< By the wall's clock, where the executor shows maps.
 };
 
 }  // namespace sidestep
