@@ -6,29 +6,13 @@
 #include <fstream>
 #include <iterator>
 
-#include <sidestep/runtime/install_layout.hpp>
-#include <sidestep/runtime/yaml_document.hpp>
-
-#include "load_robot.hpp"
 #include "pair_statistics.hpp"
-#include "profile.hpp"
+#include "profile_robot.hpp"
 #include "profile_text.hpp"
 
 namespace {
 
 using namespace sidestep;
-
-class StderrLog final : public Log {
- public:
-  void write(LogLevel, std::string_view message) override {
-    std::fprintf(stderr, "%.*s\n", static_cast<int>(message.size()), message.data());
-  }
-};
-
-class NoClock final : public Clock {
- public:
-  Stamp now() const noexcept override { return {}; }
-};
 
 struct Arguments {
   std::string profile;
@@ -77,23 +61,14 @@ Result<void> write_profile(const std::filesystem::path& file, const std::string&
 }
 
 Result<void> run(const Arguments& arguments) {
-  StderrLog log;
-  const NoClock clock;
-  WorkerPool workers(1);
-  const YamlDocumentReader documents;
-  const HostContext context{log, clock, workers, documents, 0, {install_layout().robots}, {}, {}};
-  urdf_robot::Options options;
-  options.profile = Node(Node::Scalar{arguments.profile, true}, {"command line"});
-  const auto file = urdf_robot::find_profile(options.profile, context.robot_paths);
-  if (!file) return tl::make_unexpected(file.error());
-  const auto tree = urdf_robot::load_robot(options, context);
-  if (!tree) return tl::make_unexpected(tree.error());
+  const auto loaded = load_profile_robot(arguments.profile);
+  if (!loaded) return tl::make_unexpected(loaded.error());
 
-  const auto pairs = sample_pairs(**tree, arguments.sampling);
-  const RobotDescription& robot = (*tree)->description();
+  const auto pairs = sample_pairs(*loaded->tree, arguments.sampling);
+  const RobotDescription& robot = loaded->tree->description();
   print_table(robot, pairs, arguments.sampling.samples);
   const std::string block = self_collision_block(robot, pairs, arguments.sampling);
-  if (arguments.write) return write_profile(*file, block);
+  if (arguments.write) return write_profile(loaded->file, block);
   std::fputs(block.c_str(), stdout);
   return {};
 }
