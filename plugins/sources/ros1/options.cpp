@@ -4,11 +4,8 @@ namespace sidestep::ros1_source {
 
 Parameters<BaseOptions> BaseOptions::parameters() {
   using B = BaseOptions;
-  return Parameters<B>()
-      .add("x_joint", &B::x_joint, "The robot's joint along the world's x.")
-      .add("y_joint", &B::y_joint, "The robot's joint along the world's y.")
-      .add("yaw_joint", &B::yaw_joint, "The robot's joint about the world's z.")
-      .add("frame", &B::frame, "The base's frame in tf.");
+  return ros_messages::base_joint_parameters<B>().add("frame", &B::frame,
+                                                      "The base's frame in tf.");
 }
 
 Parameters<JointOptions> JointOptions::parameters() {

@@ -6,13 +6,12 @@
 
 #include <sidestep/plugin/parameters.hpp>
 
+#include "base_joints.hpp"
+
 namespace sidestep::ros1_source {
 
 /// Joints of the robot's base, whose positions are those of a frame of tf.
-struct BaseOptions {
-  std::string x_joint = "odom_x";
-  std::string y_joint = "odom_y";
-  std::string yaw_joint = "odom_t";
+struct BaseOptions : ros_messages::BaseJoints {
   std::string frame = "base_footprint";
   static Parameters<BaseOptions> parameters();
 };

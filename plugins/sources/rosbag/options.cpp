@@ -111,10 +111,7 @@ Parameters<PoseOptions> PoseOptions::parameters() {
 
 Parameters<BaseOptions> BaseOptions::parameters() {
   using B = BaseOptions;
-  return Parameters<B>()
-      .add("x_joint", &B::x_joint, "The robot's joint along the world's x.")
-      .add("y_joint", &B::y_joint, "The robot's joint along the world's y.")
-      .add("yaw_joint", &B::yaw_joint, "The robot's joint about the world's z.")
+  return ros_messages::base_joint_parameters<B>()
       .add(
           "from", &B::from,
           "tf: the pose of a frame in pose.world_frame; odometry: a topic of nav_msgs/Odometry, in "

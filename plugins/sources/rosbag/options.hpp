@@ -8,6 +8,8 @@
 #include <sidestep/geometry/transform.hpp>
 #include <sidestep/plugin/parameters.hpp>
 
+#include "base_joints.hpp"
+
 namespace sidestep::rosbag {
 
 /// Intrinsics where no camera info tells them, or instead of what it tells.
@@ -49,10 +51,7 @@ struct PoseOptions {
 };
 
 /// Joints of the robot's base, whose positions are those of a frame.
-struct BaseOptions {
-  std::string x_joint = "odom_x";
-  std::string y_joint = "odom_y";
-  std::string yaw_joint = "odom_t";
+struct BaseOptions : ros_messages::BaseJoints {
   std::string from = "tf";
   std::string frame = "base_footprint";
   std::optional<std::string> topic;
