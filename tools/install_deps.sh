@@ -34,7 +34,8 @@ if [ "${1:-}" = "--dev" ]; then
     librosbag-storage-dev)
   packages+=(chromium fonts-inter)  # for the tests and pictures of the viewer's page
   # ROS 1, for source and executor ros1, tools/fake_hsr and their tests
-  packages+=(libroscpp-dev libtrajectory-msgs-dev libvisualization-msgs-dev python3-rosmaster)
+  packages+=(libroscpp-dev libtrajectory-msgs-dev libvisualization-msgs-dev libactionlib-msgs-dev
+    python3-rosmaster python3-roslaunch python3-rostopic)
   packages+=(ompl-demos)  # ompl_benchmark_statistics, with which a test reads a benchmark's database
   # with which tests read recordings
   packages+=(python3-rosbag python3-std-msgs python3-sensor-msgs python3-tf2-msgs)

@@ -5,6 +5,7 @@
 #include <thread>
 
 #include <ros/init.h>
+#include <ros/time.h>
 
 namespace sidestep::ros1_node {
 
@@ -32,6 +33,8 @@ Result<MasterProbe> join_ros(double patience_s, double probe_period_s) {
   }
   // Started here, ROS is not shut down with the last handle of one plugin.
   if (!::ros::isStarted()) ::ros::start();
+  // With use_sim_time there is none before the first message on /clock.
+  (void)::ros::Time::waitForValid(::ros::WallDuration(patience_s));
   return probe;
 }
 

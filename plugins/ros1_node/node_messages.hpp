@@ -1,16 +1,22 @@
 #pragma once
 
+#include <actionlib_msgs/GoalID.h>
+#include <actionlib_msgs/GoalStatus.h>
 #include <sensor_msgs/BatteryState.h>
 #include <std_msgs/Bool.h>
+#include <std_msgs/String.h>
 #include <trajectory_msgs/JointTrajectory.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include "messages.hpp"
 
-/// The messages of motion, markers and switches, as messages.hpp has those of measurements.
+/// The messages of motion, goals, markers and switches, as messages.hpp has those of measurements.
 namespace sidestep::ros_messages {
 
 using Bool = ::std_msgs::Bool_<MessageAllocator<void>>;
+using String = ::std_msgs::String_<MessageAllocator<void>>;
+using GoalId = ::actionlib_msgs::GoalID_<MessageAllocator<void>>;
+using GoalStatus = ::actionlib_msgs::GoalStatus_<MessageAllocator<void>>;
 using BatteryState = ::sensor_msgs::BatteryState_<MessageAllocator<void>>;
 using JointTrajectory = ::trajectory_msgs::JointTrajectory_<MessageAllocator<void>>;
 using JointTrajectoryPoint = ::trajectory_msgs::JointTrajectoryPoint_<MessageAllocator<void>>;

@@ -22,7 +22,7 @@ constexpr const char* kHall = SIDESTEP_SOURCE_DIR "/tests/ros/hall.yaml";
 class Deployment : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!RosWorld::is_possible()) GTEST_SKIP() << "install python3-rosmaster";
+    if (!RosWorld::is_possible()) GTEST_SKIP() << RosWorld::kMissing;
   }
 
   /// From full speed of the base, 0.12 m/s, at its 0.05 m/s^2.
@@ -33,25 +33,6 @@ class Deployment : public ::testing::Test {
   static constexpr double kLongestRun_s = 120.0;
   RosWorld world_;
 };
-
-TEST_F(Deployment, PicksUpFromTheFloorWithoutTouchingAnything) {
-  world_.start("floor_pickup", "floor_pickup", {}, {});
-  const auto code = world_.run().wait(kLongestRun_s);
-  const auto truth = world_.end_fake();
-  ASSERT_EQ(code, 0) << world_.run().log();
-  ASSERT_TRUE(truth.is_object());
-  EXPECT_EQ(truth["collisions_true"], 0) << truth.dump(2);
-  EXPECT_GT(truth["min_true_clearance_m"], 0.0);
-  EXPECT_GT(truth["poses_judged"].get<double>() / truth["duration_s"].get<double>(), 100.0);
-  EXPECT_EQ(truth["commands_refused"], 0);
-  const auto summary = world_.run_summary();
-  ASSERT_TRUE(summary.is_object());
-  std::printf(
-      "image stamp to trajectory command: p50 %.1f ms, p95 %.1f ms; least true clearance %.3f m\n",
-      summary["stamp_to_trajectory_ms"]["p50"].get<double>(),
-      summary["stamp_to_trajectory_ms"]["p95"].get<double>(),
-      truth["min_true_clearance_m"].get<double>());
-}
 
 /// A fault that passes: the robot stops in time, says why, and goes on to its goal.
 struct PassingFault {
@@ -114,6 +95,30 @@ TEST_F(Deployment, StopsWhenTheMasterIsGone) {
   EXPECT_LE(stopped_s, kMasterSilence_s + kBraking_s + kGrace_s);
   EXPECT_EQ(truth["collisions_true"], 0);
   std::printf("master gone: at rest after %.2f s\n", stopped_s);
+}
+
+TEST_F(Deployment, StopsWhenTheClockJumps) {
+  world_.start_master();
+  world_.start_fake(kHall, {});  // By the system's time, which does not jump.
+  const auto time = world_.start_program("time", {ROS_SAY, "time", "2.0"});
+  ASSERT_TRUE(time->says("the time is told", 20.0)) << time->log();
+  world_.start_run("hsr_deploy", {"experiment.duration_s=12", "source.clock_tolerance_s=0.5",
+                                  "executor.watch.clock_tolerance_s=0.5"});
+  ASSERT_TRUE(world_.run().says("episode 0", 30.0)) << world_.run().log();
+  (void)world_.run().wait(5.0);  // Under way.
+  ASSERT_FALSE(world_.run().poll()) << world_.run().log();
+  time->send(SIGUSR1);
+  const double jumped_s = unix_now_s();
+  EXPECT_EQ(world_.run().wait(kLongestRun_s), 1) << world_.run().log();
+  EXPECT_NE(world_.run().log().find("ROS time jumped against the run's clock"), std::string::npos)
+      << world_.run().log();
+  const auto truth = world_.end_fake();
+  ASSERT_TRUE(truth.is_object());
+  const double stopped_s = truth["last_moved_unix_s"].get<double>() - jumped_s;
+  EXPECT_GT(stopped_s, 0.0) << "it did not move when the clock jumped";
+  EXPECT_LE(stopped_s, kBraking_s + kGrace_s);
+  EXPECT_EQ(truth["collisions_true"], 0);
+  std::printf("clock jumped: at rest after %.2f s\n", stopped_s);
 }
 
 TEST_F(Deployment, ComesToRestByItselfWhenNobodyCommandsItAnyMore) {
@@ -179,7 +184,7 @@ TEST_F(Deployment, ConfirmMovesOnceAYesHasCome) {
   world_.start("hsr_deploy", kHall, {}, {"executor.mode=confirm", "experiment.duration_s=40"});
   ASSERT_TRUE(world_.run().says("waits for a yes on /sidestep/confirm", 30.0))
       << world_.run().log();
-  ASSERT_TRUE(world_.say("/sidestep/confirm", true));
+  ASSERT_TRUE(world_.say({"bool", "/sidestep/confirm", "true"}));
   EXPECT_EQ(world_.run().wait(kLongestRun_s), 0) << world_.run().log();
   EXPECT_NE(world_.run().log().find("the operator confirmed the motion"), std::string::npos);
   const auto truth = world_.end_fake();
@@ -188,21 +193,28 @@ TEST_F(Deployment, ConfirmMovesOnceAYesHasCome) {
   EXPECT_EQ(truth["collisions_true"], 0);
 }
 
-TEST_F(Deployment, StopsWhileTheEmergencyStopIsPressed) {
+TEST_F(Deployment, StopsWhileTheEmergencyStopIsPressedAndWhileTheBatteryIsLow) {
   world_.start("hsr_deploy", kHall, {},
-               {"experiment.duration_s=40", "executor.watch.stop_topic=/hsrb/runstop_button"});
+               {"experiment.duration_s=60", "executor.watch.stop_topic=/hsrb/runstop_button",
+                "executor.watch.battery_topic=/hsrb/battery_state"});
   ASSERT_TRUE(world_.run().says("episode 0", 30.0)) << world_.run().log();
   (void)world_.run().wait(4.0);  // Under way.
   ASSERT_FALSE(world_.run().poll()) << world_.run().log();
-  ASSERT_TRUE(world_.say("/hsrb/runstop_button", true));
+  ASSERT_TRUE(world_.say({"bool", "/hsrb/runstop_button", "true"}));
   ASSERT_TRUE(world_.run().says("the emergency stop on /hsrb/runstop_button is pressed", 5.0))
       << world_.run().log();
-  ASSERT_TRUE(world_.say("/hsrb/runstop_button", false));
+  ASSERT_TRUE(world_.fake().says("motion 1 ends", 10.0)) << world_.fake().log();
+  ASSERT_TRUE(world_.say({"bool", "/hsrb/runstop_button", "false"}));
+  ASSERT_TRUE(world_.fake().says("motion 2 begins", 20.0)) << world_.run().log();
+  ASSERT_TRUE(world_.say({"battery", "/hsrb/battery_state", "0.08"}));
+  ASSERT_TRUE(world_.run().says("the battery on /hsrb/battery_state is at 0.08", 5.0))
+      << world_.run().log();
+  ASSERT_TRUE(world_.say({"battery", "/hsrb/battery_state", "0.5"}));
   EXPECT_EQ(world_.run().wait(kLongestRun_s), 0) << world_.run().log();
   const auto truth = world_.end_fake();
   ASSERT_TRUE(truth.is_object());
   EXPECT_EQ(truth["collisions_true"], 0);
-  EXPECT_GE(world_.run_summary()["stops"].get<int>(), 1);
+  EXPECT_GE(world_.run_summary()["stops"].get<int>(), 2);
 }
 
 TEST_F(Deployment, RefusesToLeaveTheBox) {
@@ -216,6 +228,22 @@ TEST_F(Deployment, RefusesToLeaveTheBox) {
   const auto summary = world_.run_summary();
   ASSERT_TRUE(summary.is_object());
   EXPECT_NE(summary.dump().find("out of keep_in"), std::string::npos) << summary.dump(2);
+}
+
+/// As the tutorial has it: roslaunch starts the robot's stand-in and the run, and ends with the
+/// run.
+TEST_F(Deployment, IsLaunchedByRoslaunch) {
+  if (!RosWorld::has_tool("roslaunch")) GTEST_SKIP() << "install python3-roslaunch";
+  world_.start_master();
+  const auto launched = world_.start_tool(
+      "roslaunch",
+      {"roslaunch", "sidestep", "hsr.launch", std::string("fake:=") + kHall,
+       "configuration:=" SIDESTEP_SOURCE_DIR "/configs/ros1/hsr_deploy.yaml",
+       "out:=" + world_.run_folder().string(), "options:=--set experiment.goal.joints.odom_x=0.2"});
+  EXPECT_TRUE(launched->wait(kLongestRun_s)) << launched->log();
+  const auto summary = world_.run_summary();
+  ASSERT_TRUE(summary.is_object()) << launched->log();
+  EXPECT_EQ(summary["success"], true) << summary.dump(2);
 }
 
 }  // namespace

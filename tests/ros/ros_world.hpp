@@ -26,18 +26,31 @@ class RosWorld {
   void start_fake(const std::string& scene, const std::vector<std::string>& options);
   void start_run(const std::string& configuration, const std::vector<std::string>& set);
 
-  /// Publishes a std_msgs/Bool once, to whoever listens; whether somebody did.
-  [[nodiscard]] bool say(const std::string& topic, bool value);
+  /// Runs tests/ros/say with these words; whether somebody listened.
+  [[nodiscard]] bool say(const std::vector<std::string>& words);
+  /// Starts a program in this world, which ends with what is returned; its log is `name`.log.
+  [[nodiscard]] std::unique_ptr<ChildProcess> start_program(
+      const std::string& name, const std::vector<std::string>& command) const;
+
+  /// Starts one of these, `command` being its name and arguments.
+  [[nodiscard]] std::unique_ptr<ChildProcess> start_tool(
+      const std::string& name, const std::vector<std::string>& command) const;
 
   [[nodiscard]] ChildProcess& master() { return *master_; }
+  [[nodiscard]] ChildProcess& fake() { return *fake_; }
   [[nodiscard]] ChildProcess& run() { return *run_; }
   /// Ends the fake, and what it says of what happened; null where it does not say.
   [[nodiscard]] nlohmann::json end_fake();
+  /// Where the run's results lie.
+  [[nodiscard]] std::filesystem::path run_folder() const { return folder_.path() / "run"; }
   /// summary.json of the run; null where there is none.
   [[nodiscard]] nlohmann::json run_summary() const;
 
   /// Whether what this needs is there.
   [[nodiscard]] static bool is_possible();
+  static constexpr const char* kMissing = "install python3-rosmaster";
+  /// Whether Debian's ROS has a command of that name, which are programs in Python.
+  [[nodiscard]] static bool has_tool(const std::string& name);
 
  private:
   [[nodiscard]] std::map<std::string, std::string> environment() const;

@@ -1,6 +1,7 @@
 #include "depth_camera.hpp"
 
 #include <chrono>
+#include <cmath>
 
 #include "conversions.hpp"
 
@@ -15,6 +16,20 @@ std::vector<int> shapes_seen(const RobotDescription& robot, int from_link) {
     if (robot.shapes[i].link != from_link) seen.push_back(static_cast<int>(i));
   }
   return seen;
+}
+
+/// What has a return, in the camera's optical frame.
+PointCloud points_of(const DepthImage& image) {
+  PointCloud cloud;
+  const CameraIntrinsics& camera = image.camera;
+  for (int v = 0; v < camera.height_px; ++v) {
+    for (int u = 0; u < camera.width_px; ++u) {
+      const float depth_m = image.at(u, v);
+      if (!std::isfinite(depth_m) || depth_m <= 0.0F) continue;
+      cloud.points_m.emplace_back(camera.unproject(u, v, depth_m).cast<float>());
+    }
+  }
+  return cloud;
 }
 
 /// The scene, and behind its objects the robot's shapes.
@@ -52,9 +67,10 @@ DepthCamera::DepthCamera(World world, const Settings& settings, int link)
 
 DepthCamera::~DepthCamera() = default;
 
-void DepthCamera::start(::ros::Publisher image, ::ros::Publisher info) {
+void DepthCamera::start(::ros::Publisher image, ::ros::Publisher info, ::ros::Publisher cloud) {
   image_ = std::move(image);
   info_ = std::move(info);
+  cloud_ = std::move(cloud);
   thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
 }
 
@@ -95,6 +111,7 @@ void DepthCamera::take(const RobotState& state, Stamp stamp, std::int64_t number
                                                       : ros_messages::DepthEncoding::k32FC1;
   info_.publish(ros_messages::to_camera_info(image.camera, stamp, kFrame));
   image_.publish(ros_messages::to_image(image, encoding, stamp, kFrame));
+  if (cloud_) cloud_.publish(ros_messages::to_point_cloud(points_of(image), stamp, kFrame));
 }
 
 }  // namespace sidestep::fake_hsr

@@ -35,7 +35,8 @@ class DepthCamera {
                                                                    const Settings& settings);
   ~DepthCamera();
 
-  void start(::ros::Publisher image, ::ros::Publisher info);
+  /// `cloud` may be none.
+  void start(::ros::Publisher image, ::ros::Publisher info, ::ros::Publisher cloud);
 
   static constexpr const char* kLink = "head_rgbd_sensor_link";
   static constexpr const char* kFrame = "head_rgbd_sensor_rgb_frame";
@@ -58,6 +59,7 @@ class DepthCamera {
   Scratch scratch_;
   ::ros::Publisher image_;
   ::ros::Publisher info_;
+  ::ros::Publisher cloud_;
   std::jthread thread_;
 };
 

@@ -1,6 +1,7 @@
 #include "fake_hsr.hpp"
 
 #include <cmath>
+#include <cstdio>
 
 #include <boost/function.hpp>
 #include <nlohmann/json.hpp>
@@ -10,8 +11,8 @@
 
 #include "controller_state.hpp"
 #include "conversions.hpp"
-#include "load_robot.hpp"
 #include "load_scene.hpp"
+#include "profile_robot.hpp"
 
 namespace sidestep::fake_hsr {
 namespace {
@@ -29,18 +30,6 @@ const std::vector<std::string> kArmJoints{"arm_lift_joint", "arm_flex_joint", "a
 const std::vector<std::string> kHeadJoints{"head_pan_joint", "head_tilt_joint"};
 constexpr const char* kBaseFrame = "base_footprint";
 constexpr const char* kWorldFrame = "odom";
-
-class StderrLog final : public Log {
- public:
-  void write(LogLevel, std::string_view message) override {
-    std::fprintf(stderr, "%.*s\n", static_cast<int>(message.size()), message.data());
-  }
-};
-
-class NoClock final : public Clock {
- public:
-  Stamp now() const noexcept override { return {}; }
-};
 
 Stamp ros_now() { return ros_messages::to_stamp(::ros::Time::now()); }
 
@@ -84,21 +73,16 @@ Result<Eigen::VectorXd> start_of(const RobotDescription& planned, const Kinemati
 }  // namespace
 
 Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
-  StderrLog log;
-  const NoClock clock;
-  WorkerPool workers(1);
-  const YamlDocumentReader documents;
-  const InstallLayout layout = install_layout();
-  const HostContext context{log, clock, workers, documents, 0, {layout.robots}, {}, {}};
-  urdf_robot::Options options;
-  options.profile = Node(Node::Scalar{settings.profile, true}, {"command line"});
-  const auto tree = urdf_robot::load_robot(options, context);
-  if (!tree) return tl::make_unexpected(tree.error());
-  const auto robot = with_joints(**tree, head_joints());
+  const auto loaded = load_profile_robot(settings.profile);
+  if (!loaded) return tl::make_unexpected(loaded.error());
+  const KinematicTree& tree = *loaded->tree;
+  const auto robot = with_joints(tree, head_joints());
   if (!robot) return tl::make_unexpected(robot.error());
-  const auto scene = simulator::load_scene(settings.scene, {layout.configs / "scenes"}, documents);
+  const YamlDocumentReader documents;
+  const auto scene =
+      simulator::load_scene(settings.scene, {install_layout().configs / "scenes"}, documents);
   if (!scene) return tl::make_unexpected(scene.error());
-  const auto q = start_of((*tree)->description(), **tree, (*robot)->description(), settings);
+  const auto q = start_of(tree.description(), tree, (*robot)->description(), settings);
   if (!q) return tl::make_unexpected(q.error());
 
   auto drawn =
@@ -164,7 +148,10 @@ void FakeHsr::connect() {
   const std::string sensor = prefix + "/head_rgbd_sensor";
   camera_->start(
       node_.advertise<ros_messages::Image>(sensor + "/depth_registered/image_rect_raw", 1),
-      node_.advertise<ros_messages::CameraInfo>(sensor + "/rgb/camera_info", 1));
+      node_.advertise<ros_messages::CameraInfo>(sensor + "/rgb/camera_info", 1),
+      settings_.clouds ? node_.advertise<ros_messages::PointCloud2>(
+                             sensor + "/depth_registered/rectified_points", 1)
+                       : ::ros::Publisher());
 }
 
 void FakeHsr::on_command(Controller& controller, const ros_messages::JointTrajectory& message) {
@@ -217,7 +204,7 @@ void FakeHsr::advance(Stamp now) {
     for (const auto& controller : controllers_) controller->group.advance(at, state_);
     motion_->record(state_, at);
     const double speed = state_.qdot.cwiseAbs().maxCoeff();
-    if (speed > kStanding) last_moved_ = at;
+    note_motion(speed > kStanding, at);
     if (at >= next_truth_) {
       if (first_command_ns_ != 0 || poses_.empty()) {
         poses_.push_back({scene_time_s(at), state_.q});
@@ -227,6 +214,13 @@ void FakeHsr::advance(Stamp now) {
     }
     if (at >= now) return;
   }
+}
+
+void FakeHsr::note_motion(bool is_moving, Stamp stamp) {
+  if (is_moving && !is_moving_) std::fprintf(stderr, "fake_hsr: motion %d begins\n", ++motions_);
+  if (!is_moving && is_moving_) std::fprintf(stderr, "fake_hsr: motion %d ends\n", motions_);
+  if (is_moving) last_moved_ = stamp;
+  is_moving_ = is_moving;
 }
 
 void FakeHsr::publish(Stamp now) {
@@ -334,6 +328,23 @@ std::string FakeHsr::silences_json() const {
   return list.dump();
 }
 
+std::string FakeHsr::end_json() const {
+  const RobotDescription& robot = robot_->description();
+  nlohmann::ordered_json json;
+  for (int j = 0; j < robot.dof(); ++j) {
+    json["joints"][robot.joints[static_cast<std::size_t>(j)].name] = state_.q[j];
+  }
+  std::vector<Transform> T_world_link(robot.links.size());
+  Scratch scratch;
+  robot_->link_poses({state_.q.data(), static_cast<std::size_t>(state_.q.size())}, T_world_link,
+                     scratch);
+  for (std::size_t i = 0; i < T_world_link.size(); ++i) {
+    const Eigen::Vector3d p_m = T_world_link[i].translation();
+    json["links_m"][robot.links[i].name] = {p_m.x(), p_m.y(), p_m.z()};
+  }
+  return json.dump();
+}
+
 Result<std::string> FakeHsr::summary() const {
   TrueMotionSettings settings;
   for (const std::string& entry : settings_.allowed) {
@@ -368,6 +379,7 @@ Result<std::string> FakeHsr::summary() const {
   json["silences"] = nlohmann::ordered_json::parse(silences_json());
   json["first_command_unix_s"] = Stamp{first_command_ns_}.seconds();
   json["last_moved_unix_s"] = last_moved_.seconds();
+  json["at_end"] = nlohmann::ordered_json::parse(end_json());
   json["speed_at_end"] = state_.qdot.cwiseAbs().maxCoeff();
   return json.dump(2) + "\n";
 }

@@ -47,6 +47,8 @@ class FakeHsr {
   void connect();
   void on_command(Controller& controller, const ros_messages::JointTrajectory& message);
   void advance(Stamp now);
+  /// Says when it begins to move, and when it stands again.
+  void note_motion(bool is_moving, Stamp stamp);
   void publish(Stamp now);
   void publish_joint_states(Stamp stamp);
   void publish_odometry(Stamp stamp);
@@ -56,6 +58,8 @@ class FakeHsr {
   [[nodiscard]] double scene_time_s(Stamp stamp) const;
   /// Of each part that fell silent: after how long the robot stood still.
   [[nodiscard]] std::string silences_json() const;
+  /// Where joints and links are.
+  [[nodiscard]] std::string end_json() const;
   [[nodiscard]] bool is_part_silent(const std::string& part) const;
 
   Settings settings_;
@@ -71,6 +75,8 @@ class FakeHsr {
   std::vector<TruePose> poses_;
   std::vector<double> speeds_;  ///< Of the fastest joint at each of them.
   Stamp last_moved_;
+  bool is_moving_ = false;
+  int motions_ = 0;
   std::int64_t refused_commands_ = 0;
   ::ros::CallbackQueue queue_;
   ::ros::NodeHandle node_;

@@ -40,6 +40,7 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
   app.add_option("--encoding", settings.encoding, "Of the image")
       ->check(CLI::IsMember({"16UC1", "32FC1"}))
       ->capture_default_str();
+  app.add_flag("--clouds", settings.clouds, "Publishes point clouds beside the images");
   app.add_option("--range", settings.range_max_m, "Of the camera, in m")->capture_default_str();
   app.add_flag("!--scene-runs", settings.scene_waits,
                "The scene moves from the start, not from the first command on");

@@ -25,6 +25,7 @@ struct Settings {
   int height_px = 240;
   double focal_px = 200.0;
   std::string encoding = "16UC1";
+  bool clouds = false;  ///< Point clouds beside the images.
   double range_max_m = 5.0;
   bool scene_waits = true;  ///< The scene moves from the first command on.
   std::vector<std::string> silences;

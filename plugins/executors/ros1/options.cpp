@@ -7,11 +7,8 @@ namespace sidestep::ros1_executor {
 
 Parameters<OdometryOptions> OdometryOptions::parameters() {
   using O = OdometryOptions;
-  return Parameters<O>()
+  return ros_messages::base_joint_parameters<O>()
       .add("topic", &O::topic, "nav_msgs/Odometry of the base, in world_frame.")
-      .add("x_joint", &O::x_joint, "The robot's joint that is the pose's x.")
-      .add("y_joint", &O::y_joint, "The robot's joint that is the pose's y.")
-      .add("yaw_joint", &O::yaw_joint, "The robot's joint that is the pose's yaw.")
       .add("twist_in", &O::twist_in,
            "The frame of the message's twist: the base's own, as REP 105 has it, or the world's.",
            {.choices = {"base", "world"}});
@@ -81,13 +78,59 @@ Parameters<WatchOptions> WatchOptions::parameters() {
            {.min = 0.0, .max = 1.0});
 }
 
+Parameters<MapMarkerOptions> MapMarkerOptions::parameters() {
+  using M = MapMarkerOptions;
+  return Parameters<M>()
+      .add("voxels_topic", &M::voxels_topic,
+           "visualization_msgs/MarkerArray: the occupied voxels, coloured by height.")
+      .add("slice_topic", &M::slice_topic,
+           "visualization_msgs/MarkerArray: distances on a plane, red where something is, blue far "
+           "from all.")
+      .add("slice_height_m", &M::slice_height_m, "Height of that plane in world_frame.",
+           {.unit = "m", .min = -100.0, .max = 100.0})
+      .add("rate_hz", &M::rate_hz, "How often both at most; 0: never.",
+           {.unit = "Hz", .min = 0.0, .max = 10.0});
+}
+
+Parameters<GoalOptions> GoalOptions::parameters() {
+  using G = GoalOptions;
+  return Parameters<G>()
+      .add("base_pose_topic", &G::base_pose_topic,
+           "geometry_msgs/PoseStamped for the base, as RViz's 2D Nav Goal sends it. Topics that "
+           "are empty are not listened to.")
+      .add("end_effector_topic", &G::end_effector_topic,
+           "geometry_msgs/PoseStamped for end_effector_link; the whole body goes where it must.")
+      .add("end_effector_link", &G::end_effector_link, "Which link that is.")
+      .add("end_effector_turns", &G::end_effector_turns,
+           "Whether its orientation counts; otherwise any will do.")
+      .add("joints_topic", &G::joints_topic,
+           "sensor_msgs/JointState: positions by name; joints left out stay.")
+      .add("pose_topic", &G::pose_topic, "std_msgs/String: a pose of the robot's profile.")
+      .add("cancel_topic", &G::cancel_topic,
+           "actionlib_msgs/GoalID: the robot stops, where the id is empty or its goal's.")
+      .add("feedback_topic", &G::feedback_topic,
+           "actionlib_msgs/GoalStatus: that a goal is taken, and how far there is to go.")
+      .add("result_topic", &G::result_topic,
+           "actionlib_msgs/GoalStatus: how a goal ended, and why; latched.")
+      .add("tf_topics", &G::tf_topics,
+           "Topics of tf2_msgs/TFMessage, for goals in other frames than world_frame.")
+      .add("tf_static_topics", &G::tf_static_topics,
+           "Topics of transforms that hold for all times.")
+      .add("tf_wait_s", &G::tf_wait_s,
+           "How long tf of a goal's stamp may come later than the goal.",
+           {.unit = "s", .min = 0.0, .max = 10.0})
+      .add("tf_max_gap_s", &G::tf_max_gap_s,
+           "Longest time between two transforms that are interpolated.", {.unit = "s", .min = 0.0});
+}
+
 Parameters<MarkerOptions> MarkerOptions::parameters() {
   using M = MarkerOptions;
   return Parameters<M>()
       .add("topic", &M::topic, "visualization_msgs/MarkerArray: plan, robot and refused plans.")
       .add("rate_hz", &M::rate_hz, "How often at most; 0: none.",
            {.unit = "Hz", .min = 0.0, .max = 100.0})
-      .add("link", &M::link, "Whose path the plan shows; absent: the robot's last link.");
+      .add("link", &M::link, "Whose path the plan shows; absent: the robot's last link.")
+      .add("map", &M::map, "The map; drawn off the planning threads, while somebody looks.");
 }
 
 Parameters<Options> Options::parameters() {
@@ -132,6 +175,8 @@ Parameters<Options> Options::parameters() {
            "How long the master and a first state of all joints are waited for.",
            {.unit = "s", .min = 0.0, .max = 600.0})
       .add("keep_in", &O::keep_in, "A trajectory whose base leaves this box is refused.")
+      .add("goals", &O::goals,
+           "Where goals come from in a run of type deploy; absent: from nowhere.")
       .add("watch", &O::watch, "What stops the robot.")
       .add("markers", &O::markers, "What RViz is shown.");
 }

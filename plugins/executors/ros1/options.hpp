@@ -6,14 +6,13 @@
 
 #include <sidestep/plugin/parameters.hpp>
 
+#include "base_joints.hpp"
+
 namespace sidestep::ros1_executor {
 
 /// Where the holonomic base is, of nav_msgs/Odometry.
-struct OdometryOptions {
+struct OdometryOptions : ros_messages::BaseJoints {
   std::string topic = "/hsrb/odom";
-  std::string x_joint = "odom_x";
-  std::string y_joint = "odom_y";
-  std::string yaw_joint = "odom_t";
   std::string twist_in = "base";
   static Parameters<OdometryOptions> parameters();
 };
@@ -64,12 +63,41 @@ struct WatchOptions {
   static Parameters<WatchOptions> parameters();
 };
 
+/// The map, as RViz is shown it.
+struct MapMarkerOptions {
+  std::string voxels_topic = "/sidestep/voxels";
+  std::string slice_topic = "/sidestep/field_slice";
+  double slice_height_m = 0.3;
+  double rate_hz = 1.0;
+  static Parameters<MapMarkerOptions> parameters();
+};
+
 /// What RViz is shown.
 struct MarkerOptions {
   std::string topic = "/sidestep/markers";
   double rate_hz = 5.0;
   std::optional<std::string> link;
+  MapMarkerOptions map;
   static Parameters<MarkerOptions> parameters();
+};
+
+/// Where goals come from while the robot runs, and where whoever sent them hears of them. Of those
+/// on which something comes, an empty topic is not listened to.
+struct GoalOptions {
+  std::string base_pose_topic = "/move_base_simple/goal";
+  std::string end_effector_topic = "/sidestep/goal/end_effector";
+  std::string end_effector_link = "hand_palm_link";
+  bool end_effector_turns = true;
+  std::string joints_topic = "/sidestep/goal/joints";
+  std::string pose_topic = "/sidestep/goal/pose";
+  std::string cancel_topic = "/sidestep/goal/cancel";
+  std::string feedback_topic = "/sidestep/goal/feedback";
+  std::string result_topic = "/sidestep/goal/result";
+  std::vector<std::string> tf_topics{"/tf"};
+  std::vector<std::string> tf_static_topics{"/tf_static"};
+  double tf_wait_s = 0.5;
+  double tf_max_gap_s = 0.2;
+  static Parameters<GoalOptions> parameters();
 };
 
 struct Options {
@@ -90,6 +118,7 @@ struct Options {
   double assumed_ramp_s = 0.5;
   double connect_wait_s = 5.0;
   std::optional<KeepInBox> keep_in;
+  std::optional<GoalOptions> goals;
   WatchOptions watch;
   MarkerOptions markers;
   static Parameters<Options> parameters();

@@ -2,21 +2,27 @@
 
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
 
+#include <ros/init.h>
+
+#include <sidestep/planning/goal_source.hpp>
+#include <sidestep/planning/map_display.hpp>
 #include <sidestep/trajectory/braking.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
 #include "commands.hpp"
 #include "conversions.hpp"
+#include "figures.hpp"
 #include "gaze.hpp"
+#include "goal_topics.hpp"
 #include "joint_extent.hpp"
+#include "map_view.hpp"
 #include "markers.hpp"
 #include "node.hpp"
 #include "robot_link.hpp"
@@ -29,12 +35,6 @@ constexpr const char* kWhere = "executor ros1";
 /// Within which a robot that is not told to move counts as standing, m/s or rad/s.
 constexpr double kRest = 0.01;
 constexpr double kMasterPeriod_s = 0.5;
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
-}
 
 tl::unexpected<Error> refuse(std::string why, std::string hint = {}) {
   return fail(ErrorCode::kInvalidArgument, std::move(why), kWhere, std::move(hint));
@@ -49,7 +49,7 @@ struct Parts {
   std::optional<Gaze> gaze;
 };
 
-class Ros1Executor final : public Executor {
+class Ros1Executor : public Executor, public MapDisplay {
  public:
   Ros1Executor(const Options& options, const HostContext& context, Parts parts)
       : options_(options),
@@ -63,7 +63,8 @@ class Ros1Executor final : public Executor {
         writer_(std::move(parts.writer)),
         painter_(std::move(parts.painter)),
         gaze_(std::move(parts.gaze)),
-        link_(options, std::move(parts.feed), std::move(parts.master)) {}
+        link_(options, std::move(parts.feed), std::move(parts.master)),
+        map_view_(options.markers.map, options.world_frame) {}
 
   /// A robot is not left moving.
   ~Ros1Executor() override {
@@ -76,11 +77,19 @@ class Ros1Executor final : public Executor {
   Result<Measured> current() override;
   Result<void> follow(const Trajectory& trajectory, Stamp start) override;
   Result<void> stop() override;
+  bool wants_map() override { return map_view_.is_wanted(); }
+  void show_map(std::shared_ptr<const DistanceField> field) override {
+    map_view_.show(std::move(field));
+  }
 
- private:
+ protected:
   /// roscpp writes messages from a thread of its own, and not once the program has ended.
   static constexpr auto kFlush = std::chrono::milliseconds(50);
+  /// Takes messages in, as current() does, also while the robot has nothing to do. Where it is;
+  /// empty where that is not known.
+  Eigen::VectorXd attend();
 
+ private:
   [[nodiscard]] bool is_shadow() const { return options_.mode == "shadow"; }
   [[nodiscard]] double since_start_s(Stamp now) const {
     return 1e-9 * static_cast<double>(now.ns - start_.ns);
@@ -90,6 +99,8 @@ class Ros1Executor final : public Executor {
   }
   [[nodiscard]] std::optional<RobotState> told(Stamp now) const;
   [[nodiscard]] std::optional<Measured> measured() const;
+  /// Measured, or in shadow what it would be.
+  [[nodiscard]] std::optional<Measured> state_at(Stamp now) const;
   [[nodiscard]] Result<void> check_start(const Trajectory& trajectory, Stamp start,
                                          Stamp now) const;
   [[nodiscard]] Result<void> check_box(const Trajectory& trajectory) const;
@@ -118,6 +129,7 @@ class Ros1Executor final : public Executor {
   MarkerPainter painter_;
   std::optional<Gaze> gaze_;
   RobotLink link_;
+  MapView map_view_;
   Trajectory followed_;  ///< Kept once it has ended, for it is still held there.
   Stamp start_;
   Stamp sent_;
@@ -151,8 +163,8 @@ void Ros1Executor::compare_held() const {
   for (const HeldJoint& held : options_.hold) {
     const auto position = link_.feed().held_position(held.joint);
     if (position && std::abs(*position - held.position) <= options_.start_tolerance) continue;
-    log_.warn("executor ros1: joint '" + held.joint + "' is to be at " + number(held.position) +
-              (position ? ", it is at " + number(*position) : ", joint states do not tell of it") +
+    log_.warn("executor ros1: joint '" + held.joint + "' is to be at " + figure(held.position) +
+              (position ? ", it is at " + figure(*position) : ", joint states do not tell of it") +
               (is_shadow() ? "" : "; the first command moves it there"));
   }
 }
@@ -175,6 +187,24 @@ std::optional<Executor::Measured> Ros1Executor::measured() const {
   return Measured{std::move(newest->state), time_.to_run(newest->stamp)};
 }
 
+std::optional<Executor::Measured> Ros1Executor::state_at(Stamp now) const {
+  auto state = measured();
+  auto pretended = state && is_shadow() ? told(now) : std::nullopt;
+  if (pretended) return Measured{std::move(*pretended), now};
+  return state;
+}
+
+Eigen::VectorXd Ros1Executor::attend() {
+  const std::lock_guard lock(mutex_);
+  link_.serve();
+  if (!ros1_node::update(time_, clock_)) return {};
+  const Stamp now = clock_.now();
+  auto state = state_at(now);
+  if (!state) return {};
+  show(now, state->state.q);
+  return std::move(state->state.q);
+}
+
 Result<Executor::Measured> Ros1Executor::current() {
   const std::lock_guard lock(mutex_);
   link_.serve();
@@ -185,11 +215,8 @@ Result<Executor::Measured> Ros1Executor::current() {
   if (auto trouble = link_.trouble(time_.to_ros(now))) {
     return fail(ErrorCode::kIo, *trouble, kWhere);
   }
-  auto state = measured();
+  const auto state = state_at(now);
   if (!state) return fail(ErrorCode::kIo, "the robot's state is not known", kWhere);
-  if (is_shadow()) {
-    if (auto pretended = told(now)) state = Measured{std::move(*pretended), now};
-  }
   motion_->record(state->state, state->stamp);
   if (is_following(now)) send(now);
   show(now, state->state.q);
@@ -224,7 +251,7 @@ Result<void> Ros1Executor::check_start(const Trajectory& trajectory, Stamp start
     const double there = expected->q[static_cast<Eigen::Index>(j)];
     if (std::abs(begin[j] - there) <= options_.start_tolerance) continue;
     return refuse("the trajectory begins with joint '" + robot_->description().joints[j].name +
-                  "' at " + number(begin[j]) + ", it will be at " + number(there));
+                  "' at " + figure(begin[j]) + ", it will be at " + figure(there));
   }
   return {};
 }
@@ -239,8 +266,8 @@ Result<void> Ros1Executor::check_box(const Trajectory& trajectory) const {
     const double upper = options_.keep_in->upper_m[axis];
     if (extent.lowest >= lower && extent.highest <= upper) continue;
     return refuse("the trajectory takes the base out of keep_in: " + *names[axis] + " from " +
-                      number(extent.lowest) + " to " + number(extent.highest) + " m, the box is " +
-                      number(lower) + " to " + number(upper) + " m",
+                      figure(extent.lowest) + " to " + figure(extent.highest) + " m, the box is " +
+                      figure(lower) + " to " + figure(upper) + " m",
                   "another goal, or a larger box");
   }
   return {};
@@ -261,7 +288,7 @@ Result<void> Ros1Executor::check_confirmed(const Trajectory& trajectory, Stamp n
     return {};
   }
   if (!was_shown) {
-    log_.warn("executor ros1: a motion of " + number(trajectory.duration_s()) +
+    log_.warn("executor ros1: a motion of " + figure(trajectory.duration_s()) +
               " s waits for a yes on " + options_.confirm_topic);
   }
   proposed_ = trajectory;
@@ -360,6 +387,33 @@ void Ros1Executor::show(Stamp now, const Eigen::VectorXd& q) {
       waits ? PlanState::kProposed : PlanState::kFollowed, time_.to_ros(now)));
 }
 
+/// One that goals come to while the robot runs.
+class ErrandExecutor final : public Ros1Executor, public GoalSource {
+ public:
+  ErrandExecutor(const Options& options, const HostContext& context, Parts parts, GoalWishes wishes)
+      : Ros1Executor(options, context, std::move(parts)),
+        topics_(options, std::move(wishes), context.log) {}
+  ~ErrandExecutor() override { std::this_thread::sleep_for(kFlush); }
+
+  std::optional<GoalRequest> next_goal() override {
+    const Eigen::VectorXd q_now = attend();
+    return topics_.next(q_now, ros_messages::to_stamp(::ros::Time::now()));
+  }
+  void report(const GoalReport& report) override { topics_.report(report); }
+  bool is_open() const override { return ::ros::ok(); }
+
+ private:
+  GoalTopics topics_;  ///< [planning] only.
+};
+
+Result<std::unique_ptr<Ros1Executor>> make_executor(const Options& options,
+                                                    const HostContext& context, Parts parts) {
+  if (!options.goals) return std::make_unique<Ros1Executor>(options, context, std::move(parts));
+  auto wishes = GoalWishes::create(context.robot, options);
+  if (!wishes) return tl::make_unexpected(std::move(wishes.error()));
+  return std::make_unique<ErrandExecutor>(options, context, std::move(parts), std::move(*wishes));
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Executor>> create_executor(const Options& options,
@@ -383,14 +437,14 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   }
   auto master = ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s);
   if (!master) return tl::make_unexpected(std::move(master.error()));
-  auto executor =
-      std::make_unique<Ros1Executor>(options, context,
-                                     Parts{std::move(*master), std::move(*feed), std::move(*writer),
-                                           std::move(*painter), std::move(gaze)});
-  if (auto connected = executor->connect(); !connected) {
+  auto executor = make_executor(options, context,
+                                {std::move(*master), std::move(*feed), std::move(*writer),
+                                 std::move(*painter), std::move(gaze)});
+  if (!executor) return tl::make_unexpected(std::move(executor.error()));
+  if (auto connected = (*executor)->connect(); !connected) {
     return tl::make_unexpected(std::move(connected.error()));
   }
-  return std::unique_ptr<Executor>(std::move(executor));
+  return std::unique_ptr<Executor>(std::move(*executor));
 }
 
 }  // namespace sidestep::ros1_executor

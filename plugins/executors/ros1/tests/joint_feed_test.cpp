@@ -31,7 +31,7 @@ RobotDescription cart() {
 Options cart_options() {
   Options options;
   options.joint_state_topics = {"/joints"};
-  options.odometry = OdometryOptions{"/odom", "x", "y", "yaw", "base"};
+  options.odometry = OdometryOptions{{"x", "y", "yaw"}, "/odom", "base"};
   options.hold = {{"head", -0.3}};
   return options;
 }
