@@ -3,28 +3,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
-#include <string_view>
 
+#include "bag_record.hpp"
 #include "ros_messages.hpp"
 
-/// What writer and reader of bags share: format 2.0, http://wiki.ros.org/Bags/Format/2.0. A bag is
-/// a line and then records; a record is a header, name=value fields, and data, each after its
-/// length.
+/// What writer and reader of recordings share beyond the records of bags.
 namespace sidestep::bag {
 
-inline constexpr std::string_view kFirstLine = "#ROSBAG V2.0\n";
-
-/// What a record is, its field `op`.
-enum class Op : std::uint8_t {
-  kMessage = 0x02,
-  kFile = 0x03,  ///< The first one: where the index is. Of fixed size, since it is written twice.
-  kIndex = 0x04,
-  kChunk = 0x05,
-  kChunkInfo = 0x06,
-  kConnection = 0x07,
-};
-
-/// Header and data of the first record together.
+/// Header and data of the first record together, which is written twice.
 inline constexpr std::size_t kFileRecord_bytes = 4096;
 inline constexpr std::uint32_t kIndexVersion = 1;
 /// Time and offset, in an index; connection and count, in what is said of a chunk.

@@ -1,6 +1,7 @@
 #include "bag_reader.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 namespace sidestep::bag {
@@ -14,6 +15,13 @@ Number number_at(std::span<const std::byte> bytes, std::size_t position) {
   Number number;
   std::memcpy(&number, bytes.data() + position, sizeof number);
   return number;
+}
+
+/// Of a message's header.
+std::optional<ros::Time> time_of(const Fields& fields) {
+  const auto both = fields.number<std::uint64_t>("time");
+  if (!both) return std::nullopt;
+  return ros::Time{static_cast<std::uint32_t>(*both), static_cast<std::uint32_t>(*both >> 32U)};
 }
 
 }  // namespace
@@ -55,7 +63,7 @@ Result<void> Reader::read_all() {
 }
 
 /// Fails with kNotFound where there is none.
-Result<void> Reader::read_index(const Record& file_record) {
+Result<void> Reader::read_index(const PlacedRecord& file_record) {
   const auto begin = file_record.fields.number<std::uint64_t>("index_pos");
   const auto connections = file_record.fields.number<std::uint32_t>("conn_count");
   const auto chunks = file_record.fields.number<std::uint32_t>("chunk_count");
@@ -80,18 +88,18 @@ Result<void> Reader::read_index(const Record& file_record) {
   return {};
 }
 
-Result<void> Reader::note_connection(const Record& record) {
+Result<void> Reader::note_connection(const PlacedRecord& record) {
   const auto id = record.fields.number<std::uint32_t>("conn");
-  const auto topic = record.fields.text("topic");
+  const auto topic = record.fields.find("topic");
   if (record.op != Op::kConnection || !id || !topic) {
     return tl::make_unexpected(file_.damaged(record.position, "here should be a connection"));
   }
-  const auto data = file_.read(record.data_position, record.data_bytes);
+  const auto data = file_.read(record.data_offset, record.data_size);
   if (!data) return tl::make_unexpected(data.error());
-  const auto fields = Fields::of(*data);
-  const auto type = fields ? fields->text("type") : std::nullopt;
-  const auto md5sum = fields ? fields->text("md5sum") : std::nullopt;
-  const auto definition = fields ? fields->text("message_definition") : std::nullopt;
+  const auto fields = Fields::parse({reinterpret_cast<const char*>(data->data()), data->size()});
+  const auto type = fields ? fields->find("type") : std::nullopt;
+  const auto md5sum = fields ? fields->find("md5sum") : std::nullopt;
+  const auto definition = fields ? fields->find("message_definition") : std::nullopt;
   if (!type || !md5sum || !definition) {
     return tl::make_unexpected(
         file_.damaged(record.position, "a connection does not say what its messages are"));
@@ -101,15 +109,15 @@ Result<void> Reader::note_connection(const Record& record) {
                         .type = std::string(*type),
                         .md5sum = std::string(*md5sum),
                         .definition = std::string(*definition),
-                        .latching = fields->text("latching") == "1"};
+                        .latching = fields->find("latching") == "1"};
   // Said again in every chunk that has its messages, and in the index: it remains as it was said
   // first.
   connections_.try_emplace(*id, std::move(connection));
   return {};
 }
 
-Result<void> Reader::check_chunk(const Record& chunk) const {
-  const auto compression = chunk.fields.text("compression");
+Result<void> Reader::check_chunk(const PlacedRecord& chunk) const {
+  const auto compression = chunk.fields.find("compression");
   const auto size = chunk.fields.number<std::uint32_t>("size");
   if (chunk.op != Op::kChunk || !compression || !size) {
     return tl::make_unexpected(file_.damaged(chunk.position, "here should be a chunk"));
@@ -121,21 +129,21 @@ Result<void> Reader::check_chunk(const Record& chunk) const {
     error.hint = "make a plain copy with `rosbag decompress`";
     return tl::make_unexpected(std::move(error));
   }
-  if (*compression != "none" || *size != chunk.data_bytes) {
+  if (*compression != "none" || *size != chunk.data_size) {
     return tl::make_unexpected(file_.damaged(chunk.position, "a chunk contradicts itself"));
   }
   return {};
 }
 
-Result<void> Reader::read_chunk_index(const Record& chunk_info) {
+Result<void> Reader::read_chunk_index(const PlacedRecord& chunk_info) {
   const auto begin = chunk_info.fields.number<std::uint64_t>("chunk_pos");
   const auto connections = chunk_info.fields.number<std::uint32_t>("count");
   if (chunk_info.op != Op::kChunkInfo || !begin || !connections ||
-      chunk_info.data_bytes != *connections * kChunkCount_bytes) {
+      chunk_info.data_size != *connections * kChunkCount_bytes) {
     return tl::make_unexpected(
         file_.damaged(chunk_info.position, "here should be what there is in a chunk"));
   }
-  const auto data = file_.read(chunk_info.data_position, chunk_info.data_bytes);
+  const auto data = file_.read(chunk_info.data_offset, chunk_info.data_size);
   if (!data) return tl::make_unexpected(data.error());
   std::map<std::uint32_t, std::uint32_t> counts;
   for (std::uint32_t i = 0; i < *connections; ++i) {
@@ -152,7 +160,7 @@ Result<void> Reader::read_chunk_index(const Record& chunk_info) {
     const auto connection = read_entries(*index, *chunk);
     if (!connection) return tl::make_unexpected(connection.error());
     const auto said = counts.find(*connection);
-    if (said == counts.end() || said->second * kIndexEntry_bytes != index->data_bytes) {
+    if (said == counts.end() || said->second * kIndexEntry_bytes != index->data_size) {
       return tl::make_unexpected(
           file_.damaged(index->position, "a chunk's index is not what is said of the chunk"));
     }
@@ -163,13 +171,13 @@ Result<void> Reader::read_chunk_index(const Record& chunk_info) {
 }
 
 /// Returns the connection whose messages they are.
-Result<std::uint32_t> Reader::read_entries(const Record& index, const Record& chunk) {
+Result<std::uint32_t> Reader::read_entries(const PlacedRecord& index, const PlacedRecord& chunk) {
   const auto version = index.fields.number<std::uint32_t>("ver");
   const auto connection = index.fields.number<std::uint32_t>("conn");
   const auto count = index.fields.number<std::uint32_t>("count");
   if (index.op != Op::kIndex || version != kIndexVersion || !connection || !count ||
       !connections_.contains(*connection) ||
-      index.data_bytes != std::uint64_t{*count} * kIndexEntry_bytes) {
+      index.data_size != std::uint64_t{*count} * kIndexEntry_bytes) {
     return tl::make_unexpected(file_.damaged(index.position, "here should be a chunk's index"));
   }
   // Else damage that names one chunk again and again would cost memory.
@@ -177,16 +185,16 @@ Result<std::uint32_t> Reader::read_entries(const Record& index, const Record& ch
     return tl::make_unexpected(
         file_.damaged(index.position, "the index names more messages than there can be"));
   }
-  const auto data = file_.read(index.data_position, index.data_bytes);
+  const auto data = file_.read(index.data_offset, index.data_size);
   if (!data) return tl::make_unexpected(data.error());
   for (std::size_t i = 0; i < *count; ++i) {
     const auto time = number_at<ros::Time>(*data, i * kIndexEntry_bytes);
     const auto offset = number_at<std::uint32_t>(*data, i * kIndexEntry_bytes + sizeof(ros::Time));
-    if (offset >= chunk.data_bytes) {
+    if (offset >= chunk.data_size) {
       return tl::make_unexpected(
           file_.damaged(index.position, "a chunk's index names a place outside the chunk"));
     }
-    entries_.push_back({time, *connection, chunk.data_position + offset});
+    entries_.push_back({time, *connection, chunk.data_offset + offset});
   }
   return *connection;
 }
@@ -208,8 +216,8 @@ Result<void> Reader::scan(std::uint64_t position) {
   return {};
 }
 
-Result<void> Reader::scan_chunk(const Record& chunk) {
-  std::uint64_t position = chunk.data_position;
+Result<void> Reader::scan_chunk(const PlacedRecord& chunk) {
+  std::uint64_t position = chunk.data_offset;
   const std::uint64_t end = std::min(chunk.end(), file_.size());
   while (position < end) {
     const auto record = file_.record(position, end);
@@ -218,7 +226,7 @@ Result<void> Reader::scan_chunk(const Record& chunk) {
       if (auto noted = note_connection(*record); !noted) return noted;
     } else {
       const auto connection = record->fields.number<std::uint32_t>("conn");
-      const auto time = record->fields.number<ros::Time>("time");
+      const auto time = time_of(record->fields);
       if (record->op != Op::kMessage || !connection || !time ||
           !connections_.contains(*connection)) {
         return tl::make_unexpected(file_.damaged(position, "here should be a message"));
@@ -261,11 +269,11 @@ Result<std::optional<Message>> Reader::next() {
     if (!record) return tl::make_unexpected(record.error());
     if (record->op != Op::kMessage ||
         record->fields.number<std::uint32_t>("conn") != entry.connection ||
-        record->fields.number<ros::Time>("time") != entry.time) {
+        time_of(record->fields) != entry.time) {
       return tl::make_unexpected(
           file_.damaged(entry.position, "here is not the message that the index names"));
     }
-    const auto data = file_.read(record->data_position, record->data_bytes);
+    const auto data = file_.read(record->data_offset, record->data_size);
     if (!data) return tl::make_unexpected(data.error());
     return Message{&connections_.at(entry.connection), entry.time, *data};
   }

@@ -9,7 +9,7 @@
 
 #include <sidestep/core/error.hpp>
 
-#include "bag_record.hpp"
+#include "bag_file.hpp"
 
 namespace sidestep::bag {
 
@@ -60,13 +60,14 @@ class Reader {
 
   explicit Reader(File file) : file_(std::move(file)) {}
   [[nodiscard]] Result<void> read_all();
-  [[nodiscard]] Result<void> read_index(const Record& file_record);
-  [[nodiscard]] Result<void> read_chunk_index(const Record& chunk_info);
-  [[nodiscard]] Result<std::uint32_t> read_entries(const Record& index, const Record& chunk);
+  [[nodiscard]] Result<void> read_index(const PlacedRecord& file_record);
+  [[nodiscard]] Result<void> read_chunk_index(const PlacedRecord& chunk_info);
+  [[nodiscard]] Result<std::uint32_t> read_entries(const PlacedRecord& index,
+                                                   const PlacedRecord& chunk);
   [[nodiscard]] Result<void> scan(std::uint64_t position);
-  [[nodiscard]] Result<void> scan_chunk(const Record& chunk);
-  [[nodiscard]] Result<void> note_connection(const Record& record);
-  [[nodiscard]] Result<void> check_chunk(const Record& chunk) const;
+  [[nodiscard]] Result<void> scan_chunk(const PlacedRecord& chunk);
+  [[nodiscard]] Result<void> note_connection(const PlacedRecord& record);
+  [[nodiscard]] Result<void> check_chunk(const PlacedRecord& chunk) const;
 
   File file_;
   bool is_indexed_ = false;

@@ -8,7 +8,7 @@
 namespace sidestep::rosbag {
 namespace {
 
-constexpr std::string_view kMagic = "#ROSBAG V2.0\n";
+using bag::kFirstLine;
 
 std::string seconds_text(Stamp stamp) {
   std::string digits = std::to_string(stamp.ns % 1'000'000'000);
@@ -17,13 +17,13 @@ std::string seconds_text(Stamp stamp) {
 }
 
 Result<void> check_magic(const FileBytes& bytes, const std::string& where) {
-  std::string magic(kMagic.size(), '\0');
+  std::string magic(kFirstLine.size(), '\0');
   if (!bytes.read(0, {reinterpret_cast<std::uint8_t*>(magic.data()), magic.size()})) {
     return fail(ErrorCode::kIo,
                 "the bag is cut off in its first line, at byte " + std::to_string(bytes.size()),
                 where);
   }
-  if (magic == kMagic) return {};
+  if (magic == kFirstLine) return {};
   if (magic.starts_with("#ROSBAG V1") || magic.starts_with("#ROSRECORD")) {
     return fail(ErrorCode::kUnsupported, "the bag has a format older than 2.0", where,
                 "convert it with `rosbag fix`");
@@ -41,13 +41,16 @@ std::string Damage::describe() const {
 
 Result<std::unique_ptr<Bag>> Bag::open(const std::filesystem::path& file) {
   auto bytes = FileBytes::open(file);
-  if (!bytes) return tl::make_unexpected(std::move(bytes.error()));
+  if (!bytes) {
+    bytes.error().hint = "set source.path";
+    return tl::make_unexpected(std::move(bytes.error()));
+  }
   const auto checked = check_magic(**bytes, file.string());
   if (!checked) return tl::make_unexpected(checked.error());
-  const auto header = read_record(**bytes, kMagic.size(), (*bytes)->size());
-  if (!header || header->op != Op::kBagHeader || header->end() > (*bytes)->size()) {
+  const auto header = bag::read_record(**bytes, kFirstLine.size(), (*bytes)->size());
+  if (!header || header->op != bag::Op::kFile || header->end() > (*bytes)->size()) {
     return fail(ErrorCode::kIo,
-                "the bag's header cannot be read, at byte " + std::to_string(kMagic.size()) +
+                "the bag's header cannot be read, at byte " + std::to_string(kFirstLine.size()) +
                     (header ? "" : ": " + header.error()),
                 file.string());
   }
@@ -55,12 +58,12 @@ Result<std::unique_ptr<Bag>> Bag::open(const std::filesystem::path& file) {
     return fail(ErrorCode::kUnsupported, "the bag is encrypted, with " + std::string(*encryptor),
                 file.string(), "decrypt it with `rosbag decrypt`");
   }
-  std::unique_ptr<Bag> bag(new Bag(file, std::move(*bytes)));
-  bag->index_offset_ = header->fields.u64("index_pos").value_or(0);
-  bag->connection_count_ = header->fields.u32("conn_count").value_or(0);
-  bag->chunk_count_ = header->fields.u32("chunk_count").value_or(0);
-  bag->first_record_ = header->end();
-  return bag;
+  std::unique_ptr<Bag> opened(new Bag(file, std::move(*bytes)));
+  opened->index_offset_ = header->fields.number<std::uint64_t>("index_pos").value_or(0);
+  opened->connection_count_ = header->fields.number<std::uint32_t>("conn_count").value_or(0);
+  opened->chunk_count_ = header->fields.number<std::uint32_t>("chunk_count").value_or(0);
+  opened->first_record_ = header->end();
+  return opened;
 }
 
 std::string Bag::load(std::int32_t chunk) {

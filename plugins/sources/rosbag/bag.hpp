@@ -19,6 +19,8 @@
 
 namespace sidestep::rosbag {
 
+using bag::FileBytes;
+
 /// Who sent messages of which type on which topic.
 struct Connection {
   std::string topic;

@@ -8,6 +8,13 @@
 namespace sidestep::rosbag {
 namespace {
 
+using bag::ByteSource;
+using bag::Fields;
+using bag::MemoryBytes;
+using bag::Op;
+using bag::read_record;
+using bag::Record;
+
 /// For a chunk that was never finished, whose header does not say yet how long it is.
 constexpr std::uint64_t kMostUnfinished = std::uint64_t{1} << 30;
 
@@ -62,7 +69,8 @@ class BagScan {
       return chunk.end() <= end_;
     }
     // A recorder fills in both sizes when it finishes the chunk.
-    const bool is_unfinished = chunk.data_size == 0 && chunk.fields.u32("size") == 0U &&
+    const bool is_unfinished = chunk.data_size == 0 &&
+                               chunk.fields.number<std::uint32_t>("size") == 0U &&
                                bag_.index_offset_ == 0 && chunk.end() < end_;
     const bool is_cut_off = chunk.end() > end_;
     const std::uint64_t end = is_unfinished || is_cut_off ? end_ : chunk.end();
@@ -70,7 +78,7 @@ class BagScan {
       scan_records(file_, chunk.data_offset, end, -1);
       if (is_unfinished) unfinished_end_ = end_;
     } else {
-      const std::uint64_t said = chunk.fields.u32("size").value_or(0);
+      const std::uint64_t said = chunk.fields.number<std::uint32_t>("size").value_or(0);
       scan_compressed({chunk.data_offset, end - chunk.data_offset,
                        is_unfinished ? kMostUnfinished : said, *compression},
                       at);
@@ -118,14 +126,14 @@ class BagScan {
       case Op::kMessage: return take_message(record, bytes, chunk);
       case Op::kChunkInfo: ++chunk_infos_; return "";
       case Op::kIndex:
-      case Op::kBagHeader: return "";
+      case Op::kFile: return "";
       case Op::kChunk: return "a chunk lies in a chunk";
     }
     return "there is no record";
   }
 
   bool add_connection(const Record& record, const ByteSource& bytes) {
-    const auto number = record.fields.u32("conn");
+    const auto number = record.fields.number<std::uint32_t>("conn");
     const auto topic = record.fields.find("topic");
     if (!number || !topic) return false;
     // Its data are fields, as a header's.
@@ -145,7 +153,7 @@ class BagScan {
   }
 
   std::string take_message(const Record& record, const ByteSource& bytes, std::int32_t chunk) {
-    const auto number = record.fields.u32("conn");
+    const auto number = record.fields.number<std::uint32_t>("conn");
     const auto received = record.fields.time("time");
     if (!number || !received) return "a message's record is damaged";
     last_ = *received;

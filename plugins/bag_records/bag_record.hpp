@@ -1,5 +1,6 @@
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -13,19 +14,25 @@
 
 #include "byte_source.hpp"
 
-/// Records of a bag, format 2.0 (wiki.ros.org/Bags/Format/2.0): the length of a header, the
-/// header's fields `name=value`, each after its length, the length of the data, the data. Numbers
-/// are little-endian.
-namespace sidestep::rosbag {
+/// Bags of format 2.0 (wiki.ros.org/Bags/Format/2.0): a line, and then records: the length of a
+/// header, the header's fields `name=value`, each after its length, the length of the data, the
+/// data. Numbers are little-endian.
+namespace sidestep::bag {
 
+inline constexpr std::string_view kFirstLine = "#ROSBAG V2.0\n";
+
+/// What a record is, its field `op`.
 enum class Op : std::uint8_t {
   kMessage = 2,
-  kBagHeader = 3,
+  kFile = 3,  ///< The first one: where the index is.
   kIndex = 4,
   kChunk = 5,
   kChunkInfo = 6,
   kConnection = 7,
 };
+
+/// The little-endian number that bytes hold, eight at most.
+[[nodiscard]] std::uint64_t read_number(std::string_view bytes) noexcept;
 
 /// The fields of a header, which it keeps.
 class Fields {
@@ -35,9 +42,12 @@ class Fields {
 
   [[nodiscard]] std::optional<std::string_view> find(std::string_view name) const;
   /// Nothing as well where the field has not the number's size.
-  [[nodiscard]] std::optional<std::uint8_t> u8(std::string_view name) const;
-  [[nodiscard]] std::optional<std::uint32_t> u32(std::string_view name) const;
-  [[nodiscard]] std::optional<std::uint64_t> u64(std::string_view name) const;
+  template <std::unsigned_integral Number>
+  [[nodiscard]] std::optional<Number> number(std::string_view name) const {
+    const auto field = find(name);
+    if (!field || field->size() != sizeof(Number)) return std::nullopt;
+    return static_cast<Number>(read_number(*field));
+  }
   [[nodiscard]] std::optional<Stamp> time(std::string_view name) const;
 
  private:
@@ -66,7 +76,4 @@ struct Record {
                                                             std::uint64_t offset,
                                                             std::uint64_t limit);
 
-/// A little-endian number at the beginning of bytes that hold it.
-[[nodiscard]] std::uint32_t read_u32(std::string_view bytes) noexcept;
-
-}  // namespace sidestep::rosbag
+}  // namespace sidestep::bag

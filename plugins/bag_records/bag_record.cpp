@@ -2,29 +2,20 @@
 
 #include <algorithm>
 
-namespace sidestep::rosbag {
+namespace sidestep::bag {
 namespace {
 
 constexpr std::size_t kLengthBytes = 4;
 /// Headers hold a few numbers and a topic's name; connections have the definition of a message,
 /// which may be long.
 constexpr std::uint32_t kLongestHeader = 1U << 20;
+/// The length at the beginning of bytes that hold it.
+std::uint32_t read_length(std::string_view bytes) noexcept {
+  return static_cast<std::uint32_t>(read_number(bytes.substr(0, kLengthBytes)));
+}
+
 /// What most headers fit in with both lengths.
 constexpr std::size_t kUsual = 256;
-
-std::uint64_t read_number(std::string_view bytes, std::size_t size) noexcept {
-  std::uint64_t number = 0;
-  for (std::size_t i = size; i-- > 0;) {
-    number = number << 8U | static_cast<unsigned char>(bytes[i]);
-  }
-  return number;
-}
-
-template <class Number>
-std::optional<Number> number_of(const std::optional<std::string_view>& field) {
-  if (!field || field->size() != sizeof(Number)) return std::nullopt;
-  return static_cast<Number>(read_number(*field, sizeof(Number)));
-}
 
 bool read_text(const ByteSource& bytes, std::uint64_t offset, std::size_t count,
                std::string& into) {
@@ -34,8 +25,12 @@ bool read_text(const ByteSource& bytes, std::uint64_t offset, std::size_t count,
 
 }  // namespace
 
-std::uint32_t read_u32(std::string_view bytes) noexcept {
-  return static_cast<std::uint32_t>(read_number(bytes, kLengthBytes));
+std::uint64_t read_number(std::string_view bytes) noexcept {
+  std::uint64_t number = 0;
+  for (std::size_t i = bytes.size(); i-- > 0;) {
+    number = number << 8U | static_cast<unsigned char>(bytes[i]);
+  }
+  return number;
 }
 
 std::optional<Fields> Fields::parse(std::string bytes) {
@@ -44,7 +39,7 @@ std::optional<Fields> Fields::parse(std::string bytes) {
   const std::string_view all = fields.bytes_;
   for (std::size_t at = 0; at < all.size();) {
     if (all.size() - at < kLengthBytes) return std::nullopt;
-    const std::size_t length = read_u32(all.substr(at));
+    const std::size_t length = read_length(all.substr(at));
     at += kLengthBytes;
     if (length > all.size() - at) return std::nullopt;
     const std::size_t equals = all.substr(at, length).find('=');
@@ -66,17 +61,8 @@ std::optional<std::string_view> Fields::find(std::string_view name) const {
   return std::nullopt;
 }
 
-std::optional<std::uint8_t> Fields::u8(std::string_view name) const {
-  return number_of<std::uint8_t>(find(name));
-}
-std::optional<std::uint32_t> Fields::u32(std::string_view name) const {
-  return number_of<std::uint32_t>(find(name));
-}
-std::optional<std::uint64_t> Fields::u64(std::string_view name) const {
-  return number_of<std::uint64_t>(find(name));
-}
 std::optional<Stamp> Fields::time(std::string_view name) const {
-  const auto both = u64(name);
+  const auto both = number<std::uint64_t>(name);
   if (!both) return std::nullopt;
   const std::uint64_t seconds = *both & 0xffffffffU;
   const std::uint64_t nanoseconds = *both >> 32U;
@@ -91,7 +77,7 @@ tl::expected<Record, std::string> read_record(const ByteSource& bytes, std::uint
   const auto usual = static_cast<std::size_t>(std::min<std::uint64_t>(left, kUsual));
   if (!read_text(bytes, offset, usual, head)) return bad("the file cannot be read");
   if (head.size() < kLengthBytes) return bad("it is cut off in a record's header");
-  const std::uint32_t length = read_u32(head);
+  const std::uint32_t length = read_length(head);
   if (length > kLongestHeader) return bad("there is no record");
   const std::size_t whole = length + 2 * kLengthBytes;
   if (whole > left) return bad("it is cut off in a record's header");
@@ -99,11 +85,11 @@ tl::expected<Record, std::string> read_record(const ByteSource& bytes, std::uint
     return bad("the file cannot be read");
   }
   auto fields = Fields::parse(head.substr(kLengthBytes, length));
-  const auto op = fields ? fields->u8("op") : std::nullopt;
+  const auto op = fields ? fields->number<std::uint8_t>("op") : std::nullopt;
   if (!op) return bad("there is no record");
   Record record{static_cast<Op>(*op), std::move(*fields), offset + whole, 0};
-  record.data_size = read_u32(std::string_view(head).substr(whole - kLengthBytes));
+  record.data_size = read_length(std::string_view(head).substr(whole - kLengthBytes));
   return record;
 }
 
-}  // namespace sidestep::rosbag
+}  // namespace sidestep::bag

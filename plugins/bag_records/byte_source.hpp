@@ -8,7 +8,7 @@
 
 #include <sidestep/core/error.hpp>
 
-namespace sidestep::rosbag {
+namespace sidestep::bag {
 
 /// Bytes that can be read from anywhere. One thread at a time.
 class ByteSource {
@@ -48,4 +48,4 @@ class FileBytes final : public ByteSource {
   std::uint64_t size_;
 };
 
-}  // namespace sidestep::rosbag
+}  // namespace sidestep::bag

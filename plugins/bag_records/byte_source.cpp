@@ -8,7 +8,7 @@
 #include <cerrno>
 #include <cstring>
 
-namespace sidestep::rosbag {
+namespace sidestep::bag {
 namespace {
 
 bool lies_within(std::uint64_t offset, std::size_t count, std::uint64_t size) {
@@ -28,15 +28,15 @@ Result<std::unique_ptr<FileBytes>> FileBytes::open(const std::filesystem::path& 
   if (descriptor < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) {
-      return fail(ErrorCode::kNotFound, "there is no such bag", file.string(), "set source.path");
+      return fail(ErrorCode::kNotFound, "there is no such file", file.string());
     }
-    return fail(ErrorCode::kIo, std::string("the bag cannot be opened: ") + std::strerror(error),
+    return fail(ErrorCode::kIo, std::string("the file cannot be opened: ") + std::strerror(error),
                 file.string());
   }
   struct stat status {};
   if (fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) {
     ::close(descriptor);
-    return fail(ErrorCode::kNotFound, "this is no file", file.string(), "set source.path");
+    return fail(ErrorCode::kNotFound, "this is no file", file.string());
   }
   return std::unique_ptr<FileBytes>(
       new FileBytes(descriptor, static_cast<std::uint64_t>(status.st_size)));
@@ -57,4 +57,4 @@ bool FileBytes::read(std::uint64_t offset, std::span<std::uint8_t> into) const {
   return true;
 }
 
-}  // namespace sidestep::rosbag
+}  // namespace sidestep::bag
