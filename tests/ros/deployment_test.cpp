@@ -18,6 +18,8 @@ double unix_now_s() {
 
 /// In which nothing moves, and a metre ahead is free.
 constexpr const char* kHall = SIDESTEP_SOURCE_DIR "/tests/ros/hall.yaml";
+/// For tests that need no more than that the robot moves.
+constexpr const char* kNear = "experiment.goal.joints.odom_x=0.3";
 
 class Deployment : public ::testing::Test {
  protected:
@@ -159,7 +161,8 @@ TEST_F(Deployment, WithoutACameraSaysWhatIsMissing) {
 }
 
 TEST_F(Deployment, ShadowCommandsNothing) {
-  world_.start("hsr_deploy", kHall, {}, {"executor.mode=shadow", "experiment.duration_s=20"});
+  world_.start("hsr_deploy", kHall, {},
+               {"executor.mode=shadow", "experiment.duration_s=20", kNear});
   const auto code = world_.run().wait(kLongestRun_s);
   const auto truth = world_.end_fake();
   EXPECT_EQ(code, 0) << world_.run().log();
@@ -181,7 +184,8 @@ TEST_F(Deployment, ConfirmDoesNotMoveWithoutAYes) {
 }
 
 TEST_F(Deployment, ConfirmMovesOnceAYesHasCome) {
-  world_.start("hsr_deploy", kHall, {}, {"executor.mode=confirm", "experiment.duration_s=40"});
+  world_.start("hsr_deploy", kHall, {},
+               {"executor.mode=confirm", "experiment.duration_s=40", kNear});
   ASSERT_TRUE(world_.run().says("waits for a yes on /sidestep/confirm", 30.0))
       << world_.run().log();
   ASSERT_TRUE(world_.say({"bool", "/sidestep/confirm", "true"}));

@@ -151,7 +151,7 @@ std::optional<Result<Node>> GoalTopics::understand(const Wanted& wanted,
     return fail(ErrorCode::kInvalidArgument, placed->error(),
                 is_base ? options_.base_pose_topic : options_.end_effector_topic);
   }
-  return is_base ? wishes_.base_pose(**placed, q_now) : wishes_.end_effector(**placed);
+  return is_base ? wishes_.base_pose(**placed, q_now) : wishes_.end_effector(**placed, q_now);
 }
 
 std::optional<GoalRequest> GoalTopics::next(const Eigen::VectorXd& q_now, Stamp now) {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "figures.hpp"
+#include "reach_seed.hpp"
 
 namespace sidestep::ros1_executor {
 namespace {
@@ -62,20 +63,17 @@ Result<GoalWishes> GoalWishes::create(std::shared_ptr<const RobotModel> robot,
   wishes.topics_ = *options.goals;
   wishes.odometry_ = options.odometry;
   wishes.keep_in_ = options.keep_in;
-  const std::string& link = wishes.topics_.end_effector_link;
-  if (!wishes.topics_.end_effector_topic.empty() && !description.link_index(link)) {
-    return fail(ErrorCode::kConfig, "robot '" + description.name + "' has no link '" + link + "'",
-                "executor.goals.end_effector_link");
+  if (!wishes.topics_.end_effector_topic.empty()) {
+    const std::string& link = wishes.topics_.end_effector_link;
+    const auto index = description.link_index(link);
+    if (!index) {
+      return fail(ErrorCode::kConfig, "robot '" + description.name + "' has no link '" + link + "'",
+                  "executor.goals.end_effector_link");
+    }
+    wishes.link_ = *index;
   }
   if (wishes.odometry_) {
-    const auto yaw = description.joint_index(wishes.odometry_->yaw_joint);
-    if (!yaw) {
-      return fail(
-          ErrorCode::kConfig,
-          "robot '" + description.name + "' has no joint '" + wishes.odometry_->yaw_joint + "'",
-          "executor.odometry.yaw_joint");
-    }
-    wishes.yaw_ = *yaw;
+    wishes.yaw_ = description.joint_index(wishes.odometry_->yaw_joint).value();
   }
   wishes.robot_ = std::move(robot);
   return wishes;
@@ -99,11 +97,15 @@ Result<void> GoalWishes::check_box(const std::string& topic, const Positions& po
   return {};
 }
 
-Node GoalWishes::state_wish(const std::string& topic, const Positions& positions) const {
+Node GoalWishes::goal_block(const std::string& topic, const Positions& positions) {
   const WishWriter write(topic);
   std::vector<std::pair<std::string, Node>> joints;
   for (const auto& [name, position] : positions) joints.emplace_back(name, write.number(position));
-  return write.map({{"goal", write.map({{"joints", write.map(std::move(joints))}})}});
+  return write.map({{"joints", write.map(std::move(joints))}});
+}
+
+Node GoalWishes::state_wish(const std::string& topic, const Positions& positions) {
+  return WishWriter(topic).map({{"goal", goal_block(topic, positions)}});
 }
 
 Result<Node> GoalWishes::base_pose(const Transform& T_world_goal,
@@ -127,15 +129,25 @@ Result<Node> GoalWishes::base_pose(const Transform& T_world_goal,
   return state_wish(topic, positions);
 }
 
-Result<Node> GoalWishes::end_effector(const Transform& T_world_goal) const {
-  const WishWriter write(topics_.end_effector_topic);
+Result<Node> GoalWishes::end_effector(const Transform& T_world_goal,
+                                      const Eigen::VectorXd& q_now) const {
+  const std::string& topic = topics_.end_effector_topic;
+  const WishWriter write(topic);
   std::vector<std::pair<std::string, Node>> target{
       {"link", write.text(topics_.end_effector_link)},
       {"position_m", write.list(T_world_goal.translation())}};
   if (topics_.end_effector_turns) {
     target.emplace_back("rpy_rad", write.list(rpy_of(T_world_goal.linear())));
   }
-  return write.map({{"end_effector", write.map(std::move(target))}});
+  const Eigen::VectorXd seed = reach_seed(
+      *robot_, {link_, T_world_goal, topics_.end_effector_turns}, odometry_, keep_in_, q_now);
+  const auto& joints = robot_->description().joints;
+  Positions positions;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    positions[joints[j].name] = seed[static_cast<Eigen::Index>(j)];
+  }
+  return write.map(
+      {{"goal", goal_block(topic, positions)}, {"end_effector", write.map(std::move(target))}});
 }
 
 Result<Node> GoalWishes::joints(const ros_messages::JointState& message) const {

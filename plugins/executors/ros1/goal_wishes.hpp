@@ -21,8 +21,8 @@ namespace sidestep::ros1_executor {
 /// [any]
 class GoalWishes {
  public:
-  /// `options` with goals. Fails with kConfig where the robot lacks the link of `goals`, or the
-  /// joints of `odometry`.
+  /// `options` with goals. Fails with kConfig where the robot lacks the link of `goals`; has the
+  /// joints of `odometry`, as JointFeed has found.
   [[nodiscard]] static Result<GoalWishes> create(std::shared_ptr<const RobotModel> robot,
                                                  const Options& options);
 
@@ -31,8 +31,10 @@ class GoalWishes {
   /// where there is no odometry.
   [[nodiscard]] Result<Node> base_pose(const Transform& T_world_goal,
                                        const Eigen::VectorXd& q_now) const;
-  /// The link is to be at a pose of the world; where the robot stands then is free.
-  [[nodiscard]] Result<Node> end_effector(const Transform& T_world_goal) const;
+  /// The link is to be at a pose of the world; where the robot stands then is free. The search for
+  /// a posture begins with reach_seed().
+  [[nodiscard]] Result<Node> end_effector(const Transform& T_world_goal,
+                                          const Eigen::VectorXd& q_now) const;
   /// Positions by name; joints left out stay. Fails where a name stands there twice, lacks a
   /// position or has one that is not finite, and where the base would be out of keep_in.
   [[nodiscard]] Result<Node> joints(const ros_messages::JointState& message) const;
@@ -43,12 +45,15 @@ class GoalWishes {
   using Positions = std::map<std::string, double>;
   GoalWishes() = default;
   [[nodiscard]] Result<void> check_box(const std::string& topic, const Positions& positions) const;
-  [[nodiscard]] Node state_wish(const std::string& topic, const Positions& positions) const;
+  /// The block `goal` of a wish.
+  [[nodiscard]] static Node goal_block(const std::string& topic, const Positions& positions);
+  [[nodiscard]] static Node state_wish(const std::string& topic, const Positions& positions);
 
   std::shared_ptr<const RobotModel> robot_;
   GoalOptions topics_;
   std::optional<OdometryOptions> odometry_;
   std::optional<KeepInBox> keep_in_;
+  int link_ = -1;  ///< The end effector's.
   int yaw_ = -1;
 };
 

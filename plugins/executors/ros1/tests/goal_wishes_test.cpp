@@ -76,7 +76,7 @@ TEST_F(Wishes, OfTheEndEffectorSayTheRotationTheyWereGiven) {
     for (const double pitch : {-std::numbers::pi / 2, -0.4, 0.0, std::numbers::pi / 2}) {
       for (const double yaw : {-3.1, 0.0, 0.7}) {
         const Transform T = transform_from_xyz_rpy({0.4, -0.2, 0.9}, {roll, pitch, yaw});
-        const auto wish = made.end_effector(T);
+        const auto wish = made.end_effector(T, turned_by(0.0));
         ASSERT_TRUE(wish);
         const Node& target = *wish->find("end_effector");
         EXPECT_EQ(target.find("link")->text(), "hand_palm_link");
@@ -90,7 +90,7 @@ TEST_F(Wishes, OfTheEndEffectorSayTheRotationTheyWereGiven) {
     }
   }
   options_.goals->end_effector_turns = false;
-  const auto free = wishes().end_effector(pose(0.4, 0.0, 0.3));
+  const auto free = wishes().end_effector(pose(0.4, 0.0, 0.3), turned_by(0.0));
   ASSERT_TRUE(free);
   EXPECT_EQ(free->find("end_effector")->find("rpy_rad"), nullptr);
 }
@@ -124,13 +124,11 @@ TEST_F(Wishes, OfJointsHoldWhatTheMessageSays) {
   refused("it names no joint");
 }
 
-TEST_F(Wishes, NeedTheLinkAndTheJointsThatOptionsName) {
+TEST_F(Wishes, NeedTheLinkThatOptionsName) {
   options_.goals->end_effector_link = "tail";
   EXPECT_FALSE(GoalWishes::create(robot_, options_));
   options_.goals->end_effector_topic.clear();
   EXPECT_TRUE(GoalWishes::create(robot_, options_)) << "nobody may ask for it";
-  options_.odometry->yaw_joint = "yaw";
-  EXPECT_FALSE(GoalWishes::create(robot_, options_));
 }
 
 }  // namespace
