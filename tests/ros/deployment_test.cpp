@@ -50,7 +50,7 @@ class PassingFaults : public Deployment, public ::testing::WithParamInterface<Pa
 TEST_P(PassingFaults, StopTheRobotWhichThenGoesOn) {
   const PassingFault& fault = GetParam();
   // At full speed by 2.4 s.
-  world_.start("hsr_deploy", kHall, {"--silence", fault.part + "@3+6"},
+  world_.start("hsr_deploy", kHall, {"--silence", fault.part + "@3+5"},
                {"experiment.duration_s=40"});
   const auto code = world_.run().wait(kLongestRun_s);
   const auto truth = world_.end_fake();

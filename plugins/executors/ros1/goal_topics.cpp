@@ -154,7 +154,7 @@ std::optional<Result<Node>> GoalTopics::understand(const Wanted& wanted,
   return is_base ? wishes_.base_pose(**placed, q_now) : wishes_.end_effector(**placed, q_now);
 }
 
-std::optional<GoalRequest> GoalTopics::next(const Eigen::VectorXd& q_now, Stamp now) {
+std::optional<GoalRequest> GoalTopics::next(const Result<Eigen::VectorXd>& q_now, Stamp now) {
   queue_.callAvailable(::ros::WallDuration(0.0));
   tf_.forget_before({now.ns - Stamp::from_seconds(kKept_s).ns});
   if (is_cancelled_) {
@@ -162,9 +162,8 @@ std::optional<GoalRequest> GoalTopics::next(const Eigen::VectorXd& q_now, Stamp 
     return GoalRequest{"cancel/" + std::to_string(++count_), {}};
   }
   if (!wanted_) return std::nullopt;
-  auto wish = q_now.size() > 0
-                  ? understand(*wanted_, q_now, now)
-                  : Result<Node>(fail(ErrorCode::kIo, "where the robot is, is not known"));
+  auto wish =
+      q_now ? understand(*wanted_, *q_now, now) : Result<Node>(tl::make_unexpected(q_now.error()));
   if (!wish) return std::nullopt;
   const Wanted taken = *std::exchange(wanted_, std::nullopt);
   if (*wish) return GoalRequest{taken.id, std::move(**wish)};

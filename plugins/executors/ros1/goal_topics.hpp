@@ -32,8 +32,8 @@ class GoalTopics {
   GoalTopics& operator=(const GoalTopics&) = delete;
 
   /// The newest goal that is understood; those that are not have been refused. Never waits.
-  /// `q_now`: where the robot is; empty: not known, and goals are refused. `now`: ROS time.
-  [[nodiscard]] std::optional<GoalRequest> next(const Eigen::VectorXd& q_now, Stamp now);
+  /// `q_now`: where the robot is; why that is not known, and goals are refused. `now`: ROS time.
+  [[nodiscard]] std::optional<GoalRequest> next(const Result<Eigen::VectorXd>& q_now, Stamp now);
 
   /// Publishes it.
   void report(const GoalReport& report);

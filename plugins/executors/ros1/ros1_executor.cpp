@@ -85,9 +85,9 @@ class Ros1Executor : public Executor, public MapDisplay {
  protected:
   /// roscpp writes messages from a thread of its own, and not once the program has ended.
   static constexpr auto kFlush = std::chrono::milliseconds(50);
-  /// Takes messages in, as current() does, also while the robot has nothing to do. Where it is;
-  /// empty where that is not known.
-  Eigen::VectorXd attend();
+  /// Takes messages in, as current() does, also while the robot has nothing to do. Where it is, or
+  /// why that is not known.
+  Result<Eigen::VectorXd> attend();
 
  private:
   [[nodiscard]] bool is_shadow() const { return options_.mode == "shadow"; }
@@ -194,13 +194,15 @@ std::optional<Executor::Measured> Ros1Executor::state_at(Stamp now) const {
   return state;
 }
 
-Eigen::VectorXd Ros1Executor::attend() {
+Result<Eigen::VectorXd> Ros1Executor::attend() {
   const std::lock_guard lock(mutex_);
   link_.serve();
-  if (!ros1_node::update(time_, clock_)) return {};
+  if (auto updated = ros1_node::update(time_, clock_); !updated) {
+    return tl::make_unexpected(std::move(updated.error()));
+  }
   const Stamp now = clock_.now();
   auto state = state_at(now);
-  if (!state) return {};
+  if (!state) return fail(ErrorCode::kIo, "the robot's state is not known", kWhere);
   show(now, state->state.q);
   return std::move(state->state.q);
 }
@@ -396,7 +398,7 @@ class ErrandExecutor final : public Ros1Executor, public GoalSource {
   ~ErrandExecutor() override { std::this_thread::sleep_for(kFlush); }
 
   std::optional<GoalRequest> next_goal() override {
-    const Eigen::VectorXd q_now = attend();
+    const auto q_now = attend();
     return topics_.next(q_now, ros_messages::to_stamp(::ros::Time::now()));
   }
   void report(const GoalReport& report) override { topics_.report(report); }
