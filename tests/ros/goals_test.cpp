@@ -94,6 +94,12 @@ TEST_F(GoalsOverRos, RefusesWhatMakesNoSenseAndSaysWhy) {
 }
 
 TEST_F(GoalsOverRos, GoesWhereEachKindSaysAndStopsWhenTold) {
+  // Who looks at the map meanwhile sees it: all old markers removed, and one list.
+  const auto look_at = [&](const std::string& name) {
+    return world_.start_tool(name, {"rostopic", "echo", "-n", "1", "--noarr", "/sidestep/" + name});
+  };
+  const auto voxels = look_at("voxels");
+  const auto slice = look_at("field_slice");
   EXPECT_TRUE(answers({"text", kPose, "neutral"}, ",pose/1,3,reached"));
   EXPECT_TRUE(hears(*feedback_, ",pose/1,1,active"));
   // Half a metre ahead and a little to the left, turned to the left, as seen from the robot.
@@ -102,6 +108,8 @@ TEST_F(GoalsOverRos, GoesWhereEachKindSaysAndStopsWhenTold) {
                        std::to_string(std::sin(0.5 * yaw)), std::to_string(std::cos(0.5 * yaw))},
                       ",base_pose/2,3,reached"));
   EXPECT_TRUE(hears(*feedback_, "m or rad to go"));
+  EXPECT_TRUE(hears(*voxels, "visualization_msgs/Marker, length: 2"));
+  EXPECT_TRUE(hears(*slice, "visualization_msgs/Marker, length: 2"));
   EXPECT_TRUE(answers({"joints", kJoints, "wrist_roll_joint=0.6"}, ",joints/3,3,reached"));
   // Away, and called back; the next goal replaces nothing.
   ASSERT_TRUE(world_.say({"pose", kBase, "odom", "-0.9", "0", "0", "0", "0", "0", "1"}));
