@@ -36,8 +36,9 @@ class Seeds : public ::testing::Test {
   OdometryOptions base_;
 };
 
-/// Where a named posture reaches exactly, it is found, wherever the base has to stand for it.
-TEST_F(Seeds, FindThePostureThatReaches) {
+/// Where a named posture reaches exactly, it does, or another that does, wherever the base has to
+/// stand for it.
+TEST_F(Seeds, FindAPostureThatReaches) {
   std::mt19937 generator(7);
   std::uniform_real_distribution<double> place(-3.0, 3.0);
   for (const char* name : {"reach_table", "reach_shelf", "reach_floor", "neutral"}) {
@@ -49,7 +50,6 @@ TEST_F(Seeds, FindThePostureThatReaches) {
       const Transform target = palm_at(wanted);
       const auto seed = reach_seed(*robot_, {palm_, target, true}, base_, std::nullopt, now);
       EXPECT_TRUE(palm_at(seed).isApprox(target, 1e-6)) << name;
-      EXPECT_TRUE(seed.tail<5>().isApprox(wanted.tail<5>())) << name;
       EXPECT_LE(std::abs(seed[2] - now[2]), 3.1416) << "the shorter way round";
     }
   }
