@@ -1,6 +1,7 @@
 // The HSR's four scenarios over ROS 1, in wall-clock time, against a simulated robot that judges
 // what it truly touched.
 
+#include <cmath>
 #include <cstdio>
 
 #include <gtest/gtest.h>
@@ -36,7 +37,11 @@ TEST_P(RosScenarios, ReachTheGoalWithoutTouchingAnything) {
   EXPECT_GT(truth["min_true_clearance_m"], 0.0);
   EXPECT_GT(truth["poses_judged"].get<double>() / truth["duration_s"].get<double>(), 100.0);
   EXPECT_EQ(truth["commands_refused"], 0);
-  EXPECT_LT(truth["speed_at_end"].get<double>(), 0.02);
+  for (const auto& [joint, speed] : truth["at_end"]["speeds"].items()) {
+    // The head may still turn to where it is held.
+    if (joint.starts_with("head_")) continue;
+    EXPECT_LT(std::abs(speed.get<double>()), 0.02) << joint;
+  }
   const auto summary = world_.run_summary();
   ASSERT_TRUE(summary.is_object());
   std::printf(
@@ -63,7 +68,7 @@ INSTANTIATE_TEST_SUITE_P(
                      "source.topic=/hsrb/head_rgbd_sensor/depth_registered/rectified_points"}}),
     name_of);
 
-// Two minutes: run by hand, with --gtest_also_run_disabled_tests.
+// A minute: run by hand, with --gtest_also_run_disabled_tests.
 INSTANTIATE_TEST_SUITE_P(DISABLED_OfTheHsr, RosScenarios,
                          ::testing::Values(RosScenario{"room_navigation", {}, {}, 240.0}), name_of);
 

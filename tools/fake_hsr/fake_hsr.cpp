@@ -332,7 +332,9 @@ std::string FakeHsr::end_json() const {
   const RobotDescription& robot = robot_->description();
   nlohmann::ordered_json json;
   for (int j = 0; j < robot.dof(); ++j) {
-    json["joints"][robot.joints[static_cast<std::size_t>(j)].name] = state_.q[j];
+    const std::string& name = robot.joints[static_cast<std::size_t>(j)].name;
+    json["joints"][name] = state_.q[j];
+    json["speeds"][name] = state_.qdot[j];
   }
   std::vector<Transform> T_world_link(robot.links.size());
   Scratch scratch;
