@@ -294,8 +294,8 @@ TEST_F(BagTest, OtherFilesAreNoBags) {
     const auto reader = bag::Reader::open(file(name));
     return reader ? std::string() : reader.error().describe();
   };
-  EXPECT_THAT(error_of("none.bag"), HasSubstr("No such file or directory"));
-  EXPECT_THAT(error_of("."), HasSubstr("it is no file"));
+  EXPECT_THAT(error_of("none.bag"), HasSubstr("there is no such file"));
+  EXPECT_THAT(error_of("."), HasSubstr("this is no file"));
   folder_.write("empty.bag", "");
   EXPECT_THAT(error_of("empty.bag"), HasSubstr("this is no ROS bag of format 2.0"));
   folder_.write("old.bag", "#ROSBAG V1.2\n" + std::string(5000, '\0'));
