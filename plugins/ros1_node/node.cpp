@@ -9,7 +9,7 @@
 
 namespace sidestep::ros1_node {
 
-Result<MasterProbe> join_ros(double patience_s, double probe_period_s) {
+Result<MasterProbe> join_ros(double patience_s, double probe_period_s, const std::string& name) {
   const char* const uri = std::getenv("ROS_MASTER_URI");
   if (uri == nullptr) {
     return fail(ErrorCode::kConfig, "ROS_MASTER_URI is not set", "environment",
@@ -28,7 +28,7 @@ Result<MasterProbe> join_ros(double patience_s, double probe_period_s) {
                 "environment", "start the robot or a rosmaster, or export another ROS_MASTER_URI");
   }
   if (!::ros::isInitialized()) {
-    ::ros::init(::ros::M_string(), "sidestep",
+    ::ros::init(::ros::M_string(), name,
                 ::ros::init_options::NoSigintHandler | ::ros::init_options::AnonymousName);
   }
   // Started here, ROS is not shut down with the last handle of one plugin.

@@ -128,7 +128,7 @@ int main(int argc, char** argv) {
     std::fputs(kUsage, stderr);
     return 2;
   }
-  const auto master = ros1_node::join_ros(10.0, 1.0);
+  const auto master = ros1_node::join_ros(10.0, 1.0, "say");
   if (!master) {
     std::fprintf(stderr, "%s\n", master.error().describe().c_str());
     return 4;

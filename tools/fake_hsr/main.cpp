@@ -53,7 +53,7 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
 
 Result<void> run(const fake_hsr::Settings& settings) {
   constexpr double kPatience_s = 10.0;
-  auto master = ros1_node::join_ros(kPatience_s, 1.0);
+  auto master = ros1_node::join_ros(kPatience_s, 1.0, "fake_hsr");
   if (!master) return tl::make_unexpected(std::move(master.error()));
   auto fake = fake_hsr::FakeHsr::create(settings);
   if (!fake) return tl::make_unexpected(std::move(fake.error()));
