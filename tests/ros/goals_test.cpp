@@ -79,10 +79,13 @@ TEST_F(GoalsOverRos, RefusesWhatMakesNoSenseAndSaysWhy) {
   EXPECT_TRUE(answers({"joints", kJoints, "arm_lift_joint=0.9"}, ",joints/8" + refused));
   EXPECT_TRUE(answers({"joints", kJoints, "arm_lift=0.2"}, ",joints/9" + refused));
   EXPECT_TRUE(answers({"text", kPose, "handstand"}, ",pose/10" + refused));
+  // The hand, beside the column, would be lifted into the head.
+  EXPECT_TRUE(answers({"joints", kJoints, "arm_lift_joint=0.2"}, ",joints/11" + refused));
   EXPECT_TRUE(answers({"pose", kEndEffector, "odom", "1.0", "0", "4.0", "0", "0", "0", "1"},
-                      ",end_effector/11,4,failed: "))
+                      ",end_effector/12,4,failed: "))
       << "above any reach";
-  for (const char* said : {"arm_lift_joint", "'arm_lift'", "'handstand'"}) {
+  for (const char* said :
+       {"arm_lift_joint", "'arm_lift'", "'handstand'", "inside head_tilt_link"}) {
     EXPECT_NE(results_->log().find(said), std::string::npos) << results_->log();
   }
   world_.run().send(SIGINT);

@@ -1,5 +1,8 @@
 #include "deploy.hpp"
 
+#include <sidestep/field/scene_field.hpp>
+#include <sidestep/planning/validity_check.hpp>
+
 #include "blocks.hpp"
 #include "deploy_settings.hpp"
 #include "loop_experiment.hpp"
@@ -21,6 +24,22 @@ void check_deploy(const Configuration& configuration, Host& host, std::vector<Er
         (void)read_deploy_configuration(configuration, robot->description(), mistakes);
       },
       errors);
+}
+
+/// Fails where the robot could not be at the goal even if nothing were around it but the floor: it
+/// would touch itself, say. What is around it may move, and is not asked.
+Result<void> check_possible(const Goal& goal, const std::shared_ptr<const RobotModel>& robot,
+                            SpacePolicy space) {
+  if (goal.is_stop || goal.task.frees_goal) return {};
+  space.unknown = space.outside = Space::kFree;
+  const Eigen::Vector3d corner_m = Eigen::Vector3d::Ones();
+  const auto nothing = std::make_shared<const SceneField>(
+      Scene(), Stamp{}, Eigen::AlignedBox3d(Eigen::Vector3d(-corner_m), corner_m));
+  const auto violation = state_violation(robot, nothing, space, 0.0,
+                                         {goal.q.data(), static_cast<std::size_t>(goal.q.size())});
+  if (!violation) return {};
+  return fail(ErrorCode::kInvalidArgument, "the robot cannot be so: " + violation->what(),
+              "goal " + goal.id);
 }
 
 /// A robot that goes where it is sent, until nobody sends it any more.
@@ -129,8 +148,10 @@ std::optional<Goal> Deployment::next_goal() {
     return std::nullopt;
   }
   auto goal = read_goal(**request, world_.robot, *q_now);
-  if (goal) return std::move(*goal);
-  report((*request)->id, State::kRefused, goal.error().describe());
+  const auto possible = goal ? check_possible(*goal, world_.robot, settings_.loop.planning.space())
+                             : Result<void>(tl::make_unexpected(goal.error()));
+  if (possible) return std::move(*goal);
+  report((*request)->id, State::kRefused, possible.error().describe());
   return std::nullopt;
 }
 
