@@ -1,0 +1,58 @@
+#pragma once
+
+#include <vector>
+
+#include <sidestep/robot/kinematic_tree.hpp>
+
+namespace sidestep {
+
+/// A collision shape as a part of a rigid body.
+struct BodyPart {
+  int link = 0;
+  Shape shape;
+  Transform T_body_shape = Transform::Identity();
+  Transform T_shape_body = Transform::Identity();
+};
+
+/// A link of a rigid body.
+struct BodyLink {
+  int link = 0;
+  Transform T_body_link = Transform::Identity();
+};
+
+/// Links that no joint moves against each other, whether it is planned or not, and the bounded
+/// shapes that they consist of, in the frame of the first of them: a sphere on one link covers the
+/// shapes of the others, too.
+struct RigidBody {
+  std::vector<BodyLink> links;  ///< Parents before children.
+  std::vector<BodyPart> parts;
+
+  /// Null where the link belongs to another body.
+  [[nodiscard]] const BodyLink* find(int link) const noexcept;
+};
+
+/// All bodies of a robot, those without shapes included. [any]; allocates.
+[[nodiscard]] std::vector<RigidBody> rigid_bodies(const KinematicTree& robot);
+
+/// To the nearest of the body's shapes: exact outside of them; inside minus the depth in the shape
+/// in which the point lies deepest. Infinite without shapes. [any]
+[[nodiscard]] double signed_distance_m(const RigidBody& body, const Eigen::Vector3d& p_body);
+
+/// A sphere in the frame of a body.
+struct BodySphere {
+  int link = 0;
+  Eigen::Vector3d p_body = Eigen::Vector3d::Zero();
+  double radius_m = 0.0;
+};
+/// Those of the spheres that are on the body's links.
+[[nodiscard]] std::vector<BodySphere> spheres_of(const RigidBody& body,
+                                                 const std::vector<CollisionSphere>& spheres);
+
+/// The box that bounds a shape, in the shape's frame.
+struct ShapeBounds {
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d half_m = Eigen::Vector3d::Zero();
+};
+[[nodiscard]] ShapeBounds bounds_of(const Shape& shape);
+
+}  // namespace sidestep
