@@ -43,4 +43,19 @@ enum class PluginsFormat { kText, kJson, kMarkdown, kJsonSchema };
 /// Serves a recorded run in the viewer's page until a signal comes.
 [[nodiscard]] ExitCode view_command(const std::filesystem::path& file, const ViewOptions& options);
 
+struct RobotOptions {
+  std::string profile;
+  bool edit = false;  ///< In a browser.
+  bool fit = false;
+  double protrusion_m = 0.04;
+  std::optional<int> spheres;                ///< Instead: how many.
+  bool write = false;                        ///< What was fitted, into the profile.
+  std::optional<std::filesystem::path> out;  ///< Instead, into this new file.
+  bool json = false;
+  ViewOptions view;
+};
+/// Says what a robot profile has, fits spheres to it, or serves the sphere editor until a signal
+/// comes.
+[[nodiscard]] ExitCode robot_command(const RobotOptions& options);
+
 }  // namespace sidestep

@@ -7,18 +7,21 @@ namespace {
 
 constexpr std::chrono::seconds kBrowserTime{20};
 constexpr std::chrono::seconds kFlushTime{1};
+constexpr std::size_t kMostRequestBytes = std::size_t{256} << 10;  // a thousand spheres
 
 }  // namespace
 
 Result<std::unique_ptr<ViewServer>> serve_view(const ViewOptions& options, Log& log,
-                                               RecordingOpener recording) {
-  auto assets = ViewAssets::read(view_assets_folder());
+                                               RecordingOpener recording, PageDesk* desk) {
+  auto assets =
+      ViewAssets::read(view_assets_folder(), desk == nullptr ? "index.html" : "spheres.html");
   if (!assets) return tl::make_unexpected(assets.error());
   ViewServerSettings settings;
   settings.bind = options.bind.value_or(settings.bind);
   settings.require_token = options.bind.has_value();
   settings.port = options.port;
-  auto server = ViewServer::start(std::move(*assets), settings, std::move(recording));
+  if (desk != nullptr) settings.max_message_bytes = kMostRequestBytes;
+  auto server = ViewServer::start(std::move(*assets), settings, std::move(recording), desk);
   if (!server) return server;
   log.info("viewer: " + (*server)->url());
   if (options.open) open_browser((*server)->url(), log);

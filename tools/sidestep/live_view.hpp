@@ -19,9 +19,11 @@ struct ViewOptions {
 };
 
 /// Serves the page with what comes through the server, or with a recording; prints its URL, and
-/// opens it where that is asked for. Fails as ViewAssets::read() and ViewServer::start() do.
+/// opens it where that is asked for. With `desk`, the sphere editor's page instead. Fails as
+/// ViewAssets::read() and ViewServer::start() do.
 [[nodiscard]] Result<std::unique_ptr<ViewServer>> serve_view(const ViewOptions& options, Log& log,
-                                                             RecordingOpener recording = {});
+                                                             RecordingOpener recording = {},
+                                                             PageDesk* desk = nullptr);
 
 /// The viewer of a command that runs experiments.
 class LiveView {

@@ -6,6 +6,7 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include "commands.hpp"
+#include "cover_fit.hpp"
 
 namespace sidestep {
 namespace {
@@ -25,6 +26,7 @@ struct CommandLine {
   std::filesystem::path comparison = "comparison.html";
   std::filesystem::path merged = "merged";
   std::filesystem::path recording;
+  RobotOptions robot;
 };
 
 void add_configurations(CLI::App& command, CommandLine& line) {
@@ -50,6 +52,44 @@ void add_view_options(CLI::App& command, ViewOptions& view) {
                   "a token, without which nobody sees anything")
       ->type_name("ADDRESS");
   command.add_flag("--open", view.open, "Open the viewer in a browser");
+}
+
+void add_robot_command(CLI::App& app, RobotOptions& robot) {
+  CLI::App* command = app.add_subcommand(
+      "robot", "Show a robot profile; fit or edit the spheres that cover its shapes");
+  command->add_option("PROFILE", robot.profile, "The robot's name, or its profile's folder or file")
+      ->required();
+  command->add_flag("--spheres", robot.edit, "Edit the spheres in a browser");
+  add_view_options(*command, robot.view);
+  for (const char* option : {"--view-port", "--view-bind", "--open"}) {
+    command->get_option(option)->needs("--spheres");
+  }
+  command->add_flag("--fit", robot.fit, "Fit spheres to the shapes")->excludes("--spheres");
+  CLI::Option* const protrusion =
+      command
+          ->add_option("--protrusion_m", robot.protrusion_m,
+                       "How far fitted spheres may stand out from the shapes")
+          ->type_name("M")
+          ->needs("--fit")
+          ->check(CLI::Range(FitGoal::kLeastProtrusion_m, FitGoal::kMostProtrusion_m))
+          ->capture_default_str();
+  command
+      ->add_option("--count", robot.spheres,
+                   "Instead: as little excess volume as this many spheres come to")
+      ->type_name("N")
+      ->needs("--fit")
+      ->excludes(protrusion)
+      ->check(CLI::Range(1, FitGoal::kMostSpheres));
+  CLI::Option* const write =
+      command->add_flag("--write", robot.write, "Save the fitted spheres into the profile")
+          ->needs("--fit");
+  command
+      ->add_option(
+          "--out", robot.out,
+          "Save fitted or edited spheres into this new file, a copy of the profile, instead")
+      ->type_name("FILE")
+      ->excludes(write);
+  command->add_flag("--json", robot.json, "Print as JSON")->excludes("--spheres");
 }
 
 void add_run(CLI::App& app, CommandLine& line) {
@@ -101,6 +141,8 @@ void add_commands(CLI::App& app, CommandLine& line) {
   view->add_option("FILE", line.recording, "What `sidestep run --record` wrote")->required();
   add_view_options(*view, line.run.view);
 
+  add_robot_command(app, line.robot);
+
   CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
   add_configurations(*check, line);
 
@@ -140,6 +182,7 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
   if (app.got_subcommand("report")) {
     return report_command(line.report_runs, line.comparison, line.merged);
   }
+  if (app.got_subcommand("robot")) return robot_command(line.robot);
   if (app.got_subcommand("view")) return view_command(line.recording, line.run.view);
   std::printf("%s", app.help().c_str());
   return ExitCode::kSuccess;

@@ -13,6 +13,7 @@ struct FitGoal {
   static constexpr double kLeastProtrusion_m = 0.002;
   static constexpr double kMostProtrusion_m = 1.0;
   static constexpr int kMostSpheresOnLink = 128;
+  static constexpr int kMostSpheres = 1000;
 
   double protrusion_m = 0.04;       ///< How far spheres may stand out from the shapes.
   std::optional<int> most_spheres;  ///< Instead: as close as this many spheres come.

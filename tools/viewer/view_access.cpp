@@ -95,7 +95,7 @@ ViewAnswer answer(const ViewRequest& request, const ViewAddress& address,
   const bool is_socket = path == kSocket;
   if (asset == nullptr && !is_socket) return {404, nullptr, "There is no such file."};
   // What the page consists of is no secret; what it is told is.
-  const bool needs_token = is_socket || path == "/" || path == "/index.html";
+  const bool needs_token = is_socket || path == "/" || path.ends_with(".html");
   if (needs_token && address.token && !has_token(query, *address.token)) {
     return {403, nullptr, "The token is missing or wrong: use the URL that Sidestep printed."};
   }

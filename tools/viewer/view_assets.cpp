@@ -41,10 +41,10 @@ tl::unexpected<Error> not_readable(const fs::path& file, const std::string& why)
 
 }  // namespace
 
-Result<ViewAssets> ViewAssets::read(const fs::path& folder) {
+Result<ViewAssets> ViewAssets::read(const fs::path& folder, const std::string& page) {
   ViewAssets assets;
   std::error_code error;
-  if (!fs::is_regular_file(folder / "index.html", error)) {
+  if (!fs::is_regular_file(folder / page, error)) {
     return fail(
         ErrorCode::kNotFound, "this build of Sidestep has no viewer's page", folder.string(),
         "install nodejs and npm (tools/install_deps.sh does), then configure and build again");
@@ -53,6 +53,8 @@ Result<ViewAssets> ViewAssets::read(const fs::path& folder) {
   for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     if (!fs::is_regular_file(entry->symlink_status())) continue;
+    const bool is_page = entry->path().extension() == ".html";
+    if (is_page && entry->path() != folder / page) continue;
     total += entry->file_size();
     if (total > kMostBytes) return not_readable(folder, "the folder holds more than 64 MiB");
     std::ifstream in(entry->path(), std::ios::binary);
@@ -63,7 +65,7 @@ Result<ViewAssets> ViewAssets::read(const fs::path& folder) {
     assets.assets_[path] = {content_type(entry->path()), std::move(bytes)};
   }
   if (error) return not_readable(folder, error.message());
-  assets.assets_["/"] = assets.assets_["/index.html"];
+  assets.assets_["/"] = assets.assets_["/" + page];
   return assets;
 }
 

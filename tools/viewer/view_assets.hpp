@@ -21,9 +21,11 @@ class ViewAssets {
  public:
   static constexpr std::uintmax_t kMostBytes = std::uintmax_t{64} << 20;
 
-  /// All regular files in the folder and below; links are left out. Fails with kNotFound where
-  /// there is no index.html, and with kIo where a file cannot be read or all are too large.
-  [[nodiscard]] static Result<ViewAssets> read(const std::filesystem::path& folder);
+  /// All regular files in the folder and below; links, and pages beside `page`, are left out. Fails
+  /// with kNotFound where there is no such page, and with kIo where a file cannot be read or all
+  /// are too large.
+  [[nodiscard]] static Result<ViewAssets> read(const std::filesystem::path& folder,
+                                               const std::string& page = "index.html");
 
   /// By the path of a URL, byte for byte: "/" is the page, "/viewer.js" a file beside it. Null
   /// where there is none.

@@ -37,6 +37,8 @@ std::string_view to_string(ViewKind kind) noexcept {
     case ViewKind::kTiming: return "timing";
     case ViewKind::kSlice: return "slice";
     case ViewKind::kEnd: return "end";
+    case ViewKind::kProfile: return "profile";
+    case ViewKind::kReply: return "reply";
   }
   return "";
 }

@@ -21,6 +21,8 @@ enum class ViewKind : std::uint8_t {
   kTiming,
   kSlice,
   kEnd,
+  kProfile,  ///< Of the sphere editor (docs/reference/sphere_editor.md), as the next one.
+  kReply,
 };
 /// As the header's `kind` says it.
 [[nodiscard]] std::string_view to_string(ViewKind kind) noexcept;

@@ -110,12 +110,13 @@ ViewServer::~ViewServer() { finish(std::chrono::milliseconds(0)); }
 
 Result<std::unique_ptr<ViewServer>> ViewServer::start(ViewAssets assets,
                                                       ViewServerSettings settings,
-                                                      RecordingOpener recording) {
+                                                      RecordingOpener recording, PageDesk* desk) {
   auto impl = std::make_unique<Impl>(std::move(assets), std::move(settings), std::move(recording));
   if (auto listening = listen(impl->hub); !listening) {
     return tl::make_unexpected(listening.error());
   }
   impl->url = impl->hub.address.url();
+  if (desk != nullptr) impl->hub.desk = std::make_unique<DeskWorker>(*desk);
   accept_next(impl->hub);
   impl->thread = std::thread([&io = impl->hub.io] {
     lower_thread_priority();
@@ -157,6 +158,7 @@ void ViewServer::finish(std::chrono::milliseconds limit) {
   }
   impl_->hub.io.stop();
   impl_->thread.join();
+  impl_->hub.desk = nullptr;
 }
 
 ViewSink::Demand ViewServer::demand() {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "page_desk.hpp"
 #include "recording.hpp"
 #include "view_access.hpp"
 #include "view_sink.hpp"
@@ -19,22 +20,25 @@ struct ViewServerSettings {
   bool require_token = false;
   std::size_t max_clients = 32;
   std::size_t max_connections = 128;                     ///< Those that are no clients included.
+  std::size_t max_message_bytes = 256;                   ///< That a client sends.
   std::size_t max_queued_bytes = std::size_t{32} << 20;  ///< Of a client, before it is dropped.
   std::chrono::milliseconds request_time{5'000};         ///< For a whole request.
   std::chrono::milliseconds idle_time{30'000};           ///< Without a sign of life from a client.
 };
 
 /// Serves the page and its socket on one port, from a thread of low priority of its own. Nothing
-/// that comes in goes any further than here, but for the slices that pages ask for. Who does not
+/// that comes in goes any further than here, but for the slices that pages ask for,
+/// and what a desk is asked. Who does not
 /// read, or sends what is none of its business, is dropped; nobody is waited for.
 class ViewServer final : public ViewSink {
  public:
   /// Serves what it is handed as a sink; with `recording`, that to each client from the beginning,
-  /// as fast as it reads. Fails with kConfig for an address that is none, and with kIo where it
-  /// cannot be bound.
+  /// as fast as it reads; with `desk`, which outlives the server, what that answers, to each on its
+  /// own. Fails with kConfig for an address that is none, and with kIo where it cannot be bound.
   [[nodiscard]] static Result<std::unique_ptr<ViewServer>> start(ViewAssets assets,
                                                                  ViewServerSettings settings,
-                                                                 RecordingOpener recording = {});
+                                                                 RecordingOpener recording = {},
+                                                                 PageDesk* desk = nullptr);
   ~ViewServer() override;
 
   /// Of the page. [any]

@@ -16,13 +16,14 @@ namespace sidestep::testing_support {
 /// A server of a small page, on a port of the system's choice.
 class ViewServerFixture : public ::testing::Test {
  protected:
-  void start(const ViewServerSettings& settings = {}, RecordingOpener recording = {}) {
+  void start(const ViewServerSettings& settings = {}, RecordingOpener recording = {},
+             PageDesk* desk = nullptr) {
     folder_.write("page/index.html", "<p>the page</p>");
     folder_.write("page/viewer.js", std::string(300'000, 'x'));
     folder_.write("secret.txt", "the secret");
     auto assets = ViewAssets::read(folder_.path() / "page");
     ASSERT_TRUE(assets);
-    auto server = ViewServer::start(std::move(*assets), settings, std::move(recording));
+    auto server = ViewServer::start(std::move(*assets), settings, std::move(recording), desk);
     ASSERT_TRUE(server) << server.error().describe();
     server_ = std::move(*server);
   }

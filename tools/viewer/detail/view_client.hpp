@@ -16,6 +16,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 
+#include "desk_worker.hpp"
 #include "view_messages.hpp"
 #include "view_server.hpp"
 
@@ -30,7 +31,6 @@ using Bytes = std::shared_ptr<const std::string>;
 using Ticket = std::shared_ptr<const int>;  ///< Counts connections by who shares it.
 
 inline constexpr std::size_t kMostHeaderBytes = 8 << 10;
-inline constexpr std::size_t kMostMessageBytes = 256;
 inline constexpr std::size_t kMostDrainedBytes = 1 << 20;
 inline constexpr int kMostPending = 256;  ///< Messages on their way from the feed to this thread.
 
@@ -62,7 +62,8 @@ struct Hub {
   Ticket ticket = std::make_shared<const int>(0);
   std::set<std::shared_ptr<Client>> clients;
   bool is_finishing = false;
-  std::atomic<int> pending = 0;  ///< [any]
+  std::unique_ptr<DeskWorker> desk;  ///< Null where pages may ask for slices alone.
+  std::atomic<int> pending = 0;      ///< [any]
 
   std::mutex mutex;  ///< Of what follows. [any]
   std::condition_variable_any changed;
@@ -82,7 +83,7 @@ class Client : public std::enable_shared_from_this<Client> {
     limits.idle_timeout = hub_.settings.idle_time;
     limits.keep_alive_pings = true;
     socket_.set_option(limits);
-    socket_.read_message_max(kMostMessageBytes);
+    socket_.read_message_max(hub_.settings.max_message_bytes);
     socket_.auto_fragment(false);
     socket_.binary(true);
   }
@@ -136,8 +137,26 @@ class Client : public std::enable_shared_from_this<Client> {
       recording_ = std::move(*opened);
     }
     hub_.update();
+    if (hub_.desk != nullptr) {
+      is_greeted_ = true;
+      return ask(std::nullopt);
+    }
     read();
     pump();
+  }
+
+  /// The next request is read once this one has been answered.
+  void ask(std::optional<std::string> request) {
+    hub_.desk->ask(std::move(request), [self = shared_from_this()](auto messages) {
+      net::post(self->hub_.io, [self, messages = std::move(messages)] { self->hear(messages); });
+    });
+  }
+
+  void hear(const std::optional<std::vector<ViewMessage>>& messages) {
+    if (is_gone_ || is_closing_) return;
+    if (!messages) return close(websocket::close_code::policy_error);
+    for (const ViewMessage& message : *messages) send(message.bytes);
+    read();
   }
 
   void read() {
@@ -148,11 +167,10 @@ class Client : public std::enable_shared_from_this<Client> {
   }
 
   void obey() {
-    const auto message =
-        socket_.got_text()
-            ? read_page_message({static_cast<const char*>(in_.cdata().data()), in_.cdata().size()})
-            : std::nullopt;
+    const std::string text(static_cast<const char*>(in_.cdata().data()), in_.cdata().size());
     in_.consume(in_.size());
+    if (hub_.desk != nullptr && socket_.got_text()) return ask(text);
+    const auto message = socket_.got_text() ? read_page_message(text) : std::nullopt;
     if (!message) return close(websocket::close_code::policy_error);
     slice_ = message->slice;
     hub_.update();

@@ -1,6 +1,6 @@
 // Bundles the page, or with --tests its tests, which need Node alone then.
 //
-//   node build.mjs [--outdir FOLDER]   index.html, icon.svg, viewer.js, viewer.css; dist unless said
+//   node build.mjs [--outdir FOLDER]   both pages, viewer.js, spheres.js, ...; dist unless said
 //   node build.mjs --tests             build/tests/*.js
 import { copyFile, mkdir, readdir } from "node:fs/promises";
 import path from "node:path";
@@ -12,7 +12,7 @@ const here = path.dirname(fileURLToPath(import.meta.url));
 async function buildPage(folder) {
   await mkdir(folder, { recursive: true });
   await build({
-    entryPoints: { viewer: path.join(here, "src/main.ts") },
+    entryPoints: { viewer: path.join(here, "src/main.ts"), spheres: path.join(here, "src/spheres/main.ts") },
     outdir: folder,
     bundle: true,
     minify: true,
@@ -20,7 +20,7 @@ async function buildPage(folder) {
     target: ["es2022", "chrome100", "firefox100", "safari15.4"],
     legalComments: "eof",
   });
-  for (const name of ["index.html", "icon.svg"]) await copyFile(path.join(here, name), path.join(folder, name));
+  for (const name of ["index.html", "spheres.html", "icon.svg"]) await copyFile(path.join(here, name), path.join(folder, name));
 }
 
 async function buildTests() {

@@ -10,7 +10,7 @@ import { ProtocolError } from "./protocol";
 import { Stage } from "./scene/stage";
 import type { ViewMode } from "./scene/views";
 import { Session } from "./session";
-import { chosenTheme, kOverlays, overlayShown, rememberOverlay, rememberTheme, Theme } from "./settings";
+import { followTheme, kOverlays, overlayShown, rememberOverlay } from "./settings";
 import { SliceControl } from "./slice_control";
 import { showFault, showNoScene, showStatus } from "./status";
 import { Timeline } from "./timeline";
@@ -21,6 +21,7 @@ const kTimeline_ms = 200;
 
 export class App {
   readonly playback = new Playback();
+  readonly switchTheme: () => void;
   readonly slice = new SliceControl((request) => this.connection.send(request));
   private readonly session = new Session((history) => this.begin(history));
   private readonly connection: Connection;
@@ -46,7 +47,7 @@ export class App {
   private firstFault = "";
 
   constructor() {
-    this.applyTheme(this.theme());
+    this.switchTheme = followTheme(byId("theme"), () => this.recolour());
     this.timeline = new Timeline(byId("timeline"), (time_s) => this.seek(time_s));
     this.transport = new Transport(this.playback, () => this.refresh());
     this.stage = this.makeStage();
@@ -80,13 +81,6 @@ export class App {
     chooseButton(document.querySelectorAll<HTMLElement>("[data-view]"), (one) => one.dataset["view"] === view);
   }
 
-  switchTheme(): void {
-    const theme: Theme = this.theme() === "dark" ? "light" : "dark";
-    rememberTheme(theme);
-    this.applyTheme(theme);
-    this.recolour();
-  }
-
   seek(time_s: number): void {
     this.playback.seek(time_s);
     this.refresh();
@@ -115,7 +109,6 @@ export class App {
 
   private listen(): void {
     byId("retry").addEventListener("click", () => this.connection.open());
-    byId("theme").addEventListener("click", () => this.switchTheme());
     for (const button of document.querySelectorAll<HTMLElement>("[data-view]")) {
       button.addEventListener("click", () => this.choose(button.dataset["view"] as ViewMode));
     }
@@ -123,19 +116,6 @@ export class App {
     cut.addEventListener("input", () => this.applyCut());
     const episode = byId<HTMLSelectElement>("episode");
     episode.addEventListener("change", () => this.session.choose(episode.selectedIndex));
-    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      this.applyTheme(this.theme());
-      this.recolour();
-    });
-  }
-
-  private theme(): Theme {
-    const system = window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
-    return chosenTheme() ?? system;
-  }
-
-  private applyTheme(theme: Theme): void {
-    document.documentElement.dataset["theme"] = theme;
   }
 
   private recolour(): void {

@@ -13,7 +13,8 @@ export interface Binding {
 /** Keys that an element with the focus needs for itself. */
 function isTaken(target: EventTarget | null, key: string): boolean {
   if (!(target instanceof HTMLElement)) return false;
-  if (target.tagName === "SELECT" || target.isContentEditable) return true;
+  if (target.tagName === "SELECT" || target.isContentEditable) return key !== "Escape";
+  if (target instanceof HTMLInputElement && target.type === "number") return key !== "Escape";
   const isArrow = key.startsWith("Arrow") || key === "Home" || key === "End";
   if (target instanceof HTMLInputElement && target.type === "range") return isArrow && target.dataset["keys"] !== "page";
   // What was clicked at keeps the focus, but whoever presses a key then means the page.

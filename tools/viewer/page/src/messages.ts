@@ -20,6 +20,13 @@ export interface Joint {
   upper: number | null;
 }
 
+/** On a link, in its frame. */
+export interface Sphere {
+  link: number;
+  centre_m: Point;
+  radius_m: number;
+}
+
 export interface World {
   kind: "world";
   time_s: number;
@@ -33,7 +40,7 @@ export interface World {
   links: string[];
   toolLink: number;
   shapes: { link: number; shape: Shape; pose: Pose }[];
-  spheres: { link: number; centre_m: Point; radius_m: number }[];
+  spheres: Sphere[];
   objects: { name: string; shape: Shape; pose: Pose; moves: boolean }[];
   goal: Pose[];
 }

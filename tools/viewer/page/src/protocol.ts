@@ -14,6 +14,7 @@ import {
   Pose,
   RunEvent,
   Slice,
+  Sphere,
   State,
   Timing,
   World,
@@ -71,12 +72,17 @@ function finite(values: Float32Array): Float32Array {
 
 /** `world` is the last one told, which says how many links and objects there are. */
 export function decode(buffer: ArrayBuffer, world: World | null): Message {
-  const { text, start } = splitHeader(buffer);
-  const header = Reader.of(parse(text), "header");
+  const { header, text, start } = readHeader(buffer);
   const payload = new Payload(buffer, start);
   const message = readMessage(header, text, payload, world);
   payload.finish();
   return message;
+}
+
+/** Of any message, whatever its kind; the payload begins at `start`. */
+export function readHeader(buffer: ArrayBuffer): { header: Reader; text: string; start: number } {
+  const { text, start } = splitHeader(buffer);
+  return { header: Reader.of(parse(text), "header"), text, start };
 }
 
 function splitHeader(buffer: ArrayBuffer): { text: string; start: number } {
@@ -154,14 +160,7 @@ function readWorld(header: Reader, text: string): World {
       const link = part.index("link", links.length);
       return { link, shape: readShape(part.child("shape")), pose: part.numbers("pose", 7) };
     }),
-    spheres: header.list("spheres", (value, where) => {
-      const sphere = Reader.of(value, where);
-      return {
-        link: sphere.index("link", links.length),
-        centre_m: sphere.numbers("centre_m", 3) as Point,
-        radius_m: sphere.positive("radius_m"),
-      };
-    }),
+    spheres: readSpheres(header, links.length),
     objects: header.list("objects", (value, where) => {
       const object = Reader.of(value, where);
       return {
@@ -173,6 +172,18 @@ function readWorld(header: Reader, text: string): World {
     }),
     goal,
   };
+}
+
+/** The list `spheres`, on links of which there are so many. */
+export function readSpheres(header: Reader, links: number): Sphere[] {
+  return header.list("spheres", (value, where) => {
+    const sphere = Reader.of(value, where);
+    return {
+      link: sphere.index("link", links),
+      centre_m: sphere.numbers("centre_m", 3) as Point,
+      radius_m: sphere.positive("radius_m"),
+    };
+  });
 }
 
 function identityOf(text: string): string {

@@ -65,3 +65,27 @@ export function chosenTheme(): Theme | null {
 export function rememberTheme(theme: Theme): void {
   remember("theme", theme);
 }
+
+/** The chosen theme, or the system's. */
+export function currentTheme(): Theme {
+  return chosenTheme() ?? (window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+}
+
+/** Applies the theme, now and when it changes; the button switches it. Returns what the button does. */
+export function followTheme(button: HTMLElement, changed: () => void): () => void {
+  const apply = () => {
+    document.documentElement.dataset["theme"] = currentTheme();
+  };
+  const update = () => {
+    apply();
+    changed();
+  };
+  const change = () => {
+    rememberTheme(currentTheme() === "dark" ? "light" : "dark");
+    update();
+  };
+  apply();
+  button.addEventListener("click", change);
+  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", update);
+  return change;
+}

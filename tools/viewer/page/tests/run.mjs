@@ -2,6 +2,7 @@
 //
 //   node tests/run.mjs unit    what needs Node alone
 //   node tests/run.mjs e2e     the page in headless Chromium; exits with 77 where there is none
+//   node tests/run.mjs command the same, with what the command itself serves
 import { spawnSync } from "node:child_process";
 import { existsSync, readdirSync } from "node:fs";
 import path from "node:path";
@@ -11,13 +12,13 @@ const suite = process.argv[2];
 const folder = path.join(path.dirname(fileURLToPath(import.meta.url)), "../build/tests");
 const chromium = process.env.SIDESTEP_CHROMIUM ?? "/usr/bin/chromium";
 
-if (suite === "e2e" && !existsSync(chromium)) {
+if (suite !== "unit" && !existsSync(chromium)) {
   console.log(`skipped: no ${chromium} (Debian's package chromium; SIDESTEP_CHROMIUM names another one)`);
   process.exit(77);
 }
-const isEndToEnd = (name) => name.startsWith("e2e_");
+const suiteOf = (name) => (name.startsWith("e2e_") ? "e2e" : name.startsWith("command_") ? "command" : "unit");
 const files = readdirSync(folder)
-  .filter((name) => name.endsWith("_test.js") && isEndToEnd(name) === (suite === "e2e"))
+  .filter((name) => name.endsWith("_test.js") && suiteOf(name) === suite)
   .map((name) => path.join(folder, name));
 if (files.length === 0) {
   console.error(`no compiled tests in ${folder}`);
