@@ -14,18 +14,12 @@ namespace {
 
 constexpr std::size_t kMostCells = 40'000;
 constexpr std::size_t kDirections = 64;
-/// What spheres are rounded to: a tenth of a millimetre is finer than any URDF.
-constexpr double kGrain_m = 1e-4;
 /// What rounding may add: half a grain along each axis, and one of the radius.
 constexpr double kRounding_m = 3e-4;
 constexpr int kRounds = 6;
 constexpr int kMostDropsRefused = 4;
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
-
-Eigen::Vector3d to_grain(const Eigen::Vector3d& p) {
-  return (p / kGrain_m).array().round().matrix() * kGrain_m;
-}
 
 double total_excess_m3(const auto& clusters) {
   double sum = 0.0;
@@ -261,7 +255,7 @@ std::vector<CollisionSphere> ClusterFit::result() const {
   for (const Cluster& cluster : clusters_) {
     const Eigen::Vector3d centre = to_grain(T_link_body * cluster.p_body);
     const double radius = radius_to_hold_m(body_, cluster.cells, T_body_link * centre);
-    spheres.push_back({link_, centre, std::ceil(radius / kGrain_m + 1e-6) * kGrain_m});
+    spheres.push_back({link_, centre, up_to_grain(radius)});
   }
   return spheres;
 }

@@ -18,7 +18,6 @@ constexpr int kMostSpheresOnShape = 48;
 /// Of a body, to find out what is held twice.
 constexpr double kFineOfRadius = 0.05;
 constexpr std::size_t kMostCells = 60'000;
-constexpr double kGrain_m = 1e-4;
 
 double volume_m3(const RigidBody& body, int link) {
   double sum = 0.0;
@@ -156,19 +155,14 @@ void drop_held(const RigidBody& body, const std::vector<int>& links,
   });
 }
 
-/// In the frames of their links; centres and radii that are no shape's own in tenths of
-/// millimetres.
+/// In the frames of their links, rounded, and so much larger that they hold what they held.
 std::vector<CollisionSphere> in_links(const RigidBody& body,
                                       const std::vector<BodySphere>& spheres) {
   std::vector<CollisionSphere> out;
   for (const BodySphere& sphere : spheres) {
     const Eigen::Vector3d exact = body.find(sphere.link)->T_body_link.inverse() * sphere.p_body;
-    const Eigen::Vector3d centre = (exact / kGrain_m).array().round().matrix() * kGrain_m;
-    const double moved_m = (centre - exact).norm();
-    const double radius = moved_m < 1e-9
-                              ? sphere.radius_m
-                              : std::ceil((sphere.radius_m + moved_m) / kGrain_m) * kGrain_m;
-    out.push_back({sphere.link, moved_m < 1e-9 ? exact : centre, radius});
+    const Eigen::Vector3d centre = to_grain(exact);
+    out.push_back({sphere.link, centre, up_to_grain(sphere.radius_m + (centre - exact).norm())});
   }
   return out;
 }

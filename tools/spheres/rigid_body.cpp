@@ -1,6 +1,7 @@
 #include "rigid_body.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace sidestep {
@@ -71,6 +72,14 @@ std::vector<RigidBody> rigid_bodies(const KinematicTree& robot) {
         {one.link, one.shape, T_body_shape, T_body_shape.inverse()});
   }
   return bodies;
+}
+
+Eigen::Vector3d to_grain(const Eigen::Vector3d& p) {
+  return (p * kGrainsPerMetre).array().round().matrix() / kGrainsPerMetre;
+}
+
+double up_to_grain(double radius_m) {
+  return std::ceil(radius_m * kGrainsPerMetre - 1e-6) / kGrainsPerMetre;
 }
 
 double signed_distance_m(const RigidBody& body, const Eigen::Vector3d& p_body) {

@@ -48,6 +48,14 @@ struct BodySphere {
 [[nodiscard]] std::vector<BodySphere> spheres_of(const RigidBody& body,
                                                  const std::vector<CollisionSphere>& spheres);
 
+/// What fitted spheres are rounded to: a tenth of a millimetre is finer than any URDF.
+inline constexpr double kGrainsPerMetre = 1e4;
+inline constexpr double kGrain_m = 1.0 / kGrainsPerMetre;
+/// To the nearest multiple, of which a decimal number with four digits is read.
+[[nodiscard]] Eigen::Vector3d to_grain(const Eigen::Vector3d& p);
+/// To the next multiple that is not smaller, to a nanometre.
+[[nodiscard]] double up_to_grain(double radius_m);
+
 /// The box that bounds a shape, in the shape's frame.
 struct ShapeBounds {
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();

@@ -1,29 +1,13 @@
 // A picture of a recording in the viewer: node screenshot.mjs URL FILE [SHARE]
 // SHARE of its time is where it is shown, 0.5 unless given. Fails where the page complains, or
 // shows no recording.
-import { chromium } from "playwright-core";
+import { takePicture } from "./picture.mjs";
 
 const kPatience_ms = 60000;
 const kLook_ms = 500;
 
 const [url, file, share = "0.5"] = process.argv.slice(2);
-const complaints = [];
-const browser = await chromium.launch({
-  executablePath: "/usr/bin/chromium",
-  args: [
-    "--no-sandbox", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--use-gl=angle",
-    "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-  ],
-});
-try {
-  const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
-  page.on("pageerror", (error) => complaints.push(error.message));
-  page.on("console", (message) => {
-    if (message.type() === "error") complaints.push(message.text());
-  });
-  await page.emulateMedia({ colorScheme: "dark" });
-  await page.goto(url);
+await takePicture(url, file, async (page) => {
   const end = () => page.evaluate(() => Number(document.querySelector("#scrub")?.max ?? 0));
   // All of it has come once its end moves no more.
   let [last, steady] = [0, 0];
@@ -41,11 +25,4 @@ try {
     scrub.dispatchEvent(new Event("input", { bubbles: true }));
   }, Number(share));
   await page.waitForTimeout(4 * kLook_ms);
-  await page.screenshot({ path: file });
-} finally {
-  await browser.close();
-}
-if (complaints.length > 0) {
-  console.error(complaints.join("\n"));
-  process.exit(1);
-}
+});

@@ -193,7 +193,8 @@ export class EditorApp {
     const isSame = this.profile?.revision === profile.revision;
     if (!isKept) this.profile = profile;
     else if (!isSame) this.say("The profile was changed meanwhile: what is here cannot be saved over it.", "bad");
-    setText(byId("run-title"), `${history.world.robot}: ${profile.file}`);
+    setText(byId("run-title"), `${history.world.robot}: ${profile.file.split("/").slice(-2).join("/")}`);
+    byId("run-title").title = profile.file;
     document.title = `${history.world.robot} – spheres – Sidestep`;
     if (isKept) return this.showDocument();
     this.history = history;
