@@ -46,7 +46,8 @@ Result<void> check_spheres(const std::vector<CollisionSphere>& spheres,
                            const RobotDescription& robot) {
   const auto wrong = [&](const CollisionSphere& one) {
     return one.link < 0 || one.link >= static_cast<int>(robot.links.size()) ||
-           !(one.centre_link_m.cwiseAbs().maxCoeff() <= kMostMetres) ||
+           !one.centre_link_m.allFinite() ||
+           one.centre_link_m.cwiseAbs().maxCoeff() > kMostMetres ||
            !(one.radius_m >= 1e-6 && one.radius_m <= kMostMetres);
   };
   if (spheres.empty()) return fail(ErrorCode::kInvalidArgument, "a robot needs a sphere at least");

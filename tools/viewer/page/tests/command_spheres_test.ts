@@ -7,7 +7,7 @@ import { once } from "node:events";
 import { cp, mkdtemp, readFile, rm } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import path from "node:path";
-import { after, before, test } from "node:test";
+import { after, before, test, TestContext } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import { WebSocket } from "ws";
 import { differingPixels, kWait_ms, openBrowser, openPage, scenePixels, settle, waitForText } from "./browser";
@@ -23,14 +23,12 @@ before(async () => {
 after(() => browser.close());
 
 interface Served {
-  folder: string;
   profile: string;
   url: string;
-  command: ChildProcess;
 }
 
-/** A copy of a robot's profile, and the editor on it. */
-async function serve(robot: string, ...options: string[]): Promise<Served> {
+/** A copy of a robot's profile, and the editor on it, until the test has ended. */
+async function serve(context: TestContext, robot: string, ...options: string[]): Promise<Served> {
   const folder = await mkdtemp(path.join(tmpdir(), "spheres-"));
   await cp(path.join(kRobots, robot), folder, { recursive: true });
   const profile = path.join(folder, "profile.yaml");
@@ -40,12 +38,13 @@ async function serve(robot: string, ...options: string[]): Promise<Served> {
     said += String(piece);
     if (/spheres are saved into/.test(said)) break;
   }
+  context.after(() => end({ folder, command }));
   const url = /viewer: (\S+)/.exec(said)?.[1];
   assert.ok(url !== undefined, said);
-  return { folder, profile, url, command };
+  return { profile, url };
 }
 
-async function end({ folder, command }: Served): Promise<void> {
+async function end({ folder, command }: { folder: string; command: ChildProcess }): Promise<void> {
   command.kill("SIGTERM");
   if (command.exitCode === null) await once(command, "exit");
   await rm(folder, { recursive: true });
@@ -57,10 +56,11 @@ async function openEditor(served: Served): Promise<{ page: Page; complaints: str
   return watched;
 }
 
+const kFields = ["centre-x", "centre-y", "centre-z", "radius"];
 const field = (page: Page, id: string) => page.locator(`#${id}`).inputValue();
 
-test("robot and spheres are drawn, and figures stand beside them", kLong, async () => {
-  const served = await serve("panda");
+test("robot and spheres are drawn, and figures stand beside them", kLong, async (context) => {
+  const served = await serve(context, "panda");
   const { page, complaints } = await openEditor(served);
   await waitForText(page, "#sphere-count", /^62$/);
   await waitForText(page, "#whole", /^All links62/);
@@ -80,18 +80,19 @@ test("robot and spheres are drawn, and figures stand beside them", kLong, async 
   assert.ok(differingPixels(await scenePixels(page), shapeless) < 50);
   assert.deepEqual(complaints, []);
   await page.context().close();
-  await end(served);
 });
 
-test("what is moved, sized, added and removed is saved, and only that", kLong, async () => {
-  const served = await serve("planar");
+test("what is moved, sized, added and removed is saved, and only that", kLong, async (context) => {
+  const served = await serve(context, "ur5e");
   const before = await readFile(served.profile, "utf-8");
   const { page, complaints } = await openEditor(served);
   await page.keyboard.press("n");
-  for (const key of ["ArrowRight", "ArrowRight", "Shift+ArrowUp", "PageDown", "+"]) await page.keyboard.press(key);
-  assert.equal(await field(page, "centre-x"), "10.0");
+  const was = await Promise.all(kFields.map((id) => field(page, id)));
+  for (const key of ["ArrowRight", "ArrowRight", "Shift+ArrowUp", "PageDown", "-"]) await page.keyboard.press(key);
+  const now = await Promise.all(kFields.map((id) => field(page, id)));
+  assert.deepEqual(now.map((value, i) => Math.round(10 * (Number(value) - Number(was[i])))), [100, 10, -50, -50]);
   await waitForText(page, "#run-status", /^Changed, not saved$/);
-  // The ball is not held any more.
+  // Something is not held any more.
   await page.waitForFunction(() => document.querySelector("#gap")?.getAttribute("data-tone") === "bad");
   assert.equal(await readFile(served.profile, "utf-8"), before, "nothing is written before it is asked for");
   await page.keyboard.press("a");
@@ -103,7 +104,8 @@ test("what is moved, sized, added and removed is saved, and only that", kLong, a
   const lines = (text: string) => text.split("\n");
   const fresh = lines(after).filter((line) => !lines(before).includes(line));
   assert.equal(fresh.length, 2, after);
-  assert.match(fresh[0], /centre_m: \[0\.01, 0\.00[12], -0\.005\], radius_m: 0\.205\}$/);
+  const [x, y, z, radius] = now.map((value) => String(Number((Number(value) / 1000).toFixed(4))));
+  assert.ok(fresh[0].endsWith(`centre_m: [${x}, ${y}, ${z}], radius_m: ${radius}}`), `${fresh[0]}: ${now.join(" ")}`);
   assert.match(fresh[1], /radius_m: 0\.0425\}$/);
   assert.deepEqual(lines(before).filter((line) => !lines(after).includes(line)).length, 1);
   // Removed and undone; what was saved can be undone as well.
@@ -111,16 +113,15 @@ test("what is moved, sized, added and removed is saved, and only that", kLong, a
   await page.locator("#scene").focus();
   await page.keyboard.press("n");
   await page.keyboard.press("Delete");
-  await waitForText(page, "#sphere-count", /^1$/);
+  await waitForText(page, "#sphere-count", /^31$/);
   await page.keyboard.press("z");
-  await waitForText(page, "#sphere-count", /^2$/);
+  await waitForText(page, "#sphere-count", /^32$/);
   assert.deepEqual(complaints, []);
   await page.context().close();
-  await end(served);
 });
 
-test("a sphere is dragged by its handle in the scene", kLong, async () => {
-  const served = await serve("planar");
+test("a sphere is dragged by its handle in the scene", kLong, async (context) => {
+  const served = await serve(context, "planar");
   const { page } = await openEditor(served);
   await page.keyboard.press("n");
   await settle(page);
@@ -141,11 +142,10 @@ test("a sphere is dragged by its handle in the scene", kLong, async () => {
   await page.locator("#undo").click();
   await waitForText(page, "#run-status", /^As in the file$/);
   await page.context().close();
-  await end(served);
 });
 
-test("a fit covers everything, and is saved", kLong, async () => {
-  const served = await serve("ur5e");
+test("a fit covers everything, and is saved", kLong, async (context) => {
+  const served = await serve(context, "ur5e");
   const { page } = await openEditor(served);
   await page.locator("#fit-kind").selectOption("count");
   await page.locator("#fit-value").fill("20");
@@ -160,11 +160,10 @@ test("a fit covers everything, and is saved", kLong, async () => {
   assert.equal((text.match(/radius_m/g) ?? []).length, count);
   assert.match(text, /# They cover the URDF's shapes/);
   await page.context().close();
-  await end(served);
 });
 
-test("a wrong token and a foreign page are refused", kLong, async () => {
-  const served = await serve("planar", "--view-bind", "127.0.0.1");
+test("a wrong token and a foreign page are refused", kLong, async (context) => {
+  const served = await serve(context, "planar", "--view-bind", "127.0.0.1");
   assert.match(served.url, /\?token=[0-9a-f]{32}$/);
   const { page } = await openEditor(served);
   await page.context().close();
@@ -179,12 +178,11 @@ test("a wrong token and a foreign page are refused", kLong, async () => {
   const other = new WebSocket(`ws://${wrong.host}/socket${wrong.search}`, { origin: "http://elsewhere.example" });
   const [refused] = (await Promise.race([once(other, "error"), once(other, "open")])) as [Event];
   assert.equal(refused instanceof Error, true, "another site's page was let in");
-  await end(served);
 });
 
 for (const [width, height] of [[1280, 800], [768, 1024], [1024, 768]]) {
-  test(`nothing lies outside of the editor's page at ${width} x ${height}`, kLong, async () => {
-    const served = await serve("hsr");
+  test(`nothing lies outside of the editor's page at ${width} x ${height}`, kLong, async (context) => {
+    const served = await serve(context, "hsr");
     const { page } = await openPage(browser, served.url, { viewport: { width, height } });
     await waitForText(page, "#run-status", /^As in the file$/);
     const faults = await page.evaluate(() => {
@@ -204,6 +202,5 @@ for (const [width, height] of [[1280, 800], [768, 1024], [1024, 768]]) {
     });
     assert.deepEqual(faults, []);
     await page.context().close();
-    await end(served);
-  });
+    });
 }

@@ -40,7 +40,8 @@ export class EditorStage {
   );
   private readonly body = new Mesh(
     new IcosahedronGeometry(1, 5),
-    new MeshStandardMaterial({ transparent: true, opacity: 0.5, depthWrite: false, roughness: 0.8 }),
+    // Seen through the shapes, too.
+    new MeshStandardMaterial({ transparent: true, opacity: 0.5, depthTest: false, roughness: 0.8 }),
   );
   private readonly grip = new Object3D();
   private readonly controls: TransformControls;
@@ -56,6 +57,7 @@ export class EditorStage {
     this.wires.frustumCulled = false;
     this.wires.count = 0;
     this.body.visible = false;
+    this.body.renderOrder = 5;
     this.controls = new TransformControls(this.room.views.camera, canvas);
     this.controls.setSpace("local");
     this.controls.size = 0.8;
