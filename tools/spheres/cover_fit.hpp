@@ -25,7 +25,7 @@ struct FitGoal {
 /// `most_spheres` are fewer than there are links with shapes, there is one for each of these all
 /// the same. A link that needs more than kMostSpheresOnLink gets these, which then stand out
 /// farther. `now`: what is there before. After a stop has been requested, the cover is complete but
-/// coarser than was aimed at. Tenths of a second a robot for a protrusion of some centimetres.
+/// coarser than was aimed at. Tenths of a second to some seconds a robot.
 /// [any]; allocates.
 [[nodiscard]] std::vector<CollisionSphere> fit_cover(const std::vector<RigidBody>& bodies,
                                                      const std::vector<CollisionSphere>& now,
