@@ -7,6 +7,8 @@
 
 #include <sidestep/mapping/ray_ends.hpp>
 
+#include "camera_view.hpp"
+
 namespace sidestep::voxel_grid {
 namespace {
 
@@ -25,15 +27,7 @@ void count_pixels(const PixelFates& fates, int pixels, IntegrationCounts& counts
 
 CarveImage::CarveImage(const GridSpec& grid, const PointRules& rules, bool clear_no_return,
                        float band_m)
-    : max_range_m_(rules.max_range_m) {
-  rules_.min_range_sq = static_cast<float>(rules.min_range_m * rules.min_range_m);
-  rules_.max_range_m = static_cast<float>(rules.max_range_m);
-  rules_.floor_top_vox =
-      static_cast<float>((rules.floor_top_m() - grid.origin_m.z()) / grid.resolution_m);
-  rules_.band_m = band_m;
-  rules_.clear_no_return = clear_no_return;
-  for (int c = 0; c < 3; ++c) rules_.size_vox[c] = static_cast<float>(grid.size_vox[c]);
-}
+    : rules_(pixel_rules(grid, rules, clear_no_return, band_m)) {}
 
 IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
                                    const GridSpec& grid, const SelfFilter& self, VoxelMarks& hits,
@@ -43,11 +37,9 @@ IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
   tiles_u_ = (camera.width_px + kTile_px - 1) / kTile_px;
   const int tiles_v = (camera.height_px + kTile_px - 1) / kTile_px;
   tiles_.resize(static_cast<std::size_t>(tiles_u_) * static_cast<std::size_t>(tiles_v));
-  project_balls(frame, camera, self);
+  balls_ = balls_in_view(frame, camera, self);
 
-  const Eigen::Matrix3d rotation_vox = frame.T_world_camera.linear() / grid.resolution_m;
-  const Eigen::Vector3d start_vox =
-      (frame.T_world_camera.translation() - grid.origin_m) / grid.resolution_m;
+  const PixelRays rays(frame, camera, grid);
   std::vector<IntegrationCounts> counts(static_cast<std::size_t>(tiles_v));
   workers.run(tiles_v, [&](int tile_v) {
     const int begin = tile_v * kTile_px;
@@ -56,17 +48,8 @@ IntegrationCounts CarveImage::read(const Frame& frame, const DepthImage& image,
     std::copy_if(balls_.begin(), balls_.end(), std::back_inserter(balls),
                  [&](const CameraBall& ball) { return ball.v0 < end && ball.v1 >= begin; });
     for (int v = begin; v < end; ++v) {
-      PixelRow row;
-      row.x_first = static_cast<float>(-camera.cx_px / camera.fx_px);
-      row.x_step = static_cast<float>(1.0 / camera.fx_px);
-      const double y = (v - camera.cy_px) / camera.fy_px;
-      row.y = static_cast<float>(y);
-      for (int c = 0; c < 3; ++c) {
-        row.start_vox[c] = static_cast<float>(start_vox[c]);
-        row.across_vox[c] = static_cast<float>(rotation_vox(c, 0));
-        row.along_vox[c] = static_cast<float>(rotation_vox(c, 1) * y + rotation_vox(c, 2));
-      }
-      add_counts(counts[static_cast<std::size_t>(tile_v)], read_row(image, v, row, balls, hits));
+      add_counts(counts[static_cast<std::size_t>(tile_v)],
+                 read_row(image, v, rays.row(v), balls, hits));
     }
     reduce_tiles(camera, tile_v);
   });
@@ -137,35 +120,6 @@ CarveImage::Bounds CarveImage::bounds(int u0, int v0, int u1, int v1) const noex
     }
   }
   return all;
-}
-
-void CarveImage::project_balls(const Frame& frame, const CameraIntrinsics& camera,
-                               const SelfFilter& self) {
-  balls_.clear();
-  const Transform T_camera_world = frame.T_world_camera.inverse();
-  for (const SelfFilter::Ball& ball : self.balls()) {
-    const Eigen::Vector3d centre_m = T_camera_world * ball.centre_m;
-    const double r = ball.radius_m;
-    if (centre_m.z() + r <= 0.0) continue;
-    CameraBall seen{{}, static_cast<float>(r), 0, 0, camera.width_px - 1, camera.height_px - 1};
-    for (int c = 0; c < 3; ++c) seen.centre_m[c] = static_cast<float>(centre_m[c]);
-    const double nearest_m = centre_m.z() - r;
-    if (nearest_m > 1e-3) {
-      // The image of the cube around the ball: extremes lie at its near or far face.
-      const auto range = [&](double c, double focal_px, double principal_px, int last, int& low,
-                             int& high) {
-        const double least = (c - r) / (c - r < 0.0 ? nearest_m : centre_m.z() + r);
-        const double most = (c + r) / (c + r > 0.0 ? nearest_m : centre_m.z() + r);
-        low = static_cast<int>(std::clamp(std::floor(focal_px * least + principal_px), 0.0,
-                                          static_cast<double>(last) + 1.0));
-        high = static_cast<int>(
-            std::clamp(std::ceil(focal_px * most + principal_px), -1.0, static_cast<double>(last)));
-      };
-      range(centre_m.x(), camera.fx_px, camera.cx_px, camera.width_px - 1, seen.u0, seen.u1);
-      range(centre_m.y(), camera.fy_px, camera.cy_px, camera.height_px - 1, seen.v0, seen.v1);
-    }
-    if (seen.u0 <= seen.u1 && seen.v0 <= seen.v1) balls_.push_back(seen);
-  }
 }
 
 }  // namespace sidestep::voxel_grid

@@ -34,13 +34,11 @@ class CarveImage {
   [[nodiscard]] Bounds bounds(int u0, int v0, int u1, int v1) const noexcept;
 
  private:
-  void project_balls(const Frame& frame, const CameraIntrinsics& camera, const SelfFilter& self);
   /// `balls` are those that the row's tiles may see.
   IntegrationCounts read_row(const DepthImage& image, int v, PixelRow row,
                              std::span<const CameraBall> balls, VoxelMarks& hits);
   void reduce_tiles(const CameraIntrinsics& camera, int tile_v);
 
-  double max_range_m_;
   PixelRules rules_;
   std::vector<float> carve_m_;
   std::vector<CameraBall> balls_;

@@ -1,6 +1,6 @@
 #include "options.hpp"
 
-#include "log_odds_grid.hpp"
+#include <cmath>
 
 namespace sidestep::voxel_grid {
 namespace {
@@ -12,23 +12,7 @@ std::string text(double value) { return detail::number_text(value); }
 Parameters<VoxelGridOptions> VoxelGridOptions::parameters() {
   using O = VoxelGridOptions;
   return declare_measurement(std::move(
-      declare_grid(Parameters<O>())
-          .add("l_hit", &O::l_hit, "Log-odds that a hit adds, in steps of 0.001.",
-               {.min = 0.001, .max = LogOdds::kLargest})
-          .add("l_miss", &O::l_miss, "Log-odds that a ray passing through adds; negative.",
-               {.min = -LogOdds::kLargest, .max = -0.001})
-          .add("l_min", &O::l_min, "Lower clamp: with l_hit, frames until a new obstacle appears.",
-               {.min = -LogOdds::kLargest, .max = -0.001})
-          .add("l_max", &O::l_max, "Upper clamp: with l_miss, frames until a removed one is gone.",
-               {.min = 0.001, .max = LogOdds::kLargest})
-          .add("occupied_at", &O::occupied_at, "A voxel is occupied from these log-odds on.",
-               {.min = -LogOdds::kLargest, .max = LogOdds::kLargest})
-          .add("surface_band_vox", &O::surface_band_vox,
-               "Projective method: half-width of the band around the measured depth that is hit.",
-               {.unit = "vox", .min = 0.0, .max = 10.0})
-          .add("method", &O::method,
-               "How frames are integrated; auto: images projective, clouds raycast.",
-               {.choices = {"auto", "projective", "raycast"}})
+      declare_sensor_model(declare_grid(Parameters<O>()))
           .add("sliding_window", &O::sliding_window,
                "Whether the grid moves with the camera along x and y, by blocks of 16 voxels; "
                "origin_m is where it lies in the first frame. What leaves it is forgotten.")
@@ -36,6 +20,14 @@ Parameters<VoxelGridOptions> VoxelGridOptions::parameters() {
                "Time in which the log-odds of what is not seen halve, until it is unknown; 0: "
                "never.",
                {.unit = "s", .min = 0.0})));
+}
+
+LogOdds log_odds_of(const VoxelGridOptions& options) {
+  const auto fixed = [](double log_odds) {
+    return static_cast<std::int16_t>(std::lround(log_odds * LogOdds::kUnits));
+  };
+  return {fixed(options.l_hit), fixed(options.l_miss), fixed(options.l_min), fixed(options.l_max),
+          fixed(options.occupied_at)};
 }
 
 double memory_mib(const VoxelGridOptions& options) {

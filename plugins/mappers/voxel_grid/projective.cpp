@@ -4,21 +4,11 @@
 #include <cmath>
 
 #include "block_rows.hpp"
+#include "camera_view.hpp"
 
 namespace sidestep::voxel_grid {
-namespace {
 
-constexpr double kNear_m = 0.01;
-/// Guards the tests of whole blocks against the rounding of single precision.
-constexpr float kDepthSlack_m = 1e-4F;
-constexpr int kPixelSlack = 1;
-
-}  // namespace
-
-struct ProjectiveIntegrator::View {
-  Projection projection;
-  Eigen::Vector3d base;     // as Projection's base, for voxel (0, 0, 0) of the grid
-  Eigen::Matrix3d columns;  // per voxel
+struct ProjectiveIntegrator::View : GridView {
   int width_px;
   int height_px;
   double stamp_s;
@@ -42,15 +32,9 @@ ProjectiveIntegrator::ProjectiveIntegrator(const VoxelGridOptions& options, LogO
     : map_(map),
       hits_(hits),
       workers_(workers),
-      image_(options.grid(), options.rules(), options.clear_no_return,
-             static_cast<float>(options.surface_band_vox * options.resolution_m)),
-      band_m_(static_cast<float>(options.surface_band_vox * options.resolution_m)) {
-  // The lowest layer whose centres lie above the floor's clearance.
-  const double layer =
-      (options.rules().floor_top_m() - options.origin_m.z()) / options.resolution_m - 0.5;
-  first_surface_layer_ = static_cast<int>(
-      std::ceil(std::clamp(layer, -1.0, static_cast<double>(options.size_vox.z()))));
-}
+      image_(options.grid(), options.rules(), options.clear_no_return, voxel_grid::band_m(options)),
+      band_m_(voxel_grid::band_m(options)),
+      first_surface_layer_(first_surface_layer(options)) {}
 
 IntegrationCounts ProjectiveIntegrator::integrate(const Frame& frame, const DepthImage& image,
                                                   const SelfFilter& self) {
@@ -71,33 +55,12 @@ IntegrationCounts ProjectiveIntegrator::integrate(const Frame& frame, const Dept
 ProjectiveIntegrator::View ProjectiveIntegrator::view_of(const Frame& frame,
                                                          const CameraIntrinsics& camera) const {
   const GridSpec& grid = map_.spec();
-  Eigen::Matrix3d pixels;
-  // Half a pixel on top, so that rounding down finds the pixel whose centre is nearest.
-  pixels << camera.fx_px, 0.0, camera.cx_px + 0.5, 0.0, camera.fy_px, camera.cy_px + 0.5, 0.0, 0.0,
-      1.0;
-  const Eigen::Matrix3d to_pixels = pixels * frame.T_world_camera.linear().transpose();
-  View view;
-  view.columns = to_pixels * grid.resolution_m;
-  view.base =
-      to_pixels * (grid.centre_m(Eigen::Vector3i::Zero()) - frame.T_world_camera.translation());
+  View view{view_of_grid(frame, camera, grid, band_m_)};
+  view.projection.carve_m = image_.carve_m();
   view.width_px = camera.width_px;
   view.height_px = camera.height_px;
   view.stamp_s = frame.stamp.seconds();
   view.range = blocks_in_view(frame, camera);
-  Projection& projection = view.projection;
-  projection.carve_m = image_.carve_m();
-  projection.width_px = camera.width_px;
-  projection.width = static_cast<float>(camera.width_px);
-  projection.height = static_cast<float>(camera.height_px);
-  projection.near_m = static_cast<float>(kNear_m);
-  projection.margin_px_m[0] = static_cast<float>(0.5 * grid.resolution_m * camera.fx_px);
-  projection.margin_px_m[1] = static_cast<float>(0.5 * grid.resolution_m * camera.fy_px);
-  projection.band_m = band_m_;
-  for (int axis = 0; axis < 3; ++axis) {
-    for (int c = 0; c < 3; ++c) {
-      projection.column[axis][c] = static_cast<float>(view.columns(c, axis));
-    }
-  }
   return view;
 }
 
@@ -130,7 +93,7 @@ void ProjectiveIntegrator::visit(const View& view, const Eigen::Vector3i& block)
   constexpr double kHalf = 0.5 * (kBlockSide_vox - 1);
   const std::int32_t linear = block_linear(block, map_.counts());
   const bool hit = hits_.in_block(linear);
-  const Eigen::Vector3d first = view.base + view.columns * (block * kBlockSide_vox).cast<double>();
+  const Eigen::Vector3d first = view.first(block);
   const Eigen::Vector3d centre = first + view.columns * Eigen::Vector3d::Constant(kHalf);
   const auto over = [&](double u, double v, double z) {
     return view.over_block(centre, kHalf, {u, v, z});

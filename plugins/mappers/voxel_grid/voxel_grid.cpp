@@ -1,26 +1,13 @@
 #include "voxel_grid.hpp"
 
-#include <cmath>
-
 #include <sidestep/mapping/frame_check.hpp>
 
 namespace sidestep::voxel_grid {
-namespace {
-
-LogOdds model_of(const VoxelGridOptions& options) {
-  const auto fixed = [](double log_odds) {
-    return static_cast<std::int16_t>(std::lround(log_odds * LogOdds::kUnits));
-  };
-  return {fixed(options.l_hit), fixed(options.l_miss), fixed(options.l_min), fixed(options.l_max),
-          fixed(options.occupied_at)};
-}
-
-}  // namespace
 
 VoxelGrid::VoxelGrid(const VoxelGridOptions& options, const HostContext& context)
     : options_(options),
       workers_(context.workers),
-      map_(options.grid(), model_of(options)),
+      map_(options.grid(), log_odds_of(options)),
       hits_(options.grid()),
       self_(context.robot, options.self_filter_margin_m),
       projective_(options, map_, hits_, context.workers) {
