@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -13,6 +12,7 @@
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 
+#include "distance_table.hpp"
 #include "full_transform.hpp"
 #include "incremental_transform.hpp"
 
@@ -43,16 +43,6 @@ class Distances {
   /// Distances, in metres, of `count` voxels, at most a tile, of a row from x on. [any]
   virtual void row(int x, int y, int z, int count, float* distances_m) const = 0;
 };
-
-/// Metres by squared distance in voxels.
-std::vector<float> distance_table(double resolution_m, std::uint32_t cap, double max_distance_m) {
-  std::vector<float> table_m(cap + std::size_t{1});
-  for (std::size_t d2 = 0; d2 < table_m.size(); ++d2) {
-    table_m[d2] = static_cast<float>(resolution_m * std::sqrt(static_cast<double>(d2)));
-  }
-  if (std::isfinite(max_distance_m)) table_m[cap] = static_cast<float>(max_distance_m);
-  return table_m;
-}
 
 /// Cut off so near that squared distances fit 16 bits: kept up to date incrementally.
 class NearDistances final : public Distances {
@@ -134,15 +124,6 @@ class FarDistances final : public Distances {
   std::vector<std::uint64_t> changed_;
 };
 
-/// The first squared distance, in voxels, at or beyond the limit.
-std::uint32_t cap_vox2(const Options& options, const GridSpec& grid) {
-  const double diagonal2 = grid.size_vox.cast<double>().squaredNorm();
-  if (options.max_distance_m <= 0.0) return static_cast<std::uint32_t>(diagonal2);
-  const double limit = options.max_distance_m / grid.resolution_m;
-  const double cap = std::ceil(limit * limit * (1.0 - 1e-12));
-  return static_cast<std::uint32_t>(std::clamp(cap, 1.0, diagonal2));
-}
-
 class EdtBuilder final : public FieldBuilder {
  public:
   EdtBuilder(Options options, WorkerPool& workers)
@@ -194,7 +175,7 @@ class EdtBuilder final : public FieldBuilder {
  private:
   Result<void> make_distances(const FieldInfo& info) {
     constexpr int kLongestRow_vox = 64 * kTile;  // a row's tiles are the bits of one word
-    const std::uint32_t cap = cap_vox2(options_, grid_);
+    const std::uint32_t cap = cap_vox2(options_.max_distance_m, grid_);
     if (grid_.size_vox.x() > kLongestRow_vox || !FullTransform::fits(grid_.size_vox, cap)) {
       return fail(
           ErrorCode::kUnsupported, "the grid is too large", "field edt",
