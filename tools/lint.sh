@@ -6,7 +6,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-mapfile -t files < <(git ls-files '*.cpp' '*.hpp')
+mapfile -t files < <(git ls-files '*.cpp' '*.hpp' '*.cu')
 clang-format --dry-run --Werror "${files[@]}"
 echo "clang-format: ${#files[@]} files are formatted"
 

@@ -7,6 +7,7 @@
 #  - Public headers include only the standard library, Eigen, tl::expected and Sidestep's own.
 #  - Plugins include the SDK, never the runtime; only a plugin includes its own folder.
 #  - ROS is included by the plugins that speak it, what these share, and the simulated robot, only.
+#  - CUDA is included by what its plugins share, only.
 set -euo pipefail
 cd "$1"
 
@@ -56,6 +57,9 @@ violations=$(
     framework plugins tools 2>/dev/null |
     grep -vE '^(plugins/(ros_messages|ros1_node|sources/(rosbag|ros1)|executors/ros1)|tools/fake_hsr)/' |
     sed -E 's/^([^:]*:[0-9]+):.*/\1: ROS is for the plugins that speak it only/' || true
+  grep -rnE --include='*.[hc]pp' --include='*.cu' '^#[ ]*include [<"](cuda_|cuda[.]h|cooperative_groups|thrust/|cub/)' \
+    framework plugins tools 2>/dev/null | grep -v '^plugins/cuda/' |
+    sed -E 's/^([^:]*:[0-9]+):.*/\1: CUDA is for plugins\/cuda only/' || true
 )
 if [ -n "$violations" ]; then
   echo "$violations"

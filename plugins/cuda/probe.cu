@@ -1,0 +1,12 @@
+#include "cuda/probe.hpp"
+
+namespace sidestep::cuda {
+namespace {
+
+__global__ void probe() {}
+
+}  // namespace
+
+const void* probe_kernel() { return reinterpret_cast<const void*>(&probe); }
+
+}  // namespace sidestep::cuda
