@@ -1,0 +1,13 @@
+#include "cuda/device_backend.hpp"
+#include "transform_on.hpp"
+
+namespace sidestep::edt_cuda {
+
+Result<std::unique_ptr<DistanceTransform>> make_device_transform(const TransformSettings& settings,
+                                                                 int ordinal) {
+  auto backend = cuda::DeviceBackend::open(ordinal);
+  if (!backend) return tl::make_unexpected(std::move(backend.error()));
+  return make_transform_on(settings, std::move(*backend));
+}
+
+}  // namespace sidestep::edt_cuda
