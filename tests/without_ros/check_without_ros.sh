@@ -15,12 +15,18 @@ expect_code() { # expect_code CODE COMMAND...
 
 rm -rf "$work"
 mkdir -p "$work"
-cmake -S "$source" -B "$work/build" -G Ninja -DCMAKE_CXX_COMPILER="$cxx" -DSIDESTEP_ROS=OFF \
+cmake -S "$source" -B "$work/build" -G Ninja -DCMAKE_CXX_COMPILER="$cxx" -DSIDESTEP_ROS=OFF -DSIDESTEP_CUDA=OFF \
   -DSIDESTEP_TESTS=OFF -DSIDESTEP_BENCHMARKS=OFF >"$work/configure.log" 2>&1 ||
   { cat "$work/configure.log"; exit 1; }
 not_built=$work/build/lib/sidestep/plugins/not_built.txt
 expect "source rosbag libroscpp-core-dev libsensor-msgs-dev" "$not_built"
 expect "Plugin rosbag is not built: install libroscpp-core-dev" "$work/configure.log"
+expect "mapper voxel_grid_cuda cuda-nvcc-13-0 cuda-cudart-dev-13-0" "$not_built"
+expect "field edt_cuda cuda-nvcc-13-0 cuda-cudart-dev-13-0" "$not_built"
+if grep -qE 'LANGUAGE.*CUDA|\.cu\.o' "$work/build/build.ninja"; then
+  echo "something of CUDA is built all the same"
+  exit 1
+fi
 if grep -qE 'source_rosbag|plugins/ros_messages|roscpp' "$work/build/build.ninja"; then
   echo "something of ROS is built all the same"
   exit 1

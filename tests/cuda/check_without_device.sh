@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# Runs an experiment with the plugins of the GPU where CUDA sees no device: an error that says so and names
+# the way out, or, with fallback cpu, the run goes on.
+#
+#   check_without_device.sh SIDESTEP WORK
+set -euo pipefail
+sidestep=$1 work=$2
+export CUDA_VISIBLE_DEVICES=  # also where there is a GPU
+configuration=$(dirname "${BASH_SOURCE[0]}")/gpu.yaml
+failed=0
+
+# expect CODE TEXT KEY=VALUE...
+expect() {
+  local code=0 expected=$1 text=$2
+  shift 2
+  "$sidestep" run "$configuration" --out "$work/out" "${@/#/--set=}" >"$work/log" 2>&1 || code=$?
+  if [ "$code" -ne "$expected" ] || ! grep -qF -- "$text" "$work/log"; then
+    echo "$*: exit code $code, expected $expected and '$text' in:"
+    cat "$work/log"
+    failed=1
+  fi
+}
+
+mkdir -p "$work"
+expect 3 "no CUDA device can be used" mapper.fallback=none
+expect 3 "fallback: cpu goes on with the mapper voxel_grid" mapper.fallback=none
+expect 3 "no CUDA device can be used" field.fallback=none
+expect 3 "fallback: cpu goes on with the field edt" field.fallback=none
+expect 0 "mapper voxel_grid_cuda runs as voxel_grid, on the CPU" experiment.seed=1
+expect 0 "field edt_cuda goes on as edt, on the CPU" experiment.seed=1
+exit $failed
