@@ -11,7 +11,7 @@ scenarios=("$@")
   scenarios=(floor_pickup shelf_pickup table_pickup room_navigation arm_reach spheres)
 for scenario in "${scenarios[@]}"; do
   if [ "$scenario" = spheres ]; then
-    tools/viewer/page/show_spheres.sh "$PWD/build/release/bin/sidestep" \
+    tools/viewer/page/show_spheres.sh build/release/bin/sidestep \
       build/release/tools/viewer/page/workshop robots/hsr arm_flex_link docs/images/spheres_hsr.png
     echo docs/images/spheres_hsr.png
     continue

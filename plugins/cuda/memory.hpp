@@ -1,7 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
+#include <utility>
+
+#include <sidestep/core/error.hpp>
 
 namespace sidestep::cuda {
 
@@ -22,5 +26,33 @@ class Memory {
   std::unique_ptr<T, Free> data_;
   std::size_t size_ = 0;
 };
+
+/// Memory anew; fails where the backend has no more, and then holds none.
+template <class Backend, class T>
+Result<void> renew(Backend& backend, Memory<T>& memory, std::size_t count) {
+  memory = {};  // given back first: both may not fit
+  auto fresh = backend.template allocate<T>(count);
+  if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
+  memory = std::move(*fresh);
+  return {};
+}
+
+/// Makes room for at least so much, at first for no more, then by doubling; what it held is lost
+/// where it grows.
+template <class Backend, class T>
+Result<void> grow(Backend& backend, Memory<T>& memory, std::size_t count) {
+  if (memory.size() >= count) return {};
+  return renew(backend, memory, std::max(count, 2 * memory.size()));
+}
+
+/// The same of the host's memory that the device reads and writes directly.
+template <class Backend, class T>
+Result<void> grow_pinned(Backend& backend, Memory<T>& memory, std::size_t count) {
+  if (memory.size() >= count) return {};
+  auto fresh = backend.template allocate_pinned<T>(std::max(count, 2 * memory.size()));
+  if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
+  memory = std::move(*fresh);
+  return {};
+}
 
 }  // namespace sidestep::cuda

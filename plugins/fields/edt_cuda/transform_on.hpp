@@ -24,13 +24,15 @@ class TransformOn final : public DistanceTransform {
 
   Result<std::span<std::uint16_t>> obstacle_rows(std::size_t blocks) override {
     const std::size_t rows = blocks * cuda::kBlockRows;
-    if (auto ok = grow_pinned(rows_, rows); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = cuda::grow_pinned(*backend_, rows_, rows); !ok)
+      return tl::make_unexpected(std::move(ok.error()));
     return std::span<std::uint16_t>(rows_.data(), rows);
   }
 
   Result<ChangedDistances> update(std::span<const std::int32_t> changed_blocks) override {
     const std::size_t rows = changed_blocks.size() * cuda::kBlockRows;
-    if (auto ok = grow(packed_rows_, rows); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = cuda::grow(*backend_, packed_rows_, rows); !ok)
+      return tl::make_unexpected(std::move(ok.error()));
     begin(changed_blocks);
     backend_->upload(packed_rows_, 0, std::span<const std::uint16_t>(rows_.data(), rows));
     backend_->stage(cuda::Stage::kTransform);
@@ -87,7 +89,7 @@ class TransformOn final : public DistanceTransform {
     const auto values = static_cast<std::size_t>(shape_.values());
     Result<void> all;
     const auto take = [&](auto& memory, std::size_t count) {
-      if (all) all = renew(memory, count);
+      if (all) all = cuda::renew(*backend_, memory, count);
     };
     take(obstacles_, block_count() * cuda::kBlockRows);
     take(along_x_, values);
@@ -99,30 +101,8 @@ class TransformOn final : public DistanceTransform {
     take(dirty_rows_, lines.rows.size());
     take(dirty_along_y_, lines.along_y.size());
     take(dirty_along_z_, lines.along_z.size());
-    if (all) all = grow_pinned(changed_on_host_, block_count());
+    if (all) all = cuda::grow_pinned(*backend_, changed_on_host_, block_count());
     return all;
-  }
-
-  template <class T>
-  Result<void> renew(cuda::Memory<T>& memory, std::size_t count) {
-    memory = {};  // given back first: both may not fit
-    auto fresh = backend_->template allocate<T>(count);
-    if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
-    memory = std::move(*fresh);
-    return {};
-  }
-  template <class T>
-  Result<void> grow(cuda::Memory<T>& memory, std::size_t count) {
-    if (memory.size() >= count) return {};
-    return renew(memory, std::max(count, 2 * memory.size()));
-  }
-  template <class T>
-  Result<void> grow_pinned(cuda::Memory<T>& memory, std::size_t count) {
-    if (memory.size() >= count) return {};
-    auto fresh = backend_->template allocate_pinned<T>(std::max(count, 2 * memory.size()));
-    if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
-    memory = std::move(*fresh);
-    return {};
   }
 
   void begin(std::span<const std::int32_t> changed_blocks) {
@@ -167,10 +147,10 @@ class TransformOn final : public DistanceTransform {
   Result<ChangedDistances> bring_home() {
     const std::size_t count = changed_blocks_.size();
     const std::size_t values = count * cuda::kBlockVoxels;
-    if (auto ok = grow(packed_values_, values); !ok) {
+    if (auto ok = cuda::grow(*backend_, packed_values_, values); !ok) {
       return tl::make_unexpected(std::move(ok.error()));
     }
-    if (auto ok = grow_pinned(values_, values); !ok) {
+    if (auto ok = cuda::grow_pinned(*backend_, values_, values); !ok) {
       return tl::make_unexpected(std::move(ok.error()));
     }
     backend_->stage(cuda::Stage::kDownload);

@@ -24,12 +24,12 @@ class MapOn final : public LogOddsMap {
     const int height = frame.view.height_px;
     const int tiles_u = (width + kImageTile - 1) / kImageTile;
     const int tiles = tiles_u * ((height + kImageTile - 1) / kImageTile);
-    Result<void> room = grow(depth_m_, frame.depth_m.size());
-    if (room) room = grow(carve_m_, frame.depth_m.size());
-    if (room) room = grow(tiles_, static_cast<std::size_t>(tiles));
-    if (room) room = grow(lines_, frame.lines.size());
-    if (room) room = grow(balls_, frame.balls.size());
-    if (room) room = grow_pinned(pinned_depth_m_, frame.depth_m.size());
+    Result<void> room = cuda::grow(*backend_, depth_m_, frame.depth_m.size());
+    if (room) room = cuda::grow(*backend_, carve_m_, frame.depth_m.size());
+    if (room) room = cuda::grow(*backend_, tiles_, static_cast<std::size_t>(tiles));
+    if (room) room = cuda::grow(*backend_, lines_, frame.lines.size());
+    if (room) room = cuda::grow(*backend_, balls_, frame.balls.size());
+    if (room) room = cuda::grow_pinned(*backend_, pinned_depth_m_, frame.depth_m.size());
     if (!room) return tl::make_unexpected(std::move(room.error()));
 
     begin();
@@ -48,10 +48,10 @@ class MapOn final : public LogOddsMap {
   Result<MapChange> integrate(const RayFrame& frame) override {
     const std::size_t count = std::max(frame.cloud.size(), frame.depth_m.size());
     Result<void> room = make_room_for_rays(count);
-    if (room) room = grow(world_balls_, frame.balls.size());
-    if (room) room = grow(cloud_, frame.cloud.size());
-    if (room) room = grow(depth_m_, frame.depth_m.size());
-    if (room) room = grow_pinned(pinned_depth_m_, frame.depth_m.size());
+    if (room) room = cuda::grow(*backend_, world_balls_, frame.balls.size());
+    if (room) room = cuda::grow(*backend_, cloud_, frame.cloud.size());
+    if (room) room = cuda::grow(*backend_, depth_m_, frame.depth_m.size());
+    if (room) room = cuda::grow_pinned(*backend_, pinned_depth_m_, frame.depth_m.size());
     if (!room) return tl::make_unexpected(std::move(room.error()));
 
     begin();
@@ -115,17 +115,17 @@ class MapOn final : public LogOddsMap {
   Result<void> allocate() {
     const auto blocks = static_cast<std::size_t>(block_count());
     const std::size_t rows = blocks * cuda::kBlockRows;
-    Result<void> all = grow(log_odds_, 2 * rows);
-    if (all) all = grow(occupied_, rows);
-    if (all) all = grow(known_, rows);
-    if (all) all = grow(settled_, blocks);
-    if (all) all = grow(changed_, blocks);
-    if (all) all = grow(hit_words_, rows / 2);
-    if (all) all = grow(hit_blocks_, blocks);
-    if (all) all = grow(counts_, kCounts);
-    if (all) all = grow(changed_list_, blocks);
-    if (all) all = grow_pinned(changed_on_host_, blocks);
-    if (all) all = grow_pinned(counts_on_host_, kCounts);
+    Result<void> all = cuda::grow(*backend_, log_odds_, 2 * rows);
+    if (all) all = cuda::grow(*backend_, occupied_, rows);
+    if (all) all = cuda::grow(*backend_, known_, rows);
+    if (all) all = cuda::grow(*backend_, settled_, blocks);
+    if (all) all = cuda::grow(*backend_, changed_, blocks);
+    if (all) all = cuda::grow(*backend_, hit_words_, rows / 2);
+    if (all) all = cuda::grow(*backend_, hit_blocks_, blocks);
+    if (all) all = cuda::grow(*backend_, counts_, kCounts);
+    if (all) all = cuda::grow(*backend_, changed_list_, blocks);
+    if (all) all = cuda::grow_pinned(*backend_, changed_on_host_, blocks);
+    if (all) all = cuda::grow_pinned(*backend_, counts_on_host_, kCounts);
     if (!all) return all;
     grid_.log_odds = log_odds_.data();
     grid_.occupied = occupied_.data();
@@ -137,32 +137,14 @@ class MapOn final : public LogOddsMap {
   /// What only ray casting needs, when it is first needed.
   Result<void> make_room_for_rays(std::size_t count) {
     const auto blocks = static_cast<std::size_t>(block_count());
-    Result<void> all = grow(rays_, count);
+    Result<void> all = cuda::grow(*backend_, rays_, count);
     for (auto* words : {&miss_words_, &end_words_}) {
-      if (all) all = grow(*words, blocks * cuda::kBlockRows / 2);
+      if (all) all = cuda::grow(*backend_, *words, blocks * cuda::kBlockRows / 2);
     }
     for (auto* flags : {&miss_blocks_, &end_blocks_}) {
-      if (all) all = grow(*flags, blocks);
+      if (all) all = cuda::grow(*backend_, *flags, blocks);
     }
     return all;
-  }
-
-  template <class T>
-  Result<void> grow(cuda::Memory<T>& memory, std::size_t count) {
-    if (memory.size() >= count) return {};
-    memory = {};  // given back first: both may not fit
-    auto fresh = backend_->template allocate<T>(count);
-    if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
-    memory = std::move(*fresh);
-    return {};
-  }
-  template <class T>
-  Result<void> grow_pinned(cuda::Memory<T>& memory, std::size_t count) {
-    if (memory.size() >= count) return {};
-    auto fresh = backend_->template allocate_pinned<T>(std::max(count, 2 * memory.size()));
-    if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
-    memory = std::move(*fresh);
-    return {};
   }
 
   [[nodiscard]] Marks hits() { return {hit_words_.data(), hit_blocks_.data()}; }
@@ -246,8 +228,8 @@ class MapOn final : public LogOddsMap {
 
     constexpr std::size_t kRows = 2 * cuda::kBlockRows;
     const std::size_t rows = changed_blocks_.size() * kRows;
-    Result<void> room = grow(packed_, rows);
-    if (room) room = grow_pinned(rows_, rows);
+    Result<void> room = cuda::grow(*backend_, packed_, rows);
+    if (room) room = cuda::grow_pinned(*backend_, rows_, rows);
     if (!room) return tl::make_unexpected(std::move(room.error()));
     backend_->stage(cuda::Stage::kDownload);
     backend_->upload(changed_list_, 0, std::span<const std::int32_t>(changed_blocks_));

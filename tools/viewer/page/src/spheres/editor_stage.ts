@@ -189,7 +189,7 @@ export class EditorStage {
     return hits[(hits.indexOf(this.selected ?? -1) + 1) % hits.length];
   }
 
-  /** For tests and helpers: where the selected sphere is on the screen. */
+  /** For tests: where the selected sphere is on the screen. */
   private tellPlace(): void {
     const seen = this.body.position.clone().project(this.room.views.camera);
     const { clientWidth, clientHeight } = this.room.canvas;
