@@ -44,5 +44,3 @@ void ViewFeed::work(const std::stop_token& stop) {
 }
 
 }  // namespace sidestep
-
-#include <sidestep/core/low_priority.hpp>

@@ -13,7 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "low_priority.hpp"
+#include <sidestep/core/low_priority.hpp>
+
 #include "page_desk.hpp"
 
 namespace sidestep::serving {
