@@ -23,14 +23,23 @@ void expect_as_declared(const PluginInfo& info, const Mapper& mapper) {
       << info.name << ": " << View::kViewName;
 }
 
+/// A block for a plugin; one that needs a GPU goes on without where there is none.
+Node block_for(const PluginInfo& info, const std::string& options) {
+  const bool falls_back = std::ranges::any_of(
+      info.schema, [](const Parameter& parameter) { return parameter.name == "fallback"; });
+  return HostFixture::block("{plugin: " + info.name + ", " + options +
+                            (falls_back ? ", fallback: cpu}" : "}"));
+}
+
+const std::string kSmallGrid = "resolution_m: 0.1, size_vox: [32, 32, 16]";
+
 TEST(Views, EveryMapperHasThoseThatItDeclares) {
   HostFixture fixture({PLUGIN_FOLDER});
   int mappers = 0;
   for (const PluginInfo& info : fixture.host.plugins()) {
     if (info.kind != PluginKind::kMapper) continue;
     ++mappers;
-    const auto mapper = fixture.host.create<Mapper>(HostFixture::block(
-        "{plugin: " + info.name + ", resolution_m: 0.1, size_vox: [32, 32, 16]}"));
+    const auto mapper = fixture.host.create<Mapper>(block_for(info, kSmallGrid));
     ASSERT_TRUE(mapper) << mapper.error().describe();
     expect_as_declared<OccupancyView>(info, **mapper);
     expect_as_declared<OctreeView>(info, **mapper);
@@ -46,11 +55,9 @@ TEST(Views, AFieldThatDeclaresItsNeedsAttachesToTheMappersThatMeetThem) {
     if (field_info.kind != PluginKind::kField) continue;
     for (const PluginInfo& mapper_info : plugins) {
       if (mapper_info.kind != PluginKind::kMapper) continue;
-      const Node mapper_block = HostFixture::block("{plugin: " + mapper_info.name +
-                                                   ", resolution_m: 0.1, size_vox: [32, 32, 16]}");
+      const Node mapper_block = block_for(mapper_info, kSmallGrid);
       auto mapper = fixture.host.create<Mapper>(mapper_block);
-      auto field = fixture.host.create<FieldBuilder>(
-          HostFixture::block("{plugin: " + field_info.name + ", unknown: free}"));
+      auto field = fixture.host.create<FieldBuilder>(block_for(field_info, "unknown: free"));
       ASSERT_TRUE(mapper && field);
       std::vector<Error> errors;
       fixture.host.check_views(mapper_block, field_info.views, "the field", errors);
