@@ -7,19 +7,7 @@ set -euo pipefail
 sidestep=$1 work=$2
 export CUDA_VISIBLE_DEVICES=  # also where there is a GPU
 configuration=$(dirname "${BASH_SOURCE[0]}")/gpu.yaml
-failed=0
-
-# expect CODE TEXT KEY=VALUE...
-expect() {
-  local code=0 expected=$1 text=$2
-  shift 2
-  "$sidestep" run "$configuration" --out "$work/out" "${@/#/--set=}" >"$work/log" 2>&1 || code=$?
-  if [ "$code" -ne "$expected" ] || ! grep -qF -- "$text" "$work/log"; then
-    echo "$*: exit code $code, expected $expected and '$text' in:"
-    cat "$work/log"
-    failed=1
-  fi
-}
+. "$(dirname "${BASH_SOURCE[0]}")/../support/expect_run.sh"
 
 mkdir -p "$work"
 expect 3 "no CUDA device can be used" mapper.fallback=none

@@ -7,19 +7,8 @@ set -euo pipefail
 sidestep=$1 work=$3
 export SIDESTEP_PLUGIN_PATH=$2
 configuration=$(dirname "${BASH_SOURCE[0]}")/faults.yaml
-failed=0
+. "$(dirname "${BASH_SOURCE[0]}")/../support/expect_run.sh"
 
-# expect CODE TEXT KEY=VALUE...
-expect() {
-  local code=0 expected=$1 text=$2
-  shift 2
-  "$sidestep" run "$configuration" --out "$work/out" "${@/#/--set=}" >"$work/log" 2>&1 || code=$?
-  if [ "$code" -ne "$expected" ] || ! grep -qF -- "$text" "$work/log"; then
-    echo "$*: exit code $code, expected $expected and '$text' in:"
-    cat "$work/log"
-    failed=1
-  fi
-}
 # throws KIND METHOD
 throws() {
   expect 3 "plugin $1 throwing: threw: on fire in $2" "$1.plugin=throwing" "$1.throws_in=$2"
