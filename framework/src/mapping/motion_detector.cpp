@@ -121,12 +121,14 @@ class Cells {
     ++last_->second.count;
   }
 
-  /// A ball around the voxels of each cell that has enough of them.
-  [[nodiscard]] std::vector<MovingBall> balls(double resolution_m, int least_vox) const {
+  /// A ball around the voxels of each cell that has enough of them, and more than flicker on a
+  /// surface that was looked along from `eye_m`.
+  [[nodiscard]] std::vector<MovingBall> balls(double resolution_m, int least_vox,
+                                              const Eigen::Vector3d& eye_m) const {
     const double half_diagonal_m = 0.5 * std::sqrt(3.0) * resolution_m;
     std::vector<MovingBall> balls;
     for (const auto& [key, cell] : cells_) {
-      if (cell.count < least_vox) continue;
+      if (cell.count < least_vox || is_flicker(cell, resolution_m, eye_m)) continue;
       balls.push_back({cell.box.center(), 0.5 * cell.box.diagonal().norm() + half_diagonal_m});
     }
     return balls;
@@ -137,6 +139,20 @@ class Cells {
     Eigen::AlignedBox3d box;
     int count = 0;
   };
+
+  /// Rays at a grazing angle clear the voxels of a surface before they meet it, and find others
+  /// again row by row: few voxels of one layer.
+  [[nodiscard]] bool is_flicker(const Cell& cell, double resolution_m,
+                                const Eigen::Vector3d& eye_m) const {
+    constexpr double kGrazing = 0.34;  // a sine, of 20 degrees
+    constexpr double kShare = 1.0 / 3.0;
+    const double layer_vox = edge_m_ / resolution_m * edge_m_ / resolution_m;
+    if (cell.count >= kShare * layer_vox) return false;
+    const Eigen::Vector3d to_eye = (eye_m - cell.box.center()).normalized();
+    return ((cell.box.sizes().array() < 0.5 * resolution_m) && (to_eye.array().abs() < kGrazing))
+        .any();
+  }
+
   double edge_m_;
   std::map<std::array<double, 3>, Cell> cells_;
   std::map<std::array<double, 3>, Cell>::iterator last_ = cells_.end();
@@ -189,7 +205,7 @@ std::shared_ptr<const MovingObstacles> MotionDetector::look(const OccupancyView&
         cells.add(centre_m(left));
       }
     }
-    moving->balls = cells.balls(grid.resolution_m, settings_.least_vox);
+    moving->balls = cells.balls(grid.resolution_m, settings_.least_vox, then.eye_m);
   }
   return moving;
 }

@@ -118,6 +118,24 @@ TEST(MotionDetector, IgnoresWhatFlickersBesideWhatStands) {
   }
 }
 
+TEST(MotionDetector, IgnoresWhatFlickersWhereItIsLookedAlong) {
+  // The underside of a board in voxels of 2.5 cm: two rows of it are found where others had been
+  // cleared.
+  const auto balls_from = [](const Eigen::Vector3d& eye_m, int rows) {
+    HandMadeMap map;
+    map.grid().resolution_m = 0.025;
+    MotionDetector detector;
+    map.fill({40, 0, 10}, {44, 39, 10});
+    (void)detector.update(map, eye_m, at(0.0));
+    map.fill({50, 0, 10}, {49 + rows, 39, 10});
+    return detector.update(map, eye_m, at(0.5))->balls.size();
+  };
+  const Eigen::Vector3d below_m(1.2, 0.5, -0.5), level_m(0.0, 0.5, 0.1);
+  EXPECT_EQ(balls_from(level_m, 2), 0U);
+  EXPECT_GT(balls_from(below_m, 2), 0U) << "what had been free indeed";
+  EXPECT_GT(balls_from(level_m, 6), 0U) << "a board that has come";
+}
+
 TEST(MotionDetector, TakesWhatWasHiddenForStanding) {
   HandMadeMap map;
   MotionDetector detector;
