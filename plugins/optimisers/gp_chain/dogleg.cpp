@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "damping.hpp"
 #include "step_rules.hpp"
 
 namespace sidestep {

@@ -3,29 +3,17 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
-#include <sidestep/planning/goal.hpp>
-#include <sidestep/planning/validity_check.hpp>
-
+#include "conclusion.hpp"
 #include "minimise.hpp"
 #include "prior_sampler.hpp"
 #include "settle.hpp"
 
 namespace sidestep {
 namespace {
-
-std::vector<TermCost> term_costs(const Problem& problem, const ChainEvaluation& evaluation) {
-  std::vector<TermCost> costs{{"gp_prior", evaluation.terms[0]}};
-  for (std::size_t t = 0; t < problem.terms.size(); ++t) {
-    costs.push_back({std::string(problem.terms[t].cost->name()), evaluation.terms[t + 1]});
-  }
-  return costs;
-}
 
 /// One of several initial trajectories, and what became of it.
 struct Start {
@@ -35,31 +23,6 @@ struct Start {
   double initial_cost = 0.0;
   bool is_finite = false;  ///< Its initial cost; else it was not minimised.
   bool is_valid = false;   ///< As far as a Judge has seen it.
-};
-
-/// Which trajectories are valid: free of collisions, within the limits of positions, at the goal.
-/// How fast they are may still be changed.
-class Judge {
- public:
-  Judge(const Problem& problem, const FieldChecks& checks)
-      : problem_(problem),
-        check_(checks.make(problem.field, problem.space,
-                           {.margin_m = problem.collision_margin_m,
-                            .speed_fraction = std::numeric_limits<double>::infinity(),
-                            .first_violation_only = true})) {}
-
-  /// False where the deadline passes before it is known.
-  [[nodiscard]] bool accepts(const Start& start, const Deadline& deadline) const {
-    if (!start.is_finite) return false;
-    const Trajectory found = start.model.trajectory();
-    if (!goal_miss(problem_, found.q(found.size() - 1)).empty()) return false;
-    const auto verdict = check_->check(found, 0.0, deadline);
-    return verdict.has_value() && verdict->valid();
-  }
-
- private:
-  const Problem& problem_;
-  std::unique_ptr<ValidityCheck> check_;
 };
 
 class GpChain final : public Optimiser {
@@ -91,8 +54,8 @@ class GpChain final : public Optimiser {
     Solution solution;
     solution.initial_cost = starts_.front().initial_cost;
     const ChainEvaluation& found = chosen->model.current();
-    if (chosen->is_finite) conclude(*chosen, deadline, solution);
-    solution.terms = term_costs(problem, found);
+    if (chosen->is_finite) conclude(chosen->end, stop_, found.cost, deadline, solution);
+    solution.terms = name_terms(problem, found.terms);
     solution.cost = found.cost;
     if (!chosen->is_finite) name_broken_term(solution);
     if (solution.status != SolveStatus::kFailed) solution.trajectory = chosen->model.trajectory();
@@ -135,7 +98,7 @@ class GpChain final : public Optimiser {
     minimise_others(problem, initial, deadline, nullptr);
     const std::vector<const Start*> sorted = by_cost();
     const auto best = std::ranges::find_if(
-        sorted, [&](const Start* start) { return judge.accepts(*start, deadline); });
+        sorted, [&](const Start* start) { return accepts(judge, *start, deadline); });
     return best != sorted.end() ? **best : *sorted.front();
   }
 
@@ -145,7 +108,7 @@ class GpChain final : public Optimiser {
                        const Judge* judge) {
     std::atomic<bool> enough = false;
     const auto judge_start = [&](Start& start) {
-      start.is_valid = judge != nullptr && judge->accepts(start, deadline);
+      start.is_valid = judge != nullptr && accepts(*judge, start, deadline);
       if (start.is_valid) enough = true;
     };
     judge_start(starts_.front());
@@ -168,6 +131,11 @@ class GpChain final : public Optimiser {
     } else {
       for (int i = 0; i < others; ++i) go(i);
     }
+  }
+
+  [[nodiscard]] static bool accepts(const Judge& judge, const Start& start,
+                                    const Deadline& deadline) {
+    return start.is_finite && judge.accepts(start.model.trajectory(), deadline);
   }
 
   /// The starts, the cheapest first.
@@ -195,42 +163,6 @@ class GpChain final : public Optimiser {
       for (double& qdot : out.qdot(i)) qdot += settings_.spread * *by++;
     }
     return out;
-  }
-
-  void conclude(const Start& start, const Deadline& deadline, Solution& solution) const {
-    const Minimisation& end = start.end;
-    solution.iterations = end.tried;
-    solution.accepted_iterations = end.accepted;
-    switch (end.end) {
-      case Minimisation::End::kConverged: solution.status = SolveStatus::kConverged; break;
-      case Minimisation::End::kIterationLimit:
-        solution.status = SolveStatus::kIterationLimit;
-        solution.reason = iteration_limit_reason(stop_.max_iterations, end.last_decrease,
-                                                 start.model.current().cost);
-        break;
-      case Minimisation::End::kDeadline:
-        solution.status = SolveStatus::kDeadline;
-        solution.reason = (deadline.stop_requested() ? "stopped on request after "
-                                                     : "the deadline passed after ") +
-                          std::to_string(end.tried) + " iterations";
-        break;
-      case Minimisation::End::kSingular:
-        solution.status = SolveStatus::kFailed;
-        solution.reason =
-            "the normal equations are singular: qc, dt_s or the weight of a term is too large or "
-            "too small for double precision";
-        break;
-    }
-  }
-
-  static void name_broken_term(Solution& solution) {
-    solution.status = SolveStatus::kFailed;
-    solution.reason = "the cost of the initial trajectory is not a finite number";
-    for (const TermCost& term : solution.terms) {
-      if (std::isfinite(term.cost)) continue;
-      solution.reason = "the cost of " + term.name + " is not a finite number";
-      return;
-    }
   }
 
   GpChainSettings settings_;

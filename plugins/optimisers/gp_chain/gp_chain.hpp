@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <sidestep/core/worker_pool.hpp>
@@ -30,6 +31,28 @@ struct GpChainSettings {
 
   static Parameters<GpChainSettings> parameters();
 };
+
+/// Declares the settings that every way of solving these problems has.
+template <class S>
+[[nodiscard]] Parameters<S> declare_minimisation(Parameters<S> parameters, double most_starts) {
+  return std::move(parameters)
+      .add("relative_tolerance", &S::relative_tolerance,
+           "Stop when an accepted step lowers the cost by less than this share of it.",
+           {.min = 0.0, .max = 1.0})
+      .add("absolute_tolerance", &S::absolute_tolerance,
+           "Stop when an accepted step lowers the cost by less than this.", {.min = 0.0})
+      .add("max_iterations", &S::max_iterations, "Stop after this many accepted steps.",
+           {.min = 1.0, .max = 1e6})
+      .add("initial_damping", &S::initial_damping,
+           "Damping of the first step of Levenberg-Marquardt.", {.min = 1e-12, .max = 1e4})
+      .add("starts", &S::starts,
+           "Initial trajectories: the given one, and that plus samples of the GP prior.",
+           {.min = 1.0, .max = most_starts})
+      .add("spread", &S::spread, "What the samples are multiplied with.", {.min = 0.0})
+      .add("accept", &S::accept,
+           "Of several starts: the cheapest trajectory that is free of collisions, or the first.",
+           {.choices = {"best_valid", "first_valid"}});
+}
 
 /// The rule that `settings.method` names.
 [[nodiscard]] std::unique_ptr<StepRule> make_step_rule(const GpChainSettings& settings);

@@ -2,15 +2,11 @@
 #include <cmath>
 #include <limits>
 
+#include "damping.hpp"
 #include "step_rules.hpp"
 
 namespace sidestep {
 namespace {
-
-constexpr double kFactor = 10.0;
-constexpr double kLargestLambda = 1e5;
-constexpr double kLeastShare = 1e-4;  // of the initial lambda
-constexpr double kSameLength = 0.99999;
 
 class LevenbergMarquardt final : public StepRule {
  public:
@@ -26,7 +22,7 @@ class LevenbergMarquardt final : public StepRule {
                                     int& tried) override {
     bool solved = false;
     double refused = std::numeric_limits<double>::infinity();  // length of the last refused step
-    for (; lambda_ < kLargestLambda; lambda_ *= kFactor) {
+    for (; lambda_ < kLargestDamping; lambda_ *= kDampingFactor) {
       if (!model.system().solve(lambda_, step_)) continue;
       solved = true;
       const double length = step_length();
@@ -37,7 +33,7 @@ class LevenbergMarquardt final : public StepRule {
       ++tried;
       bool worth_more = true;
       if (try_step(model, worth_more)) {
-        lambda_ = std::max(lambda_ / kFactor, kLeastShare * initial_damping_);
+        lambda_ = std::max(lambda_ / kDampingFactor, kLeastDampingShare * initial_damping_);
         return StepOutcome::kAccepted;
       }
       if (!worth_more) return StepOutcome::kNoBetter;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "damping.hpp"
+
 namespace sidestep {
 
 Minimisation settle(ChainModel& model, StepRule& rule, const StoppingRules& stop,

@@ -17,9 +17,6 @@ enum class StepOutcome {
   kInterrupted,  ///< The deadline passed before a step was accepted.
 };
 
-/// What of the decrease that the normal equations promise a step must achieve to be accepted.
-inline constexpr double kLeastFidelity = 1e-3;
-
 /// Chooses the steps of a minimisation from a linearised model, one iteration after the other.
 class StepRule {
  public:
