@@ -2,17 +2,20 @@
 #include <limits>
 #include <utility>
 
+#include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
 
-class FloorCost final : public StateCost {
+class FloorCost final : public StateCost, public HasCostForm {
  public:
   FloorCost(std::shared_ptr<const RobotModel> robot, const Floor& floor, double epsilon_m,
             double sigma_m)
       : robot_(std::move(robot)),
+        floor_(floor),
+        epsilon_m_(epsilon_m),
         weight_(1.0 / sigma_m),
         all_spheres_(robot_->description().spheres.size()) {
     for (const int sphere : spheres_above(floor, robot_->description())) {
@@ -27,6 +30,9 @@ class FloorCost final : public StateCost {
     return static_cast<int>(spheres_.size());
   }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
+  [[nodiscard]] CostForm form() const override {
+    return FloorForm{robot_, floor_, epsilon_m_, 1.0 / weight_};
+  }
 
   double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
                    Scratch& scratch) const override {
@@ -123,6 +129,8 @@ class FloorCost final : public StateCost {
   }
 
   std::shared_ptr<const RobotModel> robot_;
+  Floor floor_;
+  double epsilon_m_;
   double weight_;
   std::size_t all_spheres_;
   std::vector<Sphere> spheres_;

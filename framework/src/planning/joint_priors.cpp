@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/residual_names.hpp>
 #include <sidestep/planning/state_normals.hpp>
@@ -12,7 +13,7 @@ namespace sidestep {
 namespace {
 
 /// Joints towards values of their own: (value - target) / sigma, of positions or of velocities.
-class JointPrior : public StateCost {
+class JointPrior : public StateCost, public HasCostForm {
  public:
   JointPrior(std::string name, bool of_velocity, Eigen::VectorXd target, Eigen::VectorXd weights)
       : name_(std::move(name)),
@@ -25,6 +26,11 @@ class JointPrior : public StateCost {
     return static_cast<int>(target_.size());
   }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return of_velocity_; }
+  [[nodiscard]] CostForm form() const override {
+    const Eigen::VectorXd none = Eigen::VectorXd::Zero(target_.size());
+    return of_velocity_ ? TargetForm{none, none, target_, weights_}
+                        : TargetForm{target_, weights_, none, none};
+  }
 
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
     std::ranges::fill(out.jacobian_q, 0.0);

@@ -3,6 +3,7 @@
 #include <string>
 #include <utility>
 
+#include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
 
@@ -16,6 +17,13 @@ class IntervalHinge {
       : lower_(std::move(lower)), upper_(std::move(upper)), weight_(1.0 / sigma) {}
 
   [[nodiscard]] int size() const noexcept { return static_cast<int>(lower_.size()); }
+
+  [[nodiscard]] LimitForm form(bool of_velocity) const {
+    const auto as_vector = [](const std::vector<double>& values) {
+      return Eigen::VectorXd::Map(values.data(), static_cast<Eigen::Index>(values.size())).eval();
+    };
+    return {of_velocity, as_vector(lower_), as_vector(upper_), 1.0 / weight_};
+  }
 
   /// Calls add(i, joint, entry, residual) for each value beyond its limits, i in [0, n); returns
   /// 1/2 the sum of squares. values: n x d.
@@ -57,13 +65,14 @@ class IntervalHinge {
   double weight_;
 };
 
-class PositionLimitCost final : public StateCost {
+class PositionLimitCost final : public StateCost, public HasCostForm {
  public:
   explicit PositionLimitCost(IntervalHinge hinge) : hinge_(std::move(hinge)) {}
 
   [[nodiscard]] std::string_view name() const noexcept override { return "position_limit"; }
   [[nodiscard]] int residual_count() const noexcept override { return hinge_.size(); }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
+  [[nodiscard]] CostForm form() const override { return hinge_.form(false); }
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
     hinge_.evaluate(states.q, out.residuals, out.jacobian_q);
     std::ranges::fill(out.jacobian_qdot, 0.0);
@@ -80,13 +89,14 @@ class PositionLimitCost final : public StateCost {
   IntervalHinge hinge_;
 };
 
-class VelocityLimitCost final : public StateCost {
+class VelocityLimitCost final : public StateCost, public HasCostForm {
  public:
   explicit VelocityLimitCost(IntervalHinge hinge) : hinge_(std::move(hinge)) {}
 
   [[nodiscard]] std::string_view name() const noexcept override { return "velocity_limit"; }
   [[nodiscard]] int residual_count() const noexcept override { return hinge_.size(); }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return true; }
+  [[nodiscard]] CostForm form() const override { return hinge_.form(true); }
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
     hinge_.evaluate(states.qdot, out.residuals, out.jacobian_qdot);
     std::ranges::fill(out.jacobian_q, 0.0);

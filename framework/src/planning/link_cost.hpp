@@ -21,6 +21,8 @@ class LinkCost : public StateCost, public NamesResiduals {
   LinkCost(std::string name, std::shared_ptr<const RobotModel> robot, int link)
       : name_(std::move(name)), robot_(std::move(robot)), link_(link) {}
 
+  [[nodiscard]] const std::shared_ptr<const RobotModel>& robot() const noexcept { return robot_; }
+  [[nodiscard]] int link() const noexcept { return link_; }
   [[nodiscard]] const std::string& link_name() const noexcept {
     return robot_->description().links[static_cast<std::size_t>(link_)].name;
   }

@@ -2,6 +2,7 @@
 #include <array>
 #include <utility>
 
+#include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
@@ -9,13 +10,14 @@
 namespace sidestep {
 namespace {
 
-class ObstacleCost final : public StateCost {
+class ObstacleCost final : public StateCost, public HasCostForm {
  public:
   ObstacleCost(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
                SpacePolicy space, double epsilon_m, double sigma_m)
       : robot_(std::move(robot)),
         field_(std::move(field)),
-        space_(space),
+        space_(std::move(space)),
+        epsilon_m_(epsilon_m),
         weight_(1.0 / sigma_m),
         tree_(dynamic_cast<const KinematicTree*>(robot_.get())),
         spheres_(robot_->description().spheres.size()) {
@@ -28,6 +30,9 @@ class ObstacleCost final : public StateCost {
   [[nodiscard]] std::string_view name() const noexcept override { return "obstacle"; }
   [[nodiscard]] int residual_count() const noexcept override { return static_cast<int>(spheres_); }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
+  [[nodiscard]] CostForm form() const override {
+    return ObstacleForm{robot_, field_, space_, epsilon_m_, 1.0 / weight_};
+  }
 
   double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
                    Scratch& scratch) const override {
@@ -153,6 +158,7 @@ class ObstacleCost final : public StateCost {
   std::shared_ptr<const RobotModel> robot_;
   std::shared_ptr<const DistanceField> field_;
   SpacePolicy space_;
+  double epsilon_m_;
   double weight_;
   const KinematicTree* tree_;  ///< The robot, if it is one: its bodies are placed only once.
   std::size_t spheres_;
@@ -165,8 +171,8 @@ class ObstacleCost final : public StateCost {
 std::unique_ptr<StateCost> make_obstacle_cost(std::shared_ptr<const RobotModel> robot,
                                               std::shared_ptr<const DistanceField> field,
                                               SpacePolicy space, double epsilon_m, double sigma_m) {
-  return std::make_unique<ObstacleCost>(std::move(robot), std::move(field), space, epsilon_m,
-                                        sigma_m);
+  return std::make_unique<ObstacleCost>(std::move(robot), std::move(field), std::move(space),
+                                        epsilon_m, sigma_m);
 }
 
 }  // namespace sidestep

@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 
+#include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 
 #include "link_cost.hpp"
@@ -21,7 +22,7 @@ double inverse_jacobian_factor(double angle) {
 }
 
 /// Position, rotation, or both, of a link against a target.
-class PoseCost final : public LinkCost {
+class PoseCost final : public LinkCost, public HasCostForm {
  public:
   PoseCost(std::string name, std::shared_ptr<const RobotModel> robot, int link,
            const Transform& target, std::optional<double> sigma_position,
@@ -35,6 +36,14 @@ class PoseCost final : public LinkCost {
 
   [[nodiscard]] int residual_count() const noexcept override {
     return (position_weight_ ? 3 : 0) + (rotation_weight_ ? 3 : 0);
+  }
+  [[nodiscard]] CostForm form() const override {
+    return LinkPoseForm{robot(),
+                        link(),
+                        R_world_target_,
+                        p_world_target_,
+                        position_weight_.value_or(0.0),
+                        rotation_weight_.value_or(0.0)};
   }
 
   [[nodiscard]] ResidualName residual_name(int residual) const override {
@@ -88,7 +97,7 @@ class PoseCost final : public LinkCost {
 };
 
 /// The rotation vector that takes one direction to another, across the latter: two residuals.
-class AxisCost final : public LinkCost {
+class AxisCost final : public LinkCost, public HasCostForm {
  public:
   AxisCost(std::string name, std::shared_ptr<const RobotModel> robot, int link,
            const Eigen::Vector3d& axis_link, const Eigen::Vector3d& axis_world, double sigma)
@@ -101,6 +110,10 @@ class AxisCost final : public LinkCost {
   }
 
   [[nodiscard]] int residual_count() const noexcept override { return 2; }
+  [[nodiscard]] CostForm form() const override {
+    return LinkAxisForm{robot(), link(), axis_link_, axis_world_, {across_[0], across_[1]},
+                        weight_};
+  }
 
   [[nodiscard]] ResidualName residual_name(int) const override {
     return {"axis of " + link_name(), "", "its direction", "rad", 1.0 / weight_};

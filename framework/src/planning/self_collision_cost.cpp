@@ -4,6 +4,7 @@
 #include <utility>
 
 #include <sidestep/core/lanes.hpp>
+#include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
 
@@ -35,10 +36,11 @@ void find_near(const PointLanes* centres_m, std::span<const SpherePair> pairs, b
   }
 }
 
-class SelfCollisionCost final : public StateCost {
+class SelfCollisionCost final : public StateCost, public HasCostForm {
  public:
   SelfCollisionCost(std::shared_ptr<const RobotModel> robot, double epsilon_m, double sigma_m)
       : robot_(std::move(robot)),
+        epsilon_m_(epsilon_m),
         weight_(1.0 / sigma_m),
         spheres_(robot_->description().spheres.size()) {
     const RobotDescription& description = robot_->description();
@@ -62,6 +64,9 @@ class SelfCollisionCost final : public StateCost {
     return static_cast<int>(pair_ends_.size());
   }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return false; }
+  [[nodiscard]] CostForm form() const override {
+    return SelfCollisionForm{robot_, epsilon_m_, 1.0 / weight_};
+  }
 
   double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
                    Scratch& scratch) const override {
@@ -187,6 +192,7 @@ class SelfCollisionCost final : public StateCost {
   }
 
   std::shared_ptr<const RobotModel> robot_;
+  double epsilon_m_;
   double weight_;
   std::size_t spheres_;
   std::vector<int> link_;                 ///< Of each sphere.

@@ -2,13 +2,14 @@
 #include <string>
 #include <utility>
 
+#include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
 
 namespace sidestep {
 namespace {
 
-class StatePrior final : public StateCost {
+class StatePrior final : public StateCost, public HasCostForm {
  public:
   StatePrior(std::string name, RobotState target, double sigma)
       : name_(std::move(name)), target_(std::move(target)), weight_(1.0 / sigma) {}
@@ -18,6 +19,10 @@ class StatePrior final : public StateCost {
     return static_cast<int>(2 * target_.q.size());
   }
   [[nodiscard]] bool depends_on_velocity() const noexcept override { return true; }
+  [[nodiscard]] CostForm form() const override {
+    const Eigen::VectorXd weights = Eigen::VectorXd::Constant(target_.q.size(), weight_);
+    return TargetForm{target_.q, weights, target_.qdot, weights};
+  }
 
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
     std::ranges::fill(out.jacobian_q, 0.0);

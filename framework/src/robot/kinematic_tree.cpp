@@ -146,13 +146,13 @@ void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const 
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     if (b % kAtOnce == 0) {
       for (std::size_t i = 0; i < kAtOnce; ++i) {
-        const detail::TreeBody* at_i = b + i < bodies_.size() ? &bodies_[b + i] : nullptr;
+        const TreeBody* at_i = b + i < bodies_.size() ? &bodies_[b + i] : nullptr;
         const bool moves = at_i != nullptr && at_i->joint != -1;
         values[i] = moves ? at_i->multiplier * q[at_i->joint] + at_i->offset : 0.0;
       }
       detail::sines_and_cosines(values, sines, cosines);
     }
-    const detail::TreeBody& body = bodies_[b];
+    const TreeBody& body = bodies_[b];
     Pose& pose = bodies[b];
     if (body.parent == -1) {
       pose = {body.R_parent_joint, body.p_parent_joint};
@@ -168,6 +168,11 @@ void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const 
       pose.p += values[b % kAtOnce] * pose.R.col(2);
     }
   }
+}
+
+TreeLink KinematicTree::link_in_body(int link) const {
+  const Pose& T_body_link = T_body_link_[at(link)];
+  return {body_of_link_[at(link)], T_body_link.R, T_body_link.p};
 }
 
 void KinematicTree::link_poses(std::span<const double> q, std::span<Transform> T_world_link,
@@ -249,7 +254,7 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
       Eigen::Vector3d* columns = jacobians.data() + (row * count + s) * dof;
       for (int m = movers_begin_[b]; m < movers_begin_[b + 1]; ++m) {
         const std::size_t mover = at(movers_[at(m)]);
-        const detail::TreeBody& body = bodies_[mover];
+        const TreeBody& body = bodies_[mover];
         const Eigen::Vector3d axis = bodies[mover].R.col(2);
         // d(centre)/d(value): the axis, or axis x arm; a mimic joint adds to its master's column.
         columns[body.joint] += body.multiplier * (body.motion == TreeJoint::Motion::kRotation

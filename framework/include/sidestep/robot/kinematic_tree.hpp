@@ -23,8 +23,6 @@ struct TreeJoint {
   double offset = 0.0;  ///< The value itself where joint is -1.
 };
 
-namespace detail {
-
 /// Links that are rigidly attached to each other, moved as one by the joint of the first.
 /// Its frame is that link's, turned so that the joint's axis is z.
 struct TreeBody {
@@ -45,7 +43,12 @@ struct TreeSphere {
   Eigen::Vector3d p_body = Eigen::Vector3d::Zero();
 };
 
-}  // namespace detail
+/// Where a link is in the frame of its body.
+struct TreeLink {
+  int body = 0;
+  Eigen::Matrix3d R_body_link = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_body_link = Eigen::Vector3d::Zero();
+};
 
 /// Tree kinematics for any robot that URDF can describe. tree_joints[i] moves link i of the
 /// description against its parent; the root's entry places it in the world.
@@ -59,6 +62,14 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
     return description_;
   }
   [[nodiscard]] const std::vector<TreeJoint>& tree_joints() const noexcept { return tree_joints_; }
+
+  // The same as it is computed with, for whoever places the robot by other means (on a GPU).
+  [[nodiscard]] const std::vector<TreeBody>& bodies() const noexcept { return bodies_; }
+  [[nodiscard]] TreeLink link_in_body(int link) const;
+  /// In the order of the description's.
+  [[nodiscard]] const std::vector<TreeSphere>& spheres_on_bodies() const noexcept {
+    return spheres_;
+  }
 
   void link_poses(std::span<const double> q, std::span<Transform> T_world_link,
                   Scratch& scratch) const override;
@@ -102,12 +113,12 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
 
   RobotDescription description_;
   std::vector<TreeJoint> tree_joints_;
-  std::vector<detail::TreeBody> bodies_;     // parents before children
-  std::vector<int> body_of_link_;            // per link
-  std::vector<Pose> T_body_link_;            // per link
-  std::vector<detail::TreeSphere> spheres_;  // per sphere
-  std::vector<int> movers_;        // per body, the bodies from it to the root that q moves
-  std::vector<int> movers_begin_;  // movers_ of body b: [movers_begin_[b], movers_begin_[b + 1])
+  std::vector<TreeBody> bodies_;     // parents before children
+  std::vector<int> body_of_link_;    // per link
+  std::vector<Pose> T_body_link_;    // per link
+  std::vector<TreeSphere> spheres_;  // per sphere
+  std::vector<int> movers_;          // per body, the bodies from it to the root that q moves
+  std::vector<int> movers_begin_;    // movers_ of body b: [movers_begin_[b], movers_begin_[b + 1])
   std::vector<Column> columns_;
   AlignedArray weights_;  // per body, of each column: how far it moves the body as its joint does
 };
