@@ -20,13 +20,15 @@ mkdir -p $out
 
 edt=plugins/fields/edt_cuda
 map=plugins/mappers/voxel_grid_cuda
+chain=plugins/optimisers/gp_chain_cuda
 flags=(-std=c++20 -O3 -lineinfo --fmad=false -arch="$arch" -Xcompiler=-ffp-contract=off
-  -Iplugins -Iframework/include -I$edt -I$edt/tests -I$map)
+  -Iplugins -Iframework/include -I$edt -I$edt/tests -I$map
+  -I$chain -I$chain/tests -Iplugins/optimisers/gp_chain)
 objects=()
 jobs=()
-for source in plugins/cuda/device_backend.cpp plugins/cuda/probe.cu $edt/transform_device.cu $map/map_device.cu \
-  $edt/dirty_lines.cpp $edt/transform_host.cpp $map/map_host.cpp \
-  tests/cuda/main.cpp tests/cuda/device_checks.cpp tests/cuda/device_times.cpp; do
+for source in plugins/cuda/device_backend.cpp plugins/cuda/probe.cu $edt/transform_device.cu $map/map_device.cu $chain/chain_batch_device.cu \
+  $edt/dirty_lines.cpp $edt/transform_host.cpp $map/map_host.cpp $chain/chain_batch_host.cpp \
+  tests/cuda/main.cpp tests/cuda/chain_checks.cpp tests/cuda/device_checks.cpp tests/cuda/device_times.cpp; do
   object=$out/$(basename "$source").o
   objects+=("$object")
   nvcc "${flags[@]}" -c "$source" -o "$object" &

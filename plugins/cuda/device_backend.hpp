@@ -36,8 +36,14 @@ __global__ void __launch_bounds__(Kernel::kThreads)
     run_on_device(const Kernel kernel, std::int64_t blocks) {
   __shared__ typename Kernel::Shared shared;
   for (std::int64_t block = blockIdx.x; block < blocks; block += gridDim.x) {
-    run_phases_on_device<Kernel, 0>(kernel, block, shared);
-    if constexpr (Kernel::kPhases > 1) __syncthreads();
+    if constexpr (TeamKernel<Kernel>) {
+      Team team;
+      kernel.run(block, team, shared);
+      __syncthreads();
+    } else {
+      run_phases_on_device<Kernel, 0>(kernel, block, shared);
+      if constexpr (Kernel::kPhases > 1) __syncthreads();
+    }
   }
 }
 

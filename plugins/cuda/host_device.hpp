@@ -21,6 +21,7 @@ inline constexpr int kWarp = 32;
 /// Values, for the functions that return them are the host's alone.
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr float kInfinityF = std::numeric_limits<float>::infinity();
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double kLargest = std::numeric_limits<double>::max();
 inline constexpr float kLargestF = std::numeric_limits<float>::max();
 

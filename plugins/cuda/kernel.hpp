@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cuda/host_device.hpp"
+#include "cuda/team.hpp"
 
 /// How kernels are written. A kernel is a plain struct that holds pointers and sizes, is copied to
 /// the device as its argument, and has
@@ -20,8 +21,15 @@
 ///     Shared& shared) const;
 ///
 /// Phase n + 1 of a block begins once phase n of all its threads has ended. Blocks may run in any
-/// order, as may the threads of a phase, warps as a whole.
+/// order, as may the threads of a phase, warps as a whole. A kernel whose phases depend on what it
+/// computes has no kPhases, and is written with a Team.
 namespace sidestep::cuda {
+
+/// Whether a kernel is written with a Team.
+template <class Kernel>
+concept TeamKernel = !requires {
+  Kernel::kPhases;
+};
 
 /// In which order run_on_host() goes through blocks and threads: whatever depends on it is a race.
 enum class Order { kForward, kBackward, kShuffled };
@@ -50,8 +58,13 @@ void run_on_host(const Kernel& kernel, std::int64_t blocks, Order order = Order:
   for (std::int64_t i = 0; i < blocks; ++i) {
     std::memset(&shared, 0xa5, sizeof(shared));  // whoever reads what nobody wrote shall notice
     if (order == Order::kShuffled) std::ranges::shuffle(threads, random);
-    detail::run_phases<Kernel, 0>(kernel, order == Order::kForward ? i : blocks - 1 - i, threads,
-                                  shared);
+    const std::int64_t block = order == Order::kForward ? i : blocks - 1 - i;
+    if constexpr (TeamKernel<Kernel>) {
+      Team team(threads);
+      kernel.run(block, team, shared);
+    } else {
+      detail::run_phases<Kernel, 0>(kernel, block, threads, shared);
+    }
   }
 }
 

@@ -1,6 +1,9 @@
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <iterator>
+#include <vector>
 
 #include "device_checks.hpp"
 
@@ -27,10 +30,13 @@ int main(int argc, char** argv) {
   }
   if (is_timed) {
     print_times(ordinal);
+    print_chain_times(ordinal);
     return 0;
   }
   int failed = 0;
-  for (const Check& check : device_checks(ordinal)) {
+  std::vector<Check> checks = device_checks(ordinal);
+  std::ranges::move(chain_checks(ordinal), std::back_inserter(checks));
+  for (const Check& check : checks) {
     const std::string wrong = check.run();
     std::printf("%s %s%s%s\n", wrong.empty() ? "passed" : "FAILED", check.name.c_str(),
                 wrong.empty() ? "" : ": ", wrong.c_str());

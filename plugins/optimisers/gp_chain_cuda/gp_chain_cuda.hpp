@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <sidestep/core/log.hpp>
+#include <sidestep/core/worker_pool.hpp>
+
+#include "chain_batch.hpp"
+#include "gp_chain.hpp"
+
+namespace sidestep::gp_chain_cuda {
+
+/// Of gp_chain's settings those of Levenberg-Marquardt; and where it runs.
+struct Options : GpChainSettings {
+  int device = 0;
+  std::string fallback = "none";
+
+  Options() { starts = 64; }
+
+  static Parameters<Options> parameters() {
+    return declare_minimisation(Parameters<Options>(), 65536.0)
+        .add("device", &Options::device, "Number of the CUDA device, counted from 0.", {.min = 0})
+        .add("fallback", &Options::fallback,
+             "What happens where the device cannot be used, is lost, or does not know a cost of "
+             "the problem: none: an error; cpu: the run goes on with gp_chain, and the log says "
+             "so.",
+             {.choices = {"none", "cpu"}});
+  }
+};
+
+/// A way to make a batch.
+using MakeBatch = std::function<Result<std::unique_ptr<ChainBatch>>()>;
+
+/// gp_chain's solution of a problem from many starts, all minimised at once by a batch that `make`
+/// makes. `workers` (of the fallback; or null) and `log` outlive it; `seed` is of the starts.
+/// Fails where the batch does, and settings.fallback is none.
+[[nodiscard]] Result<std::unique_ptr<Optimiser>> make_gp_chain_cuda(const Options& settings,
+                                                                    WorkerPool* workers, Log& log,
+                                                                    std::uint64_t seed,
+                                                                    const MakeBatch& make);
+
+}  // namespace sidestep::gp_chain_cuda
