@@ -23,6 +23,7 @@ expect "source rosbag libroscpp-core-dev libsensor-msgs-dev" "$not_built"
 expect "Plugin rosbag is not built: install libroscpp-core-dev" "$work/configure.log"
 expect "mapper voxel_grid_cuda cuda-nvcc-13-0 cuda-cudart-dev-13-0" "$not_built"
 expect "field edt_cuda cuda-nvcc-13-0 cuda-cudart-dev-13-0" "$not_built"
+expect "optimiser gp_chain_cuda cuda-nvcc-13-0 cuda-cudart-dev-13-0" "$not_built"
 if grep -qE 'LANGUAGE.*CUDA|\.cu\.o' "$work/build/build.ninja"; then
   echo "something of CUDA is built all the same"
   exit 1
