@@ -46,6 +46,44 @@ TEST_P(HostOrder, PhasesEndBeforeTheNextBegins) {
   }
 }
 
+/// Halves numbers until their sum is below one, and counts how often: phases that depend on what is
+/// computed.
+struct HalveToOne {
+  static constexpr int kThreads = 64;
+  struct Shared {
+    double sums[kThreads];
+    double values[kThreads];
+  };
+  const double* numbers = nullptr;
+  int* halvings = nullptr;
+
+  SIDESTEP_HOST_DEVICE void run(std::int64_t block, Team& team, Shared& shared) const {
+    team.each([&](int thread) { shared.values[thread] = numbers[block * kThreads + thread]; });
+    int count = 0;
+    while (team.sum(shared.sums, [&](int thread) { return shared.values[thread]; }) >= 1.0) {
+      // Each thread takes its neighbour's: right only if all have read before one writes.
+      team.each([&](int thread) { shared.sums[thread] = 0.5 * shared.values[thread ^ 1]; });
+      team.each([&](int thread) { shared.values[thread] = shared.sums[thread]; });
+      ++count;
+    }
+    team.each([&](int thread) {
+      if (thread == 0) halvings[block] = count;
+    });
+  }
+};
+
+TEST_P(HostOrder, TeamsGoOnAsLongAsTheyCompute) {
+  constexpr int kBlocks = 4;
+  std::vector<double> numbers(kBlocks * HalveToOne::kThreads);
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    numbers[i] = i / HalveToOne::kThreads == 3 ? 0.0 : static_cast<double>(i);
+  }
+  std::vector<int> halvings(kBlocks, -1);
+  run_on_host(HalveToOne{numbers.data(), halvings.data()}, kBlocks, GetParam());
+  // 0 + ... + 63 = 2016 < 2^11, 64 + ... + 127 = 6112 < 2^13, 128 + ... + 191 = 10208 < 2^14.
+  EXPECT_EQ(halvings, (std::vector<int>{11, 13, 14, 0}));
+}
+
 INSTANTIATE_TEST_SUITE_P(Orders, HostOrder,
                          testing::Values(Order::kForward, Order::kBackward, Order::kShuffled));
 
