@@ -13,6 +13,7 @@
 #include <sidestep/planning/motion_check.hpp>
 
 #include "conformance/test_host.hpp"
+#include "driver_table.hpp"
 #include "path_judge.hpp"
 #include "plain_search.hpp"
 #include "session.hpp"
@@ -294,6 +295,41 @@ TEST_F(PlainPlan, IsNoneWhereTheGoalOrTheStartIsTaken) {
     EXPECT_FALSE(answer.is_solved);
     EXPECT_TRUE(answer.path.empty());
   }
+}
+
+Solve solved(const std::string& family, double search_ms, double simplify_ms) {
+  Solve solve{family, 1, {}, {}};
+  solve.answer.is_solved = true;
+  solve.answer.search_ms = search_ms;
+  solve.answer.simplify_ms = simplify_ms;
+  solve.answer.count = {120, 2, 2.0 * search_ms};
+  return solve;
+}
+
+TEST(PlainSummary, TellsCollisionsAtPointsFromThoseBetweenThem) {
+  std::vector<Solve> solves = {solved("a", 1, 10), solved("a", 2, 20), solved("b", 3, 60)};
+  solves[0].answer.is_broken = true;
+  solves[0].verdict = {true, false, 0.5, false};
+  solves[1].verdict = {true, false, 0.25, true};
+  solves[2].verdict = {false, true, 0.0, false};
+  solves.push_back({"b", 9, {}, {}});  // without a path
+  const auto summary = summary_of(solves, true);
+  ASSERT_EQ(summary["rows"].size(), 3u);
+  const auto all = summary["rows"][0], b = summary["rows"][2];
+  EXPECT_EQ(all["problems"], 4);
+  EXPECT_EQ(all["solved"], 3);
+  EXPECT_EQ(all["search_ms"]["p50"], 2.0);
+  EXPECT_EQ(all["simplified_ms"]["p50"], 22.0);
+  EXPECT_EQ(all["state_check_us"], 2.0);  // (2 + 4 + 6) / 6
+  EXPECT_EQ(all["in_collision"]["paths"], 2);
+  EXPECT_EQ(all["in_collision"]["at_points"], 1);
+  EXPECT_EQ(all["in_collision"]["deepest_between_m"], 0.25);
+  EXPECT_EQ(all["unproven"], 1);
+  EXPECT_EQ(all["shapes_touching"], 1);
+  EXPECT_EQ(b["family"], "b");
+  EXPECT_EQ(b["in_collision"]["paths"], 0);
+  EXPECT_TRUE(b["in_collision"]["deepest_between_m"].is_null());
+  EXPECT_EQ(summary["unsolved"], nlohmann::ordered_json::array({"b 9"}));
 }
 
 }  // namespace

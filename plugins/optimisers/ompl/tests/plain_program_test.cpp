@@ -104,7 +104,7 @@ TEST_F(PlainProgram, SolvesAndSaysWhatItTook) {
   // The straight line turns the first joint only, and meets nothing but the pole.
   const Json free = row_of(said, "free"), around = row_of(said, "pole");
   EXPECT_NEAR(free["path_length_rad"]["p50"].get<double>(), 2.0 * kTurn_rad, 1e-6);
-  EXPECT_EQ(free["in_collision"], 0);
+  EXPECT_EQ(free["in_collision"]["paths"], 0);
   EXPECT_EQ(free["unproven"], 0);
   EXPECT_EQ(free["shapes_touching"], 0);
   EXPECT_GT(around["path_length_rad"]["p50"].get<double>(), 2.0 * kTurn_rad + 0.1);

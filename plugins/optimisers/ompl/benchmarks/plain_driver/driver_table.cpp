@@ -22,16 +22,26 @@ Json mean_check_us(const std::vector<Solve>& solves) {
   return sum_us / timed;
 }
 
+/// Of the paths that are found in collision how many are so at the points that OMPL tests, and how
+/// deep the others are.
+Json collisions_of(const std::vector<Solve>& solved) {
+  const auto colliding = those_of(
+      solved, [](const Solve& s) { return s.answer.is_broken || s.verdict.is_in_collision; });
+  const auto between = those_of(colliding, [](const Solve& s) { return !s.answer.is_broken; });
+  const auto depths_m = values_of(between, [](const Solve& s) { return s.verdict.depth_m; });
+  return {{"paths", colliding.size()},
+          {"at_points", colliding.size() - between.size()},
+          {"deepest_between_m",
+           depths_m.empty() ? Json(nullptr) : Json(*std::ranges::max_element(depths_m))}};
+}
+
 Json row_of(const std::string& family, const std::vector<Solve>& solves, bool with_shapes) {
   const auto solved = those_of(solves, [](const Solve& s) { return s.answer.is_solved; });
   const auto of_answers = [&](auto value) {
     return values_of(solved, [&](const Solve& s) { return value(s.answer); });
   };
-  const auto count_of = [&](auto holds) {
-    return std::ranges::count_if(solved, [&](const Solve& s) { return holds(s.verdict); });
-  };
-  const auto depths_m = values_of(solved, [](const Solve& s) { return s.verdict.depth_m; });
-  const auto touching = count_of([](const PathVerdict& v) { return v.is_touching; });
+  const auto touching =
+      std::ranges::count_if(solved, [](const Solve& s) { return s.verdict.is_touching; });
   using A = PlainAnswer;
   return {{"family", family},
           {"problems", solves.size()},
@@ -43,9 +53,9 @@ Json row_of(const std::string& family, const std::vector<Solve>& solves, bool wi
           {"states", quantiles_json(of_answers([](const A& a) { return a.count.states; }))},
           {"state_check_us", mean_check_us(solves)},
           {"path_length_rad", quantiles_json(of_answers([](const A& a) { return a.length; }))},
-          {"in_collision", count_of([](const PathVerdict& v) { return v.is_in_collision; })},
-          {"deepest_m", depths_m.empty() ? 0.0 : *std::ranges::max_element(depths_m)},
-          {"unproven", count_of([](const PathVerdict& v) { return v.is_unproven; })},
+          {"in_collision", collisions_of(solved)},
+          {"unproven",
+           std::ranges::count_if(solved, [](const Solve& s) { return s.verdict.is_unproven; })},
           {"shapes_touching", with_shapes ? Json(touching) : Json(nullptr)}};
 }
 
@@ -87,8 +97,9 @@ std::string table_text(const Json& summary) {
                              {"states p50", "/states/p50", "%.0f"},
                              {"state check", "/state_check_us", "%.2f us"},
                              {"path p50", "/path_length_rad/p50", "%.2f rad"},
-                             {"in collision", "/in_collision", "%.0f"},
-                             {"deepest", "/deepest_m", "%.5f m"},
+                             {"in collision", "/in_collision/paths", "%.0f"},
+                             {"at points", "/in_collision/at_points", "%.0f"},
+                             {"deepest between", "/in_collision/deepest_between_m", "%.5f m"},
                              {"unproven", "/unproven", "%.0f"}};
   if (!summary["rows"][0]["shapes_touching"].is_null()) {
     columns.push_back({"shapes touching", "/shapes_touching", "%.0f"});

@@ -19,7 +19,8 @@ struct Solve {
 };
 
 /// What solves come to, all together and then family by family, and the names of problems without
-/// a path: `rows`, `unsolved`. Times, lengths and verdicts are those of the problems with one.
+/// a path: `rows`, `unsolved`. Times, lengths and verdicts are those of the problems with one; the
+/// state check is the mean over all.
 [[nodiscard]] nlohmann::ordered_json summary_of(const std::vector<Solve>& solves, bool with_shapes);
 
 /// The same for a terminal.

@@ -41,7 +41,7 @@ ob::ScopedState<> state_of(const ob::StateSpacePtr& space, const Eigen::VectorXd
 
 }  // namespace
 
-PlainSearch::PlainSearch(std::shared_ptr<const RobotModel> robot, const Scene& scene,
+PlainSearch::PlainSearch(const std::shared_ptr<const RobotModel>& robot, const Scene& scene,
                          double margin_m)
     : states_(robot, scene, margin_m), setup_(joint_space(robot->description())) {
   const ob::SpaceInformationPtr& information = setup_.getSpaceInformation();
@@ -88,6 +88,7 @@ PlainAnswer plan_plainly(const std::shared_ptr<const RobotModel>& robot, const S
     }
   }
   answer.count = search.count();
+  answer.is_broken = answer.is_solved && !setup.getSolutionPath().check();
   return answer;
 }
 

@@ -28,7 +28,7 @@ struct CheckCount {
 class PlainSearch {
  public:
   /// Every joint must have limits. `margin_m` is that of SphereStates.
-  PlainSearch(std::shared_ptr<const RobotModel> robot, const Scene& scene, double margin_m);
+  PlainSearch(const std::shared_ptr<const RobotModel>& robot, const Scene& scene, double margin_m);
   PlainSearch(const PlainSearch&) = delete;  // OMPL calls it back
   PlainSearch& operator=(const PlainSearch&) = delete;
 
@@ -51,6 +51,8 @@ struct PlainAnswer {
   CheckCount count;          ///< In search and simplification.
   double length = 0.0;       ///< Of the simplified path, in the space of joints, rad and m alike.
   std::vector<double> path;  ///< Simplified: n x dof, row by row; empty where there is none.
+  /// Simplification left it in collision at points that OMPL tests, of which OMPL only warns.
+  bool is_broken = false;
 };
 
 /// Looks for a path for up to `limit_s` seconds, and simplifies it, which knows no limit. OMPL's
