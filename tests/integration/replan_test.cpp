@@ -12,6 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using Json = nlohmann::json;
 
 const std::string kConfig =
@@ -66,9 +67,26 @@ TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
   }
   const std::string report = read_file(folder_.path() / "run" / "report.html");
   EXPECT_THAT(report, HasSubstr("Episode 0"));
+  const std::string effective = read_file(folder_.path() / "run" / "effective_config.yaml");
+  EXPECT_THAT(effective, HasSubstr("speed_fraction"));
+  EXPECT_THAT(effective, Not(HasSubstr("attempts")));
   for (const char* picture : {"episode-0-above.png", "episode-0-time.png"}) {
     EXPECT_TRUE(fs::exists(folder_.path() / "run" / picture)) << picture;
   }
+}
+
+TEST_F(ReplanTest, RefusesWhatOnlyPlansUse) {
+  const auto check_with = [](const std::string& set) {
+    return run({"check", kConfig, "--set", set});
+  };
+  const Finished refused = check_with("planning.attempts=3");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.error,
+              HasSubstr("--set planning.attempts=3: 'attempts' has no effect in an experiment of "
+                        "type 'replan' (known keys: unknown, outside, floor, dt_s"));
+  // So one takes back what a base says.
+  const Finished taken_back = check_with("planning.attempts=null");
+  EXPECT_EQ(taken_back.exit_code, 0) << taken_back.error;
 }
 
 TEST_F(ReplanTest, TheSameSeedGivesTheSameRunAndAnotherSeedAnother) {

@@ -21,6 +21,7 @@
 #include "replan_settings.hpp"
 #include "replanning.hpp"
 #include "save_outcome.hpp"
+#include "unused_keys.hpp"
 
 namespace sidestep {
 namespace {
@@ -41,12 +42,32 @@ constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper
                                      PluginKind::kOptimiser, PluginKind::kExecutor};
 
 /// The schema of a top-level block that is neither a plugin's nor the experiment's; nothing for
-/// other names.
-std::optional<Schema> settings_schema(std::string_view block) {
-  if (block == "planning") return PlanningSettings::parameters().schema();
-  if (block == "check") return CheckSettings::parameters().schema();
-  if (block == "replanner") return ReplannerBlock::parameters().schema();
+/// other names. Where a type is given, it is without what that has no use for.
+std::optional<UsedSchema> settings_schema(std::string_view block,
+                                          const ExperimentType* type = nullptr) {
+  const std::string name = type != nullptr ? type->name : "";
+  if (block == "planning") {
+    return used_schema(name, PlanningSettings::parameters().schema(),
+                       type != nullptr ? type->unused_of_planning : std::vector<std::string>{});
+  }
+  if (block == "check") return used_schema(name, CheckSettings::parameters().schema(), {});
+  if (block == "replanner") return used_schema(name, ReplannerBlock::parameters().schema(), {});
   return std::nullopt;
+}
+
+/// Which types have no use for some keys of `planning`, to follow what it is.
+std::string unused_sentence() {
+  std::string text;
+  for (const ExperimentType& type : kTypes) {
+    if (type.unused_of_planning.empty()) continue;
+    text += (text.empty() ? ". Without effect, and refused: in `" : "; in `") + type.name + "`";
+    const char* separator = " ";
+    for (const std::string& key : type.unused_of_planning) {
+      text += separator + ("`" + key + "`");
+      separator = ", ";
+    }
+  }
+  return text;
 }
 
 const ExperimentType* find_type(const Configuration& configuration, std::vector<Error>& errors) {
@@ -85,8 +106,8 @@ void check_blocks(const Configuration& configuration, const ExperimentType* type
     check_against_schema(*configuration.root.find("experiment"), type->schema(), {}, errors);
   }
   for (const Node::Entry& entry : configuration.root.entries()) {
-    if (const auto schema = settings_schema(entry.key)) {
-      check_against_schema(entry.value, *schema, {}, errors);
+    if (const auto used = settings_schema(entry.key, type)) {
+      check_against_used(entry.value, *used, errors);
     }
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key == to_string(kind)) host.check(kind, entry.value, errors);
@@ -161,11 +182,12 @@ std::vector<SettingsBlock> settings_blocks() {
   for (const ExperimentType& type : kTypes) {
     blocks.push_back({"experiment", type.doc, type.schema(), type.name});
   }
-  blocks.push_back({"planning", "How problems are posed, whoever solves them",
-                    *settings_schema("planning"), ""});
-  blocks.push_back({"check", "What a plan must pass; of a closed loop the allowed contacts alone",
-                    *settings_schema("check"), ""});
-  blocks.push_back({"replanner", "How the closed loop behaves", *settings_schema("replanner"), ""});
+  const auto add = [&](const char* key, const std::string& doc) {
+    blocks.push_back({key, doc, settings_schema(key)->schema, ""});
+  };
+  add("planning", "How problems are posed, whoever solves them" + unused_sentence());
+  add("check", "What a plan must pass; of a closed loop the allowed contacts alone");
+  add("replanner", "How the closed loop behaves");
   return blocks;
 }
 
@@ -212,8 +234,8 @@ Node effective_configuration(const Configuration& configuration, Host& host) {
     if (entry.key == "experiment" && type != nullptr) {
       entry.value = fill_defaults(entry.value, type->schema());
       if (type->fill != nullptr) type->fill(entry.value, host);
-    } else if (const auto schema = settings_schema(entry.key)) {
-      entry.value = fill_defaults(entry.value, *schema);
+    } else if (const auto used = settings_schema(entry.key, type)) {
+      entry.value = fill_defaults(used_part(std::move(entry.value), *used), used->schema);
     }
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key == to_string(kind)) entry.value = host.with_defaults(kind, entry.value);

@@ -8,6 +8,7 @@
 #include <sidestep/plugin/plugin.hpp>
 
 #include "blocks.hpp"
+#include "unused_keys.hpp"
 
 namespace sidestep {
 namespace {
@@ -63,11 +64,12 @@ void refuse_floor(const Node& planning, std::vector<Error>& errors) {
 
 /// The `planning` block of one robot; mistakes that the override brings in are told here.
 PlanningSettings read_planning(const Node& common, const Node& own, std::vector<Error>& errors) {
-  const Schema schema = PlanningSettings::parameters().schema();
+  const UsedSchema used = used_schema("field_study", PlanningSettings::parameters().schema(),
+                                      unused_of_study_planning());
   const Node merged = own.is_map() ? laid_over(common, own) : common;
   std::vector<Error> before, found;
-  check_against_schema(common, schema, {}, before);
-  check_against_schema(merged, schema, {}, found);
+  check_against_used(common, used, before);
+  check_against_used(merged, used, found);
   std::set<std::string> told;
   for (const Error& error : before) told.insert(error.describe());
   for (Error& error : found) {
@@ -129,6 +131,10 @@ void check_robot(const StudyRobot& robot, const Node& field, Host& host,
 }
 
 }  // namespace
+
+std::vector<std::string> unused_of_study_planning() {
+  return {"retime", "time_limit_s", "attempts"};
+}
 
 Node study_field_block(const Node& field, bool is_signed) {
   Node block = field;

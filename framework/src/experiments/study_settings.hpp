@@ -88,6 +88,10 @@ struct FieldStudy {
   Node optimiser_block;
 };
 
+/// Keys of a `planning` block that a study has no use for: every problem is solved once, from a
+/// straight line, until the optimiser ends, and its trajectory is judged as it is.
+[[nodiscard]] std::vector<std::string> unused_of_study_planning();
+
 /// The field's block for one kind of field.
 [[nodiscard]] Node study_field_block(const Node& field, bool is_signed);
 

@@ -74,6 +74,9 @@ struct ExperimentType {
   /// Parameters of the optimiser that the experiment sets itself: no part of the effective
   /// configuration.
   std::vector<std::string> set_of_optimiser = {};
+  /// Keys of the `planning` block that it has no use for: refused where they are given, and no part
+  /// of the effective configuration.
+  std::vector<std::string> unused_of_planning = {};
   /// Whether it can do one shard of its work, and go on where an earlier run ended.
   bool is_divisible = false;
   /// Whether it can go on where an earlier run ended; what is divisible can.

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <sidestep/plugin/schema.hpp>
+
+namespace sidestep {
+
+/// What a block is to one type of experiment that has no use for some of its keys.
+struct UsedSchema {
+  std::string type;                 ///< Of the experiment, for messages.
+  Schema schema;                    ///< Without those keys.
+  std::vector<std::string> unused;  ///< Those keys.
+};
+
+/// `schema` as an experiment of `type` uses it.
+[[nodiscard]] UsedSchema used_schema(std::string type, Schema schema,
+                                     std::vector<std::string> unused);
+
+/// The map without what is of no use.
+[[nodiscard]] Node used_part(Node map, const UsedSchema& used);
+
+/// check_against_schema(), and a kConfig error of its own for each key of no use: what one sets is
+/// not passed over in silence. One that is null, as whoever takes back a base's writes it, is none.
+void check_against_used(const Node& map, const UsedSchema& used, std::vector<Error>& errors);
+
+}  // namespace sidestep
