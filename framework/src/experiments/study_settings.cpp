@@ -190,11 +190,13 @@ FieldStudy read_field_study(const Configuration& configuration, std::vector<Erro
   const Node& experiment = block_of(configuration, "experiment");
   std::vector<Error> unfit;
   check_against_schema(experiment, FieldStudySettings::parameters().schema(), {}, unfit);
-  check_against_schema(block_of(configuration, "check"), CheckSettings::parameters().schema(), {},
-                       unfit);
+  const Node& check = block_of(configuration, "check");  // may be left out
+  if (!check.is_null()) {
+    check_against_schema(check, CheckSettings::parameters().schema(), {}, unfit);
+  }
   if (!unfit.empty()) return study;
   FieldStudySettings::parameters().read(experiment, study.settings, errors);
-  CheckSettings::parameters().read(block_of(configuration, "check"), study.check, errors);
+  CheckSettings::parameters().read(check, study.check, errors);
   study.field_block = block_of(configuration, "field");
   study.optimiser_block = block_of(configuration, "optimiser");
   refuse_floor(block_of(configuration, "planning"), errors);
