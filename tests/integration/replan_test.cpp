@@ -134,5 +134,16 @@ TEST_F(ReplanTest, RunsByTheClockOnTheWall) {
   EXPECT_EQ(of["collisions_true"], 0);
 }
 
+TEST_F(ReplanTest, TellsHowFarALongEpisodeHasCome) {
+  // By the clock on the wall, to a goal that is blocked: it lasts its six seconds on any machine,
+  // and at the latest its last step tells.
+  const Finished finished =
+      run_it("run", {"experiment.clock=wall", "experiment.episodes=1", "experiment.duration_s=6",
+                     "experiment.goal.joints.x=1.3", "experiment.goal.joints.y=-0.1",
+                     "experiment.random=null"});
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_THAT(finished.error, HasSubstr(" s of at most 6 s) 0/1 (0 %)"));
+}
+
 }  // namespace
 }  // namespace sidestep::testing

@@ -161,12 +161,15 @@ Result<EpisodeRecord> Deployment::go_to(const Goal& goal) {
   world_.q_goal = goal.q;
   settings_.loop.task = goal.task;
   report(goal.id, State::kAccepted, "");
-  show_progress("on the way to goal " + goal.id);
+  const std::string under_way = "on the way to goal " + goal.id;
+  show_progress(under_way);
   next_feedback_ = world_.clock->now();
-  auto done = run_episode(context_,
-                          {settings_.loop, world_, slot_, mapping_,
-                           [&](Stamp now, const Replanner&) { return watch(now, goal); }},
-                          episode_);
+  auto done = run_episode(
+      context_,
+      {settings_.loop, world_, slot_, mapping_,
+       [&](Stamp now, const Replanner&) { return watch(now, goal); },
+       [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); }},
+      episode_);
   if (!done) {
     report(goal.id, State::kFailed, done.error().describe());
   } else if (done->reached) {

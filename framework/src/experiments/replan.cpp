@@ -61,17 +61,22 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     const std::int64_t episode = settings.experiment.first_episode + i;
     if (context.stop.stop_requested()) break;
     if (finished.contains(episode)) continue;
-    if (context.progress) context.progress(i, total, "episode " + std::to_string(episode));
+    const std::string name = "episode " + std::to_string(episode);
+    const auto show = [&](const std::string& what) {
+      if (context.progress) context.progress(i, total, what);
+    };
+    show(name);
     auto world = make_replan_world(context, settings, robot, episode);
     if (!world) return tl::make_unexpected(std::move(world.error()));
-    const auto done = run_episode(context, settings, std::move(*world), episode);
+    const auto done =
+        run_episode(context, settings, std::move(*world), episode,
+                    [&](const std::string& how_far) { show(name + " (" + how_far + ")"); });
     if (!done) return tl::make_unexpected(done.error());
     if (done->interrupted) break;
     const bool pictured = i < kAlwaysPictured || !done->success();
     record_episode(*done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
     if (auto saved = recorder.commit(); !saved) return saved;
-    context.log.info("episode " + std::to_string(episode) + ": " +
-                     (done->success() ? "success" : done->reason));
+    context.log.info(name + ": " + (done->success() ? "success" : done->reason));
   }
   if (context.progress) context.progress(total, total, "episodes");
   return {};

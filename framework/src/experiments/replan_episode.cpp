@@ -44,6 +44,7 @@ class EpisodeRun {
         watch_(parts.watch),
         show_(context.observer, parts.world, parts.mapping),
         begin_(parts.world.clock->now()),
+        progress_(parts.progress, begin_, settings_.experiment.duration_s),
         end_(Stamp::from_seconds(begin_.seconds() + settings_.experiment.duration_s)),
         next_truth_(begin_) {
     record_.episode = episode;
@@ -77,6 +78,7 @@ class EpisodeRun {
   EpisodeShow show_;
   std::optional<Replanner> replanner_;
   Stamp begin_;
+  EpisodeProgress progress_;
   Stamp end_;
   Stamp next_truth_;
   std::vector<ReplannerEvent> events_;
@@ -228,6 +230,7 @@ bool EpisodeRun::step(Stamp now) {
   const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
   note_truth(now, is_last);
   show_.step(now, step_ms, status_, *replanner_, record_);
+  progress_.note(now);
   record_.interrupted = context_.stop.stop_requested();
   if (watch_ && !is_last) record_.called_off = watch_(now, *replanner_);
   return !is_last && !record_.interrupted && record_.called_off.empty();
@@ -359,13 +362,14 @@ void EpisodeRun::judge() {
 }  // namespace
 
 Result<EpisodeRecord> run_episode(ExperimentContext& context, const ReplanConfiguration& settings,
-                                  ReplanWorld world, std::int64_t episode) {
+                                  ReplanWorld world, std::int64_t episode,
+                                  EpisodeProgress::Tell progress) {
   SnapshotSlot slot;
   EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
   if (auto attached = mapping.attach(); !attached) {
     return tl::make_unexpected(std::move(attached.error()));
   }
-  return run_episode(context, {settings, world, slot, mapping, {}}, episode);
+  return run_episode(context, {settings, world, slot, mapping, {}, std::move(progress)}, episode);
 }
 
 Result<EpisodeRecord> run_episode(ExperimentContext& context, const EpisodeParts& parts,

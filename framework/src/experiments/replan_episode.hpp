@@ -3,6 +3,7 @@
 #include <functional>
 #include <string>
 
+#include "episode_progress.hpp"
 #include "replan_mapping.hpp"
 #include "replan_types.hpp"
 #include "replan_world.hpp"
@@ -17,8 +18,9 @@ struct EpisodeParts {
   const ReplanConfiguration& settings;
   ReplanWorld& world;
   SnapshotSlot& slot;
-  EpisodeMapping& mapping;  ///< Attached.
-  EpisodeWatch watch;       ///< May be empty.
+  EpisodeMapping& mapping;         ///< Attached.
+  EpisodeWatch watch;              ///< May be empty.
+  EpisodeProgress::Tell progress;  ///< May be empty.
 };
 
 /// Runs one episode: the closed loop of Finean 2021, Algorithm 1, by the clock that the settings
@@ -31,6 +33,7 @@ struct EpisodeParts {
 /// The same in a world of its own, with a map of its own.
 [[nodiscard]] Result<EpisodeRecord> run_episode(ExperimentContext& context,
                                                 const ReplanConfiguration& settings,
-                                                ReplanWorld world, std::int64_t episode);
+                                                ReplanWorld world, std::int64_t episode,
+                                                EpisodeProgress::Tell progress);
 
 }  // namespace sidestep
