@@ -1,0 +1,201 @@
+#include "robot_executor.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "conversions.hpp"
+#include "figures.hpp"
+#include "joint_extent.hpp"
+#include "refusals.hpp"
+
+namespace sidestep::ros1_executor {
+namespace {
+
+/// Within which a robot that is not told to move counts as standing, m/s or rad/s.
+constexpr double kRest = 0.01;
+
+}  // namespace
+
+RobotExecutor::RobotExecutor(const Options& options, const HostContext& context, Parts parts)
+    : options_(options),
+      robot_(context.robot),
+      clock_(context.clock),
+      log_(context.log),
+      motion_(context.motion ? context.motion : std::make_shared<RobotMotion>()),
+      limits_(motion_limits(robot_->description(),
+                            {1.0, options.acceleration_fraction, options.assumed_ramp_s})),
+      time_(options.watch.clock_tolerance_s),
+      painter_(std::move(parts.painter)),
+      link_(options, std::move(parts.feed), std::move(parts.master)),
+      commands_(options, limits_, std::move(parts.writer), std::move(parts.gaze), link_),
+      map_view_(options.markers.map, options.world_frame),
+      confirmation_(options, context.log) {}
+
+RobotExecutor::~RobotExecutor() {
+  if (!told_.is_under_way(clock_.now())) return;
+  (void)RobotExecutor::stop();
+  std::this_thread::sleep_for(kFlush);
+}
+
+Result<void> RobotExecutor::connect() {
+  const Deadline deadline = Deadline::after_s(options_.connect_wait_s);
+  constexpr auto kPoll = std::chrono::milliseconds(2);
+  std::optional<std::string> trouble;
+  do {
+    link_.serve();
+    if (auto updated = ros1_node::update(time_, clock_); !updated) return updated;
+    trouble = link_.trouble(ros_messages::to_stamp(::ros::Time::now()));
+    const auto deaf = link_.deaf_controllers();
+    if (!trouble && !deaf.empty()) trouble = "no controller listens on " + deaf.front();
+    if (!trouble && measured()) {
+      compare_held();
+      return {};
+    }
+    std::this_thread::sleep_for(kPoll);
+  } while (!deadline.expired());
+  return fail(ErrorCode::kNotFound, trouble.value_or("the robot's state is not known"), kWhere,
+              "is the robot up, and are the topics its own? (rostopic hz TOPIC)");
+}
+
+/// The robot's model has held joints where they are to be.
+void RobotExecutor::compare_held() const {
+  for (const HeldJoint& held : options_.hold) {
+    const auto position = link_.feed().held_position(held.joint);
+    if (position && std::abs(*position - held.position) <= options_.start_tolerance) continue;
+    log_.warn("executor ros1: joint '" + held.joint + "' is to be at " + figure(held.position) +
+              (position ? ", it is at " + figure(*position) : ", joint states do not tell of it") +
+              (is_shadow() ? "" : "; the first command moves it there"));
+  }
+}
+
+std::optional<Executor::Measured> RobotExecutor::measured() const {
+  auto newest = link_.feed().newest();
+  if (!newest) return {};
+  return Measured{std::move(newest->state), time_.to_run(newest->stamp)};
+}
+
+std::optional<Executor::Measured> RobotExecutor::state_at(Stamp now) const {
+  auto state = measured();
+  auto pretended = state && is_shadow() ? told_.at(now) : std::nullopt;
+  if (pretended) return Measured{std::move(*pretended), now};
+  return state;
+}
+
+std::optional<RobotState> RobotExecutor::expected_at(Stamp then) const {
+  // Where a motion or a stop was to end, the robot need not have come to.
+  auto expected = is_shadow() || told_.is_under_way(then) ? told_.at(then) : std::nullopt;
+  if (expected) return expected;
+  auto state = measured();
+  return state ? std::optional(std::move(state->state)) : std::nullopt;
+}
+
+bool RobotExecutor::moves(Stamp now) const {
+  if (told_.is_under_way(now)) return true;
+  const auto state = measured();
+  return state && state->state.qdot.cwiseAbs().maxCoeff() > kRest;
+}
+
+bool RobotExecutor::stands_by_itself() const {
+  const auto state = measured();
+  return told_.is_empty() && state && state->state.qdot.cwiseAbs().maxCoeff() <= kRest;
+}
+
+Result<Eigen::VectorXd> RobotExecutor::attend() {
+  const std::lock_guard lock(mutex_);
+  link_.serve();
+  if (auto updated = ros1_node::update(time_, clock_); !updated) {
+    return tl::make_unexpected(std::move(updated.error()));
+  }
+  const Stamp now = clock_.now();
+  auto state = state_at(now);
+  if (!state) return fail(ErrorCode::kIo, "the robot's state is not known", kWhere);
+  show(now, state->state.q);
+  return std::move(state->state.q);
+}
+
+Result<Executor::Measured> RobotExecutor::current() {
+  const std::lock_guard lock(mutex_);
+  link_.serve();
+  if (auto updated = ros1_node::update(time_, clock_); !updated) {
+    return tl::make_unexpected(std::move(updated.error()));
+  }
+  const Stamp now = clock_.now();
+  if (auto trouble = link_.trouble(time_.to_ros(now))) {
+    return fail(ErrorCode::kIo, *trouble, kWhere);
+  }
+  const auto state = state_at(now);
+  if (!state) return fail(ErrorCode::kIo, "the robot's state is not known", kWhere);
+  motion_->record(state->state, state->stamp);
+  if (told_.is_under_way(now)) commands_.send(told_, now, time_);
+  show(now, state->state.q);
+  return *state;
+}
+
+Result<void> RobotExecutor::follow(const Trajectory& trajectory, Stamp start) {
+  const std::lock_guard lock(mutex_);
+  const RobotDescription& robot = robot_->description();
+  const auto sound = check_motion(trajectory, robot, options_.velocity_tolerance);
+  if (!sound) return refuse(sound.error().message);
+  if (auto updated = ros1_node::update(time_, clock_); !updated) return updated;
+  const Stamp now = clock_.now(), from = std::max(start, now);
+  const auto near = check_start(trajectory, 1e-9 * static_cast<double>(from.ns - start.ns),
+                                expected_at(from), robot, options_.start_tolerance);
+  if (!near) return near;
+  if (auto inside = check_box(trajectory, robot, options_); !inside) return inside;
+  if (auto confirmed = confirmation_.check(trajectory, moves(now), link_); !confirmed) {
+    return confirmed;
+  }
+  adopt(trajectory, start);
+  commands_.send(told_, now, time_);
+  return {};
+}
+
+void RobotExecutor::adopt(Trajectory trajectory, Stamp start) {
+  told_.set(std::move(trajectory), start);
+  confirmation_.drop();
+  commands_.begin();
+  motion_->follow(told_.trajectory(), start);
+}
+
+Result<void> RobotExecutor::stop() {
+  const std::lock_guard lock(mutex_);
+  const Stamp now = clock_.now();
+  confirmation_.drop();
+  if (stands_by_itself()) return {};
+  // Clocks that disagree say nothing of when: a stamp of zero is at once.
+  const bool agree = ros1_node::update(time_, clock_).has_value();
+  const Stamp ros_stamp = agree ? time_.to_ros(now) : Stamp{0};
+  // A shadow is where it was told to be, wherever the robot is.
+  constexpr double kAnywhere = std::numeric_limits<double>::infinity();
+  const double tolerance = is_shadow() ? kAnywhere : options_.start_tolerance;
+  Trajectory motion = stopping(told_, measured(), tolerance, limits_, now);
+  if (motion.size() < 2) {
+    told_.clear();
+    commands_.hold(ros_stamp);
+  } else {
+    adopt(std::move(motion), now);
+    commands_.send_whole(told_.trajectory(), ros_stamp);  // nobody may come to send the rest
+  }
+  motion_->follow({}, now);
+  return {};
+}
+
+void RobotExecutor::show(Stamp now, const Eigen::VectorXd& q) {
+  if (options_.markers.rate_hz <= 0.0) return;
+  const double period_s = 1.0 / options_.markers.rate_hz;
+  if (shown_ && 1e-9 * static_cast<double>(now.ns - shown_->ns) < period_s) return;
+  if (!link_.has_viewers()) return;
+  shown_ = now;
+  const Trajectory& proposed = confirmation_.proposed();
+  const bool waits = proposed.size() > 0;
+  link_.show(painter_.paint(q, waits ? proposed : told_.trajectory(),
+                            waits ? 0.0 : std::max(0.0, told_.since_start_s(now)),
+                            waits ? PlanState::kProposed : PlanState::kFollowed,
+                            time_.to_ros(now)));
+}
+
+}  // namespace sidestep::ros1_executor
