@@ -4,6 +4,7 @@
 #include <array>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/experiments/report.hpp>
@@ -12,6 +13,7 @@
 #include "deploy.hpp"
 #include "field_study.hpp"
 #include "html.hpp"
+#include "incremental_benchmark.hpp"
 #include "mapping_benchmark.hpp"
 #include "ompl_database.hpp"
 #include "plan.hpp"
@@ -19,7 +21,6 @@
 #include "recorded_benchmark.hpp"
 #include "replan.hpp"
 #include "replan_settings.hpp"
-#include "replanning.hpp"
 #include "save_outcome.hpp"
 #include "unused_keys.hpp"
 
@@ -33,7 +34,7 @@ const std::vector<ExperimentType> kTypes = {plan_experiment(),
                                             field_study_experiment(),
                                             planner_benchmark_experiment(),
                                             recorded_benchmark_experiment(),
-                                            replanning_experiment(),
+                                            incremental_benchmark_experiment(),
                                             replan_experiment(),
                                             deploy_experiment()};
 
@@ -70,6 +71,9 @@ std::string unused_sentence() {
   return text;
 }
 
+/// Where a type was called otherwise before.
+constexpr std::array kFormerNames = {std::pair("replanning", "incremental_benchmark")};
+
 const ExperimentType* find_type(const Configuration& configuration, std::vector<Error>& errors) {
   const Node* block = configuration.root.find("experiment");
   if (block == nullptr) {
@@ -87,6 +91,12 @@ const ExperimentType* find_type(const Configuration& configuration, std::vector<
   for (const std::string& name : names) list += " " + name;
   if (type == nullptr) {
     errors.push_back(block->error("the experiment has no `type`", list));
+    return nullptr;
+  }
+  for (const auto& [before, now] : kFormerNames) {
+    if (type->text() != before) continue;
+    errors.push_back(type->error("there is no experiment type '" + type->text() + "' any more",
+                                 "it is called '" + std::string(now) + "' now"));
     return nullptr;
   }
   const std::string nearest = nearest_name(type->text(), names);

@@ -159,7 +159,7 @@ Result<std::string> body_of(const Json& summary, ResultsReader& results, const f
     return recorded_body(summary, results, run);
   }
   if (at(summary, "/experiment") == Json("planner_benchmark")) return planners_body(summary, run);
-  if (at(summary, "/experiment") == Json("replanning")) return replanning_body(summary);
+  if (at(summary, "/experiment") == Json("incremental_benchmark")) return incremental_body(summary);
   if (at(summary, "/experiment") == Json("replan") ||
       at(summary, "/experiment") == Json("deploy")) {
     return replan_body(summary, results, run);
@@ -266,7 +266,7 @@ const std::vector<Comparison> kComparisons = {
       {"solve p50", "/outcome/solve_ms/p50", "%.3f ms"},
       {"solve p95", "/outcome/solve_ms/p95", "%.3f ms"}},
      &studied_fields_of},
-    {"replanning",
+    {"incremental_benchmark",
      {{"problems", "/problems_file"},
       {"rules", "/label"},
       {"field", "/field"},

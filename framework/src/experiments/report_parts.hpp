@@ -56,8 +56,8 @@ using Columns = std::vector<Column>;
 [[nodiscard]] Result<std::string> planners_body(const Json& summary,
                                                 const std::filesystem::path& run);
 
-/// The table of a replanning experiment.
-[[nodiscard]] std::string replanning_body(const Json& summary);
+/// The table of an incremental benchmark.
+[[nodiscard]] std::string incremental_body(const Json& summary);
 
 /// Tables and pictures of a closed loop.
 [[nodiscard]] Result<std::string> replan_body(const Json& summary, ResultsReader& results,

@@ -1,4 +1,4 @@
-#include "replanning_summary.hpp"
+#include "incremental_summary.hpp"
 
 #include <algorithm>
 
@@ -14,13 +14,13 @@ using report::at;
 using report::cell;
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kAfresh = static_cast<std::size_t>(ReplanWay::kAfresh);
+constexpr std::size_t kAfresh = static_cast<std::size_t>(SolveWay::kAfresh);
 
 /// One way through a series; times, iterations and costs are of the problems solved in every way.
-Json row_of(const ReplanSeries& series, std::size_t way) {
-  const auto solved = those_of(series.problems, &ReplanRecord::solved);
-  const auto with_free_ends = those_of(series.problems, &ReplanRecord::ends_free);
-  const auto is_free = [way](const ReplanRecord& r) { return r.ways[way].is_free(); };
+Json row_of(const ChangedSeries& series, std::size_t way) {
+  const auto solved = those_of(series.problems, &ChangedSolve::solved);
+  const auto with_free_ends = those_of(series.problems, &ChangedSolve::ends_free);
+  const auto is_free = [way](const ChangedSolve& r) { return r.ways[way].is_free(); };
   const auto solve_ms = values_of(solved, [&](const auto& r) { return r.ways[way].solve_ms; });
   const auto afresh_ms = values_of(solved, [](const auto& r) { return r.ways[kAfresh].solve_ms; });
   const auto time_ratio = values_of(
@@ -33,7 +33,7 @@ Json row_of(const ReplanSeries& series, std::size_t way) {
   return {{"label", series.label},
           {"field", series.is_signed ? "sdf" : "usdf"},
           {"change", series.change},
-          {"way", to_string(kReplanWays[way])},
+          {"way", to_string(kSolveWays[way])},
           {"problems", series.problems.size()},
           {"solved", solved.size()},
           {"solve_ms", quantiles_and_mean_json(solve_ms)},
@@ -47,7 +47,7 @@ Json row_of(const ReplanSeries& series, std::size_t way) {
             {"p50", quantile_json(cost_ratio, 0.5)},
             {"p95", quantile_json(cost_ratio, 0.95)},
             {"share_within_1pct", share_of(solved,
-                                           [way](const ReplanRecord& r) {
+                                           [way](const ChangedSolve& r) {
                                              return r.ways[way].cost <=
                                                     kOnePercent * r.ways[kAfresh].cost;
                                            })}}},
@@ -103,7 +103,7 @@ std::string table_csv(const Json& rows) {
   return csv_text(rows, kColumns);
 }
 
-std::string verdict_text(const ReplanningRecord& record, const Json& rows, std::size_t problems,
+std::string verdict_text(const IncrementalRecord& record, const Json& rows, std::size_t problems,
                          std::size_t unsolved, const std::string& first_reason) {
   const std::string count =
       std::to_string(problems) + " changed problems by " + record.about.optimiser;
@@ -114,7 +114,7 @@ std::string verdict_text(const ReplanningRecord& record, const Json& rows, std::
   }
   std::string text = "Success: " + count + ", each with a trajectory in every way.";
   for (const Json& row : rows) {
-    if (at(row, "/way") != Json(to_string(ReplanWay::kIncremental))) continue;
+    if (at(row, "/way") != Json(to_string(SolveWay::kIncremental))) continue;
     text += " " + cell(at(row, "/label")) + ", " + cell(at(row, "/field")) + ", other " +
             cell(at(row, "/change")) + ": incrementally in " +
             cell(at(row, "/time_ratio/p50"), "%.2f") + " of the time of solving afresh (median).";
@@ -124,28 +124,28 @@ std::string verdict_text(const ReplanningRecord& record, const Json& rows, std::
 
 }  // namespace
 
-std::string_view to_string(ReplanWay way) noexcept {
+std::string_view to_string(SolveWay way) noexcept {
   switch (way) {
-    case ReplanWay::kAfresh: return "afresh";
-    case ReplanWay::kWarm: return "warm";
-    case ReplanWay::kIncremental: break;
+    case SolveWay::kAfresh: return "afresh";
+    case SolveWay::kWarm: return "warm";
+    case SolveWay::kIncremental: break;
   }
   return "incremental";
 }
 
-bool ReplanRecord::solved() const noexcept {
+bool ChangedSolve::solved() const noexcept {
   return std::ranges::all_of(ways, &RecordedSolve::solved);
 }
 
-ExperimentOutcome summarise_replanning(const RunProvenance& provenance,
-                                       const ReplanningSettings& settings,
-                                       const ReplanningRecord& record) {
+ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
+                                        const IncrementalSettings& settings,
+                                        const IncrementalRecord& record) {
   Json rows = Json::array();
   std::size_t problems = 0, unsolved = 0;
   std::string first_reason;
-  for (const ReplanSeries& series : record.series) {
-    for (std::size_t way = 0; way < kReplanWays.size(); ++way) rows.push_back(row_of(series, way));
-    for (const ReplanRecord& problem : series.problems) {
+  for (const ChangedSeries& series : record.series) {
+    for (std::size_t way = 0; way < kSolveWays.size(); ++way) rows.push_back(row_of(series, way));
+    for (const ChangedSolve& problem : series.problems) {
       ++problems;
       if (problem.solved()) continue;
       if (unsolved++ > 0) continue;

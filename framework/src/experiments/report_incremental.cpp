@@ -5,14 +5,14 @@
 
 namespace sidestep::report {
 
-std::string replanning_body(const Json& summary) {
+std::string incremental_body(const Json& summary) {
   std::string html = "<p>" + escape_html(cell(at(summary, "/optimiser"))) + " on the problems of " +
                      escape_html(cell(at(summary, "/problems_file"))) + ", robot " +
                      escape_html(cell(at(summary, "/robot"))) +
                      "; each joint of the goal moved by " + cell(at(summary, "/goal_sd")) +
                      ", or each box by " + cell(at(summary, "/obstacle_sd_m")) +
                      " m along each axis (standard deviations).</p>\n";
-  html += "<h2>Replanning</h2>\n";
+  html += "<h2>Changed problems</h2>\n";
   html += html_table(Columns{{"run", "/label"},
                              {"field", "/field"},
                              {"change", "/change"},

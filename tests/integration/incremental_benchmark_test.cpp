@@ -18,13 +18,13 @@ using ::testing::HasSubstr;
 using Json = nlohmann::json;
 using testing_support::recorded_disc;
 
-const std::string kConfig = std::string(SIDESTEP_SOURCE_DIR) + "/configs/peers/replanning.yaml";
+const std::string kConfig = std::string(SIDESTEP_SOURCE_DIR) + "/configs/peers/incremental.yaml";
 const std::vector<std::string> kWays = {"afresh", "warm", "incremental"};
 constexpr int kProblems = 6;  ///< Of recorded_disc().
 
 /// The disc's motions are straight and cost 6 D^2 / T^3, T = 5 s; series 0 has another goal, series
 /// 1 other obstacles, which cost next to nothing.
-class ReplanningTest : public ::testing::Test {
+class IncrementalBenchmarkTest : public ::testing::Test {
  protected:
   [[nodiscard]] Finished run_it(const std::vector<std::string>& sets = {},
                                 const std::string& out = "run") const {
@@ -51,7 +51,7 @@ class ReplanningTest : public ::testing::Test {
   testing_support::TemporaryFolder folder_;
 };
 
-TEST_F(ReplanningTest, FindsTheSameMotionsInEveryWay) {
+TEST_F(IncrementalBenchmarkTest, FindsTheSameMotionsInEveryWay) {
   const Finished finished = run_it();
   ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
   for (const std::string series : {"/0", "/1"}) {
@@ -72,13 +72,13 @@ TEST_F(ReplanningTest, FindsTheSameMotionsInEveryWay) {
   }
 }
 
-TEST_F(ReplanningTest, ANewGoalTakesOneIncrementalStepWhereTheMotionIsStraight) {
+TEST_F(IncrementalBenchmarkTest, ANewGoalTakesOneIncrementalStepWhereTheMotionIsStraight) {
   ASSERT_EQ(run_it().exit_code, 0);
   EXPECT_EQ(column("incremental/0", "accepted_iterations"), std::vector<double>(kProblems, 1.0));
   EXPECT_EQ(column("incremental/1", "accepted_iterations"), std::vector<double>(kProblems, 0.0));
 }
 
-TEST_F(ReplanningTest, LeavesAGoalThatMovesByNothingWhereItIs) {
+TEST_F(IncrementalBenchmarkTest, LeavesAGoalThatMovesByNothingWhereItIs) {
   ASSERT_EQ(run_it({"experiment.goal_sd=0", "experiment.obstacle_sd_m=0"}).exit_code, 0);
   for (const char* series : {"incremental/0", "incremental/1"}) {
     const auto cost = column(series, "cost");
@@ -90,7 +90,7 @@ TEST_F(ReplanningTest, LeavesAGoalThatMovesByNothingWhereItIs) {
   }
 }
 
-TEST_F(ReplanningTest, MovesGoalsAndBoxesAsTheSeedSays) {
+TEST_F(IncrementalBenchmarkTest, MovesGoalsAndBoxesAsTheSeedSays) {
   ASSERT_EQ(run_it().exit_code, 0);
   ASSERT_EQ(run_it({}, "again").exit_code, 0);
   ASSERT_EQ(run_it({"experiment.seed=8"}, "other").exit_code, 0);
@@ -102,7 +102,7 @@ TEST_F(ReplanningTest, MovesGoalsAndBoxesAsTheSeedSays) {
 }
 
 /// A box of 0.2 m to either side, in the way of the first motion, a metre beside the second.
-TEST_F(ReplanningTest, JudgesInTheScenesAsTheyAreThen) {
+TEST_F(IncrementalBenchmarkTest, JudgesInTheScenesAsTheyAreThen) {
   ASSERT_EQ(run_it({"experiment.obstacle_sd_m=0.05"}).exit_code, 0);
   const auto clearance = column("incremental/1", "exact_clearance_m");
   ASSERT_EQ(clearance.size(), static_cast<std::size_t>(kProblems));
@@ -112,7 +112,7 @@ TEST_F(ReplanningTest, JudgesInTheScenesAsTheyAreThen) {
   EXPECT_GT(std::abs(clearance[4] - 0.7), 1e-6) << "the box has not moved";
 }
 
-TEST_F(ReplanningTest, WritesSummaryTableAndReport) {
+TEST_F(IncrementalBenchmarkTest, WritesSummaryTableAndReport) {
   const Finished finished = run_it({"experiment.repeats=2"});
   ASSERT_EQ(finished.exit_code, 0) << finished.error;
   const Json json = summary();
@@ -139,14 +139,14 @@ TEST_F(ReplanningTest, WritesSummaryTableAndReport) {
 
   const fs::path out = folder_.path() / "run";
   EXPECT_EQ(std::ranges::count(read_file(out / "table.csv"), '\n'), 7);
-  EXPECT_THAT(read_file(out / "report.html"), HasSubstr("<h2>Replanning</h2>"));
+  EXPECT_THAT(read_file(out / "report.html"), HasSubstr("<h2>Changed problems</h2>"));
   EXPECT_THAT(finished.out, HasSubstr("of the time of solving afresh"));
   const Finished compared = run({"report", out.string(), out.string()});
   EXPECT_EQ(compared.exit_code, 0) << compared.error;
   EXPECT_THAT(compared.out, HasSubstr("incremental"));
 }
 
-TEST_F(ReplanningTest, RefusesWhatItSetsItself) {
+TEST_F(IncrementalBenchmarkTest, RefusesWhatItSetsItself) {
   const auto refused = [&](const std::string& set, const std::string& message) {
     const Finished finished = run_it({set});
     EXPECT_EQ(finished.exit_code, 2) << message;

@@ -1,4 +1,4 @@
-#include "replanning.hpp"
+#include "incremental_benchmark.hpp"
 
 #include <algorithm>
 #include <random>
@@ -7,10 +7,10 @@
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
+#include "incremental_settings.hpp"
+#include "incremental_summary.hpp"
 #include "recorded_fields.hpp"
 #include "recorded_solves.hpp"
-#include "replanning_settings.hpp"
-#include "replanning_summary.hpp"
 
 namespace sidestep {
 namespace {
@@ -18,11 +18,12 @@ namespace {
 constexpr const char* kGoal = "goal";
 constexpr const char* kObstacles = "obstacles";
 
-void check_replanning(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  check_recorded<ReplanningSettings>(configuration, set_of_replanning_optimiser(), host, errors);
+void check_incremental(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  check_recorded<IncrementalSettings>(configuration, set_of_incremental_optimiser(), host, errors);
 }
 
 std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {
+  // What the experiment was called first: goals and boxes move as they did then.
   return std::mt19937_64(derive_seed(seed, "replanning/" + part));
 }
 
@@ -44,7 +45,7 @@ RecordedProblems with_moved_boxes(RecordedProblems problems, double sd_m, std::u
 
 /// A problem as it was, and as it is after the change. Terms that do not change are the same
 /// objects.
-struct Replanned {
+struct ChangedProblem {
   Problem before, after;
   Trajectory line_before, line_after;
 };
@@ -53,7 +54,7 @@ struct Replanned {
 struct Bench {
   const RecordedProblems& problems;
   const RecordedProblems& moved;
-  const ReplanningSettings& settings;
+  const IncrementalSettings& settings;
   ExperimentContext& context;
   RecordedFields fields, moved_fields;
   SolveProgress progress;
@@ -93,10 +94,10 @@ Trajectory line_of(const Problem& problem) {
   return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
 }
 
-std::vector<Replanned> pose(const RecordedRun& run, const std::string& change, Bench& bench) {
-  std::vector<Replanned> posed;
+std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& change, Bench& bench) {
+  std::vector<ChangedProblem> posed;
   for (const RecordedOutcome& of : run.outcomes) {
-    Replanned one;
+    ChangedProblem one;
     one.before =
         recorded_problem(bench.problems, bench.fields.of(of.scene, run.is_signed), of.pair);
     one.after = one.before;
@@ -120,7 +121,7 @@ struct Optimisers {
 Result<Optimisers> make_optimisers(const RecordedRun& run, Bench& bench) {
   const Node& block = *bench.context.configuration.root.find("optimiser");
   const auto make = [&](bool is_incremental) {
-    return bench.context.host.create<Optimiser>(replanning_block(block, run, is_incremental),
+    return bench.context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
                                                 bench.problems.robot);
   };
   auto plain = make(false);
@@ -132,16 +133,16 @@ Result<Optimisers> make_optimisers(const RecordedRun& run, Bench& bench) {
 
 /// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
 /// another one in turn: the first one finds the memory of the change cold.
-void replan(const Replanned& posed, Optimisers& optimisers, std::size_t turn, bool is_first,
-            const RecordedProblems& judged_in, const ExperimentContext& context,
-            ReplanRecord& record) {
+void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::size_t turn,
+                   bool is_first, const RecordedProblems& judged_in,
+                   const ExperimentContext& context, ChangedSolve& record) {
   const auto base = solve_timed(optimisers.kept, posed.before, posed.line_before, context).solution;
   const bool has_base = base && base->trajectory.size() > 0;
   const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
-  for (std::size_t i = 0; i < kReplanWays.size(); ++i) {
-    const std::size_t way = (i + turn) % kReplanWays.size();
-    const bool is_incremental = kReplanWays[way] == ReplanWay::kIncremental;
-    const bool is_afresh = kReplanWays[way] == ReplanWay::kAfresh;
+  for (std::size_t i = 0; i < kSolveWays.size(); ++i) {
+    const std::size_t way = (i + turn) % kSolveWays.size();
+    const bool is_incremental = kSolveWays[way] == SolveWay::kIncremental;
+    const bool is_afresh = kSolveWays[way] == SolveWay::kAfresh;
     const TimedSolve timed =
         solve_timed(is_incremental ? optimisers.kept : optimisers.plain, posed.after,
                     is_afresh ? posed.line_after : previous, context);
@@ -156,15 +157,16 @@ void replan(const Replanned& posed, Optimisers& optimisers, std::size_t turn, bo
 
 /// Every problem `repeats` times, pass by pass. Stops on request with those that all passes have
 /// reached.
-Result<ReplanSeries> solve_series(const RecordedRun& run, const std::string& change, Bench& bench) {
+Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& change,
+                                   Bench& bench) {
   ExperimentContext& context = bench.context;
   auto optimisers = make_optimisers(run, bench);
   if (!optimisers) return tl::make_unexpected(std::move(optimisers.error()));
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
-  const std::vector<Replanned> posed = pose(run, change, bench);
-  ReplanSeries series{run.label, run.is_signed, change, {}};
+  const std::vector<ChangedProblem> posed = pose(run, change, bench);
+  ChangedSeries series{run.label, run.is_signed, change, {}};
   for (std::size_t i = 0; i < posed.size(); ++i) {
-    ReplanRecord record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
+    ChangedSolve record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
     record.ends_free = are_ends_free(judged_in, record.scene, posed[i].after);
     series.problems.push_back(std::move(record));
   }
@@ -175,8 +177,8 @@ Result<ReplanSeries> solve_series(const RecordedRun& run, const std::string& cha
   }
   for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
     for (std::size_t i = 0; i < series.problems.size(); ++i) {
-      replan(posed[i], *optimisers, i + static_cast<std::size_t>(repeat), repeat == 0, judged_in,
-             context, series.problems[i]);
+      solve_changed(posed[i], *optimisers, i + static_cast<std::size_t>(repeat), repeat == 0,
+                    judged_in, context, series.problems[i]);
       if (context.stop.stop_requested()) {
         if (repeat == 0) series.problems.resize(i);
         return series;
@@ -189,14 +191,14 @@ Result<ReplanSeries> solve_series(const RecordedRun& run, const std::string& cha
 
 /// Series "series" (one item a series), and of the series with index `item`: "AFRESH/ITEM" and so
 /// on, one item a problem.
-void record_series(const ReplanSeries& series, std::int64_t item, Recorder& recorder) {
+void record_series(const ChangedSeries& series, std::int64_t item, Recorder& recorder) {
   recorder.add("series", item, "label", series.label);
   recorder.add("series", item, "signed", series.is_signed);
   recorder.add("series", item, "change", series.change);
-  for (std::size_t way = 0; way < kReplanWays.size(); ++way) {
-    const std::string name = std::string(to_string(kReplanWays[way])) + "/" + std::to_string(item);
+  for (std::size_t way = 0; way < kSolveWays.size(); ++way) {
+    const std::string name = std::string(to_string(kSolveWays[way])) + "/" + std::to_string(item);
     std::int64_t problem = 0;
-    for (const ReplanRecord& record : series.problems) {
+    for (const ChangedSolve& record : series.problems) {
       const auto add = [&](std::string_view key, const auto& value) {
         recorder.add(name, problem, key, value);
       };
@@ -209,13 +211,13 @@ void record_series(const ReplanSeries& series, std::int64_t item, Recorder& reco
   }
 }
 
-Result<ExperimentOutcome> run_replanning(ExperimentContext& context) {
-  const auto start = start_recorded<ReplanningSettings>(context);
+Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
+  const auto start = start_recorded<IncrementalSettings>(context);
   if (!start) return tl::make_unexpected(start.error());
   const auto& [settings, problems, provenance, store] = *start;
   Recorder recorder(*store);
 
-  ReplanningRecord record;
+  IncrementalRecord record;
   record.about = facts_of(problems, context.configuration);
   std::int64_t total = 0;
   for (const RecordedRun& run : problems.runs) {
@@ -236,20 +238,20 @@ Result<ExperimentOutcome> run_replanning(ExperimentContext& context) {
   }
   record.interrupted = context.stop.stop_requested();
 
-  return summarise_replanning(provenance, settings, record);
+  return summarise_incremental(provenance, settings, record);
 }
 
 }  // namespace
 
-ExperimentType replanning_experiment() {
-  return {"replanning",
+ExperimentType incremental_benchmark_experiment() {
+  return {"incremental_benchmark",
           "Solved problems whose goal or obstacles change: afresh, warm, incrementally",
-          [] { return ReplanningSettings::parameters().schema(); },
+          [] { return IncrementalSettings::parameters().schema(); },
           {"optimiser"},
-          &check_replanning,
-          &run_replanning,
+          &check_incremental,
+          &run_incremental,
           nullptr,
-          set_of_replanning_optimiser()};
+          set_of_incremental_optimiser()};
 }
 
 }  // namespace sidestep

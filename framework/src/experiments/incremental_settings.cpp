@@ -1,4 +1,4 @@
-#include "replanning_settings.hpp"
+#include "incremental_settings.hpp"
 
 namespace sidestep {
 namespace {
@@ -7,22 +7,22 @@ constexpr const char* kIncremental = "incremental";
 
 }  // namespace
 
-std::vector<std::string> set_of_replanning_optimiser() {
+std::vector<std::string> set_of_incremental_optimiser() {
   std::vector<std::string> names = set_of_optimiser();
   names.emplace_back(kIncremental);
   return names;
 }
 
-Node replanning_block(const Node& optimiser, const RecordedRun& run, bool is_incremental) {
+Node incremental_block(const Node& optimiser, const RecordedRun& run, bool is_incremental) {
   Node block = block_for(optimiser, run);
-  const SourceMark mark{"the replanning experiment", 0, 0};
+  const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
   block.entries().push_back(
       {kIncremental, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
   return block;
 }
 
-Parameters<ReplanningSettings> ReplanningSettings::parameters() {
-  using S = ReplanningSettings;
+Parameters<IncrementalSettings> IncrementalSettings::parameters() {
+  using S = IncrementalSettings;
   return declare_choice(
              Parameters<S>()
                  .add("type", &S::type, "Type of the experiment.", {.required = true})
