@@ -11,7 +11,7 @@
 #include <sidestep/experiments/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "plan_recording.hpp"
+#include "recorder.hpp"
 
 namespace sidestep {
 

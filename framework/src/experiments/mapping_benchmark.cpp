@@ -5,7 +5,7 @@
 #include "mapping_measure.hpp"
 #include "mapping_settings.hpp"
 #include "mapping_summary.hpp"
-#include "plan_recording.hpp"
+#include "recorder.hpp"
 #include "run_provenance.hpp"
 #include "text_table.hpp"
 

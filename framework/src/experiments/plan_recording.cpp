@@ -129,14 +129,6 @@ void record_slices(const PlanRecord& plan, std::int64_t item, const PlanSurround
 
 }  // namespace
 
-Result<void> Recorder::commit() {
-  note(store_.commit());
-  if (!error_) return {};
-  auto error = tl::make_unexpected(std::move(*error_));
-  error_.reset();
-  return error;
-}
-
 void record_frame(const MappingStep& step, std::int64_t item, Recorder& recorder) {
   recorder.add("frame", item, "sequence", step.frame_sequence);
   recorder.add("frame", item, "stamp_s", step.stamp.seconds());
@@ -154,12 +146,6 @@ void record_frame(const MappingStep& step, std::int64_t item, Recorder& recorder
   recorder.add("frame", item, "out_of_range", counts.out_of_range);
   recorder.add("frame", item, "outside_grid", counts.outside_grid);
   recorder.add("frame", item, "invalid", counts.invalid);
-}
-
-void record_bad_frames(std::span<const Error> bad_frames, Recorder& recorder) {
-  for (std::size_t i = 0; i < bad_frames.size(); ++i) {
-    recorder.add("bad_frame", static_cast<std::int64_t>(i), "error", bad_frames[i].describe());
-  }
 }
 
 void record_depth_pictures(std::span<const DepthPicture> pictures, Recorder& recorder) {

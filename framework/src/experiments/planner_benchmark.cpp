@@ -8,9 +8,9 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "blocks.hpp"
-#include "plan_recording.hpp"
 #include "planner_solve.hpp"
 #include "planner_summary.hpp"
+#include "recorder.hpp"
 
 namespace sidestep {
 namespace {

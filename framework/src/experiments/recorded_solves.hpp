@@ -11,8 +11,8 @@
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/runtime/guarded.hpp>
 
-#include "plan_recording.hpp"
 #include "recorded_settings.hpp"
+#include "recorder.hpp"
 #include "run_provenance.hpp"
 
 namespace sidestep {

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "plan_recording.hpp"
+#include "recorder.hpp"
 #include "replan_types.hpp"
 
 namespace sidestep {

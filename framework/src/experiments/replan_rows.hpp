@@ -8,7 +8,7 @@
 
 #include <sidestep/runtime/results_store.hpp>
 
-#include "plan_recording.hpp"
+#include "recorder.hpp"
 #include "replan_types.hpp"
 
 namespace sidestep {

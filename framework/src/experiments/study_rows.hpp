@@ -11,7 +11,7 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include "divided_run.hpp"
-#include "plan_recording.hpp"
+#include "recorder.hpp"
 #include "study_settings.hpp"
 #include "study_solve.hpp"
 
