@@ -10,19 +10,19 @@
 #include <sidestep/experiments/report.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
-#include "deploy.hpp"
-#include "field_study.hpp"
-#include "html.hpp"
-#include "incremental_benchmark.hpp"
-#include "mapping_benchmark.hpp"
-#include "ompl_database.hpp"
-#include "plan.hpp"
-#include "planner_benchmark.hpp"
-#include "recorded_benchmark.hpp"
-#include "replan.hpp"
-#include "replan_settings.hpp"
-#include "save_outcome.hpp"
-#include "unused_keys.hpp"
+#include "closed_loop/deploy.hpp"
+#include "closed_loop/replan.hpp"
+#include "closed_loop/replan_settings.hpp"
+#include "mapping/mapping_benchmark.hpp"
+#include "plan/plan.hpp"
+#include "planners/ompl_database.hpp"
+#include "planners/planner_benchmark.hpp"
+#include "recorded/incremental_benchmark.hpp"
+#include "recorded/recorded_benchmark.hpp"
+#include "report/html.hpp"
+#include "results/save_outcome.hpp"
+#include "settings/unused_keys.hpp"
+#include "study/field_study.hpp"
 
 namespace sidestep {
 namespace {

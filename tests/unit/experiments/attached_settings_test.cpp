@@ -1,4 +1,4 @@
-#include "attached_settings.hpp"
+#include "settings/attached_settings.hpp"
 
 #include <limits>
 

@@ -1,4 +1,4 @@
-#include "episode_progress.hpp"
+#include "closed_loop/episode_progress.hpp"
 
 #include <gtest/gtest.h>
 

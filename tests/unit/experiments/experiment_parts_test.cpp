@@ -7,11 +7,11 @@
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
-#include "chart.hpp"
-#include "frame_tap.hpp"
-#include "plan_summary.hpp"
-#include "statistics.hpp"
-#include "text_table.hpp"
+#include "plan/frame_tap.hpp"
+#include "plan/plan_summary.hpp"
+#include "report/chart.hpp"
+#include "report/text_table.hpp"
+#include "results/statistics.hpp"
 
 namespace sidestep {
 namespace {

@@ -5,9 +5,9 @@
 #include <gtest/gtest.h>
 
 #include "conformance/grid_map.hpp"
-#include "exact_transform.hpp"
-#include "field_accuracy.hpp"
-#include "statistics.hpp"
+#include "mapping/exact_transform.hpp"
+#include "mapping/field_accuracy.hpp"
+#include "results/statistics.hpp"
 
 namespace sidestep {
 namespace {

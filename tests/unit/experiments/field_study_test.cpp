@@ -10,11 +10,11 @@
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
-#include "intervals.hpp"
-#include "study_comparison.hpp"
-#include "study_rows.hpp"
-#include "study_scene.hpp"
-#include "study_solve.hpp"
+#include "results/intervals.hpp"
+#include "study/study_comparison.hpp"
+#include "study/study_rows.hpp"
+#include "study/study_scene.hpp"
+#include "study/study_solve.hpp"
 #include "support/ball_robot.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -1,4 +1,4 @@
-#include "frame_feed.hpp"
+#include "mapping/frame_feed.hpp"
 
 #include <gtest/gtest.h>
 

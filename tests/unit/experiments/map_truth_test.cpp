@@ -1,4 +1,4 @@
-#include "map_truth.hpp"
+#include "mapping/map_truth.hpp"
 
 #include <gtest/gtest.h>
 

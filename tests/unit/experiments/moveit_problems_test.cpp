@@ -1,4 +1,4 @@
-#include "moveit_problems.hpp"
+#include "problems/moveit_problems.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "ompl_database.hpp"
+#include "planners/ompl_database.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "problem_set.hpp"
+#include "problems/problem_set.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -6,16 +6,16 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "episode_clock.hpp"
-#include "html.hpp"
-#include "paced_frames.hpp"
-#include "replan_pictures.hpp"
-#include "replan_rows.hpp"
-#include "replan_settings.hpp"
-#include "replan_summary.hpp"
-#include "replan_visibility.hpp"
-#include "save_outcome.hpp"
-#include "step_watch.hpp"
+#include "closed_loop/episode_clock.hpp"
+#include "closed_loop/paced_frames.hpp"
+#include "closed_loop/replan_pictures.hpp"
+#include "closed_loop/replan_rows.hpp"
+#include "closed_loop/replan_settings.hpp"
+#include "closed_loop/replan_summary.hpp"
+#include "closed_loop/replan_visibility.hpp"
+#include "closed_loop/step_watch.hpp"
+#include "report/html.hpp"
+#include "results/save_outcome.hpp"
 #include "support/chain_robot.hpp"
 #include "support/temporary_folder.hpp"
 

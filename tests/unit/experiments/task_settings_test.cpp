@@ -1,4 +1,4 @@
-#include "task_settings.hpp"
+#include "settings/task_settings.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -8,7 +8,7 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
-#include "problem_set.hpp"
+#include "problems/problem_set.hpp"
 #include "support/host_fixture.hpp"
 
 namespace sidestep {

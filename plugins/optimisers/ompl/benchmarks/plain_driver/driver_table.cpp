@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "report_parts.hpp"
-#include "summary_values.hpp"
+#include "report/report_parts.hpp"
+#include "results/summary_values.hpp"
 
 namespace sidestep::plain_driver {
 namespace {

@@ -9,11 +9,11 @@
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
-#include "blocks.hpp"
 #include "driver_table.hpp"
-#include "json.hpp"
-#include "problem_set.hpp"
+#include "problems/problem_set.hpp"
+#include "results/json.hpp"
 #include "session.hpp"
+#include "settings/blocks.hpp"
 
 namespace {
 

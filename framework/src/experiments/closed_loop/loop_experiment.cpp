@@ -1,0 +1,51 @@
+#include "closed_loop/loop_experiment.hpp"
+
+#include <sidestep/experiments/planning_settings.hpp>
+
+#include "closed_loop/replan_world.hpp"
+#include "settings/blocks.hpp"
+
+namespace sidestep {
+
+ExperimentType loop_experiment() {
+  ExperimentType type;
+  type.blocks = {"robot",     "source",   "mapper",   "field",
+                 "optimiser", "planning", "executor", "replanner"};
+  // A replan's first guesses are `replanner.escalation`, and what it finds is timed anew always.
+  type.unused_of_planning = {"retime", "attempts"};
+  return type;
+}
+
+void check_loop(const Configuration& configuration, Host& host, const CheckOwn& check_own,
+                std::vector<Error>& errors) {
+  const Node& sampler = block_of(configuration, "sampler");
+  if (!sampler.is_null()) host.check(PluginKind::kOptimiser, sampler, errors);
+  std::vector<Error> told;
+  host.check(PluginKind::kRobot, block_of(configuration, "robot"), told);
+  if (!told.empty()) return;
+  const auto robot = make_run_robot(configuration, host, errors);
+  if (robot == nullptr) return;
+  check_own(robot, errors);
+  check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
+  check_floor(block_of(configuration, "planning"), robot->description(), errors);
+}
+
+Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts facts,
+                                   const std::string& identity,
+                                   const std::function<Result<void>(Recorder& recorder)>& work) {
+  const auto file = context.out / "results.sqlite";
+  auto store =
+      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, facts.provenance);
+  if (!store) return tl::make_unexpected(std::move(store.error()));
+  Recorder recorder(**store);
+  if (!context.resume) record_replan_run(identity, recorder);
+  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
+  // Held here, so that episodes before one that cannot be run are kept.
+  auto done = contained("the closed loop", [&] { return work(recorder); });
+  store->reset();
+  // One without end is ended by a stop, and not interrupted.
+  facts.interrupted = context.stop.stop_requested() && facts.planned_episodes > 0;
+  return conclude_replan(std::move(facts), std::move(done), file);
+}
+
+}  // namespace sidestep

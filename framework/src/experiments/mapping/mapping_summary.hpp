@@ -1,0 +1,31 @@
+#pragma once
+
+#include <span>
+#include <string>
+
+#include <sidestep/experiments/experiment.hpp>
+#include <sidestep/runtime/results_store.hpp>
+
+#include "mapping/mapping_measure.hpp"
+
+namespace sidestep {
+
+/// What a mapping benchmark came to.
+struct MappingBenchmarkRecord {
+  std::vector<CaseRecord> cases;
+  std::size_t planned_cases = 0;
+  std::vector<Error> bad_frames;  ///< Of the source.
+  bool has_truth = false;
+  bool interrupted = false;
+};
+
+/// Verdict, summary.json and tables of a finished (or interrupted) mapping benchmark.
+[[nodiscard]] ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
+                                                  const MappingBenchmarkSettings& settings,
+                                                  const MappingBenchmarkRecord& record);
+
+/// Why a case does not reach what the settings expect; empty where it does.
+[[nodiscard]] std::string unmet_expectations(const CaseRecord& record,
+                                             const ExpectSettings& expect);
+
+}  // namespace sidestep

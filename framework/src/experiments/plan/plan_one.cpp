@@ -1,0 +1,231 @@
+#include "plan/plan_one.hpp"
+
+#include <cmath>
+
+#include <sidestep/core/seed.hpp>
+#include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/initial_guess.hpp>
+#include <sidestep/runtime/host.hpp>
+#include <sidestep/runtime/shape_check.hpp>
+#include <sidestep/trajectory/retime.hpp>
+
+#include "report/text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kSlowerEachAttempt = 1.25;
+
+/// What is wrong with being at `q`; empty if nothing is.
+std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
+                          const std::string& what) {
+  const auto violation =
+      state_violation(world.robot, world.field, world.planning.space(), world.margin_m,
+                      std::span(q.data(), static_cast<std::size_t>(q.size())));
+  return violation ? what + ": " + violation->what() : "";
+}
+
+/// How the trajectory fails to lead from start to goal; empty if it does not fail.
+std::string endpoint_problem(const Problem& problem, const Trajectory& trajectory) {
+  const std::string off =
+      configuration_miss(problem.robot->description(), trajectory.q(0), problem.start.q);
+  if (!off.empty()) return "the trajectory starts with " + off;
+  const std::string miss = goal_miss(problem, trajectory.q(trajectory.size() - 1));
+  return miss.empty() ? "" : "the trajectory ends with " + miss;
+}
+
+/// Runs the checks on the record's trajectory and states the first reason to refuse it.
+Result<void> check_plan(const PlanWorld& world, const Problem& problem, PlanRecord& plan,
+                        const Deadline& deadline) {
+  plan.reason = endpoint_problem(problem, plan.solution.trajectory);
+  const auto apply = [&](const ValidityCheck* check, std::optional<Verdict>& into,
+                         const std::string& where) -> Result<void> {
+    if (check == nullptr) return {};
+    auto verdict = check->check(plan.solution.trajectory, 0.0, deadline);
+    if (!verdict) return tl::make_unexpected(std::move(verdict.error()));
+    if (!verdict->valid() && plan.reason.empty()) plan.reason = where + verdict->describe();
+    into = std::move(*verdict);
+    return {};
+  };
+  auto done = apply(world.in_snapshot.get(), plan.in_snapshot, "in the field, ");
+  if (done) done = apply(world.in_voxels.get(), plan.in_voxels, "among the occupied voxels, ");
+  if (done) done = apply(world.in_scene.get(), plan.in_scene, "in the true scene, ");
+  if (done && plan.reason.empty() && !(plan.min_clearance_m().value_or(0.0) > 0.0)) {
+    plan.reason = "the robot touches an obstacle";
+  }
+  return done;
+}
+
+std::string solver_problem(const Solution& solution) {
+  std::string text =
+      "the optimiser found no trajectory (" + std::string(to_string(solution.status));
+  if (!solution.reason.empty()) text += ": " + solution.reason;
+  return text + ")";
+}
+
+/// Replaces the solution's trajectory by the fastest one along its path; says why it cannot.
+void retime_plan(const PlanWorld& world, PlanRecord& plan) {
+  const Stopwatch watch;
+  const RobotDescription& robot = world.robot->description();
+  auto retimed = retime(plan.solution.trajectory, world.planning.limits(robot));
+  if (!retimed) {
+    plan.reason = "the path cannot be retimed: " + retimed.error().describe();
+    return;
+  }
+  plan.retiming =
+      RetimingRecord{plan.solution.trajectory.duration_s(), retimed->deviation, watch.elapsed_ms()};
+  plan.solution.trajectory = std::move(retimed->trajectory);
+}
+
+/// Has it explained what holds the optimiser's own trajectory; a plan that cannot be explained is
+/// no worse for it.
+void explain_plan(const Problem& problem, const Trajectory& optimised, PlanRecord& plan, Log& log) {
+  auto explanation = explain(problem, optimised);
+  if (!explanation) {
+    log.warn("plan '" + plan.name + "' cannot be explained: " + explanation.error().describe());
+    return;
+  }
+  plan.solution.explanation = std::move(*explanation);
+}
+
+/// The same of a start or a goal that cannot be used.
+void explain_endpoint(const PlanWorld& world, const Eigen::VectorXd& q, PlanRecord& plan,
+                      Log& log) {
+  const Problem problem =
+      make_problem(world.robot, world.field, world.planning, plan.q_start, plan.q_goal);
+  auto explanation =
+      explain_state(problem, std::span(q.data(), static_cast<std::size_t>(q.size())));
+  if (!explanation) {
+    log.warn("plan '" + plan.name + "' cannot be explained: " + explanation.error().describe());
+    return;
+  }
+  plan.solution.explanation = std::move(*explanation);
+}
+
+void tell_hindrances(const PlanRecord& plan, Log& log) {
+  if (!plan.solution.explanation) return;
+  const std::string times = plan.retiming ? " (times as optimised): " : ": ";
+  for (const Hindrance& hindrance : plan.solution.explanation->hindrances) {
+    log.warn("plan '" + plan.name + "' is held" + times + hindrance.describe());
+  }
+}
+
+/// One attempt: pose the problem, solve it, check the solution.
+Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
+                          std::uint64_t seed, PlanRecord& plan, Log& log, std::stop_token stop) {
+  const int attempt = plan.attempts++;
+  PlanningSettings planning = world.planning;
+  planning.hold_goal = !plan.task.frees_goal;
+  Problem problem = make_problem(world.robot, world.field, planning, plan.q_start, plan.q_goal,
+                                 std::pow(kSlowerEachAttempt, attempt));
+  problem.terms.insert(problem.terms.end(), plan.task.terms.begin(), plan.task.terms.end());
+  if (auto sound = problem.validate(); !sound) {
+    plan.reason = "the problem makes no sense: " + sound.error().describe();
+    return {};
+  }
+  const double spent_ms = plan.solution.solve_ms;
+  const Stopwatch watch;
+  auto solution = in_stage(plugin_of(optimiser), [&] {
+    return optimiser->solve(problem, initial_guess(problem, attempt, seed),
+                            Deadline::after_s(world.planning.time_limit_s, stop));
+  });
+  if (!solution) return tl::make_unexpected(std::move(solution.error()));
+  plan.solution = std::move(*solution);
+  plan.solution.solve_ms = spent_ms + watch.elapsed_ms();  // ours, not the plugin's word for it
+  plan.in_snapshot = plan.in_voxels = plan.in_scene = std::nullopt;
+  plan.retiming.reset();
+  plan.reason.clear();
+  if (!plan.has_trajectory()) {
+    plan.reason = solver_problem(plan.solution);
+    return {};
+  }
+  if (auto sound = plan.solution.trajectory.validate(); !sound) {
+    plan.reason = "the optimiser returned a broken trajectory: " + sound.error().describe();
+    plan.solution.trajectory = {};
+    return {};
+  }
+  const Trajectory optimised = plan.solution.trajectory;
+  if (world.planning.retime) retime_plan(world, plan);
+  if (plan.reason.empty()) {
+    if (auto done = check_plan(world, problem, plan, Deadline(stop)); !done) return done;
+  }
+  if (!plan.success() || plan.solution.status != SolveStatus::kConverged) {
+    explain_plan(problem, optimised, plan, log);
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
+                                  std::shared_ptr<const DistanceField> field,
+                                  const OccupancyView& occupancy,
+                                  std::shared_ptr<const Scene> scene, double scene_time_s,
+                                  const PlanningSettings& planning, const CheckSettings& check) {
+  PlanWorld world;
+  world.in_snapshot =
+      make_field_check(robot, field, planning.space(),
+                       FieldCheckSettings{.margin_m = check.margin_m,
+                                          .max_step_m = check.max_step_m,
+                                          .speed_fraction = check.speed_fraction,
+                                          .acceleration_fraction = check.acceleration_fraction});
+  const ShapeCheckSettings shapes{.max_step_m = check.shape_max_step_m,
+                                  .speed_fraction = check.speed_fraction,
+                                  .acceleration_fraction = check.acceleration_fraction};
+  ShapeObstacles voxels;
+  voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
+  voxels.occupied_centres_m = occupied_centres(occupancy);
+  auto in_voxels = make_shape_check(robot, std::move(voxels), shapes);
+  if (!in_voxels) return tl::make_unexpected(std::move(in_voxels.error()));
+  world.in_voxels = std::move(*in_voxels);
+  if (scene) {
+    ShapeObstacles truth;
+    truth.scene = std::move(scene);
+    truth.scene_time_s = scene_time_s;
+    ShapeCheckSettings touching = shapes;
+    for (const AllowedContactEntry& contact : check.allowed_contacts) {
+      const bool is_here = robot->description().link_index(contact.link).has_value();
+      if (is_here) touching.allowed_contacts.push_back(contact);  // else attached in another plan
+    }
+    auto in_scene = make_shape_check(robot, std::move(truth), std::move(touching));
+    if (!in_scene) return tl::make_unexpected(std::move(in_scene.error()));
+    world.in_scene = std::move(*in_scene);
+  }
+  world.robot = std::move(robot);
+  world.field = std::move(field);
+  world.planning = planning;
+  world.margin_m = check.margin_m;
+  return world;
+}
+
+Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
+                             PlanRecord plan, std::uint64_t seed, Log& log, std::stop_token stop) {
+  const auto refused = [&](const Eigen::VectorXd& q, const std::string& what) {
+    plan.reason = state_problem(world, q, what);
+    if (plan.reason.empty()) return false;
+    explain_endpoint(world, q, plan, log);
+    tell_hindrances(plan, log);
+    return true;
+  };
+  if (refused(plan.q_start, "the start is not valid")) return plan;
+  if (!plan.task.frees_goal && refused(plan.q_goal, "the goal is not valid")) return plan;
+  const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
+  do {
+    if (auto done = attempt_plan(world, optimiser, plan_seed, plan, log, stop); !done) {
+      if (!stop.stop_requested()) return tl::make_unexpected(std::move(done.error()));
+    }
+    if (stop.stop_requested()) {
+      plan.interrupted = true;
+      if (plan.reason.empty()) plan.reason = "interrupted";
+      return plan;
+    }
+    if (!plan.success()) {
+      log.warn("plan '" + plan.name + "', attempt " + std::to_string(plan.attempts) + " of " +
+               std::to_string(world.planning.attempts) + ": " + plan.reason);
+    }
+    tell_hindrances(plan, log);
+  } while (!plan.success() && plan.attempts < world.planning.attempts);
+  return plan;
+}
+
+}  // namespace sidestep

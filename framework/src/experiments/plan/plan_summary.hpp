@@ -1,0 +1,18 @@
+#pragma once
+
+#include <span>
+#include <string>
+
+#include <sidestep/experiments/experiment.hpp>
+#include <sidestep/runtime/results_store.hpp>
+
+#include "plan/plan_types.hpp"
+
+namespace sidestep {
+
+/// Verdict, summary.json and table of a finished (or interrupted) plan experiment.
+[[nodiscard]] ExperimentOutcome summarise_plans(const RunProvenance& provenance,
+                                                const MapRecord& map,
+                                                std::span<const PlanRecord> plans);
+
+}  // namespace sidestep

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include <sidestep/experiments/experiment.hpp>
+
+#include "planners/planner_rows.hpp"
+
+namespace sidestep {
+
+/// Verdict, summary.json and tables of what a store holds.
+[[nodiscard]] ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record,
+                                                   bool interrupted,
+                                                   const std::optional<Error>& fault);
+
+/// The same of the store in `run`, and OMPL's benchmark database beside it.
+[[nodiscard]] Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run,
+                                                          bool interrupted,
+                                                          const std::optional<Error>& fault);
+
+}  // namespace sidestep

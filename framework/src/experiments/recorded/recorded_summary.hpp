@@ -1,0 +1,49 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <sidestep/experiments/experiment.hpp>
+#include <sidestep/runtime/results_store.hpp>
+
+#include "recorded/recorded_settings.hpp"
+#include "recorded/recorded_solves.hpp"
+
+namespace sidestep {
+
+/// One problem, solved.
+struct SolveRecord : RecordedSolve {
+  RecordedOutcome peer;
+  double clearance_at_checks_m = 0.0;  ///< Where solved.
+  bool ends_free = false;              ///< Start and goal touch nothing.
+
+  /// Per accepted step, which is what GPMP2 counts as an iteration.
+  [[nodiscard]] double iteration_us() const noexcept;
+  [[nodiscard]] bool free_at_checks() const noexcept {
+    return solved && clearance_at_checks_m > 0.0;
+  }
+};
+
+/// All problems of one recorded run, solved.
+struct RecordedRunRecord {
+  std::string label;
+  bool is_signed = false;
+  double relative_tolerance = 0.0;
+  int max_iterations = 0;
+  std::vector<SolveRecord> solves;
+};
+
+/// What a benchmark on recorded problems came to.
+struct RecordedBenchmarkRecord {
+  RecordedFacts about;
+  bool costs_comparable = true;
+  std::vector<RecordedRunRecord> runs;
+  bool interrupted = false;
+};
+
+/// Verdict, summary.json and tables of a finished (or interrupted) planner benchmark.
+[[nodiscard]] ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
+                                                   const RecordedBenchmarkSettings& settings,
+                                                   const RecordedBenchmarkRecord& record);
+
+}  // namespace sidestep

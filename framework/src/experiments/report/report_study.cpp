@@ -1,0 +1,115 @@
+#include "report/figures_study.hpp"
+#include "report/html.hpp"
+#include "report/report_parts.hpp"
+
+namespace sidestep::report {
+namespace {
+
+std::string with_sd(const Json& mean, const char* pattern) {
+  const std::string text = cell(at(mean, "/mean"), pattern);
+  return text == "-" ? text : text + " ± " + cell(at(mean, "/sd"), pattern);
+}
+
+std::string interval(const Json& ci, const char* pattern) {
+  const std::string lower = cell(at(ci, "/0"), pattern);
+  return lower == "-" ? "-" : "[" + lower + ", " + cell(at(ci, "/1"), pattern) + "]";
+}
+
+/// One quantity of one robot: printed figures, ours with intervals, and the difference.
+Row quantity_row(const Json& robot, const char* name, const char* key, bool is_mean,
+                 const char* pattern) {
+  Row row{cell(at(robot, "/name")), name};
+  const std::string value = std::string("/") + key;
+  for (const char* kind : {"/published/unsigned", "/published/signed"}) {
+    const Json published = at(robot, (kind + value).c_str());
+    row.push_back(is_mean ? with_sd(published, "%g") : cell(published, "%g %%"));
+  }
+  for (const char* kind : {"/unsigned", "/signed", "/difference"}) {
+    const Json own = at(robot, (kind + value).c_str());
+    const bool is_difference = std::string(kind) == "/difference";
+    row.push_back(!is_mean        ? cell(own, "%.3f %%")
+                  : is_difference ? cell(at(own, "/mean"), pattern)
+                                  : with_sd(own, pattern));
+    row.push_back(is_mean ? interval(at(own, "/ci"), pattern)
+                          : interval(at(robot, (kind + value + "_ci").c_str()), "%.3f"));
+  }
+  return row;
+}
+
+std::string outcomes_section(const Json& summary) {
+  const std::string published = cell(at(summary, "/published_as"));
+  const std::string interval_head =
+      cell(Json(100.0 * at(summary, "/confidence").get<double>()), "%g %% interval");
+  std::vector<Row> rows;
+  for (const Json& robot : at(summary, "/robots")) {
+    rows.push_back(quantity_row(robot, "failures", "failure_percent", false, "%.3f"));
+    rows.push_back(quantity_row(robot, "iterations", "iterations", true, "%.2f"));
+    rows.push_back(
+        quantity_row(robot, "iterations, solvable problems", "iterations_solvable", true, "%.2f"));
+    rows.push_back(quantity_row(robot, "valid cost", "valid_cost", true, "%.4g"));
+  }
+  return "<h2>Unsigned against signed fields</h2>\n" +
+         html_table({"robot", "", published + ", unsigned", "signed", "unsigned", interval_head,
+                     "signed", interval_head, "signed − unsigned", interval_head},
+                    rows) +
+         "<p>Failures: problems that a field fails to solve collision-free, among those that at "
+         "least one of the two solves; Wilson's interval. Iterations: of every solve. Valid cost: "
+         "of problems that both solve. Intervals of means and differences: percentile bootstrap "
+         "over scenes.</p>\n";
+}
+
+std::string counts_section(const Json& summary) {
+  return "<h2>Problems</h2>\n" +
+         html_table(Columns{{"robot", "/name"},
+                            {"joints", "/dof"},
+                            {"spheres", "/spheres"},
+                            {"voxel", "/resolution_m", "%g m"},
+                            {"boxes", "/boxes_per_scene"},
+                            {"problems", "/problems", "%.0f"},
+                            {"start or goal collides", "/start_or_goal_in_collision", "%.0f"},
+                            {"solvable", "/solvable", "%.0f"},
+                            {"solved by both", "/solved_by_both", "%.0f"},
+                            {"only unsigned", "/only_unsigned", "%.0f"},
+                            {"only signed", "/only_signed", "%.0f"},
+                            {"neither", "/neither", "%.0f"}},
+                    at(summary, "/robots"));
+}
+
+std::string times_section(const Json& summary) {
+  std::vector<Row> rows;
+  for (const Json& robot : at(summary, "/robots")) {
+    for (const char* kind : {"unsigned", "signed"}) {
+      const Json field = at(robot, (std::string("/") + kind).c_str());
+      rows.push_back(
+          {cell(at(robot, "/name")), kind, cell(at(field, "/solve_ms/mean"), "%.3f ms"),
+           cell(at(field, "/solve_ms/p50"), "%.3f ms"), cell(at(field, "/solve_ms/p95"), "%.3f ms"),
+           cell(at(field, "/check_ms/mean"), "%.3f ms"), cell(at(field, "/steps/mean"), "%.2f")});
+    }
+  }
+  const Json time = at(summary, "/time");
+  return "<h2>Time</h2>\n" +
+         html_table({"wall", "of all cores", "in the optimiser, all threads", "in the check",
+                     "making fields"},
+                    {{cell(at(time, "/wall_s"), "%.1f s"), cell(at(time, "/cpu_s"), "%.1f s"),
+                      cell(at(time, "/solve_s"), "%.1f s"), cell(at(time, "/check_s"), "%.1f s"),
+                      cell(at(time, "/field_s"), "%.1f s")}}) +
+         html_table({"robot", "field", "solve, mean", "p50", "p95", "check, mean", "steps tried"},
+                    rows);
+}
+
+}  // namespace
+
+Result<std::string> study_body(const Json& summary, const std::filesystem::path& run) {
+  std::string html;
+  if (const std::string fault = cell(at(summary, "/fault")); fault != "-") {
+    html += "<p class=\"verdict failure\">" + escape_html(fault) + "</p>\n";
+  }
+  html += outcomes_section(summary) + counts_section(summary);
+  const auto study = read_study(run / "results.sqlite");
+  if (!study) return tl::make_unexpected(study.error());
+  const auto figures = figure_section(study_figures(*study), run);
+  if (!figures) return figures;
+  return html + *figures + times_section(summary);
+}
+
+}  // namespace sidestep::report

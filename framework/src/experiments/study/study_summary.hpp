@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include <sidestep/experiments/experiment.hpp>
+
+#include "study/study_rows.hpp"
+
+namespace sidestep {
+
+/// Verdict, summary.json and tables of what a store holds.
+[[nodiscard]] ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
+                                                const std::optional<Error>& fault);
+
+/// The same of the store in `run`.
+[[nodiscard]] Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run,
+                                                       bool interrupted,
+                                                       const std::optional<Error>& fault);
+
+}  // namespace sidestep
