@@ -53,6 +53,8 @@ TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
   EXPECT_EQ(of["success_share"], 1.0);
   EXPECT_EQ(of["collisions_true"], 0);
   EXPECT_GT(of["min_true_clearance_m"], 0.0);
+  EXPECT_GE(of["path_length"]["p50"], 2.6);
+  EXPECT_LE(of["path_length"]["max"], 2.6 + 2.0) << "there and back, and about";
   const int replans = of["replans"], slowdowns = of["slowdowns"];
   EXPECT_GE(replans + slowdowns, 1) << "the way was free all along";
   EXPECT_GE(of["check_hz"], 249.0);

@@ -32,8 +32,9 @@ struct MotionDetectorSettings {
 /// Finds what moves in a map: voxels that are occupied now, had been seen free, lay by more than
 /// one voxel beside what was occupied a while ago, and were not hidden behind it. Surfaces that
 /// come into view are none, since they were unknown or hidden, nor is what flickers at the edges of
-/// what stands, or in a layer that was looked along at less than 20 degrees. Something has to move by two voxels before it is noticed, and is forgotten once it
-/// has stood for the memory and a half. [mapping]
+/// what stands, or in a layer that was looked along at less than 20 degrees. Something has to move
+/// by two voxels before it is noticed, and is forgotten once it has stood for the memory and a
+/// half. [mapping]
 class SIDESTEP_EXPORT MotionDetector {
  public:
   explicit MotionDetector(MotionDetectorSettings settings = {}) : settings_(settings) {}

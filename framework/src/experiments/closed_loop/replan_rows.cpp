@@ -72,6 +72,12 @@ StoredArray motion_array(const std::vector<TruePose>& poses) {
   return array;
 }
 
+double path_length(const std::vector<TruePose>& poses) {
+  double length = 0.0;
+  for (std::size_t i = 1; i < poses.size(); ++i) length += (poses[i].q - poses[i - 1].q).norm();
+  return length;
+}
+
 StoredArray list_array(const std::vector<double>& values) {
   return {static_cast<int>(values.size()), 1, {values.begin(), values.end()}};
 }
@@ -152,6 +158,9 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
   recorder.add("episode", item, "reason", episode.reason);
   recorder.add("episode", item, "begin_s", episode.begin_s);
   recorder.add("episode", item, "duration_s", episode.duration_s);
+  if (!episode.poses.empty()) {
+    recorder.add("episode", item, "path_length", path_length(episode.poses));
+  }
   recorder.add("episode", item, "collisions", episode.contacts.size());
   recorder.add("episode", item, "steps", episode.steps);
   recorder.add("episode", item, "checks", episode.checks);
@@ -220,6 +229,7 @@ Result<ReplanRows> read_replan_rows(const std::filesystem::path& file) {
     row.success = count_of(values, "success") != 0;
     row.reached = count_of(values, "reached") != 0;
     row.duration_s = value_of(values, "duration_s").value_or(0.0);
+    row.path_length = value_of(values, "path_length");
     row.min_true_clearance_m = value_of(values, "min_true_clearance_m");
     row.collisions = count_of(values, "collisions");
     row.steps = count_of(values, "steps");

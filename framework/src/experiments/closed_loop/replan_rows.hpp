@@ -24,6 +24,7 @@ struct EpisodeRow {
   bool success = false;
   bool reached = false;
   double duration_s = 0.0;
+  std::optional<double> path_length;  ///< Of the way it went, in the space of joints, rad and m.
   std::optional<double> min_true_clearance_m;
   std::string nearest_link;  ///< That it is of, and to which object; empty where nothing came near.
   std::string nearest_object;

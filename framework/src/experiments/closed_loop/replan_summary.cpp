@@ -87,6 +87,14 @@ Json times_to_goal(const std::vector<EpisodeRow>& episodes) {
   return spread(times_s);
 }
 
+Json path_lengths(const std::vector<EpisodeRow>& episodes) {
+  std::vector<double> lengths;
+  for (const EpisodeRow& episode : episodes) {
+    if (episode.reached && episode.path_length) lengths.push_back(*episode.path_length);
+  }
+  return spread(lengths);
+}
+
 Json guesses_of(const ReplanRows& rows) {
   Json list = Json::array();
   for (const Replanner::GuessCount& guess : rows.guesses) {
@@ -118,6 +126,7 @@ Json metrics_of(const ReplanRows& rows) {
            closest != nullptr ? Json(*closest->min_true_clearance_m) : Json(nullptr)},
           {"nearest", nearest_json(closest)},
           {"time_to_goal_s", times_to_goal(episodes)},
+          {"path_length", path_lengths(episodes)},
           {"replans", sum_of(episodes, &EpisodeRow::replans)},
           {"guesses", guesses_of(rows)},
           {"solve_ms", spread_of(episodes, &EpisodeRow::solve_ms)},
