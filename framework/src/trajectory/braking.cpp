@@ -41,6 +41,17 @@ RobotState state_at(const Trajectory& trajectory, double time_s) {
   return state;
 }
 
+/// When a trajectory comes to rest for the first time after `from_s`: at a corner of a path, or at
+/// its end.
+double first_rest_s(const Trajectory& trajectory, double from_s) {
+  for (int i = 0; i < trajectory.size(); ++i) {
+    const double time_s = trajectory.times_s[static_cast<std::size_t>(i)];
+    if (time_s <= from_s) continue;
+    if (std::ranges::all_of(trajectory.qdot(i), [](double v) { return v == 0.0; })) return time_s;
+  }
+  return trajectory.duration_s();
+}
+
 /// How far into a path it stands still when braked hardest, in seconds of its own; nothing where it
 /// cannot be braked so, or ends before.
 std::optional<double> way_of_braking_s(const Trajectory& path, double speed,
@@ -84,7 +95,7 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
     return tl::make_unexpected(std::move(sound.error()));
   }
   const double from = std::clamp(from_s, 0.0, trajectory.duration_s());
-  const double left_s = trajectory.duration_s() - from;
+  const double left_s = first_rest_s(trajectory, from) - from;
   const RobotState state = state_at(trajectory, from);
   auto straight = brake_straight(state, limits);
   if (!straight) return straight;
@@ -108,7 +119,10 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
       auto stop = stop_within(trajectory, from, reach_s, while_braking);
       if (stop || reach_s >= left_s) return stop;
     }
-    if (is_all) return stop_within(trajectory, from, left_s, while_braking);
+    // Slowed down as hard as it may be already, so that rounding is too much: it ends with the way.
+    const bool is_ending = left_s <= kReaches.back() * straight->duration_s();
+    if (is_all && is_ending) return stop_within(trajectory, from, left_s, while_braking);
+    if (is_all) break;
   }
   return invalid("the trajectory ends before the robot can stop on its path",
                  "let trajectories end at rest");

@@ -131,6 +131,30 @@ TEST(Brake, KeepsLimitsAndPathOfWindingMotions) {
   }
 }
 
+TEST(Brake, GoesNoFurtherThanACornerWhereThePathRests) {
+  // As fast as the limits allow along x, then along y, with a rest between: braked as hard as it
+  // may be on the way to the corner, it cannot stop before, and must not go on after it.
+  const double a = 0.1, half_s = 3.0, v = a * half_s, leg = v * half_s;
+  Trajectory path = make_trajectory(2, 5, half_s);
+  for (int i = 0; i < path.size(); ++i) {
+    path.q(i)[0] = std::min(i, 2) * 0.5 * leg;
+    path.q(i)[1] = std::max(0, i - 2) * 0.5 * leg;
+    if (i % 2 == 1) path.qdot(i)[i / 2] = v;
+  }
+  const MotionLimits limits{{1.0, 1.0}, {a, a}, {}};
+  for (double from_s = 0.1; from_s < 2.0 * half_s; from_s += 0.1) {
+    const auto stop = brake(path, from_s, limits);
+    if (!stop) continue;  // then it stops on a straight line
+    EXPECT_LE(from_s + stop->duration_s(), 2.0 * half_s * 1.001) << from_s;
+    EXPECT_LE(stop->q(stop->size() - 1)[0], leg * (1.0 + 1e-9)) << from_s;
+    EXPECT_LE(stop->q(stop->size() - 1)[1], 1e-12) << from_s;
+    expect_rest_at_end(*stop);
+  }
+  const auto on_the_way = brake(path, 4.0, limits);
+  ASSERT_TRUE(on_the_way) << on_the_way.error().describe();
+  EXPECT_NEAR(on_the_way->q(on_the_way->size() - 1)[0], leg, 1e-6);
+}
+
 TEST(Brake, RestsWhereThereIsNoVelocity) {
   const auto stop =
       brake(resting(std::vector<double>{0.3, -1.0}, 2.0), 1.0, {{1.0, 1.0}, {1.0, 1.0}, {}});

@@ -10,7 +10,8 @@ namespace sidestep {
 /// limits allow: the same path, ever more slowly (retime.hpp: within 1e-4 of it, time-optimal over
 /// 1.0005 of the way that braking hardest takes, more where the path's turns ask for more). Its
 /// first state is exactly the trajectory's at `from_s`; a joint that is faster there than its limit
-/// may stay so until it has slowed down. Where the velocity is zero already, it rests.
+/// may stay so until it has slowed down. Where the velocity is zero already, it rests; where the
+/// trajectory itself rests on its way, at a corner, it goes no further.
 ///
 /// Fails with kInvalidArgument for a malformed trajectory, limits that do not fit it, and where the
 /// path ends or turns before the limits let the robot stop: brake_straight() then still stops,
