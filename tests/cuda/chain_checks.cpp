@@ -108,7 +108,7 @@ std::string time_batch(ChainBatch& batch, const ChainScene& scene, bool is_in_on
                        ChainTimes& times) {
   const auto starts = scene.starts();
   const auto begun = std::chrono::steady_clock::now();
-  const MinimisationRules rules{1e-2, 1e-5, 50, 0.01};
+  const MinimisationRules rules{{1e-2, 1e-5, 50}, 0.01};
   if (auto ok = batch.begin(scene.description(), rules, starts, scene.samples()); !ok) {
     return ok.error().message;
   }
@@ -116,7 +116,7 @@ std::string time_batch(ChainBatch& batch, const ChainScene& scene, bool is_in_on
   times.upload_ms = batch.times().of(cuda::Stage::kUpload);
   Result<int> moving = 1;
   while (moving && *moving > 0) {
-    moving = batch.move(is_in_one_launch ? rules.max_iterations : 1);
+    moving = batch.move(is_in_one_launch ? rules.stop.max_iterations : 1);
     times.minimise_ms += batch.times().of(cuda::Stage::kTransform);
     ++times.launches;
   }

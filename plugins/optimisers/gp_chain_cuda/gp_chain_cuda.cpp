@@ -111,24 +111,22 @@ class GpChainCuda final : public Optimiser {
                                                          static_cast<std::size_t>(sizes.values())]);
     };
     const int chosen = choose(problem, outcome->states, found, deadline);
-    const ChainState state = outcome->states[static_cast<std::size_t>(chosen)];
     Solution solution;
     solution.initial_cost = outcome->states.front().initial_cost;
+    const ChainState state = outcome->states[static_cast<std::size_t>(chosen)];
+    conclude(end_of(state), rules().stop, state.cost, deadline, solution);
     solution.cost = state.cost;
-    const MinimisationRules stop = rules();
-    conclude(end_of(state), {stop.relative_tolerance, stop.absolute_tolerance, stop.max_iterations},
-             state.cost, deadline, solution);
-    Trajectory trajectory = found(chosen);
+    solution.trajectory = found(chosen);
     const auto terms = batch_->term_costs(chosen);
     if (!terms) return tl::make_unexpected(terms.error());
     solution.terms = name_terms(problem, *terms);
     if (state.standing == Standing::kNotFinite) name_broken_term(solution);
-    if (solution.status != SolveStatus::kFailed) solution.trajectory = std::move(trajectory);
+    if (solution.status == SolveStatus::kFailed) solution.trajectory = {};
     return solution;
   }
 
   [[nodiscard]] MinimisationRules rules() const {
-    return {settings_.relative_tolerance, settings_.absolute_tolerance, settings_.max_iterations,
+    return {{settings_.relative_tolerance, settings_.absolute_tolerance, settings_.max_iterations},
             settings_.initial_damping};
   }
 

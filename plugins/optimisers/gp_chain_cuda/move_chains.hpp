@@ -5,14 +5,13 @@
 #include "damping.hpp"
 #include "elimination.hpp"
 #include "prior_sample.hpp"
+#include "stopping_rules.hpp"
 
 namespace sidestep::gp_chain_cuda {
 
-/// When a minimisation ends, and how it is damped at first: as gp_chain's settings of these names.
+/// When a minimisation ends, and how it is damped at first.
 struct MinimisationRules {
-  double relative_tolerance = 1e-5;
-  double absolute_tolerance = 1e-5;
-  std::int32_t max_iterations = 100;
+  StoppingRules stop;
   double initial_damping = 0.01;
 };
 
@@ -79,10 +78,10 @@ struct MoveChains {
       }
       ++state.accepted;
       state.last_decrease = before - state.cost;
-      if (state.last_decrease <= kernel.rules.absolute_tolerance ||
-          state.last_decrease <= kernel.rules.relative_tolerance * before) {
+      if (state.last_decrease <= kernel.rules.stop.absolute_tolerance ||
+          state.last_decrease <= kernel.rules.stop.relative_tolerance * before) {
         state.standing = Standing::kConverged;
-      } else if (state.accepted >= kernel.rules.max_iterations) {
+      } else if (state.accepted >= kernel.rules.stop.max_iterations) {
         state.standing = Standing::kIterationLimit;
       } else {
         linearise();
@@ -131,7 +130,7 @@ struct MoveChains {
         return true;
       }
       const double change = decrease < 0.0 ? -decrease : decrease;
-      is_worth_more = !(change < kernel.rules.relative_tolerance * state.cost);
+      is_worth_more = !(change < kernel.rules.stop.relative_tolerance * state.cost);
       return false;
     }
 

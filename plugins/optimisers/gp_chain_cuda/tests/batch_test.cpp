@@ -258,7 +258,7 @@ TEST(ChainBatch, SaysWhereTheMemoryIsTooSmall) {
 
 TEST(ChainBatch, EndsAtItsLimitAndAtWhatIsNoNumber) {
   const Problem problem = testing_support::hsr_reaches_table(12, 2);
-  HostBatch limited(problem, {shaken(problem, 1, 0.2)}, {.max_iterations = 1});
+  HostBatch limited(problem, {shaken(problem, 1, 0.2)}, {.stop = {.max_iterations = 1}});
   const BatchOutcome at_limit = limited.finish();
   EXPECT_EQ(at_limit.states.front().standing, Standing::kIterationLimit);
   EXPECT_EQ(at_limit.states.front().accepted, 1);
