@@ -130,15 +130,23 @@ SIDESTEP_INLINE void locate(const PointLanes& points_m, const Bounds& bounds,
 constexpr float kLongestWay_vox = 1.123F;
 constexpr float kRounding_vox = 0.007F;
 
-/// Which points of two groups, bit by bit, are not beyond doubt inside the grid and at least
-/// limits_m[group] from obstacles by the value at the nearest centre; with `known`, those in
-/// unknown space too. steepest_voxel_m: how much values differ from voxel to voxel at most. In
-/// single precision, within the grid: kRounding covers it.
-SIDESTEP_SIMD_CLONES
-unsigned find_near(const PointLanes& first_m, const PointLanes& second_m,
-                   const double (&limits_m)[2], const Bounds& bounds, float steepest_voxel_m,
-                   const DenseField::Blocks& blocks,
-                   const DenseField::KnownBlocks* known) noexcept {
+/// Some groups of points: the voxel that each is nearest to, and the value there from which on it
+/// is beyond doubt inside the grid and at least as far from obstacles as its limit.
+struct Vicinities {
+  static constexpr std::size_t kGroups = 32;
+  static constexpr std::size_t kPoints = kGroups * kLanes;
+
+  alignas(64) std::int32_t block[kPoints];
+  alignas(64) std::int32_t place[kPoints];
+  alignas(64) float far_m[kPoints];  ///< Infinity beyond the grid, and for what is no point.
+};
+
+/// Of two groups, to the places `at` and on. steepest_voxel_m: how much values differ from voxel to
+/// voxel at most. In single precision, within the grid: kRounding covers it.
+SIDESTEP_INLINE void find_vicinities_of(const PointLanes& first_m, const PointLanes& second_m,
+                                        float first_limit_m, float second_limit_m,
+                                        const Bounds& bounds, float steepest_voxel_m,
+                                        std::size_t at, Vicinities& out) noexcept {
   const double* groups_m[2][3] = {{first_m.x, first_m.y, first_m.z},
                                   {second_m.x, second_m.y, second_m.z}};
   constexpr int kSide = kBlockSide_vox;
@@ -147,6 +155,7 @@ unsigned find_near(const PointLanes& first_m, const PointLanes& second_m,
   WideFloats excess = {};  // squared, beyond the grid; no number for what is no point
   WideFloats way = {};     // along the axes, to the nearest centre, in voxels
   WideIndices block = {}, place = {};
+#pragma GCC unroll 3
   for (std::size_t axis = 3; axis-- > 0;) {
     const Lanes a = lanes(groups_m[0][axis]) - bounds.origin_m[axis];
     const Lanes b = lanes(groups_m[1][axis]) - bounds.origin_m[axis];
@@ -164,26 +173,54 @@ unsigned find_near(const PointLanes& first_m, const PointLanes& second_m,
     block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
     place = (nearest & (kSide - 1)) + kSide * place;
   }
-  alignas(64) float far_m[2 * kLanes];
-  alignas(64) std::int32_t at_block[2 * kLanes], at_place[2 * kLanes];
-  const Floats first = Floats{} + static_cast<float>(limits_m[0]);
-  const Floats second = Floats{} + static_cast<float>(limits_m[1]);
+  const Floats first = Floats{} + first_limit_m, second = Floats{} + second_limit_m;
   way = way < kLongestWay_vox ? way : WideFloats{} + kLongestWay_vox;
   const WideFloats far =
       steepest_voxel_m * (way + kRounding_vox) +
       __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  *reinterpret_cast<WideFloats*>(far_m) =
+  *reinterpret_cast<WideFloats*>(out.far_m + at) =
       excess == 0.0F ? far : WideFloats{} + std::numeric_limits<float>::infinity();
-  *reinterpret_cast<WideIndices*>(at_block) = block;
-  *reinterpret_cast<WideIndices*>(at_place) = place;
-  unsigned near = 0;
-  for (std::size_t i = 0; i < 2 * kLanes; ++i) {
-    const Address a{static_cast<std::size_t>(at_block[i]), static_cast<std::size_t>(at_place[i])};
-    const float value_m = blocks.block(a.block).distance_m[a.place];
-    near |= static_cast<unsigned>(!(value_m >= far_m[i])) << i;
-    if (known != nullptr) near |= static_cast<unsigned>(!is_known(*known, a)) << i;
+  *reinterpret_cast<WideIndices*>(out.block + at) = block;
+  *reinterpret_cast<WideIndices*>(out.place + at) = place;
+}
+
+/// Of at most kGroups groups; a last one without a second is looked at twice.
+SIDESTEP_SIMD_CLONES
+void find_vicinities(std::span<const PointLanes> points_m, std::span<const double> limits_m,
+                     const Bounds& given_bounds, float steepest_voxel_m, Vicinities& out) noexcept {
+  const Bounds bounds = given_bounds;  // which stores of lanes do not alias
+  const std::size_t count = points_m.size();
+  for (std::size_t i = 0; i < count; i += 2) {
+    const std::size_t next = lesser(i + 1, count - 1);
+    find_vicinities_of(points_m[i], points_m[next], static_cast<float>(greater(limits_m[i], 0.0)),
+                       static_cast<float>(greater(limits_m[next], 0.0)), bounds, steepest_voxel_m,
+                       i * kLanes, out);
   }
-  return near;
+}
+
+/// Lists which of the first `count` points are not beyond doubt far from obstacles; with `known`,
+/// those in unknown space too. Without branches: which points are near cannot be predicted.
+std::size_t list_near(const Vicinities& of, std::size_t count, const DenseField::Blocks& blocks,
+                      const DenseField::KnownBlocks* known, std::uint32_t* list) noexcept {
+  std::size_t listed = 0;
+  if (known == nullptr) {
+    for (std::size_t i = 0; i < count; ++i) {
+      const float value_m = blocks.block(static_cast<std::size_t>(of.block[i]))
+                                .distance_m[static_cast<std::size_t>(of.place[i])];
+      list[listed] = static_cast<std::uint32_t>(i);
+      listed += static_cast<std::size_t>(!(value_m >= of.far_m[i]));
+    }
+    return listed;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const Address a{static_cast<std::size_t>(of.block[i]), static_cast<std::size_t>(of.place[i])};
+    const float value_m = blocks.block(a.block).distance_m[a.place];
+    const unsigned is_near = static_cast<unsigned>(!(value_m >= of.far_m[i])) |
+                             static_cast<unsigned>(!is_known(*known, a));
+    list[listed] = static_cast<std::uint32_t>(i);
+    listed += is_near;
+  }
+  return listed;
 }
 
 /// The cells between voxel centres in which points lie.
@@ -403,8 +440,6 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
   Batch near;
   std::array<std::size_t, Batch::kPoints> points;  // of the batch, among all
 
-  const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
-
   const auto write_those_below = [&] {
     sample(blocks_, bounds, near);
     for (std::size_t k = 0; k < near.count; ++k) {
@@ -417,16 +452,18 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
     }
     near.count = 0;
   };
-  for (std::size_t i = 0; i < points_m.size(); i += 2) {
-    const std::size_t next = std::min(i + 1, points_m.size() - 1);
-    const double limits[] = {std::max(limits_m[i], 0.0), std::max(limits_m[next], 0.0)};
-    unsigned found = find_near(points_m[i], points_m[next], limits, bounds, steepest_voxel_m,
-                               blocks_, also_unknown ? &known_ : nullptr);
-    if (next == i) found &= (1u << kLanes) - 1;
-    for (; found != 0; found &= found - 1) {
-      const auto point = i * kLanes + static_cast<std::size_t>(std::countr_zero(found));
+  const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
+  Vicinities vicinities;
+  std::array<std::uint32_t, Vicinities::kPoints> list;
+  for (std::size_t first = 0; first < points_m.size(); first += Vicinities::kGroups) {
+    const std::size_t groups = std::min(Vicinities::kGroups, points_m.size() - first);
+    find_vicinities(points_m.subspan(first, groups), limits_m.subspan(first, groups), bounds,
+                    steepest_voxel_m, vicinities);
+    const std::size_t listed = list_near(vicinities, groups * kLanes, blocks_,
+                                         also_unknown ? &known_ : nullptr, list.data());
+    for (std::size_t k = 0; k < listed; ++k) {
+      const std::size_t point = first * kLanes + list[k], lane = point % kLanes;
       const PointLanes& of_m = points_m[point / kLanes];
-      const std::size_t lane = point % kLanes;
       points[near.count] = point;
       near.add(of_m.x[lane], of_m.y[lane], of_m.z[lane]);
       if (near.count == Batch::kPoints) write_those_below();

@@ -69,23 +69,36 @@ SIDESTEP_SIMD_CLONES
 double place_fast(std::span<const TreeBody> bodies, const double* const (&rows)[kLanes],
                   PoseLanes* poses) noexcept {
   Lanes largest = {};
+  // First what no pose depends on, for many sines are computed at once where nothing waits for
+  // them; kept where the pose will be.
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const TreeBody& body = bodies[b];
-    attach(body.parent == -1 ? nullptr : poses + body.parent, body, poses[b]);
     const int j = body.joint;
     if (j == -1) continue;
     const Lanes of_joint = {rows[0][j], rows[1][j], rows[2][j], rows[3][j],
                             rows[4][j], rows[5][j], rows[6][j], rows[7][j]};
     const Lanes value = body.multiplier * of_joint + body.offset;
     if (body.motion == Motion::kTranslation) {
-      shift(poses[b], value);
+      lanes(poses[b].R[0]) = value;
       continue;
     }
     const Lanes size = value < 0.0 ? -value : value;
     largest = size > largest ? size : largest;
     Lanes s, c;
     sine_lanes(value, s, c);
-    turn(poses[b], s, c);
+    lanes(poses[b].R[0]) = s;
+    lanes(poses[b].R[1]) = c;
+  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const TreeBody& body = bodies[b];
+    const Lanes first = lanes(poses[b].R[0]), second = lanes(poses[b].R[1]);
+    attach(body.parent == -1 ? nullptr : poses + body.parent, body, poses[b]);
+    if (body.joint == -1) continue;
+    if (body.motion == Motion::kTranslation) {
+      shift(poses[b], first);
+    } else {
+      turn(poses[b], first, second);
+    }
   }
   double most = 0.0;
   for (std::size_t lane = 0; lane < kLanes; ++lane) most = std::max(most, largest[lane]);
