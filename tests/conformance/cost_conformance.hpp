@@ -128,8 +128,14 @@ inline void expect_batch_consistent(const StateCost& cost, const States& states)
   return compared;
 }
 
+/// The linearise_tolerance of a cost that linearises in single precision, as that of obstacles
+/// does: positions of about a metre are rounded to some 1e-6, within which a field's gradient
+/// changes by that over the size of a voxel.
+inline constexpr double kSinglePrecision = 1e-4;
+
 /// linearise() against the products of what evaluate() gives, at every other one of more states.
-inline void expect_linearises(const StateCost& cost, const States& states) {
+inline void expect_linearises(const StateCost& cost, const States& states,
+                              double relative_tolerance = 1e-9) {
   SCOPED_TRACE(std::string(cost.name()));
   const auto d = static_cast<std::size_t>(states.dof);
   const auto m = static_cast<std::size_t>(cost.residual_count());
@@ -157,7 +163,8 @@ inline void expect_linearises(const StateCost& cost, const States& states) {
         gradient += entry(row, a) * at.residuals[i * m + row];
         scale += std::abs(entry(row, a) * at.residuals[i * m + row]);
       }
-      EXPECT_NEAR(full.gradient[a] + (a < d ? position.gradient[a] : 0.0), gradient, 1e-9 * scale)
+      EXPECT_NEAR(full.gradient[a] + (a < d ? position.gradient[a] : 0.0), gradient,
+                  relative_tolerance * scale)
           << "state " << i << ", variable " << a;
       for (std::size_t b = 0; b < 2 * d; ++b) {
         double product = 0.0;
@@ -169,7 +176,7 @@ inline void expect_linearises(const StateCost& cost, const States& states) {
         const double of_positions =
             a < d && b < d ? position.hessian[a * normals.position_stride() + b] : 0.0;
         EXPECT_NEAR(full.hessian[a * normals.full_stride() + b] + of_positions, product,
-                    1e-9 * scale)
+                    relative_tolerance * scale)
             << "state " << i << ", variables " << a << " and " << b;
       }
     }
@@ -177,7 +184,7 @@ inline void expect_linearises(const StateCost& cost, const States& states) {
       expected_cost += 0.5 * at.residuals[i * m + row] * at.residuals[i * m + row];
     }
   }
-  EXPECT_NEAR(sum, expected_cost, 1e-9 * (1.0 + expected_cost));
+  EXPECT_NEAR(sum, expected_cost, relative_tolerance * (1.0 + expected_cost));
 }
 
 /// States a little before and behind where a residual begins: between each two neighbours of which
@@ -220,16 +227,17 @@ inline void expect_linearises(const StateCost& cost, const States& states) {
 
 /// All of the above, at the states and next to where residuals begin; `states` must include some at
 /// which the cost is not zero.
-inline void expect_conforms(const StateCost& cost, const States& states) {
+inline void expect_conforms(const StateCost& cost, const States& states,
+                            double linearise_tolerance = 1e-9) {
   EXPECT_FALSE(cost.name().empty());
   expect_batch_consistent(cost, states);
   EXPECT_GT(expect_jacobians_match_differences(cost, states), 0)
       << cost.name() << " is zero at every state of the test";
-  expect_linearises(cost, states);
+  expect_linearises(cost, states, linearise_tolerance);
   const States kinks = states_next_to_kinks(cost, states);
   if (kinks.count() == 0) return;
   EXPECT_GT(expect_jacobians_match_differences(cost, kinks), 0);
-  expect_linearises(cost, kinks);
+  expect_linearises(cost, kinks, linearise_tolerance);
 }
 
 }  // namespace sidestep::conformance

@@ -329,29 +329,30 @@ TEST_P(FieldConformance, FindsThePointsBelowTheirLimits) {
   }
   const auto field = update();
   ASSERT_TRUE(field);
-  for (const std::size_t n : {std::size_t{8}, std::size_t{1600}}) {
+  for (const std::size_t n : {std::size_t{16}, std::size_t{1600}}) {
     std::vector<Eigen::Vector3d> points(n);
     for (std::size_t i = 0; i < n; ++i) {
-      // Every other eight along a path.
-      const bool follows = i % kLanes != 0 && i / kLanes % 2 == 0;
+      // Every other sixteen along a path; in single precision, as they are asked for below.
+      const bool follows = i % kFloatLanes != 0 && i / kFloatLanes % 2 == 0;
       for (int axis = 0; axis < 3; ++axis) {
         const double margin_m = 2.0 * spec.resolution_m;
         points[i][axis] =
             follows ? points[i - 1][axis] + at_random(-0.02, 0.02)
                     : at_random(spec.origin_m[axis] - margin_m, spec.upper_m()[axis] + margin_m);
+        points[i][axis] = static_cast<double>(static_cast<float>(points[i][axis]));
       }
     }
     points[n / 2].x() = std::numeric_limits<double>::quiet_NaN();
     std::vector<double> distances(n);
     std::vector<Eigen::Vector3d> gradients(n);
     std::vector<FieldStatus> statuses(n);
-    std::vector<PointLanes> in_lanes(n / kLanes);
+    std::vector<PointFloats> in_lanes(n / kFloatLanes);
     std::vector<double> limits_m;
     for (std::size_t i = 0; i < n; ++i) {
-      in_lanes[i / kLanes].x[i % kLanes] = points[i].x();
-      in_lanes[i / kLanes].y[i % kLanes] = points[i].y();
-      in_lanes[i / kLanes].z[i % kLanes] = points[i].z();
-      if (i % kLanes == 0) limits_m.push_back(at_random(-0.1, 0.6));
+      in_lanes[i / kFloatLanes].x[i % kFloatLanes] = static_cast<float>(points[i].x());
+      in_lanes[i / kFloatLanes].y[i % kFloatLanes] = static_cast<float>(points[i].y());
+      in_lanes[i / kFloatLanes].z[i % kFloatLanes] = static_cast<float>(points[i].z());
+      if (i % kFloatLanes == 0) limits_m.push_back(at_random(-0.1, 0.6));
     }
     field->query(points, distances, gradients, statuses);
     for (const bool also_unknown : {false, true}) {
@@ -361,7 +362,7 @@ TEST_P(FieldConformance, FindsThePointsBelowTheirLimits) {
       for (std::size_t i = 0; i < n; ++i) {
         const bool listed = statuses[i] == FieldStatus::kOutside ||
                             (also_unknown && statuses[i] == FieldStatus::kUnknown) ||
-                            !(distances[i] >= limits_m[i / kLanes]);
+                            !(distances[i] >= limits_m[i / kFloatLanes]);
         if (!listed) continue;
         ASSERT_LT(next, samples.size()) << "point " << i << " at " << points[i].transpose();
         const FieldSample& sample = samples[next++];

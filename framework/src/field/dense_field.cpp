@@ -39,8 +39,8 @@ SIDESTEP_INLINE bool is_known(const DenseField::KnownBlocks& known, const Addres
 // are never combined: g++ 12 makes eight scalar ones of them otherwise.
 using Indices = std::int32_t __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
 using Floats = float __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-using WideIndices = std::int32_t __attribute__((vector_size(8 * kLanes), aligned(4), may_alias));
-using WideFloats = float __attribute__((vector_size(8 * kLanes), aligned(4), may_alias));
+using FloatIndices =
+    std::int32_t __attribute__((vector_size(4 * kFloatLanes), aligned(4), may_alias));
 
 using sidestep::lanes;
 SIDESTEP_INLINE Indices& lanes(std::int32_t* at) noexcept {
@@ -48,6 +48,10 @@ SIDESTEP_INLINE Indices& lanes(std::int32_t* at) noexcept {
 }
 SIDESTEP_INLINE const Indices& lanes(const std::int32_t* at) noexcept {
   return *reinterpret_cast<const Indices*>(at);
+}
+
+SIDESTEP_INLINE FloatIndices& float_indices(std::int32_t* at) noexcept {
+  return *reinterpret_cast<FloatIndices*>(at);
 }
 
 /// Numbers of eight points: their x, then y, then z.
@@ -134,67 +138,48 @@ constexpr float kRounding_vox = 0.007F;
 /// is beyond doubt inside the grid and at least as far from obstacles as its limit.
 struct Vicinities {
   static constexpr std::size_t kGroups = 32;
-  static constexpr std::size_t kPoints = kGroups * kLanes;
+  static constexpr std::size_t kPoints = kGroups * kFloatLanes;
 
   alignas(64) std::int32_t block[kPoints];
   alignas(64) std::int32_t place[kPoints];
   alignas(64) float far_m[kPoints];  ///< Infinity beyond the grid, and for what is no point.
 };
 
-/// Of two groups, to the places `at` and on. steepest_voxel_m: how much values differ from voxel to
-/// voxel at most. In single precision, within the grid: kRounding covers it.
-SIDESTEP_INLINE void find_vicinities_of(const PointLanes& first_m, const PointLanes& second_m,
-                                        float first_limit_m, float second_limit_m,
-                                        const Bounds& bounds, float steepest_voxel_m,
-                                        std::size_t at, Vicinities& out) noexcept {
-  const double* groups_m[2][3] = {{first_m.x, first_m.y, first_m.z},
-                                  {second_m.x, second_m.y, second_m.z}};
+/// Of at most kGroups groups. steepest_voxel_m: how much values differ from voxel to voxel at most.
+/// Within the grid kRounding covers single precision.
+SIDESTEP_SIMD_CLONES
+void find_vicinities(std::span<const PointFloats> points_m, std::span<const double> limits_m,
+                     const Bounds& given_bounds, float steepest_voxel_m, Vicinities& out) noexcept {
   constexpr int kSide = kBlockSide_vox;
   constexpr int kShift = std::countr_zero(unsigned{kSide});
-  const auto scale = static_cast<float>(bounds.inverse_resolution);
-  WideFloats excess = {};  // squared, beyond the grid; no number for what is no point
-  WideFloats way = {};     // along the axes, to the nearest centre, in voxels
-  WideIndices block = {}, place = {};
-#pragma GCC unroll 3
-  for (std::size_t axis = 3; axis-- > 0;) {
-    const Lanes a = lanes(groups_m[0][axis]) - bounds.origin_m[axis];
-    const Lanes b = lanes(groups_m[1][axis]) - bounds.origin_m[axis];
-    const WideFloats p =
-        scale * __builtin_shufflevector(__builtin_convertvector(a, Floats),
-                                        __builtin_convertvector(b, Floats), 0, 1, 2, 3, 4, 5, 6, 7,
-                                        8, 9, 10, 11, 12, 13, 14, 15);
-    const WideFloats last = WideFloats{} + bounds.last_inside[axis];
-    WideFloats clamped = p > 0.0F ? p : WideFloats{};
-    clamped = clamped < last ? clamped : last;
-    excess += (p - clamped) * (p - clamped);
-    const WideIndices nearest = __builtin_convertvector(clamped, WideIndices);
-    const WideFloats off = clamped - __builtin_convertvector(nearest, WideFloats) - 0.5F;
-    way += off < 0.0F ? -off : off;
-    block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
-    place = (nearest & (kSide - 1)) + kSide * place;
-  }
-  const Floats first = Floats{} + first_limit_m, second = Floats{} + second_limit_m;
-  way = way < kLongestWay_vox ? way : WideFloats{} + kLongestWay_vox;
-  const WideFloats far =
-      steepest_voxel_m * (way + kRounding_vox) +
-      __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-  *reinterpret_cast<WideFloats*>(out.far_m + at) =
-      excess == 0.0F ? far : WideFloats{} + std::numeric_limits<float>::infinity();
-  *reinterpret_cast<WideIndices*>(out.block + at) = block;
-  *reinterpret_cast<WideIndices*>(out.place + at) = place;
-}
-
-/// Of at most kGroups groups; a last one without a second is looked at twice.
-SIDESTEP_SIMD_CLONES
-void find_vicinities(std::span<const PointLanes> points_m, std::span<const double> limits_m,
-                     const Bounds& given_bounds, float steepest_voxel_m, Vicinities& out) noexcept {
   const Bounds bounds = given_bounds;  // which stores of lanes do not alias
-  const std::size_t count = points_m.size();
-  for (std::size_t i = 0; i < count; i += 2) {
-    const std::size_t next = lesser(i + 1, count - 1);
-    find_vicinities_of(points_m[i], points_m[next], static_cast<float>(greater(limits_m[i], 0.0)),
-                       static_cast<float>(greater(limits_m[next], 0.0)), bounds, steepest_voxel_m,
-                       i * kLanes, out);
+  const auto scale = static_cast<float>(bounds.inverse_resolution);
+  for (std::size_t i = 0; i < points_m.size(); ++i) {
+    const float* coordinates_m[] = {points_m[i].x, points_m[i].y, points_m[i].z};
+    FloatLanes excess = {};  // squared, beyond the grid; no number for what is no point
+    FloatLanes way = {};     // along the axes, to the nearest centre, in voxels
+    FloatIndices block = {}, place = {};
+#pragma GCC unroll 3
+    for (std::size_t axis = 3; axis-- > 0;) {
+      const FloatLanes p =
+          scale * (lanes(coordinates_m[axis]) - static_cast<float>(bounds.origin_m[axis]));
+      const FloatLanes last = FloatLanes{} + bounds.last_inside[axis];
+      FloatLanes clamped = p > 0.0F ? p : FloatLanes{};
+      clamped = clamped < last ? clamped : last;
+      excess += (p - clamped) * (p - clamped);
+      const FloatIndices nearest = __builtin_convertvector(clamped, FloatIndices);
+      const FloatLanes off = clamped - __builtin_convertvector(nearest, FloatLanes) - 0.5F;
+      way += off < 0.0F ? -off : off;
+      block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
+      place = (nearest & (kSide - 1)) + kSide * place;
+    }
+    way = way < kLongestWay_vox ? way : FloatLanes{} + kLongestWay_vox;
+    const FloatLanes far =
+        steepest_voxel_m * (way + kRounding_vox) + static_cast<float>(greater(limits_m[i], 0.0));
+    lanes(out.far_m + i * kFloatLanes) =
+        excess == 0.0F ? far : FloatLanes{} + std::numeric_limits<float>::infinity();
+    float_indices(out.block + i * kFloatLanes) = block;
+    float_indices(out.place + i * kFloatLanes) = place;
   }
 }
 
@@ -204,6 +189,7 @@ std::size_t list_near(const Vicinities& of, std::size_t count, const DenseField:
                       const DenseField::KnownBlocks* known, std::uint32_t* list) noexcept {
   std::size_t listed = 0;
   if (known == nullptr) {
+#pragma GCC unroll 8
     for (std::size_t i = 0; i < count; ++i) {
       const float value_m = blocks.block(static_cast<std::size_t>(of.block[i]))
                                 .distance_m[static_cast<std::size_t>(of.place[i])];
@@ -300,7 +286,7 @@ SIDESTEP_INLINE void interpolate(const Cells& cells, const Places& places, const
   Lanes along_x[2][2], slope_x[2][2];  // z, y
   for (std::size_t k = 0; k < 2; ++k) {
     for (std::size_t j = 0; j < 2; ++j) {
-      const auto& corners = reinterpret_cast<const WideFloats&>(cells.corner[k][j]);
+      const auto& corners = reinterpret_cast<const FloatLanes&>(cells.corner[k][j]);
       const Lanes low = __builtin_convertvector(
           __builtin_shufflevector(corners, corners, 0, 2, 4, 6, 8, 10, 12, 14), Lanes);
       const Lanes high = __builtin_convertvector(
@@ -363,9 +349,9 @@ struct Batch {
   }
   [[nodiscard]] FieldStatus status(std::size_t i,
                                    const DenseField::KnownBlocks& known) const noexcept {
-    if (!is_inside(i)) return FieldStatus::kOutside;
-    return is_known(known, places[i / kLanes].nearest(i % kLanes)) ? FieldStatus::kKnown
-                                                                   : FieldStatus::kUnknown;
+    const bool is_seen = is_known(known, places[i / kLanes].nearest(i % kLanes));
+    const FieldStatus inside = is_seen ? FieldStatus::kKnown : FieldStatus::kUnknown;
+    return is_inside(i) ? inside : FieldStatus::kOutside;
   }
 };
 
@@ -432,7 +418,7 @@ void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
   }
 }
 
-std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
+std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
                                     std::span<const double> limits_m, bool also_unknown,
                                     std::span<FieldSample> samples) const noexcept {
   const Bounds bounds(info().grid);
@@ -442,13 +428,17 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
 
   const auto write_those_below = [&] {
     sample(blocks_, bounds, near);
+    // Without branches, too: two in five are not below.
     for (std::size_t k = 0; k < near.count; ++k) {
       const double distance_m = near.distance_m(k);
-      const bool is_below = !(distance_m >= limits_m[points[k] / kLanes]) || !near.is_inside(k);
-      if (!is_below && !also_unknown) continue;
       const FieldStatus status = near.status(k, known_);
-      if (!is_below && status != FieldStatus::kUnknown) continue;
-      samples[written++] = {points[k], status, distance_m, near.gradient(k)};
+      const auto is_below =
+          static_cast<unsigned>(!(distance_m >= limits_m[points[k] / kFloatLanes]));
+      const auto is_outside = static_cast<unsigned>(status == FieldStatus::kOutside);
+      const auto is_unknown = static_cast<unsigned>(status == FieldStatus::kUnknown) &
+                              static_cast<unsigned>(also_unknown);
+      samples[written] = {points[k], status, distance_m, near.gradient(k)};
+      written += is_below | is_outside | is_unknown;
     }
     near.count = 0;
   };
@@ -459,13 +449,14 @@ std::size_t DenseField::query_below(std::span<const PointLanes> points_m,
     const std::size_t groups = std::min(Vicinities::kGroups, points_m.size() - first);
     find_vicinities(points_m.subspan(first, groups), limits_m.subspan(first, groups), bounds,
                     steepest_voxel_m, vicinities);
-    const std::size_t listed = list_near(vicinities, groups * kLanes, blocks_,
+    const std::size_t listed = list_near(vicinities, groups * kFloatLanes, blocks_,
                                          also_unknown ? &known_ : nullptr, list.data());
     for (std::size_t k = 0; k < listed; ++k) {
-      const std::size_t point = first * kLanes + list[k], lane = point % kLanes;
-      const PointLanes& of_m = points_m[point / kLanes];
+      const std::size_t point = first * kFloatLanes + list[k], lane = point % kFloatLanes;
+      const PointFloats& of_m = points_m[point / kFloatLanes];
       points[near.count] = point;
-      near.add(of_m.x[lane], of_m.y[lane], of_m.z[lane]);
+      near.add(static_cast<double>(of_m.x[lane]), static_cast<double>(of_m.y[lane]),
+               static_cast<double>(of_m.z[lane]));
       if (near.count == Batch::kPoints) write_those_below();
     }
   }

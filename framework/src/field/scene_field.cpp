@@ -152,19 +152,27 @@ void SceneField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
   }
 }
 
-std::size_t SceneField::query_below(std::span<const PointLanes> points_m,
+std::size_t SceneField::query_below(std::span<const PointFloats> points_m,
                                     std::span<const double> limits_m, bool /*also_unknown*/,
                                     std::span<FieldSample> samples) const noexcept {
   std::size_t written = 0;
   Nearest nearest;
-  for (std::size_t i = 0; i < points_m.size(); ++i) {
-    find_nearest(points_m[i], limits_m[i], nearest);
-    const bool all_inside = std::ranges::all_of(nearest.is_inside, std::identity());
-    if (!all_inside) find_nearest(points_m[i], kInfinity, nearest);  // these have no limit
+  PointLanes group_m;
+  for (std::size_t first = 0; first < points_m.size() * kFloatLanes; first += kLanes) {
+    const PointFloats& from_m = points_m[first / kFloatLanes];
+    const double limit_m = limits_m[first / kFloatLanes];
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      if (nearest.is_inside[lane] && !(nearest.distances_m[lane] < limits_m[i])) continue;
+      group_m.x[lane] = static_cast<double>(from_m.x[first % kFloatLanes + lane]);
+      group_m.y[lane] = static_cast<double>(from_m.y[first % kFloatLanes + lane]);
+      group_m.z[lane] = static_cast<double>(from_m.z[first % kFloatLanes + lane]);
+    }
+    find_nearest(group_m, limit_m, nearest);
+    const bool all_inside = std::ranges::all_of(nearest.is_inside, std::identity());
+    if (!all_inside) find_nearest(group_m, kInfinity, nearest);  // these have no limit
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      if (nearest.is_inside[lane] && !(nearest.distances_m[lane] < limit_m)) continue;
       samples[written] = sample(nearest, lane);
-      samples[written++].point = i * kLanes + lane;
+      samples[written++].point = first + lane;
     }
   }
   return written;

@@ -40,7 +40,7 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
 }
 
 std::size_t query_below_with_policy(const DistanceField& field, const SpacePolicy& policy,
-                                    std::span<const PointLanes> points_m,
+                                    std::span<const PointFloats> points_m,
                                     std::span<const double> limits_m,
                                     std::span<FieldSample> samples) noexcept {
   const bool also_unknown = policy.unknown == Space::kOccupied;
@@ -48,8 +48,8 @@ std::size_t query_below_with_policy(const DistanceField& field, const SpacePolic
   std::size_t kept = 0;
   for (std::size_t i = 0; i < found; ++i) {
     FieldSample& sample = samples[i];
-    const std::size_t block = sample.point / kLanes, lane = sample.point % kLanes;
-    const PointLanes& in_m = points_m[block];
+    const std::size_t block = sample.point / kFloatLanes, lane = sample.point % kFloatLanes;
+    const PointFloats& in_m = points_m[block];
     apply(policy, field.info().grid, {in_m.x[lane], in_m.y[lane], in_m.z[lane]}, sample.status,
           sample.distance_m, sample.gradient);
     if (sample.distance_m >= limits_m[block]) continue;

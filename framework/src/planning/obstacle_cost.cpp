@@ -38,59 +38,65 @@ class ObstacleCost final : public StateCost, public HasCostForm {
                    Scratch& scratch) const override {
     Scratch::Scope scope(scratch);
     const auto dof = static_cast<std::size_t>(states.dof);
-    const std::size_t groups = padded(static_cast<std::size_t>(states.count)) / kLanes;
-    const auto centres_m = scope.array<PointLanes>(groups * spheres_);
+    const std::size_t groups = float_groups(static_cast<std::size_t>(states.count));
+    const auto centres_m = scope.array<PointFloats>(groups * spheres_);
     const auto limits_m = scope.doubles(centres_m.size());
-    const auto near = scope.array<FieldSample>(kLanes * centres_m.size());
+    const auto near = scope.array<FieldSample>(kFloatLanes * centres_m.size());
     for (std::size_t g = 0; g < groups; ++g) {
       std::ranges::copy(reach_m_, limits_m.begin() + static_cast<std::ptrdiff_t>(g * spheres_));
     }
-    const auto axes = scope.doubles(tree_ != nullptr ? tree_->axes_size(groups * kLanes) : 0);
+    const auto axes = scope.array<float>(
+        tree_ != nullptr ? tree_->axes_size(static_cast<std::size_t>(states.count)) : 0);
     if (tree_ != nullptr) {
       tree_->sphere_centre_lanes(states.q, centres_m, axes, scratch);
     } else {
-      robot_->sphere_centre_lanes(states.q, centres_m, scratch);
+      find_centres(states, centres_m, scratch);
     }
     const std::size_t found = query_below_with_policy(*field_, space_, centres_m, limits_m, near);
 
-    const auto forces = scope.array<LinkForce>(found);
+    // Each is written once below, so that none need be constructed before.
+    static_assert(sizeof(LinkForce) % sizeof(double) == 0);
+    const auto room = scope.doubles(found * sizeof(LinkForce) / sizeof(double));
+    const std::span forces(reinterpret_cast<LinkForce*>(room.data()), found);
     const auto residuals = scope.doubles(found);
-    const auto rows = scope.doubles(found * dof);
     std::size_t count = 0;
+    double sum = 0.0;
     for (std::size_t begin = 0, end = 0, group = 0; begin < found; begin = end, ++group) {
       // Sorted by lane, which is the state.
-      std::array<std::size_t, kLanes> at{};
-      const std::size_t last = (group + 1) * kLanes * spheres_;
-      for (; end < found && near[end].point < last; ++end) ++at[near[end].point % kLanes];
-      const std::size_t real = static_cast<std::size_t>(states.count) - group * kLanes;
-      for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      std::array<std::size_t, kFloatLanes> at{};
+      const std::size_t last = (group + 1) * kFloatLanes * spheres_;
+      for (; end < found && near[end].point < last; ++end) ++at[near[end].point % kFloatLanes];
+      const std::size_t real = static_cast<std::size_t>(states.count) - group * kFloatLanes;
+      for (std::size_t lane = 0; lane < kFloatLanes; ++lane) {
         const std::size_t in_lane = at[lane];
         at[lane] = count;
         if (lane < real) count += in_lane;
       }
       for (const FieldSample& sample : near.subspan(begin, end - begin)) {
-        const std::size_t lane = sample.point % kLanes;
+        const std::size_t lane = sample.point % kFloatLanes;
         if (lane >= real) continue;
-        const PointLanes& in_m = centres_m[sample.point / kLanes];
-        const std::size_t sphere = sample.point / kLanes - group * spheres_;
-        const Eigen::Vector3d centre_m(in_m.x[lane], in_m.y[lane], in_m.z[lane]);
+        const PointFloats& in_m = centres_m[sample.point / kFloatLanes];
+        const std::size_t sphere = sample.point / kFloatLanes - group * spheres_;
+        const Eigen::Vector3d centre_m =
+            Eigen::Vector3f(in_m.x[lane], in_m.y[lane], in_m.z[lane]).cast<double>();
         const Eigen::Vector3d force = -weight_ * sample.gradient;
         const std::size_t k = at[lane]++;
-        forces[k] = {static_cast<int>(group * kLanes + lane), link_[sphere], force,
-                     centre_m.cross(force)};
-        residuals[k] = weight_ * (reach_m_[sphere] - sample.distance_m);
+        const double residual = weight_ * (reach_m_[sphere] - sample.distance_m);
+        std::construct_at(&forces[k], static_cast<int>(group * kFloatLanes + lane), link_[sphere],
+                          force, centre_m.cross(force));
+        residuals[k] = residual;
+        sum += residual * residual;
       }
     }
+    if (0.5 * sum > out.rows_wanted_below()) return 0.5 * sum;
+    const auto rows = scope.doubles(count * dof + kLanes);
     if (tree_ != nullptr) {
       tree_->pull_back_along(axes, forces.first(count), rows, scratch);
     } else {
       robot_->pull_back(states.q, forces.first(count), rows, scratch);
     }
-    double sum = 0.0;
     for (std::size_t begin = 0, end = 0; begin < count; begin = end) {
-      for (; end < count && forces[end].row == forces[begin].row; ++end) {
-        sum += residuals[end] * residuals[end];
-      }
+      while (end < count && forces[end].row == forces[begin].row) ++end;
       out.add_rows(range[static_cast<std::size_t>(forces[begin].row)],
                    rows.subspan(begin * dof, (end - begin) * dof),
                    residuals.subspan(begin, end - begin));
@@ -121,6 +127,25 @@ class ObstacleCost final : public StateCost, public HasCostForm {
   }
 
  private:
+  /// For robots of other kinds.
+  void find_centres(const StateBatch& states, std::span<PointFloats> centres_m,
+                    Scratch& scratch) const {
+    Scratch::Scope scope(scratch);
+    const auto n = static_cast<std::size_t>(states.count);
+    const auto in_lanes_m = scope.array<PointLanes>(padded(n) / kLanes * spheres_);
+    robot_->sphere_centre_lanes(states.q, in_lanes_m, scratch);
+    for (std::size_t i = 0; i < float_groups(n) * kFloatLanes; ++i) {
+      const std::size_t state = std::min(i, n - 1);
+      for (std::size_t s = 0; s < spheres_; ++s) {
+        const PointLanes& from_m = in_lanes_m[state / kLanes * spheres_ + s];
+        PointFloats& to_m = centres_m[i / kFloatLanes * spheres_ + s];
+        to_m.x[i % kFloatLanes] = static_cast<float>(from_m.x[state % kLanes]);
+        to_m.y[i % kFloatLanes] = static_cast<float>(from_m.y[state % kLanes]);
+        to_m.z[i % kFloatLanes] = static_cast<float>(from_m.z[state % kLanes]);
+      }
+    }
+  }
+
   /// Jacobians of the spheres are formed only for the states in which one is within reach.
   void differentiate(const StateBatch& states, std::span<const double> residuals,
                      std::span<const Eigen::Vector3d> gradients, std::span<double> jacobian,

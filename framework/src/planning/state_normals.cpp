@@ -19,17 +19,20 @@ void add_outer(double* hessian, double* gradient, const double* row, double resi
   }
 }
 
-/// The same for many rows of `kWidth` entries, at most kLanes, one after the other.
+/// The same for many rows of `kWidth` entries, at most kLanes, one after the other; what is there
+/// before counts only if `is_open`.
 template <std::size_t kWidth>
 SIDESTEP_INLINE void add_products_of(double* hessian, double* gradient, const double* rows,
-                                     const double* residuals, std::size_t count) {
+                                     const double* residuals, std::size_t count, bool is_open) {
   using Counts = std::int64_t __attribute__((vector_size(8 * kLanes)));
   const Counts lane = {0, 1, 2, 3, 4, 5, 6, 7};
   const Counts end = Counts{} + static_cast<std::int64_t>(kWidth);
   Lanes sums[kWidth];
 #pragma GCC unroll 8
-  for (std::size_t j = 0; j < kWidth; ++j) sums[j] = Lanes{};
-  Lanes pull = {};
+  for (std::size_t j = 0; j < kWidth; ++j) {
+    sums[j] = is_open ? lanes(hessian + j * kLanes) : Lanes{};
+  }
+  Lanes pull = is_open ? lanes(gradient) : Lanes{};
   alignas(64) double last_row[kLanes] = {};
   for (std::size_t i = 0; i < count; ++i) {
     // Read in whole lanes, of which those beyond the row count as zero, where there is so much.
@@ -43,32 +46,33 @@ SIDESTEP_INLINE void add_products_of(double* hessian, double* gradient, const do
 #pragma GCC unroll 8
     for (std::size_t j = 0; j < kWidth; ++j) sums[j] += row[j] * values;
   }
-  lanes(gradient) += pull;
+  lanes(gradient) = pull;
 #pragma GCC unroll 8
-  for (std::size_t j = 0; j < kWidth; ++j) lanes(hessian + j * kLanes) += sums[j];
+  for (std::size_t j = 0; j < kWidth; ++j) lanes(hessian + j * kLanes) = sums[j];
 }
 
 /// The same for any width: with one that is known the sums stay in registers.
 SIDESTEP_SIMD_CLONES
 void add_narrow_products(double* hessian, double* gradient, const double* rows,
-                         const double* residuals, std::size_t count, std::size_t width) {
+                         const double* residuals, std::size_t count, std::size_t width,
+                         bool is_open) {
   switch (width) {
-    case 1: return add_products_of<1>(hessian, gradient, rows, residuals, count);
-    case 2: return add_products_of<2>(hessian, gradient, rows, residuals, count);
-    case 3: return add_products_of<3>(hessian, gradient, rows, residuals, count);
-    case 4: return add_products_of<4>(hessian, gradient, rows, residuals, count);
-    case 5: return add_products_of<5>(hessian, gradient, rows, residuals, count);
-    case 6: return add_products_of<6>(hessian, gradient, rows, residuals, count);
-    case 7: return add_products_of<7>(hessian, gradient, rows, residuals, count);
-    default: return add_products_of<8>(hessian, gradient, rows, residuals, count);
+    case 1: return add_products_of<1>(hessian, gradient, rows, residuals, count, is_open);
+    case 2: return add_products_of<2>(hessian, gradient, rows, residuals, count, is_open);
+    case 3: return add_products_of<3>(hessian, gradient, rows, residuals, count, is_open);
+    case 4: return add_products_of<4>(hessian, gradient, rows, residuals, count, is_open);
+    case 5: return add_products_of<5>(hessian, gradient, rows, residuals, count, is_open);
+    case 6: return add_products_of<6>(hessian, gradient, rows, residuals, count, is_open);
+    case 7: return add_products_of<7>(hessian, gradient, rows, residuals, count, is_open);
+    default: return add_products_of<8>(hessian, gradient, rows, residuals, count, is_open);
   }
 }
 
 }  // namespace
 
 void StateNormals::Blocks::resize(std::size_t states, std::size_t block_width) {
-  if (active.size() == states && width == block_width) {  // of which few hold anything
-    for (std::size_t s = 0; s < states; ++s) clear(s);
+  if (active.size() == states && width == block_width) {
+    std::ranges::fill(active, 0);
     return;
   }
   width = block_width;
@@ -77,19 +81,19 @@ void StateNormals::Blocks::resize(std::size_t states, std::size_t block_width) {
   active.assign(states, 0);
 }
 
-void StateNormals::Blocks::clear(std::size_t state) noexcept {
-  if (active[state] == 0) return;
+void StateNormals::Blocks::open(std::size_t state) noexcept {
+  if (active[state] != 0) return;
   const std::size_t stride = padded(width);
   std::fill_n(hessians.data() + state * width * stride, width * stride, 0.0);
   std::fill_n(gradients.data() + state * stride, stride, 0.0);
-  active[state] = 0;
+  active[state] = 1;
 }
 
 void StateNormals::Blocks::add(std::size_t state, const double* row, double residual) {
+  open(state);
   const std::size_t stride = padded(width);
   add_outer(hessians.data() + state * width * stride, gradients.data() + state * stride, row,
             residual, width);
-  active[state] = 1;
 }
 
 void StateNormals::resize(int states, int dof) {
@@ -100,12 +104,13 @@ void StateNormals::resize(int states, int dof) {
 }
 
 void StateNormals::clear() noexcept {
-  for (std::size_t s = 0; s < position_.active.size(); ++s) clear(s);
+  std::ranges::fill(position_.active, 0);
+  std::ranges::fill(full_.active, 0);
 }
 
 void StateNormals::clear(std::size_t state) noexcept {
-  position_.clear(state);
-  full_.clear(state);
+  position_.active[state] = 0;
+  full_.active[state] = 0;
 }
 
 void StateNormals::add_rows(std::size_t state, std::span<const double> by_q,
@@ -121,7 +126,7 @@ void StateNormals::add_rows(std::size_t state, std::span<const double> by_q,
   }
   add_narrow_products(position_.hessians.data() + state * dof_ * kLanes,
                       position_.gradients.data() + state * kLanes, by_q.data(), residuals.data(),
-                      residuals.size(), dof_);
+                      residuals.size(), dof_, position_.active[state] != 0);
   position_.active[state] = 1;
 }
 
@@ -135,10 +140,10 @@ void StateNormals::add_row(std::size_t state, std::span<const double> by_q,
 
 void StateNormals::Blocks::add_entry(std::size_t state, std::size_t variable, double entry,
                                      double residual) {
+  open(state);
   const std::size_t stride = padded(width);
   hessians.data()[(state * width + variable) * stride + variable] += entry * entry;
   gradients.data()[state * stride + variable] += entry * residual;
-  active[state] = 1;
 }
 
 void StateNormals::add_position_entry(std::size_t state, std::size_t joint, double entry,

@@ -192,29 +192,39 @@ void KinematicTree::link_poses(std::span<const double> q, std::span<Transform> T
 
 void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
                                         Scratch& scratch) const {
-  sphere_centre_lanes(q, centres_m, {}, scratch);
-}
-
-void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
-                                        std::span<double> axes, Scratch& scratch) const {
   const std::size_t count = spheres_.size();
   if (count == 0) return;
   const std::size_t dof = at(description_.dof());
   const std::size_t n = std::min(q.size() / dof, centres_m.size() / count * kLanes);
-  auto* const all_axes = reinterpret_cast<detail::AxisLanes*>(axes.data());
   Scratch::Scope scope(scratch);
-  const auto bodies = scope.array<detail::PoseLanes>(bodies_.size());
+  const auto bodies = scope.array<detail::Poses<double>>(bodies_.size());
   for (std::size_t row = 0; row < n; row += kLanes) {
     detail::place_bodies(bodies_, q.subspan(row * dof, std::min(kLanes, n - row) * dof), dof,
                          bodies.data());
     detail::carry_spheres(spheres_, bodies.data(), centres_m.data() + row / kLanes * count);
-    if (axes.empty()) continue;
-    detail::find_axes(bodies.data(), bodies_.size(), all_axes + row / kLanes * bodies_.size());
+  }
+}
+
+void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<PointFloats> centres_m,
+                                        std::span<float> axes, Scratch& scratch) const {
+  const std::size_t count = spheres_.size();
+  if (count == 0) return;
+  const std::size_t dof = at(description_.dof());
+  const std::size_t n = std::min(q.size() / dof, centres_m.size() / count * kFloatLanes);
+  auto* const all_axes = reinterpret_cast<detail::Axes<float>*>(axes.data());
+  Scratch::Scope scope(scratch);
+  const auto bodies = scope.array<detail::Poses<float>>(bodies_.size());
+  for (std::size_t row = 0; row < n; row += kFloatLanes) {
+    const std::size_t group = row / kFloatLanes;
+    detail::place_bodies(bodies_, q.subspan(row * dof, std::min(kFloatLanes, n - row) * dof), dof,
+                         bodies.data());
+    detail::carry_spheres(spheres_, bodies.data(), centres_m.data() + group * count);
+    detail::find_axes(bodies.data(), bodies_.size(), all_axes + group * bodies_.size());
   }
 }
 
 std::size_t KinematicTree::axes_size(std::size_t n) const noexcept {
-  return padded(n) / kLanes * bodies_.size() * (sizeof(detail::AxisLanes) / sizeof(double));
+  return float_groups(n) * bodies_.size() * (sizeof(detail::Axes<float>) / sizeof(float));
 }
 
 void KinematicTree::sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
@@ -269,8 +279,8 @@ void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkFor
                               std::span<double> joint_forces, Scratch& scratch) const {
   const std::size_t dof = at(description_.dof());
   Scratch::Scope scope(scratch);
-  const auto poses = scope.array<detail::PoseLanes>(bodies_.size());
-  const auto axes = scope.array<detail::AxisLanes>(bodies_.size());
+  const auto poses = scope.array<detail::Poses<double>>(bodies_.size());
+  const auto axes = scope.array<detail::Axes<double>>(bodies_.size());
   const auto axes_of = [&](std::size_t group) {
     const auto from = q.subspan(group * kLanes * dof);
     detail::place_bodies(bodies_, from.first(std::min(from.size(), kLanes * dof)), dof,
@@ -278,47 +288,51 @@ void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkFor
     detail::find_axes(poses.data(), bodies_.size(), axes.data());
     return axes.data();
   };
-  pull_back_with(axes_of, forces, joint_forces, scratch);
+  pull_back_with<double>(axes_of, forces, joint_forces, scratch);
 }
 
-void KinematicTree::pull_back_along(std::span<const double> axes, std::span<const LinkForce> forces,
+void KinematicTree::pull_back_along(std::span<const float> axes, std::span<const LinkForce> forces,
                                     std::span<double> joint_forces, Scratch& scratch) const {
-  const auto* const first = reinterpret_cast<const detail::AxisLanes*>(axes.data());
+  const auto* const first = reinterpret_cast<const detail::Axes<float>*>(axes.data());
   const auto axes_of = [&](std::size_t group) { return first + group * bodies_.size(); };
-  pull_back_with(axes_of, forces, joint_forces, scratch);
+  pull_back_with<float>(axes_of, forces, joint_forces, scratch);
 }
 
-/// axes_of(group): those of all bodies in configurations group * kLanes and on.
-template <class AxesOf>
+/// axes_of(group): those of all bodies in the configurations of a group of lanes.
+template <class Number, class AxesOf>
 void KinematicTree::pull_back_with(const AxesOf& axes_of, std::span<const LinkForce> forces,
                                    std::span<double> joint_forces, Scratch& scratch) const {
   const std::size_t dof = at(description_.dof());
   const std::size_t count = std::min(forces.size(), joint_forces.size() / dof);
+  if (count == 0) return;
+  constexpr std::size_t kInGroup = detail::kLanesOf<Number>;
   const std::size_t stride = padded(columns_.size());
   Scratch::Scope scope(scratch);
-  const auto screws = scope.array<detail::ScrewLanes>(bodies_.size());
-  const auto table = scope.doubles(6 * stride);
-  // In one go of lanes those beyond the joints may fall on the next row, which is written later.
+  const auto screws = scope.array<detail::Screws<Number>>(bodies_.size());
+  const auto table = scope.array<Number>(6 * stride);
+  // In one go of lanes those beyond the joints fall on the next row, which is written later.
   const bool in_rows = columns_.size() == dof && stride == kLanes;
+  const bool in_place = in_rows && joint_forces.size() >= (count - 1) * dof + kLanes;
   const std::size_t step = in_rows ? dof : stride;
-  const auto works = scope.doubles(count * step + stride);
-  std::ranges::fill(table, 0.0);
+  const auto works = in_place ? joint_forces : scope.doubles(count * step + stride);
+  std::ranges::fill(table, Number{});
   std::size_t group = 0;  // whose screws are known, counted from 1
   for (std::size_t k = 0, end = 0; k < count; k = end) {
-    const std::size_t row = at(forces[k].row), lane = row % kLanes;
-    if (row / kLanes + 1 != group) {
-      group = row / kLanes + 1;
+    const std::size_t row = at(forces[k].row), lane = row % kInGroup;
+    if (row / kInGroup + 1 != group) {
+      group = row / kInGroup + 1;
       detail::find_screws(bodies_, axes_of(group - 1), screws.data());
     }
     for (std::size_t c = 0; c < columns_.size(); ++c) {
       if (columns_[c].body == -1) continue;
-      const detail::ScrewLanes& screw = screws[at(columns_[c].body)];
+      const detail::Screws<Number>& screw = screws[at(columns_[c].body)];
       for (std::size_t i = 0; i < 6; ++i) table[i * stride + c] = screw.values[i][lane];
     }
     while (end < count && forces[end].row == forces[k].row) ++end;
     detail::find_works(forces.subspan(k, end - k), body_of_link_.data(), table.data(), stride,
                        weights_.data(), works.data() + k * step, step);
   }
+  if (in_place) return;
   if (in_rows) {
     std::ranges::copy(works.first(count * dof), joint_forces.begin());
     return;

@@ -10,149 +10,221 @@ namespace {
 
 using Motion = TreeJoint::Motion;
 
-/// out = R * v + offset, of column-major R.
-SIDESTEP_INLINE void multiply(const double (&R)[9][kLanes], const double* v, double (*out)[kLanes],
-                              const double (*offset)[kLanes]) noexcept {
+template <class Number>
+struct InLanes;
+template <>
+struct InLanes<double> {
+  using Type = Lanes;
+};
+template <>
+struct InLanes<float> {
+  using Type = FloatLanes;
+};
+/// Numbers of one kind in lanes.
+template <class Number>
+using LanesOf = typename InLanes<Number>::Type;
+
+/// The configurations of as many lanes.
+template <class Number>
+using Rows = const double * [kLanesOf<Number>];
+
+/// A vector as numbers of one kind.
+template <class Number>
+struct Vector {
+  Number x, y, z;
+  SIDESTEP_INLINE explicit Vector(const double* v) noexcept
+      : x(static_cast<Number>(v[0])), y(static_cast<Number>(v[1])), z(static_cast<Number>(v[2])) {}
+};
+
+/// out = R * v, of column-major R; plus `offset` unless that is null.
+template <class Number>
+SIDESTEP_INLINE void multiply(const Number (&R)[9][kLanesOf<Number>], const Vector<Number>& v,
+                              Number (*out)[kLanesOf<Number>],
+                              const Number (*offset)[kLanesOf<Number>]) noexcept {
   for (std::size_t row = 0; row < 3; ++row) {
-    Lanes sum = lanes(R[row]) * v[0] + lanes(R[3 + row]) * v[1] + lanes(R[6 + row]) * v[2];
+    LanesOf<Number> sum = lanes(R[row]) * v.x + lanes(R[3 + row]) * v.y + lanes(R[6 + row]) * v.z;
     if (offset != nullptr) sum += lanes(offset[row]);
     lanes(out[row]) = sum;
   }
 }
 
 /// out = column `axis` of R, counted from 1, reversed where that is negative.
-SIDESTEP_INLINE void copy_axis(const double (&R)[9][kLanes], int axis,
-                               double (*out)[kLanes]) noexcept {
+template <class Number>
+SIDESTEP_INLINE void copy_axis(const Number (&R)[9][kLanesOf<Number>], int axis,
+                               Number (*out)[kLanesOf<Number>]) noexcept {
   const std::size_t from = 3 * (static_cast<std::size_t>(axis < 0 ? -axis : axis) - 1);
   for (std::size_t row = 0; row < 3; ++row) {
-    const Lanes value = lanes(R[from + row]);
+    const LanesOf<Number> value = lanes(R[from + row]);
     lanes(out[row]) = axis < 0 ? -value : value;
   }
 }
 
 /// The pose of a frame that is fixed to a body, or to the world where that is null.
-SIDESTEP_INLINE void attach(const PoseLanes* body, const TreeBody& frame, PoseLanes& out) noexcept {
+template <class Number>
+SIDESTEP_INLINE void attach(const Poses<Number>* body, const TreeBody& frame,
+                            Poses<Number>& out) noexcept {
   const double* R = frame.R_parent_joint.data();
   const double* p = frame.p_parent_joint.data();
   if (body == nullptr) {
-    for (std::size_t i = 0; i < 9; ++i) lanes(out.R[i]) = Lanes{} + R[i];
-    for (std::size_t i = 0; i < 3; ++i) lanes(out.p[i]) = Lanes{} + p[i];
+    for (std::size_t i = 0; i < 9; ++i) {
+      lanes(out.R[i]) = LanesOf<Number>{} + static_cast<Number>(R[i]);
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+      lanes(out.p[i]) = LanesOf<Number>{} + static_cast<Number>(p[i]);
+    }
     return;
   }
   for (std::size_t column = 0; column < 3; ++column) {
     const int axis = frame.axes[column];
     if (axis == 0) {
-      multiply(body->R, R + 3 * column, out.R + 3 * column, nullptr);
+      multiply<Number>(body->R, Vector<Number>(R + 3 * column), out.R + 3 * column, nullptr);
     } else {
-      copy_axis(body->R, axis, out.R + 3 * column);
+      copy_axis<Number>(body->R, axis, out.R + 3 * column);
     }
   }
-  multiply(body->R, p, out.p, body->p);
+  multiply<Number>(body->R, Vector<Number>(p), out.p, body->p);
 }
 
-/// Turns about the frame's own z.
-SIDESTEP_INLINE void turn(PoseLanes& pose, const Lanes& s, const Lanes& c) noexcept {
+/// Turns about the frame's own z, or shifts along it. Of an angle or a way, what place_fast() and
+/// place_any() have left where the pose will be: a sine and a cosine, or the way.
+template <class Number>
+SIDESTEP_INLINE void move(const TreeBody& body, const LanesOf<Number>& first,
+                          const LanesOf<Number>& second, Poses<Number>& pose) noexcept {
+  if (body.motion == Motion::kTranslation) {
+    for (std::size_t row = 0; row < 3; ++row) lanes(pose.p[row]) += first * lanes(pose.R[6 + row]);
+    return;
+  }
   for (std::size_t row = 0; row < 3; ++row) {
-    const Lanes x = lanes(pose.R[row]), y = lanes(pose.R[3 + row]);
-    lanes(pose.R[row]) = c * x + s * y;
-    lanes(pose.R[3 + row]) = c * y - s * x;
+    const LanesOf<Number> x = lanes(pose.R[row]), y = lanes(pose.R[3 + row]);
+    lanes(pose.R[row]) = second * x + first * y;
+    lanes(pose.R[3 + row]) = second * y - first * x;
   }
 }
 
-/// Shifts along the frame's own z.
-SIDESTEP_INLINE void shift(PoseLanes& pose, const Lanes& way) noexcept {
-  for (std::size_t row = 0; row < 3; ++row) lanes(pose.p[row]) += way * lanes(pose.R[6 + row]);
+/// What joints do, in `poses` as move() wants it, makes poses of.
+template <class Number>
+SIDESTEP_INLINE void move_all(std::span<const TreeBody> bodies, Poses<Number>* poses) noexcept {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    const TreeBody& body = bodies[b];
+    const LanesOf<Number> first = lanes(poses[b].R[0]), second = lanes(poses[b].R[1]);
+    attach<Number>(body.parent == -1 ? nullptr : poses + body.parent, body, poses[b]);
+    if (body.joint != -1) move<Number>(body, first, second, poses[b]);
+  }
+}
+
+SIDESTEP_INLINE void read_joint(const TreeBody& body, const double* const* rows,
+                                Lanes& values) noexcept {
+  const int j = body.joint;
+  const Lanes of_joint = {rows[0][j], rows[1][j], rows[2][j], rows[3][j],
+                          rows[4][j], rows[5][j], rows[6][j], rows[7][j]};
+  values = body.multiplier * of_joint + body.offset;
+}
+
+SIDESTEP_INLINE void keep_largest(const Lanes& values, Lanes& largest) noexcept {
+  const Lanes size = values < 0.0 ? -values : values;
+  largest = size > largest ? size : largest;
+}
+
+SIDESTEP_INLINE void read_motion(const TreeBody& body, const Rows<double>& rows, Lanes& largest,
+                                 Poses<double>& pose) noexcept {
+  Lanes value, s, c;
+  read_joint(body, rows, value);
+  if (body.motion == Motion::kTranslation) {
+    lanes(pose.R[0]) = value;
+    return;
+  }
+  keep_largest(value, largest);
+  sine_lanes(value, s, c);
+  lanes(pose.R[0]) = s;
+  lanes(pose.R[1]) = c;
+}
+
+SIDESTEP_INLINE void read_motion(const TreeBody& body, const Rows<float>& rows, Lanes& largest,
+                                 Poses<float>& pose) noexcept {
+  Lanes low, high;
+  read_joint(body, rows, low);
+  read_joint(body, rows + kLanes, high);
+  FloatLanes first, second;
+  if (body.motion == Motion::kTranslation) {
+    join(low, high, first);
+    lanes(pose.R[0]) = first;
+    return;
+  }
+  keep_largest(low, largest);
+  keep_largest(high, largest);
+  sine_lanes(low, high, first, second);
+  lanes(pose.R[0]) = first;
+  lanes(pose.R[1]) = second;
 }
 
 /// Returns the largest angle; the poses are right where that is no larger than kLargestAngle.
-SIDESTEP_SIMD_CLONES
-double place_fast(std::span<const TreeBody> bodies, const double* const (&rows)[kLanes],
-                  PoseLanes* poses) noexcept {
+template <class Number>
+SIDESTEP_INLINE double place(std::span<const TreeBody> bodies, const Rows<Number>& rows,
+                             Poses<Number>* poses) noexcept {
+  // First what no pose depends on: sines are found side by side where nothing waits for them.
   Lanes largest = {};
-  // First what no pose depends on, for many sines are computed at once where nothing waits for
-  // them; kept where the pose will be.
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const TreeBody& body = bodies[b];
-    const int j = body.joint;
-    if (j == -1) continue;
-    const Lanes of_joint = {rows[0][j], rows[1][j], rows[2][j], rows[3][j],
-                            rows[4][j], rows[5][j], rows[6][j], rows[7][j]};
-    const Lanes value = body.multiplier * of_joint + body.offset;
-    if (body.motion == Motion::kTranslation) {
-      lanes(poses[b].R[0]) = value;
-      continue;
-    }
-    const Lanes size = value < 0.0 ? -value : value;
-    largest = size > largest ? size : largest;
-    Lanes s, c;
-    sine_lanes(value, s, c);
-    lanes(poses[b].R[0]) = s;
-    lanes(poses[b].R[1]) = c;
+    if (bodies[b].joint != -1) read_motion(bodies[b], rows, largest, poses[b]);
   }
-  for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const TreeBody& body = bodies[b];
-    const Lanes first = lanes(poses[b].R[0]), second = lanes(poses[b].R[1]);
-    attach(body.parent == -1 ? nullptr : poses + body.parent, body, poses[b]);
-    if (body.joint == -1) continue;
-    if (body.motion == Motion::kTranslation) {
-      shift(poses[b], first);
-    } else {
-      turn(poses[b], first, second);
-    }
-  }
+  move_all<Number>(bodies, poses);
   double most = 0.0;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) most = std::max(most, largest[lane]);
+  for (std::size_t lane = 0; lane < kLanes; ++lane) most = greater(most, largest[lane]);
   return most;
 }
 
+SIDESTEP_SIMD_CLONES
+double place_fast(std::span<const TreeBody> bodies, const Rows<double>& rows,
+                  Poses<double>* poses) noexcept {
+  return place<double>(bodies, rows, poses);
+}
+
+SIDESTEP_SIMD_CLONES
+double place_floats(std::span<const TreeBody> bodies, const Rows<float>& rows,
+                    Poses<float>* poses) noexcept {
+  return place<float>(bodies, rows, poses);
+}
+
 /// The same for angles of any size.
-void place_any(std::span<const TreeBody> bodies, const double* const (&rows)[kLanes],
-               PoseLanes* poses) noexcept {
+template <class Number>
+void place_any(std::span<const TreeBody> bodies, const Rows<Number>& rows,
+               Poses<Number>* poses) noexcept {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const TreeBody& body = bodies[b];
-    attach(body.parent == -1 ? nullptr : poses + body.parent, body, poses[b]);
     if (body.joint == -1) continue;
-    alignas(64) double values[kLanes], sines[kLanes], cosines[kLanes];
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
-      values[lane] = body.multiplier * rows[lane][body.joint] + body.offset;
-      sines[lane] = std::sin(values[lane]);
-      cosines[lane] = std::cos(values[lane]);
-    }
-    if (body.motion == Motion::kTranslation) {
-      shift(poses[b], lanes(values));
-    } else {
-      turn(poses[b], lanes(sines), lanes(cosines));
+    const bool turns = body.motion == Motion::kRotation;
+    for (std::size_t lane = 0; lane < kLanesOf<Number>; ++lane) {
+      const double value = body.multiplier * rows[lane][body.joint] + body.offset;
+      poses[b].R[0][lane] = static_cast<Number>(turns ? std::sin(value) : value);
+      poses[b].R[1][lane] = static_cast<Number>(std::cos(value));
     }
   }
+  move_all<Number>(bodies, poses);
 }
 
-}  // namespace
-
-void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
-                  PoseLanes* poses) noexcept {
-  const double* rows[kLanes];
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+template <class Number>
+void find_rows(std::span<const double> q, std::size_t dof, Rows<Number>& rows) noexcept {
+  for (std::size_t lane = 0; lane < kLanesOf<Number>; ++lane) {
     rows[lane] = q.data() + std::min(lane * dof, q.size() - dof);
   }
-  if (place_fast(bodies, rows, poses) > kLargestAngle) place_any(bodies, rows, poses);
 }
 
-SIDESTEP_SIMD_CLONES
-void carry_spheres(std::span<const TreeSphere> spheres, const PoseLanes* poses,
-                   PointLanes* centres) noexcept {
+template <class Number, class Points>
+SIDESTEP_INLINE void carry(std::span<const TreeSphere> spheres, const Poses<Number>* poses,
+                           Points* centres) noexcept {
   for (std::size_t i = 0; i < spheres.size(); ++i) {
-    const PoseLanes& body = poses[spheres[i].body];
-    const double* v = spheres[i].p_body.data();
-    double* out[] = {centres[i].x, centres[i].y, centres[i].z};
+    const Poses<Number>& body = poses[spheres[i].body];
+    const Vector<Number> v(spheres[i].p_body.data());
+    Number* out[] = {centres[i].x, centres[i].y, centres[i].z};
     for (std::size_t row = 0; row < 3; ++row) {
-      lanes(out[row]) = lanes(body.R[row]) * v[0] + lanes(body.R[3 + row]) * v[1] +
-                        lanes(body.R[6 + row]) * v[2] + lanes(body.p[row]);
+      lanes(out[row]) = lanes(body.R[row]) * v.x + lanes(body.R[3 + row]) * v.y +
+                        lanes(body.R[6 + row]) * v.z + lanes(body.p[row]);
     }
   }
 }
 
-SIDESTEP_SIMD_CLONES
-void find_axes(const PoseLanes* poses, std::size_t count, AxisLanes* axes) noexcept {
+template <class Number>
+SIDESTEP_INLINE void copy_axes(const Poses<Number>* poses, std::size_t count,
+                               Axes<Number>* axes) noexcept {
   for (std::size_t b = 0; b < count; ++b) {
     for (std::size_t row = 0; row < 3; ++row) {
       lanes(axes[b].z[row]) = lanes(poses[b].R[6 + row]);
@@ -161,31 +233,37 @@ void find_axes(const PoseLanes* poses, std::size_t count, AxisLanes* axes) noexc
   }
 }
 
-SIDESTEP_SIMD_CLONES
-void find_screws(std::span<const TreeBody> bodies, const AxisLanes* axes,
-                 ScrewLanes* screws) noexcept {
+template <class Number>
+SIDESTEP_INLINE void make_screws(std::span<const TreeBody> bodies, const Axes<Number>* axes,
+                                 Screws<Number>* screws) noexcept {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    const AxisLanes& at = axes[b];
+    const Axes<Number>& at = axes[b];
     const bool turns = bodies[b].motion == Motion::kRotation;
     for (std::size_t row = 0; row < 3; ++row) {
       const std::size_t next = (row + 1) % 3, last = (row + 2) % 3;
-      const Lanes axis = lanes(at.z[row]);
-      const Lanes offset =
+      const LanesOf<Number> axis = lanes(at.z[row]);
+      const LanesOf<Number> offset =
           lanes(at.p[next]) * lanes(at.z[last]) - lanes(at.p[last]) * lanes(at.z[next]);
-      lanes(screws[b].values[row]) = turns ? axis : Lanes{};
+      lanes(screws[b].values[row]) = turns ? axis : LanesOf<Number>{};
       lanes(screws[b].values[3 + row]) = turns ? offset : axis;
     }
   }
 }
 
-SIDESTEP_SIMD_CLONES
-void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
-                std::size_t stride, const double* weights, double* works,
-                std::size_t step) noexcept {
+SIDESTEP_INLINE void read_lanes(const double* from, Lanes& out) noexcept { out = lanes(from); }
+SIDESTEP_INLINE void read_lanes(const float* from, Lanes& out) noexcept {
+  using Half = float __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
+  out = __builtin_convertvector(*reinterpret_cast<const Half*>(from), Lanes);
+}
+
+template <class Number>
+SIDESTEP_INLINE void add_up_works(std::span<const LinkForce> forces, const int* body_of_link,
+                                  const Number* table, std::size_t stride, const double* weights,
+                                  double* works, std::size_t step) noexcept {
   for (std::size_t c = 0; c < stride; c += kLanes) {
     Lanes column[6];
 #pragma GCC unroll 6
-    for (std::size_t i = 0; i < 6; ++i) column[i] = lanes(table + i * stride + c);
+    for (std::size_t i = 0; i < 6; ++i) read_lanes(table + i * stride + c, column[i]);
     for (std::size_t k = 0; k < forces.size(); ++k) {
       const double* force = forces[k].force.data();
       const double* moment = forces[k].moment.data();
@@ -195,6 +273,70 @@ void find_works(std::span<const LinkForce> forces, const int* body_of_link, cons
       lanes(works + k * step + c) = lanes(weights + body * stride + c) * (turning + moving);
     }
   }
+}
+
+}  // namespace
+
+void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
+                  Poses<double>* poses) noexcept {
+  Rows<double> rows;
+  find_rows<double>(q, dof, rows);
+  if (place_fast(bodies, rows, poses) > kLargestAngle) place_any<double>(bodies, rows, poses);
+}
+
+void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
+                  Poses<float>* poses) noexcept {
+  Rows<float> rows;
+  find_rows<float>(q, dof, rows);
+  if (place_floats(bodies, rows, poses) > kLargestAngle) place_any<float>(bodies, rows, poses);
+}
+
+SIDESTEP_SIMD_CLONES
+void carry_spheres(std::span<const TreeSphere> spheres, const Poses<double>* poses,
+                   PointLanes* centres) noexcept {
+  carry<double>(spheres, poses, centres);
+}
+
+SIDESTEP_SIMD_CLONES
+void carry_spheres(std::span<const TreeSphere> spheres, const Poses<float>* poses,
+                   PointFloats* centres) noexcept {
+  carry<float>(spheres, poses, centres);
+}
+
+SIDESTEP_SIMD_CLONES
+void find_axes(const Poses<double>* poses, std::size_t count, Axes<double>* axes) noexcept {
+  copy_axes<double>(poses, count, axes);
+}
+
+SIDESTEP_SIMD_CLONES
+void find_axes(const Poses<float>* poses, std::size_t count, Axes<float>* axes) noexcept {
+  copy_axes<float>(poses, count, axes);
+}
+
+SIDESTEP_SIMD_CLONES
+void find_screws(std::span<const TreeBody> bodies, const Axes<double>* axes,
+                 Screws<double>* screws) noexcept {
+  make_screws<double>(bodies, axes, screws);
+}
+
+SIDESTEP_SIMD_CLONES
+void find_screws(std::span<const TreeBody> bodies, const Axes<float>* axes,
+                 Screws<float>* screws) noexcept {
+  make_screws<float>(bodies, axes, screws);
+}
+
+SIDESTEP_SIMD_CLONES
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
+                std::size_t stride, const double* weights, double* works,
+                std::size_t step) noexcept {
+  add_up_works<double>(forces, body_of_link, table, stride, weights, works, step);
+}
+
+SIDESTEP_SIMD_CLONES
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const float* table,
+                std::size_t stride, const double* weights, double* works,
+                std::size_t step) noexcept {
+  add_up_works<float>(forces, body_of_link, table, stride, weights, works, step);
 }
 
 }  // namespace sidestep::detail

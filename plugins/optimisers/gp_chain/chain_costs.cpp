@@ -67,15 +67,18 @@ void ChainCosts::resize(ChainEvaluation& evaluation) const {
   evaluation.terms.resize(problem_->terms.size() + 1);
 }
 
-void ChainCosts::evaluate(ChainEvaluation& evaluation) {
+void ChainCosts::evaluate(ChainEvaluation& evaluation, double normals_wanted_below) {
   interpolate(evaluation.support);
   evaluation.normals.clear();
   evaluation.terms[0] = prior_.cost(evaluation.support);
   evaluation.cost = evaluation.terms[0];
   for (std::size_t t = 0; t < problem_->terms.size(); ++t) {
+    evaluation.normals.want_rows_below(normals_wanted_below - evaluation.cost);
     evaluation.terms[t + 1] = add_term(problem_->terms[t], evaluation.normals);
     evaluation.cost += evaluation.terms[t + 1];
   }
+  evaluation.normals.want_rows_below(std::numeric_limits<double>::infinity());
+  evaluation.has_normals = !(evaluation.cost > normals_wanted_below);
 }
 
 double ChainCosts::add_term(const CostTerm& term, StateNormals& normals) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,7 @@ struct ChainEvaluation {
   StateNormals normals;         ///< Of every state, support and interpolated, in order of time.
   std::vector<double> terms;    ///< Cost of the GP prior, then of each term of the problem.
   double cost = 0.0;            ///< Their sum.
+  bool has_normals = false;     ///< Else `normals` are in part or not at all there.
 };
 
 /// The cost of a chain of states: the GP prior and a problem's terms. Every term is evaluated at
@@ -38,8 +40,10 @@ class ChainCosts {
   /// Takes up a problem that differs from the last one in its terms' costs only.
   void replace(const Problem& problem) noexcept { problem_ = &problem; }
 
-  /// Fills in everything from evaluation.support.
-  void evaluate(ChainEvaluation& evaluation);
+  /// Fills in everything from evaluation.support; where it costs more than `normals_wanted_below`
+  /// nothing but costs.
+  void evaluate(ChainEvaluation& evaluation,
+                double normals_wanted_below = std::numeric_limits<double>::infinity());
   /// The same where nothing has changed since but terms at one end, which is `kStart` or `kGoal`.
   void evaluate_end(ChainEvaluation& evaluation, Placement end);
 

@@ -48,6 +48,7 @@ void ChainModel::put_held_ends(const Problem& problem) {
 }
 
 void ChainModel::keep(const Problem& problem) {
+  if (!current_.has_normals) costs_.evaluate(current_);
   memory_.remember(problem);
   is_kept_ = std::isfinite(current_.cost);
 }
@@ -99,6 +100,7 @@ Trajectory ChainModel::trajectory() const {
 }
 
 void ChainModel::linearise() {
+  if (!current_.has_normals) costs_.evaluate(current_);
   system_.clear(unchanged_);
   costs_.assemble(current_, system_);
   if (hold_start_) system_.hold(0);
@@ -107,11 +109,11 @@ void ChainModel::linearise() {
   unchanged_ = system_.states();
 }
 
-double ChainModel::try_step(std::span<const double> step) {
+double ChainModel::try_step(std::span<const double> step, double linearised_below) {
   for (std::size_t i = 0; i < step.size(); ++i) {
     trial_.support[i] = current_.support[i] + step[i];
   }
-  costs_.evaluate(trial_);
+  costs_.evaluate(trial_, linearised_below);
   return trial_.cost;
 }
 

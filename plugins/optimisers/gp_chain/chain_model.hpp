@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -40,8 +41,11 @@ class ChainModel {
   /// Those of the last linearise().
   [[nodiscard]] ChainSystem& system() noexcept { return system_; }
 
-  /// The cost at the current trajectory plus `step`; states x width values.
-  [[nodiscard]] double try_step(std::span<const double> step);
+  /// The cost at the current trajectory plus `step`; states x width values. If it is more than
+  /// `linearised_below`, the step is not going to be accepted, or no other is to follow:
+  /// linearise() then takes longer.
+  [[nodiscard]] double try_step(std::span<const double> step,
+                                double linearised_below = std::numeric_limits<double>::infinity());
   /// The trajectory that was tried last becomes the current one.
   void accept() noexcept {
     std::swap(current_, trial_);

@@ -207,11 +207,9 @@ void ChainSystem::substitute_back(std::span<double> x) noexcept {
 }
 
 double ChainSystem::predicted_decrease(double lambda, std::span<const double> x) const noexcept {
-  double sum = 0.0;
-  const double* value = x.data();
-  for (int i = 0; i < states(); ++i) {
-    const double* b = rhs(i);
-    for (int j = 0; j < width(); ++j, ++value) sum += *value * (b[j] + lambda * *value);
+  double sum = lambda * dot(x.data(), x.data(), x.size());
+  for (std::size_t i = 0; i < states_; ++i) {
+    sum += dot(x.data() + i * width_, rhs_.data() + i * next_, width_);
   }
   return 0.5 * sum;
 }

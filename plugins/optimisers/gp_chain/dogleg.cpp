@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "damping.hpp"
+#include "panel_kernels.hpp"
 #include "step_rules.hpp"
 
 namespace sidestep {
@@ -10,9 +11,7 @@ namespace {
 constexpr double kLeastRadius = 1e-8;
 
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
-  return sum;
+  return sidestep::dot(a.data(), b.data(), a.size());
 }
 
 class Dogleg final : public StepRule {
@@ -39,7 +38,7 @@ class Dogleg final : public StepRule {
       model.system().product(step_, product_);
       const double predicted = dot(rhs_, step_) - 0.5 * dot(step_, product_);
       const double before = model.current().cost;
-      const double decrease = before - model.try_step(step_);
+      const double decrease = before - model.try_step(step_, before);
       const double fidelity = predicted > 0.0 ? decrease / predicted : 0.0;
       if (!(fidelity >= 0.25)) radius_ = 0.25 * std::min(length, radius_);
       if (fidelity > 0.75) radius_ = std::max(radius_, 3.0 * length);

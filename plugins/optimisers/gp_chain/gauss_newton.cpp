@@ -11,7 +11,7 @@ class GaussNewton final : public StepRule {
     ++tried;
     if (!model.system().solve(0.0, step_)) return StepOutcome::kSingular;
     const double before = model.current().cost;
-    if (!(model.try_step(step_) < before)) return StepOutcome::kNoBetter;
+    if (!(model.try_step(step_, before) < before)) return StepOutcome::kNoBetter;
     model.accept();
     return StepOutcome::kAccepted;
   }

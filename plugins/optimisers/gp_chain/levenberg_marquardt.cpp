@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "damping.hpp"
+#include "panel_kernels.hpp"
 #include "step_rules.hpp"
 
 namespace sidestep {
@@ -25,7 +26,7 @@ class LevenbergMarquardt final : public StepRule {
     for (; lambda_ < kLargestDamping; lambda_ *= kDampingFactor) {
       if (!model.system().solve(lambda_, step_)) continue;
       solved = true;
-      const double length = step_length();
+      const double length = std::sqrt(dot(step_.data(), step_.data(), step_.size()));
       if (length > kSameLength * refused) continue;
       if (refused < std::numeric_limits<double>::infinity() && deadline.expired()) {
         return StepOutcome::kInterrupted;
@@ -43,18 +44,15 @@ class LevenbergMarquardt final : public StepRule {
   }
 
  private:
-  [[nodiscard]] double step_length() const noexcept {
-    double sum = 0.0;
-    for (const double s : step_) sum += s * s;
-    return std::sqrt(sum);
-  }
-
   /// Whether the step was accepted; clears `worth_more` if a larger lambda is not worth trying.
   [[nodiscard]] bool try_step(ChainModel& model, bool& worth_more) {
     const double predicted = model.system().predicted_decrease(lambda_, step_);
     if (!(predicted >= 0.0)) return false;
     const double before = model.current().cost;
-    const double decrease = before - model.try_step(step_);
+    // A step that promises as little as the last one is going to be that.
+    const bool is_last = predicted <= relative_tolerance_ * before;
+    const double linearised_below = is_last ? -std::numeric_limits<double>::infinity() : before;
+    const double decrease = before - model.try_step(step_, linearised_below);
     const bool beyond_rounding = predicted > std::numeric_limits<double>::epsilon() * before;
     if (beyond_rounding && decrease > kLeastFidelity * predicted) {
       model.accept();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include <sidestep/core/lane_math.hpp>
 #include <sidestep/core/lanes.hpp>
 
 namespace sidestep {
@@ -167,6 +168,16 @@ void substitute_panel(const ChainPanel& panel, const double* next, double* x) {
     const double solved = x[j];
     for (std::size_t r = 0; r < j; r += kLanes) lanes(x + r) -= solved * lanes(row + r);
   }
+}
+
+SIDESTEP_SIMD_CLONES
+double dot(const double* a, const double* b, std::size_t count) noexcept {
+  Lanes sums = {};
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) sums += lanes(a + i) * lanes(b + i);
+  double rest = 0.0;
+  for (; i < count; ++i) rest += a[i] * b[i];
+  return rest + sum_of(sums);
 }
 
 }  // namespace sidestep

@@ -28,4 +28,7 @@ void load_panel(const ChainPanel& panel, const double* source, const ChainPanel*
 /// next have room for, and are zero in, whole lanes beyond the width.
 void substitute_panel(const ChainPanel& panel, const double* next, double* x);
 
+/// a . b, of `count` values each.
+[[nodiscard]] double dot(const double* a, const double* b, std::size_t count) noexcept;
+
 }  // namespace sidestep

@@ -99,25 +99,26 @@ TEST(SceneField, GradientsAgreeWithFiniteDifferences) {
 TEST(SceneField, FindsThePointsBelowTheirLimits) {
   const SceneField field(all_shapes(), Stamp(), kBounds);
   auto points = random_points(1600, 0.2);
+  for (Eigen::Vector3d& p : points) p = p.cast<float>().cast<double>();
   points[77].y() = std::numeric_limits<double>::quiet_NaN();
   std::vector<double> distances(points.size());
   std::vector<Eigen::Vector3d> gradients(points.size());
   std::vector<FieldStatus> statuses(points.size());
   field.query(points, distances, gradients, statuses);
-  std::vector<PointLanes> in_lanes(points.size() / kLanes);
+  std::vector<PointFloats> in_lanes(points.size() / kFloatLanes);
   std::vector<double> limits_m(in_lanes.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
-    in_lanes[i / kLanes].x[i % kLanes] = points[i].x();
-    in_lanes[i / kLanes].y[i % kLanes] = points[i].y();
-    in_lanes[i / kLanes].z[i % kLanes] = points[i].z();
-    limits_m[i / kLanes] = -0.1 + 0.001 * static_cast<double>(i / kLanes);
+    in_lanes[i / kFloatLanes].x[i % kFloatLanes] = static_cast<float>(points[i].x());
+    in_lanes[i / kFloatLanes].y[i % kFloatLanes] = static_cast<float>(points[i].y());
+    in_lanes[i / kFloatLanes].z[i % kFloatLanes] = static_cast<float>(points[i].z());
+    limits_m[i / kFloatLanes] = -0.1 + 0.001 * static_cast<double>(i / kFloatLanes);
   }
   std::vector<FieldSample> samples(points.size());
   samples.resize(field.query_below(in_lanes, limits_m, false, samples));
   std::size_t next = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
     const bool is_listed =
-        statuses[i] == FieldStatus::kOutside || !(distances[i] >= limits_m[i / kLanes]);
+        statuses[i] == FieldStatus::kOutside || !(distances[i] >= limits_m[i / kFloatLanes]);
     if (!is_listed) continue;
     ASSERT_LT(next, samples.size());
     const FieldSample& sample = samples[next++];

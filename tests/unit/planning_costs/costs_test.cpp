@@ -50,15 +50,17 @@ TEST(ObstacleCost, Conforms) {
   const auto field = std::make_shared<BallField>(
       std::vector<Ball>{{{0.4, 0.3, 0.1}, 0.2}, {{-0.5, -0.2, -0.1}, 0.3}});
   expect_conforms(*make_obstacle_cost(arm(4, true), field, kCautious, 0.3, 0.05),
-                  random_states(6, 40, 1.5, 1.0));
+                  random_states(6, 40, 1.5, 1.0), kSinglePrecision);
 }
 
 TEST(ObstacleCost, ConformsWhereTheFieldEnds) {
   // A field of +-1 m: most states are outside, where the policy makes the cost.
   const auto field = std::make_shared<BallField>(std::vector<Ball>{{{0.4, 0.3, 0.0}, 0.2}}, 1.0);
   const States states = random_states(4, 40, 2.5, 1.0);
-  expect_conforms(*make_obstacle_cost(arm(2, true), field, kCautious, 0.3, 0.05), states);
-  expect_conforms(*make_obstacle_cost(arm(2, true), field, kOptimistic, 0.3, 0.05), states);
+  expect_conforms(*make_obstacle_cost(arm(2, true), field, kCautious, 0.3, 0.05), states,
+                  kSinglePrecision);
+  expect_conforms(*make_obstacle_cost(arm(2, true), field, kOptimistic, 0.3, 0.05), states,
+                  kSinglePrecision);
 }
 
 TEST(ObstacleCost, KeepsWhatIsNotANumber) {

@@ -104,8 +104,8 @@ void BM_HsrPullBackAlong(benchmark::State& state) {
   const std::vector<LinkForce> forces = some_forces(b);
   std::vector<double> joint_forces(forces.size() * b.dof);
   Scratch::Scope scope(b.scratch);
-  const auto axes = scope.doubles(b.robot->axes_size(kBatch));
-  const auto centres = scope.array<PointLanes>(padded(kBatch) / kLanes * b.spheres);
+  const auto axes = scope.array<float>(b.robot->axes_size(kBatch));
+  const auto centres = scope.array<PointFloats>(float_groups(kBatch) * b.spheres);
   b.robot->sphere_centre_lanes(b.q, centres, axes, b.scratch);
   for (auto _ : state) {
     b.robot->pull_back_along(axes, forces, joint_forces, b.scratch);

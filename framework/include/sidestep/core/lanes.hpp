@@ -40,10 +40,31 @@ SIDESTEP_INLINE const Lanes& lanes(const double* at) noexcept {
   return *reinterpret_cast<const Lanes*>(at);
 }
 
+/// Floats that kernels compute with at once, in as many bytes.
+inline constexpr std::size_t kFloatLanes = 16;
+
+/// Sixteen floats that are computed with at once, as Lanes.
+using FloatLanes = float __attribute__((vector_size(16 * sizeof(float)), aligned(4), may_alias));
+
+SIDESTEP_INLINE FloatLanes& lanes(float* at) noexcept { return *reinterpret_cast<FloatLanes*>(at); }
+SIDESTEP_INLINE const FloatLanes& lanes(const float* at) noexcept {
+  return *reinterpret_cast<const FloatLanes*>(at);
+}
+
 /// kLanes points, coordinate by coordinate.
 struct alignas(64) PointLanes {
   double x[kLanes], y[kLanes], z[kLanes];
 };
+
+/// kFloatLanes points, coordinate by coordinate, in single precision.
+struct alignas(64) PointFloats {
+  float x[kFloatLanes], y[kFloatLanes], z[kFloatLanes];
+};
+
+/// Groups of kFloatLanes that hold `count`.
+[[nodiscard]] constexpr std::size_t float_groups(std::size_t count) noexcept {
+  return (count + kFloatLanes - 1) / kFloatLanes;
+}
 
 /// `count` rounded up to whole lanes.
 [[nodiscard]] constexpr std::size_t padded(std::size_t count) noexcept {

@@ -64,10 +64,10 @@ class SIDESTEP_EXPORT DistanceField {
 
   /// query() of those points alone whose distance is less than their limit or not a number, those
   /// outside, and, if `also_unknown`, those never observed: what a cost or a check that begins at
-  /// a limit has to look at. Point kLanes * i + lane is lane `lane` of points_m[i] and has the
-  /// limit limits_m[i]. samples: room for all. Returns how many were written, in order of points.
-  /// Does not allocate.
-  virtual std::size_t query_below(std::span<const PointLanes> points_m,
+  /// a limit has to look at. Point kFloatLanes * i + lane is lane `lane` of points_m[i] and has
+  /// the limit limits_m[i]. samples: room for all. Returns how many were written, in order of
+  /// points. Does not allocate.
+  virtual std::size_t query_below(std::span<const PointFloats> points_m,
                                   std::span<const double> limits_m, bool also_unknown,
                                   std::span<FieldSample> samples) const noexcept;
 

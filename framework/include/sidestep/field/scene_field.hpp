@@ -30,7 +30,7 @@ class SIDESTEP_EXPORT SceneField final : public DistanceField {
   void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
              std::span<Eigen::Vector3d> gradients,
              std::span<FieldStatus> statuses) const noexcept override;
-  std::size_t query_below(std::span<const PointLanes> points_m, std::span<const double> limits_m,
+  std::size_t query_below(std::span<const PointFloats> points_m, std::span<const double> limits_m,
                           bool also_unknown,
                           std::span<FieldSample> samples) const noexcept override;
 

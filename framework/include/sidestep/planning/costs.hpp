@@ -25,7 +25,7 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
 /// field.query_below: returns how many, in order of points.
 [[nodiscard]] std::size_t query_below_with_policy(const DistanceField& field,
                                                   const SpacePolicy& policy,
-                                                  std::span<const PointLanes> points_m,
+                                                  std::span<const PointFloats> points_m,
                                                   std::span<const double> limits_m,
                                                   std::span<FieldSample> samples) noexcept;
 

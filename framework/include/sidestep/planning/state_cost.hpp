@@ -47,7 +47,8 @@ class SIDESTEP_EXPORT StateCost {
 
   /// Adds J^T J and J^T r of a batch to those of its states, and returns the cost, 1/2 the sum of
   /// squares. The same as evaluate() says, of which by default it is made; costs of which most rows
-  /// are zero form only the others here.
+  /// are zero form only the others here. Where it costs more than out.rows_wanted_below(), what is
+  /// added is never read.
   virtual double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
                            Scratch& scratch) const;
 };

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -25,11 +26,16 @@ class SIDESTEP_EXPORT StateNormals {
   void clear() noexcept;
   void clear(std::size_t state) noexcept;  ///< One of them.
 
+  /// Says from which cost of a term on nobody is going to read its rows, as where a step that costs
+  /// too much is refused: StateCost::linearise() may then leave them out. Infinity unless said.
+  void want_rows_below(double cost) noexcept { rows_wanted_below_ = cost; }
+  [[nodiscard]] double rows_wanted_below() const noexcept { return rows_wanted_below_; }
+
   [[nodiscard]] int dof() const noexcept { return static_cast<int>(dof_); }
   [[nodiscard]] std::size_t position_stride() const noexcept { return padded(dof_); }
   [[nodiscard]] std::size_t full_stride() const noexcept { return padded(2 * dof_); }
 
-  /// Whether any cost of positions only is felt at a state; else its block is zero.
+  /// Whether any cost of positions only is felt at a state; else its block means nothing.
   [[nodiscard]] bool has_position(std::size_t state) const noexcept {
     return position_.active[state] != 0;
   }
@@ -53,7 +59,8 @@ class SIDESTEP_EXPORT StateNormals {
     AlignedArray hessians, gradients;
     std::vector<std::uint8_t> active;
     void resize(std::size_t states, std::size_t block_width);
-    void clear(std::size_t state) noexcept;
+    /// Makes a block zero that nothing has been added to, for something to be.
+    void open(std::size_t state) noexcept;
     void add(std::size_t state, const double* row, double residual);
     void add_entry(std::size_t state, std::size_t variable, double entry, double residual);
     [[nodiscard]] Block at(std::size_t state) const noexcept {
@@ -63,6 +70,7 @@ class SIDESTEP_EXPORT StateNormals {
   };
 
   std::size_t dof_ = 0;
+  double rows_wanted_below_ = std::numeric_limits<double>::infinity();
   Blocks position_, full_;
   AlignedArray row_;
 };

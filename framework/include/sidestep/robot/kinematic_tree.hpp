@@ -84,12 +84,14 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
 
   /// Numbers that say where the axes of the joints are in n configurations.
   [[nodiscard]] std::size_t axes_size(std::size_t n) const noexcept;
-  /// sphere_centre_lanes() that leaves such numbers for pull_back_along(), so that bodies are
-  /// placed once for both. axes: axes_size(n), on a cache line, as Scratch has it.
-  void sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
-                           std::span<double> axes, Scratch& scratch) const;
-  /// pull_back() in the configurations of which the axes are known.
-  void pull_back_along(std::span<const double> axes, std::span<const LinkForce> forces,
+  /// Where spheres are in single precision, in as many lanes: sphere s in configuration
+  /// kFloatLanes * g + lane is lane `lane` of centres_m[g * spheres.size() + s]. Leaves the numbers
+  /// above for pull_back_along(), so that bodies are placed once for both. axes: axes_size(n), on a
+  /// cache line, as Scratch has it.
+  void sphere_centre_lanes(std::span<const double> q, std::span<PointFloats> centres_m,
+                           std::span<float> axes, Scratch& scratch) const;
+  /// pull_back() in the configurations of which the axes are known, from axes in single precision.
+  void pull_back_along(std::span<const float> axes, std::span<const LinkForce> forces,
                        std::span<double> joint_forces, Scratch& scratch) const;
 
  private:
@@ -106,7 +108,7 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
 
   void add_link(std::size_t link);
   void add_columns();
-  template <class AxesOf>
+  template <class Number, class AxesOf>
   void pull_back_with(const AxesOf& axes_of, std::span<const LinkForce> forces,
                       std::span<double> joint_forces, Scratch& scratch) const;
   void place_bodies(const double* q, std::span<Pose> bodies) const noexcept;

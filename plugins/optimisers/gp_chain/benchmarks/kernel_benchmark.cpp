@@ -6,6 +6,7 @@
 #include <Eigen/SparseCholesky>
 
 #include <sidestep/planning/state_normals.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
 
 #include "chain_system.hpp"
 #include "support/hsr_table.hpp"
@@ -20,7 +21,7 @@ struct Way {
   Problem problem = hsr_reaches_table(20, 4);
   int count = 96;
   std::vector<double> q, qdot, times_s;
-  std::vector<PointLanes> centres_m;
+  std::vector<PointFloats> centres_m;
   std::vector<double> limits_m;
   Scratch scratch;
 
@@ -34,9 +35,12 @@ struct Way {
       times_s.push_back(share);
     }
     qdot.assign(q.size(), 0.1);
-    const std::size_t groups = padded(times_s.size()) / kLanes;
+    const std::size_t groups = float_groups(times_s.size());
     centres_m.resize(groups * robot.spheres.size());
-    problem.robot->sphere_centre_lanes(q, centres_m, scratch);
+    const auto& tree = dynamic_cast<const KinematicTree&>(*problem.robot);
+    Scratch::Scope scope(scratch);
+    const auto axes = scope.array<float>(tree.axes_size(times_s.size()));
+    tree.sphere_centre_lanes(q, centres_m, axes, scratch);
     for (std::size_t g = 0; g < groups; ++g) {
       for (const CollisionSphere& sphere : robot.spheres) {
         limits_m.push_back(0.2 + sphere.radius_m);
@@ -52,7 +56,7 @@ struct Way {
 /// The spheres that are near to obstacles.
 void query_below(benchmark::State& state) {
   const Way way;
-  std::vector<FieldSample> samples(way.centres_m.size() * kLanes);
+  std::vector<FieldSample> samples(way.centres_m.size() * kFloatLanes);
   std::size_t found = 0;
   for (auto _ : state) {
     found = way.problem.field->query_below(way.centres_m, way.limits_m, false, samples);
@@ -65,8 +69,8 @@ BENCHMARK(query_below)->Unit(benchmark::kMicrosecond);
 void query_below_by_querying_all(benchmark::State& state) {
   const Way way;
   std::vector<Eigen::Vector3d> points_m;
-  for (const PointLanes& group : way.centres_m) {
-    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+  for (const PointFloats& group : way.centres_m) {
+    for (std::size_t lane = 0; lane < kFloatLanes; ++lane) {
       points_m.emplace_back(group.x[lane], group.y[lane], group.z[lane]);
     }
   }
@@ -78,7 +82,7 @@ void query_below_by_querying_all(benchmark::State& state) {
     way.problem.field->query(points_m, distances_m, gradients, statuses);
     found = 0;
     for (std::size_t i = 0; i < points_m.size(); ++i) {
-      found += distances_m[i] < way.limits_m[i / kLanes] ? 1 : 0;
+      found += distances_m[i] < way.limits_m[i / kFloatLanes] ? 1 : 0;
     }
     benchmark::DoNotOptimize(found);
   }
