@@ -19,6 +19,14 @@ if(SIDESTEP_SANITIZE)
   add_link_options(-fsanitize=${SIDESTEP_SANITIZE})
 endif()
 
+# Kernels compute with vectors of 64 bytes. Where the processor's are shorter, g++ 12 keeps them in memory and by
+# default moves them in parts of 16 bytes, which wait for what was written in parts of 32.
+include(CheckCXXCompilerFlag)
+check_cxx_compiler_flag("-mmove-max=256 -mstore-max=256" SIDESTEP_HAS_MOVE_MAX)
+if(SIDESTEP_HAS_MOVE_MAX)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-mmove-max=256> $<$<COMPILE_LANGUAGE:CXX>:-mstore-max=256>)
+endif()
+
 # Warnings are errors for our own code only. -Wrestrict is wrong about std::string in g++ 12
 # (GCC bug 105329).
 function(sidestep_warnings target)
