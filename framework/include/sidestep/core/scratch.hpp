@@ -65,7 +65,7 @@ class Scratch {
     Chunk chunk;
     chunk.begin = chunks_.empty() ? 0 : chunks_.back().begin + chunks_.back().size;
     chunk.size = std::max(rounded, kChunkDoubles);
-    chunk.lines = std::make_unique<Line[]>(chunk.size / kLineDoubles);
+    chunk.lines = std::make_unique_for_overwrite<Line[]>(chunk.size / kLineDoubles);
     used_ = chunk.begin + rounded;
     chunks_.push_back(std::move(chunk));
     return {&chunks_.back().lines[0].values[0], count};
