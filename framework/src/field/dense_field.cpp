@@ -1,3 +1,4 @@
+#ifndef SIDESTEP_KERNELS
 #include <sidestep/field/dense_field.hpp>
 
 #include <algorithm>
@@ -32,26 +33,6 @@ SIDESTEP_INLINE Address address_of(int x, int y, int z, int blocks_x, int blocks
 SIDESTEP_INLINE bool is_known(const DenseField::KnownBlocks& known, const Address& a) noexcept {
   return ((known.block(a.block).rows[a.place / kBlockSide_vox] >> (a.place % kBlockSide_vox)) &
           1u) != 0;
-}
-
-// Points are queried kLanes at once, with vector extensions, because g++ 12 unrolls loops over so
-// few values before it could vectorise them. Comparisons stand in conditional expressions only, and
-// are never combined: g++ 12 makes eight scalar ones of them otherwise.
-using Indices = std::int32_t __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-using Floats = float __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-using FloatIndices =
-    std::int32_t __attribute__((vector_size(4 * kFloatLanes), aligned(4), may_alias));
-
-using sidestep::lanes;
-SIDESTEP_INLINE Indices& lanes(std::int32_t* at) noexcept {
-  return *reinterpret_cast<Indices*>(at);
-}
-SIDESTEP_INLINE const Indices& lanes(const std::int32_t* at) noexcept {
-  return *reinterpret_cast<const Indices*>(at);
-}
-
-SIDESTEP_INLINE FloatIndices& float_indices(std::int32_t* at) noexcept {
-  return *reinterpret_cast<FloatIndices*>(at);
 }
 
 /// Numbers of eight points: their x, then y, then z.
@@ -99,34 +80,6 @@ struct Places {
   }
 };
 
-SIDESTEP_INLINE void locate(const PointLanes& points_m, const Bounds& bounds,
-                            Places& places) noexcept {
-  const double* coordinates_m[] = {points_m.x, points_m.y, points_m.z};
-  constexpr int kSide = kBlockSide_vox;
-  constexpr int kShift = std::countr_zero(unsigned{kSide});
-  const Lanes infinity = Lanes{} + std::numeric_limits<double>::infinity();
-  Lanes farthest = {};
-  Indices block = {}, place = {};
-  for (std::size_t axis = 3; axis-- > 0;) {
-    Lanes p =
-        (lanes(coordinates_m[axis]) - bounds.origin_m[axis]) * bounds.inverse_resolution - 0.5;
-    p = p == p ? p : infinity;
-    Lanes clamped = p > 0.0 ? p : Lanes{};
-    clamped = clamped < bounds.last[axis] ? clamped : Lanes{} + bounds.last[axis];
-    lanes(places.position[axis]) = p;
-    lanes(places.clamped[axis]) = clamped;
-    Lanes beyond = p - clamped;
-    beyond = beyond > 0.0 ? beyond : -beyond;
-    farthest = beyond > farthest ? beyond : farthest;
-    const Indices nearest = __builtin_convertvector(clamped + 0.5, Indices);
-    block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
-    place = (nearest & (kSide - 1)) + kSide * place;
-  }
-  lanes(places.beyond) = farthest;
-  lanes(places.block) = block;
-  lanes(places.place) = place;
-}
-
 /// Within a cell the interpolant lies below the value at the nearest centre by no more than the way
 /// along the axes from there, for along each it changes no faster than from centre to centre; and
 /// by no more than the mean way from there to the eight corners, which is longest in the
@@ -144,44 +97,6 @@ struct Vicinities {
   alignas(64) std::int32_t place[kPoints];
   alignas(64) float far_m[kPoints];  ///< Infinity beyond the grid, and for what is no point.
 };
-
-/// Of at most kGroups groups. steepest_voxel_m: how much values differ from voxel to voxel at most.
-/// Within the grid kRounding covers single precision.
-SIDESTEP_SIMD_CLONES
-void find_vicinities(std::span<const PointFloats> points_m, std::span<const double> limits_m,
-                     const Bounds& given_bounds, float steepest_voxel_m, Vicinities& out) noexcept {
-  constexpr int kSide = kBlockSide_vox;
-  constexpr int kShift = std::countr_zero(unsigned{kSide});
-  const Bounds bounds = given_bounds;  // which stores of lanes do not alias
-  const auto scale = static_cast<float>(bounds.inverse_resolution);
-  for (std::size_t i = 0; i < points_m.size(); ++i) {
-    const float* coordinates_m[] = {points_m[i].x, points_m[i].y, points_m[i].z};
-    FloatLanes excess = {};  // squared, beyond the grid; no number for what is no point
-    FloatLanes way = {};     // along the axes, to the nearest centre, in voxels
-    FloatIndices block = {}, place = {};
-#pragma GCC unroll 3
-    for (std::size_t axis = 3; axis-- > 0;) {
-      const FloatLanes p =
-          scale * (lanes(coordinates_m[axis]) - static_cast<float>(bounds.origin_m[axis]));
-      const FloatLanes last = FloatLanes{} + bounds.last_inside[axis];
-      FloatLanes clamped = p > 0.0F ? p : FloatLanes{};
-      clamped = clamped < last ? clamped : last;
-      excess += (p - clamped) * (p - clamped);
-      const FloatIndices nearest = __builtin_convertvector(clamped, FloatIndices);
-      const FloatLanes off = clamped - __builtin_convertvector(nearest, FloatLanes) - 0.5F;
-      way += off < 0.0F ? -off : off;
-      block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
-      place = (nearest & (kSide - 1)) + kSide * place;
-    }
-    way = way < kLongestWay_vox ? way : FloatLanes{} + kLongestWay_vox;
-    const FloatLanes far =
-        steepest_voxel_m * (way + kRounding_vox) + static_cast<float>(greater(limits_m[i], 0.0));
-    lanes(out.far_m + i * kFloatLanes) =
-        excess == 0.0F ? far : FloatLanes{} + std::numeric_limits<float>::infinity();
-    float_indices(out.block + i * kFloatLanes) = block;
-    float_indices(out.place + i * kFloatLanes) = place;
-  }
-}
 
 /// Lists which of the first `count` points are not beyond doubt far from obstacles; with `known`,
 /// those in unknown space too. Without branches: which points are near cannot be predicted.
@@ -220,25 +135,239 @@ struct Cells {
   alignas(64) float corner[2][2][kLanes][2];  ///< z, y; x last.
 };
 
+/// Points that are interpolated in one go: enough for what is read of the field to be in place when
+/// vectors of it are wanted.
+struct Batch {
+  static constexpr std::size_t kGroups = 8;
+  static constexpr std::size_t kPoints = kGroups * kLanes;
+
+  std::size_t count = 0;
+  PointLanes points_m[kGroups];
+  Places places[kGroups];
+  Cells cells[kGroups];
+  alignas(64) double distances_m[kGroups][kLanes];
+  alignas(64) Coordinates gradients[kGroups];
+
+  void add(double x_m, double y_m, double z_m) noexcept {
+    PointLanes& to_m = points_m[count / kLanes];
+    const std::size_t lane = count++ % kLanes;
+    to_m.x[lane] = x_m;
+    to_m.y[lane] = y_m;
+    to_m.z[lane] = z_m;
+  }
+  [[nodiscard]] double distance_m(std::size_t i) const noexcept {
+    return distances_m[i / kLanes][i % kLanes];
+  }
+  [[nodiscard]] Eigen::Vector3d gradient(std::size_t i) const noexcept {
+    const Coordinates& of = gradients[i / kLanes];
+    const std::size_t lane = i % kLanes;
+    return {of[0][lane], of[1][lane], of[2][lane]};
+  }
+  [[nodiscard]] bool is_inside(std::size_t i) const noexcept {
+    return places[i / kLanes].is_inside(i % kLanes);
+  }
+  [[nodiscard]] FieldStatus status(std::size_t i,
+                                   const DenseField::KnownBlocks& known) const noexcept {
+    const bool is_seen = is_known(known, places[i / kLanes].nearest(i % kLanes));
+    const FieldStatus inside = is_seen ? FieldStatus::kKnown : FieldStatus::kUnknown;
+    return is_inside(i) ? inside : FieldStatus::kOutside;
+  }
+};
+
+}  // namespace
+}  // namespace sidestep
+
+#define SIDESTEP_KERNELS "dense_field.cpp"
+#include <sidestep/core/each_target.hpp>
+
+namespace sidestep {
+
+DenseField::DenseField(FieldInfo info, Blocks blocks, KnownBlocks known)
+    : DistanceField(std::move(info)),
+      blocks_(std::move(blocks)),
+      known_(std::move(known)),
+      block_counts_(block_counts(this->info().grid)) {}
+
+float DenseField::at(const Eigen::Vector3i& voxel) const noexcept {
+  const Address a =
+      address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_.x(), block_counts_.y());
+  return blocks_.block(a.block).distance_m[a.place];
+}
+
+bool DenseField::known(const Eigen::Vector3i& voxel) const noexcept {
+  return is_known(
+      known_, address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_.x(), block_counts_.y()));
+}
+
+void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
+                       std::span<Eigen::Vector3d> gradients,
+                       std::span<FieldStatus> statuses) const noexcept {
+  const Bounds bounds(info().grid);
+  Batch batch;
+  for (std::size_t first = 0; first < points_m.size(); first += batch.count) {
+    batch.count = 0;
+    for (const Eigen::Vector3d& p :
+         points_m.subspan(first, std::min(Batch::kPoints, points_m.size() - first))) {
+      batch.add(p.x(), p.y(), p.z());
+    }
+    SIDESTEP_BEST(sample)(blocks_, bounds, batch);
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      const std::size_t n = first + i;
+      distances_m[n] = batch.distance_m(i);
+      if (!gradients.empty()) gradients[n] = batch.gradient(i);
+      if (!statuses.empty()) statuses[n] = batch.status(i, known_);
+    }
+  }
+}
+
+std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
+                                    std::span<const double> limits_m, bool also_unknown,
+                                    std::span<FieldSample> samples) const noexcept {
+  const Bounds bounds(info().grid);
+  std::size_t written = 0;
+  Batch near;
+  std::array<std::size_t, Batch::kPoints> points;  // of the batch, among all
+
+  const auto write_those_below = [&] {
+    SIDESTEP_BEST(sample)(blocks_, bounds, near);
+    // Without branches, too: two in five are not below.
+    for (std::size_t k = 0; k < near.count; ++k) {
+      const double distance_m = near.distance_m(k);
+      const FieldStatus status = near.status(k, known_);
+      const auto is_below =
+          static_cast<unsigned>(!(distance_m >= limits_m[points[k] / kFloatLanes]));
+      const auto is_outside = static_cast<unsigned>(status == FieldStatus::kOutside);
+      const auto is_unknown = static_cast<unsigned>(status == FieldStatus::kUnknown) &
+                              static_cast<unsigned>(also_unknown);
+      samples[written] = {points[k], status, distance_m, near.gradient(k)};
+      written += is_below | is_outside | is_unknown;
+    }
+    near.count = 0;
+  };
+  const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
+  Vicinities vicinities;
+  std::array<std::uint32_t, Vicinities::kPoints> list;
+  for (std::size_t first = 0; first < points_m.size(); first += Vicinities::kGroups) {
+    const std::size_t groups = std::min(Vicinities::kGroups, points_m.size() - first);
+    SIDESTEP_BEST(find_vicinities)
+    (points_m.subspan(first, groups), limits_m.subspan(first, groups), bounds, steepest_voxel_m,
+     vicinities);
+    const std::size_t listed = list_near(vicinities, groups * kFloatLanes, blocks_,
+                                         also_unknown ? &known_ : nullptr, list.data());
+    for (std::size_t k = 0; k < listed; ++k) {
+      const std::size_t point = first * kFloatLanes + list[k], lane = point % kFloatLanes;
+      const PointFloats& of_m = points_m[point / kFloatLanes];
+      points[near.count] = point;
+      near.add(static_cast<double>(of_m.x[lane]), static_cast<double>(of_m.y[lane]),
+               static_cast<double>(of_m.z[lane]));
+      if (near.count == Batch::kPoints) write_those_below();
+    }
+  }
+  if (near.count > 0) write_those_below();
+  return written;
+}
+
+}  // namespace sidestep
+
+#else
+
+namespace {
+
+// Points are queried kLanes at once, with vector extensions, because g++ 12 unrolls loops over so
+// few values before it could vectorise them.
+
+/// Integers of kLanes points.
+using Indices = HalfIntegers;
+using FloatIndices = Line<std::int32_t, kParts>;
+
+SIDESTEP_INLINE Indices& indices(std::int32_t* at) noexcept {
+  return *reinterpret_cast<Indices*>(at);
+}
+SIDESTEP_INLINE FloatIndices& float_indices(std::int32_t* at) noexcept {
+  return *reinterpret_cast<FloatIndices*>(at);
+}
+
+SIDESTEP_INLINE void locate(const PointLanes& points_m, const Bounds& bounds,
+                            Places& places) noexcept {
+  const double* coordinates_m[] = {points_m.x, points_m.y, points_m.z};
+  constexpr int kSide = kBlockSide_vox;
+  constexpr int kShift = std::countr_zero(unsigned{kSide});
+  const Lanes infinity = Lanes{} + std::numeric_limits<double>::infinity();
+  Lanes farthest = {};
+  Indices block = {}, place = {};
+  for (std::size_t axis = 3; axis-- > 0;) {
+    Lanes p =
+        (lanes(coordinates_m[axis]) - bounds.origin_m[axis]) * bounds.inverse_resolution - 0.5;
+    p = choose(p == p, p, infinity);
+    const Lanes clamped = lesser(greater(p, Lanes{}), Lanes{} + bounds.last[axis]);
+    lanes(places.position[axis]) = p;
+    lanes(places.clamped[axis]) = clamped;
+    farthest = greater(size_of(p - clamped), farthest);
+    Indices nearest;
+    find_integers(clamped + 0.5, nearest);
+    block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
+    place = (nearest & (kSide - 1)) + kSide * place;
+  }
+  lanes(places.beyond) = farthest;
+  indices(places.block) = block;
+  indices(places.place) = place;
+}
+
+/// Of at most kGroups groups. steepest_voxel_m: how much values differ from voxel to voxel at most.
+/// Within the grid kRounding covers single precision.
+void find_vicinities(std::span<const PointFloats> points_m, std::span<const double> limits_m,
+                     const Bounds& given_bounds, float steepest_voxel_m, Vicinities& out) noexcept {
+  constexpr int kSide = kBlockSide_vox;
+  constexpr int kShift = std::countr_zero(unsigned{kSide});
+  const Bounds bounds = given_bounds;  // which stores of lanes do not alias
+  const auto scale = static_cast<float>(bounds.inverse_resolution);
+  for (std::size_t i = 0; i < points_m.size(); ++i) {
+    const float* coordinates_m[] = {points_m[i].x, points_m[i].y, points_m[i].z};
+    FloatLanes excess = {};  // squared, beyond the grid; no number for what is no point
+    FloatLanes way = {};     // along the axes, to the nearest centre, in voxels
+    FloatIndices block = {}, place = {};
+#pragma GCC unroll 3
+    for (std::size_t axis = 3; axis-- > 0;) {
+      const FloatLanes p =
+          scale * (lanes(coordinates_m[axis]) - static_cast<float>(bounds.origin_m[axis]));
+      const FloatLanes last = FloatLanes{} + bounds.last_inside[axis];
+      const FloatLanes clamped = lesser(greater(p, FloatLanes{}), last);
+      excess += (p - clamped) * (p - clamped);
+      const FloatIndices nearest = integers_of(clamped);
+      way += size_of(clamped - floats_of(nearest) - 0.5F);
+      block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
+      place = (nearest & (kSide - 1)) + kSide * place;
+    }
+    way = lesser(way, FloatLanes{} + kLongestWay_vox);
+    const FloatLanes far = steepest_voxel_m * (way + kRounding_vox) +
+                           static_cast<float>(sidestep::greater(limits_m[i], 0.0));
+    lanes(out.far_m + i * kFloatLanes) =
+        choose(excess == 0.0F, far, std::numeric_limits<float>::infinity());
+    float_indices(out.block + i * kFloatLanes) = block;
+    float_indices(out.place + i * kFloatLanes) = place;
+  }
+}
+
 SIDESTEP_INLINE void find_cells(const Places& places, const Bounds& bounds, Cells& cells) noexcept {
   constexpr int kSide = kBlockSide_vox;
   constexpr int kShift = std::countr_zero(unsigned{kSide});
   Indices block = {}, place = {}, cut = Indices{} + (bounds.is_flat ? kSide : 0);
   for (std::size_t axis = 3; axis-- > 0;) {
     const Lanes clamped = lanes(places.clamped[axis]);
-    const Lanes last_low = Lanes{} + bounds.last_low[axis];
-    const Lanes below = clamped < last_low ? clamped : last_low;
-    const Indices low = __builtin_convertvector(below, Indices);
-    lanes(cells.fraction[axis]) = clamped - __builtin_convertvector(low, Lanes);
-    lanes(cells.low[axis]) = low;
+    Indices low;
+    find_integers(lesser(clamped, Lanes{} + bounds.last_low[axis]), low);
+    Lanes corner;
+    find_numbers(low, corner);
+    lanes(cells.fraction[axis]) = clamped - corner;
+    indices(cells.low[axis]) = low;
     const Indices within = low & (kSide - 1);
     block = (low >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
     place = within + kSide * place;
     cut |= (within + 1) & kSide;
   }
-  lanes(cells.block) = block;
-  lanes(cells.place) = place;
-  lanes(cells.is_cut) = cut;
+  indices(cells.block) = block;
+  indices(cells.place) = place;
+  indices(cells.is_cut) = cut;
 }
 
 /// Reads the corners of a cell that lie in several blocks, or where there is but one voxel.
@@ -286,11 +415,8 @@ SIDESTEP_INLINE void interpolate(const Cells& cells, const Places& places, const
   Lanes along_x[2][2], slope_x[2][2];  // z, y
   for (std::size_t k = 0; k < 2; ++k) {
     for (std::size_t j = 0; j < 2; ++j) {
-      const auto& corners = reinterpret_cast<const FloatLanes&>(cells.corner[k][j]);
-      const Lanes low = __builtin_convertvector(
-          __builtin_shufflevector(corners, corners, 0, 2, 4, 6, 8, 10, 12, 14), Lanes);
-      const Lanes high = __builtin_convertvector(
-          __builtin_shufflevector(corners, corners, 1, 3, 5, 7, 9, 11, 13, 15), Lanes);
+      Lanes low, high;
+      part_pairs(cells.corner[k][j], low, high);
       slope_x[k][j] = high - low;
       along_x[k][j] = low + x * slope_x[k][j];
     }
@@ -304,59 +430,18 @@ SIDESTEP_INLINE void interpolate(const Cells& cells, const Places& places, const
   // Zero for a number, else not one.
   const Lanes none =
       (lanes(places.position[0]) + lanes(places.position[1]) + lanes(places.position[2])) * 0.0;
-  value = none == 0.0 ? value : none;
+  value = choose(none == 0.0, value, none);
   lanes(values) = value;
-  // A factor, since two conditions on one value would be combined.
-  const Lanes per_m = none == 0.0 ? Lanes{} + bounds.inverse_resolution : Lanes{};
+  const Lanes per_m = choose(none == 0.0, Lanes{} + bounds.inverse_resolution, 0.0);
   for (std::size_t axis = 0; axis < 3; ++axis) {
     // Beyond the outermost centres the value no longer changes along that axis.
     const Lanes slope = slopes[axis] * per_m;
     lanes(gradients[axis]) =
-        lanes(places.position[axis]) == lanes(places.clamped[axis]) ? slope : Lanes{};
+        choose(lanes(places.position[axis]) == lanes(places.clamped[axis]), slope, 0.0);
   }
 }
 
-/// Points that are interpolated in one go: enough for what is read of the field to be in place when
-/// vectors of it are wanted.
-struct Batch {
-  static constexpr std::size_t kGroups = 8;
-  static constexpr std::size_t kPoints = kGroups * kLanes;
-
-  std::size_t count = 0;
-  PointLanes points_m[kGroups];
-  Places places[kGroups];
-  Cells cells[kGroups];
-  alignas(64) double distances_m[kGroups][kLanes];
-  alignas(64) Coordinates gradients[kGroups];
-
-  void add(double x_m, double y_m, double z_m) noexcept {
-    PointLanes& to_m = points_m[count / kLanes];
-    const std::size_t lane = count++ % kLanes;
-    to_m.x[lane] = x_m;
-    to_m.y[lane] = y_m;
-    to_m.z[lane] = z_m;
-  }
-  [[nodiscard]] double distance_m(std::size_t i) const noexcept {
-    return distances_m[i / kLanes][i % kLanes];
-  }
-  [[nodiscard]] Eigen::Vector3d gradient(std::size_t i) const noexcept {
-    const Coordinates& of = gradients[i / kLanes];
-    const std::size_t lane = i % kLanes;
-    return {of[0][lane], of[1][lane], of[2][lane]};
-  }
-  [[nodiscard]] bool is_inside(std::size_t i) const noexcept {
-    return places[i / kLanes].is_inside(i % kLanes);
-  }
-  [[nodiscard]] FieldStatus status(std::size_t i,
-                                   const DenseField::KnownBlocks& known) const noexcept {
-    const bool is_seen = is_known(known, places[i / kLanes].nearest(i % kLanes));
-    const FieldStatus inside = is_seen ? FieldStatus::kKnown : FieldStatus::kUnknown;
-    return is_inside(i) ? inside : FieldStatus::kOutside;
-  }
-};
-
 /// Distances and gradients of the points of a batch.
-SIDESTEP_SIMD_CLONES
 void sample(const DenseField::Blocks& blocks, const Bounds& bounds, Batch& batch) noexcept {
   const std::size_t groups = padded(batch.count) / kLanes;
   for (std::size_t i = batch.count; i < groups * kLanes; ++i) {
@@ -380,88 +465,4 @@ void sample(const DenseField::Blocks& blocks, const Bounds& bounds, Batch& batch
 
 }  // namespace
 
-DenseField::DenseField(FieldInfo info, Blocks blocks, KnownBlocks known)
-    : DistanceField(std::move(info)),
-      blocks_(std::move(blocks)),
-      known_(std::move(known)),
-      block_counts_(block_counts(this->info().grid)) {}
-
-float DenseField::at(const Eigen::Vector3i& voxel) const noexcept {
-  const Address a =
-      address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_.x(), block_counts_.y());
-  return blocks_.block(a.block).distance_m[a.place];
-}
-
-bool DenseField::known(const Eigen::Vector3i& voxel) const noexcept {
-  return is_known(
-      known_, address_of(voxel.x(), voxel.y(), voxel.z(), block_counts_.x(), block_counts_.y()));
-}
-
-void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
-                       std::span<Eigen::Vector3d> gradients,
-                       std::span<FieldStatus> statuses) const noexcept {
-  const Bounds bounds(info().grid);
-  Batch batch;
-  for (std::size_t first = 0; first < points_m.size(); first += batch.count) {
-    batch.count = 0;
-    for (const Eigen::Vector3d& p :
-         points_m.subspan(first, std::min(Batch::kPoints, points_m.size() - first))) {
-      batch.add(p.x(), p.y(), p.z());
-    }
-    sample(blocks_, bounds, batch);
-    for (std::size_t i = 0; i < batch.count; ++i) {
-      const std::size_t n = first + i;
-      distances_m[n] = batch.distance_m(i);
-      if (!gradients.empty()) gradients[n] = batch.gradient(i);
-      if (!statuses.empty()) statuses[n] = batch.status(i, known_);
-    }
-  }
-}
-
-std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
-                                    std::span<const double> limits_m, bool also_unknown,
-                                    std::span<FieldSample> samples) const noexcept {
-  const Bounds bounds(info().grid);
-  std::size_t written = 0;
-  Batch near;
-  std::array<std::size_t, Batch::kPoints> points;  // of the batch, among all
-
-  const auto write_those_below = [&] {
-    sample(blocks_, bounds, near);
-    // Without branches, too: two in five are not below.
-    for (std::size_t k = 0; k < near.count; ++k) {
-      const double distance_m = near.distance_m(k);
-      const FieldStatus status = near.status(k, known_);
-      const auto is_below =
-          static_cast<unsigned>(!(distance_m >= limits_m[points[k] / kFloatLanes]));
-      const auto is_outside = static_cast<unsigned>(status == FieldStatus::kOutside);
-      const auto is_unknown = static_cast<unsigned>(status == FieldStatus::kUnknown) &
-                              static_cast<unsigned>(also_unknown);
-      samples[written] = {points[k], status, distance_m, near.gradient(k)};
-      written += is_below | is_outside | is_unknown;
-    }
-    near.count = 0;
-  };
-  const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
-  Vicinities vicinities;
-  std::array<std::uint32_t, Vicinities::kPoints> list;
-  for (std::size_t first = 0; first < points_m.size(); first += Vicinities::kGroups) {
-    const std::size_t groups = std::min(Vicinities::kGroups, points_m.size() - first);
-    find_vicinities(points_m.subspan(first, groups), limits_m.subspan(first, groups), bounds,
-                    steepest_voxel_m, vicinities);
-    const std::size_t listed = list_near(vicinities, groups * kFloatLanes, blocks_,
-                                         also_unknown ? &known_ : nullptr, list.data());
-    for (std::size_t k = 0; k < listed; ++k) {
-      const std::size_t point = first * kFloatLanes + list[k], lane = point % kFloatLanes;
-      const PointFloats& of_m = points_m[point / kFloatLanes];
-      points[near.count] = point;
-      near.add(static_cast<double>(of_m.x[lane]), static_cast<double>(of_m.y[lane]),
-               static_cast<double>(of_m.z[lane]));
-      if (near.count == Batch::kPoints) write_those_below();
-    }
-  }
-  if (near.count > 0) write_those_below();
-  return written;
-}
-
-}  // namespace sidestep
+#endif

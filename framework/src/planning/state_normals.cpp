@@ -1,74 +1,12 @@
+#ifndef SIDESTEP_KERNELS
 #include <sidestep/planning/state_normals.hpp>
 
 #include <algorithm>
 
+#define SIDESTEP_KERNELS "state_normals.cpp"
+#include <sidestep/core/each_target.hpp>
+
 namespace sidestep {
-namespace {
-
-/// hessian += row row^T and gradient += residual row, all padded to whole lanes.
-SIDESTEP_SIMD_CLONES
-void add_outer(double* hessian, double* gradient, const double* row, double residual,
-               std::size_t width) {
-  const std::size_t stride = padded(width);
-  for (std::size_t r = 0; r < stride; r += kLanes) {
-    const Lanes values = *reinterpret_cast<const Lanes*>(row + r);
-    *reinterpret_cast<Lanes*>(gradient + r) += residual * values;
-    for (std::size_t j = 0; j < width; ++j) {
-      *reinterpret_cast<Lanes*>(hessian + j * stride + r) += row[j] * values;
-    }
-  }
-}
-
-/// The same for many rows of `kWidth` entries, at most kLanes, one after the other; what is there
-/// before counts only if `is_open`.
-template <std::size_t kWidth>
-SIDESTEP_INLINE void add_products_of(double* hessian, double* gradient, const double* rows,
-                                     const double* residuals, std::size_t count, bool is_open) {
-  using Counts = std::int64_t __attribute__((vector_size(8 * kLanes)));
-  const Counts lane = {0, 1, 2, 3, 4, 5, 6, 7};
-  const Counts end = Counts{} + static_cast<std::int64_t>(kWidth);
-  Lanes sums[kWidth];
-#pragma GCC unroll 8
-  for (std::size_t j = 0; j < kWidth; ++j) {
-    sums[j] = is_open ? lanes(hessian + j * kLanes) : Lanes{};
-  }
-  Lanes pull = is_open ? lanes(gradient) : Lanes{};
-  alignas(64) double last_row[kLanes] = {};
-  for (std::size_t i = 0; i < count; ++i) {
-    // Read in whole lanes, of which those beyond the row count as zero, where there is so much.
-    const double* row = rows + i * kWidth;
-    if ((count - i) * kWidth < kLanes) {
-      std::copy_n(row, kWidth, last_row);
-      row = last_row;
-    }
-    const Lanes values = lane < end ? lanes(row) : Lanes{};
-    pull += residuals[i] * values;
-#pragma GCC unroll 8
-    for (std::size_t j = 0; j < kWidth; ++j) sums[j] += row[j] * values;
-  }
-  lanes(gradient) = pull;
-#pragma GCC unroll 8
-  for (std::size_t j = 0; j < kWidth; ++j) lanes(hessian + j * kLanes) = sums[j];
-}
-
-/// The same for any width: with one that is known the sums stay in registers.
-SIDESTEP_SIMD_CLONES
-void add_narrow_products(double* hessian, double* gradient, const double* rows,
-                         const double* residuals, std::size_t count, std::size_t width,
-                         bool is_open) {
-  switch (width) {
-    case 1: return add_products_of<1>(hessian, gradient, rows, residuals, count, is_open);
-    case 2: return add_products_of<2>(hessian, gradient, rows, residuals, count, is_open);
-    case 3: return add_products_of<3>(hessian, gradient, rows, residuals, count, is_open);
-    case 4: return add_products_of<4>(hessian, gradient, rows, residuals, count, is_open);
-    case 5: return add_products_of<5>(hessian, gradient, rows, residuals, count, is_open);
-    case 6: return add_products_of<6>(hessian, gradient, rows, residuals, count, is_open);
-    case 7: return add_products_of<7>(hessian, gradient, rows, residuals, count, is_open);
-    default: return add_products_of<8>(hessian, gradient, rows, residuals, count, is_open);
-  }
-}
-
-}  // namespace
 
 void StateNormals::Blocks::resize(std::size_t states, std::size_t block_width) {
   if (active.size() == states && width == block_width) {
@@ -92,8 +30,9 @@ void StateNormals::Blocks::open(std::size_t state) noexcept {
 void StateNormals::Blocks::add(std::size_t state, const double* row, double residual) {
   open(state);
   const std::size_t stride = padded(width);
-  add_outer(hessians.data() + state * width * stride, gradients.data() + state * stride, row,
-            residual, width);
+  SIDESTEP_BEST(add_outer)
+  (hessians.data() + state * width * stride, gradients.data() + state * stride, row, residual,
+   width);
 }
 
 void StateNormals::resize(int states, int dof) {
@@ -124,9 +63,9 @@ void StateNormals::add_rows(std::size_t state, std::span<const double> by_q,
     }
     return;
   }
-  add_narrow_products(position_.hessians.data() + state * dof_ * kLanes,
-                      position_.gradients.data() + state * kLanes, by_q.data(), residuals.data(),
-                      residuals.size(), dof_, position_.active[state] != 0);
+  SIDESTEP_BEST(add_narrow_products)
+  (position_.hessians.data() + state * dof_ * kLanes, position_.gradients.data() + state * kLanes,
+   by_q.data(), residuals.data(), residuals.size(), dof_, position_.active[state] != 0);
   position_.active[state] = 1;
 }
 
@@ -157,3 +96,72 @@ void StateNormals::add_velocity_entry(std::size_t state, std::size_t joint, doub
 }
 
 }  // namespace sidestep
+
+#else
+
+namespace {
+
+/// hessian += row row^T and gradient += residual row, all padded to whole lanes.
+void add_outer(double* hessian, double* gradient, const double* row, double residual,
+               std::size_t width) {
+  const std::size_t stride = padded(width);
+  for (std::size_t r = 0; r < stride; r += kLanes) {
+    const Lanes values = lanes(row + r);
+    lanes(gradient + r) += residual * values;
+    for (std::size_t j = 0; j < width; ++j) {
+      lanes(hessian + j * stride + r) += row[j] * values;
+    }
+  }
+}
+
+/// The same for many rows of `kWidth` entries, at most kLanes, one after the other; what is there
+/// before counts only if `is_open`.
+template <std::size_t kWidth>
+SIDESTEP_INLINE void add_products_of(double* hessian, double* gradient, const double* rows,
+                                     const double* residuals, std::size_t count, bool is_open) {
+  Mask<double, kParts> lane;
+  count_lanes(lane);
+  const Mask<double, kParts> is_in_row = lane < static_cast<std::int64_t>(kWidth);
+  Lanes sums[kWidth];
+#pragma GCC unroll 8
+  for (std::size_t j = 0; j < kWidth; ++j) {
+    sums[j] = is_open ? lanes(hessian + j * kLanes) : Lanes{};
+  }
+  Lanes pull = is_open ? lanes(gradient) : Lanes{};
+  alignas(64) double last_row[kLanes] = {};
+  for (std::size_t i = 0; i < count; ++i) {
+    // Read in whole lanes, of which those beyond the row count as zero, where there is so much.
+    const double* row = rows + i * kWidth;
+    if ((count - i) * kWidth < kLanes) {
+      for (std::size_t j = 0; j < kWidth; ++j) last_row[j] = row[j];
+      row = last_row;
+    }
+    const Lanes values = choose(is_in_row, lanes(row), 0.0);
+    pull += residuals[i] * values;
+#pragma GCC unroll 8
+    for (std::size_t j = 0; j < kWidth; ++j) sums[j] += row[j] * values;
+  }
+  lanes(gradient) = pull;
+#pragma GCC unroll 8
+  for (std::size_t j = 0; j < kWidth; ++j) lanes(hessian + j * kLanes) = sums[j];
+}
+
+/// The same for any width: with one that is known the sums stay in registers.
+void add_narrow_products(double* hessian, double* gradient, const double* rows,
+                         const double* residuals, std::size_t count, std::size_t width,
+                         bool is_open) {
+  switch (width) {
+    case 1: return add_products_of<1>(hessian, gradient, rows, residuals, count, is_open);
+    case 2: return add_products_of<2>(hessian, gradient, rows, residuals, count, is_open);
+    case 3: return add_products_of<3>(hessian, gradient, rows, residuals, count, is_open);
+    case 4: return add_products_of<4>(hessian, gradient, rows, residuals, count, is_open);
+    case 5: return add_products_of<5>(hessian, gradient, rows, residuals, count, is_open);
+    case 6: return add_products_of<6>(hessian, gradient, rows, residuals, count, is_open);
+    case 7: return add_products_of<7>(hessian, gradient, rows, residuals, count, is_open);
+    default: return add_products_of<8>(hessian, gradient, rows, residuals, count, is_open);
+  }
+}
+
+}  // namespace
+
+#endif

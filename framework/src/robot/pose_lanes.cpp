@@ -1,3 +1,4 @@
+#ifndef SIDESTEP_KERNELS
 #include "pose_lanes.hpp"
 
 #include <algorithm>
@@ -5,24 +6,74 @@
 
 #include "sine_lanes.hpp"
 
+#define SIDESTEP_KERNELS "pose_lanes.cpp"
+#include <sidestep/core/each_target.hpp>
+
 namespace sidestep::detail {
+
+void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
+                  Poses<double>* poses) noexcept {
+  SIDESTEP_BEST(place_all<double>)(bodies, q, dof, poses);
+}
+
+void carry_spheres(std::span<const TreeSphere> spheres, const Poses<double>* poses,
+                   PointLanes* centres) noexcept {
+  SIDESTEP_BEST(carry<double, PointLanes>)(spheres, poses, centres);
+}
+
+void find_axes(const Poses<double>* poses, std::size_t count, Axes<double>* axes) noexcept {
+  SIDESTEP_BEST(copy_axes<double>)(poses, count, axes);
+}
+
+void find_screws(std::span<const TreeBody> bodies, const Axes<double>* axes,
+                 Screws<double>* screws) noexcept {
+  SIDESTEP_BEST(make_screws<double>)(bodies, axes, screws);
+}
+
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
+                std::size_t stride, const double* weights, double* works,
+                std::size_t step) noexcept {
+  SIDESTEP_BEST(add_up_works<double>)(forces, body_of_link, table, stride, weights, works, step);
+}
+
+void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
+                  Poses<float>* poses) noexcept {
+  SIDESTEP_BEST(place_all<float>)(bodies, q, dof, poses);
+}
+
+void carry_spheres(std::span<const TreeSphere> spheres, const Poses<float>* poses,
+                   PointFloats* centres) noexcept {
+  SIDESTEP_BEST(carry<float, PointFloats>)(spheres, poses, centres);
+}
+
+void find_axes(const Poses<float>* poses, std::size_t count, Axes<float>* axes) noexcept {
+  SIDESTEP_BEST(copy_axes<float>)(poses, count, axes);
+}
+
+void find_screws(std::span<const TreeBody> bodies, const Axes<float>* axes,
+                 Screws<float>* screws) noexcept {
+  SIDESTEP_BEST(make_screws<float>)(bodies, axes, screws);
+}
+
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const float* table,
+                std::size_t stride, const double* weights, double* works,
+                std::size_t step) noexcept {
+  SIDESTEP_BEST(add_up_works<float>)(forces, body_of_link, table, stride, weights, works, step);
+}
+
+}  // namespace sidestep::detail
+
+#else
+
 namespace {
+
+using namespace detail;
 
 using Motion = TreeJoint::Motion;
 
-template <class Number>
-struct InLanes;
-template <>
-struct InLanes<double> {
-  using Type = Lanes;
-};
-template <>
-struct InLanes<float> {
-  using Type = FloatLanes;
-};
 /// Numbers of one kind in lanes.
 template <class Number>
-using LanesOf = typename InLanes<Number>::Type;
+using LanesOf = Line<Number, kParts>;
 
 /// The configurations of as many lanes.
 template <class Number>
@@ -115,14 +166,13 @@ SIDESTEP_INLINE void move_all(std::span<const TreeBody> bodies, Poses<Number>* p
 SIDESTEP_INLINE void read_joint(const TreeBody& body, const double* const* rows,
                                 Lanes& values) noexcept {
   const int j = body.joint;
-  const Lanes of_joint = {rows[0][j], rows[1][j], rows[2][j], rows[3][j],
-                          rows[4][j], rows[5][j], rows[6][j], rows[7][j]};
-  values = body.multiplier * of_joint + body.offset;
+  alignas(64) const double of_joint[] = {rows[0][j], rows[1][j], rows[2][j], rows[3][j],
+                                         rows[4][j], rows[5][j], rows[6][j], rows[7][j]};
+  values = body.multiplier * lanes(of_joint) + body.offset;
 }
 
 SIDESTEP_INLINE void keep_largest(const Lanes& values, Lanes& largest) noexcept {
-  const Lanes size = values < 0.0 ? -values : values;
-  largest = size > largest ? size : largest;
+  largest = greater(size_of(values), largest);
 }
 
 SIDESTEP_INLINE void read_motion(const TreeBody& body, const Rows<double>& rows, Lanes& largest,
@@ -144,12 +194,11 @@ SIDESTEP_INLINE void read_motion(const TreeBody& body, const Rows<float>& rows, 
   Lanes low, high;
   read_joint(body, rows, low);
   read_joint(body, rows + kLanes, high);
-  FloatLanes first, second;
   if (body.motion == Motion::kTranslation) {
-    join(low, high, first);
-    lanes(pose.R[0]) = first;
+    lanes(pose.R[0]) = join(low, high);
     return;
   }
+  FloatLanes first, second;
   keep_largest(low, largest);
   keep_largest(high, largest);
   sine_lanes(low, high, first, second);
@@ -170,18 +219,6 @@ SIDESTEP_INLINE double place(std::span<const TreeBody> bodies, const Rows<Number
   double most = 0.0;
   for (std::size_t lane = 0; lane < kLanes; ++lane) most = greater(most, largest[lane]);
   return most;
-}
-
-SIDESTEP_SIMD_CLONES
-double place_fast(std::span<const TreeBody> bodies, const Rows<double>& rows,
-                  Poses<double>* poses) noexcept {
-  return place<double>(bodies, rows, poses);
-}
-
-SIDESTEP_SIMD_CLONES
-double place_floats(std::span<const TreeBody> bodies, const Rows<float>& rows,
-                    Poses<float>* poses) noexcept {
-  return place<float>(bodies, rows, poses);
 }
 
 /// The same for angles of any size.
@@ -208,9 +245,17 @@ void find_rows(std::span<const double> q, std::size_t dof, Rows<Number>& rows) n
   }
 }
 
+template <class Number>
+void place_all(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
+               Poses<Number>* poses) noexcept {
+  Rows<Number> rows;
+  find_rows<Number>(q, dof, rows);
+  if (place<Number>(bodies, rows, poses) > kLargestAngle) place_any<Number>(bodies, rows, poses);
+}
+
 template <class Number, class Points>
-SIDESTEP_INLINE void carry(std::span<const TreeSphere> spheres, const Poses<Number>* poses,
-                           Points* centres) noexcept {
+void carry(std::span<const TreeSphere> spheres, const Poses<Number>* poses,
+           Points* centres) noexcept {
   for (std::size_t i = 0; i < spheres.size(); ++i) {
     const Poses<Number>& body = poses[spheres[i].body];
     const Vector<Number> v(spheres[i].p_body.data());
@@ -223,8 +268,7 @@ SIDESTEP_INLINE void carry(std::span<const TreeSphere> spheres, const Poses<Numb
 }
 
 template <class Number>
-SIDESTEP_INLINE void copy_axes(const Poses<Number>* poses, std::size_t count,
-                               Axes<Number>* axes) noexcept {
+void copy_axes(const Poses<Number>* poses, std::size_t count, Axes<Number>* axes) noexcept {
   for (std::size_t b = 0; b < count; ++b) {
     for (std::size_t row = 0; row < 3; ++row) {
       lanes(axes[b].z[row]) = lanes(poses[b].R[6 + row]);
@@ -234,8 +278,8 @@ SIDESTEP_INLINE void copy_axes(const Poses<Number>* poses, std::size_t count,
 }
 
 template <class Number>
-SIDESTEP_INLINE void make_screws(std::span<const TreeBody> bodies, const Axes<Number>* axes,
-                                 Screws<Number>* screws) noexcept {
+void make_screws(std::span<const TreeBody> bodies, const Axes<Number>* axes,
+                 Screws<Number>* screws) noexcept {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const Axes<Number>& at = axes[b];
     const bool turns = bodies[b].motion == Motion::kRotation;
@@ -251,15 +295,12 @@ SIDESTEP_INLINE void make_screws(std::span<const TreeBody> bodies, const Axes<Nu
 }
 
 SIDESTEP_INLINE void read_lanes(const double* from, Lanes& out) noexcept { out = lanes(from); }
-SIDESTEP_INLINE void read_lanes(const float* from, Lanes& out) noexcept {
-  using Half = float __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
-  out = __builtin_convertvector(*reinterpret_cast<const Half*>(from), Lanes);
-}
+SIDESTEP_INLINE void read_lanes(const float* from, Lanes& out) noexcept { read_halves(from, out); }
 
 template <class Number>
-SIDESTEP_INLINE void add_up_works(std::span<const LinkForce> forces, const int* body_of_link,
-                                  const Number* table, std::size_t stride, const double* weights,
-                                  double* works, std::size_t step) noexcept {
+void add_up_works(std::span<const LinkForce> forces, const int* body_of_link, const Number* table,
+                  std::size_t stride, const double* weights, double* works,
+                  std::size_t step) noexcept {
   for (std::size_t c = 0; c < stride; c += kLanes) {
     Lanes column[6];
 #pragma GCC unroll 6
@@ -277,66 +318,4 @@ SIDESTEP_INLINE void add_up_works(std::span<const LinkForce> forces, const int* 
 
 }  // namespace
 
-void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
-                  Poses<double>* poses) noexcept {
-  Rows<double> rows;
-  find_rows<double>(q, dof, rows);
-  if (place_fast(bodies, rows, poses) > kLargestAngle) place_any<double>(bodies, rows, poses);
-}
-
-void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
-                  Poses<float>* poses) noexcept {
-  Rows<float> rows;
-  find_rows<float>(q, dof, rows);
-  if (place_floats(bodies, rows, poses) > kLargestAngle) place_any<float>(bodies, rows, poses);
-}
-
-SIDESTEP_SIMD_CLONES
-void carry_spheres(std::span<const TreeSphere> spheres, const Poses<double>* poses,
-                   PointLanes* centres) noexcept {
-  carry<double>(spheres, poses, centres);
-}
-
-SIDESTEP_SIMD_CLONES
-void carry_spheres(std::span<const TreeSphere> spheres, const Poses<float>* poses,
-                   PointFloats* centres) noexcept {
-  carry<float>(spheres, poses, centres);
-}
-
-SIDESTEP_SIMD_CLONES
-void find_axes(const Poses<double>* poses, std::size_t count, Axes<double>* axes) noexcept {
-  copy_axes<double>(poses, count, axes);
-}
-
-SIDESTEP_SIMD_CLONES
-void find_axes(const Poses<float>* poses, std::size_t count, Axes<float>* axes) noexcept {
-  copy_axes<float>(poses, count, axes);
-}
-
-SIDESTEP_SIMD_CLONES
-void find_screws(std::span<const TreeBody> bodies, const Axes<double>* axes,
-                 Screws<double>* screws) noexcept {
-  make_screws<double>(bodies, axes, screws);
-}
-
-SIDESTEP_SIMD_CLONES
-void find_screws(std::span<const TreeBody> bodies, const Axes<float>* axes,
-                 Screws<float>* screws) noexcept {
-  make_screws<float>(bodies, axes, screws);
-}
-
-SIDESTEP_SIMD_CLONES
-void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
-                std::size_t stride, const double* weights, double* works,
-                std::size_t step) noexcept {
-  add_up_works<double>(forces, body_of_link, table, stride, weights, works, step);
-}
-
-SIDESTEP_SIMD_CLONES
-void find_works(std::span<const LinkForce> forces, const int* body_of_link, const float* table,
-                std::size_t stride, const double* weights, double* works,
-                std::size_t step) noexcept {
-  add_up_works<float>(forces, body_of_link, table, stride, weights, works, step);
-}
-
-}  // namespace sidestep::detail
+#endif

@@ -9,22 +9,6 @@ namespace {
 
 std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
-/// One interpolated state from the two support states around it: their positions and velocities,
-/// four rows of whole lanes. Writes whole lanes too.
-SIDESTEP_SIMD_CLONES
-void interpolate_between(const double* ends, std::size_t stride,
-                         const GpPrior::Interpolation& interpolation, double* q,
-                         double* qdot) noexcept {
-  const double* lambda = interpolation.lambda.data();  // column by column
-  const double* psi = interpolation.psi.data();
-  for (std::size_t j = 0; j < stride; j += kLanes) {
-    const Lanes a = lanes(ends + j), adot = lanes(ends + stride + j),
-                b = lanes(ends + 2 * stride + j), bdot = lanes(ends + 3 * stride + j);
-    lanes(q + j) = lambda[0] * a + lambda[2] * adot + psi[0] * b + psi[2] * bdot;
-    lanes(qdot + j) = lambda[1] * a + lambda[3] * adot + psi[1] * b + psi[3] * bdot;
-  }
-}
-
 }  // namespace
 
 void ChainCosts::States::resize(int count, int dof, double spacing_s) {

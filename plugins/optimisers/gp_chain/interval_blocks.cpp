@@ -1,3 +1,4 @@
+#ifndef SIDESTEP_KERNELS
 #include "interval_blocks.hpp"
 
 #include <algorithm>
@@ -15,18 +16,6 @@ constexpr std::size_t kColumnOf[kPairs] = {0, 0, 1, 2, 1, 3, 0, 0, 1, 2};
 /// States that are summed at once; more are rare.
 constexpr std::size_t kStatesAtOnce = 8;
 
-/// to += from, `columns` columns of `rows` values padded to whole lanes.
-SIDESTEP_SIMD_CLONES
-void add_columns(double* to, std::size_t to_stride, const double* from, std::size_t columns,
-                 std::size_t rows) {
-  const std::size_t from_stride = padded(rows);
-  for (std::size_t j = 0; j < columns; ++j) {
-    for (std::size_t r = 0; r < rows; r += kLanes) {
-      lanes(to + j * to_stride + r) += lanes(from + j * from_stride + r);
-    }
-  }
-}
-
 /// Some of an interval's states, and what their costs go to.
 struct IntervalSums {
   const double* hessians[kStatesAtOnce];   ///< J^T J,
@@ -39,46 +28,14 @@ struct IntervalSums {
   std::size_t stride;
 };
 
-/// The ten sums of c_m c_n J^T J and the four of c_m J^T r, column by column, so that each is kept
-/// in a register over all states.
-SIDESTEP_SIMD_CLONES
-void add_sums(const IntervalSums& interval, std::size_t dof) {
-  const std::size_t from_stride = padded(dof), to_stride = interval.stride, count = interval.count;
-  for (std::size_t r = 0; r < dof; r += kLanes) {
-    for (std::size_t c = 0; c < dof; ++c) {
-      Lanes sums[kPairs];
-#pragma GCC unroll 10
-      for (std::size_t pair = 0; pair < kPairs; ++pair) sums[pair] = Lanes{};
-      for (std::size_t k = 0; k < count; ++k) {
-        const Lanes values = lanes(interval.hessians[k] + c * from_stride + r);
-#pragma GCC unroll 10
-        for (std::size_t pair = 0; pair < kPairs; ++pair) {
-          sums[pair] += interval.products[k][pair] * values;
-        }
-      }
-#pragma GCC unroll 10
-      for (std::size_t pair = 0; pair < kPairs; ++pair) {
-        lanes(interval.blocks[pair] + c * to_stride + r) += sums[pair];
-      }
-    }
-    Lanes pulls[4];
-#pragma GCC unroll 4
-    for (std::size_t m = 0; m < 4; ++m) pulls[m] = Lanes{};
-    for (std::size_t k = 0; k < count; ++k) {
-      const Lanes gradient = lanes(interval.gradients[k] + r);
-#pragma GCC unroll 4
-      for (std::size_t m = 0; m < 4; ++m) pulls[m] += interval.chains[k][m] * gradient;
-    }
-#pragma GCC unroll 4
-    for (std::size_t m = 0; m < 4; ++m) lanes(interval.rhs[m] + r) -= pulls[m];
-  }
-}
+}  // namespace
+}  // namespace sidestep
 
-/// to -= factor * from, `count` values padded with zeros to whole lanes.
-SIDESTEP_SIMD_CLONES
-void subtract_padded(double* to, double factor, const double* from, std::size_t count) {
-  for (std::size_t k = 0; k < count; k += kLanes) lanes(to + k) -= factor * lanes(from + k);
-}
+#define SIDESTEP_KERNELS "interval_blocks.cpp"
+#include <sidestep/core/each_target.hpp>
+
+namespace sidestep {
+namespace {
 
 /// How one interpolated state's position (row 0) or velocity (row 1) follows from z.
 std::array<double, 4> chain(const GpPrior::Interpolation& at, Eigen::Index row) noexcept {
@@ -131,8 +88,9 @@ void add_support_state(const StateNormals& normals, std::size_t state, ChainSyst
                        int support) {
   const auto dof = static_cast<std::size_t>(normals.dof());
   const auto add = [&](const StateNormals::Block& block, std::size_t width) {
-    add_columns(system.own_block(support), system.stride(), block.hessian, width, width);
-    subtract_padded(system.rhs(support), 1.0, block.gradient, width);
+    SIDESTEP_BEST(add_columns)
+    (system.own_block(support), system.stride(), block.hessian, width, width);
+    SIDESTEP_BEST(subtract_padded)(system.rhs(support), 1.0, block.gradient, width);
   };
   if (normals.has_position(state)) add(normals.position(state), dof);
   if (normals.has_full(state)) add(normals.full(state), 2 * dof);
@@ -150,7 +108,7 @@ void add_interval(const StateNormals& normals, std::size_t first,
     }
     for (std::size_t m = 0; m < 4; ++m) sums.rhs[m] = rhs_of(system, interval, m, dof);
     sums.stride = system.stride();
-    add_sums(sums, dof);
+    SIDESTEP_BEST(add_sums)(sums, dof);
     sums.count = 0;
   };
   for (std::size_t k = 0; k < checks.size(); ++k) {
@@ -170,4 +128,81 @@ void add_interval(const StateNormals& normals, std::size_t first,
   add();
 }
 
+void interpolate_between(const double* ends, std::size_t stride,
+                         const GpPrior::Interpolation& interpolation, double* q,
+                         double* qdot) noexcept {
+  SIDESTEP_BEST(interpolate_between)(ends, stride, interpolation, q, qdot);
+}
+
 }  // namespace sidestep
+
+#else
+
+namespace {
+
+/// to += from, `columns` columns of `rows` values padded to whole lanes.
+void add_columns(double* to, std::size_t to_stride, const double* from, std::size_t columns,
+                 std::size_t rows) {
+  const std::size_t from_stride = padded(rows);
+  for (std::size_t j = 0; j < columns; ++j) {
+    for (std::size_t r = 0; r < rows; r += kLanes) {
+      lanes(to + j * to_stride + r) += lanes(from + j * from_stride + r);
+    }
+  }
+}
+
+/// The ten sums of c_m c_n J^T J and the four of c_m J^T r, column by column, so that each is kept
+/// in a register over all states.
+void add_sums(const IntervalSums& interval, std::size_t dof) {
+  const std::size_t from_stride = padded(dof), to_stride = interval.stride, count = interval.count;
+  for (std::size_t r = 0; r < dof; r += kLanes) {
+    for (std::size_t c = 0; c < dof; ++c) {
+      Lanes sums[kPairs];
+#pragma GCC unroll 10
+      for (std::size_t pair = 0; pair < kPairs; ++pair) sums[pair] = Lanes{};
+      for (std::size_t k = 0; k < count; ++k) {
+        const Lanes values = lanes(interval.hessians[k] + c * from_stride + r);
+#pragma GCC unroll 10
+        for (std::size_t pair = 0; pair < kPairs; ++pair) {
+          sums[pair] += interval.products[k][pair] * values;
+        }
+      }
+#pragma GCC unroll 10
+      for (std::size_t pair = 0; pair < kPairs; ++pair) {
+        lanes(interval.blocks[pair] + c * to_stride + r) += sums[pair];
+      }
+    }
+    Lanes pulls[4];
+#pragma GCC unroll 4
+    for (std::size_t m = 0; m < 4; ++m) pulls[m] = Lanes{};
+    for (std::size_t k = 0; k < count; ++k) {
+      const Lanes gradient = lanes(interval.gradients[k] + r);
+#pragma GCC unroll 4
+      for (std::size_t m = 0; m < 4; ++m) pulls[m] += interval.chains[k][m] * gradient;
+    }
+#pragma GCC unroll 4
+    for (std::size_t m = 0; m < 4; ++m) lanes(interval.rhs[m] + r) -= pulls[m];
+  }
+}
+
+/// to -= factor * from, `count` values padded with zeros to whole lanes.
+void subtract_padded(double* to, double factor, const double* from, std::size_t count) {
+  for (std::size_t k = 0; k < count; k += kLanes) lanes(to + k) -= factor * lanes(from + k);
+}
+
+void interpolate_between(const double* ends, std::size_t stride,
+                         const GpPrior::Interpolation& interpolation, double* q,
+                         double* qdot) noexcept {
+  const double* lambda = interpolation.lambda.data();  // column by column
+  const double* psi = interpolation.psi.data();
+  for (std::size_t j = 0; j < stride; j += kLanes) {
+    const Lanes a = lanes(ends + j), adot = lanes(ends + stride + j),
+                b = lanes(ends + 2 * stride + j), bdot = lanes(ends + 3 * stride + j);
+    lanes(q + j) = lambda[0] * a + lambda[2] * adot + psi[0] * b + psi[2] * bdot;
+    lanes(qdot + j) = lambda[1] * a + lambda[3] * adot + psi[1] * b + psi[3] * bdot;
+  }
+}
+
+}  // namespace
+
+#endif

@@ -22,4 +22,10 @@ void add_interval(const StateNormals& normals, std::size_t first,
                   std::span<const GpPrior::Interpolation> checks, ChainSystem& system,
                   int interval);
 
+/// One interpolated state from the two support states around it: their positions and velocities,
+/// four rows of whole lanes. Writes whole lanes too.
+void interpolate_between(const double* ends, std::size_t stride,
+                         const GpPrior::Interpolation& interpolation, double* q,
+                         double* qdot) noexcept;
+
 }  // namespace sidestep

@@ -1,11 +1,31 @@
+#ifndef SIDESTEP_KERNELS
 #include "panel_kernels.hpp"
 
-#include <algorithm>
-
-#include <sidestep/core/lane_math.hpp>
-#include <sidestep/core/lanes.hpp>
+#define SIDESTEP_KERNELS "panel_kernels.cpp"
+#include <sidestep/core/each_target.hpp>
 
 namespace sidestep {
+
+void load_panel(const ChainPanel& panel, const double* source, const ChainPanel* previous,
+                double* scaled) {
+  SIDESTEP_BEST(load_panel)(panel, source, previous, scaled);
+}
+
+bool factorise_panel(const ChainPanel& panel, double lambda) {
+  return SIDESTEP_BEST(factorise_panel)(panel, lambda);
+}
+
+void substitute_panel(const ChainPanel& panel, const double* next, double* x) {
+  SIDESTEP_BEST(substitute_panel)(panel, next, x);
+}
+
+double dot(const double* a, const double* b, std::size_t count) noexcept {
+  return SIDESTEP_BEST(dot)(a, b, count);
+}
+
+}  // namespace sidestep
+
+#else
 
 // Stores of lanes may alias anything, so that what the loops need of a panel is copied first.
 
@@ -91,9 +111,6 @@ SIDESTEP_INLINE void copy_panel(const ChainPanel& panel, const double* source) {
   for (std::size_t i = 0; i < count; i += kLanes) lanes(panel.columns + i) = lanes(source + i);
 }
 
-}  // namespace
-
-SIDESTEP_SIMD_CLONES
 void load_panel(const ChainPanel& panel, const double* source, const ChainPanel* previous,
                 double* scaled) {
   const std::size_t width = panel.width, own = panel.own, next = panel.next, stride = own + next;
@@ -136,7 +153,6 @@ void load_panel(const ChainPanel& panel, const double* source, const ChainPanel*
   }
 }
 
-SIDESTEP_SIMD_CLONES
 bool factorise_panel(const ChainPanel& panel, double lambda) {
   switch ((panel.own + panel.next) / kLanes) {
     case 2: return eliminate<2>(panel, lambda);
@@ -148,7 +164,6 @@ bool factorise_panel(const ChainPanel& panel, double lambda) {
   }
 }
 
-SIDESTEP_SIMD_CLONES
 void substitute_panel(const ChainPanel& panel, const double* next, double* x) {
   const std::size_t width = panel.width, own = panel.own, stride = own + panel.next;
   const double* const couplings = panel.columns + own;
@@ -170,7 +185,6 @@ void substitute_panel(const ChainPanel& panel, const double* next, double* x) {
   }
 }
 
-SIDESTEP_SIMD_CLONES
 double dot(const double* a, const double* b, std::size_t count) noexcept {
   Lanes sums = {};
   std::size_t i = 0;
@@ -180,4 +194,6 @@ double dot(const double* a, const double* b, std::size_t count) noexcept {
   return rest + sum_of(sums);
 }
 
-}  // namespace sidestep
+}  // namespace
+
+#endif
