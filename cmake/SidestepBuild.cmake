@@ -47,6 +47,14 @@ function(sidestep_optimise_little target)
   target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
 endfunction()
 
+# sidestep_kernels(SOURCE...)
+# Of this folder, those whose kernels are compiled once for each instruction set: they include themselves
+# (core/each_target.hpp).
+function(sidestep_kernels)
+  set_source_files_properties(${ARGN} PROPERTIES
+    INCLUDE_DIRECTORIES ${CMAKE_CURRENT_SOURCE_DIR} SKIP_UNITY_BUILD_INCLUSION ON)
+endfunction()
+
 # sidestep_add_layer(NAME SOURCES ... [LINK library...])
 # One layer of the framework: an object library that becomes part of libsidestep_sdk or
 # libsidestep_runtime.

@@ -1,11 +1,10 @@
+#ifndef SIDESTEP_KERNELS
 #include "solid.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <variant>
-
-#include <sidestep/core/lane_math.hpp>
 
 namespace sidestep::detail {
 namespace {
@@ -139,155 +138,20 @@ Eigen::Vector3d gradient_in_shape(const Solid& solid, const Eigen::Vector3d& p) 
   return Eigen::Vector3d::UnitZ();
 }
 
-SIDESTEP_INLINE void roots_of(const Lanes& squares, Lanes& roots) noexcept {
-  double from[kLanes], to[kLanes];
-  lanes(from) = squares;
-  for (std::size_t i = 0; i < kLanes; ++i) to[i] = __builtin_sqrt(from[i] > 0.0 ? from[i] : 0.0);
-  roots = lanes(to);
-}
-
-SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares, Lanes& deepest) noexcept {
-  const Lanes outside = beyond > 0.0 ? beyond : Lanes{};
-  squares += outside * outside;
-  deepest = beyond > deepest ? beyond : deepest;
-}
-
-/// Distances of points in the shape's frame.
-SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const Lanes& y,
-                                    const Lanes& z, Lanes& distances) noexcept {
-  Lanes squares{}, deepest = Lanes{} - kInfinity, size;
-  switch (solid.kind) {
-    case Solid::Kind::kBox:
-      find_sizes(x, size);
-      add_outside(size - solid.half_m.data()[0], squares, deepest);
-      find_sizes(y, size);
-      add_outside(size - solid.half_m.data()[1], squares, deepest);
-      find_sizes(z, size);
-      add_outside(size - solid.half_m.data()[2], squares, deepest);
-      break;
-    case Solid::Kind::kCylinder:
-      roots_of(x * x + y * y, size);
-      add_outside(size - solid.radius_m, squares, deepest);
-      find_sizes(z, size);
-      add_outside(size - solid.half_length_m, squares, deepest);
-      break;
-    case Solid::Kind::kSphere:
-    case Solid::Kind::kCapsule: {
-      find_sizes(z, size);
-      const Lanes above = size - solid.half_length_m;
-      const Lanes off = above > 0.0 ? above : Lanes{};
-      roots_of(x * x + y * y + off * off, distances);
-      distances -= solid.radius_m;
-      return;
-    }
-    case Solid::Kind::kHalfSpace:
-    case Solid::Kind::kMesh: distances = z; return;
-  }
-  roots_of(squares, size);
-  distances = deepest > 0.0 ? size : deepest;
-}
-
-SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares) noexcept {
-  const Lanes outside = beyond > 0.0 ? beyond : Lanes{};
-  squares += outside * outside;
-}
-
-SIDESTEP_INLINE void find_near_box(const Solid& box, const Lanes& x, const Lanes& y, const Lanes& z,
-                                   const Lanes& limits, Lanes& is_near) noexcept {
-  Lanes squares{}, size;
-  find_sizes(x, size);
-  add_outside(size - box.half_m.data()[0], squares);
-  find_sizes(y, size);
-  add_outside(size - box.half_m.data()[1], squares);
-  find_sizes(z, size);
-  add_outside(size - box.half_m.data()[2], squares);
-  is_near = squares < limits * limits ? Lanes{} + 1.0 : Lanes{};
-}
-
-/// 1 where points in the shape's frame are nearer to it than their limits, else 0.
-SIDESTEP_INLINE void find_near_in_shape(const Solid& solid, const Lanes& x, const Lanes& y,
-                                        const Lanes& z, const Lanes& limits,
-                                        Lanes& is_near) noexcept {
-  Lanes squares{}, size, wanted = limits;
-  switch (solid.kind) {
-    case Solid::Kind::kBox: find_near_box(solid, x, y, z, limits, is_near); return;
-    case Solid::Kind::kCylinder: {
-      find_sizes(z, size);
-      const Lanes beyond = size - solid.half_length_m, around = x * x + y * y;
-      wanted += solid.radius_m;
-      // Hardly ever within its limit of both the barrel and the lids: no roots until it is.
-      const Lanes off_lids = beyond - limits, off_barrel = around - wanted * wanted;
-      const Lanes off_either = off_lids > off_barrel ? off_lids : off_barrel;
-      is_near = off_either < 0.0 ? Lanes{} + 1.0 : Lanes{};
-      if (!any_of(is_near)) return;
-      roots_of(around, size);
-      add_outside(size - solid.radius_m, squares);
-      add_outside(beyond, squares);
-      is_near = squares < limits * limits ? Lanes{} + 1.0 : Lanes{};
-      return;
-    }
-    case Solid::Kind::kSphere:
-    case Solid::Kind::kCapsule:
-      find_sizes(z, size);
-      add_outside(size - solid.half_length_m, squares);
-      squares += x * x + y * y;
-      wanted += solid.radius_m;
-      break;
-    case Solid::Kind::kHalfSpace:
-    case Solid::Kind::kMesh: is_near = z < limits ? Lanes{} + 1.0 : Lanes{}; return;
-  }
-  is_near = squares < wanted * wanted ? Lanes{} + 1.0 : Lanes{};
-}
-
 constexpr double kLeast_m = 1e-9;
-
-SIDESTEP_INLINE void widen_gap(const Lanes& gap, Lanes& widest) noexcept {
-  widest = gap > widest ? gap : widest;
-}
 
 /// A box around points and some space around them.
 struct PointBounds {
   double low_m[3], high_m[3];
 };
-SIDESTEP_INLINE void find_bounds(const PointLanes& points_m, double limit_m,
-                                 PointBounds& bounds) noexcept {
-  const double* coordinates[] = {points_m.x, points_m.y, points_m.z};
-  for (int axis = 0; axis < 3; ++axis) {
-    bounds.low_m[axis] = least_of(lanes(coordinates[axis])) - limit_m;
-    bounds.high_m[axis] = limit_m - least_of(-lanes(coordinates[axis]));
-  }
-}
-
-/// 1 where a solid's bounds meet a box, else 0; false where none does.
-SIDESTEP_INLINE bool find_beside(const SolidBounds& solids, const PointBounds& box,
-                                 double* is_beside) noexcept {
-  Lanes apart = lanes(solids.low_m.x) - box.high_m[0];
-  widen_gap(box.low_m[0] - lanes(solids.high_m.x), apart);
-  widen_gap(lanes(solids.low_m.y) - box.high_m[1], apart);
-  widen_gap(box.low_m[1] - lanes(solids.high_m.y), apart);
-  widen_gap(lanes(solids.low_m.z) - box.high_m[2], apart);
-  widen_gap(box.low_m[2] - lanes(solids.high_m.z), apart);
-  const Lanes are_beside = apart <= kLeast_m ? Lanes{} + 1.0 : Lanes{};  // not where it is NaN
-  lanes(is_beside) = are_beside;
-  return any_of(are_beside);
-}
-
-/// 1 where points of the world are nearer to it than their limits, which are positive, else 0.
-SIDESTEP_INLINE void find_near(const Solid& solid, const PointLanes& points_m, const Lanes& limits,
-                               Lanes& is_near) noexcept {
-  const double* p = solid.p_world_shape.data();
-  const double* R = solid.R_world_shape.data();
-  const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
-              z = lanes(points_m.z) - p[2];
-  if (solid.is_aligned) {
-    find_near_in_shape(solid, x, y, z, limits, is_near);
-  } else {
-    find_near_in_shape(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
-                       R[6] * x + R[7] * y + R[8] * z, limits, is_near);
-  }
-}
-
 }  // namespace
+
+}  // namespace sidestep::detail
+
+#define SIDESTEP_KERNELS "solid.cpp"
+#include <sidestep/core/each_target.hpp>
+
+namespace sidestep::detail {
 
 Solid make_solid(const SceneObject& object, double time_s) {
   Solid solid;
@@ -329,7 +193,158 @@ std::vector<SolidBounds> bounds_of(std::span<const Solid> solids) {
   return bounds;
 }
 
-SIDESTEP_SIMD_CLONES
+std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointLanes& points_m,
+                               double limit_m, std::uint32_t* beside) noexcept {
+  return SIDESTEP_BEST(find_solids_beside)(bounds, points_m, limit_m, beside);
+}
+
+void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bounds,
+                         const PointLanes& points_m, double limit_m, double* distances_m,
+                         double* numbers) noexcept {
+  SIDESTEP_BEST(find_nearest_solids)(solids, bounds, points_m, limit_m, distances_m, numbers);
+}
+
+std::size_t find_solids_within(const Solid* solids, const std::uint32_t* numbers, std::size_t count,
+                               const PointLanes& points_m, const double* limits_m,
+                               std::uint32_t* near, double* is_near) noexcept {
+  return SIDESTEP_BEST(find_solids_within)(solids, numbers, count, points_m, limits_m, near,
+                                           is_near);
+}
+
+}  // namespace sidestep::detail
+
+#else
+
+namespace {
+
+using namespace detail;
+
+SIDESTEP_INLINE Lanes roots_of(const Lanes& squares) noexcept {
+  double from[kLanes], to[kLanes];
+  lanes(from) = squares;
+  for (std::size_t i = 0; i < kLanes; ++i) to[i] = __builtin_sqrt(from[i] > 0.0 ? from[i] : 0.0);
+  return lanes(to);
+}
+
+SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares, Lanes& deepest) noexcept {
+  const Lanes outside = greater(beyond, Lanes{});
+  squares += outside * outside;
+  deepest = greater(beyond, deepest);
+}
+
+/// Distances of points in the shape's frame.
+SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const Lanes& y,
+                                    const Lanes& z, Lanes& distances) noexcept {
+  Lanes squares{}, deepest = Lanes{} - kInfinity;
+  switch (solid.kind) {
+    case Solid::Kind::kBox:
+      add_outside(size_of(x) - solid.half_m.data()[0], squares, deepest);
+      add_outside(size_of(y) - solid.half_m.data()[1], squares, deepest);
+      add_outside(size_of(z) - solid.half_m.data()[2], squares, deepest);
+      break;
+    case Solid::Kind::kCylinder:
+      add_outside(roots_of(x * x + y * y) - solid.radius_m, squares, deepest);
+      add_outside(size_of(z) - solid.half_length_m, squares, deepest);
+      break;
+    case Solid::Kind::kSphere:
+    case Solid::Kind::kCapsule: {
+      const Lanes off = greater(size_of(z) - solid.half_length_m, Lanes{});
+      distances = roots_of(x * x + y * y + off * off) - solid.radius_m;
+      return;
+    }
+    case Solid::Kind::kHalfSpace:
+    case Solid::Kind::kMesh: distances = z; return;
+  }
+  distances = choose(deepest > 0.0, roots_of(squares), deepest);
+}
+
+SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares) noexcept {
+  const Lanes outside = greater(beyond, Lanes{});
+  squares += outside * outside;
+}
+
+SIDESTEP_INLINE void find_near_box(const Solid& box, const Lanes& x, const Lanes& y, const Lanes& z,
+                                   const Lanes& limits, Lanes& is_near) noexcept {
+  Lanes squares{};
+  add_outside(size_of(x) - box.half_m.data()[0], squares);
+  add_outside(size_of(y) - box.half_m.data()[1], squares);
+  add_outside(size_of(z) - box.half_m.data()[2], squares);
+  is_near = ones_where(squares < limits * limits);
+}
+
+/// 1 where points in the shape's frame are nearer to it than their limits, else 0.
+SIDESTEP_INLINE void find_near_in_shape(const Solid& solid, const Lanes& x, const Lanes& y,
+                                        const Lanes& z, const Lanes& limits,
+                                        Lanes& is_near) noexcept {
+  Lanes squares{}, wanted = limits;
+  switch (solid.kind) {
+    case Solid::Kind::kBox: find_near_box(solid, x, y, z, limits, is_near); return;
+    case Solid::Kind::kCylinder: {
+      const Lanes beyond = size_of(z) - solid.half_length_m, around = x * x + y * y;
+      wanted += solid.radius_m;
+      // Hardly ever within its limit of both the barrel and the lids: no roots until it is.
+      const Lanes off_lids = beyond - limits, off_barrel = around - wanted * wanted;
+      is_near = ones_where(greater(off_lids, off_barrel) < 0.0);
+      if (!any_of(is_near)) return;
+      add_outside(roots_of(around) - solid.radius_m, squares);
+      add_outside(beyond, squares);
+      is_near = ones_where(squares < limits * limits);
+      return;
+    }
+    case Solid::Kind::kSphere:
+    case Solid::Kind::kCapsule:
+      add_outside(size_of(z) - solid.half_length_m, squares);
+      squares += x * x + y * y;
+      wanted += solid.radius_m;
+      break;
+    case Solid::Kind::kHalfSpace:
+    case Solid::Kind::kMesh: is_near = ones_where(z < limits); return;
+  }
+  is_near = ones_where(squares < wanted * wanted);
+}
+
+SIDESTEP_INLINE void widen_gap(const Lanes& gap, Lanes& widest) noexcept {
+  widest = greater(gap, widest);
+}
+
+SIDESTEP_INLINE void find_bounds(const PointLanes& points_m, double limit_m,
+                                 PointBounds& bounds) noexcept {
+  const double* coordinates[] = {points_m.x, points_m.y, points_m.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    bounds.low_m[axis] = least_of(lanes(coordinates[axis])) - limit_m;
+    bounds.high_m[axis] = limit_m - least_of(-lanes(coordinates[axis]));
+  }
+}
+
+/// 1 where a solid's bounds meet a box, else 0; false where none does.
+SIDESTEP_INLINE bool find_beside(const SolidBounds& solids, const PointBounds& box,
+                                 double* is_beside) noexcept {
+  Lanes apart = lanes(solids.low_m.x) - box.high_m[0];
+  widen_gap(box.low_m[0] - lanes(solids.high_m.x), apart);
+  widen_gap(lanes(solids.low_m.y) - box.high_m[1], apart);
+  widen_gap(box.low_m[1] - lanes(solids.high_m.y), apart);
+  widen_gap(lanes(solids.low_m.z) - box.high_m[2], apart);
+  widen_gap(box.low_m[2] - lanes(solids.high_m.z), apart);
+  const Lanes are_beside = ones_where(apart <= kLeast_m);  // not where it is NaN
+  lanes(is_beside) = are_beside;
+  return any_of(are_beside);
+}
+
+/// 1 where points of the world are nearer to it than their limits, which are positive, else 0.
+SIDESTEP_INLINE void find_near(const Solid& solid, const PointLanes& points_m, const Lanes& limits,
+                               Lanes& is_near) noexcept {
+  const double* p = solid.p_world_shape.data();
+  const double* R = solid.R_world_shape.data();
+  const Lanes x = lanes(points_m.x) - p[0], y = lanes(points_m.y) - p[1],
+              z = lanes(points_m.z) - p[2];
+  if (solid.is_aligned) {
+    find_near_in_shape(solid, x, y, z, limits, is_near);
+  } else {
+    find_near_in_shape(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
+                       R[6] * x + R[7] * y + R[8] * z, limits, is_near);
+  }
+}
+
 std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointLanes& points_m,
                                double limit_m, std::uint32_t* beside) noexcept {
   PointBounds around;
@@ -346,7 +361,6 @@ std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointL
   return found;
 }
 
-SIDESTEP_SIMD_CLONES
 void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bounds,
                          const PointLanes& points_m, double limit_m, double* distances_m,
                          double* numbers) noexcept {
@@ -360,7 +374,7 @@ void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bound
       if (is_beside[lane] == 0.0) continue;
       const Solid& solid = solids[group * kLanes + lane];
       // Mostly it is not nearer, which is known without roots.
-      find_near(solid, points_m, nearest > kLeast_m ? nearest : Lanes{} + kLeast_m, is_nearer);
+      find_near(solid, points_m, greater(nearest, Lanes{} + kLeast_m), is_nearer);
       if (!any_of(is_nearer)) continue;
       const double* p = solid.p_world_shape.data();
       const double* R = solid.R_world_shape.data();
@@ -369,15 +383,15 @@ void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bound
       Lanes distances;
       find_distances(solid, R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z,
                      R[6] * x + R[7] * y + R[8] * z, distances);
-      number = distances < nearest ? Lanes{} + static_cast<double>(group * kLanes + lane) : number;
-      nearest = distances < nearest ? distances : nearest;
+      const auto nearer = distances < nearest;
+      number = choose(nearer, Lanes{} + static_cast<double>(group * kLanes + lane), number);
+      nearest = choose(nearer, distances, nearest);
     }
   }
   lanes(distances_m) = nearest;
   lanes(numbers) = number;
 }
 
-SIDESTEP_SIMD_CLONES
 std::size_t find_solids_within(const Solid* solids, const std::uint32_t* numbers, std::size_t count,
                                const PointLanes& points_m, const double* limits_m,
                                std::uint32_t* near, double* is_near) noexcept {
@@ -394,8 +408,10 @@ std::size_t find_solids_within(const Solid* solids, const std::uint32_t* numbers
     find_near(solids[numbers[i]], points_m, limits, is_near_this);
     if (any_of(is_near_this)) near[found++] = numbers[i];
   }
-  lanes(is_near) = is_near_any > 0.0 ? Lanes{} + 1.0 : lanes(is_near);
+  lanes(is_near) = choose(is_near_any > 0.0, Lanes{} + 1.0, lanes(is_near));
   return found;
 }
 
-}  // namespace sidestep::detail
+}  // namespace
+
+#endif

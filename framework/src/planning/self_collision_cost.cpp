@@ -1,3 +1,4 @@
+#ifndef SIDESTEP_KERNELS
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -16,25 +17,16 @@ struct SpherePair {
   double reach_m;  ///< Between the centres, where the cost begins.
 };
 
-/// In which of kLanes states two spheres of a pair are within reach, or are nowhere.
-SIDESTEP_SIMD_CLONES
-void find_near(const PointLanes* centres_m, std::span<const SpherePair> pairs, bool* is_near) {
-  Lanes deepest = {};
-  Lanes any = {};
-  for (const SpherePair& pair : pairs) {
-    const PointLanes& a = centres_m[pair.a];
-    const PointLanes& b = centres_m[pair.b];
-    const Lanes x = lanes(a.x) - lanes(b.x), y = lanes(a.y) - lanes(b.y),
-                z = lanes(a.z) - lanes(b.z);
-    const Lanes squared = x * x + y * y + z * z;
-    const Lanes depth = pair.reach_m * pair.reach_m - squared;
-    deepest = depth > deepest ? depth : deepest;
-    any += squared;
-  }
-  for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    is_near[lane] = deepest[lane] > 0.0 || !std::isfinite(any[lane]);
-  }
-}
+}  // namespace
+
+}  // namespace sidestep
+
+#define SIDESTEP_KERNELS "self_collision_cost.cpp"
+#include <sidestep/core/each_target.hpp>
+
+namespace sidestep {
+
+namespace {
 
 class SelfCollisionCost final : public StateCost, public HasCostForm {
  public:
@@ -79,7 +71,8 @@ class SelfCollisionCost final : public StateCost, public HasCostForm {
     const auto is_near = scope.array<bool>(groups * kLanes);
     robot_->sphere_centre_lanes(states.q, in_lanes_m, scratch);
     for (std::size_t g = 0; g < groups; ++g) {
-      find_near(in_lanes_m.data() + g * spheres_, sphere_pairs_, &is_near[g * kLanes]);
+      SIDESTEP_BEST(find_near)
+      (in_lanes_m.data() + g * spheres_, sphere_pairs_, &is_near[g * kLanes]);
     }
     const auto near_count = static_cast<std::size_t>(std::ranges::count(is_near.first(n), true));
     if (near_count == 0) return 0.0;
@@ -208,3 +201,30 @@ std::unique_ptr<StateCost> make_self_collision_cost(std::shared_ptr<const RobotM
 }
 
 }  // namespace sidestep
+
+#else
+
+namespace {
+
+/// In which of kLanes states two spheres of a pair are within reach, or are nowhere.
+void find_near(const PointLanes* centres_m, std::span<const SpherePair> pairs, bool* is_near) {
+  Lanes deepest = {};
+  Lanes any = {};
+  for (const SpherePair& pair : pairs) {
+    const PointLanes& a = centres_m[pair.a];
+    const PointLanes& b = centres_m[pair.b];
+    const Lanes x = lanes(a.x) - lanes(b.x), y = lanes(a.y) - lanes(b.y),
+                z = lanes(a.z) - lanes(b.z);
+    const Lanes squared = x * x + y * y + z * z;
+    const Lanes depth = pair.reach_m * pair.reach_m - squared;
+    deepest = greater(depth, deepest);
+    any += squared;
+  }
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    is_near[lane] = deepest[lane] > 0.0 || !std::isfinite(any[lane]);
+  }
+}
+
+}  // namespace
+
+#endif

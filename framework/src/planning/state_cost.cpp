@@ -1,3 +1,4 @@
+#ifndef SIDESTEP_KERNELS
 #include <sidestep/planning/state_cost.hpp>
 
 #include <cstdint>
@@ -5,25 +6,16 @@
 
 #include <sidestep/planning/state_normals.hpp>
 
+#define SIDESTEP_KERNELS "state_cost.cpp"
+#include <sidestep/core/each_target.hpp>
+
 namespace sidestep {
+
 namespace {
 
-/// Whether all values are zero, eight at a time: most rows of most costs are.
-SIDESTEP_SIMD_CLONES
-bool all_zero(const double* values, std::size_t count) {
-  using Bits = std::int64_t __attribute__((vector_size(8 * kLanes), aligned(8), may_alias));
-  Bits any = {};
-  std::size_t i = 0;
-  for (; i + kLanes <= count; i += kLanes) {
-    any |= *reinterpret_cast<const Lanes*>(values + i) != 0.0;
-  }
-  std::int64_t sum = 0;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) sum |= any[lane];
-  for (; i < count; ++i) sum |= values[i] != 0.0;
-  return sum == 0;
+bool all_zero(std::span<const double> values) {
+  return SIDESTEP_BEST(all_zero)(values.data(), values.size());
 }
-
-bool all_zero(std::span<const double> values) { return all_zero(values.data(), values.size()); }
 
 }  // namespace
 
@@ -56,3 +48,24 @@ double StateCost::linearise(const StateBatch& states, const StateRange& range, S
 }
 
 }  // namespace sidestep
+
+#else
+
+namespace {
+
+/// Whether all values are zero, eight at a time: most rows of most costs are.
+bool all_zero(const double* values, std::size_t count) {
+  Mask<double, kParts> any = {};
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    any |= lanes(values + i) != 0.0;
+  }
+  std::int64_t sum = 0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) sum |= any[lane];
+  for (; i < count; ++i) sum |= values[i] != 0.0;
+  return sum == 0;
+}
+
+}  // namespace
+
+#endif

@@ -1,11 +1,33 @@
+#ifndef SIDESTEP_KERNELS
 #include "cubic_lanes.hpp"
 
 #include <array>
 
-#include <sidestep/core/lane_math.hpp>
+#define SIDESTEP_KERNELS "cubic_lanes.cpp"
+#include <sidestep/core/each_target.hpp>
 
 namespace sidestep::detail {
+
+CubicRates rates_at(const CubicLanes& cubic, double s) noexcept {
+  return SIDESTEP_BEST(rates_at)(cubic, s);
+}
+
+double arc_length(const CubicLanes& cubic, double from_s, double to_s) noexcept {
+  return SIDESTEP_BEST(arc_length)(cubic, from_s, to_s);
+}
+
+void derive_by_length(const CubicLanes& cubic, double s, double* tangent,
+                      double* curvature) noexcept {
+  SIDESTEP_BEST(derive_by_length)(cubic, s, tangent, curvature);
+}
+
+}  // namespace sidestep::detail
+
+#else
+
 namespace {
+
+using namespace detail;
 
 /// dq/ds of the joints from j on.
 SIDESTEP_INLINE void find_velocity(const CubicLanes& cubic, std::size_t j, double s,
@@ -19,9 +41,6 @@ SIDESTEP_INLINE void find_acceleration(const CubicLanes& cubic, std::size_t j, d
   a = 2.0 * lanes(cubic.c2() + j) + 6.0 * s * lanes(cubic.c3() + j);
 }
 
-}  // namespace
-
-SIDESTEP_SIMD_CLONES
 CubicRates rates_at(const CubicLanes& cubic, double s) noexcept {
   Lanes speed{}, change{}, bend{};
   for (std::size_t j = 0; j < cubic.width; j += kLanes) {
@@ -35,7 +54,6 @@ CubicRates rates_at(const CubicLanes& cubic, double s) noexcept {
   return {__builtin_sqrt(sum_of(speed)), sum_of(change), __builtin_sqrt(sum_of(bend))};
 }
 
-SIDESTEP_SIMD_CLONES
 double arc_length(const CubicLanes& cubic, double from_s, double to_s) noexcept {
   constexpr std::array kNodes{-0.9061798459386640, -0.5384693101056831, 0.0, 0.5384693101056831,
                               0.9061798459386640};
@@ -56,7 +74,6 @@ double arc_length(const CubicLanes& cubic, double from_s, double to_s) noexcept 
   return half * sum;
 }
 
-SIDESTEP_SIMD_CLONES
 void derive_by_length(const CubicLanes& cubic, double s, double* tangent,
                       double* curvature) noexcept {
   Lanes squares{}, products{};
@@ -78,4 +95,6 @@ void derive_by_length(const CubicLanes& cubic, double s, double* tangent,
   }
 }
 
-}  // namespace sidestep::detail
+}  // namespace
+
+#endif

@@ -1,11 +1,10 @@
+#ifndef SIDESTEP_KERNELS
 #include "speed_profile.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
-
-#include <sidestep/core/lane_math.hpp>
 
 namespace sidestep::detail {
 namespace {
@@ -19,70 +18,18 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-/// The speed dl/dt that the joints' velocity limits allow.
-SIDESTEP_SIMD_CLONES
-double fastest_along(const double* tangent, const double* limits, std::size_t width) noexcept {
-  Lanes speed = Lanes{} + kNever;
-  for (std::size_t j = 0; j < width; j += kLanes) {
-    Lanes size;
-    find_sizes(lanes(tangent + j), size);
-    const Lanes allowed = size > kNoEffect ? lanes(limits + j) / size : Lanes{} + kNever;
-    speed = allowed < speed ? allowed : speed;
-  }
-  return least_of(speed);
-}
-
-/// A strip -width - slope x <= u <= width - slope x for each joint that feels u at one end of a
-/// stage; returns the x that the others allow.
-SIDESTEP_SIMD_CLONES
-double write_strips(const double* tangent, const double* curvature, double twice_length,
-                    const double* limits, std::size_t count, double* widths,
-                    double* slopes) noexcept {
-  Lanes most = Lanes{} + kNever;
-  for (std::size_t j = 0; j < count; j += kLanes) {
-    const Lanes across = lanes(curvature + j), limit = lanes(limits + j);
-    const Lanes along = lanes(tangent + j) + twice_length * across;
-    Lanes along_size, across_size;
-    find_sizes(along, along_size);
-    find_sizes(across, across_size);
-    const Lanes none = Lanes{} + kNever;
-    lanes(widths + j) = along_size > kNoEffect ? limit / along_size : none;
-    lanes(slopes + j) = along_size > kNoEffect ? across / along : Lanes{};
-    const Lanes x_across = across_size > kNoEffect ? limit / across_size : none;
-    const Lanes x = along_size > kNoEffect ? none : x_across;
-    most = x < most ? x : most;
-  }
-  return least_of(most);
-}
-
 struct Edge {
   double value, offset, slope;
 };
 
-/// The least upper and the greatest lower edge of the strips at an x, where they bind more than
-/// those given.
-SIDESTEP_SIMD_CLONES
-void find_edges(const double* widths, const double* slopes, std::size_t count, double share,
-                double x, Edge& lower, Edge& upper) noexcept {
-  Lanes high = Lanes{} + kNever, low = -high;
-  Lanes high_offset{}, high_slope{}, low_offset{}, low_slope{};
-  for (std::size_t j = 0; j < count; j += kLanes) {
-    const Lanes width = share * lanes(widths + j), slope = -lanes(slopes + j);
-    const Lanes above = slope * x + width, below = slope * x - width;
-    high_offset = above < high ? width : high_offset;
-    high_slope = above < high ? slope : high_slope;
-    high = above < high ? above : high;
-    low_offset = below > low ? -width : low_offset;
-    low_slope = below > low ? slope : low_slope;
-    low = below > low ? below : low;
-  }
-  for (std::size_t i = 0; i < kLanes; ++i) {
-    if (high[i] < upper.value) upper = {high[i], high_offset[i], high_slope[i]};
-    if (low[i] > lower.value) lower = {low[i], low_offset[i], low_slope[i]};
-  }
-}
-
 }  // namespace
+
+}  // namespace sidestep::detail
+
+#define SIDESTEP_KERNELS "speed_profile.cpp"
+#include <sidestep/core/each_target.hpp>
+
+namespace sidestep::detail {
 
 /// Rows: velocity limits, acceleration limits. What is beyond the joints never binds.
 void SpeedProfile::load_limits() {
@@ -105,12 +52,12 @@ void SpeedProfile::load_strips() {
   for (int i = 0; i < stages_.size(); ++i) {
     double* widths = strips_.data() + at(i) * 4 * width_;
     double* slopes = widths + 2 * width_;
-    const double from =
-        write_strips(stages_.tangent_from(i).data(), stages_.curvature_from(i).data(), 0.0, limits,
-                     width_, widths, slopes);
-    const double to =
-        write_strips(stages_.tangent_to(i).data(), stages_.curvature_to(i).data(),
-                     2.0 * stages_[i].length, limits, width_, widths + width_, slopes + width_);
+    const double from = SIDESTEP_BEST(write_strips)(stages_.tangent_from(i).data(),
+                                                    stages_.curvature_from(i).data(), 0.0, limits,
+                                                    width_, widths, slopes);
+    const double to = SIDESTEP_BEST(write_strips)(
+        stages_.tangent_to(i).data(), stages_.curvature_to(i).data(), 2.0 * stages_[i].length,
+        limits, width_, widths + width_, slopes + width_);
     most_x_of_[at(i)] = std::min(from, to);
   }
 }
@@ -118,7 +65,7 @@ void SpeedProfile::load_strips() {
 void SpeedProfile::limit_speeds(const Shares& shares) {
   fastest_.assign(at(stages_.size()) + 1, kEndless);
   const auto limit = [&](std::size_t node, std::span<const double> tangent, double share) {
-    const double speed = share * fastest_along(tangent.data(), rows_.data(), width_);
+    const double speed = share * SIDESTEP_BEST(fastest_along)(tangent.data(), rows_.data(), width_);
     fastest_[node] = std::min(fastest_[node], speed * speed);
   };
   for (int i = 0; i < stages_.size(); ++i) {
@@ -140,7 +87,7 @@ SpeedProfile::Bounds SpeedProfile::bounds(double x) const noexcept {
   const double slope = -1.0 / twice_length_;
   const double low = next_.low / twice_length_, high = next_.high / twice_length_;
   Edge lower{low + slope * x, low, slope}, upper{high + slope * x, high, slope};
-  find_edges(widths_, widths_ + 2 * width_, 2 * width_, share_, x, lower, upper);
+  SIDESTEP_BEST(find_edges)(widths_, widths_ + 2 * width_, 2 * width_, share_, x, lower, upper);
   return {{lower.offset, lower.slope}, {upper.offset, upper.slope}};
 }
 
@@ -257,3 +204,65 @@ bool SpeedProfile::solve(double x_start, double x_goal, const Shares& shares) {
 }
 
 }  // namespace sidestep::detail
+
+#else
+
+namespace {
+
+using namespace detail;
+
+/// The speed dl/dt that the joints' velocity limits allow.
+double fastest_along(const double* tangent, const double* limits, std::size_t width) noexcept {
+  Lanes speed = Lanes{} + kNever;
+  for (std::size_t j = 0; j < width; j += kLanes) {
+    const Lanes size = size_of(lanes(tangent + j));
+    speed = lesser(choose(size > kNoEffect, lanes(limits + j) / size, kNever), speed);
+  }
+  return least_of(speed);
+}
+
+/// A strip -width - slope x <= u <= width - slope x for each joint that feels u at one end of a
+/// stage; returns the x that the others allow.
+double write_strips(const double* tangent, const double* curvature, double twice_length,
+                    const double* limits, std::size_t count, double* widths,
+                    double* slopes) noexcept {
+  Lanes most = Lanes{} + kNever;
+  for (std::size_t j = 0; j < count; j += kLanes) {
+    const Lanes across = lanes(curvature + j), limit = lanes(limits + j);
+    const Lanes along = lanes(tangent + j) + twice_length * across;
+    const Lanes along_size = size_of(along), across_size = size_of(across);
+    const auto feels_along = along_size > kNoEffect;
+    lanes(widths + j) = choose(feels_along, limit / along_size, kNever);
+    lanes(slopes + j) = choose(feels_along, across / along, 0.0);
+    const Lanes x_across = choose(across_size > kNoEffect, limit / across_size, kNever);
+    most = lesser(choose(feels_along, Lanes{} + kNever, x_across), most);
+  }
+  return least_of(most);
+}
+
+/// The least upper and the greatest lower edge of the strips at an x, where they bind more than
+/// those given.
+void find_edges(const double* widths, const double* slopes, std::size_t count, double share,
+                double x, Edge& lower, Edge& upper) noexcept {
+  Lanes high = Lanes{} + kNever, low = -high;
+  Lanes high_offset{}, high_slope{}, low_offset{}, low_slope{};
+  for (std::size_t j = 0; j < count; j += kLanes) {
+    const Lanes width = share * lanes(widths + j), slope = -lanes(slopes + j);
+    const Lanes above = slope * x + width, below = slope * x - width;
+    const auto is_lower = above<high, is_higher = below> low;
+    high_offset = choose(is_lower, width, high_offset);
+    high_slope = choose(is_lower, slope, high_slope);
+    high = choose(is_lower, above, high);
+    low_offset = choose(is_higher, -width, low_offset);
+    low_slope = choose(is_higher, slope, low_slope);
+    low = choose(is_higher, below, low);
+  }
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    if (high[i] < upper.value) upper = {high[i], high_offset[i], high_slope[i]};
+    if (low[i] > lower.value) lower = {low[i], low_offset[i], low_slope[i]};
+  }
+}
+
+}  // namespace
+
+#endif

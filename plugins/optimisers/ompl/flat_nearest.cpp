@@ -1,3 +1,4 @@
+#ifndef SIDESTEP_KERNELS
 #include "flat_nearest.hpp"
 
 #include <limits>
@@ -7,25 +8,14 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// The least squared distance in each lane, and in which block it is.
-SIDESTEP_SIMD_CLONES
-void find_nearest(const double* blocks, std::size_t count, std::size_t dof, const double* point,
-                  double* squares, double* numbers) noexcept {
-  Lanes least = Lanes{} + kInfinity, number{};
-  for (std::size_t block = 0; block < count; ++block) {
-    Lanes sum{};
-    for (std::size_t joint = 0; joint < dof; ++joint) {
-      const Lanes off = lanes(blocks + (block * dof + joint) * kLanes) - point[joint];
-      sum += off * off;
-    }
-    number = sum < least ? Lanes{} + static_cast<double>(block) : number;
-    least = sum < least ? sum : least;
-  }
-  lanes(squares) = least;
-  lanes(numbers) = number;
-}
-
 }  // namespace
+
+}  // namespace sidestep::ompl_optimiser
+
+#define SIDESTEP_KERNELS "flat_nearest.cpp"
+#include <sidestep/core/each_target.hpp>
+
+namespace sidestep::ompl_optimiser {
 
 void FlatPoints::clear() noexcept {
   size_ = 0;
@@ -49,10 +39,37 @@ void FlatPoints::remove(std::size_t number) {
 
 std::size_t FlatPoints::nearest(const double* point) const noexcept {
   alignas(64) double squares[kLanes], blocks[kLanes];
-  find_nearest(blocks_.data(), (size_ + kLanes - 1) / kLanes, dof_, point, squares, blocks);
+  SIDESTEP_BEST(find_nearest)
+  (blocks_.data(), (size_ + kLanes - 1) / kLanes, dof_, point, squares, blocks);
   const std::size_t lane =
       static_cast<std::size_t>(std::min_element(squares, squares + kLanes) - squares);
   return static_cast<std::size_t>(blocks[lane]) * kLanes + lane;
 }
 
 }  // namespace sidestep::ompl_optimiser
+
+#else
+
+namespace {
+
+/// The least squared distance in each lane, and in which block it is.
+void find_nearest(const double* blocks, std::size_t count, std::size_t dof, const double* point,
+                  double* squares, double* numbers) noexcept {
+  Lanes least = Lanes{} + std::numeric_limits<double>::infinity(), number{};
+  for (std::size_t block = 0; block < count; ++block) {
+    Lanes sum{};
+    for (std::size_t joint = 0; joint < dof; ++joint) {
+      const Lanes off = lanes(blocks + (block * dof + joint) * kLanes) - point[joint];
+      sum += off * off;
+    }
+    const auto is_less = sum < least;
+    number = choose(is_less, Lanes{} + static_cast<double>(block), number);
+    least = choose(is_less, sum, least);
+  }
+  lanes(squares) = least;
+  lanes(numbers) = number;
+}
+
+}  // namespace
+
+#endif

@@ -89,6 +89,7 @@ SIDESTEP_ARITHMETIC(<<)
 SIDESTEP_ARITHMETIC(>>)
 SIDESTEP_OPERATOR(<, Mask)
 SIDESTEP_OPERATOR(>, Mask)
+SIDESTEP_OPERATOR(<=, Mask)
 SIDESTEP_OPERATOR(==, Mask)
 SIDESTEP_OPERATOR(!=, Mask)
 #undef SIDESTEP_ARITHMETIC
@@ -141,6 +142,29 @@ SIDESTEP_INLINE Number sum_of(const Line<Number, kParts>& values) noexcept {
   Number sum{};
   for (std::size_t i = 0; i < values.kCount; ++i) sum += values[i];
   return sum;
+}
+
+/// The least of all lanes.
+template <class Number, std::size_t kParts>
+SIDESTEP_INLINE Number least_of(const Line<Number, kParts>& values) noexcept {
+  Number least = values[0];
+  for (std::size_t i = 1; i < values.kCount; ++i) least = lesser(least, values[i]);
+  return least;
+}
+
+/// 1 where a comparison holds, else 0.
+template <std::size_t kParts>
+SIDESTEP_INLINE Line<double, kParts> ones_where(const Line<std::int64_t, kParts>& holds) noexcept {
+  return choose(holds, Line<double, kParts>{} + 1.0, 0.0);
+}
+
+/// Whether any lane is something else than 0; no lane may be negative.
+template <std::size_t kParts>
+SIDESTEP_INLINE bool any_of(const Line<double, kParts>& values) noexcept {
+  using Quarter = VectorOf<double, 16>::Type;
+  const auto* quarters = reinterpret_cast<const Quarter*>(&values);
+  const Quarter sum = (quarters[0] + quarters[1]) + (quarters[2] + quarters[3]);
+  return sum[0] + sum[1] != 0.0;
 }
 
 /// 0, 1, 2, ...
