@@ -12,6 +12,7 @@
 //     #else
 //     void scale(double* values) { lanes(values) *= 2.0; }
 //     #endif
+#include <sidestep/core/instruction_set.hpp>
 #include <sidestep/core/vectors.hpp>
 
 #define SIDESTEP_TARGET(name, parts)                                                          \
@@ -54,11 +55,12 @@ namespace sidestep::for_avx512 {
 #pragma GCC pop_options
 
 namespace sidestep {
-inline const bool kHasAvx2 = __builtin_cpu_supports("x86-64-v3");
-inline const bool kHasAvx512 = __builtin_cpu_supports("x86-64-v4");
+inline const InstructionSet kInstructionSet = best_instruction_set();
 }  // namespace sidestep
-#define SIDESTEP_BEST(...) \
-  (kHasAvx512 ? for_avx512::__VA_ARGS__ : kHasAvx2 ? for_avx2::__VA_ARGS__ : for_any::__VA_ARGS__)
+#define SIDESTEP_BEST(...)                                              \
+  (kInstructionSet == InstructionSet::kAvx512 ? for_avx512::__VA_ARGS__ \
+   : kInstructionSet == InstructionSet::kAvx2 ? for_avx2::__VA_ARGS__   \
+                                              : for_any::__VA_ARGS__)
 #else
 #define SIDESTEP_BEST(...) for_any::__VA_ARGS__
 #endif

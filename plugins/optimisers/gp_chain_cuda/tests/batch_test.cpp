@@ -5,6 +5,7 @@
 #include "batch_problems.hpp"
 #include "chain_scene.hpp"
 #include "prior_sampler.hpp"
+#include "support/in_doubles.hpp"
 
 namespace sidestep::gp_chain_cuda::test {
 namespace {
@@ -112,29 +113,6 @@ TEST(ChainBatch, EveryTermOfTheTestIsFelt) {
   }
 }
 
-/// A cost that is linearised from what it evaluates to, in double precision as here, where
-/// obstacles' own way places spheres in single precision.
-class InDoubles final : public StateCost {
- public:
-  explicit InDoubles(std::shared_ptr<const StateCost> cost) : cost_(std::move(cost)) {}
-  [[nodiscard]] std::string_view name() const noexcept override { return cost_->name(); }
-  [[nodiscard]] int residual_count() const noexcept override { return cost_->residual_count(); }
-  [[nodiscard]] bool depends_on_velocity() const noexcept override {
-    return cost_->depends_on_velocity();
-  }
-  void evaluate(const StateBatch& states, const CostBatch& out, Scratch& scratch) const override {
-    cost_->evaluate(states, out, scratch);
-  }
-
- private:
-  std::shared_ptr<const StateCost> cost_;
-};
-
-Problem linearised_in_doubles(Problem problem) {
-  for (CostTerm& term : problem.terms) term.cost = std::make_shared<InDoubles>(term.cost);
-  return problem;
-}
-
 TEST(ChainBatch, FindsWhatTheSolverOfTheCpuFinds) {
   for (const auto& [name, problem] : problems()) {
     std::vector<Trajectory> initial = {line_of(problem)};
@@ -142,7 +120,7 @@ TEST(ChainBatch, FindsWhatTheSolverOfTheCpuFinds) {
     HostBatch batch(problem, initial);
     const BatchOutcome outcome = batch.finish();
     const auto cpu = make_gp_chain({});
-    const Problem in_doubles = linearised_in_doubles(problem);
+    const Problem in_doubles = testing_support::linearised_in_doubles(problem);
     for (std::size_t i = 0; i < initial.size(); ++i) {
       const auto expected = cpu->solve(in_doubles, initial[i], Deadline());
       ASSERT_TRUE(expected.has_value());

@@ -8,6 +8,7 @@
 #include <sidestep/planning/costs.hpp>
 
 #include "conformance/analytic_models.hpp"
+#include "support/in_doubles.hpp"
 #include "support/waypoint_problem.hpp"
 
 namespace sidestep {
@@ -33,6 +34,7 @@ class WaypointTermsTest : public testing::Test {
                                                .sigma_endpoint = 1.0});
     problem_.terms.push_back(
         {make_state_prior("posture", problem_.start, 0.7), Placement::kSupport});
+    problem_ = testing_support::linearised_in_doubles(problem_);
     states_ = std::make_unique<WaypointStates>(problem_);
     std::srand(3);
     positions_ = states_->positions_of(straight_line(problem_.start, problem_.goal, 6, 0.3)) +
