@@ -11,55 +11,49 @@
 
 namespace sidestep::detail {
 
+template <class Number>
 void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
-                  Poses<double>* poses) noexcept {
-  SIDESTEP_BEST(place_all<double>)(bodies, q, dof, poses);
+                  Poses<Number>* poses) noexcept {
+  SIDESTEP_BEST(place_all<Number>)(bodies, q, dof, poses);
 }
 
-void carry_spheres(std::span<const TreeSphere> spheres, const Poses<double>* poses,
-                   PointLanes* centres) noexcept {
-  SIDESTEP_BEST(carry<double, PointLanes>)(spheres, poses, centres);
+template <class Number>
+void carry_spheres(std::span<const TreeSphere> spheres, const Poses<Number>* poses,
+                   Points<Number>* centres) noexcept {
+  SIDESTEP_BEST(carry<Number>)(spheres, poses, centres);
 }
 
-void find_axes(const Poses<double>* poses, std::size_t count, Axes<double>* axes) noexcept {
-  SIDESTEP_BEST(copy_axes<double>)(poses, count, axes);
+template <class Number>
+void find_axes(const Poses<Number>* poses, std::size_t count, Axes<Number>* axes) noexcept {
+  SIDESTEP_BEST(copy_axes<Number>)(poses, count, axes);
 }
 
-void find_screws(std::span<const TreeBody> bodies, const Axes<double>* axes,
-                 Screws<double>* screws) noexcept {
-  SIDESTEP_BEST(make_screws<double>)(bodies, axes, screws);
+template <class Number>
+void find_screws(std::span<const TreeBody> bodies, const Axes<Number>* axes,
+                 Screws<Number>* screws) noexcept {
+  SIDESTEP_BEST(make_screws<Number>)(bodies, axes, screws);
 }
 
-void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
+template <class Number>
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const Number* table,
                 std::size_t stride, const double* weights, double* works,
                 std::size_t step) noexcept {
-  SIDESTEP_BEST(add_up_works<double>)(forces, body_of_link, table, stride, weights, works, step);
+  SIDESTEP_BEST(add_up_works<Number>)(forces, body_of_link, table, stride, weights, works, step);
 }
 
-void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
-                  Poses<float>* poses) noexcept {
-  SIDESTEP_BEST(place_all<float>)(bodies, q, dof, poses);
-}
-
-void carry_spheres(std::span<const TreeSphere> spheres, const Poses<float>* poses,
-                   PointFloats* centres) noexcept {
-  SIDESTEP_BEST(carry<float, PointFloats>)(spheres, poses, centres);
-}
-
-void find_axes(const Poses<float>* poses, std::size_t count, Axes<float>* axes) noexcept {
-  SIDESTEP_BEST(copy_axes<float>)(poses, count, axes);
-}
-
-void find_screws(std::span<const TreeBody> bodies, const Axes<float>* axes,
-                 Screws<float>* screws) noexcept {
-  SIDESTEP_BEST(make_screws<float>)(bodies, axes, screws);
-}
-
-void find_works(std::span<const LinkForce> forces, const int* body_of_link, const float* table,
-                std::size_t stride, const double* weights, double* works,
-                std::size_t step) noexcept {
-  SIDESTEP_BEST(add_up_works<float>)(forces, body_of_link, table, stride, weights, works, step);
-}
+#define SIDESTEP_INSTANTIATE(Number)                                                           \
+  template void place_bodies(std::span<const TreeBody>, std::span<const double>, std::size_t,  \
+                             Poses<Number>*) noexcept;                                         \
+  template void carry_spheres(std::span<const TreeSphere>, const Poses<Number>*,               \
+                              Points<Number>*) noexcept;                                       \
+  template void find_axes(const Poses<Number>*, std::size_t, Axes<Number>*) noexcept;          \
+  template void find_screws(std::span<const TreeBody>, const Axes<Number>*,                    \
+                            Screws<Number>*) noexcept;                                         \
+  template void find_works(std::span<const LinkForce>, const int*, const Number*, std::size_t, \
+                           const double*, double*, std::size_t) noexcept;
+SIDESTEP_INSTANTIATE(double)
+SIDESTEP_INSTANTIATE(float)
+#undef SIDESTEP_INSTANTIATE
 
 }  // namespace sidestep::detail
 
@@ -253,9 +247,9 @@ void place_all(std::span<const TreeBody> bodies, std::span<const double> q, std:
   if (place<Number>(bodies, rows, poses) > kLargestAngle) place_any<Number>(bodies, rows, poses);
 }
 
-template <class Number, class Points>
+template <class Number>
 void carry(std::span<const TreeSphere> spheres, const Poses<Number>* poses,
-           Points* centres) noexcept {
+           Points<Number>* centres) noexcept {
   for (std::size_t i = 0; i < spheres.size(); ++i) {
     const Poses<Number>& body = poses[spheres[i].body];
     const Vector<Number> v(spheres[i].p_body.data());

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <type_traits>
 
 #include <sidestep/core/lanes.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
@@ -32,38 +33,39 @@ struct alignas(64) Screws {
   Number values[6][kLanesOf<Number>];
 };
 
+/// As many points as a kernel computes with at once.
+template <class Number>
+using Points = std::conditional_t<std::is_same_v<Number, double>, PointLanes, PointFloats>;
+
+// Each for double and for float.
+
 /// Poses of all bodies in the configurations of q, `dof` values each and as many at most as the
 /// poses have lanes; the last stands in for those that are missing. In single precision angles are
 /// reduced in double precision.
+template <class Number>
 void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
-                  Poses<double>* poses) noexcept;
-void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
-                  Poses<float>* poses) noexcept;
+                  Poses<Number>* poses) noexcept;
 
 /// Where spheres are, given the poses of all bodies.
-void carry_spheres(std::span<const TreeSphere> spheres, const Poses<double>* poses,
-                   PointLanes* centres) noexcept;
-void carry_spheres(std::span<const TreeSphere> spheres, const Poses<float>* poses,
-                   PointFloats* centres) noexcept;
+template <class Number>
+void carry_spheres(std::span<const TreeSphere> spheres, const Poses<Number>* poses,
+                   Points<Number>* centres) noexcept;
 
 /// The axes of `count` bodies.
-void find_axes(const Poses<double>* poses, std::size_t count, Axes<double>* axes) noexcept;
-void find_axes(const Poses<float>* poses, std::size_t count, Axes<float>* axes) noexcept;
+template <class Number>
+void find_axes(const Poses<Number>* poses, std::size_t count, Axes<Number>* axes) noexcept;
 
 /// The screws of all bodies.
-void find_screws(std::span<const TreeBody> bodies, const Axes<double>* axes,
-                 Screws<double>* screws) noexcept;
-void find_screws(std::span<const TreeBody> bodies, const Axes<float>* axes,
-                 Screws<float>* screws) noexcept;
+template <class Number>
+void find_screws(std::span<const TreeBody> bodies, const Axes<Number>* axes,
+                 Screws<Number>* screws) noexcept;
 
 /// What forces do to each column of a table of screws: six rows of `stride` values, whole lanes,
 /// one column for each of as many screws. weights: `stride` values for each body, with which what a
 /// force on a link of it does is multiplied. works: forces.size() rows, `step` from one to the
 /// next, which are written in whole lanes.
-void find_works(std::span<const LinkForce> forces, const int* body_of_link, const double* table,
-                std::size_t stride, const double* weights, double* works,
-                std::size_t step) noexcept;
-void find_works(std::span<const LinkForce> forces, const int* body_of_link, const float* table,
+template <class Number>
+void find_works(std::span<const LinkForce> forces, const int* body_of_link, const Number* table,
                 std::size_t stride, const double* weights, double* works,
                 std::size_t step) noexcept;
 
