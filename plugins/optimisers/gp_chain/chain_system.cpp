@@ -19,6 +19,7 @@ void ChainSystem::resize(int states, int width) {
   // Blocks are written in whole lanes, of which the last may reach beyond the last panel.
   panels_.assign_zeros(states_ * panel_size() + kLanes);
   kept_.assign_zeros(panels_.size());
+  kept_as_.assign(states_, 0);
   factor_.assign_zeros(states_ * panel_size() + kLanes);
   rows_.assign_zeros(states_ * width_ * own_);
   rhs_.assign_zeros(states_ * next_ + kLanes);
@@ -39,7 +40,7 @@ void ChainSystem::clear(int changed) noexcept {
   eliminated_ = std::min(eliminated_, first);
   for (std::size_t i = 0; i < states_; ++i) {
     if (!traits_[i].is_written) continue;
-    std::copy_n(kept_.data() + i * panel_size(), panel_size(), panel(i));
+    std::copy_n(kept_.data() + kept_as_[i] * panel_size(), panel_size(), panel(i));
     traits_[i] = {};
   }
   std::fill_n(rhs_.data(), rhs_.size(), 0.0);
@@ -47,7 +48,11 @@ void ChainSystem::clear(int changed) noexcept {
 
 void ChainSystem::keep() noexcept {
   std::copy_n(panels_.data(), panels_.size(), kept_.data());
-  for (Traits& traits : traits_) traits.is_written = false;
+  for (std::size_t i = 0; i < states_; ++i) {
+    const bool is_same = i > 0 && std::equal(panel(i), panel(i) + panel_size(), panel(i - 1));
+    kept_as_[i] = is_same ? kept_as_[i - 1] : i;
+    traits_[i].is_written = false;
+  }
 }
 
 double* ChainSystem::own_block(int state) noexcept {

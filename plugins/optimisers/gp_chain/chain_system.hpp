@@ -113,6 +113,8 @@ class ChainSystem {
   std::size_t next_ = 0;             ///< and for a block and b.
   AlignedArray panels_;              ///< H and b.
   AlignedArray kept_;                ///< H at the last keep().
+  /// The panel of kept_ that a state had then: the first of equal ones, which stays in the cache.
+  std::vector<std::size_t> kept_as_;
   AlignedArray factor_;              ///< The same of L D and L^-1 b.
   AlignedArray rows_;                ///< L of the states' own blocks, row by row.
   AlignedArray rhs_;
