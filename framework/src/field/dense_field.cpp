@@ -87,41 +87,38 @@ struct Places {
 constexpr float kLongestWay_vox = 1.123F;
 constexpr float kRounding_vox = 0.007F;
 
-/// Some groups of points: the voxel that each is nearest to, and the value there from which on it
-/// is beyond doubt inside the grid and at least as far from obstacles as its limit.
+/// Some groups of points: of each the voxel that it is nearest to, the value there, and that from
+/// which on it is beyond doubt inside the grid and at least as far from obstacles as its limit.
 struct Vicinities {
   static constexpr std::size_t kGroups = 32;
   static constexpr std::size_t kPoints = kGroups * kFloatLanes;
+  static constexpr unsigned kPlaceBits = std::countr_zero(unsigned{FieldBlock::kVoxels});
+  static constexpr std::size_t kMostBlocks = std::size_t{1} << (32U - kPlaceBits);
 
-  alignas(64) std::int32_t block[kPoints];
-  alignas(64) std::int32_t place[kPoints];
+  alignas(64) std::int32_t address[kPoints];  ///< The block's number, then the place within it.
+  alignas(64) float value_m[kPoints];
   alignas(64) float far_m[kPoints];  ///< Infinity beyond the grid, and for what is no point.
+
+  [[nodiscard]] Address nearest(std::size_t i) const noexcept {
+    const auto bits = static_cast<std::uint32_t>(address[i]);
+    return {bits >> kPlaceBits, bits % FieldBlock::kVoxels};
+  }
 };
 
-/// Lists which of the first `count` points are not beyond doubt far from obstacles; with `known`,
-/// those in unknown space too. Without branches: which points are near cannot be predicted.
-std::size_t list_near(const Vicinities& of, std::size_t count, const DenseField::Blocks& blocks,
-                      const DenseField::KnownBlocks* known, std::uint32_t* list) noexcept {
-  std::size_t listed = 0;
+/// Reads the values of `count` points; with `known`, what no distance exceeds of those in unknown
+/// space, too.
+void read_values(const DenseField::Blocks& blocks, const DenseField::KnownBlocks* known,
+                 std::size_t count, Vicinities& of) noexcept {
+  const auto value_m = [&](const Address& a) { return blocks.block(a.block).distance_m[a.place]; };
   if (known == nullptr) {
 #pragma GCC unroll 8
-    for (std::size_t i = 0; i < count; ++i) {
-      const float value_m = blocks.block(static_cast<std::size_t>(of.block[i]))
-                                .distance_m[static_cast<std::size_t>(of.place[i])];
-      list[listed] = static_cast<std::uint32_t>(i);
-      listed += static_cast<std::size_t>(!(value_m >= of.far_m[i]));
-    }
-    return listed;
+    for (std::size_t i = 0; i < count; ++i) of.value_m[i] = value_m(of.nearest(i));
+    return;
   }
   for (std::size_t i = 0; i < count; ++i) {
-    const Address a{static_cast<std::size_t>(of.block[i]), static_cast<std::size_t>(of.place[i])};
-    const float value_m = blocks.block(a.block).distance_m[a.place];
-    const unsigned is_near = static_cast<unsigned>(!(value_m >= of.far_m[i])) |
-                             static_cast<unsigned>(!is_known(*known, a));
-    list[listed] = static_cast<std::uint32_t>(i);
-    listed += is_near;
+    const Address a = of.nearest(i);
+    of.value_m[i] = is_known(*known, a) ? value_m(a) : -std::numeric_limits<float>::infinity();
   }
-  return listed;
 }
 
 /// The cells between voxel centres in which points lie.
@@ -223,6 +220,9 @@ void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
 std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
                                     std::span<const double> limits_m, bool also_unknown,
                                     std::span<FieldSample> samples) const noexcept {
+  if (blocks_.size() > Vicinities::kMostBlocks) {
+    return DistanceField::query_below(points_m, limits_m, also_unknown, samples);
+  }
   const Bounds bounds(info().grid);
   std::size_t written = 0;
   Batch near;
@@ -246,16 +246,17 @@ std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
   };
   const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
   Vicinities vicinities;
-  std::array<std::uint32_t, Vicinities::kPoints> list;
+  std::array<std::int32_t, Vicinities::kPoints + kFloatLanes> list;
   for (std::size_t first = 0; first < points_m.size(); first += Vicinities::kGroups) {
     const std::size_t groups = std::min(Vicinities::kGroups, points_m.size() - first);
     SIDESTEP_BEST(find_vicinities)
     (points_m.subspan(first, groups), limits_m.subspan(first, groups), bounds, steepest_voxel_m,
      vicinities);
-    const std::size_t listed = list_near(vicinities, groups * kFloatLanes, blocks_,
-                                         also_unknown ? &known_ : nullptr, list.data());
+    read_values(blocks_, also_unknown ? &known_ : nullptr, groups * kFloatLanes, vicinities);
+    const std::size_t listed = SIDESTEP_BEST(list_near)(vicinities, groups, list.data());
     for (std::size_t k = 0; k < listed; ++k) {
-      const std::size_t point = first * kFloatLanes + list[k], lane = point % kFloatLanes;
+      const std::size_t point = first * kFloatLanes + static_cast<std::size_t>(list[k]),
+                        lane = point % kFloatLanes;
       const PointFloats& of_m = points_m[point / kFloatLanes];
       points[near.count] = point;
       near.add(static_cast<double>(of_m.x[lane]), static_cast<double>(of_m.y[lane]),
@@ -343,9 +344,44 @@ void find_vicinities(std::span<const PointFloats> points_m, std::span<const doub
                            static_cast<float>(sidestep::greater(limits_m[i], 0.0));
     lanes(out.far_m + i * kFloatLanes) =
         choose(excess == 0.0F, far, std::numeric_limits<float>::infinity());
-    float_indices(out.block + i * kFloatLanes) = block;
-    float_indices(out.place + i * kFloatLanes) = place;
+    float_indices(out.address + i * kFloatLanes) =
+        (block << static_cast<int>(Vicinities::kPlaceBits)) | place;
   }
+}
+
+/// Writes those points that are not far, one after the other, and beyond them anything; returns how
+/// many they are. Without branches: which are near cannot be predicted.
+template <class Holds, class Points>
+SIDESTEP_INLINE std::size_t write_near(const Holds& is_far, const Points& points,
+                                       std::int32_t* to) noexcept {
+  if constexpr (kParts == 1) {
+    const auto far = __builtin_ia32_cvtd2mask512(is_far.parts[0]);
+    const auto& all = points.parts[0];
+    float_indices(to).parts[0] = __builtin_ia32_compresssi512_mask(all, all, ~far);
+    return kFloatLanes - static_cast<std::size_t>(std::popcount(far));
+  } else {
+    std::size_t written = 0;
+    for (std::size_t lane = 0; lane < kFloatLanes; ++lane) {
+      to[written] = points[lane];
+      written += static_cast<std::size_t>(is_far[lane] + 1);
+    }
+    return written;
+  }
+}
+
+/// Lists which of the points are not beyond doubt far from obstacles. `list` has room for
+/// kFloatLanes more than there are points.
+std::size_t list_near(const Vicinities& of, std::size_t groups, std::int32_t* list) noexcept {
+  FloatIndices points;
+  count_lanes(points);
+  std::size_t listed = 0;
+  for (std::size_t at = 0; at < groups * kFloatLanes; at += kFloatLanes) {
+    // What is no number is not far.
+    const auto is_far = lanes(of.far_m + at) <= lanes(of.value_m + at);
+    listed += write_near(is_far, points, list + listed);
+    points += static_cast<std::int32_t>(kFloatLanes);
+  }
+  return listed;
 }
 
 SIDESTEP_INLINE void find_cells(const Places& places, const Bounds& bounds, Cells& cells) noexcept {
@@ -370,8 +406,9 @@ SIDESTEP_INLINE void find_cells(const Places& places, const Bounds& bounds, Cell
   indices(cells.is_cut) = cut;
 }
 
-/// Reads the corners of a cell that lie in several blocks, or where there is but one voxel.
-SIDESTEP_INLINE void read_cut_corners(const DenseField::Blocks& blocks, const Bounds& bounds,
+/// Reads the corners of a cell that lie in several blocks, or where there is but one voxel. Called,
+/// so that it takes no registers from the many cells that are not cut.
+[[gnu::noinline]] void read_cut_corners(const DenseField::Blocks& blocks, const Bounds& bounds,
                                       Cells& cells, std::size_t from, std::size_t lane) noexcept {
   Address at[3][2];  // what each coordinate of a corner adds to its address
   for (std::size_t axis = 0; axis < 3; ++axis) {
