@@ -224,47 +224,37 @@ std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
     return DistanceField::query_below(points_m, limits_m, also_unknown, samples);
   }
   const Bounds bounds(info().grid);
-  std::size_t written = 0;
-  Batch near;
-  std::array<std::size_t, Batch::kPoints> points;  // of the batch, among all
-
-  const auto write_those_below = [&] {
-    SIDESTEP_BEST(sample)(blocks_, bounds, near);
-    // Without branches, too: two in five are not below.
-    for (std::size_t k = 0; k < near.count; ++k) {
-      const double distance_m = near.distance_m(k);
-      const FieldStatus status = near.status(k, known_);
-      const auto is_below =
-          static_cast<unsigned>(!(distance_m >= limits_m[points[k] / kFloatLanes]));
-      const auto is_outside = static_cast<unsigned>(status == FieldStatus::kOutside);
-      const auto is_unknown = static_cast<unsigned>(status == FieldStatus::kUnknown) &
-                              static_cast<unsigned>(also_unknown);
-      samples[written] = {points[k], status, distance_m, near.gradient(k)};
-      written += is_below | is_outside | is_unknown;
-    }
-    near.count = 0;
-  };
   const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
+  std::size_t written = 0;
   Vicinities vicinities;
   std::array<std::int32_t, Vicinities::kPoints + kFloatLanes> list;
+  Batch near;
   for (std::size_t first = 0; first < points_m.size(); first += Vicinities::kGroups) {
-    const std::size_t groups = std::min(Vicinities::kGroups, points_m.size() - first);
-    SIDESTEP_BEST(find_vicinities)
-    (points_m.subspan(first, groups), limits_m.subspan(first, groups), bounds, steepest_voxel_m,
-     vicinities);
-    read_values(blocks_, also_unknown ? &known_ : nullptr, groups * kFloatLanes, vicinities);
-    const std::size_t listed = SIDESTEP_BEST(list_near)(vicinities, groups, list.data());
-    for (std::size_t k = 0; k < listed; ++k) {
-      const std::size_t point = first * kFloatLanes + static_cast<std::size_t>(list[k]),
-                        lane = point % kFloatLanes;
-      const PointFloats& of_m = points_m[point / kFloatLanes];
-      points[near.count] = point;
-      near.add(static_cast<double>(of_m.x[lane]), static_cast<double>(of_m.y[lane]),
-               static_cast<double>(of_m.z[lane]));
-      if (near.count == Batch::kPoints) write_those_below();
+    const auto some_m =
+        points_m.subspan(first, std::min(Vicinities::kGroups, points_m.size() - first));
+    const auto limits = limits_m.subspan(first, some_m.size());
+    SIDESTEP_BEST(find_vicinities)(some_m, limits, bounds, steepest_voxel_m, vicinities);
+    read_values(blocks_, also_unknown ? &known_ : nullptr, some_m.size() * kFloatLanes, vicinities);
+    const std::size_t listed = SIDESTEP_BEST(list_near)(vicinities, some_m.size(), list.data());
+    for (std::size_t begin = 0; begin < listed; begin += near.count) {
+      near.count = std::min(Batch::kPoints, listed - begin);
+      const std::int32_t* const points = list.data() + begin;
+      SIDESTEP_BEST(collect)(some_m, points, near);
+      SIDESTEP_BEST(sample)(blocks_, bounds, near);
+      // Without branches, too: two in five are not below.
+      for (std::size_t k = 0; k < near.count; ++k) {
+        const auto point = static_cast<std::size_t>(points[k]);
+        const double distance_m = near.distance_m(k);
+        const FieldStatus status = near.status(k, known_);
+        const auto is_below = static_cast<unsigned>(!(distance_m >= limits[point / kFloatLanes]));
+        const auto is_outside = static_cast<unsigned>(status == FieldStatus::kOutside);
+        const auto is_unknown = static_cast<unsigned>(status == FieldStatus::kUnknown) &
+                                static_cast<unsigned>(also_unknown);
+        samples[written] = {first * kFloatLanes + point, status, distance_m, near.gradient(k)};
+        written += is_below | is_outside | is_unknown;
+      }
     }
   }
-  if (near.count > 0) write_those_below();
   return written;
 }
 
@@ -475,6 +465,25 @@ SIDESTEP_INLINE void interpolate(const Cells& cells, const Places& places, const
     const Lanes slope = slopes[axis] * per_m;
     lanes(gradients[axis]) =
         choose(lanes(places.position[axis]) == lanes(places.clamped[axis]), slope, 0.0);
+  }
+}
+
+/// Puts as many listed points into a batch as it counts.
+void collect(std::span<const PointFloats> points_m, const std::int32_t* list,
+             Batch& batch) noexcept {
+  alignas(64) float x_m[Batch::kPoints], y_m[Batch::kPoints], z_m[Batch::kPoints];
+  for (std::size_t k = 0; k < batch.count; ++k) {
+    const auto point = static_cast<std::size_t>(list[k]), lane = point % kFloatLanes;
+    const PointFloats& of_m = points_m[point / kFloatLanes];
+    x_m[k] = of_m.x[lane];
+    y_m[k] = of_m.y[lane];
+    z_m[k] = of_m.z[lane];
+  }
+  for (std::size_t k = 0; k < batch.count; k += kLanes) {
+    PointLanes& to_m = batch.points_m[k / kLanes];
+    read_halves(x_m + k, lanes(to_m.x));
+    read_halves(y_m + k, lanes(to_m.y));
+    read_halves(z_m + k, lanes(to_m.z));
   }
 }
 
