@@ -399,7 +399,7 @@ SIDESTEP_INLINE void find_cells(const Places& places, const Bounds& bounds, Cell
 /// Reads the corners of a cell that lie in several blocks, or where there is but one voxel. Called,
 /// so that it takes no registers from the many cells that are not cut.
 [[gnu::noinline]] void read_cut_corners(const DenseField::Blocks& blocks, const Bounds& bounds,
-                                      Cells& cells, std::size_t from, std::size_t lane) noexcept {
+                                        Cells& cells, std::size_t from, std::size_t lane) noexcept {
   Address at[3][2];  // what each coordinate of a corner adds to its address
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (int side = 0; side < 2; ++side) {

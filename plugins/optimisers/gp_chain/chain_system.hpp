@@ -115,8 +115,8 @@ class ChainSystem {
   AlignedArray kept_;                ///< H at the last keep().
   /// The panel of kept_ that a state had then: the first of equal ones, which stays in the cache.
   std::vector<std::size_t> kept_as_;
-  AlignedArray factor_;              ///< The same of L D and L^-1 b.
-  AlignedArray rows_;                ///< L of the states' own blocks, row by row.
+  AlignedArray factor_;  ///< The same of L D and L^-1 b.
+  AlignedArray rows_;    ///< L of the states' own blocks, row by row.
   AlignedArray rhs_;
   AlignedArray inverse_pivots_;
   AlignedArray scaled_;  ///< Of one panel: the coupling times its inverse pivots, and b.
