@@ -10,7 +10,7 @@ namespace sidestep::detail {
 
 /// How many numbers, double or float, kernels compute with at once.
 template <class Number>
-inline constexpr std::size_t kLanesOf = sizeof(Lanes) / sizeof(Number);
+inline constexpr std::size_t kLanesOf = kLanes * sizeof(double) / sizeof(Number);
 
 /// The pose of one body in as many configurations, value by value.
 template <class Number>

@@ -4,10 +4,25 @@
 #include <cmath>
 #include <cstring>
 
-#include "lanes.hpp"
+#include <sidestep/core/lanes.hpp>
+
+#define SIDESTEP_AVX2_CLONES SIDESTEP_CLONES_FOR("avx2", "default")
 
 namespace sidestep::edt {
 namespace {
+
+/// The values of a tile of a row, on which operators work lane by lane; a comparison is all
+/// ones where it holds. A vector extension of GCC and Clang: g++ 12 unrolls plain loops over 16
+/// values before it could vectorise them, which takes five times as long. Pointers to them may
+/// alias and need no alignment. Not to be passed by value: how that is done depends on the target.
+using Lanes16 = std::uint16_t __attribute__((vector_size(32), aligned(2), may_alias));
+
+/// Whether any lane of a comparison holds.
+SIDESTEP_INLINE bool any(const Lanes16& comparison) {
+  using Words = std::uint64_t __attribute__((vector_size(32)));
+  const auto words = (Words)comparison;
+  return (words[0] | words[1] | words[2] | words[3]) != 0;
+}
 
 constexpr std::size_t kTileBytes = kTile * sizeof(std::uint16_t);
 

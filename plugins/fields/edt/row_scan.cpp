@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "lanes.hpp"
+#include <sidestep/core/lanes.hpp>
 
 namespace sidestep::edt {
 namespace {
@@ -41,12 +41,12 @@ SIDESTEP_INLINE void fill_between(int left, int right, int begin, int end, Value
     out[x] = d <= reach ? static_cast<Value>(d * d) : cap;
   }
 }
-SIDESTEP_AVX512_CLONES
+SIDESTEP_SIMD_CLONES
 void fill(int left, int right, int begin, int end, std::uint16_t cap, int reach,
           std::uint16_t* out) {
   fill_between(left, right, begin, end, cap, reach, out);
 }
-SIDESTEP_AVX512_CLONES
+SIDESTEP_SIMD_CLONES
 void fill(int left, int right, int begin, int end, std::uint32_t cap, int reach,
           std::uint32_t* out) {
   fill_between(left, right, begin, end, cap, reach, out);

@@ -31,25 +31,8 @@ SIDESTEP_INLINE T greater(T a, T b) noexcept {
 /// Doubles that kernels compute with at once.
 inline constexpr std::size_t kLanes = 8;
 
-/// Eight doubles that are computed with at once; the compiler splits them where the processor's
-/// vectors are shorter. Read and written at any multiple of a double's size.
-using Lanes = double __attribute__((vector_size(8 * sizeof(double)), aligned(8), may_alias));
-
-SIDESTEP_INLINE Lanes& lanes(double* at) noexcept { return *reinterpret_cast<Lanes*>(at); }
-SIDESTEP_INLINE const Lanes& lanes(const double* at) noexcept {
-  return *reinterpret_cast<const Lanes*>(at);
-}
-
-/// Floats that kernels compute with at once, in as many bytes.
+/// Floats, in as many bytes.
 inline constexpr std::size_t kFloatLanes = 16;
-
-/// Sixteen floats that are computed with at once, as Lanes.
-using FloatLanes = float __attribute__((vector_size(16 * sizeof(float)), aligned(4), may_alias));
-
-SIDESTEP_INLINE FloatLanes& lanes(float* at) noexcept { return *reinterpret_cast<FloatLanes*>(at); }
-SIDESTEP_INLINE const FloatLanes& lanes(const float* at) noexcept {
-  return *reinterpret_cast<const FloatLanes*>(at);
-}
 
 /// kLanes points, coordinate by coordinate.
 struct alignas(64) PointLanes {

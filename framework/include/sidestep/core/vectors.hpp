@@ -18,10 +18,11 @@ struct VectorOf;
   struct VectorOf<Number, bytes> {                                                                \
     using Type = Number __attribute__((vector_size(bytes), aligned(alignof(Number)), may_alias)); \
   };
-#define SIDESTEP_VECTORS(bytes)        \
-  SIDESTEP_VECTOR(double, bytes)       \
-  SIDESTEP_VECTOR(float, bytes)        \
-  SIDESTEP_VECTOR(std::int64_t, bytes) \
+#define SIDESTEP_VECTORS(bytes)         \
+  SIDESTEP_VECTOR(double, bytes)        \
+  SIDESTEP_VECTOR(float, bytes)         \
+  SIDESTEP_VECTOR(std::int64_t, bytes)  \
+  SIDESTEP_VECTOR(std::uint32_t, bytes) \
   SIDESTEP_VECTOR(std::int32_t, bytes)
 SIDESTEP_VECTORS(16)
 SIDESTEP_VECTORS(32)
@@ -122,12 +123,16 @@ SIDESTEP_INLINE Line<Number, kParts> choose(const std::type_identity_t<Mask<Numb
 template <class Number, std::size_t kParts>
 SIDESTEP_INLINE Line<Number, kParts> lesser(const Line<Number, kParts>& a,
                                             const Line<Number, kParts>& b) noexcept {
-  return choose(a < b, a, b);
+  Line<Number, kParts> out;
+  SIDESTEP_EACH_PART out.parts[i] = a.parts[i] < b.parts[i] ? a.parts[i] : b.parts[i];
+  return out;
 }
 template <class Number, std::size_t kParts>
 SIDESTEP_INLINE Line<Number, kParts> greater(const Line<Number, kParts>& a,
                                              const Line<Number, kParts>& b) noexcept {
-  return choose(a > b, a, b);
+  Line<Number, kParts> out;
+  SIDESTEP_EACH_PART out.parts[i] = a.parts[i] > b.parts[i] ? a.parts[i] : b.parts[i];
+  return out;
 }
 
 /// Absolute values.
