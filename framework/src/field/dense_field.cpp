@@ -366,8 +366,8 @@ std::size_t list_near(const Vicinities& of, std::size_t groups, std::int32_t* li
   count_lanes(points);
   std::size_t listed = 0;
   for (std::size_t at = 0; at < groups * kFloatLanes; at += kFloatLanes) {
-    // What is no number is not far.
-    const auto is_far = lanes(of.far_m + at) <= lanes(of.value_m + at);
+    // Neither what is no number is far, nor what is beyond the grid of a field without obstacles.
+    const auto is_far = lanes(of.far_m + at) < lanes(of.value_m + at);
     listed += write_near(is_far, points, list + listed);
     points += static_cast<std::int32_t>(kFloatLanes);
   }

@@ -1,9 +1,11 @@
 #include <sidestep/field/dense_field.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <random>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -212,6 +214,21 @@ TEST(DenseField, ABatchIsItsPointsOneByOne) {
     EXPECT_EQ(statuses[i], answer.status);
   }
   field.query({}, {}, {}, {});
+}
+
+TEST(DenseField, ListsPointsOutsideWhereNoObstacleIsAnywhere) {
+  constexpr float kNone = std::numeric_limits<float>::infinity();
+  const GridSpec grid = grid_of(20, 20, 20);
+  const DenseField field = sampled(
+      grid, [](const Eigen::Vector3d&) { return kNone; }, always);
+  PointFloats points_m;
+  std::fill_n(points_m.x, kFloatLanes, static_cast<float>(grid.upper_m().x()) + 1.0F);
+  std::fill_n(points_m.y, kFloatLanes, static_cast<float>(grid.origin_m.y()) + 1.0F);
+  std::fill_n(points_m.z, kFloatLanes, static_cast<float>(grid.origin_m.z()) + 1.0F);
+  const double limit_m = 0.3;
+  std::vector<FieldSample> samples(kFloatLanes);
+  ASSERT_EQ(field.query_below({&points_m, 1}, {&limit_m, 1}, false, samples), kFloatLanes);
+  for (const FieldSample& sample : samples) EXPECT_EQ(sample.status, FieldStatus::kOutside);
 }
 
 }  // namespace
