@@ -93,11 +93,12 @@ struct Vicinities {
   static constexpr std::size_t kGroups = 32;
   static constexpr std::size_t kPoints = kGroups * kFloatLanes;
   static constexpr unsigned kPlaceBits = std::countr_zero(unsigned{FieldBlock::kVoxels});
+  /// What 32 bits can name with the place; of more, points are queried one by one.
   static constexpr std::size_t kMostBlocks = std::size_t{1} << (32U - kPlaceBits);
 
   alignas(64) std::int32_t address[kPoints];  ///< The block's number, then the place within it.
   alignas(64) float value_m[kPoints];
-  alignas(64) float far_m[kPoints];  ///< Infinity beyond the grid, and for what is no point.
+  alignas(64) float far_m[kPoints];  ///< No number beyond the grid, and for what is no point.
 
   [[nodiscard]] Address nearest(std::size_t i) const noexcept {
     const auto bits = static_cast<std::uint32_t>(address[i]);
@@ -105,8 +106,8 @@ struct Vicinities {
   }
 };
 
-/// Reads the values of `count` points; with `known`, what no distance exceeds of those in unknown
-/// space, too.
+/// Reads the values of `count` points; with `known`, minus infinity for those in unknown space, so
+/// that they are listed.
 void read_values(const DenseField::Blocks& blocks, const DenseField::KnownBlocks* known,
                  std::size_t count, Vicinities& of) noexcept {
   const auto value_m = [&](const Address& a) { return blocks.block(a.block).distance_m[a.place]; };
@@ -145,12 +146,12 @@ struct Batch {
   alignas(64) double distances_m[kGroups][kLanes];
   alignas(64) Coordinates gradients[kGroups];
 
-  void add(double x_m, double y_m, double z_m) noexcept {
-    PointLanes& to_m = points_m[count / kLanes];
-    const std::size_t lane = count++ % kLanes;
-    to_m.x[lane] = x_m;
-    to_m.y[lane] = y_m;
-    to_m.z[lane] = z_m;
+  void put(std::size_t i, const Eigen::Vector3d& p_m) noexcept {
+    PointLanes& to_m = points_m[i / kLanes];
+    const std::size_t lane = i % kLanes;
+    to_m.x[lane] = p_m.x();
+    to_m.y[lane] = p_m.y();
+    to_m.z[lane] = p_m.z();
   }
   [[nodiscard]] double distance_m(std::size_t i) const noexcept {
     return distances_m[i / kLanes][i % kLanes];
@@ -202,10 +203,9 @@ void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
   const Bounds bounds(info().grid);
   Batch batch;
   for (std::size_t first = 0; first < points_m.size(); first += batch.count) {
-    batch.count = 0;
-    for (const Eigen::Vector3d& p :
-         points_m.subspan(first, std::min(Batch::kPoints, points_m.size() - first))) {
-      batch.add(p.x(), p.y(), p.z());
+    batch.count = std::min(Batch::kPoints, points_m.size() - first);
+    for (std::size_t i = 0; i < padded(batch.count); ++i) {
+      batch.put(i, i < batch.count ? points_m[first + i] : Eigen::Vector3d::Zero());
     }
     SIDESTEP_BEST(sample)(blocks_, bounds, batch);
     for (std::size_t i = 0; i < batch.count; ++i) {
@@ -227,7 +227,7 @@ std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
   const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
   std::size_t written = 0;
   Vicinities vicinities;
-  std::array<std::int32_t, Vicinities::kPoints + kFloatLanes> list;
+  std::array<std::int32_t, Vicinities::kPoints> list;
   Batch near;
   for (std::size_t first = 0; first < points_m.size(); first += Vicinities::kGroups) {
     const auto some_m =
@@ -333,14 +333,15 @@ void find_vicinities(std::span<const PointFloats> points_m, std::span<const doub
     const FloatLanes far = steepest_voxel_m * (way + kRounding_vox) +
                            static_cast<float>(sidestep::greater(limits_m[i], 0.0));
     lanes(out.far_m + i * kFloatLanes) =
-        choose(excess == 0.0F, far, std::numeric_limits<float>::infinity());
+        choose(excess == 0.0F, far, std::numeric_limits<float>::quiet_NaN());
     float_indices(out.address + i * kFloatLanes) =
         (block << static_cast<int>(Vicinities::kPlaceBits)) | place;
   }
 }
 
 /// Writes those points that are not far, one after the other, and beyond them anything; returns how
-/// many they are. Without branches: which are near cannot be predicted.
+/// many they are. Without branches: which are near cannot be predicted. A template, for only one of
+/// the instruction sets has what its first part calls.
 template <class Holds, class Points>
 SIDESTEP_INLINE std::size_t write_near(const Holds& is_far, const Points& points,
                                        std::int32_t* to) noexcept {
@@ -359,15 +360,14 @@ SIDESTEP_INLINE std::size_t write_near(const Holds& is_far, const Points& points
   }
 }
 
-/// Lists which of the points are not beyond doubt far from obstacles. `list` has room for
-/// kFloatLanes more than there are points.
+/// Lists which of the points are not beyond doubt far from obstacles. `list` has room for all.
 std::size_t list_near(const Vicinities& of, std::size_t groups, std::int32_t* list) noexcept {
   FloatIndices points;
   count_lanes(points);
   std::size_t listed = 0;
   for (std::size_t at = 0; at < groups * kFloatLanes; at += kFloatLanes) {
-    // Neither what is no number is far, nor what is beyond the grid of a field without obstacles.
-    const auto is_far = lanes(of.far_m + at) < lanes(of.value_m + at);
+    // Where either is no number, a point is not far.
+    const auto is_far = lanes(of.far_m + at) <= lanes(of.value_m + at);
     listed += write_near(is_far, points, list + listed);
     points += static_cast<std::int32_t>(kFloatLanes);
   }
@@ -479,6 +479,7 @@ void collect(std::span<const PointFloats> points_m, const std::int32_t* list,
     y_m[k] = of_m.y[lane];
     z_m[k] = of_m.z[lane];
   }
+  for (std::size_t k = batch.count; k < padded(batch.count); ++k) x_m[k] = y_m[k] = z_m[k] = 0.0F;
   for (std::size_t k = 0; k < batch.count; k += kLanes) {
     PointLanes& to_m = batch.points_m[k / kLanes];
     read_halves(x_m + k, lanes(to_m.x));
@@ -487,13 +488,9 @@ void collect(std::span<const PointFloats> points_m, const std::int32_t* list,
   }
 }
 
-/// Distances and gradients of the points of a batch.
+/// Distances and gradients of the points of a batch, whose last lanes are filled.
 void sample(const DenseField::Blocks& blocks, const Bounds& bounds, Batch& batch) noexcept {
   const std::size_t groups = padded(batch.count) / kLanes;
-  for (std::size_t i = batch.count; i < groups * kLanes; ++i) {
-    PointLanes& last_m = batch.points_m[groups - 1];
-    last_m.x[i % kLanes] = last_m.y[i % kLanes] = last_m.z[i % kLanes] = 0.0;
-  }
   for (std::size_t g = 0; g < groups; ++g) {
     locate(batch.points_m[g], bounds, batch.places[g]);
     find_cells(batch.places[g], bounds, batch.cells[g]);

@@ -10,9 +10,11 @@ namespace {
 /// as.
 void apply(const SpacePolicy& policy, const GridSpec& grid, const Eigen::Vector3d& p_m,
            FieldStatus status, double& distance_m, Eigen::Vector3d& gradient) noexcept {
-  if (status == FieldStatus::kKnown || std::isnan(distance_m)) return;
+  if (status == FieldStatus::kKnown || !p_m.allFinite()) return;
   if (status == FieldStatus::kUnknown) {
-    if (policy.unknown == Space::kOccupied && distance_m > 0.0) distance_m = 0.0;
+    if (policy.unknown == Space::kFree) return;
+    if (!(distance_m <= 0.0)) distance_m = 0.0;
+    if (!gradient.allFinite()) gradient.setZero();
   } else if (policy.outside == Space::kFree) {
     distance_m = std::numeric_limits<double>::infinity();
     gradient.setZero();
@@ -32,7 +34,7 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
                        std::span<Eigen::Vector3d> gradients,
                        std::span<FieldStatus> statuses) noexcept {
   field.query(points_m, distances_m, gradients, statuses);
-  Eigen::Vector3d unwanted;
+  Eigen::Vector3d unwanted = Eigen::Vector3d::Zero();
   for (std::size_t i = 0; i < points_m.size(); ++i) {
     apply(policy, field.info().grid, points_m[i], statuses[i], distances_m[i],
           gradients.empty() ? unwanted : gradients[i]);

@@ -161,9 +161,10 @@ SIDESTEP_INLINE void write_value(const Values& key, const Rows& rows, Tile& out)
 using Half = VectorOf<std::uint32_t, 32>::Type;
 using Quarter = VectorOf<std::uint32_t, 16>::Type;
 
-template <std::size_t kCount>
-SIDESTEP_INLINE void halve(const Line<std::uint32_t, kCount>& of, Half& low, Half& high) {
-  if constexpr (kCount == 1) {
+/// A template, so that shuffles that do not fit are not compiled.
+template <std::size_t kOf>
+SIDESTEP_INLINE void halve(const Line<std::uint32_t, kOf>& of, Half& low, Half& high) {
+  if constexpr (kOf == 1) {
     const auto& p = of.parts[0];
     low = __builtin_shufflevector(p, p, 0, 1, 2, 3, 4, 5, 6, 7);
     high = __builtin_shufflevector(p, p, 8, 9, 10, 11, 12, 13, 14, 15);

@@ -30,10 +30,11 @@ class LineKeys {
   void clear() noexcept { count_ = 0; }
   [[nodiscard]] bool is_empty() const noexcept { return count_ == 0; }
 
-  /// Appends the squared distances along x of the tile that begins at x, of a row of occupancy bits
-  /// that holds obstacles.
+  /// Appends, for the row at `position` of the line, the squared distances along x of the tile that
+  /// begins at x of a row of occupancy bits that holds obstacles. Positions rise, and are less than
+  /// the length.
   void append_scanned(const std::uint64_t* words, int words_per_row, int x, int position);
-  /// Appends rows that the pass before has left, `stride` tiles apart.
+  /// Appends the rows at these positions that the pass before has left, `stride` tiles apart.
   void append_line(const Tile* tiles, std::ptrdiff_t stride, const std::vector<int>& positions);
 
   /// The lower envelope of the rows' parabolas at every position of the line, which is not empty:
@@ -45,8 +46,8 @@ class LineKeys {
   std::uint32_t cap_;
   std::vector<Tile> keys_;
   std::vector<int> positions_;  ///< Of each row on the line.
-  std::vector<std::uint32_t>
-      squares_;  ///< Of offsets from -length on, in the place of a key's value.
+  /// Of offsets from -length on, in the place of a key's value.
+  std::vector<std::uint32_t> squares_;
   int count_ = 0;
 };
 

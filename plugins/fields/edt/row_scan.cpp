@@ -31,47 +31,28 @@ void for_each_run(const std::uint64_t* words, int size, Visit visit) {
 
 /// Voxels [begin, end) between the obstacles `left` and `right` of a row: the square of the
 /// distance to the nearer one, as far as the reach goes.
-template <class Value>
-SIDESTEP_INLINE void fill_between(int left, int right, int begin, int end, Value cap, int reach,
-                                  Value* out) {
+SIDESTEP_SIMD_CLONES
+void fill_between(int left, int right, int begin, int end, std::uint16_t cap, int reach,
+                  std::uint16_t* out) {
   for (int x = begin; x < end; ++x) {
     const int to_left = x - left;
     const int to_right = right - x;
     const int d = to_left < to_right ? to_left : to_right;
-    out[x] = d <= reach ? static_cast<Value>(d * d) : cap;
+    out[x] = d <= reach ? static_cast<std::uint16_t>(d * d) : cap;
   }
-}
-SIDESTEP_SIMD_CLONES
-void fill(int left, int right, int begin, int end, std::uint16_t cap, int reach,
-          std::uint16_t* out) {
-  fill_between(left, right, begin, end, cap, reach, out);
-}
-SIDESTEP_SIMD_CLONES
-void fill(int left, int right, int begin, int end, std::uint32_t cap, int reach,
-          std::uint32_t* out) {
-  fill_between(left, right, begin, end, cap, reach, out);
-}
-
-template <class Value>
-void scan(const std::uint64_t* words, int size, Value cap, int reach, Value* out) {
-  int before = -1 - reach;  // the obstacle before; at first one beyond the reach
-  for_each_run(words, size, [&](int begin, int end) {
-    fill(before, begin, std::max(before + 1, 0), begin, cap, reach, out);
-    std::fill(out + begin, out + end, Value{0});
-    before = end - 1;
-  });
-  fill(before, size + reach, std::max(before + 1, 0), size, cap, reach, out);
 }
 
 }  // namespace
 
 void scan_row(const std::uint64_t* words, int size, std::uint16_t cap, int reach,
               std::uint16_t* out) {
-  scan(words, size, cap, reach, out);
-}
-void scan_row(const std::uint64_t* words, int size, std::uint32_t cap, int reach,
-              std::uint32_t* out) {
-  scan(words, size, cap, reach, out);
+  int before = -1 - reach;  // the obstacle before; at first one beyond the reach
+  for_each_run(words, size, [&](int begin, int end) {
+    fill_between(before, begin, std::max(before + 1, 0), begin, cap, reach, out);
+    std::fill(out + begin, out + end, std::uint16_t{0});
+    before = end - 1;
+  });
+  fill_between(before, size + reach, std::max(before + 1, 0), size, cap, reach, out);
 }
 
 }  // namespace sidestep::edt

@@ -9,7 +9,5 @@ namespace sidestep::edt {
 /// i of `size`.
 void scan_row(const std::uint64_t* words, int size, std::uint16_t cap, int reach,
               std::uint16_t* out);
-void scan_row(const std::uint64_t* words, int size, std::uint32_t cap, int reach,
-              std::uint32_t* out);
 
 }  // namespace sidestep::edt

@@ -231,5 +231,31 @@ TEST(DenseField, ListsPointsOutsideWhereNoObstacleIsAnywhere) {
   for (const FieldSample& sample : samples) EXPECT_EQ(sample.status, FieldStatus::kOutside);
 }
 
+TEST(DenseField, ListsPointsOfMoreThanAMillionBlocks) {
+  const GridSpec grid = grid_of(16 * 1025, 16 * 1024, 16);
+  const auto count = static_cast<std::size_t>(block_counts(grid).prod());
+  auto far = std::make_shared<FieldBlock>(), near = std::make_shared<FieldBlock>();
+  far->distance_m.fill(2.0F);
+  near->distance_m.fill(0.25F);
+  std::vector<DenseField::Blocks::Entry> blocks(count, far);
+  blocks.back() = near;
+  auto known = std::make_shared<KnownBlock>();
+  known->rows.fill(0xffff);
+  FieldInfo info;
+  info.grid = grid;
+  info.steepest = 1.0;
+  const DenseField field(info, blocks, std::vector<DenseField::KnownBlocks::Entry>(count, known));
+  const Eigen::Vector3f last_m = (grid.upper_m().array() - 1.0).cast<float>();
+  PointFloats points_m;
+  std::fill_n(points_m.x, kFloatLanes, last_m.x());
+  std::fill_n(points_m.y, kFloatLanes, last_m.y());
+  std::fill_n(points_m.z, kFloatLanes, last_m.z());
+  const double limit_m = 0.5;
+  std::vector<FieldSample> samples(kFloatLanes);
+  ASSERT_EQ(field.query_below({&points_m, 1}, {&limit_m, 1}, false, samples), kFloatLanes);
+  EXPECT_EQ(samples.back().point, kFloatLanes - 1);
+  EXPECT_EQ(samples.back().distance_m, 0.25);
+}
+
 }  // namespace
 }  // namespace sidestep

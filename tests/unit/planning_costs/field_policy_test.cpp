@@ -1,5 +1,6 @@
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -94,6 +95,25 @@ TEST_F(FieldPolicyTest, NeverTakesWhatIsNoPointForFreeSpace) {
   query_with_policy(*field, {Space::kFree, Space::kFree}, {&point_m, 1}, {&distance_m, 1}, {},
                     {&status, 1});
   EXPECT_TRUE(std::isnan(distance_m));
+}
+
+TEST_F(FieldPolicyTest, DecidesWhatIsOutsideOrUnknownInAFieldOfInfinity) {
+  const GridSpec grid{Eigen::Vector3d::Zero(), 0.125, Eigen::Vector3i::Constant(8)};
+  const auto field =
+      testing_support::sampled_field(grid, [](const Eigen::Vector3d&) { return kInfinity; });
+  PointFloats points_m{};  // at a corner of the grid, but for the first, 0.5 m beyond a side
+  points_m.x[0] = 1.5F;
+  points_m.y[0] = points_m.z[0] = 0.5F;
+  const double limit_m = 0.25;
+  std::vector<FieldSample> samples(kFloatLanes);
+  const auto below = [&](const SpacePolicy& policy) {
+    return query_below_with_policy(*field, policy, {&points_m, 1}, {&limit_m, 1}, samples);
+  };
+  ASSERT_GE(below({Space::kFree, Space::kOccupied}), 1U);
+  EXPECT_EQ(samples[0].point, 0U);
+  EXPECT_NEAR(samples[0].distance_m, -0.5, 1e-12);
+  EXPECT_TRUE(samples[0].gradient.isApprox(-Eigen::Vector3d::UnitX()));
+  EXPECT_TRUE(below({Space::kFree, Space::kFree}) == 0U || samples[0].point != 0U);
 }
 
 }  // namespace

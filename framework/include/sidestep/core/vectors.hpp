@@ -119,7 +119,8 @@ SIDESTEP_INLINE Line<Number, kParts> choose(const std::type_identity_t<Mask<Numb
   return choose(holds, a, Line<Number, kParts>{} + b);
 }
 
-/// The lesser and the greater of two numbers each; b where a is none.
+/// The lesser and the greater of two numbers each; b where a is none. Not by choose(): of integers
+/// g++ 12 makes an instruction of this form alone.
 template <class Number, std::size_t kParts>
 SIDESTEP_INLINE Line<Number, kParts> lesser(const Line<Number, kParts>& a,
                                             const Line<Number, kParts>& b) noexcept {
