@@ -75,7 +75,7 @@ TEST(RecordedProblems, PosesAPair) {
   EXPECT_EQ(problem.interpolated_checks, 3);
   EXPECT_EQ(problem.start.q, Eigen::Vector2d(-1, 0));
   EXPECT_EQ(problem.goal.q, Eigen::Vector2d(1, 0));
-  const Trajectory initial = recorded_initial(problem);
+  const Trajectory initial = recorded_initial(*problems, problem);
   for (int i = 0; i < initial.size(); ++i) {
     EXPECT_NEAR(initial.q(i)[0], -1.0 + 0.4 * i, 1e-12);
     EXPECT_NEAR(initial.qdot(i)[0], 0.4, 1e-12) << "per interval, the ends included";
@@ -153,7 +153,7 @@ TEST(RecordedProblems, AnEmptySceneIsFarAway) {
       ->query(std::vector{Eigen::Vector3d(0, 0, 0)}, distance, {}, {});
   EXPECT_EQ(distance[0], 1000.0);
   const Problem problem = recorded_problem(*problems, recorded_field(*problems, 0, true), 0);
-  EXPECT_EQ(exact_clearance_m(*problems, 0, recorded_initial(problem)), INFINITY);
+  EXPECT_EQ(exact_clearance_m(*problems, 0, recorded_initial(*problems, problem)), INFINITY);
 }
 
 TEST(RecordedProblems, ClearancesAreThoseOfStraightMotions) {
@@ -243,6 +243,38 @@ TEST(RecordedProblems, ReadsAnArmOnALiftOnABase) {
              Eigen::Vector3d(1.0 + 0.2 * std::cos(3.0), -2.0 + 0.2 * std::sin(3.0), 0.1))
                 .norm(),
             1e-12);
+}
+
+TEST(RecordedProblems, ABaseSetsOutAlongAnArc) {
+  Json json = with_robot({{"name", "mobile"},
+                          {"dh", "modified"},
+                          {"a", {0.0}},
+                          {"alpha", {0.0}},
+                          {"d", {0.0}},
+                          {"base_T_torso", {0.0, 0.0, 0.3}},
+                          {"torso_T_arm", {0.1, 0.0, 0.0}},
+                          {"spheres", {{0, 0.0, 0.0, 0.1, 0.05}}}},
+                         {0.0, 0.0, 0.0, 0.0, 0.0});
+  json["configurations"] = {
+      {0.0, 0.0, 0.0, 0.0, 0.0}, {1.0, 1.0, kPi / 2, 0.2, 0.4}, {3.0, -1.0, 0.0, 0.0, 0.0}};
+  json["pairs"] = {{0, 1}, {0, 2}};
+  const auto problems = read(json);
+  ASSERT_TRUE(problems) << problems.error().describe();
+  const auto initial_of = [&](int pair) {
+    return recorded_initial(*problems,
+                            recorded_problem(*problems, recorded_field(*problems, 0, true), pair));
+  };
+  const Trajectory turning = initial_of(0), straight = initial_of(1);
+  for (int i = 0; i < turning.size(); ++i) {
+    const double share = i / (turning.size() - 1.0), heading = share * kPi / 2;
+    const Eigen::VectorXd on_circle = Eigen::Vector<double, 5>(
+        std::sin(heading), 1.0 - std::cos(heading), heading, 0.2 * share, 0.4 * share);
+    const Eigen::VectorXd on_line = Eigen::Vector<double, 5>(3.0 * share, -share, 0.0, 0.0, 0.0);
+    for (int joint = 0; joint < 5; ++joint) {
+      EXPECT_NEAR(turning.q(i)[joint], on_circle[joint], 1e-12) << i << ", joint " << joint;
+      EXPECT_NEAR(straight.q(i)[joint], on_line[joint], 1e-12) << i << ", joint " << joint;
+    }
+  }
 }
 
 struct Mistake {

@@ -86,8 +86,9 @@ struct RecordedProblems {
                                        std::shared_ptr<const DistanceField> field, int pair);
 
 /// The peer's straight line: its velocities are per interval, not per second, and ignore the ends
-/// at rest, so that the initial cost is huge and gone after one iteration.
-[[nodiscard]] Trajectory recorded_initial(const Problem& problem);
+/// at rest, so that the initial cost is huge and gone after one iteration. A mobile base goes
+/// straight as its Lie group does: along an arc, by the constant twist that leads to the goal.
+[[nodiscard]] Trajectory recorded_initial(const RecordedProblems& problems, const Problem& problem);
 
 /// The least clearance of any sphere in a field at the states that costs see; outside is free. A
 /// recording judges every run so in the signed field.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
 #include <numbers>
 
@@ -53,6 +54,23 @@ double distance_m(const RecordedBox& box, const Eigen::Vector3d& p, bool on_plan
   Eigen::Vector3d beyond = (p - centre).cwiseAbs() - 0.5 * (box.upper_m - box.lower_m);
   if (on_plane) beyond.z() = -std::numeric_limits<double>::infinity();
   return beyond.cwiseMax(0.0).norm() + std::min(beyond.maxCoeff(), 0.0);
+}
+
+/// Moves the base's positions from the straight line onto the screw motion between its ends, the
+/// geodesic of SE(2): an arc, along which it turns evenly.
+void put_base_on_arc(Trajectory& trajectory) {
+  const auto first = trajectory.q(0), last = trajectory.q(trajectory.size() - 1);
+  const std::complex<double> start_m(first[0], first[1]),
+      way_m = {last[0] - first[0], last[1] - first[1]};
+  const double turn = last[kHeading] - first[kHeading];
+  if (turn == 0.0) return;
+  const auto chord = [](double angle) { return std::polar(1.0, angle) - 1.0; };
+  for (int i = 1; i + 1 < trajectory.size(); ++i) {
+    const auto q = trajectory.q(i);
+    const auto at_m = start_m + way_m * chord(q[kHeading] - first[kHeading]) / chord(turn);
+    q[0] = at_m.real();
+    q[1] = at_m.imag();
+  }
 }
 
 }  // namespace
@@ -107,10 +125,11 @@ Problem recorded_problem(const RecordedProblems& problems,
   return problem;
 }
 
-Trajectory recorded_initial(const Problem& problem) {
+Trajectory recorded_initial(const RecordedProblems& problems, const Problem& problem) {
   Trajectory out = straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
   const Eigen::VectorXd step = (problem.goal.q - problem.start.q) / (problem.support_states - 1);
   for (int i = 0; i < out.size(); ++i) std::copy_n(step.data(), step.size(), out.qdot(i).begin());
+  if (!problems.costs_comparable) put_base_on_arc(out);
   return out;
 }
 

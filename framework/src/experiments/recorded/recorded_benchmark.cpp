@@ -64,7 +64,7 @@ std::vector<PosedProblem> pose(const RecordedRun& run, Bench& bench) {
     PosedProblem one;
     one.problem = recorded_problem(bench.problems, bench.fields.of(outcome.scene, run.is_signed),
                                    outcome.pair);
-    one.initial = recorded_initial(one.problem);
+    one.initial = recorded_initial(bench.problems, one.problem);
     posed.push_back(std::move(one));
   }
   return posed;

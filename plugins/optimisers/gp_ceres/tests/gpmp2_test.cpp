@@ -128,7 +128,7 @@ TEST_P(Gpmp2Test, PosesTheSameProblem) {
     }
 
     const Trajectory initial = recorded(anchor["initial_values"], problem.dt_s);
-    const Trajectory ours = recorded_initial(problem);
+    const Trajectory ours = recorded_initial(problems_, problem);
     for (std::size_t i = 0; i < ours.positions.size(); ++i) {
       EXPECT_NEAR(ours.positions[i], initial.positions[i], 1e-12);
       EXPECT_NEAR(ours.velocities[i], initial.velocities[i], 1e-12);
@@ -162,7 +162,8 @@ TEST_P(Gpmp2Test, FindsCostsAsLowOverAll) {
   for (const RecordedOutcome& peer : run.outcomes) {
     const Problem problem =
         recorded_problem(problems_, fields[static_cast<std::size_t>(peer.scene)], peer.pair);
-    const auto solution = optimiser->solve(problem, recorded_initial(problem), Deadline());
+    const auto solution =
+        optimiser->solve(problem, recorded_initial(problems_, problem), Deadline());
     ASSERT_TRUE(solution.has_value()) << solution.error().describe();
     EXPECT_NEAR(solution->initial_cost, peer.initial_cost, 1e-6 * peer.initial_cost);
     ours.push_back(solution->cost);

@@ -17,10 +17,15 @@ namespace {
 using namespace testing_support;
 
 /// Some hundred problems of one recorded set; empty where the recordings are absent.
-const std::vector<Problem>& problems_of(const std::string& set) {
-  static std::map<std::string, std::vector<Problem>> sets;
+struct PosedProblem {
+  Problem problem;
+  Trajectory initial;
+};
+
+const std::vector<PosedProblem>& problems_of(const std::string& set) {
+  static std::map<std::string, std::vector<PosedProblem>> sets;
   const auto [found, is_new] = sets.try_emplace(set);
-  std::vector<Problem>& problems = found->second;
+  std::vector<PosedProblem>& problems = found->second;
   if (!is_new) return problems;
   const auto folder = std::filesystem::path(SIDESTEP_SHARED_DATA) / "gpmp2";
   const auto recorded = read_recorded_problems(folder / ("problems_" + set + ".json"));
@@ -28,7 +33,9 @@ const std::vector<Problem>& problems_of(const std::string& set) {
   for (std::size_t scene = 0; scene < recorded->scenes.size(); ++scene) {
     const auto field = recorded_field(*recorded, static_cast<int>(scene), true);
     for (std::size_t pair = scene; pair < recorded->pairs.size(); pair += 3) {
-      problems.push_back(recorded_problem(*recorded, field, static_cast<int>(pair)));
+      Problem problem = recorded_problem(*recorded, field, static_cast<int>(pair));
+      Trajectory initial = recorded_initial(*recorded, problem);
+      problems.push_back({std::move(problem), std::move(initial)});
     }
   }
   return problems;
@@ -59,12 +66,10 @@ void solve_recorded(benchmark::State& state, const char* set, bool chain, bool r
     return;
   }
   const auto optimiser = optimiser_of(chain, replan, starts);
-  std::vector<Trajectory> initial;
-  for (const Problem& problem : problems) initial.push_back(recorded_initial(problem));
   std::vector<double> solve_ms, iteration_us, step_us;
   for (auto _ : state) {
-    for (std::size_t i = 0; i < problems.size(); ++i) {
-      const auto solution = optimiser->solve(problems[i], initial[i], Deadline());
+    for (const auto& [problem, initial] : problems) {
+      const auto solution = optimiser->solve(problem, initial, Deadline());
       if (!solution) continue;
       solve_ms.push_back(solution->solve_ms);
       iteration_us.push_back(1e3 * solution->solve_ms / std::max(1, solution->accepted_iterations));
@@ -130,7 +135,7 @@ void iteration_part(benchmark::State& state, Part part) {
   }
   ChainModel model;
   const auto rule = make_step_rule({});
-  model.reset(problems[5], recorded_initial(problems[5]));
+  model.reset(problems[5].problem, problems[5].initial);
   if (minimise(model, *rule, {.max_iterations = 2}, Deadline()).accepted == 0) return;
   std::vector<double> step(model.current().support.size(), 0.0);
   for (auto _ : state) part(model, step);

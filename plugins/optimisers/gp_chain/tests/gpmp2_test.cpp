@@ -40,7 +40,8 @@ class ChainAgainstGpmp2 : public testing::TestWithParam<std::string> {
     for (const RecordedOutcome& peer : run.outcomes) {
       const auto scene = static_cast<std::size_t>(peer.scene);
       const Problem problem = recorded_problem(problems_, fields_[run.is_signed][scene], peer.pair);
-      const auto solution = optimiser->solve(problem, recorded_initial(problem), Deadline());
+      const auto solution =
+          optimiser->solve(problem, recorded_initial(problems_, problem), Deadline());
       if (!solution || solution->trajectory.size() == 0) {
         ADD_FAILURE() << "no solution";
         continue;

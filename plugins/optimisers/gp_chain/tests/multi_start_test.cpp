@@ -164,7 +164,7 @@ TEST(MultiStart, FindsWaysThroughClutter) {
     for (const RecordedOutcome& peer : run.outcomes) {
       const auto& field = fields[static_cast<std::size_t>(peer.scene)];
       const Problem problem = recorded_problem(*problems, field, peer.pair);
-      const Trajectory initial = recorded_initial(problem);
+      const Trajectory initial = recorded_initial(*problems, problem);
       const auto is_free = [&](const std::unique_ptr<Optimiser>& optimiser) {
         const auto solution = optimiser->solve(problem, initial, Deadline());
         return solution && clearance_at_checks_m(problem, *field, solution->trajectory) > 0.0;
