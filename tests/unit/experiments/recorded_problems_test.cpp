@@ -405,7 +405,8 @@ TEST_P(RecordedByGpmp2, AgreesOnWhichEndsAreFree) {
 class ArmsRecordedByGpmp2 : public RecordedByGpmp2 {};
 
 TEST_P(ArmsRecordedByGpmp2, AgreesOnTheClearanceOfItsTrajectories) {
-  for (const Json& anchor : json_of(folder_ / "anchors.json").at(GetParam())) {
+  const Json anchors = json_of(folder_ / "anchors.json");
+  for (const Json& anchor : anchors.at(GetParam())) {
     const auto& x = anchor.at("final_values").at("x");
     const auto& v = anchor.at("final_values").at("v");
     Trajectory trajectory = make_trajectory(7, static_cast<int>(x.size()), problems_.settings.dt_s);
