@@ -47,7 +47,7 @@ Json with_robot(const Json& robot, const std::vector<double>& q) {
 TEST(RecordedProblems, ReadsWhatIsWritten) {
   const auto problems = read(recorded_disc());
   ASSERT_TRUE(problems) << problems.error().describe();
-  EXPECT_TRUE(problems->costs_comparable);
+  EXPECT_FALSE(problems->has_base);
   EXPECT_EQ(problems->robot->description().dof(), 2);
   EXPECT_EQ(problems->scenes.size(), 2u);
   EXPECT_EQ(problems->grid.size_vox, Eigen::Vector3i(61, 41, 1));
@@ -228,7 +228,7 @@ TEST(RecordedProblems, ReadsAnArmOnALiftOnABase) {
   json["configurations"][1] = {0.0, 0.0, -3.0, 0.0, 0.0};
   const auto problems = read(json);
   ASSERT_TRUE(problems) << problems.error().describe();
-  EXPECT_FALSE(problems->costs_comparable);
+  EXPECT_TRUE(problems->has_base);
   const double reach = 0.1 + 0.5 * std::cos(0.4);
   const Eigen::Vector3d hand(1.0 + reach * std::cos(3.0), -2.0 + reach * std::sin(3.0),
                              0.3 + 0.25 + 0.5 * std::sin(0.4));

@@ -57,9 +57,9 @@ struct RecordedRun {
 struct RecordedProblems {
   std::filesystem::path file;
   std::shared_ptr<const RobotModel> robot;
-  /// Whether costs can be held against the peer's. They cannot where its state was a Lie group
-  /// (a mobile base): ours is a vector in the world.
-  bool costs_comparable = true;
+  /// The robot's first three joints are x, y and heading of a mobile base. The peer's state was a
+  /// Lie group then, ours is a vector in the world: costs cannot be held against each other.
+  bool has_base = false;
   GridSpec grid;  ///< The centres of its voxels are the nodes of the peer's field.
   Eigen::Vector3d first_node_m = Eigen::Vector3d::Zero();  ///< As written, to the last digit.
   std::vector<std::vector<RecordedBox>> scenes;

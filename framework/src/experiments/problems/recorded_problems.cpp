@@ -107,7 +107,7 @@ Problem recorded_problem(const RecordedProblems& problems,
   problem.space = {Space::kFree, Space::kFree};
   problem.start = at_rest(start);
   problem.goal = at_rest(goal);
-  if (!problems.costs_comparable) {
+  if (problems.has_base) {
     const double turn = problem.goal.q[kHeading] - problem.start.q[kHeading];
     problem.goal.q[kHeading] =
         problem.start.q[kHeading] + std::remainder(turn, 2.0 * std::numbers::pi);
@@ -129,7 +129,7 @@ Trajectory recorded_initial(const RecordedProblems& problems, const Problem& pro
   Trajectory out = straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
   const Eigen::VectorXd step = (problem.goal.q - problem.start.q) / (problem.support_states - 1);
   for (int i = 0; i < out.size(); ++i) std::copy_n(step.data(), step.size(), out.qdot(i).begin());
-  if (!problems.costs_comparable) put_base_on_arc(out);
+  if (problems.has_base) put_base_on_arc(out);
   return out;
 }
 

@@ -167,7 +167,7 @@ Result<RecordedProblems> read_recorded_problems(const std::filesystem::path& fil
                                                      file.string() + ": robot"));
   }
   problems.robot = std::move(robot->model);
-  problems.costs_comparable = !robot->has_base;
+  problems.has_base = robot->has_base;
 
   const Columns columns(root["result_columns"]);
   if (json->error) return tl::make_unexpected(std::move(*json->error));

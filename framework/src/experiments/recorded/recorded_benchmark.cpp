@@ -127,7 +127,7 @@ Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
 
   RecordedBenchmarkRecord record;
   record.about = facts_of(problems, context.configuration);
-  record.costs_comparable = problems.costs_comparable;
+  record.costs_comparable = !problems.has_base;
   std::int64_t total = 0;
   for (const RecordedRun& run : problems.runs) {
     total += settings.repeats * std::ssize(run.outcomes);

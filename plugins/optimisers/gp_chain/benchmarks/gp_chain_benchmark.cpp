@@ -16,12 +16,12 @@ namespace {
 
 using namespace testing_support;
 
-/// Some hundred problems of one recorded set; empty where the recordings are absent.
 struct PosedProblem {
   Problem problem;
   Trajectory initial;
 };
 
+/// Some hundred problems of one recorded set; empty where the recordings are absent.
 const std::vector<PosedProblem>& problems_of(const std::string& set) {
   static std::map<std::string, std::vector<PosedProblem>> sets;
   const auto [found, is_new] = sets.try_emplace(set);
