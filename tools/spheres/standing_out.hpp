@@ -1,0 +1,38 @@
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "rigid_body.hpp"
+
+namespace sidestep {
+
+/// What of a surface lies outside of something.
+struct StandingOut {
+  double surface_m2 = 0.0;
+  double outside_m2 = 0.0;
+  double farthest_m = 0.0;  ///< 0 where nothing does; infinite where there is nothing to lie in.
+  Eigen::Vector3d p_farthest = Eigen::Vector3d::Zero();  ///< Where farthest_m is; else unspecified.
+};
+
+/// The signed distance of points from what a surface should lie in; infinite where that is nothing.
+using DistanceTo = std::function<double(const Eigen::Vector3d&)>;
+
+/// How fine surfaces are looked at: no point of one is farther than this from a point at which the
+/// distance was taken, or than kSurfaceShare of that distance, where it may matter. As distances
+/// grow no faster than the way, `farthest_m` is too small by no more.
+inline constexpr double kSurfaceFineness_m = 9e-4;
+inline constexpr double kSurfaceShare = 0.02;
+
+/// Looks at the corners of all triangles and at ever smaller parts of them. The same for the same
+/// input. [any]; allocates.
+[[nodiscard]] StandingOut standing_out(const Mesh& surface, const DistanceTo& distance_m);
+
+/// Triangles of a bounded shape that lie no farther than 0.1 mm inside of it. [any]; allocates.
+[[nodiscard]] Mesh surface_of(const Shape& shape);
+
+/// From the nearest of the spheres, negative within. Infinite without spheres. [any]
+[[nodiscard]] double signed_distance_m(const std::vector<BodySphere>& spheres,
+                                       const Eigen::Vector3d& p_body);
+
+}  // namespace sidestep
