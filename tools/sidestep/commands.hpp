@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/robot/kinematic_tree.hpp>
+
 #include "live_view.hpp"
 #include "session.hpp"
 
@@ -48,14 +50,19 @@ struct RobotOptions {
   bool edit = false;  ///< In a browser.
   bool fit = false;
   double protrusion_m = 0.04;
-  std::optional<int> spheres;                ///< Instead: how many.
-  bool write = false;                        ///< What was fitted, into the profile.
-  std::optional<std::filesystem::path> out;  ///< Instead, into this new file.
+  std::optional<int> spheres;                        ///< Instead: how many.
+  bool write = false;                                ///< What was fitted, into the profile.
+  std::optional<std::filesystem::path> out;          ///< Instead, into this new file.
+  std::optional<std::filesystem::path> against;      ///< A URDF to hold the profile against.
+  std::vector<std::filesystem::path> package_paths;  ///< For that URDF's meshes.
   bool json = false;
   ViewOptions view;
 };
-/// Says what a robot profile has, fits spheres to it, or serves the sphere editor until a signal
-/// comes.
+/// Says what a robot profile has, fits spheres to it, serves the sphere editor until a signal
+/// comes, or holds the profile against a URDF.
 [[nodiscard]] ExitCode robot_command(const RobotOptions& options);
+/// Of that, the last. The robot's first three joints are its base's where it drives.
+[[nodiscard]] ExitCode against_command(const RobotOptions& options, const KinematicTree& robot,
+                                       bool drives);
 
 }  // namespace sidestep

@@ -56,7 +56,9 @@ void add_view_options(CLI::App& command, ViewOptions& view) {
 
 void add_robot_command(CLI::App& app, RobotOptions& robot) {
   CLI::App* command = app.add_subcommand(
-      "robot", "Show a robot profile; fit or edit the spheres that cover its shapes");
+      "robot",
+      "Show a robot profile; fit or edit the spheres that cover its shapes; hold it against "
+      "the robot's own URDF");
   command->add_option("PROFILE", robot.profile, "The robot's name, or its profile's folder or file")
       ->required();
   command->add_flag("--spheres", robot.edit, "Edit the spheres in a browser");
@@ -90,6 +92,22 @@ void add_robot_command(CLI::App& app, RobotOptions& robot) {
       ->type_name("FILE")
       ->excludes(write);
   command->add_flag("--json", robot.json, "Print as JSON")->excludes("--spheres");
+  CLI::Option* const against =
+      command
+          ->add_option("--against", robot.against,
+                       "Say what of this URDF's collision shapes stands out of the profile")
+          ->type_name("URDF");
+  for (const char* option : {"--fit", "--spheres", "--out"}) {
+    against->excludes(command->get_option(option));
+  }
+  command
+      ->add_option("--package-path", robot.package_paths,
+                   "A folder with the packages of that URDF's meshes; may be repeated")
+      ->type_name("DIR")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->allow_extra_args(false)
+      ->needs(against);
 }
 
 void add_run(CLI::App& app, CommandLine& line) {

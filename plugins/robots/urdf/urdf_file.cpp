@@ -128,6 +128,7 @@ UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& out
     const UrdfOutline::Link& entry = outline.links[static_cast<std::size_t>(index)];
     UrdfLink link;
     link.name = entry.name;
+    link.has_visual = entry.has_visual;
     link.mark = entry.mark;
     const auto parsed_link = parsed.getLink(entry.name);
     for (const auto& collision : parsed_link->collision_array) {

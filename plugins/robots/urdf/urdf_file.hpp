@@ -47,6 +47,7 @@ struct UrdfLink {
   int parent = -1;                 ///< Index of the parent link; -1 for the root.
   std::optional<UrdfJoint> joint;  ///< From the parent; nothing for the root.
   std::vector<UrdfShape> shapes;
+  bool has_visual = false;  ///< Which is not looked at.
   SourceMark mark;
 };
 

@@ -89,6 +89,7 @@ class Outliner {
          collision != nullptr; collision = collision->NextSiblingElement("collision")) {
       check_geometry(*collision, link.name);
     }
+    link.has_visual = element.FirstChildElement("visual") != nullptr;
     outline_.links.push_back(std::move(link));
   }
 

@@ -20,6 +20,7 @@ struct UrdfOutline {
     SourceMark mark;
     int parent_joint = -1;          ///< Index into joints.
     std::vector<int> child_joints;  ///< Indices into joints, in the file's order.
+    bool has_visual = false;
   };
   struct Joint {
     std::string name;
