@@ -66,36 +66,6 @@ struct ToGeometry {
   }
 };
 
-/// How far the lowest point of a shape lies above the plane z = 0 of a frame.
-struct LowestPoint {
-  Transform T_plane_shape;
-
-  [[nodiscard]] double centre() const { return T_plane_shape.translation().z(); }
-  [[nodiscard]] Eigen::Vector3d down() const {  // the plane's normal in the shape's frame
-    return T_plane_shape.linear().row(2).transpose();
-  }
-  double operator()(const Box& box) const {
-    return centre() - 0.5 * box.size_m.dot(down().cwiseAbs());
-  }
-  double operator()(const Sphere& sphere) const { return centre() - sphere.radius_m; }
-  double operator()(const Cylinder& cylinder) const {
-    const Eigen::Vector3d n = down();
-    return centre() - 0.5 * cylinder.length_m * std::abs(n.z()) -
-           cylinder.radius_m * std::hypot(n.x(), n.y());
-  }
-  double operator()(const Capsule& capsule) const {
-    return centre() - 0.5 * capsule.length_m * std::abs(down().z()) - capsule.radius_m;
-  }
-  double operator()(const HalfSpace&) const { return -std::numeric_limits<double>::infinity(); }
-  double operator()(const std::shared_ptr<const Mesh>& mesh) const {
-    double lowest = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& vertex : mesh->vertices_m) {
-      lowest = std::min(lowest, centre() + down().dot(vertex));
-    }
-    return lowest;
-  }
-};
-
 fcl::Transform3d to_fcl(const Transform& transform) {
   fcl::Transform3d out = fcl::Transform3d::Identity();
   out.linear() = transform.linear();
@@ -108,7 +78,57 @@ void move(Object& object, const Transform& transform) {
   object.computeAABB();
 }
 
-/// The depth of the deepest contact; 0 where there is none.
+/// The largest component along the unit vector `n` of any point of an object's shape; infinity for
+/// an octree.
+double reach_m(const Object& object, const Eigen::Vector3d& n) {
+  const fcl::CollisionGeometryd* geometry = object.collisionGeometry().get();
+  const Eigen::Vector3d n_shape = object.getRotation().transpose() * n;
+  double reach_m = std::numeric_limits<double>::infinity();
+  if (const auto* box = dynamic_cast<const fcl::Boxd*>(geometry)) {
+    reach_m = 0.5 * box->side.dot(n_shape.cwiseAbs());
+  } else if (const auto* sphere = dynamic_cast<const fcl::Sphered*>(geometry)) {
+    reach_m = sphere->radius;
+  } else if (const auto* cylinder = dynamic_cast<const fcl::Cylinderd*>(geometry)) {
+    reach_m =
+        0.5 * cylinder->lz * std::abs(n_shape.z()) + cylinder->radius * n_shape.head<2>().norm();
+  } else if (const auto* capsule = dynamic_cast<const fcl::Capsuled*>(geometry)) {
+    reach_m = 0.5 * capsule->lz * std::abs(n_shape.z()) + capsule->radius;
+  } else if (const auto* mesh = dynamic_cast<const fcl::BVHModel<fcl::OBBRSSd>*>(geometry)) {
+    reach_m = -reach_m;
+    for (int i = 0; i < mesh->num_vertices; ++i) {
+      reach_m = std::max(reach_m, n_shape.dot(mesh->vertices[i]));
+    }
+  }
+  return n.dot(object.getTranslation()) + reach_m;
+}
+
+/// How far the lowest point of an object lies above the plane z = 0 of a frame.
+double height_m(const Object& object, const Transform& T_plane_world) {
+  const Eigen::Vector3d up = T_plane_world.linear().row(2).transpose();
+  return T_plane_world.translation().z() - reach_m(object, -up);
+}
+
+/// The shortest of some translations that take two objects apart, along the axes of both and along
+/// the line of their centres. No contact is deeper.
+double way_apart_m(const Object& a, const Object& b) {
+  double way_m = std::numeric_limits<double>::infinity();
+  const auto try_along = [&](const Eigen::Vector3d& n) {
+    way_m = std::min(way_m, reach_m(a, n) + reach_m(b, -n));
+  };
+  for (const Object* object : {&a, &b}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::Vector3d n = object->getRotation().col(axis);
+      try_along(n);
+      try_along(-n);
+    }
+  }
+  const Eigen::Vector3d between = b.getTranslation() - a.getTranslation();
+  if (between.norm() > 0.0) try_along(between.normalized());
+  return way_m;
+}
+
+/// The depth of the deepest contact; 0 where there is none. FCL's depth is one along the line on
+/// which its search ended, which may be that of a long box's length: way_apart_m() bounds it.
 double contact_depth_m(const Object& a, const Object& b) {
   if (!a.getAABB().overlap(b.getAABB())) return 0.0;
   const fcl::CollisionRequestd request(kMaxContacts, true);
@@ -118,7 +138,7 @@ double contact_depth_m(const Object& a, const Object& b) {
   for (std::size_t i = 0; i < result.numContacts(); ++i) {
     depth_m = std::max(depth_m, std::abs(result.getContact(i).penetration_depth));
   }
-  return std::max(depth_m, kTouching_m);
+  return std::max(std::min(depth_m, way_apart_m(a, b)), kTouching_m);
 }
 
 /// Distance of two objects that do not overlap, or `bound_m` if they are farther apart.
@@ -233,7 +253,6 @@ struct ShapeCollider::Impl {
 class ShapeCollider::Pose {
  public:
   std::vector<Object> shapes;
-  std::vector<Transform> T_world_shape;
   std::vector<Object> moving;  // in Impl::moving's order
   std::vector<Transform> T_half_space_world;
 };
@@ -340,7 +359,6 @@ ShapeCollider::PosePtr ShapeCollider::make_pose() const {
   for (const int object : impl_->moving) {
     pose->moving.emplace_back(impl_->scene_geometry[at(object)]);
   }
-  pose->T_world_shape.resize(impl_->shapes.size());
   pose->T_half_space_world.resize(impl_->half_spaces.size());
   return pose;
 }
@@ -349,8 +367,7 @@ void ShapeCollider::place(Pose& pose, std::span<const Transform> T_world_link,
                           double scene_time_s) const {
   for (std::size_t i = 0; i < impl_->shapes.size(); ++i) {
     const RobotShape& shape = impl_->shapes[i];
-    pose.T_world_shape[i] = T_world_link[at(shape.link)] * shape.T_link_shape;
-    move(pose.shapes[i], pose.T_world_shape[i]);
+    move(pose.shapes[i], T_world_link[at(shape.link)] * shape.T_link_shape);
   }
   for (std::size_t i = 0; i < impl_->moving.size(); ++i) {
     const SceneObject& object = impl_->scene->objects()[at(impl_->moving[i])];
@@ -386,8 +403,7 @@ ShapeCollider::Proximity ShapeCollider::to_obstacles(int shape, const Pose& pose
   }
   for (std::size_t i = 0; i < impl_->half_spaces.size(); ++i) {
     if (robot_shape.ignored.count(impl_->half_spaces[i]) != 0) continue;
-    const LowestPoint lowest{pose.T_half_space_world[i] * pose.T_world_shape[at(shape)]};
-    nearest.hear(std::visit(lowest, robot_shape.shape), impl_->half_spaces[i]);
+    nearest.hear(height_m(*object, pose.T_half_space_world[i]), impl_->half_spaces[i]);
   }
   return {nearest.clearance_m, nearest.is_found ? impl_->name(nearest.owner) : std::string()};
 }
@@ -404,8 +420,7 @@ double ShapeCollider::gap_to_obstacles_m(int shape, const Pose& pose, double bou
   }
   for (std::size_t i = 0; i < impl_->half_spaces.size(); ++i) {
     if (robot_shape.ignored.count(impl_->half_spaces[i]) != 0) continue;
-    const LowestPoint lowest{pose.T_half_space_world[i] * pose.T_world_shape[at(shape)]};
-    nearest.hear(std::visit(lowest, robot_shape.shape), impl_->half_spaces[i]);
+    nearest.hear(height_m(*object, pose.T_half_space_world[i]), impl_->half_spaces[i]);
   }
   return std::max(0.0, nearest.clearance_m);
 }

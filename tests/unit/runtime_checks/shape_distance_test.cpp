@@ -151,6 +151,49 @@ TEST(ShapeDepth, IsThatOfASphereInABoxAndOfTwoBoxes) {
   }
 }
 
+/// A row of voxels is one long box to FCL, whose own depth of a graze may be ten times too large.
+class GrazeDepth : public testing::TestWithParam<Shape> {};
+
+TEST_P(GrazeDepth, IsNoMoreThanTheWayBackOut) {
+  constexpr double kDepth_m = 0.006;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> place(-0.45, 0.45);
+  OneShape robot(GetParam());
+  const std::vector<Eigen::Vector3d> points = surface_points(GetParam(), 0.01);
+  for (int trial = 0; trial < 300; ++trial) {
+    const int along = trial % 3;
+    const int normal = (along + 1 + trial / 3 % 2) % 3;
+    ShapeObstacles obstacles;
+    obstacles.resolution_m = 0.05;
+    for (int i = 0; i < 20; ++i) {
+      obstacles.occupied_centres_m.push_back(0.05 * (i - 9.5) * Eigen::Vector3d::Unit(along));
+    }
+    const ShapeCollider collider(robot.description, obstacles, {});
+    const auto pose = collider.make_pose();
+    Transform& body = robot.poses[0];
+    body = random_pose(random, 1.0);
+    if (trial % 4 == 0) body.linear().setIdentity();
+    Eigen::Vector3d lowest = points.front();
+    for (const Eigen::Vector3d& p : points) {
+      if ((body.linear() * p)[normal] < (body.linear() * lowest)[normal]) lowest = p;
+    }
+    // Its lowest point lies below the surface of the row: moved up by the depth, it is out.
+    Eigen::Vector3d p_world = place(random) * Eigen::Vector3d::Unit(along);
+    p_world[normal] = 0.025 - kDepth_m;
+    body.translation() = p_world - body.linear() * lowest;
+    collider.place(*pose, robot.poses, 0.0);
+    const double clearance_m = collider.to_obstacles(0, *pose, 1.0).clearance_m;
+    EXPECT_LT(clearance_m, 0.0) << trial;
+    EXPECT_GE(clearance_m, -kDepth_m - 1e-3) << trial;  // facets are inscribed
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Shapes, GrazeDepth,
+                         testing::Values(Shape(Box{{0.3, 0.2, 0.15}}), Shape(Sphere{0.15}),
+                                         Shape(Cylinder{0.215, 0.19}), Shape(Capsule{0.08, 0.25}),
+                                         Shape(tetrahedron())),
+                         [](const auto& of) { return std::string(shape_name(of.param)); });
+
 TEST(ShapeDepth, IsNothingBeyondTheBound) {
   ShapeObstacles obstacles;
   obstacles.resolution_m = 0.2;
