@@ -105,6 +105,25 @@ const ExperimentType* find_type(const Configuration& configuration, std::vector<
   return nullptr;
 }
 
+bool is_block(std::string_view key) {
+  constexpr std::array kOthers = {"planning", "check", "replanner", "sampler"};
+  return std::ranges::find(kOthers, key) != kOthers.end() ||
+         std::ranges::any_of(kPluginKinds,
+                             [&](const PluginKind kind) { return key == to_string(kind); });
+}
+
+/// Refuses a block that `type` never reads: what it says is checked nowhere.
+void refuse_unused(const Node::Entry& entry, const ExperimentType& type,
+                   std::vector<Error>& errors) {
+  std::string used = "its blocks: experiment";
+  for (const std::string& name : type.blocks) used += ", " + name;
+  for (const std::string& name : type.optional_blocks) used += ", " + name;
+  const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
+  errors.push_back(key.error(
+      "block `" + entry.key + "` has no effect in an experiment of type '" + type.name + "'",
+      used + "; `" + entry.key + ": null` removes a block that a base configuration sets"));
+}
+
 void check_blocks(const Configuration& configuration, const ExperimentType* type, Host& host,
                   std::vector<Error>& errors) {
   if (type != nullptr) {
@@ -116,11 +135,18 @@ void check_blocks(const Configuration& configuration, const ExperimentType* type
     check_against_schema(*configuration.root.find("experiment"), type->schema(), {}, errors);
   }
   for (const Node::Entry& entry : configuration.root.entries()) {
+    if (type != nullptr && is_block(entry.key) && !type->uses(entry.key)) {
+      if (!entry.value.is_null()) refuse_unused(entry, *type, errors);
+      continue;
+    }
     if (const auto used = settings_schema(entry.key, type)) {
       check_against_used(entry.value, *used, errors);
     }
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key == to_string(kind)) host.check(kind, entry.value, errors);
+    }
+    if (entry.key == "sampler" && !entry.value.is_null()) {
+      host.check(PluginKind::kOptimiser, entry.value, errors);
     }
   }
 }
@@ -185,6 +211,11 @@ Result<void> check_division(const ExperimentContext& context, const ExperimentTy
 
 }  // namespace
 
+bool ExperimentType::uses(std::string_view block) const noexcept {
+  return std::ranges::find(blocks, block) != blocks.end() ||
+         std::ranges::find(optional_blocks, block) != optional_blocks.end();
+}
+
 const std::vector<ExperimentType>& experiment_types() { return kTypes; }
 
 std::vector<SettingsBlock> settings_blocks() {
@@ -234,12 +265,12 @@ std::vector<Error> check_configuration(const Configuration& configuration, Host&
 
 Node effective_configuration(const Configuration& configuration, Host& host) {
   Node root = configuration.root;
-  if (root.is_map() && root.find("check") == nullptr) {
+  std::vector<Error> ignored;
+  const ExperimentType* type = find_type(configuration, ignored);
+  if (type != nullptr && type->uses("check") && root.find("check") == nullptr) {
     const SourceMark origin{"default", 0, 0};
     root.entries().push_back({"check", origin, Node(Node::Map{}, origin)});
   }
-  std::vector<Error> ignored;
-  const ExperimentType* type = find_type(configuration, ignored);
   for (Node::Entry& entry : root.entries()) {
     if (entry.key == "experiment" && type != nullptr) {
       entry.value = fill_defaults(entry.value, type->schema());

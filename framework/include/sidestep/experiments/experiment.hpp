@@ -77,10 +77,16 @@ struct ExperimentType {
   /// Keys of the `planning` block that it has no use for: refused where they are given, and no part
   /// of the effective configuration.
   std::vector<std::string> unused_of_planning = {};
+  /// Top-level blocks it reads where they are given. Any block that is neither here nor in `blocks`
+  /// is refused.
+  std::vector<std::string> optional_blocks = {};
   /// Whether it can do one shard of its work, and go on where an earlier run ended.
   bool is_divisible = false;
   /// Whether it can go on where an earlier run ended; what is divisible can.
   bool is_resumable = false;
+
+  /// Whether it reads the top-level block.
+  [[nodiscard]] bool uses(std::string_view block) const noexcept;
 };
 
 [[nodiscard]] const std::vector<ExperimentType>& experiment_types();

@@ -11,6 +11,7 @@ ExperimentType loop_experiment() {
   ExperimentType type;
   type.blocks = {"robot",     "source",   "mapper",   "field",
                  "optimiser", "planning", "executor", "replanner"};
+  type.optional_blocks = {"check", "sampler"};
   // A replan's first guesses are `replanner.escalation`, and what it finds is timed anew always.
   type.unused_of_planning = {"retime", "attempts"};
   return type;
@@ -18,8 +19,6 @@ ExperimentType loop_experiment() {
 
 void check_loop(const Configuration& configuration, Host& host, const CheckOwn& check_own,
                 std::vector<Error>& errors) {
-  const Node& sampler = block_of(configuration, "sampler");
-  if (!sampler.is_null()) host.check(PluginKind::kOptimiser, sampler, errors);
   std::vector<Error> told;
   host.check(PluginKind::kRobot, block_of(configuration, "robot"), told);
   if (!told.empty()) return;

@@ -130,7 +130,10 @@ ExperimentType mapping_benchmark_experiment() {
           {"source"},
           &check_mapping_benchmark,
           &run_mapping_benchmark,
-          &fill_plugin_defaults};
+          &fill_plugin_defaults,
+          {},
+          {},
+          {"robot"}};
 }
 
 }  // namespace sidestep

@@ -392,7 +392,10 @@ ExperimentType plan_experiment() {
           {"robot", "source", "mapper", "field", "optimiser", "planning"},
           &check_plans,
           &run_plan,
-          &fill_plans};
+          &fill_plans,
+          {},
+          {},
+          {"check"}};
 }
 
 }  // namespace sidestep

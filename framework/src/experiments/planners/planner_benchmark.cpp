@@ -392,6 +392,7 @@ ExperimentType planner_benchmark_experiment() {
       "Planners on problem sets: time, success, path quality, each answer checked independently";
   type.schema = [] { return PlannerBenchmarkSettings::parameters().schema(); };
   type.blocks = {"robot"};
+  type.optional_blocks = {"planning", "check"};
   // The race times what it finds anew always, guesses by `seeds`, and has `deadline_s`.
   type.unused_of_planning = {"retime", "time_limit_s", "attempts"};
   type.check = &check_planner_benchmark;

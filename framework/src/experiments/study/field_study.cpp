@@ -372,6 +372,7 @@ ExperimentType field_study_experiment() {
   type.doc = "Trajectory optimisation in signed and unsigned fields of random boxes, compared";
   type.schema = [] { return FieldStudySettings::parameters().schema(); };
   type.blocks = {"field", "optimiser", "planning"};
+  type.optional_blocks = {"check"};
   type.unused_of_planning = unused_of_study_planning();
   type.check = &check_field_study;
   type.run = &run_field_study;
