@@ -51,7 +51,7 @@ TEST_F(Hsr, PlansBaseThenArm) {
                                              "wrist_roll_joint"}));
   EXPECT_EQ(robot.joints[2].type, Joint::Type::kContinuous);
   EXPECT_TRUE(std::isinf(robot.joints[2].upper));
-  EXPECT_LE(robot.spheres.size(), 45u);
+  EXPECT_LE(robot.spheres.size(), 110u);
 }
 
 TEST_F(Hsr, HasThePublishedLimits) {
