@@ -136,8 +136,16 @@ class RobotBuilder {
     const bool fit = profile_.spheres_from == "fit";
     for (const CollisionShape& shape : robot_.shapes) {
       if (!fit && !std::holds_alternative<Sphere>(shape.shape)) continue;
-      const auto spheres = fit_spheres(shape, profile_.sphere_protrusion_m);
-      robot_.spheres.insert(robot_.spheres.end(), spheres.begin(), spheres.end());
+      auto spheres = fit_spheres(shape, profile_.sphere_protrusion_m);
+      if (spheres) {
+        robot_.spheres.insert(robot_.spheres.end(), spheres->begin(), spheres->end());
+        continue;
+      }
+      spheres.error().message =
+          "link '" + robot_.links[at(shape.link)].name + "': " + spheres.error().message;
+      spheres.error().code = ErrorCode::kConfig;
+      spheres.error().where = model_.file.string();
+      errors_.push_back(std::move(spheres.error()));
     }
     if (!robot_.spheres.empty() || !errors_.empty()) return;
     const Node* list = profile_.document.find("spheres");
