@@ -150,6 +150,13 @@ std::string did_you_mean(const std::string& name) {
   return name.empty() ? std::string() : "did you mean '" + name + "'?";
 }
 
+/// One of the same letters before others as near: 'ryp' is 'rpy', not 'xyz'.
+std::string nearest_attribute(const std::string& name, const std::vector<std::string>& names) {
+  const auto same = std::ranges::find_if(
+      names, [&](const std::string& one) { return std::ranges::is_permutation(one, name); });
+  return same != names.end() ? *same : nearest_name(name, names);
+}
+
 class RuleCheck {
  public:
   RuleCheck(std::string file, std::vector<Error>& errors)
@@ -345,7 +352,7 @@ class RuleCheck {
         check_value(element, *rule, *attribute);
         continue;
       }
-      const std::string nearest = nearest_name(lower_case(attribute->Name()), names);
+      const std::string nearest = nearest_attribute(lower_case(attribute->Name()), names);
       report(*attribute,
              tag(element.ValueStr()) + " of " + whose_ + " has the attribute '" +
                  attribute->Name() + "', which URDF does not know",
