@@ -81,12 +81,21 @@ TEST_F(RobotCommandTest, RefusesWhatItCannotDo) {
                                                 {"--count", "3"},
                                                 {"--fit", "--count", "3", "--protrusion_m", "0.1"},
                                                 {"--fit", "--protrusion_m", "0"},
+                                                {"--fit", "--protrusion_m", "nan"},
+                                                {"--fit", "--protrusion_m", "-nan"},
+                                                {"--fit", "--protrusion_m", "inf"},
+                                                {"--fit", "--protrusion_m=-0.1"},
+                                                {"--fit", "--protrusion_m", "0.05x"},
+                                                {"--fit", "--count", "0"},
+                                                {"--fit", "--count=-3"},
+                                                {"--fit", "--count", "nan"},
+                                                {"--fit", "--count", "2.5"},
                                                 {"--fit", "--spheres"},
                                                 {"--fit", "--write", "--out", "x.yaml"},
                                                 {"--open"}}) {
     std::vector<std::string> arguments{"robot", profile().string()};
     arguments.insert(arguments.end(), wrong.begin(), wrong.end());
-    EXPECT_EQ(run(arguments).exit_code, 2) << wrong.front();
+    EXPECT_EQ(run(arguments).exit_code, 2) << wrong.front() << ' ' << wrong.back();
   }
   EXPECT_EQ(read_file(profile()), before_);
 }

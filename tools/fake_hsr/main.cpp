@@ -8,6 +8,7 @@
 
 #include "fake_hsr.hpp"
 #include "node.hpp"
+#include "number_range.hpp"
 
 namespace {
 
@@ -25,23 +26,25 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
   app.add_option("--joint", settings.joints, "JOINT=POSITION, over the pose");
   app.add_option("--seed", settings.seed, "Of what is random in the scene")->capture_default_str();
   app.add_option("--state-rate", settings.state_rate_hz, "Of joint states, odometry, tf, in Hz")
-      ->check(CLI::Range(1.0, 500.0))
+      ->check(number_range(1.0, 500.0))
       ->capture_default_str();
   app.add_option("--camera-rate", settings.camera_rate_hz, "In Hz")
-      ->check(CLI::Range(0.1, 60.0))
+      ->check(number_range(0.1, 60.0))
       ->capture_default_str();
   app.add_option("--width", settings.width_px, "Of the image, in pixels")
       ->check(CLI::Range(8, 4096))
       ->capture_default_str();
   app.add_option("--height", settings.height_px)->check(CLI::Range(8, 4096))->capture_default_str();
   app.add_option("--focal", settings.focal_px, "Focal length, in pixels")
-      ->check(CLI::Range(1.0, 10000.0))
+      ->check(number_range(1.0, 10000.0))
       ->capture_default_str();
   app.add_option("--encoding", settings.encoding, "Of the image")
       ->check(CLI::IsMember({"16UC1", "32FC1"}))
       ->capture_default_str();
   app.add_flag("--clouds", settings.clouds, "Publishes point clouds beside the images");
-  app.add_option("--range", settings.range_max_m, "Of the camera, in m")->capture_default_str();
+  app.add_option("--range", settings.range_max_m, "Of the camera, in m")
+      ->check(number_range(0.01, 1000.0))
+      ->capture_default_str();
   app.add_flag("!--scene-runs", settings.scene_waits,
                "The scene moves from the start, not from the first command on");
   app.add_option("--silence", settings.silences,

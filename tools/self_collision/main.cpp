@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 
+#include "number_range.hpp"
 #include "pair_statistics.hpp"
 #include "profile_robot.hpp"
 #include "profile_text.hpp"
@@ -84,7 +85,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();
   app.add_option("--margin", arguments.sampling.margin_m, "Distance in m that counts as touching")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(number_range(0.0, 1.0))
       ->capture_default_str();
   app.add_option("--seed", arguments.sampling.seed, "Of the samples")->capture_default_str();
   app.add_flag("--write", arguments.write, "Write the result into the profile");

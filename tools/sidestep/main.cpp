@@ -7,6 +7,7 @@
 
 #include "commands.hpp"
 #include "cover_fit.hpp"
+#include "number_range.hpp"
 
 namespace sidestep {
 namespace {
@@ -73,7 +74,7 @@ void add_robot_command(CLI::App& app, RobotOptions& robot) {
                        "How far fitted spheres may stand out from the shapes")
           ->type_name("M")
           ->needs("--fit")
-          ->check(CLI::Range(FitGoal::kLeastProtrusion_m, FitGoal::kMostProtrusion_m))
+          ->check(number_range(FitGoal::kLeastProtrusion_m, FitGoal::kMostProtrusion_m))
           ->capture_default_str();
   command
       ->add_option("--count", robot.spheres,

@@ -2,32 +2,34 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+
+#include <sidestep/core/format.hpp>
+
+#include "solid_cover.hpp"
 
 namespace sidestep {
 namespace {
 
-constexpr int kMaxSpheres = 64;
+constexpr int kMostSpheres = kMostFittedSpheres;
+/// So few in a plain order are taken as they are; a cover that looks for its places may do with
+/// fewer than more of them.
+constexpr std::size_t kFewSpheres = 64;
 /// Covers what rounding would leave bare.
 constexpr double kRadiusMargin = 1.0 + 1e-9;
 
-struct Ball {
-  Eigen::Vector3d p_shape;
-  double radius_m;
-};
+using Balls = std::optional<std::vector<Ball>>;
 
-/// A grid of equal spheres over a box; its cells are halved where they stand out the most.
-std::vector<Ball> cover_box(const Eigen::Vector3d& lower, const Eigen::Vector3d& upper,
-                            double protrusion_m) {
-  const Eigen::Vector3d half = 0.5 * (upper - lower);
+/// A grid of equal spheres; its cells are halved where they stand out the most.
+Balls grid(const Box& box, double protrusion_m) {
+  const Eigen::Vector3d half = 0.5 * box.size_m;
   Eigen::Vector3i cells = Eigen::Vector3i::Ones();
   const auto cell_half = [&] { return half.cwiseQuotient(cells.cast<double>()).eval(); };
   while (cell_half().norm() - cell_half().minCoeff() > protrusion_m) {
     int longest = 0;
     cell_half().maxCoeff(&longest);
-    Eigen::Vector3i finer = cells;
-    finer[longest] += 1;
-    if (finer.prod() > kMaxSpheres) break;
-    cells = finer;
+    cells[longest] += 1;
+    if (cells.cast<double>().prod() > kMostSpheres) return {};
   }
   std::vector<Ball> balls;
   const Eigen::Vector3d step = 2.0 * cell_half();
@@ -35,17 +37,17 @@ std::vector<Ball> cover_box(const Eigen::Vector3d& lower, const Eigen::Vector3d&
     for (int j = 0; j < cells.y(); ++j) {
       for (int k = 0; k < cells.z(); ++k) {
         const Eigen::Vector3d middle = Eigen::Vector3d(i, j, k) + Eigen::Vector3d::Constant(0.5);
-        balls.push_back({lower + middle.cwiseProduct(step), cell_half().norm() * kRadiusMargin});
+        balls.push_back({middle.cwiseProduct(step) - half, cell_half().norm() * kRadiusMargin});
       }
     }
   }
   return balls;
 }
 
-/// Spheres along the axis, or over the bounding box where the cylinder is too stout for that.
-std::vector<Ball> cover_cylinder(const Cylinder& cylinder, double protrusion_m) {
+/// Spheres along the axis; nothing where the cylinder is too stout for that.
+Balls stack(const Cylinder& cylinder, double protrusion_m) {
   const double r = cylinder.radius_m;
-  for (int n = 1; n <= kMaxSpheres; ++n) {
+  for (int n = 1; n <= kMostSpheres; ++n) {
     const double slice_half = 0.5 * cylinder.length_m / n;
     const double radius = std::hypot(r, slice_half);
     if (radius - std::min(r, slice_half) > protrusion_m) continue;
@@ -56,19 +58,16 @@ std::vector<Ball> cover_cylinder(const Cylinder& cylinder, double protrusion_m) 
     }
     return balls;
   }
-  const Eigen::Vector3d corner(r, r, 0.5 * cylinder.length_m);
-  std::vector<Ball> balls = cover_box(-corner, corner, protrusion_m);
-  std::erase_if(
-      balls, [&](const Ball& ball) { return ball.p_shape.head<2>().norm() - ball.radius_m > r; });
-  return balls;
+  return {};
 }
 
-std::vector<Ball> cover_capsule(const Capsule& capsule, double protrusion_m) {
+Balls row(const Capsule& capsule, double protrusion_m) {
   const double r = capsule.radius_m;
   // A sphere of radius R covers 2 sqrt(R^2 - r^2) of the axis; the outermost sit on the caps.
   const double radius = r + std::min(protrusion_m, 0.1 * r);
   const double pitch = 2.0 * std::sqrt(radius * radius - r * r);
-  const int n = std::clamp(static_cast<int>(std::ceil(capsule.length_m / pitch)), 1, kMaxSpheres);
+  if (!(capsule.length_m <= pitch * (kMostSpheres - 1))) return {};
+  const int n = std::max(1, static_cast<int>(std::ceil(capsule.length_m / pitch)));
   const double step = capsule.length_m / n;
   std::vector<Ball> balls;
   for (int i = 0; i <= n; ++i) {
@@ -78,42 +77,39 @@ std::vector<Ball> cover_capsule(const Capsule& capsule, double protrusion_m) {
   return balls;
 }
 
-std::vector<Ball> cover_mesh(const Mesh& mesh, double protrusion_m) {
-  if (mesh.vertices_m.empty()) return {};
-  Eigen::Vector3d lower = mesh.vertices_m.front();
-  Eigen::Vector3d upper = lower;
-  for (const Eigen::Vector3d& vertex : mesh.vertices_m) {
-    lower = lower.cwiseMin(vertex);
-    upper = upper.cwiseMax(vertex);
-  }
-  return cover_box(lower, upper, protrusion_m);
-}
-
-struct Cover {
+/// Spheres in the order that the shape's form suggests.
+struct PlainCover {
   double protrusion_m;
-  std::vector<Ball> operator()(const Box& box) const {
-    return cover_box(-0.5 * box.size_m, 0.5 * box.size_m, protrusion_m);
+  Balls operator()(const Box& box) const { return grid(box, protrusion_m); }
+  Balls operator()(const Sphere& sphere) const {
+    return std::vector<Ball>{{Eigen::Vector3d::Zero(), sphere.radius_m}};
   }
-  std::vector<Ball> operator()(const Sphere& sphere) const {
-    return {{Eigen::Vector3d::Zero(), sphere.radius_m}};
-  }
-  std::vector<Ball> operator()(const Cylinder& cylinder) const {
-    return cover_cylinder(cylinder, protrusion_m);
-  }
-  std::vector<Ball> operator()(const Capsule& capsule) const {
-    return cover_capsule(capsule, protrusion_m);
-  }
-  std::vector<Ball> operator()(const HalfSpace&) const { return {}; }
-  std::vector<Ball> operator()(const std::shared_ptr<const Mesh>& mesh) const {
-    return mesh == nullptr ? std::vector<Ball>{} : cover_mesh(*mesh, protrusion_m);
-  }
+  Balls operator()(const Cylinder& cylinder) const { return stack(cylinder, protrusion_m); }
+  Balls operator()(const Capsule& capsule) const { return row(capsule, protrusion_m); }
+  Balls operator()(const HalfSpace&) const { return std::vector<Ball>(); }
+  Balls operator()(const std::shared_ptr<const Mesh>&) const { return {}; }
 };
 
 }  // namespace
 
-std::vector<CollisionSphere> fit_spheres(const CollisionShape& shape, double protrusion_m) {
+Result<std::vector<CollisionSphere>> fit_spheres(const CollisionShape& shape, double protrusion_m) {
+  if (!(protrusion_m > 0.0) || !std::isfinite(protrusion_m)) {
+    return fail(ErrorCode::kInvalidArgument, "spheres stand out by a length above zero");
+  }
+  Balls balls = std::visit(PlainCover{protrusion_m}, shape.shape);
+  if (!balls || balls->size() > kFewSpheres) {
+    const std::size_t most = balls ? balls->size() - 1 : std::size_t{kMostSpheres};
+    if (auto fewer = cover_solid(shape.shape, protrusion_m, most)) balls = std::move(fewer);
+  }
+  if (!balls) {
+    return fail(ErrorCode::kInvalidArgument,
+                format("more than %d spheres are needed to cover a ", kMostSpheres) +
+                    std::string(shape_name(shape.shape)) +
+                    format(" so that none stands out by more than %g m", protrusion_m),
+                {}, "let them stand out farther, or list the spheres");
+  }
   std::vector<CollisionSphere> spheres;
-  for (const Ball& ball : std::visit(Cover{protrusion_m}, shape.shape)) {
+  for (const Ball& ball : *balls) {
     if (!(ball.radius_m > 0.0)) continue;
     spheres.push_back({shape.link, shape.T_link_shape * ball.p_shape, ball.radius_m});
   }

@@ -16,8 +16,8 @@ std::size_t at(int index) { return static_cast<std::size_t>(index); }
 /// Builds the description part by part; what is wrong goes to errors.
 class RobotBuilder {
  public:
-  RobotBuilder(const UrdfModel& model, const Profile& profile, Log& log, std::vector<Error>& errors)
-      : model_(model), profile_(profile), log_(log), errors_(errors) {}
+  RobotBuilder(const UrdfModel& model, const Profile& profile, std::vector<Error>& errors)
+      : model_(model), profile_(profile), errors_(errors) {}
 
   std::unique_ptr<KinematicTree> run() {
     const JointTable joints(model_, profile_, errors_);
@@ -82,30 +82,35 @@ class RobotBuilder {
     }
   }
 
+  [[nodiscard]] bool spheres_are_shapes() const { return profile_.shapes_from == "spheres"; }
+
   void add_shapes() {
     const MeshFinder meshes(model_.file, package_paths());
-    const bool needed = profile_.spheres.empty() && profile_.spheres_from == "fit";
+    if (spheres_are_shapes()) return;
+    bool is_empty = true;
     for (std::size_t i = 0; i < model_.links.size(); ++i) {
       for (const UrdfShape& entry : model_.links[i].shapes) {
+        is_empty = false;
         CollisionShape shape{first_link_ + static_cast<int>(i), entry.shape, entry.T_link_shape};
         if (!entry.mesh_uri.empty()) {
-          auto mesh = meshes.load(entry.mesh_uri, entry.mesh_scale);
+          auto mesh = meshes.load(entry.mesh_uri, entry.mesh_scale, entry.mark);
           if (!mesh) {
-            const std::string what = "link '" + model_.links[i].name + "': ";
-            if (needed) {
-              mesh.error().message = what + mesh.error().message;
-              errors_.push_back(std::move(mesh.error()));
-            } else {
-              log_.warn(what +
-                        "its mesh is left out of the collision shapes: " + mesh.error().describe());
-            }
+            mesh.error().message = "link '" + model_.links[i].name + "': " + mesh.error().message;
+            errors_.push_back(std::move(mesh.error()));
             continue;
           }
           shape.shape = std::move(*mesh);
         }
         robot_.shapes.push_back(std::move(shape));
+        marks_.push_back(entry.mark);
       }
     }
+    if (!is_empty) return;
+    errors_.push_back({ErrorCode::kConfig, "no link of the URDF has a <collision>",
+                       model_.file.string(),
+                       "give its links some, or, in a profile whose spheres are all that there is "
+                       "to collide with, set 'shapes_from' to spheres",
+                       nullptr});
   }
 
   std::vector<std::filesystem::path> package_paths() {
@@ -125,19 +130,18 @@ class RobotBuilder {
   }
 
   void add_spheres() {
-    for (std::size_t i = 0; i < profile_.spheres.size(); ++i) {
-      const SphereOptions& sphere = profile_.spheres[i];
-      const Node* item = profile_.item("spheres", i);
-      const Node* name = item == nullptr ? nullptr : item->find("link");
-      const auto link = name == nullptr ? std::nullopt : find_link(sphere.link, *name);
-      if (link) robot_.spheres.push_back({*link, sphere.centre_m, sphere.radius_m});
+    if (!profile_.spheres.empty()) {
+      add_listed_spheres();
+    } else if (profile_.spheres_from == "fit") {
+      fit_to_shapes();
+    } else {
+      add_spheres_of_urdf();
     }
-    if (!profile_.spheres.empty()) return;
-    const bool fit = profile_.spheres_from == "fit";
-    for (const CollisionShape& shape : robot_.shapes) {
-      if (!fit && !std::holds_alternative<Sphere>(shape.shape)) continue;
-      const auto spheres = fit_spheres(shape, profile_.sphere_protrusion_m);
-      robot_.spheres.insert(robot_.spheres.end(), spheres.begin(), spheres.end());
+    if (spheres_are_shapes()) {
+      for (const CollisionSphere& sphere : robot_.spheres) {
+        robot_.shapes.push_back({sphere.link, Sphere{sphere.radius_m},
+                                 Transform(Eigen::Translation3d(sphere.centre_link_m))});
+      }
     }
     if (!robot_.spheres.empty() || !errors_.empty()) return;
     const Node* list = profile_.document.find("spheres");
@@ -147,6 +151,43 @@ class RobotBuilder {
                                                        : profile_.document.mark().to_string());
     errors_.push_back({ErrorCode::kConfig, "the robot has no collision spheres", where,
                        "list them under 'spheres', or set 'spheres_from' to urdf or fit", nullptr});
+  }
+
+  void add_listed_spheres() {
+    for (std::size_t i = 0; i < profile_.spheres.size(); ++i) {
+      const SphereOptions& sphere = profile_.spheres[i];
+      const Node* item = profile_.item("spheres", i);
+      const Node* name = item == nullptr ? nullptr : item->find("link");
+      const auto link = name == nullptr ? std::nullopt : find_link(sphere.link, *name);
+      if (link) robot_.spheres.push_back({*link, sphere.centre_m, sphere.radius_m});
+    }
+  }
+
+  void add_spheres_of_urdf() {
+    for (std::size_t i = 0; i < model_.links.size(); ++i) {
+      for (const UrdfShape& entry : model_.links[i].shapes) {
+        const auto* sphere = std::get_if<Sphere>(&entry.shape);
+        if (sphere == nullptr) continue;
+        robot_.spheres.push_back({first_link_ + static_cast<int>(i),
+                                  entry.T_link_shape.translation(), sphere->radius_m});
+      }
+    }
+  }
+
+  void fit_to_shapes() {
+    for (std::size_t i = 0; i < robot_.shapes.size(); ++i) {
+      const CollisionShape& shape = robot_.shapes[i];
+      const auto spheres = fit_spheres(shape, profile_.sphere_protrusion_m);
+      if (spheres) {
+        robot_.spheres.insert(robot_.spheres.end(), spheres->begin(), spheres->end());
+        continue;
+      }
+      errors_.push_back(spheres.error());
+      Error& error = errors_.back();
+      error.code = ErrorCode::kConfig;
+      error.message = "link '" + robot_.links[at(shape.link)].name + "': " + error.message;
+      error.where = marks_[i].to_string();
+    }
   }
 
   /// A link by name; reports an unknown one.
@@ -282,18 +323,18 @@ class RobotBuilder {
 
   const UrdfModel& model_;
   const Profile& profile_;
-  Log& log_;
   std::vector<Error>& errors_;
   RobotDescription robot_;
   std::vector<TreeJoint> tree_joints_;
-  int first_link_ = 0;  // of the URDF's own
+  std::vector<SourceMark> marks_;  // of the shapes
+  int first_link_ = 0;             // of the URDF's own
 };
 
 }  // namespace
 
-std::unique_ptr<KinematicTree> build_robot(const UrdfModel& model, const Profile& profile, Log& log,
+std::unique_ptr<KinematicTree> build_robot(const UrdfModel& model, const Profile& profile,
                                            std::vector<Error>& errors) {
-  return RobotBuilder(model, profile, log, errors).run();
+  return RobotBuilder(model, profile, errors).run();
 }
 
 }  // namespace sidestep::urdf_robot

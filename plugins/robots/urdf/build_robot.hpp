@@ -3,7 +3,6 @@
 #include <memory>
 #include <vector>
 
-#include <sidestep/core/log.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 #include "profile.hpp"
@@ -13,7 +12,7 @@ namespace sidestep::urdf_robot {
 
 /// Puts a URDF and a profile together. Appends every mistake to `errors` and returns null then.
 [[nodiscard]] std::unique_ptr<KinematicTree> build_robot(const UrdfModel& model,
-                                                         const Profile& profile, Log& log,
+                                                         const Profile& profile,
                                                          std::vector<Error>& errors);
 
 }  // namespace sidestep::urdf_robot

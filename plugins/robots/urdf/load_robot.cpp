@@ -126,7 +126,7 @@ Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
   }
   if (!profile.urdf.empty()) {
     if (const auto model = read_model(profile, errors)) {
-      auto robot = build_robot(*model, profile, context.log, errors);
+      auto robot = build_robot(*model, profile, errors);
       if (robot != nullptr && errors.empty()) return robot;
     }
   }

@@ -30,7 +30,8 @@ std::vector<std::filesystem::path> MeshFinder::candidates(const std::string& uri
 }
 
 Result<std::shared_ptr<const Mesh>> MeshFinder::load(const std::string& uri,
-                                                     const Eigen::Vector3d& scale) const {
+                                                     const Eigen::Vector3d& scale,
+                                                     const SourceMark& mark) const {
   const std::vector<std::filesystem::path> files = candidates(uri);
   std::error_code ignored;
   const auto found = std::ranges::find_if(files, [&](const std::filesystem::path& file) {
@@ -39,7 +40,7 @@ Result<std::shared_ptr<const Mesh>> MeshFinder::load(const std::string& uri,
   if (found == files.end()) {
     std::string tried;
     for (const auto& file : files) tried += (tried.empty() ? "tried " : ", ") + file.string();
-    return fail(ErrorCode::kNotFound, "the mesh '" + uri + "' is not there", urdf_.string(),
+    return fail(ErrorCode::kNotFound, "the mesh '" + uri + "' is not there", mark.to_string(),
                 "name the folder of its package under 'package_paths'; " + tried);
   }
   auto mesh = read_mesh(found->string());
@@ -49,7 +50,7 @@ Result<std::shared_ptr<const Mesh>> MeshFinder::load(const std::string& uri,
   if (scale.prod() < 0.0) {
     for (Eigen::Vector3i& triangle : mesh->triangles) std::swap(triangle.y(), triangle.z());
   }
-  return std::make_shared<const Mesh>(std::move(*mesh));
+  return indexed_mesh(std::move(*mesh));
 }
 
 }  // namespace sidestep::urdf_robot

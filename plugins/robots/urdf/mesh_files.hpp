@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/core/node.hpp>
 #include <sidestep/geometry/shape.hpp>
 
 namespace sidestep::urdf_robot {
@@ -16,9 +17,10 @@ class MeshFinder {
   MeshFinder(std::filesystem::path urdf, std::vector<std::filesystem::path> package_paths)
       : urdf_(std::move(urdf)), package_paths_(std::move(package_paths)) {}
 
-  /// Fails with kNotFound, listing the places tried, or as read_mesh() does.
+  /// Fails with kNotFound at `mark`, listing the places tried, or as read_mesh() does.
   [[nodiscard]] Result<std::shared_ptr<const Mesh>> load(const std::string& uri,
-                                                         const Eigen::Vector3d& scale) const;
+                                                         const Eigen::Vector3d& scale,
+                                                         const SourceMark& mark) const;
 
  private:
   [[nodiscard]] std::vector<std::filesystem::path> candidates(const std::string& uri) const;

@@ -38,6 +38,16 @@ void check_base(const Profile& profile, const Node& document, std::vector<Error>
   }
 }
 
+void check_shapes(const Profile& profile, std::vector<Error>& errors) {
+  const Node* node = profile.document.find("shapes_from");
+  if (node == nullptr || profile.shapes_from != "spheres") return;
+  if (!profile.spheres.empty() || profile.spheres_from != "fit") return;
+  errors.push_back(
+      node->error("'shapes_from' is spheres and 'spheres_from' is fit: there are no "
+                  "shapes that spheres could be fitted to",
+                  "list the spheres under 'spheres'"));
+}
+
 }  // namespace
 
 Parameters<BaseOptions> BaseOptions::parameters() {
@@ -112,6 +122,10 @@ Parameters<Profile> Profile::parameters() {
       .add("sphere_protrusion_m", &T::sphere_protrusion_m,
            "How far fitted spheres may stand out from the shapes.",
            {.unit = "m", .min = 0.001, .max = 1.0})
+      .add("shapes_from", &T::shapes_from,
+           "What the independent check takes for the robot: the URDF's collision shapes, or the "
+           "spheres, where these are the whole truth. The URDF's own are then not used.",
+           {.choices = {"urdf", "spheres"}})
       .add("self_collision", &T::self_collision,
            "What is checked against itself; without it all links but neighbours and those that "
            "touch at the default configuration.")
@@ -177,6 +191,7 @@ Profile read_profile(const std::filesystem::path& file, const DocumentReader& do
   std::vector<Error> seen_already;
   fields.read(profile.document, profile, errors.size() == before ? errors : seen_already);
   check_base(profile, profile.document, errors);
+  check_shapes(profile, errors);
   return profile;
 }
 

@@ -57,6 +57,7 @@ struct Profile {
   std::vector<SphereOptions> spheres;
   std::string spheres_from = "profile";
   double sphere_protrusion_m = 0.05;
+  std::string shapes_from = "urdf";
   SelfCollisionOptions self_collision;
   Node poses;
   Node package_paths;

@@ -10,6 +10,7 @@
 #include <mutex>
 
 #include "urdf_outline.hpp"
+#include "urdf_rules.hpp"
 
 namespace sidestep::urdf_robot {
 namespace {
@@ -50,8 +51,10 @@ Transform transform(const urdf::Pose& pose) {
   return T;
 }
 
-UrdfShape shape_of(const urdf::Collision& collision) {
+/// Nothing for a geometry that urdfdom left out.
+std::optional<UrdfShape> shape_of(const urdf::Collision& collision, const SourceMark& mark) {
   UrdfShape out;
+  out.mark = mark;
   out.T_link_shape = transform(collision.origin);
   if (const auto* box = dynamic_cast<const urdf::Box*>(collision.geometry.get())) {
     out.shape = Box{vector3(box->dim)};
@@ -63,17 +66,10 @@ UrdfShape shape_of(const urdf::Collision& collision) {
     out.shape = std::shared_ptr<const Mesh>();
     out.mesh_uri = mesh->filename;
     out.mesh_scale = vector3(mesh->scale);
+  } else {
+    return {};
   }
   return out;
-}
-
-/// The smallest extent of a shape; meshes are looked at when they are read.
-double smallest_extent(const UrdfShape& shape) {
-  if (const auto* box = std::get_if<Box>(&shape.shape)) return box->size_m.minCoeff();
-  if (const auto* sphere = std::get_if<Sphere>(&shape.shape)) return sphere->radius_m;
-  if (const auto* cylinder = std::get_if<Cylinder>(&shape.shape))
-    return std::min(cylinder->radius_m, cylinder->length_m);
-  return shape.mesh_scale.cwiseAbs().minCoeff();
 }
 
 UrdfJoint joint_of(const urdf::Joint& joint, const UrdfOutline::Joint& outline) {
@@ -97,26 +93,33 @@ UrdfJoint joint_of(const urdf::Joint& joint, const UrdfOutline::Joint& outline) 
   return out;
 }
 
-void check_numbers(UrdfLink& link, std::vector<Error>& errors) {
-  const auto report = [&](const SourceMark& mark, std::string message) {
-    errors.push_back({ErrorCode::kConfig, std::move(message), mark.to_string(), {}, nullptr});
-  };
-  for (const UrdfShape& shape : link.shapes) {
-    const double extent = smallest_extent(shape);
-    if (!(extent > 0.0) || !std::isfinite(extent) || !shape.T_link_shape.matrix().allFinite())
-      report(link.mark,
-             "link '" + link.name + "' has a collision shape that is empty or not finite");
-  }
-  if (!link.joint) return;
-  UrdfJoint& joint = *link.joint;
-  if (!joint.T_parent_joint.matrix().allFinite())
-    report(joint.mark, "joint '" + joint.name + "' has an origin that is not finite");
+/// Makes the axis of a joint that moves as long as 1.
+void normalise_axis(UrdfJoint& joint, std::vector<Error>& errors) {
   if (joint.type == UrdfJoint::Type::kFixed) return;
   const double length = joint.axis.norm();
-  if (!(length > 1e-9) || !std::isfinite(length))
-    report(joint.mark, "joint '" + joint.name + "' has an axis of no length");
-  else
+  if (length > 1e-9 && std::isfinite(length)) {
     joint.axis /= length;
+    return;
+  }
+  errors.push_back({ErrorCode::kConfig,
+                    "joint '" + joint.name + "' has an axis of no length",
+                    joint.mark.to_string(),
+                    {},
+                    nullptr});
+}
+
+/// The last net: what was lost on the way from the text to the model, for whatever reason.
+void check_shape_count(const UrdfModel& model, const std::string& text,
+                       std::vector<Error>& errors) {
+  const std::size_t written = count_collisions(text);
+  std::size_t read = 0;
+  for (const UrdfLink& link : model.links) read += link.shapes.size();
+  if (read == written) return;
+  errors.push_back(
+      {ErrorCode::kConfig,
+       "the links of the URDF have " + std::to_string(written) + " <collision> elements, and " +
+           std::to_string(read) + " collision shapes were read",
+       model.file.string(), "the file may go on behind the end of its <robot>", nullptr});
 }
 
 UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& outline,
@@ -131,15 +134,17 @@ UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& out
     link.has_visual = entry.has_visual;
     link.mark = entry.mark;
     const auto parsed_link = parsed.getLink(entry.name);
-    for (const auto& collision : parsed_link->collision_array) {
-      link.shapes.push_back(shape_of(*collision));
+    for (std::size_t i = 0; i < parsed_link->collision_array.size(); ++i) {
+      const SourceMark mark = i < entry.collisions.size() ? entry.collisions[i] : entry.mark;
+      auto shape = shape_of(*parsed_link->collision_array[i], mark);
+      if (shape) link.shapes.push_back(std::move(*shape));
     }
     if (entry.parent_joint != -1) {
       const auto& joint = outline.joints[static_cast<std::size_t>(entry.parent_joint)];
       link.parent = placed[static_cast<std::size_t>(outline.link(joint.parent))];
       link.joint = joint_of(*parsed.getJoint(joint.name), joint);
+      normalise_axis(*link.joint, errors);
     }
-    check_numbers(link, errors);
     placed[static_cast<std::size_t>(index)] = static_cast<int>(model.links.size());
     model.links.push_back(std::move(link));
   }
@@ -194,7 +199,7 @@ std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vecto
   if (mistakes.empty()) {
     CapturedMessages messages;
     const auto parsed = urdf::parseURDF(outline.reduced_text);
-    if (parsed == nullptr) {
+    if (parsed == nullptr || !messages.first().empty()) {
       mistakes.push_back(
           {ErrorCode::kConfig,
            "the URDF cannot be read: " +
@@ -205,6 +210,7 @@ std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vecto
     } else {
       UrdfModel model = build_model(*parsed, outline, mistakes);
       model.file = file;
+      check_shape_count(model, text, mistakes);
       if (mistakes.empty()) return model;
     }
   }

@@ -17,6 +17,7 @@ struct UrdfShape {
   std::string mesh_uri;  ///< Empty for a primitive.
   Eigen::Vector3d mesh_scale = Eigen::Vector3d::Ones();
   Transform T_link_shape = Transform::Identity();
+  SourceMark mark;  ///< Of its <collision>.
 };
 
 struct UrdfLimits {
@@ -63,8 +64,9 @@ struct UrdfModel {
   [[nodiscard]] std::vector<std::string> link_names() const;
 };
 
-/// Reads a URDF file. Visuals, inertias, transmissions, sensors and simulator tags are passed
-/// over. Appends to `errors` what is wrong with it, with file:line:col, and returns nothing then.
+/// Reads a URDF file: every link, joint, collision, geometry and limit whole, or not at all.
+/// Visuals, inertias, transmissions, sensors and simulator tags are passed over. Appends to
+/// `errors` what is wrong with it, with file:line:col, and returns nothing then.
 [[nodiscard]] std::optional<UrdfModel> read_urdf(const std::filesystem::path& file,
                                                  std::vector<Error>& errors);
 

@@ -3,8 +3,9 @@
 #include <tinyxml.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <set>
+
+#include "urdf_rules.hpp"
 
 namespace sidestep::urdf_robot {
 namespace {
@@ -26,12 +27,13 @@ class Outliner {
       }
       return {};
     }
-    const TiXmlElement* robot = document.RootElement();
+    TiXmlElement* robot = document.RootElement();
     if (robot == nullptr || robot->ValueStr() != "robot") {
       report(robot == nullptr ? SourceMark{file_, 1, 1} : mark(*robot),
              "expected a URDF, whose outermost element is <robot>");
       return {};
     }
+    if (!check_rules(*robot, file_, errors_)) return {};
     read_elements(*robot);
     if (!errors_.empty()) return std::move(outline_);
     connect();
@@ -51,10 +53,15 @@ class Outliner {
         {ErrorCode::kConfig, std::move(message), where.to_string(), std::move(hint), nullptr});
   }
 
+  static std::string text_of(const TiXmlElement& element, const char* name) {
+    const char* value = element.Attribute(name);
+    return value == nullptr ? "" : value;
+  }
+
   /// An attribute that must be there and not be empty.
   std::string attribute(const TiXmlElement& element, const char* name) {
-    const char* value = element.Attribute(name);
-    if (value != nullptr && *value != '\0') return value;
+    std::string value = text_of(element, name);
+    if (!value.empty()) return value;
     report(mark(element), "<" + element.ValueStr() + "> needs the attribute '" + name + "'");
     return {};
   }
@@ -69,10 +76,6 @@ class Outliner {
         read_link(*element);
       } else if (tag == "joint") {
         read_joint(*element);
-      } else if (tag.starts_with("xacro:")) {
-        report(mark(*element), "this is a xacro file, not yet a URDF",
-               "expand it first: xacro " + file_ + " > robot.urdf");
-        return;
       }
     }
     if (outline_.links.empty()) report(mark(robot), "the robot has no <link>");
@@ -87,26 +90,10 @@ class Outliner {
     }
     for (const TiXmlElement* collision = element.FirstChildElement("collision");
          collision != nullptr; collision = collision->NextSiblingElement("collision")) {
-      check_geometry(*collision, link.name);
+      link.collisions.push_back(mark(*collision));
     }
     link.has_visual = element.FirstChildElement("visual") != nullptr;
     outline_.links.push_back(std::move(link));
-  }
-
-  void check_geometry(const TiXmlElement& collision, const std::string& link) {
-    const TiXmlElement* geometry = collision.FirstChildElement("geometry");
-    const TiXmlElement* shape = geometry == nullptr ? nullptr : geometry->FirstChildElement();
-    if (shape == nullptr) {
-      report(mark(collision), "a <collision> of link '" + link + "' has no geometry");
-      return;
-    }
-    static constexpr const char* kShapes[] = {"box", "sphere", "cylinder", "mesh"};
-    if (std::ranges::find(kShapes, shape->ValueStr()) == std::end(kShapes)) {
-      report(mark(*shape),
-             "link '" + link + "' has a collision geometry that URDF does not know: <" +
-                 shape->ValueStr() + ">",
-             "use box, sphere, cylinder or mesh");
-    }
   }
 
   void read_joint(const TiXmlElement& element) {
@@ -119,7 +106,7 @@ class Outliner {
     joint.child = child_link(element, "child");
     joint.has_limits = element.FirstChildElement("limit") != nullptr;
     if (const TiXmlElement* mimic = element.FirstChildElement("mimic"); mimic != nullptr) {
-      joint.mimic = attribute(*mimic, "joint");
+      joint.mimic = text_of(*mimic, "joint");
     }
     if (joint.name.empty() || joint.type.empty()) return;
     if (joint.type == "planar" || joint.type == "floating") {
@@ -139,10 +126,8 @@ class Outliner {
 
   std::string child_link(const TiXmlElement& joint, const char* tag) {
     const TiXmlElement* element = joint.FirstChildElement(tag);
-    if (element != nullptr) return attribute(*element, "link");
-    const char* name = joint.Attribute("name");
-    report(mark(joint),
-           "joint '" + std::string(name == nullptr ? "" : name) + "' has no <" + tag + ">");
+    if (element != nullptr) return text_of(*element, "link");
+    report(mark(joint), "joint '" + text_of(joint, "name") + "' has no <" + tag + ">");
     return {};
   }
 

@@ -11,9 +11,9 @@ class TiXmlDocument;
 
 namespace sidestep::urdf_robot {
 
-/// What a URDF's text says before any number is read: names, who hangs on whom, and where in
-/// the file it stands. urdfdom gives no positions and prints its complaints; this finds the
-/// mistakes first and hands it a document that it accepts.
+/// What a URDF's text says before any number is used: names, who hangs on whom, and where in
+/// the file it stands. urdfdom gives no positions, prints its complaints, and passes over what it
+/// cannot read; this finds the mistakes first and hands it a document that it accepts.
 struct UrdfOutline {
   struct Link {
     std::string name;
@@ -21,6 +21,7 @@ struct UrdfOutline {
     int parent_joint = -1;          ///< Index into joints.
     std::vector<int> child_joints;  ///< Indices into joints, in the file's order.
     bool has_visual = false;
+    std::vector<SourceMark> collisions;
   };
   struct Joint {
     std::string name;

@@ -83,6 +83,16 @@ TEST_F(AttachedSettings, PutSpheresOnTheLinkThatHoldsThem) {
   EXPECT_LT((centres[3] - Eigen::Vector3d(-0.1, 1.0, 0.0)).norm(), 1e-12);
 }
 
+TEST_F(AttachedSettings, RefuseAShapeThatTakesTooManySpheres) {
+  (void)read(
+      "attached:\n- {link: hand, name: crate, protrusion_m: 0.001, boxes: [{size_m: [1, 1, "
+      "1]}]}\n");
+  EXPECT_THAT(errors_,
+              ElementsAre(HasSubstr("plan.yaml:2:3: object 'crate': more than 2000 spheres are "
+                                    "needed to cover a box so that none stands out by more than "
+                                    "0.001 m (allow it a larger `protrusion_m`)")));
+}
+
 TEST_F(AttachedSettings, CoverBoxesAndCylindersWithSpheres) {
   const auto carrying = read(
       "attached:\n- link: hand\n  protrusion_m: 0.01\n"

@@ -27,6 +27,7 @@ joints: [elbow, shoulder]
 joint_limits:
   elbow: {lower: -0.5, max_acceleration: 4.0}
 fixed_joints: {grip: 0.05}
+shapes_from: spheres
 spheres:
   - {link: lower, centre_m: [0.1, 0, 0], radius_m: 0.1}
   - {link: base, centre_m: [0, 0, 0], radius_m: 0.2}
@@ -63,6 +64,12 @@ TEST_F(ProfileFile, SaysWhatTheRobotIs) {
   EXPECT_EQ(arm.self_collision_pairs,
             (std::vector<std::pair<int, int>>{
                 {arm.link_index("base").value(), arm.link_index("lower").value()}}));
+  ASSERT_EQ(arm.shapes.size(), arm.spheres.size());
+  for (std::size_t i = 0; i < arm.shapes.size(); ++i) {
+    EXPECT_EQ(arm.shapes[i].link, arm.spheres[i].link);
+    EXPECT_EQ(std::get<Sphere>(arm.shapes[i].shape).radius_m, arm.spheres[i].radius_m);
+    EXPECT_EQ(arm.shapes[i].T_link_shape.translation(), arm.spheres[i].centre_link_m);
+  }
   EXPECT_EQ(arm.find_pose("bent")->positions[0], 1.0);
   EXPECT_FALSE(arm.find_pose("bent")->positions[1]);
   EXPECT_EQ(arm.find_pose("all")->positions[1], 0.2);
@@ -143,7 +150,17 @@ INSTANTIATE_TEST_SUITE_P(
         BadProfile{"not_yaml", "name: [", "profile.yaml"},
         BadProfile{"no_urdf", "name: arm\n", "urdf"},
         BadProfile{"lost_urdf", "name: arm\nurdf: leg.urdf\n", "there is no such URDF file"},
-        BadProfile{"no_spheres", "name: arm\nurdf: arm.urdf\n", "no collision spheres"},
+        BadProfile{"no_spheres", "name: arm\nurdf: arm.urdf\nshapes_from: spheres\n",
+                   "no collision spheres"},
+        BadProfile{"no_shapes",
+                   "name: arm\nurdf: arm.urdf\nspheres:\n"
+                   "  - {link: base, centre_m: [0, 0, 0], radius_m: 1}\n",
+                   "arm.urdf: no link of the URDF has a <collision> (give its links some, or, in a "
+                   "profile whose spheres are all that there is to collide with, set "
+                   "'shapes_from' to spheres)"},
+        BadProfile{"nothing_to_fit_to",
+                   "name: arm\nurdf: arm.urdf\nspheres_from: fit\nshapes_from: spheres\n",
+                   "profile.yaml:4:14: 'shapes_from' is spheres and 'spheres_from' is fit"},
         BadProfile{
             "bad_base",
             "name: arm\nurdf: arm.urdf\nbase: {type: holonomic, lower_m: [1, 1], upper_m: [0, "

@@ -115,9 +115,7 @@ TEST(ForeignUrdf, IsCoveredBySpheresOfTheAskedFineness) {
     ASSERT_NE(robot, nullptr);
     const auto report = testing_robot::measure_cover(*robot);
     EXPECT_LE(report.deepest_gap_m, 1e-9) << report.gap_link;
-    // Against the bounding box of a shape; a disc fills its box up to a corner.
-    EXPECT_LE(report.protrusion_m, protrusion_m + 0.3 * (std::sqrt(2.0) - 1.0))
-        << report.protrusion_link;
+    EXPECT_LE(report.protrusion_m, protrusion_m + 1e-6) << report.protrusion_link;
   }
 }
 
@@ -214,22 +212,26 @@ TEST(ForeignUrdf, FindsMeshesOfPackages) {
   }
 }
 
-TEST(ForeignUrdf, MissingMeshIsAnErrorOnlyWhereItIsNeeded) {
+TEST(ForeignUrdf, MissingMeshIsAnErrorUnlessTheSpheresAreTheShapes) {
   Loader loader;
   const auto folder = test_folder();
   const auto urdf = write_file(folder / "r.urdf", mesh_robot("package://lost/body.stl"));
-  const auto refused = loader.load("{urdf: " + urdf + "}");
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().describe().find("link 'b': the mesh 'package://lost/body.stl'"),
-            std::string::npos)
-      << refused.error().describe();
-  const auto profile = write_file(
-      folder / "profile.yaml",
-      "name: m\nurdf: r.urdf\nspheres:\n  - {link: b, centre_m: [0, 0, 0], radius_m: 0.2}\n");
+  const std::string listed =
+      "name: m\nurdf: r.urdf\nspheres:\n  - {link: b, centre_m: [0, 0, 0], radius_m: 0.2}\n";
+  const auto profile = write_file(folder / "profile.yaml", listed);
+  for (const std::string& block : {"{urdf: " + urdf + "}", "{profile: " + profile + "}"}) {
+    const auto refused = loader.load(block);
+    ASSERT_FALSE(refused) << block;
+    EXPECT_NE(refused.error().describe().find("r.urdf:1:48: link 'b': the mesh "
+                                              "'package://lost/body.stl' is not there"),
+              std::string::npos)
+        << refused.error().describe();
+  }
+  write_file(profile, listed + "shapes_from: spheres\n");
   const auto robot = loader.load_or_fail("{profile: " + profile + "}");
   ASSERT_NE(robot, nullptr);
-  EXPECT_TRUE(robot->description().shapes.empty());
-  EXPECT_THAT(loader.host.log().messages(), testing::Contains(testing::HasSubstr("left out")));
+  ASSERT_EQ(robot->description().shapes.size(), 1u);
+  EXPECT_EQ(std::get<Sphere>(robot->description().shapes[0].shape).radius_m, 0.2);
 }
 
 struct BadUrdf {
@@ -318,10 +320,11 @@ INSTANTIATE_TEST_SUITE_P(
                 with_links("a b", joint("j", "revolute", "a", "b",
                                         std::string(kLimit) + "<origin xyz=\"0 nan 0\"/>")),
                 {"bad.urdf"}},
-        BadUrdf{"negative_box",
-                "<robot name=\"r\"><link name=\"a\"><collision><geometry><box size=\"1 -1 1\"/>"
-                "</geometry></collision></link></robot>",
-                {"link 'a' has a collision shape that is empty"}},
+        BadUrdf{
+            "negative_box",
+            "<robot name=\"r\"><link name=\"a\"><collision><geometry><box size=\"1 -1 1\"/>"
+            "</geometry></collision></link></robot>",
+            {"bad.urdf:1:58: <box> of link 'a' has size=\"1 -1 1\", expected 3 numbers above 0"}},
         BadUrdf{"capsule",
                 "<robot name=\"r\"><link name=\"a\"><collision><geometry><capsule radius=\"1\"/>"
                 "</geometry></collision></link></robot>",

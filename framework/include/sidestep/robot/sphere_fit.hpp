@@ -2,14 +2,20 @@
 
 #include <vector>
 
+#include <sidestep/core/error.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
 namespace sidestep {
 
-/// Spheres on the same link that cover a bounded shape and stand out from its bounding box by
-/// at most `protrusion_m` where 64 spheres are enough for that. Along the axis of slender shapes,
-/// on a grid otherwise; a mesh is covered by way of its bounding box. [any]; allocates.
-[[nodiscard]] SIDESTEP_EXPORT std::vector<CollisionSphere> fit_spheres(const CollisionShape& shape,
-                                                                       double protrusion_m);
+/// Of one shape.
+inline constexpr int kMostFittedSpheres = 2000;
+
+/// Spheres on the same link that cover a bounded shape, each of which stands out from the shape's
+/// surface by at most `protrusion_m`: along the axis of slender shapes, on a grid over boxes, else
+/// wherever one sphere holds the most. A mesh that is closed is covered with what it encloses, any
+/// other is covered as a surface that has two outer sides. Fails with kInvalidArgument where
+/// kMostFittedSpheres are too few. [any]; allocates; up to a second.
+[[nodiscard]] SIDESTEP_EXPORT Result<std::vector<CollisionSphere>> fit_spheres(
+    const CollisionShape& shape, double protrusion_m);
 
 }  // namespace sidestep

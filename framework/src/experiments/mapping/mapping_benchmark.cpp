@@ -8,6 +8,7 @@
 #include "report/text_table.hpp"
 #include "results/recorder.hpp"
 #include "results/run_provenance.hpp"
+#include "settings/checked_robot.hpp"
 
 namespace sidestep {
 namespace {
@@ -16,6 +17,7 @@ void check_mapping_benchmark(const Configuration& configuration, Host& host,
                              std::vector<Error>& errors) {
   const Node* experiment = configuration.root.find("experiment");
   if (experiment != nullptr) (void)read_cases(*experiment, host, errors);
+  (void)checked_robot(configuration, host, errors);
 }
 
 /// The robot, whose own points mappers remove; null where the configuration has none.

@@ -16,6 +16,7 @@
 #include "report/text_table.hpp"
 #include "results/run_provenance.hpp"
 #include "settings/blocks.hpp"
+#include "settings/checked_robot.hpp"
 
 namespace sidestep {
 namespace {
@@ -94,16 +95,8 @@ RobotDescription robot_of_all(const RobotModel& robot, std::span<const PlanRecor
 void check_plans(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
   host.check_views(block_of(configuration, "mapper"), {OccupancyView::kViewName},
                    "the independent check of plans", errors);
-  const Node& block = block_of(configuration, "robot");
-  std::vector<Error> told;
-  host.check(PluginKind::kRobot, block, told);
-  if (!told.empty()) return;
-  auto created = host.create<RobotModel>(block);
-  if (!created) {
-    errors.push_back(created.error());
-    return;
-  }
-  const std::shared_ptr<const RobotModel> robot = std::move(*created);
+  const auto robot = checked_robot(configuration, host, errors);
+  if (robot == nullptr) return;
   const auto plans = read_plans(configuration, robot, host, errors);
   const RobotDescription all = robot_of_all(*robot, plans);
   check_allowed_contacts(block_of(configuration, "check"), all, nullptr, errors);

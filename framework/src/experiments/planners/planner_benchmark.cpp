@@ -11,6 +11,7 @@
 #include "planners/planner_summary.hpp"
 #include "results/recorder.hpp"
 #include "settings/blocks.hpp"
+#include "settings/checked_robot.hpp"
 
 namespace sidestep {
 namespace {
@@ -116,6 +117,7 @@ void check_planner(const Node& entry, Host& host, std::vector<Error>& errors) {
 
 void check_planner_benchmark(const Configuration& configuration, Host& host,
                              std::vector<Error>& errors) {
+  (void)checked_robot(configuration, host, errors);
   const Node* planners = block_of(configuration, "experiment").find("planners");
   if (planners == nullptr || !planners->is_list()) return;
   std::set<std::string> names;

@@ -18,15 +18,22 @@ const ParameterOptions kPlace{.unit = "m", .min = -kLargest_m, .max = kLargest_m
 const ParameterOptions kLength{
     .unit = "m", .min = kSmallest_m, .max = kLargest_m, .required = true};
 
-AttachedObject object_of(const AttachedEntry& entry) {
+/// Appends where a shape of the object takes too many spheres.
+AttachedObject object_of(const Node& block, const AttachedEntry& entry,
+                         std::vector<Error>& errors) {
   AttachedObject object;
   object.name = entry.name;
   object.link = entry.link;
   object.T_link_object = transform_from_xyz_rpy(entry.position_m, entry.rpy_rad);
   object.touch_links = entry.touch_links;
   const auto add = [&](Shape shape, const Transform& T_object_shape) {
-    for (const CollisionSphere& sphere :
-         fit_spheres({0, shape, T_object_shape}, entry.protrusion_m)) {
+    const auto spheres = fit_spheres({0, shape, T_object_shape}, entry.protrusion_m);
+    if (!spheres) {
+      errors.push_back(block.error("object '" + entry.name + "': " + spheres.error().message,
+                                   "allow it a larger `protrusion_m`"));
+      return;
+    }
+    for (const CollisionSphere& sphere : *spheres) {
       object.spheres.push_back({sphere.centre_link_m, sphere.radius_m});
     }
     object.shapes.push_back({std::move(shape), T_object_shape});
@@ -102,8 +109,7 @@ Parameters<AttachedEntry> AttachedEntry::parameters() {
       .add("boxes", &E::boxes, "Boxes that it is made of.")
       .add("cylinders", &E::cylinders, "Cylinders that it is made of.")
       .add("protrusion_m", &E::protrusion_m,
-           "Planning sees boxes and cylinders as spheres that stand out by this much at most, as "
-           "far as 64 of them a shape will do.",
+           "Planning sees boxes and cylinders as spheres that stand out by this much at most.",
            {.unit = "m", .min = 1e-4, .max = 1.0})
       .add("touch_links", &E::touch_links,
            "Links that may touch it, such as fingers; the one that holds it, and what is rigidly "
@@ -120,8 +126,9 @@ std::shared_ptr<const RobotModel> read_attached(const Node& plan,
     if (!read_entry(block, entry)) continue;
     const std::size_t before = errors.size();
     check_names(block, entry, robot->description(), errors);
-    const AttachedObject object = object_of(entry);
-    if (object.spheres.empty()) {
+    const std::size_t fitted = errors.size();
+    const AttachedObject object = object_of(block, entry, errors);
+    if (object.spheres.empty() && errors.size() == fitted) {
       errors.push_back(block.error("object '" + entry.name + "' has no extent",
                                    "give it spheres, boxes or cylinders"));
     }
