@@ -70,8 +70,9 @@ std::string Violation::describe() const { return what() + format(" at %.2f s", t
 
 std::string Verdict::describe() const {
   if (valid()) {
-    return std::isfinite(min_clearance_m) ? "valid, " + metres(min_clearance_m) + " clear"
-                                          : "valid, nothing near";
+    if (!std::isfinite(min_clearance_m)) return "valid, nothing near";
+    const std::string least = clearance_is_bound ? "at least " : "";
+    return "valid, " + least + metres(min_clearance_m) + " clear";
   }
   std::string text = outcome == Outcome::kInvalid ? "invalid" : "not shown to be valid";
   for (std::size_t i = 0; i < std::min(kDescribed, violations.size()); ++i) {

@@ -130,6 +130,31 @@ TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
   EXPECT_TRUE(check(out).valid());
 }
 
+TEST_F(FieldCheckTest, CountsSpaceOutsideTheMapAsUnseen) {
+  space_.outside = Space::kFree;
+  // Rests at both ends: half of the checks, give or take those near the border, are outside.
+  const Verdict half = check(rest_to_rest(Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(3, 1, 0), 2.0));
+  EXPECT_NEAR(half.unknown_share, 0.5, 0.1);
+  const Verdict all =
+      check(rest_to_rest(Eigen::Vector3d(40, 40, 0), Eigen::Vector3d(41, 40, 0), 2.0));
+  EXPECT_EQ(all.unknown_share, 1.0);
+}
+
+TEST_F(FieldCheckTest, TellsAClearanceFromTheFieldsOwnLimit) {
+  const Trajectory pass =
+      rest_to_rest(Eigen::Vector3d(-1, 0.95, 0.05), Eigen::Vector3d(1, 0.95, 0.05), 2.0);
+  EXPECT_FALSE(check(pass).clearance_is_bound);
+  world_.max_distance_m = 0.3;  // the wall is at 0.5
+  const Verdict bound = check(pass);
+  EXPECT_TRUE(bound.clearance_is_bound);
+  EXPECT_NEAR(bound.min_clearance_m, 0.3 - 0.1, 1e-6);
+  EXPECT_EQ(bound.describe(), "valid, at least 0.200 m clear");
+  space_.floor = Floor{0.05 - 0.1 - 0.15, {}};  // 0.15 m below the ball: that is known
+  const Verdict above_floor = check(pass);
+  EXPECT_FALSE(above_floor.clearance_is_bound);
+  EXPECT_NEAR(above_floor.min_clearance_m, 0.15, 1e-12);
+}
+
 /// Goes down and up again between its two states; its lowest centre is at z = `low_m`.
 Trajectory dip(const Eigen::Vector3d& from, double low_m) {
   Trajectory trajectory = rest_to_rest(from, from, 1.0);
