@@ -174,7 +174,7 @@ TEST_F(FieldCheckTest, SeesTheFloorBetweenChecks) {
   const Verdict verdict = check(dip(from, 0.29));
   ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
   ASSERT_EQ(verdict.violations.size(), 1u);
-  EXPECT_EQ(verdict.violations[0].describe(), "ball is 0.010 m inside the floor at 0.50 s");
+  EXPECT_EQ(verdict.violations[0].describe(), "ball is 0.010 m below the floor at 0.50 s");
   EXPECT_NEAR(verdict.min_clearance_m, -0.01, 1e-12);
   EXPECT_FALSE(check(dip(from, 0.2999)).valid());
   settings_.margin_m = 0.01;
@@ -205,7 +205,7 @@ TEST_F(FieldCheckTest, HasTheFloorInUnknownSpaceAndOutside) {
     EXPECT_TRUE(check(dip(from, 0.11)).valid()) << from.transpose();
     const Verdict verdict = check(dip(from, 0.06));
     ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << from.transpose();
-    EXPECT_EQ(verdict.violations[0].what(), "ball is 0.040 m inside the floor");
+    EXPECT_EQ(verdict.violations[0].what(), "ball is 0.040 m below the floor");
   }
   // Where both are occupied, what it is deeper in is named.
   space_.unknown = space_.outside = Space::kOccupied;
@@ -213,7 +213,7 @@ TEST_F(FieldCheckTest, HasTheFloorInUnknownSpaceAndOutside) {
     return check(rest_to_rest(p, p, 1.0)).violations.at(0).what();
   };
   EXPECT_EQ(what_of({0.6, 1.0, 0.06}), "ball is 0.100 m inside unknown space");
-  EXPECT_EQ(what_of({0.6, 1.0, -0.06}), "ball is 0.160 m inside the floor");
+  EXPECT_EQ(what_of({0.6, 1.0, -0.06}), "ball is 0.160 m below the floor");
   EXPECT_EQ(what_of({2.5, 1.0, -0.06}), "ball is 0.600 m inside the space outside the map");
 }
 
@@ -422,7 +422,7 @@ TEST_F(StateViolationTest, IsTheFloorWhereThatIsDeeper) {
   EXPECT_FALSE(of(Eigen::Vector3d(-1, 0, 0.02), 0.02));
   EXPECT_EQ(of(Eigen::Vector3d(-1, 0, 0.02), 0.03)->what(),
             "ball is 0.010 m inside the margin of the floor");
-  EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.05))->what(), "ball is 0.050 m inside the floor");
+  EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.05))->what(), "ball is 0.050 m below the floor");
   EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.02))->what(), "ball is 0.050 m inside an obstacle");
 }
 

@@ -18,6 +18,9 @@
 
 namespace sidestep {
 
+/// What a check calls the floor that a robot stands on.
+inline constexpr const char* kFloorName = "the floor";
+
 struct Violation {
   enum class Kind {
     kCollision,
