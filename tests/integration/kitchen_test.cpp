@@ -6,7 +6,9 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 
@@ -98,6 +100,49 @@ TEST_P(Kitchen, TheMapHasTheTableWhereItWasMeasuredAndTheFloorFree) {
     seen += view->known().at(grid, voxel) ? 1 : 0;
   });
   EXPECT_GT(seen, 100) << "the camera looked at this floor";
+}
+
+TEST_P(Kitchen, TheStraightWayIsBlockedByWhatTheCameraSaw) {
+  testing_support::HostFixture fixture({PLUGIN_FOLDER});
+  const auto reading = read_configuration(
+      configuration(),
+      {"source.path=" + kKitchen.string(), "source.stride=10",
+       "robot.profile=" + std::string(SIDESTEP_SOURCE_DIR) + "/robots/hsr/profile.yaml"},
+      fixture.documents);
+  ASSERT_TRUE(reading.errors.empty()) << reading.errors.front().describe();
+  const Node& root = reading.configuration.root;
+  auto source = fixture.host.create<Source>(*root.find("source"));
+  auto mapper = fixture.host.create<Mapper>(*root.find("mapper"));
+  auto field = fixture.host.create<FieldBuilder>(*root.find("field"));
+  auto own_robot = fixture.host.create<RobotModel>(*root.find("robot"));
+  ASSERT_TRUE(source && mapper && field);
+  ASSERT_TRUE(own_robot) << own_robot.error().describe();
+  const std::shared_ptr<const RobotModel> robot = std::move(*own_robot);
+  SnapshotSlot slot;
+  MappingPipeline pipeline({**source, **mapper, **field, slot, fixture.log});
+  ASSERT_TRUE(pipeline.attach());
+  for (auto step = pipeline.step({}); step && *step;) step = pipeline.step({});
+
+  const Node& plan = root.find("experiment")->find("plans")->items().front();
+  std::vector<Error> errors;
+  const auto start = read_robot_state(*plan.find("start"), robot->description(), errors);
+  const auto goal = read_robot_state(*plan.find("goal"), robot->description(), errors);
+  ASSERT_TRUE(errors.empty());
+  const auto at = [&](double fraction, double margin_m) {
+    const Eigen::VectorXd q = start + fraction * (goal - start);
+    return state_violation(robot, slot.pin(), {Space::kFree, Space::kOccupied, {}}, margin_m,
+                           {q.data(), static_cast<std::size_t>(q.size())});
+  };
+  constexpr double kSpare_m = 0.08;
+  EXPECT_FALSE(at(0.0, kSpare_m)) << at(0.0, kSpare_m)->what();
+  EXPECT_FALSE(at(1.0, kSpare_m)) << at(1.0, kSpare_m)->what();
+  double deepest_m = 0.0;
+  for (double fraction = 0.0; fraction <= 1.0; fraction += 0.02) {
+    const auto hit = at(fraction, 0.0);
+    if (hit && hit->kind == Violation::Kind::kCollision)
+      deepest_m = std::max(deepest_m, hit->amount);
+  }
+  EXPECT_GT(deepest_m, 0.02);  // a field without sign has no more than the radius of a finger
 }
 
 TEST_P(Kitchen, ThePlanPassesBothChecks) {

@@ -45,6 +45,14 @@ class MappingBenchmarkTest : public ::testing::Test {
   fs::path folder_ = own_folder_.path();
 };
 
+TEST_F(MappingBenchmarkTest, AMapOfNothingIsNoSuccess) {
+  const Finished finished = run_it(kTiny, {"experiment.origin_m=[40,40,0]"});
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_THAT(finished.out, HasSubstr("the map is empty: no point of any frame lies in the map"));
+  EXPECT_THAT(finished.out, HasSubstr("experiment.origin_m: ["));
+  for (const Json& s : summary().at("systems")) EXPECT_EQ(s.at("success"), false);
+}
+
 TEST_F(MappingBenchmarkTest, MeasuresEverySystemOnTheSameFrames) {
   const Finished finished = run_it(kTiny, {});
   ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;

@@ -116,6 +116,12 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
   }
 }
 
+bool ClearanceProver::is_at_limit(int item, const ClearanceReading& reading) const noexcept {
+  constexpr double kRounding_m = 1e-5;  // of a field of floats
+  const double limit_m = field_->info().max_distance_m - radius_m_[at(item)];
+  return reading.clearance_m >= limit_m - kRounding_m && reading.clearance_m < reading.floor_m;
+}
+
 double ClearanceProver::way_bound_m(std::span<const double> variation) const noexcept {
   double sum = 0.0;
   for (std::size_t j = 0; j < variation.size(); ++j) sum += largest_levers_[j] * variation[j];

@@ -117,6 +117,8 @@ class ClearanceProver {
     return item < sphere_count_ ? margin_m_ : 0.0;
   }
   [[nodiscard]] bool violates(int item, const ClearanceReading& reading) const noexcept;
+  /// Whether a sphere's clearance is no more than the field's own limit: it may be larger.
+  [[nodiscard]] bool is_at_limit(int item, const ClearanceReading& reading) const noexcept;
   [[nodiscard]] const RobotModel& robot() const noexcept { return *robot_; }
   /// By joint, of all items.
   [[nodiscard]] std::span<const double> largest_levers() const noexcept { return largest_levers_; }

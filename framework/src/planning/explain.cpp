@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/planning/validity_check.hpp>
 #include <sidestep/trajectory/gp_prior.hpp>
 
 #include "hindrance_reading.hpp"
@@ -177,7 +178,11 @@ std::string Hindrance::what() const {
   switch (kind) {
     case Kind::kCollision:
     case Kind::kSelfCollision:
-      return subject + " is " + size + (clear ? " from " : " inside ") + other + where;
+      return subject + " is " + size +
+             (clear                 ? " from "
+              : other == kFloorName ? " below "
+                                    : " inside ") +
+             other + where;
     case Kind::kLimit: return subject + " is " + size + (clear ? " short of " : " beyond ") + other;
     case Kind::kEndpoint:
     case Kind::kOther: return subject + " is " + size + " off" + (other.empty() ? "" : " " + other);

@@ -35,11 +35,12 @@ class VerdictBuilder final : public ClearanceProver::Listener {
       return true;
     }
     ++sphere_checks_;
-    if (reading.status == FieldStatus::kUnknown) ++unknown_checks_;
+    if (reading.status != FieldStatus::kKnown) ++unknown_checks_;
     if (reading.clearance_m < min_clearance_m_) {
       min_clearance_m_ = reading.clearance_m;
       min_clearance_item_ = item;
       min_clearance_time_s_ = t;
+      clearance_is_bound_ = prover_.is_at_limit(item, reading);
     }
     return true;
   }
@@ -62,6 +63,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
     }
     const RobotDescription& robot = prover_.robot().description();
     verdict.min_clearance_m = min_clearance_m_;
+    verdict.clearance_is_bound = clearance_is_bound_;
     verdict.min_self_clearance_m = min_self_clearance_m_;
     if (min_clearance_item_ >= 0) {
       const int link = robot.spheres[static_cast<std::size_t>(min_clearance_item_)].link;
@@ -82,6 +84,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
   double min_clearance_m_ = std::numeric_limits<double>::infinity();
   int min_clearance_item_ = -1;
   double min_clearance_time_s_ = 0.0;
+  bool clearance_is_bound_ = false;
   double min_self_clearance_m_ = std::numeric_limits<double>::infinity();
   std::int64_t sphere_checks_ = 0;
   std::int64_t unknown_checks_ = 0;

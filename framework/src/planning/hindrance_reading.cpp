@@ -130,7 +130,7 @@ void HindranceReading::tell_floor(std::span<const double> q, std::size_t sphere,
   const Eigen::Vector3d centre_m = centres_m[sphere];
   out.kind = Hindrance::Kind::kCollision;
   out.subject = robot_.links[static_cast<std::size_t>(robot_.spheres[sphere].link)].name;
-  out.other = "the floor";
+  out.other = kFloorName;
   out.amount = -FloorClearance(problem_.space, robot_)(sphere, centre_m);
   out.unit = "m";
   out.broken = !(out.amount <= 0.0);

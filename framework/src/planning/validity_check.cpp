@@ -53,7 +53,7 @@ std::string Violation::what() const {
   switch (kind) {
     case Kind::kCollision:
     case Kind::kSelfCollision:
-      return subject + " is " + metres(amount) + " inside " +
+      return subject + " is " + metres(amount) + (other == kFloorName ? " below " : " inside ") +
              (other.empty() ? "an obstacle" : other);
     case Kind::kPositionLimit:
     case Kind::kVelocityLimit:
@@ -70,8 +70,9 @@ std::string Violation::describe() const { return what() + format(" at %.2f s", t
 
 std::string Verdict::describe() const {
   if (valid()) {
-    return std::isfinite(min_clearance_m) ? "valid, " + metres(min_clearance_m) + " clear"
-                                          : "valid, nothing near";
+    if (!std::isfinite(min_clearance_m)) return "valid, nothing near";
+    const std::string least = clearance_is_bound ? "at least " : "";
+    return "valid, " + least + metres(min_clearance_m) + " clear";
   }
   std::string text = outcome == Outcome::kInvalid ? "invalid" : "not shown to be valid";
   for (std::size_t i = 0; i < std::min(kDescribed, violations.size()); ++i) {
@@ -122,7 +123,7 @@ Violation violation_of(const ClearanceProver& prover, int item, const ClearanceR
   violation.kind = Violation::Kind::kCollision;
   violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
   const bool is_floor = reading.floor_m <= reading.clearance_m;
-  violation.other = is_floor ? "the floor" : obstacle_name(reading.status, prover.space());
+  violation.other = is_floor ? kFloorName : obstacle_name(reading.status, prover.space());
   if (!is_floor && violation.other != kObstacle) return violation;
   if (reading.clearance_m >= 0.0) {
     violation.other = "the margin of " + violation.other;
@@ -146,7 +147,7 @@ Violation unproven(const ClearanceProver& prover, int item, const Shortfall& sho
     violation.other = link_name(robot, first);
   } else {
     violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
-    violation.other = shortfall.is_to_floor ? "the floor" : "obstacles";
+    violation.other = shortfall.is_to_floor ? kFloorName : "obstacles";
   }
   return violation;
 }

@@ -351,6 +351,7 @@ void ShapeCheck::Run::report(Violation violation) {
 }
 
 void ShapeCheck::Run::finish() {
+  verdict_.clearance_is_bound = verdict_.min_clearance_link.empty();
   const auto is_open = [](const Violation& v) { return v.kind == Violation::Kind::kUnproven; };
   std::stable_sort(verdict_.violations.begin(), verdict_.violations.end(),
                    [&](const Violation& a, const Violation& b) {

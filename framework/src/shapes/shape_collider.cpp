@@ -19,6 +19,8 @@
 #include <fcl/narrowphase/distance.h>
 #include <octomap/OcTree.h>
 
+#include <sidestep/planning/validity_check.hpp>
+
 #include "voxel_boxes.hpp"
 
 namespace sidestep {
@@ -28,6 +30,7 @@ using Geometry = std::shared_ptr<fcl::CollisionGeometryd>;
 using Object = fcl::CollisionObjectd;
 
 constexpr int kVoxelOwner = -1;
+constexpr int kFloorOwner = -3;
 constexpr double kTouching_m = 1e-6;  // FCL's own tolerance
 // With FCL's default tolerance cylinders come out 5e-5 m too far away, in a third less time.
 constexpr double kDistanceTolerance_m = 1e-9;
@@ -162,7 +165,8 @@ struct RobotShape {
   Shape shape;
   Transform T_link_shape;
   Geometry geometry;
-  std::set<int> ignored;  // scene objects this link may touch
+  std::set<int> ignored;          // scene objects this link may touch
+  std::optional<double> floor_m;  // height of the floor, where there is one for this link
 };
 
 /// What a walk through the static obstacles carries along.
@@ -245,7 +249,11 @@ struct ShapeCollider::Impl {
   void add_octree(const ShapeObstacles& obstacles);
   void add_scene(const std::shared_ptr<const Scene>& its);
   void allow(const RobotDescription& robot, const std::vector<AllowedContact>& allowed);
+  void add_floor(const RobotDescription& robot, const Floor& floor);
+  /// Floor and half-spaces, which FCL cannot measure distances to.
+  void hear_planes(int shape, const Pose& pose, Nearest& nearest) const;
   [[nodiscard]] std::string name(int owner) const {
+    if (owner == kFloorOwner) return kFloorName;
     return owner == kVoxelOwner ? kVoxelName : scene->objects()[at(owner)].name;
   }
 };
@@ -333,6 +341,27 @@ void ShapeCollider::Impl::allow(const RobotDescription& robot,
   }
 }
 
+void ShapeCollider::Impl::add_floor(const RobotDescription& robot, const Floor& floor) {
+  for (RobotShape& shape : shapes) {
+    const auto& name = robot.links[at(shape.link)].name;
+    if (std::ranges::find(floor.except_links, name) == floor.except_links.end()) {
+      shape.floor_m = floor.height_m;
+    }
+  }
+}
+
+void ShapeCollider::Impl::hear_planes(int shape, const Pose& pose, Nearest& nearest) const {
+  const RobotShape& of = shapes[at(shape)];
+  const Object& object = pose.shapes[at(shape)];
+  if (of.floor_m) {
+    nearest.hear(height_m(object, Transform::Identity()) - *of.floor_m, kFloorOwner);
+  }
+  for (std::size_t i = 0; i < half_spaces.size(); ++i) {
+    if (of.ignored.count(half_spaces[i]) != 0) continue;
+    nearest.hear(height_m(object, pose.T_half_space_world[i]), half_spaces[i]);
+  }
+}
+
 ShapeCollider::ShapeCollider(const RobotDescription& robot, const ShapeObstacles& obstacles,
                              const std::vector<AllowedContact>& allowed) {
   auto impl = std::make_unique<Impl>();
@@ -340,6 +369,7 @@ ShapeCollider::ShapeCollider(const RobotDescription& robot, const ShapeObstacles
   impl->add_voxels(obstacles);
   impl->add_scene(obstacles.scene);
   impl->allow(robot, allowed);
+  if (obstacles.floor) impl->add_floor(robot, *obstacles.floor);
   std::vector<Object*> objects;
   for (const auto& object : impl->fixed) objects.push_back(object.get());
   impl->fixed_tree.registerObjects(objects);
@@ -401,10 +431,7 @@ ShapeCollider::Proximity ShapeCollider::to_obstacles(int shape, const Pose& pose
     nearest.hear(proximity_m(*object, pose.moving[i], std::max(0.0, nearest.clearance_m)),
                  impl_->moving[i]);
   }
-  for (std::size_t i = 0; i < impl_->half_spaces.size(); ++i) {
-    if (robot_shape.ignored.count(impl_->half_spaces[i]) != 0) continue;
-    nearest.hear(height_m(*object, pose.T_half_space_world[i]), impl_->half_spaces[i]);
-  }
+  impl_->hear_planes(shape, pose, nearest);
   return {nearest.clearance_m, nearest.is_found ? impl_->name(nearest.owner) : std::string()};
 }
 
@@ -418,10 +445,7 @@ double ShapeCollider::gap_to_obstacles_m(int shape, const Pose& pose, double bou
     nearest.hear(separation_m(*object, pose.moving[i], nearest.clearance_m, kGapTolerance_m),
                  impl_->moving[i]);
   }
-  for (std::size_t i = 0; i < impl_->half_spaces.size(); ++i) {
-    if (robot_shape.ignored.count(impl_->half_spaces[i]) != 0) continue;
-    nearest.hear(height_m(*object, pose.T_half_space_world[i]), impl_->half_spaces[i]);
-  }
+  impl_->hear_planes(shape, pose, nearest);
   return std::max(0.0, nearest.clearance_m);
 }
 

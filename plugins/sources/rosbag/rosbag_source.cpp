@@ -194,7 +194,8 @@ class RosbagSource final : public Source {
   std::size_t told_damages_ = 0;
 };
 
-Result<void> select(const Options& options, const std::string& file, Recording& recording) {
+Result<void> select(const Options& options, const std::string& file, Recording& recording,
+                    Log& log) {
   std::vector<Measurement> selected;
   const auto& all = recording.measurements;
   const auto stride = static_cast<std::size_t>(options.stride);
@@ -209,6 +210,10 @@ Result<void> select(const Options& options, const std::string& file, Recording& 
                 "first_frame is " + std::to_string(options.first_frame) +
                     ", but the bag has only " + std::to_string(all.size()) + " frames",
                 file);
+  }
+  if (selected.size() < all.size()) {
+    log.info("hands out " + std::to_string(selected.size()) + " of " + std::to_string(all.size()) +
+             " frames, as first_frame, stride and max_frames say");
   }
   recording.measurements = std::move(selected);
   return {};
@@ -231,8 +236,8 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, const Host
   auto recording = read_recording(**bag, options, context.log);
   if (!recording) return tl::make_unexpected(std::move(recording.error()));
   const std::string file = options.path.string();
-  for (const auto& checked :
-       {select(options, file, *recording), check_intrinsics(options, file, *recording)}) {
+  for (const auto& checked : {select(options, file, *recording, context.log),
+                              check_intrinsics(options, file, *recording)}) {
     if (!checked) return tl::make_unexpected(checked.error());
   }
   const std::string measured_in = first_frame_name(**bag, *recording);

@@ -7,6 +7,7 @@
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
+#include "mapping/point_survey.hpp"
 #include "plan/frame_tap.hpp"
 #include "plan/plan_summary.hpp"
 #include "report/chart.hpp"
@@ -192,9 +193,99 @@ TEST(PlanSummary, TellsHowMuchOfTheWayNobodyHasSeen) {
   plans[1].in_snapshot->unknown_share = 0.406;
   EXPECT_NE(verdict().find("; of one 41 % of the robot's way"), std::string::npos) << verdict();
   plans.erase(plans.begin());
-  EXPECT_NE(verdict().find("; 41 % of the robot's way is in space that no frame has seen."),
+  EXPECT_NE(verdict().find(
+                "; 41 % of the robot's way is in space that no frame has seen or outside the map."),
             std::string::npos)
       << verdict();
+}
+
+TEST(PlanSummary, OfAnEmptyMapIsAFailure) {
+  MapRecord map;
+  map.steps.resize(3);
+  map.nothing = "no frame has a single valid depth";
+  const ExperimentOutcome outcome = summarise_plans({}, map, {});
+  EXPECT_FALSE(outcome.success);
+  EXPECT_EQ(outcome.verdict, "Failed: the map is empty: no frame has a single valid depth.");
+}
+
+TEST(PlanSummary, TellsAClearanceFromHowFarWasLooked) {
+  MapRecord map;
+  map.steps.resize(1);
+  std::vector<PlanRecord> plans(1);
+  plans[0].in_snapshot = Verdict{.min_clearance_m = 0.55, .clearance_is_bound = true};
+  plans[0].in_voxels = Verdict{.min_clearance_m = 0.5, .clearance_is_bound = true};
+  const auto outcome = [&] { return summarise_plans({}, map, plans); };
+  EXPECT_THAT(outcome().verdict,
+              testing::HasSubstr("is at least 0.500 m clear, as far as was looked"));
+  EXPECT_THAT(outcome().table, testing::HasSubstr("at least 0.500 m"));
+  plans[0].in_snapshot->min_clearance_m = 0.45;  // a field that ends sooner
+  EXPECT_THAT(outcome().verdict, testing::HasSubstr("at least 0.450 m clear"));
+  plans[0].in_snapshot->clearance_is_bound = false;  // an obstacle
+  EXPECT_THAT(outcome().verdict, testing::HasSubstr("comes no closer than 0.450 m"));
+  plans[0].in_snapshot->min_clearance_m = 0.5;
+  EXPECT_THAT(outcome().verdict, testing::HasSubstr("comes no closer than 0.500 m"));
+}
+
+TEST(PlanSummary, SaysWhichFramesAreNotInTheMap) {
+  CountingSource source(100, true);
+  FrameTap tap(source, source.frame_count(), 10, 0);
+  EXPECT_EQ(tap.left_out(), "");
+  drain(tap);
+  EXPECT_EQ(tap.left_out(), "mapped the first 10 of 100 frames");
+  FrameTap exact(source, 10, 10, 0);
+  drain(exact);
+  EXPECT_EQ(exact.left_out(), "");
+  CountingSource stream(100, false);
+  FrameTap of_stream(stream, std::nullopt, 10, 0);
+  drain(of_stream);
+  EXPECT_EQ(of_stream.left_out(), "mapped the first 10 frames, whether or not there are more");
+
+  MapRecord map;
+  map.steps.resize(1);
+  map.left_out = tap.left_out();
+  std::vector<PlanRecord> plans(1);
+  const auto verdict = [&] { return summarise_plans({}, map, plans).verdict; };
+  EXPECT_THAT(verdict(), testing::HasSubstr("; mapped the first 10 of 100 frames."));
+  plans[0].reason = "it failed";
+  EXPECT_THAT(verdict(), testing::HasSubstr("mapped the first 10 of 100 frames."));
+}
+
+/// A camera at (1, 2.1, 3) that looks along +x of the world: one point for each depth, straight
+/// ahead.
+Frame looking_along_x(std::vector<float> depths_m) {
+  Frame frame;
+  frame.T_world_camera.translation() = Eigen::Vector3d(1.0, 2.1, 3.0);
+  frame.T_world_camera.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  DepthImage image;
+  image.camera = {static_cast<int>(depths_m.size()), 1, 1e9, 1e9, 0.0, 0.0};
+  image.depth_m = std::move(depths_m);
+  frame.measurement = std::move(image);
+  return frame;
+}
+
+TEST(PointSurvey, SaysWherePointsLieAndWhatWouldHoldThem) {
+  using Keys = PointSurvey::Keys;
+  const GridSpec grid{{40.0, 40.0, 0.0}, 0.5, {8, 8, 4}};
+  PointSurvey survey(4.0);
+  survey.add(looking_along_x({0.0F, NAN}), grid);
+  EXPECT_EQ(survey.describe(grid, Keys::kMapper), "no frame has a single valid depth");
+  survey.add(looking_along_x({6.0F, 5.0F}), grid);
+  EXPECT_EQ(
+      survey.describe(grid, Keys::kMapper),
+      "every point is farther from the camera than mapper.max_range_m: 4, the nearest 5.00 m");
+  survey.add(looking_along_x({2.25F, 3.25F, 6.0F}), grid);
+  EXPECT_FALSE(survey.reaches_grid());
+  const std::string text = survey.describe(grid, Keys::kMapper);
+  EXPECT_THAT(text, testing::HasSubstr("no point of any frame lies in the map"));
+  EXPECT_THAT(text, testing::HasSubstr("from (3.25, 2.10, 3.00) to (4.25, 2.10, 3.00) m"));
+  EXPECT_THAT(text, testing::HasSubstr("from (40.00, 40.00, 0.00) to (44.00, 44.00, 2.00) m"));
+  EXPECT_THAT(text, testing::HasSubstr(
+                        "mapper.origin_m: [2.5, 1.5, 2.5] and mapper.size_vox: [5, 3, 3] would"));
+  EXPECT_THAT(survey.describe(grid, Keys::kMappingBenchmark),
+              testing::HasSubstr("experiment.extent_m: [2.5, 1.5, 1.5]"));
+  // The grid that was named holds them.
+  survey.add(looking_along_x({2.25F, 3.25F}), {{2.5, 1.5, 2.5}, 0.5, {5, 3, 3}});
+  EXPECT_TRUE(survey.reaches_grid());
 }
 
 TEST(TextTable, AlignsItsColumns) {

@@ -130,6 +130,31 @@ TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
   EXPECT_TRUE(check(out).valid());
 }
 
+TEST_F(FieldCheckTest, CountsSpaceOutsideTheMapAsUnseen) {
+  space_.outside = Space::kFree;
+  // Rests at both ends: half of the checks, give or take those near the border, are outside.
+  const Verdict half = check(rest_to_rest(Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(3, 1, 0), 2.0));
+  EXPECT_NEAR(half.unknown_share, 0.5, 0.1);
+  const Verdict all =
+      check(rest_to_rest(Eigen::Vector3d(40, 40, 0), Eigen::Vector3d(41, 40, 0), 2.0));
+  EXPECT_EQ(all.unknown_share, 1.0);
+}
+
+TEST_F(FieldCheckTest, TellsAClearanceFromTheFieldsOwnLimit) {
+  const Trajectory pass =
+      rest_to_rest(Eigen::Vector3d(-1, 0.95, 0.05), Eigen::Vector3d(1, 0.95, 0.05), 2.0);
+  EXPECT_FALSE(check(pass).clearance_is_bound);
+  world_.max_distance_m = 0.3;  // the wall is at 0.5
+  const Verdict bound = check(pass);
+  EXPECT_TRUE(bound.clearance_is_bound);
+  EXPECT_NEAR(bound.min_clearance_m, 0.3 - 0.1, 1e-6);
+  EXPECT_EQ(bound.describe(), "valid, at least 0.200 m clear");
+  space_.floor = Floor{0.05 - 0.1 - 0.15, {}};  // 0.15 m below the ball: that is known
+  const Verdict above_floor = check(pass);
+  EXPECT_FALSE(above_floor.clearance_is_bound);
+  EXPECT_NEAR(above_floor.min_clearance_m, 0.15, 1e-12);
+}
+
 /// Goes down and up again between its two states; its lowest centre is at z = `low_m`.
 Trajectory dip(const Eigen::Vector3d& from, double low_m) {
   Trajectory trajectory = rest_to_rest(from, from, 1.0);
@@ -149,7 +174,7 @@ TEST_F(FieldCheckTest, SeesTheFloorBetweenChecks) {
   const Verdict verdict = check(dip(from, 0.29));
   ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
   ASSERT_EQ(verdict.violations.size(), 1u);
-  EXPECT_EQ(verdict.violations[0].describe(), "ball is 0.010 m inside the floor at 0.50 s");
+  EXPECT_EQ(verdict.violations[0].describe(), "ball is 0.010 m below the floor at 0.50 s");
   EXPECT_NEAR(verdict.min_clearance_m, -0.01, 1e-12);
   EXPECT_FALSE(check(dip(from, 0.2999)).valid());
   settings_.margin_m = 0.01;
@@ -180,7 +205,7 @@ TEST_F(FieldCheckTest, HasTheFloorInUnknownSpaceAndOutside) {
     EXPECT_TRUE(check(dip(from, 0.11)).valid()) << from.transpose();
     const Verdict verdict = check(dip(from, 0.06));
     ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << from.transpose();
-    EXPECT_EQ(verdict.violations[0].what(), "ball is 0.040 m inside the floor");
+    EXPECT_EQ(verdict.violations[0].what(), "ball is 0.040 m below the floor");
   }
   // Where both are occupied, what it is deeper in is named.
   space_.unknown = space_.outside = Space::kOccupied;
@@ -188,7 +213,7 @@ TEST_F(FieldCheckTest, HasTheFloorInUnknownSpaceAndOutside) {
     return check(rest_to_rest(p, p, 1.0)).violations.at(0).what();
   };
   EXPECT_EQ(what_of({0.6, 1.0, 0.06}), "ball is 0.100 m inside unknown space");
-  EXPECT_EQ(what_of({0.6, 1.0, -0.06}), "ball is 0.160 m inside the floor");
+  EXPECT_EQ(what_of({0.6, 1.0, -0.06}), "ball is 0.160 m below the floor");
   EXPECT_EQ(what_of({2.5, 1.0, -0.06}), "ball is 0.600 m inside the space outside the map");
 }
 
@@ -397,7 +422,7 @@ TEST_F(StateViolationTest, IsTheFloorWhereThatIsDeeper) {
   EXPECT_FALSE(of(Eigen::Vector3d(-1, 0, 0.02), 0.02));
   EXPECT_EQ(of(Eigen::Vector3d(-1, 0, 0.02), 0.03)->what(),
             "ball is 0.010 m inside the margin of the floor");
-  EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.05))->what(), "ball is 0.050 m inside the floor");
+  EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.05))->what(), "ball is 0.050 m below the floor");
   EXPECT_EQ(of(Eigen::Vector3d(-0.1, 0.05, -0.02))->what(), "ball is 0.050 m inside an obstacle");
 }
 

@@ -28,6 +28,8 @@ TEST(Verdict, IsOneSentence) {
   verdict.outcome = Verdict::Outcome::kValid;
   verdict.min_clearance_m = 0.0421;
   EXPECT_EQ(verdict.describe(), "valid, 0.042 m clear");
+  verdict.clearance_is_bound = true;
+  EXPECT_EQ(verdict.describe(), "valid, at least 0.042 m clear");
   verdict.min_clearance_m = std::numeric_limits<double>::infinity();
   EXPECT_EQ(verdict.describe(), "valid, nothing near");
   verdict.outcome = Verdict::Outcome::kUnproven;

@@ -102,7 +102,7 @@ TEST(Explain, NamesTheFloor) {
   EXPECT_NEAR(held.worst_s, 4.0, 1e-9);
   ASSERT_TRUE(held.obstacle_m);
   EXPECT_NEAR((*held.obstacle_m - Eigen::Vector3d(2.0, 0.0, -0.5)).norm(), 0.0, 1e-9);
-  EXPECT_EQ(held.what(), "ball is 0.06 m inside the floor at (2.00, 0.00, -0.50) m");
+  EXPECT_EQ(held.what(), "ball is 0.06 m below the floor at (2.00, 0.00, -0.50) m");
   // A reading of 0.05 m is passed at 0.05 / 0.16 of the way, between 1.2 and 1.3 s.
   EXPECT_NEAR(held.from_s, 1.3, 1e-9);
 }

@@ -137,6 +137,27 @@ TEST_F(ShapeCheckTest, CountsWhatIsFarAsFar) {
   EXPECT_TRUE(verdict.valid());
   EXPECT_EQ(verdict.min_clearance_m, settings_.farthest_m);
   EXPECT_EQ(verdict.min_clearance_link, "");
+  EXPECT_TRUE(verdict.clearance_is_bound);
+  EXPECT_EQ(verdict.describe(), "valid, at least 0.500 m clear");
+  obstacles_.occupied_centres_m = {{-1.0, 0.45, 0.0}};
+  EXPECT_FALSE(check(rest_to_rest(Eigen::Vector3d(-1, 0, 0), Eigen::Vector3d(0, 0, 0), 2.0))
+                   .clearance_is_bound);
+}
+
+TEST_F(ShapeCheckTest, KnowsTheFloorButNotForWhatStandsOnIt) {
+  obstacles_.floor = Floor{-0.2, {}};
+  const auto at_height = [&](double z_m) {
+    return check(rest_to_rest(Eigen::Vector3d(-1, 0, z_m), Eigen::Vector3d(1, 0, z_m), 3.0));
+  };
+  const Verdict above = at_height(0.0);
+  EXPECT_TRUE(above.valid()) << above.describe();
+  EXPECT_NEAR(above.min_clearance_m, 0.1, 1e-9);
+  EXPECT_FALSE(above.clearance_is_bound);
+  const Verdict below = at_height(-0.13);
+  ASSERT_EQ(below.outcome, Verdict::Outcome::kInvalid);
+  EXPECT_EQ(below.violations[0].what(), "ball is 0.030 m below the floor");
+  obstacles_.floor->except_links = {"ball"};
+  EXPECT_TRUE(at_height(-0.13).valid());
 }
 
 TEST_F(ShapeCheckTest, ChecksOnlyFromTheGivenTimeOn) {

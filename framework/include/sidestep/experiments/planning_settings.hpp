@@ -21,7 +21,8 @@ struct FloorEntry : Floor {
 struct PlanningSettings : CostSettings {
   std::string unknown;  ///< "free" or "occupied".
   std::string outside;
-  std::optional<FloorEntry> floor;
+  std::optional<FloorEntry> floor;  ///< Left out: the one that the robot stands on, if it does.
+  double max_unknown_share = 0.1;
   double dt_s = 0.25;
   double speed_fraction = 0.8;
   double acceleration_fraction = 0.9;

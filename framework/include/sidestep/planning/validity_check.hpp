@@ -18,6 +18,9 @@
 
 namespace sidestep {
 
+/// What a check calls the floor that a robot stands on.
+inline constexpr const char* kFloorName = "the floor";
+
 struct Violation {
   enum class Kind {
     kCollision,
@@ -50,17 +53,19 @@ struct Verdict {
   Outcome outcome = Outcome::kUnproven;
   double min_clearance_m = 0.0;  ///< Smallest at the times checked, the floor included; infinity
                                  ///< where there is nothing.
+  /// Nothing was found as far as was looked: min_clearance_m is that far, and the least there is.
+  bool clearance_is_bound = false;
   std::string min_clearance_link;
   double min_clearance_time_s = 0.0;
   double min_self_clearance_m = 0.0;
-  double unknown_share = 0.0;         ///< Share of sphere checks that fell into unknown space.
+  double unknown_share = 0.0;  ///< Share of sphere checks in space never seen or outside the map.
   std::vector<Violation> violations;  ///< The worst of each subject and kind, worst first.
   /// When the first violation that was looked at is; infinity where there is none. One before it
   /// lasts for less than `max_step_m` of motion.
   double first_violation_s = std::numeric_limits<double>::infinity();
 
   [[nodiscard]] bool valid() const noexcept { return outcome == Outcome::kValid; }
-  /// One sentence: "valid, 0.042 m clear", or the first violations.
+  /// One sentence: "valid, 0.042 m clear", "valid, at least 0.5 m clear", or the first violations.
   [[nodiscard]] std::string describe() const;
 };
 [[nodiscard]] std::string_view to_string(Verdict::Outcome outcome) noexcept;

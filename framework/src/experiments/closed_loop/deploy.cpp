@@ -7,6 +7,7 @@
 #include "closed_loop/loop_experiment.hpp"
 #include "closed_loop/replan_episode.hpp"
 #include "settings/blocks.hpp"
+#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {
@@ -223,6 +224,7 @@ Result<ExperimentOutcome> run_deploy(ExperimentContext& context) {
   DeployConfiguration settings =
       read_deploy_configuration(context.configuration, robot->description(), errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  stand_on_floor(settings.loop.planning, *robot);
   auto world = make_replan_world(context, settings.loop, robot, 0);
   if (!world) return tl::make_unexpected(std::move(world.error()));
   auto* goals = dynamic_cast<GoalSource*>(world->executor.get());

@@ -14,7 +14,8 @@ ExperimentType loop_experiment() {
                  "optimiser", "planning", "executor", "replanner"};
   type.optional_blocks = {"check", "sampler"};
   // A replan's first guesses are `replanner.escalation`, and what it finds is timed anew always.
-  type.unused_of_planning = {"retime", "attempts"};
+  // The robot looks on while it moves.
+  type.unused_of_planning = {"max_unknown_share", "retime", "attempts"};
   return type;
 }
 

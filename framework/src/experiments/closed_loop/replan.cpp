@@ -8,6 +8,7 @@
 #include "closed_loop/loop_experiment.hpp"
 #include "closed_loop/replan_episode.hpp"
 #include "results/divided_run.hpp"
+#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {
@@ -86,9 +87,9 @@ Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
   std::vector<Error> errors;
   const auto robot = make_run_robot(context.configuration, context.host, errors);
   if (robot == nullptr) return tl::make_unexpected(std::move(errors.front()));
-  const ReplanConfiguration settings =
-      read_replan_configuration(context.configuration, robot, errors);
+  ReplanConfiguration settings = read_replan_configuration(context.configuration, robot, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  stand_on_floor(settings.planning, *robot);
 
   const std::string identity = identity_of(context);
   const auto finished = finished_episodes(context, identity);

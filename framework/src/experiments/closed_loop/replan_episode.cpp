@@ -10,6 +10,7 @@
 #include "closed_loop/replan_show.hpp"
 #include "closed_loop/replan_visibility.hpp"
 #include "closed_loop/step_watch.hpp"
+#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {
@@ -91,6 +92,10 @@ class EpisodeRun {
 /// it.
 Result<void> EpisodeRun::find_goal() {
   if (!settings_.task.frees_goal) return {};
+  if (const auto below = target_below_floor(settings_.task, settings_.planning.floor);
+      !below.empty()) {
+    return fail(ErrorCode::kInvalidArgument, "the goal is not valid: " + below);
+  }
   constexpr double kPatience_s = 60.0;
   auto field = slot_.pin();
   if (field == nullptr) field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));

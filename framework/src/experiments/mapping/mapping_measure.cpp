@@ -8,6 +8,8 @@
 
 #include <sidestep/runtime/pipeline.hpp>
 
+#include "mapping/point_survey.hpp"
+
 namespace sidestep {
 namespace {
 
@@ -19,6 +21,19 @@ struct System {
   SnapshotSlot slot;
   std::optional<MappingPipeline> pipeline;
   const OccupancyView* occupancy = nullptr;  ///< Of the mapper; null where it has none.
+  PointSurvey points;
+
+  /// Why nothing of what was measured is in the map; empty where something is.
+  [[nodiscard]] std::string emptiness() const {
+    const auto has_any = [](const VoxelBits& bits) {
+      return std::ranges::any_of(bits.words, [](std::uint64_t word) { return word != 0; });
+    };
+    const bool is_known = occupancy == nullptr || has_any(occupancy->known());
+    const bool is_occupied = occupancy != nullptr && has_any(occupancy->occupied());
+    if (is_known && (is_occupied || points.reaches_grid())) return "";
+    return "the map is empty: " +
+           points.describe(mapper->grid(), PointSurvey::Keys::kMappingBenchmark);
+  }
 };
 
 Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureContext& context) {
@@ -26,8 +41,14 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
   if (!mapper) return tl::make_unexpected(std::move(mapper.error()));
   auto field_builder = context.host.create<FieldBuilder>(what.field_block, context.robot);
   if (!field_builder) return tl::make_unexpected(std::move(field_builder.error()));
-  std::unique_ptr<System> system(
-      new System{std::move(*mapper), std::move(*field_builder), {}, {}, {}, nullptr});
+  std::unique_ptr<System> system(new System{
+      std::move(*mapper),
+      std::move(*field_builder),
+      {},
+      {},
+      {},
+      nullptr,
+      PointSurvey::of_mapper(context.host.with_defaults(PluginKind::kMapper, what.mapper_block))});
   system->occupancy = dynamic_cast<const OccupancyView*>(system->mapper.get());
   system->pipeline.emplace(MappingPipeline::Parts{
       system->source,
@@ -45,9 +66,10 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
 /// One frame through the system; nothing where the mapper cannot use it.
 Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const Frame> frame,
                                            std::stop_token stop) {
-  system.source.set(std::move(frame));
+  system.source.set(frame);
   auto step = system.pipeline->step(Deadline(std::move(stop)));
   if (!step) return tl::make_unexpected(std::move(step.error()));
+  system.points.add(*frame, system.mapper->grid());
   if (!*step) return std::optional<UpdateRecord>();
   if ((*step)->update.grid_moved) {
     return fail(ErrorCode::kUnsupported,
@@ -116,6 +138,7 @@ Result<void> run_every_frame(System& system, double before_mib, CaseRecord& reco
   }
   if (!is_checked) check_accuracy(system, context, record.what.unknown_occupied, clock);
   if (truth) clock.truth = truth->finish(*system.occupancy);
+  if (record.error.empty() && !clock.updates.empty()) record.error = system.emptiness();
   return {};
 }
 
@@ -150,6 +173,7 @@ Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& c
     if (clock.updates.size() == 1) first_published_s = now_s;
     clock.duration_s = now_s - first_published_s;
   }
+  if (record.error.empty() && !clock.updates.empty()) record.error = system.emptiness();
   return {};
 }
 

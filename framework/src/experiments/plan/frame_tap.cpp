@@ -17,14 +17,26 @@ std::optional<std::int64_t> FrameTap::frame_count() const {
 }
 
 Result<std::optional<Frame>> FrameTap::next(const Deadline& deadline) {
-  if (limit_ > 0 && passed_ >= limit_) return std::nullopt;
+  if (limit_ > 0 && passed_ >= limit_) {
+    is_cut_ = true;
+    return std::nullopt;
+  }
   auto frame = source_.next(deadline);
   if (frame ? frame->has_value() : frame.error().code == ErrorCode::kBadFrame) ++passed_;
   if (frame && *frame) {
     keep(**frame);
+    if (mapper_ != nullptr) survey_.add(**frame, mapper_->grid());
     if (keeps_last_) last_ = std::make_shared<const Frame>(**frame);
   }
   return frame;
+}
+
+std::string FrameTap::left_out() const {
+  if (!is_cut_ || (count_ && *count_ <= limit_)) return "";
+  const std::string first = "mapped the first " + std::to_string(limit_);
+  // A stream's end is not known before it is there.
+  return count_ ? first + " of " + std::to_string(*count_) + " frames"
+                : first + " frames, whether or not there are more";
 }
 
 void FrameTap::keep(const Frame& frame) {

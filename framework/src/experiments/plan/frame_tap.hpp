@@ -2,9 +2,14 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
+#include <sidestep/mapping/mapper.hpp>
 #include <sidestep/sensing/source.hpp>
+
+#include "mapping/point_survey.hpp"
 
 namespace sidestep {
 
@@ -32,7 +37,17 @@ class FrameTap final : public Source {
   /// Null before the first one that was kept.
   [[nodiscard]] const std::shared_ptr<const Frame>& last() const noexcept { return last_; }
 
+  /// Surveys the points of what is passed on from now on, in the mapper's grid.
+  void survey(const Mapper& mapper, PointSurvey survey) {
+    mapper_ = &mapper;
+    survey_ = survey;
+  }
+  [[nodiscard]] const PointSurvey& survey() const noexcept { return survey_; }
+
   [[nodiscard]] const std::vector<DepthPicture>& pictures() const noexcept { return pictures_; }
+
+  /// "mapped the first 300 of 1000 frames" where the limit ended the stream; else empty.
+  [[nodiscard]] std::string left_out() const;
 
  private:
   void keep(const Frame& frame);
@@ -42,10 +57,13 @@ class FrameTap final : public Source {
   std::int64_t limit_;
   int wanted_;
   std::int64_t passed_ = 0;  ///< Frames asked for, usable or not.
+  bool is_cut_ = false;      ///< The limit ended the stream.
   std::int64_t stride_ = 1;  ///< Every stride_-th frame is kept.
   std::vector<DepthPicture> pictures_;
   bool keeps_last_ = false;
   std::shared_ptr<const Frame> last_;
+  const Mapper* mapper_ = nullptr;
+  PointSurvey survey_;
 };
 
 }  // namespace sidestep

@@ -261,7 +261,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     if (!made) return tl::make_unexpected(std::move(made.error()));
     const PlanSurroundings surroundings{*world->robot,
                                         *map.field,
-                                        settings.planning.space(),
+                                        world->planning.space(),
                                         *parts.occupancy,
                                         settings.check.speed_fraction,
                                         settings.check.margin_m,
@@ -297,6 +297,9 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   FrameTap source(*parts->source, *frames, settings->experiment.max_frames,
                   settings->experiment.depth_pictures);
   source.keep_last(context.observer != nullptr);
+  const Node& mapper_block = block_of(context.configuration, "mapper");
+  source.survey(*parts->mapper, PointSurvey::of_mapper(
+                                    context.host.with_defaults(PluginKind::kMapper, mapper_block)));
   if (context.observer != nullptr && !endpoints.empty()) {
     context.observer->begin({context.configuration.name, 0, parts->robot, parts->scene,
                              endpoints.front().q_start, endpoints.front().q_goal});
@@ -313,13 +316,20 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   if (!map) return tl::make_unexpected(std::move(map.error()));
   map->occupied_vox = count(parts->occupancy->occupied());
   map->known_vox = count(parts->occupancy->known());
+  const PointSurvey& points = source.survey();
+  // Of a room whose bare floor is all there is to see, mappers insert nothing.
+  if (map->known_vox == 0 || (map->occupied_vox == 0 && !points.reaches_grid())) {
+    map->nothing = points.describe(parts->occupancy->occupancy_grid(), PointSurvey::Keys::kMapper);
+  }
+  map->left_out = source.left_out();
+  if (!map->left_out.empty()) context.log.warn(map->left_out + " (experiment.max_frames)");
   record_bad_frames(map->bad_frames, recorder);
   record_depth_pictures(source.pictures(), recorder);
   if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
 
   PlanShow show(context.observer, map->steps.empty() ? Stamp{} : map->steps.back().stamp);
   std::vector<PlanRecord> plans;
-  if (!map->steps.empty() && !map->interrupted && !map->fault) {
+  if (!map->steps.empty() && map->nothing.empty() && !map->interrupted && !map->fault) {
     // Held here, so that what was measured before a robot throws is kept.
     auto done = contained("planning", [&] {
       return make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans,

@@ -10,6 +10,7 @@
 #include <sidestep/trajectory/retime.hpp>
 
 #include "report/text_table.hpp"
+#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {
@@ -34,6 +35,16 @@ std::string endpoint_problem(const Problem& problem, const Trajectory& trajector
   return miss.empty() ? "" : "the trajectory ends with " + miss;
 }
 
+/// Whether more of the way than may be is where nobody looked; empty if not.
+std::string unseen_problem(const PlanWorld& world, const Verdict& verdict) {
+  const double most = world.planning.max_unknown_share;
+  if (verdict.unknown_share <= most) return "";
+  return format("%.1f %%", 100.0 * verdict.unknown_share) +
+         " of the robot's way is in space that no frame has seen or outside the map, and "
+         "planning.max_unknown_share is " +
+         format("%.1f %%", 100.0 * most) + ": look there first (map more frames), or raise it";
+}
+
 /// Runs the checks on the record's trajectory and states the first reason to refuse it.
 Result<void> check_plan(const PlanWorld& world, const Problem& problem, PlanRecord& plan,
                         const Deadline& deadline) {
@@ -53,6 +64,7 @@ Result<void> check_plan(const PlanWorld& world, const Problem& problem, PlanReco
   if (done && plan.reason.empty() && !(plan.min_clearance_m().value_or(0.0) > 0.0)) {
     plan.reason = "the robot touches an obstacle";
   }
+  if (done && plan.reason.empty()) plan.reason = unseen_problem(world, *plan.in_snapshot);
   return done;
 }
 
@@ -163,8 +175,10 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
                                   std::shared_ptr<const Scene> scene, double scene_time_s,
                                   const PlanningSettings& planning, const CheckSettings& check) {
   PlanWorld world;
+  world.planning = planning;
+  stand_on_floor(world.planning, *robot);
   world.in_snapshot =
-      make_field_check(robot, field, planning.space(),
+      make_field_check(robot, field, world.planning.space(),
                        FieldCheckSettings{.margin_m = check.margin_m,
                                           .max_step_m = check.max_step_m,
                                           .speed_fraction = check.speed_fraction,
@@ -175,6 +189,7 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
   ShapeObstacles voxels;
   voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
   voxels.occupied_centres_m = occupied_centres(occupancy);
+  if (world.planning.floor) voxels.floor = *world.planning.floor;
   auto in_voxels = make_shape_check(robot, std::move(voxels), shapes);
   if (!in_voxels) return tl::make_unexpected(std::move(in_voxels.error()));
   world.in_voxels = std::move(*in_voxels);
@@ -193,13 +208,16 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
   }
   world.robot = std::move(robot);
   world.field = std::move(field);
-  world.planning = planning;
   world.margin_m = check.margin_m;
   return world;
 }
 
 Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>& optimiser,
                              PlanRecord plan, std::uint64_t seed, Log& log, std::stop_token stop) {
+  if (const auto below = target_below_floor(plan.task, world.planning.floor); !below.empty()) {
+    plan.reason = "the goal is not valid: " + below;
+    return plan;
+  }
   const auto refused = [&](const Eigen::VectorXd& q, const std::string& what) {
     plan.reason = state_problem(world, q, what);
     if (plan.reason.empty()) return false;

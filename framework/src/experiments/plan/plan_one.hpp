@@ -18,8 +18,8 @@ namespace sidestep {
 struct PlanWorld {
   std::shared_ptr<const RobotModel> robot;
   std::shared_ptr<const DistanceField> field;
-  PlanningSettings planning;
-  double margin_m = 0.0;  ///< That spheres must keep from obstacles.
+  PlanningSettings planning;  ///< With the floor that the robot stands on.
+  double margin_m = 0.0;      ///< That spheres must keep from obstacles.
   std::unique_ptr<ValidityCheck> in_snapshot;
   std::unique_ptr<ValidityCheck> in_voxels;
   std::unique_ptr<ValidityCheck> in_scene;  ///< Null where no scene is known.

@@ -22,6 +22,7 @@ void record_verdict(std::string_view check, const std::optional<Verdict>& verdic
   const std::string prefix(check);
   recorder.add("plan", item, prefix + ".valid", verdict->valid());
   recorder.add("plan", item, prefix + ".min_clearance_m", verdict->min_clearance_m);
+  recorder.add("plan", item, prefix + ".clearance_is_bound", verdict->clearance_is_bound);
   recorder.add("plan", item, prefix + ".min_clearance_link", verdict->min_clearance_link);
   recorder.add("plan", item, prefix + ".min_clearance_time_s", verdict->min_clearance_time_s);
   recorder.add("plan", item, prefix + ".min_self_clearance_m", verdict->min_self_clearance_m);

@@ -31,7 +31,8 @@ Json map_json(const MapRecord& map) {
   }
   Json json = {{"frame_ms", times(frame)},         {"read_ms", times(read)},
                {"integrate_ms", times(integrate)}, {"field_ms", times(field)},
-               {"occupied_vox", map.occupied_vox}, {"known_vox", map.known_vox}};
+               {"occupied_vox", map.occupied_vox}, {"known_vox", map.known_vox},
+               {"nothing", map.nothing},           {"left_out", map.left_out}};
   if (map.field) {
     const GridSpec& grid = map.field->info().grid;
     json["unknown_share"] =
@@ -55,6 +56,7 @@ Json verdict_json(const std::optional<Verdict>& verdict) {
   }
   return {{"outcome", to_string(verdict->outcome)},
           {"min_clearance_m", verdict->min_clearance_m},
+          {"clearance_is_bound", verdict->clearance_is_bound},
           {"min_clearance_link", verdict->min_clearance_link},
           {"min_clearance_time_s", verdict->min_clearance_time_s},
           {"min_self_clearance_m", verdict->min_self_clearance_m},
@@ -102,6 +104,7 @@ Json plan_json(const PlanRecord& plan) {
       {"valid_snapshot", plan.in_snapshot && plan.in_snapshot->valid()},
       {"valid_independent", plan.valid_independent()},
       {"min_clearance_m", clearance_m ? Json(*clearance_m) : Json(nullptr)},
+      {"clearance_is_bound", plan.clearance_is_bound()},
       {"duration_s", solution.trajectory.duration_s()},
       {"retiming", retiming_json(plan.retiming)},
       {"solve_ms", solution.solve_ms},
@@ -131,11 +134,12 @@ std::string unseen_text(std::span<const PlanRecord> plans) {
   if (share < 0.005) return "";
   return std::string("; ") + (plans.size() == 1 ? "" : "of one ") +
          format("%.0f %%", 100.0 * share) +
-         " of the robot's way is in space that no frame has seen";
+         " of the robot's way is in space that no frame has seen or outside the map";
 }
 
 std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans, bool interrupted,
                          std::size_t succeeded) {
+  const std::string left_out = map.left_out.empty() ? "" : "; " + map.left_out;
   if (interrupted) {
     return "Interrupted after " + count_of(map.steps.size(), "frame") + " and " +
            count_of(plans.size(), "plan") + "; what was measured is saved.";
@@ -150,13 +154,14 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
     if (!map.bad_frames.empty()) text += "; the first: " + map.bad_frames.front().describe();
     return text + ".";
   }
+  if (!map.nothing.empty()) return "Failed: the map is empty: " + map.nothing + left_out + ".";
   if (succeeded < plans.size()) {
     std::string text = "Failed: " + std::to_string(plans.size() - succeeded) + " of " +
                        count_of(plans.size(), "plan") + " did not succeed.";
     for (const PlanRecord& plan : plans) {
       if (!plan.success()) text += " " + plan.name + ": " + plan.reason + ".";
     }
-    return text;
+    return text + (map.left_out.empty() ? "" : " What was mapped: " + map.left_out + ".");
   }
   const PlanRecord* closest = nullptr;
   for (const PlanRecord& plan : plans) {
@@ -166,10 +171,16 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
                          ? "Success: plan '" + plans.front().name + "' passed every check"
                          : "Success: all " + count_of(plans.size(), "plan") + " passed every check";
   if (closest != nullptr && std::isfinite(closest->min_clearance_m().value_or(INFINITY))) {
-    text += "; the robot comes no closer than " + format("%.3f m", *closest->min_clearance_m()) +
-            " to an obstacle";
+    const std::string clear = format("%.3f m", *closest->min_clearance_m());
+    text += closest->clearance_is_bound()
+                ? "; the robot is at least " + clear + " clear, as far as was looked"
+                : "; the robot comes no closer than " + clear + " to an obstacle";
   }
-  return text + unseen_text(plans) + ".";
+  return text + unseen_text(plans) + left_out + ".";
+}
+
+std::string clearance_text(const PlanRecord& plan, double clearance_m) {
+  return (plan.clearance_is_bound() ? "at least " : "") + format("%.3f m", clearance_m);
 }
 
 std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) {
@@ -190,7 +201,7 @@ std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) 
                     !plan.in_voxels            ? "-"
                     : plan.valid_independent() ? "valid"
                                                : "invalid",
-                    clearance_m ? format("%.3f m", *clearance_m) : "-",
+                    clearance_m ? clearance_text(plan, *clearance_m) : "-",
                     plan.retiming ? format("%.2f s", plan.retiming->before_s) : "-",
                     solved ? format("%.2f s", plan.solution.trajectory.duration_s()) : "-",
                     plan.attempts > 0 ? format("%.1f ms", plan.solution.solve_ms) : "-",
@@ -214,6 +225,14 @@ std::optional<double> PlanRecord::min_clearance_m() const noexcept {
   return least;
 }
 
+bool PlanRecord::clearance_is_bound() const noexcept {
+  const auto least_m = min_clearance_m();
+  const auto is_exact = [&](const std::optional<Verdict>& verdict) {
+    return verdict && verdict->min_clearance_m == least_m && !verdict->clearance_is_bound;
+  };
+  return least_m && !is_exact(in_snapshot) && !is_exact(in_voxels);
+}
+
 ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapRecord& map,
                                   std::span<const PlanRecord> plans) {
   ExperimentOutcome outcome;
@@ -224,7 +243,7 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
                         });
   outcome.fault = map.fault;
   outcome.success = !outcome.interrupted && !outcome.fault && !map.steps.empty() &&
-                    !plans.empty() && succeeded == plans.size();
+                    map.nothing.empty() && !plans.empty() && succeeded == plans.size();
   outcome.verdict = verdict_text(map, plans, outcome.interrupted, succeeded);
   outcome.table = table_text(map, plans);
 

@@ -52,6 +52,8 @@ struct MapRecord {
   std::shared_ptr<const DistanceField> field;
   std::int64_t occupied_vox = 0;
   std::int64_t known_vox = 0;
+  std::string left_out;  ///< Which frames of the source are not in it, in words; empty if all are.
+  std::string nothing;   ///< Why there is nothing in it to plan among; empty if there is.
   bool interrupted = false;
   std::optional<Error> fault;  ///< That ended the run before its end, mapping or planning.
 };
@@ -90,6 +92,8 @@ struct PlanRecord {
   /// The smaller of both checks in the map; nothing if none was made. The true scene, whose floor
   /// the robot stands on, has its clearance in its own verdict.
   [[nodiscard]] std::optional<double> min_clearance_m() const noexcept;
+  /// Whether that is as far as was looked: nothing was found nearer.
+  [[nodiscard]] bool clearance_is_bound() const noexcept;
 };
 
 }  // namespace sidestep

@@ -396,7 +396,7 @@ ExperimentType planner_benchmark_experiment() {
   type.blocks = {"robot"};
   type.optional_blocks = {"planning", "check"};
   // The race times what it finds anew always, guesses by `seeds`, and has `deadline_s`.
-  type.unused_of_planning = {"retime", "time_limit_s", "attempts"};
+  type.unused_of_planning = {"max_unknown_share", "retime", "time_limit_s", "attempts"};
   type.check = &check_planner_benchmark;
   type.run = &run_planner_benchmark;
   type.fill = &fill_planners;

@@ -47,19 +47,33 @@ std::string map_section(const Json& summary) {
   return html + "</pre></details>\n";
 }
 
+/// Clearances as far as was looked say so.
+std::string clearance_cell(const Json& of) {
+  const std::string clear = cell(at(of, "/min_clearance_m"), "%.3f m");
+  return at(of, "/clearance_is_bound") == Json(true) ? "at least " + clear : clear;
+}
+
+/// The plans with their clearances in words, as "/clearance".
+Json with_clearances(Json plans) {
+  for (Json& plan : plans) {
+    if (plan.is_object()) plan["clearance"] = clearance_cell(plan);
+  }
+  return plans;
+}
+
 std::string plans_table(const Json& plans) {
   return html_table(Columns{{"plan", "/name"},
                             {"result", "/success", "success|failed"},
                             {"valid in the field", "/valid_snapshot"},
                             {"valid independently", "/valid_independent"},
-                            {"clearance", "/min_clearance_m", "%.3f m"},
+                            {"clearance", "/clearance"},
                             {"optimised duration", "/retiming/before_s", "%.2f s"},
                             {"duration", "/duration_s", "%.2f s"},
                             {"solve", "/solve_ms", "%.1f ms"},
                             {"iterations", "/iterations"},
                             {"cost", "/cost", "%.4g"},
                             {"attempts", "/attempts"}},
-                    plans);
+                    with_clearances(plans));
 }
 
 std::string checks_table(const Json& plan) {
@@ -70,10 +84,10 @@ std::string checks_table(const Json& plan) {
         {"scene", "collision shapes in the true scene, its floor included"}}) {
     const Json check = at(plan, ("/checks/" + std::string(key)).c_str());
     if (!check.is_object()) continue;
-    rows.push_back(
-        {words, cell(at(check, "/outcome")), cell(at(check, "/min_clearance_m"), "%.3f m"),
-         cell(at(check, "/min_clearance_link")), cell(at(check, "/min_clearance_time_s"), "%.2f s"),
-         cell(at(check, "/min_self_clearance_m"), "%.3f m")});
+    rows.push_back({words, cell(at(check, "/outcome")), clearance_cell(check),
+                    cell(at(check, "/min_clearance_link")),
+                    cell(at(check, "/min_clearance_time_s"), "%.2f s"),
+                    cell(at(check, "/min_self_clearance_m"), "%.3f m")});
   }
   if (rows.empty()) return "";
   return html_table({"check", "outcome", "clearance", "of", "at", "self-clearance"}, rows);
@@ -197,7 +211,7 @@ struct Comparison {
 /// A run without a plan is a row, too.
 Json plans_of(const Json& summary) {
   const Json plans = at(summary, "/plans");
-  return plans.empty() ? Json::array({{{"success", false}}}) : plans;
+  return plans.empty() ? Json::array({{{"success", false}}}) : with_clearances(plans);
 }
 
 Json studied_fields_of(const Json& summary) {
@@ -216,7 +230,7 @@ const std::vector<Comparison> kComparisons = {
     {"plan",
      {{"plan", "/name"},
       {"result", "/success", "success|failed"},
-      {"clearance", "/min_clearance_m", "%.3f m"},
+      {"clearance", "/clearance"},
       {"duration", "/duration_s", "%.2f s"},
       {"solve", "/solve_ms", "%.1f ms"},
       {"iterations", "/iterations"},

@@ -115,9 +115,18 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
   return Parameters<S>()
       .add("unknown", &S::unknown, "What space that no frame has seen counts as.", space)
       .add("outside", &S::outside, "What space outside the map counts as.", space)
-      .add("floor", &S::floor,
-           "The plane that the robot stands on, which maps leave out (`floor_clearance_m`): "
-           "everything below is occupied, inside the map and outside it. Left out: no floor.")
+      .add(
+          "floor", &S::floor,
+          "The plane that the robot stands on, which maps leave out (`floor_clearance_m`): "
+          "everything below is occupied, inside the map and outside it. Left out in a `plan`, "
+          "`replan` or `deploy` experiment: for a robot with a driving base the floor at height 0, "
+          "except for the links whose height no planned joint changes; give a `height_m` far below "
+          "to have none. Robots without one, and the other experiments, which pose the problems of "
+          "others, have no floor but the one that is given.")
+      .add("max_unknown_share", &S::max_unknown_share,
+           "Largest share of a plan's checks of spheres that may lie in space that no frame has "
+           "seen or outside the map; a plan above it fails.",
+           {.min = 0.0, .max = 1.0})
       .add("dt_s", &S::dt_s, "Time between support states.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
       .add("speed_fraction", &S::speed_fraction,

@@ -25,6 +25,7 @@ class TaskReader {
     const Transform target =
         transform_from_xyz_rpy(entry.position_m, entry.rpy_rad.value_or(Eigen::Vector3d::Zero()));
     task_.frees_goal = true;
+    task_.target = entry;
     add(*block, Placement::kGoal,
         entry.rpy_rad ? make_link_pose_cost(robot_, entry.link, target, entry.sigma_position_m,
                                             entry.sigma_rotation_rad)

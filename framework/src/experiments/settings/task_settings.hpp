@@ -52,6 +52,7 @@ struct PostureCostEntry {
 struct Task {
   std::vector<CostTerm> terms;
   bool frees_goal = false;  ///< The terms at kGoal are to say where the robot ends.
+  std::optional<EndEffectorEntry> target = {};  ///< `end_effector`, which is among them.
 };
 
 /// Reads the task of an item of `experiment.plans`. Appends a kConfig error for each name that is

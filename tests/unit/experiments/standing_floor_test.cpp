@@ -1,0 +1,137 @@
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sidestep/robot/kinematic_tree.hpp>
+
+#include "settings/standing_floor.hpp"
+
+namespace sidestep {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+/// A chain of links, each of which has a ball, and is moved by a joint of its own or is fixed.
+class ChainMaker {
+ public:
+  ChainMaker() { robot_.name = "chain"; }
+
+  ChainMaker& add(const std::string& name, TreeJoint::Motion motion, const Eigen::Vector3d& axis,
+                  Joint::Type type = Joint::Type::kPrismatic) {
+    TreeJoint joint{name};
+    joint.motion = motion;
+    joint.axis = axis;
+    if (motion != TreeJoint::Motion::kFixed) {
+      joint.joint = robot_.dof();
+      const bool is_endless = type == Joint::Type::kContinuous;
+      robot_.joints.push_back(
+          {name, type, is_endless ? -INFINITY : -1.0, is_endless ? INFINITY : 1.0, 1.0, 1.0});
+    }
+    return add(joint);
+  }
+  ChainMaker& add(const TreeJoint& joint) {
+    const int link = static_cast<int>(robot_.links.size());
+    robot_.links.push_back({joint.name, link - 1});
+    robot_.spheres.push_back({link, Eigen::Vector3d::Zero(), 0.1});
+    joints_.push_back(joint);
+    return *this;
+  }
+  ChainMaker& drive() {
+    return add("world", TreeJoint::Motion::kFixed, Eigen::Vector3d::UnitZ())
+        .add("x", TreeJoint::Motion::kTranslation, Eigen::Vector3d::UnitX())
+        .add("y", TreeJoint::Motion::kTranslation, Eigen::Vector3d::UnitY())
+        .add("t", TreeJoint::Motion::kRotation, Eigen::Vector3d::UnitZ(), Joint::Type::kContinuous);
+  }
+  [[nodiscard]] std::shared_ptr<const RobotModel> robot() const {
+    auto tree = KinematicTree::create(robot_, joints_);
+    EXPECT_TRUE(tree) << tree.error().describe();
+    return std::shared_ptr<const RobotModel>(std::move(*tree));
+  }
+
+ private:
+  RobotDescription robot_;
+  std::vector<TreeJoint> joints_;
+};
+
+const Eigen::Vector3d kUp = Eigen::Vector3d::UnitZ();
+constexpr auto kRotation = TreeJoint::Motion::kRotation;
+constexpr auto kTranslation = TreeJoint::Motion::kTranslation;
+
+TEST(StandingFloor, IsThereForWhatAPlannedJointRaises) {
+  TreeJoint tilted{"tilted"};  // fixed, a quarter turn about x: its y is the vertical
+  tilted.T_parent_joint.rotate(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
+  const auto robot = ChainMaker()
+                         .drive()
+                         .add(tilted)
+                         .add("pan", kRotation, Eigen::Vector3d::UnitY(), Joint::Type::kRevolute)
+                         .add("lift", kTranslation, Eigen::Vector3d::UnitY())
+                         .add("hand", TreeJoint::Motion::kFixed, kUp)
+                         .robot();
+  const auto floor = standing_floor(*robot);
+  ASSERT_TRUE(floor);
+  EXPECT_EQ(floor->height_m, 0.0);
+  EXPECT_THAT(floor->except_links, ElementsAre("world", "x", "y", "t", "tilted", "pan"));
+}
+
+TEST(StandingFloor, SeesAJointThatIsHeldAtAnAngle) {
+  TreeJoint held{"held"};  // turned about x by a quarter, so that what slides along y rises
+  held.motion = kRotation;
+  held.axis = Eigen::Vector3d::UnitX();
+  held.offset = M_PI / 2;
+  const auto robot = ChainMaker()
+                         .drive()
+                         .add(held)
+                         .add("level", kTranslation, kUp)
+                         .add("rising", kTranslation, Eigen::Vector3d::UnitY())
+                         .robot();
+  const auto floor = standing_floor(*robot);
+  ASSERT_TRUE(floor);
+  EXPECT_THAT(floor->except_links, ElementsAre("world", "x", "y", "t", "held", "level"));
+}
+
+TEST(StandingFloor, IsNoneWhereNothingCanFallIntoIt) {
+  EXPECT_FALSE(standing_floor(*ChainMaker().drive().robot()));  // moves in the plane alone
+  const auto on_a_table = ChainMaker()
+                              .add("turn", kRotation, kUp, Joint::Type::kContinuous)
+                              .add("lift", kTranslation, kUp)
+                              .robot();
+  EXPECT_FALSE(standing_floor(*on_a_table));
+  const auto crane = ChainMaker()
+                         .add("x", kTranslation, Eigen::Vector3d::UnitX())
+                         .add("y", kTranslation, Eigen::Vector3d::UnitY())
+                         .add("z", kTranslation, kUp)
+                         .add("turn", kRotation, kUp, Joint::Type::kContinuous)
+                         .robot();
+  EXPECT_FALSE(standing_floor(*crane));
+}
+
+TEST(StandingFloor, GivesWayToTheOneThatIsGiven) {
+  const auto robot = ChainMaker().drive().add("lift", kTranslation, kUp).robot();
+  PlanningSettings planning;
+  planning.floor.emplace().height_m = -100.0;
+  stand_on_floor(planning, *robot);
+  EXPECT_EQ(planning.floor->height_m, -100.0);
+  planning.floor.reset();
+  stand_on_floor(planning, *robot);
+  ASSERT_TRUE(planning.floor);
+  EXPECT_EQ(planning.floor->height_m, 0.0);
+}
+
+TEST(StandingFloor, RefusesATargetBelowIt) {
+  Task task;
+  std::optional<FloorEntry> floor;
+  floor.emplace().except_links = {"base"};
+  EXPECT_EQ(target_below_floor(task, floor), "");
+  task.target = EndEffectorEntry{.link = "hand", .position_m = {1.0, 1.0, -0.03}};
+  EXPECT_EQ(target_below_floor(task, floor), "hand is to be 0.030 m below the floor");
+  EXPECT_EQ(target_below_floor(task, std::nullopt), "");
+  task.target->link = "base";
+  EXPECT_EQ(target_below_floor(task, floor), "");
+  task.target = EndEffectorEntry{.link = "hand", .position_m = {1.0, 1.0, 0.03}};
+  EXPECT_EQ(target_below_floor(task, floor), "");
+}
+
+}  // namespace
+}  // namespace sidestep
