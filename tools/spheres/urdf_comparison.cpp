@@ -57,7 +57,7 @@ Result<void> load_meshes(UrdfModel& urdf, const std::vector<fs::path>& package_p
   for (UrdfLink& link : urdf.links) {
     for (urdf_robot::UrdfShape& shape : link.shapes) {
       if (shape.mesh_uri.empty()) continue;
-      auto mesh = finder.load(shape.mesh_uri, shape.mesh_scale);
+      auto mesh = finder.load(shape.mesh_uri, shape.mesh_scale, shape.mark);
       if (mesh) {
         shape.shape = std::move(*mesh);
       } else {

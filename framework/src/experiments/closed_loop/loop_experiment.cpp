@@ -21,16 +21,7 @@ ExperimentType loop_experiment() {
 
 void check_loop(const Configuration& configuration, Host& host, const CheckOwn& check_own,
                 std::vector<Error>& errors) {
-<<<<<<< HEAD
-  std::vector<Error> told;
-  host.check(PluginKind::kRobot, block_of(configuration, "robot"), told);
-  if (!told.empty()) return;
-  const auto robot = make_run_robot(configuration, host, errors);
-=======
-  const Node& sampler = block_of(configuration, "sampler");
-  if (!sampler.is_null()) host.check(PluginKind::kOptimiser, sampler, errors);
   const auto robot = checked_robot(configuration, host, errors);
->>>>>>> w_urdf
   if (robot == nullptr) return;
   check_own(robot, errors);
   check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
