@@ -1,6 +1,8 @@
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "conformance/robot_conformance.hpp"
+#include "rigid_body.hpp"
 #include "robot_testing.hpp"
 #include "sphere_cover.hpp"
 
@@ -146,6 +148,52 @@ TEST_F(Hsr, SpheresCoverTheShapes) {
   std::cout << "spheres " << robot_->description().spheres.size() << ", largest protrusion "
             << report.protrusion_m << " m (" << report.protrusion_link << "), volume x "
             << report.volume_ratio << "\n";
+}
+
+// What is public of the robot's outside: its diameter of 430 mm and least height of 1.005 m,
+// wheels, cameras and finger tips of its description, an Xtion's width of 180 mm, and a point of
+// the shell around the column.
+TEST_F(Hsr, EnclosesItsPublicDimensions) {
+  std::vector<std::pair<std::string, Eigen::Vector3d>> outside;
+  for (int i = 0; i < 32; ++i) {
+    const double turn = i * std::numbers::pi / 16.0;
+    outside.push_back({"base_link", {0.215 * std::cos(turn), 0.215 * std::sin(turn), 0.1}});
+  }
+  for (const double side : {-1.0, 1.0}) {
+    outside.push_back({"base_link", {0.038, 0.183 * side, 0.58}});
+    outside.push_back({"base_link", {-0.15, 0.148 * side, 0.04}});   // driven wheels
+    outside.push_back({"base_link", {-0.11, 0.148 * side, 0.002}});  // 2 mm above the floor
+    outside.push_back({"base_link", {0.1795, 0.055 * side, 0.03}});  // castors
+    outside.push_back({"base_link", {0.1495, 0.085 * side, 0.03}});
+    outside.push_back({"head_tilt_link", {0.02, 0.07 * side, 0.061}});  // stereo cameras
+    outside.push_back({"head_rgbd_sensor_link", {0.022 + 0.09 * side, 0.0, 0.0}});
+  }
+  // Where the meshes stood out of earlier shapes: the carriage's plate, the forearm's lower end,
+  // the wrist.
+  outside.push_back({"arm_lift_link", {0.047, -0.075, -0.126}});
+  outside.push_back({"arm_lift_link", {0.098, 0.075, -0.126}});
+  outside.push_back({"arm_roll_link", {-0.042, 0.049, -0.108}});
+  outside.push_back({"arm_roll_link", {0.016, 0.06, -0.103}});
+  outside.push_back({"wrist_roll_link", {0.0, 0.043, 0.09}});
+  outside.push_back({"wrist_roll_link", {0.0, -0.043, 0.13}});
+  outside.push_back({"base_range_sensor_link", {0.0, 0.0, 0.0}});
+  outside.push_back({"hand_camera_frame", {0.0, 0.0, 0.0}});
+  outside.push_back({"hand_l_finger_tip_frame", {0.0, 0.0, 0.0}});
+  outside.push_back({"hand_r_finger_tip_frame", {0.0, 0.0, 0.0}});
+  const RobotDescription& robot = robot_->description();
+  const auto bodies = rigid_bodies(*robot_);
+  for (const auto& [link, p_link] : outside) {
+    const int index = robot.link_index(link).value();
+    const auto body = std::ranges::find_if(
+        bodies, [&](const RigidBody& its) { return its.find(index) != nullptr; });
+    const Eigen::Vector3d p = body->find(index)->T_body_link * p_link;
+    EXPECT_LE(signed_distance_m(*body, p), 0.0) << link << " " << p_link.transpose();
+    double spheres_m = 1.0;
+    for (const BodySphere& sphere : spheres_of(*body, robot.spheres)) {
+      spheres_m = std::min(spheres_m, (p - sphere.p_body).norm() - sphere.radius_m);
+    }
+    EXPECT_LE(spheres_m, 0.0) << link << " " << p_link.transpose();
+  }
 }
 
 TEST_F(Hsr, ReachPosesReachWhatTheirNamesSay) {
