@@ -26,7 +26,9 @@ constexpr double kMostParts = 1000.0;
 class VerdictBuilder final : public ClearanceProver::Listener {
  public:
   VerdictBuilder(const ClearanceProver& prover, bool first_only)
-      : prover_(prover), first_only_(first_only) {}
+      : prover_(prover),
+        first_only_(first_only),
+        looks_(static_cast<std::size_t>(prover.sphere_count())) {}
 
   bool on_reading(double t, int item, const ClearanceReading& reading) override {
     if (prover_.violates(item, reading)) ledger_.add(violation_of(prover_, item, reading, t));
@@ -34,8 +36,9 @@ class VerdictBuilder final : public ClearanceProver::Listener {
       min_self_clearance_m_ = std::min(min_self_clearance_m_, reading.clearance_m);
       return true;
     }
-    ++sphere_checks_;
-    if (reading.status != FieldStatus::kKnown) ++unknown_checks_;
+    Looks& looks = looks_[static_cast<std::size_t>(item)];
+    ++looks.all;
+    if (reading.status != FieldStatus::kKnown) ++looks.unknown;
     if (reading.clearance_m < min_clearance_m_) {
       min_clearance_m_ = reading.clearance_m;
       min_clearance_item_ = item;
@@ -70,14 +73,41 @@ class VerdictBuilder final : public ClearanceProver::Listener {
       verdict.min_clearance_link = robot.links[static_cast<std::size_t>(link)].name;
       verdict.min_clearance_time_s = min_clearance_time_s_;
     }
-    if (sphere_checks_ > 0) {
-      verdict.unknown_share =
-          static_cast<double>(unknown_checks_) / static_cast<double>(sphere_checks_);
-    }
+    tell_unknown(verdict);
     return verdict;
   }
 
  private:
+  /// Checks of a sphere, or of several.
+  struct Looks {
+    std::int64_t all = 0;
+    std::int64_t unknown = 0;
+
+    [[nodiscard]] double unknown_share() const noexcept {
+      return all > 0 ? static_cast<double>(unknown) / static_cast<double>(all) : 0.0;
+    }
+  };
+
+  void tell_unknown(Verdict& verdict) const {
+    const RobotDescription& robot = prover_.robot().description();
+    Looks whole;
+    std::vector<Looks> of_link(robot.links.size());
+    for (std::size_t s = 0; s < looks_.size(); ++s) {
+      const auto link = static_cast<std::size_t>(robot.spheres[s].link);
+      for (Looks* sum : {&whole, &of_link[link]}) {
+        sum->all += looks_[s].all;
+        sum->unknown += looks_[s].unknown;
+      }
+    }
+    verdict.unknown_share = whole.unknown_share();
+    for (std::size_t link = 0; link < of_link.size(); ++link) {
+      const double share = of_link[link].unknown_share();
+      if (share <= verdict.most_unknown_share) continue;
+      verdict.most_unknown_share = share;
+      verdict.most_unknown_link = robot.links[link].name;
+    }
+  }
+
   const ClearanceProver& prover_;
   bool first_only_;
   ViolationLedger ledger_;
@@ -86,8 +116,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
   double min_clearance_time_s_ = 0.0;
   bool clearance_is_bound_ = false;
   double min_self_clearance_m_ = std::numeric_limits<double>::infinity();
-  std::int64_t sphere_checks_ = 0;
-  std::int64_t unknown_checks_ = 0;
+  std::vector<Looks> looks_;  ///< Of each sphere.
 };
 
 class FieldCheck final : public ValidityCheck {

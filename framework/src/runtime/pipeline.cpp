@@ -1,5 +1,7 @@
 #include <sidestep/runtime/pipeline.hpp>
 
+#include <algorithm>
+
 #include <sidestep/core/time.hpp>
 #include <sidestep/runtime/guarded.hpp>
 
@@ -44,6 +46,14 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     }
     if (!update) return tl::make_unexpected(std::move(update.error()));
     step.update = std::move(*update);
+    if (!has_content()) {
+      skip({ErrorCode::kBadFrame,
+            "the map is empty: nothing that frame " + std::to_string(step.frame_sequence) +
+                " measured lies in it",
+            parts_.names.mapper, "see mapper.origin_m, mapper.size_vox and mapper.max_range_m",
+            nullptr});
+      continue;
+    }
 
     watch.restart();
     if (step.update.grid_moved) {
@@ -73,6 +83,15 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     }
     return step;
   }
+}
+
+bool MappingPipeline::has_content() {
+  if (has_content_) return true;
+  const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
+  has_content_ = occupancy == nullptr ||
+                 std::ranges::any_of(occupancy->known().words,
+                                     [](std::uint64_t word) { return word != 0; });
+  return has_content_;
 }
 
 void MappingPipeline::skip(Error error) {

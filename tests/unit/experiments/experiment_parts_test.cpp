@@ -202,7 +202,7 @@ TEST(PlanSummary, TellsHowMuchOfTheWayNobodyHasSeen) {
 TEST(PlanSummary, OfAnEmptyMapIsAFailure) {
   MapRecord map;
   map.steps.resize(3);
-  map.nothing = "no frame has a single valid depth";
+  map.empty_reason = "no frame has a single valid depth";
   const ExperimentOutcome outcome = summarise_plans({}, map, {});
   EXPECT_FALSE(outcome.success);
   EXPECT_EQ(outcome.verdict, "Failed: the map is empty: no frame has a single valid depth.");

@@ -2,7 +2,6 @@
 #include <numbers>
 
 #include "conformance/robot_conformance.hpp"
-#include "rigid_body.hpp"
 #include "robot_testing.hpp"
 #include "sphere_cover.hpp"
 
@@ -180,18 +179,37 @@ TEST_F(Hsr, EnclosesItsPublicDimensions) {
   outside.push_back({"hand_camera_frame", {0.0, 0.0, 0.0}});
   outside.push_back({"hand_l_finger_tip_frame", {0.0, 0.0, 0.0}});
   outside.push_back({"hand_r_finger_tip_frame", {0.0, 0.0, 0.0}});
+  // What holds a point is of its link or of one fixed to it.
+  const std::map<std::string, std::string> fixed_to = {
+      {"base_link", "base_body_link"},
+      {"hand_camera_frame", "hand_palm_link"},
+      {"hand_l_finger_tip_frame", "hand_l_distal_link"},
+      {"hand_r_finger_tip_frame", "hand_r_distal_link"}};
   const RobotDescription& robot = robot_->description();
-  const auto bodies = rigid_bodies(*robot_);
+  std::vector<Transform> poses(robot.links.size());
+  Scratch scratch;
+  robot_->link_poses(std::vector<double>(robot.joints.size(), 0.0), poses, scratch);
   for (const auto& [link, p_link] : outside) {
-    const int index = robot.link_index(link).value();
-    const auto body = std::ranges::find_if(
-        bodies, [&](const RigidBody& its) { return its.find(index) != nullptr; });
-    const Eigen::Vector3d p = body->find(index)->T_body_link * p_link;
-    EXPECT_LE(signed_distance_m(*body, p), 0.0) << link << " " << p_link.transpose();
-    double spheres_m = 1.0;
-    for (const BodySphere& sphere : spheres_of(*body, robot.spheres)) {
-      spheres_m = std::min(spheres_m, (p - sphere.p_body).norm() - sphere.radius_m);
+    const auto holds = [&, &name = link](int index) {
+      const std::string& other = robot.links[static_cast<std::size_t>(index)].name;
+      return other == name || (fixed_to.contains(name) && other == fixed_to.at(name));
+    };
+    const Eigen::Vector3d p =
+        poses[static_cast<std::size_t>(robot.link_index(link).value())] * p_link;
+    double shapes_m = 1.0;
+    for (const CollisionShape& shape : robot.shapes) {
+      if (!holds(shape.link)) continue;
+      const Transform T = poses[static_cast<std::size_t>(shape.link)] * shape.T_link_shape;
+      shapes_m = std::min(shapes_m, signed_distance_m(shape.shape, T.inverse() * p));
     }
+    double spheres_m = 1.0;
+    for (const CollisionSphere& sphere : robot.spheres) {
+      if (!holds(sphere.link)) continue;
+      const Eigen::Vector3d centre =
+          poses[static_cast<std::size_t>(sphere.link)] * sphere.centre_link_m;
+      spheres_m = std::min(spheres_m, (p - centre).norm() - sphere.radius_m);
+    }
+    EXPECT_LE(shapes_m, 0.0) << link << " " << p_link.transpose();
     EXPECT_LE(spheres_m, 0.0) << link << " " << p_link.transpose();
   }
 }

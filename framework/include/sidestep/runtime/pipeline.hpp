@@ -61,15 +61,19 @@ class MappingPipeline {
   [[nodiscard]] Result<void> attach();
 
   /// Maps the next frame and publishes the field; nothing at the end of the stream. An
-  /// unusable frame is logged, counted, and skipped.
+  /// unusable frame is logged, counted, and skipped, and so is one that leaves a map in which
+  /// nothing is known yet as it is: a map that knows nothing is never published.
   [[nodiscard]] Result<std::optional<MappingStep>> step(const Deadline& deadline);
 
   [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
 
  private:
   void skip(Error error);
+  /// Whether anything has been known in the map so far; true of mappers that do not tell.
+  [[nodiscard]] bool has_content();
 
   Parts parts_;
+  bool has_content_ = false;
   std::vector<Error> bad_frames_;
 };
 

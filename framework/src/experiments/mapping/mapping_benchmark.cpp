@@ -126,16 +126,16 @@ Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
 }  // namespace
 
 ExperimentType mapping_benchmark_experiment() {
-  return {"mapping_benchmark",
-          "Systems of mapper and field on the same frames: time, accuracy, memory",
-          [] { return MappingBenchmarkSettings::parameters().schema(); },
-          {"source"},
-          &check_mapping_benchmark,
-          &run_mapping_benchmark,
-          &fill_plugin_defaults,
-          {},
-          {},
-          {"robot"}};
+  ExperimentType type;
+  type.name = "mapping_benchmark";
+  type.doc = "Systems of mapper and field on the same frames: time, accuracy, memory";
+  type.schema = [] { return MappingBenchmarkSettings::parameters().schema(); };
+  type.blocks = {"source"};
+  type.optional_blocks = {"robot"};
+  type.check = &check_mapping_benchmark;
+  type.run = &run_mapping_benchmark;
+  type.fill = &fill_plugin_defaults;
+  return type;
 }
 
 }  // namespace sidestep

@@ -25,14 +25,14 @@ struct System {
 
   /// Why nothing of what was measured is in the map; empty where something is.
   [[nodiscard]] std::string emptiness() const {
-    const auto has_any = [](const VoxelBits& bits) {
-      return std::ranges::any_of(bits.words, [](std::uint64_t word) { return word != 0; });
-    };
-    const bool is_known = occupancy == nullptr || has_any(occupancy->known());
-    const bool is_occupied = occupancy != nullptr && has_any(occupancy->occupied());
-    if (is_known && (is_occupied || points.reaches_grid())) return "";
-    return "the map is empty: " +
-           points.describe(mapper->grid(), PointSurvey::Keys::kMappingBenchmark);
+    constexpr auto kKeys = PointSurvey::Keys::kMappingBenchmark;
+    std::string why;
+    if (occupancy != nullptr) {
+      why = points.emptiness(*occupancy, kKeys);
+    } else if (!points.reaches_grid()) {
+      why = points.describe(mapper->grid(), kKeys);
+    }
+    return why.empty() ? "" : "the map is empty: " + why;
   }
 };
 

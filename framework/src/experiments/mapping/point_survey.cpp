@@ -11,6 +11,8 @@ namespace {
 constexpr int kSampledColumns = 80;
 constexpr int kCoarsest_px = 8;
 constexpr std::size_t kEveryPoint = 8;  ///< Of a cloud.
+/// No point of a floor at height 0 appears higher than this, by noise or a camera's tilt.
+constexpr double kFloor_m = 0.2;
 
 /// As a configuration has it: "[1.5, -2, 0]".
 std::string list(const Eigen::Vector3d& values) {
@@ -73,7 +75,17 @@ void PointSurvey::add_point(const Eigen::Vector3d& p_camera, const Transform& T_
   if ((p_world.array() >= grid.origin_m.array()).all() &&
       (p_world.array() < grid.upper_m().array()).all()) {
     ++in_grid_;
+    if (p_world.z() > kFloor_m) ++above_floor_;
   }
+}
+
+std::string PointSurvey::emptiness(const OccupancyView& map, Keys keys) const {
+  const auto has_any = [](const VoxelBits& bits) {
+    return std::ranges::any_of(bits.words, [](std::uint64_t word) { return word != 0; });
+  };
+  const bool is_floor = reaches_grid() && above_floor_ == 0;
+  if (has_any(map.known()) && (has_any(map.occupied()) || is_floor)) return "";
+  return describe(map.occupancy_grid(), keys);
 }
 
 std::string PointSurvey::describe(const GridSpec& grid, Keys keys) const {
@@ -91,7 +103,8 @@ std::string PointSurvey::describe(const GridSpec& grid, Keys keys) const {
           ? "mapper.origin_m: " + list(voxel_m * first) + " and mapper.size_vox: " + list(size_vox)
           : "experiment.origin_m: " + list(voxel_m * first) +
                 " and experiment.extent_m: " + list(voxel_m * size_vox);
-  return (reaches_grid() ? "points lie in the map, but it knows of none: they lie "
+  return (reaches_grid() ? "points lie in the map, but it holds none of them (mapper.max_range_m, "
+                            "mapper.floor_clearance_m): they lie "
                          : "no point of any frame lies in the map: they lie ") +
          from_to(box_m_.min(), box_m_.max()) + ", the map " +
          from_to(grid.origin_m, grid.upper_m()) + "; " + held + " would hold them";

@@ -8,6 +8,7 @@
 
 #include <sidestep/core/node.hpp>
 #include <sidestep/geometry/grid.hpp>
+#include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/sensing/frame.hpp>
 
 namespace sidestep {
@@ -16,6 +17,9 @@ namespace sidestep {
 /// which there are none. [mapping]
 class PointSurvey {
  public:
+  /// Keys of a configuration that say where a map lies.
+  enum class Keys { kMapper, kMappingBenchmark };
+
   /// Points farther from the camera than this are no part of a map; infinity: none is.
   explicit PointSurvey(double max_range_m = std::numeric_limits<double>::infinity())
       : max_range_m_(max_range_m) {}
@@ -27,9 +31,11 @@ class PointSurvey {
 
   /// Of the points within range, world frame; empty where there are none.
   [[nodiscard]] const Eigen::AlignedBox3d& box_m() const noexcept { return box_m_; }
+  /// Whether any point lies in the grid.
   [[nodiscard]] bool reaches_grid() const noexcept { return in_grid_ > 0; }
-  /// Keys of a configuration that say where a map lies.
-  enum class Keys { kMapper, kMappingBenchmark };
+  /// Why a map is empty, in words of `keys`; empty if it is not. A map is empty that knows nothing,
+  /// and one without an occupied voxel, unless all that lies in its grid is bare floor.
+  [[nodiscard]] std::string emptiness(const OccupancyView& map, Keys keys) const;
   /// Where the points lie against the grid, and what would hold them.
   [[nodiscard]] std::string describe(const GridSpec& grid, Keys keys) const;
 
@@ -40,6 +46,7 @@ class PointSurvey {
   double max_range_m_;
   double nearest_m_ = std::numeric_limits<double>::infinity();  ///< To the camera, out of range.
   std::int64_t in_grid_ = 0;
+  std::int64_t above_floor_ = 0;  ///< Of those, higher than a floor may appear.
   Eigen::AlignedBox3d box_m_;
 };
 

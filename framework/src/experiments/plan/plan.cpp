@@ -316,11 +316,7 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   if (!map) return tl::make_unexpected(std::move(map.error()));
   map->occupied_vox = count(parts->occupancy->occupied());
   map->known_vox = count(parts->occupancy->known());
-  const PointSurvey& points = source.survey();
-  // Of a room whose bare floor is all there is to see, mappers insert nothing.
-  if (map->known_vox == 0 || (map->occupied_vox == 0 && !points.reaches_grid())) {
-    map->nothing = points.describe(parts->occupancy->occupancy_grid(), PointSurvey::Keys::kMapper);
-  }
+  map->empty_reason = source.survey().emptiness(*parts->occupancy, PointSurvey::Keys::kMapper);
   map->left_out = source.left_out();
   if (!map->left_out.empty()) context.log.warn(map->left_out + " (experiment.max_frames)");
   record_bad_frames(map->bad_frames, recorder);
@@ -329,7 +325,7 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
 
   PlanShow show(context.observer, map->steps.empty() ? Stamp{} : map->steps.back().stamp);
   std::vector<PlanRecord> plans;
-  if (!map->steps.empty() && map->nothing.empty() && !map->interrupted && !map->fault) {
+  if (!map->steps.empty() && map->empty_reason.empty() && !map->interrupted && !map->fault) {
     // Held here, so that what was measured before a robot throws is kept.
     auto done = contained("planning", [&] {
       return make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans,
@@ -389,16 +385,16 @@ Parameters<PlanExperimentSettings> PlanExperimentSettings::parameters() {
 }
 
 ExperimentType plan_experiment() {
-  return {"plan",
-          "A map from a source, and one or more plans through it",
-          [] { return PlanExperimentSettings::parameters().schema(); },
-          {"robot", "source", "mapper", "field", "optimiser", "planning"},
-          &check_plans,
-          &run_plan,
-          &fill_plans,
-          {},
-          {},
-          {"check"}};
+  ExperimentType type;
+  type.name = "plan";
+  type.doc = "A map from a source, and one or more plans through it";
+  type.schema = [] { return PlanExperimentSettings::parameters().schema(); };
+  type.blocks = {"robot", "source", "mapper", "field", "optimiser", "planning"};
+  type.optional_blocks = {"check"};
+  type.check = &check_plans;
+  type.run = &run_plan;
+  type.fill = &fill_plans;
+  return type;
 }
 
 }  // namespace sidestep

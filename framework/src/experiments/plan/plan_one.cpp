@@ -35,14 +35,14 @@ std::string endpoint_problem(const Problem& problem, const Trajectory& trajector
   return miss.empty() ? "" : "the trajectory ends with " + miss;
 }
 
-/// Whether more of the way than may be is where nobody looked; empty if not.
+/// Whether any link goes through more than it may of where nobody looked; empty if not.
 std::string unseen_problem(const PlanWorld& world, const Verdict& verdict) {
   const double most = world.planning.max_unknown_share;
-  if (verdict.unknown_share <= most) return "";
-  return format("%.1f %%", 100.0 * verdict.unknown_share) +
-         " of the robot's way is in space that no frame has seen or outside the map, and "
-         "planning.max_unknown_share is " +
-         format("%.1f %%", 100.0 * most) + ": look there first (map more frames), or raise it";
+  if (verdict.most_unknown_share <= most) return "";
+  return verdict.most_unknown_link + " is in space that no frame has seen or outside the map in " +
+         format("%.1f %%", 100.0 * verdict.most_unknown_share) +
+         " of its checks, and planning.max_unknown_share is " + format("%.1f %%", 100.0 * most) +
+         ": look there first (map more frames), or raise it";
 }
 
 /// Runs the checks on the record's trajectory and states the first reason to refuse it.

@@ -32,7 +32,7 @@ Json map_json(const MapRecord& map) {
   Json json = {{"frame_ms", times(frame)},         {"read_ms", times(read)},
                {"integrate_ms", times(integrate)}, {"field_ms", times(field)},
                {"occupied_vox", map.occupied_vox}, {"known_vox", map.known_vox},
-               {"nothing", map.nothing},           {"left_out", map.left_out}};
+               {"empty_reason", map.empty_reason}, {"left_out", map.left_out}};
   if (map.field) {
     const GridSpec& grid = map.field->info().grid;
     json["unknown_share"] =
@@ -115,6 +115,10 @@ Json plan_json(const PlanRecord& plan) {
       {"status", plan.attempts > 0 ? Json(to_string(solution.status)) : Json(nullptr)},
       {"attempts", plan.attempts},
       {"unknown_share", plan.in_snapshot ? Json(plan.in_snapshot->unknown_share) : Json(nullptr)},
+      {"most_unknown_share",
+       plan.in_snapshot ? Json(plan.in_snapshot->most_unknown_share) : Json(nullptr)},
+      {"most_unknown_link",
+       plan.in_snapshot ? Json(plan.in_snapshot->most_unknown_link) : Json(nullptr)},
       {"checks",
        {{"snapshot", verdict_json(plan.in_snapshot)},
         {"voxels", verdict_json(plan.in_voxels)},
@@ -154,7 +158,7 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
     if (!map.bad_frames.empty()) text += "; the first: " + map.bad_frames.front().describe();
     return text + ".";
   }
-  if (!map.nothing.empty()) return "Failed: the map is empty: " + map.nothing + left_out + ".";
+  if (!map.empty_reason.empty()) return "Failed: the map is empty: " + map.empty_reason + left_out + ".";
   if (succeeded < plans.size()) {
     std::string text = "Failed: " + std::to_string(plans.size() - succeeded) + " of " +
                        count_of(plans.size(), "plan") + " did not succeed.";
@@ -243,7 +247,7 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
                         });
   outcome.fault = map.fault;
   outcome.success = !outcome.interrupted && !outcome.fault && !map.steps.empty() &&
-                    map.nothing.empty() && !plans.empty() && succeeded == plans.size();
+                    map.empty_reason.empty() && !plans.empty() && succeeded == plans.size();
   outcome.verdict = verdict_text(map, plans, outcome.interrupted, succeeded);
   outcome.table = table_text(map, plans);
 

@@ -124,8 +124,8 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
           "to have none. Robots without one, and the other experiments, which pose the problems of "
           "others, have no floor but the one that is given.")
       .add("max_unknown_share", &S::max_unknown_share,
-           "Largest share of a plan's checks of spheres that may lie in space that no frame has "
-           "seen or outside the map; a plan above it fails.",
+           "Largest share of the checks of any link's spheres that may lie in space that no frame "
+           "has seen or outside the map; a plan above it fails.",
            {.min = 0.0, .max = 1.0})
       .add("dt_s", &S::dt_s, "Time between support states.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
