@@ -61,6 +61,23 @@ TEST_F(UnseenTest, AMapOfNothingIsNoSuccessAndTellsWhatWouldHoldThePoints) {
   EXPECT_THAT(moved.out, Not(HasSubstr("the map is empty")));
 }
 
+TEST_F(UnseenTest, AMapWithoutWhatTheCameraSawIsNoSuccess) {
+  // All of the room passes for its floor.
+  const Finished finished = run_it(kSmall, {"mapper.floor_clearance_m=5"});
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_EQ(summary().at("/map/occupied_vox"_json_pointer), 0);
+  EXPECT_THAT(finished.out, HasSubstr("points lie in the map, but it holds none of them"));
+}
+
+TEST_F(UnseenTest, NoRobotMovesInAMapOfNothing) {
+  const Finished finished =
+      run_it(kSources + "/tests/integration/configs/tiny_deploy.yaml",
+             {"mapper.origin_m=[40,40,0]", "planning.outside=free", "experiment.duration_s=5",
+              "executor.goals=[{at_s: 0.5, goal: {joints: {x: 0.3}}}]"});
+  EXPECT_EQ(finished.exit_code, 1) << finished.out;
+  EXPECT_THAT(finished.error, HasSubstr("the map is empty: nothing that frame 0 measured lies in"));
+}
+
 TEST_F(UnseenTest, FramesWithoutDepthAreNoSuccess) {
   const Finished finished = run_it(
       kSmall, {"source.camera_path=[{time_s: 0, position_m: [0, 0, 1], look_at_m: [0.1, 0, 9]}]"});

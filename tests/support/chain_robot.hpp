@@ -29,6 +29,7 @@ class ChainRobot final : public RobotModel {
     return description_;
   }
   [[nodiscard]] RobotDescription& description() noexcept { return description_; }
+  [[nodiscard]] std::vector<Step>& steps() noexcept { return steps_; }
 
   void link_poses(std::span<const double> q, std::span<Transform> T_world_link,
                   Scratch&) const override {

@@ -88,9 +88,9 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
 bool MappingPipeline::has_content() {
   if (has_content_) return true;
   const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
-  has_content_ = occupancy == nullptr ||
-                 std::ranges::any_of(occupancy->known().words,
-                                     [](std::uint64_t word) { return word != 0; });
+  has_content_ =
+      occupancy == nullptr ||
+      std::ranges::any_of(occupancy->known().words, [](std::uint64_t word) { return word != 0; });
   return has_content_;
 }
 

@@ -108,6 +108,23 @@ TEST_F(FieldCheckTest, NeverStepsOverAThinWall) {
   EXPECT_EQ(verdict.outcome, Verdict::Outcome::kInvalid);
 }
 
+TEST_F(FieldCheckTest, TellsTheLinkThatIsUnseenTheMost) {
+  world_.unknown = {Aabb{{0.0, 1.3, -1.0}, {2.0, 2.0, 1.0}}};
+  space_.unknown = Space::kFree;
+  // A hand of one sphere, all the way where nobody looked, beside a body of nine.
+  RobotDescription& robot = robot_->description();
+  robot.spheres.assign(9, robot.spheres.front());
+  robot.links.push_back({"hand", robot.spheres.front().link});
+  robot_->steps().push_back({{0.0, 0.6, 0.0}});
+  robot.spheres.push_back(
+      {static_cast<int>(robot.links.size()) - 1, Eigen::Vector3d::Zero(), 0.05});
+  const Verdict verdict =
+      check(rest_to_rest(Eigen::Vector3d(0.3, 0.9, 0), Eigen::Vector3d(0.7, 0.9, 0), 2.0));
+  EXPECT_LT(verdict.unknown_share, 0.2);
+  EXPECT_EQ(verdict.most_unknown_share, 1.0);
+  EXPECT_EQ(verdict.most_unknown_link, "hand");
+}
+
 TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
   world_.unknown = {Aabb{{0.5, 0.9, -1.0}, {0.7, 1.1, 1.0}}};
   const Trajectory through =

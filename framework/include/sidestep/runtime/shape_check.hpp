@@ -26,8 +26,8 @@ struct ShapeCheckSettings {
 };
 
 /// The independent check: the collision shapes of the robot's URDF against occupied voxels (as
-/// boxes), the floor and the true scene at its times, and against each other, with FCL. No point of the
-/// robot moves more than max_step_m between two checks, nor more than the clearance found, so
+/// boxes), the floor and the true scene at its times, and against each other, with FCL. No point of
+/// the robot moves more than max_step_m between two checks, nor more than the clearance found, so
 /// that what passes is clear in between, too; where that would take steps below min_step_m the
 /// outcome is kUnproven. Clearances are exact (to 1e-5 m) at the steps; a depth is that into a
 /// single box or shape. Meshes are surfaces: what is wholly inside one does not touch it. Moving

@@ -104,7 +104,7 @@ std::string PointSurvey::describe(const GridSpec& grid, Keys keys) const {
           : "experiment.origin_m: " + list(voxel_m * first) +
                 " and experiment.extent_m: " + list(voxel_m * size_vox);
   return (reaches_grid() ? "points lie in the map, but it holds none of them (mapper.max_range_m, "
-                            "mapper.floor_clearance_m): they lie "
+                           "mapper.floor_clearance_m): they lie "
                          : "no point of any frame lies in the map: they lie ") +
          from_to(box_m_.min(), box_m_.max()) + ", the map " +
          from_to(grid.origin_m, grid.upper_m()) + "; " + held + " would hold them";

@@ -158,7 +158,8 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
     if (!map.bad_frames.empty()) text += "; the first: " + map.bad_frames.front().describe();
     return text + ".";
   }
-  if (!map.empty_reason.empty()) return "Failed: the map is empty: " + map.empty_reason + left_out + ".";
+  if (!map.empty_reason.empty())
+    return "Failed: the map is empty: " + map.empty_reason + left_out + ".";
   if (succeeded < plans.size()) {
     std::string text = "Failed: " + std::to_string(plans.size() - succeeded) + " of " +
                        count_of(plans.size(), "plan") + " did not succeed.";

@@ -53,7 +53,7 @@ struct MapRecord {
   std::int64_t occupied_vox = 0;
   std::int64_t known_vox = 0;
   std::string left_out;  ///< Which frames of the source are not in it, in words; empty if all are.
-  std::string empty_reason;   ///< Why there is nothing in it to plan among; empty if there is.
+  std::string empty_reason;  ///< Why there is nothing in it to plan among; empty if there is.
   bool interrupted = false;
   std::optional<Error> fault;  ///< That ended the run before its end, mapping or planning.
 };
