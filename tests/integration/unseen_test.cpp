@@ -157,5 +157,22 @@ TEST_F(BelowTheFloor, IsRefusedInTheKitchen) {
                  "odom_x: 0.95, odom_y: 1.4, odom_t: 0.6");
 }
 
+// Its configuration names no floor, nor does the one that it builds on.
+TEST_F(BelowTheFloor, IsRefusedInTheClosedLoop) {
+  const Finished joints = run_it(kSources + "/configs/replan/floor_pickup.yaml",
+                                 {"experiment.duration_s=3",
+                                  "experiment.goal={pose: reach_floor, joints: {arm_lift_joint: "
+                                  "0.0, odom_x: 0.4, odom_y: 0.0, "
+                                  "odom_t: 0.0}}"});
+  EXPECT_EQ(joints.exit_code, 1) << joints.out;
+  EXPECT_THAT(joints.out, HasSubstr("below the floor"));
+  const Finished palm =
+      run_it(kSources + "/configs/replan/floor_pickup.yaml",
+             {"experiment.duration_s=3",
+              "experiment.end_effector={link: hand_palm_link, position_m: [0.9, 0.1, -0.03]}"});
+  EXPECT_EQ(palm.exit_code, 1) << palm.out;
+  EXPECT_THAT(palm.out, HasSubstr("hand_palm_link is to be 0.030 m below the floor"));
+}
+
 }  // namespace
 }  // namespace sidestep::testing

@@ -178,7 +178,7 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
                                                  options.path.string());
   if (!selected) return tl::make_unexpected(selected.error());
   if (const auto all = (*sequence)->entries().size(); selected->size() < all) {
-    log.info("hands out " + std::to_string(selected->size()) + " of " + std::to_string(all) +
+    log.warn("hands out " + std::to_string(selected->size()) + " of " + std::to_string(all) +
              " frames, as first_frame, stride and max_frames say");
   }
   const auto size = image_size(*selected, options);

@@ -212,7 +212,7 @@ Result<void> select(const Options& options, const std::string& file, Recording& 
                 file);
   }
   if (selected.size() < all.size()) {
-    log.info("hands out " + std::to_string(selected.size()) + " of " + std::to_string(all.size()) +
+    log.warn("hands out " + std::to_string(selected.size()) + " of " + std::to_string(all.size()) +
              " frames, as first_frame, stride and max_frames say");
   }
   recording.measurements = std::move(selected);

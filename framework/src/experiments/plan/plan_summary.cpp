@@ -179,7 +179,7 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
     const std::string clear = format("%.3f m", *closest->min_clearance_m());
     text += closest->clearance_is_bound()
                 ? "; the robot is at least " + clear + " clear, as far as was looked"
-                : "; the robot comes no closer than " + clear + " to an obstacle";
+                : "; the robot comes no closer than " + clear + " to an obstacle or the floor";
   }
   return text + unseen_text(plans) + left_out + ".";
 }
