@@ -106,9 +106,9 @@ void print_links(const UrdfComparison& comparison) {
 
 }  // namespace
 
-ExitCode against_command(const RobotOptions& options, const KinematicTree& robot, bool drives) {
+ExitCode against_command(const RobotOptions& options, const KinematicTree& robot) {
   const std::string urdf = options.against->string();
-  const auto comparison = compare_with_urdf(robot, drives, urdf, options.package_paths);
+  const auto comparison = compare_with_urdf(robot, urdf, options.package_paths);
   if (!comparison) {
     print_errors({comparison.error()});
     return ExitCode::kConfiguration;

@@ -11,6 +11,7 @@
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/node.hpp>
 
+#include "build_robot.hpp"
 #include "mesh_files.hpp"
 #include "urdf_motion.hpp"
 
@@ -24,7 +25,6 @@ using urdf_robot::UrdfModel;
 
 constexpr int kCorners = 32;        // configurations with each joint at one of its limits
 constexpr int kBetween = 32;        // and anywhere within them
-constexpr int kBaseLinks = 3;       // that a base adds: world, base_x and base_y
 constexpr double kRounding = 1e-6;  // of limits
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
@@ -70,7 +70,8 @@ Result<void> load_meshes(UrdfModel& urdf, const std::vector<fs::path>& package_p
 }
 
 /// The default configuration, and corners and insides of the limits; a base stays where it is.
-std::vector<std::vector<double>> configurations_of(const RobotDescription& robot, bool drives) {
+std::vector<std::vector<double>> configurations_of(const RobotDescription& robot,
+                                                   std::size_t base_joints) {
   std::mt19937_64 random(1);
   const auto share = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
   std::vector<std::vector<double>> configurations;
@@ -81,7 +82,7 @@ std::vector<std::vector<double>> configurations_of(const RobotDescription& robot
       const double lower = std::isfinite(joint.lower) ? joint.lower : -std::numbers::pi;
       const double upper = std::isfinite(joint.upper) ? joint.upper : std::numbers::pi;
       const double drawn = i <= kCorners ? std::round(share()) : share();
-      const bool is_default = i == 0 || (drives && j < 3);
+      const bool is_default = i == 0 || j < base_joints;
       q.push_back(is_default ? std::clamp(0.0, lower, upper) : lower + drawn * (upper - lower));
     }
   }
@@ -91,8 +92,11 @@ std::vector<std::vector<double>> configurations_of(const RobotDescription& robot
 /// Adds to a comparison part by part.
 class Comparer {
  public:
-  Comparer(const KinematicTree& robot, bool drives, const UrdfModel& urdf)
-      : robot_(robot), drives_(drives), urdf_(urdf), motion_(urdf, robot) {
+  Comparer(const KinematicTree& robot, const UrdfModel& urdf)
+      : robot_(robot),
+        base_joints_(urdf_robot::base_joints(robot)),
+        urdf_(urdf),
+        motion_(urdf, robot) {
     for (const UrdfLink& link : urdf.links) own_link_.push_back(own_link(link.name));
   }
 
@@ -110,14 +114,14 @@ class Comparer {
   /// The profile's link of this name, if a URDF can have it; else -1.
   [[nodiscard]] int own_link(const std::string& name) const {
     const auto link = description().link_index(name);
-    return link && (!drives_ || *link >= kBaseLinks) ? *link : -1;
+    return link && at(*link) >= base_joints_ ? *link : -1;  // as many links as joints
   }
 
   [[nodiscard]] bool is_planned(std::size_t link) const { return motion_.value(link).joint != -1; }
 
   void compare_joints() {
     const auto& joints = description().joints;
-    for (std::size_t j = drives_ ? 3 : 0; j < joints.size(); ++j) {
+    for (std::size_t j = base_joints_; j < joints.size(); ++j) {
       const UrdfJoint* const joint = urdf_.find_joint(joints[j].name);
       if (joint == nullptr) {
         const std::string nearest = nearest_name(joints[j].name, urdf_.joint_names());
@@ -209,7 +213,7 @@ class Comparer {
     std::vector<LinkOffset> offsets(urdf_.links.size());
     std::vector<Transform> own_poses(description().links.size());
     Scratch scratch;
-    const auto configurations = configurations_of(description(), drives_);
+    const auto configurations = configurations_of(description(), base_joints_);
     for (const std::vector<double>& q : configurations) {
       robot_.link_poses(q, own_poses, scratch);
       const std::vector<Transform> poses = motion_.link_poses(q);
@@ -247,7 +251,7 @@ class Comparer {
         if (mesh != nullptr) part.shape = indexed_mesh(**mesh);
       }
     }
-    const auto configurations = configurations_of(description(), drives_);
+    const auto configurations = configurations_of(description(), base_joints_);
     const std::vector<Transform> rest = motion_.link_poses(configurations.front());
     if (description().shapes.empty()) {
       out_.notes.push_back("the profile has spheres alone: no shapes are held against the URDF");
@@ -341,7 +345,7 @@ class Comparer {
   }
 
   const KinematicTree& robot_;
-  bool drives_;
+  std::size_t base_joints_;
   const UrdfModel& urdf_;
   UrdfMotion motion_;
   std::vector<int> own_link_;  // of each of the URDF's links; -1 for none
@@ -350,8 +354,7 @@ class Comparer {
 
 }  // namespace
 
-Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, bool drives,
-                                         const fs::path& urdf,
+Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, const fs::path& urdf,
                                          const std::vector<fs::path>& package_paths) {
   std::vector<Error> errors;
   auto model = urdf_robot::read_urdf(urdf, errors);
@@ -359,7 +362,7 @@ Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, bool drives
   if (const auto loaded = load_meshes(*model, package_paths); !loaded) {
     return tl::make_unexpected(loaded.error());
   }
-  return Comparer(robot, drives, *model).run();
+  return Comparer(robot, *model).run();
 }
 
 }  // namespace sidestep

@@ -47,11 +47,10 @@ struct UrdfComparison {
 };
 
 /// What of the URDF's collision shapes lies outside of the profile's shapes and spheres, and
-/// whether the profile moves as the URDF does. drives: the robot's first three joints are its
-/// base's. package_paths: where package:// is looked for. Fails where the URDF or one of its meshes
-/// cannot be read. Seconds. [any]; allocates.
+/// whether the profile moves as the URDF does. package_paths: where package:// is looked for. Fails
+/// where the URDF or one of its meshes cannot be read. Seconds. [any]; allocates.
 [[nodiscard]] Result<UrdfComparison> compare_with_urdf(
-    const KinematicTree& robot, bool drives, const std::filesystem::path& urdf,
+    const KinematicTree& robot, const std::filesystem::path& urdf,
     const std::vector<std::filesystem::path>& package_paths);
 
 }  // namespace sidestep
