@@ -260,7 +260,10 @@ class Comparer {
     bool has_shapes = false;
     for (std::size_t i = 0; i < urdf_.links.size(); ++i) {
       const UrdfLink& link = urdf_.links[i];
-      if (link.shapes.empty() && link.has_visual) bare = listed(bare, link.name);
+      if (link.shapes.empty() && link.has_visual) {
+        bare = listed(bare, link.name);
+        ++out_.bare_links;
+      }
       if (link.shapes.empty()) continue;
       has_shapes = true;
       const auto with = moves_with(i);
@@ -308,7 +311,9 @@ class Comparer {
   void compare_link(const UrdfLink& link, const std::string& with, const Transform& T_body_link,
                     const RigidBody& body) {
     Mesh surface;  // in the body's frame
+    double error_m = 0.0;
     for (const urdf_robot::UrdfShape& shape : link.shapes) {
+      error_m = std::max(error_m, facet_error_m(shape.shape));
       const Mesh own = surface_of(shape.shape);
       const auto first = static_cast<int>(surface.vertices_m.size());
       for (const Eigen::Vector3d& vertex : own.vertices_m) {
@@ -321,10 +326,11 @@ class Comparer {
     const std::vector<BodySphere> spheres = spheres_of(body, description().spheres);
     LinkAgainst against{link.name, with, {}, {}};
     const auto held = [&](const DistanceTo& distance_m, const char* what) {
-      StandingOut out = standing_out(surface, distance_m);
+      StandingOut out = standing_out(surface, distance_m, kMostStandingOut_m - error_m);
+      out.at_most_m += error_m;
       const Eigen::Vector3d p_link = T_body_link.inverse() * out.p_farthest;
       out.p_farthest = (p_link * 1e6).array().round() / 1e6 + 0.0;  // no -0
-      if (out.farthest_m > kMostStandingOut_m) add_finding(link.name, what, out);
+      if (out.at_most_m > kMostStandingOut_m) add_finding(link.name, what, out);
       return out;
     };
     if (!description().shapes.empty()) {
@@ -336,12 +342,18 @@ class Comparer {
 
   void add_finding(const std::string& link, const std::string& what, const StandingOut& out) {
     const Eigen::Vector3d& p = out.p_farthest;
-    out_.findings.push_back("link '" + link + "' " +
-                            (std::isinf(out.farthest_m)
-                                 ? "moves with none of the profile's " + what
-                                 : "stands out of the profile's " + what +
-                                       format(" by %.1f mm at (%.3f, %.3f, %.3f)",
-                                              1e3 * out.farthest_m, p.x(), p.y(), p.z())));
+    std::string finding = "link '" + link + "' ";
+    if (std::isinf(out.farthest_m)) {
+      finding += "moves with none of the profile's " + what;
+    } else {
+      finding +=
+          "stands out of the profile's " + what +
+          format(" by %.1f mm at (%.3f, %.3f, %.3f)", 1e3 * out.farthest_m, p.x(), p.y(), p.z());
+      if (out.farthest_m <= kMostStandingOut_m) {
+        finding += format(", and by no more than %.1f mm elsewhere", 1e3 * out.at_most_m);
+      }
+    }
+    out_.findings.push_back(std::move(finding));
   }
 
   const KinematicTree& robot_;
