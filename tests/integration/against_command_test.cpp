@@ -15,6 +15,7 @@ namespace {
 
 using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
@@ -198,6 +199,43 @@ TEST_F(AgainstCommandTest, FindsWhatSpheresMissThoughShapesHaveIt) {
   EXPECT_NEAR(std::abs(p.at(2).get<double>()), 0.05, 2.0 * kBound_m);
 }
 
+TEST_F(AgainstCommandTest, ChecksOnlyWhatIsProvenBetweenThePointsThatAreLookedAt) {
+  // Two balls leave out the edges of a bar between them; the farthest point is no vertex, and the
+  // shift takes it off the middles, too.
+  Arm arm;
+  arm.fore = collision(box("0.2 0.1 0.1"));
+  for (const auto& [out_m, exit_code] : {std::pair{0.0040, 0}, {0.0046, 0}, {0.0053, 1}}) {
+    for (const double shift_m : {0.0, 0.00041, 0.00328}) {
+      SCOPED_TRACE(std::to_string(out_m) + " shifted by " + std::to_string(shift_m));
+      const std::string radius = std::to_string(std::sqrt(0.1 * 0.1 + 2.0 * 0.05 * 0.05) - out_m);
+      const auto ball = [&](double x_m) {
+        return "  - {link: fore, centre_m: [" + std::to_string(x_m) +
+               ", 0, 0], radius_m: " + radius + "}\n";
+      };
+      write_profile(arm,
+                    "spheres:\n  - {link: base, centre_m: [0, 0, 0], radius_m: 0.4}\n"
+                    "  - {link: upper, centre_m: [0, 0, 0.2], radius_m: 0.3}\n" +
+                        ball(shift_m - 0.1) + ball(shift_m + 0.1));
+      const Json fore = row(figures(arm.text(), exit_code), "fore").at("spheres");
+      const double found_m = fore.at("farthest_m").get<double>();
+      EXPECT_LE(found_m, out_m + kExact_m);
+      EXPECT_GE(found_m, out_m - kBound_m);
+      EXPECT_GE(fore.at("at_most_m").get<double>(), out_m - kExact_m);
+      EXPECT_LE(fore.at("at_most_m").get<double>(), found_m + kBound_m);
+    }
+  }
+}
+
+TEST_F(AgainstCommandTest, FindsWhatCannotBeProven) {
+  Arm own;
+  own.base = collision(box("0.39505 0.4 0.2"), "-0.002475 0 0");  // 4.95 mm less
+  write_profile(own);
+  EXPECT_THAT(said(figures(Arm().text(), 1), "findings"),
+              ElementsAre(::testing::MatchesRegex(
+                  "link 'base' stands out of the profile's shapes by (4.9|5.0) mm at .*, and by no "
+                  "more than 5.. mm elsewhere")));
+}
+
 TEST_F(AgainstCommandTest, AttributesLinksThatTheProfileLacks) {
   write_profile(Arm());
   Arm robot;
@@ -334,8 +372,15 @@ TEST_F(AgainstCommandTest, FindsNothingToCheckAFinding) {
   write_profile(Arm());
   Arm bare;
   bare.base = "<visual><geometry>" + box("0.4 0.4 0.2") + "</geometry></visual>";
-  EXPECT_THAT(said(figures(bare.text(), 0), "notes"),
-              Contains(HasSubstr("which alone count: base")));
+  const Json one = figures(bare.text(), 0);
+  EXPECT_THAT(said(one, "notes"), Contains(HasSubstr("which alone count: base")));
+  EXPECT_THAT(one.at("verdict").get<std::string>(),
+              EndsWith(" by more than 5 mm; 1 link without collision shapes was not"));
+  bare.upper = bare.base;
+  EXPECT_THAT(figures(bare.text(), 0).at("verdict").get<std::string>(),
+              EndsWith("; 2 links without collision shapes were not"));
+  EXPECT_THAT(figures(Arm().text(), 0).at("verdict").get<std::string>(),
+              EndsWith(" by more than 5 mm"));
   bare.upper = bare.fore = "";
   EXPECT_THAT(said(figures(bare.text(), 1), "findings"),
               ElementsAre("the URDF has no collision shapes"));

@@ -21,8 +21,12 @@ double inside_share(const StandingOut& out) {
 std::string verdict(const UrdfComparison& comparison, const std::string& urdf) {
   const std::size_t count = comparison.findings.size();
   if (count == 0) {
+    const int bare = comparison.bare_links;
     return "checked: nothing of " + urdf +
-           format(" stands out by more than %g mm", 1e3 * kMostStandingOut_m);
+           format(" stands out by more than %g mm", 1e3 * kMostStandingOut_m) +
+           (bare == 0   ? ""
+            : bare == 1 ? "; 1 link without collision shapes was not"
+                        : "; " + std::to_string(bare) + " links without collision shapes were not");
   }
   return "not checked: " + std::to_string(count) + (count == 1 ? " finding" : " findings");
 }
@@ -31,6 +35,7 @@ Json json_of(const StandingOut& out) {
   Json json = {{"inside_share", inside_share(out)}, {"outside_m2", out.outside_m2}};
   const bool is_somewhere = out.farthest_m > 0.0 && std::isfinite(out.farthest_m);
   json["farthest_m"] = std::isfinite(out.farthest_m) ? Json(out.farthest_m) : Json();
+  json["at_most_m"] = std::isfinite(out.at_most_m) ? Json(out.at_most_m) : Json();
   json["p_link_m"] = is_somewhere ? Json(out.p_farthest) : Json();
   return json;
 }
@@ -106,9 +111,9 @@ void print_links(const UrdfComparison& comparison) {
 
 }  // namespace
 
-ExitCode against_command(const RobotOptions& options, const KinematicTree& robot, bool drives) {
+ExitCode against_command(const RobotOptions& options, const KinematicTree& robot) {
   const std::string urdf = options.against->string();
-  const auto comparison = compare_with_urdf(robot, drives, urdf, options.package_paths);
+  const auto comparison = compare_with_urdf(robot, urdf, options.package_paths);
   if (!comparison) {
     print_errors({comparison.error()});
     return ExitCode::kConfiguration;

@@ -61,8 +61,7 @@ struct RobotOptions {
 /// Says what a robot profile has, fits spheres to it, serves the sphere editor until a signal
 /// comes, or holds the profile against a URDF.
 [[nodiscard]] ExitCode robot_command(const RobotOptions& options);
-/// Of that, the last. The robot's first three joints are its base's where it drives.
-[[nodiscard]] ExitCode against_command(const RobotOptions& options, const KinematicTree& robot,
-                                       bool drives);
+/// Holds the profile against a URDF.
+[[nodiscard]] ExitCode against_command(const RobotOptions& options, const KinematicTree& robot);
 
 }  // namespace sidestep

@@ -130,7 +130,7 @@ ExitCode robot_command(const RobotOptions& options) {
                             {},      {}};
   auto profile = SphereProfile::open(options.profile, options.out, context);
   if (!profile) return refused(profile.error());
-  if (options.against) return against_command(options, *profile->robot(), profile->drives());
+  if (options.against) return against_command(options, *profile->robot());
   if (options.edit) return edit_spheres(options, *profile, console, stop.token());
   if (options.fit) return fit_spheres_of(options, *profile, console, stop.token());
   const RobotDescription& robot = (*profile).robot()->description();

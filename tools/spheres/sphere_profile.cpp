@@ -156,8 +156,6 @@ Result<void> SphereProfile::read() {
   if (!text) return tl::make_unexpected(text.error());
   auto robot = load(source_, *context_);
   if (!robot) return tl::make_unexpected(robot.error());
-  std::vector<Error> none;  // or it would not have loaded
-  drives_ = urdf_robot::read_profile(source_, context_->documents, none).base.type == "holonomic";
   text_ = std::move(*text);
   robot_ = std::move(*robot);
   return {};

@@ -26,8 +26,6 @@ class SphereProfile {
   [[nodiscard]] const std::shared_ptr<const KinematicTree>& robot() const noexcept {
     return robot_;
   }
-  /// Whether the robot's first three joints are those of a base, which its URDF does not have.
-  [[nodiscard]] bool drives() const noexcept { return drives_; }
   /// Where spheres are saved.
   [[nodiscard]] const std::filesystem::path& target() const noexcept { return target_; }
   /// Of the text that was read last: another one where the file was changed since.
@@ -55,7 +53,6 @@ class SphereProfile {
   const HostContext* context_;
   std::string text_;
   std::shared_ptr<const KinematicTree> robot_;
-  bool drives_ = false;
 };
 
 }  // namespace sidestep

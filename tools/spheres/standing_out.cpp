@@ -10,11 +10,12 @@ namespace sidestep {
 namespace {
 
 constexpr double kRounding_m = 1e-6;
-constexpr double kFacetDepth_m = 5e-5;
+constexpr double kFacetDepth_m = 0.5 * kFacetError_m;
 
 class Survey {
  public:
-  explicit Survey(const DistanceTo& distance_m) : distance_m_(distance_m) {}
+  Survey(const DistanceTo& distance_m, double limit_m)
+      : distance_m_(distance_m), limit_m_(limit_m) {}
 
   StandingOut run(const Mesh& surface) {
     const auto corner = [&](int index) {
@@ -50,8 +51,11 @@ class Survey {
     for (const Eigen::Vector3d& corner : t) reach = std::max(reach, (corner - centre).norm());
     const bool is_inside = distance + reach <= kRounding_m;
     const bool is_outside = distance - reach > kRounding_m && distance + reach <= out_.farthest_m;
-    const double fine = std::max(kSurfaceFineness_m, kSurfaceShare * distance);
+    const bool is_open = out_.farthest_m <= limit_m_ && distance + reach > limit_m_;
+    const double fine =
+        is_open ? kProofFineness_m : std::max(kSurfaceFineness_m, kSurfaceShare * distance);
     if (!is_inside && !is_outside && reach > fine) return divide(t);
+    out_.at_most_m = std::max(out_.at_most_m, distance + reach);
     const double area_m2 = 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).norm();
     out_.surface_m2 += area_m2;
     if (distance > kRounding_m) out_.outside_m2 += area_m2;
@@ -74,6 +78,7 @@ class Survey {
   }
 
   const DistanceTo& distance_m_;
+  double limit_m_;
   StandingOut out_;
 };
 
@@ -96,12 +101,16 @@ struct Roundness {
 
 }  // namespace
 
-StandingOut standing_out(const Mesh& surface, const DistanceTo& distance_m) {
-  return Survey(distance_m).run(surface);
+StandingOut standing_out(const Mesh& surface, const DistanceTo& distance_m, double limit_m) {
+  return Survey(distance_m, limit_m).run(surface);
 }
 
 Mesh surface_of(const Shape& shape) {
   return triangulate(shape, segments_of(std::visit(Roundness{}, shape)));
+}
+
+double facet_error_m(const Shape& shape) {
+  return std::visit(Roundness{}, shape) > 0.0 ? kFacetError_m : 0.0;
 }
 
 double signed_distance_m(const std::vector<BodySphere>& spheres, const Eigen::Vector3d& p_body) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "rigid_body.hpp"
@@ -12,6 +13,7 @@ struct StandingOut {
   double surface_m2 = 0.0;
   double outside_m2 = 0.0;
   double farthest_m = 0.0;  ///< 0 where nothing does; infinite where there is nothing to lie in.
+  double at_most_m = 0.0;   ///< No point of the surface is farther out, looked at or not.
   Eigen::Vector3d p_farthest = Eigen::Vector3d::Zero();  ///< Where farthest_m is; else unspecified.
 };
 
@@ -23,13 +25,21 @@ using DistanceTo = std::function<double(const Eigen::Vector3d&)>;
 /// grow no faster than the way, `farthest_m` is too small by no more.
 inline constexpr double kSurfaceFineness_m = 9e-4;
 inline constexpr double kSurfaceShare = 0.02;
+/// Likewise, where it decides whether a limit is kept.
+inline constexpr double kProofFineness_m = 2e-4;
 
-/// Looks at the corners of all triangles and at ever smaller parts of them. The same for the same
-/// input. [any]; allocates.
-[[nodiscard]] StandingOut standing_out(const Mesh& surface, const DistanceTo& distance_m);
+/// Looks at the corners of all triangles and at ever smaller parts of them, finer where that may
+/// prove that nothing stands out by more than limit_m. The same for the same input. [any];
+/// allocates.
+[[nodiscard]] StandingOut standing_out(const Mesh& surface, const DistanceTo& distance_m,
+                                       double limit_m = std::numeric_limits<double>::infinity());
 
-/// Triangles of a bounded shape that lie no farther than 0.1 mm inside of it. [any]; allocates.
+/// Of round shapes.
+inline constexpr double kFacetError_m = 1e-4;
+/// Triangles of a bounded shape that lie no farther than its facet_error_m() inside of it. [any];
+/// allocates.
 [[nodiscard]] Mesh surface_of(const Shape& shape);
+[[nodiscard]] double facet_error_m(const Shape& shape);
 
 /// From the nearest of the spheres, negative within. Infinite without spheres. [any]
 [[nodiscard]] double signed_distance_m(const std::vector<BodySphere>& spheres,

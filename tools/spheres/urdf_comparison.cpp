@@ -11,6 +11,7 @@
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/node.hpp>
 
+#include "build_robot.hpp"
 #include "mesh_files.hpp"
 #include "urdf_motion.hpp"
 
@@ -24,7 +25,6 @@ using urdf_robot::UrdfModel;
 
 constexpr int kCorners = 32;        // configurations with each joint at one of its limits
 constexpr int kBetween = 32;        // and anywhere within them
-constexpr int kBaseLinks = 3;       // that a base adds: world, base_x and base_y
 constexpr double kRounding = 1e-6;  // of limits
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
@@ -70,7 +70,8 @@ Result<void> load_meshes(UrdfModel& urdf, const std::vector<fs::path>& package_p
 }
 
 /// The default configuration, and corners and insides of the limits; a base stays where it is.
-std::vector<std::vector<double>> configurations_of(const RobotDescription& robot, bool drives) {
+std::vector<std::vector<double>> configurations_of(const RobotDescription& robot,
+                                                   std::size_t base_joints) {
   std::mt19937_64 random(1);
   const auto share = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
   std::vector<std::vector<double>> configurations;
@@ -81,7 +82,7 @@ std::vector<std::vector<double>> configurations_of(const RobotDescription& robot
       const double lower = std::isfinite(joint.lower) ? joint.lower : -std::numbers::pi;
       const double upper = std::isfinite(joint.upper) ? joint.upper : std::numbers::pi;
       const double drawn = i <= kCorners ? std::round(share()) : share();
-      const bool is_default = i == 0 || (drives && j < 3);
+      const bool is_default = i == 0 || j < base_joints;
       q.push_back(is_default ? std::clamp(0.0, lower, upper) : lower + drawn * (upper - lower));
     }
   }
@@ -91,8 +92,11 @@ std::vector<std::vector<double>> configurations_of(const RobotDescription& robot
 /// Adds to a comparison part by part.
 class Comparer {
  public:
-  Comparer(const KinematicTree& robot, bool drives, const UrdfModel& urdf)
-      : robot_(robot), drives_(drives), urdf_(urdf), motion_(urdf, robot) {
+  Comparer(const KinematicTree& robot, const UrdfModel& urdf)
+      : robot_(robot),
+        base_joints_(urdf_robot::base_joints(robot)),
+        urdf_(urdf),
+        motion_(urdf, robot) {
     for (const UrdfLink& link : urdf.links) own_link_.push_back(own_link(link.name));
   }
 
@@ -110,14 +114,14 @@ class Comparer {
   /// The profile's link of this name, if a URDF can have it; else -1.
   [[nodiscard]] int own_link(const std::string& name) const {
     const auto link = description().link_index(name);
-    return link && (!drives_ || *link >= kBaseLinks) ? *link : -1;
+    return link && at(*link) >= base_joints_ ? *link : -1;  // as many links as joints
   }
 
   [[nodiscard]] bool is_planned(std::size_t link) const { return motion_.value(link).joint != -1; }
 
   void compare_joints() {
     const auto& joints = description().joints;
-    for (std::size_t j = drives_ ? 3 : 0; j < joints.size(); ++j) {
+    for (std::size_t j = base_joints_; j < joints.size(); ++j) {
       const UrdfJoint* const joint = urdf_.find_joint(joints[j].name);
       if (joint == nullptr) {
         const std::string nearest = nearest_name(joints[j].name, urdf_.joint_names());
@@ -209,7 +213,7 @@ class Comparer {
     std::vector<LinkOffset> offsets(urdf_.links.size());
     std::vector<Transform> own_poses(description().links.size());
     Scratch scratch;
-    const auto configurations = configurations_of(description(), drives_);
+    const auto configurations = configurations_of(description(), base_joints_);
     for (const std::vector<double>& q : configurations) {
       robot_.link_poses(q, own_poses, scratch);
       const std::vector<Transform> poses = motion_.link_poses(q);
@@ -247,7 +251,7 @@ class Comparer {
         if (mesh != nullptr) part.shape = indexed_mesh(**mesh);
       }
     }
-    const auto configurations = configurations_of(description(), drives_);
+    const auto configurations = configurations_of(description(), base_joints_);
     const std::vector<Transform> rest = motion_.link_poses(configurations.front());
     if (description().shapes.empty()) {
       out_.notes.push_back("the profile has spheres alone: no shapes are held against the URDF");
@@ -256,7 +260,10 @@ class Comparer {
     bool has_shapes = false;
     for (std::size_t i = 0; i < urdf_.links.size(); ++i) {
       const UrdfLink& link = urdf_.links[i];
-      if (link.shapes.empty() && link.has_visual) bare = listed(bare, link.name);
+      if (link.shapes.empty() && link.has_visual) {
+        bare = listed(bare, link.name);
+        ++out_.bare_links;
+      }
       if (link.shapes.empty()) continue;
       has_shapes = true;
       const auto with = moves_with(i);
@@ -304,7 +311,9 @@ class Comparer {
   void compare_link(const UrdfLink& link, const std::string& with, const Transform& T_body_link,
                     const RigidBody& body) {
     Mesh surface;  // in the body's frame
+    double error_m = 0.0;
     for (const urdf_robot::UrdfShape& shape : link.shapes) {
+      error_m = std::max(error_m, facet_error_m(shape.shape));
       const Mesh own = surface_of(shape.shape);
       const auto first = static_cast<int>(surface.vertices_m.size());
       for (const Eigen::Vector3d& vertex : own.vertices_m) {
@@ -317,10 +326,11 @@ class Comparer {
     const std::vector<BodySphere> spheres = spheres_of(body, description().spheres);
     LinkAgainst against{link.name, with, {}, {}};
     const auto held = [&](const DistanceTo& distance_m, const char* what) {
-      StandingOut out = standing_out(surface, distance_m);
+      StandingOut out = standing_out(surface, distance_m, kMostStandingOut_m - error_m);
+      out.at_most_m += error_m;
       const Eigen::Vector3d p_link = T_body_link.inverse() * out.p_farthest;
       out.p_farthest = (p_link * 1e6).array().round() / 1e6 + 0.0;  // no -0
-      if (out.farthest_m > kMostStandingOut_m) add_finding(link.name, what, out);
+      if (out.at_most_m > kMostStandingOut_m) add_finding(link.name, what, out);
       return out;
     };
     if (!description().shapes.empty()) {
@@ -332,16 +342,22 @@ class Comparer {
 
   void add_finding(const std::string& link, const std::string& what, const StandingOut& out) {
     const Eigen::Vector3d& p = out.p_farthest;
-    out_.findings.push_back("link '" + link + "' " +
-                            (std::isinf(out.farthest_m)
-                                 ? "moves with none of the profile's " + what
-                                 : "stands out of the profile's " + what +
-                                       format(" by %.1f mm at (%.3f, %.3f, %.3f)",
-                                              1e3 * out.farthest_m, p.x(), p.y(), p.z())));
+    std::string finding = "link '" + link + "' ";
+    if (std::isinf(out.farthest_m)) {
+      finding += "moves with none of the profile's " + what;
+    } else {
+      finding +=
+          "stands out of the profile's " + what +
+          format(" by %.1f mm at (%.3f, %.3f, %.3f)", 1e3 * out.farthest_m, p.x(), p.y(), p.z());
+      if (out.farthest_m <= kMostStandingOut_m) {
+        finding += format(", and by no more than %.1f mm elsewhere", 1e3 * out.at_most_m);
+      }
+    }
+    out_.findings.push_back(std::move(finding));
   }
 
   const KinematicTree& robot_;
-  bool drives_;
+  std::size_t base_joints_;
   const UrdfModel& urdf_;
   UrdfMotion motion_;
   std::vector<int> own_link_;  // of each of the URDF's links; -1 for none
@@ -350,8 +366,7 @@ class Comparer {
 
 }  // namespace
 
-Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, bool drives,
-                                         const fs::path& urdf,
+Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, const fs::path& urdf,
                                          const std::vector<fs::path>& package_paths) {
   std::vector<Error> errors;
   auto model = urdf_robot::read_urdf(urdf, errors);
@@ -359,7 +374,7 @@ Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, bool drives
   if (const auto loaded = load_meshes(*model, package_paths); !loaded) {
     return tl::make_unexpected(loaded.error());
   }
-  return Comparer(robot, drives, *model).run();
+  return Comparer(robot, *model).run();
 }
 
 }  // namespace sidestep

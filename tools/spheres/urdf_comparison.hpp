@@ -11,7 +11,7 @@
 
 namespace sidestep {
 
-/// How far a robot may stand out from its profile's shapes and spheres.
+/// How far a robot may stand out from its profile's shapes and spheres, provably.
 inline constexpr double kMostStandingOut_m = 0.005;
 /// How far links may be from where the profile has them.
 inline constexpr double kMostOffset_m = 0.001;
@@ -44,14 +44,14 @@ struct UrdfComparison {
   std::vector<LinkAgainst> links;     ///< Empty where one of the offsets is not small.
   std::vector<std::string> findings;  ///< Why the profile is not to be relied on; empty if it is.
   std::vector<std::string> notes;     ///< What the comparison takes for granted.
+  int bare_links = 0;                 ///< With visual shapes alone, which are not compared.
 };
 
 /// What of the URDF's collision shapes lies outside of the profile's shapes and spheres, and
-/// whether the profile moves as the URDF does. drives: the robot's first three joints are its
-/// base's. package_paths: where package:// is looked for. Fails where the URDF or one of its meshes
-/// cannot be read. Seconds. [any]; allocates.
+/// whether the profile moves as the URDF does. package_paths: where package:// is looked for. Fails
+/// where the URDF or one of its meshes cannot be read. Seconds. [any]; allocates.
 [[nodiscard]] Result<UrdfComparison> compare_with_urdf(
-    const KinematicTree& robot, bool drives, const std::filesystem::path& urdf,
+    const KinematicTree& robot, const std::filesystem::path& urdf,
     const std::vector<std::filesystem::path>& package_paths);
 
 }  // namespace sidestep

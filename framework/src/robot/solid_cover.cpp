@@ -71,6 +71,28 @@ bool is_closed(const Mesh& mesh) {
   return std::ranges::all_of(passes, [](const auto& edge) { return edge.second == 0; });
 }
 
+/// Whether a closed mesh is wound inside out.
+bool is_inside_out(const Mesh& mesh) {
+  const auto at = [&](int vertex) { return mesh.vertices_m[static_cast<std::size_t>(vertex)]; };
+  double six_volumes = 0.0;  // measured from a vertex, lest a far origin blur them
+  for (const Eigen::Vector3i& t : mesh.triangles) {
+    const Eigen::Vector3d from = at(mesh.triangles.front()[0]);
+    six_volumes += (at(t[0]) - from).dot((at(t[1]) - from).cross(at(t[2]) - from));
+  }
+  return six_volumes < 0.0;
+}
+
+/// With an index, and a closed mesh outward-facing.
+std::shared_ptr<const Mesh> searched(const std::shared_ptr<const Mesh>& mesh, bool is_solid) {
+  const bool is_turned = is_solid && is_inside_out(*mesh);
+  if (mesh->index != nullptr && !is_turned) return mesh;
+  Mesh own = *mesh;
+  if (is_turned) {
+    for (Eigen::Vector3i& triangle : own.triangles) std::swap(triangle[1], triangle[2]);
+  }
+  return indexed_mesh(std::move(own));
+}
+
 struct Bounds {
   Eigen::AlignedBox3d operator()(const Box& box) const { return around(0.5 * box.size_m); }
   Eigen::AlignedBox3d operator()(const Sphere& sphere) const {
@@ -101,8 +123,10 @@ class SolidCover {
  public:
   SolidCover(Shape shape, double protrusion_m, std::size_t most)
       : shape_(std::move(shape)), protrusion_m_(protrusion_m), most_(most) {
-    const auto* mesh = std::get_if<std::shared_ptr<const Mesh>>(&shape_);
-    is_solid_ = mesh == nullptr || is_closed(**mesh);
+    auto* mesh = std::get_if<std::shared_ptr<const Mesh>>(&shape_);
+    if (mesh == nullptr) return;
+    is_solid_ = is_closed(**mesh);
+    *mesh = searched(*mesh, is_solid_);
   }
 
   std::optional<std::vector<Ball>> run() {
@@ -231,9 +255,8 @@ class SolidCover {
 std::optional<std::vector<Ball>> cover_solid(const Shape& shape, double protrusion_m,
                                              std::size_t most) {
   const auto* mesh = std::get_if<std::shared_ptr<const Mesh>>(&shape);
-  const bool is_searched = mesh == nullptr || *mesh == nullptr || (*mesh)->index != nullptr;
   if (mesh != nullptr && *mesh == nullptr) return std::vector<Ball>();
-  return SolidCover(is_searched ? shape : Shape(indexed_mesh(**mesh)), protrusion_m, most).run();
+  return SolidCover(shape, protrusion_m, most).run();
 }
 
 }  // namespace sidestep

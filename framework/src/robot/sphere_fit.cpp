@@ -21,7 +21,7 @@ constexpr double kRadiusMargin = 1.0 + 1e-9;
 using Balls = std::optional<std::vector<Ball>>;
 
 /// A grid of equal spheres; its cells are halved where they stand out the most.
-Balls grid(const Box& box, double protrusion_m) {
+Balls cover_box(const Box& box, double protrusion_m) {
   const Eigen::Vector3d half = 0.5 * box.size_m;
   Eigen::Vector3i cells = Eigen::Vector3i::Ones();
   const auto cell_half = [&] { return half.cwiseQuotient(cells.cast<double>()).eval(); };
@@ -45,7 +45,7 @@ Balls grid(const Box& box, double protrusion_m) {
 }
 
 /// Spheres along the axis; nothing where the cylinder is too stout for that.
-Balls stack(const Cylinder& cylinder, double protrusion_m) {
+Balls cover_cylinder(const Cylinder& cylinder, double protrusion_m) {
   const double r = cylinder.radius_m;
   for (int n = 1; n <= kMostSpheres; ++n) {
     const double slice_half = 0.5 * cylinder.length_m / n;
@@ -61,7 +61,7 @@ Balls stack(const Cylinder& cylinder, double protrusion_m) {
   return {};
 }
 
-Balls row(const Capsule& capsule, double protrusion_m) {
+Balls cover_capsule(const Capsule& capsule, double protrusion_m) {
   const double r = capsule.radius_m;
   // A sphere of radius R covers 2 sqrt(R^2 - r^2) of the axis; the outermost sit on the caps.
   const double radius = r + std::min(protrusion_m, 0.1 * r);
@@ -80,12 +80,14 @@ Balls row(const Capsule& capsule, double protrusion_m) {
 /// Spheres in the order that the shape's form suggests.
 struct PlainCover {
   double protrusion_m;
-  Balls operator()(const Box& box) const { return grid(box, protrusion_m); }
+  Balls operator()(const Box& box) const { return cover_box(box, protrusion_m); }
   Balls operator()(const Sphere& sphere) const {
     return std::vector<Ball>{{Eigen::Vector3d::Zero(), sphere.radius_m}};
   }
-  Balls operator()(const Cylinder& cylinder) const { return stack(cylinder, protrusion_m); }
-  Balls operator()(const Capsule& capsule) const { return row(capsule, protrusion_m); }
+  Balls operator()(const Cylinder& cylinder) const {
+    return cover_cylinder(cylinder, protrusion_m);
+  }
+  Balls operator()(const Capsule& capsule) const { return cover_capsule(capsule, protrusion_m); }
   Balls operator()(const HalfSpace&) const { return std::vector<Ball>(); }
   Balls operator()(const std::shared_ptr<const Mesh>&) const { return {}; }
 };

@@ -11,6 +11,9 @@
 namespace sidestep::urdf_robot {
 namespace {
 
+constexpr const char* kBaseRoot = "world";  // a URDF's root link hangs on "root" where it stands
+constexpr std::size_t kBaseJoints = 3;
+
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 /// Builds the description part by part; what is wrong goes to errors.
@@ -52,7 +55,7 @@ class RobotBuilder {
       robot_.links.push_back({free_name(name), static_cast<int>(robot_.links.size()) - 1});
       tree_joints_.push_back(std::move(joint));
     };
-    add("world", TreeJoint{"world"});
+    add(kBaseRoot, TreeJoint{kBaseRoot});
     for (int i = 0; i < 2; ++i) {
       TreeJoint joint{robot_.joints[at(i)].name, TreeJoint::Motion::kTranslation};
       joint.axis = Eigen::Vector3d::Unit(i);
@@ -62,7 +65,7 @@ class RobotBuilder {
   }
 
   void add_links(const JointTable& joints) {
-    const bool drives = profile_.base.type == "holonomic" && robot_.joints.size() >= 3;
+    const bool drives = profile_.base.type == "holonomic" && robot_.joints.size() >= kBaseJoints;
     if (drives) add_base_links();
     first_link_ = static_cast<int>(robot_.links.size());
     for (const UrdfLink& link : model_.links) {
@@ -335,6 +338,10 @@ class RobotBuilder {
 std::unique_ptr<KinematicTree> build_robot(const UrdfModel& model, const Profile& profile,
                                            std::vector<Error>& errors) {
   return RobotBuilder(model, profile, errors).run();
+}
+
+std::size_t base_joints(const KinematicTree& robot) noexcept {
+  return robot.tree_joints().front().name == kBaseRoot ? kBaseJoints : 0;
 }
 
 }  // namespace sidestep::urdf_robot

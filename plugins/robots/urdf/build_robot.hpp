@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <vector>
 
@@ -14,5 +15,9 @@ namespace sidestep::urdf_robot {
 [[nodiscard]] std::unique_ptr<KinematicTree> build_robot(const UrdfModel& model,
                                                          const Profile& profile,
                                                          std::vector<Error>& errors);
+
+/// How many of the robot's first joints, and of its first links, are those of a driving base, which
+/// the URDF does not have.
+[[nodiscard]] std::size_t base_joints(const KinematicTree& robot) noexcept;
 
 }  // namespace sidestep::urdf_robot

@@ -85,6 +85,10 @@ constexpr ChildRule kChildren[] = {
 /// Elements that are the robot, wherever URDF has no place for them.
 constexpr std::string_view kParts[] = {"link", "joint", "collision"};
 
+/// Blocks of other readers, who have links, joints and geometries of their own.
+constexpr std::string_view kForeign[] = {"gazebo", "transmission", "ros2_control", "sensor",
+                                         "mujoco", "raisim",       "sdf",          "webots"};
+
 /// An element whose name is longer or shorter than a near one of URDF's is another reader's.
 constexpr std::size_t kMostExtraLetters = 2;
 
@@ -157,6 +161,35 @@ std::string nearest_attribute(const std::string& name, const std::vector<std::st
   return same != names.end() ? *same : nearest_name(name, names);
 }
 
+bool is_namespaced(std::string_view name) { return name.find(':') != std::string_view::npos; }
+
+bool is_foreign(std::string_view name) {
+  return is_namespaced(name) || std::ranges::find(kForeign, name) != std::end(kForeign);
+}
+
+/// Whether a name has another's letters, but for their order or a place in which up to a quarter
+/// of them are others.
+bool is_near(std::string_view name, std::string_view other) {
+  const std::string lower = lower_case(std::string(name));
+  if (std::ranges::is_permutation(lower, other)) return true;
+  const std::size_t most = std::min(lower.size(), other.size());
+  const auto first = std::mismatch(lower.begin(), lower.begin() + static_cast<std::ptrdiff_t>(most),
+                                   other.begin());
+  const auto head = static_cast<std::size_t>(first.first - lower.begin());
+  const auto last = std::mismatch(
+      lower.rbegin(), lower.rbegin() + static_cast<std::ptrdiff_t>(most - head), other.rbegin());
+  const auto tail = static_cast<std::size_t>(last.first - lower.rbegin());
+  return head + tail + other.size() / 4 >= std::max(lower.size(), other.size());
+}
+
+bool holds_geometry(const TiXmlElement& element) {
+  for (const TiXmlElement* child = element.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    if (is_near(child->ValueStr(), "geometry")) return true;
+  }
+  return false;
+}
+
 class RuleCheck {
  public:
   RuleCheck(std::string file, std::vector<Error>& errors)
@@ -199,11 +232,7 @@ class RuleCheck {
     check_children(link, "link");
     for (TiXmlElement* child = link.FirstChildElement(); child != nullptr;
          child = child->NextSiblingElement()) {
-      if (child->ValueStr() == "collision") {
-        check_collision(*child);
-      } else if (child->ValueStr() == "visual" || child->ValueStr() == "inertial") {
-        check_passed_over(*child);
-      }
+      if (child->ValueStr() == "collision") check_collision(*child);
     }
   }
 
@@ -236,11 +265,7 @@ class RuleCheck {
     for (TiXmlElement* child = joint.FirstChildElement(); child != nullptr;
          child = child->NextSiblingElement()) {
       const ChildRule* rule = rule_of("joint", child->ValueStr());
-      if (rule != nullptr && rule->child == Child::kReadOnce) {
-        check_attributes(*child);
-      } else {
-        check_passed_over(*child);
-      }
+      if (rule != nullptr && rule->child == Child::kReadOnce) check_attributes(*child);
     }
     const char* type = joint.Attribute("type");
     if (TiXmlElement* limit = joint.FirstChildElement("limit")) {
@@ -302,30 +327,63 @@ class RuleCheck {
         if (rule->child == Child::kReadOnce && child != element.FirstChildElement(name.c_str())) {
           report(*child, "a second " + tag(name) + in_a(parent));
         }
+        if (!is_read_inside(name)) check_passed_over(*child, true);
         continue;
       }
       if (report_misplaced(*child, parent)) continue;
-      const bool is_foreign = name.find(':') != std::string::npos;
-      const std::string meant = is_foreign ? std::string() : meant_by(parent, name);
-      if (meant.empty() && (is_foreign || !is_closed)) continue;
+      const bool is_others = is_namespaced(name);
+      const std::string meant = is_others ? std::string() : meant_by(parent, name);
+      if (meant.empty() && (is_others || !is_closed)) {
+        if (!report_geometry(*child, parent)) check_passed_over(*child, false);
+        continue;
+      }
       report(*child, "URDF has no " + tag(name) + in_a(parent), did_you_mean(meant));
     }
   }
 
+  /// Whether the children of such an element are checked by rules of their own.
+  static bool is_read_inside(std::string_view name) {
+    return name == "geometry" || std::ranges::find(kParts, name) != std::end(kParts);
+  }
+
   /// Whether the element is a part of the robot, which stands where nobody looks for it.
   bool report_misplaced(const TiXmlElement& element, std::string_view parent) {
-    const std::string name = lower_case(element.ValueStr());
-    if (std::ranges::find(kParts, name) == std::end(kParts)) return false;
-    if (rule_of(parent, name) != nullptr) return false;  // misspelt, but in its place
-    report(element, "a " + tag(element.ValueStr()) + in_a(parent) + " is not read",
-           name == "collision" ? "put it into a <link>" : "put it right into the <robot>");
+    const std::string& name = element.ValueStr();
+    if (is_namespaced(name)) return false;
+    const auto* const part =
+        std::ranges::find_if(kParts, [&](std::string_view one) { return is_near(name, one); });
+    if (part == std::end(kParts)) return false;
+    if (rule_of(parent, *part) != nullptr) return false;  // misspelt, but in its place
+    report(element, "a " + tag(name) + in_a(parent) + " is not read",
+           *part == "collision" ? "put it into a <link>" : "put it right into the <robot>");
     return true;
   }
 
-  void check_passed_over(const TiXmlElement& element) {
+  /// Whether the element is or holds a geometry that only a <collision> of a <link> may hold.
+  bool report_geometry(const TiXmlElement& element, std::string_view parent) {
+    const std::string& name = element.ValueStr();
+    const std::string_view local = std::string_view(name).substr(name.find(':') + 1);
+    if (is_namespaced(name) ? !is_near(local, "collision") : is_foreign(name)) return false;
+    if (!is_namespaced(name) && is_near(name, "geometry")) {
+      if (parent == "visual") return false;
+      report(element, "a " + tag(name) + in_a(parent) + " is not read",
+             "put it into a <collision>");
+      return true;
+    }
+    if (name == "visual" || !holds_geometry(element)) return false;
+    report(element, "URDF has no " + tag(name) + in_a(parent) + ", so its <geometry> is not read",
+           did_you_mean("collision"));
+    return true;
+  }
+
+  /// What is passed over has no geometry, and no part of the robot if the element is URDF's own.
+  void check_passed_over(const TiXmlElement& element, bool is_urdfs) {
+    const std::string& parent = element.ValueStr();
+    if (is_foreign(parent)) return;
     for (const TiXmlElement* child = element.FirstChildElement(); child != nullptr;
          child = child->NextSiblingElement()) {
-      if (!report_misplaced(*child, element.ValueStr())) check_passed_over(*child);
+      if (is_urdfs && report_misplaced(*child, parent)) continue;
+      if (!report_geometry(*child, parent)) check_passed_over(*child, is_urdfs);
     }
   }
 

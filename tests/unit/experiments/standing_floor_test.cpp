@@ -38,11 +38,13 @@ class ChainMaker {
     joints_.push_back(joint);
     return *this;
   }
-  ChainMaker& drive() {
+  /// tilt: of each axis against where it belongs.
+  ChainMaker& drive(Joint::Type turning = Joint::Type::kContinuous, double tilt = 0.0) {
     return add("world", TreeJoint::Motion::kFixed, Eigen::Vector3d::UnitZ())
-        .add("x", TreeJoint::Motion::kTranslation, Eigen::Vector3d::UnitX())
-        .add("y", TreeJoint::Motion::kTranslation, Eigen::Vector3d::UnitY())
-        .add("t", TreeJoint::Motion::kRotation, Eigen::Vector3d::UnitZ(), Joint::Type::kContinuous);
+        .add("x", TreeJoint::Motion::kTranslation, Eigen::Vector3d(1.0, 0.0, tilt).normalized())
+        .add("y", TreeJoint::Motion::kTranslation, Eigen::Vector3d(0.0, 1.0, tilt).normalized())
+        .add("t", TreeJoint::Motion::kRotation, Eigen::Vector3d(tilt, 0.0, 1.0).normalized(),
+             turning);
   }
   [[nodiscard]] std::shared_ptr<const RobotModel> robot() const {
     auto tree = KinematicTree::create(robot_, joints_);
@@ -89,6 +91,29 @@ TEST(StandingFloor, SeesAJointThatIsHeldAtAnAngle) {
   const auto floor = standing_floor(*robot);
   ASSERT_TRUE(floor);
   EXPECT_THAT(floor->except_links, ElementsAre("world", "x", "y", "t", "held", "level"));
+}
+
+TEST(StandingFloor, IsThereForABaseThatTurnsWithinLimits) {
+  const auto robot =
+      ChainMaker().drive(Joint::Type::kRevolute).add("lift", kTranslation, kUp).robot();
+  const auto floor = standing_floor(*robot);
+  ASSERT_TRUE(floor);
+  EXPECT_THAT(floor->except_links, ElementsAre("world", "x", "y", "t"));
+}
+
+TEST(StandingFloor, IsThereForABaseWhoseAxesAreRounded) {
+  const auto with_tilt = [](double tilt) {
+    return ChainMaker()
+        .drive(Joint::Type::kContinuous, tilt)
+        .add("lift", kTranslation, kUp)
+        .robot();
+  };
+  for (const double tilt : {1e-8, 1e-6, 9e-5}) {
+    const auto floor = standing_floor(*with_tilt(tilt));
+    ASSERT_TRUE(floor) << tilt;
+    EXPECT_THAT(floor->except_links, ElementsAre("world", "x", "y", "t")) << tilt;
+  }
+  for (const double tilt : {2e-4, 1e-2}) EXPECT_FALSE(standing_floor(*with_tilt(tilt))) << tilt;
 }
 
 TEST(StandingFloor, IsNoneWhereNothingCanFallIntoIt) {

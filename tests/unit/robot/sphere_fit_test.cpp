@@ -140,10 +140,14 @@ std::vector<Case> cases() {
   const auto in_strip = [](const Point& p) { return is_within(p, {0, 0, 0}, {1.5, 0.02, 0.02}); };
   const auto in_tilted = [=](const Point& p) { return in_strip(turn.inverse() * p); };
   const auto nowhere = [](const Point&) { return false; };
+  Mesh inverted_ell = ell;
+  for (Eigen::Vector3i& triangle : inverted_ell.triangles) std::swap(triangle[0], triangle[1]);
   Mesh open_ell = ell;
   open_ell.triangles.erase(open_ell.triangles.begin());
   return {mesh_case("ell", ell, 0.05, in_ell),
           mesh_case("ell_fine", ell, 0.02, in_ell),
+          mesh_case("inverted_ell", inverted_ell, 0.05, in_ell),
+          mesh_case("inverted_ell_fine", inverted_ell, 0.02, in_ell),
           mesh_case("open_ell", open_ell, 0.05, nowhere),
           mesh_case("strip", strip, 0.02, in_strip),
           mesh_case("tilted_strip", tilted, 0.05, in_tilted),
@@ -182,6 +186,20 @@ std::vector<Point> surface_points(const Shape& shape, std::mt19937_64& random) {
   return points;
 }
 
+/// Points within a shape, spread over the box that bounds it.
+std::vector<Point> inner_points(const Case& one, std::mt19937_64& random) {
+  Eigen::AlignedBox3d bounds;
+  for (const Point& vertex : triangulate(one.shape).vertices_m) bounds.extend(vertex);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  std::vector<Point> points;
+  for (int i = 0; i < 3000; ++i) {
+    const Point share(unit(random), unit(random), unit(random));
+    const Point p = bounds.min() + share.cwiseProduct(bounds.sizes());
+    if (one.outside_m(p) == 0.0) points.push_back(p);
+  }
+  return points;
+}
+
 class SphereFit : public ::testing::TestWithParam<Case> {};
 
 TEST_P(SphereFit, HoldsTheShapeAndStandsOutNoFartherThanItIsAllowed) {
@@ -194,7 +212,9 @@ TEST_P(SphereFit, HoldsTheShapeAndStandsOutNoFartherThanItIsAllowed) {
   ASSERT_FALSE(spheres->empty());
   RecordProperty("spheres", static_cast<int>(spheres->size()));
   std::mt19937_64 random(7);
-  for (const Point& p : surface_points(one.shape, random)) {
+  std::vector<Point> points = surface_points(one.shape, random);
+  for (const Point& p : inner_points(one, random)) points.push_back(p);
+  for (const Point& p : points) {
     const Point p_link = shape.T_link_shape * p;
     double gap = std::numeric_limits<double>::infinity();
     for (const CollisionSphere& sphere : *spheres) {

@@ -265,6 +265,33 @@ TEST(UrdfRules, SayWhereWhatAndWhatWasExpected) {
       {robot_with("<visual><geometry>" + box + "</geometry>" + shape(box) + "</visual>"),
        "bad.urdf:3:49: a <collision> in a <visual> (link 'tray') is not read (put it into a "
        "<link>)"},
+      {robot_with("<geometry>" + box + "</geometry>"),
+       "bad.urdf:3:1: a <geometry> in a <link> (link 'tray') is not read (put it into a "
+       "<collision>)"},
+      {robot_with("<inertial><Geometry>" + box + "</Geometry></inertial>"),
+       "bad.urdf:3:11: a <Geometry> in a <inertial> (link 'tray') is not read"},
+      {robot_with("<collision_mesh><geometry>" + box + "</geometry></collision_mesh>"),
+       "bad.urdf:3:1: URDF has no <collision_mesh> in a <link> (link 'tray'), so its <geometry> is "
+       "not read (did you mean 'collision'?)"},
+      {robot_with("<my:collision><geometry>" + box + "</geometry></my:collision>"),
+       "bad.urdf:3:1: URDF has no <my:collision> in a <link> (link 'tray'), so its"},
+      {robot_with("<shapes><more><bumper><geometry>" + box +
+                  "</geometry></bumper></more></shapes>"),
+       "bad.urdf:3:15: URDF has no <bumper> in a <more> (link 'tray'), so its"},
+      {robot_with("<shapes>" + shape(box) + "</shapes>"),
+       "bad.urdf:3:9: URDF has no <collision> in a <shapes> (link 'tray'), so its"},
+      {robot_with("", "<bumper><geometry>" + box + "</geometry></bumper>"),
+       "bad.urdf:6:74: URDF has no <bumper> in a <joint> (joint 'j'), so its"},
+      {robot_with("</link><collison><geometry>" + box + "</geometry></collison><link name=\"x\">"),
+       "bad.urdf:3:8: a <collison> in a <robot> is not read (put it into a <link>)"},
+      {robot_with("</link><bumper><geometry>" + box + "</geometry></bumper><link name=\"x\">"),
+       "bad.urdf:3:8: URDF has no <bumper> in a <robot>, so its"},
+      {robot_with("</link><material name=\"m\"><collision/></material><link name=\"x\">"),
+       "bad.urdf:3:27: a <collision> in a <material> is not read"},
+      {robot_with("<Joint name=\"k\"/>"),
+       "bad.urdf:3:1: a <Joint> in a <link> (link 'tray') is not read"},
+      {robot_with("", "<lnk name=\"k\"/>"),
+       "bad.urdf:6:74: a <lnk> in a <joint> (joint 'j') is not read (put it right into the"},
       {robot_with("", shape(box)),
        "bad.urdf:6:74: a <collision> in a <joint> (joint 'j') is not read"},
       {robot_with("</link>" + shape(box) + "<link name=\"x\">"),
@@ -329,7 +356,10 @@ TEST(UrdfRules, NumbersMayBeSignedSpacedAndOnSeveralLines) {
 TEST(UrdfRules, PassOverWhatIsAnotherReaders) {
   const std::string other =
       "<visual name='>'><geometry><capsule/></geometry></visual><self_collision_checking/>"
-      "<!-- <collision/> --><gazebo><collision/></gazebo><sensor><link/><joint/></sensor>" +
+      "<!-- <collision/> --><gazebo><collision/></gazebo><sensor><link/><joint/></sensor>"
+      "<my:shell><geometry/></my:shell><my:collision filter='1'/><contacts><link/></contacts>"
+      "<sensor><my:collision><geometry/></my:collision></sensor>"
+      "<mujoco><body><geometry/></body></mujoco>" +
       shape("<box size=\"1 1 1\"/>") +
       "<collision><drake:proximity_properties/><verbose value=\"a > b\"/><geometry><box "
       "size=\"1 1 1\"/></geometry></collision>";

@@ -35,7 +35,14 @@ TEST(StandingOut, IsWithinItsBoundOfEveryPoint) {
     const DistanceTo distance_m = [&](const auto& p) { return signed_distance_m(spheres, p); };
     const Mesh surface = triangulate(Box{{0.2, 0.16, 0.24}});
     const StandingOut out = standing_out(surface, distance_m);
-    EXPECT_GE(out.farthest_m, farthest_of_lattice_m(surface, distance_m, 400) - kSurfaceFineness_m);
+    const double lattice_m = farthest_of_lattice_m(surface, distance_m, 400);
+    EXPECT_GE(out.farthest_m, lattice_m - kSurfaceFineness_m);
+    EXPECT_GE(out.at_most_m, lattice_m);
+    // A limit that is kept by more than the finest look is proven to be, any other is not.
+    const double limit_m = out.farthest_m + kSurfaceFineness_m + 1.01 * kProofFineness_m;
+    EXPECT_LE(standing_out(surface, distance_m, limit_m).at_most_m, limit_m);
+    const double broken_m = lattice_m - 1e-9;
+    EXPECT_GT(standing_out(surface, distance_m, broken_m).at_most_m, broken_m);
     if (out.farthest_m > 0.0) {
       EXPECT_DOUBLE_EQ(distance_m(out.p_farthest), out.farthest_m);
     }

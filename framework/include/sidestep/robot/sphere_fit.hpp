@@ -7,7 +7,7 @@
 
 namespace sidestep {
 
-/// Of one shape.
+/// Limit per shape.
 inline constexpr int kMostFittedSpheres = 2000;
 
 /// Spheres on the same link that cover a bounded shape, each of which stands out from the shape's

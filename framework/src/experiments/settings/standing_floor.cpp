@@ -11,19 +11,19 @@
 namespace sidestep {
 namespace {
 
-constexpr double kParallel = 1e-9;
+constexpr double kParallel = 1e-4;  // of axes, as far as a URDF's digits go
 
 /// How a link can move against the floor, as far as its height stays the same.
 struct Level {
   bool holds = false;
   Eigen::Vector3d up_link = Eigen::Vector3d::UnitZ();  ///< The vertical, in the link's frame.
   std::set<int> slides;                                ///< Joints along the plane.
-  bool turns = false;                                  ///< Without end, about the vertical.
+  bool turns = false;                                  ///< About the vertical.
 
   [[nodiscard]] bool drives() const { return holds && slides.size() >= 2 && turns; }
 };
 
-Level child_of(const Level& parent, const TreeJoint& joint, const std::vector<Joint>& planned) {
+Level child_of(const Level& parent, const TreeJoint& joint) {
   Level level = parent;
   level.up_link = joint.T_parent_joint.linear().transpose() * parent.up_link;
   const bool rotates = joint.motion == TreeJoint::Motion::kRotation;
@@ -34,7 +34,7 @@ Level child_of(const Level& parent, const TreeJoint& joint, const std::vector<Jo
   }
   if (rotates) {
     level.holds &= joint.axis.cross(level.up_link).norm() < kParallel;
-    level.turns |= planned[static_cast<std::size_t>(joint.joint)].type == Joint::Type::kContinuous;
+    level.turns = true;
   } else {
     level.holds &= std::abs(joint.axis.dot(level.up_link)) < kParallel;
     level.slides.insert(joint.joint);
@@ -52,7 +52,7 @@ std::optional<Floor> standing_floor(const RobotModel& robot) {
   for (std::size_t i = 0; i < description.links.size(); ++i) {
     const int parent = description.links[i].parent;
     const Level from = parent < 0 ? Level{.holds = true} : levels[static_cast<std::size_t>(parent)];
-    levels.push_back(child_of(from, tree->tree_joints()[i], description.joints));
+    levels.push_back(child_of(from, tree->tree_joints()[i]));
   }
   if (std::ranges::none_of(levels, &Level::drives)) return std::nullopt;
   const auto rises = [&](const auto& part) {
