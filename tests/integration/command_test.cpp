@@ -283,7 +283,7 @@ source:
 mapper: {plugin: voxel_grid, resolution_m: 0.08, size_vox: [50, 50, 25], origin_m: [-2, -2, -0.1]}
 field: {plugin: edt, unknown: free}
 optimiser: {plugin: gp_ceres}
-planning: {unknown: free, outside: occupied, attempts: 3}
+planning: {unknown: free, outside: occupied, attempts: 3, max_unknown_share: 1.0}
 )");
   const auto run_with = [&](const std::string& contacts) {
     return run({"run", file, "--out", (folder_ / "run").string(), "--set",
