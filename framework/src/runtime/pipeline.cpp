@@ -46,7 +46,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     }
     if (!update) return tl::make_unexpected(std::move(update.error()));
     step.update = std::move(*update);
-    if (!has_content()) {
+    if (parts_.waits_for_content && !has_content()) {
       skip({ErrorCode::kBadFrame,
             "the map is empty: nothing that frame " + std::to_string(step.frame_sequence) +
                 " measured lies in it",

@@ -10,7 +10,7 @@ namespace sidestep {
 
 inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
 inline constexpr std::uint16_t kSdkMajor = 0;
-inline constexpr std::uint16_t kSdkMinor = 4;
+inline constexpr std::uint16_t kSdkMinor = 5;
 
 enum class PluginKind : std::uint32_t {
   kSource = 1,

@@ -54,6 +54,8 @@ class MappingPipeline {
     StageNames names = {};
     /// Looks for what moves in every map of a mapper with an OccupancyView; null: nobody does.
     MotionDetector* motion_detector = nullptr;
+    /// Skips frames until something is known in the map: one that knows nothing is not published.
+    bool waits_for_content = false;
   };
   explicit MappingPipeline(Parts parts) : parts_(std::move(parts)) {}
 
@@ -61,8 +63,7 @@ class MappingPipeline {
   [[nodiscard]] Result<void> attach();
 
   /// Maps the next frame and publishes the field; nothing at the end of the stream. An
-  /// unusable frame is logged, counted, and skipped, and so is one that leaves a map in which
-  /// nothing is known yet as it is: a map that knows nothing is never published.
+  /// unusable frame is logged, counted, and skipped.
   [[nodiscard]] Result<std::optional<MappingStep>> step(const Deadline& deadline);
 
   [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }

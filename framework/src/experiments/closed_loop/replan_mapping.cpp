@@ -24,7 +24,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
                  is_lockstep_ ? made_ : slot,
                  log,
                  {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
-                 &motion_detector_}),
+                 &motion_detector_,
+                 true}),
       source_name_(plugin_of(world.source)),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
