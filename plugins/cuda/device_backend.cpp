@@ -65,7 +65,7 @@ Result<std::unique_ptr<DeviceBackend>> DeviceBackend::open(int ordinal) {
         "CUDA device " + std::to_string(ordinal));
   }
   std::unique_ptr<DeviceBackend> backend(new DeviceBackend(ordinal));
-  if (auto ok = backend->prepare(); !ok) return tl::make_unexpected(std::move(ok.error()));
+  if (auto ok = backend->prepare(); !ok) return error_of(ok);
   return backend;
 }
 

@@ -32,7 +32,7 @@ template <class Backend, class T>
 Result<void> renew(Backend& backend, Memory<T>& memory, std::size_t count) {
   memory = {};  // given back first: both may not fit
   auto fresh = backend.template allocate<T>(count);
-  if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
+  if (!fresh) return error_of(fresh);
   memory = std::move(*fresh);
   return {};
 }
@@ -50,7 +50,7 @@ template <class Backend, class T>
 Result<void> grow_pinned(Backend& backend, Memory<T>& memory, std::size_t count) {
   if (memory.size() >= count) return {};
   auto fresh = backend.template allocate_pinned<T>(std::max(count, 2 * memory.size()));
-  if (!fresh) return tl::make_unexpected(std::move(fresh.error()));
+  if (!fresh) return error_of(fresh);
   memory = std::move(*fresh);
   return {};
 }

@@ -16,7 +16,7 @@ Result<MasterProbe> join_ros(double patience_s, double probe_period_s, const std
                 "export ROS_MASTER_URI=http://ROBOT:11311");
   }
   const auto address = parse_master_uri(uri);
-  if (!address) return tl::make_unexpected(address.error());
+  if (!address) return error_of(address);
   auto probe = MasterProbe::create(*address, probe_period_s);
   if (!probe) return probe;
   while (!probe->has_answered() && probe->silence_s() < patience_s) {

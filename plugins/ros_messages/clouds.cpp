@@ -22,22 +22,19 @@ struct Coordinate {
   }
 };
 
-tl::unexpected<Error> bad(std::string message) {
-  return fail(ErrorCode::kBadFrame, std::move(message));
-}
-
 Result<Coordinate> find_coordinate(const PointCloud2& message, const char* name) {
   const auto field = std::ranges::find_if(
       message.fields, [&](const PointField& candidate) { return candidate.name == name; });
-  if (field == message.fields.end()) return bad(std::string("the cloud has no field ") + name);
+  if (field == message.fields.end())
+    return bad_message(std::string("the cloud has no field ") + name);
   const bool is_double = field->datatype == PointField::FLOAT64;
   if (!is_double && field->datatype != PointField::FLOAT32) {
-    return bad(std::string("the cloud's field ") + name + " is no floating-point number");
+    return bad_message(std::string("the cloud's field ") + name + " is no floating-point number");
   }
   const Coordinate coordinate{field->offset, is_double};
   if (coordinate.end() > message.point_step) {
-    return bad(std::string("the cloud's field ") + name + " lies beyond the " +
-               std::to_string(message.point_step) + " bytes of a point");
+    return bad_message(std::string("the cloud's field ") + name + " lies beyond the " +
+                       std::to_string(message.point_step) + " bytes of a point");
   }
   return coordinate;
 }
@@ -45,14 +42,14 @@ Result<Coordinate> find_coordinate(const PointCloud2& message, const char* name)
 Result<void> check_cloud_bytes(const PointCloud2& message) {
   const std::size_t row = static_cast<std::size_t>(message.width) * message.point_step;
   if (message.height > 1 && message.row_step < row) {
-    return bad("a row of the cloud has " + std::to_string(message.row_step) +
-               " bytes, its points need " + std::to_string(row));
+    return bad_message("a row of the cloud has " + std::to_string(message.row_step) +
+                       " bytes, its points need " + std::to_string(row));
   }
   if (message.width == 0 || message.height == 0) return {};
   const std::size_t needed = static_cast<std::size_t>(message.height - 1) * message.row_step + row;
   if (message.data.size() < needed) {
-    return bad("the cloud has " + std::to_string(message.data.size()) + " bytes, its size says " +
-               std::to_string(needed));
+    return bad_message("the cloud has " + std::to_string(message.data.size()) +
+                       " bytes, its size says " + std::to_string(needed));
   }
   return {};
 }
@@ -64,11 +61,11 @@ Result<PointCloud> point_cloud(const PointCloud2& message) {
   for (std::size_t i = 0; i < coordinates.size(); ++i) {
     static constexpr std::array<const char*, 3> kNames{"x", "y", "z"};
     const auto found = find_coordinate(message, kNames[i]);
-    if (!found) return tl::make_unexpected(found.error());
+    if (!found) return error_of(found);
     coordinates[i] = *found;
   }
   const auto checked = check_cloud_bytes(message);
-  if (!checked) return tl::make_unexpected(checked.error());
+  if (!checked) return error_of(checked);
   const bool swapped = is_foreign(message.is_bigendian != 0);
   PointCloud cloud;
   if (message.width == 0) return cloud;

@@ -19,6 +19,11 @@
 /// kBadFrame and say what is wrong with the message, without naming its topic.
 namespace sidestep::ros_messages {
 
+/// A failure with kBadFrame.
+[[nodiscard]] inline tl::unexpected<Error> bad_message(std::string message, std::string hint = {}) {
+  return fail(ErrorCode::kBadFrame, std::move(message), {}, std::move(hint));
+}
+
 [[nodiscard]] Stamp to_stamp(const ::ros::Time& time) noexcept;
 /// Times before 1970 or after 2106, which ROS cannot write, become the nearest that it can.
 [[nodiscard]] ::ros::Time to_ros_time(Stamp stamp);

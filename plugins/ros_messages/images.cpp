@@ -56,20 +56,16 @@ std::vector<float> read_pixels(const Image& message, const DepthRange& range) {
   return depth_m;
 }
 
-tl::unexpected<Error> bad(std::string message, std::string hint = {}) {
-  return fail(ErrorCode::kBadFrame, std::move(message), {}, std::move(hint));
-}
-
 Result<void> check_bytes(const Image& message, std::size_t bytes_per_pixel) {
   const std::size_t row = message.width * bytes_per_pixel;
   if (message.step < row) {
-    return bad("a row of the image has " + std::to_string(message.step) +
-               " bytes, its pixels need " + std::to_string(row));
+    return bad_message("a row of the image has " + std::to_string(message.step) +
+                       " bytes, its pixels need " + std::to_string(row));
   }
   const std::size_t needed = static_cast<std::size_t>(message.height - 1) * message.step + row;
   if (message.data.size() < needed) {
-    return bad("the image has " + std::to_string(message.data.size()) + " bytes, its size says " +
-               std::to_string(needed));
+    return bad_message("the image has " + std::to_string(message.data.size()) +
+                       " bytes, its size says " + std::to_string(needed));
   }
   return {};
 }
@@ -93,18 +89,19 @@ Result<DepthImage> depth_image(const Image& message, const CameraIntrinsics& cam
                                const DepthRange& range) {
   const bool in_millimetres = message.encoding == "16UC1" || message.encoding == "mono16";
   if (!in_millimetres && message.encoding != "32FC1") {
-    return bad("the image's encoding is '" + message.encoding + "', expected 16UC1 or 32FC1",
-               "name the topic of the depth image");
+    return bad_message(
+        "the image's encoding is '" + message.encoding + "', expected 16UC1 or 32FC1",
+        "name the topic of the depth image");
   }
   if (message.width == 0 || message.height == 0 ||
       !std::cmp_equal(message.width, camera.width_px) ||
       !std::cmp_equal(message.height, camera.height_px)) {
-    return bad("the image has " + size_text(message.width, message.height) +
-               " pixels, the camera's have " + std::to_string(camera.width_px) + " x " +
-               std::to_string(camera.height_px));
+    return bad_message("the image has " + size_text(message.width, message.height) +
+                       " pixels, the camera's have " + std::to_string(camera.width_px) + " x " +
+                       std::to_string(camera.height_px));
   }
   const auto checked = check_bytes(message, in_millimetres ? 2 : 4);
-  if (!checked) return tl::make_unexpected(checked.error());
+  if (!checked) return error_of(checked);
   return DepthImage{camera, in_millimetres ? read_pixels<MillimetrePixel>(message, range)
                                            : read_pixels<MetrePixel>(message, range)};
 }

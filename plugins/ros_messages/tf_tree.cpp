@@ -12,7 +12,7 @@ std::string seconds_text(Stamp stamp) {
   return std::to_string(stamp.ns / 1'000'000'000) + "." + digits.substr(0, 6) + " s";
 }
 
-std::string quoted(std::string_view name) { return "'" + std::string(name) + "'"; }
+std::string in_quotes(std::string_view name) { return "'" + std::string(name) + "'"; }
 
 /// The frame that holds two samples at once, if they agree.
 template <class Bracket>
@@ -66,7 +66,7 @@ TfTree::Step TfTree::placement(const std::string& frame, const FrameHistory& his
   if (history.fixed) return *history.fixed;
   const auto failure = [&](LookupFault fault, const std::string& message) {
     return tl::make_unexpected(LookupFailure{
-        fault, message + " of frame " + quoted(frame) + " at " + seconds_text(stamp)});
+        fault, message + " of frame " + in_quotes(frame) + " at " + seconds_text(stamp)});
   };
   const auto bracket = history.moving.around(stamp, max_gap_s);
   if (!bracket) {
@@ -86,8 +86,8 @@ TfTree::Step TfTree::placement(const std::string& frame, const FrameHistory& his
   }
   if (!same_parent(*bracket)) {
     return failure(LookupFault::kReparented,
-                   "tf gives another parent, " + quoted(bracket->before->value.parent) + " or " +
-                       quoted(bracket->after->value.parent) + ", around the pose");
+                   "tf gives another parent, " + in_quotes(bracket->before->value.parent) + " or " +
+                       in_quotes(bracket->after->value.parent) + ", around the pose");
   }
   return Placement{
       bracket->before->value.parent,
@@ -109,7 +109,7 @@ TfTree::Chain TfTree::climb(const std::string& frame, const Chain* until, StepOf
     }
     if (chain.find(placed->parent) != nullptr) {
       chain.broken = LookupFailure{LookupFault::kNotConnected,
-                                   "tf goes in a circle through " + quoted(placed->parent)};
+                                   "tf goes in a circle through " + in_quotes(placed->parent)};
       return chain;
     }
     const Transform T_parent_first = placed->pose.transform() * chain.links.back().T_frame_first;
@@ -126,7 +126,7 @@ tl::expected<Transform, LookupFailure> TfTree::path(std::string_view target,
   for (const std::string& name : {to, from}) {
     if (frames_.contains(name)) continue;
     return tl::make_unexpected(
-        LookupFailure{LookupFault::kUnknown, "tf knows no frame " + quoted(name)});
+        LookupFailure{LookupFault::kUnknown, "tf knows no frame " + in_quotes(name)});
   }
   const Chain upward = climb(from, nullptr, step);
   const Chain downward = climb(to, &upward, step);
@@ -137,9 +137,9 @@ tl::expected<Transform, LookupFailure> TfTree::path(std::string_view target,
   if (upward.broken) return tl::make_unexpected(*upward.broken);
   if (downward.broken) return tl::make_unexpected(*downward.broken);
   return tl::make_unexpected(LookupFailure{
-      LookupFault::kNotConnected, "tf has no path from " + quoted(from) + ", below " +
-                                      quoted(upward.links.back().frame) + ", to " + quoted(to) +
-                                      ", below " + quoted(downward.links.back().frame)});
+      LookupFault::kNotConnected,
+      "tf has no path from " + in_quotes(from) + ", below " + in_quotes(upward.links.back().frame) +
+          ", to " + in_quotes(to) + ", below " + in_quotes(downward.links.back().frame)});
 }
 
 tl::expected<Transform, LookupFailure> TfTree::lookup(std::string_view target,

@@ -38,7 +38,7 @@ class ChessboardBuilder final : public FieldBuilder {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field chessboard");
     }
     auto changed = publisher_->begin(update);
-    if (!changed) return tl::make_unexpected(std::move(changed.error()));
+    if (!changed) return error_of(changed);
     sweep();
     // Every block is offered; the publisher shares those that come out equal.
     std::ranges::fill(*changed, std::uint8_t{1});

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
 namespace sidestep::testing_support {
@@ -138,7 +139,6 @@ class ChainRobot final : public RobotModel {
 
 /// A holonomic base with a lift and an arm of three joints: 7 degrees of freedom, 10 spheres.
 [[nodiscard]] inline std::shared_ptr<ChainRobot> mobile_arm() {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   using Type = Joint::Type;
   RobotDescription d;
   d.name = "mobile_arm";

@@ -3,6 +3,8 @@
 #include <chrono>
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
+
 #include "conversions.hpp"
 
 namespace sidestep::fake_hsr {
@@ -36,9 +38,8 @@ PointCloud points_of(const DepthImage& image) {
 Scene with_shapes(const Scene& scene, const RobotDescription& robot, const std::vector<int>& seen) {
   std::vector<SceneObject> objects = scene.objects();
   for (const int index : seen) {
-    objects.push_back({"robot/" + std::to_string(index),
-                       robot.shapes[static_cast<std::size_t>(index)].shape,
-                       {Waypoint{}}});
+    objects.push_back(
+        {"robot/" + std::to_string(index), robot.shapes[idx(index)].shape, {Waypoint{}}});
   }
   return Scene(std::move(objects));
 }
@@ -98,13 +99,12 @@ void DepthCamera::take(const RobotState& state, Stamp stamp, std::int64_t number
                            T_world_link_, scratch_);
   std::vector<Transform> T_world_shape;
   for (const int index : seen_) {
-    const CollisionShape& shape = robot.shapes[static_cast<std::size_t>(index)];
-    T_world_shape.push_back(T_world_link_[static_cast<std::size_t>(shape.link)] *
-                            shape.T_link_shape);
+    const CollisionShape& shape = robot.shapes[idx(index)];
+    T_world_shape.push_back(T_world_link_[idx(shape.link)] * shape.T_link_shape);
   }
   caster_.set_time(world_.scene_time_s(stamp));
   caster_.set_poses(world_.scene->objects().size(), T_world_shape);
-  renderer_.render(caster_, T_world_link_[static_cast<std::size_t>(link_)], workers_, exact_);
+  renderer_.render(caster_, T_world_link_[idx(link_)], workers_, exact_);
   DepthImage image{settings_.camera(), {}};
   sensor_.measure(exact_, number, workers_, image.depth_m);
   const auto encoding = settings_.encoding == "16UC1" ? ros_messages::DepthEncoding::k16UC1

@@ -6,6 +6,7 @@
 #include <boost/function.hpp>
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
@@ -74,23 +75,23 @@ Result<Eigen::VectorXd> start_of(const RobotDescription& planned, const Kinemati
 
 Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
   const auto loaded = load_profile_robot(settings.profile);
-  if (!loaded) return tl::make_unexpected(loaded.error());
+  if (!loaded) return error_of(loaded);
   const KinematicTree& tree = *loaded->tree;
   const auto robot = with_joints(tree, head_joints());
-  if (!robot) return tl::make_unexpected(robot.error());
+  if (!robot) return error_of(robot);
   const YamlDocumentReader documents;
   const auto scene =
       simulator::load_scene(settings.scene, {install_layout().configs / "scenes"}, documents);
-  if (!scene) return tl::make_unexpected(scene.error());
+  if (!scene) return error_of(scene);
   const auto q = start_of(tree.description(), tree, (*robot)->description(), settings);
-  if (!q) return tl::make_unexpected(q.error());
+  if (!q) return error_of(q);
 
   auto drawn =
       std::make_shared<const Scene>(scene->drawn(static_cast<std::uint64_t>(settings.seed)));
   std::unique_ptr<FakeHsr> fake(new FakeHsr(settings, *robot, std::move(drawn), *q));
   for (const std::string& text : settings.silences) {
     auto silence = parse_silence(text);
-    if (!silence) return tl::make_unexpected(std::move(silence.error()));
+    if (!silence) return error_of(silence);
     fake->silences_.push_back(std::move(*silence));
   }
   auto camera =
@@ -98,7 +99,7 @@ Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
                            [raw = fake.get()](Stamp stamp) { return raw->scene_time_s(stamp); },
                            [raw = fake.get()] { return raw->is_part_silent("camera"); }},
                           settings);
-  if (!camera) return tl::make_unexpected(std::move(camera.error()));
+  if (!camera) return error_of(camera);
   fake->camera_ = std::move(*camera);
   fake->connect();
   return fake;
@@ -277,12 +278,10 @@ void FakeHsr::publish_transforms(Stamp stamp) {
     const auto i = static_cast<std::size_t>(link);
     const int parent = link == base ? -1 : robot.links[i].parent;
     const Transform T_parent_link =
-        parent == -1 ? T_world_link_[i]
-                     : T_world_link_[static_cast<std::size_t>(parent)].inverse() * T_world_link_[i];
+        parent == -1 ? T_world_link_[i] : T_world_link_[idx(parent)].inverse() * T_world_link_[i];
     message.transforms.push_back(ros_messages::to_transform(
         ros_messages::rigid_pose(T_parent_link), stamp,
-        parent == -1 ? kWorldFrame : robot.links[static_cast<std::size_t>(parent)].name,
-        robot.links[i].name));
+        parent == -1 ? kWorldFrame : robot.links[idx(parent)].name, robot.links[i].name));
   }
   publishers_["tf"].publish(message);
 }
@@ -332,7 +331,7 @@ std::string FakeHsr::end_json() const {
   const RobotDescription& robot = robot_->description();
   nlohmann::ordered_json json;
   for (int j = 0; j < robot.dof(); ++j) {
-    const std::string& name = robot.joints[static_cast<std::size_t>(j)].name;
+    const std::string& name = robot.joints[idx(j)].name;
     json["joints"][name] = state_.q[j];
     json["speeds"][name] = state_.qdot[j];
   }
@@ -357,7 +356,7 @@ Result<std::string> FakeHsr::summary() const {
     settings.allowed_contacts.push_back({entry.substr(0, colon), entry.substr(colon + 1)});
   }
   const auto truth = check_true_motion(robot_, scene_, poses_, settings);
-  if (!truth) return tl::make_unexpected(truth.error());
+  if (!truth) return error_of(truth);
   nlohmann::ordered_json json;
   json["collisions_true"] = truth->contacts.size();
   json["min_true_clearance_m"] = truth->min_clearance_m;

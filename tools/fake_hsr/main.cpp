@@ -57,14 +57,14 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
 Result<void> run(const fake_hsr::Settings& settings) {
   constexpr double kPatience_s = 10.0;
   auto master = ros1_node::join_ros(kPatience_s, 1.0, "fake_hsr");
-  if (!master) return tl::make_unexpected(std::move(master.error()));
+  if (!master) return error_of(master);
   auto fake = fake_hsr::FakeHsr::create(settings);
-  if (!fake) return tl::make_unexpected(std::move(fake.error()));
+  if (!fake) return error_of(fake);
   std::fprintf(stderr, "fake_hsr: up\n");
   (*fake)->run(g_end);
   if (settings.summary.empty()) return {};
   const auto summary = (*fake)->summary();
-  if (!summary) return tl::make_unexpected(summary.error());
+  if (!summary) return error_of(summary);
   std::ofstream out(settings.summary);
   out << *summary;
   out.close();

@@ -54,7 +54,7 @@ Result<std::shared_ptr<const KinematicTree>> with_joints(const KinematicTree& tr
     description.joints.push_back(joint);
   }
   auto made = KinematicTree::create(std::move(description), std::move(tree_joints));
-  if (!made) return tl::make_unexpected(std::move(made.error()));
+  if (!made) return error_of(made);
   return std::shared_ptr<const KinematicTree>(std::move(*made));
 }
 
@@ -65,9 +65,7 @@ JointGroup::JointGroup(const RobotDescription& robot, const std::vector<std::str
       robot_(limits_of(robot, indices_), 0.0, part(q, indices_), now) {}
 
 Result<Command> JointGroup::read(const ros_messages::JointTrajectory& message, Stamp now) const {
-  const auto bad = [](std::string what) {
-    return fail(ErrorCode::kInvalidArgument, std::move(what));
-  };
+  const auto bad = [](std::string what) { return invalid(std::move(what)); };
   if (message.points.empty()) return Command{{}, now};
   std::vector<std::size_t> columns;
   for (const std::string& name : names_) {
@@ -98,7 +96,7 @@ Result<Command> JointGroup::read(const ros_messages::JointTrajectory& message, S
 
 Result<void> JointGroup::follow(const ros_messages::JointTrajectory& message, Stamp now) {
   auto command = read(message, now);
-  if (!command) return tl::make_unexpected(std::move(command.error()));
+  if (!command) return error_of(command);
   if (command->trajectory.size() == 0) {
     robot_.brake(now);
     return {};

@@ -34,9 +34,9 @@ Result<ProfileRobot> load_profile_robot(const std::string& profile) {
   urdf_robot::Options options;
   options.profile = Node(Node::Scalar{profile, true}, {"command line"});
   auto file = urdf_robot::find_profile(options.profile, context.robot_paths);
-  if (!file) return tl::make_unexpected(std::move(file.error()));
+  if (!file) return error_of(file);
   auto tree = urdf_robot::load_robot(options, context);
-  if (!tree) return tl::make_unexpected(std::move(tree.error()));
+  if (!tree) return error_of(tree);
   return ProfileRobot{std::move(*tree), std::move(*file)};
 }
 

@@ -13,7 +13,7 @@ Result<File> File::open(const std::filesystem::path& file) {
   auto bytes = FileBytes::open(file);
   if (!bytes) {
     bytes.error().message = "cannot read the recording: " + bytes.error().message;
-    return tl::make_unexpected(std::move(bytes.error()));
+    return error_of(bytes);
   }
   return File(file, std::move(*bytes));
 }

@@ -28,9 +28,9 @@ std::optional<ros::Time> time_of(const Fields& fields) {
 
 Result<Reader> Reader::open(const std::filesystem::path& file) {
   auto opened = File::open(file);
-  if (!opened) return tl::make_unexpected(opened.error());
+  if (!opened) return error_of(opened);
   Reader reader(std::move(*opened));
-  if (auto read = reader.read_all(); !read) return tl::make_unexpected(read.error());
+  if (auto read = reader.read_all(); !read) return error_of(read);
   return reader;
 }
 
@@ -40,7 +40,7 @@ Result<void> Reader::read_all() {
     return tl::make_unexpected(file_.damaged(0, "this is no ROS bag of format 2.0"));
   }
   const auto first = file_.record(kFirstLine.size(), file_.size());
-  if (!first) return tl::make_unexpected(first.error());
+  if (!first) return error_of(first);
   if (first->op != Op::kFile) {
     return tl::make_unexpected(file_.damaged(first->position, "the bag does not begin as one"));
   }
@@ -75,13 +75,13 @@ Result<void> Reader::read_index(const PlacedRecord& file_record) {
   std::uint64_t position = *begin;
   for (std::uint32_t i = 0; i < *connections; ++i) {
     const auto record = file_.record(position, file_.size());
-    if (!record) return tl::make_unexpected(record.error());
+    if (!record) return error_of(record);
     if (auto noted = note_connection(*record); !noted) return noted;
     position = record->end();
   }
   for (std::uint32_t i = 0; i < *chunks; ++i) {
     const auto record = file_.record(position, file_.size());
-    if (!record) return tl::make_unexpected(record.error());
+    if (!record) return error_of(record);
     if (auto read = read_chunk_index(*record); !read) return read;
     position = record->end();
   }
@@ -95,7 +95,7 @@ Result<void> Reader::note_connection(const PlacedRecord& record) {
     return tl::make_unexpected(file_.damaged(record.position, "here should be a connection"));
   }
   const auto data = file_.read(record.data_offset, record.data_size);
-  if (!data) return tl::make_unexpected(data.error());
+  if (!data) return error_of(data);
   const auto fields = Fields::parse({reinterpret_cast<const char*>(data->data()), data->size()});
   const auto type = fields ? fields->find("type") : std::nullopt;
   const auto md5sum = fields ? fields->find("md5sum") : std::nullopt;
@@ -144,21 +144,21 @@ Result<void> Reader::read_chunk_index(const PlacedRecord& chunk_info) {
         file_.damaged(chunk_info.position, "here should be what there is in a chunk"));
   }
   const auto data = file_.read(chunk_info.data_offset, chunk_info.data_size);
-  if (!data) return tl::make_unexpected(data.error());
+  if (!data) return error_of(data);
   std::map<std::uint32_t, std::uint32_t> counts;
   for (std::uint32_t i = 0; i < *connections; ++i) {
     counts[number_at<std::uint32_t>(*data, i * kChunkCount_bytes)] =
         number_at<std::uint32_t>(*data, i * kChunkCount_bytes + sizeof(std::uint32_t));
   }
   const auto chunk = file_.record(*begin, file_.size());
-  if (!chunk) return tl::make_unexpected(chunk.error());
+  if (!chunk) return error_of(chunk);
   if (auto checked = check_chunk(*chunk); !checked) return checked;
   std::uint64_t position = chunk->end();
   for (std::uint32_t i = 0; i < *connections; ++i) {
     const auto index = file_.record(position, file_.size());
-    if (!index) return tl::make_unexpected(index.error());
+    if (!index) return error_of(index);
     const auto connection = read_entries(*index, *chunk);
-    if (!connection) return tl::make_unexpected(connection.error());
+    if (!connection) return error_of(connection);
     const auto said = counts.find(*connection);
     if (said == counts.end() || said->second * kIndexEntry_bytes != index->data_size) {
       return tl::make_unexpected(
@@ -186,7 +186,7 @@ Result<std::uint32_t> Reader::read_entries(const PlacedRecord& index, const Plac
         file_.damaged(index.position, "the index names more messages than there can be"));
   }
   const auto data = file_.read(index.data_offset, index.data_size);
-  if (!data) return tl::make_unexpected(data.error());
+  if (!data) return error_of(data);
   for (std::size_t i = 0; i < *count; ++i) {
     const auto time = number_at<ros::Time>(*data, i * kIndexEntry_bytes);
     const auto offset = number_at<std::uint32_t>(*data, i * kIndexEntry_bytes + sizeof(ros::Time));
@@ -202,7 +202,7 @@ Result<std::uint32_t> Reader::read_entries(const PlacedRecord& index, const Plac
 Result<void> Reader::scan(std::uint64_t position) {
   while (position < file_.size()) {
     const auto record = file_.record(position, file_.size());
-    if (!record) return tl::make_unexpected(record.error());
+    if (!record) return error_of(record);
     if (record->op == Op::kConnection) {
       if (auto noted = note_connection(*record); !noted) return noted;
     } else if (record->op == Op::kChunk) {
@@ -221,7 +221,7 @@ Result<void> Reader::scan_chunk(const PlacedRecord& chunk) {
   const std::uint64_t end = std::min(chunk.end(), file_.size());
   while (position < end) {
     const auto record = file_.record(position, end);
-    if (!record) return tl::make_unexpected(record.error());
+    if (!record) return error_of(record);
     if (record->op == Op::kConnection) {
       if (auto noted = note_connection(*record); !noted) return noted;
     } else {
@@ -266,7 +266,7 @@ Result<std::optional<Message>> Reader::next() {
     const Entry& entry = entries_[next_++];
     if (selected_ && std::ranges::find(*selected_, entry.connection) == selected_->end()) continue;
     const auto record = file_.record(entry.position, file_.size());
-    if (!record) return tl::make_unexpected(record.error());
+    if (!record) return error_of(record);
     if (record->op != Op::kMessage ||
         record->fields.number<std::uint32_t>("conn") != entry.connection ||
         time_of(record->fields) != entry.time) {
@@ -274,7 +274,7 @@ Result<std::optional<Message>> Reader::next() {
           file_.damaged(entry.position, "here is not the message that the index names"));
     }
     const auto data = file_.read(record->data_offset, record->data_size);
-    if (!data) return tl::make_unexpected(data.error());
+    if (!data) return error_of(data);
     return Message{&connections_.at(entry.connection), entry.time, *data};
   }
   return std::nullopt;

@@ -108,12 +108,8 @@ Result<Writer> Writer::create(const std::filesystem::path& file, std::size_t chu
   Writer writer(descriptor, file, chunk_bytes);
   Bytes first_line;
   append_raw(first_line, kFirstLine.data(), kFirstLine.size());
-  if (auto written = writer.append(first_line); !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
-  if (auto written = writer.write_file_record(0); !written) {
-    return tl::make_unexpected(std::move(written.error()));
-  }
+  if (auto written = writer.append(first_line); !written) return error_of(written);
+  if (auto written = writer.write_file_record(0); !written) return error_of(written);
   return writer;
 }
 

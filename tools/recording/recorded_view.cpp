@@ -12,7 +12,7 @@
 namespace sidestep {
 namespace {
 
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 
 /// Reads little-endian numbers and runs of bytes, as far as there are any.
 class Bytes {
@@ -83,7 +83,7 @@ class BagRecording final : public Recording {
 
   Result<std::optional<ViewMessage>> next() override {
     const auto message = reader_.next();
-    if (!message) return tl::make_unexpected(message.error());
+    if (!message) return error_of(message);
     if (!*message) return std::nullopt;
     if (const auto data = data_of((*message)->data)) {
       if (auto read = message_of(*data)) return read;
@@ -100,7 +100,7 @@ class BagRecording final : public Recording {
 
 Result<std::unique_ptr<Recording>> open_recording(const std::filesystem::path& file) {
   auto reader = bag::Reader::open(file);
-  if (!reader) return tl::make_unexpected(reader.error());
+  if (!reader) return error_of(reader);
   const bool is_view = std::ranges::any_of(reader->connections(), [](const auto& connection) {
     return connection.second.topic == topics::kView;
   });

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/index.hpp>
+
 #include "event_json.hpp"
 #include "run_markers.hpp"
 
@@ -21,9 +23,6 @@ std::string text_of(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-std::span<const double> span_of(const Eigen::VectorXd& q) {
-  return {q.data(), static_cast<std::size_t>(q.size())};
-}
 std::vector<double> numbers(const Eigen::VectorXd& q) { return {q.begin(), q.end()}; }
 
 Json json_of(const ObservedEvent& observed) {
@@ -51,7 +50,7 @@ std::string camera_frame_beside(const RobotDescription& robot) {
 
 Result<RunBag> RunBag::create(const std::filesystem::path& file) {
   auto writer = bag::Writer::create(file);
-  if (!writer) return tl::make_unexpected(writer.error());
+  if (!writer) return error_of(writer);
   return RunBag(std::move(*writer));
 }
 
@@ -106,7 +105,7 @@ void RunBag::seen(const Frame& frame, Stamp received) {
   if (has_stepped_ || !world_.robot) return;
   // Nobody has measured it yet.
   const Eigen::VectorXd& q = frame.joint_positions ? *frame.joint_positions : world_.q_start;
-  put_robot(span_of(q), frame.stamp);
+  put_robot(as_span(q), frame.stamp);
 }
 
 void RunBag::put_robot(std::span<const double> q, Stamp stamp) {
@@ -137,7 +136,7 @@ void RunBag::put_map(Stamp stamp) {
 void RunBag::stepped(const ObservedStep& step) {
   show_world(step.stamp);
   has_stepped_ = true;
-  if (world_.robot && step.q.size() > 0) put_robot(span_of(step.q), step.stamp);
+  if (world_.robot && step.q.size() > 0) put_robot(as_span(step.q), step.stamp);
   const bool anything_moves =
       world_.scene && std::ranges::any_of(world_.scene->objects(), &SceneObject::moves);
   if (anything_moves && moving_.lets_through(step.stamp)) {

@@ -51,7 +51,7 @@ std::size_t bytes_of(const ObservedEvent& event) noexcept {
 Result<std::unique_ptr<RunRecorder>> RunRecorder::start(const std::filesystem::path& file, Log& log,
                                                         std::size_t most_queued_bytes) {
   auto bag = RunBag::create(file);
-  if (!bag) return tl::make_unexpected(bag.error());
+  if (!bag) return error_of(bag);
   return std::unique_ptr<RunRecorder>(
       new RunRecorder(std::move(*bag), file, log, most_queued_bytes));
 }

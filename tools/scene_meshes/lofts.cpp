@@ -11,7 +11,6 @@ namespace sidestep::scene_meshes {
 namespace {
 
 using Vector = Eigen::Vector3d;
-constexpr double kPi = std::numbers::pi;
 
 /// An ellipse in space: its centre and two half axes.
 struct Ring {
@@ -24,7 +23,7 @@ void add_loft(Triangles& mesh, const std::vector<Ring>& rings, int corners) {
   const int first = static_cast<int>(mesh.vertices_m.size());
   for (const Ring& ring : rings) {
     for (int i = 0; i < corners; ++i) {
-      const double angle = 2.0 * kPi * i / corners;
+      const double angle = 2.0 * std::numbers::pi * i / corners;
       mesh.vertices_m.emplace_back(ring.centre + std::cos(angle) * ring.u +
                                    std::sin(angle) * ring.v);
     }
@@ -65,7 +64,7 @@ Triangles leaves() {
   constexpr int kRings = 12;
   Triangles mesh;
   for (int leaf = 0; leaf < kLeaves; ++leaf) {
-    const double turn = 2.0 * kPi * leaf / kLeaves + 0.3 * (leaf % 2);
+    const double turn = 2.0 * std::numbers::pi * leaf / kLeaves + 0.3 * (leaf % 2);
     const double length_m = 0.55 + 0.12 * (leaf % 3);
     const Vector out(std::cos(turn), std::sin(turn), 0.0);
     const Vector across(-std::sin(turn), std::cos(turn), 0.0);
@@ -78,7 +77,8 @@ Triangles leaves() {
       const Vector centre = rings.empty()
                                 ? Vector(0.02 * out)
                                 : Vector(rings.back().centre + length_m / (kRings - 1) * along);
-      const double half_width_m = 0.008 + 0.05 * std::sin(kPi * std::min(1.0, 0.15 + 0.85 * s));
+      const double half_width_m =
+          0.008 + 0.05 * std::sin(std::numbers::pi * std::min(1.0, 0.15 + 0.85 * s));
       rings.push_back({centre, half_width_m * across, 0.004 * along.cross(across).normalized()});
     }
     add_loft(mesh, rings, 8);
@@ -97,7 +97,7 @@ Triangles curtain() {
         const double x = kWidth_m * (static_cast<double>(i) / (kColumns - 1) - 0.5);
         const double depth = 0.045 + 0.02 * std::sin(1.7 * x + 0.4);
         mesh.vertices_m.emplace_back(
-            x, depth * std::sin(2.0 * kPi * x / 0.2) + side * kHalfThickness_m, z);
+            x, depth * std::sin(2.0 * std::numbers::pi * x / 0.2) + side * kHalfThickness_m, z);
       }
     }
   }

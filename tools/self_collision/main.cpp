@@ -63,7 +63,7 @@ Result<void> write_profile(const std::filesystem::path& file, const std::string&
 
 Result<void> run(const Arguments& arguments) {
   const auto loaded = load_profile_robot(arguments.profile);
-  if (!loaded) return tl::make_unexpected(loaded.error());
+  if (!loaded) return error_of(loaded);
 
   const auto pairs = sample_pairs(*loaded->tree, arguments.sampling);
   const RobotDescription& robot = loaded->tree->description();

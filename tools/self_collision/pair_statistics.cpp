@@ -8,10 +8,10 @@
 #include <memory>
 #include <random>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 struct Padded {
   double padding_m;
@@ -36,7 +36,7 @@ struct Padded {
     auto model = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
     model->beginModel();
     for (const Eigen::Vector3i& triangle : mesh->triangles) {
-      const auto vertex = [&](int i) { return mesh->vertices_m[at(triangle[i])]; };
+      const auto vertex = [&](int i) { return mesh->vertices_m[idx(triangle[i])]; };
       model->addTriangle(vertex(0), vertex(1), vertex(2));
     }
     model->endModel();
@@ -56,14 +56,14 @@ class Bodies {
     std::vector<bool> shaped(parts_.size());
     for (std::size_t i = 0; i < parts_.size(); ++i) shaped[i] = !parts_[i].empty();
     for (const CollisionSphere& sphere : tree.description().spheres) {
-      if (shaped[at(sphere.link)]) continue;
+      if (shaped[idx(sphere.link)]) continue;
       Transform T_link_sphere = Transform::Identity();
       T_link_sphere.translate(sphere.centre_link_m);
       add(sphere.link, Padded{padding_m}(Sphere{sphere.radius_m}), T_link_sphere);
     }
   }
 
-  [[nodiscard]] bool solid(int link) const { return !parts_[at(link)].empty(); }
+  [[nodiscard]] bool solid(int link) const { return !parts_[idx(link)].empty(); }
 
   void move_to(std::span<const double> q) {
     tree_.link_poses(q, T_world_link_, scratch_);
@@ -76,8 +76,8 @@ class Bodies {
   }
 
   [[nodiscard]] bool touch(int a, int b) const {
-    for (const Part& first : parts_[at(a)]) {
-      for (const Part& second : parts_[at(b)]) {
+    for (const Part& first : parts_[idx(a)]) {
+      for (const Part& second : parts_[idx(b)]) {
         if (!first.object->getAABB().overlap(second.object->getAABB())) continue;
         fcl::CollisionResultd result;
         if (fcl::collide(first.object.get(), second.object.get(), fcl::CollisionRequestd(),
@@ -97,7 +97,7 @@ class Bodies {
   void add(int link, std::shared_ptr<fcl::CollisionGeometryd> geometry,
            const Transform& T_link_shape) {
     if (geometry == nullptr) return;
-    parts_[at(link)].push_back(
+    parts_[idx(link)].push_back(
         {std::make_unique<fcl::CollisionObjectd>(std::move(geometry)), T_link_shape});
   }
 
@@ -111,18 +111,18 @@ int planned_joints_between(const KinematicTree& tree, int a, int b) {
   int count = 0;
   while (a != b) {
     int& lower = a > b ? a : b;  // parents come first, so the higher index is no ancestor
-    if (tree.tree_joints()[at(lower)].joint != -1) ++count;
-    lower = tree.description().links[at(lower)].parent;
+    if (tree.tree_joints()[idx(lower)].joint != -1) ++count;
+    lower = tree.description().links[idx(lower)].parent;
   }
   return count;
 }
 
 bool spheres_touch(const RobotDescription& robot, const std::vector<std::vector<int>>& on_link,
                    const std::vector<Eigen::Vector3d>& centres, const PairStatistics& pair) {
-  for (const int s : on_link[at(pair.a)]) {
-    for (const int t : on_link[at(pair.b)]) {
-      const double reach = robot.spheres[at(s)].radius_m + robot.spheres[at(t)].radius_m;
-      if ((centres[at(s)] - centres[at(t)]).squaredNorm() < reach * reach) return true;
+  for (const int s : on_link[idx(pair.a)]) {
+    for (const int t : on_link[idx(pair.b)]) {
+      const double reach = robot.spheres[idx(s)].radius_m + robot.spheres[idx(t)].radius_m;
+      if ((centres[idx(s)] - centres[idx(t)]).squaredNorm() < reach * reach) return true;
     }
   }
   return false;
@@ -164,7 +164,7 @@ std::vector<PairStatistics> sample_pairs(const KinematicTree& tree,
   std::vector<PairStatistics> pairs = movable_pairs(tree, bodies);
   std::vector<std::vector<int>> on_link(robot.links.size());
   for (std::size_t s = 0; s < robot.spheres.size(); ++s)
-    on_link[at(robot.spheres[s].link)].push_back(static_cast<int>(s));
+    on_link[idx(robot.spheres[s].link)].push_back(static_cast<int>(s));
 
   std::mt19937_64 generator(options.seed);
   std::vector<Eigen::Vector3d> centres(robot.spheres.size());

@@ -15,7 +15,7 @@ Result<std::unique_ptr<ViewServer>> serve_view(const ViewOptions& options, Log& 
                                                RecordingOpener recording, PageDesk* desk) {
   auto assets =
       ViewAssets::read(view_assets_folder(), desk == nullptr ? "index.html" : "spheres.html");
-  if (!assets) return tl::make_unexpected(assets.error());
+  if (!assets) return error_of(assets);
   ViewServerSettings settings;
   settings.bind = options.bind.value_or(settings.bind);
   settings.require_token = options.bind.has_value();
@@ -32,7 +32,7 @@ Result<std::unique_ptr<LiveView>> LiveView::start(const ViewOptions& options,
                                                   const std::stop_token& stop) {
   std::unique_ptr<LiveView> live(new LiveView);
   auto server = serve_view(options, live->console_);
-  if (!server) return tl::make_unexpected(server.error());
+  if (!server) return error_of(server);
   live->server_ = std::move(*server);
   if (options.open && !live->server_->wait_for_client(kBrowserTime, stop)) {
     live->console_.warn("no browser has come; the run begins without");

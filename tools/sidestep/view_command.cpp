@@ -8,7 +8,7 @@
 namespace sidestep {
 namespace {
 
-ExitCode refused(const Error& error) {
+ExitCode wrong_input(const Error& error) {
   print_errors({error});
   return ExitCode::kConfiguration;
 }
@@ -24,10 +24,10 @@ void wait_for(const std::stop_token& stop) {
 
 ExitCode view_command(const std::filesystem::path& file, const ViewOptions& options) {
   const StopOnSignal stop;
-  if (const auto opened = open_recording(file); !opened) return refused(opened.error());
+  if (const auto opened = open_recording(file); !opened) return wrong_input(opened.error());
   Console console;
   const auto server = serve_view(options, console, [file] { return open_recording(file); });
-  if (!server) return refused(server.error());
+  if (!server) return wrong_input(server.error());
   console.info("Ctrl-C ends it");
   wait_for(stop.token());
   return ExitCode::kSuccess;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <queue>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -12,8 +14,6 @@ constexpr double kDepthShare = 0.3;
 /// Of boxes, halved to find the radius of one sphere.
 constexpr int kMostHalvings = 4000;
 constexpr double kRadiusTolerance_m = 2e-5;
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 /// Both halves of a box across its longest side.
 std::pair<Cell, Cell> halves(const Cell& cell) {
@@ -34,7 +34,7 @@ class CellMaker {
 
   /// False where there are too many.
   bool add(const Cell& cell) {
-    const BodyPart& part = body_.parts[at(cell.part)];
+    const BodyPart& part = body_.parts[idx(cell.part)];
     const double radius = cell.half_m.norm();
     const double distance = signed_distance_m(part.shape, cell.p_shape);
     if (distance > radius || is_held(cell, radius)) return true;
@@ -50,7 +50,7 @@ class CellMaker {
 
  private:
   [[nodiscard]] bool is_held(const Cell& cell, double radius) const {
-    const Eigen::Vector3d p_body = body_.parts[at(cell.part)].T_body_shape * cell.p_shape;
+    const Eigen::Vector3d p_body = body_.parts[idx(cell.part)].T_body_shape * cell.p_shape;
     const auto holds = [&](const BodySphere& sphere) {
       return (p_body - sphere.p_body).norm() + radius <= sphere.radius_m;
     };
@@ -58,7 +58,8 @@ class CellMaker {
     for (std::size_t other = 0; other < body_.parts.size(); ++other) {
       const BodyPart& part = body_.parts[other];
       // Of two shapes of one link that overlap, the first holds what both have.
-      const bool is_before = part.link == body_.parts[at(cell.part)].link && other < at(cell.part);
+      const bool is_before =
+          part.link == body_.parts[idx(cell.part)].link && other < idx(cell.part);
       if (!is_before && std::ranges::count(held_.links, part.link) == 0) continue;
       if (signed_distance_m(part.shape, part.T_shape_body * p_body) <= -radius) return true;
     }
@@ -96,14 +97,14 @@ double radius_to_hold_m(const RigidBody& body, std::span<const Cell> cells,
     bool operator<(const Reach& other) const { return far_m < other.far_m; }
   };
   const auto reach = [&](const Cell& cell) {
-    return Reach{farthest_m(cell, body.parts[at(cell.part)].T_shape_body * p_body), cell};
+    return Reach{farthest_m(cell, body.parts[idx(cell.part)].T_shape_body * p_body), cell};
   };
   std::priority_queue<Reach> queue;
   for (const Cell& cell : cells) queue.push(reach(cell));
   for (int halving = 0; halving < kMostHalvings && !queue.empty(); ++halving) {
     const Cell farthest = queue.top().cell;
     const double radius = farthest.half_m.norm();
-    const Shape& shape = body.parts[at(farthest.part)].shape;
+    const Shape& shape = body.parts[idx(farthest.part)].shape;
     // Of a box that lies in the shape as a whole, that corner is the shape's.
     if (radius < kRadiusTolerance_m || std::holds_alternative<Box>(shape)) break;
     if (signed_distance_m(shape, farthest.p_shape) <= -radius) break;

@@ -7,19 +7,19 @@
 
 #include <Eigen/Eigenvalues>
 
+#include <sidestep/core/index.hpp>
+
 #include "surface_samples.hpp"
 
 namespace sidestep {
 namespace {
 
-constexpr std::size_t kMostCells = 40'000;
-constexpr std::size_t kDirections = 64;
+constexpr std::size_t kMostClusterCells = 40'000;
+constexpr std::size_t kClusterDirections = 64;
 /// What rounding may add: half a grain along each axis, and one of the radius.
-constexpr double kRounding_m = 3e-4;
+constexpr double kFitRounding_m = 3e-4;
 constexpr int kRounds = 6;
 constexpr int kMostDropsRefused = 4;
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 double total_excess_m3(const auto& clusters) {
   double sum = 0.0;
@@ -32,8 +32,8 @@ double total_excess_m3(const auto& clusters) {
 ClusterFit::ClusterFit(const RigidBody& body, int link, const Held& held, const Settings& settings)
     : body_(body),
       link_(link),
-      protrusion_m_(std::max(settings.protrusion_m - kRounding_m, kGrain_m)),
-      directions_(even_on_sphere(kDirections)) {
+      protrusion_m_(std::max(settings.protrusion_m - kFitRounding_m, kGrain_m)),
+      directions_(even_on_sphere(kClusterDirections)) {
   Held all = held;
   for (const BodyPart& part : body.parts) {
     const auto* const sphere = std::get_if<Sphere>(&part.shape);
@@ -41,10 +41,10 @@ ClusterFit::ClusterFit(const RigidBody& body, int link, const Held& held, const 
     balls_.push_back({link, part.T_body_shape.translation(), sphere->radius_m});
     all.spheres.push_back(balls_.back());
   }
-  cells_ = link_cells(body, link, all, settings.fine_m, kMostCells);
+  cells_ = link_cells(body, link, all, settings.fine_m, kMostClusterCells);
   // The boxes of a sphere stand out of it; it is held by itself.
   std::erase_if(cells_, [&](const Cell& cell) {
-    return std::holds_alternative<Sphere>(body.parts[at(cell.part)].shape);
+    return std::holds_alternative<Sphere>(body.parts[idx(cell.part)].shape);
   });
   if (cells_.empty()) return;
   Cluster whole;
@@ -56,7 +56,7 @@ ClusterFit::ClusterFit(const RigidBody& body, int link, const Held& held, const 
 }
 
 Eigen::Vector3d ClusterFit::centre_m(const Cell& cell) const {
-  return body_.parts[at(cell.part)].T_body_shape * cell.p_shape;
+  return body_.parts[idx(cell.part)].T_body_shape * cell.p_shape;
 }
 
 ClusterFit::Cluster ClusterFit::sphere_at(const Eigen::Vector3d& p_body,
@@ -67,7 +67,7 @@ ClusterFit::Cluster ClusterFit::sphere_at(const Eigen::Vector3d& p_body,
   Eigen::Vector3d p_shape = Eigen::Vector3d::Zero();
   for (const Cell& cell : cells) {
     if (cell.part != std::exchange(part, cell.part)) {
-      p_shape = body_.parts[at(part)].T_shape_body * p_body;
+      p_shape = body_.parts[idx(part)].T_shape_body * p_body;
     }
     cluster.radius_m = std::max(cluster.radius_m, farthest_m(cell, p_shape));
   }
@@ -79,7 +79,7 @@ ClusterFit::Cluster ClusterFit::sphere_at(const Eigen::Vector3d& p_body,
   for (const Eigen::Vector3d& direction : directions_) {
     cluster.excess_m3 += std::max(0.0, signed_distance_m(body_, p_body + r * direction));
   }
-  cluster.excess_m3 *= 4.0 * std::numbers::pi * r * r / kDirections;
+  cluster.excess_m3 *= 4.0 * std::numbers::pi * r * r / kClusterDirections;
   return cluster;
 }
 
@@ -102,7 +102,7 @@ void ClusterFit::assign(Clusters& clusters) const {
   for (const Cell& cell : cells_) {
     if (cell.part != std::exchange(part, cell.part)) {
       for (std::size_t i = 0; i < clusters.size(); ++i) {
-        p_shape[i] = body_.parts[at(part)].T_shape_body * clusters[i].p_body;
+        p_shape[i] = body_.parts[idx(part)].T_shape_body * clusters[i].p_body;
       }
     }
     std::size_t best = 0;
@@ -128,7 +128,7 @@ void ClusterFit::improve(Cluster& cluster) const {
   for (double step = 0.3 * cluster.radius_m; step > 0.5 * kGrain_m; step *= 0.5) {
     far.clear();
     for (const Cell& cell : all) {
-      const Eigen::Vector3d p_shape = body_.parts[at(cell.part)].T_shape_body * cluster.p_body;
+      const Eigen::Vector3d p_shape = body_.parts[idx(cell.part)].T_shape_body * cluster.p_body;
       // Two moves, each of which brings one cell as much nearer as another one farther.
       if (farthest_m(cell, p_shape) >= cluster.radius_m - 4.0 * step) far.push_back(cell);
     }

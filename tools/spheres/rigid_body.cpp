@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 bool has_volume(const Shape& shape) { return (bounds_of(shape).half_m.array() > 0.0).all(); }
 
@@ -60,15 +60,15 @@ std::vector<RigidBody> rigid_bodies(const KinematicTree& robot) {
       body_of_link[link] = bodies.size();
       bodies.emplace_back();
     } else {
-      body_of_link[link] = body_of_link[at(parent)];
-      T_body_link[link] = T_body_link[at(parent)] * joint.T_parent_joint;
+      body_of_link[link] = body_of_link[idx(parent)];
+      T_body_link[link] = T_body_link[idx(parent)] * joint.T_parent_joint;
     }
     bodies[body_of_link[link]].links.push_back({static_cast<int>(link), T_body_link[link]});
   }
   for (const CollisionShape& one : description.shapes) {
     if (!has_volume(one.shape)) continue;
-    const Transform T_body_shape = T_body_link[at(one.link)] * one.T_link_shape;
-    bodies[body_of_link[at(one.link)]].parts.push_back(
+    const Transform T_body_shape = T_body_link[idx(one.link)] * one.T_link_shape;
+    bodies[body_of_link[idx(one.link)]].parts.push_back(
         {one.link, one.shape, T_body_shape, T_body_shape.inverse()});
   }
   return bodies;

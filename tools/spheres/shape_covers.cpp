@@ -11,7 +11,7 @@
 namespace sidestep {
 namespace {
 
-constexpr std::size_t kBallSamples = 512;
+constexpr std::size_t kCoverSamples = 512;
 /// Covers what rounding would leave bare.
 constexpr double kRadiusMargin = 1.0 + 1e-9;
 constexpr int kLargestRing = 8;
@@ -154,7 +154,7 @@ ShapeCover measured(const RigidBody& body, std::vector<BodySphere> spheres,
       });
       outside += 1.0 / static_cast<double>(std::max<std::ptrdiff_t>(1, holding));
     }
-    cover.excess_m3 += 4.0 / 3.0 * std::numbers::pi * r * r * r * outside / kBallSamples;
+    cover.excess_m3 += 4.0 / 3.0 * std::numbers::pi * r * r * r * outside / kCoverSamples;
   }
   cover.spheres = std::move(spheres);
   return cover;
@@ -167,7 +167,7 @@ std::vector<ShapeCover> shape_covers(const RigidBody& body, const BodyPart& part
   const bool is_mesh = std::holds_alternative<std::shared_ptr<const Mesh>>(part.shape);
   auto all =
       is_mesh ? mesh_clusters(body, part, most_spheres, stop) : arrangements(part, most_spheres);
-  const std::vector<Eigen::Vector3d> within = even_in_ball(kBallSamples);
+  const std::vector<Eigen::Vector3d> within = even_in_ball(kCoverSamples);
   std::vector<ShapeCover> covers;
   for (auto& spheres : all) covers.push_back(measured(body, std::move(spheres), within));
   std::ranges::stable_sort(covers, [](const ShapeCover& a, const ShapeCover& b) {

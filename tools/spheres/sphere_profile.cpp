@@ -38,7 +38,7 @@ Result<std::shared_ptr<const KinematicTree>> load(const fs::path& file,
   urdf_robot::Options options;
   options.profile = Node(Node::Scalar{file.string(), true}, {"command line"});
   auto robot = urdf_robot::load_robot(options, context);
-  if (!robot) return tl::make_unexpected(robot.error());
+  if (!robot) return error_of(robot);
   return std::shared_ptr<const KinematicTree>(std::move(*robot));
 }
 
@@ -50,10 +50,9 @@ Result<void> check_spheres(const std::vector<CollisionSphere>& spheres,
            one.centre_link_m.cwiseAbs().maxCoeff() > kMostMetres ||
            !(one.radius_m >= 1e-6 && one.radius_m <= kMostMetres);
   };
-  if (spheres.empty()) return fail(ErrorCode::kInvalidArgument, "a robot needs a sphere at least");
+  if (spheres.empty()) return invalid("a robot needs a sphere at least");
   if (std::ranges::any_of(spheres, wrong)) {
-    return fail(ErrorCode::kInvalidArgument,
-                "a sphere lies on no link, or its centre or radius is out of bounds");
+    return invalid("a sphere lies on no link, or its centre or radius is out of bounds");
   }
   return {};
 }
@@ -135,7 +134,7 @@ Result<SphereProfile> SphereProfile::open(const std::string& name,
                                           const HostContext& context) {
   const Node node(Node::Scalar{name, true}, {"command line"});
   const auto found = urdf_robot::find_profile(node, context.robot_paths);
-  if (!found) return tl::make_unexpected(found.error());
+  if (!found) return error_of(found);
   std::error_code error;
   fs::path source = fs::canonical(*found, error);
   if (error) return fail(ErrorCode::kIo, error.message(), found->string());
@@ -147,15 +146,15 @@ Result<SphereProfile> SphereProfile::open(const std::string& name,
     }
   }
   SphereProfile profile(std::move(source), std::move(target), context);
-  if (const auto read = profile.read(); !read) return tl::make_unexpected(read.error());
+  if (const auto read = profile.read(); !read) return error_of(read);
   return profile;
 }
 
 Result<void> SphereProfile::read() {
   auto text = read_text(source_);
-  if (!text) return tl::make_unexpected(text.error());
+  if (!text) return error_of(text);
   auto robot = load(source_, *context_);
-  if (!robot) return tl::make_unexpected(robot.error());
+  if (!robot) return error_of(robot);
   text_ = std::move(*text);
   robot_ = std::move(*robot);
   return {};
@@ -180,13 +179,13 @@ Result<void> SphereProfile::check_writable() const {
 Result<std::string> SphereProfile::text_with(const std::vector<CollisionSphere>& spheres) const {
   std::vector<Error> errors;
   const auto document = parse_yaml(text_, source_.string(), errors);
-  if (!document) return tl::make_unexpected(document.error());
+  if (!document) return error_of(document);
   std::string text = with_spheres(text_, *document, robot_->description().links, spheres);
   const fs::path folder = target_.parent_path();
   if (folder == source_.parent_path()) return text;
   // Elsewhere, relative paths lead elsewhere. Positions are the new text's.
   const auto moved = parse_yaml(text, source_.string(), errors);
-  if (!moved) return tl::make_unexpected(moved.error());
+  if (!moved) return error_of(moved);
   std::vector<const Node*> paths;
   if (const Node* const packages = moved->find("package_paths")) {
     for (const Node& item : packages->items()) paths.push_back(&item);
@@ -206,13 +205,13 @@ Result<void> SphereProfile::save(const std::vector<CollisionSphere>& spheres) {
   if (const auto fine = check_spheres(spheres, robot_->description()); !fine) return fine;
   if (const auto fine = check_writable(); !fine) return fine;
   const auto now = read_text(source_);
-  if (!now) return tl::make_unexpected(now.error());
+  if (!now) return error_of(now);
   if (*now != text_) {
     return fail(ErrorCode::kIo, "the profile was changed meanwhile by somebody else",
                 source_.string(), "load it again");
   }
   const auto text = text_with(spheres);
-  if (!text) return tl::make_unexpected(text.error());
+  if (!text) return error_of(text);
   return replace_target(*text, spheres);
 }
 
@@ -224,7 +223,7 @@ Result<void> SphereProfile::replace_target(const std::string& text,
   if (const auto written = fresh.write(text, mode | S_IWUSR); !written) return written;
   // Nothing takes the profile's place that does not say what it should.
   auto robot = load(fresh.file(), *context_);
-  if (!robot) return tl::make_unexpected(robot.error());
+  if (!robot) return error_of(robot);
   std::vector<Error> errors;
   const auto before = parse_yaml(text_, source_.string(), errors);
   const auto after = parse_yaml(text, target_.string(), errors);

@@ -6,6 +6,8 @@
 #include <map>
 #include <optional>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -42,9 +44,8 @@ std::string number(double value) {
 
 std::string item_text(const CollisionSphere& sphere, const std::vector<Link>& links) {
   const Eigen::Vector3d& c = sphere.centre_link_m;
-  return "- {link: " + links[static_cast<std::size_t>(sphere.link)].name + ", centre_m: [" +
-         number(c.x()) + ", " + number(c.y()) + ", " + number(c.z()) +
-         "], radius_m: " + number(sphere.radius_m) + "}";
+  return "- {link: " + links[idx(sphere.link)].name + ", centre_m: [" + number(c.x()) + ", " +
+         number(c.y()) + ", " + number(c.z()) + "], radius_m: " + number(sphere.radius_m) + "}";
 }
 
 /// A sphere that the profile lists, and its lines: from 0, the last one beyond.
@@ -126,7 +127,7 @@ Matching match(const std::vector<Item>& items, const std::vector<Link>& links,
         const CollisionSphere& sphere = spheres[s];
         const Eigen::Vector3d& c = sphere.centre_link_m;
         const std::vector<double> numbers{c.x(), c.y(), c.z(), sphere.radius_m};
-        if (is_placed[s] || links[static_cast<std::size_t>(sphere.link)].name != items[i].link) {
+        if (is_placed[s] || links[idx(sphere.link)].name != items[i].link) {
           continue;
         }
         if (exactly && items[i].numbers != numbers) continue;
@@ -160,7 +161,7 @@ Lines edited(const Lines& lines, const Block& block, const std::vector<Link>& li
   Lines out(lines.begin(), lines.begin() + static_cast<std::ptrdiff_t>(block.items[0].first));
   const auto add_fresh = [&](const std::string* link) {
     for (const std::size_t s : matching.fresh) {
-      const std::string& name = links[static_cast<std::size_t>(spheres[s].link)].name;
+      const std::string& name = links[idx(spheres[s].link)].name;
       const bool is_due = link == nullptr ? !last_of_link.contains(name) : name == *link;
       if (is_due) out.push_back(indent + item_text(spheres[s], links));
     }
@@ -174,7 +175,7 @@ Lines edited(const Lines& lines, const Block& block, const std::vector<Link>& li
     if (matching.is_same[i]) {
       out.insert(out.end(), at(item.first), at(item.last));
     } else if (sphere != -1) {
-      out.push_back(indent + item_text(spheres[static_cast<std::size_t>(sphere)], links) +
+      out.push_back(indent + item_text(spheres[idx(sphere)], links) +
                     comment_of(lines[item.first]));
     }
     if (last_of_link.at(item.link) == i) add_fresh(&item.link);

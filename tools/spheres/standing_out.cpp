@@ -9,7 +9,7 @@
 namespace sidestep {
 namespace {
 
-constexpr double kRounding_m = 1e-6;
+constexpr double kBoundRounding_m = 1e-6;
 constexpr double kFacetDepth_m = 0.5 * kFacetError_m;
 
 class Survey {
@@ -36,7 +36,7 @@ class Survey {
   double look_at(const Eigen::Vector3d& p) {
     double distance = distance_m_(p);
     if (std::isnan(distance)) distance = std::numeric_limits<double>::infinity();
-    if (distance > kRounding_m && distance > out_.farthest_m) {
+    if (distance > kBoundRounding_m && distance > out_.farthest_m) {
       out_.farthest_m = distance;
       out_.p_farthest = p;
     }
@@ -49,8 +49,9 @@ class Survey {
     const double distance = look_at(centre);
     double reach = 0.0;
     for (const Eigen::Vector3d& corner : t) reach = std::max(reach, (corner - centre).norm());
-    const bool is_inside = distance + reach <= kRounding_m;
-    const bool is_outside = distance - reach > kRounding_m && distance + reach <= out_.farthest_m;
+    const bool is_inside = distance + reach <= kBoundRounding_m;
+    const bool is_outside =
+        distance - reach > kBoundRounding_m && distance + reach <= out_.farthest_m;
     const bool is_open = out_.farthest_m <= limit_m_ && distance + reach > limit_m_;
     const double fine =
         is_open ? kProofFineness_m : std::max(kSurfaceFineness_m, kSurfaceShare * distance);
@@ -58,7 +59,7 @@ class Survey {
     out_.at_most_m = std::max(out_.at_most_m, distance + reach);
     const double area_m2 = 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).norm();
     out_.surface_m2 += area_m2;
-    if (distance > kRounding_m) out_.outside_m2 += area_m2;
+    if (distance > kBoundRounding_m) out_.outside_m2 += area_m2;
   }
 
   /// At the middle of the longest edge.

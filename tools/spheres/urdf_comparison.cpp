@@ -9,6 +9,7 @@
 #include <random>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/node.hpp>
 
 #include "build_robot.hpp"
@@ -26,8 +27,6 @@ using urdf_robot::UrdfModel;
 constexpr int kCorners = 32;        // configurations with each joint at one of its limits
 constexpr int kBetween = 32;        // and anywhere within them
 constexpr double kRounding = 1e-6;  // of limits
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 std::string listed(const std::string& list, const std::string& item) {
   return list.empty() ? item : list + ", " + item;
@@ -114,7 +113,7 @@ class Comparer {
   /// The profile's link of this name, if a URDF can have it; else -1.
   [[nodiscard]] int own_link(const std::string& name) const {
     const auto link = description().link_index(name);
-    return link && at(*link) >= base_joints_ ? *link : -1;  // as many links as joints
+    return link && idx(*link) >= base_joints_ ? *link : -1;  // as many links as joints
   }
 
   [[nodiscard]] bool is_planned(std::size_t link) const { return motion_.value(link).joint != -1; }
@@ -141,7 +140,7 @@ class Comparer {
       if (!link.joint || link.joint->mimic || link.joint->type == UrdfJoint::Type::kFixed) continue;
       const TreeJoint* const own = find_joint(robot_, link.joint->name);
       if (own == nullptr || own->joint == -1) continue;
-      const std::string& master = joints[at(own->joint)].name;
+      const std::string& master = joints[idx(own->joint)].name;
       if (master == own->name) continue;
       out_.findings.push_back("joint '" + own->name + "' follows '" + master +
                               "' in the profile and moves by itself in the URDF");
@@ -171,7 +170,7 @@ class Comparer {
     for (std::size_t i = urdf_.links.size(); i-- > 0;) {
       if (!urdf_.links[i].shapes.empty()) carries[i] = true;
       if (!carries[i] || urdf_.links[i].parent == -1) continue;
-      carries[at(urdf_.links[i].parent)] = true;
+      carries[idx(urdf_.links[i].parent)] = true;
       moves[master_of(i)] = true;
     }
     std::string held, unknown;
@@ -217,11 +216,11 @@ class Comparer {
     for (const std::vector<double>& q : configurations) {
       robot_.link_poses(q, own_poses, scratch);
       const std::vector<Transform> poses = motion_.link_poses(q);
-      const Transform T_world_root = own_poses[at(*first)] * poses[origin].inverse();
+      const Transform T_world_root = own_poses[idx(*first)] * poses[origin].inverse();
       for (std::size_t i = 0; i < poses.size(); ++i) {
         if (own_link_[i] == -1) continue;
         const Transform T_own_link =
-            own_poses[at(own_link_[i])].inverse() * T_world_root * poses[i];
+            own_poses[idx(own_link_[i])].inverse() * T_world_root * poses[i];
         offsets[i].offset_m = std::max(offsets[i].offset_m, T_own_link.translation().norm());
         const double turn = Eigen::AngleAxisd(T_own_link.rotation()).angle();
         offsets[i].turn_rad = std::max(offsets[i].turn_rad, turn);
@@ -300,7 +299,7 @@ class Comparer {
         seen[next] = true;
       };
       const int parent = urdf_.links[i].parent;
-      if (parent != -1 && !is_planned(i)) go_to(at(parent));
+      if (parent != -1 && !is_planned(i)) go_to(idx(parent));
       for (std::size_t child = 0; child < urdf_.links.size(); ++child) {
         if (urdf_.links[child].parent == static_cast<int>(i) && !is_planned(child)) go_to(child);
       }
@@ -371,9 +370,7 @@ Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, const fs::p
   std::vector<Error> errors;
   auto model = urdf_robot::read_urdf(urdf, errors);
   if (!model) return tl::make_unexpected(urdf_robot::all_of(std::move(errors), "the URDF"));
-  if (const auto loaded = load_meshes(*model, package_paths); !loaded) {
-    return tl::make_unexpected(loaded.error());
-  }
+  if (const auto loaded = load_meshes(*model, package_paths); !loaded) return error_of(loaded);
   return Comparer(robot, *model).run();
 }
 

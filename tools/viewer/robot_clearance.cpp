@@ -1,11 +1,17 @@
 #include "robot_clearance.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
 namespace sidestep {
 namespace {
+
+/// Step of a robot's first joint, the others' multiples of it: moves every link that can move.
+constexpr double kMoved = 0.0371;
+/// A link whose distance to a plane changes by less keeps its height above it.
+constexpr double kLevel_m = 1e-9;
 
 /// By central differences, world frame.
 Eigen::Vector3d gradient_at(const SceneObject& object, const Transform& T_object_world,
@@ -30,22 +36,33 @@ RobotClearance::RobotClearance(std::shared_ptr<const RobotModel> robot,
   if (scene_ == nullptr) return;
   const auto& spheres = robot_->description().spheres;
   const auto& objects = scene_->objects();
-  stands_.assign(robot_->description().links.size() * objects.size(), 0);
+  ignored_.assign(robot_->description().links.size() * objects.size(), 0);
   robot_->sphere_centres(q_start, centres_m_, scratch_);
+  const std::vector<Eigen::Vector3d> at_start_m = centres_m_;
+  std::vector<double> q(q_start.begin(), q_start.end());
+  for (std::size_t joint = 0; joint < q.size(); ++joint) {
+    q[joint] += kMoved * static_cast<double>(joint + 1);
+  }
+  robot_->sphere_centres(q, centres_m_, scratch_);
   for (std::size_t o = 0; o < objects.size(); ++o) {
     const Transform T_object_world = objects[o].T_world_object(0.0).inverse();
+    const bool is_plane = std::holds_alternative<HalfSpace>(objects[o].shape);
+    const auto distance_m = [&](const Eigen::Vector3d& p_world) {
+      return signed_distance_m(objects[o].shape, T_object_world * p_world);
+    };
     for (std::size_t s = 0; s < spheres.size(); ++s) {
-      const double distance_m =
-          signed_distance_m(objects[o].shape, T_object_world * centres_m_[s]) - spheres[s].radius_m;
-      if (distance_m < kStanding_m) {
-        stands_[static_cast<std::size_t>(spheres[s].link) * objects.size() + o] = 1;
+      const double start_m = distance_m(at_start_m[s]);
+      const bool stands = start_m - spheres[s].radius_m < kStanding_m;
+      const bool is_level = is_plane && std::abs(distance_m(centres_m_[s]) - start_m) < kLevel_m;
+      if (stands || is_level) {
+        ignored_[static_cast<std::size_t>(spheres[s].link) * objects.size() + o] = 1;
       }
     }
   }
 }
 
 bool RobotClearance::counts(int link, std::size_t object) const noexcept {
-  return stands_[static_cast<std::size_t>(link) * scene_->objects().size() + object] == 0;
+  return ignored_[static_cast<std::size_t>(link) * scene_->objects().size() + object] == 0;
 }
 
 Clearance RobotClearance::clearance(std::size_t sphere, double distance_m,

@@ -23,7 +23,8 @@ struct Clearance {
 /// How near a robot's spheres come to what is around it.
 class RobotClearance {
  public:
-  /// A link this near to an object at the start stands on it, or holds it: the two do not count.
+  /// A link this near to an object at the start stands on it, or holds it: the pair is ignored.
+  /// So is a link that keeps its height above a plane, as a base does above the floor.
   static constexpr double kStanding_m = 0.05;
 
   /// `scene` as it truly is, or null. q_start: the robot's, at the scene's time 0.
@@ -44,7 +45,7 @@ class RobotClearance {
 
   std::shared_ptr<const RobotModel> robot_;
   std::shared_ptr<const Scene> scene_;
-  std::vector<std::uint8_t> stands_;  ///< links x objects.
+  std::vector<std::uint8_t> ignored_;  ///< links x objects.
   std::vector<Eigen::Vector3d> centres_m_;
   Scratch scratch_;
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <ctime>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -16,10 +18,6 @@ std::chrono::nanoseconds thread_time() noexcept {
   timespec time{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
   return std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec);
-}
-
-std::span<const double> span_of(const Eigen::VectorXd& q) {
-  return {q.data(), static_cast<std::size_t>(q.size())};
 }
 
 }  // namespace
@@ -53,7 +51,7 @@ void ViewMaker::make(TimePoint now, std::vector<EpisodeNews> news) {
 
 void ViewMaker::begin_episode(const ObservedWorld& world) {
   world_ = world;
-  clearance_ = std::make_unique<RobotClearance>(world.robot, world.scene, span_of(world.q_start));
+  clearance_ = std::make_unique<RobotClearance>(world.robot, world.scene, as_span(world.q_start));
   q_.assign(world.q_start.begin(), world.q_start.end());
   bits_.clear();
   map_.reset();

@@ -7,7 +7,7 @@
 namespace sidestep {
 namespace {
 
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 
 std::optional<SliceRequest> read_slice(const Json& json) {
   if (!json.is_object() || json.size() != 2) return std::nullopt;

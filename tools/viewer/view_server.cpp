@@ -77,7 +77,7 @@ Result<void> listen(Hub& hub) {
   hub.address.machine = machine_name();
   if (hub.settings.require_token) {
     auto token = random_token();
-    if (!token) return tl::make_unexpected(token.error());
+    if (!token) return error_of(token);
     hub.address.token = std::move(*token);
   }
   return {};
@@ -112,9 +112,7 @@ Result<std::unique_ptr<ViewServer>> ViewServer::start(ViewAssets assets,
                                                       ViewServerSettings settings,
                                                       RecordingOpener recording, PageDesk* desk) {
   auto impl = std::make_unique<Impl>(std::move(assets), std::move(settings), std::move(recording));
-  if (auto listening = listen(impl->hub); !listening) {
-    return tl::make_unexpected(listening.error());
-  }
+  if (auto listening = listen(impl->hub); !listening) return error_of(listening);
   impl->url = impl->hub.address.url();
   if (desk != nullptr) impl->hub.desk = std::make_unique<DeskWorker>(*desk);
   accept_next(impl->hub);

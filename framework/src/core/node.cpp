@@ -138,7 +138,7 @@ Result<std::vector<double>> Node::as_doubles(std::optional<std::size_t> size) co
   values.reserve(items().size());
   for (const Node& item : items()) {
     const auto value = item.as_double();
-    if (!value) return tl::make_unexpected(value.error());
+    if (!value) return error_of(value);
     values.push_back(*value);
   }
   return values;

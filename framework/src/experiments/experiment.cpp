@@ -20,7 +20,6 @@
 #include "recorded/incremental_benchmark.hpp"
 #include "recorded/recorded_benchmark.hpp"
 #include "report/html.hpp"
-#include "results/save_outcome.hpp"
 #include "settings/unused_keys.hpp"
 #include "study/field_study.hpp"
 
@@ -197,10 +196,10 @@ Result<void> check_division(const ExperimentContext& context, const ExperimentTy
     return fail(ErrorCode::kConfig, "there is no such shard", where, "i/n, with i from 1 to n");
   }
   const bool asks_to_divide = !shard.is_whole();
-  if (type.is_divisible || (!asks_to_divide && (!context.resume || type.is_resumable))) return {};
+  if (type.is_divisible() || (!asks_to_divide && (!context.resume || type.is_resumable))) return {};
   std::string able;
   for (const ExperimentType& known : kTypes) {
-    const bool can = known.is_divisible || (!asks_to_divide && known.is_resumable);
+    const bool can = known.is_divisible() || (!asks_to_divide && known.is_resumable);
     if (can) able += (able.empty() ? "" : ", ") + known.name;
   }
   return fail(ErrorCode::kConfig,
@@ -293,9 +292,7 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   std::vector<Error> errors;
   const ExperimentType* type = find_type(context.configuration, errors);
   if (type == nullptr) return tl::make_unexpected(std::move(errors.front()));
-  if (auto divisible = check_division(context, *type); !divisible) {
-    return tl::make_unexpected(std::move(divisible.error()));
-  }
+  if (auto divisible = check_division(context, *type); !divisible) return error_of(divisible);
   const auto write_configuration = [&] {
     const Node effective = effective_configuration(context.configuration, context.host);
     return write_file(context.out / "effective_config.yaml", to_yaml(effective, true));
@@ -304,15 +301,13 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   Result<void> done;
   if (!context.resume) done = clear_results(context.out);
   if (done && !context.resume) done = write_configuration();
-  if (!done) return tl::make_unexpected(std::move(done.error()));
+  if (!done) return error_of(done);
   auto outcome = contained("experiment " + type->name, [&] { return type->run(context); });
   if (!outcome) return outcome;
   if (context.resume) done = write_configuration();
-  if (!done) return tl::make_unexpected(std::move(done.error()));
+  if (!done) return error_of(done);
   if (context.progress) context.progress(0, 0, "drawing the report");
-  if (auto saved = save_outcome(*outcome, context.out); !saved) {
-    return tl::make_unexpected(std::move(saved.error()));
-  }
+  if (auto saved = save_outcome(*outcome, context.out); !saved) return error_of(saved);
   return outcome;
 }
 

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/field/scene_field.hpp>
 
 #include <algorithm>
@@ -12,7 +13,6 @@
 namespace sidestep {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kResolution_m = 1e-3;  ///< Of the bounds.
 
 FieldInfo info_of(Stamp time, const Eigen::AlignedBox3d& bounds_m) {
@@ -111,7 +111,7 @@ FieldSample SceneField::sample(const Nearest& nearest, std::size_t lane) const n
   }
   if (nearest.numbers[lane] < 0.0) return sample;
   const PointLanes& in_m = nearest.inside_m;
-  const detail::Solid& solid = solids_[static_cast<std::size_t>(nearest.numbers[lane])];
+  const detail::Solid& solid = solids_[idx(nearest.numbers[lane])];
   sample.gradient = detail::gradient_of(solid, {in_m.x[lane], in_m.y[lane], in_m.z[lane]});
   const PointLanes& asked_m = nearest.asked_m;
   if (asked_m.x[lane] != in_m.x[lane]) sample.gradient.x() = 0.0;

@@ -6,10 +6,10 @@
 #include <limits>
 #include <variant>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep::detail {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 void take(Solid& solid, const Box& box) {
   solid.kind = Solid::Kind::kBox;

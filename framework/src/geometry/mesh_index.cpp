@@ -5,6 +5,8 @@
 #include <limits>
 #include <numbers>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -15,9 +17,8 @@ constexpr double kDipoleRadii = 3.0;
 constexpr std::size_t kMaxDepth = 40;
 
 Triangle corners(const Mesh& mesh, const Eigen::Vector3i& triangle) {
-  return {mesh.vertices_m[static_cast<std::size_t>(triangle[0])],
-          mesh.vertices_m[static_cast<std::size_t>(triangle[1])],
-          mesh.vertices_m[static_cast<std::size_t>(triangle[2])]};
+  return {mesh.vertices_m[idx(triangle[0])], mesh.vertices_m[idx(triangle[1])],
+          mesh.vertices_m[idx(triangle[2])]};
 }
 
 double squared_distance_to_segment(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
@@ -92,7 +93,7 @@ std::int32_t MeshIndex::build(std::int32_t begin, std::int32_t end) {
   Eigen::AlignedBox3d centroids;
   double area = 0.0;
   for (auto i = begin; i < end; ++i) {
-    const auto& [a, b, c] = triangles_[static_cast<std::size_t>(i)];
+    const auto& [a, b, c] = triangles_[idx(i)];
     branch.bounds.extend(a).extend(b).extend(c);
     centroids.extend((a + b + c) / 3.0);
     const Eigen::Vector3d area_vector = 0.5 * (b - a).cross(c - a);
@@ -103,7 +104,7 @@ std::int32_t MeshIndex::build(std::int32_t begin, std::int32_t end) {
   branch.area_centre =
       area > 0.0 ? Eigen::Vector3d(branch.area_centre / area) : branch.bounds.center();
   for (auto i = begin; i < end; ++i) {
-    for (const Eigen::Vector3d& corner : triangles_[static_cast<std::size_t>(i)]) {
+    for (const Eigen::Vector3d& corner : triangles_[idx(i)]) {
       branch.radius_m = std::max(branch.radius_m, (corner - branch.area_centre).norm());
     }
   }
@@ -121,7 +122,7 @@ std::int32_t MeshIndex::build(std::int32_t begin, std::int32_t end) {
                    });
   build(begin, middle);
   const std::int32_t right = build(middle, end);
-  branches_[static_cast<std::size_t>(index)].right = right;
+  branches_[idx(index)].right = right;
   return index;
 }
 
@@ -132,16 +133,16 @@ double MeshIndex::signed_distance_m(const Eigen::Vector3d& p) const {
   std::size_t depth = 1;
   while (depth > 0) {
     const std::int32_t at = stack[--depth];
-    const Branch& branch = branches_[static_cast<std::size_t>(at)];
+    const Branch& branch = branches_[idx(at)];
     if (branch.bounds.squaredExteriorDistance(p) >= nearest2) continue;
     if (branch.right < 0) {
       for (auto i = branch.begin; i < branch.end; ++i) {
-        nearest2 = std::min(nearest2, squared_distance(triangles_[static_cast<std::size_t>(i)], p));
+        nearest2 = std::min(nearest2, squared_distance(triangles_[idx(i)], p));
       }
       continue;
     }
     const auto bound2 = [&](std::int32_t child) {
-      return branches_[static_cast<std::size_t>(child)].bounds.squaredExteriorDistance(p);
+      return branches_[idx(child)].bounds.squaredExteriorDistance(p);
     };
     const bool left_first = bound2(at + 1) <= bound2(branch.right);
     stack[depth++] = left_first ? branch.right : at + 1;
@@ -157,14 +158,14 @@ double MeshIndex::winding_number(const Eigen::Vector3d& p) const {
   std::size_t depth = 1;
   while (depth > 0) {
     const std::int32_t at = stack[--depth];
-    const Branch& branch = branches_[static_cast<std::size_t>(at)];
+    const Branch& branch = branches_[idx(at)];
     const Eigen::Vector3d towards = branch.area_centre - p;
     const double distance_m = towards.norm();
     if (distance_m > kDipoleRadii * branch.radius_m) {
       angle += towards.dot(branch.area_normal) / (distance_m * distance_m * distance_m);
     } else if (branch.right < 0) {
       for (auto i = branch.begin; i < branch.end; ++i) {
-        angle += solid_angle(triangles_[static_cast<std::size_t>(i)], p);
+        angle += solid_angle(triangles_[idx(i)], p);
       }
     } else {
       stack[depth++] = branch.right;

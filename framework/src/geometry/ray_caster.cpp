@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/geometry/ray_caster.hpp>
 
 #include <embree3/rtcore.h>
@@ -14,7 +15,6 @@
 namespace sidestep {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Embree works in single precision: bounds grow by this share, so that rounding never culls a
 /// hit that is then computed in double.
 constexpr double kBoundsSlack = 1e-5;
@@ -156,7 +156,7 @@ ShapeHit refined_mesh_hit(const CastObject& object, const RTCRayHit& query,
   const Mesh& mesh = *std::get<std::shared_ptr<const Mesh>>(object.source.shape);
   const Eigen::Vector3i& triangle = mesh.triangles[query.hit.primID];
   const auto corner = [&](int i) -> Eigen::Vector3d {
-    return object.T_world_object * mesh.vertices_m[static_cast<std::size_t>(triangle[i])];
+    return object.T_world_object * mesh.vertices_m[idx(triangle[i])];
   };
   const Eigen::Vector3d a = corner(0);
   const Eigen::Vector3d normal = (corner(1) - a).cross(corner(2) - a).normalized();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/lanes.hpp>
 
 #include "ray_shape.hpp"
@@ -12,7 +13,6 @@ namespace sidestep {
 namespace {
 
 constexpr int kRays = RayFan::kRays;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Stands for a direction that is exactly along a face: its crossings are then far, on both sides.
 constexpr double kAlong = 1e-150;
 

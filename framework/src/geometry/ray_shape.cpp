@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -18,8 +20,6 @@ struct Crossings {
     return enter_m > 0.0 ? enter_m : leave_m;
   }
 };
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Where origin + t direction lies within [-half, half].
 Crossings cross_slab(double origin, double direction, double half) {
@@ -69,13 +69,13 @@ ShapeHit first_hit(const Box& box, const Eigen::Vector3d& origin,
   std::array<Crossings, 3> slabs;
   Crossings inside{-kInfinity, kInfinity};
   for (int axis = 0; axis < 3; ++axis) {
-    auto& slab = slabs[static_cast<std::size_t>(axis)];
+    auto& slab = slabs[idx(axis)];
     slab = cross_slab(origin[axis], direction[axis], 0.5 * box.size_m[axis]);
     inside = intersection(inside, slab);
   }
   ShapeHit hit{inside.first_ahead_m()};
   for (int axis = 0; axis < 3; ++axis) {
-    const auto& slab = slabs[static_cast<std::size_t>(axis)];
+    const auto& slab = slabs[idx(axis)];
     if (hit.distance_m == slab.enter_m || hit.distance_m == slab.leave_m) {
       const bool enters = hit.distance_m == slab.enter_m;
       hit.normal = Eigen::Vector3d::Unit(axis) *

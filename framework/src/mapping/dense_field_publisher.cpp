@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/mapping/dense_field_publisher.hpp>
 
 #include <algorithm>
@@ -55,18 +56,16 @@ DenseFieldPublisher::DenseFieldPublisher(FieldInfo info, const OccupancyView& vi
 
 Result<std::vector<std::uint8_t>> DenseFieldPublisher::begin(const MapUpdate& update) {
   if (sequence_ && update.sequence != *sequence_ + 1) {
-    return fail(ErrorCode::kInvalidArgument,
-                "update " + std::to_string(update.sequence) + " of the map follows update " +
-                    std::to_string(*sequence_) + "; a field needs every update once, in order");
+    return invalid("update " + std::to_string(update.sequence) + " of the map follows update " +
+                   std::to_string(*sequence_) + "; a field needs every update once, in order");
   }
   std::vector<std::uint8_t> changed(blocks_.size(), sequence_ ? 0 : 1);
   for (const std::int32_t block : update.changed_blocks) {
     if (block < 0 || static_cast<std::size_t>(block) >= blocks_.size()) {
-      return fail(ErrorCode::kInvalidArgument, "the map says that block " + std::to_string(block) +
-                                                   " changed; its grid has blocks 0 to " +
-                                                   std::to_string(blocks_.size() - 1));
+      return invalid("the map says that block " + std::to_string(block) +
+                     " changed; its grid has blocks 0 to " + std::to_string(blocks_.size() - 1));
     }
-    changed[static_cast<std::size_t>(block)] = 1;
+    changed[idx(block)] = 1;
   }
   sequence_ = update.sequence;
   known_changed_ = changed;
@@ -89,7 +88,7 @@ std::shared_ptr<const DistanceField> DenseFieldPublisher::publish(
     FieldBlock distances;
     KnownBlock known;
     for (int i = begin * kPage; i < end * kPage; ++i) {
-      const int b = pages[static_cast<std::size_t>(i / kPage)] * kPage + i % kPage;
+      const int b = pages[idx(i / kPage)] * kPage + i % kPage;
       if (b >= block_count) break;
       const auto at = static_cast<std::size_t>(b);
       if (changed[at] == 0 && known_changed_[at] == 0) continue;
@@ -140,7 +139,7 @@ void DenseFieldPublisher::write_known(const Eigen::Vector3i& block, KnownBlock& 
                               static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(z);
       const std::uint64_t word = known.words[row * static_cast<std::size_t>(known.words_per_row) +
                                              static_cast<std::size_t>(first.x() / 64)];
-      out.rows[static_cast<std::size_t>(y - first.y() + kSide * (z - first.z()))] =
+      out.rows[idx(y - first.y() + kSide * (z - first.z()))] =
           static_cast<std::uint16_t>(word >> (first.x() % 64));
     }
   }

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/mapping/self_filter.hpp>
 
 #include <span>
@@ -21,8 +22,7 @@ Result<void> SelfFilter::pose(const Frame& frame) {
     return tl::make_unexpected(bad_frame(frame, "a joint position is not finite"));
   }
   centres_m_.resize(robot.spheres.size());
-  robot_->sphere_centres(std::span<const double>(q.data(), static_cast<std::size_t>(q.size())),
-                         centres_m_, scratch_);
+  robot_->sphere_centres(as_span(q), centres_m_, scratch_);
   for (std::size_t s = 0; s < centres_m_.size(); ++s) {
     balls_.push_back({centres_m_[s], robot.spheres[s].radius_m + margin_m_});
     const Eigen::Vector3d reach = Eigen::Vector3d::Constant(balls_[s].radius_m);

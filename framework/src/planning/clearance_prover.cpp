@@ -6,10 +6,11 @@
 #include <optional>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 const double kSqrt3 = std::sqrt(3.0);
 /// More open gaps than this in one motion are not worth halving: the motion is absurd.
 constexpr std::size_t kMaxGaps = std::size_t{1} << 18;
@@ -20,13 +21,6 @@ constexpr double kPiece_m = 0.3;
 constexpr int kMaxPieces = 1 << 14;
 /// Largest number of voxels looked at to show that a gap stays in known space.
 constexpr int kMaxVoxels = 64;
-
-std::size_t at(int value) { return static_cast<std::size_t>(value); }
-
-/// To the nearest face of the grid, negative outside. 1-Lipschitz.
-double inside_grid_m(const GridSpec& grid, const Eigen::Vector3d& p) {
-  return std::min((p - grid.origin_m).minCoeff(), (grid.upper_m() - p).minCoeff());
-}
 
 }  // namespace
 
@@ -98,8 +92,8 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
   spheres_of_link_.resize(description.links.size());
   const FieldInfo& info = field_->info();
   for (int s = 0; s < sphere_count_; ++s) {
-    const CollisionSphere& sphere = description.spheres[at(s)];
-    spheres_of_link_[at(sphere.link)].push_back(s);
+    const CollisionSphere& sphere = description.spheres[idx(s)];
+    spheres_of_link_[idx(sphere.link)].push_back(s);
     radius_m_.push_back(sphere.radius_m);
     // In a cell that touches an occupied voxel the interpolant is at most one diagonal.
     const bool is_beyond_surface =
@@ -118,7 +112,7 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
 
 bool ClearanceProver::is_at_limit(int item, const ClearanceReading& reading) const noexcept {
   constexpr double kRounding_m = 1e-5;  // of a field of floats
-  const double limit_m = field_->info().max_distance_m - radius_m_[at(item)];
+  const double limit_m = field_->info().max_distance_m - radius_m_[idx(item)];
   return reading.clearance_m >= limit_m - kRounding_m && reading.clearance_m < reading.floor_m;
 }
 
@@ -131,7 +125,7 @@ double ClearanceProver::way_bound_m(std::span<const double> variation) const noe
 double ClearanceProver::way_m(int item, const Workspace& w) const noexcept {
   const std::size_t dof = w.variation.size();
   const std::span<const double> row = item < sphere_count_
-                                          ? std::span(w.levers).subspan(at(item) * dof, dof)
+                                          ? std::span(w.levers).subspan(idx(item) * dof, dof)
                                           : bounds_->pair_levers(item - sphere_count_);
   double sum = 0.0;
   for (std::size_t j = 0; j < dof; ++j) {
@@ -148,7 +142,7 @@ double ClearanceProver::longest_way_m(const Workspace& w) const noexcept {
 
 double ClearanceProver::fall_m(int item, double way_m) const noexcept {
   if (item >= sphere_count_ || field_->info().is_exact) return way_m;
-  return fall_factor_[at(item)] *
+  return fall_factor_[idx(item)] *
          std::min(kSqrt3 * way_m, way_m + kSqrt3 * field_->info().grid.resolution_m);
 }
 
@@ -161,7 +155,7 @@ bool ClearanceProver::violates(int item, const ClearanceReading& reading) const 
 void ClearanceProver::measure(Workspace& w) const {
   const RobotDescription& description = robot_->description();
   if (w.measurements.empty()) return;
-  const std::size_t rows = at(w.measurements.back().row) + 1;
+  const std::size_t rows = idx(w.measurements.back().row) + 1;
   w.centres.resize(rows * description.spheres.size());
   robot_->sphere_centres(w.q, w.centres, w.scratch);
   measure_spheres(w);
@@ -175,7 +169,8 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
   for (std::size_t m = 0; m < w.measurements.size(); ++m) {
     const Measurement& measurement = w.measurements[m];
     if (measurement.item >= sphere_count_) continue;
-    w.points.push_back(w.centres[at(measurement.row) * at(sphere_count_) + at(measurement.item)]);
+    w.points.push_back(
+        w.centres[idx(measurement.row) * idx(sphere_count_) + idx(measurement.item)]);
     w.targets.push_back(m);
   }
   w.distances.resize(w.points.size());
@@ -183,19 +178,19 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
   query_with_policy(*field_, space_, w.points, w.distances, {}, w.statuses);
   for (std::size_t i = 0; i < w.points.size(); ++i) {
     Measurement& measurement = w.measurements[w.targets[i]];
-    const double radius_m = radius_m_[at(measurement.item)];
+    const double radius_m = radius_m_[idx(measurement.item)];
     ClearanceReading& reading = measurement.reading;
     reading.clearance_m = w.distances[i] - radius_m;
     reading.smooth_m = reading.clearance_m;
     reading.status = w.statuses[i];
     reading.centre_m = w.points[i];
-    reading.inside_m = inside_grid_m(info.grid, w.points[i]);
+    reading.inside_m = info.grid.inside_m(w.points[i]);
     if (reading.status == FieldStatus::kOutside && space_.outside == Space::kFree) {
       double smooth_m = 0.0;
       field_->query({&w.points[i], 1}, {&smooth_m, 1}, {}, {});
       reading.smooth_m = smooth_m - radius_m;
     }
-    reading.floor_m = above_floor_(at(measurement.item), w.points[i]);
+    reading.floor_m = above_floor_(idx(measurement.item), w.points[i]);
     reading.clearance_m = std::min(reading.clearance_m, reading.floor_m);  // the field's NaN stays
   }
 }
@@ -205,12 +200,12 @@ void ClearanceProver::measure_pairs(Workspace& w) const {
   for (Measurement& measurement : w.measurements) {
     if (measurement.item < sphere_count_) continue;
     const auto [first, second] =
-        description.self_collision_pairs[at(measurement.item - sphere_count_)];
-    const Eigen::Vector3d* centres = w.centres.data() + at(measurement.row) * at(sphere_count_);
+        description.self_collision_pairs[idx(measurement.item - sphere_count_)];
+    const Eigen::Vector3d* centres = w.centres.data() + idx(measurement.row) * idx(sphere_count_);
     double nearest_m = kInfinity;
-    for (const int a : spheres_of_link_[at(first)]) {
-      for (const int b : spheres_of_link_[at(second)]) {
-        const double radii_m = radius_m_[at(a)] + radius_m_[at(b)];
+    for (const int a : spheres_of_link_[idx(first)]) {
+      for (const int b : spheres_of_link_[idx(second)]) {
+        const double radii_m = radius_m_[idx(a)] + radius_m_[idx(b)];
         const double squared = (centres[a] - centres[b]).squaredNorm();
         const double beaten_m = nearest_m + radii_m;
         if (beaten_m > 0.0 && squared < beaten_m * beaten_m) {
@@ -285,7 +280,7 @@ bool ClearanceProver::stays_known(const ClearanceReading& a, const ClearanceRead
         }
         const std::size_t voxel = grid.linear({i, j, k});
         if (w.known_voxels[voxel % kRemembered] == voxel + 1) continue;
-        if (w.points.size() == at(kMaxVoxels)) return false;
+        if (w.points.size() == idx(kMaxVoxels)) return false;
         w.points.push_back(centre);
         w.targets.push_back(voxel);
       }
@@ -316,7 +311,7 @@ ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& li
 
 bool ClearanceProver::measure_ends(const Request& request, int pieces, Listener& listener,
                                    Workspace& w) const {
-  const std::size_t items = at(item_count());
+  const std::size_t items = idx(item_count());
   const bool goes_on = request.goes_on && w.read_to == request.from;
   if (goes_on) {
     w.piece_ends.erase(w.piece_ends.begin(),
@@ -364,7 +359,7 @@ bool ClearanceProver::measure_all(const Motion& motion, Listener& listener, Work
   }
   measure(w);
   for (const Measurement& m : w.measurements) {
-    if (!listener.on_reading(w.times[at(m.row)], m.item, m.reading)) return false;
+    if (!listener.on_reading(w.times[idx(m.row)], m.item, m.reading)) return false;
   }
   return true;
 }
@@ -385,11 +380,11 @@ ClearanceProver::End ClearanceProver::prove_piece(const Request& request, int pi
 bool ClearanceProver::open_piece(const Request& request, int piece, Listener& listener,
                                  Workspace& w) const {
   const std::size_t dof = w.variation.size();
-  const double from = w.piece_times[at(piece)];
-  const double to = w.piece_times[at(piece) + 1];
+  const double from = w.piece_times[idx(piece)];
+  const double to = w.piece_times[idx(piece) + 1];
   w.q.resize(dof);
-  w.centres.resize(at(sphere_count_));
-  w.jacobians.resize(at(sphere_count_) * dof);
+  w.centres.resize(idx(sphere_count_));
+  w.jacobians.resize(idx(sphere_count_) * dof);
   request.motion.configuration(from, w.q);
   robot_->sphere_jacobians(w.q, w.centres, w.jacobians, w.scratch);
   request.motion.variation(from, to, w.variation);
@@ -400,11 +395,11 @@ bool ClearanceProver::open_piece(const Request& request, int piece, Listener& li
   for (double k = 1.0; k < steps; k += 1.0) w.times.push_back(from + k / steps * (to - from));
   if (!measure_all(request.motion, listener, w)) return false;
 
-  const std::size_t items = at(item_count());
+  const std::size_t items = idx(item_count());
   const std::size_t inner = w.times.size();
   const auto reading = [&](std::size_t step, std::size_t item) -> const ClearanceReading& {
     if (step > 0 && step <= inner) return w.measurements[(step - 1) * items + item].reading;
-    return w.piece_ends[(at(piece) + (step == 0 ? 0 : 1)) * items + item];
+    return w.piece_ends[(idx(piece) + (step == 0 ? 0 : 1)) * items + item];
   };
   w.intervals.clear();
   w.gaps.clear();
@@ -477,7 +472,7 @@ bool ClearanceProver::halve(const Request& request, Listener& listener, Workspac
   }
   measure(w);
   for (const Measurement& m : w.measurements) {
-    if (!listener.on_reading(w.times[at(m.row)], m.item, m.reading)) return false;
+    if (!listener.on_reading(w.times[idx(m.row)], m.item, m.reading)) return false;
   }
   w.next_intervals.clear();
   w.next_gaps.clear();

@@ -6,25 +6,20 @@
 #include <numeric>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+
 #include "edge_lanes.hpp"
 
 namespace sidestep {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kEndless_m = 1e30;
 constexpr std::size_t kFirstParts = kLanes;
 constexpr std::size_t kSplit = 4;  ///< find_ways() counts on neighbours in fours.
 /// More open parts than this are not worth cutting: the edge is absurd.
-constexpr std::size_t kMostParts = std::size_t{1} << 16;
+constexpr std::size_t kMostEdgeParts = std::size_t{1} << 16;
 
-std::size_t at(int value) { return static_cast<std::size_t>(value); }
 std::uint64_t bit_of(std::size_t number) { return std::uint64_t{1} << (number % 64); }
-
-/// To the nearest face of the grid, negative outside. 1-Lipschitz.
-double inside_grid_m(const GridSpec& grid, const Eigen::Vector3d& p) {
-  return std::min((p - grid.origin_m).minCoeff(), (grid.upper_m() - p).minCoeff());
-}
 
 Eigen::Vector3d point(const PointLanes& points_m, std::size_t lane) {
   return {points_m.x[lane], points_m.y[lane], points_m.z[lane]};
@@ -51,9 +46,9 @@ EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot,
   const RobotDescription& robot_is = robot_->description();
   std::vector<std::size_t> ball_of_link(robot_is.links.size(), robot_is.links.size());
   for (int s = 0; s < static_cast<int>(robot_is.spheres.size()); ++s) {
-    const CollisionSphere& sphere = robot_is.spheres[at(s)];
+    const CollisionSphere& sphere = robot_is.spheres[idx(s)];
     radius_m_.push_back(sphere.radius_m);
-    std::size_t& ball = ball_of_link[at(sphere.link)];
+    std::size_t& ball = ball_of_link[idx(sphere.link)];
     if (ball == robot_is.links.size()) {
       ball = balls_.size();
       balls_.push_back({.link = sphere.link, .radius_m = kInfinity});
@@ -61,7 +56,7 @@ EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot,
     balls_[ball].spheres.push_back(s);
   }
   const auto centre_m = [&](int s) -> const Eigen::Vector3d& {
-    return robot_is.spheres[at(s)].centre_link_m;
+    return robot_is.spheres[idx(s)].centre_link_m;
   };
   for (Ball& ball : balls_) {
     ball.outermost =
@@ -69,7 +64,7 @@ EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot,
     for (const int middle : ball.spheres) {
       double radius_m = 0.0;
       for (const int s : ball.spheres) {
-        radius_m = std::max(radius_m, (centre_m(s) - centre_m(middle)).norm() + radius_m_[at(s)]);
+        radius_m = std::max(radius_m, (centre_m(s) - centre_m(middle)).norm() + radius_m_[idx(s)]);
       }
       if (radius_m >= ball.radius_m) continue;
       ball.radius_m = radius_m;
@@ -78,7 +73,7 @@ EdgeProver::EdgeProver(std::shared_ptr<const RobotModel> robot,
   }
   for (std::size_t pair = 0; pair < robot_is.self_collision_pairs.size(); ++pair) {
     const auto [first, second] = robot_is.self_collision_pairs[pair];
-    const std::size_t a = ball_of_link[at(first)], b = ball_of_link[at(second)];
+    const std::size_t a = ball_of_link[idx(first)], b = ball_of_link[idx(second)];
     if (std::max(a, b) == robot_is.links.size()) continue;  // one has no spheres
     pairs_.push_back({a, b, static_cast<int>(pair)});
   }
@@ -155,7 +150,7 @@ bool EdgeProver::prove(double resolution_m) {
       if (!look(std::span(parts_).subspan(first, count), half, resolution_m)) return false;
     }
     if (next_.empty()) return true;
-    if (next_.size() > kMostParts) return false;
+    if (next_.size() > kMostEdgeParts) return false;
     half /= kSplit;
     parts_.clear();
     for (const Part& part : next_) {
@@ -203,7 +198,7 @@ bool EdgeProver::look_at_ball(std::size_t number, Look& look) {
   alignas(64) double limits_m[kLanes], is_near[kLanes] = {};
   std::ranges::fill(limits_m,
                     ball.radius_m + margin_m_ + spare_m_ + ball_way_m(number) * look.half);
-  const PointLanes& centre_m = centres_[at(ball.centre)];
+  const PointLanes& centre_m = centres_[idx(ball.centre)];
   const std::size_t near =
       field_->find_within(field_->shapes(), centre_m, limits_m, shapes_.data(), is_near);
   const bool is_on_edge = is_bounded_ && !is_well_inside(number, look);
@@ -220,20 +215,20 @@ bool EdgeProver::look_at_ball(std::size_t number, Look& look) {
 bool EdgeProver::is_well_inside(std::size_t number, const Look& look) const {
   const Ball& ball = balls_[number];
   const double way_m = ball_way_m(number) * look.half + spare_m_;
-  const double beyond_m = ball.radius_m - radius_m_[at(ball.centre)];
+  const double beyond_m = ball.radius_m - radius_m_[idx(ball.centre)];
   for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
-    const Eigen::Vector3d p_m = point(centres_[at(ball.centre)], lane);
-    if (above_floor_(at(ball.centre), p_m) - beyond_m - way_m < margin_m_) return false;
+    const Eigen::Vector3d p_m = point(centres_[idx(ball.centre)], lane);
+    if (above_floor_(idx(ball.centre), p_m) - beyond_m - way_m < margin_m_) return false;
     if (space_.outside == Space::kFree) continue;
-    if (inside_grid_m(field_->info().grid, p_m) < ball.radius_m + way_m) return false;
+    if (field_->info().grid.inside_m(p_m) < ball.radius_m + way_m) return false;
   }
   return true;
 }
 
 bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
                                 std::span<const std::uint32_t> shapes, Look& look) {
-  const PointLanes& centre_m = centres_[at(sphere)];
-  const double required_m = radius_m_[at(sphere)] + margin_m_ + spare_m_;
+  const PointLanes& centre_m = centres_[idx(sphere)];
+  const double required_m = radius_m_[idx(sphere)] + margin_m_ + spare_m_;
   alignas(64) double ways_m[kLanes], limits_m[kLanes], is_near[kLanes] = {}, is_hit[kLanes] = {};
   detail::find_ways(centre_m, ball_way_m(number) * look.half,
                     1.5 * ball_bend_m(number) * look.half * look.half, ways_m);
@@ -246,8 +241,8 @@ bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
   for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
     if ((look.parts[lane].balls & bit_of(number)) == 0) continue;
     const Eigen::Vector3d p_m = point(centre_m, lane);
-    const double inside_m = inside_grid_m(field_->info().grid, p_m);
-    const double above_m = above_floor_(at(sphere), p_m) - spare_m_;
+    const double inside_m = field_->info().grid.inside_m(p_m);
+    const double above_m = above_floor_(idx(sphere), p_m) - spare_m_;
     const bool is_outside_free = space_.outside == Space::kFree && inside_m < 0.0;
     if (is_hit[lane] != 0.0 && !is_outside_free) return false;
     if (above_m < margin_m_ || (space_.outside == Space::kOccupied && inside_m < spare_m_))
@@ -267,20 +262,20 @@ bool EdgeProver::look_at_pair(std::size_t number, Look& look) const {
   const Ball &first = balls_[pair.a], &second = balls_[pair.b];
   const double way_m = pair_way_m(number) * look.half + spare_m_;
   alignas(64) double ignored[kLanes] = {}, is_near[kLanes] = {}, is_hit[kLanes] = {};
-  const PointLanes& middle_m = centres_[at(second.centre)];
-  if (!detail::find_close(centres_[at(first.centre)], middle_m,
+  const PointLanes& middle_m = centres_[idx(second.centre)];
+  if (!detail::find_close(centres_[idx(first.centre)], middle_m,
                           first.radius_m + second.radius_m + way_m, ignored)) {
     return true;
   }
   for (const int a : first.spheres) {
-    const double a_m = radius_m_[at(a)];
-    if (!detail::find_close(centres_[at(a)], middle_m, a_m + second.radius_m + way_m, ignored)) {
+    const double a_m = radius_m_[idx(a)];
+    if (!detail::find_close(centres_[idx(a)], middle_m, a_m + second.radius_m + way_m, ignored)) {
       continue;
     }
     for (const int b : second.spheres) {
-      const double sum_m = a_m + radius_m_[at(b)];
-      if (!detail::find_close(centres_[at(a)], centres_[at(b)], sum_m + way_m, is_near)) continue;
-      (void)detail::find_close(centres_[at(a)], centres_[at(b)], sum_m, is_hit);
+      const double sum_m = a_m + radius_m_[idx(b)];
+      if (!detail::find_close(centres_[idx(a)], centres_[idx(b)], sum_m + way_m, is_near)) continue;
+      (void)detail::find_close(centres_[idx(a)], centres_[idx(b)], sum_m, is_hit);
     }
   }
   for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {

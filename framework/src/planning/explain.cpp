@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/explain.hpp>
 
 #include <algorithm>
@@ -25,8 +26,7 @@ StateRows states_of(const Trajectory& trajectory, Placement placement, int check
   StateRows rows{trajectory.dof, {}, {}, {}, {}};
   const int last = trajectory.size() - 1;
   const auto add_support = [&](int i) {
-    rows.add(trajectory.q(i), trajectory.qdot(i), trajectory.times_s[static_cast<std::size_t>(i)],
-             i);
+    rows.add(trajectory.q(i), trajectory.qdot(i), trajectory.times_s[idx(i)], i);
   };
   if (placement == Placement::kStart) add_support(0);
   if (placement == Placement::kGoal) add_support(last);
@@ -37,7 +37,7 @@ StateRows states_of(const Trajectory& trajectory, Placement placement, int check
     add_support(i);
     for (int k = 1; i < last && k <= between; ++k) {
       const double fraction = k / (between + 1.0);
-      const double from_s = trajectory.times_s[static_cast<std::size_t>(i)];
+      const double from_s = trajectory.times_s[idx(i)];
       const double to_s = trajectory.times_s[static_cast<std::size_t>(i) + 1];
       const double time_s = from_s + fraction * (to_s - from_s);
       trajectory.sample(time_s, q, qdot);
@@ -109,7 +109,7 @@ double explain_prior(const Problem& problem, const Trajectory& trajectory,
   Hindrance hindrance;
   double worst = 0.0;
   for (int i = 0; i + 1 < trajectory.size(); ++i) {
-    const double from_s = trajectory.times_s[static_cast<std::size_t>(i)];
+    const double from_s = trajectory.times_s[idx(i)];
     const double dt_s = trajectory.times_s[static_cast<std::size_t>(i) + 1] - from_s;
     const GpPrior prior(problem.qc, dt_s);
     for (std::size_t j = 0; j < static_cast<std::size_t>(trajectory.dof); ++j) {
@@ -159,11 +159,9 @@ void arrange(Explanation& explanation) {
 
 Result<void> check_robot(const Problem& problem, int dof) {
   if (problem.robot && problem.robot->description().dof() == dof) return {};
-  return fail(
-      ErrorCode::kInvalidArgument,
-      "there is nothing to explain: the problem has " +
-          (problem.robot ? std::to_string(problem.robot->description().dof()) : "no robot") +
-          (problem.robot ? " joints, but the trajectory " + std::to_string(dof) : ""));
+  return invalid("there is nothing to explain: the problem has " +
+                 (problem.robot ? std::to_string(problem.robot->description().dof()) : "no robot") +
+                 (problem.robot ? " joints, but the trajectory " + std::to_string(dof) : ""));
 }
 
 }  // namespace
@@ -199,12 +197,8 @@ std::string Hindrance::describe() const {
 }
 
 Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory) {
-  if (auto fits = check_robot(problem, trajectory.dof); !fits) {
-    return tl::make_unexpected(std::move(fits.error()));
-  }
-  if (auto sound = trajectory.validate(); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto fits = check_robot(problem, trajectory.dof); !fits) return error_of(fits);
+  if (auto sound = trajectory.validate(); !sound) return error_of(sound);
   Explanation explanation;
   for (const CostTerm& term : problem.terms) {
     if (!term.cost) continue;
@@ -217,9 +211,7 @@ Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory
 }
 
 Result<Explanation> explain_state(const Problem& problem, std::span<const double> q) {
-  if (auto fits = check_robot(problem, static_cast<int>(q.size())); !fits) {
-    return tl::make_unexpected(std::move(fits.error()));
-  }
+  if (auto fits = check_robot(problem, static_cast<int>(q.size())); !fits) return error_of(fits);
   const std::vector<double> at_rest(q.size());
   StateRows rows{static_cast<int>(q.size()), {}, {}, {}, {}};
   rows.add(q, at_rest, 0.0, 0.0);

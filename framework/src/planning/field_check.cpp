@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
 #include "chord_check.hpp"
@@ -36,7 +37,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
       min_self_clearance_m_ = std::min(min_self_clearance_m_, reading.clearance_m);
       return true;
     }
-    Looks& looks = looks_[static_cast<std::size_t>(item)];
+    Looks& looks = looks_[idx(item)];
     ++looks.all;
     if (reading.status != FieldStatus::kKnown) ++looks.unknown;
     if (reading.clearance_m < min_clearance_m_) {
@@ -69,8 +70,8 @@ class VerdictBuilder final : public ClearanceProver::Listener {
     verdict.clearance_is_bound = clearance_is_bound_;
     verdict.min_self_clearance_m = min_self_clearance_m_;
     if (min_clearance_item_ >= 0) {
-      const int link = robot.spheres[static_cast<std::size_t>(min_clearance_item_)].link;
-      verdict.min_clearance_link = robot.links[static_cast<std::size_t>(link)].name;
+      const int link = robot.spheres[idx(min_clearance_item_)].link;
+      verdict.min_clearance_link = robot.links[idx(link)].name;
       verdict.min_clearance_time_s = min_clearance_time_s_;
     }
     tell_unknown(verdict);
@@ -172,9 +173,7 @@ class Rest final : public Motion {
 
 Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
                                   const Deadline& deadline) const {
-  if (auto sound = validate(trajectory, from_s); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto sound = validate(trajectory, from_s); !sound) return error_of(sound);
   const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
   VerdictBuilder builder(prover_, settings_.first_violation_only);
   ClearanceProver::WorkspacePtr workspace;
@@ -192,9 +191,7 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
     }
     return builder.verdict();
   }
-  const auto time_of = [&](int state) {
-    return trajectory.times_s[static_cast<std::size_t>(state)];
-  };
+  const auto time_of = [&](int state) { return trajectory.times_s[idx(state)]; };
   CubicChain chain;
   std::vector<double> variation(static_cast<std::size_t>(trajectory.dof));
   int state = 0;
@@ -237,14 +234,13 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
 Result<void> FieldCheck::validate(const Trajectory& trajectory, double from_s) const {
   const int dof = robot_->description().dof();
   if (trajectory.dof != dof) {
-    return fail(ErrorCode::kInvalidArgument, "the trajectory moves " +
-                                                 std::to_string(trajectory.dof) +
-                                                 " joints, the robot has " + std::to_string(dof));
+    return invalid("the trajectory moves " + std::to_string(trajectory.dof) +
+                   " joints, the robot has " + std::to_string(dof));
   }
   if (auto sound = trajectory.validate(); !sound) return sound;
-  if (trajectory.size() == 0) return fail(ErrorCode::kInvalidArgument, "the trajectory is empty");
+  if (trajectory.size() == 0) return invalid("the trajectory is empty");
   if (std::isnan(from_s)) {
-    return fail(ErrorCode::kInvalidArgument, "the time to check from is not a number");
+    return invalid("the time to check from is not a number");
   }
   return {};
 }
@@ -315,7 +311,7 @@ void FieldCheck::check_limits(const CubicMotion& motion, double from_s, double t
 void FieldCheck::check_state_limits(const Trajectory& trajectory, int state,
                                     ViolationLedger& ledger) const {
   if (settings_.obstacles_only) return;
-  const double time_s = trajectory.times_s[static_cast<std::size_t>(state)];
+  const double time_s = trajectory.times_s[idx(state)];
   for (std::size_t j = 0; j < static_cast<std::size_t>(trajectory.dof); ++j) {
     check_position(j, trajectory.q(state)[j], time_s, ledger);
     check_velocity(j, trajectory.qdot(state)[j], time_s, ledger);

@@ -2,6 +2,7 @@
 #include <limits>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/state_normals.hpp>
@@ -19,7 +20,7 @@ class FloorCost final : public StateCost, public HasCostForm {
         weight_(1.0 / sigma_m),
         all_spheres_(robot_->description().spheres.size()) {
     for (const int sphere : spheres_above(floor, robot_->description())) {
-      const CollisionSphere& of = robot_->description().spheres[static_cast<std::size_t>(sphere)];
+      const CollisionSphere& of = robot_->description().spheres[idx(sphere)];
       spheres_.push_back(
           {static_cast<std::size_t>(sphere), of.link, floor.height_m + epsilon_m + of.radius_m});
     }
@@ -46,7 +47,7 @@ class FloorCost final : public StateCost, public HasCostForm {
       for (; end < low.forces.size() && low.forces[end].row == low.forces[begin].row; ++end) {
         sum += low.residuals[end] * low.residuals[end];
       }
-      out.add_rows(range[static_cast<std::size_t>(low.forces[begin].row)],
+      out.add_rows(range[idx(low.forces[begin].row)],
                    rows.subspan(begin * dof, (end - begin) * dof),
                    low.residuals.subspan(begin, end - begin));
     }
@@ -141,7 +142,7 @@ class FloorCost final : public StateCost, public HasCostForm {
 std::vector<int> spheres_above(const Floor& floor, const RobotDescription& robot) {
   std::vector<int> above;
   for (std::size_t s = 0; s < robot.spheres.size(); ++s) {
-    const std::string& link = robot.links[static_cast<std::size_t>(robot.spheres[s].link)].name;
+    const std::string& link = robot.links[idx(robot.spheres[s].link)].name;
     if (std::ranges::find(floor.except_links, link) != floor.except_links.end()) continue;
     above.push_back(static_cast<int>(s));
   }

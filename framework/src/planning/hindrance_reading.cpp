@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/goal.hpp>
 
@@ -87,7 +88,7 @@ void HindranceReading::tell_named(std::size_t row, std::span<const double> resid
     return std::ranges::find(candidate.rows, row) != candidate.rows.end();
   });
   const auto component = std::ranges::find(group->rows, row) - group->rows.begin();
-  const ResidualName& name = group->names[static_cast<std::size_t>(component)];
+  const ResidualName& name = group->names[idx(component)];
   const double length = group->length(residuals);
   out.kind = is_at_goal_ ? Hindrance::Kind::kEndpoint : Hindrance::Kind::kOther;
   out.subject = name.quantity + (name.component.empty() ? "" : " " + name.component);
@@ -109,7 +110,7 @@ void HindranceReading::tell_obstacle(std::span<const double> q, std::size_t sphe
   query_with_policy(*problem_.field, problem_.space, {&centre_m, 1}, {&distance_m, 1},
                     {&gradient, 1}, {&status, 1});
   out.kind = Hindrance::Kind::kCollision;
-  out.subject = robot_.links[static_cast<std::size_t>(robot_.spheres[sphere].link)].name;
+  out.subject = robot_.links[idx(robot_.spheres[sphere].link)].name;
   out.amount = robot_.spheres[sphere].radius_m - distance_m;
   out.unit = "m";
   out.broken = !(out.amount <= 0.0);
@@ -129,7 +130,7 @@ void HindranceReading::tell_floor(std::span<const double> q, std::size_t sphere,
   problem_.robot->sphere_centres(q, centres_m, scratch);
   const Eigen::Vector3d centre_m = centres_m[sphere];
   out.kind = Hindrance::Kind::kCollision;
-  out.subject = robot_.links[static_cast<std::size_t>(robot_.spheres[sphere].link)].name;
+  out.subject = robot_.links[idx(robot_.spheres[sphere].link)].name;
   out.other = kFloorName;
   out.amount = -FloorClearance(problem_.space, robot_)(sphere, centre_m);
   out.unit = "m";
@@ -152,8 +153,8 @@ void HindranceReading::tell_self_collision(std::span<const double> q, std::size_
     }
   }
   out.kind = Hindrance::Kind::kSelfCollision;
-  out.subject = robot_.links[static_cast<std::size_t>(second)].name;
-  out.other = robot_.links[static_cast<std::size_t>(first)].name;
+  out.subject = robot_.links[idx(second)].name;
+  out.other = robot_.links[idx(first)].name;
   out.amount = -closest_m;
   out.unit = "m";
   out.broken = !(out.amount <= 0.0);

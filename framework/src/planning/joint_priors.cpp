@@ -96,20 +96,18 @@ Result<std::unique_ptr<StateCost>> make_posture_cost(const RobotDescription& rob
                                                      const Eigen::VectorXd& q,
                                                      const Eigen::VectorXd& sigmas) {
   if (q.size() != robot.dof() || sigmas.size() != robot.dof()) {
-    return fail(ErrorCode::kInvalidArgument, "a posture of " + std::to_string(q.size()) +
-                                                 " positions and " + std::to_string(sigmas.size()) +
-                                                 " standard deviations, but " + robot.name +
-                                                 " has " + std::to_string(robot.dof()) + " joints");
+    return invalid("a posture of " + std::to_string(q.size()) + " positions and " +
+                   std::to_string(sigmas.size()) + " standard deviations, but " + robot.name +
+                   " has " + std::to_string(robot.dof()) + " joints");
   }
   for (Eigen::Index j = 0; j < q.size(); ++j) {
     const std::string& joint = robot.joints[static_cast<std::size_t>(j)].name;
     if (!std::isfinite(q[j])) {
-      return fail(ErrorCode::kInvalidArgument,
-                  "the posture wanted of joint " + joint + " is not finite");
+      return invalid("the posture wanted of joint " + joint + " is not finite");
     }
     if (!(sigmas[j] > 0.0)) {
-      return fail(ErrorCode::kInvalidArgument,
-                  "the standard deviation of the posture of joint " + joint + " must be positive");
+      return invalid("the standard deviation of the posture of joint " + joint +
+                     " must be positive");
     }
   }
   return std::make_unique<Posture>(robot, q, sigmas);

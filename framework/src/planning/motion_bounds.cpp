@@ -4,14 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
 constexpr double kProbeStep = 0.1;      // m, rad
 constexpr double kProbeNothing = 1e-9;  // m, rad: below it a joint does not move a link
 constexpr int kProbes = 3;
-
-std::size_t at(int value) { return static_cast<std::size_t>(value); }
 
 double mid_position(const Joint& joint) {
   if (std::isfinite(joint.lower) && std::isfinite(joint.upper)) {
@@ -27,14 +27,14 @@ double half_range(const Joint& joint) {
 
 Transform against_parent(const RobotDescription& robot, const std::vector<Transform>& T_world_link,
                          int link) {
-  const int parent = robot.links[at(link)].parent;
-  if (parent < 0) return T_world_link[at(link)];
-  return T_world_link[at(parent)].inverse() * T_world_link[at(link)];
+  const int parent = robot.links[idx(link)].parent;
+  if (parent < 0) return T_world_link[idx(link)];
+  return T_world_link[idx(parent)].inverse() * T_world_link[idx(link)];
 }
 
 std::vector<int> chain_to(const RobotDescription& robot, int link) {
   std::vector<int> chain;
-  for (int at_link = link; at_link >= 0; at_link = robot.links[at(at_link)].parent) {
+  for (int at_link = link; at_link >= 0; at_link = robot.links[idx(at_link)].parent) {
     chain.push_back(at_link);
   }
   std::reverse(chain.begin(), chain.end());
@@ -48,10 +48,10 @@ struct MotionBounds::Probe {
   explicit Probe(const RobotModel& model);
 
   [[nodiscard]] double turn(int link, std::size_t joint) const {
-    return turn_rate[at(link) * dof + joint];
+    return turn_rate[idx(link) * dof + joint];
   }
   [[nodiscard]] double shift(int link, std::size_t joint) const {
-    return shift_rate[at(link) * dof + joint];
+    return shift_rate[idx(link) * dof + joint];
   }
   [[nodiscard]] bool moves(int link, std::size_t joint) const {
     return turn(link, joint) > 0.0 || shift(link, joint) > 0.0;
@@ -97,7 +97,7 @@ MotionBounds::Probe::Probe(const RobotModel& model) {
         const Eigen::Matrix3d turned = a.linear().transpose() * b.linear();
         const double angle = Eigen::AngleAxisd(turned).angle();
         const double shift_m = (b.translation() - a.translation()).norm();
-        const std::size_t entry = at(link) * dof + j;
+        const std::size_t entry = idx(link) * dof + j;
         if (angle > kProbeNothing) {
           turn_rate[entry] = std::max(turn_rate[entry], angle / kProbeStep);
         }
@@ -108,7 +108,7 @@ MotionBounds::Probe::Probe(const RobotModel& model) {
     }
     if (probe > 0) continue;  // offsets: from the middle of the ranges
     for (int link = 0; link < static_cast<int>(links); ++link) {
-      offset_m[at(link)] = against_parent(robot, rest, link).translation().norm();
+      offset_m[idx(link)] = against_parent(robot, rest, link).translation().norm();
     }
   }
   for (std::size_t link = 0; link < links; ++link) {
@@ -127,7 +127,7 @@ double MotionBounds::Probe::lever(const std::vector<int>& chain, std::size_t fir
     const int link = chain[i];
     if (turn(link, joint) > 0.0) sum += turn(link, joint) * reach_m;
     sum += shift(link, joint);
-    reach_m += offset_m[at(link)];
+    reach_m += offset_m[idx(link)];
   }
   return sum;
 }
@@ -152,7 +152,7 @@ void MotionBounds::fill_sphere_levers(const RobotDescription& robot, const Probe
 void MotionBounds::fill_pair_levers(const RobotDescription& robot, const Probe& probe) {
   std::vector<double> extent_m(robot.links.size(), 0.0);
   for (const CollisionSphere& sphere : robot.spheres) {
-    double& extent = extent_m[at(sphere.link)];
+    double& extent = extent_m[idx(sphere.link)];
     extent = std::max(extent, sphere.centre_link_m.norm());
   }
   for (const auto& [first, second] : robot.self_collision_pairs) {
@@ -161,8 +161,8 @@ void MotionBounds::fill_pair_levers(const RobotDescription& robot, const Probe& 
     std::size_t common = 0;
     while (common < std::min(a.size(), b.size()) && a[common] == b[common]) ++common;
     for (std::size_t j = 0; j < dof_; ++j) {
-      pair_levers_.push_back(probe.lever(a, common, extent_m[at(first)], j) +
-                             probe.lever(b, common, extent_m[at(second)], j));
+      pair_levers_.push_back(probe.lever(a, common, extent_m[idx(first)], j) +
+                             probe.lever(b, common, extent_m[idx(second)], j));
     }
   }
 }
@@ -199,7 +199,7 @@ void MotionBounds::local_levers(std::span<const Eigen::Vector3d> jacobians,
                                 std::span<double> levers) const noexcept {
   for (std::size_t s = 0; s < sphere_link_.size(); ++s) {
     const std::span<const double> widest = sphere_levers(static_cast<int>(s));
-    const std::size_t link = at(sphere_link_[s]);
+    const std::size_t link = idx(sphere_link_[s]);
     for (std::size_t j = 0; j < dof_; ++j) {
       double& lever = levers[s * dof_ + j];
       lever = widest[j];
@@ -218,7 +218,7 @@ void MotionBounds::local_levers(std::span<const Eigen::Vector3d> jacobians,
 
 double MotionBounds::bend(int sphere, std::span<const double> variation) const noexcept {
   const std::span<const double> levers = sphere_levers(sphere);
-  const std::size_t link = at(sphere_link_[at(sphere)]);
+  const std::size_t link = idx(sphere_link_[idx(sphere)]);
   double bend = 0.0;
   for (std::size_t j = 0; j < dof_; ++j) {
     const double rate = turn_rate_[link * dof_ + j];

@@ -19,10 +19,9 @@ Result<void> check_initial(const Problem& problem, const Trajectory& initial) {
   if (auto valid = initial.validate(); !valid) return valid;
   const int dof = problem.robot->description().dof();
   if (initial.dof == dof && initial.size() == problem.support_states) return {};
-  return fail(ErrorCode::kInvalidArgument,
-              "the initial trajectory has " + std::to_string(initial.size()) + " states of " +
-                  std::to_string(initial.dof) + " joints, but the problem " +
-                  std::to_string(problem.support_states) + " of " + std::to_string(dof));
+  return invalid("the initial trajectory has " + std::to_string(initial.size()) + " states of " +
+                 std::to_string(initial.dof) + " joints, but the problem " +
+                 std::to_string(problem.support_states) + " of " + std::to_string(dof));
 }
 
 std::string iteration_limit_reason(int iterations, double last_decrease, double cost) {

@@ -154,10 +154,6 @@ class AxisCost final : public LinkCost, public HasCostForm {
   double weight_;
 };
 
-tl::unexpected<Error> invalid(std::string message) {
-  return fail(ErrorCode::kInvalidArgument, std::move(message));
-}
-
 Result<int> find_link(const RobotDescription& robot, const std::string& link) {
   if (const auto index = robot.link_index(link)) return *index;
   return invalid("robot '" + robot.name + "' has no link '" + link + "'");
@@ -180,10 +176,10 @@ Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
                                              std::optional<double> sigma_position,
                                              std::optional<double> sigma_rotation) {
   const auto index = find_link(robot->description(), link);
-  if (!index) return tl::make_unexpected(index.error());
+  if (!index) return error_of(index);
   if (sigma_position) {
     if (auto ok = check_sigma(*sigma_position, "position of link '" + link + "'"); !ok) {
-      return tl::make_unexpected(ok.error());
+      return error_of(ok);
     }
     if (!target.translation().allFinite()) {
       return invalid("the position wanted of link '" + link + "' is not finite");
@@ -192,7 +188,7 @@ Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
   if (sigma_rotation) {
     auto ok = check_sigma(*sigma_rotation, "rotation of link '" + link + "'");
     if (ok) ok = check_rotation(target.linear(), link);
-    if (!ok) return tl::make_unexpected(ok.error());
+    if (!ok) return error_of(ok);
   }
   return std::make_unique<PoseCost>(kind + "_" + link, std::move(robot), *index, target,
                                     sigma_position, sigma_rotation);
@@ -232,10 +228,8 @@ Result<std::unique_ptr<StateCost>> make_link_axis_cost(std::shared_ptr<const Rob
                                                        const Eigen::Vector3d& axis_world,
                                                        double sigma_rad) {
   const auto index = find_link(robot->description(), link);
-  if (!index) return tl::make_unexpected(index.error());
-  if (auto ok = check_sigma(sigma_rad, "axis of link '" + link + "'"); !ok) {
-    return tl::make_unexpected(ok.error());
-  }
+  if (!index) return error_of(index);
+  if (auto ok = check_sigma(sigma_rad, "axis of link '" + link + "'"); !ok) return error_of(ok);
   for (const Eigen::Vector3d& axis : {axis_link, axis_world}) {
     if (axis.allFinite() && axis.norm() > 0.0) continue;
     return invalid("an axis given for link '" + link + "' has no direction");

@@ -11,10 +11,6 @@ namespace {
 
 std::string text(double value) { return format("%.6g", value); }
 
-tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
-  return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
-}
-
 Result<void> check_numbers(const Problem& problem) {
   if (problem.support_states < 3) {
     return invalid("a problem needs at least 3 support states, not " +

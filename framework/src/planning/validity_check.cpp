@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
 #include <algorithm>
@@ -23,7 +24,7 @@ bool is_worse(const Violation& a, const Violation& b) {
 }
 
 const std::string& link_name(const RobotDescription& robot, int link) {
-  return robot.links[static_cast<std::size_t>(link)].name;
+  return robot.links[idx(link)].name;
 }
 
 }  // namespace
@@ -113,15 +114,14 @@ Violation violation_of(const ClearanceProver& prover, int item, const ClearanceR
   violation.time_s = time_s;
   violation.amount = prover.required_m(item) - reading.clearance_m;
   if (item >= prover.sphere_count()) {
-    const auto [first, second] =
-        robot.self_collision_pairs[static_cast<std::size_t>(item - prover.sphere_count())];
+    const auto [first, second] = robot.self_collision_pairs[idx(item - prover.sphere_count())];
     violation.kind = Violation::Kind::kSelfCollision;
     violation.subject = link_name(robot, second);
     violation.other = link_name(robot, first);
     return violation;
   }
   violation.kind = Violation::Kind::kCollision;
-  violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
+  violation.subject = link_name(robot, robot.spheres[idx(item)].link);
   const bool is_floor = reading.floor_m <= reading.clearance_m;
   violation.other = is_floor ? kFloorName : obstacle_name(reading.status, prover.space());
   if (!is_floor && violation.other != kObstacle) return violation;
@@ -141,12 +141,11 @@ Violation unproven(const ClearanceProver& prover, int item, const Shortfall& sho
   violation.time_s = time_s;
   violation.amount = shortfall.amount_m;
   if (item >= prover.sphere_count()) {
-    const auto [first, second] =
-        robot.self_collision_pairs[static_cast<std::size_t>(item - prover.sphere_count())];
+    const auto [first, second] = robot.self_collision_pairs[idx(item - prover.sphere_count())];
     violation.subject = link_name(robot, second);
     violation.other = link_name(robot, first);
   } else {
-    violation.subject = link_name(robot, robot.spheres[static_cast<std::size_t>(item)].link);
+    violation.subject = link_name(robot, robot.spheres[idx(item)].link);
     violation.other = shortfall.is_to_floor ? kFloorName : "obstacles";
   }
   return violation;
@@ -192,7 +191,7 @@ std::optional<Violation> FieldChecks::state_violation(
   std::vector<ClearanceReading> readings(static_cast<std::size_t>(prover.item_count()));
   prover.read(q, readings, *workspace);
   for (int item = 0; item < prover.item_count(); ++item) {
-    const ClearanceReading& reading = readings[static_cast<std::size_t>(item)];
+    const ClearanceReading& reading = readings[idx(item)];
     if (prover.violates(item, reading)) ledger.add(violation_of(prover, item, reading, 0.0));
   }
   if (ledger.empty()) return std::nullopt;

@@ -33,7 +33,7 @@ Result<std::vector<int>> links_to_avoid(const KinematicTree& tree, const Attache
   std::vector<int> may_touch;
   for (const std::string& name : object.touch_links) {
     auto link = find_link(robot, name, object);
-    if (!link) return tl::make_unexpected(std::move(link.error()));
+    if (!link) return error_of(link);
     may_touch.push_back(*link);
   }
   const int holding = rigid_root(tree, holder);
@@ -61,9 +61,9 @@ Result<std::unique_ptr<KinematicTree>> attach_object(const RobotModel& robot,
   }
   RobotDescription description = tree->description();
   const auto holder = find_link(description, object.link, object);
-  if (!holder) return tl::make_unexpected(holder.error());
+  if (!holder) return error_of(holder);
   const auto avoid = links_to_avoid(*tree, object, *holder);
-  if (!avoid) return tl::make_unexpected(avoid.error());
+  if (!avoid) return error_of(avoid);
 
   const int link = static_cast<int>(description.links.size());
   description.links.push_back({object.name, *holder});

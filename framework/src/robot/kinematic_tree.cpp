@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 #include <algorithm>
@@ -10,8 +11,6 @@
 
 namespace sidestep {
 namespace {
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 /// A rotation that takes z to `axis`; exact where the axis is one of the frame's own.
 Eigen::Matrix3d turn_z_to(const Eigen::Vector3d& axis) {
@@ -35,7 +34,7 @@ std::array<std::int8_t, 3> snap_to_axes(Eigen::Matrix3d& R) {
       const Eigen::Vector3d exact = sign * Eigen::Vector3d::Unit(axis);
       if ((R.col(column) - exact).cwiseAbs().maxCoeff() > kRounding) continue;
       R.col(column) = exact;
-      axes[at(column)] = static_cast<std::int8_t>(sign * (axis + 1));
+      axes[idx(column)] = static_cast<std::int8_t>(sign * (axis + 1));
     }
   }
   return axes;
@@ -54,9 +53,7 @@ Eigen::Matrix3d turned_about_z(const Eigen::Matrix3d& R, double s, double c) {
 
 Result<std::unique_ptr<KinematicTree>> KinematicTree::create(RobotDescription description,
                                                              std::vector<TreeJoint> tree_joints) {
-  if (auto ok = detail::check_robot(description, tree_joints); !ok) {
-    return tl::make_unexpected(std::move(ok.error()));
-  }
+  if (auto ok = detail::check_robot(description, tree_joints); !ok) return error_of(ok);
   return std::unique_ptr<KinematicTree>(
       new KinematicTree(std::move(description), std::move(tree_joints)));
 }
@@ -66,14 +63,14 @@ KinematicTree::KinematicTree(RobotDescription description, std::vector<TreeJoint
   for (std::size_t link = 0; link < tree_joints_.size(); ++link) add_link(link);
 
   for (const CollisionSphere& sphere : description_.spheres) {
-    const Pose& T_body_link = T_body_link_[at(sphere.link)];
+    const Pose& T_body_link = T_body_link_[idx(sphere.link)];
     spheres_.push_back(
-        {body_of_link_[at(sphere.link)], T_body_link.R * sphere.centre_link_m + T_body_link.p});
+        {body_of_link_[idx(sphere.link)], T_body_link.R * sphere.centre_link_m + T_body_link.p});
   }
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     movers_begin_.push_back(static_cast<int>(movers_.size()));
-    for (int body = static_cast<int>(b); body != -1; body = bodies_[at(body)].parent) {
-      if (bodies_[at(body)].joint != -1) movers_.push_back(body);
+    for (int body = static_cast<int>(b); body != -1; body = bodies_[idx(body)].parent) {
+      if (bodies_[idx(body)].joint != -1) movers_.push_back(body);
     }
   }
   movers_begin_.push_back(static_cast<int>(movers_.size()));
@@ -86,8 +83,8 @@ void KinematicTree::add_columns() {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const int joint = bodies_[b].joint;
     if (joint == -1) continue;
-    if (columns_[at(joint)].body == -1) {
-      columns_[at(joint)].body = static_cast<int>(b);
+    if (columns_[idx(joint)].body == -1) {
+      columns_[idx(joint)].body = static_cast<int>(b);
     } else {
       columns_.push_back({static_cast<int>(b), joint});
     }
@@ -96,10 +93,10 @@ void KinematicTree::add_columns() {
   weights_.assign_zeros(bodies_.size() * stride);
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     for (int m = movers_begin_[b]; m < movers_begin_[b + 1]; ++m) {
-      const int mover = movers_[at(m)];
+      const int mover = movers_[idx(m)];
       const auto column = std::ranges::find(columns_, mover, &Column::body) - columns_.begin();
       weights_.data()[b * stride + static_cast<std::size_t>(column)] =
-          bodies_[at(mover)].multiplier;
+          bodies_[idx(mover)].multiplier;
     }
   }
 }
@@ -107,10 +104,10 @@ void KinematicTree::add_columns() {
 void KinematicTree::add_link(std::size_t link) {
   const TreeJoint& joint = tree_joints_[link];
   const int parent_link = description_.links[link].parent;
-  const int parent_body = parent_link == -1 ? -1 : body_of_link_[at(parent_link)];
+  const int parent_body = parent_link == -1 ? -1 : body_of_link_[idx(parent_link)];
   const Pose T_body_parent = parent_link == -1
                                  ? Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()}
-                                 : T_body_link_[at(parent_link)];
+                                 : T_body_link_[idx(parent_link)];
 
   Pose joint_pose{T_body_parent.R * joint.T_parent_joint.linear(),
                   T_body_parent.R * joint.T_parent_joint.translation() + T_body_parent.p};
@@ -157,7 +154,7 @@ void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const 
     if (body.parent == -1) {
       pose = {body.R_parent_joint, body.p_parent_joint};
     } else {
-      const Pose& parent = bodies[at(body.parent)];
+      const Pose& parent = bodies[idx(body.parent)];
       pose.R.noalias() = parent.R * body.R_parent_joint;
       pose.p = parent.R * body.p_parent_joint + parent.p;
     }
@@ -171,19 +168,19 @@ void KinematicTree::place_bodies(const double* q, std::span<Pose> bodies) const 
 }
 
 TreeLink KinematicTree::link_in_body(int link) const {
-  const Pose& T_body_link = T_body_link_[at(link)];
-  return {body_of_link_[at(link)], T_body_link.R, T_body_link.p};
+  const Pose& T_body_link = T_body_link_[idx(link)];
+  return {body_of_link_[idx(link)], T_body_link.R, T_body_link.p};
 }
 
 void KinematicTree::link_poses(std::span<const double> q, std::span<Transform> T_world_link,
                                Scratch& scratch) const {
-  if (q.size() < at(description_.dof())) return;
+  if (q.size() < idx(description_.dof())) return;
   Scratch::Scope scope(scratch);
   const auto bodies = scope.array<Pose>(bodies_.size());
   place_bodies(q.data(), bodies);
   const std::size_t links = std::min(T_world_link.size(), body_of_link_.size());
   for (std::size_t i = 0; i < links; ++i) {
-    const Pose& body = bodies[at(body_of_link_[i])];
+    const Pose& body = bodies[idx(body_of_link_[i])];
     T_world_link[i].setIdentity();
     T_world_link[i].linear().noalias() = body.R * T_body_link_[i].R;
     T_world_link[i].translation() = body.R * T_body_link_[i].p + body.p;
@@ -194,7 +191,7 @@ void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<Poi
                                         Scratch& scratch) const {
   const std::size_t count = spheres_.size();
   if (count == 0) return;
-  const std::size_t dof = at(description_.dof());
+  const std::size_t dof = idx(description_.dof());
   const std::size_t n = std::min(q.size() / dof, centres_m.size() / count * kLanes);
   Scratch::Scope scope(scratch);
   const auto bodies = scope.array<detail::Poses<double>>(bodies_.size());
@@ -209,7 +206,7 @@ void KinematicTree::sphere_centre_lanes(std::span<const double> q, std::span<Poi
                                         std::span<float> axes, Scratch& scratch) const {
   const std::size_t count = spheres_.size();
   if (count == 0) return;
-  const std::size_t dof = at(description_.dof());
+  const std::size_t dof = idx(description_.dof());
   const std::size_t n = std::min(q.size() / dof, centres_m.size() / count * kFloatLanes);
   auto* const all_axes = reinterpret_cast<detail::Axes<float>*>(axes.data());
   Scratch::Scope scope(scratch);
@@ -231,10 +228,10 @@ void KinematicTree::sphere_centres(std::span<const double> q, std::span<Eigen::V
                                    Scratch& scratch) const {
   const std::size_t count = spheres_.size();
   if (count == 0) return;
-  const std::size_t n = std::min(q.size() / at(description_.dof()), centres_m.size() / count);
+  const std::size_t n = std::min(q.size() / idx(description_.dof()), centres_m.size() / count);
   Scratch::Scope scope(scratch);
   const auto in_lanes = scope.array<PointLanes>(padded(n) / kLanes * count);
-  sphere_centre_lanes(q.first(n * at(description_.dof())), in_lanes, scratch);
+  sphere_centre_lanes(q.first(n * idx(description_.dof())), in_lanes, scratch);
   for (std::size_t row = 0; row < n; ++row) {
     const std::size_t lane = row % kLanes;
     for (std::size_t s = 0; s < count; ++s) {
@@ -248,7 +245,7 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
                                      std::span<Eigen::Vector3d> centres_m,
                                      std::span<Eigen::Vector3d> jacobians, Scratch& scratch) const {
   const std::size_t count = spheres_.size();
-  const std::size_t dof = at(description_.dof());
+  const std::size_t dof = idx(description_.dof());
   if (count == 0) return;
   const std::size_t n =
       std::min({q.size() / dof, centres_m.size() / count, jacobians.size() / (count * dof)});
@@ -258,12 +255,12 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
   for (std::size_t row = 0; row < n; ++row) {
     place_bodies(q.data() + row * dof, bodies);
     for (std::size_t s = 0; s < count; ++s) {
-      const std::size_t b = at(spheres_[s].body);
+      const std::size_t b = idx(spheres_[s].body);
       const Eigen::Vector3d centre = bodies[b].R * spheres_[s].p_body + bodies[b].p;
       centres_m[row * count + s] = centre;
       Eigen::Vector3d* columns = jacobians.data() + (row * count + s) * dof;
       for (int m = movers_begin_[b]; m < movers_begin_[b + 1]; ++m) {
-        const std::size_t mover = at(movers_[at(m)]);
+        const std::size_t mover = idx(movers_[idx(m)]);
         const TreeBody& body = bodies_[mover];
         const Eigen::Vector3d axis = bodies[mover].R.col(2);
         // d(centre)/d(value): the axis, or axis x arm; a mimic joint adds to its master's column.
@@ -277,7 +274,7 @@ void KinematicTree::sphere_jacobians(std::span<const double> q,
 
 void KinematicTree::pull_back(std::span<const double> q, std::span<const LinkForce> forces,
                               std::span<double> joint_forces, Scratch& scratch) const {
-  const std::size_t dof = at(description_.dof());
+  const std::size_t dof = idx(description_.dof());
   Scratch::Scope scope(scratch);
   const auto poses = scope.array<detail::Poses<double>>(bodies_.size());
   const auto axes = scope.array<detail::Axes<double>>(bodies_.size());
@@ -302,7 +299,7 @@ void KinematicTree::pull_back_along(std::span<const float> axes, std::span<const
 template <class Number, class AxesOf>
 void KinematicTree::pull_back_with(const AxesOf& axes_of, std::span<const LinkForce> forces,
                                    std::span<double> joint_forces, Scratch& scratch) const {
-  const std::size_t dof = at(description_.dof());
+  const std::size_t dof = idx(description_.dof());
   const std::size_t count = std::min(forces.size(), joint_forces.size() / dof);
   if (count == 0) return;
   constexpr std::size_t kInGroup = detail::kLanesOf<Number>;
@@ -318,14 +315,14 @@ void KinematicTree::pull_back_with(const AxesOf& axes_of, std::span<const LinkFo
   std::ranges::fill(table, Number{});
   std::size_t group = 0;  // whose screws are known, counted from 1
   for (std::size_t k = 0, end = 0; k < count; k = end) {
-    const std::size_t row = at(forces[k].row), lane = row % kInGroup;
+    const std::size_t row = idx(forces[k].row), lane = row % kInGroup;
     if (row / kInGroup + 1 != group) {
       group = row / kInGroup + 1;
       detail::find_screws(bodies_, axes_of(group - 1), screws.data());
     }
     for (std::size_t c = 0; c < columns_.size(); ++c) {
       if (columns_[c].body == -1) continue;
-      const detail::Screws<Number>& screw = screws[at(columns_[c].body)];
+      const detail::Screws<Number>& screw = screws[idx(columns_[c].body)];
       for (std::size_t i = 0; i < 6; ++i) table[i * stride + c] = screw.values[i][lane];
     }
     while (end < count && forces[end].row == forces[k].row) ++end;

@@ -10,6 +10,8 @@
 
 #include <Eigen/Geometry>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -24,8 +26,6 @@ constexpr double kCoarser = 1.4;
 constexpr double kHopeless = 4.0;
 constexpr double kLeastStepShare = 0.01;  // of the protrusion
 constexpr double kLeastCellShare = 0.02;  // likewise
-/// Covers what rounding would leave bare.
-constexpr double kRadiusMargin = 1.0 + 1e-9;
 
 /// A box along the axes of the shape's frame that holds some of the shape.
 struct Cell {
@@ -63,8 +63,8 @@ bool is_closed(const Mesh& mesh) {
   std::map<std::pair<int, int>, int> passes;
   for (const Eigen::Vector3i& triangle : mesh.triangles) {
     for (int i = 0; i < 3; ++i) {
-      const int from = place_of[static_cast<std::size_t>(triangle[i])];
-      const int to = place_of[static_cast<std::size_t>(triangle[(i + 1) % 3])];
+      const int from = place_of[idx(triangle[i])];
+      const int to = place_of[idx(triangle[(i + 1) % 3])];
       if (from != to) passes[std::minmax(from, to)] += from < to ? 1 : -1;
     }
   }
@@ -73,7 +73,7 @@ bool is_closed(const Mesh& mesh) {
 
 /// Whether a closed mesh is wound inside out.
 bool is_inside_out(const Mesh& mesh) {
-  const auto at = [&](int vertex) { return mesh.vertices_m[static_cast<std::size_t>(vertex)]; };
+  const auto at = [&](int vertex) { return mesh.vertices_m[idx(vertex)]; };
   double six_volumes = 0.0;  // measured from a vertex, lest a far origin blur them
   for (const Eigen::Vector3i& t : mesh.triangles) {
     const Eigen::Vector3d from = at(mesh.triangles.front()[0]);
@@ -109,7 +109,7 @@ struct Bounds {
     Eigen::AlignedBox3d box;
     for (const Eigen::Vector3i& triangle : mesh->triangles) {
       for (const int vertex : triangle) {
-        box.extend(mesh->vertices_m[static_cast<std::size_t>(vertex)]);
+        box.extend(mesh->vertices_m[idx(vertex)]);
       }
     }
     return box;

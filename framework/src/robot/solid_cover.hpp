@@ -10,6 +10,9 @@
 
 namespace sidestep {
 
+/// Covers what rounding would leave bare.
+inline constexpr double kRadiusMargin = 1.0 + 1e-9;
+
 /// A sphere in a shape's frame.
 struct Ball {
   Eigen::Vector3d p_shape = Eigen::Vector3d::Zero();

@@ -15,8 +15,6 @@ constexpr int kMostSpheres = kMostFittedSpheres;
 /// So few in a plain order are taken as they are; a cover that looks for its places may do with
 /// fewer than more of them.
 constexpr std::size_t kFewSpheres = 64;
-/// Covers what rounding would leave bare.
-constexpr double kRadiusMargin = 1.0 + 1e-9;
 
 using Balls = std::optional<std::vector<Ball>>;
 
@@ -96,7 +94,7 @@ struct PlainCover {
 
 Result<std::vector<CollisionSphere>> fit_spheres(const CollisionShape& shape, double protrusion_m) {
   if (!(protrusion_m > 0.0) || !std::isfinite(protrusion_m)) {
-    return fail(ErrorCode::kInvalidArgument, "spheres stand out by a length above zero");
+    return invalid("spheres stand out by a length above zero");
   }
   Balls balls = std::visit(PlainCover{protrusion_m}, shape.shape);
   if (!balls || balls->size() > kFewSpheres) {

@@ -252,7 +252,7 @@ const std::vector<PluginRejection>& Host::rejections() {
 
 Result<PluginInfo> Host::find(PluginKind kind, const Node& block) {
   const auto found = impl_->find(kind, block);
-  if (!found) return tl::make_unexpected(found.error());
+  if (!found) return error_of(found);
   return (*found)->info;
 }
 
@@ -294,7 +294,7 @@ Node Host::with_defaults(PluginKind kind, const Node& block) {
 
 Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const RunLoan& loan) {
   const auto found = impl_->find(kind, block);
-  if (!found) return tl::make_unexpected(found.error());
+  if (!found) return error_of(found);
   std::vector<Error> errors;
   Impl::check(**found, block, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));

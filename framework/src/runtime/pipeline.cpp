@@ -32,7 +32,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
       skip(std::move(frame.error()));
       continue;
     }
-    if (!frame) return tl::make_unexpected(std::move(frame.error()));
+    if (!frame) return error_of(frame);
     if (!*frame) return std::optional<MappingStep>{};
     step.frame_sequence = (*frame)->sequence;
     step.stamp = (*frame)->stamp;
@@ -44,7 +44,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
       skip(std::move(update.error()));
       continue;
     }
-    if (!update) return tl::make_unexpected(std::move(update.error()));
+    if (!update) return error_of(update);
     step.update = std::move(*update);
     if (parts_.waits_for_content && !has_content()) {
       skip({ErrorCode::kBadFrame,
@@ -57,11 +57,11 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
 
     watch.restart();
     if (step.update.grid_moved) {
-      if (auto attached = attach(); !attached) return tl::make_unexpected(attached.error());
+      if (auto attached = attach(); !attached) return error_of(attached);
     }
     auto field =
         in_stage(parts_.names.field, [&] { return parts_.field_builder.update(step.update); });
-    if (!field) return tl::make_unexpected(std::move(field.error()));
+    if (!field) return error_of(field);
     if (*field == nullptr) {
       return fail(ErrorCode::kPlugin, "returned no field", "plugin " + parts_.names.field);
     }

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/explain.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
@@ -46,13 +47,9 @@ double largest_difference(std::span<const double> a, std::span<const double> b) 
   return largest;
 }
 
-std::span<const double> row(const Eigen::VectorXd& values) {
-  return {values.data(), static_cast<std::size_t>(values.size())};
-}
-
 void set_first_state(Trajectory& trajectory, const RobotState& state) {
-  std::ranges::copy(row(state.q), trajectory.q(0).begin());
-  std::ranges::copy(row(state.qdot), trajectory.qdot(0).begin());
+  std::ranges::copy(as_span(state.q), trajectory.q(0).begin());
+  std::ranges::copy(as_span(state.qdot), trajectory.qdot(0).begin());
 }
 
 /// The rest of a trajectory as a first guess of a problem.
@@ -284,7 +281,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
     task.failure = std::move(why);
     return std::nullopt;
   };
-  const double off = largest_difference(proposal.qdot(0), row(task.start.qdot));
+  const double off = largest_difference(proposal.qdot(0), as_span(task.start.qdot));
   if (off > kStartVelocityTolerance) {
     return refuse("it starts at a velocity that differs by " + number("%.3g", off));
   }
@@ -305,7 +302,8 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       return refuse("it is not better by enough: it costs " + number("%.4g", plan.cost));
     }
   }
-  plan.splice_velocity_jump = largest_difference(retimed->trajectory.qdot(0), row(task.start.qdot));
+  plan.splice_velocity_jump =
+      largest_difference(retimed->trajectory.qdot(0), as_span(task.start.qdot));
   plan.takeover_s = task.departure.lead.duration_s();
   plan.trajectory = joined(task.departure.lead, retimed->trajectory);
   plan.frees_goal = is_goal_free(task.problem);

@@ -174,9 +174,7 @@ Result<const PluginDescriptor*> open_plugin_library(const std::filesystem::path&
   if (descriptor == nullptr) {
     return refuse(library, std::string(kPluginSymbol) + "() returned null");
   }
-  if (auto checked = check_descriptor(*descriptor, library); !checked) {
-    return tl::make_unexpected(std::move(checked.error()));
-  }
+  if (auto checked = check_descriptor(*descriptor, library); !checked) return error_of(checked);
   return descriptor;
 }
 

@@ -185,13 +185,11 @@ Result<std::unique_ptr<ResultsStore>> ResultsStore::open(const std::filesystem::
   auto done = connection.open(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   if (done) done = connection.execute(kTables);
   if (done) done = connection.execute(kBegin);
-  if (!done) return tl::make_unexpected(std::move(done.error()));
+  if (!done) return error_of(done);
 
-  if (auto prepared = store->prepare(); !prepared) {
-    return tl::make_unexpected(std::move(prepared.error()));
-  }
+  if (auto prepared = store->prepare(); !prepared) return error_of(prepared);
   auto insert_provenance = connection.prepare("INSERT INTO provenance VALUES (?, ?)");
-  if (!insert_provenance) return tl::make_unexpected(std::move(insert_provenance.error()));
+  if (!insert_provenance) return error_of(insert_provenance);
 
   const std::pair<std::string_view, std::string> rows[] = {
       {"configuration", provenance.configuration},
@@ -204,7 +202,7 @@ Result<std::unique_ptr<ResultsStore>> ResultsStore::open(const std::filesystem::
   for (const auto& [key, value] : rows) {
     Query query(insert_provenance->get());
     query.bind(key).bind(std::string_view(value));
-    if (auto added = connection.run(query); !added) return tl::make_unexpected(added.error());
+    if (auto added = connection.run(query); !added) return error_of(added);
   }
   return store;
 }
@@ -219,7 +217,7 @@ Result<std::unique_ptr<ResultsStore>> ResultsStore::reopen(const std::filesystem
   auto done = store->impl_->connection.open(file, SQLITE_OPEN_READWRITE);
   if (done) done = store->prepare();
   if (done) done = connection.execute(kBegin);
-  if (!done) return tl::make_unexpected(std::move(done.error()));
+  if (!done) return error_of(done);
   return store;
 }
 
@@ -228,7 +226,7 @@ Result<void> ResultsStore::prepare() {
   auto insert = connection.prepare("INSERT OR REPLACE INTO measurements VALUES (?, ?, ?, ?)");
   auto insert_array = connection.prepare("INSERT OR REPLACE INTO arrays VALUES (?, ?, ?, ?, ?, ?)");
   for (auto* statement : {&insert, &insert_array}) {
-    if (!*statement) return tl::make_unexpected(std::move(statement->error()));
+    if (!*statement) return error_of(*statement);
   }
   impl_->insert = std::move(*insert);
   impl_->insert_array = std::move(*insert_array);
@@ -280,7 +278,7 @@ Result<std::unique_ptr<ResultsReader>> ResultsReader::open(const std::filesystem
   std::unique_ptr<ResultsReader> reader(new ResultsReader());
   Impl& impl = *reader->impl_;
   if (auto opened = impl.connection.open(file, SQLITE_OPEN_READONLY); !opened) {
-    return tl::make_unexpected(std::move(opened.error()));
+    return error_of(opened);
   }
   const std::pair<Statement*, const char*> statements[] = {
       {&impl.column,
@@ -295,7 +293,7 @@ Result<std::unique_ptr<ResultsReader>> ResultsReader::open(const std::filesystem
       {&impl.array_items, "SELECT item FROM arrays WHERE series = ? AND key = ? ORDER BY item"}};
   for (const auto& [into, sql] : statements) {
     auto statement = impl.connection.prepare(sql);
-    if (!statement) return tl::make_unexpected(std::move(statement.error()));
+    if (!statement) return error_of(statement);
     *into = std::move(*statement);
   }
   return reader;

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
 #include <algorithm>
@@ -12,8 +13,6 @@ namespace sidestep {
 namespace {
 
 constexpr double kShortestStep_s = 1e-6;
-
-std::size_t at(int value) { return static_cast<std::size_t>(value); }
 
 /// Of positions, relative.
 constexpr double kRounding = 24e-15;
@@ -120,16 +119,13 @@ class ShapeCheck::Run {
 Result<Verdict> ShapeCheck::check(const Trajectory& trajectory, double from_s,
                                   const Deadline& deadline) const {
   if (trajectory.dof != robot_->description().dof()) {
-    return fail(ErrorCode::kInvalidArgument, "the trajectory has " +
-                                                 std::to_string(trajectory.dof) + " joints, but " +
-                                                 robot_->description().name + " has " +
-                                                 std::to_string(robot_->description().dof()));
+    return invalid("the trajectory has " + std::to_string(trajectory.dof) + " joints, but " +
+                   robot_->description().name + " has " +
+                   std::to_string(robot_->description().dof()));
   }
-  if (auto sound = trajectory.validate(); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto sound = trajectory.validate(); !sound) return error_of(sound);
   if (std::isnan(from_s)) {
-    return fail(ErrorCode::kInvalidArgument, "the time to check from is not a number");
+    return invalid("the time to check from is not a number");
   }
   return Run(*this, trajectory).check(std::clamp(from_s, 0.0, trajectory.duration_s()), deadline);
 }
@@ -137,7 +133,7 @@ Result<Verdict> ShapeCheck::check(const Trajectory& trajectory, double from_s,
 Result<Verdict> ShapeCheck::Run::check(double from_s, const Deadline& deadline) {
   const auto& times = trajectory_.times_s;
   int segment = 0;
-  while (segment + 2 < trajectory_.size() && times[at(segment) + 1] <= from_s) ++segment;
+  while (segment + 2 < trajectory_.size() && times[idx(segment) + 1] <= from_s) ++segment;
   Instant now = inspect(from_s);
   if (from_s >= trajectory_.duration_s()) {
     check_limits(segment, 1.0, 1.0);
@@ -145,8 +141,8 @@ Result<Verdict> ShapeCheck::Run::check(double from_s, const Deadline& deadline) 
     return std::move(verdict_);
   }
   for (double time_s = from_s; segment + 1 < trajectory_.size(); ++segment) {
-    const double begin_s = times[at(segment)];
-    const double end_s = times[at(segment) + 1];
+    const double begin_s = times[idx(segment)];
+    const double end_s = times[idx(segment) + 1];
     check_limits(segment, (time_s - begin_s) / (end_s - begin_s), 1.0);
     while (time_s < end_s) {
       if (deadline.expired()) {
@@ -178,12 +174,12 @@ void ShapeCheck::Run::load_segment(int segment) {
 
 double ShapeCheck::Run::duration_s(int segment) const {
   if (segment + 1 >= trajectory_.size()) return 1.0;
-  return trajectory_.times_s[at(segment) + 1] - trajectory_.times_s[at(segment)];
+  return trajectory_.times_s[idx(segment) + 1] - trajectory_.times_s[idx(segment)];
 }
 
 void ShapeCheck::Run::check_limits(int segment, double from, double to) {
   load_segment(segment);
-  const double begin_s = trajectory_.times_s[at(segment)];
+  const double begin_s = trajectory_.times_s[idx(segment)];
   const double h_s = duration_s(segment);
   const double tolerance = its_.settings_.limit_tolerance;
   const auto negated = [](auto controls) {
@@ -241,7 +237,7 @@ Instant ShapeCheck::Run::inspect(double time_s) {
   for (int s = 0; s < its_.collider_.shape_count(); ++s) {
     const auto found = its_.collider_.to_obstacles(s, *pose_, std::max(0.0, near_m));
     if (found.other.empty()) continue;
-    const std::string& link = robot_.links[at(robot_.shapes[at(s)].link)].name;
+    const std::string& link = robot_.links[idx(robot_.shapes[idx(s)].link)].name;
     instant.clearance_m = std::min(instant.clearance_m, found.clearance_m);
     if (found.clearance_m < verdict_.min_clearance_m) {
       verdict_.min_clearance_m = found.clearance_m;
@@ -264,13 +260,13 @@ void ShapeCheck::Run::inspect_pairs(double time_s, Instant& instant) {
     verdict_.min_self_clearance_m = std::min(verdict_.min_self_clearance_m, clearance_m);
     if (clearance_m >= 0.0) continue;
     const auto [a, b] = its_.collider_.pair_links(p);
-    report({Violation::Kind::kSelfCollision, robot_.links[at(b)].name, robot_.links[at(a)].name,
+    report({Violation::Kind::kSelfCollision, robot_.links[idx(b)].name, robot_.links[idx(a)].name,
             time_s, -clearance_m});
   }
 }
 
 void ShapeCheck::Run::measure_ways(double from_s, double to_s, int segment) {
-  const double begin_s = trajectory_.times_s[at(segment)];
+  const double begin_s = trajectory_.times_s[idx(segment)];
   const double h_s = duration_s(segment);
   for (std::size_t j = 0; j < joints_.size(); ++j) {
     ways_[j] = (to_s - from_s) *
@@ -299,8 +295,8 @@ double ShapeCheck::Run::excess_way(const Instant& now, double h_s) const {
   const double longest_m = settings.max_step_m;
   double excess = obstacle_way_m(h_s, longest_m) / allowed_m(now.clearance_m, longest_m);
   for (int p = 0; p < its_.collider_.pair_count(); ++p) {
-    excess = std::max(
-        excess, pair_way_m(p, longest_m) / allowed_m(now.pair_clearance_m[at(p)], 2.0 * longest_m));
+    excess = std::max(excess, pair_way_m(p, longest_m) /
+                                  allowed_m(now.pair_clearance_m[idx(p)], 2.0 * longest_m));
   }
   return excess;
 }
@@ -332,11 +328,11 @@ void ShapeCheck::Run::require_proof(const Instant& before, const Instant& after,
         {Violation::Kind::kUnproven, verdict_.min_clearance_link, "obstacles", middle_s, field_m});
   }
   for (int p = 0; p < its_.collider_.pair_count(); ++p) {
-    const double pair_m = shortfall(before.pair_clearance_m[at(p)], after.pair_clearance_m[at(p)],
+    const double pair_m = shortfall(before.pair_clearance_m[idx(p)], after.pair_clearance_m[idx(p)],
                                     pair_way_m(p, limit_m));
     if (pair_m <= 0.0) continue;
     const auto [a, b] = its_.collider_.pair_links(p);
-    report({Violation::Kind::kUnproven, robot_.links[at(b)].name, robot_.links[at(a)].name,
+    report({Violation::Kind::kUnproven, robot_.links[idx(b)].name, robot_.links[idx(a)].name,
             middle_s, pair_m});
   }
 }
@@ -365,11 +361,11 @@ void ShapeCheck::Run::finish() {
 Result<void> validate_obstacles(const ShapeObstacles& obstacles) {
   if (obstacles.occupied_centres_m.empty()) return {};
   if (!(obstacles.resolution_m > 0.0) || !std::isfinite(obstacles.resolution_m)) {
-    return fail(ErrorCode::kInvalidArgument, "the obstacles' voxels have no size");
+    return invalid("the obstacles' voxels have no size");
   }
   for (const Eigen::Vector3d& centre : obstacles.occupied_centres_m) {
     if (!centre.allFinite()) {
-      return fail(ErrorCode::kInvalidArgument, "the centre of an occupied voxel is not finite");
+      return invalid("the centre of an occupied voxel is not finite");
     }
   }
   return {};
@@ -424,21 +420,18 @@ Result<std::unique_ptr<ValidityCheck>> make_shape_check(std::shared_ptr<const Ro
   }
   for (const CollisionShape& shape : description.shapes) {
     if (!std::isfinite(farthest_point_m(shape))) {
-      return fail(ErrorCode::kInvalidArgument, "a collision shape of link " +
-                                                   description.links[at(shape.link)].name +
-                                                   " is not bounded");
+      return invalid("a collision shape of link " + description.links[idx(shape.link)].name +
+                     " is not bounded");
     }
   }
   if (!(settings.max_step_m > 0.0 && settings.min_step_m > 0.0 && settings.farthest_m > 0.0)) {
-    return fail(ErrorCode::kInvalidArgument, "the steps of the shape check must be positive");
+    return invalid("the steps of the shape check must be positive");
   }
   settings.min_step_m = std::min(settings.min_step_m, settings.max_step_m);
-  if (auto sound = validate_obstacles(obstacles); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto sound = validate_obstacles(obstacles); !sound) return error_of(sound);
   if (auto sound = validate_contacts(description, obstacles.scene.get(), settings.allowed_contacts);
       !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
+    return error_of(sound);
   }
   return std::make_unique<ShapeCheck>(std::move(robot), obstacles, std::move(settings));
 }

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/runtime/truth_check.hpp>
 
 #include <algorithm>
@@ -29,8 +30,8 @@ void inspect(const ShapeCollider& collider, const ShapeCollider::Pose& placed,
   for (int s = 0; s < collider.shape_count(); ++s) {
     const auto found = collider.to_obstacles(s, placed, bound_m);
     if (found.other.empty()) continue;
-    const int link = robot.shapes[static_cast<std::size_t>(s)].link;
-    const std::string& name = robot.links[static_cast<std::size_t>(link)].name;
+    const int link = robot.shapes[idx(s)].link;
+    const std::string& name = robot.links[idx(link)].name;
     if (found.clearance_m < motion.min_clearance_m) {
       motion.min_clearance_m = found.clearance_m;
       motion.nearest_link = name;
@@ -54,9 +55,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
   obstacles.scene = scene;
   ShapeCheckSettings of_check;
   of_check.allowed_contacts = settings.allowed_contacts;
-  if (auto sound = make_shape_check(robot, obstacles, of_check); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto sound = make_shape_check(robot, obstacles, of_check); !sound) return error_of(sound);
   const RobotDescription& description = robot->description();
   const ShapeCollider collider(description, obstacles, settings.allowed_contacts);
   const ShapeCollider::PosePtr placed = collider.make_pose();
@@ -66,12 +65,10 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
   motion.min_clearance_m = settings.farthest_m;
   for (const TruePose& pose : poses) {
     if (pose.q.size() != description.dof()) {
-      return fail(ErrorCode::kInvalidArgument, "a true pose has " + std::to_string(pose.q.size()) +
-                                                   " joints, but " + description.name + " has " +
-                                                   std::to_string(description.dof()));
+      return invalid("a true pose has " + std::to_string(pose.q.size()) + " joints, but " +
+                     description.name + " has " + std::to_string(description.dof()));
     }
-    robot->link_poses(std::span(pose.q.data(), static_cast<std::size_t>(pose.q.size())),
-                      T_world_link, scratch);
+    robot->link_poses(as_span(pose.q), T_world_link, scratch);
     collider.place(*placed, T_world_link, pose.time_s);
     inspect(collider, *placed, description, pose.time_s, settings.apart_s, motion);
   }

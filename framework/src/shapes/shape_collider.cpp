@@ -19,6 +19,7 @@
 #include <fcl/narrowphase/distance.h>
 #include <octomap/OcTree.h>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
 #include "voxel_boxes.hpp"
@@ -37,8 +38,6 @@ constexpr double kDistanceTolerance_m = 1e-9;
 constexpr double kGapTolerance_m = 1e-6;
 constexpr std::size_t kMaxContacts = 16;
 const char* const kVoxelName = "occupied voxels";
-
-std::size_t at(int value) { return static_cast<std::size_t>(value); }
 
 /// FCL's geometry for a shape; null for a half-space, which FCL cannot measure distances to.
 struct ToGeometry {
@@ -61,7 +60,7 @@ struct ToGeometry {
                       static_cast<int>(mesh->vertices_m.size()));
     std::vector<fcl::Triangle> triangles;
     for (const Eigen::Vector3i& t : mesh->triangles) {
-      triangles.emplace_back(at(t.x()), at(t.y()), at(t.z()));
+      triangles.emplace_back(idx(t.x()), idx(t.y()), idx(t.z()));
     }
     model->addSubModel(mesh->vertices_m, triangles);
     model->endModel();
@@ -254,7 +253,7 @@ struct ShapeCollider::Impl {
   void hear_planes(int shape, const Pose& pose, Nearest& nearest) const;
   [[nodiscard]] std::string name(int owner) const {
     if (owner == kFloorOwner) return kFloorName;
-    return owner == kVoxelOwner ? kVoxelName : scene->objects()[at(owner)].name;
+    return owner == kVoxelOwner ? kVoxelName : scene->objects()[idx(owner)].name;
   }
 };
 
@@ -317,7 +316,7 @@ void ShapeCollider::Impl::add_scene(const std::shared_ptr<const Scene>& its) {
   scene = its;
   if (!scene) return;
   for (int i = 0; i < static_cast<int>(scene->objects().size()); ++i) {
-    const SceneObject& object = scene->objects()[at(i)];
+    const SceneObject& object = scene->objects()[idx(i)];
     scene_geometry.push_back(std::visit(ToGeometry{}, object.shape));
     if (scene_geometry.back() == nullptr) {
       half_spaces.push_back(i);
@@ -333,9 +332,9 @@ void ShapeCollider::Impl::allow(const RobotDescription& robot,
                                 const std::vector<AllowedContact>& allowed) {
   for (const AllowedContact& contact : allowed) {
     for (int i = 0; scene && i < static_cast<int>(scene->objects().size()); ++i) {
-      if (scene->objects()[at(i)].name != contact.object) continue;
+      if (scene->objects()[idx(i)].name != contact.object) continue;
       for (RobotShape& shape : shapes) {
-        if (robot.links[at(shape.link)].name == contact.link) shape.ignored.insert(i);
+        if (robot.links[idx(shape.link)].name == contact.link) shape.ignored.insert(i);
       }
     }
   }
@@ -343,7 +342,7 @@ void ShapeCollider::Impl::allow(const RobotDescription& robot,
 
 void ShapeCollider::Impl::add_floor(const RobotDescription& robot, const Floor& floor) {
   for (RobotShape& shape : shapes) {
-    const auto& name = robot.links[at(shape.link)].name;
+    const auto& name = robot.links[idx(shape.link)].name;
     if (std::ranges::find(floor.except_links, name) == floor.except_links.end()) {
       shape.floor_m = floor.height_m;
     }
@@ -351,8 +350,8 @@ void ShapeCollider::Impl::add_floor(const RobotDescription& robot, const Floor& 
 }
 
 void ShapeCollider::Impl::hear_planes(int shape, const Pose& pose, Nearest& nearest) const {
-  const RobotShape& of = shapes[at(shape)];
-  const Object& object = pose.shapes[at(shape)];
+  const RobotShape& of = shapes[idx(shape)];
+  const Object& object = pose.shapes[idx(shape)];
   if (of.floor_m) {
     nearest.hear(height_m(object, Transform::Identity()) - *of.floor_m, kFloorOwner);
   }
@@ -387,7 +386,7 @@ ShapeCollider::PosePtr ShapeCollider::make_pose() const {
     pose->shapes.back().setUserData(tag(kRobotOwner));
   }
   for (const int object : impl_->moving) {
-    pose->moving.emplace_back(impl_->scene_geometry[at(object)]);
+    pose->moving.emplace_back(impl_->scene_geometry[idx(object)]);
   }
   pose->T_half_space_world.resize(impl_->half_spaces.size());
   return pose;
@@ -397,14 +396,14 @@ void ShapeCollider::place(Pose& pose, std::span<const Transform> T_world_link,
                           double scene_time_s) const {
   for (std::size_t i = 0; i < impl_->shapes.size(); ++i) {
     const RobotShape& shape = impl_->shapes[i];
-    move(pose.shapes[i], T_world_link[at(shape.link)] * shape.T_link_shape);
+    move(pose.shapes[i], T_world_link[idx(shape.link)] * shape.T_link_shape);
   }
   for (std::size_t i = 0; i < impl_->moving.size(); ++i) {
-    const SceneObject& object = impl_->scene->objects()[at(impl_->moving[i])];
+    const SceneObject& object = impl_->scene->objects()[idx(impl_->moving[i])];
     move(pose.moving[i], object.T_world_object(scene_time_s));
   }
   for (std::size_t i = 0; i < impl_->half_spaces.size(); ++i) {
-    const SceneObject& object = impl_->scene->objects()[at(impl_->half_spaces[i])];
+    const SceneObject& object = impl_->scene->objects()[idx(impl_->half_spaces[i])];
     pose.T_half_space_world[i] = object.T_world_object(scene_time_s).inverse();
   }
 }
@@ -412,15 +411,15 @@ void ShapeCollider::place(Pose& pose, std::span<const Transform> T_world_link,
 int ShapeCollider::shape_count() const noexcept { return static_cast<int>(impl_->shapes.size()); }
 int ShapeCollider::pair_count() const noexcept { return static_cast<int>(impl_->pairs.size()); }
 std::pair<int, int> ShapeCollider::pair_links(int pair) const noexcept {
-  const auto [a, b] = impl_->pairs[at(pair)];
-  return {impl_->shapes[at(a)].link, impl_->shapes[at(b)].link};
+  const auto [a, b] = impl_->pairs[idx(pair)];
+  return {impl_->shapes[idx(a)].link, impl_->shapes[idx(b)].link};
 }
 
 ShapeCollider::Proximity ShapeCollider::to_obstacles(int shape, const Pose& pose,
                                                      double bound_m) const {
-  const RobotShape& robot_shape = impl_->shapes[at(shape)];
+  const RobotShape& robot_shape = impl_->shapes[idx(shape)];
   // FCL's interface is not const-correct; neither call changes the object or the tree.
-  auto* object = const_cast<Object*>(&pose.shapes[at(shape)]);
+  auto* object = const_cast<Object*>(&pose.shapes[idx(shape)]);
   Nearest nearest{robot_shape.ignored, bound_m};
   if (!impl_->fixed.empty()) {
     impl_->fixed_tree.collide(object, &nearest, on_overlap);
@@ -436,8 +435,8 @@ ShapeCollider::Proximity ShapeCollider::to_obstacles(int shape, const Pose& pose
 }
 
 double ShapeCollider::gap_to_obstacles_m(int shape, const Pose& pose, double bound_m) const {
-  const RobotShape& robot_shape = impl_->shapes[at(shape)];
-  auto* object = const_cast<Object*>(&pose.shapes[at(shape)]);  // see to_obstacles()
+  const RobotShape& robot_shape = impl_->shapes[idx(shape)];
+  auto* object = const_cast<Object*>(&pose.shapes[idx(shape)]);  // see to_obstacles()
   Nearest nearest{robot_shape.ignored, bound_m};
   if (!impl_->fixed.empty()) impl_->fixed_tree.distance(object, &nearest, on_gap);
   for (std::size_t i = 0; i < impl_->moving.size(); ++i) {
@@ -450,13 +449,13 @@ double ShapeCollider::gap_to_obstacles_m(int shape, const Pose& pose, double bou
 }
 
 double ShapeCollider::gap_between_pair_m(int pair, const Pose& pose, double bound_m) const {
-  const auto [a, b] = impl_->pairs[at(pair)];
-  return separation_m(pose.shapes[at(a)], pose.shapes[at(b)], bound_m, kGapTolerance_m);
+  const auto [a, b] = impl_->pairs[idx(pair)];
+  return separation_m(pose.shapes[idx(a)], pose.shapes[idx(b)], bound_m, kGapTolerance_m);
 }
 
 double ShapeCollider::between_pair(int pair, const Pose& pose, double bound_m) const {
-  const auto [a, b] = impl_->pairs[at(pair)];
-  return proximity_m(pose.shapes[at(a)], pose.shapes[at(b)], bound_m);
+  const auto [a, b] = impl_->pairs[idx(pair)];
+  return proximity_m(pose.shapes[idx(a)], pose.shapes[idx(b)], bound_m);
 }
 
 }  // namespace sidestep

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
 constexpr double kNudge = 0.05;  // m, rad
 constexpr double kLeastInterval = 1e-7;
-
-std::size_t at(int value) { return static_cast<std::size_t>(value); }
 
 /// de Casteljau: the control values of the parts below and above u.
 template <std::size_t n>
@@ -129,11 +129,11 @@ ShapeMotion::ShapeMotion(const RobotModel& robot) : robot_(robot.description()) 
   const std::size_t joints = robot_.joints.size();
   radius_m_.assign(links, -1.0);
   for (const CollisionShape& shape : robot_.shapes) {
-    radius_m_[at(shape.link)] = std::max(radius_m_[at(shape.link)], farthest_point_m(shape));
+    radius_m_[idx(shape.link)] = std::max(radius_m_[idx(shape.link)], farthest_point_m(shape));
   }
   centre_radius_m_.assign(links, 0.0);
   for (const CollisionSphere& sphere : robot_.spheres) {
-    double& radius_m = centre_radius_m_[at(sphere.link)];
+    double& radius_m = centre_radius_m_[idx(sphere.link)];
     radius_m = std::max(radius_m, sphere.centre_link_m.norm());
   }
   turn_rate_.assign(links * joints, 0.0);
@@ -149,7 +149,7 @@ ShapeMotion::ShapeMotion(const RobotModel& robot) : robot_(robot.description()) 
   robot.link_poses(q, rest, scratch);
   const auto in_parent = [&](const std::vector<Transform>& poses, std::size_t link) {
     const int parent = robot_.links[link].parent;
-    return parent < 0 ? poses[link] : Transform(poses[at(parent)].inverse() * poses[link]);
+    return parent < 0 ? poses[link] : Transform(poses[idx(parent)].inverse() * poses[link]);
   };
   for (std::size_t j = 0; j < joints; ++j) {
     std::vector<double> moved = q;
@@ -167,28 +167,28 @@ ShapeMotion::ShapeMotion(const RobotModel& robot) : robot_(robot.description()) 
 
 double ShapeMotion::link_way_m(int link, const std::vector<Transform>& from,
                                const std::vector<double>& ways, double limit_m, int other) const {
-  if (radius_m_[at(link)] < 0.0) return 0.0;
-  return point_way_m(link, radius_m_[at(link)], from, ways, limit_m, other);
+  if (radius_m_[idx(link)] < 0.0) return 0.0;
+  return point_way_m(link, radius_m_[idx(link)], from, ways, limit_m, other);
 }
 
 double ShapeMotion::point_way_m(int link, double radius_m, const std::vector<Transform>& from,
                                 const std::vector<double>& ways, double limit_m, int other) const {
   const auto carries_other = [&](int candidate) {
-    for (int i = other; i >= 0; i = robot_.links[at(i)].parent) {
+    for (int i = other; i >= 0; i = robot_.links[idx(i)].parent) {
       if (i == candidate) return true;
     }
     return false;
   };
   const std::size_t joints = ways.size();
   double way_m = 0.0;
-  for (int k = link; k >= 0 && !carries_other(k); k = robot_.links[at(k)].parent) {
+  for (int k = link; k >= 0 && !carries_other(k); k = robot_.links[idx(k)].parent) {
     double turn_rad = 0.0;
     for (std::size_t j = 0; j < joints; ++j) {
-      turn_rad += turn_rate_[at(k) * joints + j] * ways[j];
-      way_m += shift_rate_[at(k) * joints + j] * ways[j];
+      turn_rad += turn_rate_[idx(k) * joints + j] * ways[j];
+      way_m += shift_rate_[idx(k) * joints + j] * ways[j];
     }
     const double arm_m =
-        (from[at(link)].translation() - from[at(k)].translation()).norm() + radius_m;
+        (from[idx(link)].translation() - from[idx(k)].translation()).norm() + radius_m;
     way_m += turn_rad * (arm_m + 2.0 * limit_m);
   }
   return way_m;
@@ -207,7 +207,8 @@ double ShapeMotion::centres_way_m(const std::vector<Transform>& from,
                                   const std::vector<double>& ways, double limit_m) const {
   double way_m = 0.0;
   for (int link = 0; link < static_cast<int>(robot_.links.size()); ++link) {
-    way_m = std::max(way_m, point_way_m(link, centre_radius_m_[at(link)], from, ways, limit_m, -1));
+    way_m =
+        std::max(way_m, point_way_m(link, centre_radius_m_[idx(link)], from, ways, limit_m, -1));
   }
   return way_m;
 }

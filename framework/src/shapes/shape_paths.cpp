@@ -6,6 +6,8 @@
 #include <numeric>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -13,8 +15,6 @@ namespace {
 constexpr double kLongestStep_m = 0.05;
 
 constexpr int kBounds = -1;  ///< The item; then come shapes, then pairs.
-
-std::size_t at(int value) { return static_cast<std::size_t>(value); }
 
 }  // namespace
 
@@ -30,7 +30,7 @@ ShapePaths::ShapePaths(std::shared_ptr<const RobotModel> robot, ShapeWorld world
       link_ways_m_(poses_.size()),
       centres_m_(robot_->description().spheres.size()) {
   const int first = world_.bounds_m ? kBounds : kBounds + 1;
-  std::vector<Item> items(at(collider_.shape_count() + collider_.pair_count() - first));
+  std::vector<Item> items(idx(collider_.shape_count() + collider_.pair_count() - first));
   std::iota(items.begin(), items.end(), first);
   all_ = std::make_shared<const std::vector<Item>>(std::move(items));
 }
@@ -101,7 +101,7 @@ ShapePaths::Shown ShapePaths::look_at(Item item) {
   const bool is_pair = pair >= 0;
   const double margin_m = is_pair ? world_.self_margin_m : world_.margin_m;
   const double way_m =
-      is_pair ? pair_way_m(pair) : link_way_m(robot_->description().shapes[at(item)].link);
+      is_pair ? pair_way_m(pair) : link_way_m(robot_->description().shapes[idx(item)].link);
   const bool is_short = way_m <= kLongestStep_m;
   const double wanted_m = margin_m + (is_short ? way_m : 0.0);
   const double gap_m = is_pair ? collider_.gap_between_pair_m(pair, *pose_, wanted_m)
@@ -118,7 +118,7 @@ double ShapePaths::robot_way_m() const {
 }
 
 double ShapePaths::link_way_m(int link) {
-  double& way_m = link_ways_m_[at(link)];
+  double& way_m = link_ways_m_[idx(link)];
   if (way_m < 0.0) way_m = motion_.link_way_m(link, poses_, ways_, kLongestStep_m);
   return way_m;
 }
@@ -153,17 +153,17 @@ std::optional<Violation> ShapePaths::violation(std::span<const double> q) {
   worst.amount = -1.0;
   const auto hear = [&](Violation::Kind kind, int link, std::string other, double amount_m) {
     if (amount_m <= 0.0 || amount_m <= worst.amount) return;
-    worst = {kind, robot.links[at(link)].name, std::move(other), 0.0, amount_m};
+    worst = {kind, robot.links[idx(link)].name, std::move(other), 0.0, amount_m};
   };
   for (int s = 0; s < collider_.shape_count(); ++s) {
     auto found = collider_.to_obstacles(s, *pose_, world_.margin_m);
-    hear(Violation::Kind::kCollision, robot.shapes[at(s)].link, std::move(found.other),
+    hear(Violation::Kind::kCollision, robot.shapes[idx(s)].link, std::move(found.other),
          world_.margin_m - found.clearance_m);
   }
   if (worst.amount < 0.0) {
     for (int p = 0; p < collider_.pair_count(); ++p) {
       const auto [a, b] = collider_.pair_links(p);
-      hear(Violation::Kind::kSelfCollision, b, robot.links[at(a)].name,
+      hear(Violation::Kind::kSelfCollision, b, robot.links[idx(a)].name,
            world_.self_margin_m - collider_.between_pair(p, *pose_, world_.self_margin_m));
     }
   }

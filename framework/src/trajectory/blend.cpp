@@ -18,21 +18,19 @@ ConstRow state(const Trajectory& path, int i) { return {path.q(i).data(), path.d
 Result<void> check(const Trajectory& path, double reach) {
   if (auto sound = path.validate(); !sound) return sound;
   if (!(reach > 0.0)) {
-    return fail(ErrorCode::kInvalidArgument,
-                "the reach of a rounded corner must be positive, not " + std::to_string(reach));
+    return invalid("the reach of a rounded corner must be positive, not " + std::to_string(reach));
   }
   if (path.size() < 2) {
-    return fail(ErrorCode::kInvalidArgument, "a path of fewer than two states has no lines");
+    return invalid("a path of fewer than two states has no lines");
   }
   for (int i = 0; i < path.size(); ++i) {
     const auto qdot = path.qdot(i);
     if (std::ranges::any_of(qdot, [](double v) { return v != 0.0; })) {
-      return fail(ErrorCode::kInvalidArgument,
-                  "state " + std::to_string(i) + " of the path moves: it has no corner");
+      return invalid("state " + std::to_string(i) + " of the path moves: it has no corner");
     }
     if (i > 0 && state(path, i) == state(path, i - 1)) {
-      return fail(ErrorCode::kInvalidArgument, "states " + std::to_string(i - 1) + " and " +
-                                                   std::to_string(i) + " of the path are one");
+      return invalid("states " + std::to_string(i - 1) + " and " + std::to_string(i) +
+                     " of the path are one");
     }
   }
   return {};
@@ -57,7 +55,7 @@ class Writer {
 }  // namespace
 
 Result<Trajectory> blend_corners(const Trajectory& path, double reach) {
-  if (auto able = check(path, reach); !able) return tl::make_unexpected(std::move(able.error()));
+  if (auto able = check(path, reach); !able) return error_of(able);
   const int lines = path.size() - 1;
   std::vector<Eigen::VectorXd> directions;
   std::vector<double> lengths;

@@ -25,15 +25,6 @@ constexpr double kFaster = 1e-5;
 /// turns and the stages of another cut let the robot stop on it.
 constexpr std::array kReaches{1.0005, 1.003, 1.01, 1.03, 1.1, 1.3, 2.0};
 
-tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
-  return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
-}
-
-std::string joint_name(const MotionLimits& limits, std::size_t joint) {
-  return joint < limits.names.size() ? "joint '" + limits.names[joint] + "'"
-                                     : "joint " + std::to_string(joint);
-}
-
 RobotState state_at(const Trajectory& trajectory, double time_s) {
   RobotState state{Eigen::VectorXd(trajectory.dof), Eigen::VectorXd(trajectory.dof)};
   const auto dof = static_cast<std::size_t>(trajectory.dof);
@@ -83,7 +74,7 @@ Result<Trajectory> stop_within(const Trajectory& trajectory, double from_s, doub
                                const MotionLimits& limits) {
   auto stop = retime(cut(trajectory, from_s, from_s + way_s), limits,
                      {.least_stages = kStages, .stop_at_goal = true});
-  if (!stop) return tl::make_unexpected(std::move(stop.error()));
+  if (!stop) return error_of(stop);
   trajectory.sample(from_s, stop->trajectory.q(0), stop->trajectory.qdot(0));
   return std::move(stop->trajectory);
 }
@@ -91,9 +82,7 @@ Result<Trajectory> stop_within(const Trajectory& trajectory, double from_s, doub
 }  // namespace
 
 Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const MotionLimits& limits) {
-  if (auto sound = check(trajectory, from_s, limits); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto sound = check(trajectory, from_s, limits); !sound) return error_of(sound);
   const double from = std::clamp(from_s, 0.0, trajectory.duration_s());
   const double left_s = first_rest_s(trajectory, from) - from;
   const RobotState state = state_at(trajectory, from);
@@ -144,7 +133,7 @@ Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& l
     const double speed = std::abs(state.qdot[static_cast<Eigen::Index>(j)]);
     if (speed == 0.0) continue;
     if (!(limits.acceleration[j] > 0.0)) {
-      return invalid(joint_name(limits, j) + " moves, but its limit of acceleration is zero");
+      return invalid(limits.joint_name(j) + " moves, but its limit of acceleration is zero");
     }
     duration_s = std::max(duration_s, speed / (limits.acceleration[j] * (1.0 - kKeptFree)));
   }

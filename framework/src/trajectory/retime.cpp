@@ -30,15 +30,6 @@ constexpr double kRounding = 1e-15;  ///< Of positions, relative.
 
 std::string number(double value) { return format("%.4g", value); }
 
-std::string joint_name(const MotionLimits& limits, std::size_t joint) {
-  return joint < limits.names.size() ? "joint '" + limits.names[joint] + "'"
-                                     : "joint " + std::to_string(joint);
-}
-
-tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
-  return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
-}
-
 Result<void> check(const Trajectory& path, const MotionLimits& limits,
                    const RetimeSettings& settings) {
   if (auto sound = path.validate(); !sound) return sound;
@@ -50,7 +41,7 @@ Result<void> check(const Trajectory& path, const MotionLimits& limits,
   }
   for (std::size_t j = 0; j < dof; ++j) {
     if (limits.velocity[j] >= 0.0 && limits.acceleration[j] >= 0.0) continue;  // false for NaN
-    return invalid("the limits of " + joint_name(limits, j) +
+    return invalid("the limits of " + limits.joint_name(j) +
                    " are negative or not numbers: velocity " + number(limits.velocity[j]) +
                    ", acceleration " + number(limits.acceleration[j]));
   }
@@ -121,10 +112,10 @@ Result<void> Retimer::release_resting_joints() {
     if (share[j] <= kStands) {
       velocity = acceleration = std::numeric_limits<double>::infinity();
     } else if (velocity == 0.0 || acceleration == 0.0) {
-      return invalid(joint_name(limits_, j) + " moves on the path, but its limit of " +
+      return invalid(limits_.joint_name(j) + " moves on the path, but its limit of " +
                      (velocity == 0.0 ? "velocity" : "acceleration") + " is zero");
     } else if (std::isinf(velocity) && std::isinf(acceleration)) {
-      return invalid(joint_name(limits_, j) + " moves without a limit: no motion is the fastest");
+      return invalid(limits_.joint_name(j) + " moves without a limit: no motion is the fastest");
     }
   }
   return {};
@@ -138,7 +129,7 @@ Result<void> Retimer::check_end(int state, std::string_view which) {
       limits_.velocity[j] = std::max(limits_.velocity[j], speed);  // rounding
       continue;
     }
-    return invalid(joint_name(limits_, j) + " moves at " + number(speed) + " at the " +
+    return invalid(limits_.joint_name(j) + " moves at " + number(speed) + " at the " +
                    std::string(which) + " of the path, beyond its velocity limit of " +
                    number(limits_.velocity[j]));
   }
@@ -291,15 +282,11 @@ Retiming Retimer::at_rest() const {
 Result<Retiming> Retimer::run() {
   middle_.resize(dof());
   if (!(stages_.length() > kStaysPut) || stages_.size() == 0) return at_rest();
-  if (auto able = release_resting_joints(); !able) {
-    return tl::make_unexpected(std::move(able.error()));
-  }
+  if (auto able = release_resting_joints(); !able) return error_of(able);
   const int last = path_.size() - 1;
   for (const auto& [state, which] : {std::pair(0, "start"), std::pair(last, "goal")}) {
     if (state == last && settings_.stop_at_goal) continue;
-    if (auto able = check_end(state, which); !able) {
-      return tl::make_unexpected(std::move(able.error()));
-    }
+    if (auto able = check_end(state, which); !able) return error_of(able);
   }
   const double x_start = squared_speed(0, stages_[0].still_from);
   const double x_goal =
@@ -322,9 +309,7 @@ Result<Retiming> Retimer::run() {
 
 Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
                         const RetimeSettings& settings) {
-  if (auto sound = check(path, limits, settings); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto sound = check(path, limits, settings); !sound) return error_of(sound);
   auto motion = detail::stop_and_go(path, limits, kInside, PathStages::kSameDirection);
   if (motion) return Retiming{std::move(*motion), 0.0};
   return Retimer(path, limits, settings).run();

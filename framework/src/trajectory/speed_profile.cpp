@@ -16,8 +16,6 @@ constexpr double kEndTolerance = 1e-5;  ///< Relative, of the given squared spee
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 struct Edge {
   double value, offset, slope;
 };
@@ -28,6 +26,7 @@ struct Edge {
 
 #define SIDESTEP_KERNELS "speed_profile.cpp"
 #include <sidestep/core/each_target.hpp>
+#include <sidestep/core/index.hpp>
 
 namespace sidestep::detail {
 
@@ -43,14 +42,14 @@ void SpeedProfile::load_limits() {
 /// Rows of each stage: widths at both ends, slopes at both ends. They stay while the stages do,
 /// whatever shares of the limits are asked for.
 void SpeedProfile::load_strips() {
-  const auto count = at(stages_.size());
+  const auto count = idx(stages_.size());
   if (count == most_x_of_.size() && version_ == stages_.version()) return;
   version_ = stages_.version();
   strips_.assign_zeros(count * 4 * width_);
   most_x_of_.resize(count);
   const double* limits = rows_.data() + width_;
   for (int i = 0; i < stages_.size(); ++i) {
-    double* widths = strips_.data() + at(i) * 4 * width_;
+    double* widths = strips_.data() + idx(i) * 4 * width_;
     double* slopes = widths + 2 * width_;
     const double from = SIDESTEP_BEST(write_strips)(stages_.tangent_from(i).data(),
                                                     stages_.curvature_from(i).data(), 0.0, limits,
@@ -58,29 +57,29 @@ void SpeedProfile::load_strips() {
     const double to = SIDESTEP_BEST(write_strips)(
         stages_.tangent_to(i).data(), stages_.curvature_to(i).data(), 2.0 * stages_[i].length,
         limits, width_, widths + width_, slopes + width_);
-    most_x_of_[at(i)] = std::min(from, to);
+    most_x_of_[idx(i)] = std::min(from, to);
   }
 }
 
 void SpeedProfile::limit_speeds(const Shares& shares) {
-  fastest_.assign(at(stages_.size()) + 1, kEndless);
+  fastest_.assign(idx(stages_.size()) + 1, kEndless);
   const auto limit = [&](std::size_t node, std::span<const double> tangent, double share) {
     const double speed = share * SIDESTEP_BEST(fastest_along)(tangent.data(), rows_.data(), width_);
     fastest_[node] = std::min(fastest_[node], speed * speed);
   };
   for (int i = 0; i < stages_.size(); ++i) {
-    limit(at(i), stages_.tangent_from(i), shares.velocity[at(i)]);
-    limit(at(i) + 1, stages_.tangent_to(i), shares.velocity[at(i)]);
-    if (stages_[i].stop_from) fastest_[at(i)] = 0.0;
-    if (stages_[i].stop_to) fastest_[at(i) + 1] = 0.0;
+    limit(idx(i), stages_.tangent_from(i), shares.velocity[idx(i)]);
+    limit(idx(i) + 1, stages_.tangent_to(i), shares.velocity[idx(i)]);
+    if (stages_[i].stop_from) fastest_[idx(i)] = 0.0;
+    if (stages_[i].stop_to) fastest_[idx(i) + 1] = 0.0;
   }
 }
 
 void SpeedProfile::load(int stage, double acceleration_share) {
   share_ = acceleration_share;
   twice_length_ = 2.0 * stages_[stage].length;
-  widths_ = strips_.data() + at(stage) * 4 * width_;
-  most_x_ = std::min(kEndless, share_ * most_x_of_[at(stage)]);
+  widths_ = strips_.data() + idx(stage) * 4 * width_;
+  most_x_ = std::min(kEndless, share_ * most_x_of_[idx(stage)]);
 }
 
 SpeedProfile::Bounds SpeedProfile::bounds(double x) const noexcept {
@@ -117,44 +116,44 @@ std::optional<SpeedProfile::Interval> SpeedProfile::controllable(double x_max) c
 
 bool SpeedProfile::pass_backward(double x_goal, const Shares& shares) {
   const int n = stages_.size();
-  reach_.resize(at(n) + 1);
-  if (x_goal > fastest_[at(n)] * (1.0 + kEndTolerance)) {
+  reach_.resize(idx(n) + 1);
+  if (x_goal > fastest_[idx(n)] * (1.0 + kEndTolerance)) {
     obstruction_ = {n - 1, true};
     return false;
   }
-  reach_[at(n)] = {x_goal, x_goal};
+  reach_[idx(n)] = {x_goal, x_goal};
   for (int i = n - 1; i >= 0; --i) {
-    load(i, shares.acceleration[at(i)]);
-    next_ = reach_[at(i) + 1];
-    const auto interval = controllable(fastest_[at(i)]);
+    load(i, shares.acceleration[idx(i)]);
+    next_ = reach_[idx(i) + 1];
+    const auto interval = controllable(fastest_[idx(i)]);
     if (!interval) {
       obstruction_ = {i, true};
       return false;
     }
-    reach_[at(i)] = *interval;
+    reach_[idx(i)] = *interval;
   }
   return true;
 }
 
 void SpeedProfile::pass_forward(double x_start, const Shares& shares) {
   const int n = stages_.size();
-  x_.resize(at(n) + 1);
+  x_.resize(idx(n) + 1);
   x_[0] = x_start;
   for (int i = 0; i < n; ++i) {
-    load(i, shares.acceleration[at(i)]);
-    next_ = reach_[at(i) + 1];
-    const double u = bounds(x_[at(i)]).upper(x_[at(i)]);
-    x_[at(i) + 1] = std::clamp(x_[at(i)] + twice_length_ * u, next_.low, next_.high);
+    load(i, shares.acceleration[idx(i)]);
+    next_ = reach_[idx(i) + 1];
+    const double u = bounds(x_[idx(i)]).upper(x_[idx(i)]);
+    x_[idx(i) + 1] = std::clamp(x_[idx(i)] + twice_length_ * u, next_.low, next_.high);
   }
 }
 
 int SpeedProfile::where_braking_fails(double x_start, const Shares& shares) {
   double x = x_start;
   for (int i = 0; i < stages_.size(); ++i) {
-    load(i, shares.acceleration[at(i)]);
+    load(i, shares.acceleration[idx(i)]);
     next_ = {0.0, kEndless};
     const Bounds here = bounds(x);
-    const bool holds = x <= std::min(most_x_, fastest_[at(i)]) * (1.0 + kEndTolerance) &&
+    const bool holds = x <= std::min(most_x_, fastest_[idx(i)]) * (1.0 + kEndTolerance) &&
                        here.lower(x) <= here.upper(x);
     if (!holds) return i;
     x = std::max(0.0, x + twice_length_ * here.lower(x));

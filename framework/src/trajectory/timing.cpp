@@ -33,26 +33,23 @@ double rest_to_rest_s(const RobotDescription& robot, const ConstRow& from, const
 Result<void> check_path(const RobotDescription& robot, std::span<const double> path,
                         double speed_fraction) {
   const auto dof = static_cast<std::size_t>(robot.dof());
-  if (dof == 0) return fail(ErrorCode::kInvalidArgument, "the robot has no joints");
+  if (dof == 0) return invalid("the robot has no joints");
   if (path.empty() || path.size() % dof != 0) {
-    return fail(ErrorCode::kInvalidArgument, "a path of " + std::to_string(path.size()) +
-                                                 " values is not a list of configurations of " +
-                                                 std::to_string(dof) + " joints");
+    return invalid("a path of " + std::to_string(path.size()) +
+                   " values is not a list of configurations of " + std::to_string(dof) + " joints");
   }
   if (!(speed_fraction > 0.0 && speed_fraction <= 1.0)) {
-    return fail(ErrorCode::kInvalidArgument, "the speed fraction must lie in (0, 1]");
+    return invalid("the speed fraction must lie in (0, 1]");
   }
   for (std::size_t i = 0; i < path.size(); ++i) {
     if (!std::isfinite(path[i])) {
-      return fail(ErrorCode::kInvalidArgument,
-                  "joint " + robot.joints[i % dof].name + " of the path's configuration " +
-                      std::to_string(i / dof) + " is not a finite number");
+      return invalid("joint " + robot.joints[i % dof].name + " of the path's configuration " +
+                     std::to_string(i / dof) + " is not a finite number");
     }
   }
   for (const Joint& joint : robot.joints) {
     if (!(joint.max_velocity > 0.0)) {
-      return fail(ErrorCode::kInvalidArgument,
-                  "joint " + joint.name + " has no positive velocity limit");
+      return invalid("joint " + joint.name + " has no positive velocity limit");
     }
   }
   return {};
@@ -106,9 +103,7 @@ Horizon estimate_horizon(const RobotDescription& robot, std::span<const double> 
 
 Result<Trajectory> time_path(const RobotDescription& robot, std::span<const double> path,
                              double speed_fraction) {
-  if (auto checked = check_path(robot, path, speed_fraction); !checked) {
-    return tl::make_unexpected(std::move(checked.error()));
-  }
+  if (auto checked = check_path(robot, path, speed_fraction); !checked) return error_of(checked);
   const auto dof = static_cast<std::size_t>(robot.dof());
   std::vector<std::size_t> vertices = corners(path, dof);
   if (vertices.size() == 1) vertices.push_back(vertices.front());  // a path that stays put

@@ -24,9 +24,8 @@ Result<void> require_finite(const std::vector<double>& values, int dof, std::str
   const auto bad = std::ranges::find_if_not(values, [](double v) { return std::isfinite(v); });
   if (bad == values.end()) return {};
   const auto index = static_cast<std::size_t>(bad - values.begin());
-  return fail(ErrorCode::kInvalidArgument, "the trajectory's " + std::string(what) + " at " +
-                                               state_and_joint(index, dof) +
-                                               " is not a finite number");
+  return invalid("the trajectory's " + std::string(what) + " at " + state_and_joint(index, dof) +
+                 " is not a finite number");
 }
 
 }  // namespace
@@ -52,23 +51,21 @@ void Trajectory::sample(double time_s, std::span<double> q_out,
 }
 
 Result<void> Trajectory::validate() const {
-  if (dof <= 0) return fail(ErrorCode::kInvalidArgument, "the trajectory has no joints");
-  if (times_s.empty()) return fail(ErrorCode::kInvalidArgument, "the trajectory has no states");
+  if (dof <= 0) return invalid("the trajectory has no joints");
+  if (times_s.empty()) return invalid("the trajectory has no states");
   const std::size_t values = times_s.size() * static_cast<std::size_t>(dof);
   if (positions.size() != values || velocities.size() != values) {
-    return fail(ErrorCode::kInvalidArgument,
-                "a trajectory of " + std::to_string(times_s.size()) + " states of " +
-                    std::to_string(dof) + " joints needs " + std::to_string(values) +
-                    " positions and velocities, not " + std::to_string(positions.size()) + " and " +
-                    std::to_string(velocities.size()));
+    return invalid("a trajectory of " + std::to_string(times_s.size()) + " states of " +
+                   std::to_string(dof) + " joints needs " + std::to_string(values) +
+                   " positions and velocities, not " + std::to_string(positions.size()) + " and " +
+                   std::to_string(velocities.size()));
   }
   if (times_s.front() != 0.0) {
-    return fail(ErrorCode::kInvalidArgument, "the trajectory's first time is not 0");
+    return invalid("the trajectory's first time is not 0");
   }
   for (std::size_t i = 1; i < times_s.size(); ++i) {
     if (!(times_s[i] > times_s[i - 1]) || !std::isfinite(times_s[i])) {
-      return fail(ErrorCode::kInvalidArgument,
-                  "the trajectory's times do not increase at state " + std::to_string(i));
+      return invalid("the trajectory's times do not increase at state " + std::to_string(i));
     }
   }
   if (auto finite = require_finite(positions, dof, "position"); !finite) return finite;

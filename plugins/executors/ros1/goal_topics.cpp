@@ -16,7 +16,7 @@ using ros_messages::LookupFault;
 constexpr std::uint32_t kGoalQueue = 10;
 constexpr std::uint32_t kTfQueue = 1000;
 /// Of tf.
-constexpr double kKept_s = 10.0;
+constexpr double kTransformsKept_s = 10.0;
 
 Stamp ros_now() { return ros_messages::to_stamp(::ros::Time::now()); }
 
@@ -156,14 +156,13 @@ std::optional<Result<Node>> GoalTopics::understand(const Wanted& wanted,
 
 std::optional<GoalRequest> GoalTopics::next(const Result<Eigen::VectorXd>& q_now, Stamp now) {
   queue_.callAvailable(::ros::WallDuration(0.0));
-  tf_.forget_before({now.ns - Stamp::from_seconds(kKept_s).ns});
+  tf_.forget_before({now.ns - Stamp::from_seconds(kTransformsKept_s).ns});
   if (is_cancelled_) {
     is_cancelled_ = false;
     return GoalRequest{"cancel/" + std::to_string(++count_), {}};
   }
   if (!wanted_) return std::nullopt;
-  auto wish =
-      q_now ? understand(*wanted_, *q_now, now) : Result<Node>(tl::make_unexpected(q_now.error()));
+  auto wish = q_now ? understand(*wanted_, *q_now, now) : Result<Node>(error_of(q_now));
   if (!wish) return std::nullopt;
   const Wanted taken = *std::exchange(wanted_, std::nullopt);
   if (*wish) return GoalRequest{taken.id, std::move(**wish)};

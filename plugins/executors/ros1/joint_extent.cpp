@@ -5,6 +5,8 @@
 #include <cmath>
 #include <sstream>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep::ros1_executor {
 namespace {
 
@@ -47,9 +49,8 @@ std::string number(double value) {
 }  // namespace
 
 JointExtent extent_of(const Trajectory& trajectory, int joint) {
-  const double begin = trajectory.q(0)[static_cast<std::size_t>(joint)];
-  JointExtent extent{begin, begin, std::abs(trajectory.qdot(0)[static_cast<std::size_t>(joint)]),
-                     0.0};
+  const double begin = trajectory.q(0)[idx(joint)];
+  JointExtent extent{begin, begin, std::abs(trajectory.qdot(0)[idx(joint)]), 0.0};
   for (int i = 0; i + 1 < trajectory.size(); ++i) {
     const Stretch s = stretch(trajectory, i, joint);
     const auto [one, other] = turns(s);
@@ -61,7 +62,7 @@ JointExtent extent_of(const Trajectory& trajectory, int joint) {
     for (const double f : {0.0, 1.0, -0.5 * s.b / s.c}) {
       if (!(f >= 0.0 && f <= 1.0) || std::abs(s.velocity(f)) <= extent.fastest) continue;
       extent.fastest = std::abs(s.velocity(f));
-      extent.fastest_at_s = trajectory.times_s[static_cast<std::size_t>(i)];
+      extent.fastest_at_s = trajectory.times_s[idx(i)];
     }
   }
   return extent;
@@ -70,24 +71,22 @@ JointExtent extent_of(const Trajectory& trajectory, int joint) {
 Result<void> check_motion(const Trajectory& trajectory, const RobotDescription& robot,
                           double velocity_tolerance) {
   if (auto valid = trajectory.validate(); !valid) {
-    return fail(ErrorCode::kInvalidArgument, valid.error().message);
+    return invalid(valid.error().message);
   }
   if (trajectory.size() == 0) {
-    return fail(ErrorCode::kInvalidArgument, "the trajectory has no states");
+    return invalid("the trajectory has no states");
   }
   if (trajectory.dof != robot.dof()) {
-    return fail(ErrorCode::kInvalidArgument,
-                "the trajectory has " + std::to_string(trajectory.dof) + " joints, robot '" +
-                    robot.name + "' has " + std::to_string(robot.dof()));
+    return invalid("the trajectory has " + std::to_string(trajectory.dof) + " joints, robot '" +
+                   robot.name + "' has " + std::to_string(robot.dof()));
   }
   for (int j = 0; j < robot.dof(); ++j) {
-    const Joint& joint = robot.joints[static_cast<std::size_t>(j)];
+    const Joint& joint = robot.joints[idx(j)];
     const JointExtent extent = extent_of(trajectory, j);
     if (extent.fastest <= joint.max_velocity * (1.0 + velocity_tolerance)) continue;
-    return fail(ErrorCode::kInvalidArgument, "the trajectory moves joint '" + joint.name + "' at " +
-                                                 number(extent.fastest) + " per s after " +
-                                                 number(extent.fastest_at_s) + " s, its limit is " +
-                                                 number(joint.max_velocity));
+    return invalid("the trajectory moves joint '" + joint.name + "' at " + number(extent.fastest) +
+                   " per s after " + number(extent.fastest_at_s) + " s, its limit is " +
+                   number(joint.max_velocity));
   }
   return {};
 }

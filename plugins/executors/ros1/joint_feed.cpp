@@ -5,12 +5,14 @@
 #include <cstdio>
 #include <numbers>
 
+#include <sidestep/core/index.hpp>
+
 #include "conversions.hpp"
 
 namespace sidestep::ros1_executor {
 namespace {
 
-constexpr double kKept_s = 2.0;
+constexpr double kJointsKept_s = 2.0;
 /// Positions farther apart in time than this say nothing of what was between them.
 constexpr double kLongestGap_s = 0.5;
 
@@ -53,9 +55,9 @@ Result<JointFeed> JointFeed::create(const RobotDescription& robot, const Options
   feed.is_twist_in_base_ = odometry.twist_in == "base";
   const auto find = [&](const std::string& name, const char* key, int& into) -> Result<void> {
     const auto index = joint_of(robot, name, std::string("executor.odometry.") + key);
-    if (!index) return tl::make_unexpected(index.error());
+    if (!index) return error_of(index);
     into = *index;
-    Channel& channel = feed.channels_[static_cast<std::size_t>(into)];
+    Channel& channel = feed.channels_[idx(into)];
     channel.is_odometry = true;
     // Yaw is told within a turn, and goes on beyond it.
     channel.is_continuous = channel.is_continuous || &into == &feed.yaw_;
@@ -64,7 +66,7 @@ Result<JointFeed> JointFeed::create(const RobotDescription& robot, const Options
   for (const auto& found :
        {find(odometry.x_joint, "x_joint", feed.x_), find(odometry.y_joint, "y_joint", feed.y_),
         find(odometry.yaw_joint, "yaw_joint", feed.yaw_)}) {
-    if (!found) return tl::make_unexpected(found.error());
+    if (!found) return error_of(found);
   }
   return feed;
 }
@@ -77,7 +79,7 @@ void JointFeed::add(Channel& channel, Stamp stamp, double q, std::optional<doubl
   }
   channel.series.add(stamp, {q, qdot});
   const Stamp newest = channel.series.samples().back().stamp;
-  channel.series.forget_before({newest.ns - Stamp::from_seconds(kKept_s).ns});
+  channel.series.forget_before({newest.ns - Stamp::from_seconds(kJointsKept_s).ns});
 }
 
 void JointFeed::add(const ros_messages::JointState& message, Stamp received) {
@@ -89,7 +91,7 @@ void JointFeed::add(const ros_messages::JointState& message, Stamp received) {
     }
     const auto at = by_name_.find(message.name[i]);
     if (at == by_name_.end()) continue;
-    Channel& channel = channels_[static_cast<std::size_t>(at->second)];
+    Channel& channel = channels_[idx(at->second)];
     if (channel.is_odometry) continue;
     std::optional<double> qdot;
     if (i < message.velocity.size()) qdot = message.velocity[i];
@@ -108,9 +110,7 @@ void JointFeed::add(const ros_messages::Odometry& message, Stamp received) {
   const auto& twist = message.twist.twist;
   Eigen::Vector2d velocity(twist.linear.x, twist.linear.y);
   if (is_twist_in_base_) velocity = Eigen::Rotation2Dd(yaw) * velocity;
-  const auto channel = [&](int index) -> Channel& {
-    return channels_[static_cast<std::size_t>(index)];
-  };
+  const auto channel = [&](int index) -> Channel& { return channels_[idx(index)]; };
   add(channel(x_), stamp, pose->translation_m.x(), velocity.x());
   add(channel(y_), stamp, pose->translation_m.y(), velocity.y());
   add(channel(yaw_), stamp, yaw, twist.angular.z);
@@ -127,7 +127,7 @@ std::optional<JointFeed::State> JointFeed::newest() const {
   const auto dof = static_cast<Eigen::Index>(channels_.size());
   State result{{Eigen::VectorXd(dof), Eigen::VectorXd(dof)}, common};
   for (Eigen::Index j = 0; j < dof; ++j) {
-    const auto& series = channels_[static_cast<std::size_t>(j)].series;
+    const auto& series = channels_[idx(j)].series;
     const auto around = series.around(common, kLongestGap_s);
     if (!around) return {};
     const Motion& before = around->before->value;

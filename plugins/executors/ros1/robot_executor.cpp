@@ -107,9 +107,7 @@ bool RobotExecutor::stands_by_itself() const {
 Result<Eigen::VectorXd> RobotExecutor::attend() {
   const std::lock_guard lock(mutex_);
   link_.serve();
-  if (auto updated = ros1_node::update(time_, clock_); !updated) {
-    return tl::make_unexpected(std::move(updated.error()));
-  }
+  if (auto updated = ros1_node::update(time_, clock_); !updated) return error_of(updated);
   const Stamp now = clock_.now();
   auto state = state_at(now);
   if (!state) return fail(ErrorCode::kIo, "the robot's state is not known", kWhere);
@@ -120,9 +118,7 @@ Result<Eigen::VectorXd> RobotExecutor::attend() {
 Result<Executor::Measured> RobotExecutor::current() {
   const std::lock_guard lock(mutex_);
   link_.serve();
-  if (auto updated = ros1_node::update(time_, clock_); !updated) {
-    return tl::make_unexpected(std::move(updated.error()));
-  }
+  if (auto updated = ros1_node::update(time_, clock_); !updated) return error_of(updated);
   const Stamp now = clock_.now();
   if (auto trouble = link_.trouble(time_.to_ros(now))) {
     return fail(ErrorCode::kIo, *trouble, kWhere);

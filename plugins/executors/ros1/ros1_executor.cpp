@@ -42,7 +42,7 @@ Result<std::unique_ptr<RobotExecutor>> make_executor(const Options& options,
                                                      const HostContext& context, Parts parts) {
   if (!options.goals) return std::make_unique<RobotExecutor>(options, context, std::move(parts));
   auto wishes = GoalWishes::create(context.robot, options);
-  if (!wishes) return tl::make_unexpected(std::move(wishes.error()));
+  if (!wishes) return error_of(wishes);
   return std::make_unique<ErrandExecutor>(options, context, std::move(parts), std::move(*wishes));
 }
 
@@ -55,27 +55,25 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   }
   const RobotDescription& robot = context.robot->description();
   auto feed = JointFeed::create(robot, options);
-  if (!feed) return tl::make_unexpected(std::move(feed.error()));
+  if (!feed) return error_of(feed);
   auto writer = CommandWriter::create(robot, options);
-  if (!writer) return tl::make_unexpected(std::move(writer.error()));
+  if (!writer) return error_of(writer);
   auto painter =
       MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame);
-  if (!painter) return tl::make_unexpected(std::move(painter.error()));
+  if (!painter) return error_of(painter);
   std::optional<Gaze> gaze;
   if (options.look) {
     auto made = Gaze::create(robot, *options.odometry, *options.look);
-    if (!made) return tl::make_unexpected(std::move(made.error()));
+    if (!made) return error_of(made);
     gaze = std::move(*made);
   }
   auto master = ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s);
-  if (!master) return tl::make_unexpected(std::move(master.error()));
+  if (!master) return error_of(master);
   auto executor = make_executor(options, context,
                                 {std::move(*master), std::move(*feed), std::move(*writer),
                                  std::move(*painter), std::move(gaze)});
-  if (!executor) return tl::make_unexpected(std::move(executor.error()));
-  if (auto connected = (*executor)->connect(); !connected) {
-    return tl::make_unexpected(std::move(connected.error()));
-  }
+  if (!executor) return error_of(executor);
+  if (auto connected = (*executor)->connect(); !connected) return error_of(connected);
   return std::unique_ptr<Executor>(std::move(*executor));
 }
 

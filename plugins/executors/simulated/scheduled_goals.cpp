@@ -18,7 +18,7 @@ Result<ScheduledGoals> ScheduledGoals::read(const Node& goals) {
           entry.error("the goal has no `at_s`", "say when it comes, in seconds of the run"));
     }
     const auto at_s = at->as_double();
-    if (!at_s) return tl::make_unexpected(at_s.error());
+    if (!at_s) return error_of(at_s);
     if (!read.waiting_.empty() && *at_s < read.waiting_.back().at_s) {
       return tl::make_unexpected(at->error("the goal comes before the one above it"));
     }

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 
 #include "measurement_noise.hpp"
@@ -129,12 +130,12 @@ class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSo
     }
     for (int i = 0; i < trajectory.size(); ++i) {
       for (int j = 0; j < robot.dof(); ++j) {
-        const Joint& joint = robot.joints[static_cast<std::size_t>(j)];
+        const Joint& joint = robot.joints[idx(j)];
         const double peak = peak_velocity(trajectory, i, j);
         if (peak <= joint.max_velocity * (1.0 + velocity_tolerance_)) continue;
         return refuse("the trajectory moves joint '" + joint.name + "' at " + number(peak) +
-                      " per s after " + number(trajectory.times_s[static_cast<std::size_t>(i)]) +
-                      " s, its limit is " + number(joint.max_velocity));
+                      " per s after " + number(trajectory.times_s[idx(i)]) + " s, its limit is " +
+                      number(joint.max_velocity));
       }
     }
     return {};
@@ -146,12 +147,12 @@ class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSo
     std::vector<double> begin(static_cast<std::size_t>(trajectory.dof));
     trajectory.sample(static_cast<double>(from.ns - start.ns) * 1e-9, begin, {});
     for (int j = 0; j < trajectory.dof; ++j) {
-      const double gap = std::abs(begin[static_cast<std::size_t>(j)] - expected[j]);
+      const double gap = std::abs(begin[idx(j)] - expected[j]);
       if (gap <= start_tolerance_) continue;
       return refuse("the trajectory begins with joint '" +
-                    robot_model_->description().joints[static_cast<std::size_t>(j)].name + "' at " +
-                    number(begin[static_cast<std::size_t>(j)]) + ", it will be at " +
-                    number(expected[j]) + " then (at " + number(from.seconds()) + " s)");
+                    robot_model_->description().joints[idx(j)].name + "' at " +
+                    number(begin[idx(j)]) + ", it will be at " + number(expected[j]) +
+                    " then (at " + number(from.seconds()) + " s)");
     }
     return {};
   }
@@ -177,9 +178,9 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
     return fail(ErrorCode::kUnsupported, "there is no robot to move", "executor simulated");
   }
   auto start = read_start(options.start, context.robot->description());
-  if (!start) return tl::make_unexpected(std::move(start.error()));
+  if (!start) return error_of(start);
   auto goals = ScheduledGoals::read(options.goals);
-  if (!goals) return tl::make_unexpected(std::move(goals.error()));
+  if (!goals) return error_of(goals);
   return std::unique_ptr<Executor>(
       std::make_unique<SimulatedExecutor>(options, context, std::move(*start), std::move(*goals)));
 }

@@ -32,7 +32,7 @@ Result<Eigen::VectorXd> read_start(const Node& start, const RobotDescription& ro
     const auto joint = robot.joint_index(name);
     if (!joint) return tl::make_unexpected(unknown_joint(value, name, robot));
     const auto position = value.as_double();
-    if (!position) return tl::make_unexpected(position.error());
+    if (!position) return error_of(position);
     q[*joint] = *position;
   }
   for (int j = 0; j < robot.dof(); ++j) {

@@ -50,7 +50,7 @@ class DynamicEdtBuilder final : public FieldBuilder {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field dynamic_edt");
     }
     const auto named = publisher_->begin(update);
-    if (!named) return tl::make_unexpected(named.error());
+    if (!named) return error_of(named);
     transform_->update();
     const auto changed = within_reach(*named);
     const auto limit = static_cast<float>(options_.max_distance_m);

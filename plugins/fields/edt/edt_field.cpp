@@ -160,7 +160,7 @@ class EdtBuilder final : public FieldBuilder {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt");
     }
     auto changed = publisher_->begin(update);
-    if (!changed) return tl::make_unexpected(std::move(changed.error()));
+    if (!changed) return error_of(changed);
     const bool is_first = std::exchange(first_, false);
     // Where voxels have only become known, distances stay as they are.
     if (!is_first) std::ranges::fill(*changed, std::uint8_t{0});

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/lanes.hpp>
 
 #define SIDESTEP_AVX2_CLONES SIDESTEP_CLONES_FOR("avx2", "default")
@@ -175,7 +176,7 @@ void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> chang
   first_ = line.length;
   last_ = -1;
   total_reach_ = 0;
-  for (const int row : changed) row_changed_[static_cast<std::size_t>(row)] = 1;
+  for (const int row : changed) row_changed_[idx(row)] = 1;
   for (const int row : changed) {
     const std::uint16_t least =
         least_changed(line.in_was + row * line.in_was_stride, line.in + row * line.stride);
@@ -189,13 +190,13 @@ void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> chang
     last_ = std::max(last_, row + after);
     total_reach_ += before + after + 1;
   }
-  for (const int row : changed) row_changed_[static_cast<std::size_t>(row)] = 0;
+  for (const int row : changed) row_changed_[idx(row)] = 0;
 }
 
 void EnvelopeLine::mark_all_lost(const TileLine& line) {
   for (const Source& source : sources_) {
     for (int row = source.low; row <= source.high; ++row) {
-      Fate& fate = fates_[static_cast<std::size_t>(row)];
+      Fate& fate = fates_[idx(row)];
       if (fate == Fate::kLost) continue;
       fate = Fate::kLost;
       std::memcpy(line.out_was + row * kTile, line.out + row * line.stride, kTileBytes);
@@ -209,10 +210,10 @@ void EnvelopeLine::find_filled(const TileLine& line) {
   const int low = std::max(first_ - reach_, 0);
   const int high = std::min(last_ + reach_, line.length - 1);
   for (int row = low; row <= high; ++row) {
-    before_[static_cast<std::size_t>(row)] = before;
-    after_[static_cast<std::size_t>(row)] = kFarthest;
+    before_[idx(row)] = before;
+    after_[idx(row)] = kFarthest;
     if (!is_below(line.in + row * line.stride, cap_)) continue;
-    for (int r = std::max(before, low); r < row; ++r) after_[static_cast<std::size_t>(r)] = row;
+    for (int r = std::max(before, low); r < row; ++r) after_[idx(r)] = row;
     before = row;
   }
 }
@@ -239,7 +240,7 @@ std::span<const int> EnvelopeLine::update(const TileLine& line, std::span<const 
   }
   changed_.clear();
   for (int row = first_; row <= last_; ++row) {
-    Fate& fate = fates_[static_cast<std::size_t>(row)];
+    Fate& fate = fates_[idx(row)];
     if (fate == Fate::kKept) continue;
     if (fate == Fate::kLost) recompute(line, row, is_heavy);
     fate = Fate::kKept;

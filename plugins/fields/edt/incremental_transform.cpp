@@ -7,6 +7,8 @@
 #include <cstring>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+
 #include "row_scan.hpp"
 
 namespace sidestep::edt {
@@ -109,9 +111,9 @@ void IncrementalTransform::pass_line(const Line& line, bool wants_was, Workspace
                           .in_was_stride = is_first_ ? 0 : kTile,
                           .out = line.out + tile * kTile,
                           .out_was = space.tile_out_was.data()};
-    space.out_was_begin[static_cast<std::size_t>(tile)] = space.out_was.size();
+    space.out_was_begin[idx(tile)] = space.out_was.size();
     for (const int row : space.envelope.update(column, space.rows)) {
-      space.out[static_cast<std::size_t>(row)] |= bit;
+      space.out[idx(row)] |= bit;
       if (!wants_was) continue;
       const std::uint16_t* was = space.tile_out_was.data() + row * kTile;
       space.out_was.insert(space.out_was.end(), was, was + kTile);
@@ -120,18 +122,18 @@ void IncrementalTransform::pass_line(const Line& line, bool wants_was, Workspace
 }
 
 void IncrementalTransform::hand_on(int z, Workspace& space) {
-  auto& tiles_was = along_y_was_[static_cast<std::size_t>(z)];
+  auto& tiles_was = along_y_was_[idx(z)];
   tiles_was.resize(space.out_was.size());
   std::uint16_t* was = tiles_was.data();
   for (int y = 0; y < size_.y(); ++y) {
-    std::uint64_t tiles = space.out[static_cast<std::size_t>(y)];
+    std::uint64_t tiles = space.out[idx(y)];
     if (tiles == 0) continue;
     changes_[along_z_index(y, z)] = {tiles, was};
-    std::atomic_ref(line_changed_[static_cast<std::size_t>(y)]).store(1, std::memory_order_relaxed);
+    std::atomic_ref(line_changed_[idx(y)]).store(1, std::memory_order_relaxed);
     if (is_first_) continue;
     // pass_line() went tile by tile; the next pass wants those of a row together.
     for (; tiles != 0; tiles &= tiles - 1, was += kTile) {
-      std::size_t& from = space.out_was_begin[static_cast<std::size_t>(std::countr_zero(tiles))];
+      std::size_t& from = space.out_was_begin[idx(std::countr_zero(tiles))];
       std::copy_n(space.out_was.data() + from, kTile, was);
       from += kTile;
     }
@@ -144,7 +146,7 @@ void IncrementalTransform::update_slice(const VoxelBits& obstacles,
   space.in.clear();
   space.in_was.clear();
   for (int y = 0; y < size_.y(); ++y) {
-    if (row_changed[static_cast<std::size_t>(y)] != 0) pass_row(obstacles, y, z, space);
+    if (row_changed[idx(y)] != 0) pass_row(obstacles, y, z, space);
   }
   const std::uint16_t* was = space.in_was.data();
   for (auto& [row, change] : space.in) {
@@ -167,7 +169,7 @@ void IncrementalTransform::update_line(int y, Workspace& space) {
   pass_line({size_.z(), along_y_.row(y, 0), along_z_.row(y, 0), along_y_.slice_pitch()}, false,
             space);
   for (int z = 0; z < size_.z(); ++z) {
-    changed[static_cast<std::size_t>(z / kTile)] |= space.out[static_cast<std::size_t>(z)];
+    changed[idx(z / kTile)] |= space.out[idx(z)];
   }
 }
 
@@ -179,7 +181,7 @@ void IncrementalTransform::for_each(int count, const Condition& condition, const
   }
   workers_.run_banded(static_cast<int>(busy_.size()), 1, [&](int begin, int end) {
     const BorrowedWorkspace space(*this);
-    for (int i = begin; i < end; ++i) task(busy_[static_cast<std::size_t>(i)], *space);
+    for (int i = begin; i < end; ++i) task(busy_[idx(i)], *space);
   });
 }
 
@@ -192,7 +194,7 @@ std::span<const std::uint64_t> IncrementalTransform::update(
       [&](int z, Workspace& space) { update_slice(obstacles, rows_of(z), z, space); });
   std::ranges::fill(changed_, std::uint64_t{0});
   for_each(
-      size_.y(), [&](int y) { return line_changed_[static_cast<std::size_t>(y)] != 0; },
+      size_.y(), [&](int y) { return line_changed_[idx(y)] != 0; },
       [&](int y, Workspace& space) { update_line(y, space); });
   std::ranges::fill(line_changed_, std::uint8_t{0});
   is_first_ = false;

@@ -135,11 +135,10 @@ class EdtCudaBuilder final : public FieldBuilder {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt_cuda");
     }
     auto flags = publisher_->begin(update);
-    if (!flags) return tl::make_unexpected(std::move(flags.error()));
+    if (!flags) return error_of(flags);
     const auto changed = transformed(update.changed_blocks);
     if (!changed) {
-      if (auto ok = fall_back(changed.error()); !ok)
-        return tl::make_unexpected(std::move(ok.error()));
+      if (auto ok = fall_back(changed.error()); !ok) return error_of(ok);
       return cpu_->update(update);
     }
     // Where voxels have only become known, distances stay as they are.
@@ -169,7 +168,7 @@ class EdtCudaBuilder final : public FieldBuilder {
       }
     }
     const auto rows = transform_->obstacle_rows(blocks_.size());
-    if (!rows) return tl::make_unexpected(rows.error());
+    if (!rows) return error_of(rows);
     const ObstacleReader reader(*view_, unknown_is_occupied);
     workers_.run_banded(static_cast<int>(blocks_.size()), 64, [&](int begin, int end) {
       for (int i = begin; i < end; ++i) {

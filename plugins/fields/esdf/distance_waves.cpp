@@ -5,10 +5,11 @@
 #include <limits>
 #include <new>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep::esdf {
 namespace {
 
-constexpr int kSide = kBlockSide_vox;
 constexpr std::uint32_t kVoxelsPerBlock = TsdfBlock::kVoxels;
 /// Less than this is no observation.
 constexpr float kLeastWeight = 1e-6F;
@@ -62,9 +63,12 @@ std::size_t DistanceWaves::stored_block(const Eigen::Vector3i& block) const noex
 }
 
 std::uint32_t DistanceWaves::stored_voxel(int x, int y, int z) const noexcept {
-  const std::size_t block = stored_block({x / kSide, y / kSide, z / kSide});
+  const std::size_t block =
+      stored_block({x / kBlockSide_vox, y / kBlockSide_vox, z / kBlockSide_vox});
   return static_cast<std::uint32_t>(block) * kVoxelsPerBlock +
-         static_cast<std::uint32_t>(x % kSide + kSide * (y % kSide + kSide * (z % kSide)));
+         static_cast<std::uint32_t>(
+             x % kBlockSide_vox +
+             kBlockSide_vox * (y % kBlockSide_vox + kBlockSide_vox * (z % kBlockSide_vox)));
 }
 
 Eigen::Vector3i DistanceWaves::block_at(std::int32_t block) const noexcept {
@@ -111,10 +115,11 @@ void DistanceWaves::spread(std::span<const BlockChanges> changes) {
 
 /// Waves enter voxels of prepared blocks only; they come no farther than the largest distance.
 void DistanceWaves::prepare_reach(std::span<const std::int32_t> blocks) {
-  const int reach = settings_.unknown == Unknown::kIgnored
-                        ? 0
-                        : static_cast<int>(std::ceil(static_cast<double>(settings_.max_distance_m) /
-                                                     (settings_.grid.resolution_m * kSide)));
+  const int reach =
+      settings_.unknown == Unknown::kIgnored
+          ? 0
+          : static_cast<int>(std::ceil(static_cast<double>(settings_.max_distance_m) /
+                                       (settings_.grid.resolution_m * kBlockSide_vox)));
   for (const std::int32_t b : blocks) {
     const Eigen::Vector3i block = block_at(b);
     // A block is marked 2 once all around it are prepared.
@@ -136,9 +141,9 @@ void DistanceWaves::prepare(const Eigen::Vector3i& block) {
   if (mark != 0) return;
   mark = 1;
   if (settings_.unknown == Unknown::kIgnored) return;
-  const Eigen::Vector3i first = block * kSide;
+  const Eigen::Vector3i first = block * kBlockSide_vox;
   const Eigen::Vector3i size =
-      (settings_.grid.size_vox - first).cwiseMin(Eigen::Vector3i::Constant(kSide));
+      (settings_.grid.size_vox - first).cwiseMin(Eigen::Vector3i::Constant(kBlockSide_vox));
   for (int z = 0; z < size.z(); ++z) {
     for (int y = 0; y < size.y(); ++y) {
       const std::uint32_t row = stored_voxel(first.x(), first.y() + y, first.z() + z);
@@ -200,8 +205,7 @@ void DistanceWaves::raise_children() {
     raising_.pop_back();
     const auto& offsets = neighbours_.offsets(voxel);
     for (int d = 0; d < Neighbours::kCount; ++d) {
-      const std::uint32_t child =
-          voxel + static_cast<std::uint32_t>(offsets[static_cast<std::size_t>(d)]);
+      const std::uint32_t child = voxel + static_cast<std::uint32_t>(offsets[idx(d)]);
       if ((state_[child] & kParent) != 1 + Neighbours::opposite(d)) continue;
       state_[child] = state_[child] & kNegative;
       distance_m_[child] = settings_.max_distance_m;
@@ -294,7 +298,7 @@ float DistanceWaves::offer(std::uint32_t from, int d) const noexcept {
     if (longer <= 0.0F) return std::numeric_limits<float>::infinity();
     return distance_m_[from] + longer * static_cast<float>(settings_.grid.resolution_m);
   } else {
-    return distance_m_[from] + neighbours_.steps_m()[static_cast<std::size_t>(d)];
+    return distance_m_[from] + neighbours_.steps_m()[idx(d)];
   }
 }
 
@@ -314,8 +318,8 @@ void DistanceWaves::accept(std::uint32_t voxel, float distance_m, int direction_
   changed_[voxel / kVoxelsPerBlock] = 1;
   if constexpr (kFull) {
     const Eigen::Vector3i& d = neighbours_.direction(direction_to_parent);
-    const auto parent = static_cast<std::uint32_t>(
-        neighbours_.offsets(voxel)[static_cast<std::size_t>(direction_to_parent)]);
+    const auto parent =
+        static_cast<std::uint32_t>(neighbours_.offsets(voxel)[idx(direction_to_parent)]);
     const Offset from = crosses ? Offset{} : offset_[voxel + parent];
     offset_[voxel] = {static_cast<std::int16_t>(from.x - d.x()),
                       static_cast<std::int16_t>(from.y - d.y()),
@@ -340,7 +344,7 @@ void DistanceWaves::flag_changed(std::vector<std::uint8_t>& flags) const {
 }
 
 void DistanceWaves::row(int x, int y, int z, int count, float* distances_m) const {
-  if (prepared_[stored_block({x / kSide, y / kSide, z / kSide})] == 0) {
+  if (prepared_[stored_block({x / kBlockSide_vox, y / kBlockSide_vox, z / kBlockSide_vox})] == 0) {
     std::fill_n(distances_m, count,
                 settings_.unknown == Unknown::kOccupied ? -settings_.max_distance_m
                                                         : settings_.max_distance_m);

@@ -57,7 +57,7 @@ class EsdfBuilder final : public FieldBuilder {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field esdf");
     }
     auto changed = publisher_->begin(update);
-    if (!changed) return tl::make_unexpected(std::move(changed.error()));
+    if (!changed) return error_of(changed);
     if (std::exchange(first_, false)) {
       std::vector<std::int32_t> all(changed->size());
       std::iota(all.begin(), all.end(), 0);

@@ -5,11 +5,9 @@
 namespace sidestep::esdf {
 namespace {
 
-constexpr int kSide = kBlockSide_vox;
-
 /// Which third of an axis a coordinate belongs to: the low end, between, the high end.
 constexpr int end_of(int coordinate) {
-  return coordinate == 0 ? 0 : (coordinate == kSide - 1 ? 2 : 1);
+  return coordinate == 0 ? 0 : (coordinate == kBlockSide_vox - 1 ? 2 : 1);
 }
 
 }  // namespace
@@ -24,7 +22,7 @@ Neighbours::Neighbours(const Eigen::Vector3i& blocks, double resolution_m) {
         static_cast<float>(resolution_m * std::sqrt(static_cast<double>(direction.squaredNorm())));
     ++count;
   }
-  const int voxel_stride[3] = {1, kSide, kSide * kSide};
+  const int voxel_stride[3] = {1, kBlockSide_vox, kBlockSide_vox * kBlockSide_vox};
   const int block_stride[3] = {static_cast<int>(kVoxelsPerBlock),
                                static_cast<int>(kVoxelsPerBlock) * blocks.x(),
                                static_cast<int>(kVoxelsPerBlock) * blocks.x() * blocks.y()};
@@ -35,7 +33,7 @@ Neighbours::Neighbours(const Eigen::Vector3i& blocks, double resolution_m) {
       for (int axis = 0; axis < 3; ++axis) {
         const int step = directions_[d][axis];
         const bool leaves = (step < 0 && ends[axis] == 0) || (step > 0 && ends[axis] == 2);
-        offset += step * (leaves ? block_stride[axis] - (kSide - 1) * voxel_stride[axis]
+        offset += step * (leaves ? block_stride[axis] - (kBlockSide_vox - 1) * voxel_stride[axis]
                                  : voxel_stride[axis]);
       }
       offsets_[static_cast<std::size_t>(place)][d] = offset;
@@ -43,7 +41,8 @@ Neighbours::Neighbours(const Eigen::Vector3i& blocks, double resolution_m) {
   }
   for (int v = 0; v < static_cast<int>(kVoxelsPerBlock); ++v) {
     place_[static_cast<std::size_t>(v)] = static_cast<std::uint8_t>(
-        end_of(v % kSide) + 3 * (end_of(v / kSide % kSide) + 3 * end_of(v / (kSide * kSide))));
+        end_of(v % kBlockSide_vox) + 3 * (end_of(v / kBlockSide_vox % kBlockSide_vox) +
+                                          3 * end_of(v / (kBlockSide_vox * kBlockSide_vox))));
   }
 }
 

@@ -127,7 +127,7 @@ class IncrementalBuilder final : public FieldBuilder {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field incremental");
     }
     auto changed = publisher_->begin(update);
-    if (!changed) return tl::make_unexpected(std::move(changed.error()));
+    if (!changed) return error_of(changed);
     changes_->find(*changed);
     distances_->update(*changes_);
     // Where the map changed but no distance did, there is nothing to write again.

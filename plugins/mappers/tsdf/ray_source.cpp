@@ -6,14 +6,13 @@
 namespace sidestep::tsdf {
 namespace {
 
-constexpr int kSide = kBlockSide_vox;
 constexpr std::int32_t kNoBundle = -1;
 /// Nearer than this the direction of a ray means nothing.
 constexpr double kShortest_vox = 1e-6;
 constexpr double kLeastDepth_m = 1e-6;
 
 std::size_t bits_per_block(int cells_per_voxel) {
-  const auto side = static_cast<std::size_t>(kSide * cells_per_voxel);
+  const auto side = static_cast<std::size_t>(kBlockSide_vox * cells_per_voxel);
   return side * side * side;
 }
 
@@ -46,13 +45,16 @@ std::optional<Ray> RayMaker::to(const RayEnd& end) const {
 RayBundler::RayBundler(const GridSpec& grid)
     : grid_(grid),
       counts_(block_counts(grid)),
-      hits_(static_cast<std::size_t>(counts_.prod()), kSide * kSide * kSide, kNoBundle),
-      free_(static_cast<std::size_t>(counts_.prod()), kSide * kSide * kSide, kNoBundle) {}
+      hits_(static_cast<std::size_t>(counts_.prod()),
+            kBlockSide_vox * kBlockSide_vox * kBlockSide_vox, kNoBundle),
+      free_(static_cast<std::size_t>(counts_.prod()),
+            kBlockSide_vox * kBlockSide_vox * kBlockSide_vox, kNoBundle) {}
 
 void RayBundler::add(const Ray& ray) {
   const Eigen::Vector3i voxel = nearest_voxel(grid_, ray.end_vox);
   auto& slots = ray.hit ? hits_ : free_;
-  std::int32_t& slot = slots.block(block_linear(voxel / kSide, counts_))[index_in_block(voxel)];
+  std::int32_t& slot =
+      slots.block(block_linear(voxel / kBlockSide_vox, counts_))[index_in_block(voxel)];
   if (slot == kNoBundle) {
     slot = static_cast<std::int32_t>(bundles_.size());
     bundles_.push_back({});
@@ -89,7 +91,7 @@ StartCells::StartCells(const TsdfOptions& options)
       free_(static_cast<std::size_t>(counts_.prod()), bits_per_block(per_voxel_) / 64, 0) {}
 
 bool StartCells::insert(const RayEnd& end) {
-  const int side = kSide * per_voxel_;
+  const int side = kBlockSide_vox * per_voxel_;
   int block[3];
   int cell[3];
   for (int a = 0; a < 3; ++a) {

@@ -9,8 +9,7 @@
 namespace sidestep::tsdf {
 namespace {
 
-constexpr int kSide = kBlockSide_vox;
-constexpr std::size_t kWordsPerBlock = kSide * kSide * kSide / 64;
+constexpr std::size_t kWordsPerBlock = kBlockSide_vox * kBlockSide_vox * kBlockSide_vox / 64;
 
 /// Whether the voxel was in the set; it is afterwards.
 bool test_and_set(std::uint64_t* words, int index) noexcept {
@@ -67,7 +66,7 @@ std::optional<RayWalker::Course> RayWalker::course(const Eigen::Vector3d& camera
 template <bool kStopsEarly>
 void RayWalker::walk(const Course& course, std::uint32_t ray, Trace& trace) {
   constexpr double kNever = std::numeric_limits<double>::infinity();
-  constexpr int kIndexStep[3] = {1, kSide, kSide * kSide};
+  constexpr int kIndexStep[3] = {1, kBlockSide_vox, kBlockSide_vox * kBlockSide_vox};
   const int block_step[3] = {1, counts_.x(), counts_.x() * counts_.y()};
   int at[3];
   int step[3];
@@ -89,7 +88,7 @@ void RayWalker::walk(const Course& course, std::uint32_t ray, Trace& trace) {
   std::uint16_t* const first = trace.voxels.data() + begin;
   std::uint16_t* out = first;
   std::uint16_t* segment_begin = out;
-  std::int32_t block = block_linear(course.voxel / kSide, counts_);
+  std::int32_t block = block_linear(course.voxel / kBlockSide_vox, counts_);
   int index = index_in_block(course.voxel);
   std::uint64_t* seen = kStopsEarly ? seen_.block(block) : nullptr;
   const auto close_segment = [&] {
@@ -114,10 +113,10 @@ void RayWalker::walk(const Course& course, std::uint32_t ray, Trace& trace) {
     const int was = at[a];
     at[a] += step[a];
     index += step[a] * kIndexStep[a];
-    if (((was ^ at[a]) & kSide) != 0) {
+    if (((was ^ at[a]) & kBlockSide_vox) != 0) {
       close_segment();
       block += step[a] * block_step[a];
-      index -= step[a] * kIndexStep[a] * kSide;
+      index -= step[a] * kIndexStep[a] * kBlockSide_vox;
       if constexpr (kStopsEarly) seen = seen_.block(block);
     }
   }

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <array>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep::tsdf {
 namespace {
 
-constexpr int kSide = kBlockSide_vox;
-constexpr int kRows = kSide * kSide;
+constexpr int kRows = kBlockSide_vox * kBlockSide_vox;
 /// Less than this is no observation (Voxblox: kFloatEpsilon).
 constexpr float kLeastWeight = 1e-6F;
 /// A voxel in which a surface lies has its centre at most half its diagonal before or behind it.
@@ -66,8 +67,8 @@ void TsdfMap::integrate(std::span<const Trace> traces, const Eigen::Vector3d& ca
   sort_by_block(traces);
   workers_.run_banded(static_cast<int>(touched_.size()), kBlocksATask, [&](int begin, int end) {
     for (int t = begin; t < end; ++t) {
-      const std::int32_t block = touched_[static_cast<std::size_t>(t)];
-      const std::size_t from = block_begin_[static_cast<std::size_t>(block)];
+      const std::int32_t block = touched_[idx(t)];
+      const std::size_t from = block_begin_[idx(block)];
       const std::size_t to = block_begin_[static_cast<std::size_t>(block) + 1];
       integrate_block(block, std::span(sorted_).subspan(from, to - from), traces, camera_vox);
     }
@@ -80,7 +81,7 @@ void TsdfMap::sort_by_block(std::span<const Trace> traces) {
   std::size_t total = 0;
   for (const Trace& trace : traces) {
     total += trace.segments.size();
-    for (const Segment& s : trace.segments) ++block_begin_[static_cast<std::size_t>(s.block)];
+    for (const Segment& s : trace.segments) ++block_begin_[idx(s.block)];
   }
   touched_.clear();
   std::uint32_t end = 0;
@@ -94,20 +95,20 @@ void TsdfMap::sort_by_block(std::span<const Trace> traces) {
   for (std::size_t t = traces.size(); t-- > 0;) {
     const auto& segments = traces[t].segments;
     for (std::size_t s = segments.size(); s-- > 0;) {
-      sorted_[--block_begin_[static_cast<std::size_t>(segments[s].block)]] = {
-          static_cast<std::uint32_t>(t), static_cast<std::uint32_t>(s)};
+      sorted_[--block_begin_[idx(segments[s].block)]] = {static_cast<std::uint32_t>(t),
+                                                         static_cast<std::uint32_t>(s)};
     }
   }
 }
 
 void TsdfMap::integrate_block(std::int32_t block, std::span<const SegmentRef> segments,
                               std::span<const Trace> traces, const Eigen::Vector3d& camera_vox) {
-  auto& out = blocks_[static_cast<std::size_t>(block)];
+  auto& out = blocks_[idx(block)];
   if (!out) out = std::make_unique<TsdfBlock>();
   const Eigen::Vector3i index(block % counts_.x(), block / counts_.x() % counts_.y(),
                               block / (counts_.x() * counts_.y()));
   const Eigen::Vector3d first_centre_vox =
-      (index * kSide).cast<double>() + Eigen::Vector3d::Constant(0.5);
+      (index * kBlockSide_vox).cast<double>() + Eigen::Vector3d::Constant(0.5);
   TouchedRows touched;
   bool changed = false;
   for (const SegmentRef& ref : segments) {
@@ -118,14 +119,14 @@ void TsdfMap::integrate_block(std::int32_t block, std::span<const SegmentRef> se
                           std::span(trace.voxels).subspan(segment.first, segment.count), touched);
   }
   if (!changed) return;
-  distance_changed_[static_cast<std::size_t>(block)] = 1;
+  distance_changed_[idx(block)] = 1;
   bool occupancy_changed = false;
   for (int row = 0; row < kRows; ++row) {
-    if (touched.row[static_cast<std::size_t>(row)]) {
+    if (touched.row[idx(row)]) {
       occupancy_changed |= refresh_row(index, *out, row);
     }
   }
-  if (occupancy_changed) occupancy_changed_[static_cast<std::size_t>(block)] = 1;
+  if (occupancy_changed) occupancy_changed_[idx(block)] = 1;
 }
 
 /// Oleynikova et al. 2017, Sec. IV: distances along the ray, averaged by weight. What lies
@@ -141,8 +142,8 @@ bool TsdfMap::integrate_segment(TsdfBlock& out, const Eigen::Vector3d& from_came
   const float dropoff_scale = 1.0F / (truncation_m_ - resolution_m_);
   bool changed = false;
   for (const std::uint16_t v : voxels) {
-    const float x = static_cast<float>(v % kSide);
-    const float y = static_cast<float>(v / kSide % kSide);
+    const float x = static_cast<float>(v % kBlockSide_vox);
+    const float y = static_cast<float>(v / kBlockSide_vox % kBlockSide_vox);
     const float z = static_cast<float>(v / kRows);
     const float sdf_m =
         std::max(least_m, first_m - (x * step_m.x() + y * step_m.y() + z * step_m.z()));
@@ -159,7 +160,7 @@ bool TsdfMap::integrate_segment(TsdfBlock& out, const Eigen::Vector3d& from_came
     changed |= new_m != old_m || old_weight == 0.0F;
     out.distance_m[v] = new_m;
     out.weight[v] = std::min(max_weight_, sum);
-    touched.row[v / kSide] = true;
+    touched.row[v / kBlockSide_vox] = true;
   }
   return changed;
 }
@@ -171,20 +172,20 @@ bool TsdfMap::refresh_row(const Eigen::Vector3i& block_index, const TsdfBlock& b
   const float known_above_m = -kHalfDiagonal_vox * resolution_m_;
   unsigned near = 0;
   unsigned seen = 0;
-  for (int x = 0; x < kSide; ++x) {
-    const auto v = static_cast<std::size_t>(row * kSide + x);
+  for (int x = 0; x < kBlockSide_vox; ++x) {
+    const auto v = static_cast<std::size_t>(row * kBlockSide_vox + x);
     const bool observed = block.weight[v] > 0.0F;
     near |= static_cast<unsigned>(observed && block.distance_m[v] < occupied_below_m) << x;
     seen |= static_cast<unsigned>(observed && block.distance_m[v] > known_above_m) << x;
   }
-  const int y = block_index.y() * kSide + row % kSide;
-  const int z = block_index.z() * kSide + row / kSide;
+  const int y = block_index.y() * kBlockSide_vox + row % kBlockSide_vox;
+  const int z = block_index.z() * kBlockSide_vox + row / kBlockSide_vox;
   const std::size_t word =
       (static_cast<std::size_t>(y) +
        static_cast<std::size_t>(grid_.size_vox.y()) * static_cast<std::size_t>(z)) *
           static_cast<std::size_t>(words_per_row_) +
       static_cast<std::size_t>(block_index.x()) / 4;
-  const int shift = block_index.x() % 4 * kSide;
+  const int shift = block_index.x() % 4 * kBlockSide_vox;
   const auto bits = [shift](std::uint64_t& from) {
     return static_cast<unsigned>(
                std::atomic_ref<std::uint64_t>(from).load(std::memory_order_relaxed) >> shift) &

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/geometry/grid.hpp>
 
 namespace sidestep::voxel_grid {
@@ -30,13 +31,13 @@ class VoxelMarks {
     word.fetch_or(bit, std::memory_order_relaxed);
     const int block =
         block_linear({x / kBlockSide_vox, y / kBlockSide_vox, z / kBlockSide_vox}, counts_);
-    std::atomic_ref<std::uint8_t> flag(blocks_[static_cast<std::size_t>(block)]);
+    std::atomic_ref<std::uint8_t> flag(blocks_[idx(block)]);
     if (flag.load(std::memory_order_relaxed) == 0) flag.store(1, std::memory_order_relaxed);
   }
 
   /// What follows is for the one thread that owns the row of blocks.
   [[nodiscard]] bool in_block(std::int32_t block) const noexcept {
-    return blocks_[static_cast<std::size_t>(block)] != 0;
+    return blocks_[idx(block)] != 0;
   }
   /// The 16 voxels of one row of a block.
   [[nodiscard]] std::uint16_t row(std::size_t row, int block_x) const noexcept {
@@ -51,7 +52,7 @@ class VoxelMarks {
     word &= ~(std::uint64_t{0xffff} << shift);
     return bits;
   }
-  void leave_block(std::int32_t block) noexcept { blocks_[static_cast<std::size_t>(block)] = 0; }
+  void leave_block(std::int32_t block) noexcept { blocks_[idx(block)] = 0; }
 
  private:
   std::size_t ny_;

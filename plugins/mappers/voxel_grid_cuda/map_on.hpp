@@ -15,7 +15,7 @@ class MapOn final : public LogOddsMap {
   static Result<std::unique_ptr<LogOddsMap>> make(const MapSettings& settings,
                                                   std::unique_ptr<Backend> backend) {
     std::unique_ptr<MapOn> made(new MapOn(settings, std::move(backend)));
-    if (auto ok = made->allocate(); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = made->allocate(); !ok) return error_of(ok);
     return made;
   }
 
@@ -30,7 +30,7 @@ class MapOn final : public LogOddsMap {
     if (room) room = cuda::grow(*backend_, lines_, frame.lines.size());
     if (room) room = cuda::grow(*backend_, balls_, frame.balls.size());
     if (room) room = cuda::grow_pinned(*backend_, pinned_depth_m_, frame.depth_m.size());
-    if (!room) return tl::make_unexpected(std::move(room.error()));
+    if (!room) return error_of(room);
 
     begin();
     upload_depth(frame.depth_m);
@@ -52,7 +52,7 @@ class MapOn final : public LogOddsMap {
     if (room) room = cuda::grow(*backend_, cloud_, frame.cloud.size());
     if (room) room = cuda::grow(*backend_, depth_m_, frame.depth_m.size());
     if (room) room = cuda::grow_pinned(*backend_, pinned_depth_m_, frame.depth_m.size());
-    if (!room) return tl::make_unexpected(std::move(room.error()));
+    if (!room) return error_of(room);
 
     begin();
     backend_->upload(cloud_, 0, frame.cloud);
@@ -80,7 +80,7 @@ class MapOn final : public LogOddsMap {
     std::vector<HalfRow> rows(log_odds_.size());
     backend_->enter();
     backend_->download(std::span<HalfRow>(rows), log_odds_, 0);
-    if (auto ok = backend_->finish(); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = backend_->finish(); !ok) return error_of(ok);
     std::vector<std::int16_t> values;
     values.reserve(rows.size() * std::size(rows.front().values));
     for (const HalfRow& row : rows) {
@@ -217,7 +217,7 @@ class MapOn final : public LogOddsMap {
     backend_->stage(cuda::Stage::kDownload);
     backend_->download(std::span<std::uint8_t>(changed_on_host_.data(), blocks), changed_, 0);
     backend_->download(std::span<std::uint32_t>(counts_on_host_.data(), kCounts), counts_, 0);
-    if (auto ok = backend_->finish(); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = backend_->finish(); !ok) return error_of(ok);
     changed_blocks_.clear();
     for (std::size_t b = 0; b < blocks; ++b) {
       if (changed_on_host_.data()[b] != 0) changed_blocks_.push_back(static_cast<std::int32_t>(b));
@@ -230,7 +230,7 @@ class MapOn final : public LogOddsMap {
     const std::size_t rows = changed_blocks_.size() * kRows;
     Result<void> room = cuda::grow(*backend_, packed_, rows);
     if (room) room = cuda::grow_pinned(*backend_, rows_, rows);
-    if (!room) return tl::make_unexpected(std::move(room.error()));
+    if (!room) return error_of(room);
     backend_->stage(cuda::Stage::kDownload);
     backend_->upload(changed_list_, 0, std::span<const std::int32_t>(changed_blocks_));
     for (std::size_t first = 0; first < changed_blocks_.size(); first += kBlocksAtOnce) {
@@ -241,7 +241,7 @@ class MapOn final : public LogOddsMap {
       backend_->download(std::span<std::uint16_t>(rows_.data() + first * kRows, part * kRows),
                          packed_, first * kRows);
     }
-    if (auto ok = backend_->finish(); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = backend_->finish(); !ok) return error_of(ok);
     change.rows = {rows_.data(), rows};
     return change;
   }

@@ -118,13 +118,13 @@ Result<MapUpdate> VoxelGridCuda::integrate(const Frame& frame) {
     if (update) update->sequence = ++sequence_;
     return update;
   }
-  if (auto ok = check_frame(frame); !ok) return tl::make_unexpected(std::move(ok.error()));
+  if (auto ok = check_frame(frame); !ok) return error_of(ok);
   const auto* image = std::get_if<DepthImage>(&frame.measurement);
   if (image == nullptr && options_.method == "projective") {
     return fail(ErrorCode::kUnsupported, "method projective needs depth images, not point clouds",
                 "frame " + std::to_string(frame.sequence), "set method to auto or raycast");
   }
-  if (auto ok = self_.pose(frame); !ok) return tl::make_unexpected(std::move(ok.error()));
+  if (auto ok = self_.pose(frame); !ok) return error_of(ok);
 
   const bool is_projective = image != nullptr && options_.method != "raycast";
   const auto change = is_projective ? integrate_image(frame, *image) : cast_rays(frame);

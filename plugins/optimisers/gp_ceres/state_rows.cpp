@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
-
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 bool all_zero(std::span<const double> values) noexcept {
   return std::ranges::all_of(values, [](double value) { return value == 0.0; });
@@ -34,10 +34,10 @@ void reduce_to_r(double* a, std::size_t rows, std::size_t columns, std::size_t s
 }
 
 StateBatch StateRows::States::batch(int first, int count, int dof) const noexcept {
-  const std::size_t at = index(first) * index(dof);
-  const std::size_t size = index(count) * index(dof);
+  const std::size_t at = idx(first) * idx(dof);
+  const std::size_t size = idx(count) * idx(dof);
   return {count, dof, std::span(q).subspan(at, size), std::span(qdot).subspan(at, size),
-          std::span(times_s).subspan(index(first), index(count))};
+          std::span(times_s).subspan(idx(first), idx(count))};
 }
 
 StateRows::StateRows(const Problem& problem, const GpPrior& prior)
@@ -49,35 +49,35 @@ StateRows::StateRows(const Problem& problem, const GpPrior& prior)
     interpolations_.push_back(prior.interpolation(k / (checks_ + 1.0)));
   }
   const auto resize = [&](States& states, int count) {
-    states.q.resize(index(count) * index(dof_));
+    states.q.resize(idx(count) * idx(dof_));
     states.qdot = states.q;
-    states.times_s.resize(index(count));
+    states.times_s.resize(idx(count));
   };
   const int states = intervals_ * (checks_ + 1) + 1;
   resize(support_, intervals_ + 1);
   resize(all_, states);
-  for (int i = 0; i <= intervals_; ++i) support_.times_s[index(i)] = i * dt_s_;
-  for (int i = 0; i < states; ++i) all_.times_s[index(i)] = i * dt_s_ / (checks_ + 1);
+  for (int i = 0; i <= intervals_; ++i) support_.times_s[idx(i)] = i * dt_s_;
+  for (int i = 0; i < states; ++i) all_.times_s[idx(i)] = i * dt_s_ / (checks_ + 1);
 
   std::size_t most_residuals = 0;
   for (const CostTerm& term : problem.terms) {
     Term& added = terms_.emplace_back();
     added.cost = term.cost.get();
     added.placement = term.placement;
-    added.residuals_per_state = index(term.cost->residual_count());
+    added.residuals_per_state = idx(term.cost->residual_count());
     added.depends_on_velocity = term.cost->depends_on_velocity();
-    const std::size_t residuals = added.residuals_per_state * index(batch_of(term.placement).count);
+    const std::size_t residuals = added.residuals_per_state * idx(batch_of(term.placement).count);
     added.residuals.resize(residuals);
-    added.jacobian_q.resize(residuals * index(dof_));
-    if (added.depends_on_velocity) added.jacobian_qdot.resize(residuals * index(dof_));
+    added.jacobian_q.resize(residuals * idx(dof_));
+    if (added.depends_on_velocity) added.jacobian_qdot.resize(residuals * idx(dof_));
     most_residuals += added.residuals_per_state;
   }
   begin_.push_back(0);
   for (int s = 0; s < states; ++s) {
     begin_.push_back(begin_.back() + group_rows(s, false) + group_rows(s, true));
   }
-  rows_.resize(begin_.back() * index(2 * dof_ + 1));
-  work_.resize(most_residuals * index(2 * dof_ + 1));
+  rows_.resize(begin_.back() * idx(2 * dof_ + 1));
+  work_.resize(most_residuals * idx(2 * dof_ + 1));
 }
 
 StateBatch StateRows::batch_of(Placement placement) const noexcept {
@@ -108,7 +108,7 @@ std::size_t StateRows::group_rows(int state, bool velocity) const noexcept {
       residuals += term.residuals_per_state;
     }
   }
-  return std::min(residuals, index(velocity ? 2 * dof_ + 1 : dof_ + 1));
+  return std::min(residuals, idx(velocity ? 2 * dof_ + 1 : dof_ + 1));
 }
 
 void StateRows::update(std::span<const double> support) {
@@ -121,20 +121,20 @@ void StateRows::update(std::span<const double> support) {
 }
 
 void StateRows::interpolate(std::span<const double> support) {
-  const std::size_t d = index(dof_);
+  const std::size_t d = idx(dof_);
   const auto store = [d](States& states, int at, const double* x) {
-    std::copy_n(x, d, states.q.begin() + static_cast<std::ptrdiff_t>(index(at) * d));
-    std::copy_n(x + d, d, states.qdot.begin() + static_cast<std::ptrdiff_t>(index(at) * d));
+    std::copy_n(x, d, states.q.begin() + static_cast<std::ptrdiff_t>(idx(at) * d));
+    std::copy_n(x + d, d, states.qdot.begin() + static_cast<std::ptrdiff_t>(idx(at) * d));
   };
   for (int i = 0; i <= intervals_; ++i) {
-    const double* a = &support[index(i) * 2 * d];
+    const double* a = &support[idx(i) * 2 * d];
     store(support_, i, a);
     store(all_, i * (checks_ + 1), a);
     if (i == intervals_) break;
     const double* b = a + 2 * d;
     for (int k = 0; k < checks_; ++k) {
       const auto& [lambda, psi] = interpolation(k);
-      const std::size_t at = index(i * (checks_ + 1) + k + 1) * d;
+      const std::size_t at = idx(i * (checks_ + 1) + k + 1) * d;
       for (std::size_t j = 0; j < d; ++j) {
         all_.q[at + j] =
             lambda(0, 0) * a[j] + lambda(0, 1) * a[d + j] + psi(0, 0) * b[j] + psi(0, 1) * b[d + j];
@@ -146,13 +146,13 @@ void StateRows::interpolate(std::span<const double> support) {
 }
 
 void StateRows::pack(int state) {
-  double* out = rows_.data() + begin_[index(state)] * index(2 * dof_ + 1);
+  double* out = rows_.data() + begin_[idx(state)] * idx(2 * dof_ + 1);
   out = pack_group(state, false, out);
   pack_group(state, true, out);
 }
 
 double* StateRows::pack_group(int state, bool velocity, double* out) {
-  const std::size_t d = index(dof_);
+  const std::size_t d = idx(dof_);
   const std::size_t variables = velocity ? 2 * d : d;
   const std::size_t stride = work_.size() / (2 * d + 1);  // the most rows there can be
   std::size_t active = 0;
@@ -160,7 +160,7 @@ double* StateRows::pack_group(int state, bool velocity, double* out) {
     const int at = index_in(term.placement, state);
     if (term.depends_on_velocity != velocity || at < 0) continue;
     for (std::size_t m = 0; m < term.residuals_per_state; ++m) {
-      const std::size_t row = index(at) * term.residuals_per_state + m;
+      const std::size_t row = idx(at) * term.residuals_per_state + m;
       const auto by_q = std::span(term.jacobian_q).subspan(row * d, d);
       const auto by_qdot =
           std::span(term.jacobian_qdot).subspan(velocity ? row * d : 0, velocity ? d : 0);
@@ -189,8 +189,8 @@ double* StateRows::pack_group(int state, bool velocity, double* out) {
 }
 
 std::span<const double> StateRows::rows(int state) const noexcept {
-  const std::size_t width = index(2 * dof_ + 1);
-  return std::span(rows_).subspan(begin_[index(state)] * width, index(row_count(state)) * width);
+  const std::size_t width = idx(2 * dof_ + 1);
+  return std::span(rows_).subspan(begin_[idx(state)] * width, idx(row_count(state)) * width);
 }
 
 double StateRows::term_cost(std::size_t term) const noexcept {

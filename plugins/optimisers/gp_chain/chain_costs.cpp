@@ -2,26 +2,24 @@
 
 #include <algorithm>
 
+#include <sidestep/core/index.hpp>
+
 #include "interval_blocks.hpp"
 
 namespace sidestep {
-namespace {
-
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
-
-}  // namespace
+namespace {}  // namespace
 
 void ChainCosts::States::resize(int count, int dof, double spacing_s) {
-  q.resize(index(count) * index(dof) + kLanes);
+  q.resize(idx(count) * idx(dof) + kLanes);
   qdot.resize(q.size());
-  times_s.resize(index(count));
-  for (int i = 0; i < count; ++i) times_s[index(i)] = i * spacing_s;
+  times_s.resize(idx(count));
+  for (int i = 0; i < count; ++i) times_s[idx(i)] = i * spacing_s;
 }
 
 StateBatch ChainCosts::States::batch(int first, int count, int dof) const noexcept {
-  const std::size_t at = index(first) * index(dof), size = index(count) * index(dof);
+  const std::size_t at = idx(first) * idx(dof), size = idx(count) * idx(dof);
   return {count, dof, std::span(q).subspan(at, size), std::span(qdot).subspan(at, size),
-          std::span(times_s).subspan(index(first), index(count))};
+          std::span(times_s).subspan(idx(first), idx(count))};
 }
 
 bool ChainCosts::reset(const Problem& problem) {
@@ -41,12 +39,12 @@ bool ChainCosts::reset(const Problem& problem) {
   }
   support_.resize(states(), dof_, problem.dt_s);
   all_.resize(intervals_ * (checks_ + 1) + 1, dof_, problem.dt_s / (checks_ + 1));
-  ends_.assign_zeros(4 * padded(index(dof_)));
+  ends_.assign_zeros(4 * padded(idx(dof_)));
   return true;
 }
 
 void ChainCosts::resize(ChainEvaluation& evaluation) const {
-  evaluation.support.resize(index(states()) * 2 * index(dof_));
+  evaluation.support.resize(idx(states()) * 2 * idx(dof_));
   evaluation.normals.resize(static_cast<int>(all_.times_s.size()), dof_);
   evaluation.terms.resize(problem_->terms.size() + 1);
 }
@@ -66,7 +64,7 @@ void ChainCosts::evaluate(ChainEvaluation& evaluation, double normals_wanted_bel
 }
 
 double ChainCosts::add_term(const CostTerm& term, StateNormals& normals) {
-  const std::size_t step = index(checks_ + 1);
+  const std::size_t step = idx(checks_ + 1);
   const StateCost& cost = *term.cost;
   switch (term.placement) {
     case Placement::kStart: return add_at(0, term, normals);
@@ -80,8 +78,8 @@ double ChainCosts::add_term(const CostTerm& term, StateNormals& normals) {
 }
 
 double ChainCosts::add_at(int support, const CostTerm& term, StateNormals& normals) {
-  const std::size_t step = index(checks_ + 1);
-  return term.cost->linearise(support_.batch(support, 1, dof_), {index(support) * step, step},
+  const std::size_t step = idx(checks_ + 1);
+  return term.cost->linearise(support_.batch(support, 1, dof_), {idx(support) * step, step},
                               normals, scratch_);
 }
 
@@ -89,7 +87,7 @@ void ChainCosts::evaluate_end(ChainEvaluation& evaluation, Placement end) {
   const int support = end == Placement::kStart ? 0 : intervals_;
   const Placement other = end == Placement::kStart ? Placement::kGoal : Placement::kStart;
   interpolate(evaluation.support);
-  evaluation.normals.clear(index(support) * index(checks_ + 1));
+  evaluation.normals.clear(idx(support) * idx(checks_ + 1));
   evaluation.cost = evaluation.terms[0];
   for (std::size_t t = 0; t < problem_->terms.size(); ++t) {
     const CostTerm& term = problem_->terms[t];
@@ -103,12 +101,12 @@ void ChainCosts::evaluate_end(ChainEvaluation& evaluation, Placement end) {
 }
 
 void ChainCosts::interpolate(std::span<const double> support) {
-  const std::size_t d = index(dof_);
+  const std::size_t d = idx(dof_);
   for (int i = 0; i <= intervals_; ++i) {
-    const double* a = support.data() + index(i) * 2 * d;
-    const std::size_t first = index(i) * index(checks_ + 1);
-    std::copy_n(a, d, support_.q.data() + index(i) * d);
-    std::copy_n(a + d, d, support_.qdot.data() + index(i) * d);
+    const double* a = support.data() + idx(i) * 2 * d;
+    const std::size_t first = idx(i) * idx(checks_ + 1);
+    std::copy_n(a, d, support_.q.data() + idx(i) * d);
+    std::copy_n(a + d, d, support_.qdot.data() + idx(i) * d);
     std::copy_n(a, d, all_.q.data() + first * d);
     std::copy_n(a + d, d, all_.qdot.data() + first * d);
     if (i == intervals_) break;
@@ -132,11 +130,11 @@ void ChainCosts::prepare(ChainSystem& system) const {
 
 void ChainCosts::assemble(const ChainEvaluation& evaluation, ChainSystem& system) {
   prior_.add_rhs(system, evaluation.support);
-  const std::size_t step = index(checks_ + 1);
+  const std::size_t step = idx(checks_ + 1);
   for (int i = 0; i <= intervals_; ++i) {
-    add_support_state(evaluation.normals, index(i) * step, system, i);
+    add_support_state(evaluation.normals, idx(i) * step, system, i);
     if (i == intervals_) break;
-    add_interval(evaluation.normals, index(i) * step + 1, interpolations_, system, i);
+    add_interval(evaluation.normals, idx(i) * step + 1, interpolations_, system, i);
   }
 }
 

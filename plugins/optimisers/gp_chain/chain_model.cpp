@@ -4,16 +4,14 @@
 #include <cmath>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
 bool is_held(const Problem& problem, Placement end) {
   return std::ranges::any_of(problem.terms,
                              [end](const CostTerm& term) { return term.placement == end; });
-}
-
-std::span<const double> as_span(const Eigen::VectorXd& values) {
-  return {values.data(), static_cast<std::size_t>(values.size())};
 }
 
 void put(const RobotState& state, double* to) {

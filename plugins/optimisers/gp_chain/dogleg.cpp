@@ -10,10 +10,6 @@ namespace {
 
 constexpr double kLeastRadius = 1e-8;
 
-double dot(const std::vector<double>& a, const std::vector<double>& b) {
-  return sidestep::dot(a.data(), b.data(), a.size());
-}
-
 class Dogleg final : public StepRule {
  public:
   explicit Dogleg(double initial_radius) : initial_radius_(initial_radius) {}

@@ -26,7 +26,7 @@ class LevenbergMarquardt final : public StepRule {
     for (; lambda_ < kLargestDamping; lambda_ *= kDampingFactor) {
       if (!model.system().solve(lambda_, step_)) continue;
       solved = true;
-      const double length = std::sqrt(dot(step_.data(), step_.data(), step_.size()));
+      const double length = std::sqrt(dot(step_, step_));
       if (length > kSameLength * refused) continue;
       if (refused < std::numeric_limits<double>::infinity() && deadline.expired()) {
         return StepOutcome::kInterrupted;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 namespace sidestep {
 
@@ -30,5 +31,9 @@ void substitute_panel(const ChainPanel& panel, const double* next, double* x);
 
 /// a . b, of `count` values each.
 [[nodiscard]] double dot(const double* a, const double* b, std::size_t count) noexcept;
+[[nodiscard]] inline double dot(const std::vector<double>& a,
+                                const std::vector<double>& b) noexcept {
+  return dot(a.data(), b.data(), a.size());
+}
 
 }  // namespace sidestep

@@ -5,7 +5,7 @@ namespace sidestep::gp_chain_cuda {
 
 Result<std::unique_ptr<ChainBatch>> make_device_batch(int ordinal) {
   auto backend = cuda::DeviceBackend::open(ordinal);
-  if (!backend) return tl::make_unexpected(std::move(backend.error()));
+  if (!backend) return error_of(backend);
   return std::make_unique<ChainBatchOn<cuda::DeviceBackend>>(std::move(*backend));
 }
 

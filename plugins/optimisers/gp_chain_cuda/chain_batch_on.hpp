@@ -80,7 +80,7 @@ class ChainBatchOn final : public ChainBatch {
     }
     backend_->stage(cuda::Stage::kDownload);
     backend_->download(std::span(states_on_host_.data(), count()), states_, 0);
-    if (auto ok = backend_->finish(); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = backend_->finish(); !ok) return error_of(ok);
     const std::span<const ChainState> states(states_on_host_.data(), count());
     return static_cast<int>(std::ranges::count(states, Standing::kMoving, &ChainState::standing));
   }
@@ -91,18 +91,16 @@ class ChainBatchOn final : public ChainBatch {
     backend_->stage(cuda::Stage::kDownload);
     backend_->launch(CopyTrajectories{problem_, chains(), trajectories_.data(), false}, chains_);
     backend_->download(std::span(trajectories_on_host_.data(), values), trajectories_, 0);
-    if (auto ok = backend_->finish(); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = backend_->finish(); !ok) return error_of(ok);
     return BatchOutcome{{states_on_host_.data(), count()}, {trajectories_on_host_.data(), values}};
   }
 
   Result<std::vector<double>> term_costs(int chain) override {
     std::vector<double> costs(static_cast<std::size_t>(1 + problem_.terms));
-    if (auto ok = cuda::grow(*backend_, costs_, costs.size()); !ok)
-      return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = cuda::grow(*backend_, costs_, costs.size()); !ok) return error_of(ok);
     const std::int32_t number = chain;
     backend_->enter();
-    if (auto ok = send(asked_, std::span(&number, 1)); !ok)
-      return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = send(asked_, std::span(&number, 1)); !ok) return error_of(ok);
     backend_->stage(cuda::Stage::kTransform);
     if (problem_.dof <= kSmallDof) {
       backend_->launch(PriceTerms<kSmallDof>{problem_, chains(), asked_.data(), costs_.data()}, 1);
@@ -112,7 +110,7 @@ class ChainBatchOn final : public ChainBatch {
     }
     backend_->stage(cuda::Stage::kDownload);
     backend_->download(std::span(costs), costs_, 0);
-    if (auto ok = backend_->finish(); !ok) return tl::make_unexpected(std::move(ok.error()));
+    if (auto ok = backend_->finish(); !ok) return error_of(ok);
     return costs;
   }
 

@@ -65,23 +65,19 @@ class GpChainCuda final : public Optimiser {
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override {
-    if (auto valid = problem.validate(); !valid) return tl::make_unexpected(valid.error());
-    if (auto valid = check_initial(problem, initial); !valid) {
-      return tl::make_unexpected(valid.error());
-    }
+    if (auto valid = problem.validate(); !valid) return error_of(valid);
+    if (auto valid = check_initial(problem, initial); !valid) return error_of(valid);
     if (batch_ == nullptr) return on_cpu().solve(problem, initial, deadline);
     const Stopwatch watch;
     const auto described = describe(problem);
     if (!described) {
-      if (settings_.fallback != "cpu") return tl::make_unexpected(described.error());
+      if (settings_.fallback != "cpu") return error_of(described);
       say_once(described.error());
       return on_cpu().solve(problem, initial, deadline);
     }
     auto solution = on_device(problem, *described, initial, deadline);
     if (!solution) {
-      if (auto ok = fall_back(std::move(solution.error())); !ok) {
-        return tl::make_unexpected(std::move(ok.error()));
-      }
+      if (auto ok = fall_back(std::move(solution.error())); !ok) return error_of(ok);
       return on_cpu().solve(problem, initial, deadline);
     }
     solution->solve_ms = watch.elapsed_ms();
@@ -95,16 +91,14 @@ class GpChainCuda final : public Optimiser {
     const ChainProblem& sizes = described.chain.problem;
     if (described.field) {
       auto shown = mirror_.show(*batch_, described.field_shape, *described.field);
-      if (!shown) return tl::make_unexpected(std::move(shown.error()));
+      if (!shown) return error_of(shown);
     }
-    if (auto begun = begin(problem, described, initial); !begun) {
-      return tl::make_unexpected(std::move(begun.error()));
-    }
+    if (auto begun = begin(problem, described, initial); !begun) return error_of(begun);
     auto moving = batch_->move(0);
     while (moving && *moving > 0 && !deadline.expired()) moving = batch_->move(1);
-    if (!moving) return tl::make_unexpected(std::move(moving.error()));
+    if (!moving) return error_of(moving);
     const auto outcome = batch_->outcome();
-    if (!outcome) return tl::make_unexpected(outcome.error());
+    if (!outcome) return error_of(outcome);
 
     const auto found = [&](int chain) {
       return trajectory_of(sizes, &outcome->trajectories[static_cast<std::size_t>(chain) *
@@ -118,7 +112,7 @@ class GpChainCuda final : public Optimiser {
     solution.cost = state.cost;
     solution.trajectory = found(chosen);
     const auto terms = batch_->term_costs(chosen);
-    if (!terms) return tl::make_unexpected(terms.error());
+    if (!terms) return error_of(terms);
     solution.terms = name_terms(problem, *terms);
     if (state.standing == Standing::kNotFinite) name_broken_term(solution);
     if (solution.status == SolveStatus::kFailed) solution.trajectory = {};
@@ -213,7 +207,7 @@ Result<std::unique_ptr<Optimiser>> make_gp_chain_cuda(const Options& settings, W
                                                       Log& log, std::uint64_t seed,
                                                       const MakeBatch& make) {
   auto made = std::make_unique<GpChainCuda>(settings, workers, log, seed);
-  if (auto ok = made->open(make); !ok) return tl::make_unexpected(std::move(ok.error()));
+  if (auto ok = made->open(make); !ok) return error_of(ok);
   return made;
 }
 

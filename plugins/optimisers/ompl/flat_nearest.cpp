@@ -4,16 +4,13 @@
 #include <limits>
 
 namespace sidestep::ompl_optimiser {
-namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
+namespace {}  // namespace
 
 }  // namespace sidestep::ompl_optimiser
 
 #define SIDESTEP_KERNELS "flat_nearest.cpp"
 #include <sidestep/core/each_target.hpp>
+#include <sidestep/core/index.hpp>
 
 namespace sidestep::ompl_optimiser {
 

@@ -14,6 +14,7 @@
 #include <ompl/util/Exception.h>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
@@ -146,21 +147,17 @@ class OmplOptimiser final : public Optimiser {
 Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
                                       const Deadline& deadline) {
   const Stopwatch stopwatch;
-  if (auto sound = problem.validate(); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
-  }
+  if (auto sound = problem.validate(); !sound) return error_of(sound);
   if (!problem.field) {
-    return fail(ErrorCode::kInvalidArgument, "a sampling planner needs a distance field");
+    return invalid("a sampling planner needs a distance field");
   }
   Solution solution;
   if (auto sound = check_weights(options_.joint_metric(), problem.robot->description()); !sound) {
-    return tl::make_unexpected(std::move(sound.error()));
+    return error_of(sound);
   }
-  if (auto fits = checker_->look_at(problem); !fits) {
-    return tl::make_unexpected(std::move(fits.error()));
-  }
+  if (auto fits = checker_->look_at(problem); !fits) return error_of(fits);
   const auto blocked = [&](const RobotState& state) -> std::optional<Violation> {
-    const std::span<const double> q(state.q.data(), static_cast<std::size_t>(state.q.size()));
+    const std::span<const double> q = as_span(state.q);
     if (checker_->is_clear(q)) return std::nullopt;
     return checker_->violation(q);
   };

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
 /// A state depends on two waypoints before it and two after it.
 constexpr int kBandReach = 3;
-
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
@@ -42,7 +42,7 @@ double ConvexModel::keep_m(const SweptContact& contact) const {
 Merit ConvexModel::evaluate(const Waypoints& positions) {
   states_.update(positions);
   Merit merit;
-  std::vector<double> costs(index(states_.states()));
+  std::vector<double> costs(idx(states_.states()));
   terms_.add_costs(states_, costs);
   for (const double cost : costs) merit.cost += cost;
   merit.cost += smoothness_weight_ * metric_->cost(positions);
@@ -86,8 +86,7 @@ void ConvexModel::add_terms(PenaltyQp& qp) {
   Eigen::MatrixXd hessian(2 * d, 2 * d);
   Eigen::VectorXd gradient(2 * d);
   for (int s = 0; s < states_.states(); ++s) {
-    const bool has_position = normals_.has_position(index(s)),
-               has_full = normals_.has_full(index(s));
+    const bool has_position = normals_.has_position(idx(s)), has_full = normals_.has_full(idx(s));
     if (!has_position && !has_full) continue;
     hessian.setZero();
     gradient.setZero();
@@ -98,8 +97,8 @@ void ConvexModel::add_terms(PenaltyQp& qp) {
                                                                      columns);
       gradient.head(width) += Eigen::Map<const Eigen::VectorXd>(block.gradient, width);
     };
-    if (has_position) add(normals_.position(index(s)), d, normals_.position_stride());
-    if (has_full) add(normals_.full(index(s)), 2 * d, normals_.full_stride());
+    if (has_position) add(normals_.position(idx(s)), d, normals_.position_stride());
+    if (has_full) add(normals_.full(idx(s)), 2 * d, normals_.full_stride());
     for (const auto& a : states_.shares(s)) {
       for (int i = 0; i < d; ++i) {
         const int row = variable(a.waypoint, i);
@@ -122,7 +121,7 @@ void ConvexModel::add_terms(PenaltyQp& qp) {
 
 void ConvexModel::add_contacts(double penalty, PenaltyQp& qp) {
   const auto& contacts = swept_.find(states_, reach_m_);
-  const std::size_t d = index(states_.dof());
+  const std::size_t d = idx(states_.dof());
   for (const int end : {0, 1}) {
     forces_.clear();
     for (const SweptContact& contact : contacts) {
@@ -139,13 +138,13 @@ void ConvexModel::add_contacts(double penalty, PenaltyQp& qp) {
     const int first = std::max(1, contact.state / states_.step() - 1);
     const int last = std::min(first + kBandReach, states_.waypoints() - 2);
     if (first > last) continue;
-    Hinge hinge{variable(first, 0), std::vector<double>(index(last - first + 1) * d),
+    Hinge hinge{variable(first, 0), std::vector<double>(idx(last - first + 1) * d),
                 keep_m(contact) - contact.clearance_m, penalty};
     for (const int end : {0, 1}) {
       const double part = end == 0 ? 1.0 - contact.fraction : contact.fraction;
       for (const auto& share : states_.shares(contact.state + end)) {
         if (share.waypoint < first || share.waypoint > last) continue;
-        double* to = &hinge.coefficients[index(share.waypoint - first) * d];
+        double* to = &hinge.coefficients[idx(share.waypoint - first) * d];
         for (std::size_t j = 0; j < d; ++j) to[j] += part * share.of_q * rows_[end][k * d + j];
       }
     }

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <array>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
-
 std::span<const double> values(const Eigen::MatrixXd& matrix, int first, int count) {
-  return {matrix.data() + matrix.rows() * first, index(count) * index(int(matrix.rows()))};
+  return {matrix.data() + matrix.rows() * first, idx(count) * idx(int(matrix.rows()))};
 }
 
 }  // namespace
@@ -52,7 +52,7 @@ void WaypointStates::find_shares() {
       };
       Share share{w, w == i ? 1.0 : 0.0, velocity(i)};
       if (k > 0) {
-        const auto& [q, qdot] = between_[index(k - 1)];
+        const auto& [q, qdot] = between_[idx(k - 1)];
         const std::array ends{w == i ? 1.0 : 0.0, velocity(i), w == i + 1 ? 1.0 : 0.0,
                               velocity(i + 1)};
         share.of_q = q[0] * ends[0] + q[1] * ends[1] + q[2] * ends[2] + q[3] * ends[3];
@@ -66,8 +66,8 @@ void WaypointStates::find_shares() {
 }
 
 std::span<const WaypointStates::Share> WaypointStates::shares(int state) const noexcept {
-  const std::size_t first = first_share_[index(state)];
-  return std::span(shares_).subspan(first, first_share_[index(state) + 1] - first);
+  const std::size_t first = first_share_[idx(state)];
+  return std::span(shares_).subspan(first, first_share_[idx(state) + 1] - first);
 }
 
 Waypoints WaypointStates::positions_of(const Trajectory& trajectory) const {
@@ -89,7 +89,7 @@ void WaypointStates::update(const Waypoints& positions) {
     all_qdot_.col(i * step()) = support_qdot_.col(i);
     if (i + 1 == waypoints_) break;
     for (int k = 1; k <= checks_; ++k) {
-      const auto& [q, qdot] = between_[index(k - 1)];
+      const auto& [q, qdot] = between_[idx(k - 1)];
       all_q_.col(i * step() + k) = q[0] * support_q_.col(i) + q[1] * support_qdot_.col(i) +
                                    q[2] * support_q_.col(i + 1) + q[3] * support_qdot_.col(i + 1);
       all_qdot_.col(i * step() + k) = qdot[0] * support_q_.col(i) + qdot[1] * support_qdot_.col(i) +
@@ -111,7 +111,7 @@ StateBatch WaypointStates::everywhere() const noexcept {
 
 StateBatch WaypointStates::at_waypoint(int i) const noexcept {
   return {1, dof_, values(support_q_, i, 1), values(support_qdot_, i, 1),
-          std::span(support_times_s_).subspan(index(i), 1)};
+          std::span(support_times_s_).subspan(idx(i), 1)};
 }
 
 void WaypointStates::pull_back(const Eigen::MatrixXd& by_q, const Eigen::MatrixXd& by_qdot,

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <string>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
-
-std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
 /// The states that a term applies to, and where they lie among all.
 struct Felt {
@@ -15,11 +15,11 @@ struct Felt {
 };
 
 Felt felt_by(const CostTerm& term, const WaypointStates& states) {
-  const std::size_t step = index(states.step());
+  const std::size_t step = idx(states.step());
   const int last = states.waypoints() - 1;
   switch (term.placement) {
     case Placement::kStart: return {states.at_waypoint(0), {0, step}};
-    case Placement::kGoal: return {states.at_waypoint(last), {index(last) * step, step}};
+    case Placement::kGoal: return {states.at_waypoint(last), {idx(last) * step, step}};
     case Placement::kSupport: return {states.at_waypoints(), {0, step}};
     case Placement::kSupportAndInterpolated: break;
   }
@@ -30,11 +30,11 @@ Felt felt_by(const CostTerm& term, const WaypointStates& states) {
 void visit_squares(const CostTerm& term, const WaypointStates& states, Scratch& scratch,
                    const auto& visit) {
   const auto [batch, range] = felt_by(term, states);
-  const std::size_t rows = index(term.cost->residual_count());
+  const std::size_t rows = idx(term.cost->residual_count());
   Scratch::Scope scope(scratch);
-  const auto residuals = scope.doubles(rows * index(batch.count));
+  const auto residuals = scope.doubles(rows * idx(batch.count));
   term.cost->evaluate(batch, {residuals, {}, {}}, scratch);
-  for (std::size_t i = 0; i < index(batch.count); ++i) {
+  for (std::size_t i = 0; i < idx(batch.count); ++i) {
     double sum = 0.0;
     for (const double residual : residuals.subspan(i * rows, rows)) sum += residual * residual;
     visit(range[i], sum);
@@ -44,7 +44,7 @@ void visit_squares(const CostTerm& term, const WaypointStates& states, Scratch& 
 /// 1/2 sum e^T Q(dt)^-1 e, e = Phi(dt) x_i - x_{i+1} (docs/numerics.md).
 double gp_prior(const Problem& problem, const WaypointStates& states) {
   const StateBatch at = states.at_waypoints();
-  const std::size_t dof = index(at.dof);
+  const std::size_t dof = idx(at.dof);
   const double dt = problem.dt_s;
   double sum = 0.0;
   for (std::size_t i = 0; i + dof < at.q.size(); ++i) {
@@ -83,12 +83,12 @@ double WaypointTerms::add_gradient(const WaypointStates& states, Waypoints& grad
   by_qdot_.setZero(d, states.states());
   using Vector = Eigen::Map<const Eigen::VectorXd>;
   for (int s = 0; s < states.states(); ++s) {
-    if (normals_.has_position(index(s))) {
-      by_q_.col(s) += Vector(normals_.position(index(s)).gradient, d);
+    if (normals_.has_position(idx(s))) {
+      by_q_.col(s) += Vector(normals_.position(idx(s)).gradient, d);
     }
-    if (normals_.has_full(index(s))) {
-      by_q_.col(s) += Vector(normals_.full(index(s)).gradient, d);
-      by_qdot_.col(s) += Vector(normals_.full(index(s)).gradient + d, d);
+    if (normals_.has_full(idx(s))) {
+      by_q_.col(s) += Vector(normals_.full(idx(s)).gradient, d);
+      by_qdot_.col(s) += Vector(normals_.full(idx(s)).gradient + d, d);
     }
   }
   states.pull_back(by_q_, by_qdot_, gradient);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/robot/sphere_fit.hpp>
 
 #include "joint_table.hpp"
@@ -13,8 +14,6 @@ namespace {
 
 constexpr const char* kBaseRoot = "world";  // a URDF's root link hangs on "root" where it stands
 constexpr std::size_t kBaseJoints = 3;
-
-std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 /// Builds the description part by part; what is wrong goes to errors.
 class RobotBuilder {
@@ -57,7 +56,7 @@ class RobotBuilder {
     };
     add(kBaseRoot, TreeJoint{kBaseRoot});
     for (int i = 0; i < 2; ++i) {
-      TreeJoint joint{robot_.joints[at(i)].name, TreeJoint::Motion::kTranslation};
+      TreeJoint joint{robot_.joints[idx(i)].name, TreeJoint::Motion::kTranslation};
       joint.axis = Eigen::Vector3d::Unit(i);
       joint.joint = i;
       add(i == 0 ? "base_x" : "base_y", joint);
@@ -188,7 +187,7 @@ class RobotBuilder {
       errors_.push_back(spheres.error());
       Error& error = errors_.back();
       error.code = ErrorCode::kConfig;
-      error.message = "link '" + robot_.links[at(shape.link)].name + "': " + error.message;
+      error.message = "link '" + robot_.links[idx(shape.link)].name + "': " + error.message;
       error.where = marks_[i].to_string();
     }
   }
@@ -258,8 +257,8 @@ class RobotBuilder {
     int count = 0;
     while (a != b) {
       int& lower = a > b ? a : b;  // parents come first, so the higher index is no ancestor
-      if (tree_joints_[at(lower)].joint != -1) ++count;
-      lower = robot_.links[at(lower)].parent;
+      if (tree_joints_[idx(lower)].joint != -1) ++count;
+      lower = robot_.links[idx(lower)].parent;
     }
     return count;
   }
@@ -295,7 +294,7 @@ class RobotBuilder {
   void read_pose_map(const Node& map, NamedPose& pose) {
     for (const Node::Entry& entry : map.entries()) {
       if (const auto joint = robot_.joint_index(entry.key)) {
-        set_position(entry.value, at(*joint), pose);
+        set_position(entry.value, idx(*joint), pose);
         continue;
       }
       std::vector<std::string> names;

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <limits>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep::urdf_robot {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::string did_you_mean(const std::string& name, const std::vector<std::string>& candidates) {
   const std::string nearest = nearest_name(name, candidates);
@@ -129,8 +129,8 @@ std::vector<std::string> JointTable::default_joints() const {
     return names;
   }
   for (int link = model_.link_index(profile_.tip_link).value_or(0); link > 0;
-       link = model_.links[static_cast<std::size_t>(link)].parent) {
-    const auto& joint = model_.links[static_cast<std::size_t>(link)].joint;
+       link = model_.links[idx(link)].parent) {
+    const auto& joint = model_.links[idx(link)].joint;
     if (joint->type != UrdfJoint::Type::kFixed && !joint->mimic && !fixed_.contains(joint->name))
       names.insert(names.begin(), joint->name);
   }

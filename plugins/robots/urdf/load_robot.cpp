@@ -117,7 +117,7 @@ Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
     profile.spheres_from = "fit";
   } else {
     const auto file = find_profile(options.profile, context.robot_paths);
-    if (!file) return tl::make_unexpected(file.error());
+    if (!file) return error_of(file);
     what = "the robot profile";
     profile = read_profile(*file, context.documents, errors);
     profile.joint_limits = merged(profile.joint_limits, options.joint_limits);

@@ -44,7 +44,7 @@ Result<std::shared_ptr<const Mesh>> MeshFinder::load(const std::string& uri,
                 "name the folder of its package under 'package_paths'; " + tried);
   }
   auto mesh = read_mesh(found->string());
-  if (!mesh) return tl::make_unexpected(std::move(mesh.error()));
+  if (!mesh) return error_of(mesh);
   for (Eigen::Vector3d& vertex : mesh->vertices_m) vertex = vertex.cwiseProduct(scale);
   // A mirroring scale turns the triangles inside out.
   if (scale.prod() < 0.0) {

@@ -144,7 +144,7 @@ const Node* Profile::item(std::string_view key, std::size_t index) const noexcep
 Result<std::filesystem::path> find_profile(const Node& profile,
                                            const std::vector<std::filesystem::path>& robot_paths) {
   const auto text = profile.as_string();
-  if (!text) return tl::make_unexpected(text.error());
+  if (!text) return error_of(text);
   std::error_code ignored;
   const auto usable = [&](const std::filesystem::path& file) {
     return std::filesystem::is_regular_file(file, ignored);
@@ -159,7 +159,7 @@ Result<std::filesystem::path> find_profile(const Node& profile,
     }
   }
   const auto path = profile.as_path();
-  if (!path) return tl::make_unexpected(path.error());
+  if (!path) return error_of(path);
   if (usable(*path)) return *path;
   if (usable(*path / "profile.yaml")) return *path / "profile.yaml";
   tried += (tried.empty() ? "" : ", ") + path->string();

@@ -9,6 +9,8 @@
 #include <iterator>
 #include <mutex>
 
+#include <sidestep/core/index.hpp>
+
 #include "urdf_outline.hpp"
 #include "urdf_rules.hpp"
 
@@ -128,7 +130,7 @@ UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& out
   model.name = outline.robot_name;
   std::vector<int> placed(outline.links.size(), -1);
   for (const int index : outline.order) {
-    const UrdfOutline::Link& entry = outline.links[static_cast<std::size_t>(index)];
+    const UrdfOutline::Link& entry = outline.links[idx(index)];
     UrdfLink link;
     link.name = entry.name;
     link.has_visual = entry.has_visual;
@@ -140,12 +142,12 @@ UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& out
       if (shape) link.shapes.push_back(std::move(*shape));
     }
     if (entry.parent_joint != -1) {
-      const auto& joint = outline.joints[static_cast<std::size_t>(entry.parent_joint)];
-      link.parent = placed[static_cast<std::size_t>(outline.link(joint.parent))];
+      const auto& joint = outline.joints[idx(entry.parent_joint)];
+      link.parent = placed[idx(outline.link(joint.parent))];
       link.joint = joint_of(*parsed.getJoint(joint.name), joint);
       normalise_axis(*link.joint, errors);
     }
-    placed[static_cast<std::size_t>(index)] = static_cast<int>(model.links.size());
+    placed[idx(index)] = static_cast<int>(model.links.size());
     model.links.push_back(std::move(link));
   }
   return model;

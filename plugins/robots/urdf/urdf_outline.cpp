@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <set>
 
+#include <sidestep/core/index.hpp>
+
 #include "urdf_rules.hpp"
 
 namespace sidestep::urdf_robot {
@@ -149,15 +151,15 @@ class Outliner {
       const int parent = link_or_report(joint, joint.parent);
       const int child = link_or_report(joint, joint.child);
       if (parent == -1 || child == -1) continue;
-      UrdfOutline::Link& below = outline_.links[static_cast<std::size_t>(child)];
+      UrdfOutline::Link& below = outline_.links[idx(child)];
       if (below.parent_joint != -1) {
-        const auto& other = outline_.joints[static_cast<std::size_t>(below.parent_joint)];
+        const auto& other = outline_.joints[idx(below.parent_joint)];
         report(joint.mark, "link '" + below.name + "' has two parents: joint '" + other.name +
                                "' and joint '" + joint.name + "'");
         continue;
       }
       below.parent_joint = static_cast<int>(j);
-      outline_.links[static_cast<std::size_t>(parent)].child_joints.push_back(static_cast<int>(j));
+      outline_.links[idx(parent)].child_joints.push_back(static_cast<int>(j));
     }
   }
 
@@ -176,7 +178,7 @@ class Outliner {
           report(joint.mark, "joint '" + joint.name + "' ends up mimicking itself");
           break;
         }
-        const UrdfOutline::Joint& next = outline_.joints[static_cast<std::size_t>(index)];
+        const UrdfOutline::Joint& next = outline_.joints[idx(index)];
         if (next.type == "fixed" && joint.type != "fixed") {
           report(joint.mark, "joint '" + joint.name + "' mimics '" + master + "', which is fixed");
           break;
@@ -195,8 +197,8 @@ class Outliner {
       names += (names.empty() ? "'" : ", '") + outline_.links[i].name + "'";
     }
     if (roots.size() > 1) {
-      report(outline_.links[static_cast<std::size_t>(roots[1])].mark,
-             "the robot has several root links: " + names, "join them by fixed joints");
+      report(outline_.links[idx(roots[1])].mark, "the robot has several root links: " + names,
+             "join them by fixed joints");
       return;
     }
     std::vector<int> stack = roots;
@@ -205,16 +207,15 @@ class Outliner {
       const int index = stack.back();
       stack.pop_back();
       outline_.order.push_back(index);
-      reached[static_cast<std::size_t>(index)] = true;
-      const auto& children = outline_.links[static_cast<std::size_t>(index)].child_joints;
+      reached[idx(index)] = true;
+      const auto& children = outline_.links[idx(index)].child_joints;
       for (auto it = children.rbegin(); it != children.rend(); ++it) {
-        stack.push_back(outline_.link(outline_.joints[static_cast<std::size_t>(*it)].child));
+        stack.push_back(outline_.link(outline_.joints[idx(*it)].child));
       }
     }
     const auto lost = std::ranges::find(reached, false);
     if (lost == reached.end()) return;
-    const UrdfOutline::Link& link =
-        outline_.links[static_cast<std::size_t>(lost - reached.begin())];
+    const UrdfOutline::Link& link = outline_.links[idx(lost - reached.begin())];
     report(link.mark, "link '" + link.name + "' hangs on itself: the joints form a loop",
            "URDF describes trees only");
   }

@@ -45,7 +45,7 @@ class DepthSequence final : public Source {
     }
     const std::size_t index = at_++;
     auto frame = read(selected_[index], static_cast<std::int64_t>(index));
-    if (!frame) return tl::make_unexpected(std::move(frame.error()));
+    if (!frame) return error_of(frame);
     return std::optional<Frame>(std::move(*frame));
   }
 
@@ -137,7 +137,7 @@ Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& s
     camera.cx_px = (*matrix)(0, 2);
     camera.cy_px = (*matrix)(1, 2);
   } else if (matrix.error().code != ErrorCode::kNotFound) {
-    return tl::make_unexpected(matrix.error());
+    return error_of(matrix);
   } else if (!all_given && size != kVga) {
     return fail(ErrorCode::kConfig,
                 "the intrinsics of the images of " + size_text(size) + " pixels are not known",
@@ -173,18 +173,18 @@ Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& s
 Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
                                               const DocumentReader& documents) {
   auto sequence = open_sequence(options, log);
-  if (!sequence) return tl::make_unexpected(sequence.error());
+  if (!sequence) return error_of(sequence);
   auto selected = recorded_frames::chosen_frames((*sequence)->entries(), options, "frames",
                                                  options.path.string());
-  if (!selected) return tl::make_unexpected(selected.error());
+  if (!selected) return error_of(selected);
   if (const auto all = (*sequence)->entries().size(); selected->size() < all) {
     log.warn("hands out " + std::to_string(selected->size()) + " of " + std::to_string(all) +
              " frames, as first_frame, stride and max_frames say");
   }
   const auto size = image_size(*selected, options);
-  if (!size) return tl::make_unexpected(size.error());
+  if (!size) return error_of(size);
   const auto camera = intrinsics(**sequence, *size, options, log);
-  if (!camera) return tl::make_unexpected(camera.error());
+  if (!camera) return error_of(camera);
 
   Settings settings;
   settings.camera = *camera;
@@ -194,7 +194,7 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
   const auto world_file = options.path / "world.yaml";
   if (options.use_world && std::filesystem::exists(world_file)) {
     const auto T_world_sequence = read_T_world_sequence(world_file, documents);
-    if (!T_world_sequence) return tl::make_unexpected(T_world_sequence.error());
+    if (!T_world_sequence) return error_of(T_world_sequence);
     settings.T_world_sequence = *T_world_sequence;
   }
   return std::unique_ptr<Source>(std::make_unique<DepthSequence>(

@@ -131,15 +131,15 @@ Result<std::vector<std::uint8_t>> read_bytes(const std::filesystem::path& file,
 
 Result<ImageSize> read_png_size(const std::filesystem::path& file) {
   const auto bytes = read_bytes(file, kHeaderBytes);
-  if (!bytes) return tl::make_unexpected(bytes.error());
+  if (!bytes) return error_of(bytes);
   return parse_header(*bytes, file.string());
 }
 
 Result<RawDepth> read_png_depth(const std::filesystem::path& file) {
   const auto bytes = read_bytes(file, std::uintmax_t{1} << 30);
-  if (!bytes) return tl::make_unexpected(bytes.error());
+  if (!bytes) return error_of(bytes);
   const auto size = parse_header(*bytes, file.string());
-  if (!size) return tl::make_unexpected(size.error());
+  if (!size) return error_of(size);
   RawDepth image{*size, {}};
   image.values.resize(static_cast<std::size_t>(size->width_px) *
                       static_cast<std::size_t>(size->height_px));

@@ -57,7 +57,7 @@ Result<Eigen::MatrixXd> read_matrix(const std::filesystem::path& file, int rows,
 Result<Transform> read_T_world_sequence(const std::filesystem::path& file,
                                         const DocumentReader& documents) {
   const auto document = documents.read(file);
-  if (!document) return tl::make_unexpected(document.error());
+  if (!document) return error_of(document);
   const std::string key = "T_world_sequence";
   for (const Node::Entry& entry : document->entries()) {
     if (entry.key != key) {
@@ -73,7 +73,7 @@ Result<Transform> read_T_world_sequence(const std::filesystem::path& file,
   Eigen::Matrix4d matrix;
   for (int row = 0; row < 4; ++row) {
     const auto values = rows->items()[static_cast<std::size_t>(row)].as_doubles(4);
-    if (!values) return tl::make_unexpected(values.error());
+    if (!values) return error_of(values);
     matrix.row(row) = Eigen::Map<const Eigen::RowVector4d>(values->data());
   }
   return rigid_transform(matrix, ErrorCode::kConfig, rows->mark().to_string());

@@ -41,12 +41,12 @@ Result<std::vector<SequenceEntry>> read_depth_list(const std::filesystem::path& 
           return fail(ErrorCode::kConfig, "expected a timestamp and a file name", where);
         }
         const auto at_s = time(words[0], where);
-        if (!at_s) return tl::make_unexpected(at_s.error());
+        if (!at_s) return error_of(at_s);
         entries.push_back({static_cast<std::int64_t>(entries.size()), Stamp::from_seconds(*at_s),
                            folder / words[1]});
         return {};
       });
-  if (!read) return tl::make_unexpected(read.error());
+  if (!read) return error_of(read);
   std::ranges::stable_sort(entries, {}, &SequenceEntry::stamp);
   return entries;
 }
@@ -59,11 +59,11 @@ Result<std::vector<TimedPose>> read_poses(const std::filesystem::path& file) {
           return fail(ErrorCode::kConfig, "expected 'timestamp tx ty tz qx qy qz qw'", where);
         }
         const auto at_s = time(words[0], where);
-        if (!at_s) return tl::make_unexpected(at_s.error());
+        if (!at_s) return error_of(at_s);
         std::array<double, 7> values{};
         for (std::size_t i = 0; i < values.size(); ++i) {
           const auto value = number(words[i + 1], where);
-          if (!value) return tl::make_unexpected(value.error());
+          if (!value) return error_of(value);
           values[i] = *value;
         }
         poses.push_back({*at_s,
@@ -71,7 +71,7 @@ Result<std::vector<TimedPose>> read_poses(const std::filesystem::path& file) {
                          Eigen::Quaterniond(values[6], values[3], values[4], values[5])});
         return {};
       });
-  if (!read) return tl::make_unexpected(read.error());
+  if (!read) return error_of(read);
   std::ranges::stable_sort(poses, {}, &TimedPose::time_s);
   return poses;
 }
@@ -141,11 +141,11 @@ Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log&) {
     return std::unique_ptr<Sequence>();
   }
   auto entries = read_depth_list(options.path);
-  if (!entries) return tl::make_unexpected(entries.error());
+  if (!entries) return error_of(entries);
   if (entries->empty()) return std::unique_ptr<Sequence>();
   const auto pose_file = options.path / "groundtruth.txt";
   auto poses = read_poses(pose_file);
-  if (!poses) return tl::make_unexpected(poses.error());
+  if (!poses) return error_of(poses);
   return std::unique_ptr<Sequence>(std::make_unique<Tum>(
       std::move(*entries), std::move(*poses), pose_file.string(), options.max_pose_gap_s));
 }

@@ -206,9 +206,9 @@ Result<PcdCloud> read_pcd(const std::filesystem::path& path) {
   if (content.empty()) return fail(ErrorCode::kBadFrame, "the file is empty", file);
 
   const auto header = read_pcd_header(content, file);
-  if (!header) return tl::make_unexpected(header.error());
+  if (!header) return error_of(header);
   const auto coordinates = find_coordinates(*header, file);
-  if (!coordinates) return tl::make_unexpected(coordinates.error());
+  if (!coordinates) return error_of(coordinates);
   const std::span data(reinterpret_cast<const std::uint8_t*>(content.data()) + header->data_offset,
                        content.size() - header->data_offset);
   auto points = header->encoding == PcdEncoding::kAscii
@@ -216,7 +216,7 @@ Result<PcdCloud> read_pcd(const std::filesystem::path& path) {
                 : header->encoding == PcdEncoding::kBinary
                     ? read_binary(data, *header, *coordinates, file)
                     : read_compressed(data, *header, *coordinates, file);
-  if (!points) return tl::make_unexpected(std::move(points.error()));
+  if (!points) return error_of(points);
   if (points->empty()) {
     return fail(ErrorCode::kBadFrame,
                 header->points == 0

@@ -43,7 +43,7 @@ class HeaderReader {
       if (words.empty() || words[0].starts_with('#')) continue;
       const std::string key = words[0];
       words.erase(words.begin());
-      if (auto taken = take(key, words); !taken) return tl::make_unexpected(taken.error());
+      if (auto taken = take(key, words); !taken) return error_of(taken);
       if (key == "DATA") return finish();
     }
     return bad("the header has no line DATA; the file is cut off, or no point cloud");

@@ -60,9 +60,9 @@ class PcdSource final : public Source {
  private:
   [[nodiscard]] Result<Frame> read(const Entry& entry, std::int64_t index) const {
     auto cloud = read_pcd(entry.file);
-    if (!cloud) return tl::make_unexpected(std::move(cloud.error()));
+    if (!cloud) return error_of(cloud);
     const auto pose = pose_of(entry, *cloud);
-    if (!pose) return tl::make_unexpected(pose.error());
+    if (!pose) return error_of(pose);
     Frame frame;
     frame.sequence = index;
     frame.stamp = entry.stamp;
@@ -72,7 +72,7 @@ class PcdSource final : public Source {
     const std::uint64_t seed = derive_seed(seed_, "cloud " + std::to_string(entry.number));
     auto points =
         apply_filters(options_.filters, std::move(cloud->points_m), frame.T_world_camera, seed);
-    if (!points) return tl::make_unexpected(std::move(points.error()));
+    if (!points) return error_of(points);
     frame.measurement = PointCloud{std::move(*points)};
     return frame;
   }
@@ -178,18 +178,18 @@ Result<void> match_by_stamp(const Options& options, std::vector<StampedPose> pos
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, std::uint64_t seed) {
   auto entries = find_clouds(options);
-  if (!entries) return tl::make_unexpected(entries.error());
+  if (!entries) return error_of(entries);
   if (options.poses) {
     auto poses = read_poses(*options.poses);
-    if (!poses) return tl::make_unexpected(poses.error());
+    if (!poses) return error_of(poses);
     const auto matched = options.match == "order"
                              ? match_in_order(options, *poses, *entries)
                              : match_by_stamp(options, std::move(*poses), *entries);
-    if (!matched) return tl::make_unexpected(matched.error());
+    if (!matched) return error_of(matched);
   }
   auto selected = recorded_frames::chosen_frames(std::move(*entries), options, "point clouds",
                                                  options.path.string());
-  if (!selected) return tl::make_unexpected(selected.error());
+  if (!selected) return error_of(selected);
   return std::unique_ptr<Source>(std::make_unique<PcdSource>(options, std::move(*selected), seed));
 }
 

@@ -28,7 +28,7 @@ Result<StampedPose> read_pose(const std::vector<std::string>& words, const std::
         where);
   }
   const auto stamp = read_stamp(words[0], where);
-  if (!stamp) return tl::make_unexpected(stamp.error());
+  if (!stamp) return error_of(stamp);
   std::array<double, kWords> values{};
   for (std::size_t i = 1; i < kWords; ++i) {
     const auto value = finite_number(words[i]);
@@ -66,7 +66,7 @@ Result<std::vector<StampedPose>> read_poses(const std::filesystem::path& file) {
   auto read = recorded_frames::for_each_line(
       file, [&](const std::vector<std::string>& words, const std::string& where) -> Result<void> {
         auto pose = read_pose(words, where);
-        if (!pose) return tl::make_unexpected(std::move(pose.error()));
+        if (!pose) return error_of(pose);
         poses.push_back(*pose);
         return {};
       });
@@ -75,7 +75,7 @@ Result<std::vector<StampedPose>> read_poses(const std::filesystem::path& file) {
     return fail(ErrorCode::kNotFound, "there is no such file of poses", file.string(),
                 "set source.poses");
   }
-  return tl::make_unexpected(std::move(read.error()));
+  return error_of(read);
 }
 
 }  // namespace sidestep::pcd

@@ -194,7 +194,7 @@ Result<void> Ros1Source::connect() {
   }
   if (first.error().code != ErrorCode::kDeadlineExceeded &&
       first.error().code != ErrorCode::kBadFrame) {
-    return tl::make_unexpected(first.error());
+    return error_of(first);
   }
   const bool is_bad = first.error().code == ErrorCode::kBadFrame;
   return fail(ErrorCode::kNotFound, is_bad ? first.error().message : missing(), kWhere,
@@ -206,9 +206,7 @@ Result<std::optional<Frame>> Ros1Source::next(const Deadline& deadline) {
   for (;;) {
     if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "waiting was cancelled");
     serve(kPoll_s);
-    if (auto updated = ros1_node::update(time_, clock_); !updated) {
-      return tl::make_unexpected(std::move(updated.error()));
-    }
+    if (auto updated = ros1_node::update(time_, clock_); !updated) return error_of(updated);
     if (!pending_ && arrived_) {
       pending_ = std::exchange(arrived_, std::nullopt);
       pending_->since.restart();
@@ -269,9 +267,7 @@ Result<std::optional<Frame>> Ros1Source::synchronise() {
   frame->stamp = time_.to_run(stamp);
   frame->T_world_camera = viewpoint->T_world_camera;
   frame->joint_positions = viewpoint->joint_positions;
-  if (auto measured = measure(arrival, *frame); !measured) {
-    return tl::make_unexpected(std::move(measured.error()));
-  }
+  if (auto measured = measure(arrival, *frame); !measured) return error_of(measured);
   return frame;
 }
 
@@ -327,13 +323,11 @@ Result<void> Ros1Source::measure(const Arrival& arrival, Frame& frame) {
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
   auto feed = ViewpointFeed::create(options, context.robot);
-  if (!feed) return tl::make_unexpected(std::move(feed.error()));
+  if (!feed) return error_of(feed);
   const auto master = ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s);
-  if (!master) return tl::make_unexpected(master.error());
+  if (!master) return error_of(master);
   auto source = std::make_unique<Ros1Source>(options, context, std::move(*feed));
-  if (auto connected = source->connect(); !connected) {
-    return tl::make_unexpected(std::move(connected.error()));
-  }
+  if (auto connected = source->connect(); !connected) return error_of(connected);
   return std::unique_ptr<Source>(std::move(source));
 }
 

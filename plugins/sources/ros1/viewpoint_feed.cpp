@@ -12,7 +12,7 @@ Result<ViewpointFeed> ViewpointFeed::create(const Options& options,
   feed.options_ = options;
   feed.robot_ = std::move(robot);
   if (options.joints) {
-    if (auto found = feed.find_joints(); !found) return tl::make_unexpected(found.error());
+    if (auto found = feed.find_joints(); !found) return error_of(found);
   }
   return feed;
 }
@@ -56,13 +56,13 @@ tl::expected<Eigen::VectorXd, ros_messages::LookupFailure> ViewpointFeed::joints
   for (const int j : told_) {
     const auto position = joints_.position(robot.joints[static_cast<std::size_t>(j)], stamp,
                                            options_.joints->max_gap_s);
-    if (!position) return tl::make_unexpected(position.error());
+    if (!position) return error_of(position);
     q[j] = *position;
   }
   if (!base_) return q;
   const auto T_world_base =
       tf_.lookup(options_.world_frame, options_.joints->base->frame, stamp, options_.tf_max_gap_s);
-  if (!T_world_base) return tl::make_unexpected(T_world_base.error());
+  if (!T_world_base) return error_of(T_world_base);
   q[base_->x] = T_world_base->translation().x();
   q[base_->y] = T_world_base->translation().y();
   q[base_->yaw] = std::atan2(T_world_base->linear()(1, 0), T_world_base->linear()(0, 0));
@@ -74,11 +74,11 @@ tl::expected<Viewpoint, ros_messages::LookupFailure> ViewpointFeed::at(
   Viewpoint viewpoint;
   const auto T_world_camera =
       tf_.lookup(options_.world_frame, camera_frame, stamp, options_.tf_max_gap_s);
-  if (!T_world_camera) return tl::make_unexpected(T_world_camera.error());
+  if (!T_world_camera) return error_of(T_world_camera);
   viewpoint.T_world_camera = *T_world_camera;
   if (!options_.joints) return viewpoint;
   auto q = joints_at(stamp);
-  if (!q) return tl::make_unexpected(std::move(q.error()));
+  if (!q) return error_of(q);
   viewpoint.joint_positions = std::move(*q);
   return viewpoint;
 }

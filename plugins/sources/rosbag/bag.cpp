@@ -43,10 +43,10 @@ Result<std::unique_ptr<Bag>> Bag::open(const std::filesystem::path& file) {
   auto bytes = FileBytes::open(file);
   if (!bytes) {
     bytes.error().hint = "set source.path";
-    return tl::make_unexpected(std::move(bytes.error()));
+    return error_of(bytes);
   }
   const auto checked = check_magic(**bytes, file.string());
-  if (!checked) return tl::make_unexpected(checked.error());
+  if (!checked) return error_of(checked);
   const auto header = bag::read_record(**bytes, kFirstLine.size(), (*bytes)->size());
   if (!header || header->op != bag::Op::kFile || header->end() > (*bytes)->size()) {
     return fail(ErrorCode::kIo,

@@ -189,8 +189,8 @@ class Collector final : public BagVisitor {
 
   bool take_camera(const MessageRef& ref, std::span<const std::uint8_t> bytes) {
     const auto info = deserialise<CameraInfo>(bytes);
-    const auto camera = info ? ros_messages::intrinsics(*info)
-                             : Result<CameraIntrinsics>(tl::make_unexpected(info.error()));
+    const auto camera =
+        info ? ros_messages::intrinsics(*info) : Result<CameraIntrinsics>(error_of(info));
     if (!camera) return false;
     recording_.is_distorted = recording_.is_distorted || ros_messages::is_distorted(*info);
     const auto& known = recording_.cameras.samples();
@@ -300,9 +300,7 @@ Result<Recording> read_recording(Bag& bag, const Options& options, Log& log) {
   Collector collector(options, recording);
   bag.scan(collector);
   tell_unusable(collector, recording, bag, log);
-  if (auto checked = check_topics(options, collector, bag); !checked) {
-    return tl::make_unexpected(std::move(checked.error()));
-  }
+  if (auto checked = check_topics(options, collector, bag); !checked) return error_of(checked);
   std::ranges::stable_sort(recording.measurements, {}, &Measurement::stamp);
   return recording;
 }

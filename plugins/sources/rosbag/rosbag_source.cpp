@@ -61,9 +61,7 @@ class RosbagSource final : public Source {
     if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "reading was cancelled");
     if (at_ >= recording_->measurements.size()) return next_damage();
     if (is_paced()) {
-      if (auto waited = wait(deadline); !waited) {
-        return tl::make_unexpected(std::move(waited.error()));
-      }
+      if (auto waited = wait(deadline); !waited) return error_of(waited);
     } else if (deadline.expired()) {
       return fail(ErrorCode::kDeadlineExceeded, "no time was left to read a frame");
     }
@@ -119,22 +117,22 @@ class RosbagSource final : public Source {
 
   Result<Frame> read(const Measurement& measurement, std::size_t index) {
     const auto bytes = bag_->read(measurement.ref);
-    if (!bytes) return tl::make_unexpected(bytes.error());
+    if (!bytes) return error_of(bytes);
     Frame frame;
     frame.sequence = static_cast<std::int64_t>(index);
     frame.stamp = is_paced() ? playback_.due(index) : measurement.stamp;
     auto read = recording_->is_cloud ? read_cloud(*bytes, frame)
                                      : read_image(*bytes, measurement.stamp, frame);
-    if (!read) return tl::make_unexpected(std::move(read.error()));
+    if (!read) return error_of(read);
     const Stamp looked_up{measurement.stamp.ns + offset_.ns};
     auto pose = viewpoints_.T_world_camera(*read, looked_up);
-    if (!pose) return tl::make_unexpected(std::move(pose.error()));
+    if (!pose) return error_of(pose);
     frame.T_world_camera = *pose;
     if (recording_->is_cloud && options_.points_in == "forward") {
       frame.T_world_camera = *pose * T_forward_optical();
     }
     auto joints = viewpoints_.joint_positions(looked_up);
-    if (!joints) return tl::make_unexpected(std::move(joints.error()));
+    if (!joints) return error_of(joints);
     frame.joint_positions = std::move(*joints);
     return frame;
   }
@@ -142,20 +140,20 @@ class RosbagSource final : public Source {
   /// Puts the measurement into the frame; the name of the frame that it was measured in.
   Result<std::string> read_image(std::span<const std::uint8_t> bytes, Stamp stamp, Frame& frame) {
     const auto message = deserialise<ros_messages::Image>(bytes);
-    if (!message) return tl::make_unexpected(message.error());
+    if (!message) return error_of(message);
     const CameraIntrinsics camera =
         camera_at(stamp, static_cast<int>(message->width), static_cast<int>(message->height));
     auto image = ros_messages::depth_image(*message, camera, range_);
-    if (!image) return tl::make_unexpected(std::move(image.error()));
+    if (!image) return error_of(image);
     frame.measurement = std::move(*image);
     return message->header.frame_id;
   }
 
   Result<std::string> read_cloud(std::span<const std::uint8_t> bytes, Frame& frame) {
     const auto message = deserialise<ros_messages::PointCloud2>(bytes);
-    if (!message) return tl::make_unexpected(message.error());
+    if (!message) return error_of(message);
     auto cloud = ros_messages::point_cloud(*message);
-    if (!cloud) return tl::make_unexpected(std::move(cloud.error()));
+    if (!cloud) return error_of(cloud);
     if (options_.points_in == "forward") {
       const Eigen::Matrix3f R_optical_forward =
           T_forward_optical().linear().transpose().cast<float>();
@@ -232,18 +230,18 @@ Result<void> check_intrinsics(const Options& options, const std::string& file,
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
   auto bag = Bag::open(options.path);
-  if (!bag) return tl::make_unexpected(std::move(bag.error()));
+  if (!bag) return error_of(bag);
   auto recording = read_recording(**bag, options, context.log);
-  if (!recording) return tl::make_unexpected(std::move(recording.error()));
+  if (!recording) return error_of(recording);
   const std::string file = options.path.string();
   for (const auto& checked : {select(options, file, *recording, context.log),
                               check_intrinsics(options, file, *recording)}) {
-    if (!checked) return tl::make_unexpected(checked.error());
+    if (!checked) return error_of(checked);
   }
   const std::string measured_in = first_frame_name(**bag, *recording);
   auto kept = std::make_unique<Recording>(std::move(*recording));
   auto viewpoints = Viewpoints::create(*kept, options, context.robot, measured_in, file);
-  if (!viewpoints) return tl::make_unexpected(std::move(viewpoints.error()));
+  if (!viewpoints) return error_of(viewpoints);
   return std::unique_ptr<Source>(std::make_unique<RosbagSource>(
       options, Parts{std::move(*bag), std::move(kept), std::move(*viewpoints)}, context.clock));
 }

@@ -66,11 +66,11 @@ Result<Viewpoints> Viewpoints::create(const Recording& recording, const Options&
       const BaseOptions& base = *options.joints->base;
       checked = check_path(base.from == "tf" ? base.frame : recording.base_track.reference_frame);
     }
-    if (!checked) return tl::make_unexpected(std::move(checked.error()));
+    if (!checked) return error_of(checked);
   }
   if (options.joints) {
     auto found = viewpoints.find_joints(file);
-    if (!found) return tl::make_unexpected(std::move(found.error()));
+    if (!found) return error_of(found);
   }
   return viewpoints;
 }
@@ -151,7 +151,7 @@ Result<std::optional<Eigen::VectorXd>> Viewpoints::joint_positions(Stamp stamp) 
   }
   if (base_) {
     const auto told = T_world_base(stamp);
-    if (!told) return tl::make_unexpected(told.error());
+    if (!told) return error_of(told);
     const Transform T_world_base = T_world_reference_ * *told;
     positions[base_->x] = T_world_base.translation().x();
     positions[base_->y] = T_world_base.translation().y();

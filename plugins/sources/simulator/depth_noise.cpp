@@ -7,7 +7,7 @@
 namespace sidestep::simulator {
 namespace {
 
-constexpr int kGrain_rows = 16;
+constexpr int kNoiseGrain_rows = 16;
 constexpr double kQuarterTurn_rad = 0.5 * std::numbers::pi;
 /// Beyond this the measurements behind the model end.
 constexpr double kSteepest_rad = 1.5;
@@ -64,7 +64,7 @@ void DepthSensor::measure(const ExactImage& exact, std::int64_t frame, WorkerPoo
   depth_m.resize(exact.depth_m.size());
   const bool ideal = !needs_incidence();
   const std::uint64_t frame_seed = mix(seed_ ^ mix(static_cast<std::uint64_t>(frame)));
-  workers.run_banded(camera_.height_px, kGrain_rows, [&](int begin, int end) {
+  workers.run_banded(camera_.height_px, kNoiseGrain_rows, [&](int begin, int end) {
     for (int v = begin; v < end; ++v) {
       for (int u = 0; u < camera_.width_px; ++u) {
         const std::size_t at = index(u, v);

@@ -54,9 +54,9 @@ Result<Head> Head::create(std::shared_ptr<const RobotModel> robot, const HeadOpt
   }
   Head head(std::move(robot), *tree, eye);
   auto pan = head.find_axis(options.pan_joint, options.pan_lower_rad, options.pan_upper_rad);
-  if (!pan) return tl::make_unexpected(pan.error());
+  if (!pan) return error_of(pan);
   auto tilt = head.find_axis(options.tilt_joint, options.tilt_lower_rad, options.tilt_upper_rad);
-  if (!tilt) return tl::make_unexpected(tilt.error());
+  if (!tilt) return error_of(tilt);
   if (pan->link == tilt->link || !head.carries(pan->link, tilt->link) ||
       !head.carries(tilt->link, eye.link)) {
     return fail(ErrorCode::kConfig, "'" + options.pan_joint + "' does not carry '" +

@@ -4,6 +4,8 @@
 #include <string>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep::simulator {
 namespace {
 
@@ -24,9 +26,7 @@ Result<MountedCamera> MountedCamera::create(const MountOptions& options,
   MountedCamera camera;
   camera.robot_ = context.robot;
   camera.motion_ = context.motion;
-  if (auto mounted = camera.mount(options); !mounted) {
-    return tl::make_unexpected(std::move(mounted.error()));
-  }
+  if (auto mounted = camera.mount(options); !mounted) return error_of(mounted);
   return camera;
 }
 
@@ -34,7 +34,7 @@ Result<void> MountedCamera::mount(const MountOptions& options) {
   const RobotDescription& robot = robot_->description();
   options_ = options.head;
   const auto link = find_link(options.link);
-  if (!link) return tl::make_unexpected(link.error());
+  if (!link) return error_of(link);
   eye_ = {*link, transform_from_xyz_rpy(options.xyz_m, options.rpy_rad)};
   for (std::size_t i = 0; i < robot.shapes.size(); ++i) {
     if (robot.shapes[i].link != *link) seen_.push_back(static_cast<int>(i));
@@ -45,10 +45,10 @@ Result<void> MountedCamera::mount(const MountOptions& options) {
 
   const bool is_ahead = options_.look == "ahead";
   const auto target = find_link(is_ahead ? options_.ahead_link : options_.base_link);
-  if (!target) return tl::make_unexpected(target.error());
+  if (!target) return error_of(target);
   (is_ahead ? ahead_link_ : base_link_) = *target;
   auto head = Head::create(robot_, options_, eye_);
-  if (!head) return tl::make_unexpected(std::move(head.error()));
+  if (!head) return error_of(head);
   head_ = std::move(*head);
   return {};
 }
@@ -67,10 +67,9 @@ std::vector<SceneObject> MountedCamera::shapes() const {
   const RobotDescription& robot = robot_->description();
   std::vector<SceneObject> objects;
   for (const int index : seen_) {
-    const CollisionShape& shape = robot.shapes[static_cast<std::size_t>(index)];
-    objects.push_back({robot.name + "/" + robot.links[static_cast<std::size_t>(shape.link)].name,
-                       shape.shape,
-                       {Waypoint{}}});
+    const CollisionShape& shape = robot.shapes[idx(index)];
+    objects.push_back(
+        {robot.name + "/" + robot.links[idx(shape.link)].name, shape.shape, {Waypoint{}}});
   }
   return objects;
 }
@@ -97,9 +96,8 @@ std::optional<View> MountedCamera::view(Stamp stamp) {
   if (head_) head_->turn(T_world_link_);
   view.T_world_eye = T_world_link_[eye] * eye_.T_link_camera;
   for (const int index : seen_) {
-    const CollisionShape& shape = robot_->description().shapes[static_cast<std::size_t>(index)];
-    view.T_world_shape.push_back(T_world_link_[static_cast<std::size_t>(shape.link)] *
-                                 shape.T_link_shape);
+    const CollisionShape& shape = robot_->description().shapes[idx(index)];
+    view.T_world_shape.push_back(T_world_link_[idx(shape.link)] * shape.T_link_shape);
   }
   return view;
 }
@@ -108,8 +106,7 @@ void MountedCamera::aim(const RobotState& measured, Stamp stamp) {
   if (options_.look == "along_motion") return follow_motion(measured, stamp);
   const auto later = motion_->planned({stamp.ns + Stamp::from_seconds(options_.ahead_s).ns});
   place(later ? later->q : measured.q, T_world_link_later_);
-  head_->look_at(T_world_link_later_[static_cast<std::size_t>(ahead_link_)].translation(),
-                 T_world_link_, stamp);
+  head_->look_at(T_world_link_later_[idx(ahead_link_)].translation(), T_world_link_, stamp);
 }
 
 void MountedCamera::follow_motion(const RobotState& measured, Stamp stamp) {

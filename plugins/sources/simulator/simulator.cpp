@@ -144,9 +144,9 @@ std::vector<OptionMistake> Options::check() const {
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
   auto scene = load_scene(options.scene, context.scene_paths, context.documents);
-  if (!scene) return tl::make_unexpected(scene.error());
+  if (!scene) return error_of(scene);
   auto viewpoint = Viewpoint::create(options, context);
-  if (!viewpoint) return tl::make_unexpected(std::move(viewpoint.error()));
+  if (!viewpoint) return error_of(viewpoint);
   return std::unique_ptr<Source>(std::make_unique<Simulator>(options, scene->drawn(context.seed),
                                                              std::move(*viewpoint), context));
 }

@@ -7,7 +7,7 @@ Result<Viewpoint> Viewpoint::create(const Options& options, const HostContext& c
     return Viewpoint(CameraPath(options.camera_path, options.camera_path_repeats));
   }
   auto mounted = MountedCamera::create(*options.mount, context);
-  if (!mounted) return tl::make_unexpected(std::move(mounted.error()));
+  if (!mounted) return error_of(mounted);
   return Viewpoint(std::move(*mounted));
 }
 

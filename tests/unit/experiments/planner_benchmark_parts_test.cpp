@@ -3,9 +3,9 @@
 #include <nlohmann/json.hpp>
 
 #include "planners/path_quality.hpp"
+#include "planners/planner_figures.hpp"
 #include "planners/planner_rows.hpp"
 #include "planners/planner_summary.hpp"
-#include "report/figures_planners.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep {

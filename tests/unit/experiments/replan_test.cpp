@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <sidestep/experiments/report.hpp>
+
 #include "closed_loop/episode_clock.hpp"
 #include "closed_loop/paced_frames.hpp"
 #include "closed_loop/replan_pictures.hpp"
@@ -15,7 +17,6 @@
 #include "closed_loop/replan_visibility.hpp"
 #include "closed_loop/step_watch.hpp"
 #include "report/html.hpp"
-#include "results/save_outcome.hpp"
 #include "support/chain_robot.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/field/dense_field.hpp>
 
 #include <algorithm>
@@ -172,7 +173,6 @@ TEST(DenseField, TheNearestVoxelDecidesWhatIsKnown) {
 
 TEST(DenseField, WhatIsNotFiniteIsOutside) {
   const DenseField field = sampled(grid_of(20, 20, 20), multilinear, always);
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), kInfinity, -kInfinity}) {
     for (int axis = 0; axis < 3; ++axis) {
       Eigen::Vector3d p(1.0, 4.0, 2.0);

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/field/scene_field.hpp>
 
 #include <algorithm>
@@ -133,7 +134,6 @@ TEST(SceneField, FindsThePointsBelowTheirLimits) {
 
 TEST(SceneField, IsOutsideBeyondItsBounds) {
   const SceneField field(all_shapes(), Stamp(), kBounds);
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const std::vector<Eigen::Vector3d> points{
       kBounds.max(), {1.6, 0.3, 0.2}, {1.5, 0.3, 0.2}, {0.0, kInfinity, 0.0}, {0.0, 0.0, 1e300}};
   std::vector<double> distances(points.size());

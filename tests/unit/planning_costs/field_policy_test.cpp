@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/costs.hpp>
 
 #include "conformance/analytic_models.hpp"
@@ -11,8 +12,6 @@
 
 namespace sidestep {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// A ball of 0.5 m in a cube of +-1 m of which the part above z = 0.7 m was never seen.
 class FieldPolicyTest : public testing::Test {

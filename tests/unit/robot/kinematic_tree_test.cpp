@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 #include <limits>
@@ -7,8 +8,6 @@
 
 namespace sidestep {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct Parts {
   RobotDescription robot;

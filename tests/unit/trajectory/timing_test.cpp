@@ -5,14 +5,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
 namespace sidestep {
 namespace {
 
 using testing::HasSubstr;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 RobotDescription robot(std::vector<double> max_velocity, double max_acceleration = kInfinity) {
   RobotDescription out;

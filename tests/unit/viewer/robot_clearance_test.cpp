@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "support/hsr.hpp"
 #include "view_testing.hpp"
 
 namespace sidestep {
@@ -35,6 +36,17 @@ TEST(RobotClearance, WhatARobotStandsOnDoesNotCount) {
   const auto found = clearance.find(ball_at(0.0, 0.0, 0.2), 0.0, nullptr);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->object, "box");
+}
+
+TEST(RobotClearance, ALinkThatKeepsItsHeightDoesNotCountAboveThePlane) {
+  const auto hsr = testing_support::load_hsr();
+  const SceneObject floor{
+      "floor", HalfSpace{}, {{0.0, Transform::Identity()}}, false, std::nullopt};
+  RobotClearance clearance(hsr, std::make_shared<const Scene>(std::vector<SceneObject>{floor}),
+                           std::vector<double>(8, 0.0));
+  EXPECT_EQ(clearance.find(std::vector<double>(8, 0.0), 0.0, nullptr)->link, "torso_lift_link");
+  const std::vector<double> reaches_down{0.0, 0.0, 0.0, 0.15, -2.1, 0.0, -1.04, 0.0};
+  EXPECT_TRUE(clearance.find(reaches_down, 0.0, nullptr)->link.starts_with("hand_"));
 }
 
 TEST(RobotClearance, WithoutASceneTheMapDecides) {

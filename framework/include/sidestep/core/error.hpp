@@ -53,4 +53,15 @@ using Result = tl::expected<T, Error>;
       Error{code, std::move(message), std::move(where), std::move(hint), nullptr});
 }
 
+/// The same for arguments that are wrong.
+[[nodiscard]] inline tl::unexpected<Error> invalid(std::string message, std::string hint = {}) {
+  return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
+}
+
+/// Passes a failure on to the caller: `if (!part) return error_of(part);`
+template <class T, class E>
+[[nodiscard]] tl::unexpected<E> error_of(const tl::expected<T, E>& failed) {
+  return tl::make_unexpected(failed.error());
+}
+
 }  // namespace sidestep

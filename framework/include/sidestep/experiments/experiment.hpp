@@ -26,6 +26,9 @@ struct Shard {
 };
 
 class RunObserver;
+namespace report {
+struct RunReport;
+}
 
 /// What an experiment is given.
 struct ExperimentContext {
@@ -68,6 +71,7 @@ struct ExperimentType {
   void (*check)(const Configuration& configuration, Host& host, std::vector<Error>& errors);
   /// Measures, and saves to context.out/results.sqlite.
   Result<ExperimentOutcome> (*run)(ExperimentContext& context);
+  const report::RunReport* report = nullptr;  ///< How its runs are shown.
   /// Fills in, for the effective configuration, what the schema of the `experiment` block cannot
   /// know, e.g. the defaults of plugins that it names; may be null.
   void (*fill)(Node& experiment, Host& host) = nullptr;
@@ -80,10 +84,13 @@ struct ExperimentType {
   /// Top-level blocks it reads where they are given. Any block that is neither here nor in `blocks`
   /// is refused.
   std::vector<std::string> optional_blocks = {};
-  /// Whether it can do one shard of its work, and go on where an earlier run ended.
-  bool is_divisible = false;
-  /// Whether it can go on where an earlier run ended; what is divisible can.
-  bool is_resumable = false;
+  /// Puts shards of one run together in the folder `out`; null where it cannot be divided. What can
+  /// be divided can go on where an earlier run ended, too.
+  Result<ExperimentOutcome> (*merge)(const std::vector<std::filesystem::path>& shards,
+                                     const std::filesystem::path& out) = nullptr;
+  bool is_resumable = false;  ///< Whether it can go on where an earlier run ended.
+
+  [[nodiscard]] bool is_divisible() const noexcept { return merge != nullptr; }
 
   /// Whether it reads the top-level block.
   [[nodiscard]] bool uses(std::string_view block) const noexcept;

@@ -16,6 +16,11 @@ namespace sidestep {
 /// files are damaged or nothing can be written. [main]
 [[nodiscard]] Result<void> write_report(const std::filesystem::path& run);
 
+/// Writes summary.json and, where there is a table for a spreadsheet, table.csv into the folder of
+/// a run, then the report of it, which shows the results and the configuration that lie there.
+[[nodiscard]] Result<void> save_outcome(const ExperimentOutcome& outcome,
+                                        const std::filesystem::path& run);
+
 /// A table that compares several runs, for a terminal; and the same as a self-contained page in
 /// `html`, which may be empty for none. Fails as write_report() does.
 [[nodiscard]] Result<std::string> compare_runs(const std::vector<std::filesystem::path>& runs,

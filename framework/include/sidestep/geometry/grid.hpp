@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -36,6 +37,10 @@ struct GridSpec {
   }
   [[nodiscard]] Eigen::Vector3d upper_m() const noexcept {
     return origin_m + size_vox.cast<double>() * resolution_m;
+  }
+  /// Distance to the nearest face, negative outside. 1-Lipschitz.
+  [[nodiscard]] double inside_m(const Eigen::Vector3d& p_world) const noexcept {
+    return std::min((p_world - origin_m).minCoeff(), (upper_m() - p_world).minCoeff());
   }
   friend bool operator==(const GridSpec& a, const GridSpec& b) noexcept {
     return a.origin_m == b.origin_m && a.resolution_m == b.resolution_m && a.size_vox == b.size_vox;

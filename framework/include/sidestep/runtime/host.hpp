@@ -131,7 +131,7 @@ class Host {
   template <class Interface>
   [[nodiscard]] Result<PluginPtr<Interface>> create(const Node& block, const RunLoan& loan) {
     auto made = create_object(PluginTraits<Interface>::kKind, block, loan);
-    if (!made) return tl::make_unexpected(std::move(made.error()));
+    if (!made) return error_of(made);
     PluginPtr<Interface> object(static_cast<Interface*>(made->object), std::move(made->deleter));
     if constexpr (std::is_same_v<Interface, RobotModel>) {
       return guard_robot(std::move(object));

@@ -14,6 +14,11 @@ struct MotionLimits {
   std::vector<double> velocity;
   std::vector<double> acceleration;
   std::vector<std::string> names;  ///< Of the joints, for messages; may be empty.
+
+  /// For messages: by name where there is one, else by number.
+  [[nodiscard]] std::string joint_name(std::size_t joint) const {
+    return joint < names.size() ? "joint '" + names[joint] + "'" : "joint " + std::to_string(joint);
+  }
 };
 
 /// The part of a robot's limits that a motion may use.

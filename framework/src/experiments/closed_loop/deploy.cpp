@@ -85,7 +85,7 @@ Result<void> Deployment::run(Recorder& recorder) {
   while (auto goal = wait_for_goal()) {
     if (goal->is_stop) continue;  // it stands already
     const auto done = go_to(*goal);
-    if (!done) return tl::make_unexpected(done.error());
+    if (!done) return error_of(done);
     record_episode(*done, *world_.robot, settings_.deploy.pictures, recorder);
     if (auto saved = recorder.commit(); !saved) return saved;
     ++episode_;
@@ -150,7 +150,7 @@ std::optional<Goal> Deployment::next_goal() {
   }
   auto goal = read_goal(**request, world_.robot, *q_now);
   const auto possible = goal ? check_possible(*goal, world_.robot, settings_.loop.planning.space())
-                             : Result<void>(tl::make_unexpected(goal.error()));
+                             : Result<void>(error_of(goal));
   if (possible) return std::move(*goal);
   report((*request)->id, State::kRefused, possible.error().describe());
   return std::nullopt;
@@ -208,7 +208,7 @@ void Deployment::report(const std::string& id, State state, std::string message,
 
 Result<Eigen::VectorXd> Deployment::measured() {
   auto current = guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
-  if (!current) return tl::make_unexpected(std::move(current.error()));
+  if (!current) return error_of(current);
   return std::move(current->state.q);
 }
 
@@ -226,7 +226,7 @@ Result<ExperimentOutcome> run_deploy(ExperimentContext& context) {
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   stand_on_floor(settings.loop.planning, *robot);
   auto world = make_replan_world(context, settings.loop, robot, 0);
-  if (!world) return tl::make_unexpected(std::move(world.error()));
+  if (!world) return error_of(world);
   auto* goals = dynamic_cast<GoalSource*>(world->executor.get());
   if (goals == nullptr) {
     return fail(ErrorCode::kConfig, plugin_of(world->executor) + " takes no goals while it runs",

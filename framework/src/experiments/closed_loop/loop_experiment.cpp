@@ -2,6 +2,7 @@
 
 #include <sidestep/experiments/planning_settings.hpp>
 
+#include "closed_loop/replan_summary.hpp"
 #include "closed_loop/replan_world.hpp"
 #include "settings/blocks.hpp"
 #include "settings/checked_robot.hpp"
@@ -16,6 +17,7 @@ ExperimentType loop_experiment() {
   // A replan's first guesses are `replanner.escalation`, and what it finds is timed anew always.
   // The robot looks on while it moves.
   type.unused_of_planning = {"max_unknown_share", "retime", "attempts"};
+  type.report = &replan_report();
   return type;
 }
 
@@ -34,10 +36,10 @@ Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts
   const auto file = context.out / "results.sqlite";
   auto store =
       context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, facts.provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
+  if (!store) return error_of(store);
   Recorder recorder(**store);
   if (!context.resume) record_replan_run(identity, recorder);
-  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
   // Held here, so that episodes before one that cannot be run are kept.
   auto done = contained("the closed loop", [&] { return work(recorder); });
   store->reset();

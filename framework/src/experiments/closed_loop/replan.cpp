@@ -43,7 +43,7 @@ Result<std::set<std::int64_t>> finished_episodes(const ExperimentContext& contex
   if (!context.resume) return finished;
   const auto file = context.out / "results.sqlite";
   const auto rows = read_replan_rows(file);
-  if (!rows) return tl::make_unexpected(rows.error());
+  if (!rows) return error_of(rows);
   const std::string other = difference(rows->identity, identity);
   if (!other.empty()) {
     return fail(ErrorCode::kConfig, "the run to resume is another experiment: " + other,
@@ -68,11 +68,11 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     };
     show(name);
     auto world = make_replan_world(context, settings, robot, episode);
-    if (!world) return tl::make_unexpected(std::move(world.error()));
+    if (!world) return error_of(world);
     const auto done =
         run_episode(context, settings, std::move(*world), episode,
                     [&](const std::string& how_far) { show(name + " (" + how_far + ")"); });
-    if (!done) return tl::make_unexpected(done.error());
+    if (!done) return error_of(done);
     if (done->interrupted) break;
     const bool pictured = i < kAlwaysPictured || !done->success();
     record_episode(*done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
@@ -93,7 +93,7 @@ Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
 
   const std::string identity = identity_of(context);
   const auto finished = finished_episodes(context, identity);
-  if (!finished) return tl::make_unexpected(finished.error());
+  if (!finished) return error_of(finished);
   ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
   facts.planned_episodes = settings.experiment.episodes;
   facts.again = command_again(context.configuration);

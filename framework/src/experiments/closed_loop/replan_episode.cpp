@@ -94,7 +94,7 @@ Result<void> EpisodeRun::find_goal() {
   if (!settings_.task.frees_goal) return {};
   if (const auto below = target_below_floor(settings_.task, settings_.planning.floor);
       !below.empty()) {
-    return fail(ErrorCode::kInvalidArgument, "the goal is not valid: " + below);
+    return invalid("the goal is not valid: " + below);
   }
   constexpr double kPatience_s = 60.0;
   auto field = slot_.pin();
@@ -111,7 +111,7 @@ Result<void> EpisodeRun::find_goal() {
         problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
         Deadline::after_s(planning.time_limit_s, context_.stop));
   });
-  if (!solution) return tl::make_unexpected(solution.error());
+  if (!solution) return error_of(solution);
   if (solution->trajectory.size() == 0) {
     return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution->reason);
   }
@@ -173,7 +173,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
   record_.duration_s = world_.clock->now().seconds() - begin_.seconds();
   come_to_rest();
   mapping_.stop();
-  if (!done) return tl::make_unexpected(done.error());
+  if (!done) return error_of(done);
   record_.reached = status_ == Replanner::Status::kReached;
   record_.checks = replanner_->checks();
   record_.guesses = replanner_->guess_counts();
@@ -184,7 +184,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
   record_.frames = static_cast<std::int64_t>(record_.mapping.size());
   record_.frames_dropped = mapped.dropped;
   record_.following = mapping_.following();
-  if (auto found = find_truth(); !found) return tl::make_unexpected(std::move(found.error()));
+  if (auto found = find_truth(); !found) return error_of(found);
   judge();
   show_.end(record_);
   return std::move(record_);
@@ -269,10 +269,10 @@ bool EpisodeRun::is_at_rest() {
 }
 
 void EpisodeRun::note_events(Stamp now, std::size_t first) {
-  using Kind = ReplannerEvent::Kind;
   for (std::size_t i = first; i < events_.size(); ++i) {
     EpisodeEvent event{events_[i], {}, {}};
-    if (event.event.kind == Kind::kPlanned || event.event.kind == Kind::kReplanned) {
+    if (event.event.kind == ReplannerEvent::Kind::kPlanned ||
+        event.event.kind == ReplannerEvent::Kind::kReplanned) {
       const auto since_map_ms = [&](Stamp stamp) {
         return 1e-6 * static_cast<double>(stamp.ns - event.event.map_stamp.ns);
       };
@@ -330,7 +330,7 @@ Result<void> EpisodeRun::find_truth() {
   const auto& allowed = settings_.check.allowed_contacts;
   truth.allowed_contacts.assign(allowed.begin(), allowed.end());
   auto found = check_true_motion(world_.robot, world_.scene, record_.poses, truth);
-  if (!found) return tl::make_unexpected(std::move(found.error()));
+  if (!found) return error_of(found);
   record_.truth = std::move(*found);
   for (const TrueContact& contact : record_.truth.contacts) {
     record_.contacts.push_back(
@@ -371,9 +371,7 @@ Result<EpisodeRecord> run_episode(ExperimentContext& context, const ReplanConfig
                                   EpisodeProgress::Tell progress) {
   SnapshotSlot slot;
   EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
-  if (auto attached = mapping.attach(); !attached) {
-    return tl::make_unexpected(std::move(attached.error()));
-  }
+  if (auto attached = mapping.attach(); !attached) return error_of(attached);
   return run_episode(context, {settings, world, slot, mapping, {}, std::move(progress)}, episode);
 }
 

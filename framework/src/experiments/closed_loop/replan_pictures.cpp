@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -118,10 +120,6 @@ class FromAbove {
   Scratch scratch_;
 };
 
-std::span<const double> row(const Eigen::VectorXd& q) {
-  return {q.data(), static_cast<std::size_t>(q.size())};
-}
-
 struct Ways {
   std::vector<Eigen::Vector2d> base, hand;
 
@@ -135,7 +133,7 @@ Ways way_so_far(const EpisodeRecord& episode, std::size_t last, FromAbove& view)
   Ways ways;
   const std::size_t stride = 1 + last / kPathPoints;
   for (std::size_t i = 0; i <= last; i += stride) {
-    ways.add(view.base_and_hand(row(episode.poses[i].q)));
+    ways.add(view.base_and_hand(as_span(episode.poses[i].q)));
   }
   return ways;
 }
@@ -182,14 +180,14 @@ void record_pictures(const EpisodeRecord& episode, const RobotModel& robot, int 
     const auto at = std::min<std::size_t>(static_cast<std::size_t>(after - episode.poses.begin()),
                                           episode.poses.size() - 1);
     recorder.add(series, p, "time_s", time_s);
-    recorder.add(series, p, "robot", view.spheres(row(episode.poses[at].q)));
+    recorder.add(series, p, "robot", view.spheres(as_span(episode.poses[at].q)));
     const Ways behind = way_so_far(episode, at, view);
     recorder.add_filled(series, p, "way.base", array_of(behind.base));
     recorder.add_filled(series, p, "way.hand", array_of(behind.hand));
     const Ways ahead = way_ahead(episode, time_s, view);
     recorder.add_filled(series, p, "plan.base", array_of(ahead.base));
     recorder.add_filled(series, p, "plan.hand", array_of(ahead.hand));
-    recorder.add(series, p, "goal", view.spheres(row(episode.q_goal)));
+    recorder.add(series, p, "goal", view.spheres(as_span(episode.q_goal)));
     if (!episode.scene) continue;
     int count = 0;
     for (const SceneObject& object : episode.scene->objects()) {

@@ -8,8 +8,6 @@
 namespace sidestep {
 namespace {
 
-using Kind = ReplannerEvent::Kind;
-
 constexpr std::size_t kPathEvery = 5;  ///< True states, of 125 Hz.
 
 void record_event(const EpisodeEvent& event, std::int64_t episode, std::int64_t item,
@@ -96,7 +94,7 @@ Result<Items> read_items(ResultsReader& reader, std::string_view series) {
   auto read = reader.visit(series, [&](std::int64_t item, std::string_view key, double value) {
     items[item].insert_or_assign(std::string(key), value);
   });
-  if (!read) return tl::make_unexpected(std::move(read.error()));
+  if (!read) return error_of(read);
   return items;
 }
 
@@ -120,13 +118,14 @@ void add_events(const Items& events, std::map<std::int64_t, EpisodeRow>& rows) {
     const auto row = rows.find(count_of(event, "episode"));
     if (row == rows.end()) continue;
     EpisodeRow& episode = row->second;
-    const auto kind = static_cast<Kind>(count_of(event, "kind"));
-    if (kind == Kind::kReplanned) ++episode.replans;
-    if (kind == Kind::kStopped) ++episode.stops;
-    if (kind == Kind::kSlowed) ++episode.slowdowns;
-    const bool is_followed = kind == Kind::kReplanned || kind == Kind::kPlanned;
+    const auto kind = static_cast<ReplannerEvent::Kind>(count_of(event, "kind"));
+    if (kind == ReplannerEvent::Kind::kReplanned) ++episode.replans;
+    if (kind == ReplannerEvent::Kind::kStopped) ++episode.stops;
+    if (kind == ReplannerEvent::Kind::kSlowed) ++episode.slowdowns;
+    const bool is_followed =
+        kind == ReplannerEvent::Kind::kReplanned || kind == ReplannerEvent::Kind::kPlanned;
     const double solve_ms = value_of(event, "solve_ms").value_or(0.0);
-    if (is_followed || (kind == Kind::kReplanFailed && solve_ms > 0.0)) {
+    if (is_followed || (kind == ReplannerEvent::Kind::kReplanFailed && solve_ms > 0.0)) {
       episode.search_ms.push_back(solve_ms);
     }
     if (!is_followed) continue;
@@ -201,20 +200,20 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
 
 Result<ReplanRows> read_replan_rows(const std::filesystem::path& file) {
   auto reader = ResultsReader::open(file);
-  if (!reader) return tl::make_unexpected(std::move(reader.error()));
+  if (!reader) return error_of(reader);
   ReplanRows rows;
   auto identity = (*reader)->text("run", 0, "identity");
-  if (!identity) return tl::make_unexpected(std::move(identity.error()));
+  if (!identity) return error_of(identity);
   if (!*identity) return fail(ErrorCode::kIo, "holds no replan experiment", file.string());
   rows.identity = std::move(**identity);
   const auto episodes = read_items(**reader, "episode");
-  if (!episodes) return tl::make_unexpected(episodes.error());
+  if (!episodes) return error_of(episodes);
   const auto events = read_items(**reader, "event");
-  if (!events) return tl::make_unexpected(events.error());
+  if (!events) return error_of(events);
   const auto contacts = read_items(**reader, "contact");
-  if (!contacts) return tl::make_unexpected(contacts.error());
+  if (!contacts) return error_of(contacts);
   const auto guesses = read_items(**reader, "guess");
-  if (!guesses) return tl::make_unexpected(guesses.error());
+  if (!guesses) return error_of(guesses);
   for (const auto& [item, values] : *guesses) {
     const std::string name = text_of(**reader, "guess", item, "name");
     auto known = std::ranges::find(rows.guesses, name, &Replanner::GuessCount::guess);

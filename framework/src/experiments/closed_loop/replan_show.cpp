@@ -5,9 +5,8 @@ namespace {
 
 /// Whether what is followed changes with an event.
 bool changes_what_is_followed(ReplannerEvent::Kind kind) {
-  using Kind = ReplannerEvent::Kind;
-  return kind == Kind::kPlanned || kind == Kind::kReplanned || kind == Kind::kStopped ||
-         kind == Kind::kSlowed;
+  return kind == ReplannerEvent::Kind::kPlanned || kind == ReplannerEvent::Kind::kReplanned ||
+         kind == ReplannerEvent::Kind::kStopped || kind == ReplannerEvent::Kind::kSlowed;
 }
 
 }  // namespace

@@ -20,7 +20,7 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t kTableRows = 40;
 
 template <class Member>
-std::vector<double> all_of(const std::vector<EpisodeRow>& episodes, Member member) {
+std::vector<double> joined(const std::vector<EpisodeRow>& episodes, Member member) {
   std::vector<double> values;
   for (const EpisodeRow& episode : episodes) {
     values.insert(values.end(), (episode.*member).begin(), (episode.*member).end());
@@ -48,7 +48,7 @@ Json spread(const std::vector<double>& values) {
 /// That of one kind of measurement over all episodes.
 template <class Member>
 Json spread_of(const std::vector<EpisodeRow>& episodes, Member member) {
-  return spread(all_of(episodes, member));
+  return spread(joined(episodes, member));
 }
 
 /// The episode with the least true clearance; null where it is known of none.
@@ -108,9 +108,9 @@ Json metrics_of(const ReplanRows& rows) {
   const auto count = static_cast<double>(episodes.size());
   const auto successes = std::ranges::count(episodes, true, &EpisodeRow::success);
   const double time_s = sum_of(episodes, &EpisodeRow::duration_s);
-  const auto solve_ms = all_of(episodes, &EpisodeRow::solve_ms);
-  const auto to_trajectory_ms = all_of(episodes, &EpisodeRow::stamp_to_trajectory_ms);
-  const auto map_age_ms = all_of(episodes, &EpisodeRow::map_age_ms);
+  const auto solve_ms = joined(episodes, &EpisodeRow::solve_ms);
+  const auto to_trajectory_ms = joined(episodes, &EpisodeRow::stamp_to_trajectory_ms);
+  const auto map_age_ms = joined(episodes, &EpisodeRow::map_age_ms);
   const EpisodeRow* closest = closest_of(episodes);
   double jump = 0.0;
   for (const EpisodeRow& episode : episodes) {
@@ -283,8 +283,8 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
 Result<ExperimentOutcome> conclude_replan(ReplanFacts facts, Result<void> done,
                                           const std::filesystem::path& results) {
   auto rows = read_replan_rows(results);
-  if (!rows) return tl::make_unexpected(std::move(rows.error()));
-  if (!done && rows->episodes.empty()) return tl::make_unexpected(std::move(done.error()));
+  if (!rows) return error_of(rows);
+  if (!done && rows->episodes.empty()) return error_of(done);
   if (!done) facts.fault = std::move(done.error());
   return summarise_replan(facts, *rows);
 }

@@ -38,4 +38,7 @@ struct ReplanFacts {
 [[nodiscard]] Result<ExperimentOutcome> conclude_replan(ReplanFacts facts, Result<void> done,
                                                         const std::filesystem::path& results);
 
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& replan_report();
+
 }  // namespace sidestep

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/geometry/ray_caster.hpp>
 
 namespace sidestep {
@@ -18,8 +19,8 @@ double speed_at(const std::vector<TruePose>& poses, double time_s) {
   if (poses.size() < 2) return 0.0;
   const auto at = std::clamp<std::ptrdiff_t>(after - poses.begin(), 1,
                                              static_cast<std::ptrdiff_t>(poses.size()) - 1);
-  const TruePose& a = poses[static_cast<std::size_t>(at - 1)];
-  const TruePose& b = poses[static_cast<std::size_t>(at)];
+  const TruePose& a = poses[idx(at - 1)];
+  const TruePose& b = poses[idx(at)];
   return (b.q - a.q).cwiseAbs().maxCoeff() / std::max(1e-9, b.time_s - a.time_s);
 }
 
@@ -31,7 +32,7 @@ bool shows(const CameraView& view, const RayCaster& caster, int object) {
     for (int u = 0; u < kRays; ++u) {
       const double column = (u + 0.5) / kRays * view.camera.width_px - 0.5;
       const double row = (v + 0.5) / kRays * view.camera.height_px - 0.5;
-      directions[static_cast<std::size_t>(u)] =
+      directions[idx(u)] =
           view.T_world_camera.linear() * view.camera.unproject(column, row, 1.0).normalized();
     }
     caster.cast(origins, directions, hits);

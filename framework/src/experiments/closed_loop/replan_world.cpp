@@ -62,7 +62,7 @@ class StateDraw {
       touching.allowed_contacts.assign(allowed.begin(), allowed.end());
     }
     auto check = make_shape_check(robot_, obstacles, touching);
-    if (!check) return tl::make_unexpected(std::move(check.error()));
+    if (!check) return error_of(check);
     std::mt19937_64 generator(derive_seed(seed, what));
     for (int i = 0; i < random.draws; ++i) {
       for (const RandomJoint& range : ranges) {
@@ -73,7 +73,7 @@ class StateDraw {
       Trajectory standing = make_trajectory(robot_->description().dof(), 2, 1e-3);
       for (int state : {0, 1}) std::copy(q.begin(), q.end(), standing.q(state).begin());
       const auto verdict = (*check)->check(standing, 0.0, Deadline());
-      if (!verdict) return tl::make_unexpected(verdict.error());
+      if (!verdict) return error_of(verdict);
       const bool is_free = verdict->valid() && verdict->min_clearance_m >= random.clearance_m;
       if (is_free) return q;
     }
@@ -93,10 +93,10 @@ Result<void> draw_ends(const ReplanConfiguration& settings, std::uint64_t seed,
                        ReplanWorld& world) {
   const StateDraw states(settings, world.robot, world.scene);
   auto start = states.draw("start", settings.q_start, settings.start_ranges, 0.0, seed);
-  if (!start) return tl::make_unexpected(std::move(start.error()));
+  if (!start) return error_of(start);
   auto goal = states.draw("goal", settings.q_goal, settings.goal_ranges,
                           settings.experiment.duration_s, seed);
-  if (!goal) return tl::make_unexpected(std::move(goal.error()));
+  if (!goal) return error_of(goal);
   world.q_start = std::move(*start);
   world.q_goal = std::move(*goal);
   return {};
@@ -146,11 +146,9 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   maker.make("source", world.source);
   if (maker.error()) return tl::make_unexpected(std::move(*maker.error()));
   auto scene = true_scene(world.source);
-  if (!scene) return tl::make_unexpected(std::move(scene.error()));
+  if (!scene) return error_of(scene);
   world.scene = std::move(*scene);
-  if (auto drawn = draw_ends(settings, seed, world); !drawn) {
-    return tl::make_unexpected(std::move(drawn.error()));
-  }
+  if (auto drawn = draw_ends(settings, seed, world); !drawn) return error_of(drawn);
   maker.make("mapper", world.mapper);
   maker.make("field", world.field_builder);
   maker.make("optimiser", world.optimiser);

@@ -12,15 +12,15 @@ FrameFeed::FrameFeed(MakeSource make_source, Limits limits, Log& log, std::stop_
 Result<void> FrameFeed::open() {
   source_.reset();  // two at once may not be had, e.g. of a camera
   auto source = make_source_();
-  if (!source) return tl::make_unexpected(std::move(source.error()));
+  if (!source) return error_of(source);
   source_.emplace(std::move(*source));
   if (!scene_) {
     auto scene = true_scene(*source_);
-    if (!scene) return tl::make_unexpected(std::move(scene.error()));
+    if (!scene) return error_of(scene);
     if (*scene != nullptr) scene_ = **scene;
   }
   auto count = frame_count_of(*source_);
-  if (!count) return tl::make_unexpected(std::move(count.error()));
+  if (!count) return error_of(count);
   count_ = *count;
   if (count_) count_ = (*count_ + limits_.stride - 1) / limits_.stride;
   if (limits_.frames > 0) count_ = std::min(count_.value_or(limits_.frames), limits_.frames);
@@ -45,7 +45,7 @@ Result<void> FrameFeed::fill() {
   at_ = 0;
   while (static_cast<int>(window_.size()) < limits_.in_memory) {
     auto frame = read();
-    if (!frame) return tl::make_unexpected(std::move(frame.error()));
+    if (!frame) return error_of(frame);
     if (*frame == nullptr) {
       at_end_ = true;
       has_been_read_ = true;
@@ -70,7 +70,7 @@ Result<std::shared_ptr<const Frame>> FrameFeed::read() {
       continue;
     }
     if (!frame && stop_.stop_requested()) break;
-    if (!frame) return tl::make_unexpected(std::move(frame.error()));
+    if (!frame) return error_of(frame);
     if (!*frame) break;
     if (read_++ % limits_.stride == 0) return std::make_shared<const Frame>(std::move(**frame));
   }
@@ -79,7 +79,7 @@ Result<std::shared_ptr<const Frame>> FrameFeed::read() {
 
 Result<std::shared_ptr<const Frame>> FrameFeed::peek() {
   if (at_ == window_.size() && !at_end_ && !is_whole_) {
-    if (auto filled = fill(); !filled) return tl::make_unexpected(std::move(filled.error()));
+    if (auto filled = fill(); !filled) return error_of(filled);
   }
   if (at_ == window_.size()) return std::shared_ptr<const Frame>();
   return window_[at_];
@@ -95,12 +95,12 @@ Result<FrameFeed::Taken> FrameFeed::next_newest(double now_s) {
   Taken taken;
   for (;;) {
     auto frame = next();
-    if (!frame) return tl::make_unexpected(std::move(frame.error()));
+    if (!frame) return error_of(frame);
     if (*frame == nullptr) return taken;
     if (taken.frame != nullptr) ++taken.late;
     taken.frame = std::move(*frame);
     const auto after = peek();
-    if (!after) return tl::make_unexpected(after.error());
+    if (!after) return error_of(after);
     if (*after == nullptr || (*after)->stamp.seconds() > now_s) return taken;
   }
 }

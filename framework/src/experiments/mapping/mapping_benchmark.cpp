@@ -25,7 +25,7 @@ Result<std::shared_ptr<const RobotModel>> make_robot(ExperimentContext& context)
   const Node* block = context.configuration.root.find("robot");
   if (block == nullptr) return std::shared_ptr<const RobotModel>();
   auto robot = context.host.create<RobotModel>(*block);
-  if (!robot) return tl::make_unexpected(std::move(robot.error()));
+  if (!robot) return error_of(robot);
   return std::shared_ptr<const RobotModel>(std::move(*robot));
 }
 
@@ -79,7 +79,7 @@ Result<void> measure_cases(const std::vector<SystemCase>& cases, MeasureContext&
       if (context.progress) context.progress(++done, total, label_of(what));
     };
     auto measured = measure_case(what, measure);
-    if (!measured) return tl::make_unexpected(std::move(measured.error()));
+    if (!measured) return error_of(measured);
     if (!measured->error.empty()) context.log.error(label_of(what) + ": " + measured->error);
     record_case(*measured, static_cast<std::int64_t>(record.cases.size()), recorder);
     record.cases.push_back(std::move(*measured));
@@ -97,11 +97,11 @@ Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
   const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   auto robot = make_robot(context);
-  if (!robot) return tl::make_unexpected(std::move(robot.error()));
+  if (!robot) return error_of(robot);
 
   const RunProvenance provenance = provenance_of(context);
   auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
+  if (!store) return error_of(store);
   Recorder recorder(**store);
 
   FrameFeed feed([&] { return context.host.create<Source>(source, *robot); },
@@ -112,13 +112,13 @@ Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
   record.planned_cases = cases.size();
   if (context.progress) context.progress(0, 0, "reading frames");
   if (auto measured = measure_cases(cases, measure, context, recorder, record); !measured) {
-    return tl::make_unexpected(std::move(measured.error()));
+    return error_of(measured);
   }
   record.bad_frames = feed.bad_frames();
   record.has_truth = feed.scene() != nullptr;
   record.interrupted = context.stop.stop_requested();
   record_bad_frames(record.bad_frames, recorder);
-  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
 
   return summarise_mapping(provenance, settings, record);
 }
@@ -134,6 +134,7 @@ ExperimentType mapping_benchmark_experiment() {
   type.optional_blocks = {"robot"};
   type.check = &check_mapping_benchmark;
   type.run = &run_mapping_benchmark;
+  type.report = &mapping_report();
   type.fill = &fill_plugin_defaults;
   return type;
 }

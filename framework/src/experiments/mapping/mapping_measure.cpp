@@ -38,9 +38,9 @@ struct System {
 
 Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureContext& context) {
   auto mapper = context.host.create<Mapper>(what.mapper_block, context.robot);
-  if (!mapper) return tl::make_unexpected(std::move(mapper.error()));
+  if (!mapper) return error_of(mapper);
   auto field_builder = context.host.create<FieldBuilder>(what.field_block, context.robot);
-  if (!field_builder) return tl::make_unexpected(std::move(field_builder.error()));
+  if (!field_builder) return error_of(field_builder);
   std::unique_ptr<System> system(new System{
       std::move(*mapper),
       std::move(*field_builder),
@@ -57,9 +57,7 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
       system->slot,
       context.log,
       {"frames", plugin_of(system->mapper), plugin_of(system->field_builder)}});
-  if (auto attached = system->pipeline->attach(); !attached) {
-    return tl::make_unexpected(std::move(attached.error()));
-  }
+  if (auto attached = system->pipeline->attach(); !attached) return error_of(attached);
   return system;
 }
 
@@ -68,7 +66,7 @@ Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const
                                            std::stop_token stop) {
   system.source.set(frame);
   auto step = system.pipeline->step(Deadline(std::move(stop)));
-  if (!step) return tl::make_unexpected(std::move(step.error()));
+  if (!step) return error_of(step);
   system.points.add(*frame, system.mapper->grid());
   if (!*step) return std::optional<UpdateRecord>();
   if ((*step)->update.grid_moved) {
@@ -116,7 +114,7 @@ Result<void> run_every_frame(System& system, double before_mib, CaseRecord& reco
   bool is_checked = true;
   while (!context.stop.stop_requested()) {
     const auto frame = context.feed.next();
-    if (!frame) return tl::make_unexpected(frame.error());
+    if (!frame) return error_of(frame);
     if (*frame == nullptr) break;
     auto updated = update(system, *frame, context.stop);
     if (!updated && context.stop.stop_requested()) break;
@@ -149,7 +147,7 @@ Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& c
   double now_s = 0.0, first_published_s = 0.0;
   while (!context.stop.stop_requested()) {
     const auto taken = context.feed.next_newest(now_s);
-    if (!taken) return tl::make_unexpected(taken.error());
+    if (!taken) return error_of(taken);
     if (taken->frame == nullptr) break;
     for (std::int64_t i = 0; i < taken->late; ++i) context.updated();
     clock.dropped += taken->late;
@@ -207,7 +205,7 @@ Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context)
       return run_real_time(system, record, context);
     });
   }
-  if (!done) return tl::make_unexpected(std::move(done.error()));
+  if (!done) return error_of(done);
   record.interrupted = context.stop.stop_requested();
   return record;
 }

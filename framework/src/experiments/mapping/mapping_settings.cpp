@@ -8,7 +8,6 @@
 namespace sidestep {
 namespace {
 
-constexpr double kSameResolution = 1e-9;
 constexpr std::array kSetOfMapper = {"resolution_m", "size_vox", "origin_m"};
 constexpr std::array kSetOfField = {"max_distance_m", "signed"};
 

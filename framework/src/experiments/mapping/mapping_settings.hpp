@@ -13,6 +13,9 @@
 
 namespace sidestep {
 
+/// Resolutions that differ by less are the same.
+inline constexpr double kSameResolution = 1e-9;
+
 /// One entry of `experiment.systems`: a mapper and a field, as the configuration has them.
 struct SystemEntry {
   std::string name;

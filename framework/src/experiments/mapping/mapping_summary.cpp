@@ -18,8 +18,6 @@ namespace {
 using report::at;
 using Json = nlohmann::ordered_json;
 
-constexpr double kSameResolution = 1e-9;
-
 std::vector<double> values_of(const ClockRecord& clock, double (*value)(const UpdateRecord&)) {
   std::vector<double> values;
   for (const UpdateRecord& update : clock.updates) values.push_back(value(update));

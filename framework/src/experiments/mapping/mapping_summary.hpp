@@ -28,4 +28,7 @@ struct MappingBenchmarkRecord {
 [[nodiscard]] std::string unmet_expectations(const CaseRecord& record,
                                              const ExpectSettings& expect);
 
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& mapping_report();
+
 }  // namespace sidestep

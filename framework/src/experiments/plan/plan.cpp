@@ -107,9 +107,7 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
 Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, SnapshotSlot& slot,
                              Recorder& recorder, ExperimentContext& context) {
   MapRecord map;
-  if (auto attached = pipeline.attach(); !attached) {
-    return tl::make_unexpected(std::move(attached.error()));
-  }
+  if (auto attached = pipeline.attach(); !attached) return error_of(attached);
   const std::int64_t total = source.frame_count().value_or(0);
   while (!context.stop.stop_requested()) {
     auto step = pipeline.step(Deadline(context.stop));
@@ -126,7 +124,7 @@ Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, 
     }
     map.steps.push_back(std::move(**step));
     if (item % kCommitEvery == kCommitEvery - 1) {
-      if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
+      if (auto saved = recorder.commit(); !saved) return error_of(saved);
     }
     if (context.progress) {
       const auto bad = static_cast<std::int64_t>(pipeline.bad_frames().size());
@@ -159,16 +157,16 @@ struct Parts {
 Result<Parts> make_parts(ExperimentContext& context) {
   const Configuration& configuration = context.configuration;
   auto own_robot = context.host.create<RobotModel>(block_of(configuration, "robot"));
-  if (!own_robot) return tl::make_unexpected(std::move(own_robot.error()));
+  if (!own_robot) return error_of(own_robot);
   const std::shared_ptr<const RobotModel> robot = std::move(*own_robot);
   auto source = context.host.create<Source>(block_of(configuration, "source"), robot);
-  if (!source) return tl::make_unexpected(std::move(source.error()));
+  if (!source) return error_of(source);
   auto mapper = context.host.create<Mapper>(block_of(configuration, "mapper"), robot);
-  if (!mapper) return tl::make_unexpected(std::move(mapper.error()));
+  if (!mapper) return error_of(mapper);
   auto field_builder = context.host.create<FieldBuilder>(block_of(configuration, "field"), robot);
-  if (!field_builder) return tl::make_unexpected(std::move(field_builder.error()));
+  if (!field_builder) return error_of(field_builder);
   auto optimiser = context.host.create<Optimiser>(block_of(configuration, "optimiser"), robot);
-  if (!optimiser) return tl::make_unexpected(std::move(optimiser.error()));
+  if (!optimiser) return error_of(optimiser);
   const auto* occupancy = dynamic_cast<const OccupancyView*>(mapper->get());
   if (occupancy == nullptr) {
     return fail(ErrorCode::kUnsupported,
@@ -176,7 +174,7 @@ Result<Parts> make_parts(ExperimentContext& context) {
                 block_of(configuration, "mapper").mark().to_string());
   }
   auto scene = true_scene(*source);
-  if (!scene) return tl::make_unexpected(std::move(scene.error()));
+  if (!scene) return error_of(scene);
   return Parts{robot,
                std::move(*source),
                std::move(*mapper),
@@ -245,7 +243,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     auto made =
         make_plan_world(robot, map.field, *parts.occupancy, parts.scene,
                         map.steps.back().stamp.seconds(), settings.planning, settings.check);
-    if (!made) return tl::make_unexpected(std::move(made.error()));
+    if (!made) return error_of(made);
     world = std::move(*made);
     return {};
   };
@@ -258,7 +256,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     if (auto entered = enter_world_of(plan.robot); !entered) return entered;
     auto made = make_plan(*world, parts.optimiser, std::move(plan), context.seed, context.log,
                           context.stop);
-    if (!made) return tl::make_unexpected(std::move(made.error()));
+    if (!made) return error_of(made);
     const PlanSurroundings surroundings{*world->robot,
                                         *map.field,
                                         world->planning.space(),
@@ -269,7 +267,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     record_plan(*made, index, surroundings, recorder);
     show.show(*made);
     plans.push_back(std::move(*made));
-    if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
+    if (auto saved = recorder.commit(); !saved) return error_of(saved);
   }
   if (context.progress) context.progress(total, total, "planning");
   return {};
@@ -277,9 +275,9 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
 
 Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   const auto settings = read_settings(context.configuration);
-  if (!settings) return tl::make_unexpected(settings.error());
+  if (!settings) return error_of(settings);
   auto parts = make_parts(context);
-  if (!parts) return tl::make_unexpected(std::move(parts.error()));
+  if (!parts) return error_of(parts);
   std::vector<Error> errors;
   auto endpoints = read_plans(context.configuration, parts->robot, context.host, errors);
   check_allowed_contacts(block_of(context.configuration, "check"),
@@ -288,12 +286,12 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
 
   const RunProvenance provenance = provenance_of(context);
   auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
+  if (!store) return error_of(store);
   Recorder recorder(**store);
   record_joints(parts->robot->description(), recorder);
 
   const auto frames = frame_count_of(parts->source);
-  if (!frames) return tl::make_unexpected(frames.error());
+  if (!frames) return error_of(frames);
   FrameTap source(*parts->source, *frames, settings->experiment.max_frames,
                   settings->experiment.depth_pictures);
   source.keep_last(context.observer != nullptr);
@@ -313,7 +311,7 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
        context.log,
        {plugin_of(parts->source), plugin_of(parts->mapper), plugin_of(parts->field_builder)}});
   auto map = map_frames(pipeline, source, slot, recorder, context);
-  if (!map) return tl::make_unexpected(std::move(map.error()));
+  if (!map) return error_of(map);
   map->occupied_vox = count(parts->occupancy->occupied());
   map->known_vox = count(parts->occupancy->known());
   map->empty_reason = source.survey().emptiness(*parts->occupancy, PointSurvey::Keys::kMapper);
@@ -321,7 +319,7 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   if (!map->left_out.empty()) context.log.warn(map->left_out + " (experiment.max_frames)");
   record_bad_frames(map->bad_frames, recorder);
   record_depth_pictures(source.pictures(), recorder);
-  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(saved.error());
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
 
   PlanShow show(context.observer, map->steps.empty() ? Stamp{} : map->steps.back().stamp);
   std::vector<PlanRecord> plans;
@@ -393,6 +391,7 @@ ExperimentType plan_experiment() {
   type.optional_blocks = {"check"};
   type.check = &check_plans;
   type.run = &run_plan;
+  type.report = &plan_report();
   type.fill = &fill_plans;
   return type;
 }

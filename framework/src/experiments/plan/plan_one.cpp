@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
@@ -21,8 +22,7 @@ constexpr double kSlowerEachAttempt = 1.25;
 std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
                           const std::string& what) {
   const auto violation =
-      state_violation(world.robot, world.field, world.planning.space(), world.margin_m,
-                      std::span(q.data(), static_cast<std::size_t>(q.size())));
+      state_violation(world.robot, world.field, world.planning.space(), world.margin_m, as_span(q));
   return violation ? what + ": " + violation->what() : "";
 }
 
@@ -53,7 +53,7 @@ Result<void> check_plan(const PlanWorld& world, const Problem& problem, PlanReco
                          const std::string& where) -> Result<void> {
     if (check == nullptr) return {};
     auto verdict = check->check(plan.solution.trajectory, 0.0, deadline);
-    if (!verdict) return tl::make_unexpected(std::move(verdict.error()));
+    if (!verdict) return error_of(verdict);
     if (!verdict->valid() && plan.reason.empty()) plan.reason = where + verdict->describe();
     into = std::move(*verdict);
     return {};
@@ -105,8 +105,7 @@ void explain_endpoint(const PlanWorld& world, const Eigen::VectorXd& q, PlanReco
                       Log& log) {
   const Problem problem =
       make_problem(world.robot, world.field, world.planning, plan.q_start, plan.q_goal);
-  auto explanation =
-      explain_state(problem, std::span(q.data(), static_cast<std::size_t>(q.size())));
+  auto explanation = explain_state(problem, as_span(q));
   if (!explanation) {
     log.warn("plan '" + plan.name + "' cannot be explained: " + explanation.error().describe());
     return;
@@ -141,7 +140,7 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
     return optimiser->solve(problem, initial_guess(problem, attempt, seed),
                             Deadline::after_s(world.planning.time_limit_s, stop));
   });
-  if (!solution) return tl::make_unexpected(std::move(solution.error()));
+  if (!solution) return error_of(solution);
   plan.solution = std::move(*solution);
   plan.solution.solve_ms = spent_ms + watch.elapsed_ms();  // ours, not the plugin's word for it
   plan.in_snapshot = plan.in_voxels = plan.in_scene = std::nullopt;
@@ -191,7 +190,7 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
   voxels.occupied_centres_m = occupied_centres(occupancy);
   if (world.planning.floor) voxels.floor = *world.planning.floor;
   auto in_voxels = make_shape_check(robot, std::move(voxels), shapes);
-  if (!in_voxels) return tl::make_unexpected(std::move(in_voxels.error()));
+  if (!in_voxels) return error_of(in_voxels);
   world.in_voxels = std::move(*in_voxels);
   if (scene) {
     ShapeObstacles truth;
@@ -203,7 +202,7 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
       if (is_here) touching.allowed_contacts.push_back(contact);  // else attached in another plan
     }
     auto in_scene = make_shape_check(robot, std::move(truth), std::move(touching));
-    if (!in_scene) return tl::make_unexpected(std::move(in_scene.error()));
+    if (!in_scene) return error_of(in_scene);
     world.in_scene = std::move(*in_scene);
   }
   world.robot = std::move(robot);
@@ -230,7 +229,7 @@ Result<PlanRecord> make_plan(const PlanWorld& world, const PluginPtr<Optimiser>&
   const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
   do {
     if (auto done = attempt_plan(world, optimiser, plan_seed, plan, log, stop); !done) {
-      if (!stop.stop_requested()) return tl::make_unexpected(std::move(done.error()));
+      if (!stop.stop_requested()) return error_of(done);
     }
     if (stop.stop_requested()) {
       plan.interrupted = true;

@@ -15,4 +15,7 @@ namespace sidestep {
                                                 const MapRecord& map,
                                                 std::span<const PlanRecord> plans);
 
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& plan_report();
+
 }  // namespace sidestep

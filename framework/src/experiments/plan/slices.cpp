@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <limits>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -35,15 +37,14 @@ Sweep sweep(const PlanRecord& plan, const RobotModel& robot, int poses) {
     }
     result.shares.push_back(share);
     result.centres_m.emplace_back(spheres);
-    robot.sphere_centres(std::span<const double>(q.data(), static_cast<std::size_t>(q.size())),
-                         result.centres_m.back(), scratch);
+    robot.sphere_centres(as_span(q), result.centres_m.back(), scratch);
   }
   return result;
 }
 
 int depth_of(const RobotDescription& robot, int link) {
   int depth = 0;
-  for (int at = link; at >= 0; at = robot.links[static_cast<std::size_t>(at)].parent) ++depth;
+  for (int at = link; at >= 0; at = robot.links[idx(at)].parent) ++depth;
   return depth;
 }
 
@@ -131,9 +132,8 @@ void sample_field(const Plane& plane, const PlanSurroundings& around, FieldSlice
   std::vector<FieldStatus> statuses(points.size());
   for (int row = 0; row < slice.distance_m.rows; ++row) {
     for (int column = 0; column < columns; ++column) {
-      points[static_cast<std::size_t>(column)] = plane.origin +
-                                                 plane.u * (slice.u0_m + column * slice.step_m) +
-                                                 plane.v * (slice.v0_m + row * slice.step_m);
+      points[idx(column)] = plane.origin + plane.u * (slice.u0_m + column * slice.step_m) +
+                            plane.v * (slice.v0_m + row * slice.step_m);
     }
     around.field.query(points, distances, {}, statuses);
     for (std::size_t i = 0; i < points.size(); ++i) {

@@ -232,7 +232,7 @@ Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRe
   if (left.empty() || context_.stop.stop_requested()) return {};
   const std::uint64_t run_seed = context_.seed + static_cast<std::uint64_t>(seed);
   auto race = make_race(entry, run_seed);
-  if (!race) return tl::make_unexpected(std::move(race.error()));
+  if (!race) return error_of(race);
   const auto solve_one = [&](std::int64_t problem) {
     return contained("planning", [&] {
       return solve_set_problem(*race, problems_[static_cast<std::size_t>(problem)], run_seed,
@@ -244,7 +244,7 @@ Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRe
     if (context_.progress) context_.progress(done_, record_.planned(), entry.name);
     auto solve = solve_one(problem);
     if (context_.stop.stop_requested()) return {};  // it may have been cut short
-    if (!solve) return tl::make_unexpected(std::move(solve.error()));
+    if (!solve) return error_of(solve);
     solve->problem = problem;
     solve->seed = seed;
     record_set_solve(*solve, entry.name, problems_.size(), recorder_);
@@ -266,7 +266,7 @@ Result<PlanningRace> BenchmarkRun::make_race(const PlannerEntry& entry, std::uin
       const bool is_sampler = into == &lane.sampler;
       if (block->is_null() || (is_sampler && guess != "sampled")) continue;
       auto made = context_.host.create<Optimiser>(*block, loan);
-      if (!made) return tl::make_unexpected(std::move(made.error()));
+      if (!made) return error_of(made);
       *into = std::move(*made);
     }
     lanes.push_back(std::move(lane));
@@ -312,7 +312,7 @@ Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord reco
   auto earlier = read_planner_record(file);
   if (!earlier) return earlier;
   auto same = check_same_run(*earlier, record, file.string());
-  if (!same) return tl::make_unexpected(std::move(same.error()));
+  if (!same) return error_of(same);
   if (earlier->names != record.names) {
     return fail(ErrorCode::kConfig, "the problems have changed since the run to resume began",
                 file.string(), "begin anew");
@@ -359,23 +359,23 @@ Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& sett
 Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
   SetBench bench;
   const auto settings = read_settings(context, bench);
-  if (!settings) return tl::make_unexpected(settings.error());
+  if (!settings) return error_of(settings);
   auto robot = context.host.create<RobotModel>(block_of(context.configuration, "robot"));
-  if (!robot) return tl::make_unexpected(std::move(robot.error()));
+  if (!robot) return error_of(robot);
   bench.robot = std::move(*robot);
   const auto problems = read_chosen(*settings, context, *bench.robot);
-  if (!problems) return tl::make_unexpected(problems.error());
+  if (!problems) return error_of(problems);
 
   const auto record =
       with_earlier_sessions(new_record(*settings, *problems, *bench.robot, context), context);
-  if (!record) return tl::make_unexpected(record.error());
+  if (!record) return error_of(record);
   const auto file = context.out / "results.sqlite";
   auto store =
       context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, record->provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
+  if (!store) return error_of(store);
   Recorder recorder(**store);
   if (!context.resume) record_planner_head(*record, recorder);
-  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
 
   BenchmarkRun run(*settings, *problems, std::move(bench), *record, context, recorder);
   auto solved = run.solve();
@@ -399,8 +399,9 @@ ExperimentType planner_benchmark_experiment() {
   type.unused_of_planning = {"max_unknown_share", "retime", "time_limit_s", "attempts"};
   type.check = &check_planner_benchmark;
   type.run = &run_planner_benchmark;
+  type.report = &planner_report();
   type.fill = &fill_planners;
-  type.is_divisible = true;
+  type.merge = &merge_planners;
   return type;
 }
 

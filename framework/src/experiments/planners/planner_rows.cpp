@@ -162,12 +162,10 @@ void record_planners(const PlannerBenchmarkRecord& record, Recorder& recorder) {
 
 Result<PlannerBenchmarkRecord> read_planner_record(const std::filesystem::path& path) {
   auto reader = ResultsReader::open(path);
-  if (!reader) return tl::make_unexpected(std::move(reader.error()));
+  if (!reader) return error_of(reader);
   const std::string file = path.string();
   PlannerBenchmarkRecord record;
-  if (auto read = read_run_head(**reader, kHead, file, record); !read) {
-    return tl::make_unexpected(std::move(read.error()));
-  }
+  if (auto read = read_run_head(**reader, kHead, file, record); !read) return error_of(read);
   ItemReader head(**reader, kHead, 0, file);
   record.problems = head.text("problems");
   record.robot = head.text("robot");

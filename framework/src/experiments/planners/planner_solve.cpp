@@ -38,7 +38,7 @@ Result<OwnChecks> checks_of(const SetProblem& posed,
                             const SetBench& bench, bool by_shapes) {
   if (by_shapes) {
     auto check = true_check(posed, bench);
-    if (!check) return tl::make_unexpected(std::move(check.error()));
+    if (!check) return error_of(check);
     const std::shared_ptr<const ValidityCheck> shared = std::move(*check);
     return OwnChecks{shared, shared};
   }
@@ -60,7 +60,7 @@ class Judge {
  public:
   [[nodiscard]] static Result<Judge> make(const SetProblem& posed, const SetBench& bench) {
     auto check = true_check(posed, bench);
-    if (!check) return tl::make_unexpected(std::move(check.error()));
+    if (!check) return error_of(check);
     return Judge(posed, bench, std::move(*check));
   }
 
@@ -72,7 +72,7 @@ class Judge {
     solve.duration_s = trajectory.duration_s();
     solve.acceleration_ratio = acceleration_ratio(trajectory);
     const auto verdict = check_->check(trajectory, 0.0, Deadline(bench_.stop));
-    if (!verdict) return tl::make_unexpected(verdict.error());
+    if (!verdict) return error_of(verdict);
     solve.clearance_m = verdict->min_clearance_m;
     if (!solve.refusal.empty()) return {};
     solve.refusal = miss(trajectory);
@@ -103,7 +103,7 @@ class Judge {
 Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetBench& bench,
                    SetSolve& solve) {
   const auto judge = Judge::make(posed, bench);
-  if (!judge) return tl::make_unexpected(judge.error());
+  if (!judge) return error_of(judge);
   for (const EarlierAnswer& earlier : answer.earlier) {
     auto heard = judge->hear(earlier.trajectory, earlier.is_smooth, earlier.took_ms, solve);
     if (!heard) return heard;
@@ -128,19 +128,17 @@ Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, 
     return solve;
   }
   const auto checks = checks_of(posed, field, bench, by_shapes);
-  if (!checks) return tl::make_unexpected(checks.error());
+  if (!checks) return error_of(checks);
   const Stopwatch watch;
   auto answer = race.run(problem, {*checks->sampled, *checks->smooth},
                          derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
                          Deadline::after_s(bench.deadline_s, bench.stop), bench.stop);
-  if (!answer) return tl::make_unexpected(std::move(answer.error()));
+  if (!answer) return error_of(answer);
   solve.spent_ms = watch.elapsed_ms();
   solve.reason = answer->reason;
   solve.guess = answer->seed;
   if (answer->trajectory.size() == 0) return solve;
-  if (auto judged = judge(posed, *answer, bench, solve); !judged) {
-    return tl::make_unexpected(std::move(judged.error()));
-  }
+  if (auto judged = judge(posed, *answer, bench, solve); !judged) return error_of(judged);
   return solve;
 }
 

@@ -175,10 +175,22 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
 Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run, bool interrupted,
                                             const std::optional<Error>& fault) {
   const auto record = read_planner_record(run / "results.sqlite");
-  if (!record) return tl::make_unexpected(record.error());
+  if (!record) return error_of(record);
   auto written = write_ompl_database(*record, run / kOmplDatabase);
-  if (!written) return tl::make_unexpected(std::move(written.error()));
+  if (!written) return error_of(written);
   return summarise_planners(*record, interrupted, fault);
+}
+
+Result<ExperimentOutcome> merge_planners(const std::vector<std::filesystem::path>& runs,
+                                         const std::filesystem::path& out) {
+  auto whole = merged_record(runs, &read_planner_record, &absorb_planners);
+  if (!whole) return error_of(whole);
+  for (const std::filesystem::path& run : runs) {
+    const auto part = read_planner_record(run / "results.sqlite");
+    if (part && part->names == whole->names) continue;
+    return fail(ErrorCode::kConfig, "this shard is of other problems than the first", run.string());
+  }
+  return conclude_whole(*whole, out, &record_planners, &conclude_planners);
 }
 
 }  // namespace sidestep

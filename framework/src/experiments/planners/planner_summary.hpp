@@ -19,4 +19,11 @@ namespace sidestep {
                                                           bool interrupted,
                                                           const std::optional<Error>& fault);
 
+/// Puts shards of one run together in the folder `out`.
+[[nodiscard]] Result<ExperimentOutcome> merge_planners(
+    const std::vector<std::filesystem::path>& runs, const std::filesystem::path& out);
+
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& planner_report();
+
 }  // namespace sidestep

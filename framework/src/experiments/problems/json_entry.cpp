@@ -26,7 +26,7 @@ Result<JsonEntry::File> JsonEntry::read(const std::string& file_name) {
     return fail(ErrorCode::kNotFound, "there is no such file", file_name);
   }
   const auto text = read_file(file_name);
-  if (!text) return tl::make_unexpected(text.error());
+  if (!text) return error_of(text);
   try {
     return File{file_name, nlohmann::json::parse(*text), std::nullopt};
   } catch (const nlohmann::json::parse_error& error) {

@@ -321,9 +321,9 @@ Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& requ
                                 const RobotDescription& robot) {
   const YamlDocumentReader reader;
   const auto scene_document = reader.read(scene_file);
-  if (!scene_document) return tl::make_unexpected(scene_document.error());
+  if (!scene_document) return error_of(scene_document);
   const auto request_document = reader.read(request_file);
-  if (!request_document) return tl::make_unexpected(request_document.error());
+  if (!request_document) return error_of(request_document);
   std::optional<Error> error;
   const DocumentEntry scene(*scene_document, error), request(*request_document, error);
   SetProblem problem;
@@ -357,7 +357,7 @@ Result<std::vector<SetProblem>> read_moveit_family(const fs::path& folder,
                   request.string());
     }
     auto problem = read_problem(scene->second, request, robot);
-    if (!problem) return tl::make_unexpected(std::move(problem.error()));
+    if (!problem) return error_of(problem);
     problem->family = family;
     problem->index = std::stoi(digits);
     problems.push_back(std::move(*problem));

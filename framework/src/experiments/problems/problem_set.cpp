@@ -9,7 +9,7 @@
 namespace sidestep {
 namespace {
 
-constexpr int kMany = 1'000'000;
+constexpr int kLargestIndex = 1'000'000;
 
 Shape read_shape(const JsonEntry& obstacle) {
   const std::string type = obstacle["type"].text();
@@ -68,7 +68,7 @@ Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
                                             const RobotDescription& robot) {
   std::vector<SetProblem> problems;
   auto content = JsonEntry::read(file.string());
-  if (!content) return tl::make_unexpected(std::move(content.error()));
+  if (!content) return error_of(content);
   const JsonEntry set(*content);
   constexpr std::string_view kFormat = "mbm-neutral/1";
   if (set["format"].text() != kFormat) {
@@ -81,7 +81,7 @@ Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
     if (content->error) break;
     SetProblem read;
     read.family = family;
-    read.index = problem["index"].integer(0, kMany);
+    read.index = problem["index"].integer(0, kLargestIndex);
     read.q_start = read_configuration(problem["start"], names.size(), places);
     const JsonEntry goals = problem["goals"];
     if (goals.size() != 1) goals.complain("only problems with one goal are supported");

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/experiments/recorded_problems.hpp>
 
 #include <algorithm>
@@ -78,8 +79,8 @@ void put_base_on_arc(Trajectory& trajectory) {
 std::shared_ptr<const DistanceField> recorded_field(const RecordedProblems& problems, int scene,
                                                     bool is_signed) {
   const GridSpec& grid = problems.grid;
-  const auto occupied = occupied_nodes(grid, problems.first_node_m.array(),
-                                       problems.scenes[static_cast<std::size_t>(scene)]);
+  const auto occupied =
+      occupied_nodes(grid, problems.first_node_m.array(), problems.scenes[idx(scene)]);
   const double diagonal_m = grid.resolution_m * grid.size_vox.cast<double>().norm();
   auto distances_m = exact_distances_m(grid, occupied, diagonal_m, is_signed);
   if (std::ranges::count(occupied, 0) == std::ssize(occupied)) {
@@ -96,9 +97,9 @@ std::shared_ptr<const DistanceField> recorded_field(const RecordedProblems& prob
 Problem recorded_problem(const RecordedProblems& problems,
                          std::shared_ptr<const DistanceField> field, int pair) {
   const RecordedSettings& settings = problems.settings;
-  const auto [start, goal] = problems.pairs[static_cast<std::size_t>(pair)];
+  const auto [start, goal] = problems.pairs[idx(pair)];
   const auto at_rest = [&](int configuration) {
-    const auto& q = problems.configurations[static_cast<std::size_t>(configuration)];
+    const auto& q = problems.configurations[idx(configuration)];
     return RobotState{q, Eigen::VectorXd::Zero(q.size())};
   };
   Problem problem;
@@ -160,7 +161,7 @@ double exact_clearance_m(const RecordedProblems& problems, int scene, std::span<
   problems.robot->sphere_centres(q, centres_m, scratch);
   double least_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < spheres.size(); ++i) {
-    for (const RecordedBox& box : problems.scenes[static_cast<std::size_t>(scene)]) {
+    for (const RecordedBox& box : problems.scenes[idx(scene)]) {
       least_m = std::min(least_m, distance_m(box, centres_m[i], on_plane) - spheres[i].radius_m);
     }
   }

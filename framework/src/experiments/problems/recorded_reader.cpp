@@ -8,7 +8,7 @@
 namespace sidestep {
 namespace {
 
-constexpr int kMany = 1'000'000;
+constexpr int kMostCounted = 1'000'000;
 constexpr double kMostNodes = 1e8;
 
 GridSpec read_grid(const JsonEntry& grid) {
@@ -18,7 +18,7 @@ GridSpec read_grid(const JsonEntry& grid) {
   const JsonEntry counts = grid["n"];
   (void)counts.vector3();
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    read.size_vox[static_cast<Eigen::Index>(axis)] = counts.at(axis).integer(1, kMany);
+    read.size_vox[static_cast<Eigen::Index>(axis)] = counts.at(axis).integer(1, kMostCounted);
   }
   if (read.size_vox.cast<double>().prod() > kMostNodes) {
     counts.complain("the grid has more than 1e8 nodes");
@@ -84,7 +84,7 @@ class Columns {
     const auto value = [&](std::size_t k) { return row.at(at_[k]); };
     outcome.scene = value(0).integer(0, scenes - 1);
     outcome.pair = value(1).integer(0, pairs - 1);
-    outcome.iterations = value(2).integer(-1, kMany);
+    outcome.iterations = value(2).integer(-1, kMostCounted);
     outcome.initial_cost = value(3).number();
     outcome.final_cost = value(4).number();
     outcome.free_at_checks = value(5).flag();
@@ -121,7 +121,7 @@ RecordedRun read_run(const JsonEntry& run, const Columns& columns, int scenes, i
   if (!(read.relative_tolerance >= 0.0 && read.relative_tolerance <= 1.0)) {
     run["rel_tol"].complain("expected a number from 0 to 1");
   }
-  read.max_iterations = run["max_iter"].integer(1, kMany);
+  read.max_iterations = run["max_iter"].integer(1, kMostCounted);
   for (const JsonEntry& row : run["results"].items()) {
     read.outcomes.push_back(columns.read(row, scenes, pairs));
   }
@@ -146,7 +146,7 @@ void read_configurations(const JsonEntry& root, RecordedProblems& problems) {
 
 Result<RecordedProblems> read_recorded_problems(const std::filesystem::path& file) {
   auto json = JsonEntry::read(file.string());
-  if (!json) return tl::make_unexpected(std::move(json.error()));
+  if (!json) return error_of(json);
   const JsonEntry root(*json);
   RecordedProblems problems;
   problems.file = file;

@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 namespace sidestep {
@@ -9,8 +10,6 @@ namespace {
 
 /// The recorded problems know no limits.
 constexpr double kNoLimit = 1e6;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// A chain of links, put together from the world outwards.
 class Chain {
@@ -39,7 +38,7 @@ class Chain {
   }
   [[nodiscard]] Result<std::shared_ptr<const RobotModel>> finish() {
     auto made = KinematicTree::create(std::move(description_), std::move(tree_));
-    if (!made) return tl::make_unexpected(std::move(made.error()));
+    if (!made) return error_of(made);
     return std::shared_ptr<const RobotModel>(std::move(*made));
   }
 
@@ -135,11 +134,10 @@ Result<RecordedRobot> read_recorded_robot(const JsonEntry& robot, int dof) {
     const Eigen::VectorXd numbers = sphere.numbers(5);
     const int joint = first_link + sphere.at(0).integer(0, chain.joints() - 1 - first_link);
     const Eigen::Vector3d centre_m = numbers.segment<3>(1);
-    chain.add_sphere(joint, after[static_cast<std::size_t>(joint)] * centre_m,
-                     sphere.at(4).positive());
+    chain.add_sphere(joint, after[idx(joint)] * centre_m, sphere.at(4).positive());
   }
   auto model = chain.finish();
-  if (!model) return tl::make_unexpected(std::move(model.error()));
+  if (!model) return error_of(model);
   read.model = std::move(*model);
   return read;
 }

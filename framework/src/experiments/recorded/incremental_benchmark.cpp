@@ -51,7 +51,7 @@ struct ChangedProblem {
 };
 
 /// What a series of solves borrows.
-struct Bench {
+struct IncrementalBench {
   const RecordedProblems& problems;
   const RecordedProblems& moved;
   const IncrementalSettings& settings;
@@ -60,7 +60,7 @@ struct Bench {
   SolveProgress progress;
 };
 
-void change_goal(Problem& problem, const RecordedOutcome& of, const Bench& bench) {
+void change_goal(Problem& problem, const RecordedOutcome& of, const IncrementalBench& bench) {
   auto random = random_of(bench.context.seed,
                           "goal/" + std::to_string(of.scene) + "/" + std::to_string(of.pair));
   std::normal_distribution<double> normal(0.0, 1.0);
@@ -80,7 +80,7 @@ void change_goal(Problem& problem, const RecordedOutcome& of, const Bench& bench
 }
 
 void change_field(Problem& problem, std::shared_ptr<const DistanceField> field,
-                  const Bench& bench) {
+                  const IncrementalBench& bench) {
   problem.field = std::move(field);
   const RecordedSettings& settings = bench.problems.settings;
   for (CostTerm& term : problem.terms) {
@@ -94,7 +94,8 @@ Trajectory line_of(const Problem& problem) {
   return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
 }
 
-std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& change, Bench& bench) {
+std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& change,
+                                 IncrementalBench& bench) {
   std::vector<ChangedProblem> posed;
   for (const RecordedOutcome& of : run.outcomes) {
     ChangedProblem one;
@@ -118,16 +119,16 @@ struct Optimisers {
   PluginPtr<Optimiser> plain, kept;
 };
 
-Result<Optimisers> make_optimisers(const RecordedRun& run, Bench& bench) {
+Result<Optimisers> make_optimisers(const RecordedRun& run, IncrementalBench& bench) {
   const Node& block = *bench.context.configuration.root.find("optimiser");
   const auto make = [&](bool is_incremental) {
     return bench.context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
                                                 bench.problems.robot);
   };
   auto plain = make(false);
-  if (!plain) return tl::make_unexpected(std::move(plain.error()));
+  if (!plain) return error_of(plain);
   auto kept = make(true);
-  if (!kept) return tl::make_unexpected(std::move(kept.error()));
+  if (!kept) return error_of(kept);
   return Optimisers{std::move(*plain), std::move(*kept)};
 }
 
@@ -158,10 +159,10 @@ void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::siz
 /// Every problem `repeats` times, pass by pass. Stops on request with those that all passes have
 /// reached.
 Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& change,
-                                   Bench& bench) {
+                                   IncrementalBench& bench) {
   ExperimentContext& context = bench.context;
   auto optimisers = make_optimisers(run, bench);
-  if (!optimisers) return tl::make_unexpected(std::move(optimisers.error()));
+  if (!optimisers) return error_of(optimisers);
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
   const std::vector<ChangedProblem> posed = pose(run, change, bench);
   ChangedSeries series{run.label, run.is_signed, change, {}};
@@ -213,7 +214,7 @@ void record_series(const ChangedSeries& series, std::int64_t item, Recorder& rec
 
 Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
   const auto start = start_recorded<IncrementalSettings>(context);
-  if (!start) return tl::make_unexpected(start.error());
+  if (!start) return error_of(start);
   const auto& [settings, problems, provenance, store] = *start;
   Recorder recorder(*store);
 
@@ -224,7 +225,7 @@ Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
     total += 2 * settings.repeats * std::ssize(run.outcomes);
   }
   const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
-  Bench bench{
+  IncrementalBench bench{
       problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
       {context, total}};
   for (const RecordedRun& run : problems.runs) {
@@ -233,7 +234,7 @@ Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
       auto solved = solve_part(
           record.series, [&] { return solve_series(run, change, bench); }, &record_series,
           recorder);
-      if (!solved) return tl::make_unexpected(std::move(solved.error()));
+      if (!solved) return error_of(solved);
     }
   }
   record.interrupted = context.stop.stop_requested();
@@ -250,6 +251,7 @@ ExperimentType incremental_benchmark_experiment() {
           {"optimiser"},
           &check_incremental,
           &run_incremental,
+          &incremental_report(),
           nullptr,
           set_of_incremental_optimiser()};
 }

@@ -52,4 +52,7 @@ struct IncrementalRecord {
                                                       const IncrementalSettings& settings,
                                                       const IncrementalRecord& record);
 
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& incremental_report();
+
 }  // namespace sidestep

@@ -44,7 +44,7 @@ void record_run(const RecordedRunRecord& run, std::int64_t item, Recorder& recor
 }
 
 /// What solving a run borrows.
-struct Bench {
+struct RecordedBench {
   const RecordedProblems& problems;
   const RecordedBenchmarkSettings& settings;
   ExperimentContext& context;
@@ -58,7 +58,7 @@ struct PosedProblem {
   Trajectory initial;
 };
 
-std::vector<PosedProblem> pose(const RecordedRun& run, Bench& bench) {
+std::vector<PosedProblem> pose(const RecordedRun& run, RecordedBench& bench) {
   std::vector<PosedProblem> posed;
   for (const RecordedOutcome& outcome : run.outcomes) {
     PosedProblem one;
@@ -71,7 +71,7 @@ std::vector<PosedProblem> pose(const RecordedRun& run, Bench& bench) {
 }
 
 /// Holds a trajectory, which may be empty, against the obstacles.
-void judge(const Problem& problem, const Trajectory& trajectory, Bench& bench,
+void judge(const Problem& problem, const Trajectory& trajectory, RecordedBench& bench,
            SolveRecord& record) {
   const int scene = record.peer.scene;
   record.ends_free = are_ends_free(bench.problems, scene, problem);
@@ -83,11 +83,11 @@ void judge(const Problem& problem, const Trajectory& trajectory, Bench& bench,
 
 /// Solves every problem of a run `repeats` times, one pass after the other, after one solve that
 /// does not count. Stops on request with those that all passes have reached.
-Result<RecordedRunRecord> solve_run(const RecordedRun& run, Bench& bench) {
+Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench) {
   ExperimentContext& context = bench.context;
   const Node block = block_for(*context.configuration.root.find("optimiser"), run);
   auto optimiser = context.host.create<Optimiser>(block, bench.problems.robot);
-  if (!optimiser) return tl::make_unexpected(std::move(optimiser.error()));
+  if (!optimiser) return error_of(optimiser);
   RecordedRunRecord record{
       run.label, run.is_signed, run.relative_tolerance, run.max_iterations, {}};
   const std::vector<PosedProblem> posed = pose(run, bench);
@@ -121,7 +121,7 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, Bench& bench) {
 
 Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
   const auto start = start_recorded<RecordedBenchmarkSettings>(context);
-  if (!start) return tl::make_unexpected(start.error());
+  if (!start) return error_of(start);
   const auto& [settings, problems, provenance, store] = *start;
   Recorder recorder(*store);
 
@@ -132,12 +132,12 @@ Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
   for (const RecordedRun& run : problems.runs) {
     total += settings.repeats * std::ssize(run.outcomes);
   }
-  Bench bench{problems, settings, context, RecordedFields(problems), {context, total}};
+  RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
   for (const RecordedRun& run : problems.runs) {
     if (context.stop.stop_requested()) break;
     auto solved = solve_part(
         record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder);
-    if (!solved) return tl::make_unexpected(std::move(solved.error()));
+    if (!solved) return error_of(solved);
   }
   record.interrupted = context.stop.stop_requested();
 
@@ -153,6 +153,7 @@ ExperimentType recorded_benchmark_experiment() {
           {"optimiser"},
           &check_recorded_benchmark,
           &run_recorded_benchmark,
+          &recorded_report(),
           nullptr,
           set_of_optimiser()};
 }

@@ -73,11 +73,11 @@ template <class Settings>
   Settings::parameters().read(experiment, start.settings, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   auto problems = read_problems(experiment, start.settings);
-  if (!problems) return tl::make_unexpected(std::move(problems.error()));
+  if (!problems) return error_of(problems);
   start.problems = std::move(*problems);
   start.provenance = provenance_of(context);
   auto store = ResultsStore::open(context.out / "results.sqlite", start.provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
+  if (!store) return error_of(store);
   start.store = std::move(*store);
   return start;
 }
@@ -104,7 +104,7 @@ template <class Part, class Solve>
                                       void (*record)(const Part&, std::int64_t, Recorder&),
                                       Recorder& recorder) {
   auto part = contained("solving recorded problems", std::move(solve));
-  if (!part) return tl::make_unexpected(std::move(part.error()));
+  if (!part) return error_of(part);
   record(*part, std::ssize(parts), recorder);
   parts.push_back(std::move(*part));
   return recorder.commit();

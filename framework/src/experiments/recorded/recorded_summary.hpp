@@ -46,4 +46,7 @@ struct RecordedBenchmarkRecord {
                                                    const RecordedBenchmarkSettings& settings,
                                                    const RecordedBenchmarkRecord& record);
 
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& recorded_report();
+
 }  // namespace sidestep

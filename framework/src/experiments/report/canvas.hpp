@@ -96,4 +96,11 @@ class Canvas {
   std::unique_ptr<Impl> impl_;
 };
 
+/// One picture of a report.
+struct Figure {
+  std::string file;  ///< Name without suffix.
+  std::string caption;
+  Canvas canvas;
+};
+
 }  // namespace sidestep

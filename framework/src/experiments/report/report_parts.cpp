@@ -92,9 +92,9 @@ Result<std::string> figure_section(const std::vector<Figure>& figures, const fs:
     const fs::path png = run / (figure.file + ".png");
     auto written = figure.canvas.write_png(png);
     if (written) written = figure.canvas.write_svg(run / (figure.file + ".svg"));
-    if (!written) return tl::make_unexpected(std::move(written.error()));
+    if (!written) return error_of(written);
     const auto image = embedded_png(png);
-    if (!image) return tl::make_unexpected(image.error());
+    if (!image) return error_of(image);
     html += "<figure><img alt=\"" + escape_html(figure.caption) + "\" src=\"" + *image +
             "\"><figcaption>" + escape_html(figure.caption) + "</figcaption></figure>\n";
   }

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "report/figures.hpp"
+#include "report/canvas.hpp"
 
 namespace sidestep::report {
 
@@ -43,27 +43,5 @@ using Columns = std::vector<Column>;
 /// Writes the pictures beside the report and returns them embedded.
 [[nodiscard]] Result<std::string> figure_section(const std::vector<Figure>& figures,
                                                  const std::filesystem::path& run);
-
-/// Tables and chart of a mapping benchmark.
-[[nodiscard]] Result<std::string> mapping_body(const Json& summary,
-                                               const std::filesystem::path& run);
-
-/// Tables and charts of a benchmark on recorded problems.
-[[nodiscard]] Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
-                                                const std::filesystem::path& run);
-
-/// Tables and charts of a planner benchmark.
-[[nodiscard]] Result<std::string> planners_body(const Json& summary,
-                                                const std::filesystem::path& run);
-
-/// The table of an incremental benchmark.
-[[nodiscard]] std::string incremental_body(const Json& summary);
-
-/// Tables and pictures of a closed loop.
-[[nodiscard]] Result<std::string> replan_body(const Json& summary, ResultsReader& results,
-                                              const std::filesystem::path& run);
-
-/// Tables and pictures of a field study.
-[[nodiscard]] Result<std::string> study_body(const Json& summary, const std::filesystem::path& run);
 
 }  // namespace sidestep::report

@@ -90,9 +90,7 @@ template <class Record>
     auto part = read(run / "results.sqlite");
     if (!part) return part;
     if (whole) {
-      if (auto fits = check_same_division(*whole, *part, run); !fits) {
-        return tl::make_unexpected(std::move(fits.error()));
-      }
+      if (auto fits = check_same_division(*whole, *part, run); !fits) return error_of(fits);
     }
     if (!seen.insert(part->shard.index).second) {
       return fail(ErrorCode::kConfig, "shard " + shard_name(part->shard) + " is there twice",
@@ -107,6 +105,29 @@ template <class Record>
   }
   whole->shard = {};
   return *std::move(whole);
+}
+
+/// Stores a whole in the folder `out`, which is made, and sums it up.
+template <class Record>
+[[nodiscard]] Result<ExperimentOutcome> conclude_whole(
+    const Record& whole, const std::filesystem::path& out, void (*record)(const Record&, Recorder&),
+    Result<ExperimentOutcome> (*sum_up)(const std::filesystem::path&, bool,
+                                        const std::optional<Error>&)) {
+  std::error_code error;
+  std::filesystem::create_directories(out, error);
+  if (error) {
+    return fail(ErrorCode::kIo, "cannot make the folder: " + error.message(), out.string());
+  }
+  auto store = ResultsStore::open(out / "results.sqlite", whole.provenance);
+  if (!store) return error_of(store);
+  Recorder recorder(**store);
+  record(whole, recorder);
+  for (std::size_t s = 0; s < whole.sessions.size(); ++s) {
+    record_session(whole.sessions[s], static_cast<std::int64_t>(s), recorder);
+  }
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+  store->reset();
+  return sum_up(out, false, std::nullopt);
 }
 
 }  // namespace sidestep

@@ -1,3 +1,4 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/experiments/planning_settings.hpp>
 
 #include <algorithm>
@@ -274,9 +275,7 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
                      const RobotState& start, const Eigen::VectorXd& q_goal, double slower) {
   const Eigen::VectorXd& q_start = start.q;
   const Eigen::VectorXd at_rest = Eigen::VectorXd::Zero(q_start.size());
-  const auto row = [](const Eigen::VectorXd& q) {
-    return std::span(q.data(), static_cast<std::size_t>(q.size()));
-  };
+  const auto row = [](const Eigen::VectorXd& q) { return as_span(q); };
   const MotionLimits limits = settings.limits(robot->description());
   double braking_s = 0.0;
   for (std::size_t j = 0; j < limits.acceleration.size(); ++j) {

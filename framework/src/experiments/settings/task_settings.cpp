@@ -11,7 +11,7 @@
 namespace sidestep {
 namespace {
 
-constexpr double kLargest_m = 1e3;
+constexpr double kFarthest_m = 1e3;
 
 /// Reads blocks of a plan into terms.
 class TaskReader {
@@ -105,7 +105,7 @@ Parameters<EndEffectorEntry> EndEffectorEntry::parameters() {
   return Parameters<E>()
       .add("link", &E::link, "The link that is to be somewhere.", {.required = true})
       .add("position_m", &E::position_m, "Position of the link's origin, world frame.",
-           {.unit = "m", .min = -kLargest_m, .max = kLargest_m, .required = true})
+           {.unit = "m", .min = -kFarthest_m, .max = kFarthest_m, .required = true})
       .add("rpy_rad", &E::rpy_rad,
            "Its roll, pitch and yaw about the world's axes; if absent, any orientation will do.",
            {.unit = "rad"})

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <mutex>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/runtime/guarded.hpp>
@@ -70,18 +71,18 @@ Result<std::unique_ptr<RobotStudy>> RobotStudy::make(const FieldStudy& study, st
                                                      ExperimentContext& context) {
   const StudyRobot& settings = study.robots[index];
   auto model = context.host.create<RobotModel>(settings.entry.robot);
-  if (!model) return tl::make_unexpected(std::move(model.error()));
+  if (!model) return error_of(model);
   std::unique_ptr<RobotStudy> robot(
       new RobotStudy(settings, study.check, study.optimiser_block, std::move(*model)));
   auto states = draw_states(settings, robot->robot_, study.settings.states, context.seed);
-  if (!states) return tl::make_unexpected(std::move(states.error()));
+  if (!states) return error_of(states);
   robot->states_ = std::move(*states);
   for (const bool is_signed : {false, true}) {
     auto builder = context.host.create<FieldBuilder>(
         study_field_block(study.field_block, is_signed), robot->robot_);
-    if (!builder) return tl::make_unexpected(std::move(builder.error()));
+    if (!builder) return error_of(builder);
     auto attached = in_stage(plugin_of(*builder), [&] { return (*builder)->attach(robot->map_); });
-    if (!attached) return tl::make_unexpected(std::move(attached.error()));
+    if (!attached) return error_of(attached);
     robot->builders_.push_back(std::move(*builder));
   }
   return robot;
@@ -90,7 +91,7 @@ Result<std::unique_ptr<RobotStudy>> RobotStudy::make(const FieldStudy& study, st
 Result<void> RobotStudy::prepare(int threads, bool skips_collisions, ExperimentContext& context) {
   for (int t = 0; t < threads; ++t) {
     auto optimiser = context.host.create<Optimiser>(optimiser_block_, robot_);
-    if (!optimiser) return tl::make_unexpected(std::move(optimiser.error()));
+    if (!optimiser) return error_of(optimiser);
     solvers_.push_back(std::make_unique<StudySolver>(settings_, robot_, states_,
                                                      std::move(*optimiser), skips_collisions));
   }
@@ -108,7 +109,7 @@ Result<RobotStudy::Prepared> RobotStudy::make_scene(int scene, int boxes, std::u
     const Stopwatch watch;
     auto field =
         in_stage(plugin_of(builders_[kind]), [&] { return builders_[kind]->update(update); });
-    if (!field) return tl::make_unexpected(std::move(field.error()));
+    if (!field) return error_of(field);
     prepared.row.field_ms[kind] = watch.elapsed_ms();
     prepared.scene.fields[kind] = std::move(*field);
   }
@@ -127,8 +128,7 @@ std::vector<char> RobotStudy::free_states(const DistanceField& truth) const {
   std::vector<char> free;
   Scratch scratch;
   for (const Eigen::VectorXd& q : states_) {
-    robot_->sphere_centres(std::span(q.data(), static_cast<std::size_t>(q.size())), centres,
-                           scratch);
+    robot_->sphere_centres(as_span(q), centres, scratch);
     truth.query(centres, distances, {}, {});
     bool clear = true;
     for (std::size_t s = 0; s < spheres.size(); ++s) {
@@ -222,7 +222,7 @@ Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
   const FieldStudySettings& settings = study_.settings;
   for (std::size_t r = 0; r < study_.robots.size(); ++r) {
     auto robot = RobotStudy::make(study_, r, context_);
-    if (!robot) return tl::make_unexpected(std::move(robot.error()));
+    if (!robot) return error_of(robot);
     StudyRobotRows row;
     row.name = study_.robots[r].entry.name;
     row.dof = (*robot)->description().dof();
@@ -286,7 +286,7 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
   std::vector<RobotStudy::Prepared> prepared;
   for (const int scene : scenes) {
     auto made = robots_[robot]->make_scene(scene, study_.settings.boxes_per_scene, context_.seed);
-    if (!made) return tl::make_unexpected(std::move(made.error()));
+    if (!made) return error_of(made);
     record_scene(made->row, robot, recorder_);
     prepared.push_back(std::move(*made));
   }
@@ -298,7 +298,7 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
     }
   }
   const auto solved = solve_all(items, *robots_[robot], workers_, context_, solved_, total_);
-  if (!solved) return tl::make_unexpected(solved.error());
+  if (!solved) return error_of(solved);
   for (const ProblemOutcome& outcome : *solved) record_problem(outcome, robot, recorder_);
   note_session(std::ssize(*solved));
   return recorder_.commit();
@@ -314,7 +314,7 @@ Result<StudyRecord> earlier_sessions(const ExperimentContext& context, const Div
   auto study = read_study(file);
   if (!study) return study;
   auto same = check_same_run(*study, here, file.string());
-  if (!same) return tl::make_unexpected(std::move(same.error()));
+  if (!same) return error_of(same);
   return study;
 }
 
@@ -338,7 +338,7 @@ Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
   std::int64_t session = 0;
   if (context.resume) {
     auto earlier = earlier_sessions(context, record);
-    if (!earlier) return tl::make_unexpected(std::move(earlier.error()));
+    if (!earlier) return error_of(earlier);
     session = static_cast<std::int64_t>(earlier->sessions.size());
     for (std::size_t r = 0; r < done.size(); ++r) {
       for (const ProblemOutcome& problem : earlier->robots[r].problems) {
@@ -349,14 +349,14 @@ Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
   const auto file = context.out / "results.sqlite";
   auto store =
       context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, record.provenance);
-  if (!store) return tl::make_unexpected(std::move(store.error()));
+  if (!store) return error_of(store);
   Recorder recorder(**store);
   StudyRun run(study, context, recorder, std::move(done));
   auto rows = run.prepare();
-  if (!rows) return tl::make_unexpected(std::move(rows.error()));
+  if (!rows) return error_of(rows);
   record.robots = std::move(*rows);
   if (!context.resume) record_study(record, recorder);
-  if (auto saved = recorder.commit(); !saved) return tl::make_unexpected(std::move(saved.error()));
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
   auto solved = run.solve(session);
   store->reset();
   if (context.progress) context.progress(0, 0, "summing up");
@@ -376,8 +376,9 @@ ExperimentType field_study_experiment() {
   type.unused_of_planning = unused_of_study_planning();
   type.check = &check_field_study;
   type.run = &run_field_study;
+  type.report = &study_report();
   type.fill = &fill_study_robots;
-  type.is_divisible = true;
+  type.merge = &merge_study;
   return type;
 }
 

@@ -9,28 +9,19 @@
 namespace sidestep {
 namespace {
 
-bool attempted(const ProblemOutcome& problem) {
-  return problem.fields[kUnsigned].attempted && problem.fields[kSigned].attempted;
-}
 bool free_in(const ProblemOutcome& problem, std::size_t kind) {
   return problem.fields[kind].collision_free;
 }
-bool solvable(const ProblemOutcome& problem) {
-  return free_in(problem, kUnsigned) || free_in(problem, kSigned);
-}
-bool solved_by_both(const ProblemOutcome& problem) {
-  return free_in(problem, kUnsigned) && free_in(problem, kSigned);
-}
 
-/// Draws figures from problems: nothing where a problem has no part in it.
-using Figure = std::function<std::optional<double>(const ProblemOutcome&)>;
+/// A number of a problem; nothing where the problem has none.
+using NumberOf = std::function<std::optional<double>(const ProblemOutcome&)>;
 
 class Summariser {
  public:
   Summariser(const StudyRobotRows& robot, const ComparisonOptions& options)
       : robot_(robot), options_(options) {}
 
-  [[nodiscard]] MeanWithInterval mean(const char* name, const Figure& figure) const {
+  [[nodiscard]] MeanWithInterval mean(const char* name, const NumberOf& quantity) const {
     std::vector<double> values, sums, counts;
     std::int64_t scene = -1;
     for (const ProblemOutcome& problem : robot_.problems) {
@@ -39,7 +30,7 @@ class Summariser {
         sums.push_back(0.0);
         counts.push_back(0.0);
       }
-      const std::optional<double> value = figure(problem);
+      const std::optional<double> value = quantity(problem);
       if (!value) continue;
       values.push_back(*value);
       sums.back() += *value;
@@ -63,7 +54,7 @@ void count_outcomes(const StudyRobotRows& robot, RobotComparison& result) {
   for (const ProblemOutcome& problem : robot.problems) {
     ++result.problems;
     if (!problem.start_free || !problem.goal_free) ++result.in_collision;
-    if (!attempted(problem)) {
+    if (!problem.is_attempted()) {
       ++result.skipped;
       continue;
     }
@@ -91,20 +82,22 @@ void compare_field(const StudyRobotRows& robot, const ComparisonOptions& options
                                                     static_cast<double>(result.solvable())
                                               : std::numeric_limits<double>::quiet_NaN();
   field.failure_interval = wilson_interval(field.failures, result.solvable(), options.confidence);
-  const auto of = [kind](auto member, auto applies) -> Figure {
+  const auto of = [kind](auto member, auto applies) -> NumberOf {
     return [kind, member, applies](const ProblemOutcome& problem) -> std::optional<double> {
-      if (!applies(problem)) return std::nullopt;
+      if (!std::invoke(applies, problem)) return std::nullopt;
       return static_cast<double>(problem.fields[kind].*member);
     };
   };
-  field.iterations = summarise.mean("iterations", of(&FieldOutcome::iterations, attempted));
-  field.iterations_solvable =
-      summarise.mean("iterations_solvable", of(&FieldOutcome::iterations, solvable));
-  field.steps = summarise.mean("steps", of(&FieldOutcome::steps, attempted));
-  field.valid_cost = summarise.mean("valid_cost", of(&FieldOutcome::cost, solved_by_both));
+  field.iterations =
+      summarise.mean("iterations", of(&FieldOutcome::iterations, &ProblemOutcome::is_attempted));
+  field.iterations_solvable = summarise.mean(
+      "iterations_solvable", of(&FieldOutcome::iterations, &ProblemOutcome::is_solvable));
+  field.steps = summarise.mean("steps", of(&FieldOutcome::steps, &ProblemOutcome::is_attempted));
+  field.valid_cost =
+      summarise.mean("valid_cost", of(&FieldOutcome::cost, &ProblemOutcome::is_solved_by_both));
   std::vector<double> solve_ms, check_ms;
   for (const ProblemOutcome& problem : robot.problems) {
-    if (!attempted(problem)) continue;
+    if (!problem.is_attempted()) continue;
     solve_ms.push_back(problem.fields[kind].solve_ms);
     check_ms.push_back(problem.fields[kind].check_ms);
   }
@@ -113,9 +106,9 @@ void compare_field(const StudyRobotRows& robot, const ComparisonOptions& options
 }
 
 /// Signed minus unsigned where `applies`.
-Figure difference_of(auto member, auto applies) {
+NumberOf difference_of(auto member, auto applies) {
   return [member, applies](const ProblemOutcome& problem) -> std::optional<double> {
-    if (!applies(problem)) return std::nullopt;
+    if (!std::invoke(applies, problem)) return std::nullopt;
     return static_cast<double>(problem.fields[kSigned].*member) -
            static_cast<double>(problem.fields[kUnsigned].*member);
   };
@@ -132,7 +125,7 @@ RobotComparison compare_fields(const StudyRobotRows& robot, const ComparisonOpti
   }
   const MeanWithInterval failure =
       summarise.mean("failure_difference", [](const ProblemOutcome& problem) {
-        if (!solvable(problem)) return std::optional<double>();
+        if (!problem.is_solvable()) return std::optional<double>();
         return std::optional<double>((free_in(problem, kSigned) ? 0.0 : 1.0) -
                                      (free_in(problem, kUnsigned) ? 0.0 : 1.0));
       });
@@ -140,9 +133,10 @@ RobotComparison compare_fields(const StudyRobotRows& robot, const ComparisonOpti
       failure.count > 0 ? failure.statistics.mean : std::numeric_limits<double>::quiet_NaN();
   result.failure_difference_interval = failure.interval;
   result.iterations_difference =
-      summarise.mean("iterations_difference", difference_of(&FieldOutcome::iterations, attempted));
-  result.cost_difference =
-      summarise.mean("cost_difference", difference_of(&FieldOutcome::cost, solved_by_both));
+      summarise.mean("iterations_difference",
+                     difference_of(&FieldOutcome::iterations, &ProblemOutcome::is_attempted));
+  result.cost_difference = summarise.mean(
+      "cost_difference", difference_of(&FieldOutcome::cost, &ProblemOutcome::is_solved_by_both));
   return result;
 }
 

@@ -191,10 +191,10 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 
 Result<StudyRecord> read_study(const std::filesystem::path& file) {
   auto reader = ResultsReader::open(file);
-  if (!reader) return tl::make_unexpected(std::move(reader.error()));
+  if (!reader) return error_of(reader);
   StudyRecord study;
   if (auto read = read_run_head(**reader, "study", file.string(), study); !read) {
-    return tl::make_unexpected(std::move(read.error()));
+    return error_of(read);
   }
   ItemReader item(**reader, "study", 0, file.string());
   study.confidence = item.number("confidence");

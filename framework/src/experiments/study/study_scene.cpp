@@ -6,6 +6,7 @@
 #include <random>
 #include <string>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 
 namespace sidestep {
@@ -114,10 +115,10 @@ Result<std::vector<Eigen::VectorXd>> draw_states(const StudyRobot& study,
     }
     Eigen::VectorXd q(description.dof());
     for (Eigen::Index j = 0; j < q.size(); ++j) {
-      const JointRange& range = ranges[static_cast<std::size_t>(j)];
+      const JointRange& range = ranges[idx(j)];
       q[j] = uniform(random, range.lower, range.upper);
     }
-    const std::span<const double> values(q.data(), static_cast<std::size_t>(q.size()));
+    const std::span<const double> values = as_span(q);
     robot->sphere_centres(values, centres, scratch);
     const bool inside = std::ranges::all_of(
         centres, [&](const Eigen::Vector3d& centre) { return grid.contains(centre); });

@@ -1,5 +1,6 @@
 #include "study/study_solve.hpp"
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/runtime/guarded.hpp>
 
 namespace sidestep {
@@ -32,12 +33,12 @@ Result<ProblemOutcome> StudySolver::solve(const StudyScene& scene, std::int64_t 
   const auto [start, goal] = states_of_pair(pair, static_cast<int>(count));
   ProblemOutcome outcome;
   outcome.problem = scene.scene * (count * (count - 1) / 2) + pair;
-  outcome.start_free = scene.state_free[static_cast<std::size_t>(start)] != 0;
-  outcome.goal_free = scene.state_free[static_cast<std::size_t>(goal)] != 0;
+  outcome.start_free = scene.state_free[idx(start)] != 0;
+  outcome.goal_free = scene.state_free[idx(goal)] != 0;
   if (skips_collisions_ && !(outcome.start_free && outcome.goal_free)) return outcome;
   for (const std::size_t kind : {kUnsigned, kSigned}) {
     auto solved = solve_in(scene, kind, start, goal, deadline);
-    if (!solved) return tl::make_unexpected(std::move(solved.error()));
+    if (!solved) return error_of(solved);
     outcome.fields[kind] = std::move(*solved);
   }
   return outcome;
@@ -45,9 +46,8 @@ Result<ProblemOutcome> StudySolver::solve(const StudyScene& scene, std::int64_t 
 
 Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t kind, int start,
                                            int goal, const Deadline& deadline) {
-  Problem problem = make_problem(robot_, scene.fields[kind], study_.planning,
-                                 states_[static_cast<std::size_t>(start)],
-                                 states_[static_cast<std::size_t>(goal)]);
+  Problem problem = make_problem(robot_, scene.fields[kind], study_.planning, states_[idx(start)],
+                                 states_[idx(goal)]);
   if (study_.entry.support_states) problem.support_states = *study_.entry.support_states;
   if (study_.entry.duration_s) {
     problem.dt_s = *study_.entry.duration_s / (problem.support_states - 1);
@@ -56,7 +56,7 @@ Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t 
       straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
   auto solution =
       in_stage(plugin_of(optimiser_), [&] { return optimiser_->solve(problem, line, deadline); });
-  if (!solution) return tl::make_unexpected(std::move(solution.error()));
+  if (!solution) return error_of(solution);
   if (deadline.expired()) return tl::make_unexpected(cancelled());
   FieldOutcome outcome;
   outcome.attempted = true;
@@ -70,7 +70,7 @@ Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t 
   const auto verdict = scene.check->check(solution->trajectory, 0.0, deadline);
   outcome.check_ms = watch.elapsed_ms();
   if (!verdict && deadline.expired()) return tl::make_unexpected(cancelled());
-  if (!verdict) return tl::make_unexpected(verdict.error());
+  if (!verdict) return error_of(verdict);
   outcome.collision_free = verdict->valid();
   outcome.clearance_m = verdict->min_clearance_m;
   return outcome;

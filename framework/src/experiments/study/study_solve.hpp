@@ -38,6 +38,16 @@ struct ProblemOutcome {
   bool start_free = false;
   bool goal_free = false;
   std::array<FieldOutcome, 2> fields;
+
+  [[nodiscard]] bool is_attempted() const noexcept {
+    return fields[0].attempted && fields[1].attempted;
+  }
+  [[nodiscard]] bool is_solvable() const noexcept {
+    return fields[0].collision_free || fields[1].collision_free;
+  }
+  [[nodiscard]] bool is_solved_by_both() const noexcept {
+    return fields[0].collision_free && fields[1].collision_free;
+  }
 };
 
 /// What all problems of one scene share. Immutable; any thread.

@@ -247,6 +247,24 @@ std::string verdict_text(const StudyRecord& study, const Json& robots, bool inte
   return text + ".";
 }
 
+/// Moves what a part has found into the whole.
+void absorb_study(StudyRecord& whole, StudyRecord part) {
+  for (std::size_t r = 0; r < whole.robots.size(); ++r) {
+    std::ranges::copy(part.robots[r].drawn, std::back_inserter(whole.robots[r].drawn));
+    std::ranges::copy(part.robots[r].problems, std::back_inserter(whole.robots[r].problems));
+  }
+}
+
+void record_whole_study(const StudyRecord& study, Recorder& recorder) {
+  record_study(study, recorder);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    for (const SceneRow& scene : study.robots[r].drawn) record_scene(scene, r, recorder);
+    for (const ProblemOutcome& problem : study.robots[r].problems) {
+      record_problem(problem, r, recorder);
+    }
+  }
+}
+
 }  // namespace
 
 ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
@@ -283,8 +301,16 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
 Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
                                          const std::optional<Error>& fault) {
   const auto study = read_study(run / "results.sqlite");
-  if (!study) return tl::make_unexpected(study.error());
+  if (!study) return error_of(study);
   return summarise_study(*study, interrupted, fault);
+}
+
+Result<ExperimentOutcome> merge_study(const std::vector<std::filesystem::path>& runs,
+                                      const std::filesystem::path& out) {
+  auto study = merged_record(runs, &read_study, &absorb_study);
+  if (!study) return error_of(study);
+  for (StudyRobotRows& robot : study->robots) robot.planned = robot.pairs() * robot.scenes;
+  return conclude_whole(*study, out, &record_whole_study, &conclude_study);
 }
 
 }  // namespace sidestep

@@ -172,7 +172,7 @@ class Mirror {
 inline Result<ChangedDistances> update(DistanceTransform& transform, World& world) {
   const std::vector<std::int32_t> blocks = world.take_changed();
   const auto rows = transform.obstacle_rows(blocks.size());
-  if (!rows) return tl::make_unexpected(rows.error());
+  if (!rows) return error_of(rows);
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     world.rows(blocks[i], rows->data() + i * cuda::kBlockRows);
   }

@@ -74,7 +74,7 @@ Result<Bench> load_bench(Workshop& shop) {
   }
   if (!reading.errors.empty()) return tl::make_unexpected(std::move(reading.errors.front()));
   auto robot = shop.host.create<RobotModel>(block_of(reading.configuration, "robot"));
-  if (!robot) return tl::make_unexpected(std::move(robot.error()));
+  if (!robot) return error_of(robot);
   bench.robot = std::move(*robot);
   return bench;
 }
@@ -144,15 +144,15 @@ void print(const std::vector<Solve>& solves, const Arguments& arguments) {
 Result<void> run(const Arguments& arguments) {
   Workshop shop;
   const auto bench = load_bench(shop);
-  if (!bench) return tl::make_unexpected(bench.error());
+  if (!bench) return error_of(bench);
   const auto problems = read_problems(arguments, bench->robot->description());
-  if (!problems) return tl::make_unexpected(problems.error());
+  if (!problems) return error_of(problems);
   const PathJudge judge(bench->robot, bench->planning.space(), bench->check, arguments.with_shapes);
   (void)solve_one(problems->front(), *bench, judge, arguments, shop.log);  // does not count
   std::vector<Solve> solves;
   for (const SetProblem& problem : *problems) {
     auto solve = solve_one(problem, *bench, judge, arguments, shop.log);
-    if (!solve) return tl::make_unexpected(std::move(solve.error()));
+    if (!solve) return error_of(solve);
     solves.push_back(std::move(*solve));
   }
   print(solves, arguments);

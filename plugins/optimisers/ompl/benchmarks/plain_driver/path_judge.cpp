@@ -30,14 +30,14 @@ PathJudge::PathJudge(std::shared_ptr<const RobotModel> robot, SpacePolicy space,
 Result<PathVerdict> PathJudge::judge(const std::shared_ptr<const Scene>& scene,
                                      std::span<const double> path) const {
   const auto motion = time_path(robot_->description(), path, 1.0);
-  if (!motion) return tl::make_unexpected(motion.error());
+  if (!motion) return error_of(motion);
   const Eigen::Vector3d reach_m = Eigen::Vector3d::Constant(kReach_m);
   const auto field =
       std::make_shared<const SceneField>(*scene, Stamp(), Eigen::AlignedBox3d(-reach_m, reach_m));
   const auto check = checks_.make(
       field, space_, {.margin_m = settings_.margin_m, .max_step_m = settings_.max_step_m});
   const auto by_spheres = check->check(*motion, 0.0, Deadline());
-  if (!by_spheres) return tl::make_unexpected(by_spheres.error());
+  if (!by_spheres) return error_of(by_spheres);
 
   PathVerdict verdict;
   for (const Violation& violation : by_spheres->violations) {
@@ -51,7 +51,7 @@ Result<PathVerdict> PathJudge::judge(const std::shared_ptr<const Scene>& scene,
   verdict.is_unproven = !by_spheres->valid() && !verdict.is_in_collision;
   if (with_shapes_) {
     const auto shapes = by_shapes(scene, *motion);
-    if (!shapes) return tl::make_unexpected(shapes.error());
+    if (!shapes) return error_of(shapes);
     verdict.is_touching = std::ranges::any_of(shapes->violations, is_collision);
   }
   return verdict;
@@ -62,7 +62,7 @@ Result<Verdict> PathJudge::by_shapes(const std::shared_ptr<const Scene>& scene,
   ShapeObstacles truth;
   truth.scene = scene;
   const auto check = make_shape_check(robot_, truth, {.max_step_m = settings_.shape_max_step_m});
-  if (!check) return tl::make_unexpected(check.error());
+  if (!check) return error_of(check);
   return (*check)->check(motion, 0.0, Deadline());
 }
 

@@ -1,7 +1,9 @@
 #include <algorithm>
 
+#include "mapping/mapping_figures.hpp"
+#include "mapping/mapping_summary.hpp"
 #include "report/html.hpp"
-#include "report/report_parts.hpp"
+#include "report/run_report.hpp"
 
 namespace sidestep::report {
 namespace {
@@ -136,9 +138,8 @@ std::vector<SystemBar> bars_of(const Json& summary) {
   return bars;
 }
 
-}  // namespace
-
-Result<std::string> mapping_body(const Json& summary, const std::filesystem::path& run) {
+Result<std::string> mapping_body(const Json& summary, ResultsReader&,
+                                 const std::filesystem::path& run) {
   std::string html = errors_section(summary);
   html += times_section(summary);
   const auto figures =
@@ -151,4 +152,25 @@ Result<std::string> mapping_body(const Json& summary, const std::filesystem::pat
   return html + quarters_section(summary);
 }
 
+}  // namespace
 }  // namespace sidestep::report
+
+namespace sidestep {
+
+const report::RunReport& mapping_report() {
+  static const report::RunReport kReport = {
+      &report::mapping_body,
+      {{"system", "/name"},
+       {"field", "/signed", "signed|unsigned"},
+       {"voxel", "/resolution_m", "%g m"},
+       {"frame p50", "/frame_ms/p50", "%.2f ms"},
+       {"frame p95", "/frame_ms/p95", "%.2f ms"},
+       {"max error", "/max_error_m", "%.4f m"},
+       {"mean error", "/mean_error_m", "%.2g m"},
+       {"memory", "/memory_mib", "%.0f MiB"},
+       {"frames", "/frames"}},
+      [](const report::Json& summary) { return report::at(summary, "/systems"); }};
+  return kReport;
+}
+
+}  // namespace sidestep

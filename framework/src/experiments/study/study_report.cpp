@@ -1,6 +1,7 @@
-#include "report/figures_study.hpp"
 #include "report/html.hpp"
-#include "report/report_parts.hpp"
+#include "report/run_report.hpp"
+#include "study/study_figures.hpp"
+#include "study/study_summary.hpp"
 
 namespace sidestep::report {
 namespace {
@@ -75,7 +76,7 @@ std::string counts_section(const Json& summary) {
                     at(summary, "/robots"));
 }
 
-std::string times_section(const Json& summary) {
+std::string study_times_section(const Json& summary) {
   std::vector<Row> rows;
   for (const Json& robot : at(summary, "/robots")) {
     for (const char* kind : {"unsigned", "signed"}) {
@@ -97,19 +98,50 @@ std::string times_section(const Json& summary) {
                     rows);
 }
 
-}  // namespace
-
-Result<std::string> study_body(const Json& summary, const std::filesystem::path& run) {
+Result<std::string> study_body(const Json& summary, ResultsReader&,
+                               const std::filesystem::path& run) {
   std::string html;
   if (const std::string fault = cell(at(summary, "/fault")); fault != "-") {
     html += "<p class=\"verdict failure\">" + escape_html(fault) + "</p>\n";
   }
   html += outcomes_section(summary) + counts_section(summary);
   const auto study = read_study(run / "results.sqlite");
-  if (!study) return tl::make_unexpected(study.error());
+  if (!study) return error_of(study);
   const auto figures = figure_section(study_figures(*study), run);
   if (!figures) return figures;
-  return html + *figures + times_section(summary);
+  return html + *figures + study_times_section(summary);
 }
 
+Json studied_fields_of(const Json& summary) {
+  Json fields = Json::array();
+  for (const Json& robot : at(summary, "/robots")) {
+    for (const char* name : {"unsigned", "signed"}) {
+      fields.push_back(robot);
+      fields.back()["field"] = name;
+      fields.back()["outcome"] = at(robot, ("/" + std::string(name)).c_str());
+    }
+  }
+  return fields;
+}
+
+}  // namespace
 }  // namespace sidestep::report
+
+namespace sidestep {
+
+const report::RunReport& study_report() {
+  static const report::RunReport kReport = {&report::study_body,
+                                            {{"robot", "/name"},
+                                             {"field", "/field"},
+                                             {"problems", "/problems"},
+                                             {"solvable", "/solvable"},
+                                             {"failures", "/outcome/failure_percent", "%.3f %%"},
+                                             {"iterations", "/outcome/iterations/mean", "%.2f"},
+                                             {"cost", "/outcome/valid_cost/mean", "%.4g"},
+                                             {"solve p50", "/outcome/solve_ms/p50", "%.3f ms"},
+                                             {"solve p95", "/outcome/solve_ms/p95", "%.3f ms"}},
+                                            &report::studied_fields_of};
+  return kReport;
+}
+
+}  // namespace sidestep

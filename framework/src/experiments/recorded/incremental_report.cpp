@@ -1,11 +1,14 @@
 #include <string>
 
+#include "recorded/incremental_summary.hpp"
 #include "report/html.hpp"
-#include "report/report_parts.hpp"
+#include "report/run_report.hpp"
 
 namespace sidestep::report {
+namespace {
 
-std::string incremental_body(const Json& summary) {
+Result<std::string> incremental_body(const Json& summary, ResultsReader&,
+                                     const std::filesystem::path&) {
   std::string html = "<p>" + escape_html(cell(at(summary, "/optimiser"))) + " on the problems of " +
                      escape_html(cell(at(summary, "/problems_file"))) + ", robot " +
                      escape_html(cell(at(summary, "/robot"))) +
@@ -39,4 +42,26 @@ std::string incremental_body(const Json& summary) {
          "but for that of the means.</p>\n";
 }
 
+}  // namespace
 }  // namespace sidestep::report
+
+namespace sidestep {
+
+const report::RunReport& incremental_report() {
+  static const report::RunReport kReport = {
+      &report::incremental_body,
+      {{"problems", "/problems_file"},
+       {"rules", "/label"},
+       {"field", "/field"},
+       {"other", "/change"},
+       {"way", "/way"},
+       {"solve p50", "/solve_ms/p50", "%.4f ms"},
+       {"of afresh's", "/time_ratio/p50", "%.3f"},
+       {"iterations", "/iterations/mean", "%.2f"},
+       {"within 1 %", "/cost_ratio/share_within_1pct", "%.4f"},
+       {"free", "/collision_free/share", "%.4f"}},
+      [](const report::Json& summary) { return report::at(summary, "/rows"); }};
+  return kReport;
+}
+
+}  // namespace sidestep

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "planners/planner_rows.hpp"
-#include "report/figures.hpp"
+#include "report/canvas.hpp"
 
 namespace sidestep {
 

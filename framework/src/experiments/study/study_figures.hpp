@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "report/figures.hpp"
+#include "report/canvas.hpp"
 #include "study/study_rows.hpp"
 
 namespace sidestep {

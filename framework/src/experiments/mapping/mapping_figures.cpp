@@ -1,10 +1,11 @@
+#include "mapping/mapping_figures.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
 
 #include "report/chart.hpp"
-#include "report/figures.hpp"
 #include "report/text_table.hpp"
 
 namespace sidestep {

@@ -4,9 +4,11 @@
 #include <set>
 #include <string>
 
+#include "closed_loop/replan_figures.hpp"
 #include "closed_loop/replan_rows.hpp"
+#include "closed_loop/replan_summary.hpp"
 #include "report/html.hpp"
-#include "report/report_parts.hpp"
+#include "report/run_report.hpp"
 #include "report/text_table.hpp"
 
 namespace sidestep::report {
@@ -82,7 +84,7 @@ Result<std::vector<double>> numbers_of(ResultsReader& results, const std::string
   auto read = results.visit(series, [&](std::int64_t, std::string_view key, double value) {
     if (key == wanted && std::isfinite(value)) values.push_back(value);
   });
-  if (!read) return tl::make_unexpected(std::move(read.error()));
+  if (!read) return error_of(read);
   return values;
 }
 
@@ -101,7 +103,7 @@ Result<std::string> spread_section(ResultsReader& results, const std::filesystem
   std::vector<Spread> spreads;
   for (const Quantity& quantity : kQuantities) {
     auto values = numbers_of(results, quantity.series, quantity.key);
-    if (!values) return tl::make_unexpected(std::move(values.error()));
+    if (!values) return error_of(values);
     std::erase(*values, 0.0);  // events without a solve
     spreads.push_back({quantity.label, std::move(*values)});
   }
@@ -113,7 +115,7 @@ Result<std::vector<std::int64_t>> chosen_episodes(const Json& summary, ResultsRe
   std::set<std::int64_t> run;  // numbered from experiment.first_episode
   auto read = results.visit("episode",
                             [&](std::int64_t item, std::string_view, double) { run.insert(item); });
-  if (!read) return tl::make_unexpected(std::move(read.error()));
+  if (!read) return error_of(read);
   std::vector<std::int64_t> chosen;
   const auto choose = [&](std::int64_t episode) {
     if (chosen.size() < kPicturedEpisodes && std::ranges::find(chosen, episode) == chosen.end()) {
@@ -134,7 +136,7 @@ Result<std::string> events_section(ResultsReader& results, std::int64_t episode)
   auto read = results.visit("event", [&](std::int64_t item, std::string_view, double) {
     if (item >= first && item < end) items.insert(item);
   });
-  if (!read) return tl::make_unexpected(std::move(read.error()));
+  if (!read) return error_of(read);
   std::vector<Row> rows;
   for (const std::int64_t item : items) {
     const auto text = [&](const char* key) {
@@ -157,8 +159,6 @@ Result<std::string> events_section(ResultsReader& results, std::int64_t episode)
          "</details>\n";
 }
 
-}  // namespace
-
 Result<std::string> replan_body(const Json& summary, ResultsReader& results,
                                 const std::filesystem::path& run) {
   std::string html = metrics_section(summary) + comparison_section(summary) +
@@ -168,11 +168,11 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
   if (!spread) return spread;
   html += *spread;
   const auto chosen = chosen_episodes(summary, results);
-  if (!chosen) return tl::make_unexpected(chosen.error());
+  if (!chosen) return error_of(chosen);
   for (const std::int64_t episode : *chosen) {
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
     const auto figures = replan_figures(results, episode);
-    if (!figures) return tl::make_unexpected(figures.error());
+    if (!figures) return error_of(figures);
     auto section = figure_section(*figures, run);
     if (!section) return section;
     auto events = events_section(results, episode);
@@ -182,4 +182,14 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
   return html;
 }
 
+}  // namespace
 }  // namespace sidestep::report
+
+namespace sidestep {
+
+const report::RunReport& replan_report() {
+  static const report::RunReport kReport = {&report::replan_body, {}, nullptr};
+  return kReport;
+}
+
+}  // namespace sidestep

@@ -1,9 +1,10 @@
+#include "recorded/recorded_figures.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "report/chart.hpp"
-#include "report/figures.hpp"
 
 namespace sidestep {
 namespace {

@@ -1,12 +1,14 @@
 #include <string>
 
+#include "recorded/recorded_figures.hpp"
+#include "recorded/recorded_summary.hpp"
 #include "report/html.hpp"
-#include "report/report_parts.hpp"
+#include "report/run_report.hpp"
 
 namespace sidestep::report {
 namespace {
 
-std::string times_section(const Json& runs) {
+std::string recorded_times_section(const Json& runs) {
   std::vector<Row> rows;
   for (const Json& r : runs) {
     rows.push_back(
@@ -64,7 +66,7 @@ Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& re
                                       {"solve_ms", &series.solve_ms},
                                       {"peer_solve_ms", &series.peer_solve_ms}}) {
       auto column = results.column("solve/" + std::to_string(item), key);
-      if (!column) return tl::make_unexpected(std::move(column.error()));
+      if (!column) return error_of(column);
       *values = std::move(*column);
     }
     all.push_back(std::move(series));
@@ -72,21 +74,40 @@ Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& re
   return all;
 }
 
-}  // namespace
-
 Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
                                   const std::filesystem::path& run) {
   const Json runs = at(summary, "/runs");
   const auto series = series_of(runs, results);
-  if (!series) return tl::make_unexpected(series.error());
+  if (!series) return error_of(series);
   std::string html = "<p>" + escape_html(cell(at(summary, "/optimiser"))) + " on the problems of " +
                      escape_html(cell(at(summary, "/problems_file"))) + ", robot " +
                      escape_html(cell(at(summary, "/robot"))) + ".</p>\n";
-  html += times_section(runs) + results_section(summary);
+  html += recorded_times_section(runs) + results_section(summary);
   const auto figures = figure_section(
       recorded_figures(*series, at(summary, "/costs_comparable") != Json(false)), run);
   if (!figures) return figures;
   return html + *figures;
 }
 
+}  // namespace
 }  // namespace sidestep::report
+
+namespace sidestep {
+
+const report::RunReport& recorded_report() {
+  static const report::RunReport kReport = {
+      &report::recorded_body,
+      {{"optimiser", "/optimiser"},
+       {"problems", "/problems_file"},
+       {"rules", "/label"},
+       {"field", "/field"},
+       {"iteration p50", "/lm_iteration_us/p50", "%.1f us"},
+       {"solve p50", "/solve_ms/p50", "%.4f ms"},
+       {"iterations", "/iterations/mean", "%.2f"},
+       {"within 1 %", "/cost/share_within_1pct", "%.4f"},
+       {"free", "/collision_free/share", "%.4f"}},
+      [](const report::Json& summary) { return report::at(summary, "/runs"); }};
+  return kReport;
+}
+
+}  // namespace sidestep

@@ -1,4 +1,4 @@
-#include "report/figures_planners.hpp"
+#include "planners/planner_figures.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,7 +1,7 @@
-#include "planners/planner_rows.hpp"
-#include "report/figures_planners.hpp"
+#include "planners/planner_figures.hpp"
+#include "planners/planner_summary.hpp"
 #include "report/html.hpp"
-#include "report/report_parts.hpp"
+#include "report/run_report.hpp"
 
 namespace sidestep::report {
 namespace {
@@ -27,16 +27,15 @@ std::string tables(const Column& second, const Json& rows) {
                     rows);
 }
 
-}  // namespace
-
-Result<std::string> planners_body(const Json& summary, const std::filesystem::path& run) {
+Result<std::string> planners_body(const Json& summary, ResultsReader&,
+                                  const std::filesystem::path& run) {
   std::string html;
   if (const std::string fault = cell(at(summary, "/fault")); fault != "-") {
     html += "<p class=\"verdict failure\">" + escape_html(fault) + "</p>\n";
   }
   html += "<h2>All problems</h2>\n" + tables({"checker", "/checker"}, at(summary, "/planners"));
   const auto record = read_planner_record(run / "results.sqlite");
-  if (!record) return tl::make_unexpected(record.error());
+  if (!record) return error_of(record);
   const auto figures = figure_section(planner_figures(*record), run);
   if (!figures) return figures;
   html += *figures;
@@ -50,4 +49,24 @@ Result<std::string> planners_body(const Json& summary, const std::filesystem::pa
          "length and duration needs.</p>\n";
 }
 
+}  // namespace
 }  // namespace sidestep::report
+
+namespace sidestep {
+
+const report::RunReport& planner_report() {
+  static const report::RunReport kReport = {
+      &report::planners_body,
+      {{"planner", "/name"},
+       {"checker", "/checker"},
+       {"answers", "/answers"},
+       {"solved in 1 s", "/solved_share/s1", "%.4f"},
+       {"time p50", "/time_ms/p50", "%.3f ms"},
+       {"time p95", "/time_ms/p95", "%.2f ms"},
+       {"path p50", "/path_length_rad/p50", "%.2f rad"},
+       {"refused", "/refused_by_check"}},
+      [](const report::Json& summary) { return report::at(summary, "/planners"); }};
+  return kReport;
+}
+
+}  // namespace sidestep

@@ -1,9 +1,10 @@
+#include "plan/plan_figures.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 #include "plan/slices.hpp"
 #include "report/chart.hpp"
-#include "report/figures.hpp"
 #include "report/text_table.hpp"
 
 namespace sidestep {
@@ -25,13 +26,13 @@ Result<std::optional<FieldSlice>> read_slice(ResultsReader& results, const std::
                                   {"u_label", &slice.u_label},
                                   {"v_label", &slice.v_label}}) {
     const auto text = results.text(series, item, key);
-    if (!text) return tl::make_unexpected(text.error());
+    if (!text) return error_of(text);
     *into = text->value_or("");
   }
   for (const auto& [key, into] :
        {std::pair("u0_m", &slice.u0_m), {"v0_m", &slice.v0_m}, {"step_m", &slice.step_m}}) {
     const auto number = results.number(series, item, key);
-    if (!number) return tl::make_unexpected(number.error());
+    if (!number) return error_of(number);
     *into = number->value_or(0.0);
   }
   for (const auto& [key, into] : {std::pair("distance_m", &slice.distance_m),
@@ -40,7 +41,7 @@ Result<std::optional<FieldSlice>> read_slice(ResultsReader& results, const std::
                                   {"base_path", &slice.base_path},
                                   {"tip_path", &slice.tip_path}}) {
     auto array = results.array(series, item, key);
-    if (!array) return tl::make_unexpected(array.error());
+    if (!array) return error_of(array);
     if (*array) *into = std::move(**array);
   }
   const bool whole = slice.step_m > 0.0 && slice.distance_m.columns > 1 &&
@@ -172,7 +173,7 @@ Result<std::vector<JointRead>> read_joints(ResultsReader& results) {
   std::vector<JointRead> joints;
   for (std::int64_t item = 0;; ++item) {
     const auto name = results.text("joint", item, "name");
-    if (!name) return tl::make_unexpected(name.error());
+    if (!name) return error_of(name);
     if (!*name) return joints;
     const auto unit = results.text("joint", item, "unit");
     const auto lower = results.number("joint", item, "lower");
@@ -258,8 +259,8 @@ Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
   const auto joints = read_joints(results);
   const auto speed_fraction = results.number(series, 0, "speed_fraction");
   const auto margin_m = results.number(series, 0, "margin_m");
-  if (!motion) return tl::make_unexpected(motion.error());
-  if (!joints) return tl::make_unexpected(joints.error());
+  if (!motion) return error_of(motion);
+  if (!joints) return error_of(joints);
   const int dof = static_cast<int>(joints->size());
   if (!*motion || (*motion)->rows < 2 || (*motion)->columns != 2 + 2 * dof) return {};
   const std::vector<double> time_s = column_of(**motion, 0);
@@ -304,15 +305,15 @@ Result<std::vector<Figure>> plan_figures(ResultsReader& results, std::int64_t it
   const std::string series = "slice/" + std::to_string(item);
   std::vector<Figure> figures;
   const auto slices = results.array_items(series, "distance_m");
-  if (!slices) return tl::make_unexpected(slices.error());
+  if (!slices) return error_of(slices);
   for (const std::int64_t index : *slices) {
     const auto slice = read_slice(results, series, index);
-    if (!slice) return tl::make_unexpected(slice.error());
+    if (!slice) return error_of(slice);
     if (!*slice) continue;
     figures.push_back(slice_figure(**slice, prefix + "slice-" + std::to_string(index + 1)));
   }
   if (auto added = add_motion_figures(results, item, prefix, figures); !added) {
-    return tl::make_unexpected(std::move(added.error()));
+    return error_of(added);
   }
   return figures;
 }

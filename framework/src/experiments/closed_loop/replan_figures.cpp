@@ -1,3 +1,5 @@
+#include "closed_loop/replan_figures.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,14 +10,11 @@
 
 #include "closed_loop/replan_rows.hpp"
 #include "report/chart.hpp"
-#include "report/figures.hpp"
 #include "report/text_table.hpp"
 #include "results/statistics.hpp"
 
 namespace sidestep {
 namespace {
-
-using Kind = ReplannerEvent::Kind;
 
 constexpr double kWidth = 900.0;
 constexpr int kColumns = 4;
@@ -57,7 +56,7 @@ StoredArray array_of(ResultsReader& results, const std::string& series, std::int
 Result<std::vector<View>> read_views(ResultsReader& results, std::int64_t episode) {
   const std::string series = "picture/" + std::to_string(episode);
   const auto items = results.array_items(series, "robot");
-  if (!items) return tl::make_unexpected(items.error());
+  if (!items) return error_of(items);
   std::vector<View> views;
   for (const std::int64_t item : *items) {
     const auto read = [&](const std::string& key) { return array_of(results, series, item, key); };
@@ -152,7 +151,7 @@ Figure above_figure(const std::vector<View>& views, std::int64_t episode) {
 }
 
 struct Mark {
-  Kind kind = Kind::kPlanned;
+  ReplannerEvent::Kind kind = ReplannerEvent::Kind::kPlanned;
   double time_s = 0.0;
   double solve_ms = 0.0;
 };
@@ -162,11 +161,12 @@ Result<std::vector<Mark>> read_marks(ResultsReader& results, std::int64_t episod
   const std::int64_t first = first_item_of(episode), end = first_item_of(episode + 1);
   auto read = results.visit("event", [&](std::int64_t item, std::string_view key, double value) {
     if (item < first || item >= end) return;
-    if (key == "kind") marks[item].kind = static_cast<Kind>(static_cast<int>(value));
+    if (key == "kind")
+      marks[item].kind = static_cast<ReplannerEvent::Kind>(static_cast<int>(value));
     if (key == "time_s") marks[item].time_s = value;
     if (key == "solve_ms") marks[item].solve_ms = value;
   });
-  if (!read) return tl::make_unexpected(std::move(read.error()));
+  if (!read) return error_of(read);
   std::vector<Mark> list;
   for (const auto& [item, mark] : marks) list.push_back(mark);
   return list;
@@ -190,13 +190,13 @@ MappingTimes mapping_times(const StoredArray& mapping) {
 
 Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
   constexpr double kTimes = 190.0, kLane = 20.0;
-  constexpr std::array kLanes = {std::pair(Kind::kPlanned, palette::kGreen),
-                                 std::pair(Kind::kReplanned, palette::kBlue),
-                                 std::pair(Kind::kReplanFailed, palette::kOrange),
-                                 std::pair(Kind::kSlowed, palette::kSky),
-                                 std::pair(Kind::kStopped, palette::kVermilion),
-                                 std::pair(Kind::kRecovered, palette::kPurple),
-                                 std::pair(Kind::kReached, palette::kBlack)};
+  constexpr std::array kLanes = {std::pair(ReplannerEvent::Kind::kPlanned, palette::kGreen),
+                                 std::pair(ReplannerEvent::Kind::kReplanned, palette::kBlue),
+                                 std::pair(ReplannerEvent::Kind::kReplanFailed, palette::kOrange),
+                                 std::pair(ReplannerEvent::Kind::kSlowed, palette::kSky),
+                                 std::pair(ReplannerEvent::Kind::kStopped, palette::kVermilion),
+                                 std::pair(ReplannerEvent::Kind::kRecovered, palette::kPurple),
+                                 std::pair(ReplannerEvent::Kind::kReached, palette::kBlack)};
   const std::string name = std::to_string(episode);
   Figure figure{
       "episode-" + name + "-time",
@@ -205,7 +205,7 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
           "what the replanner did.",
       Canvas(kWidth, kTimes + kLane * kLanes.size() + 10.0)};
   const auto marks = read_marks(results, episode);
-  if (!marks) return tl::make_unexpected(marks.error());
+  if (!marks) return error_of(marks);
   const StoredArray mapping = array_of(results, "episode", episode, "mapping");
   const auto begin = results.number("episode", episode, "begin_s");
   const auto duration_s = results.number("episode", episode, "duration_s");
@@ -280,10 +280,10 @@ std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
 Result<std::vector<Figure>> replan_figures(ResultsReader& results, std::int64_t episode) {
   std::vector<Figure> figures;
   const auto views = read_views(results, episode);
-  if (!views) return tl::make_unexpected(views.error());
+  if (!views) return error_of(views);
   if (!views->empty()) figures.push_back(above_figure(*views, episode));
   auto timeline = timeline_figure(results, episode);
-  if (!timeline) return tl::make_unexpected(std::move(timeline.error()));
+  if (!timeline) return error_of(timeline);
   figures.push_back(std::move(*timeline));
   return figures;
 }

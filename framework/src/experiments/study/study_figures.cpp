@@ -1,9 +1,11 @@
-#include "report/figures_study.hpp"
+#include "study/study_figures.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
+
+#include <sidestep/core/index.hpp>
 
 #include "report/chart.hpp"
 #include "results/intervals.hpp"
@@ -23,13 +25,6 @@ constexpr double kShownIterations = 0.995;
 constexpr std::size_t kMostPoints = 4000;
 
 const std::array<Colour, 2> kColours = {palette::kBlue, palette::kOrange};
-
-bool solved_by_both(const ProblemOutcome& problem) {
-  return problem.fields[kUnsigned].collision_free && problem.fields[kSigned].collision_free;
-}
-bool solvable(const ProblemOutcome& problem) {
-  return problem.fields[kUnsigned].collision_free || problem.fields[kSigned].collision_free;
-}
 
 double log_cost(const ProblemOutcome& problem, std::size_t kind) {
   return std::log10(std::max(problem.fields[kind].cost, 1e-9));
@@ -81,11 +76,11 @@ std::vector<SizeBin> size_bins(const StudyRobotRows& robot) {
   }
   std::vector<SizeBin> bins(kSizeBins);
   const double width = std::max(range.upper, 1e-9) / kSizeBins;
-  for (int b = 0; b < kSizeBins; ++b) bins[static_cast<std::size_t>(b)].size_m = (b + 0.5) * width;
+  for (int b = 0; b < kSizeBins; ++b) bins[idx(b)].size_m = (b + 0.5) * width;
   for (const ProblemOutcome& problem : robot.problems) {
-    if (!solvable(problem)) continue;
+    if (!problem.is_solvable()) continue;
     const auto index = static_cast<int>(size_of[robot.scene_of(problem)] / width);
-    SizeBin& bin = bins[static_cast<std::size_t>(std::clamp(index, 0, kSizeBins - 1))];
+    SizeBin& bin = bins[idx(std::clamp(index, 0, kSizeBins - 1))];
     ++bin.solvable;
     for (const std::size_t kind : {kUnsigned, kSigned}) {
       if (!problem.fields[kind].collision_free) ++bin.failures[kind];
@@ -141,13 +136,12 @@ Outline histogram(const std::vector<double>& values, double lower, double width,
   std::vector<double> counts(static_cast<std::size_t>(bins), 0.0);
   for (const double value : values) {
     const double bin = std::floor((value - lower) / width);
-    counts[static_cast<std::size_t>(std::clamp(bin, 0.0, bins - 1.0))] += 1.0;
+    counts[idx(std::clamp(bin, 0.0, bins - 1.0))] += 1.0;
   }
   Outline outline;
   for (int b = 0; b < bins; ++b) {
-    const double percent = values.empty() ? 0.0
-                                          : 100.0 * counts[static_cast<std::size_t>(b)] /
-                                                static_cast<double>(values.size());
+    const double percent =
+        values.empty() ? 0.0 : 100.0 * counts[idx(b)] / static_cast<double>(values.size());
     for (const double edge : {0.0, 1.0}) {
       outline.x.push_back(lower + (b + edge) * width);
       outline.percent.push_back(percent);
@@ -198,7 +192,7 @@ Figure iterations_figure(const StudyRecord& study) {
 Range cost_range(const StudyRobotRows& robot) {
   std::vector<double> costs;
   for (const ProblemOutcome& problem : robot.problems) {
-    if (!solved_by_both(problem)) continue;
+    if (!problem.is_solved_by_both()) continue;
     for (const std::size_t kind : {kUnsigned, kSigned}) costs.push_back(log_cost(problem, kind));
   }
   if (costs.empty()) return {0.0, 1.0};
@@ -217,7 +211,7 @@ Figure costs_figure(const StudyRecord& study) {
     for (const std::size_t kind : {kUnsigned, kSigned}) {
       std::vector<double> values;
       for (const ProblemOutcome& problem : study.robots[r].problems) {
-        if (solved_by_both(problem)) values.push_back(log_cost(problem, kind));
+        if (problem.is_solved_by_both()) values.push_back(log_cost(problem, kind));
       }
       outlines[kind] = histogram(values, range.lower, width, kCostBins);
     }
@@ -241,7 +235,7 @@ Figure scatter_figure(const StudyRecord& study) {
     const std::size_t stride = robot.problems.size() / kMostPoints + 1;
     for (std::size_t i = 0; i < robot.problems.size(); ++i) {
       const ProblemOutcome& problem = robot.problems[i];
-      if (!solved_by_both(problem)) continue;
+      if (!problem.is_solved_by_both()) continue;
       // All that differ are drawn, of those that agree every n-th.
       const double plain = log_cost(problem, kUnsigned), sign = log_cost(problem, kSigned);
       if (std::abs(plain - sign) < 0.01 && i % stride != 0) continue;

@@ -1,15 +1,16 @@
+#include "plan/plan_figures.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "report/chart.hpp"
-#include "report/figures.hpp"
 #include "report/text_table.hpp"
 
 namespace sidestep {
 namespace {
 
-constexpr double kWidth = 900.0;
+constexpr double kMapWidth = 900.0;
 constexpr Colour kNoMeasurement = colour(0xDDDDDD);
 
 struct DepthImageRead {
@@ -49,12 +50,12 @@ Figure depth_figure(const std::vector<DepthImageRead>& images) {
   const int columns = std::min(3, static_cast<int>(images.size()));
   const int rows = (static_cast<int>(images.size()) + columns - 1) / columns;
   const StoredArray& first = images.front().depth_m;
-  const double cell = (kWidth - kBar) / columns;
+  const double cell = (kMapWidth - kBar) / columns;
   const double picture_width = cell - 10.0;
   const double picture_height = picture_width * first.rows / std::max(1, first.columns);
   const double legend = 30.0;
   Figure figure{"depth", "Depth images, as the mapper got them.",
-                Canvas(kWidth, rows * (picture_height + kCaption) + legend)};
+                Canvas(kMapWidth, rows * (picture_height + kCaption) + legend)};
   const double limit_m = depth_limit(images);
   for (std::size_t i = 0; i < images.size(); ++i) {
     const double x = cell * static_cast<double>(static_cast<int>(i) % columns);
@@ -67,9 +68,9 @@ Figure depth_figure(const std::vector<DepthImageRead>& images) {
     figure.canvas.outline(area, {colour(0x777777), 0.7, {}});
   }
   draw_colour_bar(figure.canvas,
-                  {kWidth - kBar + 8.0, kCaption, kBar, std::min(picture_height, 260.0)},
+                  {kMapWidth - kBar + 8.0, kCaption, kBar, std::min(picture_height, 260.0)},
                   {"depth [m]", {0.0, limit_m}, &sequential_colour});
-  draw_legend(figure.canvas, {0.0, figure.canvas.height() - 25.0}, kWidth,
+  draw_legend(figure.canvas, {0.0, figure.canvas.height() - 25.0}, kMapWidth,
               {{"no measurement", LegendEntry::Mark::kBox, {kNoMeasurement, 1.0, {}}}});
   return figure;
 }
@@ -105,7 +106,7 @@ Figure frame_time_figure(const std::vector<double>& integrate_ms,
                          const std::vector<double>& field_ms) {
   constexpr double kHeight = 330.0;
   Figure figure{"frame_times", "Wall time from a frame in hand to the published field, by stage.",
-                Canvas(kWidth, kHeight)};
+                Canvas(kMapWidth, kHeight)};
   const std::vector<double> frame_ms = sums(integrate_ms, field_ms);
   std::vector<double> index(frame_ms.size());
   for (std::size_t i = 0; i < index.size(); ++i) index[i] = static_cast<double>(i);
@@ -113,7 +114,7 @@ Figure frame_time_figure(const std::vector<double>& integrate_ms,
   for (const double value : frame_ms) y.include(value);
   y.upper = y.upper > 0.0 ? 1.08 * y.upper : 1.0;
   const Range x{0.0, std::max(1.0, index.empty() ? 1.0 : index.back())};
-  Axes axes(figure.canvas, {0.0, 0.0, 0.6 * kWidth, kHeight - 30.0}, x, y,
+  Axes axes(figure.canvas, {0.0, 0.0, 0.6 * kMapWidth, kHeight - 30.0}, x, y,
             {"Over the run", "frame", "time [ms]"});
   const Stroke whole{palette::kBlack, 1.3, {}};
   const Stroke integrate{palette::kBlue, 1.3, {}};
@@ -123,8 +124,8 @@ Figure frame_time_figure(const std::vector<double>& integrate_ms,
   axes.line(index, integrate_ms, integrate);
   axes.line(index, field_ms, field);
   axes.finish();
-  draw_histogram(figure.canvas, {0.6 * kWidth, 0.0, 0.4 * kWidth, kHeight - 30.0}, frame_ms);
-  draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kWidth,
+  draw_histogram(figure.canvas, {0.6 * kMapWidth, 0.0, 0.4 * kMapWidth, kHeight - 30.0}, frame_ms);
+  draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kMapWidth,
               {{"whole frame", LegendEntry::Mark::kLine, whole},
                {"integration", LegendEntry::Mark::kLine, integrate},
                {"distance field", LegendEntry::Mark::kLine, field}});
@@ -136,11 +137,11 @@ Figure frame_time_figure(const std::vector<double>& integrate_ms,
 Result<std::vector<Figure>> map_figures(ResultsReader& results) {
   std::vector<Figure> figures;
   const auto items = results.array_items("depth", "depth_m");
-  if (!items) return tl::make_unexpected(items.error());
+  if (!items) return error_of(items);
   std::vector<DepthImageRead> images;
   for (const std::int64_t item : *items) {
     auto depth_m = results.array("depth", item, "depth_m");
-    if (!depth_m) return tl::make_unexpected(depth_m.error());
+    if (!depth_m) return error_of(depth_m);
     const auto sequence = results.number("depth", item, "sequence");
     if (!*depth_m || (*depth_m)->values.empty()) continue;
     images.push_back({sequence ? sequence->value_or(0.0) : 0.0, std::move(**depth_m)});
@@ -148,8 +149,8 @@ Result<std::vector<Figure>> map_figures(ResultsReader& results) {
   if (!images.empty()) figures.push_back(depth_figure(images));
   const auto integrate_ms = results.column("frame", "integrate_ms");
   const auto field_ms = results.column("frame", "field_ms");
-  if (!integrate_ms) return tl::make_unexpected(integrate_ms.error());
-  if (!field_ms) return tl::make_unexpected(field_ms.error());
+  if (!integrate_ms) return error_of(integrate_ms);
+  if (!field_ms) return error_of(field_ms);
   if (!integrate_ms->empty()) figures.push_back(frame_time_figure(*integrate_ms, *field_ms));
   return figures;
 }

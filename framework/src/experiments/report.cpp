@@ -1,0 +1,153 @@
+#include <sidestep/experiments/report.hpp>
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include <sidestep/runtime/results_store.hpp>
+
+#include "report/html.hpp"
+#include "report/run_report.hpp"
+#include "report/text_table.hpp"
+
+namespace sidestep {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace report;
+
+Result<Json> read_summary(const fs::path& run) {
+  const fs::path file = run / "summary.json";
+  auto text = read_file(file);
+  if (!text) {
+    return fail(ErrorCode::kNotFound, "the folder holds no finished run", file.string(),
+                "give the folder that `sidestep run` wrote to");
+  }
+  Json summary = Json::parse(*text, nullptr, false);
+  if (!summary.is_object()) return fail(ErrorCode::kIo, "the summary is damaged", file.string());
+  return summary;
+}
+
+/// The type of experiment that a summary is of; null for none that there is.
+const ExperimentType* type_of(const Json& summary) {
+  const auto& types = experiment_types();
+  const auto found =
+      std::ranges::find(types, cell(at(summary, "/experiment")), &ExperimentType::name);
+  return found != types.end() ? &*found : nullptr;
+}
+
+std::string origin_section(const Json& summary, const fs::path& run) {
+  std::string html = "<h2>Made with</h2>\n<table>\n";
+  const Json provenance = at(summary, "/provenance");
+  if (provenance.is_object()) {
+    for (const auto& [key, value] : provenance.items()) {
+      html += "<tr><td>" + escape_html(key) + "</td><td class=\"text\">" +
+              escape_html(cell(value, "%.0f")) + "</td></tr>\n";
+    }
+  }
+  html += "</table>\n";
+  if (const auto config = read_file(run / "effective_config.yaml")) {
+    html += "<h2>Configuration, as it took effect</h2>\n<pre>" + escape_html(*config) + "</pre>\n";
+  }
+  return html;
+}
+
+/// Everything that summary and store tell of a run, verdict first.
+Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run) {
+  const ExperimentType* type = type_of(summary);
+  if (type == nullptr) {
+    return fail(ErrorCode::kIo, "there is no experiment type " + at(summary, "/experiment").dump(),
+                (run / "summary.json").string());
+  }
+  const bool success = at(summary, "/success") == Json(true);
+  std::string html = "<h1>" + escape_html(cell(at(summary, "/configuration"))) + "</h1>\n";
+  html += std::string("<p class=\"verdict ") + (success ? "success" : "failure") + "\">" +
+          escape_html(cell(at(summary, "/verdict"))) + "</p>\n";
+  const auto body = type->report->body(summary, results, run);
+  if (!body) return body;
+  html += *body;
+  html += origin_section(summary, run);
+  return html;
+}
+
+/// A run by the name of its folder: several may be of one configuration.
+std::string run_name(const fs::path& run) {
+  return (run.has_filename() ? run : run.parent_path()).filename().string();  // of "out/demo/", too
+}
+
+/// What a run adds to a comparison.
+void add_rows(const RunReport& report, const std::string& run, const Json& summary,
+              std::vector<Row>& rows) {
+  for (const Json& item : report.compared_items(summary)) {
+    Json shown = summary;
+    shown.update(item);
+    Row row = cells_of(shown, report.compared);
+    row.insert(row.begin(), {run, cell(at(summary, "/configuration"))});
+    row.push_back(cell(at(summary, "/provenance/git_hash")));
+    rows.push_back(std::move(row));
+  }
+}
+
+}  // namespace
+
+bool is_report_picture(std::string_view file_name) {
+  const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
+  return picture &&
+         (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
+          file_name.starts_with("frame_times.") || file_name.starts_with("mapping_times.") ||
+          file_name.starts_with("planner_") || file_name.starts_with("episode-") ||
+          file_name.starts_with("study_") || file_name.starts_with("spread."));
+}
+
+Result<void> write_report(const fs::path& run) {
+  const auto summary = read_summary(run);
+  if (!summary) return error_of(summary);
+  auto results = ResultsReader::open(run / "results.sqlite");
+  if (!results) return error_of(results);
+  auto body = report_body(*summary, **results, run);
+  if (!body) return error_of(body);
+  const std::string title = "Sidestep: " + cell(at(*summary, "/configuration"));
+  return write_file(run / "report.html", html_page(title, *body));
+}
+
+Result<void> save_outcome(const ExperimentOutcome& outcome, const fs::path& run) {
+  auto saved = write_file(run / "summary.json", outcome.summary_json);
+  if (saved && !outcome.table_csv.empty()) {
+    saved = write_file(run / "table.csv", outcome.table_csv);
+  }
+  return saved ? write_report(run) : saved;
+}
+
+Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html) {
+  std::vector<Json> summaries;
+  for (const fs::path& run : runs) {
+    auto summary = read_summary(run);
+    if (!summary) return error_of(summary);
+    summaries.push_back(std::move(*summary));
+  }
+  std::string text, body;
+  for (const ExperimentType& type : experiment_types()) {
+    const RunReport& report = *type.report;
+    if (report.compared.empty()) continue;
+    std::vector<Row> rows;
+    for (std::size_t r = 0; r < runs.size(); ++r) {
+      if (at(summaries[r], "/experiment") != Json(type.name)) continue;
+      add_rows(report, run_name(runs[r]), summaries[r], rows);
+    }
+    if (rows.empty()) continue;
+    Row header = names_of(report.compared);
+    header.insert(header.begin(), {"run", "configuration"});
+    header.push_back("commit");
+    TextTable table(header);
+    for (const Row& row : rows) table.add(row);
+    text += (text.empty() ? "" : "\n") + table.text();
+    body += html_table(header, rows);
+  }
+  if (!html.empty()) {
+    const std::string page = html_page("Sidestep: comparison", "<h1>Runs compared</h1>\n" + body);
+    if (auto written = write_file(html, page); !written) return error_of(written);
+  }
+  return text;
+}
+
+}  // namespace sidestep

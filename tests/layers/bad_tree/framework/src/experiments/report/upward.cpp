@@ -1,0 +1,2 @@
+#include "plan/plan.hpp"
+#include "report/html.hpp"
