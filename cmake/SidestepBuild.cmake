@@ -28,12 +28,12 @@ if(SIDESTEP_HAS_MOVE_MAX)
 endif()
 
 # Warnings are errors for our own code only. -Wrestrict is wrong about std::string in g++ 12
-# (GCC bug 105329).
+# (GCC bug 105329). Sources that are compiled together are headers to g++, in which it wants no anonymous namespaces.
 function(sidestep_warnings target)
   target_compile_options(${target} PRIVATE
     -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wno-missing-field-initializers -Werror)
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
-    target_compile_options(${target} PRIVATE -Wno-restrict)
+    target_compile_options(${target} PRIVATE -Wno-restrict -Wno-subobject-linkage)
     if(SIDESTEP_SANITIZE)
       # What sanitizers add makes g++ warn of variables that are set (see -fsanitize in its manual).
       target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
@@ -79,6 +79,17 @@ function(sidestep_add_plugin_library name)
   set_target_properties(${target} PROPERTIES
     CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
   sidestep_warnings(${target})
+endfunction()
+
+# sidestep_plugin_target(NAME [target])
+# The target plugin_<NAME> builds the plugins of that name, of whatever kind, as far as they can be built.
+function(sidestep_plugin_target name)
+  if(NOT TARGET plugin_${name})
+    add_custom_target(plugin_${name})
+  endif()
+  if(ARGN)
+    add_dependencies(plugin_${name} ${ARGN})
+  endif()
 endfunction()
 
 # sidestep_add_command(NAME SOURCES ... [LINK library...])

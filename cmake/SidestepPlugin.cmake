@@ -20,6 +20,7 @@ function(sidestep_add_plugin name)
   if(COMMAND sidestep_warnings)  # inside Sidestep's own tree
     sidestep_warnings(${target})
     add_dependencies(sidestep_product ${target})
+    sidestep_plugin_target(${name} ${target})
     set_target_properties(${target} PROPERTIES
       LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib/sidestep/plugins
       INSTALL_RPATH "$ORIGIN/../..")

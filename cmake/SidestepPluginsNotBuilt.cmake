@@ -6,6 +6,7 @@ function(sidestep_plugin_not_built name)
   cmake_parse_arguments(ARG "" "KIND" "PACKAGES" ${ARGN})
   list(JOIN ARG_PACKAGES " " packages)
   set_property(GLOBAL APPEND PROPERTY SIDESTEP_PLUGINS_NOT_BUILT "${ARG_KIND} ${name} ${packages}")
+  sidestep_plugin_target(${name})
   message(STATUS "Plugin ${name} is not built: install ${packages}")
 endfunction()
 

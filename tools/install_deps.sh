@@ -22,9 +22,9 @@ packages=(
   libpng-dev liboctomap-dev libdynamicedt3d-dev liburdfdom-dev liburdfdom-headers-dev
   libceres-dev libompl-dev libpcl-dev
   # tests and benchmarks
-  libgtest-dev libgmock-dev libbenchmark-dev
+  libgtest-dev libgmock-dev libbenchmark-dev sqlite3
 )
-# the viewer's page; a Node that comes from elsewhere brings an npm of its own
+# the viewer's page and tests/net; a Node that comes from elsewhere brings an npm of its own
 command -v node >/dev/null || packages+=(nodejs)
 command -v npm >/dev/null || packages+=(npm)
 if [ "${1:-}" = "--dev" ]; then
