@@ -44,6 +44,7 @@ struct ClearanceProver::Measurement {
 };
 
 struct ClearanceProver::Workspace {
+  bool keeps_to_observed = true;  // as the request says
   std::vector<Interval> intervals;
   std::vector<Gap> gaps;
   std::vector<Interval> next_intervals;
@@ -95,6 +96,10 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
     const CollisionSphere& sphere = description.spheres[idx(s)];
     spheres_of_link_[idx(sphere.link)].push_back(s);
     radius_m_.push_back(sphere.radius_m);
+    keeps_to_observed_.push_back(
+        space_.observed && std::ranges::find(space_.observed->links,
+                                             description.links[idx(sphere.link)].name) !=
+                               space_.observed->links.end());
     // In a cell that touches an occupied voxel the interpolant is at most one diagonal.
     const bool is_beyond_surface =
         info.is_exact || sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
@@ -148,7 +153,7 @@ double ClearanceProver::fall_m(int item, double way_m) const noexcept {
 
 bool ClearanceProver::violates(int item, const ClearanceReading& reading) const noexcept {
   if (!(reading.clearance_m >= required_m(item))) return true;
-  return (reading.status == FieldStatus::kUnknown && space_.unknown == Space::kOccupied) ||
+  return reading.is_unseen ||
          (reading.status == FieldStatus::kOutside && space_.outside == Space::kOccupied);
 }
 
@@ -183,6 +188,10 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
     reading.clearance_m = w.distances[i] - radius_m;
     reading.smooth_m = reading.clearance_m;
     reading.status = w.statuses[i];
+    reading.is_unseen =
+        reading.status == FieldStatus::kUnknown &&
+        must_be_known(measurement.item, info.grid.centre_m(info.grid.voxel_at(w.points[i])), w);
+    if (reading.is_unseen) reading.clearance_m = std::min(reading.clearance_m, -radius_m);
     reading.centre_m = w.points[i];
     reading.inside_m = info.grid.inside_m(w.points[i]);
     if (reading.status == FieldStatus::kOutside && space_.outside == Space::kFree) {
@@ -220,6 +229,7 @@ void ClearanceProver::measure_pairs(Workspace& w) const {
 
 void ClearanceProver::read(std::span<const double> q, std::span<ClearanceReading> readings,
                            Workspace& w) const {
+  w.keeps_to_observed = true;
   w.q.assign(q.begin(), q.end());
   w.measurements.clear();
   for (int item = 0; item < item_count(); ++item) w.measurements.push_back({0, item, {}});
@@ -247,11 +257,23 @@ double ClearanceProver::field_shortfall_m(int item, const ClearanceReading& a,
     const double inside_m = 0.5 * (a.inside_m + b.inside_m - way_m);
     if (!(inside_m > 0.0)) return std::max(shortfall, way_m);
   }
-  if (!(shortfall <= 0.0) || space_.unknown == Space::kFree) return shortfall;
-  return stays_known(a, b, way_m, w) ? shortfall : way_m;
+  if (!(shortfall <= 0.0) || !keeps_to_known(item, w)) return shortfall;
+  return stays_known(item, a, b, way_m, w) ? shortfall : way_m;
 }
 
-bool ClearanceProver::stays_known(const ClearanceReading& a, const ClearanceReading& b,
+bool ClearanceProver::keeps_to_known(int item, const Workspace& w) const noexcept {
+  return space_.unknown == Space::kOccupied ||
+         (w.keeps_to_observed && keeps_to_observed_[idx(item)]);
+}
+
+bool ClearanceProver::must_be_known(int item, const Eigen::Vector3d& voxel_m,
+                                    const Workspace& w) const noexcept {
+  if (space_.unknown == Space::kOccupied) return true;
+  if (!keeps_to_known(item, w)) return false;
+  return (voxel_m.head<2>() - space_.observed->start_m).norm() > space_.observed->start_radius_m;
+}
+
+bool ClearanceProver::stays_known(int item, const ClearanceReading& a, const ClearanceReading& b,
                                   double way_m, Workspace& w) const {
   const GridSpec& grid = field_->info().grid;
   const Eigen::Vector3d middle = 0.5 * (a.centre_m + b.centre_m);
@@ -274,6 +296,7 @@ bool ClearanceProver::stays_known(const ClearanceReading& a, const ClearanceRead
         const Eigen::Array3d away =
             ((middle - centre).array().abs() - 0.5 * grid.resolution_m).max(0.0);
         if (away.matrix().squaredNorm() > radius_m * radius_m) continue;
+        if (!must_be_known(item, centre, w)) continue;
         if (dense_ != nullptr) {
           if (!dense_->known({i, j, k})) return false;
           continue;
@@ -295,6 +318,7 @@ bool ClearanceProver::stays_known(const ClearanceReading& a, const ClearanceRead
 ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& listener,
                                             const Deadline& deadline, Workspace& w) const {
   if (deadline.expired()) return End::kDeadline;
+  w.keeps_to_observed = request.keeps_to_observed;
   const int pieces = piece_count(request, w);
   if (!measure_ends(request, pieces, listener, w)) return End::kStopped;
   if (pieces == 0 && request.to > request.from) {

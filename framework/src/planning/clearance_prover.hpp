@@ -36,6 +36,7 @@ struct ClearanceReading {
   double floor_m = std::numeric_limits<double>::infinity();  ///< Above the floor.
   double inside_m = 0.0;  ///< Of the centre to the field's border; negative outside.
   FieldStatus status = FieldStatus::kKnown;
+  bool is_unseen = false;  ///< The centre is where no frame has seen, and may not be there.
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
 };
 
@@ -61,8 +62,9 @@ struct Shortfall {
 ///
 /// A height above the floor falls by at most L, in the map and outside it alike.
 ///
-/// Where unknown space counts as occupied, all voxels within L/2 of the middle of the two
-/// centres must be known, too; where the outside does, the centre must stay inside.
+/// Where unknown space counts as occupied, or the sphere is of a link that keeps to observed space,
+/// all voxels within L/2 of the middle of the two centres must be known, too; where the outside
+/// does, the centre must stay inside.
 class ClearanceProver {
  public:
   /// `bounds` are the robot's.
@@ -89,6 +91,7 @@ class ClearanceProver {
     /// At `from` the robot is where the last proof in this workspace ended: what was read there
     /// need not be read again.
     bool goes_on = false;
+    bool keeps_to_observed = true;  ///< Whether the policy's observed space holds for this motion.
   };
 
   /// The temporaries of a proof, one per thread.
@@ -149,8 +152,13 @@ class ClearanceProver {
   [[nodiscard]] double field_shortfall_m(int item, const ClearanceReading& a,
                                          const ClearanceReading& b, double way_m,
                                          Workspace& workspace) const;
-  [[nodiscard]] bool stays_known(const ClearanceReading& a, const ClearanceReading& b, double way_m,
-                                 Workspace& workspace) const;
+  [[nodiscard]] bool stays_known(int item, const ClearanceReading& a, const ClearanceReading& b,
+                                 double way_m, Workspace& workspace) const;
+  /// Whether a sphere's centre may not be in this voxel if it is unknown.
+  [[nodiscard]] bool must_be_known(int item, const Eigen::Vector3d& voxel_m,
+                                   const Workspace& workspace) const noexcept;
+  /// Whether there are such voxels.
+  [[nodiscard]] bool keeps_to_known(int item, const Workspace& workspace) const noexcept;
   [[nodiscard]] bool is_settled(int item, const ClearanceReading& a, const ClearanceReading& b,
                                 Workspace& workspace) const;
   End prove_piece(const Request& request, int piece, Listener& listener, const Deadline& deadline,
@@ -171,6 +179,7 @@ class ClearanceProver {
   int pair_count_ = 0;
   std::vector<std::vector<int>> spheres_of_link_;
   std::vector<double> radius_m_;
+  std::vector<bool> keeps_to_observed_;  // spheres
   std::vector<double> largest_levers_;
   std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
 };

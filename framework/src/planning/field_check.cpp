@@ -178,8 +178,13 @@ Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
   VerdictBuilder builder(prover_, settings_.first_violation_only);
   ClearanceProver::WorkspacePtr workspace;
   const auto prove = [&](const Motion& motion, double from, double to) {
-    const ClearanceProver::Request request{
-        motion, from, to, settings_.max_step_m, settings_.min_step_m, workspace != nullptr};
+    const ClearanceProver::Request request{motion,
+                                           from,
+                                           to,
+                                           settings_.max_step_m,
+                                           settings_.min_step_m,
+                                           workspace != nullptr,
+                                           from < begin_s + settings_.observed_s};
     if (workspace == nullptr) workspace = prover_.make_workspace();
     return prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kDeadline;
   };

@@ -104,7 +104,7 @@ std::vector<Violation> ViolationLedger::sorted() const {
 std::string obstacle_name(FieldStatus status, const SpacePolicy& space) {
   if (status == FieldStatus::kOutside) return "the space outside the map";
   const bool is_unseen = status == FieldStatus::kUnknown && space.unknown == Space::kOccupied;
-  return is_unseen ? "unknown space" : kObstacle;
+  return is_unseen ? kUnknownSpace : kObstacle;
 }
 
 Violation violation_of(const ClearanceProver& prover, int item, const ClearanceReading& reading,
@@ -123,7 +123,9 @@ Violation violation_of(const ClearanceProver& prover, int item, const ClearanceR
   violation.kind = Violation::Kind::kCollision;
   violation.subject = link_name(robot, robot.spheres[idx(item)].link);
   const bool is_floor = reading.floor_m <= reading.clearance_m;
-  violation.other = is_floor ? kFloorName : obstacle_name(reading.status, prover.space());
+  violation.other = is_floor            ? kFloorName
+                    : reading.is_unseen ? kUnknownSpace
+                                        : obstacle_name(reading.status, prover.space());
   if (!is_floor && violation.other != kObstacle) return violation;
   if (reading.clearance_m >= 0.0) {
     violation.other = "the margin of " + violation.other;

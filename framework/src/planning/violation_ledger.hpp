@@ -26,6 +26,7 @@ class ViolationLedger {
 };
 
 inline constexpr const char* kObstacle = "an obstacle";
+inline constexpr const char* kUnknownSpace = "unknown space";
 /// kObstacle, or what else a point is in that counts as occupied under the policy.
 [[nodiscard]] std::string obstacle_name(FieldStatus status, const SpacePolicy& space);
 

@@ -144,6 +144,7 @@ Replanner::Status Replanner::Impl::advance() {
   if (!first_step) first_step = now;
   const auto measured = measure();
   if (!measured) return status();
+  keep_to_observed(*measured);
   is_moving = !is_at_rest(*measured);
   if (stop_failed && is_moving) (void)stop_by_executor();  // it still follows what it had
   if (reaches_goal(*measured)) {

@@ -98,6 +98,24 @@ void Replanner::Impl::end_motion(const RobotState& measured) {
   blocked.reset();
 }
 
+void Replanner::Impl::keep_to_observed(const RobotState& measured) {
+  if (!settings.unseen_start_m || !parts.space.floor || parts.space.observed) return;
+  const RobotDescription& robot = parts.robot->description();
+  ObservedSpace observed{parts.space.floor->except_links, Eigen::Vector2d::Zero(),
+                         *settings.unseen_start_m};
+  Scratch scratch;
+  std::vector<Eigen::Vector3d> centres(robot.spheres.size());
+  parts.robot->sphere_centres({measured.q.data(), static_cast<std::size_t>(measured.q.size())},
+                              centres, scratch);
+  double spheres = 0.0;
+  for (std::size_t s = 0; s < centres.size(); ++s) {
+    const std::string& link = robot.links[static_cast<std::size_t>(robot.spheres[s].link)].name;
+    if (std::ranges::find(observed.links, link) == observed.links.end()) continue;
+    observed.start_m += (centres[s].head<2>() - observed.start_m) / ++spheres;
+  }
+  parts.space.observed = std::move(observed);
+}
+
 bool Replanner::Impl::look_at_map() {
   auto [newest, moving] = parts.slot.snapshot();
   if (!newest) {
@@ -147,7 +165,10 @@ std::string Replanner::Impl::with_map_trouble(std::string cause) const {
 void Replanner::Impl::use_margin(double kept_m) {
   margin_m = kept_m;
   FieldCheckSettings settings_of_check = {
-      .margin_m = kept_m, .max_step_m = settings.max_step_m, .first_violation_only = true};
+      .margin_m = kept_m,
+      .max_step_m = settings.max_step_m,
+      .first_violation_only = true,
+      .observed_s = settings.horizon_s};
   check = checks_of_robot.make(field, parts.space, settings_of_check);
   settings_of_check.obstacles_only = true;
   obstacle_check = checks_of_robot.make(field, parts.space, settings_of_check);

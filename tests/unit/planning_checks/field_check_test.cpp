@@ -125,6 +125,59 @@ TEST_F(FieldCheckTest, TellsTheLinkThatIsUnseenTheMost) {
   EXPECT_EQ(verdict.most_unknown_link, "hand");
 }
 
+/// From x = -1 to 1 in 2 s at y = 1, through what nobody has seen between x = 0.5 and 0.7.
+class ObservedSpaceTest : public FieldCheckTest {
+ protected:
+  ObservedSpaceTest() {
+    world_.unknown = {Aabb{{0.5, 0.5, -1.0}, {0.7, 1.5, 1.0}}};
+    space_.unknown = Space::kFree;
+    space_.observed = ObservedSpace{{"ball"}, {-1.0, 1.0}, 0.5};
+  }
+  const Trajectory through_ =
+      rest_to_rest(Eigen::Vector3d(-1, 1, 0), Eigen::Vector3d(1, 1, 0), 2.0);
+};
+
+TEST_F(ObservedSpaceTest, IsKeptToByItsLinks) {
+  const Verdict verdict = check(through_);
+  ASSERT_EQ(verdict.outcome, Verdict::Outcome::kInvalid) << verdict.describe();
+  EXPECT_EQ(verdict.violations[0].subject, "ball");
+  EXPECT_EQ(verdict.violations[0].other, "unknown space");
+  EXPECT_NEAR(verdict.violations[0].amount, 0.1, 1e-9);  // all of the ball, from its centre on
+  // 3 s^2 - 2 s^3 of the way at the share s of the time: 0.75 of it at 1.35 s.
+  EXPECT_NEAR(verdict.first_violation_s, 1.35, 0.06);
+  space_.observed->links = {"another"};
+  EXPECT_TRUE(check(through_).valid());
+}
+
+TEST_F(ObservedSpaceTest, IsWiderAroundTheStart) {
+  // The voxels' centres lie 1.55 and 1.65 m from it.
+  space_.observed->start_radius_m = 1.66;
+  EXPECT_TRUE(check(through_).valid());
+  space_.observed->start_radius_m = 1.6;
+  EXPECT_FALSE(check(through_).valid());
+  // Horizontally: height is none.
+  space_.observed->start_radius_m = 1.66;
+  EXPECT_TRUE(
+      check(rest_to_rest(Eigen::Vector3d(-1, 1, 0.7), Eigen::Vector3d(1, 1, 0.7), 2.0)).valid());
+}
+
+TEST_F(ObservedSpaceTest, IsKeptToBetweenTheInstantsThatAreLookedAt) {
+  // One layer of voxels, which a check of both ends alone steps over.
+  world_.unknown = {Aabb{{0.0, 0.5, -1.0}, {0.1, 1.5, 1.0}}};
+  settings_.max_step_m = 10.0;
+  EXPECT_FALSE(check(through_).valid());
+}
+
+TEST_F(ObservedSpaceTest, IsKeptToForAWhile) {
+  settings_.first_violation_only = true;
+  settings_.observed_s = 0.5;
+  EXPECT_TRUE(check(through_).valid());
+  EXPECT_FALSE(check(through_, 1.0).valid());
+  // Obstacles are there for ever.
+  world_.occupied = {Aabb{{0.5, 0.5, -1.0}, {0.7, 1.5, 1.0}}};
+  EXPECT_FALSE(check(through_).valid());
+}
+
 TEST_F(FieldCheckTest, FollowsThePolicyForUnknownSpaceAndOutside) {
   world_.unknown = {Aabb{{0.5, 0.9, -1.0}, {0.7, 1.1, 1.0}}};
   const Trajectory through =

@@ -94,6 +94,8 @@ struct FieldCheckSettings {
   /// End soon after the first violation: the verdict then tells of nothing later than 0.3 m of
   /// motion after it, nor, among exact shapes (SceneField) if it is valid, of clearances.
   bool first_violation_only = false;
+  /// How long, from where a check begins, links keep to the policy's observed space.
+  double observed_s = std::numeric_limits<double>::infinity();
   /// Look for collisions with the field alone: neither limits nor self-collision.
   bool obstacles_only = false;
 };

@@ -167,6 +167,13 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
            {.min = 1e-6, .max = 100.0})
       .add("margin_m", &S::margin_m, "Clearance that spheres must keep from obstacles.",
            {.unit = "m", .min = 0.0, .max = 10.0})
+      .add(
+          "unseen_start_m", &S::unseen_start_m,
+          "How far from where the robot starts the links that stand on the floor may move in space "
+          "that no frame has seen: what is known to be free there. Farther off, the centres of "
+          "their spheres keep to what has been seen, for horizon_s from now. Left out: they may "
+          "be anywhere.",
+          {.unit = "m", .min = 0.0, .max = 100.0})
       .add("max_step_m", &S::max_step_m, "First spacing of validity checks, as sphere motion.",
            {.unit = "m", .min = 1e-4, .max = 1.0})
       .add("stop_reserve", &S::stop_reserve,
