@@ -139,7 +139,7 @@ TEST_F(IncrementalBenchmarkTest, WritesSummaryTableAndReport) {
 
   const fs::path out = folder_.path() / "run";
   EXPECT_EQ(std::ranges::count(read_file(out / "table.csv"), '\n'), 7);
-  EXPECT_THAT(read_file(out / "report.html"), HasSubstr("<h2>Changed problems</h2>"));
+  EXPECT_THAT(read_file(out / "report.html"), HasSubstr("<h2>Costs and collisions</h2>"));
   EXPECT_THAT(finished.out, HasSubstr("of the time of solving afresh"));
   const Finished compared = run({"report", out.string(), out.string()});
   EXPECT_EQ(compared.exit_code, 0) << compared.error;

@@ -12,14 +12,14 @@ export const masks = [
     why: "Sums of wall or CPU time; wall times in seconds of OMPL's schema",
   },
   {
-    pattern: /: (frame|frame time|solve|check|iteration|latency|time|in vain or not),? (p50|p95|max|mean)(, ms|, us)?$|: (solve|first p50|first, ms)$/,
+    pattern: /: (frame|frame time|solve|check|iteration|latency|time|first|integrate|field|publish|in vain or not) (p50|p95|max|mean|sd)$|: solve$/,
     as: "time",
     why: "Wall times in columns of tables, on stdout and on the page",
   },
   {
-    pattern: /: frames (mean|sd|mean ± sd|p50|p95)$|: (integrate|field#2|publish|first|second|third|fourth)$/,
+    pattern: /: (first|second|third|fourth)$/,
     as: "time",
-    why: "The same in tables of a mapping benchmark, with its memory by quarter",
+    why: "The same by quarter of a mapping benchmark, with its memory",
   },
   {
     pattern: /: (wall|of all cores|in the optimiser, all threads|in the check|making fields)$|solve p50: this run$/,

@@ -30,7 +30,7 @@ struct RunOptions {
 [[nodiscard]] ExitCode check_command(const std::vector<std::string>& configurations,
                                      const std::vector<std::string>& overrides);
 
-enum class PluginsFormat { kText, kJson, kMarkdown, kJsonSchema };
+enum class PluginsFormat { kText, kJson, kMarkdown, kResults, kJsonSchema };
 
 /// Lists the plugins that are there, or tells all about those of one name.
 [[nodiscard]] ExitCode plugins_command(const std::optional<std::string>& name,

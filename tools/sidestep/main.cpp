@@ -22,6 +22,7 @@ struct CommandLine {
   std::optional<int> threads;
   std::optional<std::string> plugin;
   bool markdown = false;
+  bool results = false;
   bool json_schema = false;
   std::vector<std::filesystem::path> report_runs;
   std::filesystem::path comparison = "comparison.html";
@@ -171,6 +172,8 @@ void add_commands(CLI::App& app, CommandLine& line) {
   plugins->add_flag("--markdown", line.markdown, "Print the reference page")->excludes("--json");
   plugins->add_flag("--schema", line.json_schema, "Print a JSON Schema of configurations")
       ->excludes("--json", "--markdown");
+  plugins->add_flag("--results", line.results, "Print the reference page of results")
+      ->excludes("--json", "--markdown", "--schema");
 
   CLI::App* report = app.add_subcommand(
       "report", "Rebuild the reports of runs from their results; compare several; merge shards");
@@ -193,7 +196,8 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
     return check_command(line.run.configurations, line.run.overrides);
   }
   if (app.got_subcommand("plugins")) {
-    return plugins_command(line.plugin, line.markdown      ? PluginsFormat::kMarkdown
+    return plugins_command(line.plugin, line.results       ? PluginsFormat::kResults
+                                        : line.markdown    ? PluginsFormat::kMarkdown
                                         : line.json_schema ? PluginsFormat::kJsonSchema
                                         : line.run.json    ? PluginsFormat::kJson
                                                            : PluginsFormat::kText);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include <sidestep/experiments/experiment.hpp>
+#include <sidestep/experiments/report.hpp>
 #include <sidestep/runtime/not_built.hpp>
 #include <sidestep/runtime/reference.hpp>
 
@@ -93,6 +94,10 @@ ExitCode print_unknown(const std::string& name, const std::vector<PluginInfo>& p
 }  // namespace
 
 ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat format) {
+  if (format == PluginsFormat::kResults) {
+    std::printf("%s", results_markdown().c_str());
+    return ExitCode::kSuccess;
+  }
   Console console;
   Session session(RunSettings{.threads = 1}, console);
   const std::vector<PluginInfo>& plugins = session.host().plugins();

@@ -75,13 +75,21 @@ std::string run_name(const fs::path& run) {
   return (run.has_filename() ? run : run.parent_path()).filename().string();  // of "out/demo/", too
 }
 
+Columns compared_columns(const RunReport& report) {
+  Columns columns = report.columns->compared();
+  std::ranges::copy(report.compared_of_run, std::back_inserter(columns));
+  return columns;
+}
+
 /// What a run adds to a comparison.
 void add_rows(const RunReport& report, const std::string& run, const Json& summary,
               std::vector<Row>& rows) {
-  for (const Json& item : report.compared_items(summary)) {
+  const Json items = report.compared_rows != nullptr ? report.compared_rows(summary)
+                                                     : report.columns->rows_of(summary);
+  for (const Json& item : items) {
     Json shown = summary;
     shown.update(item);
-    Row row = cells_of(shown, report.compared);
+    Row row = cells_of(shown, compared_columns(report));
     row.insert(row.begin(), {run, cell(at(summary, "/configuration"))});
     row.push_back(cell(at(summary, "/provenance/git_hash")));
     rows.push_back(std::move(row));
@@ -89,6 +97,19 @@ void add_rows(const RunReport& report, const std::string& run, const Json& summa
 }
 
 }  // namespace
+
+std::string results_markdown() {
+  std::string text =
+      "# Results\n\nThe rows of `summary.json`, written by `sidestep plugins --results`. A key is "
+      "the "
+      "path of a value in a row;\n`table.csv` has a column of that name. Tables of terminal and "
+      "report, and `sidestep report` on several runs, show them.\n";
+  for (const ExperimentType& type : experiment_types()) {
+    if (type.report->columns == nullptr) continue;
+    text += "\n## " + type.name + "\n\n" + type.report->columns->reference();
+  }
+  return text;
+}
 
 bool is_report_picture(std::string_view file_name) {
   const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
@@ -128,14 +149,14 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   std::string text, body;
   for (const ExperimentType& type : experiment_types()) {
     const RunReport& report = *type.report;
-    if (report.compared.empty()) continue;
+    if (report.columns == nullptr) continue;
     std::vector<Row> rows;
     for (std::size_t r = 0; r < runs.size(); ++r) {
       if (at(summaries[r], "/experiment") != Json(type.name)) continue;
       add_rows(report, run_name(runs[r]), summaries[r], rows);
     }
     if (rows.empty()) continue;
-    Row header = names_of(report.compared);
+    Row header = names_of(compared_columns(report));
     header.insert(header.begin(), {"run", "configuration"});
     header.push_back("commit");
     TextTable table(header);

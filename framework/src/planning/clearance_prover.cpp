@@ -97,9 +97,9 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
     spheres_of_link_[idx(sphere.link)].push_back(s);
     radius_m_.push_back(sphere.radius_m);
     keeps_to_observed_.push_back(
-        space_.observed && std::ranges::find(space_.observed->links,
-                                             description.links[idx(sphere.link)].name) !=
-                               space_.observed->links.end());
+        space_.observed &&
+        std::ranges::find(space_.observed->links, description.links[idx(sphere.link)].name) !=
+            space_.observed->links.end());
     // In a cell that touches an occupied voxel the interpolant is at most one diagonal.
     const bool is_beyond_surface =
         info.is_exact || sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;

@@ -49,7 +49,7 @@ struct Replanner::Impl {
   [[nodiscard]] bool is_at_rest(const RobotState& measured) const;
   [[nodiscard]] bool keeps_to_plan(const RobotState& measured);
   void end_motion(const RobotState& measured);
-  /// Takes the first state for the start around which the links on the floor may be in unseen space.
+  /// Takes the first state for the start, around which links on the floor may be in unseen space.
   void keep_to_observed(const RobotState& measured);
   /// Pins the newest map; false where there is none that can be planned in.
   [[nodiscard]] bool look_at_map();

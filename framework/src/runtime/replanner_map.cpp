@@ -164,11 +164,10 @@ std::string Replanner::Impl::with_map_trouble(std::string cause) const {
 
 void Replanner::Impl::use_margin(double kept_m) {
   margin_m = kept_m;
-  FieldCheckSettings settings_of_check = {
-      .margin_m = kept_m,
-      .max_step_m = settings.max_step_m,
-      .first_violation_only = true,
-      .observed_s = settings.horizon_s};
+  FieldCheckSettings settings_of_check = {.margin_m = kept_m,
+                                          .max_step_m = settings.max_step_m,
+                                          .first_violation_only = true,
+                                          .observed_s = settings.horizon_s};
   check = checks_of_robot.make(field, parts.space, settings_of_check);
   settings_of_check.obstacles_only = true;
   obstacle_check = checks_of_robot.make(field, parts.space, settings_of_check);

@@ -39,8 +39,8 @@ sees '-summary.plans[there].valid_snapshot = true
 +summary.plans[there].valid_snapshots = true' in_summary '"valid_snapshot"' '"valid_snapshots"'
 sees '-summary.plans[there].solve_ms = (time)
 +summary.plans[there].solve_ms = null' in_summary '"solve_ms": [0-9.]*' '"solve_ms": null'
-sees '-  "there" | "success" | "yes" | "yes" | "0.078 m" | "6.50 s" | "3.17 s" | (time) | "19" | "0.2027" | "2"
-+  "there" | "success" | "yes" | "yes" | "0.079 m" | "6.50 s" | "3.17 s" | (time) | "19" | "0.2027" | "2"' \
+sees '-  "there" | "success" | "valid" | "valid" | "exactly" | "0.078 m" | "6.50 s" | "3.17 s" | (time) | "19" | "0.2027" | "2"
++  "there" | "success" | "valid" | "valid" | "exactly" | "0.079 m" | "6.50 s" | "3.17 s" | (time) | "19" | "0.2027" | "2"' \
   in_report '<td>0.078 m' '<td>0.079 m'
 sees '-results measurements frame 3 points = 3290' in_results "DELETE FROM measurements $frame = 'points'"
 sees '-results measurements frame 3 frame_ms = (time)' in_results "DELETE FROM measurements $frame = 'frame_ms'"

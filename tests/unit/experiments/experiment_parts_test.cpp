@@ -217,7 +217,7 @@ TEST(PlanSummary, TellsAClearanceFromHowFarWasLooked) {
   const auto outcome = [&] { return summarise_plans({}, map, plans); };
   EXPECT_THAT(outcome().verdict,
               testing::HasSubstr("is at least 0.500 m clear, as far as was looked"));
-  EXPECT_THAT(outcome().table, testing::HasSubstr("at least 0.500 m"));
+  EXPECT_THAT(outcome().table, testing::ContainsRegex("at least +0[.]500 m"));
   plans[0].in_snapshot->min_clearance_m = 0.45;  // a field that ends sooner
   EXPECT_THAT(outcome().verdict, testing::HasSubstr("at least 0.450 m clear"));
   plans[0].in_snapshot->clearance_is_bound = false;  // an obstacle

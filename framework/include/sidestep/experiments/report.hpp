@@ -35,6 +35,10 @@ namespace sidestep {
 [[nodiscard]] Result<ExperimentOutcome> merge_shards(const std::vector<std::filesystem::path>& runs,
                                                      const std::filesystem::path& out);
 
+/// The reference page of results, in Markdown: for each type whose results have rows, the keys of a
+/// row and what they say. [any]
+[[nodiscard]] std::string results_markdown();
+
 /// Whether a file of this name is a picture that write_report() writes.
 [[nodiscard]] bool is_report_picture(std::string_view file_name);
 

@@ -28,10 +28,10 @@ struct Floor {
   std::vector<std::string> except_links;  ///< but not for these, which may stand on it.
 };
 
-/// Where some links may be, whatever unknown space counts as: in voxels that have been observed, and in
-/// those whose centres are near the robot's start, which no camera on it sees.
+/// Where some links may be, whatever unknown space counts as: in voxels that have been observed,
+/// and in those whose centres are near the robot's start, which no camera on it sees.
 struct ObservedSpace {
-  std::vector<std::string> links;  ///< The centres of their spheres keep to it.
+  std::vector<std::string> links;                     ///< The centres of their spheres keep to it.
   Eigen::Vector2d start_m = Eigen::Vector2d::Zero();  ///< World frame.
   double start_radius_m = 0.0;                        ///< Horizontal, about `start_m`.
 };

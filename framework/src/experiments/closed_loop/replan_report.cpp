@@ -188,7 +188,7 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
 namespace sidestep {
 
 const report::RunReport& replan_report() {
-  static const report::RunReport kReport = {&report::replan_body, {}, nullptr};
+  static const report::RunReport kReport = {&report::replan_body};
   return kReport;
 }
 

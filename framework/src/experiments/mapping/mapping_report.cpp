@@ -13,79 +13,8 @@ const Columns kHead = {{"system", "/name"},
                        {"field", "/signed", "signed|unsigned"},
                        {"voxel", "/resolution_m", "%g m"}};
 
-Columns with_head(const Columns& columns) {
-  Columns all = kHead;
-  all.insert(all.end(), columns.begin(), columns.end());
-  return all;
-}
-
 void append(Row& row, Row more) {
   row.insert(row.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
-
-std::string times_section(const Json& summary) {
-  std::vector<Row> rows;
-  for (const Json& s : at(summary, "/systems")) {
-    Row row = cells_of(s, kHead);
-    append(row,
-           {cell(at(s, "/frames")),
-            cell(at(s, "/frame_ms/mean"), "%.2f") + " ± " + cell(at(s, "/frame_ms/sd"), "%.2f"),
-            cell(at(s, "/frame_ms/p50"), "%.2f"), cell(at(s, "/frame_ms/p95"), "%.2f"),
-            cell(at(s, "/stages_ms/integrate/mean"), "%.2f"),
-            cell(at(s, "/stages_ms/field/mean"), "%.2f"),
-            cell(at(s, "/stages_ms/publish/mean"), "%.2f"), cell(at(s, "/ratio/mean"), "%.2f"),
-            cell(at(s, "/published_ms"), "%g")});
-    rows.push_back(std::move(row));
-  }
-  const std::string reference = cell(at(summary, "/reference"));
-  std::string html = "<h2>Time of an update, in ms</h2>\n";
-  html += html_table({"system", "field", "voxel", "frames", "mean ± sd", "p50", "p95", "integrate",
-                      "field", "publish", "ratio", cell(at(summary, "/published_as"))},
-                     rows);
-  if (!reference.empty()) {
-    html += "<p>Ratio: times the mean of " + escape_html(reference) +
-            " with the same kind of field at the same resolution.</p>\n";
-  }
-  return html;
-}
-
-std::string accuracy_section(const Json& summary) {
-  return "<h2>Fields against the exact transform of their own maps; memory</h2>\n" +
-         html_table(with_head({{"max error", "/max_error_m", "%.4f m"},
-                               {"mean error", "/mean_error_m", "%.3g m"},
-                               {"voxels that differ", "/differing_vox", "%.0f"},
-                               {"voxels compared", "/compared_vox", "%.0f"},
-                               {"memory", "/memory_mib", "%.0f MiB"}}),
-                    at(summary, "/systems"));
-}
-
-std::string truth_section(const Json& summary) {
-  const Json with_truth = those_with("/truth", at(summary, "/systems"));
-  if (with_truth.empty()) return "";
-  return "<h2>Maps against the true scene</h2>\n" +
-         html_table(with_head({{"collision recall", "/truth/collision_recall", "%.4f"},
-                               {"occupied", "/truth/occupied_vox", "%.0f"},
-                               {"false obstacles", "/truth/false_obstacle_vox", "%.0f"},
-                               {"frames until it appears, max", "/truth/appear_frames/max", "%.0f"},
-                               {"frames until it is gone, p95", "/truth/gone_frames/p95", "%.0f"},
-                               {"max", "/truth/gone_frames/max", "%.0f"},
-                               {"ghost voxels", "/truth/ghost_vox", "%.0f"},
-                               {"of them seen through", "/truth/ghost_seen_vox", "%.0f"}}),
-                    with_truth);
-}
-
-std::string real_time_section(const Json& summary) {
-  const Json in_real_time = those_with("/real_time", at(summary, "/systems"));
-  if (in_real_time.empty()) return "";
-  return "<h2>In real time, late frames dropped</h2>\n" +
-         html_table(with_head({{"mapped", "/real_time/frames"},
-                               {"dropped", "/real_time/dropped"},
-                               {"share", "/real_time/dropped_share", "%.3f"},
-                               {"rate", "/real_time/rate_hz", "%.1f Hz"},
-                               {"latency p50", "/real_time/latency_ms/p50", "%.1f ms"},
-                               {"p95", "/real_time/latency_ms/p95", "%.1f ms"},
-                               {"max", "/real_time/latency_ms/max", "%.1f ms"}}),
-                    in_real_time);
 }
 
 std::string quarters_section(const Json& summary) {
@@ -140,15 +69,14 @@ std::vector<SystemBar> bars_of(const Json& summary) {
 
 Result<std::string> mapping_body(const Json& summary, ResultsReader&,
                                  const std::filesystem::path& run) {
-  std::string html = errors_section(summary);
-  html += times_section(summary);
   const auto figures =
       figure_section(mapping_figures(bars_of(summary), cell(at(summary, "/published_as"))), run);
   if (!figures) return figures;
-  html += *figures;
-  html += accuracy_section(summary);
-  html += truth_section(summary);
-  html += real_time_section(summary);
+  std::string html = errors_section(summary) + *figures;
+  if (const std::string name = cell(at(summary, "/published_as")); name != "-" && !name.empty()) {
+    html += "<p>Published: " + escape_html(name) + ".</p>\n";
+  }
+  html += mapping_columns().html(at(summary, "/systems"));
   return html + quarters_section(summary);
 }
 
@@ -158,18 +86,7 @@ Result<std::string> mapping_body(const Json& summary, ResultsReader&,
 namespace sidestep {
 
 const report::RunReport& mapping_report() {
-  static const report::RunReport kReport = {
-      &report::mapping_body,
-      {{"system", "/name"},
-       {"field", "/signed", "signed|unsigned"},
-       {"voxel", "/resolution_m", "%g m"},
-       {"frame p50", "/frame_ms/p50", "%.2f ms"},
-       {"frame p95", "/frame_ms/p95", "%.2f ms"},
-       {"max error", "/max_error_m", "%.4f m"},
-       {"mean error", "/mean_error_m", "%.2g m"},
-       {"memory", "/memory_mib", "%.0f MiB"},
-       {"frames", "/frames"}},
-      [](const report::Json& summary) { return report::at(summary, "/systems"); }};
+  static const report::RunReport kReport = {&report::mapping_body, &mapping_columns()};
   return kReport;
 }
 

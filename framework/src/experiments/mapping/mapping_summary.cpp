@@ -1,13 +1,10 @@
 #include "mapping/mapping_summary.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include <nlohmann/json.hpp>
 
-#include "report/csv.hpp"
-#include "report/report_parts.hpp"
 #include "report/text_table.hpp"
 #include "results/json.hpp"
 #include "results/statistics.hpp"
@@ -33,15 +30,6 @@ Json statistics_json(const std::vector<double>& values) {
   return {{"mean", s.mean}, {"sd", s.sd}, {"p50", s.p50}, {"p95", s.p95}, {"max", s.max}};
 }
 
-Json stages_json(const ClockRecord& clock) {
-  return {{"integrate",
-           statistics_json(values_of(clock, [](const UpdateRecord& u) { return u.integrate_ms; }))},
-          {"field",
-           statistics_json(values_of(clock, [](const UpdateRecord& u) { return u.field_ms; }))},
-          {"publish",
-           statistics_json(values_of(clock, [](const UpdateRecord& u) { return u.publish_ms; }))}};
-}
-
 /// Time and memory in each quarter of the run: whether they grow.
 Json quarters_json(const ClockRecord& clock) {
   Json quarters = Json::array();
@@ -62,40 +50,6 @@ Json quarters_json(const ClockRecord& clock) {
   return quarters;
 }
 
-Json truth_json(const TruthRecord& truth) {
-  const auto recall = truth.collision_recall();
-  Json json = {{"collision_recall", recall ? Json(*recall) : Json(nullptr)},
-               {"surface_vox", truth.surface_vox},
-               {"occupied_vox", truth.occupied_vox},
-               {"false_obstacle_vox", truth.false_vox},
-               {"appear_frames", nullptr},
-               {"never_appeared", truth.never_appeared},
-               {"gone_frames", nullptr},
-               {"ghost_vox", truth.ghost_vox},
-               {"ghost_seen_vox", truth.ghost_seen_vox}};
-  if (!truth.appear_frames.empty()) {
-    json["appear_frames"] = statistics_json(truth.appear_frames);
-    json["appear_frames"]["events"] = truth.appear_frames.size();
-  }
-  if (!truth.gone_frames.empty()) {
-    json["gone_frames"] = statistics_json(truth.gone_frames);
-    json["gone_frames"]["voxels"] = truth.gone_frames.size();
-  }
-  return json;
-}
-
-Json real_time_json(const ClockRecord& clock) {
-  const auto updates = static_cast<double>(clock.updates.size());
-  const double arrived = updates + static_cast<double>(clock.dropped + clock.bad_frames);
-  return {{"frames", clock.updates.size()},
-          {"dropped", clock.dropped},
-          {"dropped_share", arrived > 0.0 ? static_cast<double>(clock.dropped) / arrived : 0.0},
-          {"rate_hz", clock.duration_s > 0.0 ? (updates - 1.0) / clock.duration_s : 0.0},
-          {"frame_ms", statistics_json(frame_times(clock))},
-          {"latency_ms",
-           statistics_json(values_of(clock, [](const UpdateRecord& u) { return u.latency_ms; }))}};
-}
-
 const CaseRecord* reference_of(const CaseRecord& record, const MappingBenchmarkSettings& settings,
                                std::span<const CaseRecord> cases) {
   for (const CaseRecord& other : cases) {
@@ -112,160 +66,267 @@ const ClockRecord* timed(const CaseRecord& record) {
   return record.real_time ? &*record.real_time : nullptr;
 }
 
-/// How many times the reference's time an update takes; null where there is nothing to compare.
-Json ratio_json(const CaseRecord& record, const CaseRecord* reference) {
-  const ClockRecord* own = timed(record);
-  const ClockRecord* other = reference != nullptr ? timed(*reference) : nullptr;
-  if (own == nullptr || other == nullptr || own->updates.empty() || other->updates.empty()) {
-    return nullptr;
+/// A case as it is told of.
+struct SystemRow {
+  const CaseRecord& record;
+  const RunProvenance& provenance;
+  const MappingBenchmarkSettings& settings;
+  std::span<const CaseRecord> cases;
+  std::string unmet = unmet_expectations(record, settings.expect);
+  const ClockRecord* clock = timed(record);  ///< Null where it could not be measured.
+
+  [[nodiscard]] const TruthRecord* truth() const {
+    return clock != nullptr && clock->truth ? &*clock->truth : nullptr;
   }
-  const Statistics a = statistics_of(frame_times(*own));
-  const Statistics b = statistics_of(frame_times(*other));
-  if (!(b.mean > 0.0) || !(b.p50 > 0.0)) return nullptr;
-  return {{"mean", a.mean / b.mean}, {"p50", a.p50 / b.p50}};
+  [[nodiscard]] const ClockRecord* real_time() const {
+    return record.real_time ? &*record.real_time : nullptr;
+  }
+};
+
+/// value(part(row)), null where there is no such part.
+template <class Part, class Value>
+auto value_of_part(Part part, Value value) {
+  return [=](const SystemRow& row) -> Json {
+    const auto* found = std::invoke(part, row);
+    return found != nullptr ? Json(std::invoke(value, *found)) : Json(nullptr);
+  };
 }
 
-void add_accuracy(const ClockRecord& clock, Json& json) {
-  json["max_error_m"] = nullptr;
-  json["mean_error_m"] = nullptr;
-  json["accuracy_checks"] = clock.accuracy_checks;
-  if (clock.accuracy_checks == 0) return;
-  json["max_error_m"] = clock.accuracy.max_error_m;
-  json["mean_error_m"] = clock.accuracy.mean_error_m();
-  json["compared_vox"] = clock.accuracy.compared_vox;
-  json["differing_vox"] = clock.accuracy.differing_vox;
+/// values(part(row)), none where there is no such part.
+template <class Part, class Values>
+auto values_of_part(Part part, Values values) {
+  return [=](const SystemRow& row) -> std::vector<double> {
+    const auto* found = std::invoke(part, row);
+    return found != nullptr ? std::invoke(values, *found) : std::vector<double>();
+  };
 }
 
-Json case_json(const CaseRecord& record, const RunProvenance& provenance,
-               const MappingBenchmarkSettings& settings, std::span<const CaseRecord> cases) {
-  const std::string unmet = unmet_expectations(record, settings.expect);
-  Json json = {{"name", record.what.name},
-               {"mapper", record.what.mapper},
-               {"field", record.what.field},
-               {"signed", record.is_signed},
-               {"resolution_m", record.what.resolution_m},
-               {"threads", provenance.threads},
-               {"success", record.error.empty() && unmet.empty() && !record.interrupted},
-               {"error", record.error},
-               {"unmet", unmet}};
-  const ClockRecord* clock = timed(record);
-  if (clock == nullptr) return json;
-  json["clock"] = record.every_frame ? "every_frame" : "real_time";
-  json["frames"] = clock->updates.size();
-  json["bad_frames"] = clock->bad_frames;
-  json["frame_ms"] = statistics_json(frame_times(*clock));
-  json["stages_ms"] = stages_json(*clock);
-  json["ratio"] = ratio_json(record, reference_of(record, settings, cases));
-  json["published_ms"] = record.what.published_ms ? Json(*record.what.published_ms) : Json(nullptr);
-  add_accuracy(*clock, json);
-  double memory_mib = 0.0;
-  for (const UpdateRecord& update : clock->updates) {
-    memory_mib = std::max(memory_mib, update.resident_mib);
+/// A time of every update.
+auto of_updates(double (*value)(const UpdateRecord&)) {
+  return [value](const ClockRecord& clock) { return values_of(clock, value); };
+}
+
+/// By what factor an update takes longer than the reference's; null where nothing can be compared.
+auto ratio_of(double Statistics::*statistic) {
+  return [statistic](const SystemRow& row) -> Json {
+    const CaseRecord* reference = reference_of(row.record, row.settings, row.cases);
+    const ClockRecord* other = reference != nullptr ? timed(*reference) : nullptr;
+    if (row.clock == nullptr || other == nullptr) return nullptr;
+    const double theirs = statistics_of(frame_times(*other)).*statistic;
+    if (row.clock->updates.empty() || !(theirs > 0.0)) return nullptr;
+    return statistics_of(frame_times(*row.clock)).*statistic / theirs;
+  };
+}
+
+/// What the field was compared with; null where it was not.
+auto of_accuracy(double (*value)(const FieldAccuracy&)) {
+  return [value](const SystemRow& row) -> Json {
+    if (row.clock == nullptr || row.clock->accuracy_checks == 0) return nullptr;
+    return value(row.clock->accuracy);
+  };
+}
+
+double memory_mib(const ClockRecord& clock) {
+  double most = 0.0;
+  for (const UpdateRecord& update : clock.updates) most = std::max(most, update.resident_mib);
+  return most;
+}
+
+Json collision_recall(const TruthRecord& truth) {
+  const auto recall = truth.collision_recall();
+  return recall ? Json(*recall) : Json(nullptr);
+}
+
+double dropped_share(const ClockRecord& clock) {
+  const auto lost = static_cast<double>(clock.dropped + clock.bad_frames);
+  const double arrived = static_cast<double>(clock.updates.size()) + lost;
+  return arrived > 0.0 ? static_cast<double>(clock.dropped) / arrived : 0.0;
+}
+
+double rate_hz(const ClockRecord& clock) {
+  const auto updates = static_cast<double>(clock.updates.size());
+  return clock.duration_s > 0.0 ? (updates - 1.0) / clock.duration_s : 0.0;
+}
+
+const std::vector<std::string> kAllStatistics = {"mean", "sd", "p50", "p95", "max"};
+
+void add_times(report::ResultColumnsOf<SystemRow>& columns) {
+  using R = SystemRow;
+  using U = UpdateRecord;
+  const auto clock = &R::clock;
+  columns
+      .table("Time of an update",
+             "Ratio: to the mean of the run's `reference` with the same kind of field at the same "
+             "resolution. Published: the figure that the configuration gives.")
+      .add(
+          "clock",
+          [](const R& r) {
+            return r.clock == nullptr     ? Json(nullptr)
+                   : r.record.every_frame ? Json("every_frame")
+                                          : Json("real_time");
+          },
+          "Whether these are times of every frame or of those mapped in real time.")
+      .add("frames", value_of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
+           "Frames that were mapped.", {.heading = "frames", .pattern = "%.0f", .compared = true})
+      .add("bad_frames", value_of_part(clock, &ClockRecord::bad_frames),
+           "Frames that the mapper refused.")
+      .spread(
+          "frame_ms.", values_of_part(clock, &frame_times),
+          "Wall time from the frame in hand to the published field that has it.", kAllStatistics,
+          {.heading = "frame", .pattern = "%.2f ms", .compared = true, .shown = "mean sd p50 p95"})
+      .spread("stages_ms.integrate.",
+              values_of_part(clock, of_updates([](const U& u) { return u.integrate_ms; })),
+              "Of it, in the mapper.", kAllStatistics,
+              {.heading = "integrate", .pattern = "%.2f", .shown = "mean"})
+      .spread("stages_ms.field.",
+              values_of_part(clock, of_updates([](const U& u) { return u.field_ms; })),
+              "Of it, in the field.", kAllStatistics,
+              {.heading = "field", .pattern = "%.2f", .shown = "mean"})
+      .spread("stages_ms.publish.",
+              values_of_part(clock, of_updates([](const U& u) { return u.publish_ms; })),
+              "Of it, until readers have it.", kAllStatistics,
+              {.heading = "publish", .pattern = "%.2f", .shown = "mean"})
+      .add("ratio.mean", ratio_of(&Statistics::mean), "Mean over that of the reference.",
+           {.heading = "ratio", .pattern = "%.2f"})
+      .add("ratio.p50", ratio_of(&Statistics::p50), "Median over that of the reference.")
+      .add("published_ms",
+           [](const R& r) {
+             return r.record.what.published_ms ? Json(*r.record.what.published_ms) : Json(nullptr);
+           },
+           "What was published of the same, as the configuration says.",
+           {.heading = "published", .pattern = "%g ms"});
+}
+
+void add_accuracy(report::ResultColumnsOf<SystemRow>& columns) {
+  using A = FieldAccuracy;
+  columns.table("Fields against the exact transform of their own maps; memory")
+      .add("max_error_m", of_accuracy([](const A& a) { return a.max_error_m; }),
+           "Largest error of the field.",
+           {.heading = "max error", .pattern = "%.4f m", .compared = true})
+      .add("mean_error_m", of_accuracy([](const A& a) { return a.mean_error_m(); }),
+           "Mean error of the field.",
+           {.heading = "mean error", .pattern = "%.2g m", .compared = true})
+      .add("accuracy_checks", value_of_part(&SystemRow::clock, &ClockRecord::accuracy_checks),
+           "Fields that were compared.")
+      .add("compared_vox",
+           of_accuracy([](const A& a) { return static_cast<double>(a.compared_vox); }),
+           "Voxels that were compared.", {.heading = "voxels compared", .pattern = "%.0f"})
+      .add("differing_vox",
+           of_accuracy([](const A& a) { return static_cast<double>(a.differing_vox); }),
+           "Voxels that differ.", {.heading = "that differ", .pattern = "%.0f"})
+      .add("memory_mib", value_of_part(&SystemRow::clock, &memory_mib),
+           "Most memory of the process, beyond what it had before the system was made.",
+           {.heading = "memory", .pattern = "%.0f MiB", .compared = true});
+}
+
+void add_truth(report::ResultColumnsOf<SystemRow>& columns) {
+  using T = TruthRecord;
+  const auto truth = &SystemRow::truth;
+  const auto count = [&](const char* key, std::int64_t T::*member, const char* meaning,
+                         const char* heading = "") {
+    columns.add(std::string("truth.") + key, value_of_part(truth, member), meaning,
+                {.heading = heading, .pattern = "%.0f"});
+  };
+  columns.table("Maps against the true scene")
+      .add("truth.collision_recall", value_of_part(truth, &collision_recall),
+           "Share of the surface voxels seen that have an occupied voxel no farther than one away.",
+           {.heading = "recall", .pattern = "%.4f"});
+  count("surface_vox", &T::surface_vox, "Voxels in which the camera saw a surface.");
+  count("occupied_vox", &T::occupied_vox, "Occupied voxels.", "occupied");
+  count("false_obstacle_vox", &T::false_vox,
+        "Occupied voxels with no surface within their diagonal.", "false");
+  columns
+      .spread("truth.appear_frames.", values_of_part(truth, &T::appear_frames),
+              "Frames from when an object comes into view until it is in the map.", kAllStatistics,
+              {.heading = "appears", .pattern = "%.0f frames", .shown = "max"})
+      .add("truth.appear_frames.events",
+           value_of_part(truth, [](const T& t) { return t.appear_frames.size(); }),
+           "How often one came into view.")
+      .add("truth.never_appeared", value_of_part(truth, &T::never_appeared),
+           "Objects that left the view before they were in the map.")
+      .spread("truth.gone_frames.", values_of_part(truth, &T::gone_frames),
+              "Frames of seeing through a voxel that was left until it is free.", kAllStatistics,
+              {.heading = "gone", .pattern = "%.0f frames", .shown = "p95 max"})
+      .add("truth.gone_frames.voxels",
+           value_of_part(truth, [](const T& t) { return t.gone_frames.size(); }),
+           "Voxels that were left.");
+  count("ghost_vox", &T::ghost_vox, "Voxels that were left and are occupied at the end.", "ghosts");
+  count("ghost_seen_vox", &T::ghost_seen_vox, "Of these, seen through at least once.",
+        "ghosts seen");
+}
+
+void add_real_time(report::ResultColumnsOf<SystemRow>& columns) {
+  const auto clock = &SystemRow::real_time;
+  columns.table("In real time, late frames dropped")
+      .add("real_time.frames",
+           value_of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
+           "Frames that were mapped.", {.heading = "mapped", .pattern = "%.0f"})
+      .add("real_time.dropped", value_of_part(clock, &ClockRecord::dropped),
+           "Frames that came too late.", {.heading = "dropped", .pattern = "%.0f"})
+      .add("real_time.dropped_share", value_of_part(clock, &dropped_share),
+           "Their share of what arrived.", {.heading = "share", .pattern = "%.3f"})
+      .add("real_time.rate_hz", value_of_part(clock, &rate_hz), "Fields a second.",
+           {.heading = "rate", .pattern = "%.1f Hz"})
+      .spread("real_time.frame_ms.", values_of_part(clock, &frame_times), "As `frame_ms`.",
+              kAllStatistics)
+      .spread("real_time.latency_ms.",
+              values_of_part(clock, of_updates([](const UpdateRecord& u) { return u.latency_ms; })),
+              "From a frame's arrival to the published field that has it.", kAllStatistics,
+              {.heading = "latency", .pattern = "%.1f ms", .shown = "p50 p95 max"});
+}
+
+const report::ResultColumnsOf<SystemRow>& mapping_systems() {
+  using R = SystemRow;
+  static const auto kColumns = [] {
+    report::ResultColumnsOf<R> columns("/systems");
+    columns
+        .add("name", [](const R& r) { return r.record.what.name; }, "Name of the case.",
+             {.heading = "system", .compared = true})
+        .add(
+            "mapper", [](const R& r) { return r.record.what.mapper; }, "Its mapper.")
+        .add(
+            "field", [](const R& r) { return r.record.what.field; }, "Its field.")
+        .add("signed", [](const R& r) { return r.record.is_signed; },
+             "Whether the field is negative inside obstacles.",
+             {.heading = "field", .pattern = "signed|unsigned", .compared = true})
+        .add("resolution_m", [](const R& r) { return r.record.what.resolution_m; },
+             "Edge of a voxel.", {.heading = "voxel", .pattern = "%g m", .compared = true})
+        .add(
+            "threads", [](const R& r) { return r.provenance.threads; }, "Threads of the run.")
+        .add(
+            "success",
+            [](const R& r) {
+              return r.record.error.empty() && r.unmet.empty() && !r.record.interrupted;
+            },
+            "Whether it was measured and does what `experiment.expect` asks.")
+        .add(
+            "error", [](const R& r) { return r.record.error; }, "Why it could not be measured.")
+        .add("unmet", &R::unmet, "What it does not do of `experiment.expect`.");
+    add_times(columns);
+    add_accuracy(columns);
+    add_truth(columns);
+    add_real_time(columns);
+    return columns;
+  }();
+  return kColumns;
+}
+
+Json system_json(const SystemRow& row) {
+  Json json = mapping_systems().row(row);
+  if (const TruthRecord* truth = row.truth(); truth == nullptr) {
+    json["truth"] = nullptr;
+  } else {
+    if (truth->appear_frames.empty()) json["truth"]["appear_frames"] = nullptr;
+    if (truth->gone_frames.empty()) json["truth"]["gone_frames"] = nullptr;
   }
-  json["memory_mib"] = memory_mib;
-  json["quarters"] = quarters_json(*clock);
-  json["truth"] = clock->truth ? truth_json(*clock->truth) : Json(nullptr);
-  json["real_time"] = record.real_time ? real_time_json(*record.real_time) : Json(nullptr);
+  if (row.real_time() == nullptr) json["real_time"] = nullptr;
+  json["quarters"] = row.clock != nullptr ? quarters_json(*row.clock) : Json::array();
   return json;
-}
-
-std::string times_table(const Json& systems, const std::string& published_as) {
-  return report::text_table({{"system", "/name"},
-                             {"field", "/signed", "signed|unsigned"},
-                             {"voxel", "/resolution_m", "%g m"},
-                             {"frames", "/frames", "%.0f"},
-                             {"mean", "/frame_ms/mean", "%.2f ms"},
-                             {"sd", "/frame_ms/sd", "%.2f"},
-                             {"p50", "/frame_ms/p50", "%.2f"},
-                             {"p95", "/frame_ms/p95", "%.2f"},
-                             {"integrate", "/stages_ms/integrate/mean", "%.2f"},
-                             {"field", "/stages_ms/field/mean", "%.2f"},
-                             {"publish", "/stages_ms/publish/mean", "%.2f"},
-                             {"ratio", "/ratio/mean", "%.2f"},
-                             {published_as, "/published_ms", "%g ms"},
-                             {"max error", "/max_error_m", "%.4f m"},
-                             {"mean error", "/mean_error_m", "%.2g m"},
-                             {"memory", "/memory_mib", "%.0f MiB"}},
-                            systems);
-}
-
-std::string truth_table(const Json& systems) {
-  return report::text_table({{"against the scene", "/name"},
-                             {"field", "/signed", "signed|unsigned"},
-                             {"voxel", "/resolution_m", "%g m"},
-                             {"recall", "/truth/collision_recall", "%.4f"},
-                             {"occupied", "/truth/occupied_vox", "%.0f"},
-                             {"false", "/truth/false_obstacle_vox", "%.0f"},
-                             {"appears (max)", "/truth/appear_frames/max", "%.0f frames"},
-                             {"gone (p95)", "/truth/gone_frames/p95", "%.0f"},
-                             {"gone (max)", "/truth/gone_frames/max", "%.0f frames"},
-                             {"ghosts", "/truth/ghost_vox", "%.0f"},
-                             {"ghosts seen", "/truth/ghost_seen_vox", "%.0f"}},
-                            systems);
-}
-
-std::string real_time_table(const Json& systems) {
-  return report::text_table({{"in real time", "/name"},
-                             {"field", "/signed", "signed|unsigned"},
-                             {"voxel", "/resolution_m", "%g m"},
-                             {"mapped", "/real_time/frames", "%.0f"},
-                             {"dropped", "/real_time/dropped", "%.0f"},
-                             {"share", "/real_time/dropped_share", "%.3f"},
-                             {"rate", "/real_time/rate_hz", "%.1f Hz"},
-                             {"latency p50", "/real_time/latency_ms/p50", "%.1f ms"},
-                             {"p95", "/real_time/latency_ms/p95", "%.1f"},
-                             {"max", "/real_time/latency_ms/max", "%.1f"}},
-                            systems);
-}
-
-std::string table_text(const Json& systems, const std::string& published_as) {
-  std::string text = times_table(systems, published_as);
-  const Json with_truth = report::those_with("/truth", systems);
-  if (!with_truth.empty()) text += "\n" + truth_table(with_truth);
-  const Json in_real_time = report::those_with("/real_time", systems);
-  if (!in_real_time.empty()) text += "\n" + real_time_table(in_real_time);
-  return text;
 }
 
 std::string label_of(const CaseRecord& record) {
   return record.what.name + (record.is_signed ? ", signed" : "") + " at " +
          format("%g m", record.what.resolution_m);
-}
-
-std::string table_csv(const Json& systems) {
-  constexpr std::array kColumns = {"/name",
-                                   "/mapper",
-                                   "/field",
-                                   "/signed",
-                                   "/resolution_m",
-                                   "/threads",
-                                   "/frames",
-                                   "/frame_ms/mean",
-                                   "/frame_ms/sd",
-                                   "/frame_ms/p50",
-                                   "/frame_ms/p95",
-                                   "/frame_ms/max",
-                                   "/stages_ms/integrate/mean",
-                                   "/stages_ms/field/mean",
-                                   "/stages_ms/publish/mean",
-                                   "/ratio/mean",
-                                   "/ratio/p50",
-                                   "/published_ms",
-                                   "/max_error_m",
-                                   "/mean_error_m",
-                                   "/memory_mib",
-                                   "/truth/collision_recall",
-                                   "/truth/false_obstacle_vox",
-                                   "/truth/appear_frames/max",
-                                   "/truth/gone_frames/max",
-                                   "/truth/ghost_vox",
-                                   "/truth/ghost_seen_vox",
-                                   "/real_time/rate_hz",
-                                   "/real_time/dropped_share",
-                                   "/real_time/latency_ms/p50",
-                                   "/real_time/latency_ms/p95",
-                                   "/error"};
-  return csv_text(systems, kColumns);
 }
 
 std::string verdict_text(const MappingBenchmarkSettings& settings,
@@ -296,6 +357,8 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
 }
 
 }  // namespace
+
+const report::ResultColumns& mapping_columns() { return mapping_systems(); }
 
 std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& expect) {
   const ClockRecord* clock = record.every_frame ? &*record.every_frame : nullptr;
@@ -341,7 +404,7 @@ ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
                                     const MappingBenchmarkRecord& record) {
   Json systems = Json::array();
   for (const CaseRecord& one : record.cases) {
-    systems.push_back(case_json(one, provenance, settings, record.cases));
+    systems.push_back(system_json({one, provenance, settings, record.cases}));
   }
   ExperimentOutcome outcome;
   outcome.interrupted = record.interrupted;
@@ -349,8 +412,9 @@ ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
       !record.interrupted && !record.cases.empty() &&
       std::ranges::all_of(systems, [](const Json& s) { return at(s, "/success") == Json(true); });
   outcome.verdict = verdict_text(settings, record);
-  outcome.table = table_text(systems, settings.published_as);
-  outcome.table_csv = table_csv(systems);
+  outcome.table = mapping_systems().text(systems);
+  if (!settings.published_as.empty()) outcome.table += "published: " + settings.published_as + "\n";
+  outcome.table_csv = mapping_systems().csv(systems);
   Json bad_frames = Json::array();
   for (const Error& error : record.bad_frames) bad_frames.push_back(error.describe());
   outcome.summary_json = summary_text(provenance, settings.type, outcome,

@@ -7,6 +7,7 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include "mapping/mapping_measure.hpp"
+#include "report/result_columns.hpp"
 
 namespace sidestep {
 
@@ -27,6 +28,9 @@ struct MappingBenchmarkRecord {
 /// Why a case does not reach what the settings expect; empty where it does.
 [[nodiscard]] std::string unmet_expectations(const CaseRecord& record,
                                              const ExpectSettings& expect);
+
+/// Of the rows `systems` of summary.json.
+[[nodiscard]] const report::ResultColumns& mapping_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& mapping_report();

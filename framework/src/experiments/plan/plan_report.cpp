@@ -34,29 +34,6 @@ std::string clearance_cell(const Json& of) {
   return at(of, "/clearance_is_bound") == Json(true) ? "at least " + clear : clear;
 }
 
-/// The plans with their clearances in words, as "/clearance".
-Json with_clearances(Json plans) {
-  for (Json& plan : plans) {
-    if (plan.is_object()) plan["clearance"] = clearance_cell(plan);
-  }
-  return plans;
-}
-
-std::string plans_table(const Json& plans) {
-  return html_table(Columns{{"plan", "/name"},
-                            {"result", "/success", "success|failed"},
-                            {"valid in the field", "/valid_snapshot"},
-                            {"valid independently", "/valid_independent"},
-                            {"clearance", "/clearance"},
-                            {"optimised duration", "/retiming/before_s", "%.2f s"},
-                            {"duration", "/duration_s", "%.2f s"},
-                            {"solve", "/solve_ms", "%.1f ms"},
-                            {"iterations", "/iterations"},
-                            {"cost", "/cost", "%.4g"},
-                            {"attempts", "/attempts"}},
-                    with_clearances(plans));
-}
-
 std::string checks_table(const Json& plan) {
   std::vector<Row> rows;
   for (const auto& [key, words] :
@@ -102,7 +79,7 @@ std::string explanation_section(const Json& plan) {
 Result<std::string> plan_body(const Json& summary, ResultsReader& results, const fs::path& run) {
   std::string html;
   const Json plans = at(summary, "/plans");
-  if (plans.is_array() && !plans.empty()) html += plans_table(plans);
+  if (plans.is_array() && !plans.empty()) html += plan_columns().html(plans);
   std::int64_t item = 0;
   for (const Json& plan : plans) {
     const std::string name = cell(at(plan, "/name"));
@@ -134,22 +111,17 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results, const
 /// A run without a plan is a row, too.
 Json plans_of(const Json& summary) {
   const Json plans = at(summary, "/plans");
-  return plans.empty() ? Json::array({{{"success", false}}}) : with_clearances(plans);
+  return plans.empty() ? Json::array({{{"success", false}}}) : plans;
 }
 
 }  // namespace
 
 const report::RunReport& plan_report() {
-  static const report::RunReport kReport = {&plan_body,
-                                            {{"plan", "/name"},
-                                             {"result", "/success", "success|failed"},
-                                             {"clearance", "/clearance"},
-                                             {"duration", "/duration_s", "%.2f s"},
-                                             {"solve", "/solve_ms", "%.1f ms"},
-                                             {"iterations", "/iterations"},
-                                             {"frame p50", "/map/frame_ms/p50", "%.1f ms"},
-                                             {"frames", "/frames"}},
-                                            &plans_of};
+  static const report::RunReport kReport = {
+      &plan_body,
+      &plan_columns(),
+      {{"frame p50", "/map/frame_ms/p50", "%.1f ms"}, {"frames", "/frames"}},
+      &plans_of};
   return kReport;
 }
 

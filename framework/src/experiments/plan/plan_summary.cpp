@@ -184,11 +184,7 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
   return text + unseen_text(plans) + left_out + ".";
 }
 
-std::string clearance_text(const PlanRecord& plan, double clearance_m) {
-  return (plan.clearance_is_bound() ? "at least " : "") + format("%.3f m", clearance_m);
-}
-
-std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) {
+std::string table_text(const MapRecord& map, const Json& plans) {
   std::vector<double> frame_ms;
   for (const MappingStep& step : map.steps) frame_ms.push_back(step.frame_ms());
   TextTable map_table({"frames", "bad", "frame p50", "frame p95", "frame max", "occupied voxels"});
@@ -196,30 +192,54 @@ std::string table_text(const MapRecord& map, std::span<const PlanRecord> plans) 
                  format("%.1f ms", percentile(frame_ms, 0.5)),
                  format("%.1f ms", percentile(frame_ms, 0.95)),
                  format("%.1f ms", percentile(frame_ms, 1.0)), std::to_string(map.occupied_vox)});
-  TextTable plan_table({"plan", "result", "in field", "independent", "clearance", "optimised",
-                        "duration", "solve", "iterations", "attempts"});
-  for (const PlanRecord& plan : plans) {
-    const auto clearance_m = plan.min_clearance_m();
-    const bool solved = plan.has_trajectory();
-    plan_table.add({plan.name, plan.success() ? "success" : "failed",
-                    plan.in_snapshot ? std::string(to_string(plan.in_snapshot->outcome)) : "-",
-                    !plan.in_voxels            ? "-"
-                    : plan.valid_independent() ? "valid"
-                                               : "invalid",
-                    clearance_m ? clearance_text(plan, *clearance_m) : "-",
-                    plan.retiming ? format("%.2f s", plan.retiming->before_s) : "-",
-                    solved ? format("%.2f s", plan.solution.trajectory.duration_s()) : "-",
-                    plan.attempts > 0 ? format("%.1f ms", plan.solution.solve_ms) : "-",
-                    plan.attempts > 0 ? std::to_string(plan.solution.iterations) : "-",
-                    std::to_string(plan.attempts)});
-  }
-  std::string text = map_table.text();
-  if (plans.empty()) return text;
-  text += "\n";
-  return text += plan_table.text();
+  return map_table.text() + (plans.empty() ? "" : "\n" + plan_columns().text(plans));
 }
 
 }  // namespace
+
+const report::ResultColumns& plan_columns() {
+  static const auto kColumns = [] {
+    report::ResultColumns columns("/plans");
+    columns.begin_table("Plans");
+    columns.declare("name", "Name of the plan.", {.heading = "plan", .compared = true});
+    columns.declare("success", "Whether it reaches its goal and passes every check.",
+                    {.heading = "result", .pattern = "success|failed", .compared = true});
+    columns.declare("valid_snapshot", "Whether the spheres are proven clear in the distance field.",
+                    {.heading = "in field", .pattern = "valid|-"});
+    columns.declare("valid_independent",
+                    "Whether the independent checks of the shapes find nothing.",
+                    {.heading = "independent", .pattern = "valid|-"});
+    columns.declare("clearance_is_bound",
+                    "Whether the least clearance is only as far as was looked.",
+                    {.heading = "clear by", .pattern = "at least|exactly"});
+    columns.declare("min_clearance_m", "Least clearance that the checks found.",
+                    {.heading = "clearance", .pattern = "%.3f m", .compared = true});
+    columns.declare("retiming.before_s", "Duration of the motion that was optimised.",
+                    {.heading = "optimised", .pattern = "%.2f s"});
+    columns.declare("duration_s", "Duration of the motion as it was timed.",
+                    {.heading = "duration", .pattern = "%.2f s", .compared = true});
+    columns.declare("solve_ms", "Wall time in the optimiser, of all attempts.",
+                    {.heading = "solve", .pattern = "%.1f ms", .compared = true});
+    columns.declare("iterations", "Iterations of the last attempt.",
+                    {.heading = "iterations", .compared = true});
+    columns.declare("cost", "Its final cost.",
+                    {.heading = "cost", .pattern = "%.4g", .page_only = true});
+    columns.declare("attempts", "First guesses that were tried.", {.heading = "attempts"});
+    columns.declare("status", "How the optimiser ended.");
+    columns.declare("reason", "Why the plan did not succeed.");
+    columns.declare("unknown_share",
+                    "Share of the checks of spheres in space that no frame has seen.");
+    columns.declare("most_unknown_share", "That share of the link of which it is largest.");
+    columns.declare("most_unknown_link", "That link.");
+    columns.declare("attached", "Objects that the robot carries.");
+    columns.declare("explanation", "What holds the motion where it is: terms, subjects, states.");
+    columns.declare("checks",
+                    "Verdicts of the checks `snapshot` (spheres in the field), `voxels` (shapes "
+                    "among occupied voxels) and `scene` (shapes in the true scene).");
+    return columns;
+  }();
+  return kColumns;
+}
 
 std::optional<double> PlanRecord::min_clearance_m() const noexcept {
   std::optional<double> least;
@@ -250,12 +270,11 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
   outcome.success = !outcome.interrupted && !outcome.fault && !map.steps.empty() &&
                     map.empty_reason.empty() && !plans.empty() && succeeded == plans.size();
   outcome.verdict = verdict_text(map, plans, outcome.interrupted, succeeded);
-  outcome.table = table_text(map, plans);
-
   Json bad_frames = Json::array();
   for (const Error& error : map.bad_frames) bad_frames.push_back(error.describe());
   Json plan_list = Json::array();
   for (const PlanRecord& plan : plans) plan_list.push_back(plan_json(plan));
+  outcome.table = table_text(map, plan_list);
   outcome.summary_json = summary_text(provenance, "plan", outcome,
                                       {{"fault", map.fault ? Json(map.fault->describe()) : Json()},
                                        {"frames", map.steps.size()},

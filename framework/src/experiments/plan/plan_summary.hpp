@@ -7,6 +7,7 @@
 #include <sidestep/runtime/results_store.hpp>
 
 #include "plan/plan_types.hpp"
+#include "report/result_columns.hpp"
 
 namespace sidestep {
 
@@ -14,6 +15,9 @@ namespace sidestep {
 [[nodiscard]] ExperimentOutcome summarise_plans(const RunProvenance& provenance,
                                                 const MapRecord& map,
                                                 std::span<const PlanRecord> plans);
+
+/// Of the rows `plans` of summary.json.
+[[nodiscard]] const report::ResultColumns& plan_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& plan_report();

@@ -1,11 +1,9 @@
 #include "planners/planner_summary.hpp"
 
 #include <algorithm>
-#include <array>
+#include <set>
 
 #include "planners/ompl_database.hpp"
-#include "report/csv.hpp"
-#include "report/report_parts.hpp"
 #include "results/json.hpp"
 #include "results/summary_values.hpp"
 
@@ -14,37 +12,97 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// One row: a planner on some problems.
-Json row_json(const PlannerRecord& planner, const std::string& family,
-              const std::vector<SetSolve>& solves) {
-  const auto solved = those_of(solves, &SetSolve::is_solved);
-  const auto within = [&](double limit_ms) {
-    return share_of(solves,
+/// A planner on some problems.
+struct PlannerRow {
+  const PlannerRecord& planner;
+  std::string family;
+  std::vector<SetSolve> solves;
+  std::vector<SetSolve> solved = those_of(solves, &SetSolve::is_solved);
+
+  [[nodiscard]] std::size_t problems() const {
+    std::set<std::int64_t> problems;
+    for (const SetSolve& solve : solves) problems.insert(solve.problem);
+    return problems.size();
+  }
+};
+
+/// The share of a row's answers that are accepted and come within a limit.
+auto solved_within(double limit_ms) {
+  return [limit_ms](const PlannerRow& row) {
+    return share_of(row.solves,
                     [&](const SetSolve& s) { return s.is_solved() && s.first_ms() <= limit_ms; });
   };
-  const auto median_of = [&](auto value) {
-    return Json{{"p50", quantile_json(values_of(solved, value), 0.5)}};
+}
+
+/// A number of each answer that is accepted.
+template <class Value>
+auto of_solved(Value value) {
+  return [value](const PlannerRow& row) {
+    return values_of(row.solved, [&](const SetSolve& s) { return std::invoke(value, s); });
   };
-  std::set<std::int64_t> problems;
-  for (const SetSolve& solve : solves) problems.insert(solve.problem);
-  return {
-      {"name", planner.name},
-      {"checker", planner.checker},
-      {"family", family},
-      {"problems", problems.size()},
-      {"answers", solves.size()},
-      {"solved_share", {{"s1", within(1e3)}, {"s5", within(5e3)}}},
-      {"smooth_share",
-       share_of(solves, [](const SetSolve& s) { return s.is_solved() && s.is_smooth(); })},
-      {"time_ms", quantiles_json(values_of(solved, [](const SetSolve& s) { return s.time_ms(); }))},
-      {"first_valid_ms",
-       quantiles_json(values_of(solved, [](const SetSolve& s) { return s.first_ms(); }))},
-      {"path_length_rad", median_of([](const SetSolve& s) { return s.path_length(); })},
-      {"duration_s", median_of([](const SetSolve& s) { return s.duration_s; })},
-      {"acceleration_ratio", median_of([](const SetSolve& s) { return s.acceleration_ratio; })},
-      {"clearance_m", median_of([](const SetSolve& s) { return s.clearance_m; })},
-      {"refused_by_check",
-       std::ranges::count_if(solves, [](const SetSolve& s) { return !s.refusal.empty(); })}};
+}
+
+const report::ResultColumnsOf<PlannerRow>& planner_rows() {
+  using R = PlannerRow;
+  using S = SetSolve;
+  static const auto kColumns =
+      report::ResultColumnsOf<R>("/planners")
+          .add("name", [](const R& r) { return r.planner.name; }, "Planner.",
+               {.heading = "planner", .compared = true})
+          .add("checker", [](const R& r) { return r.planner.checker; },
+               "What checks its motions while it searches.",
+               {.heading = "checker", .compared = true})
+          .add("family", &R::family, "Family of problems, or `all`.", {.heading = "family"})
+          .table("Answers",
+                 "Solved: the independent check accepts the answer. Refused: it does not. First: "
+                 "until the first valid answer; time: until the first one as smooth as the last.")
+          .add("problems", &R::problems, "Problems it was given.")
+          .add("answers", [](const R& r) { return r.solves.size(); },
+               "Problems times seeds that have been tried.",
+               {.heading = "answers", .pattern = "%.0f", .compared = true})
+          .add("solved_share.s1", solved_within(1e3),
+               "Share of the answers that come within 1 s and that the independent check accepts.",
+               {.heading = "solved in 1 s", .pattern = "%.4f", .compared = true})
+          .add("solved_share.s5", solved_within(5e3), "The same within 5 s.",
+               {.heading = "in 5 s", .pattern = "%.4f"})
+          .add("smooth_share",
+               [](const R& r) {
+                 return share_of(r.solves,
+                                 [](const S& s) { return s.is_solved() && s.is_smooth(); });
+               },
+               "Share that is accepted and comes from an optimiser.",
+               {.heading = "smooth", .pattern = "%.4f"})
+          .spread("time_ms.", of_solved(&S::time_ms),
+                  "Time until the first answer as smooth as the last one, of what is solved.",
+                  {"p50", "p95"}, {.heading = "time", .pattern = "%.3f ms", .compared = true})
+          .spread("first_valid_ms.", of_solved(&S::first_ms),
+                  "Time until the first answer, of what is solved.", {"p50", "p95"},
+                  {.heading = "first", .pattern = "%.3f ms"})
+          .add("refused_by_check",
+               [](const R& r) {
+                 return std::ranges::count_if(r.solves,
+                                              [](const S& s) { return !s.refusal.empty(); });
+               },
+               "Answers that the independent check refuses.",
+               {.heading = "refused", .pattern = "%.0f", .compared = true})
+          .table(
+              "Motions",
+              "Medians over what was solved. Acceleration: squared, over all joints and the whole "
+              "motion, as a multiple of the least that one of its length and duration needs.")
+          .spread("path_length_rad.", of_solved(&S::path_length),
+                  "Length of the path in the space of joints, m and rad alike, of what is solved.",
+                  {"p50"}, {.heading = "path", .pattern = "%.2f rad", .compared = true})
+          .spread("duration_s.", of_solved(&S::duration_s),
+                  "Duration of the motion, of what is solved.", {"p50"},
+                  {.heading = "motion", .pattern = "%.2f s"})
+          .spread("acceleration_ratio.", of_solved(&S::acceleration_ratio),
+                  "Squared acceleration as a multiple of the least that a motion of its length and "
+                  "duration needs, of what is solved.",
+                  {"p50"}, {.heading = "acceleration", .pattern = "%.2f"})
+          .spread("clearance_m.", of_solved(&S::clearance_m),
+                  "Least clearance by the independent check, of what is solved.", {"p50"},
+                  {.heading = "clearance", .pattern = "%.3f m"});
+  return kColumns;
 }
 
 std::vector<std::string> families_of(const PlannerRecord& planner) {
@@ -60,52 +118,11 @@ Json family_rows(const PlannerBenchmarkRecord& record) {
   Json rows = Json::array();
   for (const PlannerRecord& planner : record.planners) {
     for (const std::string& family : families_of(planner)) {
-      rows.push_back(row_json(planner, family, those_of(planner.solves, [&](const SetSolve& s) {
-                                return s.family == family;
-                              })));
+      const auto is_of_it = [&](const SetSolve& s) { return s.family == family; };
+      rows.push_back(planner_rows().row({planner, family, those_of(planner.solves, is_of_it)}));
     }
   }
   return rows;
-}
-
-std::string table_text(const Json& rows) {
-  return report::text_table({{"planner", "/name"},
-                             {"checker", "/checker"},
-                             {"family", "/family"},
-                             {"answers", "/answers", "%.0f"},
-                             {"solved in 1 s", "/solved_share/s1", "%.4f"},
-                             {"in 5 s", "/solved_share/s5", "%.4f"},
-                             {"smooth", "/smooth_share", "%.4f"},
-                             {"first p50", "/first_valid_ms/p50", "%.3f ms"},
-                             {"time p50", "/time_ms/p50", "%.3f ms"},
-                             {"p95", "/time_ms/p95", "%.2f ms"},
-                             {"path p50", "/path_length_rad/p50", "%.2f rad"},
-                             {"motion p50", "/duration_s/p50", "%.2f s"},
-                             {"acceleration p50", "/acceleration_ratio/p50", "%.2f"},
-                             {"clearance p50", "/clearance_m/p50", "%.3f m"},
-                             {"refused", "/refused_by_check", "%.0f"}},
-                            rows);
-}
-
-std::string table_csv(const Json& rows) {
-  constexpr std::array kColumns = {"/name",
-                                   "/checker",
-                                   "/family",
-                                   "/problems",
-                                   "/answers",
-                                   "/solved_share/s1",
-                                   "/solved_share/s5",
-                                   "/smooth_share",
-                                   "/first_valid_ms/p50",
-                                   "/first_valid_ms/p95",
-                                   "/time_ms/p50",
-                                   "/time_ms/p95",
-                                   "/path_length_rad/p50",
-                                   "/duration_s/p50",
-                                   "/acceleration_ratio/p50",
-                                   "/clearance_m/p50",
-                                   "/refused_by_check"};
-  return csv_text(rows, kColumns);
 }
 
 std::string verdict_text(const PlannerBenchmarkRecord& record, bool interrupted,
@@ -135,7 +152,7 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
   Json planners = Json::array();
   std::ptrdiff_t refused = 0;
   for (const PlannerRecord& planner : record.planners) {
-    planners.push_back(row_json(planner, "all", planner.solves));
+    planners.push_back(planner_rows().row({planner, "all", planner.solves}));
     refused += planners.back()["refused_by_check"].get<std::ptrdiff_t>();
   }
   const Json families = family_rows(record);
@@ -147,8 +164,8 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
   outcome.verdict = verdict_text(record, outcome.interrupted, refused, fault);
   Json rows = planners;
   for (const Json& family : families) rows.push_back(family);
-  outcome.table = table_text(rows);
-  outcome.table_csv = table_csv(rows);
+  outcome.table = planner_rows().text(rows);
+  outcome.table_csv = planner_rows().csv(rows);
   double wall_s = 0.0, cpu_s = 0.0;
   for (const RunSession& session : record.sessions) {
     wall_s += session.wall_s;
@@ -171,6 +188,8 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
        {"time", {{"sessions", record.sessions.size()}, {"wall_s", wall_s}, {"cpu_s", cpu_s}}}});
   return outcome;
 }
+
+const report::ResultColumns& planner_columns() { return planner_rows(); }
 
 Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run, bool interrupted,
                                             const std::optional<Error>& fault) {

@@ -6,6 +6,7 @@
 #include <sidestep/experiments/experiment.hpp>
 
 #include "planners/planner_rows.hpp"
+#include "report/result_columns.hpp"
 
 namespace sidestep {
 
@@ -22,6 +23,9 @@ namespace sidestep {
 /// Puts shards of one run together in the folder `out`.
 [[nodiscard]] Result<ExperimentOutcome> merge_planners(
     const std::vector<std::filesystem::path>& runs, const std::filesystem::path& out);
+
+/// Of the rows `planners` and `families` of summary.json.
+[[nodiscard]] const report::ResultColumns& planner_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& planner_report();

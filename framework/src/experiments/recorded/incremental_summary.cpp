@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "report/csv.hpp"
 #include "report/report_parts.hpp"
 #include "results/json.hpp"
 #include "results/summary_values.hpp"
@@ -16,91 +15,106 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kAfresh = static_cast<std::size_t>(SolveWay::kAfresh);
 
-/// One way through a series; times, iterations and costs are of the problems solved in every way.
-Json row_of(const ChangedSeries& series, std::size_t way) {
-  const auto solved = those_of(series.problems, &ChangedSolve::solved);
-  const auto with_free_ends = those_of(series.problems, &ChangedSolve::ends_free);
-  const auto is_free = [way](const ChangedSolve& r) { return r.ways[way].is_free(); };
-  const auto solve_ms = values_of(solved, [&](const auto& r) { return r.ways[way].solve_ms; });
-  const auto afresh_ms = values_of(solved, [](const auto& r) { return r.ways[kAfresh].solve_ms; });
-  const auto time_ratio = values_of(
-      solved, [&](const auto& r) { return r.ways[way].solve_ms / r.ways[kAfresh].solve_ms; });
-  const auto cost_ratio =
-      values_of(solved, [&](const auto& r) { return r.ways[way].cost / r.ways[kAfresh].cost; });
-  const auto iterations =
-      values_of(solved, [&](const auto& r) { return r.ways[way].accepted_iterations; });
-  const double sum_ratio = statistics_of(solve_ms).mean / statistics_of(afresh_ms).mean;
-  return {{"label", series.label},
-          {"field", series.is_signed ? "sdf" : "usdf"},
-          {"change", series.change},
-          {"way", to_string(kSolveWays[way])},
-          {"problems", series.problems.size()},
-          {"solved", solved.size()},
-          {"solve_ms", quantiles_and_mean_json(solve_ms)},
-          {"time_ratio",
-           {{"p50", quantile_json(time_ratio, 0.5)},
-            {"p95", quantile_json(time_ratio, 0.95)},
-            {"of_means", solved.empty() ? Json(nullptr) : Json(sum_ratio)}}},
-          {"iterations", quantiles_and_mean_json(iterations)},
-          {"cost_ratio",
-           {{"p05", quantile_json(cost_ratio, 0.05)},
-            {"p50", quantile_json(cost_ratio, 0.5)},
-            {"p95", quantile_json(cost_ratio, 0.95)},
-            {"share_within_1pct", share_of(solved,
-                                           [way](const ChangedSolve& r) {
-                                             return r.ways[way].cost <=
-                                                    kOnePercent * r.ways[kAfresh].cost;
-                                           })}}},
-          {"collision_free", {{"share", share_of(series.problems, is_free)}}},
-          {"free_ends",
-           {{"problems", with_free_ends.size()}, {"share", share_of(with_free_ends, is_free)}}}};
+/// One way through a series. Times, iterations and costs are of the problems solved in every way.
+struct WayRow {
+  const ChangedSeries& series;
+  std::size_t way;
+  std::vector<ChangedSolve> solved = those_of(series.problems, &ChangedSolve::solved);
+  std::vector<ChangedSolve> with_free_ends = those_of(series.problems, &ChangedSolve::ends_free);
+
+  [[nodiscard]] bool is_free(const ChangedSolve& solve) const { return solve.ways[way].is_free(); }
+};
+
+/// A number of each problem that is solved, in this way.
+template <class Value>
+auto of_way(Value value) {
+  return [value](const WayRow& row) {
+    return values_of(row.solved,
+                     [&](const auto& s) { return std::invoke(value, s.ways[row.way]); });
+  };
 }
 
-std::string table_text(const Json& rows) {
-  return report::text_table({{"run", "/label"},
-                             {"field", "/field"},
-                             {"change", "/change"},
-                             {"way", "/way"},
-                             {"problems", "/problems", "%.0f"},
-                             {"solve p50", "/solve_ms/p50", "%.4f ms"},
-                             {"p95", "/solve_ms/p95", "%.4f ms"},
-                             {"mean", "/solve_ms/mean", "%.4f ms"},
-                             {"of afresh's p50", "/time_ratio/p50", "%.3f"},
-                             {"of means", "/time_ratio/of_means", "%.3f"},
-                             {"iterations", "/iterations/mean", "%.2f"},
-                             {"cost p50", "/cost_ratio/p50", "%.4f"},
-                             {"p95", "/cost_ratio/p95", "%.4f"},
-                             {"within 1 %", "/cost_ratio/share_within_1pct", "%.4f"},
-                             {"collision-free", "/collision_free/share", "%.4f"},
-                             {"ends free", "/free_ends/problems", "%.0f"},
-                             {"of them", "/free_ends/share", "%.4f"}},
-                            rows);
+/// The same as a multiple of what it is afresh.
+template <class Value>
+auto of_afresh(Value value) {
+  return [value](const WayRow& row) {
+    return values_of(row.solved, [&](const auto& s) {
+      return std::invoke(value, s.ways[row.way]) / std::invoke(value, s.ways[kAfresh]);
+    });
+  };
 }
 
-std::string table_csv(const Json& rows) {
-  constexpr std::array kColumns = {"/label",
-                                   "/field",
-                                   "/change",
-                                   "/way",
-                                   "/problems",
-                                   "/solved",
-                                   "/solve_ms/p50",
-                                   "/solve_ms/p95",
-                                   "/solve_ms/mean",
-                                   "/time_ratio/p50",
-                                   "/time_ratio/p95",
-                                   "/time_ratio/of_means",
-                                   "/iterations/p50",
-                                   "/iterations/p95",
-                                   "/iterations/mean",
-                                   "/cost_ratio/p05",
-                                   "/cost_ratio/p50",
-                                   "/cost_ratio/p95",
-                                   "/cost_ratio/share_within_1pct",
-                                   "/collision_free/share",
-                                   "/free_ends/problems",
-                                   "/free_ends/share"};
-  return csv_text(rows, kColumns);
+Json ratio_of_mean_times(const WayRow& row) {
+  if (row.solved.empty()) return nullptr;
+  const auto mean_ms = [&](std::size_t way) {
+    return statistics_of(values_of(row.solved, [&](const auto& s) { return s.ways[way].solve_ms; }))
+        .mean;
+  };
+  return mean_ms(row.way) / mean_ms(kAfresh);
+}
+
+Json share_no_costlier(const WayRow& row) {
+  return share_of(row.solved, [&](const ChangedSolve& s) {
+    return s.ways[row.way].cost <= kOnePercent * s.ways[kAfresh].cost;
+  });
+}
+
+const report::ResultColumnsOf<WayRow>& way_rows() {
+  using R = WayRow;
+  using S = RecordedSolve;
+  static const auto kColumns =
+      report::ResultColumnsOf<R>("/rows")
+          .add("label", [](const R& r) { return r.series.label; }, "Run of the recording.",
+               {.heading = "rules", .compared = true})
+          .add("field", [](const R& r) { return r.series.is_signed ? "sdf" : "usdf"; },
+               "Kind of field: `sdf` or `usdf`.", {.heading = "field", .compared = true})
+          .add("change", [](const R& r) { return r.series.change; },
+               "What was changed: `goal` or `obstacles`.", {.heading = "other", .compared = true})
+          .add(
+              "way", [](const R& r) { return to_string(kSolveWays[r.way]); },
+              "How it was solved: `afresh` from a straight line, `warm` from the trajectory before "
+              "the change, `incremental` by the optimiser that had found it.",
+              {.heading = "way", .compared = true})
+          .table("Time", "Ratios are to afresh, problem by problem, but for that of the means.")
+          .add("problems", [](const R& r) { return r.series.problems.size(); },
+               "Problems with this change.", {.heading = "problems", .pattern = "%.0f"})
+          .add("solved", [](const R& r) { return r.solved.size(); }, "Solved in every way.",
+               {.heading = "solved", .pattern = "%.0f"})
+          .spread("solve_ms.", of_way(&S::solve_ms), "Wall time of a solve.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "solve", .pattern = "%.4f ms", .compared = true})
+          .spread("time_ratio.", of_afresh(&S::solve_ms),
+                  "Its ratio to the time of solving afresh.", {"p50", "p95"},
+                  {.heading = "of afresh's", .pattern = "%.3f", .compared = true})
+          .add("time_ratio.of_means", &ratio_of_mean_times, "Ratio of the mean times.",
+               {.heading = "of means", .pattern = "%.3f"})
+          .spread("iterations.", of_way(&S::accepted_iterations), "Accepted iterations.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "iterations", .pattern = "%.2f", .page_only = true})
+          .table("Costs and collisions")
+          .spread("cost_ratio.", of_afresh(&S::cost), "Ratio of the final cost to that of afresh.",
+                  {"p05", "p50", "p95"}, {.heading = "cost of afresh's", .pattern = "%.4f"})
+          .add("cost_ratio.share_within_1pct", &share_no_costlier,
+               "Share that costs at most 1 % more than afresh.",
+               {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
+          .add("collision_free.share",
+               [](const R& r) {
+                 return share_of(r.series.problems,
+                                 [&](const ChangedSolve& s) { return r.is_free(s); });
+               },
+               "Share of all problems with a trajectory free of collisions, by exact distances.",
+               {.heading = "collision-free", .pattern = "%.4f", .compared = true})
+          .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
+               "Problems whose start and goal touch nothing.",
+               {.heading = "ends free", .pattern = "%.0f"})
+          .add("free_ends.share",
+               [](const R& r) {
+                 return share_of(r.with_free_ends,
+                                 [&](const ChangedSolve& s) { return r.is_free(s); });
+               },
+               "Share of these that is free of collisions.",
+               {.heading = "of them free", .pattern = "%.4f"});
+  return kColumns;
 }
 
 std::string verdict_text(const IncrementalRecord& record, const Json& rows, std::size_t problems,
@@ -124,6 +138,8 @@ std::string verdict_text(const IncrementalRecord& record, const Json& rows, std:
 
 }  // namespace
 
+const report::ResultColumns& incremental_columns() { return way_rows(); }
+
 std::string_view to_string(SolveWay way) noexcept {
   switch (way) {
     case SolveWay::kAfresh: return "afresh";
@@ -144,7 +160,8 @@ ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
   std::size_t problems = 0, unsolved = 0;
   std::string first_reason;
   for (const ChangedSeries& series : record.series) {
-    for (std::size_t way = 0; way < kSolveWays.size(); ++way) rows.push_back(row_of(series, way));
+    for (std::size_t way = 0; way < kSolveWays.size(); ++way)
+      rows.push_back(way_rows().row({series, way}));
     for (const ChangedSolve& problem : series.problems) {
       ++problems;
       if (problem.solved()) continue;
@@ -156,8 +173,8 @@ ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
   outcome.interrupted = record.interrupted;
   outcome.success = !record.interrupted && problems > 0 && unsolved == 0;
   outcome.verdict = verdict_text(record, rows, problems, unsolved, first_reason);
-  outcome.table = table_text(rows);
-  outcome.table_csv = table_csv(rows);
+  outcome.table = way_rows().text(rows);
+  outcome.table_csv = way_rows().csv(rows);
   outcome.summary_json = summary_text(provenance, settings.type, outcome,
                                       {{"problems_file", record.about.problems_file},
                                        {"robot", record.about.robot},

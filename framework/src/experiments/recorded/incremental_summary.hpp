@@ -9,6 +9,7 @@
 
 #include "recorded/incremental_settings.hpp"
 #include "recorded/recorded_solves.hpp"
+#include "report/result_columns.hpp"
 
 namespace sidestep {
 
@@ -51,6 +52,9 @@ struct IncrementalRecord {
 [[nodiscard]] ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
                                                       const IncrementalSettings& settings,
                                                       const IncrementalRecord& record);
+
+/// Of the rows `rows` of summary.json.
+[[nodiscard]] const report::ResultColumns& incremental_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& incremental_report();

@@ -1,10 +1,7 @@
 #include "recorded/recorded_summary.hpp"
 
 #include <algorithm>
-#include <array>
 
-#include "report/csv.hpp"
-#include "report/report_parts.hpp"
 #include "results/json.hpp"
 #include "results/summary_values.hpp"
 
@@ -13,140 +10,130 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json spread_json(const std::vector<double>& values) {
-  const Statistics s = statistics_of(values);
-  if (values.empty()) return {{"mean", nullptr}, {"sd", nullptr}};
-  return {{"mean", s.mean}, {"sd", s.sd}};
+/// One recorded run. Costs and times are of the problems that are solved.
+struct RunRow {
+  const RecordedRunRecord& run;
+  bool costs_comparable;
+  std::vector<SolveRecord> solved = those_of(run.solves, &SolveRecord::solved);
+  std::vector<SolveRecord> with_free_ends = those_of(run.solves, &SolveRecord::ends_free);
+  /// Of which the recording counts the peer's iterations.
+  std::vector<SolveRecord> counted =
+      those_of(run.solves, [](const SolveRecord& s) { return s.peer.iterations >= 0; });
+};
+
+template <class Value>
+auto of_solved_problems(Value value) {
+  return [value](const RunRow& row) {
+    return values_of(row.solved, [&](const SolveRecord& s) { return std::invoke(value, s); });
+  };
 }
 
-/// How often ours and the peer's are free, over some problems.
-Json free_json(const std::vector<SolveRecord>& solves) {
-  return {
-      {"share", share_of(solves, &SolveRecord::is_free)},
-      {"peer_share", share_of(solves, [](const SolveRecord& s) { return s.peer.free_exactly; })}};
+/// The same where ours and the peer's costs are measured alike; nothing where they are not.
+template <class Value>
+auto where_comparable(Value value) {
+  return [value](const RunRow& row) {
+    return row.costs_comparable ? of_solved_problems(value)(row) : std::vector<double>();
+  };
 }
 
-/// Against the peer's: over the problems that are solved, but for the share, which is of all.
-Json cost_json(const std::vector<SolveRecord>& solves, const std::vector<SolveRecord>& solved,
-               bool comparable) {
-  Json json = {{"share_within_1pct", nullptr},
-               {"mean", nullptr},
-               {"median", nullptr},
-               {"peer_mean", nullptr},
-               {"peer_median", nullptr}};
-  if (solved.empty()) return json;
-  const auto ours = values_of(solved, [](const SolveRecord& s) { return s.cost; });
-  json["mean"] = statistics_of(ours).mean;
-  json["median"] = percentile(ours, 0.5);
-  if (!comparable) return json;
-  const auto peers = values_of(solved, [](const SolveRecord& s) { return s.peer.final_cost; });
-  json["share_within_1pct"] = share_of(solves, [](const SolveRecord& s) {
+double peer_cost(const SolveRecord& s) { return s.peer.final_cost; }
+bool is_peer_free(const SolveRecord& s) { return s.peer.free_exactly; }
+
+template <class Holds>
+auto share_of_all(Holds holds) {
+  return [holds](const RunRow& row) { return share_of(row.run.solves, holds); };
+}
+template <class Holds>
+auto share_with_free_ends(Holds holds) {
+  return [holds](const RunRow& row) { return share_of(row.with_free_ends, holds); };
+}
+
+Json share_no_costlier(const RunRow& row) {
+  if (!row.costs_comparable || row.solved.empty()) return nullptr;
+  return share_of(row.run.solves, [](const SolveRecord& s) {
     return s.solved && s.cost <= kOnePercent * s.peer.final_cost;
   });
-  json["peer_mean"] = statistics_of(peers).mean;
-  json["peer_median"] = percentile(peers, 0.5);
-  return json;
 }
 
-/// What the recording says of the peer's effort, over the same problems.
-Json peer_json(const std::vector<SolveRecord>& solves) {
-  std::vector<double> iterations, iteration_us;
-  for (const SolveRecord& solve : solves) {
-    if (solve.peer.iterations < 0) continue;  // not counted
-    iterations.push_back(solve.peer.iterations);
-    iteration_us.push_back(1e3 * solve.peer.optimise_ms / std::max(1, solve.peer.iterations));
-  }
-  return {{"lm_iteration_us", quantiles_json(iteration_us)},
-          {"solve_ms", quantiles_and_mean_json(values_of(
-                           solves, [](const SolveRecord& s) { return s.peer.total_ms; }))},
-          {"iterations", spread_json(iterations)}};
+/// Of the peer's over the problems whose iterations are known.
+template <class Value>
+auto of_peer(Value value) {
+  return [value](const RunRow& row) { return values_of(row.counted, value); };
 }
 
-Json run_json(const RecordedRunRecord& run, bool comparable) {
-  const auto solved = those_of(run.solves, &SolveRecord::solved);
-  const auto with_free_ends = those_of(run.solves, &SolveRecord::ends_free);
-  Json free_ends = {{"problems", with_free_ends.size()}};
-  free_ends.update(free_json(with_free_ends));
-  return {
-      {"label", run.label},
-      {"field", run.is_signed ? "sdf" : "usdf"},
-      {"relative_tolerance", run.relative_tolerance},
-      {"max_iterations", run.max_iterations},
-      {"problems", run.solves.size()},
-      {"solved", solved.size()},
-      {"lm_iteration_us",
-       quantiles_json(values_of(solved, [](const SolveRecord& s) { return s.iteration_us(); }))},
-      {"solve_ms",
-       quantiles_and_mean_json(values_of(solved, [](const SolveRecord& s) { return s.solve_ms; }))},
-      {"iterations",
-       spread_json(values_of(solved, [](const SolveRecord& s) { return s.accepted_iterations; }))},
-      {"cost", cost_json(run.solves, solved, comparable)},
-      {"collision_free", free_json(run.solves)},
-      {"free_ends", free_ends},
-      {"free_at_checks",
-       {{"share", share_of(run.solves, &SolveRecord::free_at_checks)},
-        {"peer_share",
-         share_of(run.solves, [](const SolveRecord& s) { return s.peer.free_at_checks; })}}},
-      {"peer", peer_json(run.solves)}};
-}
-
-std::string table_text(const Json& runs) {
-  const report::Columns times = {{"run", "/label"},
-                                 {"field", "/field"},
-                                 {"problems", "/problems", "%.0f"},
-                                 {"iteration p50", "/lm_iteration_us/p50", "%.1f us"},
-                                 {"p95", "/lm_iteration_us/p95", "%.1f us"},
-                                 {"solve p50", "/solve_ms/p50", "%.4f ms"},
-                                 {"p95", "/solve_ms/p95", "%.4f ms"},
-                                 {"mean", "/solve_ms/mean", "%.4f ms"},
-                                 {"iterations", "/iterations/mean", "%.2f"},
-                                 {"sd", "/iterations/sd", "%.2f"},
-                                 {"peer's solve p50", "/peer/solve_ms/p50", "%.2f ms"},
-                                 {"iterations", "/peer/iterations/mean", "%.2f"}};
-  const report::Columns results = {{"run", "/label"},
-                                   {"field", "/field"},
-                                   {"within 1 %", "/cost/share_within_1pct", "%.4f"},
-                                   {"mean cost", "/cost/mean", "%.6g"},
-                                   {"peer's", "/cost/peer_mean", "%.6g"},
-                                   {"median cost", "/cost/median", "%.6g"},
-                                   {"peer's", "/cost/peer_median", "%.6g"},
-                                   {"collision-free", "/collision_free/share", "%.4f"},
-                                   {"peer's", "/collision_free/peer_share", "%.4f"},
-                                   {"ends free", "/free_ends/problems", "%.0f"},
-                                   {"of them", "/free_ends/share", "%.4f"},
-                                   {"peer's", "/free_ends/peer_share", "%.4f"}};
-  return report::text_table(times, runs) + "\n" + report::text_table(results, runs);
-}
-
-std::string table_csv(const Json& runs) {
-  constexpr std::array kColumns = {"/label",
-                                   "/field",
-                                   "/problems",
-                                   "/solved",
-                                   "/lm_iteration_us/p50",
-                                   "/lm_iteration_us/p95",
-                                   "/solve_ms/p50",
-                                   "/solve_ms/p95",
-                                   "/solve_ms/mean",
-                                   "/iterations/mean",
-                                   "/iterations/sd",
-                                   "/cost/share_within_1pct",
-                                   "/cost/mean",
-                                   "/cost/median",
-                                   "/cost/peer_mean",
-                                   "/cost/peer_median",
-                                   "/collision_free/share",
-                                   "/collision_free/peer_share",
-                                   "/free_ends/problems",
-                                   "/free_ends/share",
-                                   "/free_ends/peer_share",
-                                   "/free_at_checks/share",
-                                   "/free_at_checks/peer_share",
-                                   "/peer/lm_iteration_us/p50",
-                                   "/peer/solve_ms/p50",
-                                   "/peer/solve_ms/p95",
-                                   "/peer/iterations/mean"};
-  return csv_text(runs, kColumns);
+const report::ResultColumnsOf<RunRow>& recorded_runs() {
+  using R = RunRow;
+  using S = SolveRecord;
+  static const auto kColumns =
+      report::ResultColumnsOf<R>("/runs")
+          .add("label", [](const R& r) { return r.run.label; }, "Run of the recording.",
+               {.heading = "rules", .compared = true})
+          .add("field", [](const R& r) { return r.run.is_signed ? "sdf" : "usdf"; },
+               "Kind of field: `sdf` or `usdf`.", {.heading = "field", .compared = true})
+          .table("Time",
+                 "An iteration is an accepted step with the damping attempts before it. The peer's "
+                 "times are those that were recorded, on its machine.")
+          .add(
+              "relative_tolerance", [](const R& r) { return r.run.relative_tolerance; },
+              "Relative decrease of the cost at which a solve ends.")
+          .add(
+              "max_iterations", [](const R& r) { return r.run.max_iterations; },
+              "Iterations at which it ends.")
+          .add("problems", [](const R& r) { return r.run.solves.size(); }, "Problems of the run.",
+               {.heading = "problems", .pattern = "%.0f"})
+          .add("solved", [](const R& r) { return r.solved.size(); }, "Problems with a trajectory.",
+               {.heading = "solved", .pattern = "%.0f"})
+          .spread("lm_iteration_us.", of_solved_problems(&S::iteration_us),
+                  "Wall time of an accepted iteration.", {"p50", "p95"},
+                  {.heading = "iteration", .pattern = "%.1f us", .compared = true})
+          .spread("solve_ms.", of_solved_problems(&S::solve_ms), "Wall time of a solve.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "solve", .pattern = "%.4f ms", .compared = true})
+          .spread("iterations.", of_solved_problems(&S::accepted_iterations),
+                  "Accepted iterations.", {"mean", "sd"},
+                  {.heading = "iterations", .pattern = "%.2f", .compared = true})
+          .spread("peer.lm_iteration_us.", of_peer([](const S& s) {
+                    return 1e3 * s.peer.optimise_ms / std::max(1, s.peer.iterations);
+                  }),
+                  "The peer's, as recorded.", {"p50", "p95"},
+                  {.heading = "peer's iteration", .pattern = "%.0f us", .page_only = true})
+          .spread("peer.solve_ms.",
+                  [](const R& r) {
+                    return values_of(r.run.solves, [](const S& s) { return s.peer.total_ms; });
+                  },
+                  "The peer's, as recorded.", {"p50", "p95", "mean"},
+                  {.heading = "peer's solve", .pattern = "%.2f ms", .page_only = true})
+          .spread("peer.iterations.", of_peer([](const S& s) { return s.peer.iterations; }),
+                  "The peer's, as recorded.", {"mean", "sd"},
+                  {.heading = "peer's iterations", .pattern = "%.2f", .page_only = true})
+          .table("Costs and collisions")
+          .add("cost.share_within_1pct", &share_no_costlier,
+               "Share of all problems that cost at most 1 % more than the peer's.",
+               {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
+          .spread("cost.", of_solved_problems(&S::cost), "Final cost.", {"mean", "median"},
+                  {.heading = "cost", .pattern = "%.6g"})
+          .spread("cost.peer_", where_comparable(&peer_cost), "The peer's, as recorded.",
+                  {"mean", "median"}, {.heading = "peer's cost", .pattern = "%.6g"})
+          .add("collision_free.share", share_of_all(&S::is_free),
+               "Share of all problems with a trajectory free of collisions, by exact distances.",
+               {.heading = "collision-free", .pattern = "%.4f", .compared = true})
+          .add("collision_free.peer_share", share_of_all(&is_peer_free), "The peer's.",
+               {.heading = "peer's", .pattern = "%.4f"})
+          .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
+               "Problems whose start and goal touch nothing.",
+               {.heading = "ends free", .pattern = "%.0f"})
+          .add("free_ends.share", share_with_free_ends(&S::is_free),
+               "Share of these that is free of collisions.",
+               {.heading = "of them free", .pattern = "%.4f"})
+          .add("free_ends.peer_share", share_with_free_ends(&is_peer_free), "The peer's.",
+               {.heading = "peer's", .pattern = "%.4f"})
+          .add("free_at_checks.share", share_of_all(&S::free_at_checks),
+               "Share that is free at the states that the peer checks.",
+               {.heading = "free at the checked states", .pattern = "%.4f", .page_only = true})
+          .add("free_at_checks.peer_share",
+               share_of_all([](const S& s) { return s.peer.free_at_checks; }), "The peer's.",
+               {.heading = "peer's", .pattern = "%.4f", .page_only = true});
+  return kColumns;
 }
 
 std::string verdict_text(const RecordedBenchmarkRecord& record, std::size_t solves,
@@ -166,6 +153,8 @@ std::string verdict_text(const RecordedBenchmarkRecord& record, std::size_t solv
 
 }  // namespace
 
+const report::ResultColumns& recorded_columns() { return recorded_runs(); }
+
 double SolveRecord::iteration_us() const noexcept {
   return 1e3 * solve_ms / std::max(1, accepted_iterations);
 }
@@ -177,7 +166,7 @@ ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
   std::size_t solves = 0, unsolved = 0, problems = 0;
   std::string first_reason;
   for (const RecordedRunRecord& run : record.runs) {
-    runs.push_back(run_json(run, record.costs_comparable));
+    runs.push_back(recorded_runs().row({run, record.costs_comparable}));
     problems = std::max(problems, run.solves.size());
     for (const SolveRecord& solve : run.solves) {
       ++solves;
@@ -189,8 +178,8 @@ ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
   outcome.interrupted = record.interrupted;
   outcome.success = !record.interrupted && solves > 0 && unsolved == 0;
   outcome.verdict = verdict_text(record, solves, unsolved, first_reason);
-  outcome.table = table_text(runs);
-  outcome.table_csv = table_csv(runs);
+  outcome.table = recorded_runs().text(runs);
+  outcome.table_csv = recorded_runs().csv(runs);
   outcome.summary_json = summary_text(provenance, settings.type, outcome,
                                       {{"problems_file", record.about.problems_file},
                                        {"robot", record.about.robot},

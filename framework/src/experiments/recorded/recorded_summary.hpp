@@ -8,6 +8,7 @@
 
 #include "recorded/recorded_settings.hpp"
 #include "recorded/recorded_solves.hpp"
+#include "report/result_columns.hpp"
 
 namespace sidestep {
 
@@ -45,6 +46,9 @@ struct RecordedBenchmarkRecord {
 [[nodiscard]] ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
                                                    const RecordedBenchmarkSettings& settings,
                                                    const RecordedBenchmarkRecord& record);
+
+/// Of the rows `runs` of summary.json.
+[[nodiscard]] const report::ResultColumns& recorded_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& recorded_report();

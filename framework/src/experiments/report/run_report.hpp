@@ -5,7 +5,7 @@
 
 #include <sidestep/runtime/results_store.hpp>
 
-#include "report/report_parts.hpp"
+#include "report/result_columns.hpp"
 
 namespace sidestep::report {
 
@@ -15,11 +15,13 @@ struct RunReport {
   /// folder.
   Result<std::string> (*body)(const Json& summary, ResultsReader& results,
                               const std::filesystem::path& run);
-  /// Columns in which several runs are compared, between their names and commits; none where runs
-  /// are not compared.
-  Columns compared = {};
-  /// The rows that a run adds to the comparison; their values hide those of the summary.
-  Json (*compared_items)(const Json& summary) = nullptr;
+  /// The columns of the result's rows, where it has any: reference page and comparison of runs.
+  const ResultColumns* columns = nullptr;
+  /// Of the summary itself, beside them.
+  Columns compared_of_run = {};
+  /// The rows that a run adds to the comparison, where they are not those of the columns; their
+  /// values hide those of the summary.
+  Json (*compared_rows)(const Json& summary) = nullptr;
 };
 
 }  // namespace sidestep::report

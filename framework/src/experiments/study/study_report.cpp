@@ -59,43 +59,14 @@ std::string outcomes_section(const Json& summary) {
          "over scenes.</p>\n";
 }
 
-std::string counts_section(const Json& summary) {
-  return "<h2>Problems</h2>\n" +
-         html_table(Columns{{"robot", "/name"},
-                            {"joints", "/dof"},
-                            {"spheres", "/spheres"},
-                            {"voxel", "/resolution_m", "%g m"},
-                            {"boxes", "/boxes_per_scene"},
-                            {"problems", "/problems", "%.0f"},
-                            {"start or goal collides", "/start_or_goal_in_collision", "%.0f"},
-                            {"solvable", "/solvable", "%.0f"},
-                            {"solved by both", "/solved_by_both", "%.0f"},
-                            {"only unsigned", "/only_unsigned", "%.0f"},
-                            {"only signed", "/only_signed", "%.0f"},
-                            {"neither", "/neither", "%.0f"}},
-                    at(summary, "/robots"));
-}
-
-std::string study_times_section(const Json& summary) {
-  std::vector<Row> rows;
-  for (const Json& robot : at(summary, "/robots")) {
-    for (const char* kind : {"unsigned", "signed"}) {
-      const Json field = at(robot, (std::string("/") + kind).c_str());
-      rows.push_back(
-          {cell(at(robot, "/name")), kind, cell(at(field, "/solve_ms/mean"), "%.3f ms"),
-           cell(at(field, "/solve_ms/p50"), "%.3f ms"), cell(at(field, "/solve_ms/p95"), "%.3f ms"),
-           cell(at(field, "/check_ms/mean"), "%.3f ms"), cell(at(field, "/steps/mean"), "%.2f")});
-    }
-  }
+std::string time_section(const Json& summary) {
   const Json time = at(summary, "/time");
   return "<h2>Time</h2>\n" +
          html_table({"wall", "of all cores", "in the optimiser, all threads", "in the check",
                      "making fields"},
                     {{cell(at(time, "/wall_s"), "%.1f s"), cell(at(time, "/cpu_s"), "%.1f s"),
                       cell(at(time, "/solve_s"), "%.1f s"), cell(at(time, "/check_s"), "%.1f s"),
-                      cell(at(time, "/field_s"), "%.1f s")}}) +
-         html_table({"robot", "field", "solve, mean", "p50", "p95", "check, mean", "steps tried"},
-                    rows);
+                      cell(at(time, "/field_s"), "%.1f s")}});
 }
 
 Result<std::string> study_body(const Json& summary, ResultsReader&,
@@ -104,24 +75,12 @@ Result<std::string> study_body(const Json& summary, ResultsReader&,
   if (const std::string fault = cell(at(summary, "/fault")); fault != "-") {
     html += "<p class=\"verdict failure\">" + escape_html(fault) + "</p>\n";
   }
-  html += outcomes_section(summary) + counts_section(summary);
+  html += outcomes_section(summary) + study_columns().html(study_fields(summary));
   const auto study = read_study(run / "results.sqlite");
   if (!study) return error_of(study);
   const auto figures = figure_section(study_figures(*study), run);
   if (!figures) return figures;
-  return html + *figures + study_times_section(summary);
-}
-
-Json studied_fields_of(const Json& summary) {
-  Json fields = Json::array();
-  for (const Json& robot : at(summary, "/robots")) {
-    for (const char* name : {"unsigned", "signed"}) {
-      fields.push_back(robot);
-      fields.back()["field"] = name;
-      fields.back()["outcome"] = at(robot, ("/" + std::string(name)).c_str());
-    }
-  }
-  return fields;
+  return html + *figures + time_section(summary);
 }
 
 }  // namespace
@@ -130,17 +89,8 @@ Json studied_fields_of(const Json& summary) {
 namespace sidestep {
 
 const report::RunReport& study_report() {
-  static const report::RunReport kReport = {&report::study_body,
-                                            {{"robot", "/name"},
-                                             {"field", "/field"},
-                                             {"problems", "/problems"},
-                                             {"solvable", "/solvable"},
-                                             {"failures", "/outcome/failure_percent", "%.3f %%"},
-                                             {"iterations", "/outcome/iterations/mean", "%.2f"},
-                                             {"cost", "/outcome/valid_cost/mean", "%.4g"},
-                                             {"solve p50", "/outcome/solve_ms/p50", "%.3f ms"},
-                                             {"solve p95", "/outcome/solve_ms/p95", "%.3f ms"}},
-                                            &report::studied_fields_of};
+  static const report::RunReport kReport = {
+      &report::study_body, &study_columns(), {}, &study_fields};
   return kReport;
 }
 

@@ -6,7 +6,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "report/csv.hpp"
 #include "report/report_parts.hpp"
 #include "report/text_table.hpp"
 #include "results/json.hpp"
@@ -123,6 +122,20 @@ Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& com
           {"field_s", field_s}};
 }
 
+/// Each robot with each field.
+Json fields_of(const Json& robots) {
+  Json fields = Json::array();
+  for (const Json& robot : robots) {
+    for (const char* kind : kFieldNames) {
+      Json& row = fields.emplace_back(robot);
+      row.update(robot.at(kind));
+      row["robot"] = robot.at("name");
+      row["field"] = kind;
+    }
+  }
+  return fields;
+}
+
 std::string number(const Json& json, const std::string& pointer, const char* pattern) {
   return report::cell(report::at(json, pointer.c_str()), pattern);
 }
@@ -174,58 +187,7 @@ std::string table_text(const Json& robots, const std::string& published_as, doub
                  own_cell(robot, "difference", what, false)});
     }
   }
-  std::string text = table.text();
-  const report::Columns counts = {{"robot", "/name"},
-                                  {"problems", "/problems", "%.0f"},
-                                  {"start or goal collides", "/start_or_goal_in_collision", "%.0f"},
-                                  {"solvable", "/solvable", "%.0f"},
-                                  {"only USDF", "/only_unsigned", "%.0f"},
-                                  {"only SDF", "/only_signed", "%.0f"},
-                                  {"neither", "/neither", "%.0f"},
-                                  {"solve p50", "/signed/solve_ms/p50", "%.3f ms"},
-                                  {"p95", "/signed/solve_ms/p95", "%.3f ms"}};
-  return text + "\n" + report::text_table(counts, robots);
-}
-
-/// One line for each robot and field.
-std::string table_csv(const Json& robots) {
-  constexpr std::array kColumns = {"/robot",
-                                   "/field",
-                                   "/dof",
-                                   "/boxes_per_scene",
-                                   "/resolution_m",
-                                   "/problems",
-                                   "/start_or_goal_in_collision",
-                                   "/solvable",
-                                   "/collision_free",
-                                   "/failures",
-                                   "/failure_percent",
-                                   "/failure_percent_ci/0",
-                                   "/failure_percent_ci/1",
-                                   "/iterations/mean",
-                                   "/iterations/sd",
-                                   "/iterations/ci/0",
-                                   "/iterations/ci/1",
-                                   "/valid_cost/count",
-                                   "/valid_cost/mean",
-                                   "/valid_cost/sd",
-                                   "/valid_cost/p50",
-                                   "/valid_cost/ci/0",
-                                   "/valid_cost/ci/1",
-                                   "/solve_ms/mean",
-                                   "/solve_ms/p50",
-                                   "/solve_ms/p95"};
-  Json rows = Json::array();
-  for (const Json& robot : robots) {
-    for (const char* kind : kFieldNames) {
-      Json row = robot;
-      row.update(robot.at(kind));
-      row["robot"] = robot.at("name");
-      row["field"] = kind;
-      rows.push_back(std::move(row));
-    }
-  }
-  return csv_text(rows, kColumns);
+  return table.text() + "\n" + study_columns().text(fields_of(robots));
 }
 
 std::string verdict_text(const StudyRecord& study, const Json& robots, bool interrupted,
@@ -267,6 +229,62 @@ void record_whole_study(const StudyRecord& study, Recorder& recorder) {
 
 }  // namespace
 
+Json study_fields(const Json& summary) { return fields_of(report::at(summary, "/robots")); }
+
+const report::ResultColumns& study_columns() {
+  static const auto kColumns = [] {
+    report::ResultColumns columns("");
+    const auto mean = [&](const std::string& key, const char* meaning, const char* heading,
+                          const char* pattern) {
+      columns.declare(key + ".mean", meaning,
+                      {.heading = heading, .pattern = pattern, .compared = *heading != 0});
+      columns.declare(key + ".sd", std::string(meaning) + " Standard deviation.");
+      columns.declare(key + ".ci.0", std::string(meaning) + " Interval of the mean, from.");
+      columns.declare(key + ".ci.1", std::string(meaning) + " Interval of the mean, to.");
+    };
+    columns.declare("robot", "Name of the robot.", {.heading = "robot", .compared = true});
+    columns.declare("field", "Kind of field: `unsigned` or `signed`.",
+                    {.heading = "field", .compared = true});
+    columns.begin_table("Problems");
+    columns.declare("dof", "Joints that are planned.", {.heading = "joints", .page_only = true});
+    columns.declare("spheres", "Its spheres.", {.heading = "spheres", .page_only = true});
+    columns.declare("boxes_per_scene", "Boxes in each scene.",
+                    {.heading = "boxes", .page_only = true});
+    columns.declare("resolution_m", "Edge of a voxel.",
+                    {.heading = "voxel", .pattern = "%g m", .page_only = true});
+    const auto count = [&](const char* key, const char* meaning, const char* heading,
+                           bool compared = false) {
+      columns.declare(key, meaning, {.heading = heading, .pattern = "%.0f", .compared = compared});
+    };
+    count("problems", "Problems that were looked at.", "problems", true);
+    count("start_or_goal_in_collision", "Of these, with a start or goal in collision.",
+          "start or goal collides");
+    count("solvable", "Solved collision-free with at least one of the fields.", "solvable", true);
+    count("solved_by_both", "Solved with both.", "solved by both");
+    count("only_unsigned", "Solved with the unsigned field alone.", "only unsigned");
+    count("only_signed", "Solved with the signed field alone.", "only signed");
+    count("neither", "Solved with neither.", "neither");
+    columns.begin_table("Outcomes and times");
+    count("collision_free", "Problems solved collision-free with this field.", "solved");
+    count("failures", "Solvable problems that are not.", "failures");
+    columns.declare("failure_percent", "Their share of the solvable problems, in percent.",
+                    {.heading = "share", .pattern = "%.3f %%", .compared = true});
+    columns.declare("failure_percent_ci.0", "Wilson's interval of it, from.");
+    columns.declare("failure_percent_ci.1", "Wilson's interval of it, to.");
+    mean("iterations", "Iterations of every solve.", "iterations", "%.2f");
+    mean("steps", "Steps that were tried in every solve.", "steps tried", "%.2f");
+    columns.declare("valid_cost.count", "Problems that both fields solve.");
+    mean("valid_cost", "Final cost of these.", "cost", "%.4g");
+    columns.declare("valid_cost.p50", "Its median.");
+    const report::Shown times{.heading = "solve", .pattern = "%.3f ms", .compared = true};
+    columns.declare_statistics("solve_ms.", "Wall time of a solve.", {"mean", "p50", "p95"}, times);
+    columns.declare_statistics("check_ms.", "Wall time of its check.", {"mean"},
+                               {.heading = "check", .pattern = "%.3f ms"});
+    return columns;
+  }();
+  return kColumns;
+}
+
 ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
                                   const std::optional<Error>& fault) {
   const ComparisonOptions options{study.confidence, study.bootstrap_samples, study.provenance.seed};
@@ -283,7 +301,7 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
   outcome.success = complete && !fault;
   outcome.verdict = verdict_text(study, robots, outcome.interrupted, fault);
   outcome.table = table_text(robots, study.published_as, study.confidence);
-  outcome.table_csv = table_csv(robots);
+  outcome.table_csv = study_columns().csv(fields_of(robots));
   const Json shard = study.shard.is_whole()
                          ? Json(nullptr)
                          : Json{{"index", study.shard.index + 1}, {"count", study.shard.count}};

@@ -6,6 +6,7 @@
 
 #include <sidestep/experiments/experiment.hpp>
 
+#include "report/result_columns.hpp"
 #include "study/study_rows.hpp"
 
 namespace sidestep {
@@ -22,6 +23,10 @@ namespace sidestep {
 /// Puts shards of one run together in the folder `out`.
 [[nodiscard]] Result<ExperimentOutcome> merge_study(const std::vector<std::filesystem::path>& runs,
                                                     const std::filesystem::path& out);
+
+/// Each robot with each field: rows of table.csv, made of `robots` in summary.json.
+[[nodiscard]] nlohmann::ordered_json study_fields(const nlohmann::ordered_json& summary);
+[[nodiscard]] const report::ResultColumns& study_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& study_report();
