@@ -21,6 +21,7 @@ function(sidestep_add_plugin name)
     sidestep_warnings(${target})
     add_dependencies(sidestep_product ${target})
     sidestep_plugin_target(${name} ${target})
+    set_property(GLOBAL APPEND PROPERTY SIDESTEP_PLUGINS_CONFIGURED "${ARG_KIND} ${name}")
     set_target_properties(${target} PROPERTIES
       LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib/sidestep/plugins
       INSTALL_RPATH "$ORIGIN/../..")

@@ -10,11 +10,15 @@ function(sidestep_plugin_not_built name)
   message(STATUS "Plugin ${name} is not built: install ${packages}")
 endfunction()
 
-# Writes not_built.txt beside the plugins, `KIND NAME PACKAGE...` a line.
+# Writes not_built.txt beside the plugins, `KIND NAME PACKAGE...` a line; and, in the build tree alone,
+# configured.txt, `KIND NAME` a line: those that a build of everything has.
 function(sidestep_write_plugins_not_built)
   get_property(lines GLOBAL PROPERTY SIDESTEP_PLUGINS_NOT_BUILT)
   list(JOIN lines "\n" text)
   set(file ${CMAKE_BINARY_DIR}/lib/sidestep/plugins/not_built.txt)
   file(CONFIGURE OUTPUT ${file} CONTENT "${text}\n" @ONLY)
+  get_property(configured GLOBAL PROPERTY SIDESTEP_PLUGINS_CONFIGURED)
+  list(JOIN configured "\n" text)
+  file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/lib/sidestep/plugins/configured.txt CONTENT "${text}\n" @ONLY)
   install(FILES ${file} DESTINATION ${CMAKE_INSTALL_LIBDIR}/sidestep/plugins)
 endfunction()

@@ -42,6 +42,10 @@ SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=ches
 # So does a plan with the third party's cost.
 cost='[{cost: {plugin: keep_side, link: hand_palm_link, point_m: [0, 0, 0.2]}}]'
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set "experiment.plans.0.costs=$cost"
+# They run: what they do is seen in the run.
+SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" run demo --out "$work/run" --set field.plugin=chessboard \
+  --set "experiment.plans.0.costs=$cost" >"$work/run.log" 2>&1 || { cat "$work/run.log"; exit 1; }
+grep -q 'plugin: chessboard' "$work/run/effective_config.yaml" || { say "ran with another field"; exit 1; }
 # Its own check is asked.
 code=0
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard \
@@ -57,3 +61,20 @@ if ldd "$sidestep" | grep -F "$build/lib/"; then
   say "the installed command uses the build tree"
   exit 1
 fi
+
+# The library in a program of one's own.
+mkdir -p "$work/embed"
+cp "$source/docs/examples/embed.cpp" "$work/embed/"
+cat >"$work/embed/CMakeLists.txt" <<'EOF'
+cmake_minimum_required(VERSION 3.22)
+project(embed CXX)
+find_package(Sidestep REQUIRED)
+add_executable(embed embed.cpp)
+target_link_libraries(embed PRIVATE Sidestep::runtime)
+EOF
+cmake -S "$work/embed" -B "$work/embed/build" -DCMAKE_PREFIX_PATH="$prefix" -DCMAKE_CXX_COMPILER="$cxx" \
+  -DCMAKE_BUILD_TYPE=Release >"$work/embed.log" && cmake --build "$work/embed/build" >>"$work/embed.log" 2>&1 ||
+  { cat "$work/embed.log"; exit 1; }
+"$work/embed/build/embed" >"$work/embed.txt" || { cat "$work/embed.txt"; exit 1; }
+expect "valid, " "$work/embed.txt"
+[ "$(wc -l <"$source/docs/examples/embed.cpp")" -le 60 ] || { say "embed.cpp has more than 60 lines"; exit 1; }

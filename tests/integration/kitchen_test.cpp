@@ -6,11 +6,11 @@
 
 #include <gtest/gtest.h>
 
-#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/pipeline.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 #include "support/host_fixture.hpp"
 #include "support/temporary_folder.hpp"

@@ -99,7 +99,7 @@ ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat f
     return ExitCode::kSuccess;
   }
   Console console;
-  Session session(RunSettings{.threads = 1}, console);
+  Session session(RunSettings{.threads = 1}, &console);
   const std::vector<PluginInfo>& plugins = session.host().plugins();
   std::vector<PluginInfo> wanted;
   std::ranges::copy_if(plugins, std::back_inserter(wanted),

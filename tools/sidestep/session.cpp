@@ -1,7 +1,6 @@
 #include "session.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 
 namespace sidestep {
@@ -27,20 +26,6 @@ ExitCode worse(ExitCode a, ExitCode b) noexcept { return std::max(a, b); }
 void print_errors(const std::vector<Error>& errors) {
   for (const Error& error : errors) std::fprintf(stderr, "%s\n", error.describe().c_str());
 }
-
-Stamp SteadyWallClock::now() const noexcept {
-  return Stamp{std::chrono::duration_cast<std::chrono::nanoseconds>(
-                   std::chrono::steady_clock::now().time_since_epoch())
-                   .count()};
-}
-
-Session::Session(const RunSettings& settings, Log& log)
-    : workers_(settings.threads),
-      host_(HostSettings{host_plugin_paths(settings.plugin_paths, install_layout()),
-                         {install_layout().robots},
-                         {install_layout().configs / "scenes"},
-                         settings.seed},
-            log, clock_, workers_, documents_) {}
 
 Result<fs::path> find_configuration(const std::string& name) {
   std::error_code ignored;
@@ -73,7 +58,7 @@ CheckedConfiguration load_configuration(const std::string& name,
   loaded.errors = std::move(reading.errors);
   if (loaded.configuration.root.entries().empty()) return loaded;  // told why already
   loaded.settings = read_run_settings(loaded.configuration);
-  loaded.session = std::make_unique<Session>(loaded.settings, log);
+  loaded.session = std::make_unique<Session>(loaded.settings, &log);
   for (Error& error : check_configuration(loaded.configuration, loaded.session->host())) {
     loaded.errors.push_back(std::move(error));
   }

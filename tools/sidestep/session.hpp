@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -8,8 +7,7 @@
 
 #include <sidestep/experiments/experiment.hpp>
 #include <sidestep/runtime/configuration.hpp>
-#include <sidestep/runtime/host.hpp>
-#include <sidestep/runtime/yaml_document.hpp>
+#include <sidestep/runtime/session.hpp>
 
 #include "console.hpp"
 
@@ -31,27 +29,6 @@ enum class ExitCode {
 
 /// Prints errors on stderr, one a line.
 void print_errors(const std::vector<Error>& errors);
-
-class SteadyWallClock final : public Clock {
- public:
-  [[nodiscard]] Stamp now() const noexcept override;
-};
-
-/// What one configuration is read, checked and run with.
-class Session {
- public:
-  /// `plugin_paths` of the configuration come first in the search path.
-  Session(const RunSettings& settings, Log& log);
-
-  [[nodiscard]] Host& host() noexcept { return host_; }
-  [[nodiscard]] const DocumentReader& documents() const noexcept { return documents_; }
-
- private:
-  SteadyWallClock clock_;
-  WorkerPool workers_;
-  YamlDocumentReader documents_;
-  Host host_;
-};
 
 /// A configuration file as a user names it: a file, or a name in the installation's folder of
 /// configurations, with or without .yaml.

@@ -6,8 +6,8 @@
 #include <thread>
 #include <utility>
 
-#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/experiments/report.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "closed_loop/deploy.hpp"

@@ -11,19 +11,28 @@ std::vector<NotBuiltPlugin> plugins_not_built(
     const std::vector<std::filesystem::path>& plugin_paths) {
   std::vector<NotBuiltPlugin> plugins;
   for (const auto& folder : plugin_paths) {
-    std::ifstream file(folder / "not_built.txt");
-    for (std::string line; std::getline(file, line);) {
-      std::istringstream words(line);
-      NotBuiltPlugin plugin;
-      if (!(words >> plugin.kind >> plugin.name >> std::ws)) continue;
-      std::getline(words, plugin.packages);
-      if (std::ranges::find(plugins, plugin) == plugins.end()) plugins.push_back(std::move(plugin));
+    for (const char* list : {"not_built.txt", "configured.txt"}) {
+      std::ifstream file(folder / list);
+      for (std::string line; std::getline(file, line);) {
+        std::istringstream words(line);
+        NotBuiltPlugin plugin;
+        if (!(words >> plugin.kind >> plugin.name)) continue;
+        std::getline(words >> std::ws, plugin.packages);
+        if (std::ranges::find(plugins, plugin) == plugins.end()) {
+          plugins.push_back(std::move(plugin));
+        }
+      }
     }
   }
   return plugins;
 }
 
 std::string how_to_build(const NotBuiltPlugin& plugin) {
+  if (plugin.packages.empty()) {
+    return "'" + plugin.name +
+           "' is not built yet: `tools/run.sh CONFIGURATION` builds what a configuration names, "
+           "`tools/build.sh` everything";
+  }
   return "'" + plugin.name + "' was not built: `sudo apt install " + plugin.packages +
          "`, then build again";
 }

@@ -51,6 +51,8 @@ struct Replanner::Impl {
   void end_motion(const RobotState& measured);
   /// Takes the first state for the start, around which links on the floor may be in unseen space.
   void keep_to_observed(const RobotState& measured);
+  /// In which a stop from full speed, decided on two periods from now, ends with its reserve.
+  [[nodiscard]] double stopping_time_s() const;
   /// Pins the newest map; false where there is none that can be planned in.
   [[nodiscard]] bool look_at_map();
   /// A cause, and after it what whoever maps has to say.

@@ -116,6 +116,17 @@ void Replanner::Impl::keep_to_observed(const RobotState& measured) {
   parts.space.observed = std::move(observed);
 }
 
+double Replanner::Impl::stopping_time_s() const {
+  double stop_s = 0.0;
+  for (std::size_t j = 0; j < parts.limits.velocity.size(); ++j) {
+    if (parts.limits.acceleration[j] > 0.0) {
+      stop_s = std::max(stop_s, parts.limits.velocity[j] / parts.limits.acceleration[j]);
+    }
+  }
+  return 2.0 * settings.replan_period_s + settings.search_s() + settings.stop_lead_s +
+         settings.stop_reserve * stop_s;
+}
+
 bool Replanner::Impl::look_at_map() {
   auto [newest, moving] = parts.slot.snapshot();
   if (!newest) {
@@ -167,7 +178,7 @@ void Replanner::Impl::use_margin(double kept_m) {
   FieldCheckSettings settings_of_check = {.margin_m = kept_m,
                                           .max_step_m = settings.max_step_m,
                                           .first_violation_only = true,
-                                          .observed_s = settings.horizon_s};
+                                          .observed_s = stopping_time_s()};
   check = checks_of_robot.make(field, parts.space, settings_of_check);
   settings_of_check.obstacles_only = true;
   obstacle_check = checks_of_robot.make(field, parts.space, settings_of_check);

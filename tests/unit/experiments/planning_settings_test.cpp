@@ -1,4 +1,4 @@
-#include <sidestep/experiments/planning_settings.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -4,8 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/robot/kinematic_tree.hpp>
+#include <sidestep/runtime/standing_floor.hpp>
 
-#include "settings/standing_floor.hpp"
+#include "settings/task_settings.hpp"
 
 namespace sidestep {
 namespace {

@@ -45,5 +45,15 @@ TEST(NotBuiltPlugins, AreNamedWithTheirPackagesWhereAConfigurationWantsThem) {
   EXPECT_THAT(of_another_kind.error().hint, IsEmpty());
 }
 
+TEST(NotBuiltPlugins, AreNamedWithTheCommandWhereTheyCouldBeBuilt) {
+  const testing_support::TemporaryFolder folder;
+  folder.write("configured.txt", "robot point\n");
+  testing_support::HostFixture fixture({folder.path()});
+  const auto found = fixture.host.find(PluginKind::kRobot, fixture.block("{plugin: point}"));
+  ASSERT_FALSE(found);
+  EXPECT_THAT(found.error().hint,
+              AllOf(HasSubstr("'point' is not built yet"), HasSubstr("`tools/build.sh`")));
+}
+
 }  // namespace
 }  // namespace sidestep

@@ -14,6 +14,7 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/reference.hpp>
+#include <sidestep/runtime/session.hpp>
 
 namespace sidestep {
 
@@ -103,11 +104,6 @@ struct ExperimentType {
 
 /// What every experiment's block says of the run itself, read before there is a host; mistakes
 /// are left to check_configuration().
-struct RunSettings {
-  std::uint64_t seed = 0;
-  int threads = 0;  ///< 0 for one per core.
-  std::vector<std::filesystem::path> plugin_paths;
-};
 [[nodiscard]] RunSettings read_run_settings(const Configuration& configuration);
 
 /// All mistakes in a configuration that can be known without running it: experiment type and

@@ -40,8 +40,8 @@ struct ReplannerSettings {
   /// come to rest before anything that was seen moving could reach it. 0: what moves is an obstacle
   /// like any other.
   double obstacle_speed_mps = 0.0;
-  /// How far from where it starts the links that stand on the floor (Floor::except_links) may move,
-  /// in the next `horizon_s`, in space that no frame has seen; nothing: anywhere.
+  /// How far from where it starts the links that stand on the floor (Floor::except_links) may move
+  /// in space that no frame has seen; nothing: anywhere. Farther off, the robot comes to rest before.
   std::optional<double> unseen_start_m;
   double max_step_m = 0.1;  ///< First spacing of validity checks, as motion of spheres.
   /// Where no trajectory is free all the way, one that is so for at least this long may do: what is

@@ -2,12 +2,12 @@
 
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/runtime/standing_floor.hpp>
 
 #include "closed_loop/deploy_settings.hpp"
 #include "closed_loop/loop_experiment.hpp"
 #include "closed_loop/replan_episode.hpp"
 #include "settings/blocks.hpp"
-#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {

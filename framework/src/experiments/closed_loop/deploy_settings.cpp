@@ -1,7 +1,8 @@
 #include "closed_loop/deploy_settings.hpp"
 
+#include <sidestep/runtime/entry_reading.hpp>
+
 #include "settings/blocks.hpp"
-#include "settings/entry_reading.hpp"
 
 namespace sidestep {
 namespace {

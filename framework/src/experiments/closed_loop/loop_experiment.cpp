@@ -1,6 +1,6 @@
 #include "closed_loop/loop_experiment.hpp"
 
-#include <sidestep/experiments/planning_settings.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 #include "closed_loop/replan_summary.hpp"
 #include "closed_loop/replan_world.hpp"

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <set>
 
+#include <sidestep/runtime/standing_floor.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "closed_loop/loop_experiment.hpp"
 #include "closed_loop/replan_episode.hpp"
 #include "results/divided_run.hpp"
-#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {

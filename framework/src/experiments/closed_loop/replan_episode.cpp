@@ -5,12 +5,12 @@
 #include <thread>
 
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/runtime/standing_floor.hpp>
 
 #include "closed_loop/replan_mapping.hpp"
 #include "closed_loop/replan_show.hpp"
 #include "closed_loop/replan_visibility.hpp"
 #include "closed_loop/step_watch.hpp"
-#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {

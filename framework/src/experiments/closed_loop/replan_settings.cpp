@@ -2,8 +2,9 @@
 
 #include <algorithm>
 
+#include <sidestep/runtime/entry_reading.hpp>
+
 #include "settings/blocks.hpp"
-#include "settings/entry_reading.hpp"
 
 namespace sidestep {
 namespace {
@@ -171,8 +172,8 @@ Parameters<ReplannerBlock> ReplannerBlock::parameters() {
           "unseen_start_m", &S::unseen_start_m,
           "How far from where the robot starts the links that stand on the floor may move in space "
           "that no frame has seen: what is known to be free there. Farther off, the centres of "
-          "their spheres keep to what has been seen, for horizon_s from now. Left out: they may "
-          "be anywhere.",
+          "their spheres keep to what has been seen, as far as a stop takes. Left out: they may be "
+          "anywhere.",
           {.unit = "m", .min = 0.0, .max = 100.0})
       .add("max_step_m", &S::max_step_m, "First spacing of validity checks, as sphere motion.",
            {.unit = "m", .min = 1e-4, .max = 1.0})

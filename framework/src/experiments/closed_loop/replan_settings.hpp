@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
 
 #include "mapping/mapping_settings.hpp"

@@ -4,14 +4,12 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
-#include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
-#include <sidestep/runtime/host.hpp>
+#include <sidestep/runtime/motion_planning.hpp>
 #include <sidestep/runtime/shape_check.hpp>
-#include <sidestep/trajectory/retime.hpp>
+#include <sidestep/runtime/standing_floor.hpp>
 
 #include "report/text_table.hpp"
-#include "settings/standing_floor.hpp"
 
 namespace sidestep {
 namespace {
@@ -26,15 +24,6 @@ std::string state_problem(const PlanWorld& world, const Eigen::VectorXd& q,
   return violation ? what + ": " + violation->what() : "";
 }
 
-/// How the trajectory fails to lead from start to goal; empty if it does not fail.
-std::string endpoint_problem(const Problem& problem, const Trajectory& trajectory) {
-  const std::string off =
-      configuration_miss(problem.robot->description(), trajectory.q(0), problem.start.q);
-  if (!off.empty()) return "the trajectory starts with " + off;
-  const std::string miss = goal_miss(problem, trajectory.q(trajectory.size() - 1));
-  return miss.empty() ? "" : "the trajectory ends with " + miss;
-}
-
 /// Whether any link goes through more than it may of where nobody looked; empty if not.
 std::string unseen_problem(const PlanWorld& world, const Verdict& verdict) {
   const double most = world.planning.max_unknown_share;
@@ -46,9 +35,7 @@ std::string unseen_problem(const PlanWorld& world, const Verdict& verdict) {
 }
 
 /// Runs the checks on the record's trajectory and states the first reason to refuse it.
-Result<void> check_plan(const PlanWorld& world, const Problem& problem, PlanRecord& plan,
-                        const Deadline& deadline) {
-  plan.reason = endpoint_problem(problem, plan.solution.trajectory);
+Result<void> check_plan(const PlanWorld& world, PlanRecord& plan, const Deadline& deadline) {
   const auto apply = [&](const ValidityCheck* check, std::optional<Verdict>& into,
                          const std::string& where) -> Result<void> {
     if (check == nullptr) return {};
@@ -66,27 +53,6 @@ Result<void> check_plan(const PlanWorld& world, const Problem& problem, PlanReco
   }
   if (done && plan.reason.empty()) plan.reason = unseen_problem(world, *plan.in_snapshot);
   return done;
-}
-
-std::string solver_problem(const Solution& solution) {
-  std::string text =
-      "the optimiser found no trajectory (" + std::string(to_string(solution.status));
-  if (!solution.reason.empty()) text += ": " + solution.reason;
-  return text + ")";
-}
-
-/// Replaces the solution's trajectory by the fastest one along its path; says why it cannot.
-void retime_plan(const PlanWorld& world, PlanRecord& plan) {
-  const Stopwatch watch;
-  const RobotDescription& robot = world.robot->description();
-  auto retimed = retime(plan.solution.trajectory, world.planning.limits(robot));
-  if (!retimed) {
-    plan.reason = "the path cannot be retimed: " + retimed.error().describe();
-    return;
-  }
-  plan.retiming =
-      RetimingRecord{plan.solution.trajectory.duration_s(), retimed->deviation, watch.elapsed_ms()};
-  plan.solution.trajectory = std::move(retimed->trajectory);
 }
 
 /// Has it explained what holds the optimiser's own trajectory; a plan that cannot be explained is
@@ -135,30 +101,24 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
     return {};
   }
   const double spent_ms = plan.solution.solve_ms;
-  const Stopwatch watch;
-  auto solution = in_stage(plugin_of(optimiser), [&] {
-    return optimiser->solve(problem, initial_guess(problem, attempt, seed),
-                            Deadline::after_s(world.planning.time_limit_s, stop));
-  });
-  if (!solution) return error_of(solution);
-  plan.solution = std::move(*solution);
-  plan.solution.solve_ms = spent_ms + watch.elapsed_ms();  // ours, not the plugin's word for it
+  const MotionLimits limits = world.planning.limits(world.robot->description());
+  auto planned = plan_motion(optimiser, problem, initial_guess(problem, attempt, seed),
+                             {.limits = world.planning.retime ? &limits : nullptr},
+                             Deadline::after_s(world.planning.time_limit_s, stop));
+  if (!planned) return error_of(planned);
+  plan.solution = std::move(planned->solution);
+  plan.solution.solve_ms += spent_ms;
   plan.in_snapshot = plan.in_voxels = plan.in_scene = std::nullopt;
   plan.retiming.reset();
-  plan.reason.clear();
-  if (!plan.has_trajectory()) {
-    plan.reason = solver_problem(plan.solution);
-    return {};
-  }
-  if (auto sound = plan.solution.trajectory.validate(); !sound) {
-    plan.reason = "the optimiser returned a broken trajectory: " + sound.error().describe();
-    plan.solution.trajectory = {};
-    return {};
-  }
+  plan.reason = std::move(planned->failure);
+  if (!plan.has_trajectory()) return {};
   const Trajectory optimised = plan.solution.trajectory;
-  if (world.planning.retime) retime_plan(world, plan);
-  if (plan.reason.empty()) {
-    if (auto done = check_plan(world, problem, plan, Deadline(stop)); !done) return done;
+  if (planned->deviation) {
+    plan.retiming = RetimingRecord{optimised.duration_s(), *planned->deviation, planned->retime_ms};
+  }
+  if (planned->trajectory.size() > 0) {
+    plan.solution.trajectory = std::move(planned->trajectory);
+    if (auto done = check_plan(world, plan, Deadline(stop)); !done) return done;
   }
   if (!plan.success() || plan.solution.status != SolveStatus::kConverged) {
     explain_plan(problem, optimised, plan, log);

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/pipeline.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 #include "settings/attached_settings.hpp"
 #include "settings/cost_plugins.hpp"

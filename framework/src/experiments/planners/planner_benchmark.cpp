@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <set>
 
-#include <sidestep/experiments/planning_settings.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 

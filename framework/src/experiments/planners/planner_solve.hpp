@@ -4,7 +4,7 @@
 #include <memory>
 #include <stop_token>
 
-#include <sidestep/experiments/planning_settings.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 #include "planners/planner_rows.hpp"
 #include "planners/planning_race.hpp"

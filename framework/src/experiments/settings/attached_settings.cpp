@@ -5,8 +5,7 @@
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/robot/attached_object.hpp>
 #include <sidestep/robot/sphere_fit.hpp>
-
-#include "settings/entry_reading.hpp"
+#include <sidestep/runtime/entry_reading.hpp>
 
 namespace sidestep {
 namespace {

@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "settings/entry_reading.hpp"
+#include <sidestep/runtime/entry_reading.hpp>
 
 namespace sidestep {
 namespace {

@@ -1,12 +1,13 @@
 #include "settings/task_settings.hpp"
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/plugin/plugin.hpp>
-
-#include "settings/entry_reading.hpp"
+#include <sidestep/runtime/entry_reading.hpp>
 
 namespace sidestep {
 namespace {
@@ -159,6 +160,14 @@ Task read_task(const Node& plan, const std::shared_ptr<const RobotModel>& robot,
   }
   reader.read_posture(plan.find("posture_cost"));
   return task;
+}
+
+std::string target_below_floor(const Task& task, const std::optional<FloorEntry>& floor) {
+  if (!floor || !task.target) return "";
+  const double below_m = floor->height_m - task.target->position_m.z();
+  const auto& excepted = floor->except_links;
+  if (below_m <= 0.0 || std::ranges::find(excepted, task.target->link) != excepted.end()) return "";
+  return task.target->link + " is to be " + format("%.3f m", below_m) + " below the floor";
 }
 
 }  // namespace sidestep

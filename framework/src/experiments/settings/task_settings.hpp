@@ -7,6 +7,7 @@
 
 #include <sidestep/planning/problem.hpp>
 #include <sidestep/plugin/parameters.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 namespace sidestep {
 
@@ -60,5 +61,10 @@ struct Task {
 /// refuses.
 [[nodiscard]] Task read_task(const Node& plan, const std::shared_ptr<const RobotModel>& robot,
                              std::vector<Error>& errors);
+
+/// Whether the link that a task sends somewhere is to be below the floor, e.g. "hand_palm_link is
+/// to be 0.030 m below the floor"; empty if not.
+[[nodiscard]] std::string target_below_floor(const Task& task,
+                                             const std::optional<FloorEntry>& floor);
 
 }  // namespace sidestep

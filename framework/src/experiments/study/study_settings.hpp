@@ -6,9 +6,9 @@
 #include <vector>
 
 #include <sidestep/experiments/experiment.hpp>
-#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/geometry/grid.hpp>
 #include <sidestep/plugin/parameters.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 namespace sidestep {
 

@@ -4,8 +4,8 @@
 #include <span>
 
 #include <sidestep/core/error.hpp>
-#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 namespace sidestep::plain_driver {
 

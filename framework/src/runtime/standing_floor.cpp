@@ -1,11 +1,10 @@
-#include "settings/standing_floor.hpp"
+#include <sidestep/runtime/standing_floor.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <set>
 #include <vector>
 
-#include <sidestep/core/format.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 namespace sidestep {
@@ -72,14 +71,6 @@ std::optional<Floor> standing_floor(const RobotModel& robot) {
 void stand_on_floor(PlanningSettings& planning, const RobotModel& robot) {
   if (planning.floor) return;
   if (auto floor = standing_floor(robot)) planning.floor.emplace().Floor::operator=(*floor);
-}
-
-std::string target_below_floor(const Task& task, const std::optional<FloorEntry>& floor) {
-  if (!floor || !task.target) return "";
-  const double below_m = floor->height_m - task.target->position_m.z();
-  const auto& excepted = floor->except_links;
-  if (below_m <= 0.0 || std::ranges::find(excepted, task.target->link) != excepted.end()) return "";
-  return task.target->link + " is to be " + format("%.3f m", below_m) + " below the floor";
 }
 
 }  // namespace sidestep

@@ -1,12 +1,9 @@
 #pragma once
 
 #include <optional>
-#include <string>
 
-#include <sidestep/experiments/planning_settings.hpp>
 #include <sidestep/robot/robot_model.hpp>
-
-#include "settings/task_settings.hpp"
+#include <sidestep/runtime/planning_settings.hpp>
 
 namespace sidestep {
 
@@ -18,10 +15,5 @@ namespace sidestep {
 
 /// Takes that floor where `planning.floor` is left out.
 void stand_on_floor(PlanningSettings& planning, const RobotModel& robot);
-
-/// Whether the link that a task sends somewhere is to be below the floor, e.g. "hand_palm_link is
-/// to be 0.030 m below the floor"; empty if not.
-[[nodiscard]] std::string target_below_floor(const Task& task,
-                                             const std::optional<FloorEntry>& floor);
 
 }  // namespace sidestep

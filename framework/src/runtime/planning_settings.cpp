@@ -1,12 +1,11 @@
-#include <sidestep/core/index.hpp>
-#include <sidestep/experiments/planning_settings.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 
 #include <algorithm>
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/plugin/plugin.hpp>
-
-#include "settings/entry_reading.hpp"
+#include <sidestep/runtime/entry_reading.hpp>
 
 namespace sidestep {
 namespace {
