@@ -31,10 +31,9 @@ int main() {
   Session session;
   const std::shared_ptr<const RobotModel> robot =
       need(session.create<RobotModel>("{plugin: urdf, profile: hsr}"));
-  auto mapper =
-      need(session.create<Mapper>("{plugin: voxel_grid, resolution_m: 0.05, size_vox: [112, 128, "
-                                  "40], origin_m: [-1, -3.2, 0]}"));
-  auto fields = need(session.create<FieldBuilder>("{plugin: edt, max_distance_m: 0.8}"));
+  auto mapper = need(session.create<Mapper>(
+      "{plugin: voxel_grid, resolution_m: 0.05, size_vox: [100, 99, 40], origin_m: [-1, -2.5, 0]}"));
+  auto fields = need(session.create<FieldBuilder>("{plugin: edt, unknown: free}"));
   auto optimiser = need(session.create<Optimiser>("{plugin: gp_chain}"));
   need(fields->attach(*mapper));
   const auto field = need(fields->update(need(mapper->integrate(pillar_ahead()))));
