@@ -41,7 +41,7 @@ struct ReplannerSettings {
   /// like any other.
   double obstacle_speed_mps = 0.0;
   /// How far from where it starts the links that stand on the floor (Floor::except_links) may move
-  /// in space that no frame has seen; nothing: anywhere. Farther off, the robot comes to rest before.
+  /// in space that no frame has seen; nothing: anywhere. Farther off, the robot rests before it.
   std::optional<double> unseen_start_m;
   double max_step_m = 0.1;  ///< First spacing of validity checks, as motion of spheres.
   /// Where no trajectory is free all the way, one that is so for at least this long may do: what is
