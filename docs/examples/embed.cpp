@@ -32,7 +32,7 @@ int main() {
   const std::shared_ptr<const RobotModel> robot =
       need(session.create<RobotModel>("{plugin: urdf, profile: hsr}"));
   auto mapper = need(session.create<Mapper>(
-      "{plugin: voxel_grid, resolution_m: 0.05, size_vox: [100, 99, 40], origin_m: [-1, -2.5, 0]}"));
+      "{plugin: voxel_grid, resolution_m: 0.05, size_vox: [99, 99, 40], origin_m: [-1, -2.5, 0]}"));
   auto fields = need(session.create<FieldBuilder>("{plugin: edt, unknown: free}"));
   auto optimiser = need(session.create<Optimiser>("{plugin: gp_chain}"));
   need(fields->attach(*mapper));
