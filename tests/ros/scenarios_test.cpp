@@ -60,7 +60,7 @@ std::string name_of(const ::testing::TestParamInfo<RosScenario>& tested) {
 INSTANTIATE_TEST_SUITE_P(
     OfTheHsr, RosScenarios,
     ::testing::Values(
-        RosScenario{"floor_pickup", {}, {}, 240.0}, RosScenario{"shelf_pickup", {}, {}},
+        RosScenario{"floor_pickup", {}, {}}, RosScenario{"shelf_pickup", {}, {}},
         // By point clouds.
         RosScenario{"table_pickup",
                     {"--clouds"},

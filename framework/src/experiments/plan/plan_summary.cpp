@@ -211,7 +211,7 @@ const report::ResultColumns& plan_columns() {
                     {.heading = "independent", .pattern = "valid|-"});
     columns.declare("clearance_is_bound",
                     "Whether the least clearance is only as far as was looked.",
-                    {.heading = "clear by", .pattern = "at least|exactly"});
+                    {.heading = "clear by", .pattern = "at least|exactly", .compared = true});
     columns.declare("min_clearance_m", "Least clearance that the checks found.",
                     {.heading = "clearance", .pattern = "%.3f m", .compared = true});
     columns.declare("retiming.before_s", "Duration of the motion that was optimised.",
