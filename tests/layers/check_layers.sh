@@ -6,7 +6,7 @@
 #  - Each layer of framework/ includes itself and the layers its line below allows.
 #  - Public headers include only the standard library, Eigen, tl::expected and Sidestep's own.
 #  - Plugins include the SDK, never the runtime; only a plugin includes its own folder.
-#  - What all experiments share, their settings, results and report, includes no protocol.
+#  - No protocol of the experiments includes another; what they share includes no protocol.
 #  - ROS is included by the plugins that speak it, what these share, and the simulated robot, only.
 #  - CUDA is included by what its plugins share, only.
 set -euo pipefail
@@ -54,12 +54,16 @@ violations=$(
   done
   find plugins -name '*.[hc]pp' -not -path '*/tests/*' -not -path '*/benchmarks/*' 2>/dev/null | sort |
     while read -r file; do check_file "$file" plugins 0; done
-  for folder in settings results report; do
-    own=$folder
-    [ "$folder" = report ] && own='(report|results)'
+  for folder in settings results report measures problems plan closed_loop mapping planners recorded study; do
+    case $folder in
+      settings | results | measures) below=$folder ;;
+      report) below='results|report' ;;
+      problems) below='results|measures|problems' ;;
+      *) below="settings|results|report|measures|problems|$folder" ;;
+    esac
     grep -rnE --include='*.[hc]pp' '^#[ ]*include "[a-z_]+/' "framework/src/experiments/$folder" 2>/dev/null |
-      grep -vE "include \"$own/" |
-      sed -E "s/^([^:]*:[0-9]+):.*/\1: $folder of the experiments includes no folder above it/" || true
+      grep -vE "include \"($below)/" |
+      sed -E "s/^([^:]*:[0-9]+):.*/\1: $folder of the experiments includes no other protocol and no folder above it/" || true
   done
   grep -rnE --include='*.[hc]pp' '^#[ ]*include [<"](ros|rosbag|tf2?|tf2_ros|actionlib|[a-z0-9_]+_msgs)/' \
     framework plugins tools 2>/dev/null |

@@ -19,7 +19,7 @@
 #include "planners/planner_benchmark.hpp"
 #include "recorded/incremental_benchmark.hpp"
 #include "recorded/recorded_benchmark.hpp"
-#include "report/html.hpp"
+#include "results/text_file.hpp"
 #include "settings/unused_keys.hpp"
 #include "study/field_study.hpp"
 

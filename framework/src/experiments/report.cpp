@@ -9,6 +9,7 @@
 #include "report/html.hpp"
 #include "report/run_report.hpp"
 #include "report/text_table.hpp"
+#include "results/text_file.hpp"
 
 namespace sidestep {
 namespace {

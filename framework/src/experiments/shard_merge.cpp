@@ -2,8 +2,8 @@
 
 #include <sidestep/experiments/report.hpp>
 
-#include "report/html.hpp"
 #include "report/report_parts.hpp"
+#include "results/text_file.hpp"
 
 namespace sidestep {
 namespace {

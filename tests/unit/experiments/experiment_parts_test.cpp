@@ -7,7 +7,7 @@
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
-#include "mapping/point_survey.hpp"
+#include "measures/point_survey.hpp"
 #include "plan/frame_tap.hpp"
 #include "plan/plan_summary.hpp"
 #include "report/chart.hpp"

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "conformance/grid_map.hpp"
-#include "mapping/exact_transform.hpp"
 #include "mapping/field_accuracy.hpp"
+#include "measures/exact_transform.hpp"
 #include "results/statistics.hpp"
 
 namespace sidestep {

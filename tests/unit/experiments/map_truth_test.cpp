@@ -1,4 +1,4 @@
-#include "mapping/map_truth.hpp"
+#include "measures/map_truth.hpp"
 
 #include <gtest/gtest.h>
 

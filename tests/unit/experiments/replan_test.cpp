@@ -16,7 +16,7 @@
 #include "closed_loop/replan_summary.hpp"
 #include "closed_loop/replan_visibility.hpp"
 #include "closed_loop/step_watch.hpp"
-#include "report/html.hpp"
+#include "results/text_file.hpp"
 #include "support/chain_robot.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -13,7 +13,7 @@
 #include "closed_loop/map_show.hpp"
 #include "closed_loop/paced_frames.hpp"
 #include "closed_loop/replan_world.hpp"
-#include "mapping/map_truth.hpp"
+#include "measures/map_truth.hpp"
 
 namespace sidestep {
 

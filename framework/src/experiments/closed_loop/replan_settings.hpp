@@ -9,7 +9,7 @@
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
 
-#include "mapping/mapping_settings.hpp"
+#include "measures/map_truth.hpp"
 #include "settings/task_settings.hpp"
 
 namespace sidestep {

@@ -6,7 +6,7 @@
 #include <sidestep/core/seed.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
-#include "mapping/source_facts.hpp"
+#include "measures/source_facts.hpp"
 #include "settings/blocks.hpp"
 
 namespace sidestep {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "mapping/exact_transform.hpp"
+#include "measures/exact_transform.hpp"
 
 namespace sidestep {
 

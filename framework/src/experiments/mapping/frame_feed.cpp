@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "mapping/source_facts.hpp"
+#include "measures/source_facts.hpp"
 
 namespace sidestep {
 

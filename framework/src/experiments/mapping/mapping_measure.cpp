@@ -8,7 +8,7 @@
 
 #include <sidestep/runtime/pipeline.hpp>
 
-#include "mapping/point_survey.hpp"
+#include "measures/point_survey.hpp"
 
 namespace sidestep {
 namespace {

@@ -13,8 +13,8 @@
 
 #include "mapping/field_accuracy.hpp"
 #include "mapping/frame_feed.hpp"
-#include "mapping/map_truth.hpp"
 #include "mapping/mapping_settings.hpp"
+#include "measures/map_truth.hpp"
 
 namespace sidestep {
 

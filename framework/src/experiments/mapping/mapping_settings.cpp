@@ -306,20 +306,6 @@ Parameters<PublishedEntry> PublishedEntry::parameters() {
            {.unit = "ms", .min = 0.0, .required = true});
 }
 
-Parameters<TruthSettings> TruthSettings::parameters() {
-  using T = TruthSettings;
-  return Parameters<T>()
-      .add("measure", &T::measure, "Whether maps are held against the scene, where it is known.")
-      .add("pixel_stride", &T::pixel_stride,
-           "Every n-th pixel of every n-th row tells which surfaces were seen.",
-           {.unit = "px", .min = 1, .max = 256})
-      .add("min_z_m", &T::min_z_m, "Lower surfaces are left out: mappers do not insert the floor.",
-           {.unit = "m"})
-      .add("max_range_m", &T::max_range_m,
-           "Farther surfaces are left out; not more than the mappers' own range.",
-           {.unit = "m", .min = 0.1});
-}
-
 Parameters<ExpectSettings> ExpectSettings::parameters() {
   using E = ExpectSettings;
   return Parameters<E>()

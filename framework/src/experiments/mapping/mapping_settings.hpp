@@ -11,6 +11,8 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
 
+#include "measures/map_truth.hpp"
+
 namespace sidestep {
 
 /// Resolutions that differ by less are the same.
@@ -35,16 +37,6 @@ struct PublishedEntry {
   std::vector<double> frame_ms;
 
   static Parameters<PublishedEntry> parameters();
-};
-
-/// `experiment.truth`: how maps are held against the true scene.
-struct TruthSettings {
-  bool measure = true;
-  int pixel_stride = 8;
-  double min_z_m = 0.1;
-  double max_range_m = 4.5;
-
-  static Parameters<TruthSettings> parameters();
 };
 
 /// `experiment.expect`: what every system must reach for the run to be a success.

@@ -9,7 +9,7 @@
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/sensing/source.hpp>
 
-#include "mapping/point_survey.hpp"
+#include "measures/point_survey.hpp"
 
 namespace sidestep {
 

@@ -8,7 +8,7 @@
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "mapping/source_facts.hpp"
+#include "measures/source_facts.hpp"
 #include "plan/frame_tap.hpp"
 #include "plan/plan_one.hpp"
 #include "plan/plan_recording.hpp"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "report/html.hpp"
+#include "results/text_file.hpp"
 
 namespace sidestep {
 namespace {

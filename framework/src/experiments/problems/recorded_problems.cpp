@@ -10,7 +10,7 @@
 #include <sidestep/field/dense_field.hpp>
 #include <sidestep/planning/costs.hpp>
 
-#include "mapping/exact_transform.hpp"
+#include "measures/exact_transform.hpp"
 
 namespace sidestep {
 namespace {

@@ -1,7 +1,6 @@
 #include "report/html.hpp"
 
-#include <fstream>
-#include <iterator>
+#include "results/text_file.hpp"
 
 namespace sidestep {
 namespace {
@@ -76,22 +75,6 @@ Result<std::string> embedded_png(const std::filesystem::path& file) {
   auto bytes = read_file(file);
   if (!bytes) return bytes;
   return "data:image/png;base64," + base64(*bytes);
-}
-
-Result<std::string> read_file(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) return fail(ErrorCode::kNotFound, "cannot read the file", file.string());
-  std::string text{std::istreambuf_iterator<char>(in), {}};
-  if (in.bad()) return fail(ErrorCode::kIo, "cannot read the file", file.string());
-  return text;
-}
-
-Result<void> write_file(const std::filesystem::path& file, const std::string& text) {
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) return fail(ErrorCode::kIo, "cannot write the file", file.string());
-  return {};
 }
 
 }  // namespace sidestep

@@ -15,7 +15,4 @@ namespace sidestep {
 /// A picture file as the value of an img's src.
 [[nodiscard]] Result<std::string> embedded_png(const std::filesystem::path& file);
 
-[[nodiscard]] Result<std::string> read_file(const std::filesystem::path& file);
-[[nodiscard]] Result<void> write_file(const std::filesystem::path& file, const std::string& text);
-
 }  // namespace sidestep

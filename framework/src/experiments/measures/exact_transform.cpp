@@ -1,4 +1,4 @@
-#include "mapping/exact_transform.hpp"
+#include "measures/exact_transform.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "mapping/point_survey.hpp"
+#include "measures/point_survey.hpp"
 
 #include <algorithm>
 #include <cmath>

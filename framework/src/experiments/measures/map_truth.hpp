@@ -8,11 +8,20 @@
 #include <sidestep/geometry/ray_caster.hpp>
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/sensing/frame.hpp>
 
-#include "mapping/mapping_settings.hpp"
-
 namespace sidestep {
+
+/// `experiment.truth`: how maps are held against the true scene.
+struct TruthSettings {
+  bool measure = true;
+  int pixel_stride = 8;
+  double min_z_m = 0.1;
+  double max_range_m = 4.5;
+
+  static Parameters<TruthSettings> parameters();
+};
 
 /// How a map compares with the true scene behind its frames.
 struct TruthRecord {

@@ -1,4 +1,4 @@
-#include "mapping/map_truth.hpp"
+#include "measures/map_truth.hpp"
 
 #include <algorithm>
 #include <array>
@@ -38,6 +38,20 @@ Eigen::Vector3d half_extent_m(const Shape& shape) {
 bool measured(float depth_m) { return std::isfinite(depth_m) && depth_m > 0.0F; }
 
 }  // namespace
+
+Parameters<TruthSettings> TruthSettings::parameters() {
+  using T = TruthSettings;
+  return Parameters<T>()
+      .add("measure", &T::measure, "Whether maps are held against the scene, where it is known.")
+      .add("pixel_stride", &T::pixel_stride,
+           "Every n-th pixel of every n-th row tells which surfaces were seen.",
+           {.unit = "px", .min = 1, .max = 256})
+      .add("min_z_m", &T::min_z_m, "Lower surfaces are left out: mappers do not insert the floor.",
+           {.unit = "m"})
+      .add("max_range_m", &T::max_range_m,
+           "Farther surfaces are left out; not more than the mappers' own range.",
+           {.unit = "m", .min = 0.1});
+}
 
 MapTruth::MapTruth(const Scene& scene, const GridSpec& grid, const TruthSettings& settings)
     : scene_(scene),

@@ -1,4 +1,4 @@
-#include "mapping/source_facts.hpp"
+#include "measures/source_facts.hpp"
 
 namespace sidestep {
 
