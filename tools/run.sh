@@ -11,7 +11,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 # Prints the plugins that a configuration and what it builds on name.
 named_plugins() {
   local base
-  grep -oE 'plugin: *[a-z0-9_]+' "$1" | sed 's/.*: *//' || true
+  grep -oE '(plugin|type): *[a-z0-9_]+' "$1" | sed 's/.*: *//' || true
   for base in $(sed -n 's/^base: *//p' "$1" | tr -d '[],"'); do
     [ ! -f "$(dirname "$1")/$base" ] || named_plugins "$(dirname "$1")/$base"
   done
@@ -22,7 +22,7 @@ for argument in "$@"; do
   for file in "$argument" "$root/configs/$argument.yaml"; do
     [ ! -f "$file" ] || mapfile -t -O ${#named[@]} named < <(named_plugins "$file")
   done
-  [[ ! $argument =~ plugin[:=]\ *([a-z0-9_]+) ]] || named+=("${BASH_REMATCH[1]}")
+  [[ ! $argument =~ (plugin|type)[:=]\ *([a-z0-9_]+) ]] || named+=("${BASH_REMATCH[2]}")
 done
 for library in "$root"/build/release/lib/sidestep/plugins/lib*.so; do
   [ -f "$library" ] || continue

@@ -46,6 +46,21 @@ SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set "experiment.plans
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" run demo --out "$work/run" --set field.plugin=chessboard \
   --set "experiment.plans.0.costs=$cost" >"$work/run.log" 2>&1 || { cat "$work/run.log"; exit 1; }
 grep -q 'plugin: chessboard' "$work/run/effective_config.yaml" || { say "ran with another field"; exit 1; }
+# A third party's experiment runs, is shown again and compared.
+export SIDESTEP_PLUGIN_PATH=$work/plugin
+for run in one two; do
+  "$sidestep" run "$work/template/known_space.yaml" --out "$work/$run" >"$work/$run.log" 2>&1 || { cat "$work/$run.log"; exit 1; }
+done
+expect "% of the map is known." "$work/one.log"
+expect '"known_share"' "$work/one/summary.json"
+[ "$(wc -l <"$work/one/table.csv")" -eq 13 ] || { say "table.csv is not a line a frame"; exit 1; }
+"$sidestep" report "$work/one" "$work/two" --comparison "$work/comparison.html" >"$work/compared.txt"
+expect "Frame by frame" "$work/one/report.html"
+[ "$(grep -c known_space "$work/compared.txt")" -eq 2 ] || { say "the comparison is not a line a run"; exit 1; }
+code=0
+"$sidestep" run "$work/template/known_space.yaml" --out "$work/three" --set experiment.wanted_share=0.9 >/dev/null 2>&1 || code=$?
+[ "$code" -eq 1 ] || { say "exit code $code for a map that is not known enough"; exit 1; }
+unset SIDESTEP_PLUGIN_PATH
 # Its own check is asked.
 code=0
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard \

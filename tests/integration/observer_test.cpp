@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include <sidestep/experiments/experiment.hpp>
-#include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/experiments/experiments.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "support/host_fixture.hpp"
 #include "support/temporary_folder.hpp"

@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include <sidestep/experiments/experiment.hpp>
+#include <sidestep/experiments/experiments.hpp>
 
 #include "bag_reader.hpp"
 #include "command_line.hpp"

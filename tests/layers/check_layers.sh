@@ -4,15 +4,18 @@
 #   check_layers.sh ROOT
 #
 #  - Each layer of framework/ includes itself and the layers its line below allows.
-#  - Public headers include only the standard library, Eigen, tl::expected and Sidestep's own.
-#  - Plugins include the SDK, never the runtime; only a plugin includes its own folder.
-#  - No protocol of the experiments includes another; what they share includes no protocol.
+#  - Public headers include only the standard library, Eigen, tl::expected and Sidestep's own; those
+#    of results and report JSON, too.
+#  - Plugins include the SDK, experiments the runtime and what lies on it as well; only a plugin
+#    includes its own folder.
+#  - No experiment includes another; what two of them share includes neither.
 #  - ROS is included by the plugins that speak it, what these share, and the simulated robot, only.
 #  - CUDA is included by what its plugins share, only.
 set -euo pipefail
 cd "$1"
 
 sdk="core geometry sensing field robot mapping trajectory planning plugin"
+lab="runtime results report measures problems experiments"
 allowed() {
   case $1 in
     core) echo "core" ;;
@@ -22,8 +25,11 @@ allowed() {
     planning) echo "core geometry sensing field robot mapping trajectory planning" ;;
     plugin | plugins) echo "$sdk" ;;
     shapes) echo "$sdk" ;;
-    runtime) echo "$sdk runtime" ;;
-    experiments) echo "$sdk runtime experiments" ;;
+    runtime | results) echo "$sdk runtime $1" ;;
+    report | measures) echo "$sdk runtime results $1" ;;
+    problems) echo "$sdk runtime results measures problems" ;;
+    experiments) echo "$sdk $lab" ;;
+    protocol) echo "$sdk ${lab% experiments}" ;;
   esac
 }
 
@@ -40,30 +46,31 @@ check_file() {
     /[<"]plugins\// { printf "%s:%d: a plugin is included by its own folder only\n", file, NR; next }
     public && match($0, /<[A-Za-z0-9_]+\//) {
       library = substr($0, RSTART + 1, RLENGTH - 2)
-      if (library != "Eigen" && library != "tl")
+      if (library != "Eigen" && library != "tl" && (library != "nlohmann" || layer !~ /^re(sults|port)$/))
         printf "%s:%d: public headers may not include <%s/...>\n", file, NR, library
     }' "$1"
 }
 
 violations=$(
-  for layer in $sdk shapes runtime experiments; do
+  for layer in $sdk shapes $lab; do
     find "framework/include/sidestep/$layer" -name '*.hpp' 2>/dev/null | sort |
       while read -r file; do check_file "$file" "$layer" 1; done
     find "framework/src/$layer" -name '*.[hc]pp' 2>/dev/null | sort |
       while read -r file; do check_file "$file" "$layer" 0; done
   done
   find plugins -name '*.[hc]pp' -not -path '*/tests/*' -not -path '*/benchmarks/*' 2>/dev/null | sort |
-    while read -r file; do check_file "$file" plugins 0; done
-  for folder in settings results report measures problems plan closed_loop mapping planners recorded study; do
-    case $folder in
-      settings | results | measures) below=$folder ;;
-      report) below='results|report' ;;
-      problems) below='results|measures|problems' ;;
-      *) below="settings|results|report|measures|problems|$folder" ;;
-    esac
-    grep -rnE --include='*.[hc]pp' '^#[ ]*include "[a-z_]+/' "framework/src/experiments/$folder" 2>/dev/null |
-      grep -vE "include \"($below)/" |
-      sed -E "s/^([^:]*:[0-9]+):.*/\1: $folder of the experiments includes no other protocol and no folder above it/" || true
+    while read -r file; do
+      case $file in
+        plugins/experiments/* | plugins/template/*_experiment.cpp) check_file "$file" protocol 0 ;;
+        *) check_file "$file" plugins 0 ;;
+      esac
+    done
+  for file in $(find plugins/experiments -name '*.[hc]pp' 2>/dev/null | sort); do
+    for header in $(sed -nE 's/^#[ ]*include "(.*)"/\1/p' "$file"); do
+      places=("$(dirname "$file")" plugins/experiments/closed_loop plugins/experiments/recorded_solves)
+      [ -n "$(find "${places[@]}" -name "$header" 2>/dev/null)" ] ||
+        echo "$file: \"$header\" is neither in its folder nor in one that experiments share"
+    done
   done
   grep -rnE --include='*.[hc]pp' '^#[ ]*include [<"](ros|rosbag|tf2?|tf2_ros|actionlib|[a-z0-9_]+_msgs)/' \
     framework plugins tools 2>/dev/null |

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/experiments/run_observer.hpp>
 #include <sidestep/field/occupancy_bits.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "bag_writer.hpp"
 #include "record_queue.hpp"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include <sidestep/core/log.hpp>
-#include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "record_queue.hpp"
 #include "run_bag.hpp"

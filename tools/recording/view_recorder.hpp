@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "view_maker.hpp"
 

@@ -3,7 +3,7 @@
 #include <memory>
 #include <vector>
 
-#include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "commands.hpp"
 #include "run_recorder.hpp"

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include <sidestep/experiments/experiment.hpp>
+#include <sidestep/experiments/experiments.hpp>
 #include <sidestep/experiments/report.hpp>
 #include <sidestep/runtime/not_built.hpp>
 #include <sidestep/runtime/reference.hpp>
@@ -94,12 +94,17 @@ ExitCode print_unknown(const std::string& name, const std::vector<PluginInfo>& p
 }  // namespace
 
 ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat format) {
-  if (format == PluginsFormat::kResults) {
-    std::printf("%s", results_markdown().c_str());
-    return ExitCode::kSuccess;
-  }
   Console console;
   Session session(RunSettings{.threads = 1}, &console);
+  if (format == PluginsFormat::kResults) {
+    const auto page = results_markdown(session.host());
+    if (!page) {
+      print_errors({page.error()});
+      return exit_code(page.error());
+    }
+    std::printf("%s", page->c_str());
+    return ExitCode::kSuccess;
+  }
   const std::vector<PluginInfo>& plugins = session.host().plugins();
   std::vector<PluginInfo> wanted;
   std::ranges::copy_if(plugins, std::back_inserter(wanted),
@@ -108,7 +113,8 @@ ExitCode plugins_command(const std::optional<std::string>& name, PluginsFormat f
     console.warn(rejection.library.string() + " is not usable: " + rejection.error.describe());
   }
   if (name && wanted.empty()) return print_unknown(*name, plugins);
-  const std::vector<SettingsBlock> blocks = name ? std::vector<SettingsBlock>{} : settings_blocks();
+  const std::vector<SettingsBlock> blocks =
+      name ? std::vector<SettingsBlock>{} : settings_blocks(session.host());
   if (format == PluginsFormat::kMarkdown) {
     std::printf("%s", reference_markdown(wanted, blocks).c_str());
   } else if (format == PluginsFormat::kJsonSchema) {

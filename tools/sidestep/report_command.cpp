@@ -10,13 +10,16 @@ ExitCode report_command(const std::vector<std::filesystem::path>& runs,
                         const std::filesystem::path& comparison,
                         const std::filesystem::path& merged) {
   ExitCode code = ExitCode::kSuccess;
+  Console console;
+  Session session(RunSettings{.threads = 1}, &console);
+  Host& host = session.host();
   const auto refuse = [&](const Error& error) {
     print_errors({error});
     const bool users = error.code == ErrorCode::kNotFound || error.code == ErrorCode::kConfig;
     code = worse(code, users ? ExitCode::kConfiguration : exit_code(error));
   };
   for (const std::filesystem::path& run : runs) {
-    if (const auto written = write_report(run); !written) {
+    if (const auto written = write_report(run, host); !written) {
       refuse(written.error());
     } else {
       std::printf("%s\n", (run / "report.html").c_str());
@@ -24,7 +27,7 @@ ExitCode report_command(const std::vector<std::filesystem::path>& runs,
   }
   if (code != ExitCode::kSuccess || runs.size() < 2) return code;
   if (are_shards(runs)) {
-    const auto whole = merge_shards(runs, merged);
+    const auto whole = merge_shards(runs, merged, host);
     if (!whole) {
       refuse(whole.error());
       return code;
@@ -33,7 +36,7 @@ ExitCode report_command(const std::vector<std::filesystem::path>& runs,
                 whole->verdict.c_str());
     return whole->success ? code : worse(code, ExitCode::kTaskFailed);
   }
-  const auto table = compare_runs(runs, comparison);
+  const auto table = compare_runs(runs, comparison, host);
   if (!table) {
     refuse(table.error());
     return code;

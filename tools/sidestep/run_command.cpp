@@ -190,7 +190,8 @@ RunResult run_in_jobs(const std::string& name, const RunOptions& options, std::s
     parts.push_back(shard_folder(*folder, static_cast<int>(parts.size())));
   }
   if (code != ExitCode::kSuccess && code != ExitCode::kTaskFailed) return {code, ""};
-  const auto whole = merge_shards(parts, *folder);
+  Session session(RunSettings{.threads = 1}, &console);
+  const auto whole = merge_shards(parts, *folder, session.host());
   if (!whole) return refused(whole.error(), console);
   console.info(whole->verdict);
   if (!options.json) print_outcome(*whole, *folder);

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/experiments/experiment.hpp>
+#include <sidestep/experiments/experiments.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/session.hpp>
 

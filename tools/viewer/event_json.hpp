@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 namespace sidestep {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include <sidestep/experiments/run_observer.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "view_messages.hpp"
 

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include <sidestep/experiments/run_observer.hpp>
 #include <sidestep/field/occupancy_bits.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "field_slice.hpp"
 #include "robot_clearance.hpp"

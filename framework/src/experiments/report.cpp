@@ -4,12 +4,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/report/html.hpp>
+#include <sidestep/report/run_report.hpp>
+#include <sidestep/report/text_table.hpp>
+#include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "report/html.hpp"
-#include "report/run_report.hpp"
-#include "report/text_table.hpp"
-#include "results/text_file.hpp"
+#include "find_experiment.hpp"
 
 namespace sidestep {
 namespace {
@@ -29,14 +30,6 @@ Result<Json> read_summary(const fs::path& run) {
   return summary;
 }
 
-/// The type of experiment that a summary is of; null for none that there is.
-const ExperimentType* type_of(const Json& summary) {
-  const auto& types = experiment_types();
-  const auto found =
-      std::ranges::find(types, cell(at(summary, "/experiment")), &ExperimentType::name);
-  return found != types.end() ? &*found : nullptr;
-}
-
 std::string origin_section(const Json& summary, const fs::path& run) {
   std::string html = "<h2>Made with</h2>\n<table>\n";
   const Json provenance = at(summary, "/provenance");
@@ -54,17 +47,16 @@ std::string origin_section(const Json& summary, const fs::path& run) {
 }
 
 /// Everything that summary and store tell of a run, verdict first.
-Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run) {
-  const ExperimentType* type = type_of(summary);
-  if (type == nullptr) {
-    return fail(ErrorCode::kIo, "there is no experiment type " + at(summary, "/experiment").dump(),
-                (run / "summary.json").string());
-  }
+Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run,
+                                Host& host) {
+  const auto found =
+      find_experiment(cell(at(summary, "/experiment")), (run / "summary.json").string(), host);
+  if (!found) return error_of(found);
   const bool success = at(summary, "/success") == Json(true);
   std::string html = "<h1>" + escape_html(cell(at(summary, "/configuration"))) + "</h1>\n";
   html += std::string("<p class=\"verdict ") + (success ? "success" : "failure") + "\">" +
           escape_html(cell(at(summary, "/verdict"))) + "</p>\n";
-  const auto body = type->report->body(summary, results, run);
+  const auto body = found->experiment->report().body(summary, results, run);
   if (!body) return body;
   html += *body;
   html += origin_section(summary, run);
@@ -99,48 +91,45 @@ void add_rows(const RunReport& report, const std::string& run, const Json& summa
 
 }  // namespace
 
-std::string results_markdown() {
+Result<std::string> results_markdown(Host& host) {
+  const auto experiments = find_experiments(host);
+  if (!experiments) return error_of(experiments);
   std::string text =
       "# Results\n\nThe rows of `summary.json`, written by `sidestep plugins --results`. A key is "
       "the "
       "path of a value in a row;\n`table.csv` has a column of that name. Tables of terminal and "
       "report, and `sidestep report` on several runs, show them.\n";
-  for (const ExperimentType& type : experiment_types()) {
-    if (type.report->columns == nullptr) continue;
-    text += "\n## " + type.name + "\n\n" + type.report->columns->reference();
+  for (const FoundExperiment& found : *experiments) {
+    const RunReport& report = found.experiment->report();
+    if (report.columns == nullptr) continue;
+    text += "\n## " + found.name() + "\n\n" + report.columns->reference();
   }
   return text;
 }
 
-bool is_report_picture(std::string_view file_name) {
-  const bool picture = file_name.ends_with(".png") || file_name.ends_with(".svg");
-  return picture &&
-         (file_name.starts_with("plan-") || file_name.starts_with("depth.") ||
-          file_name.starts_with("frame_times.") || file_name.starts_with("mapping_times.") ||
-          file_name.starts_with("planner_") || file_name.starts_with("episode-") ||
-          file_name.starts_with("study_") || file_name.starts_with("spread."));
-}
-
-Result<void> write_report(const fs::path& run) {
+Result<void> write_report(const fs::path& run, Host& host) {
   const auto summary = read_summary(run);
   if (!summary) return error_of(summary);
   auto results = ResultsReader::open(run / "results.sqlite");
   if (!results) return error_of(results);
-  auto body = report_body(*summary, **results, run);
+  auto body = report_body(*summary, **results, run, host);
   if (!body) return error_of(body);
   const std::string title = "Sidestep: " + cell(at(*summary, "/configuration"));
   return write_file(run / "report.html", html_page(title, *body));
 }
 
-Result<void> save_outcome(const ExperimentOutcome& outcome, const fs::path& run) {
+Result<void> save_outcome(const ExperimentOutcome& outcome, const fs::path& run, Host& host) {
   auto saved = write_file(run / "summary.json", outcome.summary_json);
   if (saved && !outcome.table_csv.empty()) {
     saved = write_file(run / "table.csv", outcome.table_csv);
   }
-  return saved ? write_report(run) : saved;
+  return saved ? write_report(run, host) : saved;
 }
 
-Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html) {
+Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html,
+                                 Host& host) {
+  const auto experiments = find_experiments(host);
+  if (!experiments) return error_of(experiments);
   std::vector<Json> summaries;
   for (const fs::path& run : runs) {
     auto summary = read_summary(run);
@@ -148,12 +137,12 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
     summaries.push_back(std::move(*summary));
   }
   std::string text, body;
-  for (const ExperimentType& type : experiment_types()) {
-    const RunReport& report = *type.report;
+  for (const FoundExperiment& found : *experiments) {
+    const RunReport& report = found.experiment->report();
     if (report.columns == nullptr) continue;
     std::vector<Row> rows;
     for (std::size_t r = 0; r < runs.size(); ++r) {
-      if (at(summaries[r], "/experiment") != Json(type.name)) continue;
+      if (at(summaries[r], "/experiment") != Json(found.name())) continue;
       add_rows(report, run_name(runs[r]), summaries[r], rows);
     }
     if (rows.empty()) continue;

@@ -1,9 +1,10 @@
 #include <algorithm>
 
 #include <sidestep/experiments/report.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/text_file.hpp>
 
-#include "report/report_parts.hpp"
-#include "results/text_file.hpp"
+#include "find_experiment.hpp"
 
 namespace sidestep {
 namespace {
@@ -27,7 +28,8 @@ bool are_shards(const std::vector<fs::path>& runs) {
   });
 }
 
-Result<ExperimentOutcome> merge_shards(const std::vector<fs::path>& runs, const fs::path& out) {
+Result<ExperimentOutcome> merge_shards(const std::vector<fs::path>& runs, const fs::path& out,
+                                       Host& host) {
   std::error_code error;
   for (const fs::path& run : runs) {
     if (!fs::equivalent(run, out, error)) continue;
@@ -35,17 +37,15 @@ Result<ExperimentOutcome> merge_shards(const std::vector<fs::path>& runs, const 
                 "give another one with --merged");
   }
   const std::string name = summary_of(runs.front()).value("experiment", "");
-  const auto type = std::ranges::find(experiment_types(), name, &ExperimentType::name);
-  if (type == experiment_types().end() || !type->is_divisible()) {
-    return fail(ErrorCode::kIo, "the summary is damaged", runs.front().string());
-  }
-  auto outcome = type->merge(runs, out);
+  const auto found = find_experiment(name, runs.front().string(), host);
+  if (!found) return error_of(found);
+  auto outcome = found->experiment->merge(runs, out);
   if (!outcome) return outcome;
   Result<void> written;
   if (const auto configuration = read_file(runs.front() / "effective_config.yaml")) {
     written = write_file(out / "effective_config.yaml", *configuration);
   }
-  if (written) written = save_outcome(*outcome, out);
+  if (written) written = save_outcome(*outcome, out, host);
   if (!written) return error_of(written);
   return outcome;
 }

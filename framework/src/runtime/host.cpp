@@ -53,6 +53,11 @@ Node default_node(const Parameter& parameter) {
   return Node(Node::Scalar{text, false}, mark);
 }
 
+/// The key of a block by which it names its plugin.
+const char* name_key(PluginKind kind) noexcept {
+  return kind == PluginKind::kExperiment ? "type" : "plugin";
+}
+
 }  // namespace
 
 Node fill_defaults(const Node& map, const Schema& schema) {
@@ -86,6 +91,7 @@ std::string_view to_string(PluginKind kind) noexcept {
     case PluginKind::kOptimiser: return "optimiser";
     case PluginKind::kExecutor: return "executor";
     case PluginKind::kCost: return "cost";
+    case PluginKind::kExperiment: return "experiment";
   }
   return "unknown";
 }
@@ -173,10 +179,11 @@ struct Host::Impl {
           block.error("'" + kind_name + "' must be a map with a plugin, found " + block.kind(),
                       kind_name + ": {plugin: NAME}"));
     }
-    const Node* name = block.find("plugin");
+    const std::string key = name_key(kind);
+    const Node* name = block.find(key);
     if (name == nullptr || !name->is_scalar()) {
       return tl::make_unexpected(block.error("'" + kind_name + "' does not name a plugin",
-                                             "add 'plugin: NAME', one of " + names_of(kind)));
+                                             "add '" + key + ": NAME', one of " + names_of(kind)));
     }
     for (const Found& f : found) {
       if (f.info.kind == kind && f.info.name == name->text()) return &f;
@@ -187,7 +194,7 @@ struct Host::Impl {
   /// Appends the mistakes in a block; those that the plugin finds only where its schema is met.
   static void check(const Found& plugin, const Node& block, std::vector<Error>& errors) {
     const std::size_t before = errors.size();
-    check_against_schema(block, plugin.info.schema, {"plugin"}, errors);
+    check_against_schema(block, plugin.info.schema, {name_key(plugin.info.kind)}, errors);
     if (errors.size() > before) return;
     const auto done = guarded(plugin.qualified_name(), [&]() -> Result<void> {
       plugin.descriptor->check(block, errors);
@@ -296,7 +303,8 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const
   const auto found = impl_->find(kind, block);
   if (!found) return error_of(found);
   std::vector<Error> errors;
-  Impl::check(**found, block, errors);
+  // An experiment checks its block with the whole configuration.
+  if (kind != PluginKind::kExperiment) Impl::check(**found, block, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
   const std::string name = (*found)->qualified_name();

@@ -140,6 +140,7 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
     case PluginKind::kOptimiser: return kOptimiserInterface;
     case PluginKind::kExecutor: return kExecutorInterface;
     case PluginKind::kCost: return kCostInterface;
+    case PluginKind::kExperiment: return kExperimentInterface;
   }
   return std::nullopt;
 }

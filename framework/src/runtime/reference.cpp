@@ -115,6 +115,7 @@ std::string reference_markdown(const std::vector<PluginInfo>& plugins,
   out << "# Parameters\n\nEvery plugin and every other block of a configuration, written by "
          "`sidestep plugins --markdown`.\n";
   for (const PluginInfo& plugin : plugins) {
+    if (plugin.kind == PluginKind::kExperiment) continue;  // its block is one of `blocks`
     out << "\n## " << to_string(plugin.kind) << ": " << plugin.name << "\n\n"
         << plugin.doc << ".\n";
     if (const std::string views = views_sentence(plugin); !views.empty())
@@ -146,6 +147,7 @@ std::string configuration_json_schema(const std::vector<PluginInfo>& plugins,
   for (const PluginInfo& plugin : plugins) {
     if (plugin.kind == PluginKind::kCost)
       continue;  // no block of its own: a plan's `costs` name it
+    if (plugin.kind == PluginKind::kExperiment) continue;  // its block is one of `blocks`
     Json& block = add(std::string(to_string(plugin.kind)), plugin.name, plugin.doc, plugin.schema);
     block["properties"]["plugin"] = {{"const", plugin.name}};
   }

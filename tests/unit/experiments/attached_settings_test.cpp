@@ -1,4 +1,4 @@
-#include "settings/attached_settings.hpp"
+#include <sidestep/runtime/attached_settings.hpp>
 
 #include <limits>
 

@@ -1,4 +1,4 @@
-#include "closed_loop/episode_progress.hpp"
+#include "episode_progress.hpp"
 
 #include <gtest/gtest.h>
 

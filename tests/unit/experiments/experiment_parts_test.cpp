@@ -4,15 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sidestep/measures/point_survey.hpp>
 #include <sidestep/planning/initial_guess.hpp>
+#include <sidestep/report/chart.hpp>
+#include <sidestep/report/text_table.hpp>
+#include <sidestep/results/statistics.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
-
-#include "measures/point_survey.hpp"
-#include "plan/frame_tap.hpp"
-#include "plan/plan_summary.hpp"
-#include "report/chart.hpp"
-#include "report/text_table.hpp"
-#include "results/statistics.hpp"
+#include "frame_tap.hpp"
+#include "plan_summary.hpp"
 
 namespace sidestep {
 namespace {

@@ -4,10 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/measures/exact_transform.hpp>
+#include <sidestep/results/statistics.hpp>
 #include "conformance/grid_map.hpp"
-#include "mapping/field_accuracy.hpp"
-#include "measures/exact_transform.hpp"
-#include "results/statistics.hpp"
+#include "field_accuracy.hpp"
 
 namespace sidestep {
 namespace {

@@ -7,14 +7,13 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/geometry/scene.hpp>
+#include <sidestep/results/intervals.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
-
-#include "results/intervals.hpp"
-#include "study/study_comparison.hpp"
-#include "study/study_rows.hpp"
-#include "study/study_scene.hpp"
-#include "study/study_solve.hpp"
+#include "study_comparison.hpp"
+#include "study_rows.hpp"
+#include "study_scene.hpp"
+#include "study_solve.hpp"
 #include "support/ball_robot.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -1,4 +1,4 @@
-#include "mapping/frame_feed.hpp"
+#include "frame_feed.hpp"
 
 #include <gtest/gtest.h>
 

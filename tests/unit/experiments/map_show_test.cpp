@@ -1,4 +1,4 @@
-#include "closed_loop/map_show.hpp"
+#include "map_show.hpp"
 
 #include <atomic>
 #include <stdexcept>

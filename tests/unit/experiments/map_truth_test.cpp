@@ -1,4 +1,4 @@
-#include "measures/map_truth.hpp"
+#include <sidestep/measures/map_truth.hpp>
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "problems/moveit_problems.hpp"
+#include "moveit_problems.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "planners/ompl_database.hpp"
+#include "ompl_database.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -2,10 +2,10 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "planners/path_quality.hpp"
-#include "planners/planner_figures.hpp"
-#include "planners/planner_rows.hpp"
-#include "planners/planner_summary.hpp"
+#include "path_quality.hpp"
+#include "planner_figures.hpp"
+#include "planner_rows.hpp"
+#include "planner_summary.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep {

@@ -1,4 +1,4 @@
-#include "problems/problem_set.hpp"
+#include <sidestep/problems/problem_set.hpp>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

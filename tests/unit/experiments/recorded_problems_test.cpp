@@ -1,4 +1,4 @@
-#include <sidestep/experiments/recorded_problems.hpp>
+#include <sidestep/problems/recorded_problems.hpp>
 
 #include <cmath>
 #include <fstream>

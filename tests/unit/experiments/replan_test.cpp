@@ -7,17 +7,17 @@
 #include <nlohmann/json.hpp>
 
 #include <sidestep/experiments/report.hpp>
-
-#include "closed_loop/episode_clock.hpp"
-#include "closed_loop/paced_frames.hpp"
-#include "closed_loop/replan_pictures.hpp"
-#include "closed_loop/replan_rows.hpp"
-#include "closed_loop/replan_settings.hpp"
-#include "closed_loop/replan_summary.hpp"
-#include "closed_loop/replan_visibility.hpp"
-#include "closed_loop/step_watch.hpp"
-#include "results/text_file.hpp"
+#include <sidestep/results/text_file.hpp>
+#include "episode_clock.hpp"
+#include "paced_frames.hpp"
+#include "replan_pictures.hpp"
+#include "replan_rows.hpp"
+#include "replan_settings.hpp"
+#include "replan_summary.hpp"
+#include "replan_visibility.hpp"
+#include "step_watch.hpp"
 #include "support/chain_robot.hpp"
+#include "support/host_fixture.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep {
@@ -279,7 +279,8 @@ TEST_F(ReplanRowsTest, ReportsTheEpisodesThatWereRunWhateverTheirNumbers) {
   late.reached = false;
   late.reason = "the goal was not reached in time";
   record({flight(4), flight(5), late});
-  ASSERT_TRUE(save_outcome(summary_of(3), folder_.path()));
+  testing_support::HostFixture fixture({PLUGIN_FOLDER});
+  ASSERT_TRUE(save_outcome(summary_of(3), folder_.path(), fixture.host));
   const auto html = read_file(folder_.path() / "report.html");
   ASSERT_TRUE(html) << html.error().describe();
   std::vector<std::size_t> order;

@@ -5,8 +5,7 @@
 
 #include <sidestep/robot/kinematic_tree.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
-
-#include "settings/task_settings.hpp"
+#include <sidestep/runtime/task_settings.hpp>
 
 namespace sidestep {
 namespace {

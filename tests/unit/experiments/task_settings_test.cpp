@@ -1,4 +1,4 @@
-#include "settings/task_settings.hpp"
+#include <sidestep/runtime/task_settings.hpp>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -5,10 +5,9 @@
 
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/planning/motion_check.hpp>
+#include <sidestep/problems/problem_set.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/shape_check.hpp>
-
-#include "problems/problem_set.hpp"
 #include "support/host_fixture.hpp"
 
 namespace sidestep {

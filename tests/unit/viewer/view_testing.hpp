@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/experiments/run_observer.hpp>
 #include <sidestep/field/dense_field.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "decoded_message.hpp"
 #include "support/ball_robot.hpp"

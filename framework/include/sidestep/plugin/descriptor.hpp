@@ -20,6 +20,7 @@ enum class PluginKind : std::uint32_t {
   kOptimiser = 5,
   kExecutor = 6,
   kCost = 7,
+  kExperiment = 8,
 };
 
 /// Versions of the interface of each kind: raised whenever its virtuals or the data they
@@ -31,6 +32,7 @@ inline constexpr std::uint32_t kRobotInterface = 2;
 inline constexpr std::uint32_t kOptimiserInterface = 2;
 inline constexpr std::uint32_t kExecutorInterface = 1;
 inline constexpr std::uint32_t kCostInterface = 1;
+inline constexpr std::uint32_t kExperimentInterface = 1;
 
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
 /// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.

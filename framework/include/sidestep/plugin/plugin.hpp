@@ -148,10 +148,11 @@ struct PluginGlue {
 }  // namespace sidestep
 
 /// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser,
-/// Executor or StateCost. OPTIONS: a struct with `static Parameters<OPTIONS> parameters()` and,
-/// where its parameters must fit together, `std::vector<OptionMistake> check() const`. CREATE: a
-/// function Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given
-/// only options that check() finds nothing wrong with. What follows DOC are the views (types as in
+/// Executor or StateCost (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a struct with `static
+/// Parameters<OPTIONS> parameters()` and, where its parameters must fit together,
+/// `std::vector<OptionMistake> check() const`. CREATE: a function
+/// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
+/// options that check() finds nothing wrong with. What follows DOC are the views (types as in
 /// mapping/occupancy_view.hpp) that a mapper offers or a field needs: the host tells before a run
 /// whether the two fit.
 #define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)         \

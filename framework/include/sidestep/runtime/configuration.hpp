@@ -2,8 +2,8 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
@@ -18,6 +18,14 @@ struct Configuration {
   std::filesystem::path file;
   Node root;
 };
+
+/// A top-level block of a configuration; a null node where it has none.
+[[nodiscard]] inline const Node& block_of(const Configuration& configuration,
+                                          std::string_view name) {
+  static const Node kNothing;
+  const Node* block = configuration.root.find(name);
+  return block != nullptr ? *block : kNothing;
+}
 
 struct ConfigurationReading {
   Configuration configuration;

@@ -13,6 +13,7 @@
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/snapshot_slot.hpp>
 #include <sidestep/trajectory/motion_limits.hpp>
 
@@ -24,7 +25,7 @@ namespace sidestep {
 inline constexpr std::array<std::string_view, 5> kReplanGuesses{
     "refit", "straight_line", "perturbed", "sampled", "after_stop"};
 
-/// How a replanner behaves. Times on the run's clock.
+/// How a replanner behaves, the block `replanner`. Times on the run's clock.
 struct ReplannerSettings {
   double replan_period_s = 0.1;     ///< Least time from one replan's begin to the next one's.
   double takeover_s = 0.1;          ///< From a replan's begin to when its trajectory takes over.
@@ -74,6 +75,8 @@ struct ReplannerSettings {
   [[nodiscard]] double longest_step_s() const noexcept {
     return std::max(takeover_s, max_state_age_s);
   }
+
+  static Parameters<ReplannerSettings> parameters();
 };
 
 /// What a replanner noticed or did.

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include <sidestep/experiments/recorded_problems.hpp>
+#include <sidestep/problems/recorded_problems.hpp>
 
 #include "factors.hpp"
 #include "gp_ceres.hpp"

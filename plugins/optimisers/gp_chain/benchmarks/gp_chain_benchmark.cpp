@@ -4,7 +4,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include <sidestep/experiments/recorded_problems.hpp>
+#include <sidestep/problems/recorded_problems.hpp>
 
 #include "gp_ceres.hpp"
 #include "gp_chain.hpp"

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <sidestep/experiments/recorded_problems.hpp>
+#include <sidestep/problems/recorded_problems.hpp>
 
 #include "gp_chain.hpp"
 

@@ -6,10 +6,10 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/core/worker_pool.hpp>
-#include <sidestep/experiments/recorded_problems.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/problems/recorded_problems.hpp>
 
 #include "conformance/optimiser_conformance.hpp"
 #include "support/chain_robot.hpp"

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "report/report_parts.hpp"
-#include "results/summary_values.hpp"
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/summary_values.hpp>
 
 namespace sidestep::plain_driver {
 namespace {

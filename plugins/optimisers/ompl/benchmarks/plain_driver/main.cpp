@@ -5,15 +5,14 @@
 #include <cstdio>
 
 #include <sidestep/core/seed.hpp>
+#include <sidestep/problems/problem_set.hpp>
+#include <sidestep/results/json.hpp>
+#include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
-
 #include "driver_table.hpp"
-#include "problems/problem_set.hpp"
-#include "results/json.hpp"
 #include "session.hpp"
-#include "settings/blocks.hpp"
 
 namespace {
 

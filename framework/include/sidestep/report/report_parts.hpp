@@ -1,0 +1,47 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include <sidestep/report/canvas.hpp>
+
+namespace sidestep::report {
+
+using Json = nlohmann::ordered_json;
+using Row = std::vector<std::string>;
+
+/// The value at a JSON pointer, or null.
+[[nodiscard]] Json at(const Json& json, const char* pointer);
+
+/// A cell: a number as `pattern` writes it, text as it is, a truth value as yes or no or as the
+/// one or the other word of a pattern like "signed|unsigned"; "-" for nothing and for a number that
+/// is not finite.
+[[nodiscard]] std::string cell(const Json& value, const char* pattern = "%g");
+
+/// A column of a table: its name, where its values stand in what makes a row, and their pattern.
+struct Column {
+  std::string name;
+  const char* pointer;
+  const char* pattern = "%g";
+};
+using Columns = std::vector<Column>;
+[[nodiscard]] Row names_of(const Columns& columns);
+[[nodiscard]] Row cells_of(const Json& json, const Columns& columns);
+
+/// Of an array's elements those that have an object at a JSON pointer.
+[[nodiscard]] Json those_with(const char* pointer, const Json& elements);
+
+/// A table for a terminal, one row an element of `rows`.
+[[nodiscard]] std::string text_table(const Columns& columns, const Json& rows);
+
+[[nodiscard]] std::string html_table(const Row& header, const std::vector<Row>& rows);
+[[nodiscard]] std::string html_table(const Columns& columns, const Json& rows);
+
+/// Writes the pictures beside the report and returns them embedded.
+[[nodiscard]] Result<std::string> figure_section(const std::vector<Figure>& figures,
+                                                 const std::filesystem::path& run);
+
+}  // namespace sidestep::report

@@ -1,0 +1,369 @@
+#include "moveit_problems.hpp"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+
+#include <sidestep/runtime/yaml_document.hpp>
+
+#include "document_entry.hpp"
+
+namespace sidestep {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Joint positions by name.
+using Positions = std::map<std::string, double>;
+
+constexpr const char* kRequest = "request";
+constexpr const char* kScene = "scene";
+
+constexpr std::size_t kMostDigits = 9;  // an int holds them
+
+/// The digits before ".yaml" in a name that begins with `prefix`; empty for other names.
+std::string digits_of(const fs::path& file, std::string_view prefix) {
+  const std::string stem = file.stem().string();
+  const std::size_t last = stem.find_last_not_of("0123456789");
+  const bool fits = file.extension() == ".yaml" && stem.starts_with(prefix);
+  const bool has_digits =
+      fits && last != std::string::npos && stem.size() - last <= kMostDigits + 1;
+  return has_digits ? stem.substr(last + 1) : "";
+}
+
+/// The files of a folder that begin with `prefix`, by their digits; of several with the same, the
+/// one with nothing between the two, or else the first by name.
+std::map<std::string, fs::path> numbered_files(const fs::path& folder, std::string_view prefix) {
+  std::map<std::string, fs::path> files;
+  const auto is_better = [&](const fs::path& file, const fs::path& than,
+                             const std::string& digits) {
+    const std::string plain = std::string(prefix) + digits;
+    return std::pair(file.stem() != plain, file) < std::pair(than.stem() != plain, than);
+  };
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+    const std::string digits = digits_of(entry.path(), prefix);
+    if (digits.empty()) continue;
+    const auto [found, is_new] = files.emplace(digits, entry.path());
+    if (!is_new && is_better(entry.path(), found->second, digits)) found->second = entry.path();
+  }
+  return files;
+}
+
+/// Numbers written as [x, y, z] or as {x: ..., y: ..., z: ...}.
+Eigen::VectorXd coordinates(const DocumentEntry& entry, const std::vector<const char*>& names) {
+  if (!entry.is_map()) return entry.numbers(names.size());
+  Eigen::VectorXd values(static_cast<Eigen::Index>(names.size()));
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    values[static_cast<Eigen::Index>(i)] = entry[names[i]].number();
+  }
+  return values;
+}
+
+/// A geometry_msgs Pose ("position", "orientation") or Transform ("translation", "rotation").
+Transform read_pose(const DocumentEntry& pose, const char* position, const char* orientation) {
+  Transform T = Transform::Identity();
+  T.translation() = coordinates(pose[position], {"x", "y", "z"});
+  const Eigen::VectorXd xyzw = coordinates(pose[orientation], {"x", "y", "z", "w"});
+  if (!(xyzw.norm() > 0.0)) pose[orientation].complain("this is no orientation");
+  T.linear() =
+      Eigen::Quaterniond(xyzw[3], xyzw[0], xyzw[1], xyzw[2]).normalized().toRotationMatrix();
+  return T;
+}
+Transform read_pose(const DocumentEntry& pose) {
+  return read_pose(pose, "position", "orientation");
+}
+
+/// Where the frames of a scene are, seen from the robot's root.
+class Frames {
+ public:
+  Frames(const DocumentEntry& scene, const RobotDescription& robot)
+      : root_(robot.links.empty() ? "" : robot.links.front().name) {
+    T_planning_frame_ = {{"", Transform::Identity()}, {"world", Transform::Identity()}};
+    if (scene.has("fixed_frame_transforms")) add(scene["fixed_frame_transforms"].items());
+    T_planning_frame_.emplace(root_, Transform::Identity());
+  }
+
+  [[nodiscard]] Transform T_root_frame(const DocumentEntry& object) const {
+    const bool is_named = object.has("header") && object["header"].has("frame_id");
+    const std::string frame = is_named ? object["header"]["frame_id"].text() : "";
+    const auto found = T_planning_frame_.find(frame);
+    if (found != T_planning_frame_.end()) {
+      return T_planning_frame_.at(root_).inverse() * found->second;
+    }
+    object["header"]["frame_id"].complain("'" + frame + "' is neither the robot's root '" + root_ +
+                                          "' nor among `fixed_frame_transforms`");
+    return Transform::Identity();
+  }
+
+ private:
+  /// Transforms in any order; the frame that is nobody's child is the planning frame.
+  void add(std::vector<DocumentEntry> transforms) {
+    std::set<std::string> children, parents;
+    for (const DocumentEntry& one : transforms) children.insert(one["child_frame_id"].text());
+    for (const DocumentEntry& one : transforms) {
+      const DocumentEntry parent = one["header"]["frame_id"];
+      if (children.contains(parent.text())) continue;
+      parents.insert(parent.text());
+      if (parents.size() > 1) parent.complain("there is another planning frame before this one");
+      T_planning_frame_[parent.text()] = Transform::Identity();
+    }
+    const auto is_placed = [&](const DocumentEntry& one) {
+      const auto parent = T_planning_frame_.find(one["header"]["frame_id"].text());
+      if (parent == T_planning_frame_.end()) return false;
+      T_planning_frame_[one["child_frame_id"].text()] =
+          parent->second * read_pose(one["transform"], "translation", "rotation");
+      return true;
+    };
+    while (std::erase_if(transforms, is_placed) > 0) {
+    }
+    if (!transforms.empty()) {
+      transforms.front()["child_frame_id"].complain("this frame hangs on no planning frame");
+    }
+  }
+
+  std::string root_;
+  std::map<std::string, Transform> T_planning_frame_;
+};
+
+/// A shape_msgs SolidPrimitive.
+Shape read_primitive(const DocumentEntry& primitive) {
+  // By name, or by the number of the message's constant.
+  std::string type = primitive["type"].text();
+  std::ranges::transform(type, type.begin(), [](unsigned char c) { return std::tolower(c); });
+  const DocumentEntry dimensions = primitive["dimensions"];
+  const auto positive = [&](std::size_t count) {
+    const Eigen::VectorXd values = dimensions.numbers(count);
+    if (!(values.array() > 0.0).all()) dimensions.complain("dimensions must be greater than 0");
+    return values;
+  };
+  if (type == "box" || type == "1") return Box{positive(3)};
+  if (type == "sphere" || type == "2") return Sphere{positive(1)[0]};
+  if (type == "cylinder" || type == "3") {
+    const Eigen::VectorXd height_and_radius = positive(2);
+    return Cylinder{height_and_radius[1], height_and_radius[0]};
+  }
+  primitive["type"].complain("expected box, cylinder or sphere, found '" + type + "'");
+  return Sphere{};
+}
+
+/// The file that a resource names: a path from the folder of the scene, or "package://NAME/..."
+/// below that folder or one that it is in.
+std::optional<fs::path> find_resource(const std::string& resource, const fs::path& folder) {
+  constexpr std::string_view kPackage = "package://", kFile = "file://";
+  std::error_code ignored;
+  if (!resource.starts_with(kPackage)) {
+    const bool has_scheme = resource.starts_with(kFile);
+    const fs::path file = folder / (has_scheme ? resource.substr(kFile.size()) : resource);
+    if (fs::is_regular_file(file, ignored)) return file;
+    return std::nullopt;
+  }
+  const std::string rest = resource.substr(kPackage.size());
+  for (fs::path base = fs::absolute(folder, ignored);; base = base.parent_path()) {
+    if (fs::is_regular_file(base / rest, ignored)) return base / rest;
+    if (base == base.parent_path()) return std::nullopt;
+  }
+}
+
+/// A mesh by its `resource`, stretched by `dimensions` where they are given; or by its `vertices`
+/// and `triangles` themselves.
+Shape read_mesh_entry(const DocumentEntry& entry, const fs::path& folder) {
+  Mesh mesh;
+  if (entry.has("resource")) {
+    const std::string resource = entry["resource"].text();
+    const auto file = find_resource(resource, folder);
+    if (!file) {
+      entry["resource"].complain("there is no file '" + resource + "'",
+                                 "packages are looked for in the folders above the scene");
+      return std::make_shared<const Mesh>();
+    }
+    auto read = read_mesh(file->string());
+    if (!read) {
+      entry["resource"].complain(read.error().describe());
+      return std::make_shared<const Mesh>();
+    }
+    mesh = std::move(*read);
+    const Eigen::Vector3d scale = entry.has("dimensions")
+                                      ? coordinates(entry["dimensions"], {"x", "y", "z"})
+                                      : Eigen::VectorXd::Ones(3);
+    for (Eigen::Vector3d& vertex : mesh.vertices_m) vertex = vertex.cwiseProduct(scale);
+    return indexed_mesh(std::move(mesh));
+  }
+  for (const DocumentEntry& vertex : entry["vertices"].items()) {
+    mesh.vertices_m.emplace_back(coordinates(vertex, {"x", "y", "z"}));
+  }
+  const auto count = static_cast<double>(mesh.vertices_m.size());
+  for (const DocumentEntry& triangle : entry["triangles"].items()) {
+    const DocumentEntry listed = triangle.is_map() ? triangle["vertex_indices"] : triangle;
+    const Eigen::VectorXd corners = listed.numbers(3);
+    if ((corners.array() < 0.0).any() || (corners.array() >= count).any()) {
+      listed.complain("a triangle has a corner that is not among the vertices");
+      return std::make_shared<const Mesh>();
+    }
+    mesh.triangles.emplace_back(corners.cast<int>());
+  }
+  return indexed_mesh(std::move(mesh));
+}
+
+/// A moveit_msgs CollisionObject: one object of ours for each of its shapes.
+void read_object(const DocumentEntry& object, const Frames& frames, const fs::path& folder,
+                 std::vector<SceneObject>& into) {
+  if (object.has("planes")) object["planes"].complain("planes are not supported");
+  Transform T_root_object = frames.T_root_frame(object);
+  if (object.has("pose")) T_root_object = T_root_object * read_pose(object["pose"]);
+  const std::string id = object["id"].text();
+  const std::size_t first = into.size();
+  for (const auto& [shapes, poses] :
+       {std::pair("primitives", "primitive_poses"), {"meshes", "mesh_poses"}}) {
+    if (!object.has(shapes)) continue;
+    const auto listed = object[shapes].items(), places = object[poses].items();
+    if (listed.size() != places.size()) {
+      object[poses].complain("there are " + std::to_string(listed.size()) + " of `" + shapes +
+                             "` and " + std::to_string(places.size()) + " poses");
+      return;
+    }
+    const bool are_meshes = std::string_view(shapes) == "meshes";
+    for (std::size_t i = 0; i < listed.size(); ++i) {
+      Waypoint place;
+      place.T_world_object = T_root_object * read_pose(places[i]);
+      SceneObject part;
+      part.shape = are_meshes ? read_mesh_entry(listed[i], folder) : read_primitive(listed[i]);
+      part.waypoints = {place};
+      into.push_back(std::move(part));
+    }
+  }
+  if (into.size() == first) object.complain("object '" + id + "' has no shape");
+  for (std::size_t i = first; i < into.size(); ++i) {
+    into[i].name = into.size() == first + 1 ? id : id + "/" + std::to_string(i - first);
+  }
+}
+
+/// A sensor_msgs JointState: what it says comes before what was said.
+void read_joint_state(const DocumentEntry& state, Positions& positions) {
+  const auto names = state["name"].items(), values = state["position"].items();
+  if (names.size() != values.size()) {
+    state["position"].complain("there are " + std::to_string(names.size()) + " names and " +
+                               std::to_string(values.size()) + " positions");
+    return;
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    positions[names[i].text()] = values[i].number();
+  }
+}
+
+/// A moveit_msgs RobotState, which may leave out what it does not change.
+void read_robot_state(const DocumentEntry& parent, const char* key, Positions& positions) {
+  if (!parent.has(key)) return;
+  const DocumentEntry state = parent[key];
+  if (state.has("attached_collision_objects")) {
+    state["attached_collision_objects"].complain("attached objects are not supported");
+  }
+  if (state.has("joint_state")) read_joint_state(state["joint_state"], positions);
+}
+
+Positions read_goal(const DocumentEntry& request) {
+  Positions goal;
+  const DocumentEntry listed = request["goal_constraints"];
+  const auto constraints = listed.items();
+  if (constraints.size() != 1) {
+    listed.complain("only problems with one goal are supported, and there are " +
+                    std::to_string(constraints.size()));
+    return goal;
+  }
+  for (const char* other :
+       {"position_constraints", "orientation_constraints", "visibility_constraints"}) {
+    if (!constraints.front().has(other)) continue;
+    constraints.front()[other].complain("only goals that are positions of joints are supported");
+  }
+  for (const DocumentEntry& joint : constraints.front()["joint_constraints"].items()) {
+    goal[joint["joint_name"].text()] = joint["position"].number();
+  }
+  return goal;
+}
+
+/// The robot's own joints, of all that are named; complains where one is not.
+Eigen::VectorXd configuration_of(const Positions& positions, const RobotDescription& robot,
+                                 const DocumentEntry& from) {
+  Eigen::VectorXd q = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(robot.joints.size()));
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    const auto found = positions.find(robot.joints[j].name);
+    if (found == positions.end()) {
+      from.complain("robot '" + robot.name + "' moves joint '" + robot.joints[j].name +
+                    "', which is not here");
+      return q;
+    }
+    q[static_cast<Eigen::Index>(j)] = found->second;
+  }
+  return q;
+}
+
+std::vector<SceneObject> read_world(const DocumentEntry& scene, const RobotDescription& robot,
+                                    const fs::path& folder) {
+  std::vector<SceneObject> objects;
+  const Frames frames(scene, robot);
+  if (!scene.has("world")) return objects;
+  const DocumentEntry world = scene["world"];
+  if (world.has("octomap") && world["octomap"].has("octomap") &&
+      world["octomap"]["octomap"].has("data")) {
+    world["octomap"].complain("octomaps are not supported");
+  }
+  if (!world.has("collision_objects")) return objects;
+  for (const DocumentEntry& object : world["collision_objects"].items()) {
+    read_object(object, frames, folder, objects);
+  }
+  return objects;
+}
+
+Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& request_file,
+                                const RobotDescription& robot) {
+  const YamlDocumentReader reader;
+  const auto scene_document = reader.read(scene_file);
+  if (!scene_document) return error_of(scene_document);
+  const auto request_document = reader.read(request_file);
+  if (!request_document) return error_of(request_document);
+  std::optional<Error> error;
+  const DocumentEntry scene(*scene_document, error), request(*request_document, error);
+  SetProblem problem;
+  problem.scene = std::make_shared<const Scene>(read_world(scene, robot, scene_file.parent_path()));
+  Positions start;
+  read_robot_state(scene, "robot_state", start);
+  read_robot_state(request, "start_state", start);
+  problem.q_start = configuration_of(start, robot, request["start_state"]);
+  problem.q_goal = configuration_of(read_goal(request), robot, request["goal_constraints"]);
+  if (error) return tl::make_unexpected(std::move(*error));
+  return problem;
+}
+
+}  // namespace
+
+bool holds_moveit_problems(const fs::path& folder) {
+  return !numbered_files(folder, kRequest).empty();
+}
+
+Result<std::vector<SetProblem>> read_moveit_family(const fs::path& folder,
+                                                   const RobotDescription& robot) {
+  std::string family = fs::absolute(folder).lexically_normal().filename().string();
+  if (family.empty()) family = fs::absolute(folder).lexically_normal().parent_path().filename();
+  if (family.ends_with("_" + robot.name)) family.resize(family.size() - robot.name.size() - 1);
+  const auto scenes = numbered_files(folder, kScene);
+  std::vector<SetProblem> problems;
+  for (const auto& [digits, request] : numbered_files(folder, kRequest)) {
+    const auto scene = scenes.find(digits);
+    if (scene == scenes.end()) {
+      return fail(ErrorCode::kNotFound, "there is no scene" + digits + ".yaml beside the request",
+                  request.string());
+    }
+    auto problem = read_problem(scene->second, request, robot);
+    if (!problem) return error_of(problem);
+    problem->family = family;
+    problem->index = std::stoi(digits);
+    problems.push_back(std::move(*problem));
+  }
+  std::ranges::stable_sort(problems, {}, &SetProblem::index);
+  return problems;
+}
+
+}  // namespace sidestep

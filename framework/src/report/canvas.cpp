@@ -1,0 +1,218 @@
+#include <sidestep/report/canvas.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <cairo-svg.h>
+#include <cairo.h>
+
+namespace sidestep {
+namespace {
+
+constexpr const char* kFont = "DejaVu Sans";
+
+struct DestroySurface {
+  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
+};
+struct DestroyContext {
+  void operator()(cairo_t* context) const { cairo_destroy(context); }
+};
+using Surface = std::unique_ptr<cairo_surface_t, DestroySurface>;
+using Context = std::unique_ptr<cairo_t, DestroyContext>;
+
+void set_colour(cairo_t* context, const Colour& colour) {
+  cairo_set_source_rgba(context, colour.red, colour.green, colour.blue, colour.alpha);
+}
+
+void set_stroke(cairo_t* context, const Stroke& stroke) {
+  set_colour(context, stroke.colour);
+  cairo_set_line_width(context, stroke.width);
+  cairo_set_dash(context, stroke.dashes.data(), static_cast<int>(stroke.dashes.size()), 0.0);
+  cairo_set_line_join(context, CAIRO_LINE_JOIN_ROUND);
+}
+
+void set_font(cairo_t* context, const TextStyle& style) {
+  cairo_select_font_face(context, kFont, CAIRO_FONT_SLANT_NORMAL,
+                         style.bold ? CAIRO_FONT_WEIGHT_BOLD : CAIRO_FONT_WEIGHT_NORMAL);
+  cairo_set_font_size(context, style.size);
+}
+
+/// One pixel as Cairo stores it: alpha, then colours multiplied by it.
+std::uint32_t packed(const Colour& colour) {
+  const auto byte = [](double value) {
+    return static_cast<std::uint32_t>(std::lround(std::clamp(value, 0.0, 1.0) * 255.0));
+  };
+  return byte(colour.alpha) << 24 | byte(colour.red * colour.alpha) << 16 |
+         byte(colour.green * colour.alpha) << 8 | byte(colour.blue * colour.alpha);
+}
+
+Result<void> written(cairo_status_t status, const std::filesystem::path& file) {
+  if (status == CAIRO_STATUS_SUCCESS) return {};
+  return fail(ErrorCode::kIo,
+              std::string("cannot write the picture: ") + cairo_status_to_string(status),
+              file.string());
+}
+
+}  // namespace
+
+struct Canvas::Impl {
+  Surface surface;
+  Context context;
+};
+
+Canvas::Canvas(double width, double height)
+    : width_(width), height_(height), impl_(std::make_unique<Impl>()) {
+  const cairo_rectangle_t extents{0.0, 0.0, width, height};
+  impl_->surface.reset(cairo_recording_surface_create(CAIRO_CONTENT_COLOR_ALPHA, &extents));
+  impl_->context.reset(cairo_create(impl_->surface.get()));
+  rectangle({0.0, 0.0, width, height}, colour(0xFFFFFF));
+}
+Canvas::~Canvas() = default;
+Canvas::Canvas(Canvas&&) noexcept = default;
+Canvas& Canvas::operator=(Canvas&&) noexcept = default;
+
+void Canvas::line(std::span<const Point> points, const Stroke& stroke) {
+  cairo_t* context = impl_->context.get();
+  bool pen_down = false;
+  for (const Point& point : points) {
+    if (!std::isfinite(point.x) || !std::isfinite(point.y)) {
+      pen_down = false;
+      continue;
+    }
+    if (pen_down) {
+      cairo_line_to(context, point.x, point.y);
+    } else {
+      cairo_move_to(context, point.x, point.y);
+    }
+    pen_down = true;
+  }
+  set_stroke(context, stroke);
+  cairo_stroke(context);
+}
+
+void Canvas::rectangle(const Area& area, const Colour& fill) {
+  cairo_t* context = impl_->context.get();
+  set_colour(context, fill);
+  cairo_rectangle(context, area.x, area.y, area.width, area.height);
+  cairo_fill(context);
+}
+
+void Canvas::outline(const Area& area, const Stroke& stroke) {
+  cairo_t* context = impl_->context.get();
+  set_stroke(context, stroke);
+  cairo_rectangle(context, area.x, area.y, area.width, area.height);
+  cairo_stroke(context);
+}
+
+void Canvas::polygon(std::span<const Point> corners, const Colour& fill) {
+  cairo_t* context = impl_->context.get();
+  set_colour(context, fill);
+  cairo_new_path(context);
+  for (const Point& corner : corners) cairo_line_to(context, corner.x, corner.y);
+  cairo_fill(context);
+}
+
+void Canvas::circle(const Point& centre, double radius, const Colour& fill) {
+  cairo_t* context = impl_->context.get();
+  set_colour(context, fill);
+  cairo_new_path(context);
+  cairo_arc(context, centre.x, centre.y, radius, 0.0, 2.0 * std::numbers::pi);
+  cairo_fill(context);
+}
+
+void Canvas::ring(const Point& centre, double radius, const Stroke& stroke) {
+  cairo_t* context = impl_->context.get();
+  set_stroke(context, stroke);
+  cairo_new_path(context);
+  cairo_arc(context, centre.x, centre.y, radius, 0.0, 2.0 * std::numbers::pi);
+  cairo_stroke(context);
+}
+
+void Canvas::text(const Point& at, const std::string& text, const TextStyle& style) {
+  cairo_t* context = impl_->context.get();
+  const double width = text_width(text, style);
+  const double shift = style.align == Align::kLeft     ? 0.0
+                       : style.align == Align::kCentre ? -0.5 * width
+                                                       : -width;
+  cairo_save(context);
+  set_font(context, style);
+  set_colour(context, style.colour);
+  cairo_translate(context, at.x, at.y);
+  if (style.upwards) cairo_rotate(context, -0.5 * std::numbers::pi);
+  cairo_move_to(context, shift, 0.0);
+  cairo_show_text(context, text.c_str());
+  cairo_restore(context);
+}
+
+double Canvas::text_width(const std::string& text, const TextStyle& style) {
+  cairo_t* context = impl_->context.get();
+  cairo_text_extents_t extents;
+  cairo_save(context);
+  set_font(context, style);
+  cairo_text_extents(context, text.c_str(), &extents);
+  cairo_restore(context);
+  return extents.x_advance;
+}
+
+void Canvas::raster(const Raster& raster, const Area& area) {
+  if (raster.width <= 0 || raster.height <= 0) return;
+  const Surface image(cairo_image_surface_create(CAIRO_FORMAT_ARGB32, raster.width, raster.height));
+  if (cairo_surface_status(image.get()) != CAIRO_STATUS_SUCCESS) return;
+  cairo_surface_flush(image.get());
+  unsigned char* bytes = cairo_image_surface_get_data(image.get());
+  const int stride = cairo_image_surface_get_stride(image.get());
+  for (int y = 0; y < raster.height; ++y) {
+    auto* row = reinterpret_cast<std::uint32_t*>(bytes + static_cast<std::ptrdiff_t>(y) * stride);
+    for (int x = 0; x < raster.width; ++x) {
+      row[x] = packed(
+          raster.pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
+                        static_cast<std::size_t>(x)]);
+    }
+  }
+  cairo_surface_mark_dirty(image.get());
+  cairo_t* context = impl_->context.get();
+  cairo_save(context);
+  cairo_rectangle(context, area.x, area.y, area.width, area.height);
+  cairo_clip(context);
+  cairo_translate(context, area.x, area.y);
+  cairo_scale(context, area.width / raster.width, area.height / raster.height);
+  cairo_set_source_surface(context, image.get(), 0.0, 0.0);
+  cairo_pattern_set_filter(cairo_get_source(context), CAIRO_FILTER_NEAREST);
+  cairo_paint(context);
+  cairo_restore(context);
+}
+
+void Canvas::clip(const Area& area) {
+  cairo_t* context = impl_->context.get();
+  cairo_save(context);
+  cairo_rectangle(context, area.x, area.y, area.width, area.height);
+  cairo_clip(context);
+}
+
+void Canvas::unclip() { cairo_restore(impl_->context.get()); }
+
+Result<void> Canvas::write_png(const std::filesystem::path& file, double scale) const {
+  const Surface image(cairo_image_surface_create(CAIRO_FORMAT_RGB24,
+                                                 static_cast<int>(std::ceil(width_ * scale)),
+                                                 static_cast<int>(std::ceil(height_ * scale))));
+  const Context context(cairo_create(image.get()));
+  cairo_scale(context.get(), scale, scale);
+  cairo_set_source_surface(context.get(), impl_->surface.get(), 0.0, 0.0);
+  cairo_paint(context.get());
+  if (const auto status = cairo_status(context.get()); status != CAIRO_STATUS_SUCCESS) {
+    return written(status, file);
+  }
+  return written(cairo_surface_write_to_png(image.get(), file.c_str()), file);
+}
+
+Result<void> Canvas::write_svg(const std::filesystem::path& file) const {
+  const Surface surface(cairo_svg_surface_create(file.c_str(), width_, height_));
+  const Context context(cairo_create(surface.get()));
+  cairo_set_source_surface(context.get(), impl_->surface.get(), 0.0, 0.0);
+  cairo_paint(context.get());
+  cairo_surface_finish(surface.get());
+  return written(cairo_surface_status(surface.get()), file);
+}
+
+}  // namespace sidestep

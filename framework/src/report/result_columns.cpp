@@ -1,0 +1,100 @@
+#include <sidestep/report/result_columns.hpp>
+
+#include <algorithm>
+
+#include <sidestep/report/csv.hpp>
+#include <sidestep/report/html.hpp>
+
+namespace sidestep::report {
+
+void ResultColumns::declare(const std::string& key, std::string heading, std::string meaning,
+                            const Shown& shown) {
+  std::string pointer = "/" + key;
+  std::ranges::replace(pointer, '.', '/');
+  columns_.push_back(
+      {std::move(pointer), std::move(meaning), std::move(heading), shown, tables_.size()});
+}
+
+void ResultColumns::declare_statistics(const std::string& prefix, const std::string& meaning,
+                                       const std::vector<std::string>& statistics,
+                                       const Shown& shown) {
+  const std::string heading = shown.heading;
+  for (const std::string& name : statistics) {
+    const bool is_shown =
+        !heading.empty() &&
+        (shown.statistics.empty() || shown.statistics.find(name) != std::string_view::npos);
+    declare(prefix + name, is_shown ? heading + " " + name : "", meaning, shown);
+  }
+}
+
+std::string ResultColumns::csv(const Json& rows) const {
+  std::vector<const char*> pointers;
+  for (const ResultColumn& column : columns_) pointers.push_back(column.pointer.c_str());
+  return csv_text(rows, pointers);
+}
+
+Columns ResultColumns::shown_in(std::size_t table, bool on_page) const {
+  Columns shown;
+  for (const ResultColumn& column : columns_) {
+    const bool is_here = column.table == 0 || column.table == table;
+    if (!is_here || column.heading.empty() || (column.shown.page_only && !on_page)) continue;
+    shown.push_back({column.heading, column.pointer.c_str(), column.shown.pattern});
+  }
+  return shown;
+}
+
+Json ResultColumns::rows_in(std::size_t table, const Json& rows) const {
+  Json those = Json::array();
+  for (const Json& row : rows) {
+    const auto is_filled = [&](const ResultColumn& column) {
+      return column.table == table && !at(row, column.pointer.c_str()).is_null();
+    };
+    if (std::ranges::any_of(columns_, is_filled)) those.push_back(row);
+  }
+  return those;
+}
+
+std::string ResultColumns::text(const Json& rows) const {
+  std::string text;
+  for (std::size_t t = 1; t <= tables_.size(); ++t) {
+    const Json those = rows_in(t, rows);
+    if (those.empty()) continue;
+    text += (text.empty() ? "" : "\n") + text_table(shown_in(t, false), those);
+  }
+  return text;
+}
+
+std::string ResultColumns::html(const Json& rows) const {
+  std::string html;
+  for (std::size_t t = 1; t <= tables_.size(); ++t) {
+    const Json those = rows_in(t, rows);
+    if (those.empty()) continue;
+    html += "<h2>" + escape_html(tables_[t - 1].title) + "</h2>\n" +
+            html_table(shown_in(t, true), those);
+    if (!tables_[t - 1].note.empty()) html += "<p>" + tables_[t - 1].note + "</p>\n";
+  }
+  return html;
+}
+
+Columns ResultColumns::compared() const {
+  Columns compared;
+  for (const ResultColumn& column : columns_) {
+    if (!column.shown.compared || column.heading.empty()) continue;
+    compared.push_back({column.heading, column.pointer.c_str(), column.shown.pattern});
+  }
+  return compared;
+}
+
+std::string ResultColumns::reference() const {
+  const std::string of =
+      pointer_.empty() ? "column of `table.csv`" : "key of `" + pointer_.substr(1) + "`";
+  std::string text = "| " + of + " | meaning |\n| --- | --- |\n";
+  for (const ResultColumn& column : columns_) {
+    std::string key = column.pointer.substr(1);
+    std::ranges::replace(key, '/', '.');
+    text += "| `" + key + "` | " + column.meaning + " |\n";
+  }
+  return text;
+}
+
+}  // namespace sidestep::report

@@ -1,0 +1,71 @@
+#include <sidestep/runtime/replanner.hpp>
+
+namespace sidestep {
+
+Parameters<ReplannerSettings> ReplannerSettings::parameters() {
+  using S = ReplannerSettings;
+  return Parameters<S>()
+      .add("replan_period_s", &S::replan_period_s,
+           "Least time from one replan's begin to the next one's.",
+           {.unit = "s", .min = 1e-3, .max = 60.0})
+      .add("takeover_s", &S::takeover_s, "From a replan's begin to when its trajectory takes over.",
+           {.unit = "s", .min = 1e-3, .max = 60.0})
+      .add("solve_limit_s", &S::solve_limit_s,
+           "For all attempts of one replan; less than takeover_s.",
+           {.unit = "s", .min = 1e-4, .max = 60.0})
+      .add("horizon_s", &S::horizon_s,
+           "Where no trajectory is free all the way, one that is so for this long may do.",
+           {.unit = "s", .min = 0.0, .max = 3600.0})
+      .add(
+          "stopgap_after_s", &S::stopgap_after_s,
+          "By the wall's clock: after so long no further first guess is tried where one has led to "
+          "a trajectory that is free for horizon_s.",
+          {.unit = "s", .min = 0.0, .max = 60.0})
+      .add("stop_lead_s", &S::stop_lead_s, "From the decision to stop to when braking begins.",
+           {.unit = "s", .min = 0.0, .max = 60.0})
+      .add("max_state_age_s", &S::max_state_age_s,
+           "A measured state older than this leads to a stop.",
+           {.unit = "s", .min = 1e-3, .max = 3600.0})
+      .add("max_map_age_s", &S::max_map_age_s, "A map older than this leads to a stop.",
+           {.unit = "s", .min = 1e-3, .max = 3600.0})
+      .add("goal_tolerance", &S::goal_tolerance, "Of every joint at the goal (m, rad).",
+           {.min = 1e-6, .max = 10.0})
+      .add(
+          "obstacle_speed_mps", &S::obstacle_speed_mps,
+          "Largest speed of what moves: while the robot moves, it can come to rest before anything "
+          "seen moving could reach it. 0: what moves is an obstacle like any other.",
+          {.unit = "m/s", .min = 0.0, .max = 20.0})
+      .add("rest_speed", &S::rest_speed, "Joints that are slower count as at rest (m/s, rad/s).",
+           {.min = 1e-6, .max = 10.0})
+      .add("tracking_tolerance", &S::tracking_tolerance,
+           "Largest distance of a joint from what it follows (m, rad); beyond it the robot stops.",
+           {.min = 1e-6, .max = 100.0})
+      .add("margin_m", &S::margin_m, "Clearance that spheres must keep from obstacles.",
+           {.unit = "m", .min = 0.0, .max = 10.0})
+      .add(
+          "unseen_start_m", &S::unseen_start_m,
+          "How far from where the robot starts the links that stand on the floor may move in space "
+          "that no frame has seen: what is known to be free there. Farther off, the centres of "
+          "their spheres keep to what has been seen, as far as a stop takes. Left out: they may be "
+          "anywhere.",
+          {.unit = "m", .min = 0.0, .max = 100.0})
+      .add("max_step_m", &S::max_step_m, "First spacing of validity checks, as sphere motion.",
+           {.unit = "m", .min = 1e-4, .max = 1.0})
+      .add("stop_reserve", &S::stop_reserve,
+           "A stop begins no later than when what blocks the trajectory is so many times as far "
+           "away, in time, as the robot needs to come to rest.",
+           {.min = 1.0, .max = 100.0})
+      .add(
+          "cost_tolerance", &S::cost_tolerance,
+          "A valid trajectory is replanned, too, once its cost in the newest map has grown by this "
+          "share of what it was where it was planned; 0: never.",
+          {.min = 0.0, .max = 1e9})
+      .add("hysteresis", &S::hysteresis,
+           "Share by which a new trajectory must then be cheaper to be taken.",
+           {.min = 0.0, .max = 1.0})
+      .add("escalation", &S::escalation,
+           "First guesses of a replan, in order: refit, straight_line, perturbed, sampled (which "
+           "needs a `sampler`), after_stop.");
+}
+
+}  // namespace sidestep

@@ -1,0 +1,152 @@
+#include "replan_mapping.hpp"
+
+#include <algorithm>
+
+namespace sidestep {
+namespace {
+
+/// By the wall's clock: how long to wait for a frame before looking whether to stop.
+constexpr double kPatience_s = 0.1;
+
+}  // namespace
+
+EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings,
+                               SnapshotSlot& slot, Log& log, RunObserver* observer)
+    : clock_(*world.clock),
+      is_lockstep_(settings.is_lockstep()),
+      latency_s_(settings.latency.mapping_s),
+      observer_(observer),
+      slot_(slot),
+      source_(*world.source, *world.clock, !is_lockstep_),
+      pipeline_({source_,
+                 *world.mapper,
+                 *world.field_builder,
+                 is_lockstep_ ? made_ : slot,
+                 log,
+                 {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
+                 &motion_detector_,
+                 true}),
+      source_name_(plugin_of(world.source)),
+      occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
+  const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
+  if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
+  source_.keep_last(measures || observer_ != nullptr);
+  auto* const display = dynamic_cast<MapDisplay*>(world.executor.get());
+  if (is_lockstep_ || display == nullptr) return;
+  show_ = std::make_unique<MapShow>(*display, slot_, plugin_of(world.executor), log);
+}
+
+bool EpisodeMapping::map_one(const Deadline& deadline) {
+  auto step = contained("mapping", [&] { return pipeline_.step(deadline); });
+  note_trouble(step);
+  if (!step) {
+    const bool goes_on = step.error().code == ErrorCode::kDeadlineExceeded;
+    has_ended_ = !goes_on;
+    if (!goes_on && step.error().code != ErrorCode::kCancelled) fault_ = std::move(step.error());
+    return false;
+  }
+  if (!*step) {
+    has_ended_ = true;
+    return false;
+  }
+  note_frame(std::move(**step));
+  return true;
+}
+
+/// In lockstep its field is there once the latency has passed.
+void EpisodeMapping::note_frame(MappingStep step) {
+  Stamp published = clock_.now();
+  if (is_lockstep_) published.ns += Stamp::from_seconds(latency_s_).ns;
+  frames_.push_back({step.stamp.seconds(), source_.received().seconds(), published.seconds(),
+                     step.integrate_ms, step.field_ms});
+  if (truth_ && source_.last()) truth_->observe(*source_.last(), *occupancy_);
+  if (observer_ == nullptr || !shows_) return;
+  const MapSnapshot snapshot = (is_lockstep_ ? made_ : slot_).snapshot();
+  observer_->mapped({source_.last(), std::move(step), snapshot, source_.received(), published});
+}
+
+void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step) {
+  const std::vector<Error>& bad = pipeline_.bad_frames();
+  const bool has_skipped = bad.size() > bad_frames_;
+  bad_frames_ = bad.size();
+  const std::lock_guard lock(condition_mutex_);
+  if (step && *step) {
+    const Stamp newest = condition_.newest.value_or((*step)->stamp);
+    condition_.newest = std::max(newest, (*step)->stamp);
+    condition_.trouble.clear();
+    if ((*step)->stamp < newest) {
+      condition_.trouble = source_name_ + ": frame " + std::to_string((*step)->frame_sequence) +
+                           " is of " + std::to_string((*step)->stamp.seconds()) + " s, one of " +
+                           std::to_string(newest.seconds()) + " s came before it";
+    }
+  } else if (step) {
+    condition_.trouble = source_name_ + " has no more frames";
+  } else if (step.error().code == ErrorCode::kDeadlineExceeded) {
+    if (has_skipped) condition_.trouble = source_name_ + ": unusable: " + bad.back().describe();
+  } else if (step.error().code != ErrorCode::kCancelled) {
+    condition_.trouble = step.error().describe();
+  }
+}
+
+std::string EpisodeMapping::trouble() const {
+  const std::lock_guard lock(condition_mutex_);
+  if (!condition_.trouble.empty()) return condition_.trouble;
+  if (!condition_.newest) return source_name_ + " has given no frame yet";
+  return source_name_ + " has given no frame since that of " +
+         std::to_string(condition_.newest->seconds()) + " s";
+}
+
+std::shared_ptr<const DistanceField> EpisodeMapping::map_first(const Deadline& deadline) {
+  if (is_lockstep_) {
+    advance(clock_.now());
+    return made_.pin();
+  }
+  if (!thread_.joinable()) map_one(deadline);
+  constexpr auto kLook = std::chrono::milliseconds(20);
+  while (thread_.joinable() && slot_.pin() == nullptr && !deadline.expired()) {
+    slot_.wait_for_newer(nullptr, std::chrono::steady_clock::now() + kLook);
+  }
+  return slot_.pin();
+}
+
+void EpisodeMapping::advance(Stamp now) {
+  if (!has_ended_ && now >= busy_until_ && map_one(Deadline())) {
+    busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s_).ns};
+    waiting_.push_back({busy_until_, made_.snapshot()});
+  }
+  while (!waiting_.empty() && waiting_.front().due <= now) {
+    slot_.publish(std::move(waiting_.front().snapshot));
+    waiting_.pop_front();
+  }
+}
+
+void EpisodeMapping::start() {
+  if (thread_.joinable()) return;
+  thread_ = std::jthread([this](std::stop_token stop) {
+    while (!stop.stop_requested() && !has_ended_) {
+      map_one(Deadline::after_s(kPatience_s, stop));
+    }
+  });
+}
+
+void EpisodeMapping::stop() {
+  if (!thread_.joinable()) return;
+  thread_.request_stop();
+  thread_.join();
+}
+
+MappingRecord EpisodeMapping::take_record() {
+  MappingRecord record;
+  record.frames = std::exchange(frames_, {});
+  record.views = source_.take_views();
+  record.dropped = source_.take_span() - static_cast<std::int64_t>(record.frames.size());
+  return record;
+}
+
+std::optional<MapFollowing> EpisodeMapping::following() const {
+  if (!truth_) return std::nullopt;
+  const TruthRecord record = truth_->finish(*occupancy_);
+  return MapFollowing{record.appear_frames, record.gone_frames, record.ghost_vox};
+}
+
+}  // namespace sidestep

@@ -1,0 +1,195 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+#include <string>
+
+#include <sidestep/report/html.hpp>
+#include <sidestep/report/run_report.hpp>
+#include <sidestep/report/text_table.hpp>
+#include "replan_figures.hpp"
+#include "replan_rows.hpp"
+#include "replan_summary.hpp"
+
+namespace sidestep::report {
+namespace {
+
+constexpr std::size_t kPicturedEpisodes = 6;
+
+std::string metrics_section(const Json& summary) {
+  const Json success = at(summary, "/success_share");
+  std::string html = html_table(
+      {"episodes", "success", "true collisions", "least true clearance", "time to goal p50",
+       "replans", "stops", "largest velocity jump at a splice"},
+      {{cell(at(summary, "/episodes")),
+        success.is_number() ? format("%.1f %%", 100.0 * success.get<double>()) : "-",
+        cell(at(summary, "/collisions_true")), cell(at(summary, "/min_true_clearance_m"), "%.3f m"),
+        cell(at(summary, "/time_to_goal_s/p50"), "%.2f s"), cell(at(summary, "/replans")),
+        cell(at(summary, "/stops")), cell(at(summary, "/splice_velocity_jump_max"), "%.2g")}});
+  html += html_table(
+      {"solve p50", "p95", "in vain or not p95", "depth stamp to trajectory p50", "p95", "max",
+       "age of the map p95", "validity checks", "frames", "dropped"},
+      {{cell(at(summary, "/solve_ms/p50"), "%.2f ms"),
+        cell(at(summary, "/solve_ms/p95"), "%.2f ms"),
+        cell(at(summary, "/search_ms/p95"), "%.2f ms"),
+        cell(at(summary, "/stamp_to_trajectory_ms/p50"), "%.1f ms"),
+        cell(at(summary, "/stamp_to_trajectory_ms/p95"), "%.1f ms"),
+        cell(at(summary, "/stamp_to_trajectory_ms/max"), "%.1f ms"),
+        cell(at(summary, "/map_age_ms/p95"), "%.1f ms"), cell(at(summary, "/check_hz"), "%.0f Hz"),
+        cell(at(summary, "/frames")), cell(at(summary, "/frames_dropped"))}});
+  return html;
+}
+
+std::string collisions_section(const Json& summary) {
+  const Json collisions = at(summary, "/collisions");
+  if (!collisions.is_array() || collisions.empty()) return "";
+  std::vector<Row> rows;
+  for (const Json& contact : collisions) {
+    rows.push_back({cell(at(contact, "/episode")), cell(at(contact, "/time_s"), "%.2f s"),
+                    cell(at(contact, "/link")), cell(at(contact, "/object")),
+                    cell(at(contact, "/depth_m"), "%.3f m"), cell(at(contact, "/cause"))});
+  }
+  return "<h2>True collisions</h2>\n" +
+         html_table({"episode", "at", "link", "object", "depth", "cause"}, rows);
+}
+
+std::string failures_section(const Json& failures) {
+  if (!failures.is_array() || failures.empty()) return "";
+  std::string html = "<h2>Episodes that failed</h2>\n";
+  for (const Json& failure : failures) {
+    const std::string episode = cell(at(failure, "/episode"));
+    html += "<details><summary>Episode " + episode + ": " +
+            escape_html(cell(at(failure, "/reason"))) + "</summary>\n";
+    if (at(failure, "/again").is_string()) {
+      html += "<p>Watch it again:</p><pre>" +
+              escape_html(at(failure, "/again").get<std::string>() + " --view --open") + "</pre>\n";
+    }
+    html += "</details>\n";
+  }
+  return html;
+}
+
+/// What the paper says of its own loop, beside this run's.
+std::string comparison_section(const Json& summary) {
+  return html_table(
+      {"", "this run", "Finean 2021"},
+      {{"validity checks", cell(at(summary, "/check_hz"), "%.0f Hz"), "250 Hz"},
+       {"solve p50", cell(at(summary, "/solve_ms/p50"), "%.2f ms"), "at most 100 ms (10 Hz)"}});
+}
+
+/// Numbers of the series "episode" or "event", of all items.
+Result<std::vector<double>> numbers_of(ResultsReader& results, const std::string& series,
+                                       std::string_view wanted) {
+  std::vector<double> values;
+  auto read = results.visit(series, [&](std::int64_t, std::string_view key, double value) {
+    if (key == wanted && std::isfinite(value)) values.push_back(value);
+  });
+  if (!read) return error_of(read);
+  return values;
+}
+
+/// How what was measured is spread over the run; nothing where too little was.
+Result<std::string> spread_section(ResultsReader& results, const std::filesystem::path& run) {
+  struct Quantity {
+    const char* series;
+    const char* key;
+    const char* label;
+  };
+  constexpr std::array kQuantities = {
+      Quantity{"event", "solve_ms", "solve, in vain or not [ms]"},
+      Quantity{"event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"},
+      Quantity{"episode", "duration_s", "time of an episode [s]"},
+      Quantity{"episode", "min_true_clearance_m", "least true clearance [m]"}};
+  std::vector<Spread> spreads;
+  for (const Quantity& quantity : kQuantities) {
+    auto values = numbers_of(results, quantity.series, quantity.key);
+    if (!values) return error_of(values);
+    std::erase(*values, 0.0);  // events without a solve
+    spreads.push_back({quantity.label, std::move(*values)});
+  }
+  return figure_section(spread_figures(spreads), run);
+}
+
+/// The first episode that was run, then those that failed, then the second.
+Result<std::vector<std::int64_t>> chosen_episodes(const Json& summary, ResultsReader& results) {
+  std::set<std::int64_t> run;  // numbered from experiment.first_episode
+  auto read = results.visit("episode",
+                            [&](std::int64_t item, std::string_view, double) { run.insert(item); });
+  if (!read) return error_of(read);
+  std::vector<std::int64_t> chosen;
+  const auto choose = [&](std::int64_t episode) {
+    if (chosen.size() < kPicturedEpisodes && std::ranges::find(chosen, episode) == chosen.end()) {
+      chosen.push_back(episode);
+    }
+  };
+  if (!run.empty()) choose(*run.begin());
+  for (const Json& failure : at(summary, "/failures")) {
+    choose(at(failure, "/episode").get<std::int64_t>());
+  }
+  if (run.size() > 1) choose(*std::next(run.begin()));
+  return chosen;
+}
+
+Result<std::string> events_section(ResultsReader& results, std::int64_t episode) {
+  std::set<std::int64_t> items;
+  const std::int64_t first = first_item_of(episode), end = first_item_of(episode + 1);
+  auto read = results.visit("event", [&](std::int64_t item, std::string_view, double) {
+    if (item >= first && item < end) items.insert(item);
+  });
+  if (!read) return error_of(read);
+  std::vector<Row> rows;
+  for (const std::int64_t item : items) {
+    const auto text = [&](const char* key) {
+      const auto value = results.text("event", item, key);
+      return value ? value->value_or("") : std::string();
+    };
+    const auto number = [&](const char* key, const char* pattern) {
+      const auto value = results.number("event", item, key);
+      return cell(value && *value ? Json(**value) : Json(nullptr), pattern);
+    };
+    rows.push_back({number("time_s", "%.3f s"), text("kind_name"), text("cause"), text("guess"),
+                    number("attempts", "%.0f"), number("solve_ms", "%.2f ms"),
+                    number("map_age_ms", "%.1f ms"), number("stamp_to_trajectory_ms", "%.1f ms"),
+                    number("splice_velocity_jump", "%.2g")});
+  }
+  return "<details><summary>Events</summary>\n" +
+         html_table({"at", "event", "cause", "guess", "attempts", "solve", "map's age",
+                     "stamp to trajectory", "velocity jump"},
+                    rows) +
+         "</details>\n";
+}
+
+Result<std::string> replan_body(const Json& summary, ResultsReader& results,
+                                const std::filesystem::path& run) {
+  std::string html = metrics_section(summary) + comparison_section(summary) +
+                     collisions_section(summary) + failures_section(at(summary, "/failures"));
+  if (!at(summary, "/episodes").is_number_integer()) return html;
+  auto spread = spread_section(results, run);
+  if (!spread) return spread;
+  html += *spread;
+  const auto chosen = chosen_episodes(summary, results);
+  if (!chosen) return error_of(chosen);
+  for (const std::int64_t episode : *chosen) {
+    html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
+    const auto figures = replan_figures(results, episode);
+    if (!figures) return error_of(figures);
+    auto section = figure_section(*figures, run);
+    if (!section) return section;
+    auto events = events_section(results, episode);
+    if (!events) return events;
+    html += *section + *events;
+  }
+  return html;
+}
+
+}  // namespace
+}  // namespace sidestep::report
+
+namespace sidestep {
+
+const report::RunReport& replan_report() {
+  static const report::RunReport kReport = {.body = &report::replan_body, .pictures = {"episode-"}};
+  return kReport;
+}
+
+}  // namespace sidestep

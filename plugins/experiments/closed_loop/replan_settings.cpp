@@ -1,0 +1,184 @@
+#include "replan_settings.hpp"
+
+#include <algorithm>
+
+#include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
+
+namespace sidestep {
+namespace {
+
+const std::vector<std::string> kGuesses(kReplanGuesses.begin(), kReplanGuesses.end());
+
+template <class Settings>
+bool read_checked(const Configuration& configuration, std::string_view name, Settings& into) {
+  const Node* block = configuration.root.find(name);
+  return block == nullptr || read_entry(*block, into);
+}
+
+std::vector<std::string> joint_names(const RobotDescription& robot) {
+  return names_of(robot.joints);
+}
+
+std::vector<RandomJoint> read_ranges(const Node& block, const RobotDescription& robot,
+                                     std::vector<Error>& errors) {
+  std::vector<RandomJoint> ranges;
+  if (block.is_null()) return ranges;
+  if (!block.is_map()) {
+    errors.push_back(block.error("expected a map of joint names to ranges, found " + block.kind(),
+                                 "e.g. {odom_x: [-1.0, 1.0]}"));
+    return ranges;
+  }
+  for (const Node::Entry& entry : block.entries()) {
+    const auto joint = robot.joint_index(entry.key);
+    if (!joint) {
+      errors.push_back(unknown_name("robot '" + robot.name + "' has no joint", entry.key,
+                                    entry.key_mark.to_string(), joint_names(robot)));
+      continue;
+    }
+    const auto range = entry.value.as_doubles(2);
+    if (!range) {
+      errors.push_back(range.error());
+      continue;
+    }
+    const Joint& its = robot.joints[static_cast<std::size_t>(*joint)];
+    const double lower = range->front(), upper = range->back();
+    if (lower > upper) {
+      errors.push_back(entry.value.error("the range of joint '" + its.name + "' is upside down"));
+    } else if (lower < its.lower || upper > its.upper) {
+      errors.push_back(entry.value.error(
+          "the range of joint '" + its.name + "' goes beyond its limits [" +
+          detail::number_text(its.lower) + ", " + detail::number_text(its.upper) + "]"));
+    }
+    ranges.push_back({static_cast<std::size_t>(*joint), lower, upper});
+  }
+  return ranges;
+}
+
+void check_replanner(const Configuration& configuration, const ReplannerSettings& settings,
+                     std::vector<Error>& errors) {
+  const Node& block = block_of(configuration, "replanner");
+  std::vector<OptionMistake> mistakes;
+  if (settings.solve_limit_s >= settings.takeover_s) {
+    mistakes.push_back({{"solve_limit_s", "takeover_s"}, "must be less than takeover_s", {}});
+  }
+  report_mistakes(block, mistakes, errors);
+  const Node* escalation = block.find("escalation");
+  const SourceMark mark = escalation != nullptr ? escalation->mark() : block.mark();
+  for (const std::string& guess : settings.escalation) {
+    if (std::ranges::find(kGuesses, guess) == kGuesses.end()) {
+      errors.push_back(unknown_name("there is no first guess", guess, mark.to_string(), kGuesses));
+    } else if (guess == "sampled" && block_of(configuration, "sampler").is_null()) {
+      errors.push_back({ErrorCode::kConfig,
+                        "the first guess 'sampled' needs a `sampler` block, and there is none",
+                        mark.to_string(), "add e.g. sampler: {plugin: ompl}", nullptr});
+    }
+  }
+}
+
+/// A loop judges by its own blocks: what `check` asks for beside contacts would be without effect.
+void check_for_plans_only(const Node& block, const CheckSettings& settings,
+                          std::vector<Error>& errors) {
+  const CheckSettings usual;
+  const auto refuse = [&](const char* key, double value, double by_default, const char* hint) {
+    if (value == by_default) return;
+    errors.push_back(block.find(key)->error(
+        "'" + std::string(key) + "' is for plans, and without effect in a closed loop", hint));
+  };
+  refuse("margin_m", settings.margin_m, usual.margin_m, "set replanner.margin_m");
+  refuse("max_step_m", settings.max_step_m, usual.max_step_m, "set replanner.max_step_m");
+  refuse("shape_max_step_m", settings.shape_max_step_m, usual.shape_max_step_m, "leave it out");
+  refuse("speed_fraction", settings.speed_fraction, usual.speed_fraction,
+         "set planning.speed_fraction");
+  refuse("acceleration_fraction", settings.acceleration_fraction, usual.acceleration_fraction,
+         "set planning.acceleration_fraction");
+}
+
+}  // namespace
+
+void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& into,
+                      std::vector<Error>& errors) {
+  if (read_checked(configuration, "replanner", into.replanner)) {
+    check_replanner(configuration, into.replanner, errors);
+  }
+  (void)read_checked(configuration, "planning", into.planning);
+  if (read_checked(configuration, "check", into.check)) {
+    check_for_plans_only(block_of(configuration, "check"), into.check, errors);
+  }
+}
+
+ReplanConfiguration read_replan_configuration(const Configuration& configuration,
+                                              const std::shared_ptr<const RobotModel>& robot,
+                                              std::vector<Error>& errors) {
+  ReplanConfiguration read;
+  const RobotDescription& description = robot->description();
+  read_loop_blocks(configuration, read, errors);
+  const Node& experiment = block_of(configuration, "experiment");
+  if (!read_checked(configuration, "experiment", read.experiment)) return read;
+  read.q_start = read_robot_state(*experiment.find("start"), description, errors);
+  read.q_goal = read_robot_state(*experiment.find("goal"), description, errors);
+  read.task = read_task(experiment, robot, errors);
+  if (const auto& random = read.experiment.random) {
+    read.start_ranges = read_ranges(random->start, description, errors);
+    read.goal_ranges = read_ranges(random->goal, description, errors);
+  }
+  return read;
+}
+
+Parameters<LatencyEntry> LatencyEntry::parameters() {
+  return Parameters<LatencyEntry>().add(
+      "mapping_s", &LatencyEntry::mapping_s,
+      "From taking a frame to its published field; no other is taken meanwhile.",
+      {.unit = "s", .min = 0.0, .max = 60.0});
+}
+
+Parameters<RandomEntry> RandomEntry::parameters() {
+  using E = RandomEntry;
+  return Parameters<E>()
+      .add("start", &E::start, "Ranges of joints of the start, e.g. {odom_x: [-1.0, 1.0]}.")
+      .add("goal", &E::goal, "Ranges of joints of the goal.")
+      .add("clearance_m", &E::clearance_m,
+           "That a drawn start or goal keeps from everything in the true scene.",
+           {.unit = "m", .min = 0.0, .max = 10.0})
+      .add("draws", &E::draws, "How often to draw before giving up.", {.min = 1, .max = 1e6});
+}
+
+Parameters<ReplanSettings> ReplanSettings::parameters() {
+  using S = ReplanSettings;
+  return experiment_parameters<S>()
+      .add(
+          "clock", &S::clock,
+          "lockstep: simulated time in steps, the same for the same seed; wall: real time, mapping "
+          "in a thread of its own.",
+          {.choices = {"lockstep", "wall"}})
+      .add("duration_s", &S::duration_s, "Most time of an episode.",
+           {.unit = "s", .min = 0.01, .max = 86400.0})
+      .add("step_s", &S::step_s, "Longest time between two steps of the planning loop.",
+           {.unit = "s", .min = 1e-4, .max = 0.01})
+      .add("episodes", &S::episodes, "How often to do it, each time in a fresh world.",
+           {.min = 1, .max = 1e6})
+      .add("first_episode", &S::first_episode,
+           "Number of the first one: any episode can be run again by itself.",
+           {.min = 0, .max = 1e6})
+      .add("latency", &S::latency,
+           "What computing is charged with in lockstep; planning with replanner.takeover_s.")
+      .add("start", &S::start, "Where the robot starts.", {.required = true})
+      .add("goal", &S::goal,
+           "Where the robot is to be; with `end_effector`, where the search for that begins.",
+           {.required = true})
+      .add("end_effector", &S::end_effector,
+           "Where a link is to be at the end; the goal configuration is found by it.")
+      .add("orientation_costs", &S::orientation_costs,
+           "Links that are to keep an orientation along the way.")
+      .add("axis_costs", &S::axis_costs,
+           "Links of which an axis is to keep a direction along the way, e.g. upright.")
+      .add("posture_cost", &S::posture_cost, "A posture that is preferred along the way.")
+      .add("random", &S::random, "What is drawn anew for each episode.")
+      .add("truth", &S::truth,
+           "How maps are held against the true scene, frame by frame; in lockstep only, since it "
+           "takes time.")
+      .add("pictures", &S::pictures, "Pictures from above of an episode, spread over its time.",
+           {.min = 0, .max = 24});
+}
+
+}  // namespace sidestep

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/measures/map_truth.hpp>
+#include <sidestep/plugin/parameters.hpp>
+#include <sidestep/runtime/experiment.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
+#include <sidestep/runtime/replanner.hpp>
+#include <sidestep/runtime/task_settings.hpp>
+
+namespace sidestep {
+
+/// `experiment.latency`: what computing is charged with, in lockstep.
+struct LatencyEntry {
+  double mapping_s = 0.03;
+
+  static Parameters<LatencyEntry> parameters();
+};
+
+/// `experiment.random`: what differs from episode to episode.
+struct RandomEntry {
+  Node start;
+  Node goal;
+  double clearance_m = 0.05;
+  int draws = 1000;
+
+  static Parameters<RandomEntry> parameters();
+};
+
+/// The `experiment` block of a replan experiment.
+struct ReplanSettings : ExperimentSettings {
+  std::string clock = "lockstep";
+  double duration_s = 60.0;
+  double step_s = 0.004;
+  int first_episode = 0;
+  int episodes = 1;
+  LatencyEntry latency;
+  RobotStateEntry start;
+  RobotStateEntry goal;
+  std::optional<EndEffectorEntry> end_effector;
+  std::vector<OrientationCostEntry> orientation_costs;
+  std::vector<AxisCostEntry> axis_costs;
+  std::optional<PostureCostEntry> posture_cost;
+  std::optional<RandomEntry> random;
+  TruthSettings truth;
+  int pictures = 8;
+
+  static Parameters<ReplanSettings> parameters();
+  [[nodiscard]] bool is_lockstep() const { return clock == "lockstep"; }
+};
+
+/// A joint whose position is drawn evenly from a range.
+struct RandomJoint {
+  std::size_t joint = 0;
+  double lower = 0.0;
+  double upper = 0.0;
+};
+
+/// All that a configuration says of a replan experiment.
+struct ReplanConfiguration {
+  ReplanSettings experiment;
+  PlanningSettings planning;
+  CheckSettings check;
+  ReplannerSettings replanner;
+  Eigen::VectorXd q_start;
+  Eigen::VectorXd q_goal;
+  std::vector<RandomJoint> start_ranges;
+  std::vector<RandomJoint> goal_ranges;
+  Task task;
+};
+
+/// Reads the blocks `replanner`, `planning` and `check`; mistakes as below.
+void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& into,
+                      std::vector<Error>& errors);
+
+/// Reads everything, for this robot. Appends all mistakes that no schema knows of; what does not
+/// fit its schema has been told.
+[[nodiscard]] ReplanConfiguration read_replan_configuration(
+    const Configuration& configuration, const std::shared_ptr<const RobotModel>& robot,
+    std::vector<Error>& errors);
+
+}  // namespace sidestep

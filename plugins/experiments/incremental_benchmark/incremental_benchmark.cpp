@@ -1,0 +1,263 @@
+#include <algorithm>
+#include <random>
+
+#include <sidestep/core/seed.hpp>
+#include <sidestep/planning/costs.hpp>
+#include <sidestep/runtime/results_store.hpp>
+
+#include "incremental_settings.hpp"
+#include "incremental_summary.hpp"
+#include "recorded_fields.hpp"
+#include "recorded_solves.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr const char* kGoal = "goal";
+constexpr const char* kObstacles = "obstacles";
+
+void check_incremental(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  check_recorded<IncrementalSettings>(configuration, set_of_incremental_optimiser(), host, errors);
+}
+
+std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {
+  // What the experiment was called first: goals and boxes move as they did then.
+  return std::mt19937_64(derive_seed(seed, "replanning/" + part));
+}
+
+/// The same problems in scenes whose boxes have moved, on a plane within it.
+RecordedProblems with_moved_boxes(RecordedProblems problems, double sd_m, std::uint64_t seed) {
+  const int axes = problems.grid.size_vox.z() == 1 ? 2 : 3;
+  for (std::size_t scene = 0; scene < problems.scenes.size(); ++scene) {
+    auto random = random_of(seed, "boxes/" + std::to_string(scene));
+    std::normal_distribution<double> normal(0.0, 1.0);
+    for (RecordedBox& box : problems.scenes[scene]) {
+      Eigen::Vector3d by_m = Eigen::Vector3d::Zero();
+      for (int axis = 0; axis < axes; ++axis) by_m[axis] = sd_m * normal(random);
+      box.lower_m += by_m;
+      box.upper_m += by_m;
+    }
+  }
+  return problems;
+}
+
+/// A problem as it was, and as it is after the change. Terms that do not change are the same
+/// objects.
+struct ChangedProblem {
+  Problem before, after;
+  Trajectory line_before, line_after;
+};
+
+/// What a series of solves borrows.
+struct IncrementalBench {
+  const RecordedProblems& problems;
+  const RecordedProblems& moved;
+  const IncrementalSettings& settings;
+  ExperimentContext& context;
+  RecordedFields fields, moved_fields;
+  SolveProgress progress;
+};
+
+void change_goal(Problem& problem, const RecordedOutcome& of, const IncrementalBench& bench) {
+  auto random = random_of(bench.context.seed,
+                          "goal/" + std::to_string(of.scene) + "/" + std::to_string(of.pair));
+  std::normal_distribution<double> normal(0.0, 1.0);
+  const std::vector<Joint>& joints = problem.robot->description().joints;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    double& q = problem.goal.q[static_cast<Eigen::Index>(j)];
+    q += bench.settings.goal_sd * normal(random);
+    if (joints[j].type != Joint::Type::kContinuous) {
+      q = std::clamp(q, joints[j].lower, joints[j].upper);
+    }
+  }
+  const double sigma = bench.problems.settings.sigma_endpoint;
+  for (CostTerm& term : problem.terms) {
+    if (term.placement != Placement::kGoal) continue;
+    term.cost = make_state_prior("goal", problem.goal, sigma);
+  }
+}
+
+void change_field(Problem& problem, std::shared_ptr<const DistanceField> field,
+                  const IncrementalBench& bench) {
+  problem.field = std::move(field);
+  const RecordedSettings& settings = bench.problems.settings;
+  for (CostTerm& term : problem.terms) {
+    if (term.placement != Placement::kSupportAndInterpolated) continue;
+    term.cost = make_obstacle_cost(problem.robot, problem.field, problem.space, settings.epsilon_m,
+                                   settings.sigma_obstacle_m);
+  }
+}
+
+Trajectory line_of(const Problem& problem) {
+  return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+}
+
+std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& change,
+                                 IncrementalBench& bench) {
+  std::vector<ChangedProblem> posed;
+  for (const RecordedOutcome& of : run.outcomes) {
+    ChangedProblem one;
+    one.before =
+        recorded_problem(bench.problems, bench.fields.of(of.scene, run.is_signed), of.pair);
+    one.after = one.before;
+    if (change == kGoal) {
+      change_goal(one.after, of, bench);
+    } else {
+      change_field(one.after, bench.moved_fields.of(of.scene, run.is_signed), bench);
+    }
+    one.line_before = line_of(one.before);
+    one.line_after = line_of(one.after);
+    posed.push_back(std::move(one));
+  }
+  return posed;
+}
+
+/// One optimiser that keeps nothing, and one that does.
+struct Optimisers {
+  PluginPtr<Optimiser> plain, kept;
+};
+
+Result<Optimisers> make_optimisers(const RecordedRun& run, IncrementalBench& bench) {
+  const Node& block = *bench.context.configuration.root.find("optimiser");
+  const auto make = [&](bool is_incremental) {
+    return bench.context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
+                                                bench.problems.robot);
+  };
+  auto plain = make(false);
+  if (!plain) return error_of(plain);
+  auto kept = make(true);
+  if (!kept) return error_of(kept);
+  return Optimisers{std::move(*plain), std::move(*kept)};
+}
+
+/// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
+/// another one in turn: the first one finds the memory of the change cold.
+void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::size_t turn,
+                   bool is_first, const RecordedProblems& judged_in,
+                   const ExperimentContext& context, ChangedSolve& record) {
+  const auto base = solve_timed(optimisers.kept, posed.before, posed.line_before, context).solution;
+  const bool has_base = base && base->trajectory.size() > 0;
+  const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
+  for (std::size_t i = 0; i < kSolveWays.size(); ++i) {
+    const std::size_t way = (i + turn) % kSolveWays.size();
+    const bool is_incremental = kSolveWays[way] == SolveWay::kIncremental;
+    const bool is_afresh = kSolveWays[way] == SolveWay::kAfresh;
+    const TimedSolve timed =
+        solve_timed(is_incremental ? optimisers.kept : optimisers.plain, posed.after,
+                    is_afresh ? posed.line_after : previous, context);
+    RecordedSolve& solve = record.ways[way];
+    note(timed, is_first, solve);
+    if (is_first && solve.solved) {
+      solve.exact_clearance_m =
+          exact_clearance_m(judged_in, record.scene, timed.solution->trajectory);
+    }
+  }
+}
+
+/// Every problem `repeats` times, pass by pass. Stops on request with those that all passes have
+/// reached.
+Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& change,
+                                   IncrementalBench& bench) {
+  ExperimentContext& context = bench.context;
+  auto optimisers = make_optimisers(run, bench);
+  if (!optimisers) return error_of(optimisers);
+  const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
+  const std::vector<ChangedProblem> posed = pose(run, change, bench);
+  ChangedSeries series{run.label, run.is_signed, change, {}};
+  for (std::size_t i = 0; i < posed.size(); ++i) {
+    ChangedSolve record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
+    record.ends_free = are_ends_free(judged_in, record.scene, posed[i].after);
+    series.problems.push_back(std::move(record));
+  }
+  const std::string what =
+      run.label + (run.is_signed ? ", signed, other " : ", unsigned, other ") + change;
+  for (PluginPtr<Optimiser>* one : {&optimisers->plain, &optimisers->kept}) {
+    if (!posed.empty()) (void)solve_timed(*one, posed[0].before, posed[0].line_before, context);
+  }
+  for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
+    for (std::size_t i = 0; i < series.problems.size(); ++i) {
+      solve_changed(posed[i], *optimisers, i + static_cast<std::size_t>(repeat), repeat == 0,
+                    judged_in, context, series.problems[i]);
+      if (context.stop.stop_requested()) {
+        if (repeat == 0) series.problems.resize(i);
+        return series;
+      }
+      bench.progress.advance(what);
+    }
+  }
+  return series;
+}
+
+/// Series "series" (one item a series), and of the series with index `item`: "AFRESH/ITEM" and so
+/// on, one item a problem.
+void record_series(const ChangedSeries& series, std::int64_t item, Recorder& recorder) {
+  recorder.add("series", item, "label", series.label);
+  recorder.add("series", item, "signed", series.is_signed);
+  recorder.add("series", item, "change", series.change);
+  for (std::size_t way = 0; way < kSolveWays.size(); ++way) {
+    const std::string name = std::string(to_string(kSolveWays[way])) + "/" + std::to_string(item);
+    std::int64_t problem = 0;
+    for (const ChangedSolve& record : series.problems) {
+      const auto add = [&](std::string_view key, const auto& value) {
+        recorder.add(name, problem, key, value);
+      };
+      add("scene", record.scene);
+      add("pair", record.pair);
+      add("ends_free", record.ends_free);
+      record_solve(record.ways[way], name, problem, recorder);
+      ++problem;
+    }
+  }
+}
+
+Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
+  const auto start = start_recorded<IncrementalSettings>(context);
+  if (!start) return error_of(start);
+  const auto& [settings, problems, provenance, store] = *start;
+  Recorder recorder(*store);
+
+  IncrementalRecord record;
+  record.about = facts_of(problems, context.configuration);
+  std::int64_t total = 0;
+  for (const RecordedRun& run : problems.runs) {
+    total += 2 * settings.repeats * std::ssize(run.outcomes);
+  }
+  const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
+  IncrementalBench bench{
+      problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
+      {context, total}};
+  for (const RecordedRun& run : problems.runs) {
+    for (const char* change : {kGoal, kObstacles}) {
+      if (context.stop.stop_requested()) break;
+      auto solved = solve_part(
+          record.series, [&] { return solve_series(run, change, bench); }, &record_series,
+          recorder);
+      if (!solved) return error_of(solved);
+    }
+  }
+  record.interrupted = context.stop.stop_requested();
+
+  return summarise_incremental(provenance, settings, record);
+}
+
+class IncrementalBenchmark final : public Experiment {
+ public:
+  [[nodiscard]] ExperimentFacts facts() const override {
+    return {.blocks = {"optimiser"}, .set_of_optimiser = set_of_incremental_optimiser()};
+  }
+  [[nodiscard]] const report::RunReport& report() const override { return incremental_report(); }
+  void check(const Configuration& configuration, Host& host,
+             std::vector<Error>& errors) const override {
+    check_incremental(configuration, host, errors);
+  }
+  [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
+    return run_incremental(context);
+  }
+};
+
+}  // namespace
+}  // namespace sidestep
+
+SIDESTEP_EXPERIMENT(sidestep::IncrementalBenchmark, sidestep::IncrementalSettings,
+                    "incremental_benchmark", "0.1.0",
+                    "Solved problems whose goal or obstacles change: afresh, warm, incrementally")

@@ -1,0 +1,190 @@
+#include "incremental_summary.hpp"
+
+#include <algorithm>
+
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/json.hpp>
+#include <sidestep/results/summary_values.hpp>
+
+namespace sidestep {
+namespace {
+
+using report::at;
+using report::cell;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kAfresh = static_cast<std::size_t>(SolveWay::kAfresh);
+
+/// One way through a series. Times, iterations and costs are of the problems solved in every way.
+struct WayRow {
+  const ChangedSeries& series;
+  std::size_t way;
+  std::vector<ChangedSolve> solved = those_of(series.problems, &ChangedSolve::solved);
+  std::vector<ChangedSolve> with_free_ends = those_of(series.problems, &ChangedSolve::ends_free);
+
+  [[nodiscard]] bool is_free(const ChangedSolve& solve) const { return solve.ways[way].is_free(); }
+};
+
+/// A number of each problem that is solved, in this way.
+template <class Value>
+auto of_way(Value value) {
+  return [value](const WayRow& row) {
+    return values_of(row.solved,
+                     [&](const auto& s) { return std::invoke(value, s.ways[row.way]); });
+  };
+}
+
+/// The same as a multiple of what it is afresh.
+template <class Value>
+auto of_afresh(Value value) {
+  return [value](const WayRow& row) {
+    return values_of(row.solved, [&](const auto& s) {
+      return std::invoke(value, s.ways[row.way]) / std::invoke(value, s.ways[kAfresh]);
+    });
+  };
+}
+
+Json ratio_of_mean_times(const WayRow& row) {
+  if (row.solved.empty()) return nullptr;
+  const auto mean_ms = [&](std::size_t way) {
+    return statistics_of(values_of(row.solved, [&](const auto& s) { return s.ways[way].solve_ms; }))
+        .mean;
+  };
+  return mean_ms(row.way) / mean_ms(kAfresh);
+}
+
+Json share_no_costlier(const WayRow& row) {
+  return share_of(row.solved, [&](const ChangedSolve& s) {
+    return s.ways[row.way].cost <= kOnePercent * s.ways[kAfresh].cost;
+  });
+}
+
+const report::ResultColumnsOf<WayRow>& way_rows() {
+  using R = WayRow;
+  using S = RecordedSolve;
+  static const auto kColumns =
+      report::ResultColumnsOf<R>("/rows")
+          .add("label", [](const R& r) { return r.series.label; }, "Run of the recording.",
+               {.heading = "rules", .compared = true})
+          .add("field", [](const R& r) { return r.series.is_signed ? "sdf" : "usdf"; },
+               "Kind of field: `sdf` or `usdf`.", {.heading = "field", .compared = true})
+          .add("change", [](const R& r) { return r.series.change; },
+               "What was changed: `goal` or `obstacles`.", {.heading = "other", .compared = true})
+          .add(
+              "way", [](const R& r) { return to_string(kSolveWays[r.way]); },
+              "How it was solved: `afresh` from a straight line, `warm` from the trajectory before "
+              "the change, `incremental` by the optimiser that had found it.",
+              {.heading = "way", .compared = true})
+          .table("Time", "Ratios are to afresh, problem by problem, but for that of the means.")
+          .add("problems", [](const R& r) { return r.series.problems.size(); },
+               "Problems with this change.", {.heading = "problems", .pattern = "%.0f"})
+          .add("solved", [](const R& r) { return r.solved.size(); }, "Solved in every way.",
+               {.heading = "solved", .pattern = "%.0f"})
+          .spread("solve_ms.", of_way(&S::solve_ms), "Wall time of a solve.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "solve", .pattern = "%.4f ms", .compared = true})
+          .spread("time_ratio.", of_afresh(&S::solve_ms),
+                  "Its ratio to the time of solving afresh.", {"p50", "p95"},
+                  {.heading = "of afresh's", .pattern = "%.3f", .compared = true})
+          .add("time_ratio.of_means", &ratio_of_mean_times, "Ratio of the mean times.",
+               {.heading = "of means", .pattern = "%.3f"})
+          .spread("iterations.", of_way(&S::accepted_iterations), "Accepted iterations.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "iterations", .pattern = "%.2f", .page_only = true})
+          .table("Costs and collisions")
+          .spread("cost_ratio.", of_afresh(&S::cost), "Ratio of the final cost to that of afresh.",
+                  {"p05", "p50", "p95"}, {.heading = "cost of afresh's", .pattern = "%.4f"})
+          .add("cost_ratio.share_within_1pct", &share_no_costlier,
+               "Share that costs at most 1 % more than afresh.",
+               {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
+          .add("collision_free.share",
+               [](const R& r) {
+                 return share_of(r.series.problems,
+                                 [&](const ChangedSolve& s) { return r.is_free(s); });
+               },
+               "Share of all problems with a trajectory free of collisions, by exact distances.",
+               {.heading = "collision-free", .pattern = "%.4f", .compared = true})
+          .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
+               "Problems whose start and goal touch nothing.",
+               {.heading = "ends free", .pattern = "%.0f"})
+          .add("free_ends.share",
+               [](const R& r) {
+                 return share_of(r.with_free_ends,
+                                 [&](const ChangedSolve& s) { return r.is_free(s); });
+               },
+               "Share of these that is free of collisions.",
+               {.heading = "of them free", .pattern = "%.4f"});
+  return kColumns;
+}
+
+std::string verdict_text(const IncrementalRecord& record, const Json& rows, std::size_t problems,
+                         std::size_t unsolved, const std::string& first_reason) {
+  const std::string count =
+      std::to_string(problems) + " changed problems by " + record.about.optimiser;
+  if (record.interrupted) return "Interrupted after " + count + "; what was measured is saved.";
+  if (unsolved > 0) {
+    return "Failed: " + std::to_string(unsolved) + " of " + count +
+           " came to nothing in some way, the first because: " + first_reason + ".";
+  }
+  std::string text = "Success: " + count + ", each with a trajectory in every way.";
+  for (const Json& row : rows) {
+    if (at(row, "/way") != Json(to_string(SolveWay::kIncremental))) continue;
+    text += " " + cell(at(row, "/label")) + ", " + cell(at(row, "/field")) + ", other " +
+            cell(at(row, "/change")) + ": incrementally in " +
+            cell(at(row, "/time_ratio/p50"), "%.2f") + " of the time of solving afresh (median).";
+  }
+  return text;
+}
+
+}  // namespace
+
+const report::ResultColumns& incremental_columns() { return way_rows(); }
+
+std::string_view to_string(SolveWay way) noexcept {
+  switch (way) {
+    case SolveWay::kAfresh: return "afresh";
+    case SolveWay::kWarm: return "warm";
+    case SolveWay::kIncremental: break;
+  }
+  return "incremental";
+}
+
+bool ChangedSolve::solved() const noexcept {
+  return std::ranges::all_of(ways, &RecordedSolve::solved);
+}
+
+ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
+                                        const IncrementalSettings& settings,
+                                        const IncrementalRecord& record) {
+  Json rows = Json::array();
+  std::size_t problems = 0, unsolved = 0;
+  std::string first_reason;
+  for (const ChangedSeries& series : record.series) {
+    for (std::size_t way = 0; way < kSolveWays.size(); ++way)
+      rows.push_back(way_rows().row({series, way}));
+    for (const ChangedSolve& problem : series.problems) {
+      ++problems;
+      if (problem.solved()) continue;
+      if (unsolved++ > 0) continue;
+      first_reason = std::ranges::find(problem.ways, false, &RecordedSolve::solved)->reason;
+    }
+  }
+  ExperimentOutcome outcome;
+  outcome.interrupted = record.interrupted;
+  outcome.success = !record.interrupted && problems > 0 && unsolved == 0;
+  outcome.verdict = verdict_text(record, rows, problems, unsolved, first_reason);
+  outcome.table = way_rows().text(rows);
+  outcome.table_csv = way_rows().csv(rows);
+  outcome.summary_json = summary_text(provenance, settings.type, outcome,
+                                      {{"problems_file", record.about.problems_file},
+                                       {"robot", record.about.robot},
+                                       {"optimiser", record.about.optimiser},
+                                       {"repeats", settings.repeats},
+                                       {"goal_sd", settings.goal_sd},
+                                       {"obstacle_sd_m", settings.obstacle_sd_m},
+                                       {"problems", problems},
+                                       {"rows", rows}});
+  return outcome;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include <sidestep/report/result_columns.hpp>
+#include <sidestep/runtime/experiment.hpp>
+#include <sidestep/runtime/results_store.hpp>
+#include "incremental_settings.hpp"
+#include "recorded_solves.hpp"
+
+namespace sidestep {
+
+/// How a changed problem is solved.
+enum class SolveWay {
+  kAfresh,       ///< From a straight line.
+  kWarm,         ///< From the trajectory before, whole.
+  kIncremental,  ///< By the optimiser that has found the trajectory before.
+};
+inline constexpr std::array kSolveWays = {SolveWay::kAfresh, SolveWay::kWarm,
+                                          SolveWay::kIncremental};
+[[nodiscard]] std::string_view to_string(SolveWay way) noexcept;
+
+/// A changed problem in all ways.
+struct ChangedSolve {
+  int scene = 0;
+  int pair = 0;
+  bool ends_free = false;  ///< Start and goal touch nothing.
+  std::array<RecordedSolve, kSolveWays.size()> ways;
+
+  [[nodiscard]] bool solved() const noexcept;
+};
+
+/// All problems of a recorded run with one change.
+struct ChangedSeries {
+  std::string label;
+  bool is_signed = false;
+  std::string change;  ///< "goal" or "obstacles".
+  std::vector<ChangedSolve> problems;
+};
+
+/// What an incremental benchmark came to.
+struct IncrementalRecord {
+  RecordedFacts about;
+  std::vector<ChangedSeries> series;
+  bool interrupted = false;
+};
+
+/// Verdict, summary.json and tables of a finished (or interrupted) incremental benchmark.
+[[nodiscard]] ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
+                                                      const IncrementalSettings& settings,
+                                                      const IncrementalRecord& record);
+
+/// Of the rows `rows` of summary.json.
+[[nodiscard]] const report::ResultColumns& incremental_columns();
+
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& incremental_report();
+
+}  // namespace sidestep

@@ -1,0 +1,144 @@
+#include <sidestep/report/text_table.hpp>
+#include <sidestep/results/recorder.hpp>
+#include <sidestep/results/run_provenance.hpp>
+#include <sidestep/runtime/checked_robot.hpp>
+#include <sidestep/runtime/results_store.hpp>
+#include "mapping_measure.hpp"
+#include "mapping_settings.hpp"
+#include "mapping_summary.hpp"
+
+namespace sidestep {
+namespace {
+
+void check_mapping_benchmark(const Configuration& configuration, Host& host,
+                             std::vector<Error>& errors) {
+  const Node* experiment = configuration.root.find("experiment");
+  if (experiment != nullptr) (void)read_cases(*experiment, host, errors);
+  (void)checked_robot(configuration, host, errors);
+}
+
+/// The robot, whose own points mappers remove; null where the configuration has none.
+Result<std::shared_ptr<const RobotModel>> make_robot(ExperimentContext& context) {
+  const Node* block = context.configuration.root.find("robot");
+  if (block == nullptr) return std::shared_ptr<const RobotModel>();
+  auto robot = context.host.create<RobotModel>(*block);
+  if (!robot) return error_of(robot);
+  return std::shared_ptr<const RobotModel>(std::move(*robot));
+}
+
+void record_clock(const std::string& series, const ClockRecord& clock, Recorder& recorder) {
+  std::int64_t item = 0;
+  for (const UpdateRecord& update : clock.updates) {
+    recorder.add(series, item, "sequence", update.frame_sequence);
+    recorder.add(series, item, "integrate_ms", update.integrate_ms);
+    recorder.add(series, item, "field_ms", update.field_ms);
+    recorder.add(series, item, "publish_ms", update.publish_ms);
+    recorder.add(series, item, "frame_ms", update.frame_ms());
+    recorder.add(series, item, "latency_ms", update.latency_ms);
+    recorder.add(series, item++, "resident_mib", update.resident_mib);
+  }
+}
+
+/// Series "system" (one item a case), and of the case with index `item`: "update/ITEM" and
+/// "real_time/ITEM", one item a frame.
+void record_case(const CaseRecord& record, std::int64_t item, Recorder& recorder) {
+  recorder.add("system", item, "name", record.what.name);
+  recorder.add("system", item, "mapper", record.what.mapper);
+  recorder.add("system", item, "field", record.what.field);
+  recorder.add("system", item, "signed", record.is_signed);
+  recorder.add("system", item, "resolution_m", record.what.resolution_m);
+  recorder.add("system", item, "error", record.error);
+  if (record.every_frame) {
+    record_clock("update/" + std::to_string(item), *record.every_frame, recorder);
+  }
+  if (record.real_time) {
+    record_clock("real_time/" + std::to_string(item), *record.real_time, recorder);
+  }
+}
+
+std::string label_of(const SystemCase& what) {
+  return what.name + (what.is_signed.value_or(false) ? ", signed" : "") + " at " +
+         format("%g m", what.resolution_m);
+}
+
+/// Case after case; stops on request, with the case that was under way as far as it got.
+Result<void> measure_cases(const std::vector<SystemCase>& cases, MeasureContext& measure,
+                           ExperimentContext& context, Recorder& recorder,
+                           MappingBenchmarkRecord& record) {
+  const std::int64_t clocks =
+      (measure.settings.on_every_frame() ? 1 : 0) + (measure.settings.in_real_time() ? 1 : 0);
+  std::int64_t done = 0;
+  for (const SystemCase& what : cases) {
+    if (context.stop.stop_requested()) break;
+    measure.updated = [&] {
+      const auto frames = measure.feed.frame_count().value_or(0);
+      const auto total = frames * clocks * static_cast<std::int64_t>(cases.size());
+      if (context.progress) context.progress(++done, total, label_of(what));
+    };
+    auto measured = measure_case(what, measure);
+    if (!measured) return error_of(measured);
+    if (!measured->error.empty()) context.log.error(label_of(what) + ": " + measured->error);
+    record_case(*measured, static_cast<std::int64_t>(record.cases.size()), recorder);
+    record.cases.push_back(std::move(*measured));
+    if (auto saved = recorder.commit(); !saved) return saved;
+  }
+  return {};
+}
+
+Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
+  const Node& experiment = *context.configuration.root.find("experiment");
+  const Node& source = *context.configuration.root.find("source");
+  std::vector<Error> errors;
+  MappingBenchmarkSettings settings;
+  MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
+  const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  auto robot = make_robot(context);
+  if (!robot) return error_of(robot);
+
+  const RunProvenance provenance = provenance_of(context);
+  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
+  if (!store) return error_of(store);
+  Recorder recorder(**store);
+
+  FrameFeed feed([&] { return context.host.create<Source>(source, *robot); },
+                 {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
+                 context.stop);
+  MeasureContext measure{context.host, context.log, *robot, feed, settings, context.stop, {}};
+  MappingBenchmarkRecord record;
+  record.planned_cases = cases.size();
+  if (context.progress) context.progress(0, 0, "reading frames");
+  if (auto measured = measure_cases(cases, measure, context, recorder, record); !measured) {
+    return error_of(measured);
+  }
+  record.bad_frames = feed.bad_frames();
+  record.has_truth = feed.scene() != nullptr;
+  record.interrupted = context.stop.stop_requested();
+  record_bad_frames(record.bad_frames, recorder);
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+
+  return summarise_mapping(provenance, settings, record);
+}
+
+class MappingBenchmark final : public Experiment {
+ public:
+  [[nodiscard]] ExperimentFacts facts() const override {
+    return {.blocks = {"source"}, .optional_blocks = {"robot"}};
+  }
+  [[nodiscard]] const report::RunReport& report() const override { return mapping_report(); }
+  void check(const Configuration& configuration, Host& host,
+             std::vector<Error>& errors) const override {
+    check_mapping_benchmark(configuration, host, errors);
+  }
+  [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
+    return run_mapping_benchmark(context);
+  }
+  void fill(Node& experiment, Host& host) const override { fill_plugin_defaults(experiment, host); }
+};
+
+}  // namespace
+}  // namespace sidestep
+
+SIDESTEP_EXPERIMENT(sidestep::MappingBenchmark, sidestep::MappingBenchmarkSettings,
+                    "mapping_benchmark", "0.1.0",
+                    "Systems of mapper and field on the same frames: time, accuracy, memory")

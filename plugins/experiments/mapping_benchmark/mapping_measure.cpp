@@ -1,0 +1,220 @@
+#include "mapping_measure.hpp"
+
+#include <malloc.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include <sidestep/measures/point_survey.hpp>
+#include <sidestep/runtime/pipeline.hpp>
+
+namespace sidestep {
+namespace {
+
+/// A mapper, a field and the pipeline through them.
+struct System {
+  PluginPtr<Mapper> mapper;
+  PluginPtr<FieldBuilder> field_builder;
+  OneFrameSource source;
+  SnapshotSlot slot;
+  std::optional<MappingPipeline> pipeline;
+  const OccupancyView* occupancy = nullptr;  ///< Of the mapper; null where it has none.
+  PointSurvey points;
+
+  /// Why nothing of what was measured is in the map; empty where something is.
+  [[nodiscard]] std::string emptiness() const {
+    constexpr auto kKeys = PointSurvey::Keys::kMappingBenchmark;
+    std::string why;
+    if (occupancy != nullptr) {
+      why = points.emptiness(*occupancy, kKeys);
+    } else if (!points.reaches_grid()) {
+      why = points.describe(mapper->grid(), kKeys);
+    }
+    return why.empty() ? "" : "the map is empty: " + why;
+  }
+};
+
+Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureContext& context) {
+  auto mapper = context.host.create<Mapper>(what.mapper_block, context.robot);
+  if (!mapper) return error_of(mapper);
+  auto field_builder = context.host.create<FieldBuilder>(what.field_block, context.robot);
+  if (!field_builder) return error_of(field_builder);
+  std::unique_ptr<System> system(new System{
+      std::move(*mapper),
+      std::move(*field_builder),
+      {},
+      {},
+      {},
+      nullptr,
+      PointSurvey::of_mapper(context.host.with_defaults(PluginKind::kMapper, what.mapper_block))});
+  system->occupancy = dynamic_cast<const OccupancyView*>(system->mapper.get());
+  system->pipeline.emplace(MappingPipeline::Parts{
+      system->source,
+      *system->mapper,
+      *system->field_builder,
+      system->slot,
+      context.log,
+      {"frames", plugin_of(system->mapper), plugin_of(system->field_builder)}});
+  if (auto attached = system->pipeline->attach(); !attached) return error_of(attached);
+  return system;
+}
+
+/// One frame through the system; nothing where the mapper cannot use it.
+Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const Frame> frame,
+                                           std::stop_token stop) {
+  system.source.set(frame);
+  auto step = system.pipeline->step(Deadline(std::move(stop)));
+  if (!step) return error_of(step);
+  system.points.add(*frame, system.mapper->grid());
+  if (!*step) return std::optional<UpdateRecord>();
+  if ((*step)->update.grid_moved) {
+    return fail(ErrorCode::kUnsupported,
+                "the mapper's grid moved; systems are compared on one grid",
+                "frame " + std::to_string((*step)->frame_sequence));
+  }
+  UpdateRecord record;
+  record.frame_sequence = (*step)->frame_sequence;
+  record.integrate_ms = (*step)->integrate_ms;
+  record.field_ms = (*step)->field_ms;
+  record.publish_ms = (*step)->publish_ms;
+  record.latency_ms = record.frame_ms();
+  return record;
+}
+
+void check_accuracy(const System& system, MeasureContext& context, bool unknown_occupied,
+                    ClockRecord& clock) {
+  const auto field = system.slot.pin();
+  if (system.occupancy == nullptr || field == nullptr || context.settings.accuracy_every == 0) {
+    return;
+  }
+  clock.accuracy.add(compare_with_exact(*field, *system.occupancy, context.settings.max_distance_m,
+                                        unknown_occupied));
+  ++clock.accuracy_checks;
+}
+
+/// The truth to hold the system's map against; nothing where there is none, or no occupancy.
+std::optional<MapTruth> make_truth(const System& system, const MeasureContext& context) {
+  const Scene* scene = context.feed.scene();
+  if (scene == nullptr || !context.settings.truth.measure || system.occupancy == nullptr) return {};
+  return std::optional<MapTruth>(std::in_place, *scene, system.occupancy->occupancy_grid(),
+                                 context.settings.truth);
+}
+
+/// As fast as possible over every frame; accuracy and truth are measured between the updates.
+/// Fails where frames cannot be had; a fault of the system goes into the record.
+Result<void> run_every_frame(System& system, double before_mib, CaseRecord& record,
+                             MeasureContext& context) {
+  ClockRecord& clock = record.every_frame.emplace();
+  const double without_truth_mib = resident_mib(false);
+  std::optional<MapTruth> truth = make_truth(system, context);
+  before_mib += resident_mib(false) - without_truth_mib;  // not the system's
+  const std::int64_t every = context.settings.accuracy_every;
+  bool is_checked = true;
+  while (!context.stop.stop_requested()) {
+    const auto frame = context.feed.next();
+    if (!frame) return error_of(frame);
+    if (*frame == nullptr) break;
+    auto updated = update(system, *frame, context.stop);
+    if (!updated && context.stop.stop_requested()) break;
+    if (!updated) {
+      record.error = updated.error().describe();
+      break;
+    }
+    context.updated();
+    if (!*updated) {
+      ++clock.bad_frames;
+      continue;
+    }
+    (*updated)->resident_mib = resident_mib(false) - before_mib;
+    clock.updates.push_back(**updated);
+    record.is_signed = system.slot.pin()->info().is_signed;
+    if (truth) truth->observe(**frame, *system.occupancy);
+    is_checked = every > 0 && static_cast<std::int64_t>(clock.updates.size()) % every == 0;
+    if (is_checked) check_accuracy(system, context, record.what.unknown_occupied, clock);
+  }
+  if (!is_checked) check_accuracy(system, context, record.what.unknown_occupied, clock);
+  if (truth) clock.truth = truth->finish(*system.occupancy);
+  if (record.error.empty() && !clock.updates.empty()) record.error = system.emptiness();
+  return {};
+}
+
+/// Frames arrive when their stamps say and every update takes the time that it takes; which frames
+/// come too late follows from that without waiting for any.
+Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& context) {
+  ClockRecord& clock = record.real_time.emplace();
+  double now_s = 0.0, first_published_s = 0.0;
+  while (!context.stop.stop_requested()) {
+    const auto taken = context.feed.next_newest(now_s);
+    if (!taken) return error_of(taken);
+    if (taken->frame == nullptr) break;
+    for (std::int64_t i = 0; i < taken->late; ++i) context.updated();
+    clock.dropped += taken->late;
+    const double arrival_s = taken->frame->stamp.seconds();
+    now_s = clock.updates.empty() ? arrival_s : std::max(now_s, arrival_s);
+    auto updated = update(system, taken->frame, context.stop);
+    if (!updated && context.stop.stop_requested()) break;
+    if (!updated) {
+      record.error = updated.error().describe();
+      break;
+    }
+    context.updated();
+    if (!*updated) {
+      ++clock.bad_frames;
+      continue;
+    }
+    now_s += 1e-3 * (*updated)->frame_ms();
+    (*updated)->latency_ms = 1e3 * (now_s - arrival_s);
+    clock.updates.push_back(**updated);
+    record.is_signed = system.slot.pin()->info().is_signed;
+    if (clock.updates.size() == 1) first_published_s = now_s;
+    clock.duration_s = now_s - first_published_s;
+  }
+  if (record.error.empty() && !clock.updates.empty()) record.error = system.emptiness();
+  return {};
+}
+
+/// One clock, with a system of its own.
+template <class Run>
+Result<void> with_system(CaseRecord& record, MeasureContext& context, Run&& run) {
+  if (auto rewound = context.feed.rewind(); !rewound) return rewound;
+  const double before_mib = resident_mib(true);
+  auto system = make_system(record.what, context);
+  if (!system) {
+    record.error = system.error().describe();
+    return {};
+  }
+  return run(**system, before_mib);
+}
+
+}  // namespace
+
+Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context) {
+  CaseRecord record;
+  record.what = what;
+  Result<void> done;
+  if (context.settings.on_every_frame()) {
+    done = with_system(record, context, [&](System& system, double before_mib) {
+      return run_every_frame(system, before_mib, record, context);
+    });
+  }
+  if (done && context.settings.in_real_time() && record.error.empty() &&
+      !context.stop.stop_requested()) {
+    done = with_system(record, context, [&](System& system, double) {
+      return run_real_time(system, record, context);
+    });
+  }
+  if (!done) return error_of(done);
+  record.interrupted = context.stop.stop_requested();
+  return record;
+}
+
+double resident_mib(bool trim) {
+  if (trim) malloc_trim(0);
+  std::ifstream file("/proc/self/statm");
+  double pages = 0.0, resident_pages = 0.0;
+  if (!(file >> pages >> resident_pages)) return 0.0;
+  return resident_pages * static_cast<double>(sysconf(_SC_PAGE_SIZE)) / (1 << 20);
+}
+
+}  // namespace sidestep

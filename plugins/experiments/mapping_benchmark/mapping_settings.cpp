@@ -1,0 +1,352 @@
+#include "mapping_settings.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+
+namespace sidestep {
+namespace {
+
+constexpr std::array kSetOfMapper = {"resolution_m", "size_vox", "origin_m"};
+constexpr std::array kSetOfField = {"max_distance_m", "signed"};
+
+Node scalar(std::string text, const SourceMark& mark) {
+  return Node(Node::Scalar{std::move(text), false}, mark);
+}
+
+template <class Values>
+Node list_of(const Values& values, const SourceMark& mark) {
+  Node::List items;
+  for (const auto value : values) {
+    items.push_back(scalar(detail::number_text(static_cast<double>(value)), mark));
+  }
+  return Node(std::move(items), mark);
+}
+
+bool has_parameter(const PluginInfo& plugin, std::string_view name) {
+  return std::ranges::find(plugin.schema, name, &Parameter::name) != plugin.schema.end();
+}
+
+void put(Node& block, const std::string& key, Node value) {
+  if (block.find(key) != nullptr) return;  // told of elsewhere
+  const SourceMark mark = value.mark();
+  block.entries().push_back({key, mark, std::move(value)});
+}
+
+/// What the experiment gives to every system's plugins, with where it says so.
+struct Given {
+  const Node& experiment;
+  MappingBenchmarkSettings settings;
+
+  [[nodiscard]] SourceMark mark(std::string_view key) const {
+    const Node* value = experiment.find(key);
+    return value != nullptr ? value->mark() : experiment.mark();
+  }
+  [[nodiscard]] SourceMark mark_of_resolution(std::size_t index) const {
+    return experiment.find("resolutions_m")->items()[index].mark();
+  }
+};
+
+Node mapper_block(const Given& given, const Node& written, std::size_t resolution) {
+  const double resolution_m = given.settings.resolutions_m[resolution];
+  const auto& extent_m = given.settings.extent_m;
+  std::array<double, 3> size_vox{};
+  for (int axis = 0; axis < 3; ++axis) {
+    size_vox[static_cast<std::size_t>(axis)] =
+        std::max(1.0, std::ceil(extent_m[axis] / resolution_m - 1e-6));
+  }
+  const auto& origin_m = given.settings.origin_m;
+  Node block = written;
+  put(block, "resolution_m",
+      scalar(detail::number_text(resolution_m), given.mark_of_resolution(resolution)));
+  put(block, "size_vox", list_of(size_vox, given.mark("extent_m")));
+  put(block, "origin_m",
+      list_of(std::array{origin_m.x(), origin_m.y(), origin_m.z()}, given.mark("origin_m")));
+  return block;
+}
+
+Node field_block(const Given& given, const Node& written, const PluginInfo& plugin,
+                 std::optional<bool> is_signed, const SourceMark& signed_mark) {
+  Node block = written;
+  if (has_parameter(plugin, "max_distance_m")) {
+    put(block, "max_distance_m",
+        scalar(detail::number_text(given.settings.max_distance_m), given.mark("max_distance_m")));
+  }
+  if (is_signed && has_parameter(plugin, "signed")) {
+    put(block, "signed", scalar(*is_signed ? "true" : "false", signed_mark));
+  }
+  return block;
+}
+
+/// What `signed` of a system asks for.
+std::vector<std::optional<bool>> wanted_signs(const Node& node, std::vector<Error>& errors) {
+  if (node.is_null()) return {std::nullopt};
+  std::vector<std::optional<bool>> signs;
+  const Node::List items = node.is_list() ? node.items() : Node::List{node};
+  for (const Node& item : items) {
+    if (const auto value = item.as_bool(); !value) {
+      errors.push_back(value.error());
+    } else if (std::ranges::find(signs, std::optional(*value)) != signs.end()) {
+      errors.push_back(item.error("'signed' names " + item.text() + " twice"));
+    } else {
+      signs.emplace_back(*value);
+    }
+  }
+  if (items.empty()) errors.push_back(node.error("'signed' is empty", "true, false, or both"));
+  if (signs.empty()) signs.emplace_back();  // the rest of the system can still be checked
+  return signs;
+}
+
+/// A key that the experiment sets must not stand in a plugin's block, too.
+template <std::size_t N>
+void refuse_set_keys(const Node& block, const std::array<const char*, N>& keys,
+                     std::vector<Error>& errors) {
+  for (const Node::Entry& entry : block.entries()) {
+    if (std::ranges::find(keys, entry.key) == keys.end()) continue;
+    errors.push_back(Error{ErrorCode::kConfig,
+                           "'" + entry.key + "' is set by the experiment, for every system alike",
+                           entry.key_mark.to_string(),
+                           "leave it out; the experiment has resolutions_m, extent_m, origin_m, "
+                           "max_distance_m, and `signed` of a system",
+                           nullptr});
+  }
+}
+
+void check_resolutions(const Node& experiment, const MappingBenchmarkSettings& settings,
+                       std::vector<Error>& errors) {
+  const Node* list = experiment.find("resolutions_m");
+  if (list == nullptr) return;
+  if (list->items().empty()) errors.push_back(list->error("there is no resolution to measure at"));
+  const auto& values = settings.resolutions_m;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (std::find(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(i), values[i]) !=
+        values.begin() + static_cast<std::ptrdiff_t>(i)) {
+      errors.push_back(
+          list->items()[i].error("'resolutions_m' names " + list->items()[i].text() + " twice"));
+    }
+  }
+  if (const Node* extent = experiment.find("extent_m")) {
+    if (!(settings.extent_m.array() > 0.0).all()) {
+      errors.push_back(extent->error("'extent_m' must be above 0 along each axis"));
+    }
+  }
+}
+
+void check_published(const Node& experiment, const MappingBenchmarkSettings& settings,
+                     std::vector<Error>& errors) {
+  for (std::size_t i = 0; i < settings.published.size(); ++i) {
+    const PublishedEntry& entry = settings.published[i];
+    if (entry.frame_ms.size() == entry.resolutions_m.size()) continue;
+    const Node& node = experiment.find("published")->items()[i];
+    errors.push_back(node.error("'frame_ms' needs one figure for each of resolutions_m, " +
+                                std::to_string(entry.resolutions_m.size()) + ", and has " +
+                                std::to_string(entry.frame_ms.size())));
+  }
+}
+
+/// Complains where `name` is none of `names`.
+void check_name(const Node& node, const std::string& what, const std::set<std::string>& names,
+                std::vector<Error>& errors) {
+  if (names.contains(node.text())) return;
+  const std::vector<std::string> list(names.begin(), names.end());
+  const std::string nearest = nearest_name(node.text(), list);
+  std::string known;
+  for (const std::string& name : list) known += (known.empty() ? "'" : ", '") + name + "'";
+  errors.push_back(node.error("there is no " + what + " '" + node.text() + "'",
+                              nearest.empty() ? "there are: " + (known.empty() ? "none" : known)
+                                              : "did you mean '" + nearest + "'?"));
+}
+
+std::optional<double> published_ms(const MappingBenchmarkSettings& settings,
+                                   const SystemEntry& system, std::optional<bool> is_signed,
+                                   double resolution_m) {
+  for (const PublishedEntry& entry : settings.published) {
+    if (entry.name != system.published || (is_signed && *is_signed != entry.is_signed)) continue;
+    for (std::size_t i = 0; i < std::min(entry.resolutions_m.size(), entry.frame_ms.size()); ++i) {
+      if (std::abs(entry.resolutions_m[i] - resolution_m) < kSameResolution) {
+        return entry.frame_ms[i];
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+/// The plugin that a block of a system names; null after telling why not.
+std::optional<PluginInfo> plugin_of(PluginKind kind, const Node& block, Host& host,
+                                    std::vector<Error>& errors) {
+  auto plugin = host.find(kind, block);
+  if (plugin) return std::move(*plugin);
+  errors.push_back(std::move(plugin.error()));
+  return std::nullopt;
+}
+
+/// Appends the cases of one system.
+void add_cases(const Given& given, const SystemEntry& system, Host& host,
+               std::vector<SystemCase>& cases, std::vector<Error>& errors) {
+  const auto mapper = plugin_of(PluginKind::kMapper, system.mapper, host, errors);
+  const auto field = plugin_of(PluginKind::kField, system.field, host, errors);
+  const auto signs = wanted_signs(system.is_signed, errors);
+  if (!mapper || !field) return;
+  refuse_set_keys(system.mapper, kSetOfMapper, errors);
+  refuse_set_keys(system.field, kSetOfField, errors);
+  for (const char* key : kSetOfMapper) {
+    if (has_parameter(*mapper, key)) continue;
+    errors.push_back(system.mapper.error("the mapper '" + mapper->name + "' has no parameter '" +
+                                         key + "', which the experiment must set"));
+    return;
+  }
+  if (!system.is_signed.is_null() && !has_parameter(*field, "signed")) {
+    errors.push_back(system.is_signed.error(
+        "the field '" + field->name + "' has no parameter 'signed'", "leave `signed` out"));
+  }
+  host.check_views(system.mapper, field->views, "the field '" + field->name + "'", errors);
+  std::set<std::string> told;  // a mistake in a block is the same at every resolution
+  for (const auto is_signed : signs) {
+    for (std::size_t r = 0; r < given.settings.resolutions_m.size(); ++r) {
+      SystemCase one;
+      one.name = system.name;
+      one.mapper = mapper->name;
+      one.field = field->name;
+      one.is_signed = is_signed;
+      one.resolution_m = given.settings.resolutions_m[r];
+      one.published_ms = published_ms(given.settings, system, is_signed, one.resolution_m);
+      one.mapper_block = mapper_block(given, system.mapper, r);
+      one.field_block =
+          field_block(given, system.field, *field, is_signed, system.is_signed.mark());
+      const Node* unknown = one.field_block.find("unknown");
+      one.unknown_occupied = unknown != nullptr && unknown->text() == "occupied";
+      std::vector<Error> found;
+      host.check(PluginKind::kMapper, one.mapper_block, found);
+      host.check(PluginKind::kField, one.field_block, found);
+      for (Error& error : found) {
+        if (told.insert(error.describe()).second) errors.push_back(std::move(error));
+      }
+      cases.push_back(std::move(one));
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<SystemCase> read_cases(const Node& experiment, Host& host, std::vector<Error>& errors) {
+  std::vector<Error> unfit;
+  check_against_schema(experiment, MappingBenchmarkSettings::parameters().schema(), {}, unfit);
+  if (!unfit.empty()) return {};  // its schema told
+  Given given{experiment, {}};
+  MappingBenchmarkSettings::parameters().read(experiment, given.settings, errors);
+  check_resolutions(experiment, given.settings, errors);
+  check_published(experiment, given.settings, errors);
+  const Node& list = *experiment.find("systems");
+  if (list.items().empty()) errors.push_back(list.error("there is no system to measure"));
+  std::set<std::string> names, published;
+  for (const PublishedEntry& entry : given.settings.published) published.insert(entry.name);
+  std::vector<SystemCase> cases;
+  for (std::size_t s = 0; s < given.settings.systems.size(); ++s) {
+    const SystemEntry& system = given.settings.systems[s];
+    const Node& node = list.items()[s];
+    if (!names.insert(system.name).second) {
+      errors.push_back(
+          node.find("name")->error("a system before this one is named '" + system.name + "', too"));
+    }
+    if (const Node* name = node.find("published"); name != nullptr && !name->is_null()) {
+      check_name(*name, "published system", published, errors);
+    }
+    add_cases(given, system, host, cases, errors);
+  }
+  if (const Node* reference = experiment.find("reference");
+      reference != nullptr && !reference->is_null() && !reference->text().empty()) {
+    check_name(*reference, "system", names, errors);
+  }
+  return cases;
+}
+
+void fill_plugin_defaults(Node& experiment, Host& host) {
+  Node* systems = experiment.find("systems");
+  if (systems == nullptr || !systems->is_list()) return;
+  for (Node& system : systems->items()) {
+    for (const auto& [key, kind] :
+         {std::pair("mapper", PluginKind::kMapper), std::pair("field", PluginKind::kField)}) {
+      Node* block = system.find(key);
+      if (block == nullptr) continue;
+      Node filled = host.with_defaults(kind, *block);
+      std::erase_if(filled.entries(), [&](const Node::Entry& entry) {
+        const bool set_by_us = std::ranges::find(kSetOfMapper, entry.key) != kSetOfMapper.end() ||
+                               std::ranges::find(kSetOfField, entry.key) != kSetOfField.end();
+        return set_by_us && block->find(entry.key) == nullptr;
+      });
+      *block = std::move(filled);
+    }
+  }
+}
+
+Parameters<SystemEntry> SystemEntry::parameters() {
+  using S = SystemEntry;
+  return Parameters<S>()
+      .add("name", &S::name, "Name of the system in results.", {.required = true})
+      .add("mapper", &S::mapper,
+           "A mapper's plugin and parameters, without resolution_m, size_vox and origin_m.",
+           {.required = true})
+      .add("field", &S::field,
+           "A field's plugin and parameters, without max_distance_m and signed.",
+           {.required = true})
+      .add("signed", &S::is_signed, "true, false, or both in a list; left out: as the field is.")
+      .add("published", &S::published, "Name of the entry of `published` to compare with.");
+}
+
+Parameters<PublishedEntry> PublishedEntry::parameters() {
+  using P = PublishedEntry;
+  return Parameters<P>()
+      .add("name", &P::name, "What systems call it.", {.required = true})
+      .add("signed", &P::is_signed, "Whether the figures are those of a signed field.",
+           {.required = true})
+      .add("resolutions_m", &P::resolutions_m, "Resolutions that there are figures for.",
+           {.unit = "m", .min = 1e-4, .required = true})
+      .add("frame_ms", &P::frame_ms, "The mean time of an update at each of them.",
+           {.unit = "ms", .min = 0.0, .required = true});
+}
+
+Parameters<ExpectSettings> ExpectSettings::parameters() {
+  using E = ExpectSettings;
+  return Parameters<E>()
+      .add("max_error_m", &E::max_error_m, "Largest error of a field.", {.unit = "m", .min = 0.0})
+      .add("collision_recall", &E::collision_recall, "Least collision recall.",
+           {.min = 0.0, .max = 1.0})
+      .add("appear_frames", &E::appear_frames, "Most frames until a moving object appears.",
+           {.min = 0.0})
+      .add("gone_frames", &E::gone_frames,
+           "Most frames until a voxel that an object has left is free, once it is seen through.",
+           {.min = 0.0})
+      .add("ghost_vox", &E::ghost_vox,
+           "Most voxels, seen through, that are still occupied at the end.", {.min = 0.0});
+}
+
+Parameters<MappingBenchmarkSettings> MappingBenchmarkSettings::parameters() {
+  using S = MappingBenchmarkSettings;
+  return experiment_parameters<S>()
+      .add("systems", &S::systems, "The systems to measure, in this order.", {.required = true})
+      .add("resolutions_m", &S::resolutions_m, "Each system is measured at each of these.",
+           {.unit = "m", .min = 1e-3, .max = 10.0, .required = true})
+      .add("origin_m", &S::origin_m, "Lower corner of every map in the world.", {.unit = "m"})
+      .add("extent_m", &S::extent_m, "Edges of every map.", {.unit = "m"})
+      .add("max_distance_m", &S::max_distance_m, "Where every field cuts distances off.",
+           {.unit = "m", .min = 0.01, .max = 10.0})
+      .add("frames", &S::frames, "Frames to map; 0 for all that the source has.", {.min = 0})
+      .add("stride", &S::stride, "Every n-th frame of the source is used.", {.min = 1})
+      .add("frames_in_memory", &S::frames_in_memory,
+           "Frames that are decoded ahead; if the sequence has more, each system reads it anew.",
+           {.min = 1})
+      .add("clock", &S::clock,
+           "every_frame: as fast as possible; real_time: late frames are dropped; both.",
+           {.choices = {"every_frame", "real_time", "both"}})
+      .add("accuracy_every", &S::accuracy_every,
+           "Fields are compared with the exact ones every n frames and at the end; 0: never.",
+           {.unit = "frames", .min = 0})
+      .add("reference", &S::reference, "The system that the others are compared with.")
+      .add("published_as", &S::published_as, "Head of the column of published figures.")
+      .add("published", &S::published, "Figures that somebody printed, to stand beside ours.")
+      .add("truth", &S::truth, "How maps are held against the true scene.")
+      .add("expect", &S::expect, "What every system must reach for the run to be a success.");
+}
+
+}  // namespace sidestep

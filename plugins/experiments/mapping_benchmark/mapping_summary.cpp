@@ -1,0 +1,433 @@
+#include "mapping_summary.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include <sidestep/report/text_table.hpp>
+#include <sidestep/results/json.hpp>
+#include <sidestep/results/statistics.hpp>
+
+namespace sidestep {
+namespace {
+
+using report::at;
+using Json = nlohmann::ordered_json;
+
+std::vector<double> values_of(const ClockRecord& clock, double (*value)(const UpdateRecord&)) {
+  std::vector<double> values;
+  for (const UpdateRecord& update : clock.updates) values.push_back(value(update));
+  return values;
+}
+
+std::vector<double> frame_times(const ClockRecord& clock) {
+  return values_of(clock, [](const UpdateRecord& update) { return update.frame_ms(); });
+}
+
+Json statistics_json(const std::vector<double>& values) {
+  const Statistics s = statistics_of(values);
+  return {{"mean", s.mean}, {"sd", s.sd}, {"p50", s.p50}, {"p95", s.p95}, {"max", s.max}};
+}
+
+/// Time and memory in each quarter of the run: whether they grow.
+Json quarters_json(const ClockRecord& clock) {
+  Json quarters = Json::array();
+  const std::size_t count = clock.updates.size();
+  for (std::size_t q = 0; q < 4 && count >= 4; ++q) {
+    const std::size_t begin = q * count / 4;
+    const std::size_t end = (q + 1) * count / 4;
+    std::vector<double> frame_ms;
+    double memory_mib = 0.0;
+    for (std::size_t i = begin; i < end; ++i) {
+      frame_ms.push_back(clock.updates[i].frame_ms());
+      memory_mib = std::max(memory_mib, clock.updates[i].resident_mib);
+    }
+    quarters.push_back({{"frames", end - begin},
+                        {"frame_ms", statistics_json(frame_ms)},
+                        {"memory_mib", memory_mib}});
+  }
+  return quarters;
+}
+
+const CaseRecord* reference_of(const CaseRecord& record, const MappingBenchmarkSettings& settings,
+                               std::span<const CaseRecord> cases) {
+  for (const CaseRecord& other : cases) {
+    if (other.what.name == settings.reference && other.is_signed == record.is_signed &&
+        std::abs(other.what.resolution_m - record.what.resolution_m) < kSameResolution) {
+      return &other;
+    }
+  }
+  return nullptr;
+}
+
+const ClockRecord* timed(const CaseRecord& record) {
+  if (record.every_frame) return &*record.every_frame;
+  return record.real_time ? &*record.real_time : nullptr;
+}
+
+/// A case as it is told of.
+struct SystemRow {
+  const CaseRecord& record;
+  const RunProvenance& provenance;
+  const MappingBenchmarkSettings& settings;
+  std::span<const CaseRecord> cases;
+  std::string unmet = unmet_expectations(record, settings.expect);
+  const ClockRecord* clock = timed(record);  ///< Null where it could not be measured.
+
+  [[nodiscard]] const TruthRecord* truth() const {
+    return clock != nullptr && clock->truth ? &*clock->truth : nullptr;
+  }
+  [[nodiscard]] const ClockRecord* real_time() const {
+    return record.real_time ? &*record.real_time : nullptr;
+  }
+};
+
+/// value(part(row)), null where there is no such part.
+template <class Part, class Value>
+auto value_of_part(Part part, Value value) {
+  return [=](const SystemRow& row) -> Json {
+    const auto* found = std::invoke(part, row);
+    return found != nullptr ? Json(std::invoke(value, *found)) : Json(nullptr);
+  };
+}
+
+/// values(part(row)), none where there is no such part.
+template <class Part, class Values>
+auto values_of_part(Part part, Values values) {
+  return [=](const SystemRow& row) -> std::vector<double> {
+    const auto* found = std::invoke(part, row);
+    return found != nullptr ? std::invoke(values, *found) : std::vector<double>();
+  };
+}
+
+/// A time of every update.
+auto of_updates(double (*value)(const UpdateRecord&)) {
+  return [value](const ClockRecord& clock) { return values_of(clock, value); };
+}
+
+/// By what factor an update takes longer than the reference's; null where nothing can be compared.
+auto ratio_of(double Statistics::*statistic) {
+  return [statistic](const SystemRow& row) -> Json {
+    const CaseRecord* reference = reference_of(row.record, row.settings, row.cases);
+    const ClockRecord* other = reference != nullptr ? timed(*reference) : nullptr;
+    if (row.clock == nullptr || other == nullptr) return nullptr;
+    const double theirs = statistics_of(frame_times(*other)).*statistic;
+    if (row.clock->updates.empty() || !(theirs > 0.0)) return nullptr;
+    return statistics_of(frame_times(*row.clock)).*statistic / theirs;
+  };
+}
+
+/// What the field was compared with; null where it was not.
+auto of_accuracy(double (*value)(const FieldAccuracy&)) {
+  return [value](const SystemRow& row) -> Json {
+    if (row.clock == nullptr || row.clock->accuracy_checks == 0) return nullptr;
+    return value(row.clock->accuracy);
+  };
+}
+
+double memory_mib(const ClockRecord& clock) {
+  double most = 0.0;
+  for (const UpdateRecord& update : clock.updates) most = std::max(most, update.resident_mib);
+  return most;
+}
+
+Json collision_recall(const TruthRecord& truth) {
+  const auto recall = truth.collision_recall();
+  return recall ? Json(*recall) : Json(nullptr);
+}
+
+double dropped_share(const ClockRecord& clock) {
+  const auto lost = static_cast<double>(clock.dropped + clock.bad_frames);
+  const double arrived = static_cast<double>(clock.updates.size()) + lost;
+  return arrived > 0.0 ? static_cast<double>(clock.dropped) / arrived : 0.0;
+}
+
+double rate_hz(const ClockRecord& clock) {
+  const auto updates = static_cast<double>(clock.updates.size());
+  return clock.duration_s > 0.0 ? (updates - 1.0) / clock.duration_s : 0.0;
+}
+
+const std::vector<std::string> kAllStatistics = {"mean", "sd", "p50", "p95", "max"};
+
+void add_times(report::ResultColumnsOf<SystemRow>& columns) {
+  using R = SystemRow;
+  using U = UpdateRecord;
+  const auto clock = &R::clock;
+  columns
+      .table("Time of an update",
+             "Ratio: to the mean of the run's `reference` with the same kind of field at the same "
+             "resolution. Published: the figure that the configuration gives.")
+      .add(
+          "clock",
+          [](const R& r) {
+            return r.clock == nullptr     ? Json(nullptr)
+                   : r.record.every_frame ? Json("every_frame")
+                                          : Json("real_time");
+          },
+          "Whether these are times of every frame or of those mapped in real time.")
+      .add("frames", value_of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
+           "Frames that were mapped.", {.heading = "frames", .pattern = "%.0f", .compared = true})
+      .add("bad_frames", value_of_part(clock, &ClockRecord::bad_frames),
+           "Frames that the mapper refused.")
+      .spread("frame_ms.", values_of_part(clock, &frame_times),
+              "Wall time from the frame in hand to the published field that has it.",
+              kAllStatistics,
+              {.heading = "frame",
+               .pattern = "%.2f ms",
+               .compared = true,
+               .statistics = "mean sd p50 p95"})
+      .spread("stages_ms.integrate.",
+              values_of_part(clock, of_updates([](const U& u) { return u.integrate_ms; })),
+              "Of it, in the mapper.", kAllStatistics,
+              {.heading = "integrate", .pattern = "%.2f", .statistics = "mean"})
+      .spread("stages_ms.field.",
+              values_of_part(clock, of_updates([](const U& u) { return u.field_ms; })),
+              "Of it, in the field.", kAllStatistics,
+              {.heading = "field", .pattern = "%.2f", .statistics = "mean"})
+      .spread("stages_ms.publish.",
+              values_of_part(clock, of_updates([](const U& u) { return u.publish_ms; })),
+              "Of it, until readers have it.", kAllStatistics,
+              {.heading = "publish", .pattern = "%.2f", .statistics = "mean"})
+      .add("ratio.mean", ratio_of(&Statistics::mean), "Mean over that of the reference.",
+           {.heading = "ratio", .pattern = "%.2f"})
+      .add("ratio.p50", ratio_of(&Statistics::p50), "Median over that of the reference.")
+      .add("published_ms",
+           [](const R& r) {
+             return r.record.what.published_ms ? Json(*r.record.what.published_ms) : Json(nullptr);
+           },
+           "What was published of the same, as the configuration says.",
+           {.heading = "published", .pattern = "%g ms"});
+}
+
+void add_accuracy(report::ResultColumnsOf<SystemRow>& columns) {
+  using A = FieldAccuracy;
+  columns.table("Fields against the exact transform of their own maps; memory")
+      .add("max_error_m", of_accuracy([](const A& a) { return a.max_error_m; }),
+           "Largest error of the field.",
+           {.heading = "max error", .pattern = "%.4f m", .compared = true})
+      .add("mean_error_m", of_accuracy([](const A& a) { return a.mean_error_m(); }),
+           "Mean error of the field.",
+           {.heading = "mean error", .pattern = "%.2g m", .compared = true})
+      .add("accuracy_checks", value_of_part(&SystemRow::clock, &ClockRecord::accuracy_checks),
+           "Fields that were compared.")
+      .add("compared_vox",
+           of_accuracy([](const A& a) { return static_cast<double>(a.compared_vox); }),
+           "Voxels that were compared.", {.heading = "voxels compared", .pattern = "%.0f"})
+      .add("differing_vox",
+           of_accuracy([](const A& a) { return static_cast<double>(a.differing_vox); }),
+           "Voxels that differ.", {.heading = "that differ", .pattern = "%.0f"})
+      .add("memory_mib", value_of_part(&SystemRow::clock, &memory_mib),
+           "Most memory of the process, beyond what it had before the system was made.",
+           {.heading = "memory", .pattern = "%.0f MiB", .compared = true});
+}
+
+void add_truth(report::ResultColumnsOf<SystemRow>& columns) {
+  using T = TruthRecord;
+  const auto truth = &SystemRow::truth;
+  const auto count = [&](const char* key, std::int64_t T::*member, const char* meaning,
+                         const char* heading = "") {
+    columns.add(std::string("truth.") + key, value_of_part(truth, member), meaning,
+                {.heading = heading, .pattern = "%.0f"});
+  };
+  columns.table("Maps against the true scene")
+      .add("truth.collision_recall", value_of_part(truth, &collision_recall),
+           "Share of the surface voxels seen that have an occupied voxel no farther than one away.",
+           {.heading = "recall", .pattern = "%.4f"});
+  count("surface_vox", &T::surface_vox, "Voxels in which the camera saw a surface.");
+  count("occupied_vox", &T::occupied_vox, "Occupied voxels.", "occupied");
+  count("false_obstacle_vox", &T::false_vox,
+        "Occupied voxels with no surface within their diagonal.", "false");
+  columns
+      .spread("truth.appear_frames.", values_of_part(truth, &T::appear_frames),
+              "Frames from when an object comes into view until it is in the map.", kAllStatistics,
+              {.heading = "appears", .pattern = "%.0f frames", .statistics = "max"})
+      .add("truth.appear_frames.events",
+           value_of_part(truth, [](const T& t) { return t.appear_frames.size(); }),
+           "How often one came into view.")
+      .add("truth.never_appeared", value_of_part(truth, &T::never_appeared),
+           "Objects that left the view before they were in the map.")
+      .spread("truth.gone_frames.", values_of_part(truth, &T::gone_frames),
+              "Frames of seeing through a voxel that was left until it is free.", kAllStatistics,
+              {.heading = "gone", .pattern = "%.0f frames", .statistics = "p95 max"})
+      .add("truth.gone_frames.voxels",
+           value_of_part(truth, [](const T& t) { return t.gone_frames.size(); }),
+           "Voxels that were left.");
+  count("ghost_vox", &T::ghost_vox, "Voxels that were left and are occupied at the end.", "ghosts");
+  count("ghost_seen_vox", &T::ghost_seen_vox, "Of these, seen through at least once.",
+        "ghosts seen");
+}
+
+void add_real_time(report::ResultColumnsOf<SystemRow>& columns) {
+  const auto clock = &SystemRow::real_time;
+  columns.table("In real time, late frames dropped")
+      .add("real_time.frames",
+           value_of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
+           "Frames that were mapped.", {.heading = "mapped", .pattern = "%.0f"})
+      .add("real_time.dropped", value_of_part(clock, &ClockRecord::dropped),
+           "Frames that came too late.", {.heading = "dropped", .pattern = "%.0f"})
+      .add("real_time.dropped_share", value_of_part(clock, &dropped_share),
+           "Their share of what arrived.", {.heading = "share", .pattern = "%.3f"})
+      .add("real_time.rate_hz", value_of_part(clock, &rate_hz), "Fields a second.",
+           {.heading = "rate", .pattern = "%.1f Hz"})
+      .spread("real_time.frame_ms.", values_of_part(clock, &frame_times), "As `frame_ms`.",
+              kAllStatistics)
+      .spread("real_time.latency_ms.",
+              values_of_part(clock, of_updates([](const UpdateRecord& u) { return u.latency_ms; })),
+              "From a frame's arrival to the published field that has it.", kAllStatistics,
+              {.heading = "latency", .pattern = "%.1f ms", .statistics = "p50 p95 max"});
+}
+
+const report::ResultColumnsOf<SystemRow>& mapping_systems() {
+  using R = SystemRow;
+  static const auto kColumns = [] {
+    report::ResultColumnsOf<R> columns("/systems");
+    columns
+        .add("name", [](const R& r) { return r.record.what.name; }, "Name of the case.",
+             {.heading = "system", .compared = true})
+        .add(
+            "mapper", [](const R& r) { return r.record.what.mapper; }, "Its mapper.")
+        .add(
+            "field", [](const R& r) { return r.record.what.field; }, "Its field.")
+        .add("signed", [](const R& r) { return r.record.is_signed; },
+             "Whether the field is negative inside obstacles.",
+             {.heading = "field", .pattern = "signed|unsigned", .compared = true})
+        .add("resolution_m", [](const R& r) { return r.record.what.resolution_m; },
+             "Edge of a voxel.", {.heading = "voxel", .pattern = "%g m", .compared = true})
+        .add(
+            "threads", [](const R& r) { return r.provenance.threads; }, "Threads of the run.")
+        .add(
+            "success",
+            [](const R& r) {
+              return r.record.error.empty() && r.unmet.empty() && !r.record.interrupted;
+            },
+            "Whether it was measured and does what `experiment.expect` asks.")
+        .add(
+            "error", [](const R& r) { return r.record.error; }, "Why it could not be measured.")
+        .add("unmet", &R::unmet, "What it does not do of `experiment.expect`.");
+    add_times(columns);
+    add_accuracy(columns);
+    add_truth(columns);
+    add_real_time(columns);
+    return columns;
+  }();
+  return kColumns;
+}
+
+Json system_json(const SystemRow& row) {
+  Json json = mapping_systems().row(row);
+  if (const TruthRecord* truth = row.truth(); truth == nullptr) {
+    json["truth"] = nullptr;
+  } else {
+    if (truth->appear_frames.empty()) json["truth"]["appear_frames"] = nullptr;
+    if (truth->gone_frames.empty()) json["truth"]["gone_frames"] = nullptr;
+  }
+  if (row.real_time() == nullptr) json["real_time"] = nullptr;
+  json["quarters"] = row.clock != nullptr ? quarters_json(*row.clock) : Json::array();
+  return json;
+}
+
+std::string label_of(const CaseRecord& record) {
+  return record.what.name + (record.is_signed ? ", signed" : "") + " at " +
+         format("%g m", record.what.resolution_m);
+}
+
+std::string verdict_text(const MappingBenchmarkSettings& settings,
+                         const MappingBenchmarkRecord& record) {
+  const std::string measured = std::to_string(record.cases.size()) + " of " +
+                               std::to_string(record.planned_cases) + " cases";
+  if (record.interrupted) return "Interrupted after " + measured + "; what was measured is saved.";
+  std::string failures;
+  std::size_t failed = 0;
+  for (const CaseRecord& one : record.cases) {
+    const std::string unmet = unmet_expectations(one, settings.expect);
+    if (one.error.empty() && unmet.empty()) continue;
+    ++failed;
+    failures += " " + label_of(one) + ": " + (one.error.empty() ? unmet : one.error) + ".";
+  }
+  if (failed > 0) {
+    return "Failed: " + std::to_string(failed) + " of " + std::to_string(record.cases.size()) +
+           " cases did not do." + failures;
+  }
+  std::string text = "Success: " + measured + " were measured";
+  for (const CaseRecord& one : record.cases) {
+    const ClockRecord* clock = timed(one);
+    if (one.what.name != settings.reference || clock == nullptr) continue;
+    text += "; " + label_of(one) + " takes " +
+            format("%.1f ms", statistics_of(frame_times(*clock)).p50) + " (p50)";
+  }
+  return text + ".";
+}
+
+}  // namespace
+
+const report::ResultColumns& mapping_columns() { return mapping_systems(); }
+
+std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& expect) {
+  const ClockRecord* clock = record.every_frame ? &*record.every_frame : nullptr;
+  std::string text;
+  const auto complain = [&](const std::string& what, double found, double wanted) {
+    text += (text.empty() ? "" : ", ") + what + " " + format("%g", found) + " instead of " +
+            format("%g", wanted);
+  };
+  if (record.error.empty() && (clock == nullptr || clock->updates.empty()) && !record.real_time) {
+    return "no frame could be mapped";
+  }
+  if (clock == nullptr) return "";
+  if (expect.max_error_m && clock->accuracy.max_error_m > *expect.max_error_m) {
+    complain("an error of (m)", clock->accuracy.max_error_m, *expect.max_error_m);
+  }
+  if (!clock->truth) return text;
+  const TruthRecord& truth = *clock->truth;
+  const auto largest = [](const std::vector<double>& values) {
+    return values.empty() ? 0.0 : *std::ranges::max_element(values);
+  };
+  const auto recall = truth.collision_recall();
+  if (expect.collision_recall && recall && *recall < *expect.collision_recall) {
+    complain("a collision recall of", *recall, *expect.collision_recall);
+  }
+  if (expect.appear_frames && largest(truth.appear_frames) > *expect.appear_frames) {
+    complain("frames until an object appears:", largest(truth.appear_frames),
+             *expect.appear_frames);
+  }
+  if (expect.appear_frames && truth.never_appeared > 0) {
+    complain("objects that never appear:", static_cast<double>(truth.never_appeared), 0.0);
+  }
+  if (expect.gone_frames && largest(truth.gone_frames) > *expect.gone_frames) {
+    complain("frames until a voxel is gone:", largest(truth.gone_frames), *expect.gone_frames);
+  }
+  if (expect.ghost_vox && static_cast<double>(truth.ghost_seen_vox) > *expect.ghost_vox) {
+    complain("ghost voxels left:", static_cast<double>(truth.ghost_seen_vox), *expect.ghost_vox);
+  }
+  return text;
+}
+
+ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
+                                    const MappingBenchmarkSettings& settings,
+                                    const MappingBenchmarkRecord& record) {
+  Json systems = Json::array();
+  for (const CaseRecord& one : record.cases) {
+    systems.push_back(system_json({one, provenance, settings, record.cases}));
+  }
+  ExperimentOutcome outcome;
+  outcome.interrupted = record.interrupted;
+  outcome.success =
+      !record.interrupted && !record.cases.empty() &&
+      std::ranges::all_of(systems, [](const Json& s) { return at(s, "/success") == Json(true); });
+  outcome.verdict = verdict_text(settings, record);
+  outcome.table = mapping_systems().text(systems);
+  if (!settings.published_as.empty()) outcome.table += "published: " + settings.published_as + "\n";
+  outcome.table_csv = mapping_systems().csv(systems);
+  Json bad_frames = Json::array();
+  for (const Error& error : record.bad_frames) bad_frames.push_back(error.describe());
+  outcome.summary_json = summary_text(provenance, settings.type, outcome,
+                                      {{"reference", settings.reference},
+                                       {"published_as", settings.published_as},
+                                       {"bad_frames", record.bad_frames.size()},
+                                       {"bad_frame_errors", bad_frames},
+                                       {"has_truth", record.has_truth},
+                                       {"systems", systems}});
+  return outcome;
+}
+
+}  // namespace sidestep

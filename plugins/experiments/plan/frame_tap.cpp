@@ -1,0 +1,74 @@
+#include "frame_tap.hpp"
+
+#include <algorithm>
+
+namespace sidestep {
+
+FrameTap::FrameTap(Source& source, std::optional<std::int64_t> count, std::int64_t limit,
+                   int pictures)
+    : source_(source), count_(count), limit_(limit), wanted_(pictures) {
+  const auto total = frame_count();
+  if (total && wanted_ > 0) stride_ = std::max<std::int64_t>(1, *total / wanted_);
+}
+
+std::optional<std::int64_t> FrameTap::frame_count() const {
+  if (!count_) return limit_ > 0 ? std::optional(limit_) : std::nullopt;
+  return limit_ > 0 ? std::min(limit_, *count_) : *count_;
+}
+
+Result<std::optional<Frame>> FrameTap::next(const Deadline& deadline) {
+  if (limit_ > 0 && passed_ >= limit_) {
+    is_cut_ = true;
+    return std::nullopt;
+  }
+  auto frame = source_.next(deadline);
+  if (frame ? frame->has_value() : frame.error().code == ErrorCode::kBadFrame) ++passed_;
+  if (frame && *frame) {
+    keep(**frame);
+    if (mapper_ != nullptr) survey_.add(**frame, mapper_->grid());
+    if (keeps_last_) last_ = std::make_shared<const Frame>(**frame);
+  }
+  return frame;
+}
+
+std::string FrameTap::left_out() const {
+  if (!is_cut_ || (count_ && *count_ <= limit_)) return "";
+  const std::string first = "mapped the first " + std::to_string(limit_);
+  // A stream's end is not known before it is there.
+  return count_ ? first + " of " + std::to_string(*count_) + " frames"
+                : first + " frames, whether or not there are more";
+}
+
+void FrameTap::keep(const Frame& frame) {
+  const auto* image = std::get_if<DepthImage>(&frame.measurement);
+  if (image == nullptr || wanted_ <= 0 || (passed_ - 1) % stride_ != 0) return;
+  const int width = image->camera.width_px;
+  const int height = image->camera.height_px;
+  // The mapper is the one to judge frames; a malformed one is merely not drawn.
+  if (width <= 0 || height <= 0 ||
+      image->depth_m.size() != static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {
+    return;
+  }
+  if (static_cast<int>(pictures_.size()) == wanted_) {
+    if (frame_count()) return;
+    // A stream of unknown length: thin out what was kept, and go on at half the rate.
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < pictures_.size(); i += 2) {
+      std::swap(pictures_[kept++], pictures_[i]);
+    }
+    pictures_.resize(kept);
+    stride_ *= 2;
+    if ((passed_ - 1) % stride_ != 0) return;
+  }
+  const int step = (width + DepthPicture::kMaxWidth_px - 1) / DepthPicture::kMaxWidth_px;
+  DepthPicture picture;
+  picture.frame_sequence = frame.sequence;
+  picture.rows = (height + step - 1) / step;
+  picture.columns = (width + step - 1) / step;
+  for (int v = 0; v < height; v += step) {
+    for (int u = 0; u < width; u += step) picture.depth_m.push_back(image->at(u, v));
+  }
+  pictures_.push_back(std::move(picture));
+}
+
+}  // namespace sidestep

@@ -1,0 +1,398 @@
+#include <algorithm>
+#include <bit>
+#include <set>
+
+#include <sidestep/measures/source_facts.hpp>
+#include <sidestep/report/text_table.hpp>
+#include <sidestep/results/run_provenance.hpp>
+#include <sidestep/runtime/checked_robot.hpp>
+#include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/pipeline.hpp>
+#include <sidestep/runtime/results_store.hpp>
+#include <sidestep/runtime/run_observer.hpp>
+#include "frame_tap.hpp"
+#include "plan_one.hpp"
+#include "plan_recording.hpp"
+#include "plan_summary.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr std::int64_t kCommitEvery = 50;  // frames
+
+/// Reads a block whose schema has been checked; what could still fail is kept for the caller.
+template <class Settings>
+Settings read_block(const Configuration& configuration, std::string_view name,
+                    std::vector<Error>& errors) {
+  Settings settings;
+  Settings::parameters().read(block_of(configuration, name), settings, errors);
+  return settings;
+}
+
+struct PlanSettings {
+  PlanExperimentSettings experiment;
+  PlanningSettings planning;
+  CheckSettings check;
+};
+
+Result<PlanSettings> read_settings(const Configuration& configuration) {
+  std::vector<Error> errors;
+  PlanSettings settings{read_block<PlanExperimentSettings>(configuration, "experiment", errors),
+                        read_block<PlanningSettings>(configuration, "planning", errors),
+                        read_block<CheckSettings>(configuration, "check", errors)};
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  return settings;
+}
+
+/// Start, goal and task of every plan, read from the configuration where mistakes have a position.
+std::vector<PlanRecord> read_plans(const Configuration& configuration,
+                                   const std::shared_ptr<const RobotModel>& robot, Host& host,
+                                   std::vector<Error>& errors) {
+  std::vector<PlanRecord> plans;
+  const Node* list = block_of(configuration, "experiment").find("plans");
+  if (list == nullptr) return plans;
+  std::set<std::string> names;
+  for (const Node& entry : list->items()) {
+    PlanRecord plan;
+    const Node* name = entry.find("name");
+    const Node* start = entry.find("start");
+    const Node* goal = entry.find("goal");
+    const bool fits =
+        name != nullptr && start != nullptr && goal != nullptr && start->is_map() && goal->is_map();
+    if (!fits) continue;  // its schema told
+    plan.name = name->text();
+    if (!names.insert(plan.name).second) {
+      errors.push_back(name->error("a plan before this one is named '" + plan.name + "', too"));
+    }
+    plan.robot = read_attached(entry, robot, errors);
+    const std::vector<Link>& links = plan.robot->description().links;
+    for (std::size_t i = robot->description().links.size(); i < links.size(); ++i) {
+      plan.attached.push_back(links[i].name);
+    }
+    plan.q_start = read_robot_state(*start, robot->description(), errors);
+    plan.q_goal = read_robot_state(*goal, robot->description(), errors);
+    plan.task = read_task(entry, plan.robot, errors);
+    read_plugin_costs(entry, plan.robot, host, plan.task, errors);
+    plans.push_back(std::move(plan));
+  }
+  if (list->is_list() && list->items().empty())
+    errors.push_back(list->error("there is nothing to plan"));
+  return plans;
+}
+
+/// The robot with the links that any plan attaches: names that `check` may use.
+RobotDescription robot_of_all(const RobotModel& robot, std::span<const PlanRecord> plans) {
+  RobotDescription all = robot.description();
+  for (const PlanRecord& plan : plans) {
+    for (const std::string& name : plan.attached) all.links.push_back({name, 0});
+  }
+  return all;
+}
+
+void check_plans(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  host.check_views(block_of(configuration, "mapper"), {OccupancyView::kViewName},
+                   "the independent check of plans", errors);
+  const auto robot = checked_robot(configuration, host, errors);
+  if (robot == nullptr) return;
+  const auto plans = read_plans(configuration, robot, host, errors);
+  const RobotDescription all = robot_of_all(*robot, plans);
+  check_allowed_contacts(block_of(configuration, "check"), all, nullptr, errors);
+  check_floor(block_of(configuration, "planning"), all, errors);
+}
+
+/// Maps every frame of the source; stops early on request or at a fault, with what there is.
+Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, SnapshotSlot& slot,
+                             Recorder& recorder, ExperimentContext& context) {
+  MapRecord map;
+  if (auto attached = pipeline.attach(); !attached) return error_of(attached);
+  const std::int64_t total = source.frame_count().value_or(0);
+  while (!context.stop.stop_requested()) {
+    auto step = pipeline.step(Deadline(context.stop));
+    if (!step) {
+      if (!context.stop.stop_requested()) map.fault = std::move(step.error());
+      break;
+    }
+    if (!*step) break;
+    const auto item = static_cast<std::int64_t>(map.steps.size());
+    record_frame(**step, item, recorder);
+    if (context.observer != nullptr) {
+      const Stamp stamp = (*step)->stamp;
+      context.observer->mapped({source.last(), **step, slot.snapshot(), stamp, stamp});
+    }
+    map.steps.push_back(std::move(**step));
+    if (item % kCommitEvery == kCommitEvery - 1) {
+      if (auto saved = recorder.commit(); !saved) return error_of(saved);
+    }
+    if (context.progress) {
+      const auto bad = static_cast<std::int64_t>(pipeline.bad_frames().size());
+      context.progress(item + 1 + bad, total, "mapping");
+    }
+  }
+  map.bad_frames = pipeline.bad_frames();
+  map.interrupted = context.stop.stop_requested();
+  map.field = slot.pin();
+  return map;
+}
+
+std::int64_t count(const VoxelBits& bits) {
+  std::int64_t total = 0;
+  for (const std::uint64_t word : bits.words) total += std::popcount(word);
+  return total;
+}
+
+/// The parts of the run that plugins provide.
+struct Parts {
+  std::shared_ptr<const RobotModel> robot;
+  PluginPtr<Source> source;
+  PluginPtr<Mapper> mapper;
+  PluginPtr<FieldBuilder> field_builder;
+  PluginPtr<Optimiser> optimiser;
+  const OccupancyView* occupancy;      ///< Of the mapper.
+  std::shared_ptr<const Scene> scene;  ///< Behind the source's frames; null where not known.
+};
+
+Result<Parts> make_parts(ExperimentContext& context) {
+  const Configuration& configuration = context.configuration;
+  auto own_robot = context.host.create<RobotModel>(block_of(configuration, "robot"));
+  if (!own_robot) return error_of(own_robot);
+  const std::shared_ptr<const RobotModel> robot = std::move(*own_robot);
+  auto source = context.host.create<Source>(block_of(configuration, "source"), robot);
+  if (!source) return error_of(source);
+  auto mapper = context.host.create<Mapper>(block_of(configuration, "mapper"), robot);
+  if (!mapper) return error_of(mapper);
+  auto field_builder = context.host.create<FieldBuilder>(block_of(configuration, "field"), robot);
+  if (!field_builder) return error_of(field_builder);
+  auto optimiser = context.host.create<Optimiser>(block_of(configuration, "optimiser"), robot);
+  if (!optimiser) return error_of(optimiser);
+  const auto* occupancy = dynamic_cast<const OccupancyView*>(mapper->get());
+  if (occupancy == nullptr) {
+    return fail(ErrorCode::kUnsupported,
+                "the independent check needs a mapper that offers its occupied voxels",
+                block_of(configuration, "mapper").mark().to_string());
+  }
+  auto scene = true_scene(*source);
+  if (!scene) return error_of(scene);
+  return Parts{robot,
+               std::move(*source),
+               std::move(*mapper),
+               std::move(*field_builder),
+               std::move(*optimiser),
+               occupancy,
+               std::move(*scene)};
+}
+
+void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSettings& planning,
+                                Log& log) {
+  std::string names;
+  for (const std::string& name : joints_of_unknown_acceleration(robot)) {
+    names += (names.empty() ? "'" : ", '") + name + "'";
+  }
+  if (names.empty()) return;
+  log.info("the acceleration limits of " + names +
+           " are not known; taken for each: its velocity "
+           "limit reached in " +
+           format("%g s", planning.assumed_ramp_s));
+}
+
+/// To whoever looks on, plans follow one another on the source's clock, from its last frame on.
+class PlanShow {
+ public:
+  /// `observer` may be null.
+  PlanShow(RunObserver* observer, Stamp begin) : observer_(observer), time_(begin) {}
+
+  void show(const PlanRecord& plan) {
+    if (observer_ == nullptr || plan.solution.trajectory.size() == 0) return;
+    auto trajectory = std::make_shared<const Trajectory>(plan.solution.trajectory);
+    ObservedEvent shown;
+    shown.event.stamp = shown.event.takeover = time_;
+    shown.event.solve_ms = plan.solution.solve_ms;
+    shown.event.cost = plan.solution.cost;
+    shown.event.cause = plan.name;
+    if (plan.success()) {
+      shown.followed = trajectory;
+      shown.followed_start = time_;
+    } else {
+      shown.event.kind = ReplannerEvent::Kind::kReplanFailed;
+      shown.event.cause += ": " + plan.reason;
+      shown.event.refused = trajectory;
+    }
+    observer_->happened(shown);
+    time_.ns += Stamp::from_seconds(trajectory->duration_s()).ns;
+  }
+  void end(bool success, std::string verdict) {
+    if (observer_ != nullptr) observer_->end({time_, success, std::move(verdict)});
+  }
+
+ private:
+  RunObserver* observer_;
+  Stamp time_;
+};
+
+/// Plans through a finished map, recording each plan as soon as it is there in `plans`.
+Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
+                        const PlanSettings& settings, Recorder& recorder,
+                        ExperimentContext& context, std::vector<PlanRecord>& plans,
+                        PlanShow& show) {
+  std::optional<PlanWorld> world;
+  // One for all plans that the robot makes as it is; one for each plan that has it carry something.
+  const auto enter_world_of = [&](const std::shared_ptr<const RobotModel>& robot) -> Result<void> {
+    if (world && world->robot == robot) return {};
+    auto made =
+        make_plan_world(robot, map.field, *parts.occupancy, parts.scene,
+                        map.steps.back().stamp.seconds(), settings.planning, settings.check);
+    if (!made) return error_of(made);
+    world = std::move(*made);
+    return {};
+  };
+  tell_assumed_accelerations(parts.robot->description(), settings.planning, context.log);
+  const auto total = static_cast<std::int64_t>(endpoints.size());
+  for (PlanRecord& plan : endpoints) {
+    const auto index = static_cast<std::int64_t>(plans.size());
+    if (context.stop.stop_requested()) break;
+    if (context.progress) context.progress(index, total, "planning " + plan.name);
+    if (auto entered = enter_world_of(plan.robot); !entered) return entered;
+    auto made = make_plan(*world, parts.optimiser, std::move(plan), context.seed, context.log,
+                          context.stop);
+    if (!made) return error_of(made);
+    const PlanSurroundings surroundings{*world->robot,
+                                        *map.field,
+                                        world->planning.space(),
+                                        *parts.occupancy,
+                                        settings.check.speed_fraction,
+                                        settings.check.margin_m,
+                                        settings.experiment.slice_heights_m};
+    record_plan(*made, index, surroundings, recorder);
+    show.show(*made);
+    plans.push_back(std::move(*made));
+    if (auto saved = recorder.commit(); !saved) return error_of(saved);
+  }
+  if (context.progress) context.progress(total, total, "planning");
+  return {};
+}
+
+Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
+  const auto settings = read_settings(context.configuration);
+  if (!settings) return error_of(settings);
+  auto parts = make_parts(context);
+  if (!parts) return error_of(parts);
+  std::vector<Error> errors;
+  auto endpoints = read_plans(context.configuration, parts->robot, context.host, errors);
+  check_allowed_contacts(block_of(context.configuration, "check"),
+                         robot_of_all(*parts->robot, endpoints), parts->scene.get(), errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+
+  const RunProvenance provenance = provenance_of(context);
+  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
+  if (!store) return error_of(store);
+  Recorder recorder(**store);
+  record_joints(parts->robot->description(), recorder);
+
+  const auto frames = frame_count_of(parts->source);
+  if (!frames) return error_of(frames);
+  FrameTap source(*parts->source, *frames, settings->experiment.max_frames,
+                  settings->experiment.depth_pictures);
+  source.keep_last(context.observer != nullptr);
+  const Node& mapper_block = block_of(context.configuration, "mapper");
+  source.survey(*parts->mapper, PointSurvey::of_mapper(
+                                    context.host.with_defaults(PluginKind::kMapper, mapper_block)));
+  if (context.observer != nullptr && !endpoints.empty()) {
+    context.observer->begin({context.configuration.name, 0, parts->robot, parts->scene,
+                             endpoints.front().q_start, endpoints.front().q_goal});
+  }
+  SnapshotSlot slot;
+  MappingPipeline pipeline(
+      {source,
+       *parts->mapper,
+       *parts->field_builder,
+       slot,
+       context.log,
+       {plugin_of(parts->source), plugin_of(parts->mapper), plugin_of(parts->field_builder)}});
+  auto map = map_frames(pipeline, source, slot, recorder, context);
+  if (!map) return error_of(map);
+  map->occupied_vox = count(parts->occupancy->occupied());
+  map->known_vox = count(parts->occupancy->known());
+  map->empty_reason = source.survey().emptiness(*parts->occupancy, PointSurvey::Keys::kMapper);
+  map->left_out = source.left_out();
+  if (!map->left_out.empty()) context.log.warn(map->left_out + " (experiment.max_frames)");
+  record_bad_frames(map->bad_frames, recorder);
+  record_depth_pictures(source.pictures(), recorder);
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+
+  PlanShow show(context.observer, map->steps.empty() ? Stamp{} : map->steps.back().stamp);
+  std::vector<PlanRecord> plans;
+  if (!map->steps.empty() && map->empty_reason.empty() && !map->interrupted && !map->fault) {
+    // Held here, so that what was measured before a robot throws is kept.
+    auto done = contained("planning", [&] {
+      return make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans,
+                        show);
+    });
+    if (!done) map->fault = std::move(done.error());
+    map->interrupted = context.stop.stop_requested();
+  }
+  auto outcome = summarise_plans(provenance, *map, plans);
+  show.end(outcome.success, outcome.verdict);
+  return outcome;
+}
+
+void fill_plans(Node& experiment, Host& host) {
+  Node* plans = experiment.find("plans");
+  if (plans == nullptr || !plans->is_list()) return;
+  for (Node& plan : plans->items()) fill_plugin_costs(plan, host);
+}
+
+}  // namespace
+
+Parameters<PlanEntry> PlanEntry::parameters() {
+  return Parameters<PlanEntry>()
+      .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
+      .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
+      .add("goal", &PlanEntry::goal,
+           "Where the robot is to be; with `end_effector`, where the search for that begins.",
+           {.required = true})
+      .add("attached", &PlanEntry::attached,
+           "What the robot carries, fixed to its links: costs, checks and pictures have it.")
+      .add("end_effector", &PlanEntry::end_effector,
+           "Where a link is to be at the end, whatever the configuration; for optimisers that "
+           "minimise costs.")
+      .add("orientation_costs", &PlanEntry::orientation_costs,
+           "Links that are to keep an orientation along the way.")
+      .add("axis_costs", &PlanEntry::axis_costs,
+           "Links of which an axis is to keep a direction along the way, e.g. upright.")
+      .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.")
+      .add("costs", &PlanEntry::costs, "Costs that plugins make.");
+}
+
+Parameters<PlanExperimentSettings> PlanExperimentSettings::parameters() {
+  using S = PlanExperimentSettings;
+  return experiment_parameters<S>()
+      .add("max_frames", &S::max_frames, "Frames to map; 0 for all that the source has.",
+           {.min = 0})
+      .add("depth_pictures", &S::depth_pictures, "Depth images to show in the report.",
+           {.min = 0, .max = 24})
+      .add("slice_heights_m", &S::slice_heights_m,
+           "Heights at which the report cuts the field; empty: chosen from each plan.",
+           {.unit = "m"})
+      .add("plans", &S::plans, "The plans to make, in this order.", {.required = true});
+}
+
+class PlanExperiment final : public Experiment {
+ public:
+  [[nodiscard]] ExperimentFacts facts() const override {
+    return {.blocks = {"robot", "source", "mapper", "field", "optimiser", "planning"},
+            .optional_blocks = {"check"}};
+  }
+  [[nodiscard]] const report::RunReport& report() const override { return plan_report(); }
+  void check(const Configuration& configuration, Host& host,
+             std::vector<Error>& errors) const override {
+    check_plans(configuration, host, errors);
+  }
+  [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
+    return run_plan(context);
+  }
+  void fill(Node& experiment, Host& host) const override { fill_plans(experiment, host); }
+};
+
+}  // namespace sidestep
+
+SIDESTEP_EXPERIMENT(sidestep::PlanExperiment, sidestep::PlanExperimentSettings, "plan", "0.1.0",
+                    "A map from a source, and one or more plans through it")

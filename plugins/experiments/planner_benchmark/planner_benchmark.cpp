@@ -1,0 +1,407 @@
+#include <algorithm>
+#include <set>
+
+#include <sidestep/results/recorder.hpp>
+#include <sidestep/runtime/checked_robot.hpp>
+#include <sidestep/runtime/experiment.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
+#include <sidestep/runtime/results_store.hpp>
+#include <sidestep/runtime/yaml_document.hpp>
+#include "planner_solve.hpp"
+#include "planner_summary.hpp"
+
+namespace sidestep {
+namespace {
+
+/// An item of `experiment.planners`.
+struct PlannerEntry {
+  std::string name;
+  std::vector<std::string> seeds = {"straight"};
+  Node optimiser;
+  Node sampler;
+
+  static Parameters<PlannerEntry> parameters() {
+    using E = PlannerEntry;
+    return Parameters<E>()
+        .add("name", &E::name, "Name of the planner in results.", {.required = true})
+        .add("seeds", &E::seeds,
+             "First guesses, raced over the cores: `straight`, a line (and, beside others, lines "
+             "that are perturbed); `sampled`, the sampler's path, which the optimiser polishes if "
+             "there is one.")
+        .add("optimiser", &E::optimiser, "The block of the optimiser.")
+        .add("sampler", &E::sampler, "The block of the sampling planner, for the seed `sampled`.");
+  }
+};
+
+/// What the planner's own checks see: what its sampler says, as far as it has one, else the field.
+std::string checker_of(const PlannerEntry& entry) {
+  const bool is_sampling = std::ranges::find(entry.seeds, "sampled") != entry.seeds.end();
+  const Node* checker = is_sampling ? entry.sampler.find("checker") : nullptr;
+  return checker != nullptr ? checker->text() : "field";
+}
+
+/// True for paths by FCL that nothing polishes: no check by spheres is to come after them.
+bool plans_by_shapes(const PlannerEntry& entry) {
+  return entry.optimiser.is_null() && checker_of(entry) == "primitives";
+}
+
+struct PlannerBenchmarkSettings : ExperimentSettings {
+  int seeds = 1;
+  std::filesystem::path problems;
+  std::vector<std::string> families;
+  int every = 1;
+  std::int64_t limit = 0;
+  double deadline_s = 5.0;
+  double reach_m = 2.0;
+  std::vector<PlannerEntry> planners;
+
+  static Parameters<PlannerBenchmarkSettings> parameters() {
+    using S = PlannerBenchmarkSettings;
+    return experiment_parameters<S>(
+               "Seed of everything random in the run.",
+               "Threads that a planner may use; 0 for one per core. Problems are solved one after "
+               "the other, so that nothing else is timed; `--jobs` solves several at once.")
+        .add("seeds", &S::seeds,
+             "How often each planner is given each problem: with `seed`, the next one, and so on.",
+             {.min = 1, .max = 1000})
+        .add("problems", &S::problems,
+             "Folder of problem sets (docs/reference/problem_sets.md), or one; needed to run.")
+        .add("families", &S::families, "Families of problems that are used; none: all.")
+        .add("every", &S::every, "Every n-th problem of a family is used.", {.min = 1})
+        .add("limit", &S::limit, "Most problems of a family; 0 for no limit.", {.min = 0})
+        .add("deadline_s", &S::deadline_s, "Of one problem.",
+             {.unit = "s", .min = 1e-3, .max = 3600.0})
+        .add("reach_m", &S::reach_m,
+             "How far the known world reaches from the robot's foot along each axis.",
+             {.unit = "m", .min = 0.1, .max = 100.0})
+        .add("planners", &S::planners, "Who solves all of them.", {.required = true});
+  }
+};
+
+void check_planner(const Node& entry, Host& host, std::vector<Error>& errors) {
+  const Node* seeds = entry.find("seeds");
+  for (const char* name : {"optimiser", "sampler"}) {
+    const Node* block = entry.find(name);
+    if (block != nullptr && !block->is_null()) host.check(PluginKind::kOptimiser, *block, errors);
+  }
+  const auto is_given = [&](const char* name) {
+    const Node* block = entry.find(name);
+    return block != nullptr && block->is_map();
+  };
+  if (seeds == nullptr && !is_given("optimiser")) {
+    errors.push_back(entry.error("the seed 'straight' needs a block `optimiser`"));
+  }
+  if (seeds == nullptr || !seeds->is_list()) return;
+  if (seeds->items().empty()) errors.push_back(seeds->error("there is no seed to begin with"));
+  for (const Node& seed : seeds->items()) {
+    const bool is_sampled = seed.text() == "sampled";
+    if (!is_sampled && seed.text() != "straight") {
+      errors.push_back(
+          seed.error("no seed is called '" + seed.text() + "'", "there are straight and sampled"));
+    } else if (!is_given(is_sampled ? "sampler" : "optimiser")) {
+      errors.push_back(seed.error("the seed '" + seed.text() + "' needs a block " +
+                                  (is_sampled ? "`sampler`" : "`optimiser`")));
+    }
+  }
+}
+
+void check_planner_benchmark(const Configuration& configuration, Host& host,
+                             std::vector<Error>& errors) {
+  (void)checked_robot(configuration, host, errors);
+  const Node* planners = block_of(configuration, "experiment").find("planners");
+  if (planners == nullptr || !planners->is_list()) return;
+  std::set<std::string> names;
+  for (const Node& entry : planners->items()) {
+    if (!entry.is_map()) continue;
+    check_planner(entry, host, errors);
+    const Node* name = entry.find("name");
+    if (name != nullptr && !names.insert(name->text()).second) {
+      errors.push_back(
+          name->error("a planner before this one is named '" + name->text() + "', too"));
+    }
+  }
+  if (planners->items().empty()) errors.push_back(planners->error("there is no planner"));
+}
+
+void fill_planners(Node& experiment, Host& host) {
+  Node* planners = experiment.find("planners");
+  if (planners == nullptr || !planners->is_list()) return;
+  for (Node& entry : planners->items()) {
+    if (!entry.is_map()) continue;
+    entry = fill_defaults(entry, PlannerEntry::parameters().schema());
+    for (const char* name : {"optimiser", "sampler"}) {
+      if (Node* block = entry.find(name); block != nullptr && block->is_map()) {
+        *block = host.with_defaults(PluginKind::kOptimiser, *block);
+      }
+    }
+  }
+}
+
+/// Every problem that the settings leave.
+std::vector<SetProblem> chosen(std::vector<SetProblem> all,
+                               const PlannerBenchmarkSettings& settings) {
+  std::vector<SetProblem> kept;
+  std::string family;
+  std::int64_t seen = 0, taken = 0;
+  for (SetProblem& problem : all) {
+    if (problem.family != family) {
+      family = problem.family;
+      seen = taken = 0;
+    }
+    const bool is_wanted = settings.families.empty() ||
+                           std::ranges::find(settings.families, family) != settings.families.end();
+    if (!is_wanted || seen++ % settings.every != 0) continue;
+    if (settings.limit > 0 && taken >= settings.limit) continue;
+    ++taken;
+    kept.push_back(std::move(problem));
+  }
+  return kept;
+}
+
+/// A run of a benchmark: the problems of its shard that have no answer yet.
+class BenchmarkRun {
+ public:
+  BenchmarkRun(const PlannerBenchmarkSettings& settings, const std::vector<SetProblem>& problems,
+               SetBench bench, const PlannerBenchmarkRecord& record, ExperimentContext& context,
+               Recorder& recorder)
+      : settings_(settings),
+        problems_(problems),
+        bench_(std::move(bench)),
+        record_(record),
+        context_(context),
+        recorder_(recorder),
+        clock_(context.threads),
+        session_(std::ssize(record.sessions)),
+        done_(record.solved()) {}
+
+  [[nodiscard]] Result<void> solve();
+
+ private:
+  [[nodiscard]] Result<void> solve_with(const PlannerEntry& entry, const PlannerRecord& earlier,
+                                        int seed);
+  [[nodiscard]] Result<PlanningRace> make_race(const PlannerEntry& entry, std::uint64_t seed);
+  [[nodiscard]] std::vector<std::int64_t> left_for(const PlannerRecord& earlier, int seed) const;
+
+  const PlannerBenchmarkSettings& settings_;
+  const std::vector<SetProblem>& problems_;
+  SetBench bench_;
+  const PlannerBenchmarkRecord& record_;
+  ExperimentContext& context_;
+  Recorder& recorder_;
+  SessionClock clock_;
+  std::int64_t session_;
+  std::int64_t done_;
+};
+
+Result<void> BenchmarkRun::solve() {
+  for (std::size_t p = 0; p < settings_.planners.size(); ++p) {
+    for (int seed = 0; seed < settings_.seeds; ++seed) {
+      auto solved = solve_with(settings_.planners[p], record_.planners[p], seed);
+      if (!solved) return solved;
+    }
+  }
+  record_session(clock_.after(0), session_, recorder_);
+  return recorder_.commit();
+}
+
+std::vector<std::int64_t> BenchmarkRun::left_for(const PlannerRecord& earlier, int seed) const {
+  std::set<std::int64_t> done;
+  for (const SetSolve& solve : earlier.solves) {
+    if (solve.seed == seed) done.insert(solve.problem);
+  }
+  std::vector<std::int64_t> left;
+  for (std::int64_t problem = 0; problem < std::ssize(problems_); ++problem) {
+    if (record_.is_ours(problem) && !done.contains(problem)) left.push_back(problem);
+  }
+  return left;
+}
+
+Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRecord& earlier,
+                                      int seed) {
+  const std::vector<std::int64_t> left = left_for(earlier, seed);
+  if (left.empty() || context_.stop.stop_requested()) return {};
+  const std::uint64_t run_seed = context_.seed + static_cast<std::uint64_t>(seed);
+  auto race = make_race(entry, run_seed);
+  if (!race) return error_of(race);
+  const auto solve_one = [&](std::int64_t problem) {
+    return contained("planning", [&] {
+      return solve_set_problem(*race, problems_[static_cast<std::size_t>(problem)], run_seed,
+                               bench_, plans_by_shapes(entry));
+    });
+  };
+  (void)solve_one(left.front());  // does not count
+  for (const std::int64_t problem : left) {
+    if (context_.progress) context_.progress(done_, record_.planned(), entry.name);
+    auto solve = solve_one(problem);
+    if (context_.stop.stop_requested()) return {};  // it may have been cut short
+    if (!solve) return error_of(solve);
+    solve->problem = problem;
+    solve->seed = seed;
+    record_set_solve(*solve, entry.name, problems_.size(), recorder_);
+    record_session(clock_.after(1), session_, recorder_);
+    if (auto saved = recorder_.commit(); !saved) return saved;
+    ++done_;
+  }
+  return {};
+}
+
+Result<PlanningRace> BenchmarkRun::make_race(const PlannerEntry& entry, std::uint64_t seed) {
+  const RunLoan loan{bench_.robot, nullptr, nullptr, seed};
+  std::vector<PlanningRace::Lane> lanes;
+  for (const std::string& guess : entry.seeds) {
+    PlanningRace::Lane lane;
+    lane.seed = guess;
+    for (const auto& [block, into] :
+         {std::pair(&entry.optimiser, &lane.optimiser), std::pair(&entry.sampler, &lane.sampler)}) {
+      const bool is_sampler = into == &lane.sampler;
+      if (block->is_null() || (is_sampler && guess != "sampled")) continue;
+      auto made = context_.host.create<Optimiser>(*block, loan);
+      if (!made) return error_of(made);
+      *into = std::move(*made);
+    }
+    lanes.push_back(std::move(lane));
+  }
+  return PlanningRace(std::move(lanes), bench_.planning.limits(bench_.robot->description()));
+}
+
+/// What the effective configuration says of each planner.
+std::vector<std::string> planner_texts(const ExperimentContext& context) {
+  const Node& root = context.effective;
+  std::vector<std::string> texts;
+  for (const Node& entry : root.find("experiment")->find("planners")->items()) {
+    texts.push_back(to_yaml(entry, false));
+  }
+  return texts;
+}
+
+/// The benchmark before anything is solved.
+PlannerBenchmarkRecord new_record(const PlannerBenchmarkSettings& settings,
+                                  const std::vector<SetProblem>& problems, const RobotModel& robot,
+                                  const ExperimentContext& context) {
+  PlannerBenchmarkRecord record;
+  static_cast<DividedRun&>(record) = divided_run_of(context);
+  record.problems = settings.problems.filename().string();
+  record.robot = robot.description().name;
+  record.deadline_s = settings.deadline_s;
+  record.seeds = settings.seeds;
+  for (const SetProblem& problem : problems)
+    record.names.push_back({problem.family, problem.index});
+  const std::vector<std::string> texts = planner_texts(context);
+  for (std::size_t p = 0; p < settings.planners.size(); ++p) {
+    const PlannerEntry& entry = settings.planners[p];
+    record.planners.push_back({entry.name, checker_of(entry), texts[p], {}});
+  }
+  return record;
+}
+
+/// The same with what an earlier session has left, where this run goes on with it.
+Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord record,
+                                                     const ExperimentContext& context) {
+  if (!context.resume) return record;
+  const auto file = context.out / "results.sqlite";
+  auto earlier = read_planner_record(file);
+  if (!earlier) return earlier;
+  auto same = check_same_run(*earlier, record, file.string());
+  if (!same) return error_of(same);
+  if (earlier->names != record.names) {
+    return fail(ErrorCode::kConfig, "the problems have changed since the run to resume began",
+                file.string(), "begin anew");
+  }
+  return earlier;
+}
+
+Result<PlannerBenchmarkSettings> read_settings(const ExperimentContext& context, SetBench& bench) {
+  const Configuration& configuration = context.configuration;
+  std::vector<Error> errors;
+  PlannerBenchmarkSettings settings;
+  PlannerBenchmarkSettings::parameters().read(block_of(configuration, "experiment"), settings,
+                                              errors);
+  PlanningSettings::parameters().read(block_of(configuration, "planning"), bench.planning, errors);
+  CheckSettings::parameters().read(block_of(configuration, "check"), bench.check, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  if (settings.problems.empty()) {
+    return fail(ErrorCode::kConfig, "experiment.problems does not say where the problems are", {},
+                "give it with --set experiment.problems=FOLDER");
+  }
+  bench.reach_m = settings.reach_m;
+  bench.deadline_s = settings.deadline_s;
+  bench.stop = context.stop;
+  return settings;
+}
+
+Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& settings,
+                                            const ExperimentContext& context,
+                                            const RobotModel& robot) {
+  auto all = read_problem_set(settings.problems, robot.description());
+  if (!all) return all;
+  std::vector<SetProblem> problems = chosen(std::move(*all), settings);
+  if (std::ssize(problems) < context.shard.count) {
+    return fail(ErrorCode::kConfig,
+                problems.empty()
+                    ? std::string("there is no problem to solve")
+                    : "there are " + std::to_string(problems.size()) + " problems, too few for " +
+                          std::to_string(context.shard.count) + " shards",
+                settings.problems.string());
+  }
+  return problems;
+}
+
+Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
+  SetBench bench;
+  const auto settings = read_settings(context, bench);
+  if (!settings) return error_of(settings);
+  auto robot = context.host.create<RobotModel>(block_of(context.configuration, "robot"));
+  if (!robot) return error_of(robot);
+  bench.robot = std::move(*robot);
+  const auto problems = read_chosen(*settings, context, *bench.robot);
+  if (!problems) return error_of(problems);
+
+  const auto record =
+      with_earlier_sessions(new_record(*settings, *problems, *bench.robot, context), context);
+  if (!record) return error_of(record);
+  const auto file = context.out / "results.sqlite";
+  auto store =
+      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, record->provenance);
+  if (!store) return error_of(store);
+  Recorder recorder(**store);
+  if (!context.resume) record_planner_head(*record, recorder);
+  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+
+  BenchmarkRun run(*settings, *problems, std::move(bench), *record, context, recorder);
+  auto solved = run.solve();
+  store->reset();
+  if (context.progress) context.progress(0, 0, "summing up");
+  return conclude_planners(context.out, context.stop.stop_requested(),
+                           solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
+}
+
+class PlannerBenchmark final : public Experiment {
+ public:
+  // The race times what it finds anew always, guesses by `seeds`, and has `deadline_s`.
+  [[nodiscard]] ExperimentFacts facts() const override {
+    return {.blocks = {"robot"},
+            .optional_blocks = {"planning", "check"},
+            .unused_of_planning = {"max_unknown_share", "retime", "time_limit_s", "attempts"},
+            .is_divisible = true};
+  }
+  [[nodiscard]] const report::RunReport& report() const override { return planner_report(); }
+  void check(const Configuration& configuration, Host& host,
+             std::vector<Error>& errors) const override {
+    check_planner_benchmark(configuration, host, errors);
+  }
+  [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
+    return run_planner_benchmark(context);
+  }
+  void fill(Node& experiment, Host& host) const override { fill_planners(experiment, host); }
+  [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
+                                                const std::filesystem::path& out) const override {
+    return merge_planners(shards, out);
+  }
+};
+
+}  // namespace
+}  // namespace sidestep
+
+SIDESTEP_EXPERIMENT(
+    sidestep::PlannerBenchmark, sidestep::PlannerBenchmarkSettings, "planner_benchmark", "0.1.0",
+    "Planners on problem sets: time, success, path quality, each answer checked independently")

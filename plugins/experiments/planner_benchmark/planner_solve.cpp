@@ -1,0 +1,145 @@
+#include "planner_solve.hpp"
+
+#include <cmath>
+
+#include <sidestep/core/seed.hpp>
+#include <sidestep/field/scene_field.hpp>
+#include <sidestep/planning/goal.hpp>
+#include <sidestep/runtime/shape_check.hpp>
+
+#include "path_quality.hpp"
+
+namespace sidestep {
+namespace {
+
+/// Clearance that smooth motions keep beyond what is asked for, so that the independent check can
+/// show them clear, too: its steps near obstacles are up to 0.5 mm long and its distances err by
+/// 1e-5 m. Sampling planners keep such a distance themselves.
+constexpr double kSpareMargin_m = 3e-4;
+
+/// The independent check: the robot's shapes against the true scene.
+Result<std::unique_ptr<ValidityCheck>> true_check(const SetProblem& posed, const SetBench& bench) {
+  ShapeObstacles truth;
+  truth.scene = posed.scene;
+  return make_shape_check(bench.robot, truth,
+                          {.max_step_m = bench.check.shape_max_step_m,
+                           .speed_fraction = bench.check.speed_fraction,
+                           .acceleration_fraction = bench.check.acceleration_fraction});
+}
+
+struct OwnChecks {
+  std::shared_ptr<const ValidityCheck> sampled;
+  std::shared_ptr<const ValidityCheck> smooth;
+};
+
+/// What proposals are checked by in the race.
+Result<OwnChecks> checks_of(const SetProblem& posed,
+                            const std::shared_ptr<const DistanceField>& field,
+                            const SetBench& bench, bool by_shapes) {
+  if (by_shapes) {
+    auto check = true_check(posed, bench);
+    if (!check) return error_of(check);
+    const std::shared_ptr<const ValidityCheck> shared = std::move(*check);
+    return OwnChecks{shared, shared};
+  }
+  FieldCheckSettings settings{.margin_m = bench.check.margin_m,
+                              .max_step_m = bench.check.max_step_m,
+                              .speed_fraction = bench.check.speed_fraction,
+                              .acceleration_fraction = bench.check.acceleration_fraction,
+                              .first_violation_only = true};
+  const FieldChecks checks(bench.robot);
+  OwnChecks own;
+  own.sampled = checks.make(field, bench.planning.space(), settings);
+  settings.margin_m += kSpareMargin_m;
+  own.smooth = checks.make(field, bench.planning.space(), settings);
+  return own;
+}
+
+/// Holds answers against the true shapes.
+class Judge {
+ public:
+  [[nodiscard]] static Result<Judge> make(const SetProblem& posed, const SetBench& bench) {
+    auto check = true_check(posed, bench);
+    if (!check) return error_of(check);
+    return Judge(posed, bench, std::move(*check));
+  }
+
+  /// Adds the answer; the last one that is heard is what the solve is about.
+  [[nodiscard]] Result<void> hear(const Trajectory& trajectory, bool is_smooth, double time_ms,
+                                  SetSolve& solve) const {
+    solve.answers.push_back(
+        {static_cast<float>(time_ms), static_cast<float>(path_length(trajectory)), is_smooth});
+    solve.duration_s = trajectory.duration_s();
+    solve.acceleration_ratio = acceleration_ratio(trajectory);
+    const auto verdict = check_->check(trajectory, 0.0, Deadline(bench_.stop));
+    if (!verdict) return error_of(verdict);
+    solve.clearance_m = verdict->min_clearance_m;
+    if (!solve.refusal.empty()) return {};
+    solve.refusal = miss(trajectory);
+    if (solve.refusal.empty() && !verdict->valid()) solve.refusal = verdict->describe();
+    return {};
+  }
+
+ private:
+  Judge(const SetProblem& posed, const SetBench& bench, std::unique_ptr<ValidityCheck> check)
+      : posed_(posed), bench_(bench), check_(std::move(check)) {}
+
+  /// Where it does not begin or end as it should; empty where it does.
+  [[nodiscard]] std::string miss(const Trajectory& trajectory) const {
+    for (std::size_t j = 0; j < trajectory.q(0).size(); ++j) {
+      const double off = trajectory.q(0)[j] - posed_.q_start[static_cast<Eigen::Index>(j)];
+      if (!(std::abs(off) <= kGoalTolerance)) return "it starts where the robot is not";
+    }
+    const std::string by = configuration_miss(bench_.robot->description(),
+                                              trajectory.q(trajectory.size() - 1), posed_.q_goal);
+    return by.empty() ? "" : "it ends with " + by;
+  }
+
+  const SetProblem& posed_;
+  const SetBench& bench_;
+  std::unique_ptr<ValidityCheck> check_;
+};
+
+Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetBench& bench,
+                   SetSolve& solve) {
+  const auto judge = Judge::make(posed, bench);
+  if (!judge) return error_of(judge);
+  for (const EarlierAnswer& earlier : answer.earlier) {
+    auto heard = judge->hear(earlier.trajectory, earlier.is_smooth, earlier.took_ms, solve);
+    if (!heard) return heard;
+  }
+  return judge->hear(answer.trajectory, answer.is_smooth, answer.took_ms, solve);
+}
+
+}  // namespace
+
+Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, std::uint64_t seed,
+                                   const SetBench& bench, bool by_shapes) {
+  SetSolve solve;
+  solve.family = posed.family;
+  solve.index = posed.index;
+  const Eigen::Vector3d reach_m = Eigen::Vector3d::Constant(bench.reach_m);
+  const auto field = std::make_shared<const SceneField>(*posed.scene, Stamp(),
+                                                        Eigen::AlignedBox3d(-reach_m, reach_m));
+  const Problem problem =
+      make_problem(bench.robot, field, bench.planning, posed.q_start, posed.q_goal);
+  if (auto sound = problem.validate(); !sound) {
+    solve.reason = "the problem makes no sense: " + sound.error().describe();
+    return solve;
+  }
+  const auto checks = checks_of(posed, field, bench, by_shapes);
+  if (!checks) return error_of(checks);
+  const Stopwatch watch;
+  auto answer = race.run(problem, {*checks->sampled, *checks->smooth},
+                         derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
+                         Deadline::after_s(bench.deadline_s, bench.stop), bench.stop);
+  if (!answer) return error_of(answer);
+  solve.spent_ms = watch.elapsed_ms();
+  solve.reason = answer->reason;
+  solve.guess = answer->seed;
+  if (answer->trajectory.size() == 0) return solve;
+  if (auto judged = judge(posed, *answer, bench, solve); !judged) return error_of(judged);
+  return solve;
+}
+
+}  // namespace sidestep

@@ -1,0 +1,123 @@
+#include <algorithm>
+#include <set>
+
+#include <sidestep/results/divided_run.hpp>
+#include <sidestep/runtime/standing_floor.hpp>
+#include <sidestep/runtime/yaml_document.hpp>
+#include "loop_experiment.hpp"
+#include "replan_episode.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr std::int64_t kAlwaysPictured = 2;  ///< Episodes; later ones where they failed.
+
+void check_replan(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
+  check_loop(
+      configuration, host,
+      [&](const std::shared_ptr<const RobotModel>& robot, std::vector<Error>& mistakes) {
+        (void)read_replan_configuration(configuration, robot, mistakes);
+      },
+      errors);
+}
+
+/// The effective configuration as far as it fixes outcomes.
+std::string identity_of(const ExperimentContext& context) {
+  Node root = context.effective;
+  if (Node* experiment = root.find("experiment")) {
+    // More episodes than before are the same experiment, gone on with.
+    std::erase_if(experiment->entries(), [](const Node::Entry& entry) {
+      return entry.key == "threads" || entry.key == "episodes" || entry.key == "first_episode";
+    });
+  }
+  return to_yaml(root, false);
+}
+
+/// Episodes that an earlier session finished: it must be of the same experiment.
+Result<std::set<std::int64_t>> finished_episodes(const ExperimentContext& context,
+                                                 const std::string& identity) {
+  std::set<std::int64_t> finished;
+  if (!context.resume) return finished;
+  const auto file = context.out / "results.sqlite";
+  const auto rows = read_replan_rows(file);
+  if (!rows) return error_of(rows);
+  const std::string other = difference(rows->identity, identity);
+  if (!other.empty()) {
+    return fail(ErrorCode::kConfig, "the run to resume is another experiment: " + other,
+                file.string(), "resume it with the configuration and overrides it began with");
+  }
+  for (const EpisodeRow& row : rows->episodes) finished.insert(row.episode);
+  return finished;
+}
+
+/// Runs and records the episodes that are not finished yet, each all or not at all.
+Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration& settings,
+                          const std::shared_ptr<const RobotModel>& robot,
+                          const std::set<std::int64_t>& finished, Recorder& recorder) {
+  const std::int64_t total = settings.experiment.episodes;
+  for (std::int64_t i = 0; i < total; ++i) {
+    const std::int64_t episode = settings.experiment.first_episode + i;
+    if (context.stop.stop_requested()) break;
+    if (finished.contains(episode)) continue;
+    const std::string name = "episode " + std::to_string(episode);
+    const auto show = [&](const std::string& what) {
+      if (context.progress) context.progress(i, total, what);
+    };
+    show(name);
+    auto world = make_replan_world(context, settings, robot, episode);
+    if (!world) return error_of(world);
+    const auto done =
+        run_episode(context, settings, std::move(*world), episode,
+                    [&](const std::string& how_far) { show(name + " (" + how_far + ")"); });
+    if (!done) return error_of(done);
+    if (done->interrupted) break;
+    const bool pictured = i < kAlwaysPictured || !done->success();
+    record_episode(*done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
+    if (auto saved = recorder.commit(); !saved) return saved;
+    context.log.info(name + ": " + (done->success() ? "success" : done->reason));
+  }
+  if (context.progress) context.progress(total, total, "episodes");
+  return {};
+}
+
+Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
+  std::vector<Error> errors;
+  const auto robot = make_run_robot(context.configuration, context.host, errors);
+  if (robot == nullptr) return tl::make_unexpected(std::move(errors.front()));
+  ReplanConfiguration settings = read_replan_configuration(context.configuration, robot, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  stand_on_floor(settings.planning, *robot);
+
+  const std::string identity = identity_of(context);
+  const auto finished = finished_episodes(context, identity);
+  if (!finished) return error_of(finished);
+  ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
+  facts.planned_episodes = settings.experiment.episodes;
+  facts.again = command_again(context.configuration);
+
+  return run_loop(context, std::move(facts), identity, [&](Recorder& recorder) {
+    return run_episodes(context, settings, robot, *finished, recorder);
+  });
+}
+
+class ReplanExperiment final : public LoopExperiment {
+ public:
+  [[nodiscard]] ExperimentFacts facts() const override {
+    ExperimentFacts facts = LoopExperiment::facts();
+    facts.is_resumable = true;
+    return facts;
+  }
+  void check(const Configuration& configuration, Host& host,
+             std::vector<Error>& errors) const override {
+    check_replan(configuration, host, errors);
+  }
+  [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
+    return run_replan(context);
+  }
+};
+
+}  // namespace
+}  // namespace sidestep
+
+SIDESTEP_EXPERIMENT(sidestep::ReplanExperiment, sidestep::ReplanSettings, "replan", "0.1.0",
+                    "The closed loop: mapping, checking and replanning while the robot moves")

@@ -1,2 +1,0 @@
-#include "plan/plan.hpp"
-#include "report/html.hpp"

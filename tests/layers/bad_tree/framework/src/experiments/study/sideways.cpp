@@ -1,3 +1,0 @@
-#include "mapping/mapping_settings.hpp"
-#include "results/recorder.hpp"
-#include "study/study_rows.hpp"
