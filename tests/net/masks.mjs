@@ -12,7 +12,7 @@ export const masks = [
     why: "Sums of wall or CPU time; wall times in seconds of OMPL's schema",
   },
   {
-    pattern: /: (frame|frame time|solve|check|iteration|latency|time|first|integrate|field|publish|in vain or not) (p50|p95|max|mean|sd)$|: solve$/,
+    pattern: /: (frame|frame time|solve|check|iteration|latency|time|first|integrate|field|publish|all searches) (p50|p95|max|mean|sd)$|: solve$/,
     as: "time",
     why: "Wall times in columns of tables, on stdout and on the page",
   },

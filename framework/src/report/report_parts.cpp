@@ -31,7 +31,9 @@ std::string cell(const Json& value, const char* pattern) {
   }
   if (value.is_number()) {
     const double number = value.get<double>();
-    return std::isfinite(number) ? format(pattern, number) : "-";
+    if (!std::isfinite(number)) return "-";
+    const bool is_share = std::string_view(pattern) == kPercent;
+    return is_share ? format("%.1f %%", 100.0 * number) : format(pattern, number);
   }
   if (value.is_string()) return value.get<std::string>();
   return "-";

@@ -86,8 +86,9 @@ Columns ResultColumns::compared() const {
 }
 
 std::string ResultColumns::reference() const {
-  const std::string of =
-      pointer_.empty() ? "column of `table.csv`" : "key of `" + pointer_.substr(1) + "`";
+  const std::string of = pointer_.empty()            ? "column of `table.csv`"
+                         : pointer_ == kWholeSummary ? "key of `" + pointer_ + "`"
+                                                     : "key of `" + pointer_.substr(1) + "`";
   std::string text = "| " + of + " | meaning |\n| --- | --- |\n";
   for (const ResultColumn& column : columns_) {
     std::string key = column.pointer.substr(1);

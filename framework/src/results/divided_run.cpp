@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include <sidestep/results/run_provenance.hpp>
-#include <sidestep/results/stored_values.hpp>
+#include <sidestep/results/stored_row.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
 namespace sidestep {
@@ -30,58 +30,60 @@ std::string identity_of(const ExperimentContext& context) {
   return to_yaml(root, false);
 }
 
+StoredRow<DividedRun> stored_head() {
+  using Provenance = RunProvenance;
+  const auto of = [](auto member) {
+    return [member](auto& run) -> auto& { return run.provenance.*member; };
+  };
+  return StoredRow<DividedRun>()
+      .add("identity", &DividedRun::identity)
+      .add("configuration", of(&Provenance::configuration))
+      .add("version", of(&Provenance::version))
+      .add("git_hash", of(&Provenance::git_hash))
+      .add("build_flags", of(&Provenance::build_flags))
+      .add("cpu", of(&Provenance::cpu))
+      .add("threads", of(&Provenance::threads))
+      .add(
+          "seed", [](const DividedRun& run) { return std::to_string(run.provenance.seed); },
+          [](DividedRun& run, const std::string& text) {
+            std::from_chars(text.data(), text.data() + text.size(), run.provenance.seed);
+          })
+      .add(
+          "shard_index", [](auto& run) -> auto& { return run.shard.index; })
+      .add(
+          "shard_count", [](auto& run) -> auto& { return run.shard.count; });
+}
+
+StoredRow<RunSession> stored_session() {
+  return StoredRow<RunSession>()
+      .add("wall_s", &RunSession::wall_s)
+      .add("cpu_s", &RunSession::cpu_s)
+      .add("threads", &RunSession::threads)
+      .add("problems", &RunSession::problems);
+}
+
 }  // namespace
 
 DividedRun divided_run_of(const ExperimentContext& context) {
   return {identity_of(context), provenance_of(context), context.shard, {}};
 }
 
-void record_run_head(const DividedRun& run, std::string_view series, Recorder& recorder) {
-  const auto add = [&](std::string_view key, const auto& value) {
-    recorder.add(series, 0, key, value);
-  };
-  add("identity", run.identity);
-  add("configuration", run.provenance.configuration);
-  add("version", run.provenance.version);
-  add("git_hash", run.provenance.git_hash);
-  add("build_flags", run.provenance.build_flags);
-  add("cpu", run.provenance.cpu);
-  add("threads", run.provenance.threads);
-  add("seed", std::to_string(run.provenance.seed));
-  add("shard_index", run.shard.index);
-  add("shard_count", run.shard.count);
+void record_session(const RunSession& session, std::int64_t index, Recorder& recorder) {
+  stored_session().record(session, "session", index, recorder);
 }
 
-void record_session(const RunSession& session, std::int64_t index, Recorder& recorder) {
-  recorder.add("session", index, "wall_s", session.wall_s);
-  recorder.add("session", index, "cpu_s", session.cpu_s);
-  recorder.add("session", index, "threads", session.threads);
-  recorder.add("session", index, "problems", session.problems);
+void record_run_head(const DividedRun& run, std::string_view series, Recorder& recorder) {
+  stored_head().record(run, series, 0, recorder);
 }
 
 Result<void> read_run_head(ResultsReader& reader, const std::string& series,
                            const std::string& file, DividedRun& run) {
-  ItemReader item(reader, series, 0, file);
-  run.identity = item.text("identity");
-  run.provenance.configuration = item.text("configuration");
-  run.provenance.version = item.text("version");
-  run.provenance.git_hash = item.text("git_hash");
-  run.provenance.build_flags = item.text("build_flags");
-  run.provenance.cpu = item.text("cpu");
-  run.provenance.threads = item.integer("threads");
-  const std::string seed = item.text("seed");
-  std::from_chars(seed.data(), seed.data() + seed.size(), run.provenance.seed);
-  run.shard = {item.integer("shard_index"), item.integer("shard_count")};
-  if (item.error()) return tl::make_unexpected(*item.error());
-  ColumnReader sessions(reader, "session", file);
-  const auto wall_s = sessions.column("wall_s"), cpu_s = sessions.column("cpu_s");
-  const auto threads = sessions.column("threads");
-  const auto problems = sessions.column("problems");
-  for (std::size_t i = 0; i < wall_s.size(); ++i) {
-    run.sessions.push_back({wall_s[i], cpu_s[i], static_cast<int>(threads[i]),
-                            static_cast<std::int64_t>(problems[i])});
-  }
-  if (sessions.error()) return tl::make_unexpected(*sessions.error());
+  auto head = stored_head().read(reader, series, 0, file);
+  if (!head) return error_of(head);
+  run = *std::move(head);
+  auto sessions = stored_session().read_all(reader, "session", file);
+  if (!sessions) return error_of(sessions);
+  for (auto& [item, session] : *sessions) run.sessions.push_back(session);
   return {};
 }
 

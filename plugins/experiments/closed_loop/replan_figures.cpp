@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <map>
 
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/text_table.hpp>
@@ -149,28 +148,6 @@ Figure above_figure(const std::vector<View>& views, std::int64_t episode) {
   return figure;
 }
 
-struct Mark {
-  ReplannerEvent::Kind kind = ReplannerEvent::Kind::kPlanned;
-  double time_s = 0.0;
-  double solve_ms = 0.0;
-};
-
-Result<std::vector<Mark>> read_marks(ResultsReader& results, std::int64_t episode) {
-  std::map<std::int64_t, Mark> marks;
-  const std::int64_t first = first_item_of(episode), end = first_item_of(episode + 1);
-  auto read = results.visit("event", [&](std::int64_t item, std::string_view key, double value) {
-    if (item < first || item >= end) return;
-    if (key == "kind")
-      marks[item].kind = static_cast<ReplannerEvent::Kind>(static_cast<int>(value));
-    if (key == "time_s") marks[item].time_s = value;
-    if (key == "solve_ms") marks[item].solve_ms = value;
-  });
-  if (!read) return error_of(read);
-  std::vector<Mark> list;
-  for (const auto& [item, mark] : marks) list.push_back(mark);
-  return list;
-}
-
 /// What mapping took, frame by frame, wall time.
 struct MappingTimes {
   std::vector<double> at_s;
@@ -203,8 +180,8 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
           " over time: what mapping took for each frame and planning for each attempt, and "
           "what the replanner did.",
       Canvas(kWidth, kTimes + kLane * kLanes.size() + 10.0)};
-  const auto marks = read_marks(results, episode);
-  if (!marks) return error_of(marks);
+  const auto events = read_events(results, episode);
+  if (!events) return error_of(events);
   const StoredArray mapping = array_of(results, "episode", episode, "mapping");
   const auto begin = results.number("episode", episode, "begin_s");
   const auto duration_s = results.number("episode", episode, "duration_s");
@@ -213,14 +190,14 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
   const MappingTimes mapped = mapping_times(mapping);
   double longest_ms = 1.0;
   for (const double took_ms : mapped.took_ms) longest_ms = std::max(longest_ms, took_ms);
-  for (const Mark& mark : *marks) longest_ms = std::max(longest_ms, mark.solve_ms);
+  for (const auto& [item, event] : *events) longest_ms = std::max(longest_ms, event.solve_ms);
   Axes axes(figure.canvas, {90.0, 0.0, kWidth - 90.0, kTimes}, {begin_s, end_s},
             {0.0, 1.08 * longest_ms}, {"", "time [s]", "mapping, planning [ms]"});
   axes.grid();
   axes.line(mapped.at_s, mapped.took_ms, {palette::kBlue, 1.1, {}});
-  for (const Mark& mark : *marks) {
-    if (mark.solve_ms > 0.0) {
-      figure.canvas.circle(axes.at(mark.time_s, mark.solve_ms), 2.2, palette::kOrange);
+  for (const auto& [item, event] : *events) {
+    if (event.solve_ms > 0.0) {
+      figure.canvas.circle(axes.at(event.time_s, event.solve_ms), 2.2, palette::kOrange);
     }
   }
   axes.finish();
@@ -230,9 +207,9 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
     figure.canvas.text({4.0, y + 4.0}, std::string(to_string(kind)), {.size = 11.0});
     const std::array line = {Point{axes.at(begin_s, 0.0).x, y}, Point{axes.at(end_s, 0.0).x, y}};
     figure.canvas.line(line, {palette::kPale, 1.0, {}});
-    for (const Mark& mark : *marks) {
-      if (mark.kind == kind)
-        figure.canvas.circle({axes.at(mark.time_s, 0.0).x, y}, 3.2, its_colour);
+    for (const auto& [item, event] : *events) {
+      if (event.kind == kind)
+        figure.canvas.circle({axes.at(event.time_s, 0.0).x, y}, 3.2, its_colour);
     }
   }
   return figure;

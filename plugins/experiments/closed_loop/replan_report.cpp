@@ -16,30 +16,6 @@ namespace {
 
 constexpr std::size_t kPicturedEpisodes = 6;
 
-std::string metrics_section(const Json& summary) {
-  const Json success = at(summary, "/success_share");
-  std::string html = html_table(
-      {"episodes", "success", "true collisions", "least true clearance", "time to goal p50",
-       "replans", "stops", "largest velocity jump at a splice"},
-      {{cell(at(summary, "/episodes")),
-        success.is_number() ? format("%.1f %%", 100.0 * success.get<double>()) : "-",
-        cell(at(summary, "/collisions_true")), cell(at(summary, "/min_true_clearance_m"), "%.3f m"),
-        cell(at(summary, "/time_to_goal_s/p50"), "%.2f s"), cell(at(summary, "/replans")),
-        cell(at(summary, "/stops")), cell(at(summary, "/splice_velocity_jump_max"), "%.2g")}});
-  html += html_table(
-      {"solve p50", "p95", "in vain or not p95", "depth stamp to trajectory p50", "p95", "max",
-       "age of the map p95", "validity checks", "frames", "dropped"},
-      {{cell(at(summary, "/solve_ms/p50"), "%.2f ms"),
-        cell(at(summary, "/solve_ms/p95"), "%.2f ms"),
-        cell(at(summary, "/search_ms/p95"), "%.2f ms"),
-        cell(at(summary, "/stamp_to_trajectory_ms/p50"), "%.1f ms"),
-        cell(at(summary, "/stamp_to_trajectory_ms/p95"), "%.1f ms"),
-        cell(at(summary, "/stamp_to_trajectory_ms/max"), "%.1f ms"),
-        cell(at(summary, "/map_age_ms/p95"), "%.1f ms"), cell(at(summary, "/check_hz"), "%.0f Hz"),
-        cell(at(summary, "/frames")), cell(at(summary, "/frames_dropped"))}});
-  return html;
-}
-
 std::string collisions_section(const Json& summary) {
   const Json collisions = at(summary, "/collisions");
   if (!collisions.is_array() || collisions.empty()) return "";
@@ -73,7 +49,10 @@ std::string failures_section(const Json& failures) {
 std::string comparison_section(const Json& summary) {
   return html_table(
       {"", "this run", "Finean 2021"},
-      {{"validity checks", cell(at(summary, "/check_hz"), "%.0f Hz"), "250 Hz"},
+      {{"what is followed is checked",
+        cell(at(summary, "/check_hz"), "%.0f Hz") + ", computed anew at " +
+            cell(at(summary, "/new_check_hz"), "%.0f Hz"),
+        "250 Hz"},
        {"solve p50", cell(at(summary, "/solve_ms/p50"), "%.2f ms"), "at most 100 ms (10 Hz)"}});
 }
 
@@ -131,26 +110,22 @@ Result<std::vector<std::int64_t>> chosen_episodes(const Json& summary, ResultsRe
 }
 
 Result<std::string> events_section(ResultsReader& results, std::int64_t episode) {
-  std::set<std::int64_t> items;
-  const std::int64_t first = first_item_of(episode), end = first_item_of(episode + 1);
-  auto read = results.visit("event", [&](std::int64_t item, std::string_view, double) {
-    if (item >= first && item < end) items.insert(item);
-  });
-  if (!read) return error_of(read);
+  const auto events = read_events(results, episode);
+  if (!events) return error_of(events);
   std::vector<Row> rows;
-  for (const std::int64_t item : items) {
-    const auto text = [&](const char* key) {
+  for (const auto& [item, event] : *events) {
+    const auto text = [&, item = item](const char* key) {
       const auto value = results.text("event", item, key);
       return value ? value->value_or("") : std::string();
     };
-    const auto number = [&](const char* key, const char* pattern) {
-      const auto value = results.number("event", item, key);
-      return cell(value && *value ? Json(**value) : Json(nullptr), pattern);
+    const auto number = [](const std::optional<double>& value, const char* pattern) {
+      return cell(value ? Json(*value) : Json(nullptr), pattern);
     };
-    rows.push_back({number("time_s", "%.3f s"), text("kind_name"), text("cause"), text("guess"),
-                    number("attempts", "%.0f"), number("solve_ms", "%.2f ms"),
-                    number("map_age_ms", "%.1f ms"), number("stamp_to_trajectory_ms", "%.1f ms"),
-                    number("splice_velocity_jump", "%.2g")});
+    rows.push_back({format("%.3f s", event.time_s), std::string(to_string(event.kind)),
+                    text("cause"), text("guess"), std::to_string(event.attempts),
+                    format("%.2f ms", event.solve_ms), number(event.map_age_ms, "%.1f ms"),
+                    number(event.stamp_to_trajectory_ms, "%.1f ms"),
+                    format("%.2g", event.splice_velocity_jump)});
   }
   return "<details><summary>Events</summary>\n" +
          html_table({"at", "event", "cause", "guess", "attempts", "solve", "map's age",
@@ -161,8 +136,9 @@ Result<std::string> events_section(ResultsReader& results, std::int64_t episode)
 
 Result<std::string> replan_body(const Json& summary, ResultsReader& results,
                                 const std::filesystem::path& run) {
-  std::string html = metrics_section(summary) + comparison_section(summary) +
-                     collisions_section(summary) + failures_section(at(summary, "/failures"));
+  std::string html = replan_metrics().html(replan_metrics().rows_of(summary)) +
+                     comparison_section(summary) + collisions_section(summary) +
+                     failures_section(at(summary, "/failures"));
   if (!at(summary, "/episodes").is_number_integer()) return html;
   auto spread = spread_section(results, run);
   if (!spread) return spread;
@@ -188,7 +164,8 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
 namespace sidestep {
 
 const report::RunReport& replan_report() {
-  static const report::RunReport kReport = {.body = &report::replan_body, .pictures = {"episode-"}};
+  static const report::RunReport kReport = {.body = &report::replan_body,
+                                            .pictures = {"episode-", "spread."}};
   return kReport;
 }
 

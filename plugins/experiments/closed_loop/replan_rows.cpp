@@ -1,7 +1,6 @@
 #include "replan_rows.hpp"
 
 #include <algorithm>
-#include <map>
 
 #include "replan_pictures.hpp"
 
@@ -10,41 +9,100 @@ namespace {
 
 constexpr std::size_t kPathEvery = 5;  ///< True states, of 125 Hz.
 
-void record_event(const EpisodeEvent& event, std::int64_t episode, std::int64_t item,
-                  Recorder& recorder) {
-  const ReplannerEvent& its = event.event;
-  recorder.add("event", item, "episode", episode);
-  recorder.add("event", item, "kind", static_cast<int>(its.kind));
-  recorder.add("event", item, "kind_name", to_string(its.kind));
-  recorder.add("event", item, "time_s", its.stamp.seconds());
-  recorder.add("event", item, "cause", its.cause);
-  recorder.add("event", item, "solve_ms", its.solve_ms);
-  recorder.add("event", item, "reason", to_string(its.reason));
-  recorder.add("event", item, "guess", its.guess);
-  recorder.add("event", item, "attempts", its.attempts);
-  recorder.add("event", item, "cost", its.cost);
-  recorder.add("event", item, "splice_velocity_jump", its.splice_velocity_jump);
-  recorder.add("event", item, "takeover_s", its.takeover.seconds());
-  recorder.add("event", item, "map_stamp_s", its.map_stamp.seconds());
-  recorder.add("event", item, "unknown_share", its.unknown_share);
-  if (event.map_age_ms) recorder.add("event", item, "map_age_ms", *event.map_age_ms);
-  if (event.stamp_to_trajectory_ms) {
-    recorder.add("event", item, "stamp_to_trajectory_ms", *event.stamp_to_trajectory_ms);
-  }
-  if (event.frame_to_trajectory_ms) {
-    recorder.add("event", item, "frame_to_trajectory_ms", *event.frame_to_trajectory_ms);
-  }
+constexpr const char* kFile = "results.sqlite";
+
+const StoredRow<EventRow>& stored_event() {
+  using E = EventRow;
+  static const auto kEvent =
+      StoredRow<E>()
+          .add("episode", &E::episode)
+          .add("kind", &E::kind)
+          .add_derived("kind_name", [](const E& event) { return to_string(event.kind); })
+          .add("time_s", &E::time_s)
+          .add_derived("cause", &E::cause)
+          .add("solve_ms", &E::solve_ms)
+          .add_derived("reason", &E::reason)
+          .add_derived("guess", &E::guess)
+          .add("attempts", &E::attempts)
+          .add("cost", &E::cost)
+          .add("splice_velocity_jump", &E::splice_velocity_jump)
+          .add("takeover_s", &E::takeover_s)
+          .add("map_stamp_s", &E::map_stamp_s)
+          .add("unknown_share", &E::unknown_share)
+          .add("map_age_ms", &E::map_age_ms)
+          .add("stamp_to_trajectory_ms", &E::stamp_to_trajectory_ms)
+          .add("frame_to_trajectory_ms", &E::frame_to_trajectory_ms);
+  return kEvent;
 }
 
-void record_contact(const EpisodeContact& contact, std::int64_t episode, std::int64_t item,
-                    Recorder& recorder) {
-  recorder.add("contact", item, "episode", episode);
-  recorder.add("contact", item, "link", contact.contact.link);
-  recorder.add("contact", item, "object", contact.contact.object);
-  recorder.add("contact", item, "begin_s", contact.contact.begin_s);
-  recorder.add("contact", item, "end_s", contact.contact.end_s);
-  recorder.add("contact", item, "depth_m", contact.contact.depth_m);
-  recorder.add("contact", item, "cause", contact.cause);
+EventRow row_of(const EpisodeEvent& event, std::int64_t episode) {
+  const ReplannerEvent& its = event.event;
+  return {episode,
+          its.kind,
+          its.stamp.seconds(),
+          its.solve_ms,
+          its.attempts,
+          its.cost,
+          its.splice_velocity_jump,
+          its.takeover.seconds(),
+          its.map_stamp.seconds(),
+          its.unknown_share,
+          event.map_age_ms,
+          event.stamp_to_trajectory_ms,
+          event.frame_to_trajectory_ms,
+          its.cause,
+          std::string(to_string(its.reason)),
+          its.guess};
+}
+
+const StoredRow<ContactRow>& stored_contact() {
+  using C = ContactRow;
+  static const auto kContact = StoredRow<C>()
+                                   .add("episode", &C::episode)
+                                   .add("link", &C::link)
+                                   .add("object", &C::object)
+                                   .add("begin_s", &C::time_s)
+                                   .add("end_s", &C::end_s)
+                                   .add("depth_m", &C::depth_m)
+                                   .add("cause", &C::cause);
+  return kContact;
+}
+
+struct GuessRow : Replanner::GuessCount {
+  std::int64_t episode = 0;
+};
+
+const StoredRow<GuessRow>& stored_guess() {
+  static const auto kGuess = StoredRow<GuessRow>()
+                                 .add("episode", &GuessRow::episode)
+                                 .add("name", &GuessRow::guess)
+                                 .add("tried", &GuessRow::tried)
+                                 .add("led", &GuessRow::led);
+  return kGuess;
+}
+
+const StoredRow<EpisodeRow>& stored_episode() {
+  using E = EpisodeRow;
+  static const auto kEpisode = StoredRow<E>()
+                                   .add("success", &E::success)
+                                   .add("reached", &E::reached)
+                                   .add("reason", &E::reason)
+                                   .add("begin_s", &E::begin_s)
+                                   .add("duration_s", &E::duration_s)
+                                   .add("path_length", &E::path_length)
+                                   .add("collisions", &E::collisions)
+                                   .add("steps", &E::steps)
+                                   .add("checks", &E::checks)
+                                   .add("frames", &E::frames)
+                                   .add("frames_dropped", &E::frames_dropped)
+                                   .add("min_true_clearance_m", &E::min_true_clearance_m)
+                                   .add("nearest_link", &E::nearest_link)
+                                   .add("nearest_object", &E::nearest_object)
+                                   .add("nearest_s", &E::nearest_s)
+                                   .add("appear_frames", &E::appear_frames)
+                                   .add("clear_frames", &E::clear_frames)
+                                   .add("ghost_vox", &E::ghost_vox);
+  return kEpisode;
 }
 
 StoredArray mapping_array(const std::vector<MappedFrame>& frames) {
@@ -76,71 +134,53 @@ double path_length(const std::vector<TruePose>& poses) {
   return length;
 }
 
-StoredArray list_array(const std::vector<double>& values) {
-  return {static_cast<int>(values.size()), 1, {values.begin(), values.end()}};
-}
-
-std::vector<double> list_of(ResultsReader& reader, std::int64_t episode, std::string_view key) {
-  const auto array = reader.array("episode", episode, key);
-  if (!array || !*array) return {};
-  return {(*array)->values.begin(), (*array)->values.end()};
-}
-
-/// The numbers of one series, item by item.
-using Items = std::map<std::int64_t, std::map<std::string, double, std::less<>>>;
-
-Result<Items> read_items(ResultsReader& reader, std::string_view series) {
-  Items items;
-  auto read = reader.visit(series, [&](std::int64_t item, std::string_view key, double value) {
-    items[item].insert_or_assign(std::string(key), value);
-  });
-  if (!read) return error_of(read);
-  return items;
-}
-
-std::optional<double> value_of(const Items::mapped_type& item, std::string_view key) {
-  const auto found = item.find(key);
-  return found == item.end() ? std::nullopt : std::optional<double>(found->second);
-}
-
-std::int64_t count_of(const Items::mapped_type& item, std::string_view key) {
-  return static_cast<std::int64_t>(value_of(item, key).value_or(0.0));
-}
-
-std::string text_of(ResultsReader& reader, std::string_view series, std::int64_t item,
-                    std::string_view key) {
-  const auto text = reader.text(series, item, key);
-  return text ? text->value_or("") : "";
-}
-
-void add_events(const Items& events, std::map<std::int64_t, EpisodeRow>& rows) {
-  for (const auto& [item, event] : events) {
-    const auto row = rows.find(count_of(event, "episode"));
-    if (row == rows.end()) continue;
-    EpisodeRow& episode = row->second;
-    const auto kind = static_cast<ReplannerEvent::Kind>(count_of(event, "kind"));
-    if (kind == ReplannerEvent::Kind::kReplanned) ++episode.replans;
-    if (kind == ReplannerEvent::Kind::kStopped) ++episode.stops;
-    if (kind == ReplannerEvent::Kind::kSlowed) ++episode.slowdowns;
-    const bool is_followed =
-        kind == ReplannerEvent::Kind::kReplanned || kind == ReplannerEvent::Kind::kPlanned;
-    const double solve_ms = value_of(event, "solve_ms").value_or(0.0);
-    if (is_followed || (kind == ReplannerEvent::Kind::kReplanFailed && solve_ms > 0.0)) {
-      episode.search_ms.push_back(solve_ms);
-    }
-    if (!is_followed) continue;
-    episode.splice_velocity_jump_max = std::max(
-        episode.splice_velocity_jump_max, value_of(event, "splice_velocity_jump").value_or(0.0));
-    episode.solve_ms.push_back(solve_ms);
-    episode.unknown_share.push_back(value_of(event, "unknown_share").value_or(0.0));
-    if (const auto age_ms = value_of(event, "map_age_ms")) episode.map_age_ms.push_back(*age_ms);
-    if (const auto ms = value_of(event, "stamp_to_trajectory_ms")) {
-      episode.stamp_to_trajectory_ms.push_back(*ms);
-    }
-    if (const auto ms = value_of(event, "frame_to_trajectory_ms")) {
-      episode.frame_to_trajectory_ms.push_back(*ms);
-    }
+EpisodeRow row_of(const EpisodeRecord& episode) {
+  EpisodeRow row;
+  row.success = episode.success();
+  row.reached = episode.reached;
+  row.reason = episode.reason;
+  row.begin_s = episode.begin_s;
+  row.duration_s = episode.duration_s;
+  if (!episode.poses.empty()) row.path_length = path_length(episode.poses);
+  row.collisions = std::ssize(episode.contacts);
+  row.steps = episode.steps;
+  row.checks = episode.checks;
+  row.frames = episode.frames;
+  row.frames_dropped = episode.frames_dropped;
+  if (episode.scene && !episode.poses.empty()) {
+    row.min_true_clearance_m = episode.truth.min_clearance_m;
+    row.nearest_link = episode.truth.nearest_link;
+    row.nearest_object = episode.truth.nearest_object;
+    row.nearest_s = episode.truth.nearest_s;
   }
+  if (episode.following) {
+    row.appear_frames = episode.following->appear_frames;
+    row.clear_frames = episode.following->clear_frames;
+    row.ghost_vox = episode.following->ghost_vox;
+  }
+  return row;
+}
+
+void add_event(const EventRow& event, EpisodeRow& episode) {
+  using Kind = ReplannerEvent::Kind;
+  episode.replans += event.kind == Kind::kReplanned;
+  episode.stops += event.kind == Kind::kStopped;
+  episode.slowdowns += event.kind == Kind::kSlowed;
+  const bool is_followed = event.kind == Kind::kReplanned || event.kind == Kind::kPlanned;
+  if (is_followed || (event.kind == Kind::kReplanFailed && event.solve_ms > 0.0)) {
+    episode.search_ms.push_back(event.solve_ms);
+  }
+  if (!is_followed) return;
+  episode.splice_velocity_jump_max =
+      std::max(episode.splice_velocity_jump_max, event.splice_velocity_jump);
+  episode.solve_ms.push_back(event.solve_ms);
+  episode.unknown_share.push_back(event.unknown_share);
+  const auto add = [](const std::optional<double>& value, std::vector<double>& values) {
+    if (value) values.push_back(*value);
+  };
+  add(event.map_age_ms, episode.map_age_ms);
+  add(event.stamp_to_trajectory_ms, episode.stamp_to_trajectory_ms);
+  add(event.frame_to_trajectory_ms, episode.frame_to_trajectory_ms);
 }
 
 }  // namespace
@@ -151,105 +191,65 @@ void record_replan_run(const std::string& identity, Recorder& recorder) {
 
 void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int pictures,
                     Recorder& recorder) {
-  const std::int64_t item = episode.episode;
-  recorder.add("episode", item, "success", episode.success());
-  recorder.add("episode", item, "reached", episode.reached);
-  recorder.add("episode", item, "reason", episode.reason);
-  recorder.add("episode", item, "begin_s", episode.begin_s);
-  recorder.add("episode", item, "duration_s", episode.duration_s);
-  if (!episode.poses.empty()) {
-    recorder.add("episode", item, "path_length", path_length(episode.poses));
+  const std::int64_t number = episode.episode;
+  stored_episode().record(row_of(episode), "episode", number, recorder);
+  recorder.add_filled("episode", number, "mapping", mapping_array(episode.mapping));
+  recorder.add_filled("episode", number, "motion", motion_array(episode.poses));
+  std::int64_t item = first_item_of(number);
+  for (const EpisodeEvent& event : episode.events) {
+    stored_event().record(row_of(event, number), "event", item++, recorder);
   }
-  recorder.add("episode", item, "collisions", episode.contacts.size());
-  recorder.add("episode", item, "steps", episode.steps);
-  recorder.add("episode", item, "checks", episode.checks);
-  recorder.add("episode", item, "frames", episode.frames);
-  recorder.add("episode", item, "frames_dropped", episode.frames_dropped);
-  if (episode.scene && !episode.poses.empty()) {
-    recorder.add("episode", item, "min_true_clearance_m", episode.truth.min_clearance_m);
-    recorder.add("episode", item, "nearest_link", episode.truth.nearest_link);
-    recorder.add("episode", item, "nearest_object", episode.truth.nearest_object);
-    recorder.add("episode", item, "nearest_s", episode.truth.nearest_s);
+  item = first_item_of(number);
+  for (const auto& [contact, cause] : episode.contacts) {
+    stored_contact().record({number, contact.begin_s, contact.end_s, contact.depth_m, contact.link,
+                             contact.object, cause},
+                            "contact", item++, recorder);
   }
-  if (episode.following) {
-    recorder.add_filled("episode", item, "appear_frames",
-                        list_array(episode.following->appear_frames));
-    recorder.add_filled("episode", item, "clear_frames",
-                        list_array(episode.following->clear_frames));
-    recorder.add("episode", item, "ghost_vox", episode.following->ghost_vox);
-  }
-  recorder.add_filled("episode", item, "mapping", mapping_array(episode.mapping));
-  recorder.add_filled("episode", item, "motion", motion_array(episode.poses));
-  for (std::size_t i = 0; i < episode.events.size(); ++i) {
-    record_event(episode.events[i], item, first_item_of(item) + static_cast<std::int64_t>(i),
-                 recorder);
-  }
-  for (std::size_t i = 0; i < episode.contacts.size(); ++i) {
-    record_contact(episode.contacts[i], item, first_item_of(item) + static_cast<std::int64_t>(i),
-                   recorder);
-  }
-  for (std::size_t i = 0; i < episode.guesses.size(); ++i) {
-    const std::int64_t its = first_item_of(item) + static_cast<std::int64_t>(i);
-    recorder.add("guess", its, "episode", item);
-    recorder.add("guess", its, "name", episode.guesses[i].guess);
-    recorder.add("guess", its, "tried", episode.guesses[i].tried);
-    recorder.add("guess", its, "led", episode.guesses[i].led);
+  item = first_item_of(number);
+  for (const Replanner::GuessCount& guess : episode.guesses) {
+    stored_guess().record({guess, number}, "guess", item++, recorder);
   }
   if (pictures > 0) record_pictures(episode, robot, pictures, recorder);
 }
 
-Result<ReplanRows> read_replan_rows(const std::filesystem::path& file) {
-  auto reader = ResultsReader::open(file);
+Result<StoredRow<EventRow>::Rows> read_events(ResultsReader& reader, std::int64_t episode) {
+  auto events = stored_event().read_all(reader, "event", kFile);
+  if (!events) return events;
+  std::erase_if(*events, [&](const auto& event) { return event.second.episode != episode; });
+  return events;
+}
+
+Result<ReplanRows> read_replan_rows(const std::filesystem::path& path) {
+  auto reader = ResultsReader::open(path);
   if (!reader) return error_of(reader);
+  const std::string file = path.string();
   ReplanRows rows;
   auto identity = (*reader)->text("run", 0, "identity");
   if (!identity) return error_of(identity);
-  if (!*identity) return fail(ErrorCode::kIo, "holds no replan experiment", file.string());
+  if (!*identity) return fail(ErrorCode::kIo, "holds no replan experiment", file);
   rows.identity = std::move(**identity);
-  const auto episodes = read_items(**reader, "episode");
+  auto episodes = stored_episode().read_all(**reader, "episode", file);
   if (!episodes) return error_of(episodes);
-  const auto events = read_items(**reader, "event");
+  const auto events = stored_event().read_all(**reader, "event", file);
   if (!events) return error_of(events);
-  const auto contacts = read_items(**reader, "contact");
+  const auto contacts = stored_contact().read_all(**reader, "contact", file);
   if (!contacts) return error_of(contacts);
-  const auto guesses = read_items(**reader, "guess");
+  const auto guesses = stored_guess().read_all(**reader, "guess", file);
   if (!guesses) return error_of(guesses);
-  for (const auto& [item, values] : *guesses) {
-    const std::string name = text_of(**reader, "guess", item, "name");
-    auto known = std::ranges::find(rows.guesses, name, &Replanner::GuessCount::guess);
-    if (known == rows.guesses.end()) known = rows.guesses.insert(known, {name, 0, 0});
-    known->tried += count_of(values, "tried");
-    known->led += count_of(values, "led");
+  for (auto& [number, episode] : *episodes) {
+    episode.episode = number;
+    rows.episodes.push_back(std::move(episode));
   }
-  std::map<std::int64_t, EpisodeRow> by_episode;
-  for (const auto& [item, values] : *episodes) {
-    EpisodeRow& row = by_episode[item];
-    row.episode = item;
-    row.success = count_of(values, "success") != 0;
-    row.reached = count_of(values, "reached") != 0;
-    row.duration_s = value_of(values, "duration_s").value_or(0.0);
-    row.path_length = value_of(values, "path_length");
-    row.min_true_clearance_m = value_of(values, "min_true_clearance_m");
-    row.collisions = count_of(values, "collisions");
-    row.steps = count_of(values, "steps");
-    row.checks = count_of(values, "checks");
-    row.frames = count_of(values, "frames");
-    row.frames_dropped = count_of(values, "frames_dropped");
-    row.appear_frames = list_of(**reader, item, "appear_frames");
-    row.clear_frames = list_of(**reader, item, "clear_frames");
-    if (values.contains("ghost_vox")) row.ghost_vox = count_of(values, "ghost_vox");
-    row.nearest_link = text_of(**reader, "episode", item, "nearest_link");
-    row.nearest_object = text_of(**reader, "episode", item, "nearest_object");
-    row.reason = text_of(**reader, "episode", item, "reason");
+  for (const auto& [item, event] : *events) {
+    const auto its = std::ranges::find(rows.episodes, event.episode, &EpisodeRow::episode);
+    if (its != rows.episodes.end()) add_event(event, *its);
   }
-  add_events(*events, by_episode);
-  for (auto& [item, row] : by_episode) rows.episodes.push_back(std::move(row));
-  for (const auto& [item, values] : *contacts) {
-    rows.contacts.push_back({count_of(values, "episode"), value_of(values, "begin_s").value_or(0.0),
-                             value_of(values, "depth_m").value_or(0.0),
-                             text_of(**reader, "contact", item, "link"),
-                             text_of(**reader, "contact", item, "object"),
-                             text_of(**reader, "contact", item, "cause")});
+  for (const auto& [item, contact] : *contacts) rows.contacts.push_back(contact);
+  for (const auto& [item, guess] : *guesses) {
+    auto known = std::ranges::find(rows.guesses, guess.guess, &Replanner::GuessCount::guess);
+    if (known == rows.guesses.end()) known = rows.guesses.insert(known, {guess.guess, 0, 0});
+    known->tried += guess.tried;
+    known->led += guess.led;
   }
   return rows;
 }

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/results/recorder.hpp>
+#include <sidestep/results/stored_row.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include "replan_types.hpp"
 
@@ -22,11 +22,14 @@ struct EpisodeRow {
   std::int64_t episode = 0;
   bool success = false;
   bool reached = false;
+  double begin_s = 0.0;
   double duration_s = 0.0;
   std::optional<double> path_length;  ///< Of the way it went, in the space of joints, rad and m.
   std::optional<double> min_true_clearance_m;
-  std::string nearest_link;  ///< That it is of, and to which object; empty where nothing came near.
-  std::string nearest_object;
+  /// That it is of, and to which object, and when; empty where nothing came near.
+  std::optional<std::string> nearest_link;
+  std::optional<std::string> nearest_object;
+  std::optional<double> nearest_s;
   std::int64_t collisions = 0;
   std::int64_t steps = 0;
   std::int64_t checks = 0;
@@ -48,9 +51,27 @@ struct EpisodeRow {
   std::string reason;
 };
 
+struct EventRow {
+  std::int64_t episode = 0;
+  ReplannerEvent::Kind kind = ReplannerEvent::Kind::kPlanned;
+  double time_s = 0.0;
+  double solve_ms = 0.0;
+  int attempts = 0;
+  double cost = 0.0;
+  double splice_velocity_jump = 0.0;
+  double takeover_s = 0.0;
+  double map_stamp_s = 0.0;
+  double unknown_share = 0.0;
+  std::optional<double> map_age_ms;
+  std::optional<double> stamp_to_trajectory_ms;
+  std::optional<double> frame_to_trajectory_ms;
+  std::string cause, reason, guess;  ///< Stored, not read back: an event has far more numbers.
+};
+
 struct ContactRow {
   std::int64_t episode = 0;
-  double time_s = 0.0;
+  double time_s = 0.0;  ///< When it began.
+  double end_s = 0.0;
   double depth_m = 0.0;
   std::string link;
   std::string object;
@@ -73,6 +94,10 @@ void record_replan_run(const std::string& identity, Recorder& recorder);
 /// far and what is being followed, from above.
 void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int pictures,
                     Recorder& recorder);
+
+/// The events of an episode, with their items.
+[[nodiscard]] Result<StoredRow<EventRow>::Rows> read_events(ResultsReader& reader,
+                                                            std::int64_t episode);
 
 /// Reads back what was recorded. Fails with kIo where the store is that of no replan experiment.
 [[nodiscard]] Result<ReplanRows> read_replan_rows(const std::filesystem::path& file);

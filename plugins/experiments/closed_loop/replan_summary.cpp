@@ -8,6 +8,7 @@
 #include <sidestep/results/json.hpp>
 #include <sidestep/results/run_provenance.hpp>
 #include <sidestep/results/statistics.hpp>
+#include <sidestep/results/summary_values.hpp>
 #include <sidestep/runtime/configuration.hpp>
 
 namespace sidestep {
@@ -35,22 +36,6 @@ auto sum_of(const std::vector<EpisodeRow>& episodes, Member member) {
   return sum;
 }
 
-Json quantile(const std::vector<double>& values, double share) {
-  return values.empty() ? Json(nullptr) : Json(percentile(values, share));
-}
-
-Json spread(const std::vector<double>& values) {
-  return {{"p50", quantile(values, 0.5)},
-          {"p95", quantile(values, 0.95)},
-          {"max", quantile(values, 1.0)}};
-}
-
-/// That of one kind of measurement over all episodes.
-template <class Member>
-Json spread_of(const std::vector<EpisodeRow>& episodes, Member member) {
-  return spread(joined(episodes, member));
-}
-
 /// The episode with the least true clearance; null where it is known of none.
 const EpisodeRow* closest_of(const std::vector<EpisodeRow>& episodes) {
   const EpisodeRow* closest = nullptr;
@@ -65,34 +50,18 @@ const EpisodeRow* closest_of(const std::vector<EpisodeRow>& episodes) {
 
 /// What came nearest to what, there.
 Json nearest_json(const EpisodeRow* closest) {
-  if (closest == nullptr || closest->nearest_link.empty()) return nullptr;
+  if (closest == nullptr || closest->nearest_link.value_or("").empty()) return nullptr;
   return {{"episode", closest->episode},
-          {"link", closest->nearest_link},
-          {"object", closest->nearest_object}};
+          {"link", *closest->nearest_link},
+          {"object", closest->nearest_object.value_or("")}};
 }
 
-Json ghost_vox(const std::vector<EpisodeRow>& episodes) {
+Json ghost_vox(const ReplanRows& rows) {
   std::optional<std::int64_t> sum;
-  for (const EpisodeRow& episode : episodes) {
+  for (const EpisodeRow& episode : rows.episodes) {
     if (episode.ghost_vox) sum = sum.value_or(0) + *episode.ghost_vox;
   }
   return sum ? Json(*sum) : Json(nullptr);
-}
-
-Json times_to_goal(const std::vector<EpisodeRow>& episodes) {
-  std::vector<double> times_s;
-  for (const EpisodeRow& episode : episodes) {
-    if (episode.reached) times_s.push_back(episode.duration_s);
-  }
-  return spread(times_s);
-}
-
-Json path_lengths(const std::vector<EpisodeRow>& episodes) {
-  std::vector<double> lengths;
-  for (const EpisodeRow& episode : episodes) {
-    if (episode.reached && episode.path_length) lengths.push_back(*episode.path_length);
-  }
-  return spread(lengths);
 }
 
 Json guesses_of(const ReplanRows& rows) {
@@ -103,49 +72,129 @@ Json guesses_of(const ReplanRows& rows) {
   return list;
 }
 
-Json metrics_of(const ReplanRows& rows) {
-  const auto& episodes = rows.episodes;
-  const auto count = static_cast<double>(episodes.size());
-  const auto successes = std::ranges::count(episodes, true, &EpisodeRow::success);
-  const double time_s = sum_of(episodes, &EpisodeRow::duration_s);
-  const auto solve_ms = joined(episodes, &EpisodeRow::solve_ms);
-  const auto to_trajectory_ms = joined(episodes, &EpisodeRow::stamp_to_trajectory_ms);
-  const auto map_age_ms = joined(episodes, &EpisodeRow::map_age_ms);
-  const EpisodeRow* closest = closest_of(episodes);
+/// Of every episode that reached its goal.
+template <class Value>
+auto of_reached(Value value) {
+  return [value](const ReplanRows& rows) {
+    std::vector<double> values;
+    for (const EpisodeRow& episode : rows.episodes) {
+      if (!episode.reached) continue;
+      if (const std::optional<double> its = std::invoke(value, episode)) values.push_back(*its);
+    }
+    return values;
+  };
+}
+
+/// How often a second something happened; null where no time passed.
+template <class Member>
+auto rate_of(Member member) {
+  return [member](const ReplanRows& rows) {
+    const double time_s = sum_of(rows.episodes, &EpisodeRow::duration_s);
+    return time_s > 0.0 ? Json(static_cast<double>(sum_of(rows.episodes, member)) / time_s)
+                        : Json();
+  };
+}
+
+Json success_share(const ReplanRows& rows) {
+  if (rows.episodes.empty()) return nullptr;
+  const auto successes = std::ranges::count(rows.episodes, true, &EpisodeRow::success);
+  return static_cast<double>(successes) / static_cast<double>(rows.episodes.size());
+}
+
+double largest_jump(const ReplanRows& rows) {
   double jump = 0.0;
-  for (const EpisodeRow& episode : episodes) {
+  for (const EpisodeRow& episode : rows.episodes) {
     jump = std::max(jump, episode.splice_velocity_jump_max);
   }
-  const auto steps = static_cast<double>(sum_of(episodes, &EpisodeRow::steps));
-  const auto checks = static_cast<double>(sum_of(episodes, &EpisodeRow::checks));
-  return {{"episodes", episodes.size()},
-          {"success_share",
-           episodes.empty() ? Json(nullptr) : Json(static_cast<double>(successes) / count)},
-          {"collisions_true", sum_of(episodes, &EpisodeRow::collisions)},
-          {"min_true_clearance_m",
-           closest != nullptr ? Json(*closest->min_true_clearance_m) : Json(nullptr)},
-          {"nearest", nearest_json(closest)},
-          {"time_to_goal_s", times_to_goal(episodes)},
-          {"path_length", path_lengths(episodes)},
-          {"replans", sum_of(episodes, &EpisodeRow::replans)},
-          {"guesses", guesses_of(rows)},
-          {"solve_ms", spread_of(episodes, &EpisodeRow::solve_ms)},
-          {"search_ms", spread_of(episodes, &EpisodeRow::search_ms)},
-          {"stamp_to_trajectory_ms", spread_of(episodes, &EpisodeRow::stamp_to_trajectory_ms)},
-          {"frame_to_trajectory_ms", spread_of(episodes, &EpisodeRow::frame_to_trajectory_ms)},
-          {"check_hz", time_s > 0.0 ? Json(steps / time_s) : Json(nullptr)},
-          {"new_check_hz", time_s > 0.0 ? Json(checks / time_s) : Json(nullptr)},
-          {"map_age_ms", spread_of(episodes, &EpisodeRow::map_age_ms)},
-          {"unknown_share", spread_of(episodes, &EpisodeRow::unknown_share)},
-          {"splice_velocity_jump_max", jump},
-          {"stops", sum_of(episodes, &EpisodeRow::stops)},
-          {"slowdowns", sum_of(episodes, &EpisodeRow::slowdowns)},
-          {"frames", sum_of(episodes, &EpisodeRow::frames)},
-          {"frames_dropped", sum_of(episodes, &EpisodeRow::frames_dropped)},
-          {"appear_frames", spread_of(episodes, &EpisodeRow::appear_frames)},
-          {"clear_frames", spread_of(episodes, &EpisodeRow::clear_frames)},
-          {"ghost_vox", ghost_vox(episodes)}};
+  return jump;
 }
+
+}  // namespace
+
+const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
+  using E = EpisodeRow;
+  using report::Shown;
+  const auto sum = [](auto member) {
+    return [member](const ReplanRows& rows) { return sum_of(rows.episodes, member); };
+  };
+  const auto all = [](auto member) {
+    return [member](const ReplanRows& rows) { return joined(rows.episodes, member); };
+  };
+  const std::vector<std::string> spread = {"p50", "p95", "max"};
+  const auto p95 = [](const char* heading, const char* pattern) {
+    return Shown{.heading = heading, .pattern = pattern, .statistics = "p95"};
+  };
+  static const auto kMetrics =
+      report::ResultColumnsOf<ReplanRows>(report::kWholeSummary)
+          .table("Outcome")
+          .add("episodes", [](const ReplanRows& rows) { return rows.episodes.size(); },
+               "Episodes that were run.", {.heading = "episodes", .compared = true})
+          .add("success_share", &success_share, "Share that reached the goal and touched nothing.",
+               {.heading = "success", .pattern = report::kPercent, .compared = true})
+          .add("collisions_true", sum(&E::collisions), "Collisions with the true scene.",
+               {.heading = "true collisions", .compared = true})
+          .add("min_true_clearance_m",
+               [](const ReplanRows& rows) {
+                 const E* closest = closest_of(rows.episodes);
+                 return closest != nullptr ? Json(*closest->min_true_clearance_m) : Json();
+               },
+               "Least clearance to the true scene [m].",
+               {.heading = "least true clearance", .pattern = "%.3f m", .compared = true})
+          .add(
+              "nearest",
+              [](const ReplanRows& rows) { return nearest_json(closest_of(rows.episodes)); },
+              "In which episode, of which link and to which object.")
+          .spread("time_to_goal_s.", of_reached(&E::duration_s),
+                  "Time until the goal was reached [s].", spread,
+                  {.heading = "time to goal",
+                   .pattern = "%.2f s",
+                   .compared = true,
+                   .statistics = "p50"})
+          .spread("path_length.", of_reached(&E::path_length),
+                  "Way in the space of joints [m, rad] of episodes that reached the goal.", spread)
+          .add("replans", sum(&E::replans), "Trajectories replaced on the way.",
+               {.heading = "replans", .compared = true})
+          .add("guesses", &guesses_of, "First guesses: how often tried, and how often one led.")
+          .add("stops", sum(&E::stops), "Times that the robot was stopped.",
+               {.heading = "stops", .compared = true})
+          .add("slowdowns", sum(&E::slowdowns), "Times that it braked for what moved nearby.")
+          .add("splice_velocity_jump_max", &largest_jump,
+               "Largest velocity jump of a joint where a trajectory took over [m/s, rad/s].",
+               {.heading = "largest velocity jump", .pattern = "%.2g"})
+          .table("Times")
+          .spread(
+              "solve_ms.", all(&E::solve_ms), "Wall time of a search that led to a trajectory.",
+              spread,
+              {.heading = "solve", .pattern = "%.2f ms", .compared = true, .statistics = "p50 p95"})
+          .spread("search_ms.", all(&E::search_ms), "Wall time of every search.", spread,
+                  p95("all searches", "%.2f ms"))
+          .spread("stamp_to_trajectory_ms.", all(&E::stamp_to_trajectory_ms),
+                  "From a depth image's stamp to the trajectory that it led to.", spread,
+                  {.heading = "stamp to trajectory", .pattern = "%.1f ms", .compared = true})
+          .spread("frame_to_trajectory_ms.", all(&E::frame_to_trajectory_ms),
+                  "The same from when the source handed the image over.", spread)
+          .spread("map_age_ms.", all(&E::map_age_ms), "Age of the map that a search began with.",
+                  spread, p95("age of the map", "%.1f ms"))
+          .spread("unknown_share.", all(&E::unknown_share),
+                  "Share of a trajectory's checks in space that no frame had seen.", spread)
+          .add("check_hz", rate_of(&E::steps),
+               "How often a second what is followed is made sure of in the newest map.",
+               {.heading = "checks", .pattern = "%.0f Hz"})
+          .add("new_check_hz", rate_of(&E::checks),
+               "How many of these checks were computed anew, for another map or trajectory.",
+               {.heading = "computed anew", .pattern = "%.0f Hz"})
+          .add("frames", sum(&E::frames), "Frames that were mapped.", {.heading = "frames"})
+          .add("frames_dropped", sum(&E::frames_dropped), "Frames that were not.",
+               {.heading = "dropped"})
+          .spread("appear_frames.", all(&E::appear_frames),
+                  "Frames from an object's entry into view until it was in the map.", spread)
+          .spread("clear_frames.", all(&E::clear_frames),
+                  "Frames that saw through a voxel until it was free again.", spread)
+          .add("ghost_vox", &ghost_vox, "Voxels that an object left and that stayed occupied.");
+  return kMetrics;
+}
+
+namespace {
 
 Json collisions_of(const ReplanRows& rows) {
   Json list = Json::array();
@@ -195,9 +244,9 @@ std::string table_text(const ReplanRows& rows) {
                format("%.2f s", r.duration_s),
                r.min_true_clearance_m ? format("%.3f m", *r.min_true_clearance_m) : "-",
                std::to_string(r.collisions), std::to_string(r.replans), std::to_string(r.stops),
-               cell(quantile(r.solve_ms, 0.5), "%.2f ms"),
-               cell(quantile(r.stamp_to_trajectory_ms, 0.95), "%.1f ms"), std::to_string(r.frames),
-               std::to_string(r.frames_dropped)});
+               cell(quantile_json(r.solve_ms, 0.5), "%.2f ms"),
+               cell(quantile_json(r.stamp_to_trajectory_ms, 0.95), "%.1f ms"),
+               std::to_string(r.frames), std::to_string(r.frames_dropped)});
   }
   std::string text = table.text();
   if (shown < rows.episodes.size()) {
@@ -261,7 +310,7 @@ std::string command_again(const Configuration& configuration) {
 }
 
 ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows) {
-  const Json metrics = metrics_of(rows);
+  const Json metrics = replan_metrics().row(rows);
   const bool all_done = facts.planned_episodes == 0 ||
                         rows.episodes.size() == static_cast<std::size_t>(facts.planned_episodes);
   ExperimentOutcome outcome;

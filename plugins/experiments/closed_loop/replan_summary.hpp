@@ -1,5 +1,6 @@
 #pragma once
 
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
@@ -29,6 +30,9 @@ struct ReplanFacts {
 
 /// The command that runs a configuration again, overrides included.
 [[nodiscard]] std::string command_again(const Configuration& configuration);
+
+/// What a run came to: keys of summary.json, and how they are shown.
+[[nodiscard]] const report::ResultColumnsOf<ReplanRows>& replan_metrics();
 
 /// Verdict, summary.json and table of a finished (or interrupted) replan experiment.
 [[nodiscard]] ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows);

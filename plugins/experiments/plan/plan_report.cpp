@@ -57,12 +57,10 @@ std::string explanation_section(const Json& plan) {
   if (!hindrances.is_array() || hindrances.empty()) return "";
   std::vector<Row> rows;
   for (const Json& hindrance : hindrances) {
-    const Json share = at(hindrance, "/share");
     const Json first = at(hindrance, "/states/0"), last = at(hindrance, "/states/1");
     rows.push_back(
         {cell(at(hindrance, "/what")), cell(at(hindrance, "/broken")), cell(at(hindrance, "/term")),
-         share.is_number() ? format("%.1f %%", 100.0 * share.get<double>()) : "-",
-         cell(at(hindrance, "/worst_s"), "%.2f s"),
+         cell(at(hindrance, "/share"), kPercent), cell(at(hindrance, "/worst_s"), "%.2f s"),
          cell(at(hindrance, "/from_s"), "%.2f s") + " to " + cell(at(hindrance, "/to_s"), "%.2f s"),
          first == last ? cell(first) : cell(first) + " to " + cell(last)});
   }

@@ -2,83 +2,97 @@
 
 #include <algorithm>
 
-#include <sidestep/results/stored_values.hpp>
+#include <sidestep/results/stored_row.hpp>
 
 namespace sidestep {
 namespace {
 
 constexpr const char* kHead = "benchmark";
-constexpr const char* kAnswers = "answers";
 constexpr int kAnswerColumns = 3;
 
 std::string series_of(const std::string& planner) { return "solve/" + planner; }
 
+StoredRow<PlannerBenchmarkRecord> stored_benchmark() {
+  using Record = PlannerBenchmarkRecord;
+  return StoredRow<Record>()
+      .add("problems", &Record::problems)
+      .add("robot", &Record::robot)
+      .add("deadline_s", &Record::deadline_s)
+      .add("seeds", &Record::seeds)
+      .add(
+          "planners", [](const Record& record) { return record.planners.size(); },
+          [](Record& record, std::size_t count) { record.planners.resize(count); })
+      .add(
+          "size", [](const Record& record) { return record.names.size(); },
+          [](Record& record, std::size_t count) { record.names.resize(count); });
+}
+
+StoredRow<PlannerRecord> stored_planner() {
+  return StoredRow<PlannerRecord>()
+      .add("name", &PlannerRecord::name)
+      .add("checker", &PlannerRecord::checker)
+      .add("settings", &PlannerRecord::settings);
+}
+
+StoredRow<ProblemName> stored_name() {
+  return StoredRow<ProblemName>()
+      .add("family", &ProblemName::family)
+      .add("index", &ProblemName::index);
+}
+
 /// One row an answer.
-StoredArray answers_array(const std::vector<TimedAnswer>& answers) {
-  StoredArray array{static_cast<int>(answers.size()), kAnswerColumns, {}};
-  for (const TimedAnswer& answer : answers) {
-    array.values.push_back(answer.time_ms);
-    array.values.push_back(answer.path_length);
-    array.values.push_back(answer.is_smooth ? 1.0f : 0.0f);
+StoredArray answers_of(const SetSolve& solve) {
+  StoredArray array{static_cast<int>(solve.answers.size()), kAnswerColumns, {}};
+  for (const TimedAnswer& answer : solve.answers) {
+    const float is_smooth = answer.is_smooth ? 1.0f : 0.0f;
+    array.values.insert(array.values.end(), {answer.time_ms, answer.path_length, is_smooth});
   }
   return array;
 }
-
-std::vector<TimedAnswer> answers_of(const StoredArray& array) {
-  std::vector<TimedAnswer> answers;
+void set_answers(SetSolve& solve, const StoredArray& array) {
   for (std::size_t i = 0; i + kAnswerColumns <= array.values.size(); i += kAnswerColumns) {
-    answers.push_back({array.values[i], array.values[i + 1], array.values[i + 2] != 0.0f});
+    solve.answers.push_back({array.values[i], array.values[i + 1], array.values[i + 2] != 0.0f});
   }
-  return answers;
 }
 
-/// Reads what a planner has solved; the first failure is kept.
-class SolveReader {
- public:
-  SolveReader(ResultsReader& reader, const std::string& file, std::optional<Error>& error)
-      : reader_(reader), file_(file), error_(error) {}
+const StoredRow<SetSolve>& stored_solve() {
+  using Solve = SetSolve;
+  static const auto kSolve = StoredRow<Solve>()
+                                 .add_derived("family", &Solve::family)
+                                 .add_derived("index", &Solve::index)
+                                 .add_derived("seed", &Solve::seed)
+                                 .add_derived("solved", &Solve::is_solved)
+                                 .add_derived("smooth", &Solve::is_smooth)
+                                 .add_derived("first_ms", &Solve::first_ms)
+                                 .add_derived("time_ms", &Solve::time_ms)
+                                 .add_derived("path_length", &Solve::path_length)
+                                 .add("spent_ms", &Solve::spent_ms)
+                                 .add("duration_s", &Solve::duration_s)
+                                 .add("acceleration_ratio", &Solve::acceleration_ratio)
+                                 .add("clearance_m", &Solve::clearance_m)
+                                 .add("refusal", &Solve::refusal)
+                                 .add("reason", &Solve::reason)
+                                 .add("guess", &Solve::guess)
+                                 .add("answers", &answers_of, &set_answers);
+  return kSolve;
+}
 
-  std::vector<SetSolve> read(const std::string& planner, const std::vector<ProblemName>& names) {
-    const std::string series = series_of(planner);
-    ColumnReader columns(reader_, series, file_);
-    const auto spent_ms = columns.column("spent_ms");
-    const auto duration_s = columns.column("duration_s");
-    const auto ratio = columns.column("acceleration_ratio");
-    const auto clearance_m = columns.column("clearance_m");
-    keep(columns.error());
-    std::vector<SetSolve> solves;
-    for (std::size_t i = 0; i < columns.items().size() && !error_; ++i) {
-      const std::int64_t item = columns.items()[i];
-      ItemReader texts(reader_, series, item, file_);
-      SetSolve solve;
-      solve.problem = item % std::ssize(names);
-      solve.seed = static_cast<int>(item / std::ssize(names));
-      solve.family = names[static_cast<std::size_t>(solve.problem)].family;
-      solve.index = names[static_cast<std::size_t>(solve.problem)].index;
-      solve.spent_ms = spent_ms[i];
-      solve.duration_s = duration_s[i];
-      solve.acceleration_ratio = ratio[i];
-      solve.clearance_m = clearance_m[i];
-      solve.refusal = texts.text("refusal");
-      solve.reason = texts.text("reason");
-      solve.guess = texts.text("guess");
-      keep(texts.error());
-      auto answers = reader_.array(series, item, kAnswers);
-      if (answers && *answers) solve.answers = answers_of(**answers);
-      if (!answers) keep(std::move(answers.error()));
-      solves.push_back(std::move(solve));
-    }
-    return solves;
+/// What a planner has solved, problem by problem.
+Result<std::vector<SetSolve>> read_solves(ResultsReader& reader, const std::string& planner,
+                                          const std::vector<ProblemName>& names,
+                                          const std::string& file) {
+  auto rows = stored_solve().read_all(reader, series_of(planner), file);
+  if (!rows) return error_of(rows);
+  std::vector<SetSolve> solves;
+  for (auto& [item, solve] : *rows) {
+    solve.problem = item % std::ssize(names);
+    solve.seed = static_cast<int>(item / std::ssize(names));
+    solve.family = names[static_cast<std::size_t>(solve.problem)].family;
+    solve.index = names[static_cast<std::size_t>(solve.problem)].index;
+    solves.push_back(std::move(solve));
   }
-
- private:
-  void keep(std::optional<Error> error) {
-    if (!error_) error_ = std::move(error);
-  }
-  ResultsReader& reader_;
-  const std::string& file_;
-  std::optional<Error>& error_;
-};
+  return solves;
+}
 
 }  // namespace
 
@@ -103,52 +117,21 @@ std::int64_t PlannerBenchmarkRecord::solved() const {
 
 void record_planner_head(const PlannerBenchmarkRecord& record, Recorder& recorder) {
   record_run_head(record, kHead, recorder);
-  const auto add = [&](std::string_view key, const auto& value) {
-    recorder.add(kHead, 0, key, value);
-  };
-  add("problems", record.problems);
-  add("robot", record.robot);
-  add("deadline_s", record.deadline_s);
-  add("seeds", record.seeds);
-  add("planners", record.planners.size());
-  add("size", record.names.size());
+  stored_benchmark().record(record, kHead, 0, recorder);
   std::int64_t item = 0;
   for (const PlannerRecord& planner : record.planners) {
-    recorder.add("planner", item, "name", planner.name);
-    recorder.add("planner", item, "checker", planner.checker);
-    recorder.add("planner", item++, "settings", planner.settings);
+    stored_planner().record(planner, "planner", item++, recorder);
   }
   item = 0;
   for (const ProblemName& name : record.names) {
-    recorder.add("problem", item, "family", name.family);
-    recorder.add("problem", item++, "index", name.index);
+    stored_name().record(name, "problem", item++, recorder);
   }
 }
 
 void record_set_solve(const SetSolve& solve, const std::string& planner, std::size_t problems,
                       Recorder& recorder) {
-  const std::string series = series_of(planner);
   const std::int64_t item = solve.seed * static_cast<std::int64_t>(problems) + solve.problem;
-  const auto add = [&](std::string_view key, const auto& value) {
-    recorder.add(series, item, key, value);
-  };
-  // What the answers below say in full, for whoever reads the file.
-  add("family", solve.family);
-  add("index", solve.index);
-  add("seed", solve.seed);
-  add("solved", solve.is_solved());
-  add("smooth", solve.is_smooth());
-  add("first_ms", solve.first_ms());
-  add("time_ms", solve.time_ms());
-  add("spent_ms", solve.spent_ms);
-  add("path_length", solve.path_length());
-  add("duration_s", solve.duration_s);
-  add("acceleration_ratio", solve.acceleration_ratio);
-  add("clearance_m", solve.clearance_m);
-  add("refusal", solve.refusal);
-  add("reason", solve.reason);
-  add("guess", solve.guess);
-  if (solve.is_found()) recorder.add(series, item, kAnswers, answers_array(solve.answers));
+  stored_solve().record(solve, series_of(planner), item, recorder);
 }
 
 void record_planners(const PlannerBenchmarkRecord& record, Recorder& recorder) {
@@ -164,29 +147,24 @@ Result<PlannerBenchmarkRecord> read_planner_record(const std::filesystem::path& 
   auto reader = ResultsReader::open(path);
   if (!reader) return error_of(reader);
   const std::string file = path.string();
-  PlannerBenchmarkRecord record;
-  if (auto read = read_run_head(**reader, kHead, file, record); !read) return error_of(read);
-  ItemReader head(**reader, kHead, 0, file);
-  record.problems = head.text("problems");
-  record.robot = head.text("robot");
-  record.deadline_s = head.number("deadline_s");
-  record.seeds = head.integer("seeds");
-  const int planners = head.integer("planners"), size = head.integer("size");
-  std::optional<Error> error = head.error();
-  for (int i = 0; i < size && !error; ++i) {
-    ItemReader item(**reader, "problem", i, file);
-    record.names.push_back({item.text("family"), item.integer("index")});
-    error = item.error();
+  DividedRun head;
+  if (auto read = read_run_head(**reader, kHead, file, head); !read) return error_of(read);
+  auto record = stored_benchmark().read(**reader, kHead, 0, file);
+  if (!record) return record;
+  static_cast<DividedRun&>(*record) = std::move(head);
+  for (std::size_t i = 0; i < record->names.size(); ++i) {
+    auto name = stored_name().read(**reader, "problem", static_cast<std::int64_t>(i), file);
+    if (!name) return error_of(name);
+    record->names[i] = *std::move(name);
   }
-  SolveReader solves(**reader, file, error);
-  for (int p = 0; p < planners && !error; ++p) {
-    ItemReader item(**reader, "planner", p, file);
-    PlannerRecord planner{item.text("name"), item.text("checker"), item.text("settings"), {}};
-    error = item.error();
-    if (!error) planner.solves = solves.read(planner.name, record.names);
-    record.planners.push_back(std::move(planner));
+  for (std::size_t p = 0; p < record->planners.size(); ++p) {
+    auto planner = stored_planner().read(**reader, "planner", static_cast<std::int64_t>(p), file);
+    if (!planner) return error_of(planner);
+    auto solves = read_solves(**reader, planner->name, record->names, file);
+    if (!solves) return error_of(solves);
+    planner->solves = std::move(*solves);
+    record->planners[p] = *std::move(planner);
   }
-  if (error) return tl::make_unexpected(std::move(*error));
   return record;
 }
 

@@ -54,7 +54,7 @@ const report::RunReport& recorded_report() {
       .body = &report::recorded_body,
       .columns = &recorded_columns(),
       .compared_of_run = {{"optimiser", "/optimiser"}, {"problems", "/problems_file"}},
-      .pictures = {"spread."}};
+      .pictures = {"planner_"}};
   return kReport;
 }
 

@@ -16,6 +16,9 @@ using Row = std::vector<std::string>;
 /// The value at a JSON pointer, or null.
 [[nodiscard]] Json at(const Json& json, const char* pointer);
 
+/// The pattern of a share: 0.5 is "50.0 %".
+inline constexpr const char* kPercent = "percent";
+
 /// A cell: a number as `pattern` writes it, text as it is, a truth value as yes or no or as the
 /// one or the other word of a pattern like "signed|unsigned"; "-" for nothing and for a number that
 /// is not finite.

@@ -11,6 +11,8 @@
 
 namespace sidestep::report {
 
+inline constexpr const char* kWholeSummary = "summary.json";
+
 /// Where a column stands besides summary.json and table.csv.
 struct Shown {
   const char* heading = "";  ///< Its heading in tables; empty: in none.
@@ -38,10 +40,13 @@ struct ResultTable {
 /// of terminal, page and comparison, and the reference page follow from it.
 class ResultColumns {
  public:
-  /// `pointer`: of the list of rows in summary.json; empty where it has none such.
+  /// `pointer`: of the list of rows in summary.json; kWholeSummary where it is a row itself, empty
+  /// where it has none such.
   explicit ResultColumns(std::string pointer) : pointer_(std::move(pointer)) {}
 
-  [[nodiscard]] Json rows_of(const Json& summary) const { return at(summary, pointer_.c_str()); }
+  [[nodiscard]] Json rows_of(const Json& summary) const {
+    return pointer_ == kWholeSummary ? Json::array({summary}) : at(summary, pointer_.c_str());
+  }
   [[nodiscard]] const std::vector<ResultColumn>& columns() const noexcept { return columns_; }
 
   [[nodiscard]] std::string csv(const Json& rows) const;
