@@ -6,6 +6,19 @@
 #include <sidestep/runtime/guarded.hpp>
 
 namespace sidestep {
+namespace {
+
+/// What no optimiser may return; empty if all is well.
+std::string why_broken(const Trajectory& trajectory, const RobotDescription& robot) {
+  if (auto sound = trajectory.validate(); !sound) return sound.error().describe();
+  if (trajectory.dof != robot.dof()) {
+    return "it moves " + std::to_string(trajectory.dof) + " joints, the robot has " +
+           std::to_string(robot.dof());
+  }
+  return trajectory.size() < 2 ? "it has one state only" : "";
+}
+
+}  // namespace
 
 std::string endpoint_miss(const Problem& problem, const Trajectory& trajectory) {
   const std::string off =
@@ -15,32 +28,37 @@ std::string endpoint_miss(const Problem& problem, const Trajectory& trajectory) 
   return miss.empty() ? "" : "the trajectory ends with " + miss;
 }
 
-Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser, const Problem& problem,
-                                  const Trajectory& guess, const MotionRules& rules,
-                                  const Deadline& deadline) {
-  PlannedMotion planned;
+Result<Proposal> propose_motion(Optimiser& optimiser, const std::string& name,
+                                const Problem& problem, const Trajectory& guess,
+                                const Deadline& deadline) {
   const Stopwatch watch;
-  auto solution =
-      in_stage(plugin_of(optimiser), [&] { return optimiser->solve(problem, guess, deadline); });
+  auto solution = in_stage(name, [&] { return optimiser.solve(problem, guess, deadline); });
   if (!solution) return error_of(solution);
-  planned.solution = std::move(*solution);
-  planned.solution.solve_ms = watch.elapsed_ms();  // ours, not the plugin's word for it
-  const Trajectory& proposal = planned.solution.trajectory;
-  if (proposal.size() == 0) {
-    planned.failure =
-        "the optimiser found no trajectory (" + std::string(to_string(planned.solution.status)) +
-        (planned.solution.reason.empty() ? ")" : ": " + planned.solution.reason + ")");
-    return planned;
+  Proposal proposal{std::move(*solution), {}, false};
+  proposal.solution.solve_ms = watch.elapsed_ms();  // ours, not the plugin's word for it
+  const Solution& its = proposal.solution;
+  const bool may_be_empty = its.status == SolveStatus::kNoPath ||
+                            its.status == SolveStatus::kFailed ||
+                            its.status == SolveStatus::kDeadline;
+  if (its.trajectory.size() == 0 && may_be_empty) {
+    proposal.failure = "found no trajectory (" + std::string(to_string(its.status)) +
+                       (its.reason.empty() ? ")" : ": " + its.reason + ")");
+    return proposal;
   }
-  if (auto sound = proposal.validate(); !sound) {
-    planned.failure = "the optimiser returned a broken trajectory: " + sound.error().describe();
-    planned.solution.trajectory = {};
-    return planned;
-  }
-  planned.trajectory = proposal;
+  const std::string broken = why_broken(its.trajectory, problem.robot->description());
+  if (broken.empty()) return proposal;
+  proposal.failure = "returned a broken trajectory: " + broken;
+  proposal.is_fault = true;
+  proposal.solution.trajectory = {};
+  return proposal;
+}
+
+Result<PlannedMotion> finish_motion(const Problem& problem, const Trajectory& path,
+                                    const MotionRules& rules, const Deadline& deadline) {
+  PlannedMotion planned{.trajectory = path};
   if (rules.limits != nullptr) {
     const Stopwatch timing;
-    auto retimed = retime(proposal, *rules.limits, rules.timing);
+    auto retimed = retime(path, *rules.limits, rules.timing);
     planned.retime_ms = timing.elapsed_ms();
     if (!retimed) {
       planned.trajectory = {};
@@ -54,8 +72,24 @@ Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser, const P
   if (rules.check == nullptr) return planned;
   auto verdict = rules.check->check(planned.trajectory, 0.0, deadline);
   if (!verdict) return error_of(verdict);
-  if (!verdict->valid() && planned.failure.empty()) planned.failure = verdict->describe();
+  if (!verdict->valid() && planned.failure.empty()) {
+    planned.failure = "the trajectory is " + verdict->describe();
+  }
   planned.verdict = std::move(*verdict);
+  return planned;
+}
+
+Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser, const Problem& problem,
+                                  const Trajectory& guess, const MotionRules& rules,
+                                  const Deadline& deadline) {
+  auto proposal = propose_motion(*optimiser, plugin_of(optimiser), problem, guess, deadline);
+  if (!proposal) return error_of(proposal);
+  if (!proposal->failure.empty()) {
+    return PlannedMotion{.solution = std::move(proposal->solution),
+                         .failure = "the optimiser " + proposal->failure};
+  }
+  auto planned = finish_motion(problem, proposal->solution.trajectory, rules, deadline);
+  if (planned) planned->solution = std::move(proposal->solution);
   return planned;
 }
 

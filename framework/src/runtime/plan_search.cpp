@@ -11,6 +11,7 @@
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/motion_planning.hpp>
 #include <sidestep/trajectory/braking.hpp>
 #include <sidestep/trajectory/retime.hpp>
 #include <sidestep/trajectory/splice.hpp>
@@ -225,8 +226,7 @@ std::optional<Trajectory> PlanSearch::solve(Optimiser& optimiser, const std::str
                                             const Trajectory& guess, Task& task) const {
   const double limit_s = task.deadline.remaining_s();
   const Stopwatch watch;
-  auto solution =
-      in_stage(name, [&] { return optimiser.solve(task.problem, guess, task.deadline); });
+  auto proposal = propose_motion(optimiser, name, task.problem, guess, task.deadline);
   const double took_ms = watch.elapsed_ms();
   task.result.solve_ms += took_ms;
   const double grace_s = std::max(0.0, settings_.takeover_s - settings_.solve_limit_s);
@@ -235,41 +235,30 @@ std::optional<Trajectory> PlanSearch::solve(Optimiser& optimiser, const std::str
                         number("%.3f s", limit_s) + " that it had";
     return std::nullopt;
   }
-  if (!solution) {
-    const bool is_late = solution.error().code == ErrorCode::kDeadlineExceeded;
-    (is_late ? task.failure : task.result.fault) = solution.error().describe();
+  if (!proposal) {
+    const bool is_late = proposal.error().code == ErrorCode::kDeadlineExceeded;
+    (is_late ? task.failure : task.result.fault) = proposal.error().describe();
     return std::nullopt;
   }
-  if (solution->trajectory.size() == 0 &&
-      (solution->status == SolveStatus::kNoPath || solution->status == SolveStatus::kFailed ||
-       solution->status == SolveStatus::kDeadline)) {
-    task.failure = "plugin " + name + " found no trajectory (" +
-                   std::string(to_string(solution->status)) +
-                   (solution->reason.empty() ? ")" : ": " + solution->reason + ")");
+  Trajectory& trajectory = proposal->solution.trajectory;
+  if (proposal->failure.empty()) proposal->failure = why_elsewhere(task, trajectory);
+  if (!proposal->failure.empty()) {
+    const bool is_fault = proposal->is_fault || trajectory.size() > 0;
+    (is_fault ? task.result.fault : task.failure) = "plugin " + name + " " + proposal->failure;
     return std::nullopt;
   }
-  if (const std::string broken = why_broken(task, solution->trajectory); !broken.empty()) {
-    task.result.fault = "plugin " + name + " returned a trajectory that makes no sense: " + broken;
-    return std::nullopt;
-  }
-  task.cost = solution->cost;
-  return std::move(solution->trajectory);
+  task.cost = proposal->solution.cost;
+  return std::move(trajectory);
 }
 
-/// What no optimiser may return; empty if all is well.
-std::string PlanSearch::why_broken(const Task& task, const Trajectory& proposal) const {
-  if (auto sound = proposal.validate(); !sound) return sound.error().describe();
+/// How a proposal starts where the robot will not be; empty if it does not.
+std::string PlanSearch::why_elsewhere(const Task& task, const Trajectory& proposal) const {
   const std::vector<Joint>& joints = parts_.robot->description().joints;
-  if (static_cast<std::size_t>(proposal.dof) != joints.size()) {
-    return "it moves " + std::to_string(proposal.dof) + " joints, the robot has " +
-           std::to_string(joints.size());
-  }
-  if (proposal.size() < 2) return "it has one state only";
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const double off = std::abs(proposal.q(0)[j] - task.start.q[static_cast<Eigen::Index>(j)]);
     if (off <= kStartTolerance) continue;
-    return "it starts with joint '" + joints[j].name + "' " + number("%.4g", off) +
-           (joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") +
+    return "returned a broken trajectory: it starts with joint '" + joints[j].name + "' " +
+           number("%.4g", off) + (joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") +
            " from where the robot will be";
   }
   return {};

@@ -82,7 +82,7 @@ class PlanSearch {
   [[nodiscard]] bool is_long_enough(const Task& task) const;
   [[nodiscard]] std::optional<Trajectory> solve(Optimiser& optimiser, const std::string& name,
                                                 const Trajectory& guess, Task& task) const;
-  [[nodiscard]] std::string why_broken(const Task& task, const Trajectory& proposal) const;
+  [[nodiscard]] std::string why_elsewhere(const Task& task, const Trajectory& proposal) const;
   [[nodiscard]] std::optional<FoundPlan> accept(Trajectory proposal, Task& task) const;
 
   const Replanner::Parts& parts_;

@@ -165,6 +165,7 @@ namespace sidestep {
 
 const report::RunReport& replan_report() {
   static const report::RunReport kReport = {.body = &report::replan_body,
+                                            .columns = &replan_metrics(),
                                             .pictures = {"episode-", "spread."}};
   return kReport;
 }

@@ -8,8 +8,8 @@
 #include <sidestep/planning/explain.hpp>
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/motion_planning.hpp>
 #include <sidestep/trajectory/blend.hpp>
-#include <sidestep/trajectory/retime.hpp>
 
 namespace sidestep {
 namespace {
@@ -101,45 +101,41 @@ Result<RaceResult> PlanningRace::run(const Problem& problem, const Checks& check
 std::optional<Trajectory> PlanningRace::propose(PluginPtr<Optimiser>& optimiser,
                                                 const Problem& problem, const Trajectory& guess,
                                                 Track& track) const {
-  auto solution = in_stage(plugin_of(optimiser),
-                           [&] { return optimiser->solve(problem, guess, track.until_over()); });
-  if (!solution) {
+  auto proposal =
+      propose_motion(*optimiser, plugin_of(optimiser), problem, guess, track.until_over());
+  if (!proposal) {
     const std::scoped_lock lock(track.mutex);
-    track.error = solution.error();
+    track.error = proposal.error();
     track.over.request_stop();
     return std::nullopt;
   }
-  if (solution->trajectory.size() == 0) {
-    track.note(plugin_of(optimiser) + " found no trajectory (" +
-               std::string(to_string(solution->status)) + ": " + solution->reason + ")");
+  if (!proposal->failure.empty()) {
+    track.note(plugin_of(optimiser) + " " + proposal->failure);
     return std::nullopt;
   }
-  return std::move(solution->trajectory);
+  return std::move(proposal->solution.trajectory);
 }
 
 /// Times and checks a proposal; whether it is valid. An optimiser's then ends the race.
 bool PlanningRace::finish(const Trajectory& proposal, Kind kind, const std::string& seed,
                           Track& track) const {
-  auto timed = retime(proposal, limits_, {.least_stages = kStages, .stop_at_goal = true});
-  if (!timed) {
-    track.note("the path cannot be timed: " + timed.error().describe());
-    return false;
-  }
   const ValidityCheck& check = kind == Kind::kSampled ? track.checks.sampled : track.checks.smooth;
-  const auto verdict = check.check(timed->trajectory, 0.0, track.until_over());
-  if (!verdict || !verdict->valid()) {
-    track.note(verdict ? "the trajectory is " + verdict->describe() : verdict.error().describe());
+  auto motion = finish_motion(track.problem, proposal,
+                              {&limits_, &check, {.least_stages = kStages, .stop_at_goal = true}},
+                              track.until_over());
+  if (!motion || !motion->failure.empty()) {
+    track.note(motion ? motion->failure : motion.error().describe());
     return false;
   }
   const std::scoped_lock lock(track.mutex);
   if (kind == Kind::kOptimised) track.over.request_stop();
-  if (!track.is_better(kind, timed->trajectory)) return true;
+  if (!track.is_better(kind, motion->trajectory)) return true;
   RaceResult& result = track.result;
   if (track.kind != Kind::kNone) {
     result.earlier.push_back({std::move(result.trajectory), result.is_smooth, result.took_ms});
   }
-  result = {std::move(timed->trajectory), seed, kind != Kind::kSampled,
-            track.watch.elapsed_ms(),     {},   std::move(result.earlier)};
+  result = {std::move(motion->trajectory), seed, kind != Kind::kSampled,
+            track.watch.elapsed_ms(),      {},   std::move(result.earlier)};
   track.kind = kind;
   return true;
 }

@@ -10,7 +10,8 @@ run blocked 1 replan.yaml --set experiment.goal.joints.x=1.3 --set experiment.go
 run touched 1 replan.yaml --set replanner.obstacle_speed_mps=0 --set experiment.episodes=1
 run refused 2 replan.yaml --set planning.attempts=3 --set experiment.goal.joints.z=1
 run divided 2 replan.yaml --shard 1/2
+compare compared 0 whole blocked
 redraw whole
 redraw touched
-keeps whole blocked touched
+keeps whole blocked touched compared
 keeps_ends other refused divided

@@ -21,6 +21,21 @@ struct MotionRules {
   RetimeSettings timing = {};
 };
 
+/// What an optimiser made of a first guess.
+struct Proposal {
+  Solution solution;  ///< Without a trajectory where that cannot be used; solve_ms is wall time.
+  /// Why there is no trajectory to use, to follow the optimiser's name: "found no trajectory
+  /// (...)". Empty where there is one.
+  std::string failure;
+  bool is_fault = false;  ///< The optimiser returned what none may: no failure of the task.
+};
+
+/// Solves from a first guess; `name` is the plugin's. Fails where the optimiser does, naming it;
+/// what it throws becomes an error. [planning]; allocates.
+[[nodiscard]] Result<Proposal> propose_motion(Optimiser& optimiser, const std::string& name,
+                                              const Problem& problem, const Trajectory& guess,
+                                              const Deadline& deadline);
+
 /// What came of one first guess.
 struct PlannedMotion {
   Solution solution;      ///< The optimiser's; solve_ms is the wall time of the call.
@@ -31,10 +46,14 @@ struct PlannedMotion {
   std::string failure = {};             ///< Why not to follow it; empty where all is well.
 };
 
-/// Solves from a first guess, times the path anew, and checks that the motion leads from the
-/// problem's start to its goal and is valid: the planning twin of MappingPipeline. A proposal that
-/// will not do is a PlannedMotion with a failure. Fails where the optimiser or the check does,
-/// naming it; what they throw becomes an error. [planning]; allocates.
+/// Times a path anew, and checks that the motion leads from the problem's start to its goal and is
+/// valid. Fails where the check does. [planning]; allocates.
+[[nodiscard]] Result<PlannedMotion> finish_motion(const Problem& problem, const Trajectory& path,
+                                                  const MotionRules& rules,
+                                                  const Deadline& deadline);
+
+/// propose_motion(), then finish_motion(): the planning twin of MappingPipeline. A proposal that
+/// will not do is a PlannedMotion with a failure. Fails as they do. [planning]; allocates.
 [[nodiscard]] Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser,
                                                 const Problem& problem, const Trajectory& guess,
                                                 const MotionRules& rules, const Deadline& deadline);
