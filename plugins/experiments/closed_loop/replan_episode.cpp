@@ -7,10 +7,10 @@
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
 
+#include <sidestep/runtime/step_watch.hpp>
 #include "replan_mapping.hpp"
 #include "replan_show.hpp"
 #include "replan_visibility.hpp"
-#include "step_watch.hpp"
 
 namespace sidestep {
 namespace {

@@ -7,10 +7,11 @@
 #include <thread>
 
 #include <sidestep/measures/map_truth.hpp>
+#include <sidestep/runtime/map_show.hpp>
+#include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/run_observer.hpp>
-#include "map_show.hpp"
-#include "paced_frames.hpp"
+#include "replan_types.hpp"
 #include "replan_world.hpp"
 
 namespace sidestep {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <sidestep/geometry/scene.hpp>
+#include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include <sidestep/runtime/truth_check.hpp>
 #include <sidestep/sensing/frame.hpp>
@@ -20,13 +21,6 @@ struct MappedFrame {
   double published_s = 0.0;
   double integrate_ms = 0.0;
   double field_ms = 0.0;
-};
-
-/// Where a camera was, and what it is.
-struct CameraView {
-  double stamp_s = 0.0;
-  Transform T_world_camera = Transform::Identity();
-  CameraIntrinsics camera;
 };
 
 /// What was mapped in some time.

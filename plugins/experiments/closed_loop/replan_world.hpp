@@ -5,9 +5,8 @@
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/runtime/episode_clock.hpp>
 #include <sidestep/runtime/experiment.hpp>
-
-#include "episode_clock.hpp"
 #include "replan_settings.hpp"
 
 namespace sidestep {

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include <sidestep/core/log.hpp>
+#include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/measures/map_truth.hpp>
 #include <sidestep/runtime/host.hpp>
-#include "field_accuracy.hpp"
 #include "frame_feed.hpp"
 #include "mapping_settings.hpp"
 

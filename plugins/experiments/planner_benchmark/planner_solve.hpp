@@ -5,9 +5,9 @@
 #include <stop_token>
 
 #include <sidestep/problems/problem_set.hpp>
+#include <sidestep/runtime/planning_race.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include "planner_rows.hpp"
-#include "planning_race.hpp"
 
 namespace sidestep {
 

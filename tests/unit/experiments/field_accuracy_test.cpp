@@ -5,9 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/measures/exact_transform.hpp>
+#include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/results/statistics.hpp>
 #include "conformance/grid_map.hpp"
-#include "field_accuracy.hpp"
 
 namespace sidestep {
 namespace {

@@ -1,5 +1,5 @@
 // Which of several trajectories a race of planners gives as its answer.
-#include "planning_race.hpp"
+#include <sidestep/runtime/planning_race.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -8,14 +8,14 @@
 
 #include <sidestep/experiments/report.hpp>
 #include <sidestep/results/text_file.hpp>
-#include "episode_clock.hpp"
-#include "paced_frames.hpp"
+#include <sidestep/runtime/episode_clock.hpp>
+#include <sidestep/runtime/paced_frames.hpp>
+#include <sidestep/runtime/step_watch.hpp>
 #include "replan_pictures.hpp"
 #include "replan_rows.hpp"
 #include "replan_settings.hpp"
 #include "replan_summary.hpp"
 #include "replan_visibility.hpp"
-#include "step_watch.hpp"
 #include "support/chain_robot.hpp"
 #include "support/host_fixture.hpp"
 #include "support/temporary_folder.hpp"

@@ -1,4 +1,4 @@
-#include "paced_frames.hpp"
+#include <sidestep/runtime/paced_frames.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "field_accuracy.hpp"
+#include <sidestep/measures/field_accuracy.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "planning_race.hpp"
+#include <sidestep/runtime/planning_race.hpp>
 
 #include <mutex>
 #include <optional>

@@ -1,4 +1,4 @@
-#include "map_show.hpp"
+#include <sidestep/runtime/map_show.hpp>
 
 #include <chrono>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "step_watch.hpp"
+#include <sidestep/runtime/step_watch.hpp>
 
 #include <chrono>
 #include <utility>
