@@ -40,7 +40,7 @@ struct EpisodeRow {
   std::int64_t slowdowns = 0;
   double splice_velocity_jump_max = 0.0;
   std::vector<double> solve_ms;   ///< Of plans and replans.
-  std::vector<double> search_ms;  ///< Of these, and of searches in vain.
+  std::vector<double> search_ms;  ///< Of these, and of searches that failed.
   std::vector<double> unknown_share;
   std::vector<double> map_age_ms;
   std::vector<double> stamp_to_trajectory_ms;

@@ -10,7 +10,7 @@
 
 namespace sidestep {
 
-/// Shows an episode to whoever looks on, if anybody does: the world first, its end last.
+/// Shows an episode to the observer, if there is one: the world first, its end last.
 /// [planning], but for begin() and end(), which are [main].
 class EpisodeShow {
  public:

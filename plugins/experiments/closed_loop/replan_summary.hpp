@@ -31,7 +31,7 @@ struct ReplanFacts {
 /// The command that runs a configuration again, overrides included.
 [[nodiscard]] std::string command_again(const Configuration& configuration);
 
-/// What a run came to: keys of summary.json, and how they are shown.
+/// Result of a run: keys of summary.json, and how they are shown.
 [[nodiscard]] const report::ResultColumnsOf<ReplanRows>& replan_metrics();
 
 /// Verdict, summary.json and table of a finished (or interrupted) replan experiment.

@@ -44,7 +44,7 @@ struct EpisodeEvent {
   std::optional<double> frame_to_trajectory_ms;  ///< From when the source had handed it over.
 };
 
-/// A collision, and how it came to it: "unseen", "walked into while stopped", "fault" or "unknown".
+/// A collision, and its cause: "unseen", "walked into while stopped", "fault" or "unknown".
 struct EpisodeContact {
   TrueContact contact;
   std::string cause;
@@ -57,12 +57,12 @@ struct MapFollowing {
   std::int64_t ghost_vox = 0;         ///< Left behind and still occupied at the end.
 };
 
-/// What one episode came to.
+/// Result of one episode.
 struct EpisodeRecord {
   std::int64_t episode = 0;
   bool reached = false;
   bool interrupted = false;
-  std::string called_off;   ///< Why nobody wants it any more; empty while somebody does.
+  std::string called_off;   ///< Why it was cancelled; empty unless it was.
   double begin_s = 0.0;     ///< On the run's clock, as all times.
   double duration_s = 0.0;  ///< Until the goal was reached, or the end.
   std::string reason;       ///< Why it did not succeed; empty if it did.

@@ -4,7 +4,7 @@
 
 namespace sidestep {
 
-/// How it came to a contact: "walked into while stopped" where no joint moved faster than
+/// The cause of a contact: "walked into while stopped" where no joint moved faster than
 /// `rest_speed`; "unseen" where not every frame of the half second before shows the object, the
 /// robot's own body aside; "unknown" where no depth image was kept; else "fault".
 [[nodiscard]] std::string cause_of(const TrueContact& contact, const EpisodeRecord& episode,

@@ -85,7 +85,7 @@ struct FieldStudy {
   Node optimiser_block;
 };
 
-/// Keys of a `planning` block that a study has no use for: every problem is solved once, from a
+/// Keys of a `planning` block that have no effect in a study: every problem is solved once, from a
 /// straight line, until the optimiser ends, and its trajectory is judged as it is.
 [[nodiscard]] std::vector<std::string> unused_of_study_planning();
 

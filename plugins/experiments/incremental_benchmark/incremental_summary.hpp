@@ -40,7 +40,7 @@ struct ChangedSeries {
   std::vector<ChangedSolve> problems;
 };
 
-/// What an incremental benchmark came to.
+/// Result of an incremental benchmark.
 struct IncrementalRecord {
   RecordedFacts about;
   std::vector<ChangedSeries> series;

@@ -15,7 +15,7 @@
 namespace sidestep {
 
 /// The frames of a source, decoded ahead of time, again and again from the first. A sequence that
-/// fits into `in_memory` frames is read once and kept; a longer one is read anew at every
+/// fits into `in_memory` frames is read once and kept; a longer one is read again at every
 /// rewind(), a memory full at a time, so that reading never falls between two steps that are
 /// timed. [mapping]
 class FrameFeed {

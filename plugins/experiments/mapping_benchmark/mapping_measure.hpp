@@ -30,7 +30,7 @@ struct UpdateRecord {
   [[nodiscard]] double frame_ms() const noexcept { return integrate_ms + field_ms + publish_ms; }
 };
 
-/// What a system came to on one clock.
+/// Result of a system on one clock.
 struct ClockRecord {
   std::vector<UpdateRecord> updates;
   std::int64_t bad_frames = 0;  ///< That the mapper could not use.
@@ -41,7 +41,7 @@ struct ClockRecord {
   std::optional<TruthRecord> truth;
 };
 
-/// What one case came to.
+/// Result of one case.
 struct CaseRecord {
   SystemCase what;
   bool is_signed = false;  ///< As the published fields say.

@@ -10,7 +10,7 @@
 
 namespace sidestep {
 
-/// What a mapping benchmark came to.
+/// Result of a mapping benchmark.
 struct MappingBenchmarkRecord {
   std::vector<CaseRecord> cases;
   std::size_t planned_cases = 0;

@@ -42,7 +42,7 @@ struct PlanExperimentSettings : ExperimentSettings {
   static Parameters<PlanExperimentSettings> parameters();
 };
 
-/// What mapping came to.
+/// Result of mapping.
 struct MapRecord {
   std::vector<MappingStep> steps;
   std::vector<Error> bad_frames;
@@ -55,14 +55,14 @@ struct MapRecord {
   std::optional<Error> fault;  ///< That ended the run before its end, mapping or planning.
 };
 
-/// What timing a path anew came to.
+/// Result of retiming a path.
 struct RetimingRecord {
   double before_s = 0.0;   ///< The optimiser's duration; the plan's own is the trajectory's.
   double deviation = 0.0;  ///< Of any joint from the optimiser's path, m or rad.
   double retime_ms = 0.0;
 };
 
-/// What one plan came to.
+/// Result of one plan.
 struct PlanRecord {
   std::string name;
   std::shared_ptr<const RobotModel> robot;  ///< With all that it carries in this plan.

@@ -39,7 +39,7 @@ struct RecordedRunRecord {
   std::vector<SolveRecord> solves;
 };
 
-/// What a benchmark on recorded problems came to.
+/// Result of a benchmark on recorded problems.
 struct RecordedBenchmarkRecord {
   RecordedFacts about;
   bool costs_comparable = true;

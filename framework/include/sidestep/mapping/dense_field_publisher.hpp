@@ -48,7 +48,7 @@ class DenseFieldPublisher {
   /// grid does not have.
   [[nodiscard]] Result<std::vector<std::uint8_t>> begin(const MapUpdate& update);
 
-  /// A snapshot in which the distances of the flagged blocks are written anew, and what is known of
+  /// A snapshot in which the distances of the flagged blocks are rewritten, and what is known of
   /// the update's. Blocks that come out equal stay shared with the snapshot before.
   [[nodiscard]] std::shared_ptr<const DistanceField> publish(
       const MapUpdate& update, const std::vector<std::uint8_t>& changed,

@@ -45,10 +45,10 @@ class SIDESTEP_EXPORT MotionDetector {
                                                               Stamp stamp);
 
   /// What moves in the map after a frame with this stamp. Where the grid has moved or the stamps
-  /// went back, it begins anew. Allocates.
+  /// went back, it starts over. Allocates.
   [[nodiscard]] std::shared_ptr<const MovingObstacles> look(const OccupancyView& map, Stamp stamp);
   /// Keeps the map, seen from `eye_m`, for later ones to be held against, where it is time: twice a
-  /// memory. To be called after look(), with the same map; nobody needs to wait for it.
+  /// memory. To be called after look(), with the same map; no field waits for it.
   void remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp);
 
  private:

@@ -11,7 +11,7 @@ namespace sidestep {
 /// A view that a Mapper may offer: its OctoMap. Valid until the next integrate(). [mapping]
 ///
 /// The tree's change detection is on. integrate() starts by resetting it, so that afterwards it
-/// holds the changes of the newest frame and no others. Whoever consumes the view may read and
+/// holds the changes of the newest frame and no others. The consumer of the view may read and
 /// reset them (DynamicEDTOctomap does), but must leave change detection on and the tree's
 /// nodes as they are; the mapper relies on neither after integrate() has returned. Mapper and field
 /// must be built with the same OctoMap (Debian 12: 1.9.7): the ABI stamp knows nothing of it.

@@ -90,7 +90,7 @@ class FloorClearance {
 // Costs of where a link is, world frame. At kGoal, in place of the goal prior, they are
 // end-effector goals that leave the goal configuration free (CostSettings::hold_goal); elsewhere
 // they hold along the way. Named after their link, e.g. "pose_hand". All fail with kInvalidArgument
-// where the robot has no such link, a sigma is not positive, or the target makes no sense.
+// where the robot has no such link, a sigma is not positive, or the target is not finite.
 
 /// Three residuals: the position of the link's origin against the target, over sigma.
 [[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_position_cost(

@@ -55,7 +55,7 @@ struct Explanation {
   std::vector<Hindrance> hindrances;
 };
 
-/// Evaluates the terms of a problem at the states of any trajectory, whoever found it, and tells
+/// Evaluates the terms of a problem at the states of any trajectory, of any origin, and tells
 /// what holds it: per term and per link, pair of links or joint, each stretch of neighbouring
 /// states at which it costs anything. Rows of the terms "obstacle", "floor",
 /// "self_collision", "position_limit", "velocity_limit", "start", "goal" and "goal_velocity" are

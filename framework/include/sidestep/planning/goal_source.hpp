@@ -23,7 +23,7 @@ struct GoalRequest {
 struct GoalReport {
   enum class State {
     kAccepted,  ///< It is the goal now.
-    kRefused,   ///< It makes no sense; `message` says why.
+    kRefused,   ///< It is invalid; `message` says why.
     kActive,    ///< On the way; once in a while.
     kReached,   ///< The robot is at rest there.
     kFailed,    ///< The robot has come to rest elsewhere, and tries no more.
@@ -45,7 +45,7 @@ class SIDESTEP_EXPORT GoalSource {
   /// The newest request since the last call; nothing where none came. Does not wait. [planning]
   [[nodiscard]] virtual std::optional<GoalRequest> next_goal() = 0;
 
-  /// Tells whoever asked. [planning]
+  /// Reports to the sender of the goal. [planning]
   virtual void report(const GoalReport& report) = 0;
 
   /// Whether requests may still come; without, a run ends once its last goal is done with.

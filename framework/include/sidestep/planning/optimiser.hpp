@@ -38,7 +38,7 @@ struct Solution {
   std::vector<TermCost> terms;  ///< Final cost by term, the GP prior as "gp_prior".
   double solve_ms = 0.0;        ///< Wall time inside the optimiser.
   std::string reason;           ///< Why it is not better, in words; empty if kConverged.
-  /// What holds it, where whoever asked for the solve has it explained (explain.hpp): optimisers
+  /// Active costs and violations, filled in by the caller of the solve (explain.hpp): optimisers
   /// leave it empty.
   std::optional<Explanation> explanation;
 };

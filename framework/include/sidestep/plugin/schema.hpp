@@ -24,7 +24,7 @@ enum class ParameterType {
   kStrings,
   kObject,   ///< A map with parameters of its own.
   kObjects,  ///< A list of such maps.
-  kNode,     ///< Any structure; whoever reads it checks it.
+  kNode,     ///< Any structure; the code that reads it checks it.
 };
 [[nodiscard]] std::string_view to_string(ParameterType type) noexcept;
 

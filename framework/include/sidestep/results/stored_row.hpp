@@ -67,7 +67,7 @@ class StoredRow {
     return *this;
   }
 
-  /// A value that follows from the others: stored for whoever reads the file, not read back.
+  /// A value that follows from the others: stored for readers of the file, not read back.
   template <class Get>
   StoredRow& add_derived(std::string key, Get get) {
     Field field{std::move(key), false, {}, {}, {}, {}};

@@ -63,7 +63,7 @@ class SIDESTEP_EXPORT KinematicTree final : public RobotModel {
   }
   [[nodiscard]] const std::vector<TreeJoint>& tree_joints() const noexcept { return tree_joints_; }
 
-  // The same as it is computed with, for whoever places the robot by other means (on a GPU).
+  // The bodies that it computes with, for code that places the robot by other means (on a GPU).
   [[nodiscard]] const std::vector<TreeBody>& bodies() const noexcept { return bodies_; }
   [[nodiscard]] TreeLink link_in_body(int link) const;
   /// In the order of the description's.

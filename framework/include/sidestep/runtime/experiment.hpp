@@ -46,7 +46,7 @@ struct ExperimentContext {
   std::function<void(std::int64_t done, std::int64_t total, std::string_view what)> progress;
   Shard shard;          ///< The whole, unless the experiment is divisible.
   bool resume = false;  ///< Go on with what `out` holds; for experiments that can.
-  /// Who looks on; null: nobody. Experiments that show nothing while they run never call it.
+  /// May be null. Experiments that show nothing while they run never call it.
   RunObserver* observer = nullptr;
   Node effective;  ///< The configuration with every default filled in; set by run_experiment().
 };
@@ -68,7 +68,7 @@ struct ExperimentFacts {
   /// Top-level blocks that it reads where they are given. Any block that is neither here nor in
   /// `blocks` is refused.
   std::vector<std::string> optional_blocks = {};
-  /// Keys of the `planning` block that it has no use for: refused where they are given, and no part
+  /// Keys of the `planning` block that have no effect: refused where they are given, and no part
   /// of the effective configuration.
   std::vector<std::string> unused_of_planning = {};
   /// Parameters of the optimiser that it sets itself: no part of the effective configuration.

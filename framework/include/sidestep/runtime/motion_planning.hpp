@@ -46,7 +46,7 @@ struct PlannedMotion {
   std::string failure = {};             ///< Why not to follow it; empty where all is well.
 };
 
-/// Times a path anew, and checks that the motion leads from the problem's start to its goal and is
+/// Retimes a path, and checks that the motion leads from the problem's start to its goal and is
 /// valid. Fails where the check does. [planning]; allocates.
 [[nodiscard]] Result<PlannedMotion> finish_motion(const Problem& problem, const Trajectory& path,
                                                   const MotionRules& rules,

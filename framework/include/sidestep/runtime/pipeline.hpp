@@ -26,7 +26,7 @@ struct MappingStep {
   double integrate_ms = 0.0;
   double field_ms = 0.0;
   double motion_ms = 0.0;   ///< Looking for what moves, where that is asked for.
-  double publish_ms = 0.0;  ///< The swap; freeing the field before, if nobody holds it.
+  double publish_ms = 0.0;  ///< The swap; and freeing the field before, unless a reader holds it.
 
   /// From the frame in hand to the published field.
   [[nodiscard]] double frame_ms() const noexcept {
@@ -52,7 +52,7 @@ class MappingPipeline {
     SnapshotSlot& slot;
     Log& log;
     StageNames names = {};
-    /// Looks for what moves in every map of a mapper with an OccupancyView; null: nobody does.
+    /// Looks for what moves in every map of a mapper with an OccupancyView; may be null.
     MotionDetector* motion_detector = nullptr;
     /// Skips frames until something is known in the map: one that knows nothing is not published.
     bool waits_for_content = false;

@@ -17,7 +17,7 @@ struct FloorEntry : Floor {
   static Parameters<FloorEntry> parameters();
 };
 
-/// The `planning` block of a configuration: how a problem is posed, whoever solves it.
+/// The `planning` block of a configuration: how a problem is posed to any optimiser.
 struct PlanningSettings : CostSettings {
   std::string unknown;  ///< "free" or "occupied".
   std::string outside;

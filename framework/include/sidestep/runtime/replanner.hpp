@@ -19,7 +19,7 @@
 
 namespace sidestep {
 
-/// First guesses of a replan: the rest of what is followed, sampled anew; a straight line; one bent
+/// First guesses of a replan: the rest of what is followed, resampled; a straight line; one bent
 /// by seeded waves, other ones at every try; the path of the sampling planner; a straight line from
 /// where a stop would end, which the robot then makes first.
 inline constexpr std::array<std::string_view, 5> kReplanGuesses{
@@ -70,8 +70,8 @@ struct ReplannerSettings {
   /// How long a search keeps the robot from being looked after.
   [[nodiscard]] double search_s() const noexcept { return limit_wall_time ? takeover_s : 0.0; }
 
-  /// A step that takes longer, in wall time, has left the robot without supervision: whoever calls
-  /// step() has it stopped meanwhile, and its end is a stop.
+  /// A step that takes longer, in wall time, has left the robot without supervision: the caller of
+  /// step() stops the robot meanwhile, and the step ends in a stop.
   [[nodiscard]] double longest_step_s() const noexcept {
     return std::max(takeover_s, max_state_age_s);
   }
@@ -99,9 +99,9 @@ struct ReplannerEvent {
     kMap,           ///< The map is too old, or its time jumped.
     kNotFollowing,  ///< The robot is not where it should be.
     kExecutor,      ///< The executor failed, refused or fell silent.
-    kPlugin,        ///< A plugin threw, returned what makes no sense or ignored its deadline.
+    kPlugin,        ///< A plugin threw, returned an invalid result or ignored its deadline.
     kClock,         ///< The clock went back.
-    kEnd,           ///< Whoever owns the replanner wants no more of it.
+    kEnd,           ///< The owner of the replanner ended it.
   };
   Kind kind = Kind::kPlanned;
   Reason reason = Reason::kGoal;
@@ -128,7 +128,7 @@ struct ReplannerEvent {
 [[nodiscard]] std::string_view to_string(ReplannerEvent::Reason reason) noexcept;
 
 /// Receding-horizon replanning (Finean 2021, Algorithm 1), with stops that are verified. A plain
-/// state machine: whoever owns it calls step() again and again, at 250 Hz or better, from one
+/// state machine: its owner calls step() again and again, at 250 Hz or better, from one
 /// thread; it starts none. [planning]
 ///
 /// The executor is always sent one trajectory from the current time on: the rest of what it

@@ -18,7 +18,7 @@ struct ObservedWorld {
   std::string title;         ///< E.g. the configuration's name.
   std::int64_t episode = 0;  ///< Of the run; 0 where it has none.
   std::shared_ptr<const RobotModel> robot;
-  std::shared_ptr<const Scene> scene;  ///< As it truly is; null where nobody knows.
+  std::shared_ptr<const Scene> scene;  ///< The true one; null where it is unknown.
   Eigen::VectorXd q_start;
   Eigen::VectorXd q_goal;
 };
@@ -39,7 +39,7 @@ struct ObservedStep {
   Replanner::Status status = Replanner::Status::kWaiting;
   std::int64_t checks = 0;  ///< Validity checks so far.
   Eigen::VectorXd q;        ///< Measured; empty where it is not known.
-  Eigen::VectorXd q_true;   ///< Empty where nobody knows, or between two records of it.
+  Eigen::VectorXd q_true;   ///< Empty where it is unknown, or between two records of it.
 };
 
 /// What happened, and what it led to.

@@ -14,7 +14,7 @@ namespace sidestep {
 /// What one frame made of the map.
 struct MapSnapshot {
   std::shared_ptr<const DistanceField> field;
-  std::shared_ptr<const MovingObstacles> moving;  ///< Null where nobody looks for what moves.
+  std::shared_ptr<const MovingObstacles> moving;  ///< Null without a MotionDetector.
 };
 
 /// The one thing that mapping and planning share: the newest map. publish() [mapping],

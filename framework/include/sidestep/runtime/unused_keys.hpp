@@ -7,7 +7,7 @@
 
 namespace sidestep {
 
-/// What a block is to one type of experiment that has no use for some of its keys.
+/// The schema of a block in one type of experiment, in which some of its keys have no effect.
 struct UsedSchema {
   std::string type;                 ///< Of the experiment, for messages.
   Schema schema;                    ///< Without those keys.
@@ -22,7 +22,8 @@ struct UsedSchema {
 [[nodiscard]] Node used_part(Node map, const UsedSchema& used);
 
 /// check_against_schema(), and a kConfig error of its own for each key of no use: what one sets is
-/// not passed over in silence. One that is null, as whoever takes back a base's writes it, is none.
+/// not passed over in silence. A null, which takes back the value of a base configuration, is no
+/// error.
 void check_against_used(const Node& map, const UsedSchema& used, std::vector<Error>& errors);
 
 }  // namespace sidestep

@@ -22,8 +22,7 @@ class SIDESTEP_EXPORT RobotMotion {
   /// dropped.
   void record(const RobotState& state, Stamp stamp);
 
-  /// Adds a true state in the same way, where whoever moves the robot knows it apart from what is
-  /// measured.
+  /// Adds a true state in the same way, where it is known apart from the measured one.
   void record_truth(const RobotState& state, Stamp stamp);
 
   /// What is being followed from now on, its time 0 at `start`; an empty trajectory: nothing.

@@ -65,7 +65,7 @@ struct Trajectory {
 [[nodiscard]] Trajectory straight_line(const RobotState& start, const RobotState& goal, int states,
                                        double dt_s);
 
-/// The previous trajectory from `from_s` on, sampled anew at `states` times dt_s apart after
+/// The previous trajectory from `from_s` on, resampled at `states` times dt_s apart after
 /// stretching its remaining time to fit (Finean 2021, Alg. 1: refit).
 [[nodiscard]] Trajectory refit(const Trajectory& previous, double from_s, int states, double dt_s);
 
