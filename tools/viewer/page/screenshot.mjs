@@ -1,12 +1,13 @@
-// A picture of a recording in the viewer: node screenshot.mjs URL FILE [SHARE]
-// SHARE of its time is where it is shown, 0.5 unless given. Fails where the page complains, or
-// shows no recording.
+// A picture of a recording in the viewer: node screenshot.mjs URL FILE [SHARE [UNTIL COUNT]]
+// SHARE of its time is where it is shown, 0.5 unless given; with UNTIL, COUNT pictures of the scene
+// alone, from SHARE to there, FILE.000.png and so on. Fails where the page complains, or shows no
+// recording.
 import { takePicture } from "./picture.mjs";
 
 const kPatience_ms = 60000;
 const kLook_ms = 500;
 
-const [url, file, share = "0.5"] = process.argv.slice(2);
+const [url, file, share = "0.5", until, count = "1"] = process.argv.slice(2);
 await takePicture(url, file, async (page) => {
   const end = () => page.evaluate(() => Number(document.querySelector("#scrub")?.max ?? 0));
   // All of it has come once its end moves no more.
@@ -18,11 +19,19 @@ await takePicture(url, file, async (page) => {
     steady = now > 1 && now === last ? steady + 1 : 0;
     last = now;
   }
-  await page.evaluate((at) => {
+  const show = (at) => page.evaluate((part) => {
     const scrub = document.querySelector("#scrub");
     const [from, to] = [Number(scrub.min), Number(scrub.max)];
-    scrub.value = String(from + (to - from) * at);
+    scrub.value = String(from + (to - from) * part);
     scrub.dispatchEvent(new Event("input", { bubbles: true }));
-  }, Number(share));
+  }, at);
+  await show(Number(share));
   await page.waitForTimeout(4 * kLook_ms);
+  if (until === undefined) return;
+  const clip = await page.locator("canvas").first().boundingBox();
+  for (let i = 0; i < Number(count); ++i) {
+    await show(Number(share) + ((Number(until) - Number(share)) * i) / (Number(count) - 1));
+    await page.waitForTimeout(kLook_ms);
+    await page.screenshot({ path: `${file}.${String(i).padStart(3, "0")}.png`, clip });
+  }
 });
