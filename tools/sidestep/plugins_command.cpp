@@ -81,9 +81,7 @@ void print_left_out(const std::vector<PluginInfo>& plugins) {
 ExitCode print_unknown(const std::string& name, const std::vector<PluginInfo>& plugins) {
   std::vector<std::string> names;
   for (const PluginInfo& plugin : plugins) names.push_back(plugin.name);
-  const std::string nearest = nearest_name(name, names);
-  std::string hint = nearest.empty() ? "`sidestep plugins` lists those that are there"
-                                     : "did you mean '" + nearest + "'?";
+  std::string hint = did_you_mean(name, names, "`sidestep plugins` lists those that are there");
   for (const NotBuiltPlugin& plugin : left_out(plugins)) {
     if (plugin.name == name) hint = how_to_build(plugin);
   }

@@ -8,12 +8,6 @@ namespace {
 
 using Names = std::vector<std::string>;
 
-std::string quoted_list(const Names& names) {
-  std::string out;
-  for (const std::string& name : names) out += (out.empty() ? "" : ", ") + name;
-  return out;
-}
-
 /// Reads one document; every mistake goes to errors_, and reading goes on.
 class SceneReader {
  public:
@@ -49,11 +43,8 @@ class SceneReader {
   void check_keys(const Node& map, const Names& known) {
     for (const Node::Entry& entry : map.entries()) {
       if (std::ranges::find(known, entry.key) != known.end()) continue;
-      const std::string nearest = nearest_name(entry.key, known);
-      add(Error{
-          ErrorCode::kConfig, "unknown key '" + entry.key + "'", entry.key_mark.to_string(),
-          nearest.empty() ? "known here: " + quoted_list(known) : "did you mean '" + nearest + "'?",
-          nullptr});
+      add(Error{ErrorCode::kConfig, "unknown key '" + entry.key + "'", entry.key_mark.to_string(),
+                did_you_mean(entry.key, known, "known here: " + joined(known)), nullptr});
     }
   }
 
@@ -155,16 +146,13 @@ class SceneReader {
           "expected a shape such as {sphere: {radius_m: 0.1}}, found " +
               (node.is_map() ? "a map of " + std::to_string(node.entries().size()) + " entries"
                              : node.kind()),
-          "shapes are: " + quoted_list(kinds)));
+          "shapes are: " + joined(kinds)));
       return Box{};
     }
     const auto& [kind, kind_mark, sizes] = node.entries().front();
     if (std::ranges::find(kinds, kind) == kinds.end()) {
-      const std::string nearest = nearest_name(kind, kinds);
-      add(Error{
-          ErrorCode::kConfig, "there is no shape '" + kind + "'", kind_mark.to_string(),
-          nearest.empty() ? "shapes are: " + quoted_list(kinds) : "did you mean '" + nearest + "'?",
-          nullptr});
+      add(Error{ErrorCode::kConfig, "there is no shape '" + kind + "'", kind_mark.to_string(),
+                did_you_mean(kind, kinds, "shapes are: " + joined(kinds)), nullptr});
       return Box{};
     }
     if (kind == "half_space" || kind == "plane") {

@@ -21,12 +21,6 @@ std::string range_text(const Parameter& parameter) {
          unit;
 }
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 /// What "a.b[2].c" names, or the deepest of its parts that is written; null where not even the
 /// first is.
 const Node* find_path(const Node& map, std::string_view path) {
@@ -80,11 +74,9 @@ class Checker {
                    const std::vector<std::string>& also_allowed) {
     std::vector<std::string> names = also_allowed;
     std::ranges::transform(schema, std::back_inserter(names), &Parameter::name);
-    const std::string nearest = nearest_name(entry.key, names);
     errors_.push_back(Error{
         ErrorCode::kConfig, "unknown key '" + path + entry.key + "'", entry.key_mark.to_string(),
-        nearest.empty() ? "known keys: " + joined(names) : "did you mean '" + nearest + "'?",
-        nullptr});
+        did_you_mean(entry.key, names, "known keys: " + joined(names)), nullptr});
   }
 
   void complain(const Node& node, const std::string& path, const std::string& message,
@@ -144,9 +136,8 @@ class Checker {
   void check_choice(const Node& node, const Parameter& parameter, const std::string& path) {
     if (!expect(node.as_string(), node, path)) return;
     if (std::ranges::find(parameter.choices, node.text()) != parameter.choices.end()) return;
-    const std::string nearest = nearest_name(node.text(), parameter.choices);
     complain(node, path, "'" + node.text() + "' is not one of " + joined(parameter.choices),
-             nearest.empty() ? "" : "did you mean '" + nearest + "'?");
+             did_you_mean(node.text(), parameter.choices));
   }
 
   void check_list(const Node& node, const Parameter& parameter, const std::string& path) {

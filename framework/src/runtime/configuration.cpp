@@ -209,10 +209,9 @@ void check_top_level(const Node& root, const std::filesystem::path& file,
                      std::vector<Error>& errors) {
   for (const Node::Entry& entry : root.entries()) {
     if (std::ranges::find(kTopLevelKeys, entry.key) != kTopLevelKeys.end()) continue;
-    const std::string nearest = nearest_name(entry.key, kTopLevelKeys);
     errors.push_back(Error{ErrorCode::kConfig, "unknown key '" + entry.key + "'",
-                           entry.key_mark.to_string(),
-                           nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr});
+                           entry.key_mark.to_string(), did_you_mean(entry.key, kTopLevelKeys),
+                           nullptr});
   }
   if (const Node* paths = root.find("plugin_paths")) check_plugin_paths(*paths, errors);
   const Node* version = root.find("schema_version");

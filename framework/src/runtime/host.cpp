@@ -212,9 +212,8 @@ struct Host::Impl {
   }
 
   std::string names_of(PluginKind kind) const {
-    std::string text;
-    for (const std::string& name : name_list(kind)) text += (text.empty() ? "" : ", ") + name;
-    return text.empty() ? "(none found)" : text;
+    const std::vector<std::string> names = name_list(kind);
+    return names.empty() ? "(none found)" : joined(names);
   }
 
   Error not_found(PluginKind kind, const Node& name) const {
@@ -236,8 +235,7 @@ struct Host::Impl {
     for (const NotBuiltPlugin& plugin : plugins_not_built(settings.plugin_paths)) {
       if (plugin.kind == kind_name && plugin.name == name) return how_to_build(plugin);
     }
-    const std::string nearest = nearest_name(name, name_list(kind));
-    return nearest.empty() ? "" : "did you mean '" + nearest + "'?";
+    return did_you_mean(name, name_list(kind));
   }
 };
 

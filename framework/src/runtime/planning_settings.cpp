@@ -12,12 +12,8 @@ namespace {
 
 constexpr double kMaxIntervals = 9'999.0;
 
-std::string did_you_mean(std::string_view name, const std::vector<std::string>& candidates) {
-  const std::string nearest = nearest_name(name, candidates);
-  if (!nearest.empty()) return "did you mean '" + nearest + "'?";
-  std::string list = "there are:";
-  for (const std::string& candidate : candidates) list += " " + candidate;
-  return list;
+std::string one_of(std::string_view name, const std::vector<std::string>& candidates) {
+  return did_you_mean(name, candidates, "there are: " + joined(candidates, " "));
 }
 
 /// A configuration while it is read: the values, and the node that gave each of them.
@@ -44,7 +40,7 @@ void apply_pose(const Node& pose, const RobotDescription& robot, PartialState& s
   const NamedPose* named = robot.find_pose(pose.text());
   if (named == nullptr) {
     errors.push_back(pose.error("robot '" + robot.name + "' has no pose '" + pose.text() + "'",
-                                did_you_mean(pose.text(), names_of(robot.poses))));
+                                one_of(pose.text(), names_of(robot.poses))));
     state.set_rest(pose);
     return;
   }
@@ -64,9 +60,9 @@ void apply_joints(const Node& joints, const RobotDescription& robot, PartialStat
   for (const Node::Entry& entry : joints.entries()) {
     const auto index = robot.joint_index(entry.key);
     if (!index) {
-      errors.push_back(Error{
-          ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + entry.key + "'",
-          entry.key_mark.to_string(), did_you_mean(entry.key, names_of(robot.joints)), nullptr});
+      errors.push_back(
+          Error{ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + entry.key + "'",
+                entry.key_mark.to_string(), one_of(entry.key, names_of(robot.joints)), nullptr});
       continue;
     }
     const auto value = entry.value.as_double();
@@ -80,9 +76,8 @@ void require_name(const Node* name, const std::vector<std::string>& names, const
                   std::vector<Error>& errors) {
   if (name == nullptr || !name->is_scalar()) return;  // its schema told
   if (std::ranges::find(names, name->text()) != names.end()) return;
-  const std::string nearest = nearest_name(name->text(), names);
   errors.push_back(name->error("there is no " + what + " '" + name->text() + "'",
-                               nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
+                               did_you_mean(name->text(), names)));
 }
 
 void check_limits(const RobotDescription& robot, const PartialState& state,

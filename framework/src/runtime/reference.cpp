@@ -103,8 +103,7 @@ std::string parameter_summary(const Parameter& parameter) {
 
 std::string views_sentence(const PluginInfo& plugin) {
   if (plugin.views.empty()) return {};
-  std::string names;
-  for (const std::string& view : plugin.views) names += (names.empty() ? "" : ", ") + view;
+  const std::string names = joined(plugin.views);
   return plugin.kind == PluginKind::kMapper ? "Offers fields its: " + names + "."
                                             : "Needs a mapper that offers its: " + names + ".";
 }

@@ -382,10 +382,9 @@ Result<void> validate_contacts(const RobotDescription& robot, const Scene* scene
   const auto require = [](const std::string& name, const std::vector<std::string>& names,
                           const std::string& what) -> Result<void> {
     if (std::find(names.begin(), names.end(), name) != names.end()) return {};
-    const std::string nearest = nearest_name(name, names);
     return fail(ErrorCode::kInvalidArgument,
                 "an allowed contact names " + what + " \"" + name + "\", which does not exist", {},
-                nearest.empty() ? std::string() : "did you mean \"" + nearest + "\"?");
+                did_you_mean(name, names));
   };
   for (const AllowedContact& contact : contacts) {
     if (auto known = require(contact.link, links, "the link"); !known) return known;

@@ -24,12 +24,6 @@ std::string seconds_text(double value) {
   return text;
 }
 
-std::string list_of(const std::vector<std::string>& topics) {
-  std::string text;
-  for (const std::string& topic : topics) text += (text.empty() ? "" : ", ") + topic;
-  return text;
-}
-
 Result<int> joint_of(const RobotDescription& robot, const std::string& name,
                      const std::string& where) {
   if (const auto index = robot.joint_index(name)) return *index;
@@ -42,7 +36,7 @@ Result<JointFeed> JointFeed::create(const RobotDescription& robot, const Options
   JointFeed feed;
   feed.clock_tolerance_s_ = options.watch.clock_tolerance_s;
   feed.joint_states_ = {
-      "joint state", list_of(options.joint_state_topics), options.watch.max_joint_age_s, {}};
+      "joint state", joined(options.joint_state_topics), options.watch.max_joint_age_s, {}};
   for (const Joint& joint : robot.joints) {
     feed.by_name_[joint.name] = static_cast<int>(feed.channels_.size());
     feed.channels_.push_back({joint.name, joint.type == Joint::Type::kContinuous, false, {}});

@@ -15,9 +15,8 @@ Error unknown_joint(const Node& value, const std::string& name, const RobotDescr
     names.push_back(joint.name);
     list += (list.empty() ? "" : ", ") + joint.name;
   }
-  const std::string nearest = nearest_name(name, names);
   return value.error("robot '" + robot.name + "' has no joint '" + name + "'",
-                     nearest.empty() ? "its joints: " + list : "did you mean '" + nearest + "'?");
+                     did_you_mean(name, names, "its joints: " + list));
 }
 
 }  // namespace

@@ -155,11 +155,9 @@ std::vector<JointRange> read_state_ranges(const StudyRobotEntry& entry,
   for (const Node::Entry& item : entry.state_ranges.entries()) {
     const auto joint = robot.joint_index(item.key);
     if (!joint) {
-      const std::string nearest = nearest_name(item.key, names);
       errors.push_back(Error{ErrorCode::kConfig,
                              "robot '" + robot.name + "' has no joint '" + item.key + "'",
-                             item.key_mark.to_string(),
-                             nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr});
+                             item.key_mark.to_string(), did_you_mean(item.key, names), nullptr});
       continue;
     }
     JointRange& range = ranges[static_cast<std::size_t>(*joint)];

@@ -150,12 +150,9 @@ void check_name(const Node& node, const std::string& what, const std::set<std::s
                 std::vector<Error>& errors) {
   if (names.contains(node.text())) return;
   const std::vector<std::string> list(names.begin(), names.end());
-  const std::string nearest = nearest_name(node.text(), list);
-  std::string known;
-  for (const std::string& name : list) known += (known.empty() ? "'" : ", '") + name + "'";
+  const std::string known = list.empty() ? "none" : "'" + joined(list, "', '") + "'";
   errors.push_back(node.error("there is no " + what + " '" + node.text() + "'",
-                              nearest.empty() ? "there are: " + (known.empty() ? "none" : known)
-                                              : "did you mean '" + nearest + "'?"));
+                              did_you_mean(node.text(), list, "there are: " + known)));
 }
 
 std::optional<double> published_ms(const MappingBenchmarkSettings& settings,

@@ -27,11 +27,9 @@ void thin_out(std::vector<RecordedOutcome>& outcomes, const ProblemChoice& choic
 void check_labels(const Node& experiment, const ProblemChoice& choice,
                   const RecordedProblems& problems, std::vector<Error>& errors) {
   std::vector<std::string> labels;
-  std::string list;
   for (const RecordedRun& run : problems.runs) {
     if (std::ranges::find(labels, run.label) != labels.end()) continue;
     labels.push_back(run.label);
-    list += (list.empty() ? "" : ", ") + run.label;
   }
   const Node* written = experiment.find("runs");
   for (std::size_t i = 0; i < choice.runs.size(); ++i) {
@@ -39,11 +37,9 @@ void check_labels(const Node& experiment, const ProblemChoice& choice,
     if (std::ranges::find(labels, label) != labels.end()) continue;
     const bool has_mark = written != nullptr && i < written->items().size();
     const Node& node = has_mark ? written->items()[i] : experiment;
-    const std::string nearest = nearest_name(label, labels);
-    errors.push_back(
-        node.error("no run in " + problems.file.string() + " is labelled '" + label + "'",
-                   nearest.empty() ? "there are: " + (list.empty() ? "none" : list)
-                                   : "did you mean '" + nearest + "'?"));
+    errors.push_back(node.error(
+        "no run in " + problems.file.string() + " is labelled '" + label + "'",
+        did_you_mean(label, labels, "there are: " + (labels.empty() ? "none" : joined(labels)))));
   }
 }
 

@@ -146,10 +146,9 @@ Result<void> check_weights(const JointMetric& metric, const RobotDescription& ro
   for (const Joint& joint : robot.joints) names.push_back(joint.name);
   for (const Node::Entry& entry : metric.weights.entries()) {
     if (std::ranges::find(names, entry.key) != names.end()) continue;
-    const std::string nearest = nearest_name(entry.key, names);
     return fail(ErrorCode::kInvalidArgument,
                 "weights names the joint '" + entry.key + "', which " + robot.name + " has not", {},
-                nearest.empty() ? std::string() : "did you mean '" + nearest + "'?");
+                did_you_mean(entry.key, names));
   }
   return {};
 }

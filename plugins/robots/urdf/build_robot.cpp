@@ -197,9 +197,8 @@ class RobotBuilder {
     if (const auto link = robot_.link_index(name)) return link;
     std::vector<std::string> names;
     for (const Link& link : robot_.links) names.push_back(link.name);
-    const std::string nearest = nearest_name(name, names);
-    errors_.push_back(where.error("the URDF has no link '" + name + "'",
-                                  nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
+    errors_.push_back(
+        where.error("the URDF has no link '" + name + "'", did_you_mean(name, names)));
     return {};
   }
 
@@ -299,11 +298,10 @@ class RobotBuilder {
       }
       std::vector<std::string> names;
       for (const Joint& joint : robot_.joints) names.push_back(joint.name);
-      const std::string nearest = nearest_name(entry.key, names);
       const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
       errors_.push_back(
           key.error("pose '" + pose.name + "' names '" + entry.key + "', which is no planned joint",
-                    nearest.empty() ? "" : "did you mean '" + nearest + "'?"));
+                    did_you_mean(entry.key, names)));
     }
   }
 

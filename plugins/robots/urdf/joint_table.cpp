@@ -8,11 +8,6 @@
 namespace sidestep::urdf_robot {
 namespace {
 
-std::string did_you_mean(const std::string& name, const std::vector<std::string>& candidates) {
-  const std::string nearest = nearest_name(name, candidates);
-  return nearest.empty() ? "" : "did you mean '" + nearest + "'?";
-}
-
 Joint::Type planned_type(UrdfJoint::Type type) {
   switch (type) {
     case UrdfJoint::Type::kContinuous: return Joint::Type::kContinuous;

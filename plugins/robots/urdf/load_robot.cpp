@@ -56,9 +56,8 @@ std::optional<UrdfModel> read_model(const Profile& profile, std::vector<Error>& 
   auto model = read_urdf(profile.urdf, errors);
   if (!model || profile.root_link.empty()) return model;
   if (const auto root = model->link_index(profile.root_link)) return subtree(*model, *root);
-  const std::string nearest = nearest_name(profile.root_link, model->link_names());
   errors.push_back({ErrorCode::kConfig, "the URDF has no link '" + profile.root_link + "'",
-                    profile.urdf.string(), nearest.empty() ? "" : "did you mean '" + nearest + "'?",
+                    profile.urdf.string(), did_you_mean(profile.root_link, model->link_names()),
                     nullptr});
   return {};
 }

@@ -19,12 +19,6 @@ std::vector<std::string> known_profiles(const std::vector<std::filesystem::path>
   return names;
 }
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
-}
-
 void check_base(const Profile& profile, const Node& document, std::vector<Error>& errors) {
   const Node* node = document.find("base");
   if (node == nullptr) return;

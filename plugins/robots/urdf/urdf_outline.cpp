@@ -138,10 +138,9 @@ class Outliner {
     if (index != -1) return index;
     std::vector<std::string> names;
     for (const UrdfOutline::Link& link : outline_.links) names.push_back(link.name);
-    const std::string nearest = nearest_name(name, names);
     report(joint.mark,
            "joint '" + joint.name + "' names the link '" + name + "', which does not exist",
-           nearest.empty() ? "" : "did you mean '" + nearest + "'?");
+           did_you_mean(name, names));
     return -1;
   }
 

@@ -81,10 +81,9 @@ Result<Head::Axis> Head::find_axis(const std::string& joint, double lower_rad,
     }
     if (joints[i].motion == TreeJoint::Motion::kRotation) names.push_back(joints[i].name);
   }
-  const std::string nearest = nearest_name(joint, names);
   return fail(ErrorCode::kConfig,
               "robot '" + tree_->description().name + "' has no joint '" + joint + "' that turns",
-              {}, nearest.empty() ? "" : "did you mean '" + nearest + "'?");
+              {}, did_you_mean(joint, names));
 }
 
 bool Head::carries(int link, int carried) const {

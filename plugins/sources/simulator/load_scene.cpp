@@ -34,16 +34,9 @@ std::vector<std::string> names_in(const std::vector<fs::path>& folders) {
 Error not_found(const fs::path& scene, const std::vector<fs::path>& folders) {
   Error error{ErrorCode::kNotFound, "there is no scene '" + scene.string() + "'", {}, {}, nullptr};
   const std::vector<std::string> names = names_in(folders);
-  const std::string nearest = nearest_name(scene.stem().string(), names);
-  if (!nearest.empty()) {
-    error.hint = "did you mean '" + nearest + "'?";
-  } else if (!names.empty()) {
-    for (const std::string& name : names) {
-      error.hint += (error.hint.empty() ? "there are: " : ", ") + name;
-    }
-  } else {
-    error.hint = "a scene is a YAML file, given by its path";
-  }
+  error.hint = did_you_mean(
+      scene.stem().string(), names,
+      names.empty() ? "a scene is a YAML file, given by its path" : "there are: " + joined(names));
   return error;
 }
 

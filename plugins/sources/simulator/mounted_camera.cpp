@@ -58,9 +58,8 @@ Result<int> MountedCamera::find_link(const std::string& name) const {
   if (const auto index = robot.link_index(name)) return *index;
   std::vector<std::string> names;
   for (const Link& link : robot.links) names.push_back(link.name);
-  const std::string nearest = nearest_name(name, names);
   return fail(ErrorCode::kConfig, "robot '" + robot.name + "' has no link '" + name + "'", {},
-              nearest.empty() ? "" : "did you mean '" + nearest + "'?");
+              did_you_mean(name, names));
 }
 
 std::vector<SceneObject> MountedCamera::shapes() const {

@@ -112,4 +112,14 @@ class DocumentReader {
 [[nodiscard]] std::string nearest_name(std::string_view name,
                                        const std::vector<std::string>& candidates);
 
+/// The texts, one after the other with `separator` between them. [any]
+[[nodiscard]] std::string joined(const std::vector<std::string>& texts,
+                                 std::string_view separator = ", ");
+
+/// A hint for an unknown name: "did you mean 'NAME'?" with the nearest candidate, `otherwise` if
+/// none is near. [any]
+[[nodiscard]] std::string did_you_mean(std::string_view name,
+                                       const std::vector<std::string>& candidates,
+                                       std::string otherwise = {});
+
 }  // namespace sidestep

@@ -31,9 +31,7 @@ template <class Named>
 [[nodiscard]] inline Error unknown_name(const std::string& what, const std::string& name,
                                         const std::string& where,
                                         const std::vector<std::string>& names) {
-  const std::string nearest = nearest_name(name, names);
-  return {ErrorCode::kConfig, what + " '" + name + "'", where,
-          nearest.empty() ? "" : "did you mean '" + nearest + "'?", nullptr};
+  return {ErrorCode::kConfig, what + " '" + name + "'", where, did_you_mean(name, names), nullptr};
 }
 
 /// Whether a robot has the link that a node names; appends a mistake where it does not.
