@@ -108,8 +108,9 @@ function(sidestep_add_command name)
 endfunction()
 
 # sidestep_add_test(NAME SOURCES ... [LINK library...] [LABELS label...] [SERIAL])
-# A GoogleTest executable whose cases become ctest tests. Those with the label `threads` are what
-# ThreadSanitizer runs; the target sidestep_thread_tests builds them. SERIAL: beside no other test.
+# A GoogleTest executable whose cases become ctest tests. ThreadSanitizer runs those with the label `threads`,
+# AddressSanitizer in CI those with the label `safety`: what decides whether a robot may move, and what reads files. The targets
+# sidestep_threads_tests and sidestep_safety_tests build them. SERIAL: beside no other test.
 function(sidestep_add_test name)
   if(NOT SIDESTEP_TESTS)
     return()
@@ -129,9 +130,11 @@ function(sidestep_add_test name)
   if(NOT ARG_LABELS)
     set(ARG_LABELS unit)
   endif()
-  if("threads" IN_LIST ARG_LABELS)
-    add_dependencies(sidestep_thread_tests ${name})
-  endif()
+  foreach(label IN ITEMS threads safety)
+    if(label IN_LIST ARG_LABELS)
+      add_dependencies(sidestep_${label}_tests ${name})
+    endif()
+  endforeach()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600 RUN_SERIAL ${ARG_SERIAL})
 endfunction()
 

@@ -8,10 +8,15 @@
 function(sidestep_add_plugin name)
   cmake_parse_arguments(ARG "" "KIND" "SOURCES;LINK" ${ARGN})
   set(target ${ARG_KIND}_${name})
+  if("sidestep_${name}" IN_LIST ARG_LINK)  # sidestep_add_plugin_library: the entry point is compiled with it
+    target_sources(sidestep_${name} PRIVATE ${ARG_SOURCES})
+    set(ARG_SOURCES $<TARGET_OBJECTS:sidestep_${name}>)
+  endif()
   add_library(${target} MODULE ${ARG_SOURCES})
   target_compile_features(${target} PRIVATE cxx_std_20)
   set_target_properties(${target} PROPERTIES
     CXX_EXTENSIONS OFF
+    LINKER_LANGUAGE CXX
     CXX_VISIBILITY_PRESET hidden
     VISIBILITY_INLINES_HIDDEN ON)
   target_link_libraries(${target} PRIVATE Sidestep::sdk ${ARG_LINK})

@@ -3,19 +3,31 @@
 #
 #   tools/test.sh [CTEST OPTIONS]      e.g. tools/test.sh -R edt
 #
-# With SIDESTEP_SANITIZERS=1, two further builds come first: every unit test under
-# AddressSanitizer and UndefinedBehaviorSanitizer, and those that use threads under
-# ThreadSanitizer.
+# SIDESTEP_SANITIZERS=core runs first, in builds of their own: under AddressSanitizer and
+# UndefinedBehaviorSanitizer the tests of what decides whether a robot may move and of what reads files, under
+# ThreadSanitizer the unit tests that use threads. SIDESTEP_SANITIZERS=all: every unit test under the former.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-if [ "${SIDESTEP_SANITIZERS:-0}" = 1 ]; then
-  tools/build.sh asan
-  ctest --preset asan -j2 -E '^(benchmark|consumer|style|layers)\.'
-  tools/build.sh tsan sidestep_thread_tests
-  # Without the long sequences, which take twenty times as long and say nothing more of threads.
-  ctest --preset tsan -j2 -L threads \
-    -E 'Kitchen|TsdfIntegrators|Thousands|Increments|EqualsAFull|BruteForceWhile'
-fi
+case "${SIDESTEP_SANITIZERS:-}" in
+  "") ;;
+  core)
+    tools/build.sh asan sidestep_safety_tests
+    ctest --preset asan -j2 -L safety
+    ;;&
+  all)
+    tools/build.sh asan
+    ctest --preset asan -j2 -E '^(benchmark|consumer|style|layers)\.'
+    ;;&
+  core | all)
+    tools/build.sh tsan sidestep_threads_tests
+    # Without the long sequences, which take twenty times as long and say nothing more of threads.
+    ctest --preset tsan -j2 -L threads -E 'Kitchen|TsdfIntegrators|Thousands|Increments|EqualsAFull|BruteForceWhile'
+    ;;
+  *)
+    echo "test.sh: SIDESTEP_SANITIZERS is core or all, not '$SIDESTEP_SANITIZERS'" >&2
+    exit 2
+    ;;
+esac
 tools/build.sh release
 ctest --preset release -j2 "$@"

@@ -155,26 +155,27 @@ struct PluginGlue {
 /// options that check() finds nothing wrong with. What follows DOC are the views (types as in
 /// mapping/occupancy_view.hpp) that a mapper offers or a field needs: the host tells before a run
 /// whether the two fit.
-#define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)         \
-  extern "C" SIDESTEP_EXPORT const ::sidestep::PluginDescriptor* sidestep_plugin() { \
-    using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;         \
-    using Traits = ::sidestep::PluginTraits<INTERFACE>;                              \
-    static const ::sidestep::Schema schema = OPTIONS::parameters().schema();         \
-    static const ::sidestep::PluginDescriptor descriptor{                            \
-        sizeof(::sidestep::PluginDescriptor),                                        \
-        ::sidestep::kPluginMagic,                                                    \
-        ::sidestep::kSdkMajor,                                                       \
-        ::sidestep::kSdkMinor,                                                       \
-        Traits::kVersion,                                                            \
-        ::sidestep::abi_stamp(),                                                     \
-        Traits::kKind,                                                               \
-        NAME,                                                                        \
-        VERSION,                                                                     \
-        DOC,                                                                         \
-        ::sidestep::detail::kViewNames<__VA_ARGS__>,                                 \
-        []() -> const ::sidestep::Schema& { return schema; },                        \
-        &Glue::check,                                                                \
-        &Glue::create,                                                               \
-        &Glue::destroy};                                                             \
-    return &descriptor;                                                              \
+#define SIDESTEP_PLUGIN(INTERFACE, OPTIONS, CREATE, NAME, VERSION, DOC, ...)           \
+  extern "C" SIDESTEP_EXPORT __attribute__((weak)) const ::sidestep::PluginDescriptor* \
+  sidestep_plugin() {                                                                  \
+    using Glue = ::sidestep::detail::PluginGlue<INTERFACE, OPTIONS, CREATE>;           \
+    using Traits = ::sidestep::PluginTraits<INTERFACE>;                                \
+    static const ::sidestep::Schema schema = OPTIONS::parameters().schema();           \
+    static const ::sidestep::PluginDescriptor descriptor{                              \
+        sizeof(::sidestep::PluginDescriptor),                                          \
+        ::sidestep::kPluginMagic,                                                      \
+        ::sidestep::kSdkMajor,                                                         \
+        ::sidestep::kSdkMinor,                                                         \
+        Traits::kVersion,                                                              \
+        ::sidestep::abi_stamp(),                                                       \
+        Traits::kKind,                                                                 \
+        NAME,                                                                          \
+        VERSION,                                                                       \
+        DOC,                                                                           \
+        ::sidestep::detail::kViewNames<__VA_ARGS__>,                                   \
+        []() -> const ::sidestep::Schema& { return schema; },                          \
+        &Glue::check,                                                                  \
+        &Glue::create,                                                                 \
+        &Glue::destroy};                                                               \
+    return &descriptor;                                                                \
   }
