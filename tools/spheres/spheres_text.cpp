@@ -24,7 +24,7 @@ Lines split(const std::string& text) {
   return lines;
 }
 
-std::string joined(const Lines& lines) {
+std::string text_of(const Lines& lines) {
   std::string text;
   for (const std::string& line : lines) text += line + "\n";
   return text;
@@ -193,18 +193,18 @@ std::string with_spheres(const std::string& text, const Node& document,
                          const std::vector<CollisionSphere>& spheres) {
   Lines lines = split(text);
   const auto block = find_block(lines, document);
-  if (block && block->has_lines) return joined(edited(lines, *block, links, spheres));
+  if (block && block->has_lines) return text_of(edited(lines, *block, links, spheres));
   Lines fresh{"spheres:"};
   for (const CollisionSphere& sphere : spheres) fresh.push_back("  " + item_text(sphere, links));
   if (!block) {
     if (!lines.empty() && !lines.back().empty()) lines.emplace_back();
     lines.insert(lines.end(), fresh.begin(), fresh.end());
-    return joined(lines);
+    return text_of(lines);
   }
   Lines out(lines.begin(), lines.begin() + static_cast<std::ptrdiff_t>(block->key));
   out.insert(out.end(), fresh.begin(), fresh.end());
   out.insert(out.end(), lines.begin() + static_cast<std::ptrdiff_t>(block->end), lines.end());
-  return joined(out);
+  return text_of(out);
 }
 
 std::string with_path(const std::string& text, const Node& scalar, const std::string& path) {
@@ -219,7 +219,7 @@ std::string with_path(const std::string& text, const Node& scalar, const std::st
       is_quoted ? line.find(quote, column + 1) : column + scalar.text().size() - 1;
   if (end >= line.size()) return text;
   line.replace(column, end + 1 - column, "\"" + path + "\"");
-  return joined(lines);
+  return text_of(lines);
 }
 
 }  // namespace sidestep
