@@ -65,14 +65,14 @@ Result<std::unique_ptr<DeviceBackend>> DeviceBackend::open(int ordinal) {
         "CUDA device " + std::to_string(ordinal));
   }
   std::unique_ptr<DeviceBackend> backend(new DeviceBackend(ordinal));
-  if (auto ok = backend->prepare(); !ok) return error_of(ok);
+  SIDESTEP_TRY(backend->prepare());
   return backend;
 }
 
 Result<void> DeviceBackend::prepare() {
   check(cudaSetDevice(ordinal_), "the device cannot be used");
   if (error_) return tl::make_unexpected(*error_);
-  if (auto ok = check_architecture(ordinal_); !ok) return ok;
+  SIDESTEP_TRY(check_architecture(ordinal_));
   check(cudaStreamCreateWithFlags(&compute_, cudaStreamNonBlocking), "no stream");
   check(cudaStreamCreateWithFlags(&copy_, cudaStreamNonBlocking), "no stream");
   check(cudaEventCreateWithFlags(&computed_, cudaEventDisableTiming), "no event");

@@ -70,16 +70,14 @@ class DeviceBackend {
   template <class T>
   [[nodiscard]] Result<Memory<T>> allocate(std::size_t count) {
     static_assert(std::is_trivially_copyable_v<T>);
-    auto bytes = allocate_bytes(count, sizeof(T));
-    if (!bytes) return error_of(bytes);
-    return Memory<T>(static_cast<T*>(*bytes), count, &free_device);
+    auto bytes = SIDESTEP_TRY(allocate_bytes(count, sizeof(T)));
+    return Memory<T>(static_cast<T*>(bytes), count, &free_device);
   }
   /// Pinned memory of the host, which copies to and from the device pass without a detour.
   template <class T>
   [[nodiscard]] Result<Memory<T>> allocate_pinned(std::size_t count) {
-    auto bytes = allocate_pinned_bytes(count, sizeof(T));
-    if (!bytes) return error_of(bytes);
-    return Memory<T>(static_cast<T*>(*bytes), count, &free_pinned);
+    auto bytes = SIDESTEP_TRY(allocate_pinned_bytes(count, sizeof(T)));
+    return Memory<T>(static_cast<T*>(bytes), count, &free_pinned);
   }
 
   /// Begins an update, on whatever thread calls; forgets the times of the one before.

@@ -31,9 +31,7 @@ class Memory {
 template <class Backend, class T>
 Result<void> renew(Backend& backend, Memory<T>& memory, std::size_t count) {
   memory = {};  // given back first: both may not fit
-  auto fresh = backend.template allocate<T>(count);
-  if (!fresh) return error_of(fresh);
-  memory = std::move(*fresh);
+  memory = SIDESTEP_TRY(backend.template allocate<T>(count));
   return {};
 }
 
@@ -49,9 +47,7 @@ Result<void> grow(Backend& backend, Memory<T>& memory, std::size_t count) {
 template <class Backend, class T>
 Result<void> grow_pinned(Backend& backend, Memory<T>& memory, std::size_t count) {
   if (memory.size() >= count) return {};
-  auto fresh = backend.template allocate_pinned<T>(std::max(count, 2 * memory.size()));
-  if (!fresh) return error_of(fresh);
-  memory = std::move(*fresh);
+  memory = SIDESTEP_TRY(backend.template allocate_pinned<T>(std::max(count, 2 * memory.size())));
   return {};
 }
 

@@ -15,15 +15,13 @@ Result<MasterProbe> join_ros(double patience_s, double probe_period_s, const std
     return fail(ErrorCode::kConfig, "ROS_MASTER_URI is not set", "environment",
                 "export ROS_MASTER_URI=http://ROBOT:11311");
   }
-  const auto address = parse_master_uri(uri);
-  if (!address) return error_of(address);
-  auto probe = MasterProbe::create(*address, probe_period_s);
-  if (!probe) return probe;
-  while (!probe->has_answered() && probe->silence_s() < patience_s) {
-    probe->poll();
+  const auto address = SIDESTEP_TRY(parse_master_uri(uri));
+  auto probe = SIDESTEP_TRY(MasterProbe::create(address, probe_period_s));
+  while (!probe.has_answered() && probe.silence_s() < patience_s) {
+    probe.poll();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  if (!probe->has_answered()) {
+  if (!probe.has_answered()) {
     return fail(ErrorCode::kNotFound, std::string("no ROS master answers at ROS_MASTER_URI=") + uri,
                 "environment", "start the robot or a rosmaster, or export another ROS_MASTER_URI");
   }

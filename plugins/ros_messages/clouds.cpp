@@ -60,12 +60,9 @@ Result<PointCloud> point_cloud(const PointCloud2& message) {
   std::array<Coordinate, 3> coordinates;
   for (std::size_t i = 0; i < coordinates.size(); ++i) {
     static constexpr std::array<const char*, 3> kNames{"x", "y", "z"};
-    const auto found = find_coordinate(message, kNames[i]);
-    if (!found) return error_of(found);
-    coordinates[i] = *found;
+    coordinates[i] = SIDESTEP_TRY(find_coordinate(message, kNames[i]));
   }
-  const auto checked = check_cloud_bytes(message);
-  if (!checked) return error_of(checked);
+  SIDESTEP_TRY(check_cloud_bytes(message));
   const bool swapped = is_foreign(message.is_bigendian != 0);
   PointCloud cloud;
   if (message.width == 0) return cloud;

@@ -100,8 +100,7 @@ Result<DepthImage> depth_image(const Image& message, const CameraIntrinsics& cam
                        " pixels, the camera's have " + std::to_string(camera.width_px) + " x " +
                        std::to_string(camera.height_px));
   }
-  const auto checked = check_bytes(message, in_millimetres ? 2 : 4);
-  if (!checked) return error_of(checked);
+  SIDESTEP_TRY(check_bytes(message, in_millimetres ? 2 : 4));
   return DepthImage{camera, in_millimetres ? read_pixels<MillimetrePixel>(message, range)
                                            : read_pixels<MetrePixel>(message, range)};
 }

@@ -37,13 +37,12 @@ class ChessboardBuilder final : public FieldBuilder {
     if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field chessboard");
     }
-    auto changed = publisher_->begin(update);
-    if (!changed) return error_of(changed);
+    auto changed = SIDESTEP_TRY(publisher_->begin(update));
     sweep();
     // Every block is offered; the publisher shares those that come out equal.
-    std::ranges::fill(*changed, std::uint8_t{1});
+    std::ranges::fill(changed, std::uint8_t{1});
     return publisher_->publish(
-        update, *changed, [this](int x, int y, int z, int count, float* distances_m) {
+        update, changed, [this](int x, int y, int z, int count, float* distances_m) {
           for (int i = 0; i < count; ++i) {
             const double chessboard_m = grid_.resolution_m * steps_[grid_.linear({x + i, y, z})];
             distances_m[i] = static_cast<float>(

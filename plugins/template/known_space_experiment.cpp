@@ -55,27 +55,22 @@ double known_share(const OccupancyView& map) {
 /// Maps every frame, and stores what each made of the map as soon as it is known.
 Result<std::vector<Row>> map_frames(ExperimentContext& context, Recorder& recorder) {
   const Configuration& configuration = context.configuration;
-  auto source = context.host.create<Source>(block_of(configuration, "source"));
-  if (!source) return error_of(source);
-  auto mapper = context.host.create<Mapper>(block_of(configuration, "mapper"));
-  if (!mapper) return error_of(mapper);
-  const auto& map = dynamic_cast<const OccupancyView&>(**mapper);  // check() has asked
+  auto source = SIDESTEP_TRY(context.host.create<Source>(block_of(configuration, "source")));
+  auto mapper = SIDESTEP_TRY(context.host.create<Mapper>(block_of(configuration, "mapper")));
+  const auto& map = dynamic_cast<const OccupancyView&>(*mapper);  // check() has asked
   std::vector<Row> rows;
   while (!context.stop.stop_requested()) {
-    const auto frame =
-        in_stage(plugin_of(*source), [&] { return (*source)->next(Deadline(context.stop)); });
-    if (!frame) return error_of(frame);
-    if (!*frame) break;
+    const auto frame = SIDESTEP_TRY(
+        in_stage(plugin_of(source), [&] { return source->next(Deadline(context.stop)); }));
+    if (!frame) break;
     const Stopwatch watch;
-    const auto update = in_stage(plugin_of(*mapper), [&] { return (*mapper)->integrate(**frame); });
-    if (!update) return error_of(update);
-    const Row row{(*frame)->sequence, watch.elapsed_ms(), known_share(map)};
+    SIDESTEP_TRY(in_stage(plugin_of(mapper), [&] { return mapper->integrate(*frame); }));
+    const Row row{frame->sequence, watch.elapsed_ms(), known_share(map)};
     const auto item = static_cast<std::int64_t>(rows.size());
     recorder.add("frame", item, "integrate_ms", row.integrate_ms);
     recorder.add("frame", item, "known_share", row.known_share);
     rows.push_back(row);
-    if (context.progress)
-      context.progress(item + 1, (*source)->frame_count().value_or(0), "mapping");
+    if (context.progress) context.progress(item + 1, source->frame_count().value_or(0), "mapping");
   }
   return rows;
 }
@@ -111,11 +106,10 @@ class KnownSpace final : public Experiment {
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
     const RunProvenance provenance = provenance_of(context);
-    auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
-    if (!store) return error_of(store);
-    Recorder recorder(**store);
+    auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+    Recorder recorder(*store);
     const auto rows = map_frames(context, recorder);
-    if (auto saved = recorder.commit(); !saved) return error_of(saved);
+    SIDESTEP_TRY(recorder.commit());
     if (!rows) return error_of(rows);
 
     Json frames = Json::array();

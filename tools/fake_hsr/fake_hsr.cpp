@@ -74,33 +74,25 @@ Result<Eigen::VectorXd> start_of(const RobotDescription& planned, const Kinemati
 }  // namespace
 
 Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
-  const auto loaded = load_profile_robot(settings.profile);
-  if (!loaded) return error_of(loaded);
-  const KinematicTree& tree = *loaded->tree;
-  const auto robot = with_joints(tree, head_joints());
-  if (!robot) return error_of(robot);
+  const auto loaded = SIDESTEP_TRY(load_profile_robot(settings.profile));
+  const KinematicTree& tree = *loaded.tree;
+  const auto robot = SIDESTEP_TRY(with_joints(tree, head_joints()));
   const YamlDocumentReader documents;
-  const auto scene =
-      simulator::load_scene(settings.scene, {install_layout().configs / "scenes"}, documents);
-  if (!scene) return error_of(scene);
-  const auto q = start_of(tree.description(), tree, (*robot)->description(), settings);
-  if (!q) return error_of(q);
+  const auto scene = SIDESTEP_TRY(
+      simulator::load_scene(settings.scene, {install_layout().configs / "scenes"}, documents));
+  const auto q = SIDESTEP_TRY(start_of(tree.description(), tree, robot->description(), settings));
 
   auto drawn =
-      std::make_shared<const Scene>(scene->drawn(static_cast<std::uint64_t>(settings.seed)));
-  std::unique_ptr<FakeHsr> fake(new FakeHsr(settings, *robot, std::move(drawn), *q));
+      std::make_shared<const Scene>(scene.drawn(static_cast<std::uint64_t>(settings.seed)));
+  std::unique_ptr<FakeHsr> fake(new FakeHsr(settings, robot, std::move(drawn), q));
   for (const std::string& text : settings.silences) {
-    auto silence = parse_silence(text);
-    if (!silence) return error_of(silence);
-    fake->silences_.push_back(std::move(*silence));
+    fake->silences_.push_back(SIDESTEP_TRY(parse_silence(text)));
   }
-  auto camera =
+  fake->camera_ = SIDESTEP_TRY(
       DepthCamera::create({fake->robot_, fake->scene_, fake->motion_,
                            [raw = fake.get()](Stamp stamp) { return raw->scene_time_s(stamp); },
                            [raw = fake.get()] { return raw->is_part_silent("camera"); }},
-                          settings);
-  if (!camera) return error_of(camera);
-  fake->camera_ = std::move(*camera);
+                          settings));
   fake->connect();
   return fake;
 }
@@ -355,14 +347,12 @@ Result<std::string> FakeHsr::summary() const {
     }
     settings.allowed_contacts.push_back({entry.substr(0, colon), entry.substr(colon + 1)});
   }
-  const auto truth = check_true_motion(robot_, scene_, poses_, settings);
-  if (!truth) return error_of(truth);
+  const auto truth = SIDESTEP_TRY(check_true_motion(robot_, scene_, poses_, settings));
   nlohmann::ordered_json json;
-  json["collisions_true"] = truth->contacts.size();
-  json["min_true_clearance_m"] = truth->min_clearance_m;
-  json["nearest"] = {{"link", truth->nearest_link},
-                     {"object", truth->nearest_object},
-                     {"time_s", truth->nearest_s}};
+  json["collisions_true"] = truth.contacts.size();
+  json["min_true_clearance_m"] = truth.min_clearance_m;
+  json["nearest"] = {
+      {"link", truth.nearest_link}, {"object", truth.nearest_object}, {"time_s", truth.nearest_s}};
   json["duration_s"] = poses_.empty() ? 0.0 : poses_.back().time_s;
   json["poses_judged"] = poses_.size();
   for (const auto& controller : controllers_) {
@@ -370,7 +360,7 @@ Result<std::string> FakeHsr::summary() const {
   }
   json["commands_refused"] = refused_commands_;
   json["contacts"] = nlohmann::json::array();
-  for (const TrueContact& contact : truth->contacts) {
+  for (const TrueContact& contact : truth.contacts) {
     json["contacts"].push_back({{"link", contact.link},
                                 {"object", contact.object},
                                 {"begin_s", contact.begin_s},

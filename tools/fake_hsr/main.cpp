@@ -56,17 +56,14 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
 
 Result<void> run(const fake_hsr::Settings& settings) {
   constexpr double kPatience_s = 10.0;
-  auto master = ros1_node::join_ros(kPatience_s, 1.0, "fake_hsr");
-  if (!master) return error_of(master);
-  auto fake = fake_hsr::FakeHsr::create(settings);
-  if (!fake) return error_of(fake);
+  SIDESTEP_TRY(ros1_node::join_ros(kPatience_s, 1.0, "fake_hsr"));
+  auto fake = SIDESTEP_TRY(fake_hsr::FakeHsr::create(settings));
   std::fprintf(stderr, "fake_hsr: up\n");
-  (*fake)->run(g_end);
+  fake->run(g_end);
   if (settings.summary.empty()) return {};
-  const auto summary = (*fake)->summary();
-  if (!summary) return error_of(summary);
+  const auto summary = SIDESTEP_TRY(fake->summary());
   std::ofstream out(settings.summary);
-  out << *summary;
+  out << summary;
   out.close();
   if (!out) return fail(ErrorCode::kIo, "cannot be written", settings.summary.string());
   return {};

@@ -53,9 +53,8 @@ Result<std::shared_ptr<const KinematicTree>> with_joints(const KinematicTree& tr
     found->offset = 0.0;
     description.joints.push_back(joint);
   }
-  auto made = KinematicTree::create(std::move(description), std::move(tree_joints));
-  if (!made) return error_of(made);
-  return std::shared_ptr<const KinematicTree>(std::move(*made));
+  auto made = SIDESTEP_TRY(KinematicTree::create(std::move(description), std::move(tree_joints)));
+  return std::shared_ptr<const KinematicTree>(std::move(made));
 }
 
 JointGroup::JointGroup(const RobotDescription& robot, const std::vector<std::string>& joints,
@@ -95,13 +94,12 @@ Result<Command> JointGroup::read(const ros_messages::JointTrajectory& message, S
 }
 
 Result<void> JointGroup::follow(const ros_messages::JointTrajectory& message, Stamp now) {
-  auto command = read(message, now);
-  if (!command) return error_of(command);
-  if (command->trajectory.size() == 0) {
+  auto command = SIDESTEP_TRY(read(message, now));
+  if (command.trajectory.size() == 0) {
     robot_.brake(now);
     return {};
   }
-  robot_.follow(std::make_shared<const Trajectory>(std::move(command->trajectory)), command->start,
+  robot_.follow(std::make_shared<const Trajectory>(std::move(command.trajectory)), command.start,
                 now);
   return {};
 }

@@ -33,11 +33,9 @@ Result<ProfileRobot> load_profile_robot(const std::string& profile) {
   const HostContext context{log, clock, workers, documents, 0, {install_layout().robots}, {}, {}};
   urdf_robot::Options options;
   options.profile = Node(Node::Scalar{profile, true}, {"command line"});
-  auto file = urdf_robot::find_profile(options.profile, context.robot_paths);
-  if (!file) return error_of(file);
-  auto tree = urdf_robot::load_robot(options, context);
-  if (!tree) return error_of(tree);
-  return ProfileRobot{std::move(*tree), std::move(*file)};
+  auto file = SIDESTEP_TRY(urdf_robot::find_profile(options.profile, context.robot_paths));
+  auto tree = SIDESTEP_TRY(urdf_robot::load_robot(options, context));
+  return ProfileRobot{std::move(tree), std::move(file)};
 }
 
 }  // namespace sidestep

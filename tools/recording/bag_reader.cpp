@@ -27,10 +27,9 @@ std::optional<ros::Time> time_of(const Fields& fields) {
 }  // namespace
 
 Result<Reader> Reader::open(const std::filesystem::path& file) {
-  auto opened = File::open(file);
-  if (!opened) return error_of(opened);
-  Reader reader(std::move(*opened));
-  if (auto read = reader.read_all(); !read) return error_of(read);
+  auto opened = SIDESTEP_TRY(File::open(file));
+  Reader reader(std::move(opened));
+  SIDESTEP_TRY(reader.read_all());
   return reader;
 }
 
@@ -39,18 +38,17 @@ Result<void> Reader::read_all() {
   if (!line || std::memcmp(line->data(), kFirstLine.data(), kFirstLine.size()) != 0) {
     return tl::make_unexpected(file_.damaged(0, "this is no ROS bag of format 2.0"));
   }
-  const auto first = file_.record(kFirstLine.size(), file_.size());
-  if (!first) return error_of(first);
-  if (first->op != Op::kFile) {
-    return tl::make_unexpected(file_.damaged(first->position, "the bag does not begin as one"));
+  const auto first = SIDESTEP_TRY(file_.record(kFirstLine.size(), file_.size()));
+  if (first.op != Op::kFile) {
+    return tl::make_unexpected(file_.damaged(first.position, "the bag does not begin as one"));
   }
-  const auto indexed = read_index(*first);
+  const auto indexed = read_index(first);
   is_indexed_ = indexed.has_value();
   if (!indexed) {
     if (indexed.error().code == ErrorCode::kUnsupported) return indexed;
     connections_.clear();
     entries_.clear();
-    const auto scanned = scan(first->end());
+    const auto scanned = scan(first.end());
     if (!scanned && scanned.error().code == ErrorCode::kUnsupported) return scanned;
     if (!scanned) {
       damage_ = scanned.error();
@@ -74,16 +72,14 @@ Result<void> Reader::read_index(const PlacedRecord& file_record) {
   if (*begin == 0) return fail(ErrorCode::kNotFound, "there is no index");
   std::uint64_t position = *begin;
   for (std::uint32_t i = 0; i < *connections; ++i) {
-    const auto record = file_.record(position, file_.size());
-    if (!record) return error_of(record);
-    if (auto noted = note_connection(*record); !noted) return noted;
-    position = record->end();
+    const auto record = SIDESTEP_TRY(file_.record(position, file_.size()));
+    SIDESTEP_TRY(note_connection(record));
+    position = record.end();
   }
   for (std::uint32_t i = 0; i < *chunks; ++i) {
-    const auto record = file_.record(position, file_.size());
-    if (!record) return error_of(record);
-    if (auto read = read_chunk_index(*record); !read) return read;
-    position = record->end();
+    const auto record = SIDESTEP_TRY(file_.record(position, file_.size()));
+    SIDESTEP_TRY(read_chunk_index(record));
+    position = record.end();
   }
   return {};
 }
@@ -94,9 +90,8 @@ Result<void> Reader::note_connection(const PlacedRecord& record) {
   if (record.op != Op::kConnection || !id || !topic) {
     return tl::make_unexpected(file_.damaged(record.position, "here should be a connection"));
   }
-  const auto data = file_.read(record.data_offset, record.data_size);
-  if (!data) return error_of(data);
-  const auto fields = Fields::parse({reinterpret_cast<const char*>(data->data()), data->size()});
+  const auto data = SIDESTEP_TRY(file_.read(record.data_offset, record.data_size));
+  const auto fields = Fields::parse({reinterpret_cast<const char*>(data.data()), data.size()});
   const auto type = fields ? fields->find("type") : std::nullopt;
   const auto md5sum = fields ? fields->find("md5sum") : std::nullopt;
   const auto definition = fields ? fields->find("message_definition") : std::nullopt;
@@ -143,29 +138,25 @@ Result<void> Reader::read_chunk_index(const PlacedRecord& chunk_info) {
     return tl::make_unexpected(
         file_.damaged(chunk_info.position, "here should be what there is in a chunk"));
   }
-  const auto data = file_.read(chunk_info.data_offset, chunk_info.data_size);
-  if (!data) return error_of(data);
+  const auto data = SIDESTEP_TRY(file_.read(chunk_info.data_offset, chunk_info.data_size));
   std::map<std::uint32_t, std::uint32_t> counts;
   for (std::uint32_t i = 0; i < *connections; ++i) {
-    counts[number_at<std::uint32_t>(*data, i * kChunkCount_bytes)] =
-        number_at<std::uint32_t>(*data, i * kChunkCount_bytes + sizeof(std::uint32_t));
+    counts[number_at<std::uint32_t>(data, i * kChunkCount_bytes)] =
+        number_at<std::uint32_t>(data, i * kChunkCount_bytes + sizeof(std::uint32_t));
   }
-  const auto chunk = file_.record(*begin, file_.size());
-  if (!chunk) return error_of(chunk);
-  if (auto checked = check_chunk(*chunk); !checked) return checked;
-  std::uint64_t position = chunk->end();
+  const auto chunk = SIDESTEP_TRY(file_.record(*begin, file_.size()));
+  SIDESTEP_TRY(check_chunk(chunk));
+  std::uint64_t position = chunk.end();
   for (std::uint32_t i = 0; i < *connections; ++i) {
-    const auto index = file_.record(position, file_.size());
-    if (!index) return error_of(index);
-    const auto connection = read_entries(*index, *chunk);
-    if (!connection) return error_of(connection);
-    const auto said = counts.find(*connection);
-    if (said == counts.end() || said->second * kIndexEntry_bytes != index->data_size) {
+    const auto index = SIDESTEP_TRY(file_.record(position, file_.size()));
+    const auto connection = SIDESTEP_TRY(read_entries(index, chunk));
+    const auto said = counts.find(connection);
+    if (said == counts.end() || said->second * kIndexEntry_bytes != index.data_size) {
       return tl::make_unexpected(
-          file_.damaged(index->position, "a chunk's index is not what is said of the chunk"));
+          file_.damaged(index.position, "a chunk's index is not what is said of the chunk"));
     }
     counts.erase(said);
-    position = index->end();
+    position = index.end();
   }
   return {};
 }
@@ -185,11 +176,10 @@ Result<std::uint32_t> Reader::read_entries(const PlacedRecord& index, const Plac
     return tl::make_unexpected(
         file_.damaged(index.position, "the index names more messages than there can be"));
   }
-  const auto data = file_.read(index.data_offset, index.data_size);
-  if (!data) return error_of(data);
+  const auto data = SIDESTEP_TRY(file_.read(index.data_offset, index.data_size));
   for (std::size_t i = 0; i < *count; ++i) {
-    const auto time = number_at<ros::Time>(*data, i * kIndexEntry_bytes);
-    const auto offset = number_at<std::uint32_t>(*data, i * kIndexEntry_bytes + sizeof(ros::Time));
+    const auto time = number_at<ros::Time>(data, i * kIndexEntry_bytes);
+    const auto offset = number_at<std::uint32_t>(data, i * kIndexEntry_bytes + sizeof(ros::Time));
     if (offset >= chunk.data_size) {
       return tl::make_unexpected(
           file_.damaged(index.position, "a chunk's index names a place outside the chunk"));
@@ -201,17 +191,16 @@ Result<std::uint32_t> Reader::read_entries(const PlacedRecord& index, const Plac
 
 Result<void> Reader::scan(std::uint64_t position) {
   while (position < file_.size()) {
-    const auto record = file_.record(position, file_.size());
-    if (!record) return error_of(record);
-    if (record->op == Op::kConnection) {
-      if (auto noted = note_connection(*record); !noted) return noted;
-    } else if (record->op == Op::kChunk) {
-      if (auto checked = check_chunk(*record); !checked) return checked;
-      if (auto scanned = scan_chunk(*record); !scanned) return scanned;
-    } else if (record->op != Op::kIndex && record->op != Op::kChunkInfo) {
+    const auto record = SIDESTEP_TRY(file_.record(position, file_.size()));
+    if (record.op == Op::kConnection) {
+      SIDESTEP_TRY(note_connection(record));
+    } else if (record.op == Op::kChunk) {
+      SIDESTEP_TRY(check_chunk(record));
+      SIDESTEP_TRY(scan_chunk(record));
+    } else if (record.op != Op::kIndex && record.op != Op::kChunkInfo) {
       return tl::make_unexpected(file_.damaged(position, "here should be a chunk"));
     }
-    position = record->end();
+    position = record.end();
   }
   return {};
 }
@@ -220,20 +209,19 @@ Result<void> Reader::scan_chunk(const PlacedRecord& chunk) {
   std::uint64_t position = chunk.data_offset;
   const std::uint64_t end = std::min(chunk.end(), file_.size());
   while (position < end) {
-    const auto record = file_.record(position, end);
-    if (!record) return error_of(record);
-    if (record->op == Op::kConnection) {
-      if (auto noted = note_connection(*record); !noted) return noted;
+    const auto record = SIDESTEP_TRY(file_.record(position, end));
+    if (record.op == Op::kConnection) {
+      SIDESTEP_TRY(note_connection(record));
     } else {
-      const auto connection = record->fields.number<std::uint32_t>("conn");
-      const auto time = time_of(record->fields);
-      if (record->op != Op::kMessage || !connection || !time ||
+      const auto connection = record.fields.number<std::uint32_t>("conn");
+      const auto time = time_of(record.fields);
+      if (record.op != Op::kMessage || !connection || !time ||
           !connections_.contains(*connection)) {
         return tl::make_unexpected(file_.damaged(position, "here should be a message"));
       }
       entries_.push_back({*time, *connection, position});
     }
-    position = record->end();
+    position = record.end();
   }
   if (end == chunk.end()) return {};
   return tl::make_unexpected(file_.damaged(end, "the file ends within a chunk"));
@@ -265,17 +253,15 @@ Result<std::optional<Message>> Reader::next() {
   while (next_ < entries_.size()) {
     const Entry& entry = entries_[next_++];
     if (selected_ && std::ranges::find(*selected_, entry.connection) == selected_->end()) continue;
-    const auto record = file_.record(entry.position, file_.size());
-    if (!record) return error_of(record);
-    if (record->op != Op::kMessage ||
-        record->fields.number<std::uint32_t>("conn") != entry.connection ||
-        time_of(record->fields) != entry.time) {
+    const auto record = SIDESTEP_TRY(file_.record(entry.position, file_.size()));
+    if (record.op != Op::kMessage ||
+        record.fields.number<std::uint32_t>("conn") != entry.connection ||
+        time_of(record.fields) != entry.time) {
       return tl::make_unexpected(
           file_.damaged(entry.position, "here is not the message that the index names"));
     }
-    const auto data = file_.read(record->data_offset, record->data_size);
-    if (!data) return error_of(data);
-    return Message{&connections_.at(entry.connection), entry.time, *data};
+    const auto data = SIDESTEP_TRY(file_.read(record.data_offset, record.data_size));
+    return Message{&connections_.at(entry.connection), entry.time, data};
   }
   return std::nullopt;
 }

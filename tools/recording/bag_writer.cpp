@@ -108,8 +108,8 @@ Result<Writer> Writer::create(const std::filesystem::path& file, std::size_t chu
   Writer writer(descriptor, file, chunk_bytes);
   Bytes first_line;
   append_raw(first_line, kFirstLine.data(), kFirstLine.size());
-  if (auto written = writer.append(first_line); !written) return error_of(written);
-  if (auto written = writer.write_file_record(0); !written) return error_of(written);
+  SIDESTEP_TRY(writer.append(first_line));
+  SIDESTEP_TRY(writer.write_file_record(0));
   return writer;
 }
 
@@ -145,7 +145,7 @@ Result<void> Writer::write(std::uint32_t connection, ros::Time time,
   }
   // The number of bytes of a chunk must fit into 32 bits.
   if (!chunk_.empty() && chunk_.size() + message.size() > 2 * kLargestMessage_bytes) {
-    if (auto flushed = flush(); !flushed) return flushed;
+    SIDESTEP_TRY(flush());
   }
   chunk_index_[connection].push_back({time, static_cast<std::uint32_t>(chunk_.size())});
   FieldList header(Op::kMessage);

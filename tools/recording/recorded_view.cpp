@@ -82,10 +82,9 @@ class BagRecording final : public Recording {
   }
 
   Result<std::optional<ViewMessage>> next() override {
-    const auto message = reader_.next();
-    if (!message) return error_of(message);
-    if (!*message) return std::nullopt;
-    if (const auto data = data_of((*message)->data)) {
+    const auto message = SIDESTEP_TRY(reader_.next());
+    if (!message) return std::nullopt;
+    if (const auto data = data_of(message->data)) {
       if (auto read = message_of(*data)) return read;
     }
     return fail(ErrorCode::kIo, "a message to the viewer's page is broken", file_);
@@ -99,9 +98,8 @@ class BagRecording final : public Recording {
 }  // namespace
 
 Result<std::unique_ptr<Recording>> open_recording(const std::filesystem::path& file) {
-  auto reader = bag::Reader::open(file);
-  if (!reader) return error_of(reader);
-  const bool is_view = std::ranges::any_of(reader->connections(), [](const auto& connection) {
+  auto reader = SIDESTEP_TRY(bag::Reader::open(file));
+  const bool is_view = std::ranges::any_of(reader.connections(), [](const auto& connection) {
     return connection.second.topic == topics::kView;
   });
   if (!is_view) {
@@ -110,7 +108,7 @@ Result<std::unique_ptr<Recording>> open_recording(const std::filesystem::path& f
                 file.string(), "record a run with `sidestep run CONFIG --record FILE`");
   }
   return std::unique_ptr<Recording>(
-      std::make_unique<BagRecording>(std::move(*reader), file.string()));
+      std::make_unique<BagRecording>(std::move(reader), file.string()));
 }
 
 }  // namespace sidestep

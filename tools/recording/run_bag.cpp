@@ -49,9 +49,8 @@ std::string camera_frame_beside(const RobotDescription& robot) {
 }  // namespace
 
 Result<RunBag> RunBag::create(const std::filesystem::path& file) {
-  auto writer = bag::Writer::create(file);
-  if (!writer) return error_of(writer);
-  return RunBag(std::move(*writer));
+  auto writer = SIDESTEP_TRY(bag::Writer::create(file));
+  return RunBag(std::move(writer));
 }
 
 void RunBag::begin(const ObservedWorld& world) {

@@ -50,10 +50,9 @@ std::size_t bytes_of(const ObservedEvent& event) noexcept {
 
 Result<std::unique_ptr<RunRecorder>> RunRecorder::start(const std::filesystem::path& file, Log& log,
                                                         std::size_t most_queued_bytes) {
-  auto bag = RunBag::create(file);
-  if (!bag) return error_of(bag);
+  auto bag = SIDESTEP_TRY(RunBag::create(file));
   return std::unique_ptr<RunRecorder>(
-      new RunRecorder(std::move(*bag), file, log, most_queued_bytes));
+      new RunRecorder(std::move(bag), file, log, most_queued_bytes));
 }
 
 RunRecorder::RunRecorder(RunBag bag, std::filesystem::path file, Log& log,

@@ -62,14 +62,13 @@ Result<void> write_profile(const std::filesystem::path& file, const std::string&
 }
 
 Result<void> run(const Arguments& arguments) {
-  const auto loaded = load_profile_robot(arguments.profile);
-  if (!loaded) return error_of(loaded);
+  const auto loaded = SIDESTEP_TRY(load_profile_robot(arguments.profile));
 
-  const auto pairs = sample_pairs(*loaded->tree, arguments.sampling);
-  const RobotDescription& robot = loaded->tree->description();
+  const auto pairs = sample_pairs(*loaded.tree, arguments.sampling);
+  const RobotDescription& robot = loaded.tree->description();
   print_table(robot, pairs, arguments.sampling.samples);
   const std::string block = self_collision_block(robot, pairs, arguments.sampling);
-  if (arguments.write) return write_profile(loaded->file, block);
+  if (arguments.write) return write_profile(loaded.file, block);
   std::fputs(block.c_str(), stdout);
   return {};
 }

@@ -37,9 +37,8 @@ Result<std::shared_ptr<const KinematicTree>> load(const fs::path& file,
                                                   const HostContext& context) {
   urdf_robot::Options options;
   options.profile = Node(Node::Scalar{file.string(), true}, {"command line"});
-  auto robot = urdf_robot::load_robot(options, context);
-  if (!robot) return error_of(robot);
-  return std::shared_ptr<const KinematicTree>(std::move(*robot));
+  auto robot = SIDESTEP_TRY(urdf_robot::load_robot(options, context));
+  return std::shared_ptr<const KinematicTree>(std::move(robot));
 }
 
 Result<void> check_spheres(const std::vector<CollisionSphere>& spheres,
@@ -133,11 +132,10 @@ Result<SphereProfile> SphereProfile::open(const std::string& name,
                                           const std::optional<fs::path>& out,
                                           const HostContext& context) {
   const Node node(Node::Scalar{name, true}, {"command line"});
-  const auto found = urdf_robot::find_profile(node, context.robot_paths);
-  if (!found) return error_of(found);
+  const auto found = SIDESTEP_TRY(urdf_robot::find_profile(node, context.robot_paths));
   std::error_code error;
-  fs::path source = fs::canonical(*found, error);
-  if (error) return fail(ErrorCode::kIo, error.message(), found->string());
+  fs::path source = fs::canonical(found, error);
+  if (error) return fail(ErrorCode::kIo, error.message(), found.string());
   fs::path target = source;
   if (out) {
     target = fs::absolute(*out, error).lexically_normal();
@@ -146,17 +144,15 @@ Result<SphereProfile> SphereProfile::open(const std::string& name,
     }
   }
   SphereProfile profile(std::move(source), std::move(target), context);
-  if (const auto read = profile.read(); !read) return error_of(read);
+  SIDESTEP_TRY(profile.read());
   return profile;
 }
 
 Result<void> SphereProfile::read() {
-  auto text = read_text(source_);
-  if (!text) return error_of(text);
-  auto robot = load(source_, *context_);
-  if (!robot) return error_of(robot);
-  text_ = std::move(*text);
-  robot_ = std::move(*robot);
+  auto text = SIDESTEP_TRY(read_text(source_));
+  auto robot = SIDESTEP_TRY(load(source_, *context_));
+  text_ = std::move(text);
+  robot_ = std::move(robot);
   return {};
 }
 
@@ -178,19 +174,17 @@ Result<void> SphereProfile::check_writable() const {
 
 Result<std::string> SphereProfile::text_with(const std::vector<CollisionSphere>& spheres) const {
   std::vector<Error> errors;
-  const auto document = parse_yaml(text_, source_.string(), errors);
-  if (!document) return error_of(document);
-  std::string text = with_spheres(text_, *document, robot_->description().links, spheres);
+  const auto document = SIDESTEP_TRY(parse_yaml(text_, source_.string(), errors));
+  std::string text = with_spheres(text_, document, robot_->description().links, spheres);
   const fs::path folder = target_.parent_path();
   if (folder == source_.parent_path()) return text;
   // Elsewhere, relative paths lead elsewhere. Positions are the new text's.
-  const auto moved = parse_yaml(text, source_.string(), errors);
-  if (!moved) return error_of(moved);
+  const auto moved = SIDESTEP_TRY(parse_yaml(text, source_.string(), errors));
   std::vector<const Node*> paths;
-  if (const Node* const packages = moved->find("package_paths")) {
+  if (const Node* const packages = moved.find("package_paths")) {
     for (const Node& item : packages->items()) paths.push_back(&item);
   }
-  if (const Node* const urdf = moved->find("urdf")) paths.push_back(urdf);
+  if (const Node* const urdf = moved.find("urdf")) paths.push_back(urdf);
   std::ranges::sort(paths, std::ranges::greater{}, [](const Node* node) {
     return std::pair(node->mark().line, node->mark().column);
   });
@@ -202,17 +196,15 @@ Result<std::string> SphereProfile::text_with(const std::vector<CollisionSphere>&
 }
 
 Result<void> SphereProfile::save(const std::vector<CollisionSphere>& spheres) {
-  if (const auto fine = check_spheres(spheres, robot_->description()); !fine) return fine;
-  if (const auto fine = check_writable(); !fine) return fine;
-  const auto now = read_text(source_);
-  if (!now) return error_of(now);
-  if (*now != text_) {
+  SIDESTEP_TRY(check_spheres(spheres, robot_->description()));
+  SIDESTEP_TRY(check_writable());
+  const auto now = SIDESTEP_TRY(read_text(source_));
+  if (now != text_) {
     return fail(ErrorCode::kIo, "the profile was changed meanwhile by somebody else",
                 source_.string(), "load it again");
   }
-  const auto text = text_with(spheres);
-  if (!text) return error_of(text);
-  return replace_target(*text, spheres);
+  const auto text = SIDESTEP_TRY(text_with(spheres));
+  return replace_target(text, spheres);
 }
 
 Result<void> SphereProfile::replace_target(const std::string& text,
@@ -220,24 +212,23 @@ Result<void> SphereProfile::replace_target(const std::string& text,
   struct stat state {};
   const mode_t mode = stat(source_.c_str(), &state) == 0 ? state.st_mode & 0777 : 0644;
   FreshFile fresh(target_);
-  if (const auto written = fresh.write(text, mode | S_IWUSR); !written) return written;
+  SIDESTEP_TRY(fresh.write(text, mode | S_IWUSR));
   // Nothing takes the profile's place that does not say what it should.
-  auto robot = load(fresh.file(), *context_);
-  if (!robot) return error_of(robot);
+  auto robot = SIDESTEP_TRY(load(fresh.file(), *context_));
   std::vector<Error> errors;
   const auto before = parse_yaml(text_, source_.string(), errors);
   const auto after = parse_yaml(text, target_.string(), errors);
   const bool has_moved = target_.parent_path() != source_.parent_path();
-  const bool is_right = before && after && are_same((*robot)->description().spheres, spheres) &&
+  const bool is_right = before && after && are_same(robot->description().spheres, spheres) &&
                         all_else(*before, has_moved) == all_else(*after, has_moved);
   if (!is_right) {
     return fail(ErrorCode::kConfig, "the spheres cannot be written into this profile's text",
                 source_.string(), "list one sphere a line under 'spheres'");
   }
-  if (const auto placed = fresh.take_place(); !placed) return placed;
+  SIDESTEP_TRY(fresh.take_place());
   source_ = target_;
   text_ = text;
-  robot_ = std::move(*robot);
+  robot_ = std::move(robot);
   return {};
 }
 

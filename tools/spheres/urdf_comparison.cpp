@@ -370,7 +370,7 @@ Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, const fs::p
   std::vector<Error> errors;
   auto model = urdf_robot::read_urdf(urdf, errors);
   if (!model) return tl::make_unexpected(urdf_robot::all_of(std::move(errors), "the URDF"));
-  if (const auto loaded = load_meshes(*model, package_paths); !loaded) return error_of(loaded);
+  SIDESTEP_TRY(load_meshes(*model, package_paths));
   return Comparer(robot, *model).run();
 }
 

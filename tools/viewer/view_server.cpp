@@ -76,9 +76,8 @@ Result<void> listen(Hub& hub) {
   hub.address.port = hub.acceptor.local_endpoint(error).port();
   hub.address.machine = machine_name();
   if (hub.settings.require_token) {
-    auto token = random_token();
-    if (!token) return error_of(token);
-    hub.address.token = std::move(*token);
+    auto token = SIDESTEP_TRY(random_token());
+    hub.address.token = std::move(token);
   }
   return {};
 }
@@ -112,7 +111,7 @@ Result<std::unique_ptr<ViewServer>> ViewServer::start(ViewAssets assets,
                                                       ViewServerSettings settings,
                                                       RecordingOpener recording, PageDesk* desk) {
   auto impl = std::make_unique<Impl>(std::move(assets), std::move(settings), std::move(recording));
-  if (auto listening = listen(impl->hub); !listening) return error_of(listening);
+  SIDESTEP_TRY(listen(impl->hub));
   impl->url = impl->hub.address.url();
   if (desk != nullptr) impl->hub.desk = std::make_unique<DeskWorker>(*desk);
   accept_next(impl->hub);

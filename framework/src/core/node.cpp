@@ -137,9 +137,7 @@ Result<std::vector<double>> Node::as_doubles(std::optional<std::size_t> size) co
   std::vector<double> values;
   values.reserve(items().size());
   for (const Node& item : items()) {
-    const auto value = item.as_double();
-    if (!value) return error_of(value);
-    values.push_back(*value);
+    values.push_back(SIDESTEP_TRY(item.as_double()));
   }
   return values;
 }

@@ -156,12 +156,11 @@ bool is_of_run(const std::string& name, const std::vector<FoundExperiment>& expe
 
 /// Removes what an earlier run left, so that nothing of it can be taken for this run's.
 Result<void> clear_results(const fs::path& folder, Host& host) {
-  const auto experiments = find_experiments(host);
-  if (!experiments) return error_of(experiments);
+  const auto experiments = SIDESTEP_TRY(find_experiments(host));
   std::error_code error;
   std::vector<fs::path> stale;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
-    if (is_of_run(entry.path().filename().string(), *experiments)) stale.push_back(entry.path());
+    if (is_of_run(entry.path().filename().string(), experiments)) stale.push_back(entry.path());
   }
   for (const fs::path& file : stale) {
     if (!error) fs::remove(file, error);
@@ -184,10 +183,9 @@ Result<void> check_division(const ExperimentContext& context, const FoundExperim
     return facts.is_divisible || (!asks_to_divide && facts.is_resumable);
   };
   if (can(asked)) return {};
-  const auto experiments = find_experiments(context.host);
-  if (!experiments) return error_of(experiments);
+  const auto experiments = SIDESTEP_TRY(find_experiments(context.host));
   std::string able;
-  for (const FoundExperiment& found : *experiments) {
+  for (const FoundExperiment& found : experiments) {
     if (can(found)) able += (able.empty() ? "" : ", ") + found.name();
   }
   return fail(ErrorCode::kConfig,
@@ -283,7 +281,7 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   std::vector<Error> errors;
   const auto found = experiment_of(context.configuration, context.host, errors);
   if (!found) return tl::make_unexpected(std::move(errors.front()));
-  if (auto divisible = check_division(context, *found); !divisible) return error_of(divisible);
+  SIDESTEP_TRY(check_division(context, *found));
   context.effective = effective_configuration(context.configuration, context.host);
   const auto write_configuration = [&] {
     return write_file(context.out / "effective_config.yaml", to_yaml(context.effective, true));
@@ -293,15 +291,12 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   if (!context.resume) done = clear_results(context.out, context.host);
   if (done && !context.resume) done = write_configuration();
   if (!done) return error_of(done);
-  auto outcome =
-      contained("experiment " + found->name(), [&] { return found->experiment->run(context); });
-  if (!outcome) return outcome;
+  auto outcome = SIDESTEP_TRY(
+      contained("experiment " + found->name(), [&] { return found->experiment->run(context); }));
   if (context.resume) done = write_configuration();
   if (!done) return error_of(done);
   if (context.progress) context.progress(0, 0, "drawing the report");
-  if (auto saved = save_outcome(*outcome, context.out, context.host); !saved) {
-    return error_of(saved);
-  }
+  SIDESTEP_TRY(save_outcome(outcome, context.out, context.host));
   return outcome;
 }
 

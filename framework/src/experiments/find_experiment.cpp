@@ -24,9 +24,8 @@ Result<FoundExperiment> find_experiment(const Node& block, Host& host) {
     }
     return tl::make_unexpected(std::move(error));
   }
-  auto experiment = host.create<Experiment>(block);
-  if (!experiment) return error_of(experiment);
-  return FoundExperiment{*std::move(plugin), *std::move(experiment)};
+  auto experiment = SIDESTEP_TRY(host.create<Experiment>(block));
+  return FoundExperiment{*std::move(plugin), std::move(experiment)};
 }
 
 Result<FoundExperiment> find_experiment(const std::string& name, const std::string& where,
@@ -40,9 +39,7 @@ Result<std::vector<FoundExperiment>> find_experiments(Host& host) {
   std::vector<FoundExperiment> all;
   for (const PluginInfo& plugin : host.plugins()) {
     if (plugin.kind != PluginKind::kExperiment) continue;
-    auto found = find_experiment(plugin.name, plugin.library.string(), host);
-    if (!found) return error_of(found);
-    all.push_back(*std::move(found));
+    all.push_back(SIDESTEP_TRY(find_experiment(plugin.name, plugin.library.string(), host)));
   }
   return all;
 }

@@ -49,16 +49,14 @@ std::string origin_section(const Json& summary, const fs::path& run) {
 /// Everything that summary and store tell of a run, verdict first.
 Result<std::string> report_body(const Json& summary, ResultsReader& results, const fs::path& run,
                                 Host& host) {
-  const auto found =
-      find_experiment(cell(at(summary, "/experiment")), (run / "summary.json").string(), host);
-  if (!found) return error_of(found);
+  const auto found = SIDESTEP_TRY(
+      find_experiment(cell(at(summary, "/experiment")), (run / "summary.json").string(), host));
   const bool success = at(summary, "/success") == Json(true);
   std::string html = "<h1>" + escape_html(cell(at(summary, "/configuration"))) + "</h1>\n";
   html += std::string("<p class=\"verdict ") + (success ? "success" : "failure") + "\">" +
           escape_html(cell(at(summary, "/verdict"))) + "</p>\n";
-  const auto body = found->experiment->report().body(summary, results, run);
-  if (!body) return body;
-  html += *body;
+  const auto body = SIDESTEP_TRY(found.experiment->report().body(summary, results, run));
+  html += body;
   html += origin_section(summary, run);
   return html;
 }
@@ -92,14 +90,13 @@ void add_rows(const RunReport& report, const std::string& run, const Json& summa
 }  // namespace
 
 Result<std::string> results_markdown(Host& host) {
-  const auto experiments = find_experiments(host);
-  if (!experiments) return error_of(experiments);
+  const auto experiments = SIDESTEP_TRY(find_experiments(host));
   std::string text =
       "# Results\n\nThe rows of `summary.json`, written by `sidestep plugins --results`. A key is "
       "the "
       "path of a value in a row;\n`table.csv` has a column of that name. Tables of terminal and "
       "report, and `sidestep report` on several runs, show them.\n";
-  for (const FoundExperiment& found : *experiments) {
+  for (const FoundExperiment& found : experiments) {
     const RunReport& report = found.experiment->report();
     if (report.columns == nullptr) continue;
     text += "\n## " + found.name() + "\n\n" + report.columns->reference();
@@ -108,14 +105,11 @@ Result<std::string> results_markdown(Host& host) {
 }
 
 Result<void> write_report(const fs::path& run, Host& host) {
-  const auto summary = read_summary(run);
-  if (!summary) return error_of(summary);
-  auto results = ResultsReader::open(run / "results.sqlite");
-  if (!results) return error_of(results);
-  auto body = report_body(*summary, **results, run, host);
-  if (!body) return error_of(body);
-  const std::string title = "Sidestep: " + cell(at(*summary, "/configuration"));
-  return write_file(run / "report.html", html_page(title, *body));
+  const auto summary = SIDESTEP_TRY(read_summary(run));
+  auto results = SIDESTEP_TRY(ResultsReader::open(run / "results.sqlite"));
+  auto body = SIDESTEP_TRY(report_body(summary, *results, run, host));
+  const std::string title = "Sidestep: " + cell(at(summary, "/configuration"));
+  return write_file(run / "report.html", html_page(title, body));
 }
 
 Result<void> save_outcome(const ExperimentOutcome& outcome, const fs::path& run, Host& host) {
@@ -128,16 +122,13 @@ Result<void> save_outcome(const ExperimentOutcome& outcome, const fs::path& run,
 
 Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::path& html,
                                  Host& host) {
-  const auto experiments = find_experiments(host);
-  if (!experiments) return error_of(experiments);
+  const auto experiments = SIDESTEP_TRY(find_experiments(host));
   std::vector<Json> summaries;
   for (const fs::path& run : runs) {
-    auto summary = read_summary(run);
-    if (!summary) return error_of(summary);
-    summaries.push_back(std::move(*summary));
+    summaries.push_back(SIDESTEP_TRY(read_summary(run)));
   }
   std::string text, body;
-  for (const FoundExperiment& found : *experiments) {
+  for (const FoundExperiment& found : experiments) {
     const RunReport& report = found.experiment->report();
     if (report.columns == nullptr) continue;
     std::vector<Row> rows;
@@ -156,7 +147,7 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
   }
   if (!html.empty()) {
     const std::string page = html_page("Sidestep: comparison", "<h1>Runs compared</h1>\n" + body);
-    if (auto written = write_file(html, page); !written) return error_of(written);
+    SIDESTEP_TRY(write_file(html, page));
   }
   return text;
 }

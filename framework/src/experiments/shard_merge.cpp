@@ -37,15 +37,13 @@ Result<ExperimentOutcome> merge_shards(const std::vector<fs::path>& runs, const 
                 "give another one with --merged");
   }
   const std::string name = summary_of(runs.front()).value("experiment", "");
-  const auto found = find_experiment(name, runs.front().string(), host);
-  if (!found) return error_of(found);
-  auto outcome = found->experiment->merge(runs, out);
-  if (!outcome) return outcome;
+  const auto found = SIDESTEP_TRY(find_experiment(name, runs.front().string(), host));
+  auto outcome = SIDESTEP_TRY(found.experiment->merge(runs, out));
   Result<void> written;
   if (const auto configuration = read_file(runs.front() / "effective_config.yaml")) {
     written = write_file(out / "effective_config.yaml", *configuration);
   }
-  if (written) written = save_outcome(*outcome, out, host);
+  if (written) written = save_outcome(outcome, out, host);
   if (!written) return error_of(written);
   return outcome;
 }

@@ -197,8 +197,8 @@ std::string Hindrance::describe() const {
 }
 
 Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory) {
-  if (auto fits = check_robot(problem, trajectory.dof); !fits) return error_of(fits);
-  if (auto sound = trajectory.validate(); !sound) return error_of(sound);
+  SIDESTEP_TRY(check_robot(problem, trajectory.dof));
+  SIDESTEP_TRY(trajectory.validate());
   Explanation explanation;
   for (const CostTerm& term : problem.terms) {
     if (!term.cost) continue;
@@ -211,7 +211,7 @@ Result<Explanation> explain(const Problem& problem, const Trajectory& trajectory
 }
 
 Result<Explanation> explain_state(const Problem& problem, std::span<const double> q) {
-  if (auto fits = check_robot(problem, static_cast<int>(q.size())); !fits) return error_of(fits);
+  SIDESTEP_TRY(check_robot(problem, static_cast<int>(q.size())));
   const std::vector<double> at_rest(q.size());
   StateRows rows{static_cast<int>(q.size()), {}, {}, {}, {}};
   rows.add(q, at_rest, 0.0, 0.0);

@@ -173,7 +173,7 @@ class Rest final : public Motion {
 
 Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
                                   const Deadline& deadline) const {
-  if (auto sound = validate(trajectory, from_s); !sound) return error_of(sound);
+  SIDESTEP_TRY(validate(trajectory, from_s));
   const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
   VerdictBuilder builder(prover_, settings_.first_violation_only);
   ClearanceProver::WorkspacePtr workspace;
@@ -242,7 +242,7 @@ Result<void> FieldCheck::validate(const Trajectory& trajectory, double from_s) c
     return invalid("the trajectory moves " + std::to_string(trajectory.dof) +
                    " joints, the robot has " + std::to_string(dof));
   }
-  if (auto sound = trajectory.validate(); !sound) return sound;
+  SIDESTEP_TRY(trajectory.validate());
   if (trajectory.size() == 0) return invalid("the trajectory is empty");
   if (std::isnan(from_s)) {
     return invalid("the time to check from is not a number");

@@ -16,7 +16,7 @@ std::string_view to_string(SolveStatus status) noexcept {
 }
 
 Result<void> check_initial(const Problem& problem, const Trajectory& initial) {
-  if (auto valid = initial.validate(); !valid) return valid;
+  SIDESTEP_TRY(initial.validate());
   const int dof = problem.robot->description().dof();
   if (initial.dof == dof && initial.size() == problem.support_states) return {};
   return invalid("the initial trajectory has " + std::to_string(initial.size()) + " states of " +

@@ -175,12 +175,9 @@ Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
                                              const std::string& link, const Transform& target,
                                              std::optional<double> sigma_position,
                                              std::optional<double> sigma_rotation) {
-  const auto index = find_link(robot->description(), link);
-  if (!index) return error_of(index);
+  const auto index = SIDESTEP_TRY(find_link(robot->description(), link));
   if (sigma_position) {
-    if (auto ok = check_sigma(*sigma_position, "position of link '" + link + "'"); !ok) {
-      return error_of(ok);
-    }
+    SIDESTEP_TRY(check_sigma(*sigma_position, "position of link '" + link + "'"));
     if (!target.translation().allFinite()) {
       return invalid("the position wanted of link '" + link + "' is not finite");
     }
@@ -190,7 +187,7 @@ Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
     if (ok) ok = check_rotation(target.linear(), link);
     if (!ok) return error_of(ok);
   }
-  return std::make_unique<PoseCost>(kind + "_" + link, std::move(robot), *index, target,
+  return std::make_unique<PoseCost>(kind + "_" + link, std::move(robot), index, target,
                                     sigma_position, sigma_rotation);
 }
 
@@ -227,14 +224,13 @@ Result<std::unique_ptr<StateCost>> make_link_axis_cost(std::shared_ptr<const Rob
                                                        const Eigen::Vector3d& axis_link,
                                                        const Eigen::Vector3d& axis_world,
                                                        double sigma_rad) {
-  const auto index = find_link(robot->description(), link);
-  if (!index) return error_of(index);
-  if (auto ok = check_sigma(sigma_rad, "axis of link '" + link + "'"); !ok) return error_of(ok);
+  const auto index = SIDESTEP_TRY(find_link(robot->description(), link));
+  SIDESTEP_TRY(check_sigma(sigma_rad, "axis of link '" + link + "'"));
   for (const Eigen::Vector3d& axis : {axis_link, axis_world}) {
     if (axis.allFinite() && axis.norm() > 0.0) continue;
     return invalid("an axis given for link '" + link + "' has no direction");
   }
-  return std::make_unique<AxisCost>("axis_" + link, std::move(robot), *index, axis_link, axis_world,
+  return std::make_unique<AxisCost>("axis_" + link, std::move(robot), index, axis_link, axis_world,
                                     sigma_rad);
 }
 

@@ -85,16 +85,16 @@ Result<void> check_state(const RobotDescription& robot, const RobotState& state,
 Result<void> Problem::validate() const {
   if (!robot) return invalid("the problem has no robot");
   const RobotDescription& description = robot->description();
-  if (auto checked = check_numbers(*this); !checked) return checked;
+  SIDESTEP_TRY(check_numbers(*this));
   if (qc.size() != description.dof()) {
     return invalid("qc has " + std::to_string(qc.size()) + " values, but " + description.name +
                    " has " + std::to_string(description.dof()) + " joints");
   }
   for (int j = 0; j < description.dof(); ++j) {
     const Joint& joint = description.joints[static_cast<std::size_t>(j)];
-    if (auto checked = check_joint(joint, qc[j]); !checked) return checked;
+    SIDESTEP_TRY(check_joint(joint, qc[j]));
   }
-  if (auto checked = check_state(description, start, "start"); !checked) return checked;
+  SIDESTEP_TRY(check_state(description, start, "start"));
   return check_state(description, goal, "goal");
 }
 

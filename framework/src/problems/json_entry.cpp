@@ -25,13 +25,12 @@ Result<JsonEntry::File> JsonEntry::read(const std::string& file_name) {
   if (!std::filesystem::is_regular_file(file_name, ignored)) {
     return fail(ErrorCode::kNotFound, "there is no such file", file_name);
   }
-  const auto text = read_file(file_name);
-  if (!text) return error_of(text);
+  const auto text = SIDESTEP_TRY(read_file(file_name));
   try {
-    return File{file_name, nlohmann::json::parse(*text), std::nullopt};
+    return File{file_name, nlohmann::json::parse(text), std::nullopt};
   } catch (const nlohmann::json::parse_error& error) {
     return fail(ErrorCode::kConfig, "this is no valid JSON",
-                file_name + position_text(*text, error.byte));
+                file_name + position_text(text, error.byte));
   }
 }
 

@@ -320,12 +320,10 @@ std::vector<SceneObject> read_world(const DocumentEntry& scene, const RobotDescr
 Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& request_file,
                                 const RobotDescription& robot) {
   const YamlDocumentReader reader;
-  const auto scene_document = reader.read(scene_file);
-  if (!scene_document) return error_of(scene_document);
-  const auto request_document = reader.read(request_file);
-  if (!request_document) return error_of(request_document);
+  const auto scene_document = SIDESTEP_TRY(reader.read(scene_file));
+  const auto request_document = SIDESTEP_TRY(reader.read(request_file));
   std::optional<Error> error;
-  const DocumentEntry scene(*scene_document, error), request(*request_document, error);
+  const DocumentEntry scene(scene_document, error), request(request_document, error);
   SetProblem problem;
   problem.scene = std::make_shared<const Scene>(read_world(scene, robot, scene_file.parent_path()));
   Positions start;
@@ -356,11 +354,10 @@ Result<std::vector<SetProblem>> read_moveit_family(const fs::path& folder,
       return fail(ErrorCode::kNotFound, "there is no scene" + digits + ".yaml beside the request",
                   request.string());
     }
-    auto problem = read_problem(scene->second, request, robot);
-    if (!problem) return error_of(problem);
-    problem->family = family;
-    problem->index = std::stoi(digits);
-    problems.push_back(std::move(*problem));
+    auto problem = SIDESTEP_TRY(read_problem(scene->second, request, robot));
+    problem.family = family;
+    problem.index = std::stoi(digits);
+    problems.push_back(std::move(problem));
   }
   std::ranges::stable_sort(problems, {}, &SetProblem::index);
   return problems;

@@ -67,9 +67,8 @@ Eigen::VectorXd read_configuration(const JsonEntry& values, std::size_t count,
 Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
                                             const RobotDescription& robot) {
   std::vector<SetProblem> problems;
-  auto content = JsonEntry::read(file.string());
-  if (!content) return error_of(content);
-  const JsonEntry set(*content);
+  auto content = SIDESTEP_TRY(JsonEntry::read(file.string()));
+  const JsonEntry set(content);
   constexpr std::string_view kFormat = "mbm-neutral/1";
   if (set["format"].text() != kFormat) {
     set["format"].complain("expected '" + std::string(kFormat) + "'");
@@ -78,7 +77,7 @@ Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
   const JsonEntry names = set["joint_names"];
   const std::vector<std::size_t> places = places_of_joints(names, robot);
   for (const JsonEntry& problem : set["problems"].items()) {
-    if (content->error) break;
+    if (content.error) break;
     SetProblem read;
     read.family = family;
     read.index = problem["index"].integer(0, kLargestIndex);
@@ -93,7 +92,7 @@ Result<std::vector<SetProblem>> read_family(const std::filesystem::path& file,
     read.scene = std::make_shared<const Scene>(std::move(objects));
     problems.push_back(std::move(read));
   }
-  if (content->error) return tl::make_unexpected(*content->error);
+  if (content.error) return tl::make_unexpected(*content.error);
   return problems;
 }
 
@@ -128,10 +127,10 @@ Result<std::vector<SetProblem>> read_problem_set(const std::filesystem::path& fr
   }
   std::vector<SetProblem> problems;
   for (const std::filesystem::path& family : families) {
-    auto read = std::filesystem::is_directory(family, ignored) ? read_moveit_family(family, robot)
-                                                               : read_family(family, robot);
-    if (!read) return read;
-    std::ranges::move(*read, std::back_inserter(problems));
+    auto read = SIDESTEP_TRY(std::filesystem::is_directory(family, ignored)
+                                 ? read_moveit_family(family, robot)
+                                 : read_family(family, robot));
+    std::ranges::move(read, std::back_inserter(problems));
   }
   return problems;
 }

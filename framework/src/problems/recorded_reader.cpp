@@ -145,9 +145,8 @@ void read_configurations(const JsonEntry& root, RecordedProblems& problems) {
 }  // namespace
 
 Result<RecordedProblems> read_recorded_problems(const std::filesystem::path& file) {
-  auto json = JsonEntry::read(file.string());
-  if (!json) return error_of(json);
-  const JsonEntry root(*json);
+  auto json = SIDESTEP_TRY(JsonEntry::read(file.string()));
+  const JsonEntry root(json);
   RecordedProblems problems;
   problems.file = file;
   problems.grid = read_grid(root["grid"]);
@@ -157,11 +156,11 @@ Result<RecordedProblems> read_recorded_problems(const std::filesystem::path& fil
   }
   read_configurations(root, problems);
   problems.settings = read_settings(root["settings"]);
-  if (json->error) return tl::make_unexpected(std::move(*json->error));
+  if (json.error) return tl::make_unexpected(std::move(*json.error));
 
   const int dof = static_cast<int>(problems.configurations.front().size());
   auto robot = read_recorded_robot(root["robot"], dof);
-  if (json->error) return tl::make_unexpected(std::move(*json->error));
+  if (json.error) return tl::make_unexpected(std::move(*json.error));
   if (!robot) {
     return tl::make_unexpected(robot.error().wrapped(ErrorCode::kConfig, "there is no such robot",
                                                      file.string() + ": robot"));
@@ -170,12 +169,12 @@ Result<RecordedProblems> read_recorded_problems(const std::filesystem::path& fil
   problems.has_base = robot->has_base;
 
   const Columns columns(root["result_columns"]);
-  if (json->error) return tl::make_unexpected(std::move(*json->error));
+  if (json.error) return tl::make_unexpected(std::move(*json.error));
   for (const JsonEntry& run : root["runs"].items()) {
     problems.runs.push_back(read_run(run, columns, static_cast<int>(problems.scenes.size()),
                                      static_cast<int>(problems.pairs.size())));
   }
-  if (json->error) return tl::make_unexpected(std::move(*json->error));
+  if (json.error) return tl::make_unexpected(std::move(*json.error));
   return problems;
 }
 

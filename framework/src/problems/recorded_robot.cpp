@@ -37,9 +37,8 @@ class Chain {
     description_.spheres.push_back({joint + 1, centre_m, radius_m});
   }
   [[nodiscard]] Result<std::shared_ptr<const RobotModel>> finish() {
-    auto made = KinematicTree::create(std::move(description_), std::move(tree_));
-    if (!made) return error_of(made);
-    return std::shared_ptr<const RobotModel>(std::move(*made));
+    auto made = SIDESTEP_TRY(KinematicTree::create(std::move(description_), std::move(tree_)));
+    return std::shared_ptr<const RobotModel>(std::move(made));
   }
 
  private:
@@ -136,9 +135,8 @@ Result<RecordedRobot> read_recorded_robot(const JsonEntry& robot, int dof) {
     const Eigen::Vector3d centre_m = numbers.segment<3>(1);
     chain.add_sphere(joint, after[idx(joint)] * centre_m, sphere.at(4).positive());
   }
-  auto model = chain.finish();
-  if (!model) return error_of(model);
-  read.model = std::move(*model);
+  auto model = SIDESTEP_TRY(chain.finish());
+  read.model = std::move(model);
   return read;
 }
 

@@ -72,9 +72,8 @@ std::string html_page(std::string_view title, const std::string& body) {
 }
 
 Result<std::string> embedded_png(const std::filesystem::path& file) {
-  auto bytes = read_file(file);
-  if (!bytes) return bytes;
-  return "data:image/png;base64," + base64(*bytes);
+  auto bytes = SIDESTEP_TRY(read_file(file));
+  return "data:image/png;base64," + base64(bytes);
 }
 
 }  // namespace sidestep

@@ -95,9 +95,8 @@ Result<std::string> figure_section(const std::vector<Figure>& figures, const fs:
     auto written = figure.canvas.write_png(png);
     if (written) written = figure.canvas.write_svg(run / (figure.file + ".svg"));
     if (!written) return error_of(written);
-    const auto image = embedded_png(png);
-    if (!image) return error_of(image);
-    html += "<figure><img alt=\"" + escape_html(figure.caption) + "\" src=\"" + *image +
+    const auto image = SIDESTEP_TRY(embedded_png(png));
+    html += "<figure><img alt=\"" + escape_html(figure.caption) + "\" src=\"" + image +
             "\"><figcaption>" + escape_html(figure.caption) + "</figcaption></figure>\n";
   }
   return html;

@@ -78,12 +78,9 @@ void record_run_head(const DividedRun& run, std::string_view series, Recorder& r
 
 Result<void> read_run_head(ResultsReader& reader, const std::string& series,
                            const std::string& file, DividedRun& run) {
-  auto head = stored_head().read(reader, series, 0, file);
-  if (!head) return error_of(head);
-  run = *std::move(head);
-  auto sessions = stored_session().read_all(reader, "session", file);
-  if (!sessions) return error_of(sessions);
-  for (auto& [item, session] : *sessions) run.sessions.push_back(session);
+  run = SIDESTEP_TRY(stored_head().read(reader, series, 0, file));
+  auto sessions = SIDESTEP_TRY(stored_session().read_all(reader, "session", file));
+  for (auto& [item, session] : sessions) run.sessions.push_back(session);
   return {};
 }
 

@@ -32,9 +32,7 @@ Result<std::vector<int>> links_to_avoid(const KinematicTree& tree, const Attache
   const RobotDescription& robot = tree.description();
   std::vector<int> may_touch;
   for (const std::string& name : object.touch_links) {
-    auto link = find_link(robot, name, object);
-    if (!link) return error_of(link);
-    may_touch.push_back(*link);
+    may_touch.push_back(SIDESTEP_TRY(find_link(robot, name, object)));
   }
   const int holding = rigid_root(tree, holder);
   std::vector<int> avoid;
@@ -60,20 +58,18 @@ Result<std::unique_ptr<KinematicTree>> attach_object(const RobotModel& robot,
                 "object '" + object.name + "'");
   }
   RobotDescription description = tree->description();
-  const auto holder = find_link(description, object.link, object);
-  if (!holder) return error_of(holder);
-  const auto avoid = links_to_avoid(*tree, object, *holder);
-  if (!avoid) return error_of(avoid);
+  const auto holder = SIDESTEP_TRY(find_link(description, object.link, object));
+  const auto avoid = SIDESTEP_TRY(links_to_avoid(*tree, object, holder));
 
   const int link = static_cast<int>(description.links.size());
-  description.links.push_back({object.name, *holder});
+  description.links.push_back({object.name, holder});
   for (const auto& sphere : object.spheres) {
     description.spheres.push_back({link, sphere.centre_m, sphere.radius_m});
   }
   for (const auto& shape : object.shapes) {
     description.shapes.push_back({link, shape.shape, shape.T_object_shape});
   }
-  for (const int other : *avoid) description.self_collision_pairs.emplace_back(other, link);
+  for (const int other : avoid) description.self_collision_pairs.emplace_back(other, link);
 
   std::vector<TreeJoint> joints = tree->tree_joints();
   joints.emplace_back();

@@ -53,7 +53,7 @@ Eigen::Matrix3d turned_about_z(const Eigen::Matrix3d& R, double s, double c) {
 
 Result<std::unique_ptr<KinematicTree>> KinematicTree::create(RobotDescription description,
                                                              std::vector<TreeJoint> tree_joints) {
-  if (auto ok = detail::check_robot(description, tree_joints); !ok) return error_of(ok);
+  SIDESTEP_TRY(detail::check_robot(description, tree_joints));
   return std::unique_ptr<KinematicTree>(
       new KinematicTree(std::move(description), std::move(tree_joints)));
 }

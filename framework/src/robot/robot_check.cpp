@@ -105,13 +105,13 @@ Result<void> check_robot(const RobotDescription& description,
                          const std::vector<TreeJoint>& tree_joints) {
   if (description.joints.empty())
     return refuse("has no planned joint", "robot '" + description.name + "'");
-  if (auto ok = check_names(description.joints, "joint"); !ok) return ok;
-  if (auto ok = check_names(description.links, "link"); !ok) return ok;
-  if (auto ok = check_names(description.poses, "pose"); !ok) return ok;
+  SIDESTEP_TRY(check_names(description.joints, "joint"));
+  SIDESTEP_TRY(check_names(description.links, "link"));
+  SIDESTEP_TRY(check_names(description.poses, "pose"));
   for (const Joint& joint : description.joints) {
-    if (auto ok = check_joint(joint); !ok) return ok;
+    SIDESTEP_TRY(check_joint(joint));
   }
-  if (auto ok = check_tree(description, tree_joints); !ok) return ok;
+  SIDESTEP_TRY(check_tree(description, tree_joints));
   return check_parts(description);
 }
 

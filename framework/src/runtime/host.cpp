@@ -256,9 +256,8 @@ const std::vector<PluginRejection>& Host::rejections() {
 }
 
 Result<PluginInfo> Host::find(PluginKind kind, const Node& block) {
-  const auto found = impl_->find(kind, block);
-  if (!found) return error_of(found);
-  return (*found)->info;
+  const auto found = SIDESTEP_TRY(impl_->find(kind, block));
+  return found->info;
 }
 
 void Host::check(PluginKind kind, const Node& block, std::vector<Error>& errors) {
@@ -298,14 +297,13 @@ Node Host::with_defaults(PluginKind kind, const Node& block) {
 }
 
 Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const RunLoan& loan) {
-  const auto found = impl_->find(kind, block);
-  if (!found) return error_of(found);
+  const auto found = SIDESTEP_TRY(impl_->find(kind, block));
   std::vector<Error> errors;
   // An experiment checks its block with the whole configuration.
-  if (kind != PluginKind::kExperiment) Impl::check(**found, block, errors);
+  if (kind != PluginKind::kExperiment) Impl::check(*found, block, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
-  const std::string name = (*found)->qualified_name();
+  const std::string name = found->qualified_name();
   const HostContext context{impl_->log,
                             loan.clock != nullptr ? *loan.clock : impl_->clock,
                             impl_->workers,
@@ -315,7 +313,7 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const
                             impl_->settings.scene_paths,
                             loan.robot,
                             loan.motion};
-  const PluginDescriptor& descriptor = *(*found)->descriptor;
+  const PluginDescriptor& descriptor = *found->descriptor;
   return guarded(name, [&]() -> Result<Made> {
     Error error;
     void* object = descriptor.create(block, context, &error);

@@ -32,9 +32,9 @@ Result<Proposal> propose_motion(Optimiser& optimiser, const std::string& name,
                                 const Problem& problem, const Trajectory& guess,
                                 const Deadline& deadline) {
   const Stopwatch watch;
-  auto solution = in_stage(name, [&] { return optimiser.solve(problem, guess, deadline); });
-  if (!solution) return error_of(solution);
-  Proposal proposal{std::move(*solution), {}, false};
+  auto solution =
+      SIDESTEP_TRY(in_stage(name, [&] { return optimiser.solve(problem, guess, deadline); }));
+  Proposal proposal{std::move(solution), {}, false};
   proposal.solution.solve_ms = watch.elapsed_ms();  // ours, not the plugin's word for it
   const Solution& its = proposal.solution;
   const bool may_be_empty = its.status == SolveStatus::kNoPath ||
@@ -70,26 +70,25 @@ Result<PlannedMotion> finish_motion(const Problem& problem, const Trajectory& pa
   }
   planned.failure = endpoint_miss(problem, planned.trajectory);
   if (rules.check == nullptr) return planned;
-  auto verdict = rules.check->check(planned.trajectory, 0.0, deadline);
-  if (!verdict) return error_of(verdict);
-  if (!verdict->valid() && planned.failure.empty()) {
-    planned.failure = "the trajectory is " + verdict->describe();
+  auto verdict = SIDESTEP_TRY(rules.check->check(planned.trajectory, 0.0, deadline));
+  if (!verdict.valid() && planned.failure.empty()) {
+    planned.failure = "the trajectory is " + verdict.describe();
   }
-  planned.verdict = std::move(*verdict);
+  planned.verdict = std::move(verdict);
   return planned;
 }
 
 Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser, const Problem& problem,
                                   const Trajectory& guess, const MotionRules& rules,
                                   const Deadline& deadline) {
-  auto proposal = propose_motion(*optimiser, plugin_of(optimiser), problem, guess, deadline);
-  if (!proposal) return error_of(proposal);
-  if (!proposal->failure.empty()) {
-    return PlannedMotion{.solution = std::move(proposal->solution),
-                         .failure = "the optimiser " + proposal->failure};
+  auto proposal =
+      SIDESTEP_TRY(propose_motion(*optimiser, plugin_of(optimiser), problem, guess, deadline));
+  if (!proposal.failure.empty()) {
+    return PlannedMotion{.solution = std::move(proposal.solution),
+                         .failure = "the optimiser " + proposal.failure};
   }
-  auto planned = finish_motion(problem, proposal->solution.trajectory, rules, deadline);
-  if (planned) planned->solution = std::move(proposal->solution);
+  auto planned = finish_motion(problem, proposal.solution.trajectory, rules, deadline);
+  if (planned) planned->solution = std::move(proposal.solution);
   return planned;
 }
 

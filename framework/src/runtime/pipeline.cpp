@@ -57,18 +57,17 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
 
     watch.restart();
     if (step.update.grid_moved) {
-      if (auto attached = attach(); !attached) return error_of(attached);
+      SIDESTEP_TRY(attach());
     }
-    auto field =
-        in_stage(parts_.names.field, [&] { return parts_.field_builder.update(step.update); });
-    if (!field) return error_of(field);
-    if (*field == nullptr) {
+    auto field = SIDESTEP_TRY(
+        in_stage(parts_.names.field, [&] { return parts_.field_builder.update(step.update); }));
+    if (field == nullptr) {
       return fail(ErrorCode::kPlugin, "returned no field", "plugin " + parts_.names.field);
     }
     step.field_ms = watch.elapsed_ms();
 
     watch.restart();
-    MapSnapshot snapshot{std::move(*field), nullptr};
+    MapSnapshot snapshot{std::move(field), nullptr};
     const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
     const bool finds_motion = parts_.motion_detector != nullptr && occupancy != nullptr;
     if (finds_motion) snapshot.moving = parts_.motion_detector->look(*occupancy, step.stamp);

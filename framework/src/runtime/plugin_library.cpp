@@ -175,7 +175,7 @@ Result<const PluginDescriptor*> open_plugin_library(const std::filesystem::path&
   if (descriptor == nullptr) {
     return refuse(library, std::string(kPluginSymbol) + "() returned null");
   }
-  if (auto checked = check_descriptor(*descriptor, library); !checked) return error_of(checked);
+  SIDESTEP_TRY(check_descriptor(*descriptor, library));
   return descriptor;
 }
 

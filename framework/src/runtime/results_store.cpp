@@ -187,9 +187,8 @@ Result<std::unique_ptr<ResultsStore>> ResultsStore::open(const std::filesystem::
   if (done) done = connection.execute(kBegin);
   if (!done) return error_of(done);
 
-  if (auto prepared = store->prepare(); !prepared) return error_of(prepared);
-  auto insert_provenance = connection.prepare("INSERT INTO provenance VALUES (?, ?)");
-  if (!insert_provenance) return error_of(insert_provenance);
+  SIDESTEP_TRY(store->prepare());
+  auto insert_provenance = SIDESTEP_TRY(connection.prepare("INSERT INTO provenance VALUES (?, ?)"));
 
   const std::pair<std::string_view, std::string> rows[] = {
       {"configuration", provenance.configuration},
@@ -200,9 +199,9 @@ Result<std::unique_ptr<ResultsStore>> ResultsStore::open(const std::filesystem::
       {"threads", std::to_string(provenance.threads)},
       {"seed", std::to_string(provenance.seed)}};
   for (const auto& [key, value] : rows) {
-    Query query(insert_provenance->get());
+    Query query(insert_provenance.get());
     query.bind(key).bind(std::string_view(value));
-    if (auto added = connection.run(query); !added) return error_of(added);
+    SIDESTEP_TRY(connection.run(query));
   }
   return store;
 }
@@ -277,9 +276,7 @@ Result<std::unique_ptr<ResultsReader>> ResultsReader::open(const std::filesystem
   }
   std::unique_ptr<ResultsReader> reader(new ResultsReader());
   Impl& impl = *reader->impl_;
-  if (auto opened = impl.connection.open(file, SQLITE_OPEN_READONLY); !opened) {
-    return error_of(opened);
-  }
+  SIDESTEP_TRY(impl.connection.open(file, SQLITE_OPEN_READONLY));
   const std::pair<Statement*, const char*> statements[] = {
       {&impl.column,
        "SELECT value FROM measurements WHERE series = ? AND key = ? "
@@ -292,9 +289,7 @@ Result<std::unique_ptr<ResultsReader>> ResultsReader::open(const std::filesystem
        "SELECT rows, columns, float32 FROM arrays WHERE series = ? AND item = ? AND key = ?"},
       {&impl.array_items, "SELECT item FROM arrays WHERE series = ? AND key = ? ORDER BY item"}};
   for (const auto& [into, sql] : statements) {
-    auto statement = impl.connection.prepare(sql);
-    if (!statement) return error_of(statement);
-    *into = std::move(*statement);
+    *into = SIDESTEP_TRY(impl.connection.prepare(sql));
   }
   return reader;
 }

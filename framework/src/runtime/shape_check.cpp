@@ -123,7 +123,7 @@ Result<Verdict> ShapeCheck::check(const Trajectory& trajectory, double from_s,
                    robot_->description().name + " has " +
                    std::to_string(robot_->description().dof()));
   }
-  if (auto sound = trajectory.validate(); !sound) return error_of(sound);
+  SIDESTEP_TRY(trajectory.validate());
   if (std::isnan(from_s)) {
     return invalid("the time to check from is not a number");
   }
@@ -387,8 +387,8 @@ Result<void> validate_contacts(const RobotDescription& robot, const Scene* scene
                 did_you_mean(name, names));
   };
   for (const AllowedContact& contact : contacts) {
-    if (auto known = require(contact.link, links, "the link"); !known) return known;
-    if (auto known = require(contact.object, objects, "the object"); !known) return known;
+    SIDESTEP_TRY(require(contact.link, links, "the link"));
+    SIDESTEP_TRY(require(contact.object, objects, "the object"));
   }
   return {};
 }
@@ -427,11 +427,8 @@ Result<std::unique_ptr<ValidityCheck>> make_shape_check(std::shared_ptr<const Ro
     return invalid("the steps of the shape check must be positive");
   }
   settings.min_step_m = std::min(settings.min_step_m, settings.max_step_m);
-  if (auto sound = validate_obstacles(obstacles); !sound) return error_of(sound);
-  if (auto sound = validate_contacts(description, obstacles.scene.get(), settings.allowed_contacts);
-      !sound) {
-    return error_of(sound);
-  }
+  SIDESTEP_TRY(validate_obstacles(obstacles));
+  SIDESTEP_TRY(validate_contacts(description, obstacles.scene.get(), settings.allowed_contacts));
   return std::make_unique<ShapeCheck>(std::move(robot), obstacles, std::move(settings));
 }
 

@@ -55,7 +55,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
   obstacles.scene = scene;
   ShapeCheckSettings of_check;
   of_check.allowed_contacts = settings.allowed_contacts;
-  if (auto sound = make_shape_check(robot, obstacles, of_check); !sound) return error_of(sound);
+  SIDESTEP_TRY(make_shape_check(robot, obstacles, of_check));
   const RobotDescription& description = robot->description();
   const ShapeCollider collider(description, obstacles, settings.allowed_contacts);
   const ShapeCollider::PosePtr placed = collider.make_pose();

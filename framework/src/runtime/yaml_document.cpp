@@ -58,10 +58,9 @@ class Converter {
     Node::List list;
     list.reserve(yaml.size());
     for (const YAML::Node& item : yaml) {
-      Result<Node> node = convert(item);
-      if (!node) return node;
-      if (node->is_null()) node->set_mark(mark);  // yaml-cpp gives nulls no position
-      list.push_back(std::move(*node));
+      auto node = SIDESTEP_TRY(convert(item));
+      if (node.is_null()) node.set_mark(mark);  // yaml-cpp gives nulls no position
+      list.push_back(std::move(node));
     }
     return Node(std::move(list), mark);
   }
@@ -81,11 +80,10 @@ class Converter {
                                 key_mark.to_string(), "first at " + first->second, nullptr});
         continue;
       }
-      Result<Node> value = convert(pair.second);
-      if (!value) return value;
+      auto value = SIDESTEP_TRY(convert(pair.second));
       // yaml-cpp gives nulls no position; the key's will do.
-      if (value->is_null()) value->set_mark(key_mark);
-      map.push_back({key, key_mark, std::move(*value)});
+      if (value.is_null()) value.set_mark(key_mark);
+      map.push_back({key, key_mark, std::move(value)});
     }
     return Node(std::move(map), mark);
   }

@@ -16,7 +16,7 @@ using ConstRow = Eigen::Map<const Eigen::VectorXd>;
 ConstRow state(const Trajectory& path, int i) { return {path.q(i).data(), path.dof}; }
 
 Result<void> check(const Trajectory& path, double reach) {
-  if (auto sound = path.validate(); !sound) return sound;
+  SIDESTEP_TRY(path.validate());
   if (!(reach > 0.0)) {
     return invalid("the reach of a rounded corner must be positive, not " + std::to_string(reach));
   }
@@ -55,7 +55,7 @@ class Writer {
 }  // namespace
 
 Result<Trajectory> blend_corners(const Trajectory& path, double reach) {
-  if (auto able = check(path, reach); !able) return error_of(able);
+  SIDESTEP_TRY(check(path, reach));
   const int lines = path.size() - 1;
   std::vector<Eigen::VectorXd> directions;
   std::vector<double> lengths;

@@ -59,7 +59,7 @@ std::optional<double> way_of_braking_s(const Trajectory& path, double speed,
 }
 
 Result<void> check(const Trajectory& trajectory, double from_s, const MotionLimits& limits) {
-  if (auto sound = trajectory.validate(); !sound) return sound;
+  SIDESTEP_TRY(trajectory.validate());
   if (!std::isfinite(from_s)) return invalid("the time to brake from is not a finite number");
   const auto dof = static_cast<std::size_t>(trajectory.dof);
   if (limits.velocity.size() != dof || limits.acceleration.size() != dof) {
@@ -72,23 +72,21 @@ Result<void> check(const Trajectory& trajectory, double from_s, const MotionLimi
 /// The motion to rest on the first `way_s` of the path from `from_s` on.
 Result<Trajectory> stop_within(const Trajectory& trajectory, double from_s, double way_s,
                                const MotionLimits& limits) {
-  auto stop = retime(cut(trajectory, from_s, from_s + way_s), limits,
-                     {.least_stages = kStages, .stop_at_goal = true});
-  if (!stop) return error_of(stop);
-  trajectory.sample(from_s, stop->trajectory.q(0), stop->trajectory.qdot(0));
-  return std::move(stop->trajectory);
+  auto stop = SIDESTEP_TRY(retime(cut(trajectory, from_s, from_s + way_s), limits,
+                                  {.least_stages = kStages, .stop_at_goal = true}));
+  trajectory.sample(from_s, stop.trajectory.q(0), stop.trajectory.qdot(0));
+  return std::move(stop.trajectory);
 }
 
 }  // namespace
 
 Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const MotionLimits& limits) {
-  if (auto sound = check(trajectory, from_s, limits); !sound) return error_of(sound);
+  SIDESTEP_TRY(check(trajectory, from_s, limits));
   const double from = std::clamp(from_s, 0.0, trajectory.duration_s());
   const double left_s = first_rest_s(trajectory, from) - from;
   const RobotState state = state_at(trajectory, from);
-  auto straight = brake_straight(state, limits);
-  if (!straight) return straight;
-  const double straight_way = state.qdot.cwiseAbs().maxCoeff() * straight->duration_s();
+  auto straight = SIDESTEP_TRY(brake_straight(state, limits));
+  const double straight_way = state.qdot.cwiseAbs().maxCoeff() * straight.duration_s();
   if (straight_way < kShortStop) return straight;
 
   MotionLimits while_braking = limits;
@@ -96,7 +94,7 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
     const double speed = std::abs(state.qdot[static_cast<Eigen::Index>(j)]);
     while_braking.velocity[j] = std::max(limits.velocity[j], speed * (1.0 + kFaster));
   }
-  for (double window_s = straight->duration_s();; window_s *= 2.0) {
+  for (double window_s = straight.duration_s();; window_s *= 2.0) {
     const bool is_all = window_s >= left_s;
     const double most_s = std::min(window_s, left_s);
     if (most_s <= 2.0 * kShortStop) break;
@@ -109,7 +107,7 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
       if (stop || reach_s >= left_s) return stop;
     }
     // Slowed down as hard as it may be already, so that rounding is too much: it ends with the way.
-    const bool is_ending = left_s <= kReaches.back() * straight->duration_s();
+    const bool is_ending = left_s <= kReaches.back() * straight.duration_s();
     if (is_all && is_ending) return stop_within(trajectory, from, left_s, while_braking);
     if (is_all) break;
   }

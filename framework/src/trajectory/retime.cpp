@@ -32,7 +32,7 @@ std::string number(double value) { return format("%.4g", value); }
 
 Result<void> check(const Trajectory& path, const MotionLimits& limits,
                    const RetimeSettings& settings) {
-  if (auto sound = path.validate(); !sound) return sound;
+  SIDESTEP_TRY(path.validate());
   const auto dof = static_cast<std::size_t>(path.dof);
   if (limits.velocity.size() != dof || limits.acceleration.size() != dof) {
     return invalid("there are limits of " + std::to_string(limits.velocity.size()) +
@@ -282,11 +282,11 @@ Retiming Retimer::at_rest() const {
 Result<Retiming> Retimer::run() {
   middle_.resize(dof());
   if (!(stages_.length() > kStaysPut) || stages_.size() == 0) return at_rest();
-  if (auto able = release_resting_joints(); !able) return error_of(able);
+  SIDESTEP_TRY(release_resting_joints());
   const int last = path_.size() - 1;
   for (const auto& [state, which] : {std::pair(0, "start"), std::pair(last, "goal")}) {
     if (state == last && settings_.stop_at_goal) continue;
-    if (auto able = check_end(state, which); !able) return error_of(able);
+    SIDESTEP_TRY(check_end(state, which));
   }
   const double x_start = squared_speed(0, stages_[0].still_from);
   const double x_goal =
@@ -309,7 +309,7 @@ Result<Retiming> Retimer::run() {
 
 Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
                         const RetimeSettings& settings) {
-  if (auto sound = check(path, limits, settings); !sound) return error_of(sound);
+  SIDESTEP_TRY(check(path, limits, settings));
   auto motion = detail::stop_and_go(path, limits, kInside, PathStages::kSameDirection);
   if (motion) return Retiming{std::move(*motion), 0.0};
   return Retimer(path, limits, settings).run();

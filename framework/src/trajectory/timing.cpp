@@ -103,7 +103,7 @@ Horizon estimate_horizon(const RobotDescription& robot, std::span<const double> 
 
 Result<Trajectory> time_path(const RobotDescription& robot, std::span<const double> path,
                              double speed_fraction) {
-  if (auto checked = check_path(robot, path, speed_fraction); !checked) return error_of(checked);
+  SIDESTEP_TRY(check_path(robot, path, speed_fraction));
   const auto dof = static_cast<std::size_t>(robot.dof());
   std::vector<std::size_t> vertices = corners(path, dof);
   if (vertices.size() == 1) vertices.push_back(vertices.front());  // a path that stays put

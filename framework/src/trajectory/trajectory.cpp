@@ -68,7 +68,7 @@ Result<void> Trajectory::validate() const {
       return invalid("the trajectory's times do not increase at state " + std::to_string(i));
     }
   }
-  if (auto finite = require_finite(positions, dof, "position"); !finite) return finite;
+  SIDESTEP_TRY(require_finite(positions, dof, "position"));
   return require_finite(velocities, dof, "velocity");
 }
 

@@ -123,7 +123,7 @@ Result<Node> GoalWishes::base_pose(const Transform& T_world_goal,
       {odometry_->x_joint, T_world_goal.translation().x()},
       {odometry_->y_joint, T_world_goal.translation().y()},
       {odometry_->yaw_joint, yaw_now + std::remainder(yaw - yaw_now, 2.0 * std::numbers::pi)}};
-  if (auto inside = check_box(topic, positions); !inside) return error_of(inside);
+  SIDESTEP_TRY(check_box(topic, positions));
   return state_wish(topic, positions);
 }
 
@@ -164,7 +164,7 @@ Result<Node> GoalWishes::joints(const ros_messages::JointState& message) const {
       return refuse(topic, "it names joint '" + message.name[i] + "' twice");
     }
   }
-  if (auto inside = check_box(topic, positions); !inside) return error_of(inside);
+  SIDESTEP_TRY(check_box(topic, positions));
   return state_wish(topic, positions);
 }
 
@@ -177,7 +177,7 @@ Result<Node> GoalWishes::named_pose(const std::string& name) const {
       if (pose->positions[j]) positions[robot.joints[j].name] = *pose->positions[j];
     }
   }
-  if (auto inside = check_box(topic, positions); !inside) return error_of(inside);
+  SIDESTEP_TRY(check_box(topic, positions));
   const WishWriter write(topic);
   return write.map({{"goal", write.map({{"pose", write.text(name)}})}});
 }

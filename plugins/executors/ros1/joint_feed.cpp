@@ -48,9 +48,7 @@ Result<JointFeed> JointFeed::create(const RobotDescription& robot, const Options
   feed.odometry_ = {"odometry", odometry.topic, options.watch.max_odometry_age_s, {}};
   feed.is_twist_in_base_ = odometry.twist_in == "base";
   const auto find = [&](const std::string& name, const char* key, int& into) -> Result<void> {
-    const auto index = joint_of(robot, name, std::string("executor.odometry.") + key);
-    if (!index) return error_of(index);
-    into = *index;
+    into = SIDESTEP_TRY(joint_of(robot, name, std::string("executor.odometry.") + key));
     Channel& channel = feed.channels_[idx(into)];
     channel.is_odometry = true;
     // Yaw is told within a turn, and goes on beyond it.

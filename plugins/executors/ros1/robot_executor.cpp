@@ -47,7 +47,7 @@ Result<void> RobotExecutor::connect() {
   std::optional<std::string> trouble;
   do {
     link_.serve();
-    if (auto updated = ros1_node::update(time_, clock_); !updated) return updated;
+    SIDESTEP_TRY(ros1_node::update(time_, clock_));
     trouble = link_.trouble(ros_messages::to_stamp(::ros::Time::now()));
     const auto deaf = link_.deaf_controllers();
     if (!trouble && !deaf.empty()) trouble = "no controller listens on " + deaf.front();
@@ -107,7 +107,7 @@ bool RobotExecutor::stands_by_itself() const {
 Result<Eigen::VectorXd> RobotExecutor::attend() {
   const std::lock_guard lock(mutex_);
   link_.serve();
-  if (auto updated = ros1_node::update(time_, clock_); !updated) return error_of(updated);
+  SIDESTEP_TRY(ros1_node::update(time_, clock_));
   const Stamp now = clock_.now();
   auto state = state_at(now);
   if (!state) return fail(ErrorCode::kIo, "the robot's state is not known", kWhere);
@@ -118,7 +118,7 @@ Result<Eigen::VectorXd> RobotExecutor::attend() {
 Result<Executor::Measured> RobotExecutor::current() {
   const std::lock_guard lock(mutex_);
   link_.serve();
-  if (auto updated = ros1_node::update(time_, clock_); !updated) return error_of(updated);
+  SIDESTEP_TRY(ros1_node::update(time_, clock_));
   const Stamp now = clock_.now();
   if (auto trouble = link_.trouble(time_.to_ros(now))) {
     return fail(ErrorCode::kIo, *trouble, kWhere);
@@ -136,15 +136,12 @@ Result<void> RobotExecutor::follow(const Trajectory& trajectory, Stamp start) {
   const RobotDescription& robot = robot_->description();
   const auto sound = check_motion(trajectory, robot, options_.velocity_tolerance);
   if (!sound) return refuse(sound.error().message);
-  if (auto updated = ros1_node::update(time_, clock_); !updated) return updated;
+  SIDESTEP_TRY(ros1_node::update(time_, clock_));
   const Stamp now = clock_.now(), from = std::max(start, now);
-  const auto near = check_start(trajectory, 1e-9 * static_cast<double>(from.ns - start.ns),
-                                expected_at(from), robot, options_.start_tolerance);
-  if (!near) return near;
-  if (auto inside = check_box(trajectory, robot, options_); !inside) return inside;
-  if (auto confirmed = confirmation_.check(trajectory, moves(now), link_); !confirmed) {
-    return confirmed;
-  }
+  SIDESTEP_TRY(check_start(trajectory, 1e-9 * static_cast<double>(from.ns - start.ns),
+                           expected_at(from), robot, options_.start_tolerance));
+  SIDESTEP_TRY(check_box(trajectory, robot, options_));
+  SIDESTEP_TRY(confirmation_.check(trajectory, moves(now), link_));
   adopt(trajectory, start);
   commands_.send(told_, now, time_);
   return {};

@@ -41,9 +41,8 @@ class ErrandExecutor final : public RobotExecutor, public GoalSource {
 Result<std::unique_ptr<RobotExecutor>> make_executor(const Options& options,
                                                      const HostContext& context, Parts parts) {
   if (!options.goals) return std::make_unique<RobotExecutor>(options, context, std::move(parts));
-  auto wishes = GoalWishes::create(context.robot, options);
-  if (!wishes) return error_of(wishes);
-  return std::make_unique<ErrandExecutor>(options, context, std::move(parts), std::move(*wishes));
+  auto wishes = SIDESTEP_TRY(GoalWishes::create(context.robot, options));
+  return std::make_unique<ErrandExecutor>(options, context, std::move(parts), std::move(wishes));
 }
 
 }  // namespace
@@ -54,27 +53,20 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
     return fail(ErrorCode::kUnsupported, "there is no robot to move", kWhere);
   }
   const RobotDescription& robot = context.robot->description();
-  auto feed = JointFeed::create(robot, options);
-  if (!feed) return error_of(feed);
-  auto writer = CommandWriter::create(robot, options);
-  if (!writer) return error_of(writer);
-  auto painter =
-      MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame);
-  if (!painter) return error_of(painter);
+  auto feed = SIDESTEP_TRY(JointFeed::create(robot, options));
+  auto writer = SIDESTEP_TRY(CommandWriter::create(robot, options));
+  auto painter = SIDESTEP_TRY(
+      MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame));
   std::optional<Gaze> gaze;
   if (options.look) {
-    auto made = Gaze::create(robot, *options.odometry, *options.look);
-    if (!made) return error_of(made);
-    gaze = std::move(*made);
+    gaze = SIDESTEP_TRY(Gaze::create(robot, *options.odometry, *options.look));
   }
-  auto master = ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s);
-  if (!master) return error_of(master);
-  auto executor = make_executor(options, context,
-                                {std::move(*master), std::move(*feed), std::move(*writer),
-                                 std::move(*painter), std::move(gaze)});
-  if (!executor) return error_of(executor);
-  if (auto connected = (*executor)->connect(); !connected) return error_of(connected);
-  return std::unique_ptr<Executor>(std::move(*executor));
+  auto master = SIDESTEP_TRY(ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s));
+  auto executor = SIDESTEP_TRY(make_executor(options, context,
+                                             {std::move(master), std::move(feed), std::move(writer),
+                                              std::move(painter), std::move(gaze)}));
+  SIDESTEP_TRY(executor->connect());
+  return std::unique_ptr<Executor>(std::move(executor));
 }
 
 }  // namespace sidestep::ros1_executor

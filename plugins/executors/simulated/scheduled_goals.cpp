@@ -17,12 +17,11 @@ Result<ScheduledGoals> ScheduledGoals::read(const Node& goals) {
       return tl::make_unexpected(
           entry.error("the goal has no `at_s`", "say when it comes, in seconds of the run"));
     }
-    const auto at_s = at->as_double();
-    if (!at_s) return error_of(at_s);
-    if (!read.waiting_.empty() && *at_s < read.waiting_.back().at_s) {
+    const auto at_s = SIDESTEP_TRY(at->as_double());
+    if (!read.waiting_.empty() && at_s < read.waiting_.back().at_s) {
       return tl::make_unexpected(at->error("the goal comes before the one above it"));
     }
-    Scheduled goal{*at_s, {std::to_string(read.waiting_.size() + 1), {}}};
+    Scheduled goal{at_s, {std::to_string(read.waiting_.size() + 1), {}}};
     Node::Map wish;
     for (const Node::Entry& part : entry.entries()) {
       if (part.key != "at_s") wish.push_back(part);

@@ -73,12 +73,12 @@ class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSo
   }
 
   Result<void> follow(const Trajectory& trajectory, Stamp start) override {
-    if (auto fits = check(trajectory); !fits) return fits;
+    SIDESTEP_TRY(check(trajectory));
     const std::lock_guard lock(mutex_);
     const Stamp now = bring_forward();
     const Stamp felt_start = later(start);
     const Stamp from = std::max(felt_start, later(now));
-    if (auto near = check_start(trajectory, felt_start, from); !near) return near;
+    SIDESTEP_TRY(check_start(trajectory, felt_start, from));
     robot_.follow(std::make_shared<const Trajectory>(trajectory), felt_start, from);
     motion_->follow(trajectory, start);
     return {};
@@ -177,12 +177,10 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   if (context.robot == nullptr) {
     return fail(ErrorCode::kUnsupported, "there is no robot to move", "executor simulated");
   }
-  auto start = read_start(options.start, context.robot->description());
-  if (!start) return error_of(start);
-  auto goals = ScheduledGoals::read(options.goals);
-  if (!goals) return error_of(goals);
+  auto start = SIDESTEP_TRY(read_start(options.start, context.robot->description()));
+  auto goals = SIDESTEP_TRY(ScheduledGoals::read(options.goals));
   return std::unique_ptr<Executor>(
-      std::make_unique<SimulatedExecutor>(options, context, std::move(*start), std::move(*goals)));
+      std::make_unique<SimulatedExecutor>(options, context, std::move(start), std::move(goals)));
 }
 
 }  // namespace sidestep::simulated

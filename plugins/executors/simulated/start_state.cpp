@@ -30,9 +30,7 @@ Result<Eigen::VectorXd> read_start(const Node& start, const RobotDescription& ro
   for (const auto& [name, mark, value] : start.entries()) {
     const auto joint = robot.joint_index(name);
     if (!joint) return tl::make_unexpected(unknown_joint(value, name, robot));
-    const auto position = value.as_double();
-    if (!position) return error_of(position);
-    q[*joint] = *position;
+    q[*joint] = SIDESTEP_TRY(value.as_double());
   }
   for (int j = 0; j < robot.dof(); ++j) {
     const Joint& joint = robot.joints[static_cast<std::size_t>(j)];

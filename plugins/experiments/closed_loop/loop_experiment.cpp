@@ -32,15 +32,14 @@ Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts
                                    const std::string& identity,
                                    const std::function<Result<void>(Recorder& recorder)>& work) {
   const auto file = context.out / "results.sqlite";
-  auto store =
-      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, facts.provenance);
-  if (!store) return error_of(store);
-  Recorder recorder(**store);
+  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
+                                           : ResultsStore::open(file, facts.provenance));
+  Recorder recorder(*store);
   if (!context.resume) record_replan_run(identity, recorder);
-  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+  SIDESTEP_TRY(recorder.commit());
   // Held here, so that episodes before one that cannot be run are kept.
   auto done = contained("the closed loop", [&] { return work(recorder); });
-  store->reset();
+  store.reset();
   // One without end is ended by a stop, and not interrupted.
   facts.interrupted = context.stop.stop_requested() && facts.planned_episodes > 0;
   return conclude_replan(std::move(facts), std::move(done), file);

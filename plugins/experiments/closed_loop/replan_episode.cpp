@@ -106,16 +106,15 @@ Result<void> EpisodeRun::find_goal() {
       make_problem(world_.robot, std::move(field), planning, world_.q_start, world_.q_goal);
   problem.terms.insert(problem.terms.end(), settings_.task.terms.begin(),
                        settings_.task.terms.end());
-  const auto solution = in_stage(plugin_of(world_.optimiser), [&] {
+  const auto solution = SIDESTEP_TRY(in_stage(plugin_of(world_.optimiser), [&] {
     return world_.optimiser->solve(
         problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
         Deadline::after_s(planning.time_limit_s, context_.stop));
-  });
-  if (!solution) return error_of(solution);
-  if (solution->trajectory.size() == 0) {
-    return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution->reason);
+  }));
+  if (solution.trajectory.size() == 0) {
+    return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution.reason);
   }
-  const auto q = solution->trajectory.q(solution->trajectory.size() - 1);
+  const auto q = solution.trajectory.q(solution.trajectory.size() - 1);
   if (const std::string miss = goal_miss(problem, q); !miss.empty()) {
     return fail(ErrorCode::kNotFound, "no goal configuration was found: " + miss);
   }
@@ -184,7 +183,7 @@ Result<EpisodeRecord> EpisodeRun::run() {
   record_.frames = static_cast<std::int64_t>(record_.mapping.size());
   record_.frames_dropped = mapped.dropped;
   record_.following = mapping_.following();
-  if (auto found = find_truth(); !found) return error_of(found);
+  SIDESTEP_TRY(find_truth());
   judge();
   show_.end(record_);
   return std::move(record_);
@@ -329,9 +328,7 @@ Result<void> EpisodeRun::find_truth() {
   TrueMotionSettings truth;
   const auto& allowed = settings_.check.allowed_contacts;
   truth.allowed_contacts.assign(allowed.begin(), allowed.end());
-  auto found = check_true_motion(world_.robot, world_.scene, record_.poses, truth);
-  if (!found) return error_of(found);
-  record_.truth = std::move(*found);
+  record_.truth = SIDESTEP_TRY(check_true_motion(world_.robot, world_.scene, record_.poses, truth));
   for (const TrueContact& contact : record_.truth.contacts) {
     record_.contacts.push_back(
         {contact, cause_of(contact, record_, settings_.replanner.rest_speed)});
@@ -371,7 +368,7 @@ Result<EpisodeRecord> run_episode(ExperimentContext& context, const ReplanConfig
                                   EpisodeProgress::Tell progress) {
   SnapshotSlot slot;
   EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
-  if (auto attached = mapping.attach(); !attached) return error_of(attached);
+  SIDESTEP_TRY(mapping.attach());
   return run_episode(context, {settings, world, slot, mapping, {}, std::move(progress)}, episode);
 }
 

@@ -53,10 +53,9 @@ StoredArray array_of(ResultsReader& results, const std::string& series, std::int
 
 Result<std::vector<View>> read_views(ResultsReader& results, std::int64_t episode) {
   const std::string series = "picture/" + std::to_string(episode);
-  const auto items = results.array_items(series, "robot");
-  if (!items) return error_of(items);
+  const auto items = SIDESTEP_TRY(results.array_items(series, "robot"));
   std::vector<View> views;
-  for (const std::int64_t item : *items) {
+  for (const std::int64_t item : items) {
     const auto read = [&](const std::string& key) { return array_of(results, series, item, key); };
     const auto number = [&](const std::string& key) {
       const auto value = results.number(series, item, key);
@@ -180,8 +179,7 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
           " over time: what mapping took for each frame and planning for each attempt, and "
           "what the replanner did.",
       Canvas(kWidth, kTimes + kLane * kLanes.size() + 10.0)};
-  const auto events = read_events(results, episode);
-  if (!events) return error_of(events);
+  const auto events = SIDESTEP_TRY(read_events(results, episode));
   const StoredArray mapping = array_of(results, "episode", episode, "mapping");
   const auto begin = results.number("episode", episode, "begin_s");
   const auto duration_s = results.number("episode", episode, "duration_s");
@@ -190,12 +188,12 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
   const MappingTimes mapped = mapping_times(mapping);
   double longest_ms = 1.0;
   for (const double took_ms : mapped.took_ms) longest_ms = std::max(longest_ms, took_ms);
-  for (const auto& [item, event] : *events) longest_ms = std::max(longest_ms, event.solve_ms);
+  for (const auto& [item, event] : events) longest_ms = std::max(longest_ms, event.solve_ms);
   Axes axes(figure.canvas, {90.0, 0.0, kWidth - 90.0, kTimes}, {begin_s, end_s},
             {0.0, 1.08 * longest_ms}, {"", "time [s]", "mapping, planning [ms]"});
   axes.grid();
   axes.line(mapped.at_s, mapped.took_ms, {palette::kBlue, 1.1, {}});
-  for (const auto& [item, event] : *events) {
+  for (const auto& [item, event] : events) {
     if (event.solve_ms > 0.0) {
       figure.canvas.circle(axes.at(event.time_s, event.solve_ms), 2.2, palette::kOrange);
     }
@@ -207,7 +205,7 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
     figure.canvas.text({4.0, y + 4.0}, std::string(to_string(kind)), {.size = 11.0});
     const std::array line = {Point{axes.at(begin_s, 0.0).x, y}, Point{axes.at(end_s, 0.0).x, y}};
     figure.canvas.line(line, {palette::kPale, 1.0, {}});
-    for (const auto& [item, event] : *events) {
+    for (const auto& [item, event] : events) {
       if (event.kind == kind)
         figure.canvas.circle({axes.at(event.time_s, 0.0).x, y}, 3.2, its_colour);
     }
@@ -255,12 +253,9 @@ std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
 
 Result<std::vector<Figure>> replan_figures(ResultsReader& results, std::int64_t episode) {
   std::vector<Figure> figures;
-  const auto views = read_views(results, episode);
-  if (!views) return error_of(views);
-  if (!views->empty()) figures.push_back(above_figure(*views, episode));
-  auto timeline = timeline_figure(results, episode);
-  if (!timeline) return error_of(timeline);
-  figures.push_back(std::move(*timeline));
+  const auto views = SIDESTEP_TRY(read_views(results, episode));
+  if (!views.empty()) figures.push_back(above_figure(views, episode));
+  figures.push_back(SIDESTEP_TRY(timeline_figure(results, episode)));
   return figures;
 }
 

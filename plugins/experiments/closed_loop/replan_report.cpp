@@ -60,10 +60,9 @@ std::string comparison_section(const Json& summary) {
 Result<std::vector<double>> numbers_of(ResultsReader& results, const std::string& series,
                                        std::string_view wanted) {
   std::vector<double> values;
-  auto read = results.visit(series, [&](std::int64_t, std::string_view key, double value) {
+  SIDESTEP_TRY(results.visit(series, [&](std::int64_t, std::string_view key, double value) {
     if (key == wanted && std::isfinite(value)) values.push_back(value);
-  });
-  if (!read) return error_of(read);
+  }));
   return values;
 }
 
@@ -81,10 +80,9 @@ Result<std::string> spread_section(ResultsReader& results, const std::filesystem
       Quantity{"episode", "min_true_clearance_m", "least true clearance [m]"}};
   std::vector<Spread> spreads;
   for (const Quantity& quantity : kQuantities) {
-    auto values = numbers_of(results, quantity.series, quantity.key);
-    if (!values) return error_of(values);
-    std::erase(*values, 0.0);  // events without a solve
-    spreads.push_back({quantity.label, std::move(*values)});
+    auto values = SIDESTEP_TRY(numbers_of(results, quantity.series, quantity.key));
+    std::erase(values, 0.0);  // events without a solve
+    spreads.push_back({quantity.label, std::move(values)});
   }
   return figure_section(spread_figures(spreads), run);
 }
@@ -92,9 +90,8 @@ Result<std::string> spread_section(ResultsReader& results, const std::filesystem
 /// The first episode that was run, then those that failed, then the second.
 Result<std::vector<std::int64_t>> chosen_episodes(const Json& summary, ResultsReader& results) {
   std::set<std::int64_t> run;  // numbered from experiment.first_episode
-  auto read = results.visit("episode",
-                            [&](std::int64_t item, std::string_view, double) { run.insert(item); });
-  if (!read) return error_of(read);
+  SIDESTEP_TRY(results.visit(
+      "episode", [&](std::int64_t item, std::string_view, double) { run.insert(item); }));
   std::vector<std::int64_t> chosen;
   const auto choose = [&](std::int64_t episode) {
     if (chosen.size() < kPicturedEpisodes && std::ranges::find(chosen, episode) == chosen.end()) {
@@ -110,10 +107,9 @@ Result<std::vector<std::int64_t>> chosen_episodes(const Json& summary, ResultsRe
 }
 
 Result<std::string> events_section(ResultsReader& results, std::int64_t episode) {
-  const auto events = read_events(results, episode);
-  if (!events) return error_of(events);
+  const auto events = SIDESTEP_TRY(read_events(results, episode));
   std::vector<Row> rows;
-  for (const auto& [item, event] : *events) {
+  for (const auto& [item, event] : events) {
     const auto text = [&, item = item](const char* key) {
       const auto value = results.text("event", item, key);
       return value ? value->value_or("") : std::string();
@@ -140,20 +136,15 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
                      comparison_section(summary) + collisions_section(summary) +
                      failures_section(at(summary, "/failures"));
   if (!at(summary, "/episodes").is_number_integer()) return html;
-  auto spread = spread_section(results, run);
-  if (!spread) return spread;
-  html += *spread;
-  const auto chosen = chosen_episodes(summary, results);
-  if (!chosen) return error_of(chosen);
-  for (const std::int64_t episode : *chosen) {
+  auto spread = SIDESTEP_TRY(spread_section(results, run));
+  html += spread;
+  const auto chosen = SIDESTEP_TRY(chosen_episodes(summary, results));
+  for (const std::int64_t episode : chosen) {
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
-    const auto figures = replan_figures(results, episode);
-    if (!figures) return error_of(figures);
-    auto section = figure_section(*figures, run);
-    if (!section) return section;
-    auto events = events_section(results, episode);
-    if (!events) return events;
-    html += *section + *events;
+    const auto figures = SIDESTEP_TRY(replan_figures(results, episode));
+    auto section = SIDESTEP_TRY(figure_section(figures, run));
+    auto events = SIDESTEP_TRY(events_section(results, episode));
+    html += section + events;
   }
   return html;
 }

@@ -213,39 +213,32 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
 }
 
 Result<StoredRow<EventRow>::Rows> read_events(ResultsReader& reader, std::int64_t episode) {
-  auto events = stored_event().read_all(reader, "event", kFile);
-  if (!events) return events;
-  std::erase_if(*events, [&](const auto& event) { return event.second.episode != episode; });
+  auto events = SIDESTEP_TRY(stored_event().read_all(reader, "event", kFile));
+  std::erase_if(events, [&](const auto& event) { return event.second.episode != episode; });
   return events;
 }
 
 Result<ReplanRows> read_replan_rows(const std::filesystem::path& path) {
-  auto reader = ResultsReader::open(path);
-  if (!reader) return error_of(reader);
+  auto reader = SIDESTEP_TRY(ResultsReader::open(path));
   const std::string file = path.string();
   ReplanRows rows;
-  auto identity = (*reader)->text("run", 0, "identity");
-  if (!identity) return error_of(identity);
-  if (!*identity) return fail(ErrorCode::kIo, "holds no replan experiment", file);
-  rows.identity = std::move(**identity);
-  auto episodes = stored_episode().read_all(**reader, "episode", file);
-  if (!episodes) return error_of(episodes);
-  const auto events = stored_event().read_all(**reader, "event", file);
-  if (!events) return error_of(events);
-  const auto contacts = stored_contact().read_all(**reader, "contact", file);
-  if (!contacts) return error_of(contacts);
-  const auto guesses = stored_guess().read_all(**reader, "guess", file);
-  if (!guesses) return error_of(guesses);
-  for (auto& [number, episode] : *episodes) {
+  auto identity = SIDESTEP_TRY(reader->text("run", 0, "identity"));
+  if (!identity) return fail(ErrorCode::kIo, "holds no replan experiment", file);
+  rows.identity = std::move(*identity);
+  auto episodes = SIDESTEP_TRY(stored_episode().read_all(*reader, "episode", file));
+  const auto events = SIDESTEP_TRY(stored_event().read_all(*reader, "event", file));
+  const auto contacts = SIDESTEP_TRY(stored_contact().read_all(*reader, "contact", file));
+  const auto guesses = SIDESTEP_TRY(stored_guess().read_all(*reader, "guess", file));
+  for (auto& [number, episode] : episodes) {
     episode.episode = number;
     rows.episodes.push_back(std::move(episode));
   }
-  for (const auto& [item, event] : *events) {
+  for (const auto& [item, event] : events) {
     const auto its = std::ranges::find(rows.episodes, event.episode, &EpisodeRow::episode);
     if (its != rows.episodes.end()) add_event(event, *its);
   }
-  for (const auto& [item, contact] : *contacts) rows.contacts.push_back(contact);
-  for (const auto& [item, guess] : *guesses) {
+  for (const auto& [item, contact] : contacts) rows.contacts.push_back(contact);
+  for (const auto& [item, guess] : guesses) {
     auto known = std::ranges::find(rows.guesses, guess.guess, &Replanner::GuessCount::guess);
     if (known == rows.guesses.end()) known = rows.guesses.insert(known, {guess.guess, 0, 0});
     known->tried += guess.tried;

@@ -331,11 +331,10 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
 
 Result<ExperimentOutcome> conclude_replan(ReplanFacts facts, Result<void> done,
                                           const std::filesystem::path& results) {
-  auto rows = read_replan_rows(results);
-  if (!rows) return error_of(rows);
-  if (!done && rows->episodes.empty()) return error_of(done);
+  auto rows = SIDESTEP_TRY(read_replan_rows(results));
+  if (!done && rows.episodes.empty()) return error_of(done);
   if (!done) facts.fault = std::move(done.error());
-  return summarise_replan(facts, *rows);
+  return summarise_replan(facts, rows);
 }
 
 }  // namespace sidestep

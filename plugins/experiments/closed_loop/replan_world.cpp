@@ -60,8 +60,7 @@ class StateDraw {
       const auto& allowed = settings_.check.allowed_contacts;
       touching.allowed_contacts.assign(allowed.begin(), allowed.end());
     }
-    auto check = make_shape_check(robot_, obstacles, touching);
-    if (!check) return error_of(check);
+    auto check = SIDESTEP_TRY(make_shape_check(robot_, obstacles, touching));
     std::mt19937_64 generator(derive_seed(seed, what));
     for (int i = 0; i < random.draws; ++i) {
       for (const RandomJoint& range : ranges) {
@@ -71,9 +70,8 @@ class StateDraw {
       }
       Trajectory standing = make_trajectory(robot_->description().dof(), 2, 1e-3);
       for (int state : {0, 1}) std::copy(q.begin(), q.end(), standing.q(state).begin());
-      const auto verdict = (*check)->check(standing, 0.0, Deadline());
-      if (!verdict) return error_of(verdict);
-      const bool is_free = verdict->valid() && verdict->min_clearance_m >= random.clearance_m;
+      const auto verdict = SIDESTEP_TRY(check->check(standing, 0.0, Deadline()));
+      const bool is_free = verdict.valid() && verdict.min_clearance_m >= random.clearance_m;
       if (is_free) return q;
     }
     return fail(ErrorCode::kConfig,
@@ -91,13 +89,12 @@ class StateDraw {
 Result<void> draw_ends(const ReplanConfiguration& settings, std::uint64_t seed,
                        ReplanWorld& world) {
   const StateDraw states(settings, world.robot, world.scene);
-  auto start = states.draw("start", settings.q_start, settings.start_ranges, 0.0, seed);
-  if (!start) return error_of(start);
-  auto goal = states.draw("goal", settings.q_goal, settings.goal_ranges,
-                          settings.experiment.duration_s, seed);
-  if (!goal) return error_of(goal);
-  world.q_start = std::move(*start);
-  world.q_goal = std::move(*goal);
+  auto start =
+      SIDESTEP_TRY(states.draw("start", settings.q_start, settings.start_ranges, 0.0, seed));
+  auto goal = SIDESTEP_TRY(states.draw("goal", settings.q_goal, settings.goal_ranges,
+                                       settings.experiment.duration_s, seed));
+  world.q_start = std::move(start);
+  world.q_goal = std::move(goal);
   return {};
 }
 
@@ -144,10 +141,9 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   Maker maker(context.configuration, context.host, {robot, world.motion, world.clock.get(), seed});
   maker.make("source", world.source);
   if (maker.error()) return tl::make_unexpected(std::move(*maker.error()));
-  auto scene = true_scene(world.source);
-  if (!scene) return error_of(scene);
-  world.scene = std::move(*scene);
-  if (auto drawn = draw_ends(settings, seed, world); !drawn) return error_of(drawn);
+  auto scene = SIDESTEP_TRY(true_scene(world.source));
+  world.scene = std::move(scene);
+  SIDESTEP_TRY(draw_ends(settings, seed, world));
   maker.make("mapper", world.mapper);
   maker.make("field", world.field_builder);
   maker.make("optimiser", world.optimiser);

@@ -78,13 +78,12 @@ class Deployment {
 };
 
 Result<void> Deployment::run(Recorder& recorder) {
-  if (auto attached = mapping_.attach(); !attached) return attached;
+  SIDESTEP_TRY(mapping_.attach());
   while (auto goal = wait_for_goal()) {
     if (goal->is_stop) continue;  // it stands already
-    const auto done = go_to(*goal);
-    if (!done) return error_of(done);
-    record_episode(*done, *world_.robot, settings_.deploy.pictures, recorder);
-    if (auto saved = recorder.commit(); !saved) return saved;
+    const auto done = SIDESTEP_TRY(go_to(*goal));
+    record_episode(done, *world_.robot, settings_.deploy.pictures, recorder);
+    SIDESTEP_TRY(recorder.commit());
     ++episode_;
     if (mapping_.fault()) return tl::make_unexpected(*mapping_.fault());
     if (settings_.deploy.goals > 0 && episode_ >= settings_.deploy.goals) break;
@@ -204,9 +203,9 @@ void Deployment::report(const std::string& id, State state, std::string message,
 }
 
 Result<Eigen::VectorXd> Deployment::measured() {
-  auto current = guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
-  if (!current) return error_of(current);
-  return std::move(current->state.q);
+  auto current =
+      SIDESTEP_TRY(guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); }));
+  return std::move(current.state.q);
 }
 
 double Deployment::farthest_joint() {
@@ -222,18 +221,17 @@ Result<ExperimentOutcome> run_deploy(ExperimentContext& context) {
       read_deploy_configuration(context.configuration, robot->description(), errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   stand_on_floor(settings.loop.planning, *robot);
-  auto world = make_replan_world(context, settings.loop, robot, 0);
-  if (!world) return error_of(world);
-  auto* goals = dynamic_cast<GoalSource*>(world->executor.get());
+  auto world = SIDESTEP_TRY(make_replan_world(context, settings.loop, robot, 0));
+  auto* goals = dynamic_cast<GoalSource*>(world.executor.get());
   if (goals == nullptr) {
-    return fail(ErrorCode::kConfig, plugin_of(world->executor) + " takes no goals while it runs",
+    return fail(ErrorCode::kConfig, plugin_of(world.executor) + " takes no goals while it runs",
                 block_of(context.configuration, "executor").mark().to_string(),
                 "an experiment of type replan has its goal in the configuration");
   }
   ReplanFacts facts = facts_of(context, settings.loop.experiment, robot->description());
   facts.planned_episodes = settings.deploy.goals;
   return run_loop(context, std::move(facts), "", [&](Recorder& recorder) {
-    return Deployment(context, settings, *world, *goals).run(recorder);
+    return Deployment(context, settings, world, *goals).run(recorder);
   });
 }
 

@@ -68,30 +68,25 @@ class RobotStudy {
 Result<std::unique_ptr<RobotStudy>> RobotStudy::make(const FieldStudy& study, std::size_t index,
                                                      ExperimentContext& context) {
   const StudyRobot& settings = study.robots[index];
-  auto model = context.host.create<RobotModel>(settings.entry.robot);
-  if (!model) return error_of(model);
+  auto model = SIDESTEP_TRY(context.host.create<RobotModel>(settings.entry.robot));
   std::unique_ptr<RobotStudy> robot(
-      new RobotStudy(settings, study.check, study.optimiser_block, std::move(*model)));
-  auto states = draw_states(settings, robot->robot_, study.settings.states, context.seed);
-  if (!states) return error_of(states);
-  robot->states_ = std::move(*states);
+      new RobotStudy(settings, study.check, study.optimiser_block, std::move(model)));
+  robot->states_ =
+      SIDESTEP_TRY(draw_states(settings, robot->robot_, study.settings.states, context.seed));
   for (const bool is_signed : {false, true}) {
-    auto builder = context.host.create<FieldBuilder>(
-        study_field_block(study.field_block, is_signed), robot->robot_);
-    if (!builder) return error_of(builder);
-    auto attached = in_stage(plugin_of(*builder), [&] { return (*builder)->attach(robot->map_); });
-    if (!attached) return error_of(attached);
-    robot->builders_.push_back(std::move(*builder));
+    auto builder = SIDESTEP_TRY(context.host.create<FieldBuilder>(
+        study_field_block(study.field_block, is_signed), robot->robot_));
+    SIDESTEP_TRY(in_stage(plugin_of(builder), [&] { return builder->attach(robot->map_); }));
+    robot->builders_.push_back(std::move(builder));
   }
   return robot;
 }
 
 Result<void> RobotStudy::prepare(int threads, bool skips_collisions, ExperimentContext& context) {
   for (int t = 0; t < threads; ++t) {
-    auto optimiser = context.host.create<Optimiser>(optimiser_block_, robot_);
-    if (!optimiser) return error_of(optimiser);
+    auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(optimiser_block_, robot_));
     solvers_.push_back(std::make_unique<StudySolver>(settings_, robot_, states_,
-                                                     std::move(*optimiser), skips_collisions));
+                                                     std::move(optimiser), skips_collisions));
   }
   return {};
 }
@@ -105,11 +100,10 @@ Result<RobotStudy::Prepared> RobotStudy::make_scene(int scene, int boxes, std::u
   const MapUpdate update = map_.set_boxes(drawn);
   for (const std::size_t kind : {kUnsigned, kSigned}) {
     const Stopwatch watch;
-    auto field =
-        in_stage(plugin_of(builders_[kind]), [&] { return builders_[kind]->update(update); });
-    if (!field) return error_of(field);
+    auto field = SIDESTEP_TRY(
+        in_stage(plugin_of(builders_[kind]), [&] { return builders_[kind]->update(update); }));
     prepared.row.field_ms[kind] = watch.elapsed_ms();
-    prepared.scene.fields[kind] = std::move(*field);
+    prepared.scene.fields[kind] = std::move(field);
   }
   const auto truth = std::make_shared<const BoxField>(drawn);
   prepared.scene.state_free = free_states(*truth);
@@ -219,17 +213,16 @@ Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
   std::vector<StudyRobotRows> rows;
   const FieldStudySettings& settings = study_.settings;
   for (std::size_t r = 0; r < study_.robots.size(); ++r) {
-    auto robot = RobotStudy::make(study_, r, context_);
-    if (!robot) return error_of(robot);
+    auto robot = SIDESTEP_TRY(RobotStudy::make(study_, r, context_));
     StudyRobotRows row;
     row.name = study_.robots[r].entry.name;
-    row.dof = (*robot)->description().dof();
-    row.spheres = static_cast<int>((*robot)->description().spheres.size());
+    row.dof = robot->description().dof();
+    row.spheres = static_cast<int>(robot->description().spheres.size());
     row.states = settings.states;
     row.scenes = settings.scenes;
     row.boxes_per_scene = settings.boxes_per_scene;
     row.resolution_m = study_.robots[r].grid.resolution_m;
-    row.drawn_states = (*robot)->states();
+    row.drawn_states = robot->states();
     row.published = study_.robots[r].entry.published;
     for (int scene = 0; scene < settings.scenes; ++scene) {
       if (in_shard(context_.shard, r, scene, settings.scenes)) row.planned += settings.pairs();
@@ -237,7 +230,7 @@ Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
     total_ += row.planned;
     solved_ += static_cast<std::int64_t>(done_[r].size());
     rows.push_back(std::move(row));
-    robots_.push_back(std::move(*robot));
+    robots_.push_back(std::move(robot));
   }
   return rows;
 }
@@ -265,16 +258,14 @@ Result<void> StudyRun::solve_robot(std::size_t robot) {
     if (std::distance(first, last) < pairs) scenes.push_back(scene);
   }
   if (scenes.empty()) return {};
-  auto prepared =
-      robots_[robot]->prepare(workers_.thread_count(), settings.skips_collisions(), context_);
-  if (!prepared) return prepared;
+  SIDESTEP_TRY(
+      robots_[robot]->prepare(workers_.thread_count(), settings.skips_collisions(), context_));
   const auto in_batch = static_cast<std::size_t>((kProblemsInBatch + pairs - 1) / pairs);
   for (std::size_t first = 0; first < scenes.size(); first += in_batch) {
     if (context_.stop.stop_requested()) return {};
     const auto begin = scenes.begin() + static_cast<std::ptrdiff_t>(first);
     const auto count = std::min(in_batch, scenes.size() - first);
-    auto solved = solve_batch(robot, {begin, begin + static_cast<std::ptrdiff_t>(count)});
-    if (!solved) return solved;
+    SIDESTEP_TRY(solve_batch(robot, {begin, begin + static_cast<std::ptrdiff_t>(count)}));
   }
   return {};
 }
@@ -283,10 +274,10 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
   const std::int64_t pairs = study_.settings.pairs();
   std::vector<RobotStudy::Prepared> prepared;
   for (const int scene : scenes) {
-    auto made = robots_[robot]->make_scene(scene, study_.settings.boxes_per_scene, context_.seed);
-    if (!made) return error_of(made);
-    record_scene(made->row, robot, recorder_);
-    prepared.push_back(std::move(*made));
+    auto made = SIDESTEP_TRY(
+        robots_[robot]->make_scene(scene, study_.settings.boxes_per_scene, context_.seed));
+    record_scene(made.row, robot, recorder_);
+    prepared.push_back(std::move(made));
   }
   std::vector<WorkItem> items;
   for (const RobotStudy::Prepared& one : prepared) {
@@ -295,10 +286,10 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
       items.push_back({&one.scene, pair});
     }
   }
-  const auto solved = solve_all(items, *robots_[robot], workers_, context_, solved_, total_);
-  if (!solved) return error_of(solved);
-  for (const ProblemOutcome& outcome : *solved) record_problem(outcome, robot, recorder_);
-  note_session(std::ssize(*solved));
+  const auto solved =
+      SIDESTEP_TRY(solve_all(items, *robots_[robot], workers_, context_, solved_, total_));
+  for (const ProblemOutcome& outcome : solved) record_problem(outcome, robot, recorder_);
+  note_session(std::ssize(solved));
   return recorder_.commit();
 }
 
@@ -309,10 +300,8 @@ void StudyRun::note_session(std::int64_t problems) {
 /// What an earlier session left, where this run goes on with it: it must be of the same study.
 Result<StudyRecord> earlier_sessions(const ExperimentContext& context, const DividedRun& here) {
   const auto file = context.out / "results.sqlite";
-  auto study = read_study(file);
-  if (!study) return study;
-  auto same = check_same_run(*study, here, file.string());
-  if (!same) return error_of(same);
+  auto study = SIDESTEP_TRY(read_study(file));
+  SIDESTEP_TRY(check_same_run(study, here, file.string()));
   return study;
 }
 
@@ -335,28 +324,24 @@ Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
   std::vector<DoneProblems> done(study.robots.size());
   std::int64_t session = 0;
   if (context.resume) {
-    auto earlier = earlier_sessions(context, record);
-    if (!earlier) return error_of(earlier);
-    session = static_cast<std::int64_t>(earlier->sessions.size());
+    auto earlier = SIDESTEP_TRY(earlier_sessions(context, record));
+    session = static_cast<std::int64_t>(earlier.sessions.size());
     for (std::size_t r = 0; r < done.size(); ++r) {
-      for (const ProblemOutcome& problem : earlier->robots[r].problems) {
+      for (const ProblemOutcome& problem : earlier.robots[r].problems) {
         done[r].insert(done[r].end(), problem.problem);
       }
     }
   }
   const auto file = context.out / "results.sqlite";
-  auto store =
-      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, record.provenance);
-  if (!store) return error_of(store);
-  Recorder recorder(**store);
+  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
+                                           : ResultsStore::open(file, record.provenance));
+  Recorder recorder(*store);
   StudyRun run(study, context, recorder, std::move(done));
-  auto rows = run.prepare();
-  if (!rows) return error_of(rows);
-  record.robots = std::move(*rows);
+  record.robots = SIDESTEP_TRY(run.prepare());
   if (!context.resume) record_study(record, recorder);
-  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+  SIDESTEP_TRY(recorder.commit());
   auto solved = run.solve(session);
-  store->reset();
+  store.reset();
   if (context.progress) context.progress(0, 0, "summing up");
   return conclude_study(context.out, context.stop.stop_requested(),
                         solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));

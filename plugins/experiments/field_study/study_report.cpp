@@ -76,11 +76,9 @@ Result<std::string> study_body(const Json& summary, ResultsReader&,
     html += "<p class=\"verdict failure\">" + escape_html(fault) + "</p>\n";
   }
   html += outcomes_section(summary) + study_columns().html(study_fields(summary));
-  const auto study = read_study(run / "results.sqlite");
-  if (!study) return error_of(study);
-  const auto figures = figure_section(study_figures(*study), run);
-  if (!figures) return figures;
-  return html + *figures + time_section(summary);
+  const auto study = SIDESTEP_TRY(read_study(run / "results.sqlite"));
+  const auto figures = SIDESTEP_TRY(figure_section(study_figures(study), run));
+  return html + figures + time_section(summary);
 }
 
 }  // namespace

@@ -116,29 +116,25 @@ const StoredRow<ProblemOutcome>& stored_problem() {
 template <class Row>
 Result<void> read_into(std::vector<Row>& rows, const StoredRow<Row>& stored, ResultsReader& reader,
                        const std::string& series, const std::string& file) {
-  auto read = stored.read_all(reader, series, file);
-  if (!read) return error_of(read);
-  for (auto& [item, row] : *read) rows.push_back(std::move(row));
+  auto read = SIDESTEP_TRY(stored.read_all(reader, series, file));
+  for (auto& [item, row] : read) rows.push_back(std::move(row));
   return {};
 }
 
 Result<StudyRobotRows> read_robot(ResultsReader& reader, std::size_t robot,
                                   const std::string& file) {
   const auto item = static_cast<std::int64_t>(robot);
-  auto rows = stored_robot().read(reader, "robot", item, file);
-  if (!rows) return rows;
-  if (rows->published) {
-    auto plain = stored_published("unsigned").read(reader, "robot", item, file);
-    if (!plain) return error_of(plain);
-    auto with_sign = stored_published("signed").read(reader, "robot", item, file);
-    if (!with_sign) return error_of(with_sign);
-    rows->published = PublishedComparison{*plain, *with_sign};
+  auto rows = SIDESTEP_TRY(stored_robot().read(reader, "robot", item, file));
+  if (rows.published) {
+    auto plain = SIDESTEP_TRY(stored_published("unsigned").read(reader, "robot", item, file));
+    auto with_sign = SIDESTEP_TRY(stored_published("signed").read(reader, "robot", item, file));
+    rows.published = PublishedComparison{plain, with_sign};
   }
-  auto read = read_into(rows->drawn_states, stored_state(rows->dof), reader,
-                        of_robot("state", robot), file);
-  if (read) read = read_into(rows->drawn, stored_scene(), reader, of_robot("scene", robot), file);
+  auto read =
+      read_into(rows.drawn_states, stored_state(rows.dof), reader, of_robot("state", robot), file);
+  if (read) read = read_into(rows.drawn, stored_scene(), reader, of_robot("scene", robot), file);
   if (read) {
-    read = read_into(rows->problems, stored_problem(), reader, of_robot("problem", robot), file);
+    read = read_into(rows.problems, stored_problem(), reader, of_robot("problem", robot), file);
   }
   if (!read) return error_of(read);
   return rows;
@@ -187,18 +183,14 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 }
 
 Result<StudyRecord> read_study(const std::filesystem::path& path) {
-  auto reader = ResultsReader::open(path);
-  if (!reader) return error_of(reader);
+  auto reader = SIDESTEP_TRY(ResultsReader::open(path));
   const std::string file = path.string();
   DividedRun head;
-  if (auto read = read_run_head(**reader, "study", file, head); !read) return error_of(read);
-  auto study = stored_study().read(**reader, "study", 0, file);
-  if (!study) return study;
-  static_cast<DividedRun&>(*study) = std::move(head);
-  for (std::size_t r = 0; r < study->robots.size(); ++r) {
-    auto rows = read_robot(**reader, r, file);
-    if (!rows) return error_of(rows);
-    study->robots[r] = std::move(*rows);
+  SIDESTEP_TRY(read_run_head(*reader, "study", file, head));
+  auto study = SIDESTEP_TRY(stored_study().read(*reader, "study", 0, file));
+  static_cast<DividedRun&>(study) = std::move(head);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    study.robots[r] = SIDESTEP_TRY(read_robot(*reader, r, file));
   }
   return study;
 }

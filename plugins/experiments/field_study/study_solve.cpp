@@ -37,9 +37,7 @@ Result<ProblemOutcome> StudySolver::solve(const StudyScene& scene, std::int64_t 
   outcome.goal_free = scene.state_free[idx(goal)] != 0;
   if (skips_collisions_ && !(outcome.start_free && outcome.goal_free)) return outcome;
   for (const std::size_t kind : {kUnsigned, kSigned}) {
-    auto solved = solve_in(scene, kind, start, goal, deadline);
-    if (!solved) return error_of(solved);
-    outcome.fields[kind] = std::move(*solved);
+    outcome.fields[kind] = SIDESTEP_TRY(solve_in(scene, kind, start, goal, deadline));
   }
   return outcome;
 }
@@ -54,20 +52,19 @@ Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t 
   }
   const Trajectory line =
       straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
-  auto solution =
-      in_stage(plugin_of(optimiser_), [&] { return optimiser_->solve(problem, line, deadline); });
-  if (!solution) return error_of(solution);
+  auto solution = SIDESTEP_TRY(
+      in_stage(plugin_of(optimiser_), [&] { return optimiser_->solve(problem, line, deadline); }));
   if (deadline.expired()) return tl::make_unexpected(cancelled());
   FieldOutcome outcome;
   outcome.attempted = true;
-  outcome.status = solution->status;
-  outcome.iterations = solution->accepted_iterations;
-  outcome.steps = solution->iterations;
-  outcome.cost = solution->cost;
-  outcome.solve_ms = solution->solve_ms;
-  if (solution->trajectory.size() == 0) return outcome;
+  outcome.status = solution.status;
+  outcome.iterations = solution.accepted_iterations;
+  outcome.steps = solution.iterations;
+  outcome.cost = solution.cost;
+  outcome.solve_ms = solution.solve_ms;
+  if (solution.trajectory.size() == 0) return outcome;
   const Stopwatch watch;
-  const auto verdict = scene.check->check(solution->trajectory, 0.0, deadline);
+  const auto verdict = scene.check->check(solution.trajectory, 0.0, deadline);
   outcome.check_ms = watch.elapsed_ms();
   if (!verdict && deadline.expired()) return tl::make_unexpected(cancelled());
   if (!verdict) return error_of(verdict);

@@ -318,17 +318,15 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
 
 Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
                                          const std::optional<Error>& fault) {
-  const auto study = read_study(run / "results.sqlite");
-  if (!study) return error_of(study);
-  return summarise_study(*study, interrupted, fault);
+  const auto study = SIDESTEP_TRY(read_study(run / "results.sqlite"));
+  return summarise_study(study, interrupted, fault);
 }
 
 Result<ExperimentOutcome> merge_study(const std::vector<std::filesystem::path>& runs,
                                       const std::filesystem::path& out) {
-  auto study = merged_record(runs, &read_study, &absorb_study);
-  if (!study) return error_of(study);
-  for (StudyRobotRows& robot : study->robots) robot.planned = robot.pairs() * robot.scenes;
-  return conclude_whole(*study, out, &record_whole_study, &conclude_study);
+  auto study = SIDESTEP_TRY(merged_record(runs, &read_study, &absorb_study));
+  for (StudyRobotRows& robot : study.robots) robot.planned = robot.pairs() * robot.scenes;
+  return conclude_whole(study, out, &record_whole_study, &conclude_study);
 }
 
 }  // namespace sidestep

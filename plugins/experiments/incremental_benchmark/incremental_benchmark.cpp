@@ -123,11 +123,9 @@ Result<Optimisers> make_optimisers(const RecordedRun& run, IncrementalBench& ben
     return bench.context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
                                                 bench.problems.robot);
   };
-  auto plain = make(false);
-  if (!plain) return error_of(plain);
-  auto kept = make(true);
-  if (!kept) return error_of(kept);
-  return Optimisers{std::move(*plain), std::move(*kept)};
+  auto plain = SIDESTEP_TRY(make(false));
+  auto kept = SIDESTEP_TRY(make(true));
+  return Optimisers{std::move(plain), std::move(kept)};
 }
 
 /// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
@@ -159,8 +157,7 @@ void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::siz
 Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& change,
                                    IncrementalBench& bench) {
   ExperimentContext& context = bench.context;
-  auto optimisers = make_optimisers(run, bench);
-  if (!optimisers) return error_of(optimisers);
+  auto optimisers = SIDESTEP_TRY(make_optimisers(run, bench));
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
   const std::vector<ChangedProblem> posed = pose(run, change, bench);
   ChangedSeries series{run.label, run.is_signed, change, {}};
@@ -171,12 +168,12 @@ Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& ch
   }
   const std::string what =
       run.label + (run.is_signed ? ", signed, other " : ", unsigned, other ") + change;
-  for (PluginPtr<Optimiser>* one : {&optimisers->plain, &optimisers->kept}) {
+  for (PluginPtr<Optimiser>* one : {&optimisers.plain, &optimisers.kept}) {
     if (!posed.empty()) (void)solve_timed(*one, posed[0].before, posed[0].line_before, context);
   }
   for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
     for (std::size_t i = 0; i < series.problems.size(); ++i) {
-      solve_changed(posed[i], *optimisers, i + static_cast<std::size_t>(repeat), repeat == 0,
+      solve_changed(posed[i], optimisers, i + static_cast<std::size_t>(repeat), repeat == 0,
                     judged_in, context, series.problems[i]);
       if (context.stop.stop_requested()) {
         if (repeat == 0) series.problems.resize(i);
@@ -211,9 +208,8 @@ void record_series(const ChangedSeries& series, std::int64_t item, Recorder& rec
 }
 
 Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
-  const auto start = start_recorded<IncrementalSettings>(context);
-  if (!start) return error_of(start);
-  const auto& [settings, problems, provenance, store] = *start;
+  const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
+  const auto& [settings, problems, provenance, store] = start;
   Recorder recorder(*store);
 
   IncrementalRecord record;
@@ -229,10 +225,9 @@ Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
   for (const RecordedRun& run : problems.runs) {
     for (const char* change : {kGoal, kObstacles}) {
       if (context.stop.stop_requested()) break;
-      auto solved = solve_part(
+      SIDESTEP_TRY(solve_part(
           record.series, [&] { return solve_series(run, change, bench); }, &record_series,
-          recorder);
-      if (!solved) return error_of(solved);
+          recorder));
     }
   }
   record.interrupted = context.stop.stop_requested();

@@ -11,17 +11,13 @@ FrameFeed::FrameFeed(MakeSource make_source, Limits limits, Log& log, std::stop_
 
 Result<void> FrameFeed::open() {
   source_.reset();  // two at once may not be had, e.g. of a camera
-  auto source = make_source_();
-  if (!source) return error_of(source);
-  source_.emplace(std::move(*source));
+  auto source = SIDESTEP_TRY(make_source_());
+  source_.emplace(std::move(source));
   if (!scene_) {
-    auto scene = true_scene(*source_);
-    if (!scene) return error_of(scene);
-    if (*scene != nullptr) scene_ = **scene;
+    auto scene = SIDESTEP_TRY(true_scene(*source_));
+    if (scene != nullptr) scene_ = *scene;
   }
-  auto count = frame_count_of(*source_);
-  if (!count) return error_of(count);
-  count_ = *count;
+  count_ = SIDESTEP_TRY(frame_count_of(*source_));
   if (count_) count_ = (*count_ + limits_.stride - 1) / limits_.stride;
   if (limits_.frames > 0) count_ = std::min(count_.value_or(limits_.frames), limits_.frames);
   read_ = 0;
@@ -33,8 +29,8 @@ Result<void> FrameFeed::rewind() {
   at_ = 0;
   if (is_whole_) return {};
   window_.clear();
-  if (auto opened = open(); !opened) return opened;
-  if (auto filled = fill(); !filled) return filled;
+  SIDESTEP_TRY(open());
+  SIDESTEP_TRY(fill());
   is_whole_ = at_end_;
   if (is_whole_) source_.reset();
   return {};
@@ -44,14 +40,13 @@ Result<void> FrameFeed::fill() {
   window_.clear();
   at_ = 0;
   while (static_cast<int>(window_.size()) < limits_.in_memory) {
-    auto frame = read();
-    if (!frame) return error_of(frame);
-    if (*frame == nullptr) {
+    auto frame = SIDESTEP_TRY(read());
+    if (frame == nullptr) {
       at_end_ = true;
       has_been_read_ = true;
       break;
     }
-    window_.push_back(std::move(*frame));
+    window_.push_back(std::move(frame));
   }
   return {};
 }
@@ -79,7 +74,7 @@ Result<std::shared_ptr<const Frame>> FrameFeed::read() {
 
 Result<std::shared_ptr<const Frame>> FrameFeed::peek() {
   if (at_ == window_.size() && !at_end_ && !is_whole_) {
-    if (auto filled = fill(); !filled) return error_of(filled);
+    SIDESTEP_TRY(fill());
   }
   if (at_ == window_.size()) return std::shared_ptr<const Frame>();
   return window_[at_];
@@ -94,14 +89,12 @@ Result<std::shared_ptr<const Frame>> FrameFeed::next() {
 Result<FrameFeed::Taken> FrameFeed::next_newest(double now_s) {
   Taken taken;
   for (;;) {
-    auto frame = next();
-    if (!frame) return error_of(frame);
-    if (*frame == nullptr) return taken;
+    auto frame = SIDESTEP_TRY(next());
+    if (frame == nullptr) return taken;
     if (taken.frame != nullptr) ++taken.late;
-    taken.frame = std::move(*frame);
-    const auto after = peek();
-    if (!after) return error_of(after);
-    if (*after == nullptr || (*after)->stamp.seconds() > now_s) return taken;
+    taken.frame = std::move(frame);
+    const auto after = SIDESTEP_TRY(peek());
+    if (after == nullptr || after->stamp.seconds() > now_s) return taken;
   }
 }
 

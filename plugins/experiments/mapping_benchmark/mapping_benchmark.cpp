@@ -21,9 +21,8 @@ void check_mapping_benchmark(const Configuration& configuration, Host& host,
 Result<std::shared_ptr<const RobotModel>> make_robot(ExperimentContext& context) {
   const Node* block = context.configuration.root.find("robot");
   if (block == nullptr) return std::shared_ptr<const RobotModel>();
-  auto robot = context.host.create<RobotModel>(*block);
-  if (!robot) return error_of(robot);
-  return std::shared_ptr<const RobotModel>(std::move(*robot));
+  auto robot = SIDESTEP_TRY(context.host.create<RobotModel>(*block));
+  return std::shared_ptr<const RobotModel>(std::move(robot));
 }
 
 void record_clock(const std::string& series, const ClockRecord& clock, Recorder& recorder) {
@@ -75,12 +74,11 @@ Result<void> measure_cases(const std::vector<SystemCase>& cases, MeasureContext&
       const auto total = frames * clocks * static_cast<std::int64_t>(cases.size());
       if (context.progress) context.progress(++done, total, label_of(what));
     };
-    auto measured = measure_case(what, measure);
-    if (!measured) return error_of(measured);
-    if (!measured->error.empty()) context.log.error(label_of(what) + ": " + measured->error);
-    record_case(*measured, static_cast<std::int64_t>(record.cases.size()), recorder);
-    record.cases.push_back(std::move(*measured));
-    if (auto saved = recorder.commit(); !saved) return saved;
+    auto measured = SIDESTEP_TRY(measure_case(what, measure));
+    if (!measured.error.empty()) context.log.error(label_of(what) + ": " + measured.error);
+    record_case(measured, static_cast<std::int64_t>(record.cases.size()), recorder);
+    record.cases.push_back(std::move(measured));
+    SIDESTEP_TRY(recorder.commit());
   }
   return {};
 }
@@ -93,29 +91,25 @@ Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
   MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
   const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  auto robot = make_robot(context);
-  if (!robot) return error_of(robot);
+  auto robot = SIDESTEP_TRY(make_robot(context));
 
   const RunProvenance provenance = provenance_of(context);
-  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
-  if (!store) return error_of(store);
-  Recorder recorder(**store);
+  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+  Recorder recorder(*store);
 
-  FrameFeed feed([&] { return context.host.create<Source>(source, *robot); },
+  FrameFeed feed([&] { return context.host.create<Source>(source, robot); },
                  {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
                  context.stop);
-  MeasureContext measure{context.host, context.log, *robot, feed, settings, context.stop, {}};
+  MeasureContext measure{context.host, context.log, robot, feed, settings, context.stop, {}};
   MappingBenchmarkRecord record;
   record.planned_cases = cases.size();
   if (context.progress) context.progress(0, 0, "reading frames");
-  if (auto measured = measure_cases(cases, measure, context, recorder, record); !measured) {
-    return error_of(measured);
-  }
+  SIDESTEP_TRY(measure_cases(cases, measure, context, recorder, record));
   record.bad_frames = feed.bad_frames();
   record.has_truth = feed.scene() != nullptr;
   record.interrupted = context.stop.stop_requested();
   record_bad_frames(record.bad_frames, recorder);
-  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+  SIDESTEP_TRY(recorder.commit());
 
   return summarise_mapping(provenance, settings, record);
 }

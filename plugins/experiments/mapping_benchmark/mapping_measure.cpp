@@ -36,13 +36,12 @@ struct System {
 };
 
 Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureContext& context) {
-  auto mapper = context.host.create<Mapper>(what.mapper_block, context.robot);
-  if (!mapper) return error_of(mapper);
-  auto field_builder = context.host.create<FieldBuilder>(what.field_block, context.robot);
-  if (!field_builder) return error_of(field_builder);
+  auto mapper = SIDESTEP_TRY(context.host.create<Mapper>(what.mapper_block, context.robot));
+  auto field_builder =
+      SIDESTEP_TRY(context.host.create<FieldBuilder>(what.field_block, context.robot));
   std::unique_ptr<System> system(new System{
-      std::move(*mapper),
-      std::move(*field_builder),
+      std::move(mapper),
+      std::move(field_builder),
       {},
       {},
       {},
@@ -56,7 +55,7 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
       system->slot,
       context.log,
       {"frames", plugin_of(system->mapper), plugin_of(system->field_builder)}});
-  if (auto attached = system->pipeline->attach(); !attached) return error_of(attached);
+  SIDESTEP_TRY(system->pipeline->attach());
   return system;
 }
 
@@ -64,20 +63,19 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
 Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const Frame> frame,
                                            std::stop_token stop) {
   system.source.set(frame);
-  auto step = system.pipeline->step(Deadline(std::move(stop)));
-  if (!step) return error_of(step);
+  auto step = SIDESTEP_TRY(system.pipeline->step(Deadline(std::move(stop))));
   system.points.add(*frame, system.mapper->grid());
-  if (!*step) return std::optional<UpdateRecord>();
-  if ((*step)->update.grid_moved) {
+  if (!step) return std::optional<UpdateRecord>();
+  if (step->update.grid_moved) {
     return fail(ErrorCode::kUnsupported,
                 "the mapper's grid moved; systems are compared on one grid",
-                "frame " + std::to_string((*step)->frame_sequence));
+                "frame " + std::to_string(step->frame_sequence));
   }
   UpdateRecord record;
-  record.frame_sequence = (*step)->frame_sequence;
-  record.integrate_ms = (*step)->integrate_ms;
-  record.field_ms = (*step)->field_ms;
-  record.publish_ms = (*step)->publish_ms;
+  record.frame_sequence = step->frame_sequence;
+  record.integrate_ms = step->integrate_ms;
+  record.field_ms = step->field_ms;
+  record.publish_ms = step->publish_ms;
   record.latency_ms = record.frame_ms();
   return record;
 }
@@ -112,10 +110,9 @@ Result<void> run_every_frame(System& system, double before_mib, CaseRecord& reco
   const std::int64_t every = context.settings.accuracy_every;
   bool is_checked = true;
   while (!context.stop.stop_requested()) {
-    const auto frame = context.feed.next();
-    if (!frame) return error_of(frame);
-    if (*frame == nullptr) break;
-    auto updated = update(system, *frame, context.stop);
+    const auto frame = SIDESTEP_TRY(context.feed.next());
+    if (frame == nullptr) break;
+    auto updated = update(system, frame, context.stop);
     if (!updated && context.stop.stop_requested()) break;
     if (!updated) {
       record.error = updated.error().describe();
@@ -129,7 +126,7 @@ Result<void> run_every_frame(System& system, double before_mib, CaseRecord& reco
     (*updated)->resident_mib = resident_mib(false) - before_mib;
     clock.updates.push_back(**updated);
     record.is_signed = system.slot.pin()->info().is_signed;
-    if (truth) truth->observe(**frame, *system.occupancy);
+    if (truth) truth->observe(*frame, *system.occupancy);
     is_checked = every > 0 && static_cast<std::int64_t>(clock.updates.size()) % every == 0;
     if (is_checked) check_accuracy(system, context, record.what.unknown_occupied, clock);
   }
@@ -145,14 +142,13 @@ Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& c
   ClockRecord& clock = record.real_time.emplace();
   double now_s = 0.0, first_published_s = 0.0;
   while (!context.stop.stop_requested()) {
-    const auto taken = context.feed.next_newest(now_s);
-    if (!taken) return error_of(taken);
-    if (taken->frame == nullptr) break;
-    for (std::int64_t i = 0; i < taken->late; ++i) context.updated();
-    clock.dropped += taken->late;
-    const double arrival_s = taken->frame->stamp.seconds();
+    const auto taken = SIDESTEP_TRY(context.feed.next_newest(now_s));
+    if (taken.frame == nullptr) break;
+    for (std::int64_t i = 0; i < taken.late; ++i) context.updated();
+    clock.dropped += taken.late;
+    const double arrival_s = taken.frame->stamp.seconds();
     now_s = clock.updates.empty() ? arrival_s : std::max(now_s, arrival_s);
-    auto updated = update(system, taken->frame, context.stop);
+    auto updated = update(system, taken.frame, context.stop);
     if (!updated && context.stop.stop_requested()) break;
     if (!updated) {
       record.error = updated.error().describe();
@@ -177,7 +173,7 @@ Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& c
 /// One clock, with a system of its own.
 template <class Run>
 Result<void> with_system(CaseRecord& record, MeasureContext& context, Run&& run) {
-  if (auto rewound = context.feed.rewind(); !rewound) return rewound;
+  SIDESTEP_TRY(context.feed.rewind());
   const double before_mib = resident_mib(true);
   auto system = make_system(record.what, context);
   if (!system) {

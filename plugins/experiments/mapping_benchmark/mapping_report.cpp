@@ -69,10 +69,9 @@ std::vector<SystemBar> bars_of(const Json& summary) {
 
 Result<std::string> mapping_body(const Json& summary, ResultsReader&,
                                  const std::filesystem::path& run) {
-  const auto figures =
-      figure_section(mapping_figures(bars_of(summary), cell(at(summary, "/published_as"))), run);
-  if (!figures) return figures;
-  std::string html = errors_section(summary) + *figures;
+  const auto figures = SIDESTEP_TRY(
+      figure_section(mapping_figures(bars_of(summary), cell(at(summary, "/published_as"))), run));
+  std::string html = errors_section(summary) + figures;
   if (const std::string name = cell(at(summary, "/published_as")); name != "-" && !name.empty()) {
     html += "<p>Published: " + escape_html(name) + ".</p>\n";
   }

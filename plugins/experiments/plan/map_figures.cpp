@@ -136,15 +136,13 @@ Figure frame_time_figure(const std::vector<double>& integrate_ms,
 
 Result<std::vector<Figure>> map_figures(ResultsReader& results) {
   std::vector<Figure> figures;
-  const auto items = results.array_items("depth", "depth_m");
-  if (!items) return error_of(items);
+  const auto items = SIDESTEP_TRY(results.array_items("depth", "depth_m"));
   std::vector<DepthImageRead> images;
-  for (const std::int64_t item : *items) {
-    auto depth_m = results.array("depth", item, "depth_m");
-    if (!depth_m) return error_of(depth_m);
+  for (const std::int64_t item : items) {
+    auto depth_m = SIDESTEP_TRY(results.array("depth", item, "depth_m"));
     const auto sequence = results.number("depth", item, "sequence");
-    if (!*depth_m || (*depth_m)->values.empty()) continue;
-    images.push_back({sequence ? sequence->value_or(0.0) : 0.0, std::move(**depth_m)});
+    if (!depth_m || depth_m->values.empty()) continue;
+    images.push_back({sequence ? sequence->value_or(0.0) : 0.0, std::move(*depth_m)});
   }
   if (!images.empty()) figures.push_back(depth_figure(images));
   const auto integrate_ms = results.column("frame", "integrate_ms");

@@ -104,7 +104,7 @@ void check_plans(const Configuration& configuration, Host& host, std::vector<Err
 Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, SnapshotSlot& slot,
                              Recorder& recorder, ExperimentContext& context) {
   MapRecord map;
-  if (auto attached = pipeline.attach(); !attached) return error_of(attached);
+  SIDESTEP_TRY(pipeline.attach());
   const std::int64_t total = source.frame_count().value_or(0);
   while (!context.stop.stop_requested()) {
     auto step = pipeline.step(Deadline(context.stop));
@@ -121,7 +121,7 @@ Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, 
     }
     map.steps.push_back(std::move(**step));
     if (item % kCommitEvery == kCommitEvery - 1) {
-      if (auto saved = recorder.commit(); !saved) return error_of(saved);
+      SIDESTEP_TRY(recorder.commit());
     }
     if (context.progress) {
       const auto bad = static_cast<std::int64_t>(pipeline.bad_frames().size());
@@ -153,32 +153,28 @@ struct Parts {
 
 Result<Parts> make_parts(ExperimentContext& context) {
   const Configuration& configuration = context.configuration;
-  auto own_robot = context.host.create<RobotModel>(block_of(configuration, "robot"));
-  if (!own_robot) return error_of(own_robot);
-  const std::shared_ptr<const RobotModel> robot = std::move(*own_robot);
-  auto source = context.host.create<Source>(block_of(configuration, "source"), robot);
-  if (!source) return error_of(source);
-  auto mapper = context.host.create<Mapper>(block_of(configuration, "mapper"), robot);
-  if (!mapper) return error_of(mapper);
-  auto field_builder = context.host.create<FieldBuilder>(block_of(configuration, "field"), robot);
-  if (!field_builder) return error_of(field_builder);
-  auto optimiser = context.host.create<Optimiser>(block_of(configuration, "optimiser"), robot);
-  if (!optimiser) return error_of(optimiser);
-  const auto* occupancy = dynamic_cast<const OccupancyView*>(mapper->get());
+  const std::shared_ptr<const RobotModel> robot =
+      SIDESTEP_TRY(context.host.create<RobotModel>(block_of(configuration, "robot")));
+  auto source = SIDESTEP_TRY(context.host.create<Source>(block_of(configuration, "source"), robot));
+  auto mapper = SIDESTEP_TRY(context.host.create<Mapper>(block_of(configuration, "mapper"), robot));
+  auto field_builder =
+      SIDESTEP_TRY(context.host.create<FieldBuilder>(block_of(configuration, "field"), robot));
+  auto optimiser =
+      SIDESTEP_TRY(context.host.create<Optimiser>(block_of(configuration, "optimiser"), robot));
+  const auto* occupancy = dynamic_cast<const OccupancyView*>(mapper.get());
   if (occupancy == nullptr) {
     return fail(ErrorCode::kUnsupported,
                 "the independent check needs a mapper that offers its occupied voxels",
                 block_of(configuration, "mapper").mark().to_string());
   }
-  auto scene = true_scene(*source);
-  if (!scene) return error_of(scene);
+  auto scene = SIDESTEP_TRY(true_scene(source));
   return Parts{robot,
-               std::move(*source),
-               std::move(*mapper),
-               std::move(*field_builder),
-               std::move(*optimiser),
+               std::move(source),
+               std::move(mapper),
+               std::move(field_builder),
+               std::move(optimiser),
                occupancy,
-               std::move(*scene)};
+               std::move(scene)};
 }
 
 void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSettings& planning,
@@ -237,11 +233,9 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
   // One for all plans that the robot makes as it is; one for each plan that has it carry something.
   const auto enter_world_of = [&](const std::shared_ptr<const RobotModel>& robot) -> Result<void> {
     if (world && world->robot == robot) return {};
-    auto made =
-        make_plan_world(robot, map.field, *parts.occupancy, parts.scene,
-                        map.steps.back().stamp.seconds(), settings.planning, settings.check);
-    if (!made) return error_of(made);
-    world = std::move(*made);
+    world = SIDESTEP_TRY(make_plan_world(robot, map.field, *parts.occupancy, parts.scene,
+                                         map.steps.back().stamp.seconds(), settings.planning,
+                                         settings.check));
     return {};
   };
   tell_assumed_accelerations(parts.robot->description(), settings.planning, context.log);
@@ -250,10 +244,9 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     const auto index = static_cast<std::int64_t>(plans.size());
     if (context.stop.stop_requested()) break;
     if (context.progress) context.progress(index, total, "planning " + plan.name);
-    if (auto entered = enter_world_of(plan.robot); !entered) return entered;
-    auto made = make_plan(*world, parts.optimiser, std::move(plan), context.seed, context.log,
-                          context.stop);
-    if (!made) return error_of(made);
+    SIDESTEP_TRY(enter_world_of(plan.robot));
+    auto made = SIDESTEP_TRY(make_plan(*world, parts.optimiser, std::move(plan), context.seed,
+                                       context.log, context.stop));
     const PlanSurroundings surroundings{*world->robot,
                                         *map.field,
                                         world->planning.space(),
@@ -261,75 +254,69 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
                                         settings.check.speed_fraction,
                                         settings.check.margin_m,
                                         settings.experiment.slice_heights_m};
-    record_plan(*made, index, surroundings, recorder);
-    show.show(*made);
-    plans.push_back(std::move(*made));
-    if (auto saved = recorder.commit(); !saved) return error_of(saved);
+    record_plan(made, index, surroundings, recorder);
+    show.show(made);
+    plans.push_back(std::move(made));
+    SIDESTEP_TRY(recorder.commit());
   }
   if (context.progress) context.progress(total, total, "planning");
   return {};
 }
 
 Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
-  const auto settings = read_settings(context.configuration);
-  if (!settings) return error_of(settings);
-  auto parts = make_parts(context);
-  if (!parts) return error_of(parts);
+  const auto settings = SIDESTEP_TRY(read_settings(context.configuration));
+  auto parts = SIDESTEP_TRY(make_parts(context));
   std::vector<Error> errors;
-  auto endpoints = read_plans(context.configuration, parts->robot, context.host, errors);
+  auto endpoints = read_plans(context.configuration, parts.robot, context.host, errors);
   check_allowed_contacts(block_of(context.configuration, "check"),
-                         robot_of_all(*parts->robot, endpoints), parts->scene.get(), errors);
+                         robot_of_all(*parts.robot, endpoints), parts.scene.get(), errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
   const RunProvenance provenance = provenance_of(context);
-  auto store = ResultsStore::open(context.out / "results.sqlite", provenance);
-  if (!store) return error_of(store);
-  Recorder recorder(**store);
-  record_joints(parts->robot->description(), recorder);
+  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+  Recorder recorder(*store);
+  record_joints(parts.robot->description(), recorder);
 
-  const auto frames = frame_count_of(parts->source);
-  if (!frames) return error_of(frames);
-  FrameTap source(*parts->source, *frames, settings->experiment.max_frames,
-                  settings->experiment.depth_pictures);
+  const auto frames = SIDESTEP_TRY(frame_count_of(parts.source));
+  FrameTap source(*parts.source, frames, settings.experiment.max_frames,
+                  settings.experiment.depth_pictures);
   source.keep_last(context.observer != nullptr);
   const Node& mapper_block = block_of(context.configuration, "mapper");
-  source.survey(*parts->mapper, PointSurvey::of_mapper(
-                                    context.host.with_defaults(PluginKind::kMapper, mapper_block)));
+  source.survey(*parts.mapper, PointSurvey::of_mapper(
+                                   context.host.with_defaults(PluginKind::kMapper, mapper_block)));
   if (context.observer != nullptr && !endpoints.empty()) {
-    context.observer->begin({context.configuration.name, 0, parts->robot, parts->scene,
+    context.observer->begin({context.configuration.name, 0, parts.robot, parts.scene,
                              endpoints.front().q_start, endpoints.front().q_goal});
   }
   SnapshotSlot slot;
   MappingPipeline pipeline(
       {source,
-       *parts->mapper,
-       *parts->field_builder,
+       *parts.mapper,
+       *parts.field_builder,
        slot,
        context.log,
-       {plugin_of(parts->source), plugin_of(parts->mapper), plugin_of(parts->field_builder)}});
-  auto map = map_frames(pipeline, source, slot, recorder, context);
-  if (!map) return error_of(map);
-  map->occupied_vox = count(parts->occupancy->occupied());
-  map->known_vox = count(parts->occupancy->known());
-  map->empty_reason = source.survey().emptiness(*parts->occupancy, PointSurvey::Keys::kMapper);
-  map->left_out = source.left_out();
-  if (!map->left_out.empty()) context.log.warn(map->left_out + " (experiment.max_frames)");
-  record_bad_frames(map->bad_frames, recorder);
+       {plugin_of(parts.source), plugin_of(parts.mapper), plugin_of(parts.field_builder)}});
+  auto map = SIDESTEP_TRY(map_frames(pipeline, source, slot, recorder, context));
+  map.occupied_vox = count(parts.occupancy->occupied());
+  map.known_vox = count(parts.occupancy->known());
+  map.empty_reason = source.survey().emptiness(*parts.occupancy, PointSurvey::Keys::kMapper);
+  map.left_out = source.left_out();
+  if (!map.left_out.empty()) context.log.warn(map.left_out + " (experiment.max_frames)");
+  record_bad_frames(map.bad_frames, recorder);
   record_depth_pictures(source.pictures(), recorder);
-  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+  SIDESTEP_TRY(recorder.commit());
 
-  PlanShow show(context.observer, map->steps.empty() ? Stamp{} : map->steps.back().stamp);
+  PlanShow show(context.observer, map.steps.empty() ? Stamp{} : map.steps.back().stamp);
   std::vector<PlanRecord> plans;
-  if (!map->steps.empty() && map->empty_reason.empty() && !map->interrupted && !map->fault) {
+  if (!map.steps.empty() && map.empty_reason.empty() && !map.interrupted && !map.fault) {
     // Held here, so that what was measured before a robot throws is kept.
     auto done = contained("planning", [&] {
-      return make_plans(*parts, *map, std::move(endpoints), *settings, recorder, context, plans,
-                        show);
+      return make_plans(parts, map, std::move(endpoints), settings, recorder, context, plans, show);
     });
-    if (!done) map->fault = std::move(done.error());
-    map->interrupted = context.stop.stop_requested();
+    if (!done) map.fault = std::move(done.error());
+    map.interrupted = context.stop.stop_requested();
   }
-  auto outcome = summarise_plans(provenance, *map, plans);
+  auto outcome = summarise_plans(provenance, map, plans);
   show.end(outcome.success, outcome.verdict);
   return outcome;
 }

@@ -25,24 +25,21 @@ Result<std::optional<FieldSlice>> read_slice(ResultsReader& results, const std::
   for (const auto& [key, into] : {std::pair("title", &slice.title),
                                   {"u_label", &slice.u_label},
                                   {"v_label", &slice.v_label}}) {
-    const auto text = results.text(series, item, key);
-    if (!text) return error_of(text);
-    *into = text->value_or("");
+    const auto text = SIDESTEP_TRY(results.text(series, item, key));
+    *into = text.value_or("");
   }
   for (const auto& [key, into] :
        {std::pair("u0_m", &slice.u0_m), {"v0_m", &slice.v0_m}, {"step_m", &slice.step_m}}) {
-    const auto number = results.number(series, item, key);
-    if (!number) return error_of(number);
-    *into = number->value_or(0.0);
+    const auto number = SIDESTEP_TRY(results.number(series, item, key));
+    *into = number.value_or(0.0);
   }
   for (const auto& [key, into] : {std::pair("distance_m", &slice.distance_m),
                                   {"state", &slice.state},
                                   {"circles", &slice.circles},
                                   {"base_path", &slice.base_path},
                                   {"tip_path", &slice.tip_path}}) {
-    auto array = results.array(series, item, key);
-    if (!array) return error_of(array);
-    if (*array) *into = std::move(**array);
+    auto array = SIDESTEP_TRY(results.array(series, item, key));
+    if (array) *into = std::move(*array);
   }
   const bool whole = slice.step_m > 0.0 && slice.distance_m.columns > 1 &&
                      slice.distance_m.rows > 1 &&
@@ -172,14 +169,13 @@ struct JointRead {
 Result<std::vector<JointRead>> read_joints(ResultsReader& results) {
   std::vector<JointRead> joints;
   for (std::int64_t item = 0;; ++item) {
-    const auto name = results.text("joint", item, "name");
-    if (!name) return error_of(name);
-    if (!*name) return joints;
+    const auto name = SIDESTEP_TRY(results.text("joint", item, "name"));
+    if (!name) return joints;
     const auto unit = results.text("joint", item, "unit");
     const auto lower = results.number("joint", item, "lower");
     const auto upper = results.number("joint", item, "upper");
     const auto max_velocity = results.number("joint", item, "max_velocity");
-    joints.push_back({**name, unit ? unit->value_or("") : "", lower ? lower->value_or(0.0) : 0.0,
+    joints.push_back({*name, unit ? unit->value_or("") : "", lower ? lower->value_or(0.0) : 0.0,
                       upper ? upper->value_or(0.0) : 0.0,
                       max_velocity ? max_velocity->value_or(0.0) : 0.0});
   }
@@ -304,17 +300,13 @@ Result<std::vector<Figure>> plan_figures(ResultsReader& results, std::int64_t it
   const std::string prefix = "plan-" + std::to_string(item + 1) + "-" + file_name(name) + "-";
   const std::string series = "slice/" + std::to_string(item);
   std::vector<Figure> figures;
-  const auto slices = results.array_items(series, "distance_m");
-  if (!slices) return error_of(slices);
-  for (const std::int64_t index : *slices) {
-    const auto slice = read_slice(results, series, index);
-    if (!slice) return error_of(slice);
-    if (!*slice) continue;
-    figures.push_back(slice_figure(**slice, prefix + "slice-" + std::to_string(index + 1)));
+  const auto slices = SIDESTEP_TRY(results.array_items(series, "distance_m"));
+  for (const std::int64_t index : slices) {
+    const auto slice = SIDESTEP_TRY(read_slice(results, series, index));
+    if (!slice) continue;
+    figures.push_back(slice_figure(*slice, prefix + "slice-" + std::to_string(index + 1)));
   }
-  if (auto added = add_motion_figures(results, item, prefix, figures); !added) {
-    return error_of(added);
-  }
+  SIDESTEP_TRY(add_motion_figures(results, item, prefix, figures));
   return figures;
 }
 

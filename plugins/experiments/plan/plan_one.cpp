@@ -38,10 +38,9 @@ Result<void> check_plan(const PlanWorld& world, PlanRecord& plan, const Deadline
   const auto apply = [&](const ValidityCheck* check, std::optional<Verdict>& into,
                          const std::string& where) -> Result<void> {
     if (check == nullptr) return {};
-    auto verdict = check->check(plan.solution.trajectory, 0.0, deadline);
-    if (!verdict) return error_of(verdict);
-    if (!verdict->valid() && plan.reason.empty()) plan.reason = where + verdict->describe();
-    into = std::move(*verdict);
+    auto verdict = SIDESTEP_TRY(check->check(plan.solution.trajectory, 0.0, deadline));
+    if (!verdict.valid() && plan.reason.empty()) plan.reason = where + verdict.describe();
+    into = std::move(verdict);
     return {};
   };
   auto done = apply(world.in_snapshot.get(), plan.in_snapshot, "in the field, ");
@@ -101,23 +100,22 @@ Result<void> attempt_plan(const PlanWorld& world, const PluginPtr<Optimiser>& op
   }
   const double spent_ms = plan.solution.solve_ms;
   const MotionLimits limits = world.planning.limits(world.robot->description());
-  auto planned = plan_motion(optimiser, problem, initial_guess(problem, attempt, seed),
-                             {.limits = world.planning.retime ? &limits : nullptr},
-                             Deadline::after_s(world.planning.time_limit_s, stop));
-  if (!planned) return error_of(planned);
-  plan.solution = std::move(planned->solution);
+  auto planned = SIDESTEP_TRY(plan_motion(optimiser, problem, initial_guess(problem, attempt, seed),
+                                          {.limits = world.planning.retime ? &limits : nullptr},
+                                          Deadline::after_s(world.planning.time_limit_s, stop)));
+  plan.solution = std::move(planned.solution);
   plan.solution.solve_ms += spent_ms;
   plan.in_snapshot = plan.in_voxels = plan.in_scene = std::nullopt;
   plan.retiming.reset();
-  plan.reason = std::move(planned->failure);
+  plan.reason = std::move(planned.failure);
   if (!plan.has_trajectory()) return {};
   const Trajectory optimised = plan.solution.trajectory;
-  if (planned->deviation) {
-    plan.retiming = RetimingRecord{optimised.duration_s(), *planned->deviation, planned->retime_ms};
+  if (planned.deviation) {
+    plan.retiming = RetimingRecord{optimised.duration_s(), *planned.deviation, planned.retime_ms};
   }
-  if (planned->trajectory.size() > 0) {
-    plan.solution.trajectory = std::move(planned->trajectory);
-    if (auto done = check_plan(world, plan, Deadline(stop)); !done) return done;
+  if (planned.trajectory.size() > 0) {
+    plan.solution.trajectory = std::move(planned.trajectory);
+    SIDESTEP_TRY(check_plan(world, plan, Deadline(stop)));
   }
   if (!plan.success() || plan.solution.status != SolveStatus::kConverged) {
     explain_plan(problem, optimised, plan, log);
@@ -148,9 +146,8 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
   voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
   voxels.occupied_centres_m = occupied_centres(occupancy);
   if (world.planning.floor) voxels.floor = *world.planning.floor;
-  auto in_voxels = make_shape_check(robot, std::move(voxels), shapes);
-  if (!in_voxels) return error_of(in_voxels);
-  world.in_voxels = std::move(*in_voxels);
+  auto in_voxels = SIDESTEP_TRY(make_shape_check(robot, std::move(voxels), shapes));
+  world.in_voxels = std::move(in_voxels);
   if (scene) {
     ShapeObstacles truth;
     truth.scene = std::move(scene);
@@ -160,9 +157,8 @@ Result<PlanWorld> make_plan_world(std::shared_ptr<const RobotModel> robot,
       const bool is_here = robot->description().link_index(contact.link).has_value();
       if (is_here) touching.allowed_contacts.push_back(contact);  // else attached in another plan
     }
-    auto in_scene = make_shape_check(robot, std::move(truth), std::move(touching));
-    if (!in_scene) return error_of(in_scene);
-    world.in_scene = std::move(*in_scene);
+    auto in_scene = SIDESTEP_TRY(make_shape_check(robot, std::move(truth), std::move(touching)));
+    world.in_scene = std::move(in_scene);
   }
   world.robot = std::move(robot);
   world.field = std::move(field);

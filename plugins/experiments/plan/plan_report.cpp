@@ -92,18 +92,14 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results, const
     }
     html += explanation_section(plan);
     html += checks_table(plan);
-    auto figures = plan_figures(results, item++, name);
-    if (!figures) return error_of(figures);
-    const auto section = figure_section(*figures, run);
-    if (!section) return section;
-    html += *section;
+    auto figures = SIDESTEP_TRY(plan_figures(results, item++, name));
+    const auto section = SIDESTEP_TRY(figure_section(figures, run));
+    html += section;
   }
   html += map_section(summary);
-  auto figures = map_figures(results);
-  if (!figures) return error_of(figures);
-  const auto section = figure_section(*figures, run);
-  if (!section) return section;
-  return html + *section;
+  auto figures = SIDESTEP_TRY(map_figures(results));
+  const auto section = SIDESTEP_TRY(figure_section(figures, run));
+  return html + section;
 }
 
 /// A run without a plan is a row, too.

@@ -196,8 +196,7 @@ class BenchmarkRun {
 Result<void> BenchmarkRun::solve() {
   for (std::size_t p = 0; p < settings_.planners.size(); ++p) {
     for (int seed = 0; seed < settings_.seeds; ++seed) {
-      auto solved = solve_with(settings_.planners[p], record_.planners[p], seed);
-      if (!solved) return solved;
+      SIDESTEP_TRY(solve_with(settings_.planners[p], record_.planners[p], seed));
     }
   }
   record_session(clock_.after(0), session_, recorder_);
@@ -221,12 +220,11 @@ Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRe
   const std::vector<std::int64_t> left = left_for(earlier, seed);
   if (left.empty() || context_.stop.stop_requested()) return {};
   const std::uint64_t run_seed = context_.seed + static_cast<std::uint64_t>(seed);
-  auto race = make_race(entry, run_seed);
-  if (!race) return error_of(race);
+  auto race = SIDESTEP_TRY(make_race(entry, run_seed));
   const auto solve_one = [&](std::int64_t problem) {
     return contained("planning", [&] {
-      return solve_set_problem(*race, problems_[static_cast<std::size_t>(problem)], run_seed,
-                               bench_, plans_by_shapes(entry));
+      return solve_set_problem(race, problems_[static_cast<std::size_t>(problem)], run_seed, bench_,
+                               plans_by_shapes(entry));
     });
   };
   (void)solve_one(left.front());  // does not count
@@ -239,7 +237,7 @@ Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRe
     solve->seed = seed;
     record_set_solve(*solve, entry.name, problems_.size(), recorder_);
     record_session(clock_.after(1), session_, recorder_);
-    if (auto saved = recorder_.commit(); !saved) return saved;
+    SIDESTEP_TRY(recorder_.commit());
     ++done_;
   }
   return {};
@@ -255,9 +253,7 @@ Result<PlanningRace> BenchmarkRun::make_race(const PlannerEntry& entry, std::uin
          {std::pair(&entry.optimiser, &lane.optimiser), std::pair(&entry.sampler, &lane.sampler)}) {
       const bool is_sampler = into == &lane.sampler;
       if (block->is_null() || (is_sampler && guess != "sampled")) continue;
-      auto made = context_.host.create<Optimiser>(*block, loan);
-      if (!made) return error_of(made);
-      *into = std::move(*made);
+      *into = SIDESTEP_TRY(context_.host.create<Optimiser>(*block, loan));
     }
     lanes.push_back(std::move(lane));
   }
@@ -299,11 +295,9 @@ Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord reco
                                                      const ExperimentContext& context) {
   if (!context.resume) return record;
   const auto file = context.out / "results.sqlite";
-  auto earlier = read_planner_record(file);
-  if (!earlier) return earlier;
-  auto same = check_same_run(*earlier, record, file.string());
-  if (!same) return error_of(same);
-  if (earlier->names != record.names) {
+  auto earlier = SIDESTEP_TRY(read_planner_record(file));
+  SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
+  if (earlier.names != record.names) {
     return fail(ErrorCode::kConfig, "the problems have changed since the run to resume began",
                 file.string(), "begin anew");
   }
@@ -332,9 +326,8 @@ Result<PlannerBenchmarkSettings> read_settings(const ExperimentContext& context,
 Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& settings,
                                             const ExperimentContext& context,
                                             const RobotModel& robot) {
-  auto all = read_problem_set(settings.problems, robot.description());
-  if (!all) return all;
-  std::vector<SetProblem> problems = chosen(std::move(*all), settings);
+  auto all = SIDESTEP_TRY(read_problem_set(settings.problems, robot.description()));
+  std::vector<SetProblem> problems = chosen(std::move(all), settings);
   if (std::ssize(problems) < context.shard.count) {
     return fail(ErrorCode::kConfig,
                 problems.empty()
@@ -348,28 +341,24 @@ Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& sett
 
 Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
   SetBench bench;
-  const auto settings = read_settings(context, bench);
-  if (!settings) return error_of(settings);
-  auto robot = context.host.create<RobotModel>(block_of(context.configuration, "robot"));
-  if (!robot) return error_of(robot);
-  bench.robot = std::move(*robot);
-  const auto problems = read_chosen(*settings, context, *bench.robot);
-  if (!problems) return error_of(problems);
+  const auto settings = SIDESTEP_TRY(read_settings(context, bench));
+  auto robot =
+      SIDESTEP_TRY(context.host.create<RobotModel>(block_of(context.configuration, "robot")));
+  bench.robot = std::move(robot);
+  const auto problems = SIDESTEP_TRY(read_chosen(settings, context, *bench.robot));
 
-  const auto record =
-      with_earlier_sessions(new_record(*settings, *problems, *bench.robot, context), context);
-  if (!record) return error_of(record);
+  const auto record = SIDESTEP_TRY(
+      with_earlier_sessions(new_record(settings, problems, *bench.robot, context), context));
   const auto file = context.out / "results.sqlite";
-  auto store =
-      context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, record->provenance);
-  if (!store) return error_of(store);
-  Recorder recorder(**store);
-  if (!context.resume) record_planner_head(*record, recorder);
-  if (auto saved = recorder.commit(); !saved) return error_of(saved);
+  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
+                                           : ResultsStore::open(file, record.provenance));
+  Recorder recorder(*store);
+  if (!context.resume) record_planner_head(record, recorder);
+  SIDESTEP_TRY(recorder.commit());
 
-  BenchmarkRun run(*settings, *problems, std::move(bench), *record, context, recorder);
+  BenchmarkRun run(settings, problems, std::move(bench), record, context, recorder);
   auto solved = run.solve();
-  store->reset();
+  store.reset();
   if (context.progress) context.progress(0, 0, "summing up");
   return conclude_planners(context.out, context.stop.stop_requested(),
                            solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));

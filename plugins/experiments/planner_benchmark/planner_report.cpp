@@ -14,11 +14,9 @@ Result<std::string> planners_body(const Json& summary, ResultsReader&,
     html += "<p class=\"verdict failure\">" + escape_html(fault) + "</p>\n";
   }
   html += "<h2>All problems</h2>\n" + planner_columns().html(at(summary, "/planners"));
-  const auto record = read_planner_record(run / "results.sqlite");
-  if (!record) return error_of(record);
-  const auto figures = figure_section(planner_figures(*record), run);
-  if (!figures) return figures;
-  html += *figures;
+  const auto record = SIDESTEP_TRY(read_planner_record(run / "results.sqlite"));
+  const auto figures = SIDESTEP_TRY(figure_section(planner_figures(record), run));
+  html += figures;
   return html + "<h2>Family by family</h2>\n" + planner_columns().html(at(summary, "/families"));
 }
 

@@ -81,10 +81,9 @@ const StoredRow<SetSolve>& stored_solve() {
 Result<std::vector<SetSolve>> read_solves(ResultsReader& reader, const std::string& planner,
                                           const std::vector<ProblemName>& names,
                                           const std::string& file) {
-  auto rows = stored_solve().read_all(reader, series_of(planner), file);
-  if (!rows) return error_of(rows);
+  auto rows = SIDESTEP_TRY(stored_solve().read_all(reader, series_of(planner), file));
   std::vector<SetSolve> solves;
-  for (auto& [item, solve] : *rows) {
+  for (auto& [item, solve] : rows) {
     solve.problem = item % std::ssize(names);
     solve.seed = static_cast<int>(item / std::ssize(names));
     solve.family = names[static_cast<std::size_t>(solve.problem)].family;
@@ -144,26 +143,22 @@ void record_planners(const PlannerBenchmarkRecord& record, Recorder& recorder) {
 }
 
 Result<PlannerBenchmarkRecord> read_planner_record(const std::filesystem::path& path) {
-  auto reader = ResultsReader::open(path);
-  if (!reader) return error_of(reader);
+  auto reader = SIDESTEP_TRY(ResultsReader::open(path));
   const std::string file = path.string();
   DividedRun head;
-  if (auto read = read_run_head(**reader, kHead, file, head); !read) return error_of(read);
-  auto record = stored_benchmark().read(**reader, kHead, 0, file);
-  if (!record) return record;
-  static_cast<DividedRun&>(*record) = std::move(head);
-  for (std::size_t i = 0; i < record->names.size(); ++i) {
-    auto name = stored_name().read(**reader, "problem", static_cast<std::int64_t>(i), file);
-    if (!name) return error_of(name);
-    record->names[i] = *std::move(name);
+  SIDESTEP_TRY(read_run_head(*reader, kHead, file, head));
+  auto record = SIDESTEP_TRY(stored_benchmark().read(*reader, kHead, 0, file));
+  static_cast<DividedRun&>(record) = std::move(head);
+  for (std::size_t i = 0; i < record.names.size(); ++i) {
+    record.names[i] =
+        SIDESTEP_TRY(stored_name().read(*reader, "problem", static_cast<std::int64_t>(i), file));
   }
-  for (std::size_t p = 0; p < record->planners.size(); ++p) {
-    auto planner = stored_planner().read(**reader, "planner", static_cast<std::int64_t>(p), file);
-    if (!planner) return error_of(planner);
-    auto solves = read_solves(**reader, planner->name, record->names, file);
-    if (!solves) return error_of(solves);
-    planner->solves = std::move(*solves);
-    record->planners[p] = *std::move(planner);
+  for (std::size_t p = 0; p < record.planners.size(); ++p) {
+    auto planner =
+        SIDESTEP_TRY(stored_planner().read(*reader, "planner", static_cast<std::int64_t>(p), file));
+    auto solves = SIDESTEP_TRY(read_solves(*reader, planner.name, record.names, file));
+    planner.solves = std::move(solves);
+    record.planners[p] = std::move(planner);
   }
   return record;
 }

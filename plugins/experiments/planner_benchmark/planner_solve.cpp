@@ -37,9 +37,7 @@ Result<OwnChecks> checks_of(const SetProblem& posed,
                             const std::shared_ptr<const DistanceField>& field,
                             const SetBench& bench, bool by_shapes) {
   if (by_shapes) {
-    auto check = true_check(posed, bench);
-    if (!check) return error_of(check);
-    const std::shared_ptr<const ValidityCheck> shared = std::move(*check);
+    const std::shared_ptr<const ValidityCheck> shared = SIDESTEP_TRY(true_check(posed, bench));
     return OwnChecks{shared, shared};
   }
   FieldCheckSettings settings{.margin_m = bench.check.margin_m,
@@ -59,9 +57,8 @@ Result<OwnChecks> checks_of(const SetProblem& posed,
 class Judge {
  public:
   [[nodiscard]] static Result<Judge> make(const SetProblem& posed, const SetBench& bench) {
-    auto check = true_check(posed, bench);
-    if (!check) return error_of(check);
-    return Judge(posed, bench, std::move(*check));
+    auto check = SIDESTEP_TRY(true_check(posed, bench));
+    return Judge(posed, bench, std::move(check));
   }
 
   /// Adds the answer; the last one that is heard is what the solve is about.
@@ -71,12 +68,11 @@ class Judge {
         {static_cast<float>(time_ms), static_cast<float>(path_length(trajectory)), is_smooth});
     solve.duration_s = trajectory.duration_s();
     solve.acceleration_ratio = acceleration_ratio(trajectory);
-    const auto verdict = check_->check(trajectory, 0.0, Deadline(bench_.stop));
-    if (!verdict) return error_of(verdict);
-    solve.clearance_m = verdict->min_clearance_m;
+    const auto verdict = SIDESTEP_TRY(check_->check(trajectory, 0.0, Deadline(bench_.stop)));
+    solve.clearance_m = verdict.min_clearance_m;
     if (!solve.refusal.empty()) return {};
     solve.refusal = miss(trajectory);
-    if (solve.refusal.empty() && !verdict->valid()) solve.refusal = verdict->describe();
+    if (solve.refusal.empty() && !verdict.valid()) solve.refusal = verdict.describe();
     return {};
   }
 
@@ -102,13 +98,11 @@ class Judge {
 
 Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetBench& bench,
                    SetSolve& solve) {
-  const auto judge = Judge::make(posed, bench);
-  if (!judge) return error_of(judge);
+  const auto judge = SIDESTEP_TRY(Judge::make(posed, bench));
   for (const EarlierAnswer& earlier : answer.earlier) {
-    auto heard = judge->hear(earlier.trajectory, earlier.is_smooth, earlier.took_ms, solve);
-    if (!heard) return heard;
+    SIDESTEP_TRY(judge.hear(earlier.trajectory, earlier.is_smooth, earlier.took_ms, solve));
   }
-  return judge->hear(answer.trajectory, answer.is_smooth, answer.took_ms, solve);
+  return judge.hear(answer.trajectory, answer.is_smooth, answer.took_ms, solve);
 }
 
 }  // namespace
@@ -127,18 +121,17 @@ Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, 
     solve.reason = "the problem makes no sense: " + sound.error().describe();
     return solve;
   }
-  const auto checks = checks_of(posed, field, bench, by_shapes);
-  if (!checks) return error_of(checks);
+  const auto checks = SIDESTEP_TRY(checks_of(posed, field, bench, by_shapes));
   const Stopwatch watch;
-  auto answer = race.run(problem, {*checks->sampled, *checks->smooth},
-                         derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
-                         Deadline::after_s(bench.deadline_s, bench.stop), bench.stop);
-  if (!answer) return error_of(answer);
+  auto answer =
+      SIDESTEP_TRY(race.run(problem, {*checks.sampled, *checks.smooth},
+                            derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
+                            Deadline::after_s(bench.deadline_s, bench.stop), bench.stop));
   solve.spent_ms = watch.elapsed_ms();
-  solve.reason = answer->reason;
-  solve.guess = answer->seed;
-  if (answer->trajectory.size() == 0) return solve;
-  if (auto judged = judge(posed, *answer, bench, solve); !judged) return error_of(judged);
+  solve.reason = answer.reason;
+  solve.guess = answer.seed;
+  if (answer.trajectory.size() == 0) return solve;
+  SIDESTEP_TRY(judge(posed, answer, bench, solve));
   return solve;
 }
 

@@ -193,23 +193,20 @@ const report::ResultColumns& planner_columns() { return planner_rows(); }
 
 Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run, bool interrupted,
                                             const std::optional<Error>& fault) {
-  const auto record = read_planner_record(run / "results.sqlite");
-  if (!record) return error_of(record);
-  auto written = write_ompl_database(*record, run / kOmplDatabase);
-  if (!written) return error_of(written);
-  return summarise_planners(*record, interrupted, fault);
+  const auto record = SIDESTEP_TRY(read_planner_record(run / "results.sqlite"));
+  SIDESTEP_TRY(write_ompl_database(record, run / kOmplDatabase));
+  return summarise_planners(record, interrupted, fault);
 }
 
 Result<ExperimentOutcome> merge_planners(const std::vector<std::filesystem::path>& runs,
                                          const std::filesystem::path& out) {
-  auto whole = merged_record(runs, &read_planner_record, &absorb_planners);
-  if (!whole) return error_of(whole);
+  auto whole = SIDESTEP_TRY(merged_record(runs, &read_planner_record, &absorb_planners));
   for (const std::filesystem::path& run : runs) {
     const auto part = read_planner_record(run / "results.sqlite");
-    if (part && part->names == whole->names) continue;
+    if (part && part->names == whole.names) continue;
     return fail(ErrorCode::kConfig, "this shard is of other problems than the first", run.string());
   }
-  return conclude_whole(*whole, out, &record_planners, &conclude_planners);
+  return conclude_whole(whole, out, &record_planners, &conclude_planners);
 }
 
 }  // namespace sidestep

@@ -84,8 +84,7 @@ void judge(const Problem& problem, const Trajectory& trajectory, RecordedBench& 
 Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench) {
   ExperimentContext& context = bench.context;
   const Node block = block_for(*context.configuration.root.find("optimiser"), run);
-  auto optimiser = context.host.create<Optimiser>(block, bench.problems.robot);
-  if (!optimiser) return error_of(optimiser);
+  auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(block, bench.problems.robot));
   RecordedRunRecord record{
       run.label, run.is_signed, run.relative_tolerance, run.max_iterations, {}};
   const std::vector<PosedProblem> posed = pose(run, bench);
@@ -93,7 +92,7 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
   std::vector<Trajectory> trajectories(posed.size());
   record.solves.resize(posed.size());
   const auto solve = [&](const PosedProblem& one) {
-    return solve_timed(*optimiser, one.problem, one.initial, context);
+    return solve_timed(optimiser, one.problem, one.initial, context);
   };
   if (!posed.empty()) (void)solve(posed.front());
   std::size_t reached = posed.size();
@@ -118,9 +117,8 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
 }
 
 Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
-  const auto start = start_recorded<RecordedBenchmarkSettings>(context);
-  if (!start) return error_of(start);
-  const auto& [settings, problems, provenance, store] = *start;
+  const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
+  const auto& [settings, problems, provenance, store] = start;
   Recorder recorder(*store);
 
   RecordedBenchmarkRecord record;
@@ -133,9 +131,8 @@ Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
   RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
   for (const RecordedRun& run : problems.runs) {
     if (context.stop.stop_requested()) break;
-    auto solved = solve_part(
-        record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder);
-    if (!solved) return error_of(solved);
+    SIDESTEP_TRY(solve_part(
+        record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
   }
   record.interrupted = context.stop.stop_requested();
 

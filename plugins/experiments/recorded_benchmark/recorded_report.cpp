@@ -17,9 +17,7 @@ Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& re
                                       {"peer_cost", &series.peer_cost},
                                       {"solve_ms", &series.solve_ms},
                                       {"peer_solve_ms", &series.peer_solve_ms}}) {
-      auto column = results.column("solve/" + std::to_string(item), key);
-      if (!column) return error_of(column);
-      *values = std::move(*column);
+      *values = SIDESTEP_TRY(results.column("solve/" + std::to_string(item), key));
     }
     all.push_back(std::move(series));
   }
@@ -29,8 +27,7 @@ Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& re
 Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
                                   const std::filesystem::path& run) {
   const Json runs = at(summary, "/runs");
-  const auto series = series_of(runs, results);
-  if (!series) return error_of(series);
+  const auto series = SIDESTEP_TRY(series_of(runs, results));
   std::string html = "<p>" + escape_html(cell(at(summary, "/optimiser"))) + " on the problems of " +
                      escape_html(cell(at(summary, "/problems_file"))) + ", robot " +
                      escape_html(cell(at(summary, "/robot"))) + ".</p>\n";
@@ -38,10 +35,9 @@ Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
   if (at(summary, "/costs_comparable") == Json(false)) {
     html += "<p>The peer's state is a Lie group here: its costs are no measure of ours.</p>\n";
   }
-  const auto figures = figure_section(
-      recorded_figures(*series, at(summary, "/costs_comparable") != Json(false)), run);
-  if (!figures) return figures;
-  return html + *figures;
+  const auto figures = SIDESTEP_TRY(figure_section(
+      recorded_figures(series, at(summary, "/costs_comparable") != Json(false)), run));
+  return html + figures;
 }
 
 }  // namespace

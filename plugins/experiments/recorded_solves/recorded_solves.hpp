@@ -71,13 +71,11 @@ template <class Settings>
   RecordedStart<Settings> start;
   Settings::parameters().read(experiment, start.settings, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  auto problems = read_problems(experiment, start.settings);
-  if (!problems) return error_of(problems);
-  start.problems = std::move(*problems);
+  auto problems = SIDESTEP_TRY(read_problems(experiment, start.settings));
+  start.problems = std::move(problems);
   start.provenance = provenance_of(context);
-  auto store = ResultsStore::open(context.out / "results.sqlite", start.provenance);
-  if (!store) return error_of(store);
-  start.store = std::move(*store);
+  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", start.provenance));
+  start.store = std::move(store);
   return start;
 }
 
@@ -102,10 +100,9 @@ template <class Part, class Solve>
 [[nodiscard]] Result<void> solve_part(std::vector<Part>& parts, Solve solve,
                                       void (*record)(const Part&, std::int64_t, Recorder&),
                                       Recorder& recorder) {
-  auto part = contained("solving recorded problems", std::move(solve));
-  if (!part) return error_of(part);
-  record(*part, std::ssize(parts), recorder);
-  parts.push_back(std::move(*part));
+  auto part = SIDESTEP_TRY(contained("solving recorded problems", std::move(solve)));
+  record(part, std::ssize(parts), recorder);
+  parts.push_back(std::move(part));
   return recorder.commit();
 }
 

@@ -39,14 +39,13 @@ Result<std::set<std::int64_t>> finished_episodes(const ExperimentContext& contex
   std::set<std::int64_t> finished;
   if (!context.resume) return finished;
   const auto file = context.out / "results.sqlite";
-  const auto rows = read_replan_rows(file);
-  if (!rows) return error_of(rows);
-  const std::string other = difference(rows->identity, identity);
+  const auto rows = SIDESTEP_TRY(read_replan_rows(file));
+  const std::string other = difference(rows.identity, identity);
   if (!other.empty()) {
     return fail(ErrorCode::kConfig, "the run to resume is another experiment: " + other,
                 file.string(), "resume it with the configuration and overrides it began with");
   }
-  for (const EpisodeRow& row : rows->episodes) finished.insert(row.episode);
+  for (const EpisodeRow& row : rows.episodes) finished.insert(row.episode);
   return finished;
 }
 
@@ -64,17 +63,15 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
       if (context.progress) context.progress(i, total, what);
     };
     show(name);
-    auto world = make_replan_world(context, settings, robot, episode);
-    if (!world) return error_of(world);
-    const auto done =
-        run_episode(context, settings, std::move(*world), episode,
-                    [&](const std::string& how_far) { show(name + " (" + how_far + ")"); });
-    if (!done) return error_of(done);
-    if (done->interrupted) break;
-    const bool pictured = i < kAlwaysPictured || !done->success();
-    record_episode(*done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
-    if (auto saved = recorder.commit(); !saved) return saved;
-    context.log.info(name + ": " + (done->success() ? "success" : done->reason));
+    auto world = SIDESTEP_TRY(make_replan_world(context, settings, robot, episode));
+    const auto done = SIDESTEP_TRY(
+        run_episode(context, settings, std::move(world), episode,
+                    [&](const std::string& how_far) { show(name + " (" + how_far + ")"); }));
+    if (done.interrupted) break;
+    const bool pictured = i < kAlwaysPictured || !done.success();
+    record_episode(done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
+    SIDESTEP_TRY(recorder.commit());
+    context.log.info(name + ": " + (done.success() ? "success" : done.reason));
   }
   if (context.progress) context.progress(total, total, "episodes");
   return {};
@@ -89,14 +86,13 @@ Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
   stand_on_floor(settings.planning, *robot);
 
   const std::string identity = identity_of(context);
-  const auto finished = finished_episodes(context, identity);
-  if (!finished) return error_of(finished);
+  const auto finished = SIDESTEP_TRY(finished_episodes(context, identity));
   ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
   facts.planned_episodes = settings.experiment.episodes;
   facts.again = command_again(context.configuration);
 
   return run_loop(context, std::move(facts), identity, [&](Recorder& recorder) {
-    return run_episodes(context, settings, robot, *finished, recorder);
+    return run_episodes(context, settings, robot, finished, recorder);
   });
 }
 

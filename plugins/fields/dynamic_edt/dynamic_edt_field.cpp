@@ -34,7 +34,7 @@ class DynamicEdtBuilder final : public FieldBuilder {
     }
     octomap::OcTree& tree = octree_view->octree();
     const GridSpec& grid = occupancy_view->occupancy_grid();
-    if (auto aligned = check_alignment(tree, grid); !aligned) return aligned;
+    SIDESTEP_TRY(check_alignment(tree, grid));
     const Eigen::Vector3i last = grid.size_vox - Eigen::Vector3i::Ones();
     first_key_ = tree.coordToKey(to_octomap(grid.centre_m(Eigen::Vector3i::Zero())));
     transform_.emplace(static_cast<float>(options_.max_distance_m), &tree,
@@ -49,10 +49,9 @@ class DynamicEdtBuilder final : public FieldBuilder {
     if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field dynamic_edt");
     }
-    const auto named = publisher_->begin(update);
-    if (!named) return error_of(named);
+    const auto named = SIDESTEP_TRY(publisher_->begin(update));
     transform_->update();
-    const auto changed = within_reach(*named);
+    const auto changed = within_reach(named);
     const auto limit = static_cast<float>(options_.max_distance_m);
     return publisher_->publish(
         update, changed, [&](int x, int y, int z, int count, float* distances_m) {

@@ -141,7 +141,7 @@ class EdtBuilder final : public FieldBuilder {
         .is_signed = options_.is_signed,
         .max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity(),
         .steepest = 1.0};
-    if (auto made = make_distances(info); !made) return made;
+    SIDESTEP_TRY(make_distances(info));
     publisher_.emplace(info, *view_, workers_);
     const Eigen::Vector3i& size = grid_.size_vox;
     const auto rows = static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(size.z());
@@ -159,14 +159,13 @@ class EdtBuilder final : public FieldBuilder {
     if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt");
     }
-    auto changed = publisher_->begin(update);
-    if (!changed) return error_of(changed);
+    auto changed = SIDESTEP_TRY(publisher_->begin(update));
     const bool is_first = std::exchange(first_, false);
     // Where voxels have only become known, distances stay as they are.
-    if (!is_first) std::ranges::fill(*changed, std::uint8_t{0});
+    if (!is_first) std::ranges::fill(changed, std::uint8_t{0});
     take_over_rows(update.changed_blocks, is_first);
-    mark_blocks(distances_->update(obstacles_, inverse_, row_changed_), *changed);
-    return publisher_->publish(update, *changed,
+    mark_blocks(distances_->update(obstacles_, inverse_, row_changed_), changed);
+    return publisher_->publish(update, changed,
                                [this](int x, int y, int z, int count, float* distances_m) {
                                  distances_->row(x, y, z, count, distances_m);
                                });

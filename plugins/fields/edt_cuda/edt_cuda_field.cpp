@@ -134,18 +134,17 @@ class EdtCudaBuilder final : public FieldBuilder {
     if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field edt_cuda");
     }
-    auto flags = publisher_->begin(update);
-    if (!flags) return error_of(flags);
+    auto flags = SIDESTEP_TRY(publisher_->begin(update));
     const auto changed = transformed(update.changed_blocks);
     if (!changed) {
-      if (auto ok = fall_back(changed.error()); !ok) return error_of(ok);
+      SIDESTEP_TRY(fall_back(changed.error()));
       return cpu_->update(update);
     }
     // Where voxels have only become known, distances stay as they are.
-    std::ranges::fill(*flags, std::uint8_t{0});
-    for (const std::int32_t block : changed->blocks) (*flags)[static_cast<std::size_t>(block)] = 1;
+    std::ranges::fill(flags, std::uint8_t{0});
+    for (const std::int32_t block : changed->blocks) flags[static_cast<std::size_t>(block)] = 1;
     const ChangedRows rows(*changed, block_counts(grid_), table_m_);
-    return publisher_->publish(update, *flags,
+    return publisher_->publish(update, flags,
                                [&](int x, int y, int z, int count, float* distances_m) {
                                  rows.write(x, y, z, count, distances_m);
                                });
@@ -167,13 +166,12 @@ class EdtCudaBuilder final : public FieldBuilder {
         return transform_->update(blocks_, *map, unknown_is_occupied);
       }
     }
-    const auto rows = transform_->obstacle_rows(blocks_.size());
-    if (!rows) return error_of(rows);
+    const auto rows = SIDESTEP_TRY(transform_->obstacle_rows(blocks_.size()));
     const ObstacleReader reader(*view_, unknown_is_occupied);
     workers_.run_banded(static_cast<int>(blocks_.size()), 64, [&](int begin, int end) {
       for (int i = begin; i < end; ++i) {
         const auto at = static_cast<std::size_t>(i);
-        reader.read(blocks_[at], rows->data() + at * cuda::kBlockRows);
+        reader.read(blocks_[at], rows.data() + at * cuda::kBlockRows);
       }
     });
     return transform_->update(blocks_);

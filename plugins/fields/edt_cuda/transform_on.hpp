@@ -18,19 +18,19 @@ class TransformOn final : public DistanceTransform {
   static Result<std::unique_ptr<DistanceTransform>> make(const TransformSettings& settings,
                                                          std::unique_ptr<Backend> backend) {
     std::unique_ptr<TransformOn> made(new TransformOn(settings, std::move(backend)));
-    if (auto ok = made->allocate(); !ok) return error_of(ok);
+    SIDESTEP_TRY(made->allocate());
     return made;
   }
 
   Result<std::span<std::uint16_t>> obstacle_rows(std::size_t blocks) override {
     const std::size_t rows = blocks * cuda::kBlockRows;
-    if (auto ok = cuda::grow_pinned(*backend_, rows_, rows); !ok) return error_of(ok);
+    SIDESTEP_TRY(cuda::grow_pinned(*backend_, rows_, rows));
     return std::span<std::uint16_t>(rows_.data(), rows);
   }
 
   Result<ChangedDistances> update(std::span<const std::int32_t> changed_blocks) override {
     const std::size_t rows = changed_blocks.size() * cuda::kBlockRows;
-    if (auto ok = cuda::grow(*backend_, packed_rows_, rows); !ok) return error_of(ok);
+    SIDESTEP_TRY(cuda::grow(*backend_, packed_rows_, rows));
     begin(changed_blocks);
     backend_->upload(packed_rows_, 0, std::span<const std::uint16_t>(rows_.data(), rows));
     backend_->stage(cuda::Stage::kTransform);
@@ -130,7 +130,7 @@ class TransformOn final : public DistanceTransform {
     backend_->stage(cuda::Stage::kDownload);
     backend_->download(std::span<std::uint8_t>(changed_on_host_.data(), block_count()), changed_,
                        0);
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     changed_blocks_.clear();
     for (std::size_t b = 0; b < block_count(); ++b) {
       if (is_first_ || changed_on_host_.data()[b] != 0) {
@@ -145,8 +145,8 @@ class TransformOn final : public DistanceTransform {
   Result<ChangedDistances> bring_home() {
     const std::size_t count = changed_blocks_.size();
     const std::size_t values = count * cuda::kBlockVoxels;
-    if (auto ok = cuda::grow(*backend_, packed_values_, values); !ok) return error_of(ok);
-    if (auto ok = cuda::grow_pinned(*backend_, values_, values); !ok) return error_of(ok);
+    SIDESTEP_TRY(cuda::grow(*backend_, packed_values_, values));
+    SIDESTEP_TRY(cuda::grow_pinned(*backend_, values_, values));
     backend_->stage(cuda::Stage::kDownload);
     backend_->upload(dirty_blocks_, 0, std::span<const std::int32_t>(changed_blocks_));
     for (std::size_t first = 0; first < count; first += kBlocksAtOnce) {
@@ -158,7 +158,7 @@ class TransformOn final : public DistanceTransform {
       backend_->download(std::span<Value>(values_.data() + at, blocks * cuda::kBlockVoxels),
                          packed_values_, at);
     }
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     ChangedDistances changed{changed_blocks_, {}, {}};
     const std::span<const Value> packed(values_.data(), values);
     if constexpr (sizeof(Value) == sizeof(std::int16_t)) {

@@ -34,7 +34,7 @@ class EsdfBuilder final : public FieldBuilder {
           "field esdf", "the mapper tsdf offers it");
     }
     const GridSpec& grid = tsdf->tsdf_grid();
-    if (auto ok = check(*tsdf); !ok) return ok;
+    SIDESTEP_TRY(check(*tsdf));
     waves_.emplace(
         WaveSettings{.grid = grid,
                      .max_distance_m = static_cast<float>(options_.max_distance_m),
@@ -56,19 +56,18 @@ class EsdfBuilder final : public FieldBuilder {
     if (tsdf_ == nullptr) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field esdf");
     }
-    auto changed = publisher_->begin(update);
-    if (!changed) return error_of(changed);
+    auto changed = SIDESTEP_TRY(publisher_->begin(update));
     if (std::exchange(first_, false)) {
-      std::vector<std::int32_t> all(changed->size());
+      std::vector<std::int32_t> all(changed.size());
       std::iota(all.begin(), all.end(), 0);
       waves_->update(*tsdf_, all);
     } else {
       waves_->update(*tsdf_, tsdf_->tsdf_changed_blocks());
-      std::ranges::fill(*changed, std::uint8_t{0});  // the waves know better
+      std::ranges::fill(changed, std::uint8_t{0});  // the waves know better
     }
-    waves_->flag_changed(*changed);
+    waves_->flag_changed(changed);
     const float least_m = options_.is_signed ? -std::numeric_limits<float>::infinity() : 0.0F;
-    return publisher_->publish(update, *changed,
+    return publisher_->publish(update, changed,
                                [&](int x, int y, int z, int count, float* distances_m) {
                                  waves_->row(x, y, z, count, distances_m);
                                  for (int i = 0; i < count; ++i)

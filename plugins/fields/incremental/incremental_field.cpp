@@ -126,14 +126,13 @@ class IncrementalBuilder final : public FieldBuilder {
     if (!publisher_) {
       return fail(ErrorCode::kInvalidArgument, "update() before attach()", "field incremental");
     }
-    auto changed = publisher_->begin(update);
-    if (!changed) return error_of(changed);
-    changes_->find(*changed);
+    auto changed = SIDESTEP_TRY(publisher_->begin(update));
+    changes_->find(changed);
     distances_->update(*changes_);
     // Where the map changed but no distance did, there is nothing to write again.
-    if (!std::exchange(first_, false)) std::ranges::fill(*changed, std::uint8_t{0});
-    distances_->mark_changed(*changed);
-    return publisher_->publish(update, *changed,
+    if (!std::exchange(first_, false)) std::ranges::fill(changed, std::uint8_t{0});
+    distances_->mark_changed(changed);
+    return publisher_->publish(update, changed,
                                [this](int x, int y, int z, int count, float* distances_m) {
                                  distances_->row(x, y, z, count, distances_m);
                                });

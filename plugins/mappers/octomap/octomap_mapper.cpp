@@ -40,8 +40,8 @@ octomap::point3d OctomapMapper::centre(const Eigen::Vector3i& voxel) const {
 }
 
 Result<MapUpdate> OctomapMapper::integrate(const Frame& frame) {
-  if (auto ok = check_frame(frame); !ok) return error_of(ok);
-  if (auto ok = self_.pose(frame); !ok) return error_of(ok);
+  SIDESTEP_TRY(check_frame(frame));
+  SIDESTEP_TRY(self_.pose(frame));
   tree_.resetChangeDetection();  // the changes of this frame stay in place: see OctreeView
   MapUpdate update;
   update.counts = insert(frame);

@@ -59,8 +59,8 @@ TsdfMapper::TsdfMapper(const TsdfOptions& options, const HostContext& context)
 }
 
 Result<MapUpdate> TsdfMapper::integrate(const Frame& frame) {
-  if (auto ok = check_frame(frame); !ok) return error_of(ok);
-  if (auto ok = self_.pose(frame); !ok) return error_of(ok);
+  SIDESTEP_TRY(check_frame(frame));
+  SIDESTEP_TRY(self_.pose(frame));
   const RayEnds ends(map_.grid(), rules_, options_.clear_no_return, self_, frame);
   const RayMaker maker(options_, ends, frame);
   map_.begin_frame();

@@ -27,13 +27,13 @@ bool VoxelGrid::follow(const Eigen::Vector3d& camera_m) {
 }
 
 Result<MapUpdate> VoxelGrid::integrate(const Frame& frame) {
-  if (auto ok = check_frame(frame); !ok) return error_of(ok);
+  SIDESTEP_TRY(check_frame(frame));
   const auto* image = std::get_if<DepthImage>(&frame.measurement);
   if (image == nullptr && options_.method == "projective") {
     return fail(ErrorCode::kUnsupported, "method projective needs depth images, not point clouds",
                 "frame " + std::to_string(frame.sequence), "set method to auto or raycast");
   }
-  if (auto ok = self_.pose(frame); !ok) return error_of(ok);
+  SIDESTEP_TRY(self_.pose(frame));
 
   MapUpdate update;
   update.grid_moved = options_.sliding_window && follow(frame.T_world_camera.translation());

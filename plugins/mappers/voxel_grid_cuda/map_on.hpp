@@ -15,7 +15,7 @@ class MapOn final : public LogOddsMap {
   static Result<std::unique_ptr<LogOddsMap>> make(const MapSettings& settings,
                                                   std::unique_ptr<Backend> backend) {
     std::unique_ptr<MapOn> made(new MapOn(settings, std::move(backend)));
-    if (auto ok = made->allocate(); !ok) return error_of(ok);
+    SIDESTEP_TRY(made->allocate());
     return made;
   }
 
@@ -80,7 +80,7 @@ class MapOn final : public LogOddsMap {
     std::vector<HalfRow> rows(log_odds_.size());
     backend_->enter();
     backend_->download(std::span<HalfRow>(rows), log_odds_, 0);
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     std::vector<std::int16_t> values;
     values.reserve(rows.size() * std::size(rows.front().values));
     for (const HalfRow& row : rows) {
@@ -217,7 +217,7 @@ class MapOn final : public LogOddsMap {
     backend_->stage(cuda::Stage::kDownload);
     backend_->download(std::span<std::uint8_t>(changed_on_host_.data(), blocks), changed_, 0);
     backend_->download(std::span<std::uint32_t>(counts_on_host_.data(), kCounts), counts_, 0);
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     changed_blocks_.clear();
     for (std::size_t b = 0; b < blocks; ++b) {
       if (changed_on_host_.data()[b] != 0) changed_blocks_.push_back(static_cast<std::int32_t>(b));
@@ -241,7 +241,7 @@ class MapOn final : public LogOddsMap {
       backend_->download(std::span<std::uint16_t>(rows_.data() + first * kRows, part * kRows),
                          packed_, first * kRows);
     }
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     change.rows = {rows_.data(), rows};
     return change;
   }

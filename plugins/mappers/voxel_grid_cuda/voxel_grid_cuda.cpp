@@ -118,13 +118,13 @@ Result<MapUpdate> VoxelGridCuda::integrate(const Frame& frame) {
     if (update) update->sequence = ++sequence_;
     return update;
   }
-  if (auto ok = check_frame(frame); !ok) return error_of(ok);
+  SIDESTEP_TRY(check_frame(frame));
   const auto* image = std::get_if<DepthImage>(&frame.measurement);
   if (image == nullptr && options_.method == "projective") {
     return fail(ErrorCode::kUnsupported, "method projective needs depth images, not point clouds",
                 "frame " + std::to_string(frame.sequence), "set method to auto or raycast");
   }
-  if (auto ok = self_.pose(frame); !ok) return error_of(ok);
+  SIDESTEP_TRY(self_.pose(frame));
 
   const bool is_projective = image != nullptr && options_.method != "raycast";
   const auto change = is_projective ? integrate_image(frame, *image) : cast_rays(frame);
@@ -251,12 +251,11 @@ Result<MapUpdate> VoxelGridCuda::begin_anew(const Frame& frame, const Error& why
                     why.describe());
   map_.reset();
   cpu_ = std::make_unique<voxel_grid::VoxelGrid>(options_, context_);
-  auto update = cpu_->integrate(frame);
-  if (!update) return update;
-  update->sequence = ++sequence_;
-  update->grid_moved = true;
-  update->changed_blocks.resize(static_cast<std::size_t>(block_counts(grid_).prod()));
-  std::iota(update->changed_blocks.begin(), update->changed_blocks.end(), 0);
+  auto update = SIDESTEP_TRY(cpu_->integrate(frame));
+  update.sequence = ++sequence_;
+  update.grid_moved = true;
+  update.changed_blocks.resize(static_cast<std::size_t>(block_counts(grid_).prod()));
+  std::iota(update.changed_blocks.begin(), update.changed_blocks.end(), 0);
   return update;
 }
 

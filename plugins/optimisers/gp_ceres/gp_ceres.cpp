@@ -198,8 +198,8 @@ class GpCeres final : public Optimiser {
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override {
     const Stopwatch watch;
-    if (auto valid = problem.validate(); !valid) return error_of(valid);
-    if (auto valid = check_initial(problem, initial); !valid) return error_of(valid);
+    SIDESTEP_TRY(problem.validate());
+    SIDESTEP_TRY(check_initial(problem, initial));
     ChainProblem chain(problem, initial);
     StoppingRule rule(settings_, deadline);
     ceres::Solver::Summary summary;

@@ -39,8 +39,8 @@ class GpChain final : public Optimiser {
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override {
     const Stopwatch watch;
-    if (auto valid = problem.validate(); !valid) return error_of(valid);
-    if (auto valid = check_initial(problem, initial); !valid) return error_of(valid);
+    SIDESTEP_TRY(problem.validate());
+    SIDESTEP_TRY(check_initial(problem, initial));
     if (settings_.incremental && starts_.front().model.resume(problem, initial)) {
       lead_on(starts_.front(), deadline);
     } else {

@@ -19,9 +19,8 @@ class ChainBatchOn final : public ChainBatch {
                        static_cast<std::size_t>(shape.blocks.y) *
                        static_cast<std::size_t>(shape.blocks.z);
     if (distances_m_.size() != count * PlaceBlocks::kVoxels) {
-      if (auto ok = cuda::renew(*backend_, distances_m_, count * PlaceBlocks::kVoxels); !ok)
-        return ok;
-      if (auto ok = cuda::renew(*backend_, known_, count * PlaceBlocks::kRows); !ok) return ok;
+      SIDESTEP_TRY(cuda::renew(*backend_, distances_m_, count * PlaceBlocks::kVoxels));
+      SIDESTEP_TRY(cuda::renew(*backend_, known_, count * PlaceBlocks::kRows));
     }
     field_ = shape;
     field_.distances_m = distances_m_.data();
@@ -29,7 +28,7 @@ class ChainBatchOn final : public ChainBatch {
     backend_->enter();
     for (std::size_t first = 0; first < blocks.size(); first += kBlocksAtOnce) {
       const std::size_t some = std::min(kBlocksAtOnce, blocks.size() - first);
-      if (auto ok = place(blocks.subspan(first, some)); !ok) return ok;
+      SIDESTEP_TRY(place(blocks.subspan(first, some)));
     }
     return backend_->finish();
   }
@@ -80,7 +79,7 @@ class ChainBatchOn final : public ChainBatch {
     }
     backend_->stage(cuda::Stage::kDownload);
     backend_->download(std::span(states_on_host_.data(), count()), states_, 0);
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     const std::span<const ChainState> states(states_on_host_.data(), count());
     return static_cast<int>(std::ranges::count(states, Standing::kMoving, &ChainState::standing));
   }
@@ -91,16 +90,16 @@ class ChainBatchOn final : public ChainBatch {
     backend_->stage(cuda::Stage::kDownload);
     backend_->launch(CopyTrajectories{problem_, chains(), trajectories_.data(), false}, chains_);
     backend_->download(std::span(trajectories_on_host_.data(), values), trajectories_, 0);
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     return BatchOutcome{{states_on_host_.data(), count()}, {trajectories_on_host_.data(), values}};
   }
 
   Result<std::vector<double>> term_costs(int chain) override {
     std::vector<double> costs(static_cast<std::size_t>(1 + problem_.terms));
-    if (auto ok = cuda::grow(*backend_, costs_, costs.size()); !ok) return error_of(ok);
+    SIDESTEP_TRY(cuda::grow(*backend_, costs_, costs.size()));
     const std::int32_t number = chain;
     backend_->enter();
-    if (auto ok = send(asked_, std::span(&number, 1)); !ok) return error_of(ok);
+    SIDESTEP_TRY(send(asked_, std::span(&number, 1)));
     backend_->stage(cuda::Stage::kTransform);
     if (problem_.dof <= kSmallDof) {
       backend_->launch(PriceTerms<kSmallDof>{problem_, chains(), asked_.data(), costs_.data()}, 1);
@@ -110,7 +109,7 @@ class ChainBatchOn final : public ChainBatch {
     }
     backend_->stage(cuda::Stage::kDownload);
     backend_->download(std::span(costs), costs_, 0);
-    if (auto ok = backend_->finish(); !ok) return error_of(ok);
+    SIDESTEP_TRY(backend_->finish());
     return costs;
   }
 
@@ -125,7 +124,7 @@ class ChainBatchOn final : public ChainBatch {
 
   template <class T>
   Result<void> send(cuda::Memory<T>& memory, std::span<const T> values) {
-    if (auto ok = cuda::grow(*backend_, memory, values.size()); !ok) return ok;
+    SIDESTEP_TRY(cuda::grow(*backend_, memory, values.size()));
     backend_->upload(memory, 0, values);
     return {};
   }

@@ -90,7 +90,7 @@ bool is_held(const Problem& problem, Placement end) {
 Result<DescribedProblem> describe(const Problem& problem) {
   const auto* tree = dynamic_cast<const KinematicTree*>(problem.robot.get());
   if (tree == nullptr) return unknown("the robot is not a KinematicTree, as those of URDF are");
-  if (auto ok = check_sizes(problem, *tree); !ok) return error_of(ok);
+  SIDESTEP_TRY(check_sizes(problem, *tree));
   DescribedProblem out;
   ChainProblem& sizes = out.chain.problem;
   sizes.dof = tree->description().dof();
@@ -113,7 +113,7 @@ Result<DescribedProblem> describe(const Problem& problem) {
   }
   sizes.bodies = static_cast<int>(out.chain.bodies.size());
   sizes.spheres = static_cast<int>(out.chain.spheres.size());
-  if (auto ok = describe_terms(problem, *tree, out); !ok) return error_of(ok);
+  SIDESTEP_TRY(describe_terms(problem, *tree, out));
   sizes.own_numbers = static_cast<int>(out.own_numbers.size());
   return out;
 }

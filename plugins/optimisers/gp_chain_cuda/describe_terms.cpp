@@ -58,7 +58,7 @@ class TermReader {
   }
 
   Result<void> put(const ObstacleForm& form) {
-    if (auto ok = check_robot(form.robot); !ok) return ok;
+    SIDESTEP_TRY(check_robot(form.robot));
     auto field = std::dynamic_pointer_cast<const DenseField>(form.field);
     if (!field) return unknown("its field is not made of voxels");
     if (out_.field) return unknown("a second one of its kind is not known");
@@ -81,7 +81,7 @@ class TermReader {
   }
 
   Result<void> put(const FloorForm& form) {
-    if (auto ok = check_robot(form.robot); !ok) return ok;
+    SIDESTEP_TRY(check_robot(form.robot));
     term_.kind = Term::Kind::kFloor;
     term_.weight = 1.0 / form.sigma_m;
     std::vector<double> begins_m(robot_.spheres.size(), -std::numeric_limits<double>::infinity());
@@ -94,7 +94,7 @@ class TermReader {
   }
 
   Result<void> put(const SelfCollisionForm& form) {
-    if (auto ok = check_robot(form.robot); !ok) return ok;
+    SIDESTEP_TRY(check_robot(form.robot));
     ChainDescription& chain = out_.chain;
     term_.kind = Term::Kind::kSelfCollision;
     term_.weight = 1.0 / form.sigma_m;
@@ -134,7 +134,7 @@ class TermReader {
   }
 
   Result<void> put(const LinkPoseForm& form) {
-    if (auto ok = check_robot(form.robot); !ok) return ok;
+    SIDESTEP_TRY(check_robot(form.robot));
     const TreeLink link = tree_.link_in_body(form.link);
     term_.kind = Term::Kind::kLinkPose;
     term_.body = link.body;
@@ -147,7 +147,7 @@ class TermReader {
   }
 
   Result<void> put(const LinkAxisForm& form) {
-    if (auto ok = check_robot(form.robot); !ok) return ok;
+    SIDESTEP_TRY(check_robot(form.robot));
     const TreeLink link = tree_.link_in_body(form.link);
     term_.kind = Term::Kind::kLinkAxis;
     term_.body = link.body;
@@ -177,7 +177,7 @@ Result<void> describe_terms(const Problem& problem, const KinematicTree& tree,
                             DescribedProblem& out) {
   TermReader reader(problem, tree, out);
   for (const CostTerm& term : problem.terms) {
-    if (auto ok = reader.read(term); !ok) return ok;
+    SIDESTEP_TRY(reader.read(term));
   }
   return {};
 }

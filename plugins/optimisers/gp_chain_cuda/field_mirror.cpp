@@ -18,7 +18,7 @@ Result<void> FieldMirror::show(ChainBatch& batch, const FieldOnDevice& shape,
     changed_.push_back({static_cast<std::int32_t>(b), blocks.block(b).distance_m.data(),
                         known.block(b).rows.data()});
   }
-  if (auto ok = batch.set_field(shape, changed_); !ok) return ok;
+  SIDESTEP_TRY(batch.set_field(shape, changed_));
   blocks_ = blocks;
   known_ = known;
   return {};

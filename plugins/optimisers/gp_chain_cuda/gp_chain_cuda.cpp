@@ -65,8 +65,8 @@ class GpChainCuda final : public Optimiser {
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) override {
-    if (auto valid = problem.validate(); !valid) return error_of(valid);
-    if (auto valid = check_initial(problem, initial); !valid) return error_of(valid);
+    SIDESTEP_TRY(problem.validate());
+    SIDESTEP_TRY(check_initial(problem, initial));
     if (batch_ == nullptr) return on_cpu().solve(problem, initial, deadline);
     const Stopwatch watch;
     const auto described = describe(problem);
@@ -77,7 +77,7 @@ class GpChainCuda final : public Optimiser {
     }
     auto solution = on_device(problem, *described, initial, deadline);
     if (!solution) {
-      if (auto ok = fall_back(std::move(solution.error())); !ok) return error_of(ok);
+      SIDESTEP_TRY(fall_back(std::move(solution.error())));
       return on_cpu().solve(problem, initial, deadline);
     }
     solution->solve_ms = watch.elapsed_ms();
@@ -90,30 +90,27 @@ class GpChainCuda final : public Optimiser {
                              const Trajectory& initial, const Deadline& deadline) {
     const ChainProblem& sizes = described.chain.problem;
     if (described.field) {
-      auto shown = mirror_.show(*batch_, described.field_shape, *described.field);
-      if (!shown) return error_of(shown);
+      SIDESTEP_TRY(mirror_.show(*batch_, described.field_shape, *described.field));
     }
-    if (auto begun = begin(problem, described, initial); !begun) return error_of(begun);
+    SIDESTEP_TRY(begin(problem, described, initial));
     auto moving = batch_->move(0);
     while (moving && *moving > 0 && !deadline.expired()) moving = batch_->move(1);
     if (!moving) return error_of(moving);
-    const auto outcome = batch_->outcome();
-    if (!outcome) return error_of(outcome);
+    const auto outcome = SIDESTEP_TRY(batch_->outcome());
 
     const auto found = [&](int chain) {
-      return trajectory_of(sizes, &outcome->trajectories[static_cast<std::size_t>(chain) *
-                                                         static_cast<std::size_t>(sizes.values())]);
+      return trajectory_of(sizes, &outcome.trajectories[static_cast<std::size_t>(chain) *
+                                                        static_cast<std::size_t>(sizes.values())]);
     };
-    const int chosen = choose(problem, outcome->states, found, deadline);
+    const int chosen = choose(problem, outcome.states, found, deadline);
     Solution solution;
-    solution.initial_cost = outcome->states.front().initial_cost;
-    const ChainState state = outcome->states[static_cast<std::size_t>(chosen)];
+    solution.initial_cost = outcome.states.front().initial_cost;
+    const ChainState state = outcome.states[static_cast<std::size_t>(chosen)];
     conclude(end_of(state), rules().stop, state.cost, deadline, solution);
     solution.cost = state.cost;
     solution.trajectory = found(chosen);
-    const auto terms = batch_->term_costs(chosen);
-    if (!terms) return error_of(terms);
-    solution.terms = name_terms(problem, *terms);
+    const auto terms = SIDESTEP_TRY(batch_->term_costs(chosen));
+    solution.terms = name_terms(problem, terms);
     if (state.standing == Standing::kNotFinite) name_broken_term(solution);
     if (solution.status == SolveStatus::kFailed) solution.trajectory = {};
     return solution;
@@ -207,7 +204,7 @@ Result<std::unique_ptr<Optimiser>> make_gp_chain_cuda(const Options& settings, W
                                                       Log& log, std::uint64_t seed,
                                                       const MakeBatch& make) {
   auto made = std::make_unique<GpChainCuda>(settings, workers, log, seed);
-  if (auto ok = made->open(make); !ok) return error_of(ok);
+  SIDESTEP_TRY(made->open(make));
   return made;
 }
 

@@ -111,10 +111,7 @@ class ShapeChecker final : public Checker {
     }
     if (paths_ && is_looked_at(problem)) return {};
     ShapeWorld world;
-    if (auto filled = in_octree_ ? fill_octree(problem, world) : fill_scene(problem, world);
-        !filled) {
-      return filled;
-    }
+    SIDESTEP_TRY(in_octree_ ? fill_octree(problem, world) : fill_scene(problem, world));
     world.margin_m = problem.collision_margin_m + kSpareShapeMargin_m;
     world.self_margin_m = kSpareShapeMargin_m;
     if (problem.space.floor) add_floor_object(*problem.space.floor, world);

@@ -147,15 +147,13 @@ class OmplOptimiser final : public Optimiser {
 Result<Solution> OmplOptimiser::solve(const Problem& problem, const Trajectory&,
                                       const Deadline& deadline) {
   const Stopwatch stopwatch;
-  if (auto sound = problem.validate(); !sound) return error_of(sound);
+  SIDESTEP_TRY(problem.validate());
   if (!problem.field) {
     return invalid("a sampling planner needs a distance field");
   }
   Solution solution;
-  if (auto sound = check_weights(options_.joint_metric(), problem.robot->description()); !sound) {
-    return error_of(sound);
-  }
-  if (auto fits = checker_->look_at(problem); !fits) return error_of(fits);
+  SIDESTEP_TRY(check_weights(options_.joint_metric(), problem.robot->description()));
+  SIDESTEP_TRY(checker_->look_at(problem));
   const auto blocked = [&](const RobotState& state) -> std::optional<Violation> {
     const std::span<const double> q = as_span(state.q);
     if (checker_->is_clear(q)) return std::nullopt;

@@ -28,7 +28,7 @@ bool account(std::vector<TermCost> terms, Solution& solution) {
 }  // namespace
 
 Result<void> check_waypoint_problem(const Problem& problem, const Trajectory& initial) {
-  if (auto valid = problem.validate(); !valid) return valid;
+  SIDESTEP_TRY(problem.validate());
   return check_initial(problem, initial);
 }
 

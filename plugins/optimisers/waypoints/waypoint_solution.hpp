@@ -52,7 +52,7 @@ template <class Find>
                                                   const std::string& optimiser,
                                                   const std::string& smoothness, Find find) {
   const Stopwatch watch;
-  if (auto valid = check_waypoint_problem(problem, initial); !valid) return error_of(valid);
+  SIDESTEP_TRY(check_waypoint_problem(problem, initial));
   if (std::string why = why_not_between_ends(problem, optimiser); !why.empty()) {
     return without_trajectory(SolveStatus::kNoPath, std::move(why));
   }

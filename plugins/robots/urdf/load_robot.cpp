@@ -115,10 +115,9 @@ Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
     profile = profile_of(options);
     profile.spheres_from = "fit";
   } else {
-    const auto file = find_profile(options.profile, context.robot_paths);
-    if (!file) return error_of(file);
+    const auto file = SIDESTEP_TRY(find_profile(options.profile, context.robot_paths));
     what = "the robot profile";
-    profile = read_profile(*file, context.documents, errors);
+    profile = read_profile(file, context.documents, errors);
     profile.joint_limits = merged(profile.joint_limits, options.joint_limits);
     profile.fixed_joints = merged(profile.fixed_joints, options.fixed_joints);
     if (!options.package_paths.is_null()) profile.package_paths = options.package_paths;

@@ -43,14 +43,13 @@ Result<std::shared_ptr<const Mesh>> MeshFinder::load(const std::string& uri,
     return fail(ErrorCode::kNotFound, "the mesh '" + uri + "' is not there", mark.to_string(),
                 "name the folder of its package under 'package_paths'; " + tried);
   }
-  auto mesh = read_mesh(found->string());
-  if (!mesh) return error_of(mesh);
-  for (Eigen::Vector3d& vertex : mesh->vertices_m) vertex = vertex.cwiseProduct(scale);
+  auto mesh = SIDESTEP_TRY(read_mesh(found->string()));
+  for (Eigen::Vector3d& vertex : mesh.vertices_m) vertex = vertex.cwiseProduct(scale);
   // A mirroring scale turns the triangles inside out.
   if (scale.prod() < 0.0) {
-    for (Eigen::Vector3i& triangle : mesh->triangles) std::swap(triangle.y(), triangle.z());
+    for (Eigen::Vector3i& triangle : mesh.triangles) std::swap(triangle.y(), triangle.z());
   }
-  return indexed_mesh(std::move(*mesh));
+  return indexed_mesh(std::move(mesh));
 }
 
 }  // namespace sidestep::urdf_robot

@@ -4,9 +4,8 @@ namespace {
 
 sidestep::Result<std::unique_ptr<sidestep::RobotModel>> create(
     const sidestep::urdf_robot::Options& options, const sidestep::HostContext& context) {
-  auto robot = sidestep::urdf_robot::load_robot(options, context);
-  if (!robot) return error_of(robot);
-  return std::unique_ptr<sidestep::RobotModel>(std::move(*robot));
+  auto robot = SIDESTEP_TRY(sidestep::urdf_robot::load_robot(options, context));
+  return std::unique_ptr<sidestep::RobotModel>(std::move(robot));
 }
 
 }  // namespace

@@ -137,32 +137,30 @@ const Node* Profile::item(std::string_view key, std::size_t index) const noexcep
 
 Result<std::filesystem::path> find_profile(const Node& profile,
                                            const std::vector<std::filesystem::path>& robot_paths) {
-  const auto text = profile.as_string();
-  if (!text) return error_of(text);
+  const auto text = SIDESTEP_TRY(profile.as_string());
   std::error_code ignored;
   const auto usable = [&](const std::filesystem::path& file) {
     return std::filesystem::is_regular_file(file, ignored);
   };
-  const bool is_name = text->find('/') == std::string::npos && !text->ends_with(".yaml");
+  const bool is_name = text.find('/') == std::string::npos && !text.ends_with(".yaml");
   std::string tried;
   if (is_name) {
     for (const std::filesystem::path& path : robot_paths) {
-      const std::filesystem::path file = path / *text / "profile.yaml";
+      const std::filesystem::path file = path / text / "profile.yaml";
       if (usable(file)) return file;
       tried += (tried.empty() ? "" : ", ") + file.string();
     }
   }
-  const auto path = profile.as_path();
-  if (!path) return error_of(path);
-  if (usable(*path)) return *path;
-  if (usable(*path / "profile.yaml")) return *path / "profile.yaml";
-  tried += (tried.empty() ? "" : ", ") + path->string();
+  const auto path = SIDESTEP_TRY(profile.as_path());
+  if (usable(path)) return path;
+  if (usable(path / "profile.yaml")) return path / "profile.yaml";
+  tried += (tried.empty() ? "" : ", ") + path.string();
 
   const std::vector<std::string> names = known_profiles(robot_paths);
-  const std::string nearest = nearest_name(*text, names);
+  const std::string nearest = nearest_name(text, names);
   std::string hint = nearest.empty() ? "" : "did you mean '" + nearest + "'? ";
   if (!names.empty()) hint += "there are: " + joined(names) + "; ";
-  return fail(ErrorCode::kNotFound, "there is no robot profile '" + *text + "'",
+  return fail(ErrorCode::kNotFound, "there is no robot profile '" + text + "'",
               profile.mark().to_string(), hint + "tried " + tried);
 }
 

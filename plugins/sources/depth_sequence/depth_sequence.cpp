@@ -44,9 +44,8 @@ class DepthSequence final : public Source {
       return fail(ErrorCode::kDeadlineExceeded, "no time was left to read a frame");
     }
     const std::size_t index = at_++;
-    auto frame = read(selected_[index], static_cast<std::int64_t>(index));
-    if (!frame) return error_of(frame);
-    return std::optional<Frame>(std::move(*frame));
+    auto frame = SIDESTEP_TRY(read(selected_[index], static_cast<std::int64_t>(index)));
+    return std::optional<Frame>(std::move(frame));
   }
 
   std::optional<std::int64_t> frame_count() const override {
@@ -172,33 +171,28 @@ Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& s
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
                                               const DocumentReader& documents) {
-  auto sequence = open_sequence(options, log);
-  if (!sequence) return error_of(sequence);
-  auto selected = recorded_frames::chosen_frames((*sequence)->entries(), options, "frames",
-                                                 options.path.string());
-  if (!selected) return error_of(selected);
-  if (const auto all = (*sequence)->entries().size(); selected->size() < all) {
-    log.warn("hands out " + std::to_string(selected->size()) + " of " + std::to_string(all) +
+  auto sequence = SIDESTEP_TRY(open_sequence(options, log));
+  auto selected = SIDESTEP_TRY(recorded_frames::chosen_frames(sequence->entries(), options,
+                                                              "frames", options.path.string()));
+  if (const auto all = sequence->entries().size(); selected.size() < all) {
+    log.warn("hands out " + std::to_string(selected.size()) + " of " + std::to_string(all) +
              " frames, as first_frame, stride and max_frames say");
   }
-  const auto size = image_size(*selected, options);
-  if (!size) return error_of(size);
-  const auto camera = intrinsics(**sequence, *size, options, log);
-  if (!camera) return error_of(camera);
+  const auto size = SIDESTEP_TRY(image_size(selected, options));
+  const auto camera = SIDESTEP_TRY(intrinsics(*sequence, size, options, log));
 
   Settings settings;
-  settings.camera = *camera;
-  settings.depth_scale = options.depth_scale.value_or((*sequence)->defaults().depth_scale);
+  settings.camera = camera;
+  settings.depth_scale = options.depth_scale.value_or(sequence->defaults().depth_scale);
   settings.depth_min_m = options.depth_min_m;
   settings.depth_max_m = options.depth_max_m;
   const auto world_file = options.path / "world.yaml";
   if (options.use_world && std::filesystem::exists(world_file)) {
-    const auto T_world_sequence = read_T_world_sequence(world_file, documents);
-    if (!T_world_sequence) return error_of(T_world_sequence);
-    settings.T_world_sequence = *T_world_sequence;
+    const auto T_world_sequence = SIDESTEP_TRY(read_T_world_sequence(world_file, documents));
+    settings.T_world_sequence = T_world_sequence;
   }
   return std::unique_ptr<Source>(std::make_unique<DepthSequence>(
-      std::move(*sequence), std::move(*selected), std::move(settings)));
+      std::move(sequence), std::move(selected), std::move(settings)));
 }
 
 }  // namespace sidestep::depth_sequence

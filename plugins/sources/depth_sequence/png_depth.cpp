@@ -130,21 +130,18 @@ Result<std::vector<std::uint8_t>> read_bytes(const std::filesystem::path& file,
 }  // namespace
 
 Result<ImageSize> read_png_size(const std::filesystem::path& file) {
-  const auto bytes = read_bytes(file, kHeaderBytes);
-  if (!bytes) return error_of(bytes);
-  return parse_header(*bytes, file.string());
+  const auto bytes = SIDESTEP_TRY(read_bytes(file, kHeaderBytes));
+  return parse_header(bytes, file.string());
 }
 
 Result<RawDepth> read_png_depth(const std::filesystem::path& file) {
-  const auto bytes = read_bytes(file, std::uintmax_t{1} << 30);
-  if (!bytes) return error_of(bytes);
-  const auto size = parse_header(*bytes, file.string());
-  if (!size) return error_of(size);
-  RawDepth image{*size, {}};
-  image.values.resize(static_cast<std::size_t>(size->width_px) *
-                      static_cast<std::size_t>(size->height_px));
-  Decoding decoding{bytes->data(), bytes->size(), 0, {}};
-  if (!decode(decoding, image.values.data(), size->width_px, size->height_px)) {
+  const auto bytes = SIDESTEP_TRY(read_bytes(file, std::uintmax_t{1} << 30));
+  const auto size = SIDESTEP_TRY(parse_header(bytes, file.string()));
+  RawDepth image{size, {}};
+  image.values.resize(static_cast<std::size_t>(size.width_px) *
+                      static_cast<std::size_t>(size.height_px));
+  Decoding decoding{bytes.data(), bytes.size(), 0, {}};
+  if (!decode(decoding, image.values.data(), size.width_px, size.height_px)) {
     return fail(ErrorCode::kBadFrame,
                 std::string("the PNG data are truncated or damaged: ") + decoding.message,
                 file.string());

@@ -56,25 +56,23 @@ Result<Eigen::MatrixXd> read_matrix(const std::filesystem::path& file, int rows,
 
 Result<Transform> read_T_world_sequence(const std::filesystem::path& file,
                                         const DocumentReader& documents) {
-  const auto document = documents.read(file);
-  if (!document) return error_of(document);
+  const auto document = SIDESTEP_TRY(documents.read(file));
   const std::string key = "T_world_sequence";
-  for (const Node::Entry& entry : document->entries()) {
+  for (const Node::Entry& entry : document.entries()) {
     if (entry.key != key) {
       return tl::make_unexpected(Error{ErrorCode::kConfig, "unknown key '" + entry.key + "'",
                                        entry.key_mark.to_string(), "known here: " + key, nullptr});
     }
   }
-  const Node* rows = document->find(key);
+  const Node* rows = document.find(key);
   if (rows == nullptr || rows->items().size() != 4) {
-    return tl::make_unexpected((rows != nullptr ? *rows : *document)
+    return tl::make_unexpected((rows != nullptr ? *rows : document)
                                    .error("expected " + key + " as a list of 4 rows of 4 numbers"));
   }
   Eigen::Matrix4d matrix;
   for (int row = 0; row < 4; ++row) {
-    const auto values = rows->items()[static_cast<std::size_t>(row)].as_doubles(4);
-    if (!values) return error_of(values);
-    matrix.row(row) = Eigen::Map<const Eigen::RowVector4d>(values->data());
+    const auto values = SIDESTEP_TRY(rows->items()[static_cast<std::size_t>(row)].as_doubles(4));
+    matrix.row(row) = Eigen::Map<const Eigen::RowVector4d>(values.data());
   }
   return rigid_transform(matrix, ErrorCode::kConfig, rows->mark().to_string());
 }

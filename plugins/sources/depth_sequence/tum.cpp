@@ -34,19 +34,17 @@ Result<double> time(const std::string& word, const std::string& where) {
 
 Result<std::vector<SequenceEntry>> read_depth_list(const std::filesystem::path& folder) {
   std::vector<SequenceEntry> entries;
-  auto read = recorded_frames::for_each_line(
+  SIDESTEP_TRY(recorded_frames::for_each_line(
       folder / "depth.txt",
       [&](const std::vector<std::string>& words, const std::string& where) -> Result<void> {
         if (words.size() != 2) {
           return fail(ErrorCode::kConfig, "expected a timestamp and a file name", where);
         }
-        const auto at_s = time(words[0], where);
-        if (!at_s) return error_of(at_s);
-        entries.push_back({static_cast<std::int64_t>(entries.size()), Stamp::from_seconds(*at_s),
+        const auto at_s = SIDESTEP_TRY(time(words[0], where));
+        entries.push_back({static_cast<std::int64_t>(entries.size()), Stamp::from_seconds(at_s),
                            folder / words[1]});
         return {};
-      });
-  if (!read) return error_of(read);
+      }));
   std::ranges::stable_sort(entries, {}, &SequenceEntry::stamp);
   return entries;
 }
@@ -58,15 +56,12 @@ Result<std::vector<TimedPose>> read_poses(const std::filesystem::path& file) {
         if (words.size() != 8) {
           return fail(ErrorCode::kConfig, "expected 'timestamp tx ty tz qx qy qz qw'", where);
         }
-        const auto at_s = time(words[0], where);
-        if (!at_s) return error_of(at_s);
+        const auto at_s = SIDESTEP_TRY(time(words[0], where));
         std::array<double, 7> values{};
         for (std::size_t i = 0; i < values.size(); ++i) {
-          const auto value = number(words[i + 1], where);
-          if (!value) return error_of(value);
-          values[i] = *value;
+          values[i] = SIDESTEP_TRY(number(words[i + 1], where));
         }
-        poses.push_back({*at_s,
+        poses.push_back({at_s,
                          {values[0], values[1], values[2]},
                          Eigen::Quaterniond(values[6], values[3], values[4], values[5])});
         return {};
@@ -140,14 +135,12 @@ Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log&) {
   if (!std::filesystem::is_regular_file(options.path / "depth.txt", ignored)) {
     return std::unique_ptr<Sequence>();
   }
-  auto entries = read_depth_list(options.path);
-  if (!entries) return error_of(entries);
-  if (entries->empty()) return std::unique_ptr<Sequence>();
+  auto entries = SIDESTEP_TRY(read_depth_list(options.path));
+  if (entries.empty()) return std::unique_ptr<Sequence>();
   const auto pose_file = options.path / "groundtruth.txt";
-  auto poses = read_poses(pose_file);
-  if (!poses) return error_of(poses);
+  auto poses = SIDESTEP_TRY(read_poses(pose_file));
   return std::unique_ptr<Sequence>(std::make_unique<Tum>(
-      std::move(*entries), std::move(*poses), pose_file.string(), options.max_pose_gap_s));
+      std::move(entries), std::move(poses), pose_file.string(), options.max_pose_gap_s));
 }
 
 }  // namespace sidestep::depth_sequence

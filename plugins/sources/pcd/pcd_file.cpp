@@ -205,26 +205,22 @@ Result<PcdCloud> read_pcd(const std::filesystem::path& path) {
   const std::string content = std::move(buffer).str();
   if (content.empty()) return fail(ErrorCode::kBadFrame, "the file is empty", file);
 
-  const auto header = read_pcd_header(content, file);
-  if (!header) return error_of(header);
-  const auto coordinates = find_coordinates(*header, file);
-  if (!coordinates) return error_of(coordinates);
-  const std::span data(reinterpret_cast<const std::uint8_t*>(content.data()) + header->data_offset,
-                       content.size() - header->data_offset);
-  auto points = header->encoding == PcdEncoding::kAscii
-                    ? read_ascii(content, *header, *coordinates, file)
-                : header->encoding == PcdEncoding::kBinary
-                    ? read_binary(data, *header, *coordinates, file)
-                    : read_compressed(data, *header, *coordinates, file);
-  if (!points) return error_of(points);
-  if (points->empty()) {
+  const auto header = SIDESTEP_TRY(read_pcd_header(content, file));
+  const auto coordinates = SIDESTEP_TRY(find_coordinates(header, file));
+  const std::span data(reinterpret_cast<const std::uint8_t*>(content.data()) + header.data_offset,
+                       content.size() - header.data_offset);
+  auto points = SIDESTEP_TRY(
+      header.encoding == PcdEncoding::kAscii    ? read_ascii(content, header, coordinates, file)
+      : header.encoding == PcdEncoding::kBinary ? read_binary(data, header, coordinates, file)
+                                                : read_compressed(data, header, coordinates, file));
+  if (points.empty()) {
     return fail(ErrorCode::kBadFrame,
-                header->points == 0
+                header.points == 0
                     ? "the file holds no points"
-                    : "none of the file's " + std::to_string(header->points) + " points is finite",
+                    : "none of the file's " + std::to_string(header.points) + " points is finite",
                 file);
   }
-  return PcdCloud{std::move(*points), header->T_world_sensor};
+  return PcdCloud{std::move(points), header.T_world_sensor};
 }
 
 }  // namespace sidestep::pcd

@@ -43,7 +43,7 @@ class HeaderReader {
       if (words.empty() || words[0].starts_with('#')) continue;
       const std::string key = words[0];
       words.erase(words.begin());
-      if (auto taken = take(key, words); !taken) return error_of(taken);
+      SIDESTEP_TRY(take(key, words));
       if (key == "DATA") return finish();
     }
     return bad("the header has no line DATA; the file is cut off, or no point cloud");
@@ -83,7 +83,7 @@ class HeaderReader {
 
   Result<void> take_numbers(const std::string& key, const Words& words, int min, int max,
                             int PcdField::*member) {
-    if (auto right = check_width(key, words); !right) return right;
+    SIDESTEP_TRY(check_width(key, words));
     for (std::size_t i = 0; i < words.size(); ++i) {
       const auto value = parse<int>(words[i]);
       if (!value || *value < min || *value > max) {
@@ -95,7 +95,7 @@ class HeaderReader {
   }
 
   Result<void> take_types(const Words& words) {
-    if (auto right = check_width("TYPE", words); !right) return right;
+    SIDESTEP_TRY(check_width("TYPE", words));
     for (std::size_t i = 0; i < words.size(); ++i) {
       if (words[i] != "I" && words[i] != "U" && words[i] != "F") {
         return bad("TYPE of the field " + header_.fields[i].name + " is '" + words[i] +

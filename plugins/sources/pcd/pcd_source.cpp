@@ -59,21 +59,18 @@ class PcdSource final : public Source {
 
  private:
   [[nodiscard]] Result<Frame> read(const Entry& entry, std::int64_t index) const {
-    auto cloud = read_pcd(entry.file);
-    if (!cloud) return error_of(cloud);
-    const auto pose = pose_of(entry, *cloud);
-    if (!pose) return error_of(pose);
+    auto cloud = SIDESTEP_TRY(read_pcd(entry.file));
+    const auto pose = SIDESTEP_TRY(pose_of(entry, cloud));
     Frame frame;
     frame.sequence = index;
     frame.stamp = entry.stamp;
-    frame.T_world_camera = *pose;
-    if (options_.points_in == "forward") frame.T_world_camera = *pose * T_forward_optical();
-    turn_to_optical(frame.T_world_camera, cloud->points_m);
+    frame.T_world_camera = pose;
+    if (options_.points_in == "forward") frame.T_world_camera = pose * T_forward_optical();
+    turn_to_optical(frame.T_world_camera, cloud.points_m);
     const std::uint64_t seed = derive_seed(seed_, "cloud " + std::to_string(entry.number));
-    auto points =
-        apply_filters(options_.filters, std::move(cloud->points_m), frame.T_world_camera, seed);
-    if (!points) return error_of(points);
-    frame.measurement = PointCloud{std::move(*points)};
+    auto points = SIDESTEP_TRY(
+        apply_filters(options_.filters, std::move(cloud.points_m), frame.T_world_camera, seed));
+    frame.measurement = PointCloud{std::move(points)};
     return frame;
   }
 
@@ -177,20 +174,15 @@ Result<void> match_by_stamp(const Options& options, std::vector<StampedPose> pos
 }  // namespace
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, std::uint64_t seed) {
-  auto entries = find_clouds(options);
-  if (!entries) return error_of(entries);
+  auto entries = SIDESTEP_TRY(find_clouds(options));
   if (options.poses) {
-    auto poses = read_poses(*options.poses);
-    if (!poses) return error_of(poses);
-    const auto matched = options.match == "order"
-                             ? match_in_order(options, *poses, *entries)
-                             : match_by_stamp(options, std::move(*poses), *entries);
-    if (!matched) return error_of(matched);
+    auto poses = SIDESTEP_TRY(read_poses(*options.poses));
+    SIDESTEP_TRY(options.match == "order" ? match_in_order(options, poses, entries)
+                                          : match_by_stamp(options, std::move(poses), entries));
   }
-  auto selected = recorded_frames::chosen_frames(std::move(*entries), options, "point clouds",
-                                                 options.path.string());
-  if (!selected) return error_of(selected);
-  return std::unique_ptr<Source>(std::make_unique<PcdSource>(options, std::move(*selected), seed));
+  auto selected = SIDESTEP_TRY(recorded_frames::chosen_frames(
+      std::move(entries), options, "point clouds", options.path.string()));
+  return std::unique_ptr<Source>(std::make_unique<PcdSource>(options, std::move(selected), seed));
 }
 
 }  // namespace sidestep::pcd

@@ -27,8 +27,7 @@ Result<StampedPose> read_pose(const std::vector<std::string>& words, const std::
         "expected 'stamp tx ty tz qx qy qz qw', found " + std::to_string(words.size()) + " values",
         where);
   }
-  const auto stamp = read_stamp(words[0], where);
-  if (!stamp) return error_of(stamp);
+  const auto stamp = SIDESTEP_TRY(read_stamp(words[0], where));
   std::array<double, kWords> values{};
   for (std::size_t i = 1; i < kWords; ++i) {
     const auto value = finite_number(words[i]);
@@ -44,7 +43,7 @@ Result<StampedPose> read_pose(const std::vector<std::string>& words, const std::
                     ", expected 1",
                 where);
   }
-  StampedPose pose{*stamp};
+  StampedPose pose{stamp};
   pose.T_world_sensor.translation() = Eigen::Vector3d(values[1], values[2], values[3]);
   pose.T_world_sensor.linear() = rotation.normalized().toRotationMatrix();
   return pose;
@@ -65,9 +64,7 @@ Result<std::vector<StampedPose>> read_poses(const std::filesystem::path& file) {
   std::vector<StampedPose> poses;
   auto read = recorded_frames::for_each_line(
       file, [&](const std::vector<std::string>& words, const std::string& where) -> Result<void> {
-        auto pose = read_pose(words, where);
-        if (!pose) return error_of(pose);
-        poses.push_back(*pose);
+        poses.push_back(SIDESTEP_TRY(read_pose(words, where)));
         return {};
       });
   if (read) return poses;

@@ -15,9 +15,7 @@ Result<void> for_each_line(const std::filesystem::path& file, const HandleWords&
     std::vector<std::string> words;
     for (std::string word; words_of >> word;) words.push_back(word);
     if (words.empty()) continue;
-    if (auto handled = handle(words, file.string() + ":" + std::to_string(number)); !handled) {
-      return handled;
-    }
+    SIDESTEP_TRY(handle(words, file.string() + ":" + std::to_string(number)));
   }
   return {};
 }

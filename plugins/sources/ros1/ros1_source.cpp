@@ -206,7 +206,7 @@ Result<std::optional<Frame>> Ros1Source::next(const Deadline& deadline) {
   for (;;) {
     if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "waiting was cancelled");
     serve(kPoll_s);
-    if (auto updated = ros1_node::update(time_, clock_); !updated) return error_of(updated);
+    SIDESTEP_TRY(ros1_node::update(time_, clock_));
     if (!pending_ && arrived_) {
       pending_ = std::exchange(arrived_, std::nullopt);
       pending_->since.restart();
@@ -267,7 +267,7 @@ Result<std::optional<Frame>> Ros1Source::synchronise() {
   frame->stamp = time_.to_run(stamp);
   frame->T_world_camera = viewpoint->T_world_camera;
   frame->joint_positions = viewpoint->joint_positions;
-  if (auto measured = measure(arrival, *frame); !measured) return error_of(measured);
+  SIDESTEP_TRY(measure(arrival, *frame));
   return frame;
 }
 
@@ -322,12 +322,10 @@ Result<void> Ros1Source::measure(const Arrival& arrival, Frame& frame) {
 }  // namespace
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
-  auto feed = ViewpointFeed::create(options, context.robot);
-  if (!feed) return error_of(feed);
-  const auto master = ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s);
-  if (!master) return error_of(master);
-  auto source = std::make_unique<Ros1Source>(options, context, std::move(*feed));
-  if (auto connected = source->connect(); !connected) return error_of(connected);
+  auto feed = SIDESTEP_TRY(ViewpointFeed::create(options, context.robot));
+  SIDESTEP_TRY(ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s));
+  auto source = std::make_unique<Ros1Source>(options, context, std::move(feed));
+  SIDESTEP_TRY(source->connect());
   return std::unique_ptr<Source>(std::move(source));
 }
 

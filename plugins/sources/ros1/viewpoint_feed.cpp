@@ -12,7 +12,7 @@ Result<ViewpointFeed> ViewpointFeed::create(const Options& options,
   feed.options_ = options;
   feed.robot_ = std::move(robot);
   if (options.joints) {
-    if (auto found = feed.find_joints(); !found) return error_of(found);
+    SIDESTEP_TRY(feed.find_joints());
   }
   return feed;
 }
@@ -54,18 +54,15 @@ tl::expected<Eigen::VectorXd, ros_messages::LookupFailure> ViewpointFeed::joints
   const RobotDescription& robot = robot_->description();
   Eigen::VectorXd q(robot.dof());
   for (const int j : told_) {
-    const auto position = joints_.position(robot.joints[static_cast<std::size_t>(j)], stamp,
-                                           options_.joints->max_gap_s);
-    if (!position) return error_of(position);
-    q[j] = *position;
+    q[j] = SIDESTEP_TRY(joints_.position(robot.joints[static_cast<std::size_t>(j)], stamp,
+                                         options_.joints->max_gap_s));
   }
   if (!base_) return q;
-  const auto T_world_base =
-      tf_.lookup(options_.world_frame, options_.joints->base->frame, stamp, options_.tf_max_gap_s);
-  if (!T_world_base) return error_of(T_world_base);
-  q[base_->x] = T_world_base->translation().x();
-  q[base_->y] = T_world_base->translation().y();
-  q[base_->yaw] = std::atan2(T_world_base->linear()(1, 0), T_world_base->linear()(0, 0));
+  const auto T_world_base = SIDESTEP_TRY(
+      tf_.lookup(options_.world_frame, options_.joints->base->frame, stamp, options_.tf_max_gap_s));
+  q[base_->x] = T_world_base.translation().x();
+  q[base_->y] = T_world_base.translation().y();
+  q[base_->yaw] = std::atan2(T_world_base.linear()(1, 0), T_world_base.linear()(0, 0));
   return q;
 }
 
@@ -73,13 +70,10 @@ tl::expected<Viewpoint, ros_messages::LookupFailure> ViewpointFeed::at(
     Stamp stamp, const std::string& camera_frame) const {
   Viewpoint viewpoint;
   const auto T_world_camera =
-      tf_.lookup(options_.world_frame, camera_frame, stamp, options_.tf_max_gap_s);
-  if (!T_world_camera) return error_of(T_world_camera);
-  viewpoint.T_world_camera = *T_world_camera;
+      SIDESTEP_TRY(tf_.lookup(options_.world_frame, camera_frame, stamp, options_.tf_max_gap_s));
+  viewpoint.T_world_camera = T_world_camera;
   if (!options_.joints) return viewpoint;
-  auto q = joints_at(stamp);
-  if (!q) return error_of(q);
-  viewpoint.joint_positions = std::move(*q);
+  viewpoint.joint_positions = SIDESTEP_TRY(joints_at(stamp));
   return viewpoint;
 }
 

@@ -45,8 +45,7 @@ Result<std::unique_ptr<Bag>> Bag::open(const std::filesystem::path& file) {
     bytes.error().hint = "set source.path";
     return error_of(bytes);
   }
-  const auto checked = check_magic(**bytes, file.string());
-  if (!checked) return error_of(checked);
+  SIDESTEP_TRY(check_magic(**bytes, file.string()));
   const auto header = bag::read_record(**bytes, kFirstLine.size(), (*bytes)->size());
   if (!header || header->op != bag::Op::kFile || header->end() > (*bytes)->size()) {
     return fail(ErrorCode::kIo,

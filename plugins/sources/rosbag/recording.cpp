@@ -270,7 +270,7 @@ Result<void> check_topics(const Options& options, const Collector& collector, co
     needed.push_back(*options.joints->base->topic);
   }
   for (const std::string& topic : needed) {
-    if (auto checked = check_topic(topic, collector, bag); !checked) return checked;
+    SIDESTEP_TRY(check_topic(topic, collector, bag));
   }
   return {};
 }
@@ -300,7 +300,7 @@ Result<Recording> read_recording(Bag& bag, const Options& options, Log& log) {
   Collector collector(options, recording);
   bag.scan(collector);
   tell_unusable(collector, recording, bag, log);
-  if (auto checked = check_topics(options, collector, bag); !checked) return error_of(checked);
+  SIDESTEP_TRY(check_topics(options, collector, bag));
   std::ranges::stable_sort(recording.measurements, {}, &Measurement::stamp);
   return recording;
 }

@@ -61,7 +61,7 @@ class RosbagSource final : public Source {
     if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "reading was cancelled");
     if (at_ >= recording_->measurements.size()) return next_damage();
     if (is_paced()) {
-      if (auto waited = wait(deadline); !waited) return error_of(waited);
+      SIDESTEP_TRY(wait(deadline));
     } else if (deadline.expired()) {
       return fail(ErrorCode::kDeadlineExceeded, "no time was left to read a frame");
     }
@@ -116,51 +116,41 @@ class RosbagSource final : public Source {
   }
 
   Result<Frame> read(const Measurement& measurement, std::size_t index) {
-    const auto bytes = bag_->read(measurement.ref);
-    if (!bytes) return error_of(bytes);
+    const auto bytes = SIDESTEP_TRY(bag_->read(measurement.ref));
     Frame frame;
     frame.sequence = static_cast<std::int64_t>(index);
     frame.stamp = is_paced() ? playback_.due(index) : measurement.stamp;
-    auto read = recording_->is_cloud ? read_cloud(*bytes, frame)
-                                     : read_image(*bytes, measurement.stamp, frame);
-    if (!read) return error_of(read);
+    auto read = SIDESTEP_TRY(recording_->is_cloud ? read_cloud(bytes, frame)
+                                                  : read_image(bytes, measurement.stamp, frame));
     const Stamp looked_up{measurement.stamp.ns + offset_.ns};
-    auto pose = viewpoints_.T_world_camera(*read, looked_up);
-    if (!pose) return error_of(pose);
-    frame.T_world_camera = *pose;
+    auto pose = SIDESTEP_TRY(viewpoints_.T_world_camera(read, looked_up));
+    frame.T_world_camera = pose;
     if (recording_->is_cloud && options_.points_in == "forward") {
-      frame.T_world_camera = *pose * T_forward_optical();
+      frame.T_world_camera = pose * T_forward_optical();
     }
-    auto joints = viewpoints_.joint_positions(looked_up);
-    if (!joints) return error_of(joints);
-    frame.joint_positions = std::move(*joints);
+    frame.joint_positions = SIDESTEP_TRY(viewpoints_.joint_positions(looked_up));
     return frame;
   }
 
   /// Puts the measurement into the frame; the name of the frame that it was measured in.
   Result<std::string> read_image(std::span<const std::uint8_t> bytes, Stamp stamp, Frame& frame) {
-    const auto message = deserialise<ros_messages::Image>(bytes);
-    if (!message) return error_of(message);
+    const auto message = SIDESTEP_TRY(deserialise<ros_messages::Image>(bytes));
     const CameraIntrinsics camera =
-        camera_at(stamp, static_cast<int>(message->width), static_cast<int>(message->height));
-    auto image = ros_messages::depth_image(*message, camera, range_);
-    if (!image) return error_of(image);
-    frame.measurement = std::move(*image);
-    return message->header.frame_id;
+        camera_at(stamp, static_cast<int>(message.width), static_cast<int>(message.height));
+    frame.measurement = SIDESTEP_TRY(ros_messages::depth_image(message, camera, range_));
+    return message.header.frame_id;
   }
 
   Result<std::string> read_cloud(std::span<const std::uint8_t> bytes, Frame& frame) {
-    const auto message = deserialise<ros_messages::PointCloud2>(bytes);
-    if (!message) return error_of(message);
-    auto cloud = ros_messages::point_cloud(*message);
-    if (!cloud) return error_of(cloud);
+    const auto message = SIDESTEP_TRY(deserialise<ros_messages::PointCloud2>(bytes));
+    auto cloud = SIDESTEP_TRY(ros_messages::point_cloud(message));
     if (options_.points_in == "forward") {
       const Eigen::Matrix3f R_optical_forward =
           T_forward_optical().linear().transpose().cast<float>();
-      for (Eigen::Vector3f& p : cloud->points_m) p = R_optical_forward * p;
+      for (Eigen::Vector3f& p : cloud.points_m) p = R_optical_forward * p;
     }
-    frame.measurement = std::move(*cloud);
-    return message->header.frame_id;
+    frame.measurement = std::move(cloud);
+    return message.header.frame_id;
   }
 
   /// What the camera info said last; before its first message, what that says. An image without
@@ -229,21 +219,19 @@ Result<void> check_intrinsics(const Options& options, const std::string& file,
 }  // namespace
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
-  auto bag = Bag::open(options.path);
-  if (!bag) return error_of(bag);
-  auto recording = read_recording(**bag, options, context.log);
-  if (!recording) return error_of(recording);
+  auto bag = SIDESTEP_TRY(Bag::open(options.path));
+  auto recording = SIDESTEP_TRY(read_recording(*bag, options, context.log));
   const std::string file = options.path.string();
-  for (const auto& checked : {select(options, file, *recording, context.log),
-                              check_intrinsics(options, file, *recording)}) {
+  for (const auto& checked : {select(options, file, recording, context.log),
+                              check_intrinsics(options, file, recording)}) {
     if (!checked) return error_of(checked);
   }
-  const std::string measured_in = first_frame_name(**bag, *recording);
-  auto kept = std::make_unique<Recording>(std::move(*recording));
-  auto viewpoints = Viewpoints::create(*kept, options, context.robot, measured_in, file);
-  if (!viewpoints) return error_of(viewpoints);
+  const std::string measured_in = first_frame_name(*bag, recording);
+  auto kept = std::make_unique<Recording>(std::move(recording));
+  auto viewpoints =
+      SIDESTEP_TRY(Viewpoints::create(*kept, options, context.robot, measured_in, file));
   return std::unique_ptr<Source>(std::make_unique<RosbagSource>(
-      options, Parts{std::move(*bag), std::move(kept), std::move(*viewpoints)}, context.clock));
+      options, Parts{std::move(bag), std::move(kept), std::move(viewpoints)}, context.clock));
 }
 
 }  // namespace sidestep::rosbag

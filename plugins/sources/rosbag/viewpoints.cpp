@@ -69,8 +69,7 @@ Result<Viewpoints> Viewpoints::create(const Recording& recording, const Options&
     if (!checked) return error_of(checked);
   }
   if (options.joints) {
-    auto found = viewpoints.find_joints(file);
-    if (!found) return error_of(found);
+    SIDESTEP_TRY(viewpoints.find_joints(file));
   }
   return viewpoints;
 }
@@ -136,9 +135,8 @@ Result<Transform> Viewpoints::T_world_base(Stamp stamp) const {
   if (base.from == "tf") return in_tf(base.frame, stamp, max_gap_s);
   auto told = along(recording_->base_track, *base.topic, stamp, max_gap_s);
   if (!told || pose_.from != "tf") return told;
-  const auto placed = in_tf(recording_->base_track.reference_frame, stamp, max_gap_s);
-  if (!placed) return placed;
-  return *placed * *told;
+  const auto placed = SIDESTEP_TRY(in_tf(recording_->base_track.reference_frame, stamp, max_gap_s));
+  return placed * *told;
 }
 
 Result<std::optional<Eigen::VectorXd>> Viewpoints::joint_positions(Stamp stamp) const {
@@ -150,9 +148,8 @@ Result<std::optional<Eigen::VectorXd>> Viewpoints::joint_positions(Stamp stamp) 
     positions[told_index_[i]] = *position;
   }
   if (base_) {
-    const auto told = T_world_base(stamp);
-    if (!told) return error_of(told);
-    const Transform T_world_base = T_world_reference_ * *told;
+    const auto told = SIDESTEP_TRY(T_world_base(stamp));
+    const Transform T_world_base = T_world_reference_ * told;
     positions[base_->x] = T_world_base.translation().x();
     positions[base_->y] = T_world_base.translation().y();
     positions[base_->yaw] = std::atan2(T_world_base.linear()(1, 0), T_world_base.linear()(0, 0));

@@ -53,17 +53,17 @@ Result<Head> Head::create(std::shared_ptr<const RobotModel> robot, const HeadOpt
         {}, "mount: {head: {look: fixed}}");
   }
   Head head(std::move(robot), *tree, eye);
-  auto pan = head.find_axis(options.pan_joint, options.pan_lower_rad, options.pan_upper_rad);
-  if (!pan) return error_of(pan);
-  auto tilt = head.find_axis(options.tilt_joint, options.tilt_lower_rad, options.tilt_upper_rad);
-  if (!tilt) return error_of(tilt);
-  if (pan->link == tilt->link || !head.carries(pan->link, tilt->link) ||
-      !head.carries(tilt->link, eye.link)) {
+  auto pan =
+      SIDESTEP_TRY(head.find_axis(options.pan_joint, options.pan_lower_rad, options.pan_upper_rad));
+  auto tilt = SIDESTEP_TRY(
+      head.find_axis(options.tilt_joint, options.tilt_lower_rad, options.tilt_upper_rad));
+  if (pan.link == tilt.link || !head.carries(pan.link, tilt.link) ||
+      !head.carries(tilt.link, eye.link)) {
     return fail(ErrorCode::kConfig, "'" + options.pan_joint + "' does not carry '" +
                                         options.tilt_joint + "', or that not the camera's link");
   }
-  head.pan_ = *pan;
-  head.tilt_ = *tilt;
+  head.pan_ = pan;
+  head.tilt_ = tilt;
   head.speed_radps_ = options.speed_radps;
   return head;
 }

@@ -68,9 +68,8 @@ Result<Scene> load_scene(const fs::path& scene, const std::vector<fs::path>& fol
     std::error_code ignored;
     if (!fs::is_regular_file(file, ignored)) continue;
     std::vector<Error> errors;
-    const auto document = documents.read_leniently(file, errors);
-    if (!document) return error_of(document);
-    SceneReading reading = read_scene(*document);
+    const auto document = SIDESTEP_TRY(documents.read_leniently(file, errors));
+    SceneReading reading = read_scene(document);
     errors.insert(errors.end(), reading.errors.begin(), reading.errors.end());
     if (!errors.empty()) return tl::make_unexpected(chained(errors, file));
     return std::move(reading.scene);

@@ -26,30 +26,26 @@ Result<MountedCamera> MountedCamera::create(const MountOptions& options,
   MountedCamera camera;
   camera.robot_ = context.robot;
   camera.motion_ = context.motion;
-  if (auto mounted = camera.mount(options); !mounted) return error_of(mounted);
+  SIDESTEP_TRY(camera.mount(options));
   return camera;
 }
 
 Result<void> MountedCamera::mount(const MountOptions& options) {
   const RobotDescription& robot = robot_->description();
   options_ = options.head;
-  const auto link = find_link(options.link);
-  if (!link) return error_of(link);
-  eye_ = {*link, transform_from_xyz_rpy(options.xyz_m, options.rpy_rad)};
+  const auto link = SIDESTEP_TRY(find_link(options.link));
+  eye_ = {link, transform_from_xyz_rpy(options.xyz_m, options.rpy_rad)};
   for (std::size_t i = 0; i < robot.shapes.size(); ++i) {
-    if (robot.shapes[i].link != *link) seen_.push_back(static_cast<int>(i));
+    if (robot.shapes[i].link != link) seen_.push_back(static_cast<int>(i));
   }
   T_world_link_.resize(robot.links.size());
   T_world_link_later_.resize(robot.links.size());
   if (options_.look == "fixed") return {};
 
   const bool is_ahead = options_.look == "ahead";
-  const auto target = find_link(is_ahead ? options_.ahead_link : options_.base_link);
-  if (!target) return error_of(target);
-  (is_ahead ? ahead_link_ : base_link_) = *target;
-  auto head = Head::create(robot_, options_, eye_);
-  if (!head) return error_of(head);
-  head_ = std::move(*head);
+  const auto target = SIDESTEP_TRY(find_link(is_ahead ? options_.ahead_link : options_.base_link));
+  (is_ahead ? ahead_link_ : base_link_) = target;
+  head_ = SIDESTEP_TRY(Head::create(robot_, options_, eye_));
   return {};
 }
 

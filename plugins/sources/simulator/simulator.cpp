@@ -143,12 +143,10 @@ std::vector<OptionMistake> Options::check() const {
 }
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
-  auto scene = load_scene(options.scene, context.scene_paths, context.documents);
-  if (!scene) return error_of(scene);
-  auto viewpoint = Viewpoint::create(options, context);
-  if (!viewpoint) return error_of(viewpoint);
-  return std::unique_ptr<Source>(std::make_unique<Simulator>(options, scene->drawn(context.seed),
-                                                             std::move(*viewpoint), context));
+  auto scene = SIDESTEP_TRY(load_scene(options.scene, context.scene_paths, context.documents));
+  auto viewpoint = SIDESTEP_TRY(Viewpoint::create(options, context));
+  return std::unique_ptr<Source>(std::make_unique<Simulator>(options, scene.drawn(context.seed),
+                                                             std::move(viewpoint), context));
 }
 
 }  // namespace sidestep::simulator

@@ -6,9 +6,8 @@ Result<Viewpoint> Viewpoint::create(const Options& options, const HostContext& c
   if (!options.mount) {
     return Viewpoint(CameraPath(options.camera_path, options.camera_path_repeats));
   }
-  auto mounted = MountedCamera::create(*options.mount, context);
-  if (!mounted) return error_of(mounted);
-  return Viewpoint(std::move(*mounted));
+  auto mounted = SIDESTEP_TRY(MountedCamera::create(*options.mount, context));
+  return Viewpoint(std::move(mounted));
 }
 
 std::vector<SceneObject> Viewpoint::shapes() const {

@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include <tl/expected.hpp>
@@ -58,10 +59,29 @@ using Result = tl::expected<T, Error>;
   return fail(ErrorCode::kInvalidArgument, std::move(message), {}, std::move(hint));
 }
 
-/// Passes a failure on to the caller: `if (!part) return error_of(part);`
+/// Passes a failure on to the caller.
 template <class T, class E>
 [[nodiscard]] tl::unexpected<E> error_of(const tl::expected<T, E>& failed) {
   return tl::make_unexpected(failed.error());
 }
 
+namespace detail {
+template <class T, class E>
+[[nodiscard]] T value_of(tl::expected<T, E>&& result) {
+  if constexpr (!std::is_void_v<T>) return *std::move(result);
+}
+}  // namespace detail
+
 }  // namespace sidestep
+
+/// The value of a Result; returns its error from the enclosing function where there is none:
+/// `const auto field = SIDESTEP_TRY(builder.update(map));`. A statement expression of g++ and
+/// clang.
+#define SIDESTEP_TRY(...) SIDESTEP_TRY_AS(__COUNTER__, __VA_ARGS__)
+#define SIDESTEP_TRY_AS(counter, ...) SIDESTEP_TRY_NAMED(counter, __VA_ARGS__)
+#define SIDESTEP_TRY_NAMED(counter, ...)                                              \
+  __extension__({                                                                     \
+    auto sidestep_try_##counter = (__VA_ARGS__);                                      \
+    if (!sidestep_try_##counter) return ::sidestep::error_of(sidestep_try_##counter); \
+    ::sidestep::detail::value_of(std::move(sidestep_try_##counter));                  \
+  })

@@ -86,21 +86,20 @@ template <class Record>
   std::optional<Record> whole;
   std::set<int> seen;
   for (const std::filesystem::path& run : runs) {
-    auto part = read(run / "results.sqlite");
-    if (!part) return part;
+    auto part = SIDESTEP_TRY(read(run / "results.sqlite"));
     if (whole) {
-      if (auto fits = check_same_division(*whole, *part, run); !fits) return error_of(fits);
+      SIDESTEP_TRY(check_same_division(*whole, part, run));
     }
-    if (!seen.insert(part->shard.index).second) {
-      return fail(ErrorCode::kConfig, "shard " + shard_name(part->shard) + " is there twice",
+    if (!seen.insert(part.shard.index).second) {
+      return fail(ErrorCode::kConfig, "shard " + shard_name(part.shard) + " is there twice",
                   run.string(), "give it once");
     }
     if (!whole) {
-      whole = std::move(*part);
+      whole = std::move(part);
       continue;
     }
-    std::ranges::copy(part->sessions, std::back_inserter(whole->sessions));
-    absorb(*whole, std::move(*part));
+    std::ranges::copy(part.sessions, std::back_inserter(whole->sessions));
+    absorb(*whole, std::move(part));
   }
   whole->shard = {};
   return *std::move(whole);
@@ -117,15 +116,14 @@ template <class Record>
   if (error) {
     return fail(ErrorCode::kIo, "cannot make the folder: " + error.message(), out.string());
   }
-  auto store = ResultsStore::open(out / "results.sqlite", whole.provenance);
-  if (!store) return error_of(store);
-  Recorder recorder(**store);
+  auto store = SIDESTEP_TRY(ResultsStore::open(out / "results.sqlite", whole.provenance));
+  Recorder recorder(*store);
   record(whole, recorder);
   for (std::size_t s = 0; s < whole.sessions.size(); ++s) {
     record_session(whole.sessions[s], static_cast<std::int64_t>(s), recorder);
   }
-  if (auto saved = recorder.commit(); !saved) return error_of(saved);
-  store->reset();
+  SIDESTEP_TRY(recorder.commit());
+  store.reset();
   return sum_up(out, false, std::nullopt);
 }
 

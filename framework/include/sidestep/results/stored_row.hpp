@@ -88,9 +88,7 @@ class StoredRow {
                                  const std::string& file) const {
     Row row{};
     for (const Field& field : fields_) {
-      if (auto read = read_field(field, reader, series, item, file, row); !read) {
-        return error_of(read);
-      }
+      SIDESTEP_TRY(read_field(field, reader, series, item, file, row));
     }
     return row;
   }
@@ -109,7 +107,7 @@ class StoredRow {
       field->set_number(rows.back().second, value);
       found.back() += field->is_required;
     };
-    if (auto visited = reader.visit(series, take); !visited) return error_of(visited);
+    SIDESTEP_TRY(reader.visit(series, take));
     const auto required = std::ranges::count_if(
         fields_, [](const Field& field) { return field.set_number && field.is_required; });
     for (std::size_t r = 0; r < rows.size(); ++r) {
@@ -117,9 +115,7 @@ class StoredRow {
       if (found[r] != required) return missing(series, "item " + std::to_string(item), file);
       for (const Field& field : fields_) {
         if (field.set_number) continue;
-        if (auto read = read_field(field, reader, series, item, file, row); !read) {
-          return error_of(read);
-        }
+        SIDESTEP_TRY(read_field(field, reader, series, item, file, row));
       }
     }
     return rows;
@@ -175,9 +171,8 @@ class StoredRow {
                                         std::string_view series, std::int64_t item,
                                         const std::string& file, Row& row) const {
     if (field.set_array) {
-      const auto array = reader.array(series, item, field.key);
-      if (!array) return error_of(array);
-      if (*array) field.set_array(row, **array);
+      const auto array = SIDESTEP_TRY(reader.array(series, item, field.key));
+      if (array) field.set_array(row, *array);
       return {};
     }
     const auto take = [&](const auto& read, const auto& set) -> Result<void> {

@@ -130,9 +130,8 @@ class Host {
   /// The same with all that a run lends. What `loan` points to outlives the object.
   template <class Interface>
   [[nodiscard]] Result<PluginPtr<Interface>> create(const Node& block, const RunLoan& loan) {
-    auto made = create_object(PluginTraits<Interface>::kKind, block, loan);
-    if (!made) return error_of(made);
-    PluginPtr<Interface> object(static_cast<Interface*>(made->object), std::move(made->deleter));
+    auto made = SIDESTEP_TRY(create_object(PluginTraits<Interface>::kKind, block, loan));
+    PluginPtr<Interface> object(static_cast<Interface*>(made.object), std::move(made.deleter));
     if constexpr (std::is_same_v<Interface, RobotModel>) {
       return guard_robot(std::move(object));
     } else if constexpr (std::is_same_v<Interface, StateCost>) {

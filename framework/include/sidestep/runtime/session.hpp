@@ -38,10 +38,9 @@ class Session {
   [[nodiscard]] Result<PluginPtr<Interface>> create(
       std::string_view yaml, const std::shared_ptr<const RobotModel>& robot = nullptr) {
     std::vector<Error> errors;
-    auto block = parse_yaml(yaml, std::string(yaml), errors);
-    if (!block) return error_of(block);
+    auto block = SIDESTEP_TRY(parse_yaml(yaml, std::string(yaml), errors));
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-    return host_.create<Interface>(*block, robot);
+    return host_.create<Interface>(block, robot);
   }
 
   [[nodiscard]] Host& host() noexcept { return host_; }

@@ -72,9 +72,8 @@ Result<Bench> load_bench(Workshop& shop) {
     CheckSettings::parameters().read(block_of(configuration, "check"), bench.check, reading.errors);
   }
   if (!reading.errors.empty()) return tl::make_unexpected(std::move(reading.errors.front()));
-  auto robot = shop.host.create<RobotModel>(block_of(reading.configuration, "robot"));
-  if (!robot) return error_of(robot);
-  bench.robot = std::move(*robot);
+  auto robot = SIDESTEP_TRY(shop.host.create<RobotModel>(block_of(reading.configuration, "robot")));
+  bench.robot = std::move(robot);
   return bench;
 }
 
@@ -87,12 +86,11 @@ Result<std::vector<SetProblem>> read_problems(const Arguments& arguments,
                 arguments.problems.string(),
                 "give a folder of problem sets (docs/reference/problem_sets.md), or one");
   }
-  auto all = read_problem_set(arguments.problems, robot);
-  if (!all) return all;
+  auto all = SIDESTEP_TRY(read_problem_set(arguments.problems, robot));
   std::vector<SetProblem> kept;
   std::string family;
   int seen = 0;
-  for (SetProblem& problem : *all) {
+  for (SetProblem& problem : all) {
     if (problem.family != family) seen = 0;
     family = problem.family;
     if (seen++ % arguments.every == 0) kept.push_back(std::move(problem));
@@ -142,17 +140,13 @@ void print(const std::vector<Solve>& solves, const Arguments& arguments) {
 
 Result<void> run(const Arguments& arguments) {
   Workshop shop;
-  const auto bench = load_bench(shop);
-  if (!bench) return error_of(bench);
-  const auto problems = read_problems(arguments, bench->robot->description());
-  if (!problems) return error_of(problems);
-  const PathJudge judge(bench->robot, bench->planning.space(), bench->check, arguments.with_shapes);
-  (void)solve_one(problems->front(), *bench, judge, arguments, shop.log);  // does not count
+  const auto bench = SIDESTEP_TRY(load_bench(shop));
+  const auto problems = SIDESTEP_TRY(read_problems(arguments, bench.robot->description()));
+  const PathJudge judge(bench.robot, bench.planning.space(), bench.check, arguments.with_shapes);
+  (void)solve_one(problems.front(), bench, judge, arguments, shop.log);  // does not count
   std::vector<Solve> solves;
-  for (const SetProblem& problem : *problems) {
-    auto solve = solve_one(problem, *bench, judge, arguments, shop.log);
-    if (!solve) return error_of(solve);
-    solves.push_back(std::move(*solve));
+  for (const SetProblem& problem : problems) {
+    solves.push_back(SIDESTEP_TRY(solve_one(problem, bench, judge, arguments, shop.log)));
   }
   print(solves, arguments);
   return {};

@@ -29,30 +29,27 @@ PathJudge::PathJudge(std::shared_ptr<const RobotModel> robot, SpacePolicy space,
 
 Result<PathVerdict> PathJudge::judge(const std::shared_ptr<const Scene>& scene,
                                      std::span<const double> path) const {
-  const auto motion = time_path(robot_->description(), path, 1.0);
-  if (!motion) return error_of(motion);
+  const auto motion = SIDESTEP_TRY(time_path(robot_->description(), path, 1.0));
   const Eigen::Vector3d reach_m = Eigen::Vector3d::Constant(kReach_m);
   const auto field =
       std::make_shared<const SceneField>(*scene, Stamp(), Eigen::AlignedBox3d(-reach_m, reach_m));
   const auto check = checks_.make(
       field, space_, {.margin_m = settings_.margin_m, .max_step_m = settings_.max_step_m});
-  const auto by_spheres = check->check(*motion, 0.0, Deadline());
-  if (!by_spheres) return error_of(by_spheres);
+  const auto by_spheres = SIDESTEP_TRY(check->check(motion, 0.0, Deadline()));
 
   PathVerdict verdict;
-  for (const Violation& violation : by_spheres->violations) {
+  for (const Violation& violation : by_spheres.violations) {
     if (!is_collision(violation)) continue;
     verdict.is_in_collision = true;
     verdict.depth_m = std::max(verdict.depth_m, violation.amount);
   }
-  if (by_spheres->outcome == Verdict::Outcome::kInvalid && !verdict.is_in_collision) {
-    return fail(ErrorCode::kInternal, "a path breaks limits: " + by_spheres->describe());
+  if (by_spheres.outcome == Verdict::Outcome::kInvalid && !verdict.is_in_collision) {
+    return fail(ErrorCode::kInternal, "a path breaks limits: " + by_spheres.describe());
   }
-  verdict.is_unproven = !by_spheres->valid() && !verdict.is_in_collision;
+  verdict.is_unproven = !by_spheres.valid() && !verdict.is_in_collision;
   if (with_shapes_) {
-    const auto shapes = by_shapes(scene, *motion);
-    if (!shapes) return error_of(shapes);
-    verdict.is_touching = std::ranges::any_of(shapes->violations, is_collision);
+    const auto shapes = SIDESTEP_TRY(by_shapes(scene, motion));
+    verdict.is_touching = std::ranges::any_of(shapes.violations, is_collision);
   }
   return verdict;
 }
@@ -61,9 +58,9 @@ Result<Verdict> PathJudge::by_shapes(const std::shared_ptr<const Scene>& scene,
                                      const Trajectory& motion) const {
   ShapeObstacles truth;
   truth.scene = scene;
-  const auto check = make_shape_check(robot_, truth, {.max_step_m = settings_.shape_max_step_m});
-  if (!check) return error_of(check);
-  return (*check)->check(motion, 0.0, Deadline());
+  const auto check =
+      SIDESTEP_TRY(make_shape_check(robot_, truth, {.max_step_m = settings_.shape_max_step_m}));
+  return check->check(motion, 0.0, Deadline());
 }
 
 }  // namespace sidestep::plain_driver
