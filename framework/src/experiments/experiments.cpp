@@ -261,10 +261,9 @@ Node effective_configuration(const Configuration& configuration, Host& host) {
   }
   for (Node::Entry& entry : root.entries()) {
     if (entry.key == "experiment" && found) {
-      entry.value = fill_defaults(entry.value, found->plugin.schema);
-      found->experiment->fill(entry.value, host);
+      entry.value = host.with_defaults(entry.value, found->plugin.schema);
     } else if (const auto used = settings_schema(entry.key, of)) {
-      entry.value = fill_defaults(used_part(std::move(entry.value), *used), used->schema);
+      entry.value = host.with_defaults(used_part(std::move(entry.value), *used), used->schema);
     }
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key == to_string(kind)) entry.value = host.with_defaults(kind, entry.value);

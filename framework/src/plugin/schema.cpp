@@ -165,6 +165,20 @@ class Checker {
 
 }  // namespace
 
+std::string_view to_string(PluginKind kind) noexcept {
+  switch (kind) {
+    case PluginKind::kSource: return "source";
+    case PluginKind::kMapper: return "mapper";
+    case PluginKind::kField: return "field";
+    case PluginKind::kRobot: return "robot";
+    case PluginKind::kOptimiser: return "optimiser";
+    case PluginKind::kExecutor: return "executor";
+    case PluginKind::kCost: return "cost";
+    case PluginKind::kExperiment: return "experiment";
+  }
+  return "unknown";
+}
+
 std::string_view to_string(ParameterType type) noexcept {
   switch (type) {
     case ParameterType::kBool: return "boolean";

@@ -37,7 +37,7 @@ Parameters<PluginCostEntry> PluginCostEntry::parameters() {
   using E = PluginCostEntry;
   return Parameters<E>()
       .add("cost", &E::cost, "A plugin of kind `cost`, with its parameters: `{plugin: NAME, ...}`.",
-           {.required = true})
+           {.required = true, .plugin = PluginKind::kCost})
       .add("at", &E::at, "The states at which it applies.",
            {.choices = {"start", "goal", "support", "support_and_interpolated"}})
       .add("frees_goal", &E::frees_goal,
@@ -56,9 +56,9 @@ void read_plugin_costs(const Node& plan, const std::shared_ptr<const RobotModel>
       errors.push_back(
           block.find("frees_goal")->error("only a cost at the goal can free it", "say `at: goal`"));
     }
-    const std::size_t before = errors.size();
-    host.check(PluginKind::kCost, entry.cost, errors);
-    if (errors.size() != before) continue;
+    std::vector<Error> told;
+    host.check(PluginKind::kCost, entry.cost, told);
+    if (!told.empty()) continue;
     auto cost = host.create<StateCost>(entry.cost, robot);
     if (!cost) {
       errors.push_back(std::move(cost.error()));
@@ -71,15 +71,6 @@ void read_plugin_costs(const Node& plan, const std::shared_ptr<const RobotModel>
     task.frees_goal |= entry.frees_goal;
     task.terms.push_back(
         {std::shared_ptr<const StateCost>(std::move(*cost)), placement_of(entry.at)});
-  }
-}
-
-void fill_plugin_costs(Node& plan, Host& host) {
-  Node* list = plan.find("costs");
-  if (list == nullptr || !list->is_list()) return;
-  for (Node& block : list->items()) {
-    Node* cost = block.find("cost");
-    if (cost != nullptr) *cost = host.with_defaults(PluginKind::kCost, *cost);
   }
 }
 

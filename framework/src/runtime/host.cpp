@@ -60,42 +60,6 @@ const char* name_key(PluginKind kind) noexcept {
 
 }  // namespace
 
-Node fill_defaults(const Node& map, const Schema& schema) {
-  Node filled = map;
-  if (!filled.is_map()) return filled;
-  for (const Parameter& parameter : schema) {
-    Node* value = filled.find(parameter.name);
-    if (value == nullptr || value->is_null()) {
-      if (parameter.required) continue;
-      Node fallback = default_node(parameter);
-      if (value != nullptr) {
-        *value = std::move(fallback);
-      } else {
-        filled.entries().push_back({parameter.name, {"default", 0, 0}, std::move(fallback)});
-      }
-    } else if (parameter.type == ParameterType::kObject) {
-      *value = fill_defaults(*value, parameter.parameters);
-    } else if (parameter.type == ParameterType::kObjects && value->is_list()) {
-      for (Node& item : value->items()) item = fill_defaults(item, parameter.parameters);
-    }
-  }
-  return filled;
-}
-
-std::string_view to_string(PluginKind kind) noexcept {
-  switch (kind) {
-    case PluginKind::kSource: return "source";
-    case PluginKind::kMapper: return "mapper";
-    case PluginKind::kField: return "field";
-    case PluginKind::kRobot: return "robot";
-    case PluginKind::kOptimiser: return "optimiser";
-    case PluginKind::kExecutor: return "executor";
-    case PluginKind::kCost: return "cost";
-    case PluginKind::kExperiment: return "experiment";
-  }
-  return "unknown";
-}
-
 std::vector<std::filesystem::path> host_plugin_paths(
     const std::vector<std::filesystem::path>& configured, const InstallLayout& layout) {
   std::vector<std::filesystem::path> paths = configured;
@@ -192,15 +156,41 @@ struct Host::Impl {
   }
 
   /// Appends the mistakes in a block; those that the plugin finds only where its schema is met.
-  static void check(const Found& plugin, const Node& block, std::vector<Error>& errors) {
+  void check(const Found& plugin, const Node& block, std::vector<Error>& errors) {
     const std::size_t before = errors.size();
     check_against_schema(block, plugin.info.schema, {name_key(plugin.info.kind)}, errors);
     if (errors.size() > before) return;
+    check_plugin_blocks(block, plugin.info.schema, errors);
     const auto done = guarded(plugin.qualified_name(), [&]() -> Result<void> {
       plugin.descriptor->check(block, errors);
       return {};
     });
     if (!done) errors.push_back(done.error());
+  }
+
+  void check(PluginKind kind, const Node& block, std::vector<Error>& errors) {
+    if (const auto plugin = find(kind, block)) {
+      check(**plugin, block, errors);
+    } else {
+      errors.push_back(plugin.error());
+    }
+  }
+
+  /// Checks the blocks of plugins in a map that fits its schema.
+  void check_plugin_blocks(const Node& map, const Schema& schema, std::vector<Error>& errors) {
+    for (const Parameter& parameter : schema) {
+      const Node* value = map.find(parameter.name);
+      if (value == nullptr || value->is_null()) continue;
+      if (parameter.plugin && parameter.set_by_owner.empty()) {
+        check(*parameter.plugin, *value, errors);
+      } else if (parameter.type == ParameterType::kObject) {
+        check_plugin_blocks(*value, parameter.parameters, errors);
+      } else if (parameter.type == ParameterType::kObjects) {
+        for (const Node& item : value->items()) {
+          check_plugin_blocks(item, parameter.parameters, errors);
+        }
+      }
+    }
   }
 
   std::vector<std::string> name_list(PluginKind kind) const {
@@ -261,12 +251,7 @@ Result<PluginInfo> Host::find(PluginKind kind, const Node& block) {
 }
 
 void Host::check(PluginKind kind, const Node& block, std::vector<Error>& errors) {
-  const auto found = impl_->find(kind, block);
-  if (!found) {
-    errors.push_back(found.error());
-    return;
-  }
-  Impl::check(**found, block, errors);
+  impl_->check(kind, block, errors);
 }
 
 void Host::check_views(const Node& mapper_block, const std::vector<std::string>& needed,
@@ -293,14 +278,44 @@ void Host::check_views(const Node& mapper_block, const std::vector<std::string>&
 
 Node Host::with_defaults(PluginKind kind, const Node& block) {
   const auto found = impl_->find(kind, block);
-  return found ? fill_defaults(block, (*found)->info.schema) : block;
+  return found ? with_defaults(block, (*found)->info.schema) : block;
+}
+
+Node Host::with_defaults(const Node& map, const Schema& schema) {
+  Node filled = map;
+  if (!filled.is_map()) return filled;
+  for (const Parameter& parameter : schema) {
+    Node* value = filled.find(parameter.name);
+    if (value == nullptr || value->is_null()) {
+      if (parameter.required) continue;
+      Node fallback = default_node(parameter);
+      if (value != nullptr) {
+        *value = std::move(fallback);
+      } else {
+        filled.entries().push_back({parameter.name, {"default", 0, 0}, std::move(fallback)});
+      }
+    } else if (parameter.plugin) {
+      Node block = with_defaults(*parameter.plugin, *value);
+      std::erase_if(block.entries(), [&](const Node::Entry& entry) {
+        return std::ranges::find(parameter.set_by_owner, entry.key) !=
+                   parameter.set_by_owner.end() &&
+               value->find(entry.key) == nullptr;
+      });
+      *value = std::move(block);
+    } else if (parameter.type == ParameterType::kObject) {
+      *value = with_defaults(*value, parameter.parameters);
+    } else if (parameter.type == ParameterType::kObjects && value->is_list()) {
+      for (Node& item : value->items()) item = with_defaults(item, parameter.parameters);
+    }
+  }
+  return filled;
 }
 
 Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const RunLoan& loan) {
   const auto found = SIDESTEP_TRY(impl_->find(kind, block));
   std::vector<Error> errors;
   // An experiment checks its block with the whole configuration.
-  if (kind != PluginKind::kExperiment) Impl::check(*found, block, errors);
+  if (kind != PluginKind::kExperiment) impl_->check(*found, block, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
 
   const std::string name = found->qualified_name();

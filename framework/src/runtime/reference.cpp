@@ -83,7 +83,8 @@ Json schema_of_map(const Schema& schema) {
 }  // namespace
 
 std::string parameter_summary(const Parameter& parameter) {
-  std::string line(to_string(parameter.type));
+  std::string line = parameter.plugin ? std::string(to_string(*parameter.plugin)) + " plugin"
+                                      : std::string(to_string(parameter.type));
   if (!parameter.unit.empty()) line += " [" + parameter.unit + "]";
   if (parameter.size) line += ", " + std::to_string(*parameter.size) + " values";
   for (std::size_t i = 0; i < parameter.choices.size(); ++i) {

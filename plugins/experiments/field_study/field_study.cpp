@@ -363,7 +363,6 @@ class FieldStudyExperiment final : public Experiment {
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     return run_field_study(context);
   }
-  void fill(Node& experiment, Host& host) const override { fill_study_robots(experiment, host); }
   [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
                                                 const std::filesystem::path& out) const override {
     return merge_study(shards, out);

@@ -52,7 +52,6 @@ void check_regions(const StudyRobotEntry& entry, const Node& node, std::vector<E
           "'extent_m' must be above 0 along each axis");
   require(!entry.duration_s || entry.support_states, "duration_s",
           "'duration_s' needs 'support_states', too");
-  require(entry.robot.is_map(), "robot", "expected a robot's plugin and parameters");
 }
 
 void refuse_floor(const Node& planning, std::vector<Error>& errors) {
@@ -104,9 +103,9 @@ void check_field_block(const Configuration& configuration, Host& host, std::vect
 /// What is wrong with one robot and needs the robot to be known.
 void check_robot(const StudyRobot& robot, const Node& field, Host& host,
                  std::vector<Error>& errors) {
-  const std::size_t before = errors.size();
-  host.check(PluginKind::kRobot, robot.entry.robot, errors);
-  if (errors.size() > before) return;
+  std::vector<Error> told;
+  host.check(PluginKind::kRobot, robot.entry.robot, told);
+  if (!told.empty()) return;
   const auto model = host.create<RobotModel>(robot.entry.robot);
   if (!model) {
     errors.push_back(model.error());
@@ -224,14 +223,6 @@ void check_field_study(const Configuration& configuration, Host& host, std::vect
   }
 }
 
-void fill_study_robots(Node& experiment, Host& host) {
-  Node* robots = experiment.find("robots");
-  if (robots == nullptr || !robots->is_list()) return;
-  for (Node& entry : robots->items()) {
-    if (Node* block = entry.find("robot")) *block = host.with_defaults(PluginKind::kRobot, *block);
-  }
-}
-
 Parameters<PublishedOutcome> PublishedOutcome::parameters() {
   using P = PublishedOutcome;
   return Parameters<P>()
@@ -254,7 +245,8 @@ Parameters<StudyRobotEntry> StudyRobotEntry::parameters() {
   using E = StudyRobotEntry;
   return Parameters<E>()
       .add("name", &E::name, "Name of the robot in results.", {.required = true})
-      .add("robot", &E::robot, "A robot's plugin and parameters.", {.required = true})
+      .add("robot", &E::robot, "A robot's plugin and parameters.",
+           {.required = true, .plugin = PluginKind::kRobot})
       .add("planning", &E::planning,
            "Values of the `planning` block that this robot has of its own.")
       .add("state_ranges", &E::state_ranges,

@@ -111,7 +111,4 @@ struct JointRange {
 /// Everything that can be wrong with a configuration of a field study.
 void check_field_study(const Configuration& configuration, Host& host, std::vector<Error>& errors);
 
-/// The block with the defaults of every robot's plugin filled in.
-void fill_study_robots(Node& experiment, Host& host);
-
 }  // namespace sidestep

@@ -127,7 +127,6 @@ class MappingBenchmark final : public Experiment {
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     return run_mapping_benchmark(context);
   }
-  void fill(Node& experiment, Host& host) const override { fill_plugin_defaults(experiment, host); }
 };
 
 }  // namespace

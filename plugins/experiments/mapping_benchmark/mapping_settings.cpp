@@ -258,35 +258,20 @@ std::vector<SystemCase> read_cases(const Node& experiment, Host& host, std::vect
   return cases;
 }
 
-void fill_plugin_defaults(Node& experiment, Host& host) {
-  Node* systems = experiment.find("systems");
-  if (systems == nullptr || !systems->is_list()) return;
-  for (Node& system : systems->items()) {
-    for (const auto& [key, kind] :
-         {std::pair("mapper", PluginKind::kMapper), std::pair("field", PluginKind::kField)}) {
-      Node* block = system.find(key);
-      if (block == nullptr) continue;
-      Node filled = host.with_defaults(kind, *block);
-      std::erase_if(filled.entries(), [&](const Node::Entry& entry) {
-        const bool set_by_us = std::ranges::find(kSetOfMapper, entry.key) != kSetOfMapper.end() ||
-                               std::ranges::find(kSetOfField, entry.key) != kSetOfField.end();
-        return set_by_us && block->find(entry.key) == nullptr;
-      });
-      *block = std::move(filled);
-    }
-  }
-}
-
 Parameters<SystemEntry> SystemEntry::parameters() {
   using S = SystemEntry;
   return Parameters<S>()
       .add("name", &S::name, "Name of the system in results.", {.required = true})
       .add("mapper", &S::mapper,
            "A mapper's plugin and parameters, without resolution_m, size_vox and origin_m.",
-           {.required = true})
+           {.required = true,
+            .plugin = PluginKind::kMapper,
+            .set_by_owner = {kSetOfMapper.begin(), kSetOfMapper.end()}})
       .add("field", &S::field,
            "A field's plugin and parameters, without max_distance_m and signed.",
-           {.required = true})
+           {.required = true,
+            .plugin = PluginKind::kField,
+            .set_by_owner = {kSetOfField.begin(), kSetOfField.end()}})
       .add("signed", &S::is_signed, "true, false, or both in a list; left out: as the field is.")
       .add("published", &S::published, "Name of the entry of `published` to compare with.");
 }

@@ -93,7 +93,4 @@ struct SystemCase {
 [[nodiscard]] std::vector<SystemCase> read_cases(const Node& experiment, Host& host,
                                                  std::vector<Error>& errors);
 
-/// The block with the defaults of every system's plugins filled in.
-void fill_plugin_defaults(Node& experiment, Host& host);
-
 }  // namespace sidestep

@@ -321,12 +321,6 @@ Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
   return outcome;
 }
 
-void fill_plans(Node& experiment, Host& host) {
-  Node* plans = experiment.find("plans");
-  if (plans == nullptr || !plans->is_list()) return;
-  for (Node& plan : plans->items()) fill_plugin_costs(plan, host);
-}
-
 }  // namespace
 
 Parameters<PlanEntry> PlanEntry::parameters() {
@@ -376,7 +370,6 @@ class PlanExperiment final : public Experiment {
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     return run_plan(context);
   }
-  void fill(Node& experiment, Host& host) const override { fill_plans(experiment, host); }
 };
 
 }  // namespace sidestep

@@ -28,8 +28,10 @@ struct PlannerEntry {
              "First guesses, raced over the cores: `straight`, a line (and, beside others, lines "
              "that are perturbed); `sampled`, the sampler's path, which the optimiser polishes if "
              "there is one.")
-        .add("optimiser", &E::optimiser, "The block of the optimiser.")
-        .add("sampler", &E::sampler, "The block of the sampling planner, for the seed `sampled`.");
+        .add("optimiser", &E::optimiser, "The block of the optimiser.",
+             {.plugin = PluginKind::kOptimiser})
+        .add("sampler", &E::sampler, "The block of the sampling planner, for the seed `sampled`.",
+             {.plugin = PluginKind::kOptimiser});
   }
 };
 
@@ -78,12 +80,8 @@ struct PlannerBenchmarkSettings : ExperimentSettings {
   }
 };
 
-void check_planner(const Node& entry, Host& host, std::vector<Error>& errors) {
+void check_planner(const Node& entry, std::vector<Error>& errors) {
   const Node* seeds = entry.find("seeds");
-  for (const char* name : {"optimiser", "sampler"}) {
-    const Node* block = entry.find(name);
-    if (block != nullptr && !block->is_null()) host.check(PluginKind::kOptimiser, *block, errors);
-  }
   const auto is_given = [&](const char* name) {
     const Node* block = entry.find(name);
     return block != nullptr && block->is_map();
@@ -113,7 +111,7 @@ void check_planner_benchmark(const Configuration& configuration, Host& host,
   std::set<std::string> names;
   for (const Node& entry : planners->items()) {
     if (!entry.is_map()) continue;
-    check_planner(entry, host, errors);
+    check_planner(entry, errors);
     const Node* name = entry.find("name");
     if (name != nullptr && !names.insert(name->text()).second) {
       errors.push_back(
@@ -121,20 +119,6 @@ void check_planner_benchmark(const Configuration& configuration, Host& host,
     }
   }
   if (planners->items().empty()) errors.push_back(planners->error("there is no planner"));
-}
-
-void fill_planners(Node& experiment, Host& host) {
-  Node* planners = experiment.find("planners");
-  if (planners == nullptr || !planners->is_list()) return;
-  for (Node& entry : planners->items()) {
-    if (!entry.is_map()) continue;
-    entry = fill_defaults(entry, PlannerEntry::parameters().schema());
-    for (const char* name : {"optimiser", "sampler"}) {
-      if (Node* block = entry.find(name); block != nullptr && block->is_map()) {
-        *block = host.with_defaults(PluginKind::kOptimiser, *block);
-      }
-    }
-  }
 }
 
 /// Every problem that the settings leave.
@@ -381,7 +365,6 @@ class PlannerBenchmark final : public Experiment {
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     return run_planner_benchmark(context);
   }
-  void fill(Node& experiment, Host& host) const override { fill_planners(experiment, host); }
   [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
                                                 const std::filesystem::path& out) const override {
     return merge_planners(shards, out);

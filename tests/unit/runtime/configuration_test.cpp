@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sidestep/core/worker_pool.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
+#include "conformance/test_host.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep {
@@ -241,8 +243,13 @@ TEST(SchemaCheck, AnItemOfAListCannotBeLeftOpen) {
 }
 
 TEST(SchemaCheck, DefaultsAreThoseOfTheStruct) {
+  conformance::RecordingLog log;
+  const conformance::StoppedClock clock;
+  const conformance::NoDocuments documents;
+  WorkerPool workers(1);
+  Host host({}, log, clock, workers, documents);
   const Node filled =
-      fill_defaults(parse("{name: n, parts: [{}]}"), Everything::parameters().schema());
+      host.with_defaults(parse("{name: n, parts: [{}]}"), Everything::parameters().schema());
   Everything read;
   read.count = 99;
   read.weights.clear();

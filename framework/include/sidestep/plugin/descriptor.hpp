@@ -10,18 +10,7 @@ namespace sidestep {
 
 inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
 inline constexpr std::uint16_t kSdkMajor = 0;
-inline constexpr std::uint16_t kSdkMinor = 5;
-
-enum class PluginKind : std::uint32_t {
-  kSource = 1,
-  kMapper = 2,
-  kField = 3,
-  kRobot = 4,
-  kOptimiser = 5,
-  kExecutor = 6,
-  kCost = 7,
-  kExperiment = 8,
-};
+inline constexpr std::uint16_t kSdkMinor = 6;
 
 /// Versions of the interface of each kind: raised whenever its virtuals or the data they
 /// exchange change.

@@ -25,6 +25,10 @@ struct ParameterOptions {
   double max = std::numeric_limits<double>::infinity();
   bool required = false;
   std::vector<std::string> choices;  ///< For a std::string: one of these.
+  /// For a Node: it is a block `{plugin: NAME, ...}` of this kind. The host checks it and fills in
+  /// its defaults, but for the parameters that its owner sets.
+  std::optional<PluginKind> plugin = std::nullopt;
+  std::vector<std::string> set_by_owner = {};
 };
 
 namespace detail {
@@ -75,6 +79,8 @@ class Parameters {
     if (!parameter.required) parameter.default_text = Type::text(defaults.*member);
     parameter.size = Type::kSize;
     parameter.parameters = Type::parameters();
+    parameter.plugin = options.plugin;
+    parameter.set_by_owner = std::move(options.set_by_owner);
     schema_.push_back(std::move(parameter));
     readers_.push_back(
         [name = std::move(name), member](const Node& map, T& into, std::vector<Error>& errors) {

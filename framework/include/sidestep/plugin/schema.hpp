@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <optional>
@@ -11,6 +12,18 @@
 #include <sidestep/core/node.hpp>
 
 namespace sidestep {
+
+enum class PluginKind : std::uint32_t {
+  kSource = 1,
+  kMapper = 2,
+  kField = 3,
+  kRobot = 4,
+  kOptimiser = 5,
+  kExecutor = 6,
+  kCost = 7,
+  kExperiment = 8,
+};
+[[nodiscard]] std::string_view to_string(PluginKind kind) noexcept;  ///< "source", "mapper", ...
 
 enum class ParameterType {
   kBool,
@@ -41,6 +54,9 @@ struct Parameter {
   std::vector<std::string> choices;
   std::optional<std::size_t> size;    ///< Of a list; nothing for any length.
   std::vector<Parameter> parameters;  ///< Of an object, or of each object of a list.
+  std::optional<PluginKind> plugin;   ///< Of a structure that is a plugin's block: its kind.
+  /// Parameters of that plugin that its owner sets, and checks with the block.
+  std::vector<std::string> set_by_owner;
 };
 
 using Schema = std::vector<Parameter>;

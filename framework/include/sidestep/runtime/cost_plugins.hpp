@@ -24,7 +24,4 @@ struct PluginCostEntry {
 void read_plugin_costs(const Node& plan, const std::shared_ptr<const RobotModel>& robot, Host& host,
                        Task& task, std::vector<Error>& errors);
 
-/// Fills in the defaults of those plugins' parameters.
-void fill_plugin_costs(Node& plan, Host& host);
-
 }  // namespace sidestep

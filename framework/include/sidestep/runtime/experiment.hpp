@@ -112,9 +112,6 @@ class SIDESTEP_EXPORT Experiment {
   /// has passed check(). Fails where the experiment could not be done at all; a task that fails is
   /// an outcome.
   [[nodiscard]] virtual Result<ExperimentOutcome> run(ExperimentContext& context) const = 0;
-  /// Fills in, for the effective configuration, what the schema of the `experiment` block cannot
-  /// know, e.g. the defaults of plugins that it names.
-  virtual void fill(Node& experiment, Host& host) const { (void)experiment, (void)host; }
   /// Puts the runs of shards together in the folder `out`; of divisible experiments only.
   [[nodiscard]] virtual Result<ExperimentOutcome> merge(
       const std::vector<std::filesystem::path>& shards, const std::filesystem::path& out) const {

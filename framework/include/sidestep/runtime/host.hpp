@@ -28,7 +28,6 @@ struct PluginInfo {
   Schema schema;
   std::vector<std::string> views;  ///< That a mapper offers, or a field needs of its mapper.
 };
-[[nodiscard]] std::string_view to_string(PluginKind kind) noexcept;  ///< "source", "mapper", ...
 
 /// A library in the search path that is not a usable plugin, and why.
 struct PluginRejection {
@@ -48,9 +47,6 @@ struct HostSettings {
 /// The search path: `configured`, then SIDESTEP_PLUGIN_PATH (colon separated), then `layout`'s.
 [[nodiscard]] std::vector<std::filesystem::path> host_plugin_paths(
     const std::vector<std::filesystem::path>& configured, const InstallLayout& layout);
-
-/// The map with every default of `schema` that it leaves open filled in, marked as default.
-[[nodiscard]] Node fill_defaults(const Node& map, const Schema& schema);
 
 /// Destroys a plugin's object, and knows whose it is.
 struct PluginDeleter {
@@ -77,7 +73,7 @@ template <class Interface>
 /// (planning/residual_names.hpp) if the plugin's does.
 [[nodiscard]] PluginPtr<StateCost> guard_cost(PluginPtr<StateCost> cost);
 
-/// What a run lends to its plugins beside what their host does.
+/// Run-specific resources lent to plugins, beside those of the host.
 struct RunLoan {
   std::shared_ptr<const RobotModel> robot;  ///< Null while the robot is created.
   std::shared_ptr<RobotMotion> motion;      ///< Null where no robot moves.
@@ -104,8 +100,8 @@ class Host {
   /// listing the paths tried and why each failed, what exists, and the nearest name.
   [[nodiscard]] Result<PluginInfo> find(PluginKind kind, const Node& block);
 
-  /// Checks a block against its plugin's schema and, where it fits that, with the plugin's own
-  /// check; appends all mistakes.
+  /// Checks a block against its plugin's schema and, where it fits that, the blocks of plugins in
+  /// it and then with the plugin's own check; appends all mistakes.
   void check(PluginKind kind, const Node& block, std::vector<Error>& errors);
 
   /// Checks that the mapper that one block names offers every view that `needed` lists; `what`
@@ -117,6 +113,8 @@ class Host {
   /// The block with every default that it leaves open filled in, marked as default; for the
   /// effective configuration.
   [[nodiscard]] Node with_defaults(PluginKind kind, const Node& block);
+  /// The map with every default of `schema` that it and the blocks of plugins in it leave open.
+  [[nodiscard]] Node with_defaults(const Node& map, const Schema& schema);
 
   /// Creates the object a block describes. An exception that escapes becomes an Error naming
   /// the plugin; one that escapes from a robot or a cost later on leaves it as PluginThrew. `robot`
