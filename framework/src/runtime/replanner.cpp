@@ -55,7 +55,7 @@ Replanner::Status Replanner::step(Stamp now, std::vector<ReplannerEvent>& events
   auto done = contained("replanning", [&]() -> Result<Status> { return impl_->advance(); });
   // Where a robot or a field throws, no stop can be verified.
   if (!done) impl_->halt(ReplannerEvent::Reason::kPlugin, done.error().describe(), true);
-  if (impl_->is_overdue() && impl_->followed.size() > 0) {
+  if (impl_->is_overdue() && impl_->motion() != nullptr) {
     impl_->halt(ReplannerEvent::Reason::kPlugin,
                 impl_->overdue_by + " took " + std::to_string(1e-3 * impl_->watch.elapsed_ms()) +
                     " s, too long for a step",
@@ -68,7 +68,9 @@ void Replanner::stop(Stamp now, const std::string& cause, std::vector<ReplannerE
   impl_->now = now;
   impl_->watch.restart();
   impl_->events = &events;
-  if (impl_->status() != Status::kMoving || impl_->is_braking) return;
+  if (impl_->status() != Status::kMoving || std::holds_alternative<Impl::Braking>(impl_->phase)) {
+    return;
+  }
   const auto done = contained("stopping", [&]() -> Result<void> {
     impl_->halt(ReplannerEvent::Reason::kEnd, cause);
     return {};
@@ -77,22 +79,28 @@ void Replanner::stop(Stamp now, const std::string& cause, std::vector<ReplannerE
     impl_->halt(ReplannerEvent::Reason::kEnd, cause + "; " + done.error().describe(), true);
 }
 
-const Trajectory& Replanner::followed() const noexcept { return impl_->followed; }
-Stamp Replanner::followed_start() const noexcept { return impl_->followed_start; }
+const Trajectory& Replanner::followed() const noexcept {
+  static const Trajectory kNone;
+  return impl_->motion() != nullptr ? impl_->motion()->trajectory : kNone;
+}
+Stamp Replanner::followed_start() const noexcept {
+  return impl_->motion() != nullptr ? impl_->motion()->start : Stamp{};
+}
 std::int64_t Replanner::checks() const noexcept { return impl_->checks; }
 const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexcept {
   return impl_->search.counts();
 }
 
 Replanner::Status Replanner::Impl::status() const {
-  if (is_at_goal) return Status::kReached;
-  return followed.size() > 0 || is_moving ? Status::kMoving : Status::kWaiting;
+  if (std::holds_alternative<AtGoal>(phase)) return Status::kReached;
+  return motion() != nullptr || is_moving ? Status::kMoving : Status::kWaiting;
 }
 
-void Replanner::Impl::set_followed(Trajectory motion, Stamp start) {
-  followed = std::move(motion);
-  followed_start = start;
-  contingency.reset();
+const Replanner::Impl::Motion* Replanner::Impl::motion() const {
+  if (const auto* driving = std::get_if<Driving>(&phase)) return driving;
+  if (const auto* braking = std::get_if<Braking>(&phase)) return braking;
+  const auto* at_goal = std::get_if<AtGoal>(&phase);
+  return at_goal != nullptr && at_goal->trajectory.size() > 0 ? at_goal : nullptr;
 }
 
 bool Replanner::Impl::is_overdue() const {
@@ -132,7 +140,7 @@ bool Replanner::Impl::is_due() const {
 }
 
 Replanner::Status Replanner::Impl::advance() {
-  if (is_at_goal) return Status::kReached;
+  if (std::holds_alternative<AtGoal>(phase)) return Status::kReached;
   if (last_step && now < *last_step) {
     const double back_s = last_step->seconds() - now.seconds();
     last_step = now;
@@ -146,16 +154,16 @@ Replanner::Status Replanner::Impl::advance() {
   if (!measured) return status();
   keep_to_observed(*measured);
   is_moving = !is_at_rest(*measured);
-  if (stop_failed && is_moving) (void)stop_by_executor();  // it still follows what it had
+  if (failed_stop && is_moving) (void)stop_by_executor();  // it still follows what it had
   if (reaches_goal(*measured)) {
-    is_at_goal = true;
+    phase = motion() != nullptr ? AtGoal{*motion()} : AtGoal{};
     tell(Event::Kind::kReached, Reason::kGoal, "the robot is at rest at its goal");
     return Status::kReached;
   }
   if (!keeps_to_plan(*measured)) return status();
   end_motion(*measured);
   if (!look_at_map()) return status();
-  if (followed.size() > 0) {
+  if (motion() != nullptr) {
     supervise();
   } else if (!is_moving && is_due()) {
     depart_from_rest(*measured);
@@ -165,72 +173,75 @@ Replanner::Status Replanner::Impl::advance() {
 
 /// Follows what is valid, replaces what is not, and stops in time where that does not succeed.
 void Replanner::Impl::supervise() {
-  if (is_braking) {
+  if (const auto* braking = std::get_if<Braking>(&phase)) {
     // A way that opens while the robot brakes for want of one is taken at once.
     const Reason reason = halted->reason;
     if ((reason != Reason::kBlocked && reason != Reason::kMoving) || !is_due()) return;
     const std::string cause = halted->cause;
-    (void)replan(departure_of_followed(), reason, cause);
+    (void)replan(departure_from(*braking), reason, cause);
     return;
   }
-  if (slows_down()) return;
-  if (!is_checked) check_followed();
-  if (blocked) return on_blocked();
-  if (settings.cost_tolerance > 0.0 && is_due()) improve();
+  auto& driving = std::get<Driving>(phase);
+  if (slows_down(driving)) return;
+  if (!driving.is_checked) check(driving);
+  if (driving.blocked) return on_blocked(driving);
+  if (settings.cost_tolerance > 0.0 && is_due()) improve(driving);
 }
 
 /// A stop that begins no earlier than must be is looked for ahead of need, between two maps, and
 /// held against what moves in each: to find one takes longer than all else in most steps.
-bool Replanner::Impl::slows_down() {
+bool Replanner::Impl::slows_down(Driving& driving) {
   // A later step has the same chance only once this one is over, with the search that may follow.
   constexpr double kStep_s = 0.02;
   constexpr double kAhead_s = 0.03;
   constexpr double kRenewed_s = 0.01;
   if (!reach.sees_anything()) return false;
-  const double now_s = followed_s(now);
+  const double now_s = driving.time_s(now);
   const double brake_s =
-      followed_s(present()) + settings.stop_lead_s + kStep_s + settings.search_s();
+      driving.time_s(present()) + settings.stop_lead_s + kStep_s + settings.search_s();
+  auto& contingency = driving.contingency;
   const double spare_s = contingency ? contingency->brake_s - brake_s : -1.0;
   if (spare_s < 0.0 || (spare_s < kRenewed_s && now != map_came)) {
-    contingency = reach.contingency(followed, now_s, brake_s + kAhead_s);
-    is_unreached = false;
+    contingency = reach.contingency(driving.trajectory, now_s, brake_s + kAhead_s);
+    driving.is_unreached = false;
   }
-  if (contingency && !is_unreached) {
-    const Stamp begin = Stamp::from_seconds(followed_start.seconds() + contingency->begin_s);
-    is_unreached = !reach.first_reach(*contingency, begin, now);
+  if (contingency && !driving.is_unreached) {
+    const Stamp begin = Stamp::from_seconds(driving.start.seconds() + contingency->begin_s);
+    driving.is_unreached = !reach.first_reach(*contingency, begin, now);
   }
-  if (contingency && is_unreached) return false;
-  const auto cause = reach.first_reach(followed, now_s, brake_s, now);
+  if (contingency && driving.is_unreached) return false;
+  const auto cause = reach.first_reach(driving.trajectory, now_s, brake_s, now);
   if (!cause) return false;
   halt(Reason::kMoving, *cause);
   return true;
 }
 
-void Replanner::Impl::on_blocked() {
+void Replanner::Impl::on_blocked(Driving& driving) {
   // What is far off is not worth all of the time: it may go by itself.
-  const bool is_far = blocked->begin_s - followed_s(now) > settings.horizon_s;
+  Blocked& blocked = *driving.blocked;
+  const bool is_far = blocked.begin_s - driving.time_s(now) > settings.horizon_s;
   constexpr double kPatience = 5.0;
   const bool is_patient =
       is_far && failed_at &&
       now.seconds() - failed_at->seconds() < kPatience * settings.replan_period_s;
   if (is_due() && !is_patient) {
     last_replan = now;
-    const bool is_in_time = blocked->begin_s > followed_s(now) + settings.takeover_s;
-    const std::string cause = blocked->cause;
-    if (is_in_time && replan(departure_of_followed(), Reason::kBlocked, cause)) return;
+    const bool is_in_time = blocked.begin_s > driving.time_s(now) + settings.takeover_s;
+    const std::string cause = blocked.cause;
+    if (is_in_time && replan(departure_from(driving), Reason::kBlocked, cause)) return;
     if (halted) return;
-    blocked->may_wait_until.reset();
+    blocked.may_wait_until.reset();
   }
-  if (blocked->may_wait_until && now < *blocked->may_wait_until) return;
-  if (must_stop_now()) return halt(Reason::kBlocked, blocked->cause);
-  blocked->may_wait_until = Stamp::from_seconds(now.seconds() + settings.replan_period_s);
+  if (blocked.may_wait_until && now < *blocked.may_wait_until) return;
+  if (must_stop_now(driving)) return halt(Reason::kBlocked, blocked.cause);
+  blocked.may_wait_until = Stamp::from_seconds(now.seconds() + settings.replan_period_s);
 }
 
 /// Replaces what is valid but has become costlier, by what is cheaper by more than the hysteresis.
-void Replanner::Impl::improve() {
-  detail::Departure departure = departure_of_followed();
+void Replanner::Impl::improve(const Driving& driving) {
+  detail::Departure departure = departure_from(driving);
   const auto cost = search.cost_of_rest(field, departure);
-  const auto cost_then = search.cost_of_rest(planned_in, departure);
+  const auto cost_then = search.cost_of_rest(driving.planned_in, departure);
   last_replan = now;
   if (!cost || !cost_then || *cost <= (1.0 + settings.cost_tolerance) * *cost_then) return;
   const std::string cause = "the cost of what is followed rose from " + std::to_string(*cost_then) +
@@ -238,12 +249,12 @@ void Replanner::Impl::improve() {
   (void)replan(std::move(departure), Reason::kCost, cause, (1.0 - settings.hysteresis) * *cost);
 }
 
-detail::Departure Replanner::Impl::departure_of_followed() const {
+detail::Departure Replanner::Impl::departure_from(const Motion& motion) const {
   detail::Departure departure;
-  const double now_s = followed_s(now);
+  const double now_s = motion.time_s(now);
   departure.from_s = now_s + settings.takeover_s;
-  departure.lead = cut(followed, now_s, departure.from_s);
-  departure.followed = &followed;
+  departure.lead = cut(motion.trajectory, now_s, departure.from_s);
+  departure.followed = &motion.trajectory;
   find_unfinished(departure);
   const auto speeds = departure.lead.qdot(departure.lead.size() - 1);
   departure.is_moving = std::ranges::any_of(speeds, [](double v) { return v != 0.0; });
@@ -254,7 +265,7 @@ detail::Departure Replanner::Impl::departure_of_followed() const {
 /// has not left it.
 void Replanner::Impl::find_unfinished(detail::Departure& departure) const {
   if (unfinished.size() == 0) return;
-  if (followed.size() > 0 && !is_braking) {
+  if (std::holds_alternative<Driving>(phase)) {
     departure.unfinished = &unfinished;
     departure.unfinished_from_s = departure.from_s;
     return;
@@ -284,9 +295,8 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
   }
   // Where the last motion ended is where the executor still holds the robot.
   Eigen::VectorXd q = measured.q;
-  if (rested_at && (*rested_at - q).cwiseAbs().maxCoeff() <= settings.tracking_tolerance) {
-    q = *rested_at;
-  }
+  const auto& at = std::get<Resting>(phase).at;
+  if (at && (*at - q).cwiseAbs().maxCoeff() <= settings.tracking_tolerance) q = *at;
   constexpr double kBeyond = 0.01;  // m, rad: what a measurement may be off
   const std::vector<Joint>& joints = parts.robot->description().joints;
   for (std::size_t j = 0; j < joints.size(); ++j) {
@@ -316,11 +326,12 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   double least_free_s = settings.takeover_s + settings.horizon_s;
   if (to_beat) {
     least_free_s = std::numeric_limits<double>::infinity();  // what is followed is free all the way
-  } else if (blocked) {
-    least_free_s = std::max(least_free_s, blocked->begin_s - followed_s(now) + kWorth_s);
+  } else if (const auto* driving = std::get_if<Driving>(&phase); driving && driving->blocked) {
+    least_free_s =
+        std::max(least_free_s, driving->blocked->begin_s - driving->time_s(now) + kWorth_s);
   }
   detail::SearchResult found =
-      search.run({field, *check, reach, std::move(departure), now, to_beat, least_free_s});
+      search.run({field, *full_check, reach, std::move(departure), now, to_beat, least_free_s});
   const double took_s = 1e-3 * watch.elapsed_ms();
   if (found.plan && settings.limit_wall_time && took_s > settings.takeover_s) {
     found.plan.reset();
@@ -330,7 +341,7 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   failed_at = now;
   if (found.fault.empty() && reason == Reason::kCost) return false;  // what is followed is good
   const bool is_told = is_failing && found.fault.empty();
-  is_failing = followed.size() == 0 || is_braking;
+  is_failing = !std::holds_alternative<Driving>(phase);
   if (is_told && is_failing) return false;
   Event& event = tell(Event::Kind::kReplanFailed, found.fault.empty() ? reason : Reason::kPlugin,
                       found.fault.empty() ? cause + "; no plan of " + parts.optimiser_name +
@@ -359,29 +370,25 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
     return false;
   }
   if (is_overdue()) overdue_by = parts.executor_name;
-  const bool was_slowed = halted && halted->reason == Reason::kMoving && followed.size() > 0;
-  const bool was_followed = followed.size() > 0 && (!is_braking || was_slowed);
-  set_followed(plan.trajectory, now);
+  const bool was_driving = std::holds_alternative<Driving>(phase);
+  const bool was_slowed = halted && halted->reason == Reason::kMoving && motion() != nullptr;
+  const bool is_clear = !std::isfinite(plan.free_until_s);
+  phase = Driving{{plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false};
   unfinished = plan.trajectory;
-  is_braking = false;
   is_moving = true;
-  is_checked = is_sound = !std::isfinite(plan.free_until_s);
-  blocked.reset();
-  planned_in = field;
-  rested_at.reset();
   free_goal.reset();
   is_failing = false;
   if (plan.frees_goal) {
-    free_goal =
-        Eigen::Map<const Eigen::VectorXd>(followed.q(followed.size() - 1).data(), followed.dof);
+    free_goal = Eigen::Map<const Eigen::VectorXd>(unfinished.q(unfinished.size() - 1).data(),
+                                                  unfinished.dof);
   }
   if (halted) {
     if (!was_slowed) tell(Event::Kind::kRecovered, halted->reason, halted->cause);
     halted.reset();
-    stop_failed = false;
+    failed_stop.reset();
   }
-  Event& event =
-      tell(was_followed ? Event::Kind::kReplanned : Event::Kind::kPlanned, reason, cause);
+  Event& event = tell(was_driving || was_slowed ? Event::Kind::kReplanned : Event::Kind::kPlanned,
+                      reason, cause);
   event.solve_ms = found.solve_ms;
   event.guess = found.guess;
   event.tried = found.tried;

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <sidestep/core/time.hpp>
@@ -16,6 +17,42 @@ struct Replanner::Impl {
   using Event = ReplannerEvent;
   using Reason = ReplannerEvent::Reason;
 
+  // Its phases. A halt leads from any of them to Braking or Resting, a plan to Driving.
+
+  /// A motion that the executor was given.
+  struct Motion {
+    Trajectory trajectory;
+    Stamp start;
+
+    /// The motion's time at a stamp.
+    [[nodiscard]] double time_s(Stamp stamp) const { return stamp.seconds() - start.seconds(); }
+  };
+  /// No motion is followed. The robot may still move, where the executor stops it by itself.
+  struct Resting {
+    std::optional<Eigen::VectorXd> at;  ///< Where the last motion ended.
+  };
+  struct Blocked {
+    double begin_s = 0.0;  ///< Time of the motion; no earlier violation is known.
+    std::string cause;
+    /// Until then a stop is known to be in time: it need not be asked again before.
+    std::optional<Stamp> may_wait_until;
+  };
+  /// A plan is followed.
+  struct Driving : Motion {
+    std::shared_ptr<const DistanceField> planned_in;
+    bool is_checked = false;  ///< In `field`.
+    /// It keeps all limits and is clear of itself: maps do not change that.
+    bool is_sound = false;
+    std::optional<Blocked> blocked;
+    std::optional<detail::Contingency> contingency;  ///< The last that was found.
+    bool is_unreached =
+        false;  ///< Nothing that moves in the newest map could reach the robot on it.
+  };
+  /// A stop is followed.
+  struct Braking : Motion {};
+  /// The robot is at rest at its goal. The motion is the one that led there.
+  struct AtGoal : Motion {};
+
   Impl(Parts given, ReplannerSettings chosen)
       : parts(std::move(given)),
         settings(std::move(chosen)),
@@ -28,19 +65,18 @@ struct Replanner::Impl {
   Status advance();
   [[nodiscard]] Status status() const;
   void supervise();
-  void on_blocked();
+  void on_blocked(Driving& driving);
   /// Brakes where what moves could reach the robot before it is at rest.
-  [[nodiscard]] bool slows_down();
-  void improve();
+  [[nodiscard]] bool slows_down(Driving& driving);
+  void improve(const Driving& driving);
   void depart_from_rest(const RobotState& measured);
-  [[nodiscard]] detail::Departure departure_of_followed() const;
+  [[nodiscard]] detail::Departure departure_from(const Motion& motion) const;
   void find_unfinished(detail::Departure& departure) const;
   /// Searches and, where there is a plan, has it followed. False where what is followed goes on, or
   /// the robot has been stopped.
   bool replan(detail::Departure departure, Reason reason, const std::string& cause,
               std::optional<double> to_beat = {});
   bool follow(const detail::SearchResult& found, Reason reason, const std::string& cause);
-  void set_followed(Trajectory motion, Stamp start);
   [[nodiscard]] bool is_due() const;
 
   // What it sees: replanner_map.cpp.
@@ -60,27 +96,26 @@ struct Replanner::Impl {
   void use_margin(double kept_m);
   /// The largest of a few shares of the margin that a robot standing there keeps.
   [[nodiscard]] double margin_at(const Eigen::VectorXd& q) const;
-  void check_followed();
-  [[nodiscard]] Violation plainer(const Violation& unproven) const;
-  [[nodiscard]] std::string describe(const Violation& violation) const;
+  void check(Driving& driving);
+  [[nodiscard]] Violation first_violation_after(const Violation& unproven,
+                                                const Trajectory& trajectory) const;
+  [[nodiscard]] std::string describe(const Violation& violation, const Motion& motion) const;
 
   // Stops: replanner_stop.cpp.
   /// Brings the robot to rest, and notes why, once a reason. `by_executor`: no trajectory of ours
   /// would be followed.
   void halt(Reason reason, std::string cause, bool by_executor = false);
   [[nodiscard]] std::string stop_motion(bool by_executor);
-  [[nodiscard]] bool follow_verified_stop(std::string& how);
+  [[nodiscard]] bool follow_verified_stop(Driving& driving, std::string& how);
   [[nodiscard]] std::string stop_by_executor();
-  [[nodiscard]] bool must_stop_now();
+  [[nodiscard]] bool must_stop_now(const Driving& driving) const;
 
   /// Whether so much time has passed in this step that what was measured in it says nothing now.
   [[nodiscard]] bool is_overdue() const;
   /// Now, with what this step has taken where that counts.
   [[nodiscard]] Stamp present() const;
-  /// Of a time on the clock of what is followed.
-  [[nodiscard]] double followed_s(Stamp stamp) const {
-    return stamp.seconds() - followed_start.seconds();
-  }
+  /// The motion that is followed, or led to the goal; null where there is none.
+  [[nodiscard]] const Motion* motion() const;
   Event& tell(Event::Kind kind, Reason reason, std::string cause);
 
   Parts parts;
@@ -99,44 +134,25 @@ struct Replanner::Impl {
   std::shared_ptr<const DistanceField> searched_in;  ///< The map of the last replan.
   std::optional<Stamp> failed_at;                    ///< The last replan that failed.
 
-  Trajectory followed;  ///< Empty where nothing is.
-  Stamp followed_start;
-  std::optional<detail::Contingency>
-      contingency;            ///< The last that was found, of what is followed.
-  bool is_unreached = false;  ///< Nothing that moves in the newest map could reach the robot on it.
-  Trajectory unfinished;      ///< The last one that was to lead to the goal, which stops interrupt.
-  bool is_braking = false;    ///< What is followed is a stop.
-  bool is_at_goal = false;
+  std::variant<Resting, Driving, Braking, AtGoal> phase;
+  Trajectory unfinished;   ///< The last plan, which stops interrupt.
   bool is_moving = false;  ///< As measured.
   Stamp measured_at;
-  std::optional<Eigen::VectorXd> rested_at;  ///< Where the last motion that was followed ended.
   std::optional<Eigen::VectorXd> free_goal;  ///< The end of a plan whose goal costs decide.
 
   struct Halt {
     Reason reason;
     std::string cause;
   };
-  std::optional<Halt> halted;
-  bool stop_failed = false;  ///< The executor's own: to be tried again.
-  std::optional<Stamp> stop_tried;
+  std::optional<Halt> halted;        ///< Why the robot brakes or rests; none before the first plan.
+  std::optional<Stamp> failed_stop;  ///< When the executor's own stop failed: to be tried again.
 
-  std::shared_ptr<const DistanceField> field;       ///< The newest one that was good.
-  Stamp map_came;                                   ///< The step in which it did.
-  std::shared_ptr<const DistanceField> planned_in;  ///< The one of what is followed.
-  std::unique_ptr<ValidityCheck> check;             ///< In `field`, with `margin_m`.
-  std::unique_ptr<ValidityCheck> obstacle_check;    ///< The same, of obstacles alone.
+  std::shared_ptr<const DistanceField> field;     ///< The newest one that was good.
+  Stamp map_came;                                 ///< The step in which it did.
+  std::unique_ptr<ValidityCheck> full_check;      ///< In `field`, with `margin_m`.
+  std::unique_ptr<ValidityCheck> obstacle_check;  ///< The same, of obstacles alone.
   double margin_m;          ///< The settings', or what a robot that leaves an obstacle can keep.
-  bool is_checked = false;  ///< What is followed, in `field`.
-  /// What is followed keeps all limits and is clear of itself: maps do not change that.
-  bool is_sound = false;
   bool is_failing = false;  ///< The last replan from rest failed, and has been told of.
-  struct Blocked {
-    double begin_s = 0.0;  ///< On the clock of what is followed; no earlier violation is known.
-    std::string cause;
-    /// Until then a stop is known to be in time: it need not be asked again before.
-    std::optional<Stamp> may_wait_until;
-  };
-  std::optional<Blocked> blocked;
   std::int64_t checks = 0;
 };
 

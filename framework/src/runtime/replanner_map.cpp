@@ -65,10 +65,10 @@ bool Replanner::Impl::reaches_goal(const RobotState& measured) const {
 }
 
 bool Replanner::Impl::keeps_to_plan(const RobotState& measured) {
-  if (followed.size() == 0) return true;
-  Eigen::VectorXd planned(followed.dof);
-  const auto dof = static_cast<std::size_t>(followed.dof);
-  followed.sample(followed_s(measured_at), std::span(planned.data(), dof), {});
+  if (motion() == nullptr) return true;
+  Eigen::VectorXd planned(measured.q.size());
+  const auto dof = static_cast<std::size_t>(planned.size());
+  motion()->trajectory.sample(motion()->time_s(measured_at), std::span(planned.data(), dof), {});
   Eigen::Index joint = 0;
   const double off = (planned - measured.q).cwiseAbs().maxCoeff(&joint);
   if (off <= settings.tracking_tolerance) return true;
@@ -85,17 +85,14 @@ bool Replanner::Impl::keeps_to_plan(const RobotState& measured) {
 
 /// Lets go of a motion that is over: a stop, or a plan that did not end at the goal.
 void Replanner::Impl::end_motion(const RobotState& measured) {
-  if (followed.size() == 0 || followed_s(now) < followed.duration_s() || !is_at_rest(measured)) {
-    return;
-  }
-  const auto end = followed.q(followed.size() - 1);
-  rested_at = Eigen::Map<const Eigen::VectorXd>(end.data(), followed.dof);
-  if (is_braking && halted && halted->reason == Reason::kMoving) {
+  if (motion() == nullptr) return;
+  const Trajectory& followed = motion()->trajectory;
+  if (motion()->time_s(now) < followed.duration_s() || !is_at_rest(measured)) return;
+  if (std::holds_alternative<Braking>(phase) && halted && halted->reason == Reason::kMoving) {
     tell(Event::Kind::kStopped, halted->reason, halted->cause);
   }
-  set_followed({}, followed_start);
-  is_braking = false;
-  blocked.reset();
+  const auto end = followed.q(followed.size() - 1);
+  phase = Resting{Eigen::Map<const Eigen::VectorXd>(end.data(), followed.dof)};
 }
 
 void Replanner::Impl::keep_to_observed(const RobotState& measured) {
@@ -157,13 +154,14 @@ bool Replanner::Impl::look_at_map() {
   field = std::move(newest);
   map_came = now;
   reach.look_at(std::move(moving));
-  is_unreached = false;
-  is_checked = false;
+  if (auto* driving = std::get_if<Driving>(&phase)) {
+    driving->is_unreached = driving->is_checked = false;
+  }
   const double kept_m = margin_m;
   use_margin(settings.margin_m);
-  if (kept_m == settings.margin_m || followed.size() == 0) return true;
+  if (kept_m == settings.margin_m || motion() == nullptr) return true;
   // What left an obstacle with less keeps the whole margin again as soon as it can.
-  const auto verdict = check->check(followed, followed_s(now), Deadline());
+  const auto verdict = full_check->check(motion()->trajectory, motion()->time_s(now), Deadline());
   if (!verdict || !verdict->valid()) use_margin(kept_m);
   return true;
 }
@@ -179,7 +177,7 @@ void Replanner::Impl::use_margin(double kept_m) {
                                           .max_step_m = settings.max_step_m,
                                           .first_violation_only = true,
                                           .observed_s = stopping_time_s()};
-  check = checks_of_robot.make(field, parts.space, settings_of_check);
+  full_check = checks_of_robot.make(field, parts.space, settings_of_check);
   settings_of_check.obstacles_only = true;
   obstacle_check = checks_of_robot.make(field, parts.space, settings_of_check);
 }
@@ -194,39 +192,43 @@ double Replanner::Impl::margin_at(const Eigen::VectorXd& q) const {
   return settings.margin_m;
 }
 
-void Replanner::Impl::check_followed() {
-  const ValidityCheck& needed = is_sound ? *obstacle_check : *check;
-  const auto verdict = needed.check(followed, followed_s(now), Deadline());
+void Replanner::Impl::check(Driving& driving) {
+  const ValidityCheck& needed = driving.is_sound ? *obstacle_check : *full_check;
+  const auto verdict = needed.check(driving.trajectory, driving.time_s(now), Deadline());
   ++checks;
-  is_checked = true;
-  blocked.reset();
+  driving.is_checked = true;
+  driving.blocked.reset();
   if (verdict && verdict->valid()) {
-    is_sound = true;
+    driving.is_sound = true;
     return;
   }
-  blocked.emplace();
+  Blocked& blocked = driving.blocked.emplace();
   if (!verdict || verdict->violations.empty()) {
-    blocked->cause = "what is followed cannot be checked";
-    if (!verdict) blocked->cause += ": " + verdict.error().describe();
+    blocked.cause = "what is followed cannot be checked";
+    if (!verdict) blocked.cause += ": " + verdict.error().describe();
     return;
   }
   const Violation* first = &verdict->violations.front();
   for (const Violation& other : verdict->violations) {
     if (other.time_s < first->time_s) first = &other;
   }
-  blocked->begin_s = std::max(followed_s(now), verdict->first_violation_s);
-  blocked->cause = describe(first->kind == Violation::Kind::kUnproven ? plainer(*first) : *first);
+  blocked.begin_s = std::max(driving.time_s(now), verdict->first_violation_s);
+  blocked.cause = describe(first->kind == Violation::Kind::kUnproven
+                               ? first_violation_after(*first, driving.trajectory)
+                               : *first,
+                           driving);
 }
 
 /// What is in the way soon after a place at which nothing but the proof failed; that, if nothing
 /// is.
-Violation Replanner::Impl::plainer(const Violation& unproven) const {
+Violation Replanner::Impl::first_violation_after(const Violation& unproven,
+                                                 const Trajectory& trajectory) const {
   constexpr int kSteps = 25;
   constexpr double kStep_s = 0.02;
-  std::vector<double> q(static_cast<std::size_t>(followed.dof));
+  std::vector<double> q(static_cast<std::size_t>(trajectory.dof));
   for (int i = 0; i <= kSteps; ++i) {
     const double time_s = unproven.time_s + i * kStep_s;
-    followed.sample(time_s, q, {});
+    trajectory.sample(time_s, q, {});
     auto violation = checks_of_robot.state_violation(field, parts.space, margin_m, q);
     if (!violation) continue;
     violation->time_s = time_s;
@@ -236,13 +238,13 @@ Violation Replanner::Impl::plainer(const Violation& unproven) const {
 }
 
 /// What, where and how soon: the obstacle's place is that of the point nearest to the link.
-std::string Replanner::Impl::describe(const Violation& violation) const {
+std::string Replanner::Impl::describe(const Violation& violation, const Motion& motion) const {
   std::string text = violation.what();
   const RobotDescription& robot = parts.robot->description();
   const auto link = robot.link_index(violation.subject);
   if (violation.kind == Violation::Kind::kCollision && link) {
-    std::vector<double> q(static_cast<std::size_t>(followed.dof));
-    followed.sample(violation.time_s, q, {});
+    std::vector<double> q(static_cast<std::size_t>(motion.trajectory.dof));
+    motion.trajectory.sample(violation.time_s, q, {});
     Scratch scratch;
     std::vector<Eigen::Vector3d> centres(robot.spheres.size()), gradients(robot.spheres.size());
     std::vector<double> distances(robot.spheres.size());
@@ -269,7 +271,7 @@ std::string Replanner::Impl::describe(const Violation& violation) const {
       text += at;
     }
   }
-  const double in_s = violation.time_s - followed_s(now);
+  const double in_s = violation.time_s - motion.time_s(now);
   return text + (in_s > 0.0 ? " in " + seconds(in_s) : " now");
 }
 

@@ -10,16 +10,17 @@
 namespace sidestep {
 
 void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
-  if (halted && halted->reason == reason && (followed.size() == 0 || is_braking)) {
+  const bool is_stopping = motion() == nullptr || std::holds_alternative<Braking>(phase);
+  if (halted && halted->reason == reason && is_stopping) {
     const bool is_again =
-        stop_failed && now.seconds() - stop_tried->seconds() >= settings.replan_period_s - 1e-9;
+        failed_stop && now.seconds() - failed_stop->seconds() >= settings.replan_period_s - 1e-9;
     if (is_again) (void)stop_by_executor();
     return;
   }
   const Stamp begin =
       by_executor ? now : Stamp::from_seconds(present().seconds() + settings.stop_lead_s);
   halted = Halt{reason, cause};
-  const bool slows = reason == Reason::kMoving && followed.size() > 0;
+  const bool slows = reason == Reason::kMoving && motion() != nullptr;
   const std::string how = stop_motion(by_executor);
   Event& event = tell(slows ? Event::Kind::kSlowed : Event::Kind::kStopped, reason, cause + how);
   event.takeover = begin;
@@ -28,23 +29,24 @@ void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
 
 /// How the robot is stopped, as words to be appended to the cause.
 std::string Replanner::Impl::stop_motion(bool by_executor) {
-  blocked.reset();
   if (by_executor || is_overdue()) return stop_by_executor();
-  if (followed.size() == 0) return is_moving ? stop_by_executor() : "";
-  if (is_braking) return "";
+  if (motion() == nullptr) return is_moving ? stop_by_executor() : "";
+  auto* driving = std::get_if<Driving>(&phase);
+  if (driving == nullptr) return "";
   std::string how;
-  if (follow_verified_stop(how)) return how;
+  if (follow_verified_stop(*driving, how)) return how;
   return how + stop_by_executor();
 }
 
 /// The rest of the motion until braking can begin, and then a stop: along the path, or else along a
 /// straight line, whichever the newest map shows clear.
-bool Replanner::Impl::follow_verified_stop(std::string& how) {
+bool Replanner::Impl::follow_verified_stop(Driving& driving, std::string& how) {
   const Stamp begin = present();
-  const double begin_s = followed_s(begin);
+  const double begin_s = driving.time_s(begin);
   const double brake_s = begin_s + settings.stop_lead_s;
+  const Trajectory& followed = driving.trajectory;
   if (brake_s >= followed.duration_s()) {
-    is_braking = true;  // it ends before
+    phase = Braking{std::move(driving)};  // it ends before
     return true;
   }
   const Trajectory lead = cut(followed, begin_s, brake_s);
@@ -55,9 +57,9 @@ bool Replanner::Impl::follow_verified_stop(std::string& how) {
   const auto along_path = brake(followed, brake_s, parts.limits);
   const auto straight = brake_straight({row(lead.q(last)), row(lead.qdot(last))}, parts.limits);
   for (const auto* stop : {&along_path, &straight}) {
-    if (!*stop || !check) continue;
+    if (!*stop || !full_check) continue;
     const Trajectory motion = joined(lead, **stop);
-    const auto verdict = check->check(motion, 0.0, Deadline());
+    const auto verdict = full_check->check(motion, 0.0, Deadline());
     if (!verdict || !verdict->valid()) continue;
     const auto accepted =
         in_stage(parts.executor_name, [&] { return parts.executor.follow(motion, begin); });
@@ -65,8 +67,7 @@ bool Replanner::Impl::follow_verified_stop(std::string& how) {
       how = "; the executor refused the stop: " + accepted.error().describe();
       return false;
     }
-    set_followed(motion, begin);
-    is_braking = is_sound = true;
+    phase = Braking{{motion, begin}};
     how = stop == &along_path ? "" : "; the robot stops beside its path";
     return true;
   }
@@ -75,12 +76,13 @@ bool Replanner::Impl::follow_verified_stop(std::string& how) {
 }
 
 std::string Replanner::Impl::stop_by_executor() {
-  set_followed({}, followed_start);
-  is_braking = false;
-  rested_at.reset();
+  if (auto* at_goal = std::get_if<AtGoal>(&phase)) {
+    *at_goal = {};
+  } else {
+    phase = Resting{};
+  }
   const auto stopped = in_stage(parts.executor_name, [&] { return parts.executor.stop(); });
-  stop_failed = !stopped;
-  stop_tried = now;
+  failed_stop = stopped ? std::nullopt : std::optional(now);
   if (stopped) return "; the executor stops by itself";
   return "; the executor's own stop failed: " + stopped.error().describe();
 }
@@ -88,14 +90,15 @@ std::string Replanner::Impl::stop_by_executor() {
 /// Whether a stop that began only a period from now, or after a search that began just before,
 /// could be too late: where it would end nearer than the reserve to what is in the way, or could
 /// not be shown clear.
-bool Replanner::Impl::must_stop_now() {
-  const double brake_s =
-      followed_s(present()) + settings.replan_period_s + settings.search_s() + settings.stop_lead_s;
-  if (brake_s >= blocked->begin_s) return true;
-  const auto stop = brake(followed, brake_s, parts.limits);
+bool Replanner::Impl::must_stop_now(const Driving& driving) const {
+  const double brake_s = driving.time_s(present()) + settings.replan_period_s +
+                         settings.search_s() + settings.stop_lead_s;
+  const double begin_s = driving.blocked->begin_s;
+  if (brake_s >= begin_s) return true;
+  const auto stop = brake(driving.trajectory, brake_s, parts.limits);
   if (!stop) return true;
-  if (blocked->begin_s - brake_s < settings.stop_reserve * stop->duration_s()) return true;
-  const auto verdict = check->check(*stop, 0.0, Deadline());
+  if (begin_s - brake_s < settings.stop_reserve * stop->duration_s()) return true;
+  const auto verdict = full_check->check(*stop, 0.0, Deadline());
   return !verdict || !verdict->valid();
 }
 
