@@ -53,8 +53,8 @@ Result<Proposal> propose_motion(Optimiser& optimiser, const std::string& name,
   return proposal;
 }
 
-Result<PlannedMotion> finish_motion(const Problem& problem, const Trajectory& path,
-                                    const MotionRules& rules, const Deadline& deadline) {
+Result<PlannedMotion> retime_and_check(const Problem& problem, const Trajectory& path,
+                                       const MotionRequirements& rules, const Deadline& deadline) {
   PlannedMotion planned{.trajectory = path};
   if (rules.limits != nullptr) {
     const Stopwatch timing;
@@ -79,7 +79,7 @@ Result<PlannedMotion> finish_motion(const Problem& problem, const Trajectory& pa
 }
 
 Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser, const Problem& problem,
-                                  const Trajectory& guess, const MotionRules& rules,
+                                  const Trajectory& guess, const MotionRequirements& rules,
                                   const Deadline& deadline) {
   auto proposal =
       SIDESTEP_TRY(propose_motion(*optimiser, plugin_of(optimiser), problem, guess, deadline));
@@ -87,7 +87,7 @@ Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser, const P
     return PlannedMotion{.solution = std::move(proposal.solution),
                          .failure = "the optimiser " + proposal.failure};
   }
-  auto planned = finish_motion(problem, proposal.solution.trajectory, rules, deadline);
+  auto planned = retime_and_check(problem, proposal.solution.trajectory, rules, deadline);
   if (planned) planned->solution = std::move(proposal.solution);
   return planned;
 }

@@ -120,9 +120,9 @@ std::optional<Trajectory> PlanningRace::propose(PluginPtr<Optimiser>& optimiser,
 bool PlanningRace::finish(const Trajectory& proposal, Kind kind, const std::string& seed,
                           Track& track) const {
   const ValidityCheck& check = kind == Kind::kSampled ? track.checks.sampled : track.checks.smooth;
-  auto motion = finish_motion(track.problem, proposal,
-                              {&limits_, &check, {.least_stages = kStages, .stop_at_goal = true}},
-                              track.until_over());
+  auto motion = retime_and_check(
+      track.problem, proposal, {&limits_, &check, {.least_stages = kStages, .stop_at_goal = true}},
+      track.until_over());
   if (!motion || !motion->failure.empty()) {
     track.note(motion ? motion->failure : motion.error().describe());
     return false;

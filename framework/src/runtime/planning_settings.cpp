@@ -169,7 +169,7 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
       .add("sigma_self_collision", &S::sigma_self_collision,
            "Standard deviation of the self-collision cost; 0 leaves it out.",
            {.unit = "m", .min = 0.0})
-      .add("self_collision_placement", &S::self_collision_states,
+      .add("self_collision_placement", &S::self_collision_placement,
            "States at which the self-collision cost applies.",
            {.choices = {"support", "support_and_interpolated"}})
       .add("sigma_position_limit", &S::sigma_position_limit,
@@ -259,14 +259,16 @@ Parameters<RobotStateEntry> RobotStateEntry::parameters() {
 
 Problem make_problem(std::shared_ptr<const RobotModel> robot,
                      std::shared_ptr<const DistanceField> field, const PlanningSettings& settings,
-                     const Eigen::VectorXd& q_start, const Eigen::VectorXd& q_goal, double slower) {
+                     const Eigen::VectorXd& q_start, const Eigen::VectorXd& q_goal,
+                     double time_scale) {
   return make_problem(std::move(robot), std::move(field), settings,
-                      RobotState{q_start, Eigen::VectorXd::Zero(q_start.size())}, q_goal, slower);
+                      RobotState{q_start, Eigen::VectorXd::Zero(q_start.size())}, q_goal,
+                      time_scale);
 }
 
 Problem make_problem(std::shared_ptr<const RobotModel> robot,
                      std::shared_ptr<const DistanceField> field, const PlanningSettings& settings,
-                     const RobotState& start, const Eigen::VectorXd& q_goal, double slower) {
+                     const RobotState& start, const Eigen::VectorXd& q_goal, double time_scale) {
   const Eigen::VectorXd& q_start = start.q;
   const Eigen::VectorXd at_rest = Eigen::VectorXd::Zero(q_start.size());
   const auto row = [](const Eigen::VectorXd& q) { return as_span(q); };
@@ -280,7 +282,7 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
   }
   const double duration_s = settings.duration_s.value_or(
       settings.duration_scale * least_time_s(limits, row(q_start), row(q_goal)) + braking_s);
-  const double intervals = std::ceil(slower * duration_s / settings.dt_s - 1e-9);
+  const double intervals = std::ceil(time_scale * duration_s / settings.dt_s - 1e-9);
   Problem problem;
   problem.robot = std::move(robot);
   problem.field = std::move(field);
@@ -294,7 +296,7 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
   problem.interpolated_checks = settings.interpolated_checks;
   problem.speed_fraction = settings.speed_fraction;
   CostSettings costs = settings;
-  costs.self_collision_placement = settings.self_collision_states == "support"
+  costs.self_collision_placement = settings.self_collision_placement == "support"
                                        ? Placement::kSupport
                                        : Placement::kSupportAndInterpolated;
   problem.terms = standard_terms(problem, costs);

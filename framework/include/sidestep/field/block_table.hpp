@@ -9,8 +9,8 @@
 
 namespace sidestep {
 
-/// A table of shared, immutable blocks. Entries lie in pages that copies of the table share, so
-/// that publishing a table costs in proportion to what changed of it, but for one pointer an entry.
+/// A table of shared, immutable blocks. Entries lie in pages that copies of the table share:
+/// publishing a table costs one pointer an entry and otherwise time proportional to its changes.
 template <class Block>
 class BlockTable {
  public:

@@ -25,8 +25,8 @@ struct FieldInfo {
   GridSpec grid;
   bool is_signed = false;       ///< Negative inside obstacles; else 0 there.
   double max_distance_m = 0.0;  ///< Distances are cut off here; infinity if they are not.
-  /// No two voxel centres outside obstacles differ in distance by more than this times the way
-  /// between them: 1 where distances are exact, infinity where nothing is known.
+  /// Lipschitz constant of the distances between voxel centres outside obstacles: 1 where they are
+  /// exact, infinity where it is unknown.
   double steepest = std::numeric_limits<double>::infinity();
   bool is_exact = false;  ///< Nothing is interpolated: 1-Lipschitz, and the grid is but its bounds.
   std::int64_t sequence = 0;  ///< Number of updates that went into it.

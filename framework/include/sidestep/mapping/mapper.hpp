@@ -11,7 +11,7 @@
 
 namespace sidestep {
 
-/// What became of the points of a frame.
+/// Counts of a frame's points by outcome.
 struct IntegrationCounts {
   std::int64_t points = 0;        ///< Valid measurements.
   std::int64_t inserted = 0;      ///< Marked a voxel of the grid as hit.
@@ -33,7 +33,7 @@ struct MapUpdate {
   IntegrationCounts counts;
 };
 
-/// Builds a map from frames. Further abilities are views that a mapper also implements
+/// Builds a map from frames. Optional interfaces are views that a mapper also implements
 /// (occupancy_view.hpp), found with dynamic_cast.
 class SIDESTEP_EXPORT Mapper {
  public:

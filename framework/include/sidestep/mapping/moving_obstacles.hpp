@@ -29,12 +29,11 @@ struct MotionDetectorSettings {
   int least_vox = 3;      ///< A cell with fewer voxels is noise.
 };
 
-/// Finds what moves in a map: voxels that are occupied now, had been seen free, lay by more than
-/// one voxel beside what was occupied a while ago, and were not hidden behind it. Surfaces that
-/// come into view are none, since they were unknown or hidden, nor is what flickers at the edges of
-/// what stands, or in a layer that was looked along at less than 20 degrees. Something has to move
-/// by two voxels before it is noticed, and is forgotten once it has stood for the memory and a
-/// half. [mapping]
+/// Detects moving voxels: occupied now, seen free before, more than one voxel away from what was
+/// occupied a while ago, and not hidden behind it. Surfaces that come into view do not count, since
+/// they were unknown or hidden; neither does flicker at the edges of what stands, or in a layer
+/// seen at a grazing angle below 20 degrees. An object is detected after it has moved by two
+/// voxels, and forgotten after it has stood for one and a half times the memory. [mapping]
 class SIDESTEP_EXPORT MotionDetector {
  public:
   explicit MotionDetector(MotionDetectorSettings settings = {}) : settings_(settings) {}
@@ -47,8 +46,8 @@ class SIDESTEP_EXPORT MotionDetector {
   /// What moves in the map after a frame with this stamp. Where the grid has moved or the stamps
   /// went back, it starts over. Allocates.
   [[nodiscard]] std::shared_ptr<const MovingObstacles> look(const OccupancyView& map, Stamp stamp);
-  /// Keeps the map, seen from `eye_m`, for later ones to be held against, where it is time: twice a
-  /// memory. To be called after look(), with the same map; no field waits for it.
+  /// Stores the map, seen from `eye_m`, for later comparison, at most twice per memory. Call it
+  /// after look(), with the same map; no field waits for it.
   void remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp);
 
  private:

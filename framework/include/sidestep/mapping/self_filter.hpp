@@ -10,8 +10,8 @@
 
 namespace sidestep {
 
-/// Tells the robot's own points: those inside one of its collision spheres, inflated by a
-/// margin, where it stood at the frame's stamp. Such a measurement is to be dropped whole: it
+/// Finds the robot's own points: those inside one of its collision spheres, inflated by a
+/// margin, where it stood at the frame's stamp. Mappers drop such a measurement whole: it
 /// neither inserts its end nor clears along its ray.
 class SelfFilter {
  public:

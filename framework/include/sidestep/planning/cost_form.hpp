@@ -77,8 +77,8 @@ struct LinkAxisForm {
 using CostForm = std::variant<ObstacleForm, FloorForm, SelfCollisionForm, LimitForm, TargetForm,
                               LinkPoseForm, LinkAxisForm>;
 
-/// What a StateCost may be, besides: one that can say what it is made of, for optimisers that
-/// evaluate costs by other means than evaluate(), on a GPU. All of costs.hpp are.
+/// Optional interface of a StateCost: its parameters, for optimisers that evaluate costs by other
+/// means than evaluate(), e.g. on a GPU. All of costs.hpp implement it.
 class SIDESTEP_EXPORT HasCostForm {
  public:
   virtual ~HasCostForm() = default;

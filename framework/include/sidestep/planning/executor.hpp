@@ -29,11 +29,11 @@ class SIDESTEP_EXPORT Executor {
   [[nodiscard]] virtual Result<void> stop() = 0;
 };
 
-/// What an executor offers in addition when the true state of its robot is known exactly.
+/// Optional interface of an executor: the exact state of its robot.
 class SIDESTEP_EXPORT TrueRobot {
  public:
   virtual ~TrueRobot() = default;
-  /// Where the robot truly is on the run's clock. [planning]
+  /// The robot's true state at a time of the run's clock. [planning]
   [[nodiscard]] virtual RobotState true_state(Stamp stamp) = 0;
 };
 

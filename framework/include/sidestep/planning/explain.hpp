@@ -13,7 +13,7 @@
 
 namespace sidestep {
 
-/// One thing that a cost term holds against a trajectory, over one stretch of it.
+/// One active cost or violation over one stretch of a trajectory.
 struct Hindrance {
   enum class Kind {
     kCollision,      ///< A link near or in an obstacle, the floor, or space that counts as one.

@@ -10,8 +10,8 @@ namespace sidestep {
 inline constexpr double kGoalTolerance = 1e-3;  ///< Of each joint at a goal configuration: m, rad.
 inline constexpr double kGoalToleranceSigmas = 3.0;  ///< Of what a cost at kGoal measures.
 
-/// The first joint that is more than kGoalTolerance off where it is wanted, e.g. "joint 'lift' 0.05
-/// m off"; empty if none is. [any]; allocates.
+/// The first joint farther than kGoalTolerance from its target, e.g. "joint 'lift' 0.05 m off";
+/// empty if there is none. [any]; allocates.
 [[nodiscard]] std::string configuration_miss(const RobotDescription& robot,
                                              std::span<const double> q,
                                              const Eigen::VectorXd& wanted);

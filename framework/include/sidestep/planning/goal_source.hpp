@@ -10,7 +10,7 @@
 
 namespace sidestep {
 
-/// Where somebody wants the robot, as a configuration would say it.
+/// A requested goal, in configuration syntax.
 struct GoalRequest {
   std::string id;  ///< Whose it is: reports carry it.
   /// A map of what the block of a replan experiment may say of its goal: `goal` {pose, joints},
@@ -19,7 +19,7 @@ struct GoalRequest {
   Node wish;
 };
 
-/// What became of a request.
+/// Status of a request.
 struct GoalReport {
   enum class State {
     kAccepted,  ///< It is the goal now.
@@ -36,8 +36,8 @@ struct GoalReport {
 };
 [[nodiscard]] std::string_view to_string(GoalReport::State state) noexcept;
 
-/// What an executor offers in addition where goals come to it while the robot runs, e.g. over a
-/// robot's own network.
+/// Optional interface of an executor: goals that arrive at run time, e.g. over a robot's own
+/// network.
 class SIDESTEP_EXPORT GoalSource {
  public:
   virtual ~GoalSource() = default;

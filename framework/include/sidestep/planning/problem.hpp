@@ -15,14 +15,14 @@
 
 namespace sidestep {
 
-/// By how much a joint may break its limits: m, rad, and the same a second.
+/// Tolerance on joint limits: m, rad, m/s, rad/s.
 inline constexpr double kLimitTolerance = 1e-6;
 
-/// What a region without measurements counts as. There is no default: a configuration says.
+/// Treatment of unmeasured space. There is no default: a configuration chooses it.
 enum class Space { kFree, kOccupied };
 
-/// The plane that a robot stands on. Maps may leave it out, for what stands on it would be in
-/// collision for ever: its spheres reach into it.
+/// The plane under the robot. Maps may leave it out, because the spheres of links that stand on it
+/// reach into it.
 struct Floor {
   double height_m = 0.0;  ///< Everything below this z of the world is occupied, map or not,
   std::vector<std::string> except_links;  ///< but not for these, which may stand on it.
@@ -68,7 +68,7 @@ struct Problem {
   double collision_margin_m = 0.0;
 
   RobotState start;
-  /// Where sampling planners go to. Optimisers keep the last state here if no term is placed at
+  /// The goal of sampling planners. Optimisers keep the last state here if no term is placed at
   /// kGoal; otherwise those terms alone say where the robot ends (the goal prior of
   /// standard_terms() here; a pose, wherever its link is there), and this is the configuration that
   /// guesses head for.
@@ -80,8 +80,8 @@ struct Problem {
   double speed_fraction = 1.0;  ///< Share of the velocity limits that a plan may use, (0, 1].
   std::vector<CostTerm> terms;
 
-  /// Fails with kInvalidArgument, naming the joint or the number, where the problem makes no
-  /// sense: sizes, NaN, limits broken by start or goal.
+  /// Fails with kInvalidArgument, naming the joint or the number, where the problem is invalid:
+  /// sizes, NaN, limits broken by start or goal.
   [[nodiscard]] Result<void> validate() const;
 };
 

@@ -15,9 +15,8 @@ struct ResidualName {
   double sigma = 1.0;     ///< Of the quantity, in its unit, per unit of the residual.
 };
 
-/// What a StateCost may be, besides: one that can name its residuals. Explanations (explain.hpp)
-/// and what is said of a goal that was missed (goal.hpp) are then in words rather than in numbers
-/// of rows.
+/// Optional interface of a StateCost: names of its residuals. Explanations (explain.hpp) and
+/// reports of a missed goal (goal.hpp) use them instead of numbers of rows.
 class SIDESTEP_EXPORT NamesResiduals {
  public:
   virtual ~NamesResiduals() = default;

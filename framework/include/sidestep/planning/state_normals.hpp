@@ -26,8 +26,8 @@ class SIDESTEP_EXPORT StateNormals {
   void clear() noexcept;
   void clear(std::size_t state) noexcept;  ///< One of them.
 
-  /// Says from which cost of a term on nobody is going to read its rows, as where a step that costs
-  /// too much is refused: StateCost::linearise() may then leave them out. Infinity unless said.
+  /// Rows of a term may be skipped once its cost reaches this, as where a step that costs too much
+  /// is refused: StateCost::linearise() may then leave them out. Infinity by default.
   void want_rows_below(double cost) noexcept { rows_wanted_below_ = cost; }
   [[nodiscard]] double rows_wanted_below() const noexcept { return rows_wanted_below_; }
 
@@ -59,7 +59,7 @@ class SIDESTEP_EXPORT StateNormals {
     AlignedArray hessians, gradients;
     std::vector<std::uint8_t> active;
     void resize(std::size_t states, std::size_t block_width);
-    /// Makes a block zero that nothing has been added to, for something to be.
+    /// Zeroes a block that has no contribution yet.
     void open(std::size_t state) noexcept;
     void add(std::size_t state, const double* row, double residual);
     void add_entry(std::size_t state, std::size_t variable, double entry, double residual);

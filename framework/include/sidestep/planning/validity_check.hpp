@@ -53,7 +53,7 @@ struct Verdict {
   Outcome outcome = Outcome::kUnproven;
   double min_clearance_m = 0.0;  ///< Smallest at the times checked, the floor included; infinity
                                  ///< where there is nothing.
-  /// Nothing was found as far as was looked: min_clearance_m is that far, and the least there is.
+  /// min_clearance_m is a lower bound: the search range ended there.
   bool clearance_is_bound = false;
   std::string min_clearance_link;
   double min_clearance_time_s = 0.0;

@@ -30,7 +30,7 @@ struct RecordedSettings {
   double sigma_endpoint = 0.0;  ///< Of start and goal, position and velocity.
 };
 
-/// What the peer made of one problem.
+/// The peer's result for one problem.
 struct RecordedOutcome {
   int scene = 0;
   int pair = 0;

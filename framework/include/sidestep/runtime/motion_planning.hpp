@@ -14,14 +14,14 @@
 
 namespace sidestep {
 
-/// What makes a motion of an optimiser's proposal.
-struct MotionRules {
+/// Requirements for a motion: its limits, its check and how a path is timed.
+struct MotionRequirements {
   const MotionLimits* limits = nullptr;  ///< That it is timed by; null: as the optimiser timed it.
   const ValidityCheck* check = nullptr;  ///< That it must pass; null: none.
   RetimeSettings timing = {};
 };
 
-/// What an optimiser made of a first guess.
+/// An optimiser's result from one first guess.
 struct Proposal {
   Solution solution;  ///< Without a trajectory where that cannot be used; solve_ms is wall time.
   /// Why there is no trajectory to use, to follow the optimiser's name: "found no trajectory
@@ -36,7 +36,7 @@ struct Proposal {
                                               const Problem& problem, const Trajectory& guess,
                                               const Deadline& deadline);
 
-/// What came of one first guess.
+/// The planned motion from one first guess.
 struct PlannedMotion {
   Solution solution;      ///< The optimiser's; solve_ms is the wall time of the call.
   Trajectory trajectory;  ///< Timed; empty where there is none.
@@ -46,17 +46,18 @@ struct PlannedMotion {
   std::string failure = {};             ///< Why not to follow it; empty where all is well.
 };
 
-/// Retimes a path, and checks that the motion leads from the problem's start to its goal and is
-/// valid. Fails where the check does. [planning]; allocates.
-[[nodiscard]] Result<PlannedMotion> finish_motion(const Problem& problem, const Trajectory& path,
-                                                  const MotionRules& rules,
-                                                  const Deadline& deadline);
+/// Retimes a path and checks that the motion leads from the problem's start to its goal; with a
+/// check, that it is valid, too. Fails where the check does. [planning]; allocates.
+[[nodiscard]] Result<PlannedMotion> retime_and_check(const Problem& problem, const Trajectory& path,
+                                                     const MotionRequirements& rules,
+                                                     const Deadline& deadline);
 
-/// propose_motion(), then finish_motion(): the planning twin of MappingPipeline. A proposal that
+/// propose_motion(), then retime_and_check(): the planning twin of MappingPipeline. A proposal that
 /// will not do is a PlannedMotion with a failure. Fails as they do. [planning]; allocates.
 [[nodiscard]] Result<PlannedMotion> plan_motion(const PluginPtr<Optimiser>& optimiser,
                                                 const Problem& problem, const Trajectory& guess,
-                                                const MotionRules& rules, const Deadline& deadline);
+                                                const MotionRequirements& rules,
+                                                const Deadline& deadline);
 
 /// How a trajectory fails to lead from the problem's start to its goal; empty where it does.
 [[nodiscard]] std::string endpoint_miss(const Problem& problem, const Trajectory& trajectory);

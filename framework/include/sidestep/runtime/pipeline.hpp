@@ -34,7 +34,7 @@ struct MappingStep {
   }
 };
 
-/// What errors call the stages, e.g. "mapper voxel_grid".
+/// Stage names in error messages, e.g. "mapper voxel_grid".
 struct StageNames {
   std::string source = "source";
   std::string mapper = "mapper";

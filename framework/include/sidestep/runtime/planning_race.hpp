@@ -20,7 +20,7 @@ struct EarlierAnswer {
   double took_ms = 0.0;
 };
 
-/// What a planner came up with.
+/// A planner's answer.
 struct RaceResult {
   Trajectory trajectory;   ///< Valid by the check, and timed; empty where there is none.
   std::string seed;        ///< The first guess that led there.

@@ -32,7 +32,7 @@ struct PlanningSettings : CostSettings {
   bool retime = true;
   double qc = 1.0;
   int interpolated_checks = 4;
-  std::string self_collision_states = "support_and_interpolated";  ///< Or "support".
+  std::string self_collision_placement = "support_and_interpolated";  ///< Or "support".
   double collision_margin_m = 0.0;
   double time_limit_s = 10.0;
   int attempts = 1;
@@ -81,18 +81,18 @@ struct RobotStateEntry {
 /// From start to goal in `field`: horizon, prior and standard terms as the settings say.
 /// The time is settings.duration_s or, where that is not given, settings.duration_scale times the
 /// least in which each joint by itself could make its way (least_time_s); in steps of dt_s, at
-/// least two of them, at most 9,999. `slower` >= 1 stretches it.
+/// least two of them, at most 9,999. `time_scale` >= 1 stretches it.
 [[nodiscard]] Problem make_problem(std::shared_ptr<const RobotModel> robot,
                                    std::shared_ptr<const DistanceField> field,
                                    const PlanningSettings& settings, const Eigen::VectorXd& q_start,
-                                   const Eigen::VectorXd& q_goal, double slower = 1.0);
+                                   const Eigen::VectorXd& q_goal, double time_scale = 1.0);
 
 /// The same from a robot that moves; where the settings give no duration, the time in which it
 /// could come to rest is added.
 [[nodiscard]] Problem make_problem(std::shared_ptr<const RobotModel> robot,
                                    std::shared_ptr<const DistanceField> field,
                                    const PlanningSettings& settings, const RobotState& start,
-                                   const Eigen::VectorXd& q_goal, double slower = 1.0);
+                                   const Eigen::VectorXd& q_goal, double time_scale = 1.0);
 
 /// Reads a configuration of the robot: `{pose: NAME, joints: {NAME: value, ...}}`, where
 /// `joints` overrides the named pose, and together they give every joint, but for those that

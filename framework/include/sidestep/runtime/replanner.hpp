@@ -67,7 +67,7 @@ struct ReplannerSettings {
   /// limits alone, takeover_s stands for what they take, and equal inputs give equal events.
   bool limit_wall_time = true;
 
-  /// How long a search keeps the robot from being looked after.
+  /// Longest time without supervision during a search.
   [[nodiscard]] double search_s() const noexcept { return limit_wall_time ? takeover_s : 0.0; }
 
   /// A step that takes longer, in wall time, has left the robot without supervision: the caller of
@@ -79,7 +79,7 @@ struct ReplannerSettings {
   static Parameters<ReplannerSettings> parameters();
 };
 
-/// What a replanner noticed or did.
+/// An observation or action of the replanner.
 struct ReplannerEvent {
   enum class Kind {
     kPlanned,       ///< A first trajectory, or one after a stop, is followed.
@@ -90,7 +90,7 @@ struct ReplannerEvent {
     kRecovered,     ///< The cause of a stop is gone; kPlanned or kReplanned follows.
     kReached,       ///< The robot is at rest at its goal.
   };
-  /// What `cause` tells in words.
+  /// The category of `cause`.
   enum class Reason {
     kGoal,          ///< There is a goal to go to, or it is reached.
     kBlocked,       ///< Something is in the way of what is, or was, followed.

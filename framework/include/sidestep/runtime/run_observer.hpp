@@ -58,8 +58,8 @@ struct ObservedEnd {
   std::string verdict;  ///< In plain words.
 };
 
-/// Who looks on while an experiment runs: a viewer, a recorder. Called by the threads that do the
-/// work, which wait for it: it keeps what it is handed, which never changes any more, and returns.
+/// Receives an experiment's events: a viewer, a recorder. The threads that do the work call it and
+/// wait for it: it keeps what it is handed, which is immutable, and returns.
 class RunObserver {
  public:
   virtual ~RunObserver() = default;

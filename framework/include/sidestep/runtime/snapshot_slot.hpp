@@ -11,7 +11,7 @@
 
 namespace sidestep {
 
-/// What one frame made of the map.
+/// The field and the moving obstacles after one frame.
 struct MapSnapshot {
   std::shared_ptr<const DistanceField> field;
   std::shared_ptr<const MovingObstacles> moving;  ///< Null without a MotionDetector.
@@ -35,7 +35,7 @@ class SnapshotSlot {
   }
   /// The newest field; null before the first publication. Holding it keeps it alive.
   [[nodiscard]] std::shared_ptr<const DistanceField> pin() const { return snapshot().field; }
-  /// The same, with what else belongs to it.
+  /// The newest field with its moving obstacles.
   [[nodiscard]] MapSnapshot snapshot() const {
     const std::lock_guard lock(mutex_);
     return snapshot_;

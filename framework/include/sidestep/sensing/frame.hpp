@@ -45,7 +45,7 @@ struct PointCloud {
   std::vector<Eigen::Vector3f> points_m;
 };
 
-/// One measurement: what was seen, from where, when, and how the robot stood then.
+/// One measurement with its stamp, the camera's pose and the robot's joint positions.
 struct Frame {
   std::int64_t sequence = 0;  ///< Number of the frame within its source.
   Stamp stamp;

@@ -10,7 +10,7 @@
 
 namespace sidestep {
 
-/// Where frames come from: a camera, a recording, a simulation.
+/// Supplies frames: a camera, a recording, a simulation.
 class SIDESTEP_EXPORT Source {
  public:
   virtual ~Source();
@@ -25,7 +25,7 @@ class SIDESTEP_EXPORT Source {
   [[nodiscard]] virtual std::optional<std::int64_t> frame_count() const = 0;
 };
 
-/// What a source offers in addition when the scene behind its frames is known exactly.
+/// Optional interface of a source: the exact scene behind its frames.
 class SIDESTEP_EXPORT GroundTruth {
  public:
   virtual ~GroundTruth();

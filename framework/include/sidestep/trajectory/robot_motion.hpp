@@ -10,9 +10,8 @@
 
 namespace sidestep {
 
-/// Where a robot was, is, and is going to be: what an executor knows, shared with those who need it
-/// at other times. A camera on the robot asks where it was at an image's stamp, a head where it
-/// will be. [any] thread.
+/// A robot's past, present and planned motion, as its executor knows it. A camera on the robot
+/// reads its pose at an image's stamp, a head where it will be. [any] thread.
 class SIDESTEP_EXPORT RobotMotion {
  public:
   /// Keeps what was measured over this long.
