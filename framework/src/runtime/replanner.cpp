@@ -81,10 +81,12 @@ void Replanner::stop(Stamp now, const std::string& cause, std::vector<ReplannerE
 
 const Trajectory& Replanner::followed() const noexcept {
   static const Trajectory kNone;
-  return impl_->motion() != nullptr ? impl_->motion()->trajectory : kNone;
+  const Impl::Motion* motion = impl_->motion();
+  return motion != nullptr ? motion->trajectory : kNone;
 }
 Stamp Replanner::followed_start() const noexcept {
-  return impl_->motion() != nullptr ? impl_->motion()->start : Stamp{};
+  const Impl::Motion* motion = impl_->motion();
+  return motion != nullptr ? motion->start : Stamp{};
 }
 std::int64_t Replanner::checks() const noexcept { return impl_->checks; }
 const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexcept {

@@ -104,7 +104,7 @@ struct Replanner::Impl {
   // Stops: replanner_stop.cpp.
   /// Brings the robot to rest, and notes why, once a reason. `by_executor`: no trajectory of ours
   /// would be followed.
-  void halt(Reason reason, std::string cause, bool by_executor = false);
+  void halt(Reason reason, const std::string& cause, bool by_executor = false);
   [[nodiscard]] std::string stop_motion(bool by_executor);
   [[nodiscard]] bool follow_verified_stop(Driving& driving, std::string& how);
   [[nodiscard]] std::string stop_by_executor();

@@ -9,7 +9,7 @@
 
 namespace sidestep {
 
-void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
+void Replanner::Impl::halt(Reason reason, const std::string& cause, bool by_executor) {
   const bool is_stopping = motion() == nullptr || std::holds_alternative<Braking>(phase);
   if (halted && halted->reason == reason && is_stopping) {
     const bool is_again =
