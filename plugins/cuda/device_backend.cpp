@@ -1,7 +1,5 @@
 #include "cuda/device_backend.hpp"
 
-#include "cuda/probe.hpp"
-
 namespace sidestep::cuda {
 namespace {
 

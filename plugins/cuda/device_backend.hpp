@@ -12,9 +12,7 @@
 
 #include <sidestep/core/error.hpp>
 
-#include "cuda/kernel.hpp"
-#include "cuda/memory.hpp"
-#include "cuda/stages.hpp"
+#include "cuda/host_backend.hpp"
 
 namespace sidestep::cuda {
 
@@ -49,6 +47,10 @@ __global__ void __launch_bounds__(Kernel::kThreads)
 
 }  // namespace detail
 #endif
+
+/// A kernel that does nothing, compiled as all others are: whether the device has code for it tells
+/// whether it has any for them.
+[[nodiscard]] const void* probe_kernel();
 
 /// One CUDA device as kernels and what drives them need it: memory, two streams (one computes, one
 /// copies back to the host meanwhile) and the times of stages. For one thread at a time.

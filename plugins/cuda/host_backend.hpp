@@ -1,20 +1,77 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdlib>
 #include <limits>
+#include <memory>
 #include <span>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include <sidestep/core/error.hpp>
 
 #include "cuda/kernel.hpp"
-#include "cuda/memory.hpp"
-#include "cuda/stages.hpp"
 
 namespace sidestep::cuda {
+
+/// Memory of a backend: the device's, or the host's own. Owns it.
+template <class T>
+class Memory {
+ public:
+  using Free = void (*)(void*);
+
+  Memory() : data_(nullptr, [](void*) {}) {}
+  Memory(T* data, std::size_t size, Free free) : data_(data, free), size_(size) {}
+
+  [[nodiscard]] T* data() noexcept { return data_.get(); }
+  [[nodiscard]] const T* data() const noexcept { return data_.get(); }
+  [[nodiscard]] std::size_t size() const noexcept { return size_; }
+
+ private:
+  std::unique_ptr<T, Free> data_;
+  std::size_t size_ = 0;
+};
+
+/// Memory anew; fails where the backend has no more, and then holds none.
+template <class Backend, class T>
+Result<void> renew(Backend& backend, Memory<T>& memory, std::size_t count) {
+  memory = {};  // given back first: both may not fit
+  memory = SIDESTEP_TRY(backend.template allocate<T>(count));
+  return {};
+}
+
+/// Makes room for at least so much, at first for no more, then by doubling; what it held is lost
+/// where it grows.
+template <class Backend, class T>
+Result<void> grow(Backend& backend, Memory<T>& memory, std::size_t count) {
+  if (memory.size() >= count) return {};
+  return renew(backend, memory, std::max(count, 2 * memory.size()));
+}
+
+/// The same of the host's memory that the device reads and writes directly.
+template <class Backend, class T>
+Result<void> grow_pinned(Backend& backend, Memory<T>& memory, std::size_t count) {
+  if (memory.size() >= count) return {};
+  memory = SIDESTEP_TRY(backend.template allocate_pinned<T>(std::max(count, 2 * memory.size())));
+  return {};
+}
+
+/// The parts of an update as the paper's breakdown has them (Finean 2021, Sec. VI).
+enum class Stage { kUpload, kIntegrate, kTransform, kDownload };
+inline constexpr std::size_t kStages = 4;
+
+/// How long each took in the newest update, in milliseconds; 0 for those that it had none of.
+struct StageTimes {
+  std::array<double, kStages> ms{};
+
+  [[nodiscard]] double of(Stage stage) const noexcept {
+    return ms[static_cast<std::size_t>(stage)];
+  }
+};
 
 /// Runs kernels on the host, one thread after the other: what tests hold the device against, and
 /// what they run where there is none. The same interface as DeviceBackend, which documents it.

@@ -1,4 +1,4 @@
-#include "cuda/probe.hpp"
+#include "cuda/device_backend.hpp"
 
 namespace sidestep::cuda {
 namespace {

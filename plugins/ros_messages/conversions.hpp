@@ -10,10 +10,8 @@
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/sensing/frame.hpp>
 
-#include "joint_history.hpp"
+#include "histories.hpp"
 #include "messages.hpp"
-#include "rigid_pose.hpp"
-#include "tf_tree.hpp"
 
 /// ROS messages as Sidestep's data, and the reverse. Every function: [any] thread. Failures are
 /// kBadFrame and say what is wrong with the message, without naming its topic.

@@ -3,10 +3,9 @@
 #include <bit>
 
 #include <sidestep/mapping/occupancy_view.hpp>
-#include <sidestep/report/run_report.hpp>
-#include <sidestep/results/json.hpp>
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/recorder.hpp>
-#include <sidestep/results/run_provenance.hpp>
+#include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/experiment.hpp>
 
 namespace known_space {
@@ -61,10 +60,10 @@ Result<std::vector<Row>> map_frames(ExperimentContext& context, Recorder& record
   std::vector<Row> rows;
   while (!context.stop.stop_requested()) {
     const auto frame = SIDESTEP_TRY(
-        in_stage(plugin_of(source), [&] { return source->next(Deadline(context.stop)); }));
+        call_stage(plugin_of(source), [&] { return source->next(Deadline(context.stop)); }));
     if (!frame) break;
     const Stopwatch watch;
-    SIDESTEP_TRY(in_stage(plugin_of(mapper), [&] { return mapper->integrate(*frame); }));
+    SIDESTEP_TRY(call_stage(plugin_of(mapper), [&] { return mapper->integrate(*frame); }));
     const Row row{frame->sequence, watch.elapsed_ms(), known_share(map)};
     const auto item = static_cast<std::int64_t>(rows.size());
     recorder.add("frame", item, "integrate_ms", row.integrate_ms);

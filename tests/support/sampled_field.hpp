@@ -17,7 +17,7 @@ template <class Distance>
   const FieldInfo info{.grid = grid,
                        .is_signed = true,
                        .max_distance_m = std::numeric_limits<double>::infinity(),
-                       .steepest = 1.0};
+                       .lipschitz = 1.0};
   return make_dense_field(
       info, [&](const Eigen::Vector3i& voxel) { return distance(grid.centre_m(voxel)); });
 }

@@ -6,6 +6,7 @@
 #include <sidestep/core/index.hpp>
 
 #include "conversions.hpp"
+#include "node.hpp"
 
 namespace sidestep::fake_hsr {
 namespace {
@@ -77,11 +78,11 @@ void DepthCamera::start(::ros::Publisher image, ::ros::Publisher info, ::ros::Pu
 
 void DepthCamera::run(const std::stop_token& stop) {
   const std::int64_t period_ns = Stamp::from_seconds(1.0 / settings_.camera_rate_hz).ns;
-  Stamp next = ros_messages::to_stamp(::ros::Time::now());
+  Stamp next = ros1_node::ros_now();
   for (std::int64_t number = 0; !stop.stop_requested(); ++number) {
     next.ns += period_ns;
     // One that fell behind goes on with the newest.
-    const Stamp now = ros_messages::to_stamp(::ros::Time::now());
+    const Stamp now = ros1_node::ros_now();
     if (next.ns + period_ns < now.ns) next = now;
     std::optional<RobotState> state;
     while (!stop.stop_requested() && !(state = world_.motion->truth(next))) {

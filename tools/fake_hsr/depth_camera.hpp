@@ -12,8 +12,7 @@
 #include <sidestep/robot/kinematic_tree.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 
-#include "depth_noise.hpp"
-#include "depth_renderer.hpp"
+#include "depth_sensor.hpp"
 #include "settings.hpp"
 
 namespace sidestep::fake_hsr {

@@ -12,11 +12,14 @@
 
 #include "controller_state.hpp"
 #include "conversions.hpp"
-#include "load_scene.hpp"
+#include "node.hpp"
 #include "profile_robot.hpp"
+#include "simulator.hpp"
 
 namespace sidestep::fake_hsr {
 namespace {
+
+using ros1_node::ros_now;
 
 /// Between two poses that are judged: 125 Hz.
 constexpr std::int64_t kTruthPeriod_ns = 8'000'000;
@@ -31,8 +34,6 @@ const std::vector<std::string> kArmJoints{"arm_lift_joint", "arm_flex_joint", "a
 const std::vector<std::string> kHeadJoints{"head_pan_joint", "head_tilt_joint"};
 constexpr const char* kBaseFrame = "base_footprint";
 constexpr const char* kWorldFrame = "odom";
-
-Stamp ros_now() { return ros_messages::to_stamp(::ros::Time::now()); }
 
 /// The head's joints, which the profile fixes: limits as the robot's URDF has them.
 std::vector<Joint> head_joints() {

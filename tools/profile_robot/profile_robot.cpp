@@ -6,7 +6,6 @@
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "load_robot.hpp"
-#include "profile.hpp"
 
 namespace sidestep {
 namespace {

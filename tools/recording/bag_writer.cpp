@@ -77,9 +77,9 @@ void append_connection(Bytes& bytes, const Connection& connection) {
   append_record(bytes, header, data.bytes());
 }
 
-Error io_error(const std::filesystem::path& file, int reason) {
-  return Error{ErrorCode::kIo, std::string("cannot write the recording: ") + std::strerror(reason),
-               file.string(), "", nullptr};
+tl::unexpected<Error> io_error(const std::filesystem::path& file, int reason) {
+  return fail(ErrorCode::kIo, std::string("cannot write the recording: ") + std::strerror(reason),
+              file.string());
 }
 
 /// 0, or why not all of it could be written.
@@ -104,7 +104,7 @@ Result<Writer> Writer::create(const std::filesystem::path& file, std::size_t chu
     return fail(ErrorCode::kInvalidArgument, "the file exists, and is not overwritten",
                 file.string(), "give another name, or remove it");
   }
-  if (descriptor < 0) return tl::make_unexpected(io_error(file, errno));
+  if (descriptor < 0) return io_error(file, errno);
   Writer writer(descriptor, file, chunk_bytes);
   Bytes first_line;
   append_raw(first_line, kFirstLine.data(), kFirstLine.size());
@@ -208,7 +208,7 @@ Result<void> Writer::close() {
   auto indexed = append(index);
   if (indexed) indexed = write_file_record(index_position);
   if (done) done = std::move(indexed);
-  if (::close(descriptor_) != 0 && done) done = tl::make_unexpected(io_error(file_, errno));
+  if (::close(descriptor_) != 0 && done) done = io_error(file_, errno);
   descriptor_ = -1;
   return done;
 }
@@ -224,7 +224,7 @@ Result<void> Writer::write_file_record(std::uint64_t index_position) {
                 Bytes(kFileRecord_bytes - header.bytes().size(), static_cast<std::byte>(' ')));
   if (end_ == kFirstLine.size()) return append(bytes);
   const int reason = write_all(descriptor_, bytes, kFirstLine.size());
-  return reason == 0 ? Result<void>{} : tl::make_unexpected(io_error(file_, reason));
+  return reason == 0 ? Result<void>{} : io_error(file_, reason);
 }
 
 /// All of it, or the file is as before.
@@ -237,7 +237,7 @@ Result<void> Writer::append(std::span<const std::byte> bytes) {
   // What is left of it would keep a reader from the index; where even this fails, `rosbag reindex`
   // knows how to go on.
   (void)!ftruncate(descriptor_, static_cast<off_t>(end_));
-  return tl::make_unexpected(io_error(file_, reason));
+  return io_error(file_, reason);
 }
 
 }  // namespace sidestep::bag

@@ -14,54 +14,17 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Reads little-endian numbers and runs of bytes, as far as there are any.
-class Bytes {
- public:
-  explicit Bytes(std::span<const std::byte> bytes) : bytes_(bytes) {}
-
-  bool read(std::uint32_t& number) {
-    std::span<const std::byte> part;
-    if (!read(part, sizeof number)) return false;
-    std::memcpy(&number, part.data(), sizeof number);
-    return true;
-  }
-  bool read(std::span<const std::byte>& part, std::size_t size) {
-    if (bytes_.size() < size) return false;
-    part = bytes_.first(size);
-    bytes_ = bytes_.subspan(size);
-    return true;
-  }
-
- private:
-  std::span<const std::byte> bytes_;
-};
-
-/// The data of a std_msgs/UInt8MultiArray; nothing where it is broken.
-std::optional<std::span<const std::byte>> data_of(std::span<const std::byte> message) {
-  Bytes bytes(message);
-  std::uint32_t dimensions = 0, length = 0, ignored = 0;
-  std::span<const std::byte> part;
-  if (!bytes.read(dimensions)) return std::nullopt;
-  for (std::uint32_t i = 0; i < dimensions; ++i) {
-    const bool is_whole = bytes.read(length) && bytes.read(part, length) && bytes.read(ignored) &&
-                          bytes.read(ignored);
-    if (!is_whole) return std::nullopt;
-  }
-  const bool is_whole = bytes.read(ignored) && bytes.read(length) && bytes.read(part, length);
-  return is_whole ? std::optional(part) : std::nullopt;
-}
-
 /// Kind and time of a message to the page; nothing where its header is broken.
 std::optional<ViewMessage> message_of(std::span<const std::byte> data) {
   constexpr std::array kKinds = {ViewKind::kWorld,  ViewKind::kMap,   ViewKind::kState,
                                  ViewKind::kFrame,  ViewKind::kPlan,  ViewKind::kEvent,
                                  ViewKind::kTiming, ViewKind::kSlice, ViewKind::kEnd};
-  Bytes bytes(data);
   std::uint32_t length = 0;
-  std::span<const std::byte> text;
-  if (!bytes.read(length) || !bytes.read(text, length)) return std::nullopt;
-  const auto* const begin = reinterpret_cast<const char*>(text.data());
-  const Json header = Json::parse(begin, begin + text.size(), nullptr, false);
+  if (data.size() < sizeof length) return std::nullopt;
+  std::memcpy(&length, data.data(), sizeof length);
+  if (length > data.size() - sizeof length) return std::nullopt;
+  const auto* const begin = reinterpret_cast<const char*>(data.data()) + sizeof length;
+  const Json header = Json::parse(begin, begin + length, nullptr, false);
   if (!header.is_object() || !header.contains("kind") || !header["kind"].is_string() ||
       !header.contains("time_s") || !header["time_s"].is_number()) {
     return std::nullopt;
@@ -84,8 +47,8 @@ class BagRecording final : public Recording {
   Result<std::optional<ViewMessage>> next() override {
     const auto message = SIDESTEP_TRY(reader_.next());
     if (!message) return std::nullopt;
-    if (const auto data = data_of(message->data)) {
-      if (auto read = message_of(*data)) return read;
+    if (const auto array = ros::parse<ros::UInt8MultiArray>(message->data)) {
+      if (auto read = message_of(array->data)) return read;
     }
     return fail(ErrorCode::kIo, "a message to the viewer's page is broken", file_);
   }

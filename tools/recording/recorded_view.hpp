@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "recording.hpp"
+#include "view_message.hpp"
 
 namespace sidestep {
 

@@ -7,8 +7,8 @@
 
 #include <sidestep/core/index.hpp>
 
-#include "event_json.hpp"
-#include "run_markers.hpp"
+#include "run_messages.hpp"
+#include "view_messages.hpp"
 
 namespace sidestep {
 namespace {

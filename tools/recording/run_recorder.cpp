@@ -1,5 +1,6 @@
 #include "run_recorder.hpp"
 
+#include <algorithm>
 #include <exception>
 #include <utility>
 
@@ -47,6 +48,38 @@ std::size_t bytes_of(const ObservedEvent& event) noexcept {
 }
 
 }  // namespace
+
+void ViewRecorder::begin(const ObservedWorld& world) {
+  constexpr std::chrono::seconds kBetweenEpisodes{1};
+  begin_ = last_ = last_ + kBetweenEpisodes;
+  inbox_.begin(world);  // Its clock is not known before anything has a stamp.
+}
+
+void ViewRecorder::mapped(const ObservedMap& map) {
+  inbox_.mapped(map);
+  make(map.published);
+}
+
+void ViewRecorder::stepped(const ObservedStep& step) {
+  inbox_.stepped(step);
+  make(step.stamp);
+}
+
+void ViewRecorder::happened(const ObservedEvent& event) {
+  inbox_.happened(event);
+  make(event.event.stamp);
+}
+
+void ViewRecorder::end(const ObservedEnd& end) {
+  inbox_.end(end);
+  make(end.stamp);
+}
+
+void ViewRecorder::make(Stamp stamp) {
+  made_ = stamp;
+  last_ = std::max(last_, begin_ + std::chrono::nanoseconds(stamp.ns));
+  if (maker_.is_wanted()) maker_.make(last_, inbox_.take());
+}
 
 Result<std::unique_ptr<RunRecorder>> RunRecorder::start(const std::filesystem::path& file, Log& log,
                                                         std::size_t most_queued_bytes) {

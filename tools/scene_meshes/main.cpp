@@ -9,31 +9,78 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <numbers>
+#include <string>
+#include <vector>
 
-#include "triangles.hpp"
+#include <sidestep/core/format.hpp>
+
+#include "shapes.hpp"
 
 namespace sidestep::scene_meshes {
+namespace {
 
-std::string to_obj(const Triangles& mesh, const std::string& title) {
-  std::string text = "# " + title + "\n# Written by tools/scene_meshes.\n";
-  char line[96];
-  for (const Eigen::Vector3d& v : mesh.vertices_m) {
-    // Rounded here, so that no -0.000 depends on the last bit.
-    const auto mm = [](double value_m) { return static_cast<int>(std::lround(1e3 * value_m)); };
-    std::snprintf(line, sizeof line, "v %g %g %g\n", 1e-3 * mm(v.x()), 1e-3 * mm(v.y()),
-                  1e-3 * mm(v.z()));
-    text += line;
-  }
-  for (const Eigen::Vector3i& f : mesh.faces) {
-    std::snprintf(line, sizeof line, "f %d %d %d\n", f.x() + 1, f.y() + 1, f.z() + 1);
-    text += line;
+namespace fs = std::filesystem;
+
+constexpr double kDuration_s = 142.0;
+constexpr double kSpacing_s = 0.5;
+constexpr double kRounds = 3.0;
+
+/// The sway of a hand: a few waves whose periods have nothing in common.
+double sway(double time_s, double phase) {
+  return 0.5 * std::sin(2.0 * std::numbers::pi * time_s / 3.7 + phase) +
+         0.3 * std::sin(2.0 * std::numbers::pi * time_s / 1.9 + 2.3 * phase) +
+         0.2 * std::sin(2.0 * std::numbers::pi * time_s / 1.3 + 4.1 * phase);
+}
+
+/// Where the camera is: around the middle of the room, higher and lower, nearer and farther.
+Eigen::Vector3d position_m(double time_s) {
+  const double angle = -2.2 + 2.0 * std::numbers::pi * kRounds * time_s / kDuration_s;
+  const double reach = 1.0 - 0.06 * (1.0 + std::sin(2.0 * std::numbers::pi * time_s / 31.0));
+  return {
+      2.2 * reach * std::cos(angle) + 0.02 * sway(time_s, 0.0),
+      1.8 * reach * std::sin(angle) + 0.02 * sway(time_s, 1.0),
+      1.25 + 0.35 * std::sin(2.0 * std::numbers::pi * time_s / 23.0) + 0.015 * sway(time_s, 2.0)};
+}
+
+/// A point 1.5 m ahead: mostly towards the middle, swinging to both sides, up and down.
+Eigen::Vector3d look_at_m(double time_s) {
+  const Eigen::Vector3d from = position_m(time_s);
+  const double inwards = std::atan2(-from.y(), -from.x());
+  const double yaw =
+      inwards + 0.75 * std::sin(2.0 * std::numbers::pi * time_s / 17.0) + 0.04 * sway(time_s, 3.0);
+  const double pitch = -0.22 + 0.22 * std::sin(2.0 * std::numbers::pi * time_s / 11.0) -
+                       0.25 * (from.z() - 1.25) + 0.03 * sway(time_s, 4.0);
+  return from + 1.5 * Eigen::Vector3d(std::cos(pitch) * std::cos(yaw),
+                                      std::cos(pitch) * std::sin(yaw), std::sin(pitch));
+}
+
+/// The YAML of a camera path as a hand would carry it around the room, one waypoint a line.
+std::string handheld_path() {
+  std::string text;
+  for (int i = 0; i * kSpacing_s <= kDuration_s; ++i) {
+    const double time_s = i * kSpacing_s;
+    const Eigen::Vector3d p = position_m(time_s), at = look_at_m(time_s);
+    text += format(
+        "    - {time_s: %.1f, position_m: [%.3f, %.3f, %.3f], look_at_m: [%.3f, %.3f, %.3f]}\n",
+        time_s, p.x(), p.y(), p.z(), at.x(), at.y(), at.z());
   }
   return text;
 }
 
-namespace {
-
-namespace fs = std::filesystem;
+/// As an OBJ file, millimetres rounded; `title` goes into its first line.
+std::string to_obj(const Triangles& mesh, const std::string& title) {
+  std::string text = "# " + title + "\n# Written by tools/scene_meshes.\n";
+  for (const Eigen::Vector3d& v : mesh.vertices_m) {
+    // Rounded here, so that no -0.000 depends on the last bit.
+    const auto mm = [](double value_m) { return static_cast<int>(std::lround(1e3 * value_m)); };
+    text += format("v %g %g %g\n", 1e-3 * mm(v.x()), 1e-3 * mm(v.y()), 1e-3 * mm(v.z()));
+  }
+  for (const Eigen::Vector3i& f : mesh.faces) {
+    text += format("f %d %d %d\n", f.x() + 1, f.y() + 1, f.z() + 1);
+  }
+  return text;
+}
 
 struct File {
   fs::path path;

@@ -9,7 +9,6 @@
 #include "number_range.hpp"
 #include "pair_statistics.hpp"
 #include "profile_robot.hpp"
-#include "profile_text.hpp"
 
 namespace {
 

@@ -1,16 +1,130 @@
 #pragma once
 
+#include <chrono>
+#include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
+#include <string_view>
+#include <thread>
 #include <vector>
 
-#include <sidestep/robot/kinematic_tree.hpp>
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/log.hpp>
+#include <sidestep/experiments/experiments.hpp>
+#include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/session.hpp>
 
-#include "live_view.hpp"
-#include "session.hpp"
+#include "view_server.hpp"
 
 namespace sidestep {
+
+/// What a run says while it goes on, on stderr and in a log file: messages, and progress as one
+/// line that is updated on a terminal, as a line every few seconds elsewhere. [any]
+class Console final : public Log {
+ public:
+  Console();
+  ~Console() override;
+
+  void write(LogLevel level, std::string_view message) override;
+
+  /// From now on, messages of every level are written to `file`, too; after what it holds where
+  /// `append`.
+  [[nodiscard]] Result<void> open_file(const std::filesystem::path& file, bool append);
+
+  /// `total` 0 where it is not known; where it is, the time left is told from the pace since it
+  /// became so.
+  void progress(std::int64_t done, std::int64_t total, std::string_view what);
+  /// Removes the progress line, so that other output may follow.
+  void end_progress();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// How the command ends (docs/reference/command.md).
+enum class ExitCode {
+  kSuccess = 0,
+  kTaskFailed = 1,
+  kConfiguration = 2,
+  kPlugin = 3,
+  kFault = 4,
+};
+/// Of an error at run time.
+[[nodiscard]] ExitCode exit_code(const Error& error) noexcept;
+/// Of the mistakes in a configuration; not empty.
+[[nodiscard]] ExitCode exit_code(const std::vector<Error>& errors) noexcept;
+[[nodiscard]] ExitCode worse(ExitCode a, ExitCode b) noexcept;
+
+/// Prints errors on stderr, one a line.
+void print_errors(const std::vector<Error>& errors);
+/// Prints an error that is the user's to mend.
+[[nodiscard]] ExitCode wrong_input(const Error& error);
+
+/// A configuration that was read and checked: a file, or a name in the installation's folder of
+/// configurations, with or without .yaml.
+struct CheckedConfiguration {
+  Configuration configuration;
+  RunSettings settings;
+  std::unique_ptr<Session> session;  ///< Null where the file could not be read.
+  std::vector<Error> errors;
+};
+[[nodiscard]] CheckedConfiguration load_configuration(const std::string& name,
+                                                      const std::vector<std::string>& overrides,
+                                                      Log& log);
+
+/// While it lives, the first SIGINT or SIGTERM requests a stop; one that comes half a second later
+/// or more ends the process as it would without us. To be made before other threads are, which
+/// inherit the blocked signals.
+class StopOnSignal {
+ public:
+  StopOnSignal();
+
+  [[nodiscard]] std::stop_token token() const noexcept { return stop_.get_token(); }
+  /// Until the stop is requested.
+  void wait() const;
+
+ private:
+  std::stop_source stop_;
+  std::jthread waiter_;
+};
+
+/// How the viewer is to be served.
+struct ViewOptions {
+  bool view = false;  ///< Of `run`: whether at all.
+  unsigned short port = 0;
+  std::optional<std::string> bind;  ///< An address; then a token is required.
+  bool open = false;                ///< In a browser.
+};
+
+/// Serves the page with what comes through the server, or with a recording; prints its URL, and
+/// opens it where that is asked for. With `desk`, the sphere editor's page instead. Fails as
+/// ViewAssets::read() and ViewServer::start() do.
+[[nodiscard]] Result<std::unique_ptr<ViewServer>> serve_view(const ViewOptions& options, Log& log,
+                                                             RecordingOpener recording = {},
+                                                             PageRequestHandler* desk = nullptr);
+
+/// The viewer of a command that runs experiments.
+class LiveView {
+ public:
+  /// With a browser to be opened, waits until it has come, for a while.
+  [[nodiscard]] static Result<std::unique_ptr<LiveView>> start(const ViewOptions& options,
+                                                               const std::stop_token& stop);
+  /// Sends what is left, for a second at most.
+  ~LiveView();
+
+  /// For the messages of the runs.
+  [[nodiscard]] ViewSink& sink() noexcept { return *server_; }
+
+ private:
+  LiveView() = default;
+
+  Console console_;
+  std::unique_ptr<ViewServer> server_;
+};
 
 struct RunOptions {
   std::vector<std::string> configurations;
@@ -61,7 +175,5 @@ struct RobotOptions {
 /// Says what a robot profile has, fits spheres to it, serves the sphere editor until a signal
 /// comes, or holds the profile against a URDF.
 [[nodiscard]] ExitCode robot_command(const RobotOptions& options);
-/// Holds the profile against a URDF.
-[[nodiscard]] ExitCode against_command(const RobotOptions& options, const KinematicTree& robot);
 
 }  // namespace sidestep

@@ -1,4 +1,4 @@
-#include "console.hpp"
+#include "commands.hpp"
 
 #include <unistd.h>
 
@@ -144,11 +144,6 @@ Result<void> Console::open_file(const std::filesystem::path& file, bool append) 
   impl_->file->set_level(spdlog::level::debug);
   impl_->file->flush_on(spdlog::level::info);
   return {};
-}
-
-void Console::close_file() {
-  const std::lock_guard lock(impl_->mutex);
-  impl_->file.reset();
 }
 
 void Console::progress(std::int64_t done, std::int64_t total, std::string_view what) {

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include <sidestep/experiments/experiments.hpp>
-#include <sidestep/experiments/report.hpp>
 #include <sidestep/runtime/not_built.hpp>
 #include <sidestep/runtime/reference.hpp>
 

@@ -1,6 +1,6 @@
 #include <cstdio>
 
-#include <sidestep/experiments/report.hpp>
+#include <sidestep/experiments/experiments.hpp>
 
 #include "commands.hpp"
 

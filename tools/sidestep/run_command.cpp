@@ -1,20 +1,186 @@
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <chrono>
+#include <csignal>
 #include <cstdio>
 #include <ctime>
+#include <deque>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <set>
+#include <stop_token>
 #include <string>
+#include <utility>
+#include <vector>
 
-#include <sidestep/experiments/report.hpp>
+#include <sidestep/experiments/experiments.hpp>
+#include <sidestep/runtime/run_observer.hpp>
 
 #include "commands.hpp"
-#include "jobs.hpp"
-#include "observers.hpp"
-#include "stop_on_signal.hpp"
+#include "run_recorder.hpp"
+#include "view_feed.hpp"
 
 namespace sidestep {
 namespace {
+
+/// A `sidestep` of its own, by its arguments.
+struct Job {
+  std::string label;  ///< Before each line that it writes.
+  std::vector<std::string> arguments;
+};
+
+constexpr int kPollInterval_ms = 100;  // how soon a stop is passed on
+
+/// A process of this program.
+class Process {
+ public:
+  explicit Process(const Job& job) : label_(job.label) {
+    std::array<int, 2> ends{-1, -1};
+    if (pipe2(ends.data(), O_CLOEXEC) != 0) return;
+    std::vector<std::string> words = {"sidestep"};
+    words.insert(words.end(), job.arguments.begin(), job.arguments.end());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    id_ = fork();
+    if (id_ == 0) become(argv.data(), ends[1]);
+    close(ends[1]);
+    error_pipe_ = ends[0];
+  }
+  ~Process() {
+    if (error_pipe_ >= 0) close(error_pipe_);
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  [[nodiscard]] pollfd watched() const { return {error_pipe_, POLLIN, 0}; }
+  [[nodiscard]] bool is_open() const { return error_pipe_ >= 0; }
+  void send(int signal) const {
+    if (id_ > 0) kill(id_, signal);
+  }
+
+  /// Hands over the lines that are there, blocking until there is something; at the end, closes.
+  void read_lines(const std::function<void(const std::string&)>& line) {
+    std::array<char, 4096> buffer{};
+    const ssize_t count = read(error_pipe_, buffer.data(), buffer.size());
+    if (count > 0) {
+      text_.append(buffer.data(), static_cast<std::size_t>(count));
+    } else {
+      if (!text_.empty()) text_ += '\n';
+      close(std::exchange(error_pipe_, -1));
+    }
+    for (std::size_t end = 0; (end = text_.find('\n')) != std::string::npos;) {
+      line(label_ + " " + text_.substr(0, end));
+      text_.erase(0, end + 1);
+    }
+  }
+
+  /// Waits for its end.
+  [[nodiscard]] int exit_code() const {
+    int status = 0;
+    if (id_ <= 0 || waitpid(id_, &status, 0) != id_) return -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+ private:
+  /// In the new process: in a group of its own, so that Ctrl-C is ours to pass on.
+  [[noreturn]] static void become(char* const* argv, int error) {
+    setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    const int nothing = open("/dev/null", O_RDWR | O_CLOEXEC);
+    dup2(nothing, STDIN_FILENO);
+    dup2(nothing, STDOUT_FILENO);
+    dup2(error, STDERR_FILENO);
+    execv("/proc/self/exe", argv);
+    _exit(127);
+  }
+
+  std::string label_;
+  std::string text_;  ///< Of a line that is not complete.
+  pid_t id_ = -1;
+  int error_pipe_ = -1;
+};
+
+/// Runs all jobs at once, each in a process of its own, and hands over their lines of stderr; what
+/// they write to stdout is lost. A stop that is requested is passed on to all of them, once; none
+/// outlives this process. Returns their exit codes, -1 where a signal ended one or it could not
+/// begin. [main]
+std::vector<int> run_jobs(const std::vector<Job>& jobs, const std::stop_token& stop,
+                          const std::function<void(const std::string&)>& line) {
+  std::deque<Process> processes;  // which are not moved
+  for (const Job& job : jobs) processes.emplace_back(job);
+  bool told_to_stop = false;
+  while (std::ranges::any_of(processes, &Process::is_open)) {
+    if (stop.stop_requested() && !told_to_stop) {
+      for (const Process& process : processes) process.send(SIGTERM);
+      told_to_stop = true;
+    }
+    std::vector<pollfd> watched;  // a closed one is -1, which poll passes over
+    for (const Process& process : processes) watched.push_back(process.watched());
+    if (poll(watched.data(), watched.size(), kPollInterval_ms) <= 0) continue;
+    for (std::size_t i = 0; i < processes.size(); ++i) {
+      if (watched[i].revents != 0) processes[i].read_lines(line);
+    }
+  }
+  std::vector<int> codes;
+  for (const Process& process : processes) codes.push_back(process.exit_code());
+  return codes;
+}
+
+/// Who looks on at one run, told one after the other: a recorder, and the viewer's feed.
+class Observers final : public RunObserver {
+ public:
+  /// Those that `options` ask for. Fails with kConfig where the file to record into exists, with
+  /// kIo where it cannot be made. `live`, the viewer, may be null; it and `log` outlive them.
+  static Result<std::unique_ptr<Observers>> attach(const RunOptions& options, LiveView* live,
+                                                   Log& log) {
+    auto attached = std::make_unique<Observers>();
+    if (options.record) {
+      auto recorder = RunRecorder::start(*options.record, log);
+      if (!recorder) {
+        Error error = std::move(recorder.error());
+        if (error.code == ErrorCode::kInvalidArgument) error.code = ErrorCode::kConfig;
+        error.where = "--record " + error.where;
+        return tl::make_unexpected(std::move(error));
+      }
+      attached->all_.push_back(std::move(*recorder));
+    }
+    if (live != nullptr) {
+      attached->all_.push_back(
+          std::make_unique<ViewFeed>(std::vector<ViewSink*>{&live->sink()}, log));
+    }
+    return attached;
+  }
+
+  [[nodiscard]] bool empty() const noexcept { return all_.empty(); }
+
+  void begin(const ObservedWorld& world) override {
+    for (const auto& one : all_) one->begin(world);
+  }
+  void mapped(const ObservedMap& map) override {
+    for (const auto& one : all_) one->mapped(map);
+  }
+  void stepped(const ObservedStep& step) override {
+    for (const auto& one : all_) one->stepped(step);
+  }
+  void happened(const ObservedEvent& event) override {
+    for (const auto& one : all_) one->happened(event);
+  }
+  void end(const ObservedEnd& end) override {
+    for (const auto& one : all_) one->end(end);
+  }
+
+ private:
+  std::vector<std::unique_ptr<RunObserver>> all_;
+};
 
 namespace fs = std::filesystem;
 
@@ -53,6 +219,11 @@ Result<fs::path> make_out_folder(const std::optional<fs::path>& wanted, const st
 void print_outcome(const ExperimentOutcome& outcome, const fs::path& folder) {
   std::printf("\n%s\n%s\n\nreport: %s\n", outcome.table.c_str(), outcome.verdict.c_str(),
               (folder / "report.html").c_str());
+}
+
+ExitCode wrong_use(std::string message, std::string where, std::string hint) {
+  return wrong_input(
+      {ErrorCode::kConfig, std::move(message), std::move(where), std::move(hint), nullptr});
 }
 
 /// A name that two configurations share; nothing where all differ.
@@ -119,7 +290,7 @@ RunResult run_one(const std::string& name, const RunOptions& options, const Shar
                  loaded.errors.size() == 1 ? "" : "s");
     return {exit_code(loaded.errors), ""};
   }
-  auto observers = attach_observers(options, live, console);
+  auto observers = Observers::attach(options, live, console);
   if (!observers) return refused(observers.error(), console);
   const auto folder = out_folder(options, loaded.configuration.name);
   if (!folder) return refused(folder.error(), console);
@@ -140,7 +311,7 @@ RunResult run_one(const std::string& name, const RunOptions& options, const Shar
                             },
                             shard,
                             options.resume.has_value(),
-                            (*observers)->get()};
+                            (*observers)->empty() ? nullptr : observers->get()};
   const auto outcome = run_experiment(context);
   console.end_progress();
   observers->reset();  // A recording is whole before the verdict is told.
@@ -202,36 +373,25 @@ RunResult run_in_jobs(const std::string& name, const RunOptions& options, std::s
 
 ExitCode run_command(const RunOptions& options) {
   if (const auto twin = twin_of(options.configurations); twin && options.out) {
-    print_errors({Error{
-        ErrorCode::kConfig,
+    return wrong_use(
         "two configurations are named '" + *twin + "': their results would go to the same folder",
-        "--out " + options.out->string(), "run them one by one", nullptr}});
-    return ExitCode::kConfiguration;
+        "--out " + options.out->string(), "run them one by one");
   }
   const auto shard = read_shard(options.shard);
-  if (!shard) {
-    print_errors({shard.error()});
-    return ExitCode::kConfiguration;
-  }
+  if (!shard) return wrong_input(shard.error());
   if (options.resume && options.configurations.size() > 1) {
-    print_errors(
-        {Error{ErrorCode::kConfig, "a run is resumed with its one configuration",
-               "--resume " + options.resume->string(), "resume them one by one", nullptr}});
-    return ExitCode::kConfiguration;
+    return wrong_use("a run is resumed with its one configuration",
+                     "--resume " + options.resume->string(), "resume them one by one");
   }
   if (options.record && options.configurations.size() > 1) {
-    print_errors({Error{ErrorCode::kConfig, "a recording holds the run of one configuration",
-                        "--record " + options.record->string(), "run them one by one", nullptr}});
-    return ExitCode::kConfiguration;
+    return wrong_use("a recording holds the run of one configuration",
+                     "--record " + options.record->string(), "run them one by one");
   }
   const StopOnSignal stop;
   std::unique_ptr<LiveView> live;
   if (options.view.view) {
     auto started = LiveView::start(options.view, stop.token());
-    if (!started) {
-      print_errors({started.error()});
-      return ExitCode::kConfiguration;
-    }
+    if (!started) return wrong_input(started.error());
     live = std::move(*started);
   }
   ExitCode code = ExitCode::kSuccess;

@@ -1,13 +1,45 @@
 #pragma once
 
+#include <cstddef>
 #include <span>
 #include <stop_token>
 #include <utility>
 #include <vector>
 
-#include "body_cells.hpp"
+#include "rigid_body.hpp"
 
 namespace sidestep {
+
+/// A box of a shape's, along the axes of the shape's frame, that holds some of the shape.
+struct Cell {
+  int part = 0;  ///< Index into RigidBody::parts.
+  Eigen::Vector3d p_shape = Eigen::Vector3d::Zero();
+  Eigen::Vector3d half_m = Eigen::Vector3d::Zero();
+};
+
+/// What of a body is held already, when spheres for one of its links are looked for.
+struct Held {
+  std::vector<BodySphere> spheres;
+  std::vector<int> links;  ///< Whose shapes are held completely.
+};
+
+/// A link's shapes as boxes that hold all of them: fine at the surface, coarse in the depth.
+/// Spheres that hold every box hold the shapes, not only at samples. Left out are boxes that are
+/// held already. Halved until their half diagonal is at most `fine_m`, deeper ones some of the
+/// depth; at most `most` boxes, and coarser where that is too few. [any]; allocates.
+[[nodiscard]] std::vector<Cell> link_cells(const RigidBody& body, int link, const Held& held,
+                                           double fine_m, std::size_t most);
+
+/// From a point to the farthest corner of a box; the point in the shape's frame.
+[[nodiscard]] inline double farthest_m(const Cell& cell, const Eigen::Vector3d& p_shape) noexcept {
+  return ((p_shape - cell.p_shape).cwiseAbs() + cell.half_m).norm();
+}
+
+/// How large a sphere must be to hold what of the shapes lies in these boxes: as the farthest
+/// corner says, or less, since boxes at curved surfaces are halved further where that helps.
+/// [any]; allocates.
+[[nodiscard]] double radius_to_hold_m(const RigidBody& body, std::span<const Cell> cells,
+                                      const Eigen::Vector3d& p_body);
 
 /// Covers a link's shapes with spheres that stand out from the shapes of its body as little as
 /// their number allows. The shapes' boxes are clustered by the sphere that would have to grow the

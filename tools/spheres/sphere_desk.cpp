@@ -3,8 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include <nlohmann/json.hpp>
+
+#include <sidestep/core/index.hpp>
+
 #include "cover_fit.hpp"
-#include "message_bytes.hpp"
+#include "view_message.hpp"
 #include "view_messages.hpp"
 
 namespace sidestep {
@@ -126,11 +130,9 @@ std::vector<ViewMessage> SphereDesk::greeting() {
   world.q_start = world.q_goal = pose_of(robot.description());
   ObservedStep step;
   step.q = world.q_start;
-  std::vector<Transform> T_world_link(robot.description().links.size());
-  Scratch scratch;
-  robot.link_poses({step.q.data(), static_cast<std::size_t>(step.q.size())}, T_world_link, scratch);
   const RobotCover cover = measure_cover(bodies_, robot.description().spheres);
-  return {world_message(world), state_message(step, T_world_link, {}, std::nullopt),
+  return {world_message(world),
+          state_message(step, link_poses(robot, as_span(step.q)), {}, std::nullopt),
           make_message(ViewKind::kProfile, Stamp{},
                        {{"file", profile_.target().string()},
                         {"revision", profile_.revision()},

@@ -2,17 +2,17 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "page_desk.hpp"
 #include "rigid_body.hpp"
 #include "sphere_cover.hpp"
 #include "sphere_profile.hpp"
+#include "view_message.hpp"
 
 namespace sidestep {
 
 /// Answers the sphere editor's page (docs/reference/sphere_editor.md): measures, fits and saves the
 /// spheres that it is sent. Pages can reach the profile's own file alone, and no path is theirs to
 /// name. [any one thread]
-class SphereDesk final : public PageDesk {
+class SphereDesk final : public PageRequestHandler {
  public:
   /// The profile outlives the desk.
   explicit SphereDesk(SphereProfile& profile);

@@ -6,15 +6,19 @@
 #include <deque>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <random>
+#include <span>
+#include <string>
+#include <vector>
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/node.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
 
 #include "build_robot.hpp"
-#include "mesh_files.hpp"
-#include "urdf_motion.hpp"
+#include "urdf_file.hpp"
 
 namespace sidestep {
 namespace {
@@ -23,6 +27,91 @@ namespace fs = std::filesystem;
 using urdf_robot::UrdfJoint;
 using urdf_robot::UrdfLink;
 using urdf_robot::UrdfModel;
+
+/// 0, or what is nearest to it within the limits.
+double rest_value(const UrdfJoint& joint) {
+  if (!joint.limits || joint.type == UrdfJoint::Type::kContinuous) return 0.0;
+  const auto [lower, upper, velocity] = *joint.limits;
+  return lower > upper ? 0.0 : std::clamp(0.0, lower, upper);
+}
+
+/// The robot's joint of this name, fixed, planned or neither; null where there is none.
+const TreeJoint* find_joint(const KinematicTree& robot, const std::string& name) {
+  const auto& joints = robot.tree_joints();
+  const auto found = std::ranges::find(joints, name, &TreeJoint::name);
+  return found == joints.end() ? nullptr : &*found;
+}
+
+/// A URDF whose joints do what those of the same names do in a robot's profile; joints that mimic
+/// others follow them as the URDF says. The URDF and the robot outlive it. [any]
+class UrdfMotion {
+ public:
+  /// A joint's value: multiplier * q[joint] + offset.
+  struct Value {
+    int joint = -1;  ///< Of the robot's planned ones; -1 where it is at rest.
+    double multiplier = 1.0;
+    double offset = 0.0;
+  };
+
+  UrdfMotion(const urdf_robot::UrdfModel& urdf, const KinematicTree& robot);
+
+  /// Of the joint from a link's parent; at rest for the root and fixed joints.
+  [[nodiscard]] const Value& value(std::size_t link) const noexcept { return values_[link]; }
+  /// Poses of the URDF's links, in its root's frame. q: the robot's.
+  [[nodiscard]] std::vector<Transform> link_poses(std::span<const double> q) const;
+
+ private:
+  [[nodiscard]] Value value_of(const urdf_robot::UrdfJoint& joint) const;
+
+  const urdf_robot::UrdfModel& urdf_;
+  const KinematicTree& robot_;
+  std::vector<Value> values_;  // per link
+};
+
+UrdfMotion::UrdfMotion(const urdf_robot::UrdfModel& urdf, const KinematicTree& robot)
+    : urdf_(urdf), robot_(robot) {
+  for (const urdf_robot::UrdfLink& link : urdf.links) {
+    const bool moves = link.joint && link.joint->type != UrdfJoint::Type::kFixed;
+    values_.push_back(moves ? value_of(*link.joint) : Value{});
+  }
+}
+
+UrdfMotion::Value UrdfMotion::value_of(const UrdfJoint& joint) const {
+  if (joint.mimic) {
+    const UrdfJoint* const master = urdf_.find_joint(joint.mimic->joint);
+    Value value = master == nullptr ? Value{} : value_of(*master);
+    value.multiplier *= joint.mimic->multiplier;
+    value.offset = joint.mimic->multiplier * value.offset + joint.mimic->offset;
+    return value;
+  }
+  const TreeJoint* const own = find_joint(robot_, joint.name);
+  if (own == nullptr || own->motion == TreeJoint::Motion::kFixed)
+    return {.offset = rest_value(joint)};
+  return {own->joint, own->multiplier, own->offset};
+}
+
+std::vector<Transform> UrdfMotion::link_poses(std::span<const double> q) const {
+  std::vector<Transform> poses;
+  poses.reserve(urdf_.links.size());
+  for (std::size_t i = 0; i < urdf_.links.size(); ++i) {
+    const urdf_robot::UrdfLink& link = urdf_.links[i];
+    if (link.parent == -1 || !link.joint) {
+      poses.push_back(Transform::Identity());
+      continue;
+    }
+    Transform T = poses[static_cast<std::size_t>(link.parent)] * link.joint->T_parent_joint;
+    const Value& value = values_[i];
+    double at = value.offset;
+    if (value.joint != -1) at += value.multiplier * q[static_cast<std::size_t>(value.joint)];
+    switch (link.joint->type) {
+      case UrdfJoint::Type::kFixed: break;
+      case UrdfJoint::Type::kPrismatic: T.translate(at * link.joint->axis); break;
+      default: T.rotate(Eigen::AngleAxisd(at, link.joint->axis));
+    }
+    poses.push_back(T);
+  }
+  return poses;
+}
 
 constexpr int kCorners = 32;        // configurations with each joint at one of its limits
 constexpr int kBetween = 32;        // and anywhere within them

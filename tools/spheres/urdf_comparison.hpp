@@ -7,7 +7,7 @@
 
 #include <sidestep/robot/kinematic_tree.hpp>
 
-#include "standing_out.hpp"
+#include "sphere_cover.hpp"
 
 namespace sidestep {
 

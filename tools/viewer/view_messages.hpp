@@ -7,10 +7,12 @@
 #include <string_view>
 #include <vector>
 
+#include <nlohmann/json_fwd.hpp>
+
+#include <sidestep/field/distance_field.hpp>
 #include <sidestep/field/occupancy_bits.hpp>
 #include <sidestep/runtime/run_observer.hpp>
 
-#include "field_slice.hpp"
 #include "robot_clearance.hpp"
 #include "view_message.hpp"
 
@@ -43,6 +45,8 @@ namespace sidestep {
                                        const RobotModel& robot);
 
 [[nodiscard]] ViewMessage event_message(const ObservedEvent& event);
+/// What an event says, as that message has it.
+[[nodiscard]] nlohmann::ordered_json event_json(const ObservedEvent& event);
 
 /// What took how long, since the message before.
 struct ViewTiming {
@@ -55,10 +59,29 @@ struct ViewTiming {
 };
 [[nodiscard]] ViewMessage timing_message(Stamp time, const ViewTiming& timing);
 
+/// Distances on a plane across a field.
+struct FieldSlice {
+  static constexpr std::int16_t kUnknown = -32768;
+  static constexpr int kMostSamples = 256;  ///< Along either axis.
+
+  SliceRequest request;                   ///< Its position moved into the grid.
+  Eigen::Vector3d first_m;                ///< The first sample.
+  double step_m = 0.0;                    ///< From one sample to the next; whole voxels.
+  int columns = 0;                        ///< Along the first of the other axes.
+  int rows = 0;                           ///< Along the second one.
+  double max_distance_m = 0;              ///< Where distances are cut off.
+  std::vector<std::int16_t> distance_mm;  ///< Row by row; kUnknown where nothing was observed.
+};
+
+/// The slice that a page asks for: at every voxel's centre, or at every n-th one's of a large grid.
+[[nodiscard]] FieldSlice make_slice(const DistanceField& field, const SliceRequest& request);
 /// `stamp` is that of the newest frame in the field.
 [[nodiscard]] ViewMessage slice_message(Stamp time, Stamp stamp, const FieldSlice& slice);
 
 [[nodiscard]] ViewMessage end_message(const ObservedEnd& end);
+
+/// Of all links, world frame. [any]; allocates.
+[[nodiscard]] std::vector<Transform> link_poses(const RobotModel& robot, std::span<const double> q);
 
 /// The first and the last link that a sphere is on: base and tool. 0 without spheres.
 [[nodiscard]] int base_link(const RobotDescription& robot) noexcept;

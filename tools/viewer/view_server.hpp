@@ -7,10 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "page_desk.hpp"
-#include "recording.hpp"
 #include "view_access.hpp"
-#include "view_sink.hpp"
+#include "view_message.hpp"
 
 namespace sidestep {
 
@@ -35,10 +33,9 @@ class ViewServer final : public ViewSink {
   /// Serves what it is handed as a sink; with `recording`, that to each client from the beginning,
   /// as fast as it reads; with `desk`, which outlives the server, what that answers, to each on its
   /// own. Fails with kConfig for an address that is none, and with kIo where it cannot be bound.
-  [[nodiscard]] static Result<std::unique_ptr<ViewServer>> start(ViewAssets assets,
-                                                                 ViewServerSettings settings,
-                                                                 RecordingOpener recording = {},
-                                                                 PageDesk* desk = nullptr);
+  [[nodiscard]] static Result<std::unique_ptr<ViewServer>> start(
+      ViewAssets assets, ViewServerSettings settings, RecordingOpener recording = {},
+      PageRequestHandler* desk = nullptr);
   ~ViewServer() override;
 
   /// Of the page. [any]

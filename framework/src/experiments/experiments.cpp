@@ -6,8 +6,7 @@
 #include <thread>
 #include <utility>
 
-#include <sidestep/experiments/report.hpp>
-#include <sidestep/report/run_report.hpp>
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
@@ -18,6 +17,9 @@
 
 namespace sidestep {
 namespace {
+
+/// Names that experiments had before.
+constexpr std::array kFormerNames = {std::pair("replanning", "incremental_benchmark")};
 
 namespace fs = std::filesystem;
 
@@ -196,6 +198,39 @@ Result<void> check_division(const ExperimentContext& context, const FoundExperim
 
 }  // namespace
 
+Result<FoundExperiment> find_experiment(const Node& block, Host& host) {
+  auto plugin = host.find(PluginKind::kExperiment, block);
+  if (!plugin) {
+    Error error = std::move(plugin.error());
+    error.code = ErrorCode::kConfig;
+    const Node* type = block.find("type");
+    for (const auto& [before, now] : kFormerNames) {
+      if (type == nullptr || !type->is_scalar() || type->text() != before) continue;
+      error = type->error("there is no experiment type '" + type->text() + "' any more",
+                          "it is called '" + std::string(now) + "' now");
+    }
+    return tl::make_unexpected(std::move(error));
+  }
+  auto experiment = SIDESTEP_TRY(host.create<Experiment>(block));
+  return FoundExperiment{*std::move(plugin), std::move(experiment)};
+}
+
+Result<FoundExperiment> find_experiment(const std::string& name, const std::string& where,
+                                        Host& host) {
+  const SourceMark mark{where, 0, 0};
+  return find_experiment(
+      Node(Node::Map{{"type", mark, Node(Node::Scalar{name, false}, mark)}}, mark), host);
+}
+
+Result<std::vector<FoundExperiment>> find_experiments(Host& host) {
+  std::vector<FoundExperiment> all;
+  for (const PluginInfo& plugin : host.plugins()) {
+    if (plugin.kind != PluginKind::kExperiment) continue;
+    all.push_back(SIDESTEP_TRY(find_experiment(plugin.name, plugin.library.string(), host)));
+  }
+  return all;
+}
+
 std::vector<SettingsBlock> settings_blocks(Host& host) {
   std::vector<SettingsBlock> blocks;
   std::vector<FoundExperiment> experiments;
@@ -240,7 +275,7 @@ std::vector<Error> check_configuration(const Configuration& configuration, Host&
   check_blocks(configuration, found ? &*found : nullptr, host, errors);
   check_field_fits_mapper(configuration, host, errors);
   if (found) {
-    const auto done = contained("experiment " + found->name(), [&]() -> Result<void> {
+    const auto done = catch_all("experiment " + found->name(), [&]() -> Result<void> {
       found->experiment->check(configuration, host, errors);
       return {};
     });
@@ -291,7 +326,7 @@ Result<ExperimentOutcome> run_experiment(ExperimentContext& context) {
   if (done && !context.resume) done = write_configuration();
   if (!done) return error_of(done);
   auto outcome = SIDESTEP_TRY(
-      contained("experiment " + found->name(), [&] { return found->experiment->run(context); }));
+      catch_all("experiment " + found->name(), [&] { return found->experiment->run(context); }));
   if (context.resume) done = write_configuration();
   if (!done) return error_of(done);
   if (context.progress) context.progress(0, 0, "drawing the report");

@@ -1,12 +1,10 @@
-#include <sidestep/experiments/report.hpp>
-
 #include <algorithm>
 
 #include <nlohmann/json.hpp>
 
-#include <sidestep/report/html.hpp>
-#include <sidestep/report/run_report.hpp>
-#include <sidestep/report/text_table.hpp>
+#include <sidestep/experiments/experiments.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/text_file.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
@@ -150,6 +148,33 @@ Result<std::string> compare_runs(const std::vector<fs::path>& runs, const fs::pa
     SIDESTEP_TRY(write_file(html, page));
   }
   return text;
+}
+
+bool are_shards(const std::vector<fs::path>& runs) {
+  return !runs.empty() && std::ranges::all_of(runs, [](const fs::path& run) {
+    const auto summary = read_summary(run);
+    return summary && at(*summary, "/shard").is_object();
+  });
+}
+
+Result<ExperimentOutcome> merge_shards(const std::vector<fs::path>& runs, const fs::path& out,
+                                       Host& host) {
+  std::error_code error;
+  for (const fs::path& run : runs) {
+    if (!fs::equivalent(run, out, error)) continue;
+    return fail(ErrorCode::kConfig, "the folder holds one of the shards", out.string(),
+                "give another one with --merged");
+  }
+  const std::string name = read_summary(runs.front()).value_or(Json()).value("experiment", "");
+  const auto found = SIDESTEP_TRY(find_experiment(name, runs.front().string(), host));
+  auto outcome = SIDESTEP_TRY(found.experiment->merge(runs, out));
+  Result<void> written;
+  if (const auto configuration = read_file(runs.front() / "effective_config.yaml")) {
+    written = write_file(out / "effective_config.yaml", *configuration);
+  }
+  if (written) written = save_outcome(outcome, out, host);
+  if (!written) return error_of(written);
+  return outcome;
 }
 
 }  // namespace sidestep

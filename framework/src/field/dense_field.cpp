@@ -67,7 +67,7 @@ void DenseField::query(std::span<const Eigen::Vector3d> points_m, std::span<doub
     for (std::size_t i = 0; i < padded(batch.count); ++i) {
       batch.put(i, i < batch.count ? points_m[first + i] : Eigen::Vector3d::Zero());
     }
-    SIDESTEP_BEST(sample)(blocks_, bounds, batch);
+    SIDESTEP_DISPATCH(sample)(blocks_, bounds, batch);
     for (std::size_t i = 0; i < batch.count; ++i) {
       const std::size_t n = first + i;
       distances_m[n] = batch.distance_m(i);
@@ -84,7 +84,7 @@ std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
     return DistanceField::query_below(points_m, limits_m, also_unknown, samples);
   }
   const Bounds bounds(info().grid);
-  const auto steepest_voxel_m = static_cast<float>(info().steepest / bounds.inverse_resolution);
+  const auto steepest_voxel_m = static_cast<float>(info().lipschitz / bounds.inverse_resolution);
   std::size_t written = 0;
   Vicinities vicinities;
   std::array<std::int32_t, Vicinities::kPoints> list;
@@ -93,14 +93,14 @@ std::size_t DenseField::query_below(std::span<const PointFloats> points_m,
     const auto some_m =
         points_m.subspan(first, std::min(Vicinities::kGroups, points_m.size() - first));
     const auto limits = limits_m.subspan(first, some_m.size());
-    SIDESTEP_BEST(find_vicinities)(some_m, limits, bounds, steepest_voxel_m, vicinities);
+    SIDESTEP_DISPATCH(find_vicinities)(some_m, limits, bounds, steepest_voxel_m, vicinities);
     read_values(blocks_, also_unknown ? &known_ : nullptr, some_m.size() * kFloatLanes, vicinities);
-    const std::size_t listed = SIDESTEP_BEST(list_near)(vicinities, some_m.size(), list.data());
+    const std::size_t listed = SIDESTEP_DISPATCH(list_near)(vicinities, some_m.size(), list.data());
     for (std::size_t begin = 0; begin < listed; begin += near.count) {
       near.count = std::min(Batch::kPoints, listed - begin);
       const std::int32_t* const points = list.data() + begin;
-      SIDESTEP_BEST(collect)(some_m, points, near);
-      SIDESTEP_BEST(sample)(blocks_, bounds, near);
+      SIDESTEP_DISPATCH(collect)(some_m, points, near);
+      SIDESTEP_DISPATCH(sample)(blocks_, bounds, near);
       // Without branches, too: two in five are not below.
       for (std::size_t k = 0; k < near.count; ++k) {
         const auto point = static_cast<std::size_t>(points[k]);
@@ -153,9 +153,9 @@ SIDESTEP_INLINE void locate(const PointLanes& points_m, const Bounds& bounds,
     const Lanes clamped = lesser(greater(p, Lanes{}), Lanes{} + bounds.last[axis]);
     lanes(places.position[axis]) = p;
     lanes(places.clamped[axis]) = clamped;
-    farthest = greater(size_of(p - clamped), farthest);
+    farthest = greater(abs(p - clamped), farthest);
     Indices nearest;
-    find_integers(clamped + 0.5, nearest);
+    truncate(clamped + 0.5, nearest);
     block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
     place = (nearest & (kSide - 1)) + kSide * place;
   }
@@ -185,7 +185,7 @@ void find_vicinities(std::span<const PointFloats> points_m, std::span<const doub
       const FloatLanes clamped = lesser(greater(p, FloatLanes{}), last);
       excess += (p - clamped) * (p - clamped);
       const FloatIndices nearest = integers_of(clamped);
-      way += size_of(clamped - floats_of(nearest) - 0.5F);
+      way += abs(clamped - floats_of(nearest) - 0.5F);
       block = (nearest >> kShift) + (axis < 2 ? bounds.blocks[axis] * block : block);
       place = (nearest & (kSide - 1)) + kSide * place;
     }
@@ -241,7 +241,7 @@ SIDESTEP_INLINE void find_cells(const Places& places, const Bounds& bounds, Cell
   for (std::size_t axis = 3; axis-- > 0;) {
     const Lanes clamped = lanes(places.clamped[axis]);
     Indices low;
-    find_integers(lesser(clamped, Lanes{} + bounds.last_low[axis]), low);
+    truncate(lesser(clamped, Lanes{} + bounds.last_low[axis]), low);
     Lanes corner;
     find_numbers(low, corner);
     lanes(cells.fraction[axis]) = clamped - corner;

@@ -4,6 +4,8 @@
 #include <bit>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -28,13 +30,13 @@ void cut_off(BlockBits& bits, const Eigen::Vector3i& extent_vox) noexcept {
   for (int row = 0; row < kSide * kSide; ++row) {
     const bool inside = row % kSide < extent_vox.y() && row / kSide < extent_vox.z();
     const std::uint16_t mask = inside ? columns : std::uint16_t{0};
-    bits.occupied[static_cast<std::size_t>(row)] &= mask;
-    bits.known[static_cast<std::size_t>(row)] &= mask;
+    bits.occupied[idx(row)] &= mask;
+    bits.known[idx(row)] &= mask;
   }
 }
 
 BlockBits bits_of(const DenseField& field, std::int32_t block) {
-  const auto index = static_cast<std::size_t>(block);
+  const auto index = idx(block);
   BlockBits bits;
   const float* distances_m = field.blocks().block(index).distance_m.data();
   for (std::size_t row = 0; row < bits.occupied.size(); ++row) {
@@ -77,7 +79,7 @@ bool shares_block(const DenseField& a, const DenseField& b, std::size_t index) n
 void OccupancyBits::start(const GridSpec& grid) {
   grid_ = grid;
   if (grid.voxel_count() > kMostVoxels) grid_.size_vox.setZero();
-  blocks_.assign(static_cast<std::size_t>(block_counts(grid_).prod()), BlockBits{});
+  blocks_.assign(idx(block_counts(grid_).prod()), BlockBits{});
   last_ = nullptr;
 }
 
@@ -126,7 +128,7 @@ std::vector<Eigen::Vector3d> OccupancyBits::occupied_centres_m() const {
   for (std::size_t i = 0; i < blocks_.size(); ++i) {
     const Eigen::Vector3i first = first_voxel(static_cast<std::int32_t>(i), counts);
     for (int row = 0; row < kBlockSide_vox * kBlockSide_vox; ++row) {
-      const auto at = static_cast<std::size_t>(row);
+      const auto at = idx(row);
       const unsigned bits = blocks_[i].occupied[at] & blocks_[i].known[at];
       for (unsigned rest = bits; rest != 0; rest &= rest - 1) {
         centres_m.push_back(

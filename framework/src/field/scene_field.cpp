@@ -1,12 +1,15 @@
-#include <sidestep/core/index.hpp>
 #include <sidestep/field/scene_field.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
 #include <utility>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/field/distance_field.hpp>
 
 #include "solid.hpp"
 
@@ -24,7 +27,7 @@ FieldInfo info_of(Stamp time, const Eigen::AlignedBox3d& bounds_m) {
   info.is_signed = true;
   info.is_exact = true;
   info.max_distance_m = kInfinity;
-  info.steepest = 1.0;
+  info.lipschitz = 1.0;
   info.stamp = time;
   return info;
 }
@@ -38,6 +41,29 @@ std::shared_ptr<const Scene> stopped(const Scene& scene, double time_s) {
 }
 
 }  // namespace
+
+std::size_t DistanceField::query_below(std::span<const PointFloats> points_m,
+                                       std::span<const double> limits_m, bool also_unknown,
+                                       std::span<FieldSample> samples) const noexcept {
+  std::array<Eigen::Vector3d, kFloatLanes> unpacked_m, gradients;
+  std::array<double, kFloatLanes> distances_m;
+  std::array<FieldStatus, kFloatLanes> statuses;
+  std::size_t written = 0;
+  for (std::size_t i = 0; i < points_m.size(); ++i) {
+    for (std::size_t lane = 0; lane < kFloatLanes; ++lane) {
+      unpacked_m[lane] = {points_m[i].x[lane], points_m[i].y[lane], points_m[i].z[lane]};
+    }
+    query(unpacked_m, distances_m, gradients, statuses);
+    for (std::size_t lane = 0; lane < kFloatLanes; ++lane) {
+      const bool counts = statuses[lane] == FieldStatus::kOutside ||
+                          (also_unknown && statuses[lane] == FieldStatus::kUnknown);
+      if (!counts && distances_m[lane] >= limits_m[i]) continue;
+      samples[written++] = {i * kFloatLanes + lane, statuses[lane], distances_m[lane],
+                            gradients[lane]};
+    }
+  }
+  return written;
+}
 
 /// What is nearest to kLanes points.
 struct SceneField::Nearest {
@@ -57,8 +83,7 @@ SceneField::SceneField(const Scene& scene, Stamp time, const Eigen::AlignedBox3d
   const auto is_plain = [](const detail::Solid& solid) {
     return solid.kind != detail::Solid::Kind::kMesh;
   };
-  plain_ = static_cast<std::size_t>(std::ranges::stable_partition(solids_, is_plain).begin() -
-                                    solids_.begin());
+  plain_ = idx(std::ranges::stable_partition(solids_, is_plain).begin() - solids_.begin());
   bounds_ = detail::bounds_of(std::span(solids_).first(plain_));
   numbers_.resize(solids_.size());
   std::iota(numbers_.begin(), numbers_.end(), std::uint32_t{0});

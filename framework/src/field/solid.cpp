@@ -195,20 +195,20 @@ std::vector<SolidBounds> bounds_of(std::span<const Solid> solids) {
 
 std::size_t find_solids_beside(std::span<const SolidBounds> bounds, const PointLanes& points_m,
                                double limit_m, std::uint32_t* beside) noexcept {
-  return SIDESTEP_BEST(find_solids_beside)(bounds, points_m, limit_m, beside);
+  return SIDESTEP_DISPATCH(find_solids_beside)(bounds, points_m, limit_m, beside);
 }
 
 void find_nearest_solids(const Solid* solids, std::span<const SolidBounds> bounds,
                          const PointLanes& points_m, double limit_m, double* distances_m,
                          double* numbers) noexcept {
-  SIDESTEP_BEST(find_nearest_solids)(solids, bounds, points_m, limit_m, distances_m, numbers);
+  SIDESTEP_DISPATCH(find_nearest_solids)(solids, bounds, points_m, limit_m, distances_m, numbers);
 }
 
 std::size_t find_solids_within(const Solid* solids, const std::uint32_t* numbers, std::size_t count,
                                const PointLanes& points_m, const double* limits_m,
                                std::uint32_t* near, double* is_near) noexcept {
-  return SIDESTEP_BEST(find_solids_within)(solids, numbers, count, points_m, limits_m, near,
-                                           is_near);
+  return SIDESTEP_DISPATCH(find_solids_within)(solids, numbers, count, points_m, limits_m, near,
+                                               is_near);
 }
 
 }  // namespace sidestep::detail
@@ -238,17 +238,17 @@ SIDESTEP_INLINE void find_distances(const Solid& solid, const Lanes& x, const La
   Lanes squares{}, deepest = Lanes{} - kInfinity;
   switch (solid.kind) {
     case Solid::Kind::kBox:
-      add_outside(size_of(x) - solid.half_m.data()[0], squares, deepest);
-      add_outside(size_of(y) - solid.half_m.data()[1], squares, deepest);
-      add_outside(size_of(z) - solid.half_m.data()[2], squares, deepest);
+      add_outside(abs(x) - solid.half_m.data()[0], squares, deepest);
+      add_outside(abs(y) - solid.half_m.data()[1], squares, deepest);
+      add_outside(abs(z) - solid.half_m.data()[2], squares, deepest);
       break;
     case Solid::Kind::kCylinder:
       add_outside(roots_of(x * x + y * y) - solid.radius_m, squares, deepest);
-      add_outside(size_of(z) - solid.half_length_m, squares, deepest);
+      add_outside(abs(z) - solid.half_length_m, squares, deepest);
       break;
     case Solid::Kind::kSphere:
     case Solid::Kind::kCapsule: {
-      const Lanes off = greater(size_of(z) - solid.half_length_m, Lanes{});
+      const Lanes off = greater(abs(z) - solid.half_length_m, Lanes{});
       distances = roots_of(x * x + y * y + off * off) - solid.radius_m;
       return;
     }
@@ -266,9 +266,9 @@ SIDESTEP_INLINE void add_outside(const Lanes& beyond, Lanes& squares) noexcept {
 SIDESTEP_INLINE void find_near_box(const Solid& box, const Lanes& x, const Lanes& y, const Lanes& z,
                                    const Lanes& limits, Lanes& is_near) noexcept {
   Lanes squares{};
-  add_outside(size_of(x) - box.half_m.data()[0], squares);
-  add_outside(size_of(y) - box.half_m.data()[1], squares);
-  add_outside(size_of(z) - box.half_m.data()[2], squares);
+  add_outside(abs(x) - box.half_m.data()[0], squares);
+  add_outside(abs(y) - box.half_m.data()[1], squares);
+  add_outside(abs(z) - box.half_m.data()[2], squares);
   is_near = ones_where(squares < limits * limits);
 }
 
@@ -280,7 +280,7 @@ SIDESTEP_INLINE void find_near_in_shape(const Solid& solid, const Lanes& x, cons
   switch (solid.kind) {
     case Solid::Kind::kBox: find_near_box(solid, x, y, z, limits, is_near); return;
     case Solid::Kind::kCylinder: {
-      const Lanes beyond = size_of(z) - solid.half_length_m, around = x * x + y * y;
+      const Lanes beyond = abs(z) - solid.half_length_m, around = x * x + y * y;
       wanted += solid.radius_m;
       // Hardly ever within its limit of both the barrel and the lids: no roots until it is.
       const Lanes off_lids = beyond - limits, off_barrel = around - wanted * wanted;
@@ -293,7 +293,7 @@ SIDESTEP_INLINE void find_near_in_shape(const Solid& solid, const Lanes& x, cons
     }
     case Solid::Kind::kSphere:
     case Solid::Kind::kCapsule:
-      add_outside(size_of(z) - solid.half_length_m, squares);
+      add_outside(abs(z) - solid.half_length_m, squares);
       squares += x * x + y * y;
       wanted += solid.radius_m;
       break;

@@ -12,6 +12,7 @@
 #include <optional>
 #include <sstream>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/geometry/shape.hpp>
 
 namespace sidestep {
@@ -51,7 +52,7 @@ std::optional<Eigen::Vector3d> point(const Words& words) {
   for (std::size_t i = 0; i < 3; ++i) {
     const auto value = number<double>(words[i + 1]);
     if (!value || !std::isfinite(*value)) return {};
-    p[static_cast<Eigen::Index>(i)] = *value;
+    p[i] = *value;
   }
   return p;
 }
@@ -88,7 +89,7 @@ class StlBuilder {
   void add(const std::array<Eigen::Vector3d, 3>& corners) {
     Eigen::Vector3i triangle;
     for (int i = 0; i < 3; ++i) {
-      const Eigen::Vector3d& p = corners[static_cast<std::size_t>(i)];
+      const Eigen::Vector3d& p = corners[idx(i)];
       const auto [at, is_new] = known_.try_emplace(std::array<double, 3>{p.x(), p.y(), p.z()},
                                                    static_cast<int>(mesh_.vertices_m.size()));
       if (is_new) mesh_.vertices_m.push_back(p);

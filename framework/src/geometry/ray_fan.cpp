@@ -6,8 +6,6 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/lanes.hpp>
 
-#include "ray_shape.hpp"
-
 namespace sidestep {
 
 namespace {
@@ -159,7 +157,7 @@ void RayFan::set(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d>
   axis_.setZero();
   for (int i = 0; i < kRays; ++i) {
     // Rays beyond the last one are that one again.
-    const auto at = static_cast<std::size_t>(std::min(i, count_ - 1));
+    const auto at = idx(std::min(i, count_ - 1));
     for (int c = 0; c < 3; ++c) direction_[c][i] = directions[at][c];
     axis_ += directions[at];
   }
@@ -199,7 +197,7 @@ struct RayFan::Local : LocalFan {
 };
 
 void RayFan::meet(const Box& box, const Transform& T_world_shape) {
-  meet_box(Local(*this, T_world_shape), half_extent_m(box));
+  meet_box(Local(*this, T_world_shape), 0.5 * box.size_m);
 }
 void RayFan::meet(const Sphere& sphere, const Transform& T_world_shape) {
   meet_sphere(Local(*this, T_world_shape), sphere.radius_m);

@@ -3,12 +3,13 @@
 #include <limits>
 #include <span>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/geometry/shape.hpp>
 
 namespace sidestep {
 
 /// Some rays of one origin, and how far each goes before it meets something. The same geometry as
-/// ray_shape.hpp, for all of them at once and without normals.
+/// ray_caster.cpp, for all of them at once and without normals.
 class RayFan {
  public:
   static constexpr int kRays = 64;
@@ -27,9 +28,7 @@ class RayFan {
   void meet(const HalfSpace& half_space, const Transform& T_world_shape);
 
   /// Infinity where nothing is met; as many as directions.
-  [[nodiscard]] std::span<const double> distances_m() const {
-    return {nearest_m_, static_cast<std::size_t>(count_)};
-  }
+  [[nodiscard]] std::span<const double> distances_m() const { return {nearest_m_, idx(count_)}; }
 
  private:
   struct Local;

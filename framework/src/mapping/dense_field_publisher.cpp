@@ -51,7 +51,7 @@ DenseFieldPublisher::DenseFieldPublisher(FieldInfo info, const OccupancyView& vi
     : info_(std::move(info)),
       view_(view),
       workers_(workers),
-      blocks_(static_cast<std::size_t>(block_counts(info_.grid).prod())),
+      blocks_(idx(block_counts(info_.grid).prod())),
       known_(blocks_.size()) {}
 
 Result<std::vector<std::uint8_t>> DenseFieldPublisher::begin(const MapUpdate& update) {
@@ -61,7 +61,7 @@ Result<std::vector<std::uint8_t>> DenseFieldPublisher::begin(const MapUpdate& up
   }
   std::vector<std::uint8_t> changed(blocks_.size(), sequence_ ? 0 : 1);
   for (const std::int32_t block : update.changed_blocks) {
-    if (block < 0 || static_cast<std::size_t>(block) >= blocks_.size()) {
+    if (block < 0 || idx(block) >= blocks_.size()) {
       return invalid("the map says that block " + std::to_string(block) +
                      " changed; its grid has blocks 0 to " + std::to_string(blocks_.size() - 1));
     }
@@ -80,7 +80,7 @@ std::shared_ptr<const DistanceField> DenseFieldPublisher::publish(
   // Those whose blocks change; a page of the table is one thread's.
   std::vector<int> pages;
   for (int b = 0; b < block_count; ++b) {
-    const auto at = static_cast<std::size_t>(b);
+    const auto at = idx(b);
     if (changed[at] == 0 && known_changed_[at] == 0) continue;
     if (pages.empty() || pages.back() != b / kPage) pages.push_back(b / kPage);
   }
@@ -90,7 +90,7 @@ std::shared_ptr<const DistanceField> DenseFieldPublisher::publish(
     for (int i = begin * kPage; i < end * kPage; ++i) {
       const int b = pages[idx(i / kPage)] * kPage + i % kPage;
       if (b >= block_count) break;
-      const auto at = static_cast<std::size_t>(b);
+      const auto at = idx(b);
       if (changed[at] == 0 && known_changed_[at] == 0) continue;
       const Eigen::Vector3i block(b % counts.x(), b / counts.x() % counts.y(),
                                   b / (counts.x() * counts.y()));
@@ -121,7 +121,7 @@ void DenseFieldPublisher::write_distances(const Eigen::Vector3i& block, const Ro
   if (!is_whole) out.distance_m.fill(0.0f);  // voxels beyond the grid
   for (int z = first.z(); z < end.z(); ++z) {
     for (int y = first.y(); y < end.y(); ++y) {
-      const auto row = static_cast<std::size_t>(y - first.y() + kSide * (z - first.z()));
+      const auto row = idx(y - first.y() + kSide * (z - first.z()));
       write_row(first.x(), y, z, count, out.distance_m.data() + row * kSide);
     }
   }
@@ -135,10 +135,8 @@ void DenseFieldPublisher::write_known(const Eigen::Vector3i& block, KnownBlock& 
   out.rows.fill(0);
   for (int z = first.z(); z < end.z(); ++z) {
     for (int y = first.y(); y < end.y(); ++y) {
-      const std::size_t row = static_cast<std::size_t>(y) +
-                              static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(z);
-      const std::uint64_t word = known.words[row * static_cast<std::size_t>(known.words_per_row) +
-                                             static_cast<std::size_t>(first.x() / 64)];
+      const std::size_t row = idx(y) + idx(size.y()) * idx(z);
+      const std::uint64_t word = known.words[row * idx(known.words_per_row) + idx(first.x() / 64)];
       out.rows[idx(y - first.y() + kSide * (z - first.z()))] =
           static_cast<std::uint16_t>(word >> (first.x() % 64));
     }

@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/mapping/moving_obstacles.hpp>
 
 namespace sidestep {
@@ -40,9 +41,9 @@ void join_neighbours(const Words& rows, std::size_t words_per_row, std::size_t r
 
 /// Writes the occupied voxels and their 26 neighbours. `scratch` keeps its memory.
 void dilate(const VoxelBits& bits, const GridSpec& grid, Words& scratch, Words& wide) {
-  const auto per_row = static_cast<std::size_t>(bits.words_per_row);
-  const auto ny = static_cast<std::size_t>(grid.size_vox.y());
-  const auto nz = static_cast<std::size_t>(grid.size_vox.z());
+  const auto per_row = idx(bits.words_per_row);
+  const auto ny = idx(grid.size_vox.y());
+  const auto nz = idx(grid.size_vox.z());
   wide.resize(bits.words.size());
   scratch.resize(bits.words.size());
   for (std::size_t row = 0; row < ny * nz; ++row) {
@@ -57,7 +58,7 @@ void dilate(const VoxelBits& bits, const GridSpec& grid, Words& scratch, Words& 
 void find_blocks(const VoxelBits& bits, const GridSpec& grid, std::vector<char>& blocks) {
   static_assert(64 % kBlockSide_vox == 0);
   const Eigen::Vector3i counts = block_counts(grid);
-  blocks.assign(static_cast<std::size_t>(counts.prod()), 0);
+  blocks.assign(idx(counts.prod()), 0);
   std::size_t w = 0;
   for (int z = 0; z < grid.size_vox.z(); ++z) {
     for (int y = 0; y < grid.size_vox.y(); ++y) {
@@ -65,8 +66,7 @@ void find_blocks(const VoxelBits& bits, const GridSpec& grid, std::vector<char>&
         for (std::uint64_t left = bits.words[w]; left != 0;) {
           const int x = std::countr_zero(left) / kBlockSide_vox;
           const int block = word * (64 / kBlockSide_vox) + x;
-          blocks[static_cast<std::size_t>(
-              block_linear({block, y / kBlockSide_vox, z / kBlockSide_vox}, counts))] = 1;
+          blocks[idx(block_linear({block, y / kBlockSide_vox, z / kBlockSide_vox}, counts))] = 1;
           left &= x + 1 == 64 / kBlockSide_vox ? 0 : ~std::uint64_t{0} << (x + 1) * kBlockSide_vox;
         }
       }
@@ -184,8 +184,8 @@ std::shared_ptr<const MovingObstacles> MotionDetector::look(const OccupancyView&
   if (!past_.empty()) {
     Past& then = past_.front();
     const VoxelBits occupied = map.occupied();
-    const auto per_row = static_cast<std::size_t>(occupied.words_per_row);
-    const auto ny = static_cast<std::size_t>(grid.size_vox.y());
+    const auto per_row = idx(occupied.words_per_row);
+    const auto ny = idx(grid.size_vox.y());
     Cells cells(settings_.cell_m);
     for (std::size_t w = 0; w < occupied.words.size(); ++w) {
       if (occupied.words[w] == 0) continue;  // most: what was there before need not be read
@@ -229,8 +229,7 @@ bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
                      if ((block.array() < 0).any() || (block.array() >= counts.array()).any()) {
                        return false;
                      }
-                     return then.blocks[static_cast<std::size_t>(block_linear(block, counts))] !=
-                                0 &&
+                     return then.blocks[idx(block_linear(block, counts))] != 0 &&
                             any_cell(from_vox, direction, enter_vox, leave_vox, 1, is_occupied);
                    });
 }

@@ -1,8 +1,107 @@
 #include <sidestep/mapping/ray_ends.hpp>
 
 #include <algorithm>
+#include <cmath>
+#include <span>
+#include <string>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/mapping/frame_check.hpp>
+#include <sidestep/mapping/self_filter.hpp>
 
 namespace sidestep {
+namespace {
+
+constexpr double kRigidTolerance = 1e-3;
+
+const char* pose_fault(const Transform& pose) {
+  if (!pose.matrix().allFinite()) return "its camera pose is not finite";
+  const Eigen::Matrix3d rotation = pose.linear();
+  const double skew =
+      (rotation.transpose() * rotation - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (skew > kRigidTolerance)
+    return "its camera pose is not rigid: the rotation is not orthonormal";
+  if (rotation.determinant() < 0.0) return "its camera pose is not rigid: it mirrors";
+  return nullptr;
+}
+
+std::string image_fault(const DepthImage& image) {
+  const CameraIntrinsics& camera = image.camera;
+  const std::string size =
+      std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px);
+  if (camera.width_px <= 0 || camera.height_px <= 0) {
+    return "its depth image is " + size + " pixels";
+  }
+  for (const double focal_px : {camera.fx_px, camera.fy_px}) {
+    if (!std::isfinite(focal_px) || focal_px <= 0.0) {
+      return "its focal length is " + std::to_string(focal_px) + " px";
+    }
+  }
+  if (!std::isfinite(camera.cx_px) || !std::isfinite(camera.cy_px)) {
+    return "its principal point is not finite";
+  }
+  const std::size_t pixels = idx(camera.width_px) * idx(camera.height_px);
+  if (image.depth_m.size() != pixels) {
+    return "it has " + std::to_string(image.depth_m.size()) + " depths for a camera of " + size +
+           " pixels";
+  }
+  return {};
+}
+
+}  // namespace
+
+Error bad_frame(const Frame& frame, std::string message, std::string hint) {
+  return Error{ErrorCode::kBadFrame, std::move(message), "frame " + std::to_string(frame.sequence),
+               std::move(hint), nullptr};
+}
+
+Result<void> check_frame(const Frame& frame) {
+  if (const char* fault = pose_fault(frame.T_world_camera)) {
+    return tl::make_unexpected(bad_frame(frame, fault));
+  }
+  if (const auto* image = std::get_if<DepthImage>(&frame.measurement)) {
+    std::string fault = image_fault(*image);
+    if (!fault.empty()) return tl::make_unexpected(bad_frame(frame, std::move(fault)));
+  }
+  return {};
+}
+
+Result<void> SelfFilter::pose(const Frame& frame) {
+  balls_.clear();
+  if (!robot_ || !frame.joint_positions) return {};
+  const RobotDescription& robot = robot_->description();
+  const Eigen::VectorXd& q = *frame.joint_positions;
+  if (q.size() != robot.dof()) {
+    return tl::make_unexpected(
+        bad_frame(frame, "it has " + std::to_string(q.size()) + " joint positions, but robot '" +
+                             robot.name + "' has " + std::to_string(robot.dof()) + " joints"));
+  }
+  if (!q.allFinite()) {
+    return tl::make_unexpected(bad_frame(frame, "a joint position is not finite"));
+  }
+  centres_m_.resize(robot.spheres.size());
+  robot_->sphere_centres(as_span(q), centres_m_, scratch_);
+  for (std::size_t s = 0; s < centres_m_.size(); ++s) {
+    balls_.push_back({centres_m_[s], robot.spheres[s].radius_m + margin_m_});
+    const Eigen::Vector3d reach = Eigen::Vector3d::Constant(balls_[s].radius_m);
+    const Eigen::Vector3d lower = centres_m_[s] - reach;
+    const Eigen::Vector3d upper = centres_m_[s] + reach;
+    lower_m_ = s == 0 ? lower : Eigen::Vector3d(lower_m_.cwiseMin(lower));
+    upper_m_ = s == 0 ? upper : Eigen::Vector3d(upper_m_.cwiseMax(upper));
+  }
+  return {};
+}
+
+bool SelfFilter::contains(const Eigen::Vector3d& p_world) const noexcept {
+  if (balls_.empty() || (p_world.array() < lower_m_.array()).any() ||
+      (p_world.array() > upper_m_.array()).any()) {
+    return false;
+  }
+  for (const Ball& ball : balls_) {
+    if ((p_world - ball.centre_m).squaredNorm() <= ball.radius_m * ball.radius_m) return true;
+  }
+  return false;
+}
 
 std::optional<LinePart> clip_to_box(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
                                     const Eigen::Vector3d& size) {
@@ -50,7 +149,7 @@ std::optional<RayEnd> RayEnds::at(std::size_t index, IntegrationCounts& counts) 
     return of_point(cloud.points_m[index].cast<double>(), counts);
   }
   const CameraIntrinsics& camera = image->camera;
-  const std::size_t width = static_cast<std::size_t>(camera.width_px);
+  const std::size_t width = idx(camera.width_px);
   const double u = static_cast<double>(index % width);
   const std::size_t row = index / width;
   const double v = static_cast<double>(row);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -68,12 +68,8 @@ struct ClearanceProver::Workspace {
   Scratch scratch;
 };
 
-void ClearanceProver::WorkspaceDeleter::operator()(Workspace* workspace) const noexcept {
-  delete workspace;
-}
-
 ClearanceProver::WorkspacePtr ClearanceProver::make_workspace() const {
-  return WorkspacePtr(new Workspace());
+  return std::make_shared<Workspace>();
 }
 
 ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
@@ -122,9 +118,7 @@ bool ClearanceProver::is_at_limit(int item, const ClearanceReading& reading) con
 }
 
 double ClearanceProver::way_bound_m(std::span<const double> variation) const noexcept {
-  double sum = 0.0;
-  for (std::size_t j = 0; j < variation.size(); ++j) sum += largest_levers_[j] * variation[j];
-  return sum;
+  return std::inner_product(variation.begin(), variation.end(), largest_levers_.begin(), 0.0);
 }
 
 double ClearanceProver::way_m(int item, const Workspace& w) const noexcept {
@@ -158,10 +152,9 @@ bool ClearanceProver::violates(int item, const ClearanceReading& reading) const 
 }
 
 void ClearanceProver::measure(Workspace& w) const {
-  const RobotDescription& description = robot_->description();
   if (w.measurements.empty()) return;
   const std::size_t rows = idx(w.measurements.back().row) + 1;
-  w.centres.resize(rows * description.spheres.size());
+  w.centres.resize(rows * idx(sphere_count_));
   robot_->sphere_centres(w.q, w.centres, w.scratch);
   measure_spheres(w);
   measure_pairs(w);
@@ -205,11 +198,10 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
 }
 
 void ClearanceProver::measure_pairs(Workspace& w) const {
-  const RobotDescription& description = robot_->description();
+  const auto& pairs = robot_->description().self_collision_pairs;
   for (Measurement& measurement : w.measurements) {
     if (measurement.item < sphere_count_) continue;
-    const auto [first, second] =
-        description.self_collision_pairs[idx(measurement.item - sphere_count_)];
+    const auto [first, second] = pairs[idx(measurement.item - sphere_count_)];
     const Eigen::Vector3d* centres = w.centres.data() + idx(measurement.row) * idx(sphere_count_);
     double nearest_m = kInfinity;
     for (const int a : spheres_of_link_[idx(first)]) {
@@ -312,7 +304,7 @@ bool ClearanceProver::stays_known(int item, const ClearanceReading& a, const Cle
   w.distances.resize(w.points.size());
   w.statuses.resize(w.points.size());
   field_->query(w.points, w.distances, {}, w.statuses);
-  return std::find(w.statuses.begin(), w.statuses.end(), FieldStatus::kUnknown) == w.statuses.end();
+  return std::ranges::find(w.statuses, FieldStatus::kUnknown) == w.statuses.end();
 }
 
 ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& listener,
@@ -327,8 +319,13 @@ ClearanceProver::End ClearanceProver::prove(const Request& request, Listener& li
     }
   }
   for (int p = 0; p < pieces; ++p) {
-    const End end = prove_piece(request, p, listener, deadline, w);
-    if (end != End::kFinished) return end;
+    if (!open_piece(request, p, listener, w)) return End::kStopped;
+    while (true) {
+      if (!sift(request, listener, w)) return End::kStopped;
+      if (w.intervals.empty()) break;
+      if (deadline.expired()) return End::kDeadline;
+      if (!halve(request, listener, w)) return End::kStopped;
+    }
   }
   return End::kFinished;
 }
@@ -337,12 +334,7 @@ bool ClearanceProver::measure_ends(const Request& request, int pieces, Listener&
                                    Workspace& w) const {
   const std::size_t items = idx(item_count());
   const bool goes_on = request.goes_on && w.read_to == request.from;
-  if (goes_on) {
-    w.piece_ends.erase(w.piece_ends.begin(),
-                       w.piece_ends.end() - static_cast<std::ptrdiff_t>(items));
-  } else {
-    w.piece_ends.clear();
-  }
+  w.piece_ends.erase(w.piece_ends.begin(), w.piece_ends.end() - (goes_on ? items : 0));
   w.piece_times.clear();
   for (int p = 0; p <= pieces; ++p) {
     const double share = pieces == 0 ? 0.0 : static_cast<double>(p) / pieces;
@@ -381,23 +373,14 @@ bool ClearanceProver::measure_all(const Motion& motion, Listener& listener, Work
       w.measurements.push_back({static_cast<int>(k), item, {}});
     }
   }
-  measure(w);
-  for (const Measurement& m : w.measurements) {
-    if (!listener.on_reading(w.times[idx(m.row)], m.item, m.reading)) return false;
-  }
-  return true;
+  return measure_and_tell(listener, w);
 }
 
-ClearanceProver::End ClearanceProver::prove_piece(const Request& request, int piece,
-                                                  Listener& listener, const Deadline& deadline,
-                                                  Workspace& w) const {
-  if (!open_piece(request, piece, listener, w)) return End::kStopped;
-  while (true) {
-    if (!sift(request, listener, w)) return End::kStopped;
-    if (w.intervals.empty()) return End::kFinished;
-    if (deadline.expired()) return End::kDeadline;
-    if (!halve(request, listener, w)) return End::kStopped;
-  }
+bool ClearanceProver::measure_and_tell(Listener& listener, Workspace& w) const {
+  measure(w);
+  return std::ranges::all_of(w.measurements, [&](const Measurement& m) {
+    return listener.on_reading(w.times[idx(m.row)], m.item, m.reading);
+  });
 }
 
 /// Levers for one piece, and its first intervals.
@@ -494,10 +477,7 @@ bool ClearanceProver::halve(const Request& request, Listener& listener, Workspac
       w.measurements.push_back({static_cast<int>(i), w.gaps[g].item, {}});
     }
   }
-  measure(w);
-  for (const Measurement& m : w.measurements) {
-    if (!listener.on_reading(w.times[idx(m.row)], m.item, m.reading)) return false;
-  }
+  if (!measure_and_tell(listener, w)) return false;
   w.next_intervals.clear();
   w.next_gaps.clear();
   for (std::size_t i = 0; i < w.intervals.size(); ++i) {

@@ -1,18 +1,20 @@
 #pragma once
 
 #include <cstddef>
-#include <limits>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/scratch.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/field/dense_field.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/problem.hpp>
+#include <sidestep/planning/validity_check.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
 #include "motion_bounds.hpp"
@@ -33,8 +35,8 @@ class Motion {
 struct ClearanceReading {
   double clearance_m = 0.0;  ///< Distance minus radius under the space policy, the nearer of both.
   double smooth_m = 0.0;     ///< Of the field alone, without the policy: what drop(L) is about.
-  double floor_m = std::numeric_limits<double>::infinity();  ///< Above the floor.
-  double inside_m = 0.0;  ///< Of the centre to the field's border; negative outside.
+  double floor_m = kInfinity;  ///< Above the floor.
+  double inside_m = 0.0;       ///< Of the centre to the field's border; negative outside.
   FieldStatus status = FieldStatus::kKnown;
   bool is_unseen = false;  ///< The centre is where no frame has seen, and may not be there.
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
@@ -96,10 +98,7 @@ class ClearanceProver {
 
   /// The temporaries of a proof, one per thread.
   struct Workspace;
-  struct WorkspaceDeleter {
-    void operator()(Workspace* workspace) const noexcept;
-  };
-  using WorkspacePtr = std::unique_ptr<Workspace, WorkspaceDeleter>;
+  using WorkspacePtr = std::shared_ptr<Workspace>;
   [[nodiscard]] WorkspacePtr make_workspace() const;
 
   enum class End { kFinished, kStopped, kDeadline };
@@ -142,6 +141,8 @@ class ClearanceProver {
   /// The same between the pieces of a motion and at its ends, into workspace.piece_ends.
   bool measure_ends(const Request& request, int pieces, Listener& listener,
                     Workspace& workspace) const;
+  /// False if the listener ends it.
+  bool measure_and_tell(Listener& listener, Workspace& workspace) const;
   void measure(Workspace& workspace) const;
   void measure_spheres(Workspace& workspace) const;
   void measure_pairs(Workspace& workspace) const;
@@ -161,8 +162,6 @@ class ClearanceProver {
   [[nodiscard]] bool keeps_to_known(int item, const Workspace& workspace) const noexcept;
   [[nodiscard]] bool is_settled(int item, const ClearanceReading& a, const ClearanceReading& b,
                                 Workspace& workspace) const;
-  End prove_piece(const Request& request, int piece, Listener& listener, const Deadline& deadline,
-                  Workspace& workspace) const;
   bool open_piece(const Request& request, int piece, Listener& listener,
                   Workspace& workspace) const;
   bool sift(const Request& request, Listener& listener, Workspace& workspace) const;
@@ -183,5 +182,38 @@ class ClearanceProver {
   std::vector<double> largest_levers_;
   std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
 };
+
+/// Keeps the worst violation of each subject and kind, and turns them into a verdict.
+class ViolationLedger {
+ public:
+  void add(Violation violation);
+  /// Adds what a position is beyond its limits, by more than a tolerance; or if it is no number.
+  void check_position(const Joint& joint, double tolerance, double position, double time_s);
+  [[nodiscard]] bool empty() const noexcept { return violations_.empty(); }
+  /// The earliest time of all that were added; infinity if none was.
+  [[nodiscard]] double first_s() const noexcept { return first_s_; }
+  /// Worst first: collisions, self-collisions, limits, unproven; the larger amount first.
+  [[nodiscard]] std::vector<Violation> sorted() const;
+
+ private:
+  std::vector<Violation> violations_;
+  double first_s_ = kInfinity;
+};
+
+inline constexpr const char* kObstacle = "an obstacle";
+inline constexpr const char* kUnknownSpace = "unknown space";
+/// kObstacle, or what else a point is in that counts as occupied under the policy.
+[[nodiscard]] std::string obstacle_name(FieldStatus status, const SpacePolicy& space);
+
+/// The violation that a reading of a sphere or of a pair of links amounts to.
+[[nodiscard]] Violation violation_of(const ClearanceProver& prover, int item,
+                                     const ClearanceReading& reading, double time_s);
+/// An item whose motion could not be shown clear.
+[[nodiscard]] Violation unproven(const ClearanceProver& prover, int item,
+                                 const Shortfall& shortfall, double time_s);
+
+/// "its upper limit of 2.617 rad" and the like; `per` is "", "/s" or "/s^2".
+[[nodiscard]] std::string limit_name(const Joint& joint, std::string_view which, double value,
+                                     std::string_view per);
 
 }  // namespace sidestep

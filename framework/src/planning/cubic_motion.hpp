@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
 #include "clearance_prover.hpp"
@@ -72,9 +73,9 @@ class CubicMotion {
   CubicMotion() = default;
   CubicMotion(const Trajectory& trajectory, int state) { take(trajectory, state); }
   void take(const Trajectory& trajectory, int state) {
-    const std::size_t dof = static_cast<std::size_t>(trajectory.dof);
-    begin_s_ = trajectory.times_s[static_cast<std::size_t>(state)];
-    const double h = trajectory.times_s[static_cast<std::size_t>(state) + 1] - begin_s_;
+    const std::size_t dof = idx(trajectory.dof);
+    begin_s_ = trajectory.times_s[idx(state)];
+    const double h = trajectory.times_s[idx(state) + 1] - begin_s_;
     duration_s_ = h;
     joints_.resize(dof);
     turns_.resize(dof);

@@ -1,3 +1,4 @@
+#ifndef SIDESTEP_KERNELS
 #include "edge_prover.hpp"
 
 #include <algorithm>
@@ -8,7 +9,8 @@
 
 #include <sidestep/core/index.hpp>
 
-#include "edge_lanes.hpp"
+#define SIDESTEP_KERNELS "edge_prover.cpp"
+#include <sidestep/core/each_target.hpp>
 
 namespace sidestep {
 namespace {
@@ -123,8 +125,8 @@ bool EdgeProver::is_clear(std::span<const double> q_from, std::span<const double
 }
 
 void EdgeProver::measure_edge() {
-  detail::find_products(levers_.data(), ways_m_.size(), variation_.size(), q_from_.data(),
-                        q_to_.data(), ways_m_.data());
+  SIDESTEP_DISPATCH(find_products)
+  (levers_.data(), ways_m_.size(), variation_.size(), q_from_.data(), q_to_.data(), ways_m_.data());
   for (std::size_t j = 0; j < variation_.size(); ++j) {
     variation_[j] = std::abs(q_to_[j] - q_from_[j]);
   }
@@ -179,8 +181,7 @@ bool EdgeProver::look(std::span<const Part> parts, double half, double resolutio
   for (std::size_t i = 0; i < balls_.size(); ++i) {
     const std::size_t ball = order_[i];
     if ((balls & bit_of(ball)) == 0 || look_at_ball(ball, look)) continue;
-    std::rotate(order_.begin(), order_.begin() + static_cast<std::ptrdiff_t>(i),
-                order_.begin() + static_cast<std::ptrdiff_t>(i) + 1);
+    std::rotate(order_.begin(), order_.begin() + i, order_.begin() + i + 1);
     return false;
   }
   for (std::size_t pair = 0; pair < pairs_.size(); ++pair) {
@@ -230,9 +231,10 @@ bool EdgeProver::look_at_sphere(std::size_t number, int sphere,
   const PointLanes& centre_m = centres_[idx(sphere)];
   const double required_m = radius_m_[idx(sphere)] + margin_m_ + spare_m_;
   alignas(64) double ways_m[kLanes], limits_m[kLanes], is_near[kLanes] = {}, is_hit[kLanes] = {};
-  detail::find_ways(centre_m, ball_way_m(number) * look.half,
-                    1.5 * ball_bend_m(number) * look.half * look.half, ways_m);
-  detail::add_to(ways_m, required_m, limits_m);
+  SIDESTEP_DISPATCH(find_ways)
+  (centre_m, ball_way_m(number) * look.half, 1.5 * ball_bend_m(number) * look.half * look.half,
+   ways_m);
+  SIDESTEP_DISPATCH(add_to)(ways_m, required_m, limits_m);
   const std::size_t near = field_->find_within(shapes, centre_m, limits_m, nearer_.data(), is_near);
   if (near == 0 && !is_bounded_) return true;
   std::ranges::fill(limits_m, required_m);
@@ -263,19 +265,22 @@ bool EdgeProver::look_at_pair(std::size_t number, Look& look) const {
   const double way_m = pair_way_m(number) * look.half + spare_m_;
   alignas(64) double ignored[kLanes] = {}, is_near[kLanes] = {}, is_hit[kLanes] = {};
   const PointLanes& middle_m = centres_[idx(second.centre)];
-  if (!detail::find_close(centres_[idx(first.centre)], middle_m,
-                          first.radius_m + second.radius_m + way_m, ignored)) {
+  if (!SIDESTEP_DISPATCH(find_close)(centres_[idx(first.centre)], middle_m,
+                                     first.radius_m + second.radius_m + way_m, ignored)) {
     return true;
   }
   for (const int a : first.spheres) {
     const double a_m = radius_m_[idx(a)];
-    if (!detail::find_close(centres_[idx(a)], middle_m, a_m + second.radius_m + way_m, ignored)) {
+    if (!SIDESTEP_DISPATCH(find_close)(centres_[idx(a)], middle_m, a_m + second.radius_m + way_m,
+                                       ignored)) {
       continue;
     }
     for (const int b : second.spheres) {
       const double sum_m = a_m + radius_m_[idx(b)];
-      if (!detail::find_close(centres_[idx(a)], centres_[idx(b)], sum_m + way_m, is_near)) continue;
-      (void)detail::find_close(centres_[idx(a)], centres_[idx(b)], sum_m, is_hit);
+      if (!SIDESTEP_DISPATCH(find_close)(centres_[idx(a)], centres_[idx(b)], sum_m + way_m,
+                                         is_near))
+        continue;
+      (void)SIDESTEP_DISPATCH(find_close)(centres_[idx(a)], centres_[idx(b)], sum_m, is_hit);
     }
   }
   for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
@@ -287,3 +292,65 @@ bool EdgeProver::look_at_pair(std::size_t number, Look& look) const {
 }
 
 }  // namespace sidestep
+
+#else
+
+namespace {
+
+/// Steps from each lane to the next of its four; the fourth's is the third's.
+SIDESTEP_INLINE void add_steps(const double* from, double* squares) noexcept {
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    const std::size_t first = lane - (lane % 4 == 3 ? 1 : 0);
+    const double step = from[first + 1] - from[first];
+    squares[lane] += step * step;
+  }
+}
+
+/// How far a point comes from where it is in each lane, within half a part of an edge before or
+/// after it. Lanes are the middles of parts that follow each other, 0 to 3 and 4 to 7 alike: the
+/// chord to the next lane is the mean of the velocity between the two, so that the way is at most
+/// half the chord and `bent_m` (3/2 of the greatest acceleration times the half part's square), nor
+/// more than `widest_m`.
+void find_ways(const PointLanes& points_m, double widest_m, double bent_m,
+               double* ways_m) noexcept {
+  alignas(64) double squares[kLanes] = {};
+  add_steps(points_m.x, squares);
+  add_steps(points_m.y, squares);
+  add_steps(points_m.z, squares);
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    ways_m[lane] = lesser(widest_m, 0.5 * __builtin_sqrt(squares[lane]) + bent_m);
+  }
+}
+
+/// Whether two points are nearer than a limit in any lane; is_near[lane] becomes 1 there and is
+/// left alone elsewhere.
+bool find_close(const PointLanes& a_m, const PointLanes& b_m, double limit_m,
+                double* is_near) noexcept {
+  const Lanes x = lanes(a_m.x) - lanes(b_m.x), y = lanes(a_m.y) - lanes(b_m.y),
+              z = lanes(a_m.z) - lanes(b_m.z);
+  const Lanes close = ones_where(x * x + y * y + z * z < limit_m * limit_m);
+  lanes(is_near) = greater(close, lanes(is_near));
+  return any_of(close);
+}
+
+/// ways[row] = sum over columns of |to - from| * table[column * stride + row]; `stride` rows, whole
+/// lanes.
+void find_products(const double* table, std::size_t stride, std::size_t columns, const double* from,
+                   const double* to, double* ways) noexcept {
+  for (std::size_t row = 0; row < stride; row += kLanes) {
+    Lanes sum{};
+    for (std::size_t column = 0; column < columns; ++column) {
+      sum += __builtin_fabs(to[column] - from[column]) * lanes(table + column * stride + row);
+    }
+    lanes(ways + row) = sum;
+  }
+}
+
+/// sums = values + addend.
+void add_to(const double* values, double addend, double* sums) noexcept {
+  lanes(sums) = lanes(values) + addend;
+}
+
+}  // namespace
+
+#endif

@@ -27,7 +27,7 @@ namespace sidestep {
 ///
 /// A link's spheres are first taken together, as a ball around one of them. The way of a sphere is
 /// bounded by its levers (motion_bounds.hpp), and by the chord between the middles of two
-/// neighbouring parts and how far the sphere can turn off it (edge_lanes.hpp).
+/// neighbouring parts and how far the sphere can turn off it.
 ///
 /// The same verdicts as ClearanceProver's, but for edges that one or the other cannot show clear at
 /// its resolution, and for shapes beyond the bounds of the field, which here are in the way of

@@ -1,18 +1,20 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
+#include <memory>
+#include <mutex>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/trajectory/trajectory.hpp>
 
-#include "chord_check.hpp"
 #include "clearance_prover.hpp"
 #include "cubic_motion.hpp"
-#include "violation_ledger.hpp"
+#include "edge_prover.hpp"
 
 namespace sidestep {
 namespace {
@@ -23,13 +25,126 @@ constexpr double kRounding = 24e-15;
 constexpr double kProof_m = 0.3;
 constexpr double kMostParts = 1000.0;
 
+/// Pieces farther than this from a chord begin another: long chords first, and where they cannot
+/// be shown clear, shorter ones.
+constexpr double kBeside_m[] = {2e-3, 5e-4};
+
+/// Calls with the control points of the piece after a state, less the first: three in a row.
+template <class Call>
+void for_control_points(const Trajectory& trajectory, int state, Call&& call) {
+  const auto at = idx(state);
+  const double third_s = (trajectory.times_s[at + 1] - trajectory.times_s[at]) / 3.0;
+  const auto q0 = trajectory.q(state), q1 = trajectory.q(state + 1);
+  const auto v0 = trajectory.qdot(state), v1 = trajectory.qdot(state + 1);
+  call([=](std::size_t j) { return q0[j] + third_s * v0[j]; });
+  call([=](std::size_t j) { return q1[j] - third_s * v1[j]; });
+  call([=](std::size_t j) { return q1[j]; });
+}
+
+/// How far a configuration is from the line through `from` towards `to`, or from what lies between
+/// the two, as motion of spheres.
+template <class Point>
+double off_line_m(std::span<const double> from, std::span<const double> to, bool is_ray,
+                  std::span<const double> levers, const Point& point) {
+  double along = 0.0, square = 0.0;
+  for (std::size_t j = 0; j < levers.size(); ++j) {
+    const double step = to[j] - from[j];
+    along += step * (point(j) - from[j]);
+    square += step * step;
+  }
+  double share = square > 0.0 ? std::max(0.0, along / square) : 0.0;
+  if (!is_ray) share = std::min(1.0, share);
+  double sum_m = 0.0;
+  for (std::size_t j = 0; j < levers.size(); ++j) {
+    const double off = std::abs(point(j) - (from[j] + share * (to[j] - from[j])));
+    if (off > 0.0) sum_m += levers[j] * off;
+  }
+  return sum_m;
+}
+
+/// Shows trajectories clear of exact shapes along chords: where several cubic pieces in a row keep
+/// close to the straight line between their ends, as all of a sampled path between two corners
+/// does, they are clear if that line is, by as much more as they are away from it. Says nothing of
+/// trajectories that it cannot show clear: ClearanceProver tells what is wrong with them.
+///
+/// A piece lies within the convex hull of its Bezier control points, and so within the largest of
+/// their distances from the chord; a configuration that is away from the chord by v_j in each joint
+/// moves no sphere by more than the sum of lever_j v_j.
+class ChordCheck {
+ public:
+  /// `levers`: by joint, at least those of every sphere and pair (motion_bounds.hpp).
+  ChordCheck(std::shared_ptr<const RobotModel> robot, std::shared_ptr<const MotionBounds> bounds,
+             std::span<const double> levers, std::shared_ptr<const SceneField> field,
+             const SpacePolicy& space, double margin_m)
+      : levers_(levers.begin(), levers.end()), prover_(std::move(robot), std::move(bounds)) {
+    prover_.look_at(std::move(field), space, margin_m);
+  }
+
+  /// Whether all of the trajectory from one of its states on is shown clear; chords that are not
+  /// before no sphere moves more than `resolution_m` between looks end it. [any]
+  [[nodiscard]] bool shows_clear(const Trajectory& trajectory, int from_state, double resolution_m,
+                                 const Deadline& deadline) const {
+    const std::scoped_lock lock(mutex_);
+    for (int first = from_state; first + 1 < trajectory.size();) {
+      if (deadline.expired()) return false;
+      int last = first;
+      for (const double most_m : kBeside_m) {
+        const int end = chord_end(trajectory, first, most_m);
+        const double beside = beside_m(trajectory, first, end);
+        if (!(beside < 2.0 * most_m)) continue;
+        if (!prover_.is_clear(trajectory.q(first), trajectory.q(end), resolution_m, beside))
+          continue;
+        last = end;
+        break;
+      }
+      if (last == first) return false;
+      first = last;
+    }
+    return true;
+  }
+
+ private:
+  /// The last state that a chord from `first` may reach.
+  [[nodiscard]] int chord_end(const Trajectory& trajectory, int first, double most_m) const {
+    // The direction is that of the first piece that leads anywhere.
+    int ahead = first + 1;
+    while (ahead + 1 < trajectory.size() &&
+           std::ranges::equal(trajectory.q(first), trajectory.q(ahead))) {
+      ++ahead;
+    }
+    int last = first + 1;
+    for (; last + 1 < trajectory.size(); ++last) {
+      bool is_near = true;
+      for_control_points(trajectory, last, [&](const auto& point) {
+        is_near = is_near && off_line_m(trajectory.q(first), trajectory.q(ahead), true, levers_,
+                                        point) < most_m;
+      });
+      if (!is_near) break;
+    }
+    return last;
+  }
+
+  /// The largest distance of pieces from the chord between their ends, as motion of spheres.
+  [[nodiscard]] double beside_m(const Trajectory& trajectory, int first, int last) const {
+    double most_m = 0.0;
+    for (int state = first; state < last; ++state) {
+      for_control_points(trajectory, state, [&](const auto& point) {
+        most_m = std::max(
+            most_m, off_line_m(trajectory.q(first), trajectory.q(last), false, levers_, point));
+      });
+    }
+    return most_m;
+  }
+
+  std::vector<double> levers_;
+  mutable std::mutex mutex_;  ///< Of what follows.
+  mutable EdgeProver prover_;
+};
 /// Collects what the prover finds into a verdict.
 class VerdictBuilder final : public ClearanceProver::Listener {
  public:
   VerdictBuilder(const ClearanceProver& prover, bool first_only)
-      : prover_(prover),
-        first_only_(first_only),
-        looks_(static_cast<std::size_t>(prover.sphere_count())) {}
+      : prover_(prover), first_only_(first_only), looks_(idx(prover.sphere_count())) {}
 
   bool on_reading(double t, int item, const ClearanceReading& reading) override {
     if (prover_.violates(item, reading)) ledger_.add(violation_of(prover_, item, reading, t));
@@ -94,7 +209,7 @@ class VerdictBuilder final : public ClearanceProver::Listener {
     Looks whole;
     std::vector<Looks> of_link(robot.links.size());
     for (std::size_t s = 0; s < looks_.size(); ++s) {
-      const auto link = static_cast<std::size_t>(robot.spheres[s].link);
+      const auto link = idx(robot.spheres[s].link);
       for (Looks* sum : {&whole, &of_link[link]}) {
         sum->all += looks_[s].all;
         sum->unknown += looks_[s].unknown;
@@ -112,12 +227,25 @@ class VerdictBuilder final : public ClearanceProver::Listener {
   const ClearanceProver& prover_;
   bool first_only_;
   ViolationLedger ledger_;
-  double min_clearance_m_ = std::numeric_limits<double>::infinity();
+  double min_clearance_m_ = kInfinity;
   int min_clearance_item_ = -1;
   double min_clearance_time_s_ = 0.0;
   bool clearance_is_bound_ = false;
-  double min_self_clearance_m_ = std::numeric_limits<double>::infinity();
+  double min_self_clearance_m_ = kInfinity;
   std::vector<Looks> looks_;  ///< Of each sphere.
+};
+
+/// A motion that stands still.
+class Rest final : public Motion {
+ public:
+  explicit Rest(std::span<const double> q) : q_(q) {}
+  void configuration(double, std::span<double> q) const override {
+    std::ranges::copy(q_, q.begin());
+  }
+  void variation(double, double, std::span<double> v) const override { std::ranges::fill(v, 0.0); }
+
+ private:
+  std::span<const double> q_;
 };
 
 class FieldCheck final : public ValidityCheck {
@@ -135,202 +263,164 @@ class FieldCheck final : public ValidityCheck {
   }
 
   [[nodiscard]] Result<Verdict> check(const Trajectory& trajectory, double from_s,
-                                      const Deadline& deadline) const override;
+                                      const Deadline& deadline) const override {
+    SIDESTEP_TRY(validate(trajectory, from_s));
+    const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
+    VerdictBuilder builder(prover_, settings_.first_violation_only);
+    ClearanceProver::WorkspacePtr workspace;
+    const auto prove = [&](const Motion& motion, double from, double to) {
+      const ClearanceProver::Request request{motion,
+                                             from,
+                                             to,
+                                             settings_.max_step_m,
+                                             settings_.min_step_m,
+                                             workspace != nullptr,
+                                             from < begin_s + settings_.observed_s};
+      if (workspace == nullptr) workspace = prover_.make_workspace();
+      return prover_.prove(request, builder, deadline, *workspace) !=
+             ClearanceProver::End::kDeadline;
+    };
+    if (begin_s >= trajectory.duration_s()) {
+      const int last = trajectory.size() - 1;
+      check_state_limits(trajectory, last, builder.ledger());
+      if (!prove(Rest(trajectory.q(last)), begin_s, begin_s)) {
+        return tl::make_unexpected(late(trajectory, begin_s));
+      }
+      return builder.verdict();
+    }
+    const auto time_of = [&](int state) { return trajectory.times_s[idx(state)]; };
+    CubicChain chain;
+    std::vector<double> variation(idx(trajectory.dof));
+    int state = 0;
+    while (time_of(state + 1) <= begin_s) ++state;
+    if (chords_ && chords_->shows_clear(trajectory, state, settings_.min_step_m, deadline)) {
+      CubicMotion piece;
+      for (; state + 1 < trajectory.size() && !builder.is_decided(); ++state) {
+        piece.take(trajectory, state);
+        check_limits(piece, std::max(begin_s, time_of(state)), time_of(state + 1),
+                     builder.ledger());
+      }
+      return builder.verdict();
+    }
+    while (state + 1 < trajectory.size() && !builder.is_decided()) {
+      const double chain_from_s = std::max(begin_s, time_of(state));
+      double way_m = 0.0;
+      for (chain.clear(); state + 1 < trajectory.size() && way_m < kProof_m; ++state) {
+        const CubicMotion& piece = chain.append(trajectory, state);
+        const double piece_from_s = std::max(begin_s, time_of(state));
+        check_limits(piece, piece_from_s, time_of(state + 1), builder.ledger());
+        chain.variation(piece_from_s, time_of(state + 1), variation);
+        way_m += prover_.way_bound_m(variation);
+      }
+      // A long piece of which the first violation matters is proven in parts.
+      const double to_s = time_of(state);
+      const double most_parts = settings_.first_violation_only ? kMostParts : 1.0;
+      const int parts =
+          std::max(1, static_cast<int>(std::ceil(std::min(most_parts, way_m / kProof_m))));
+      for (int part = 0; part < parts && !builder.is_decided(); ++part) {
+        const auto at = [&](int p) {
+          return p == parts ? to_s : chain_from_s + (to_s - chain_from_s) * p / parts;
+        };
+        if (!prove(chain, at(part), at(part + 1))) {
+          return tl::make_unexpected(late(trajectory, at(part)));
+        }
+      }
+    }
+    return builder.verdict();
+  }
 
  private:
-  [[nodiscard]] Result<void> validate(const Trajectory& trajectory, double from_s) const;
+  [[nodiscard]] Result<void> validate(const Trajectory& trajectory, double from_s) const {
+    const int dof = robot_->description().dof();
+    if (trajectory.dof != dof) {
+      return invalid("the trajectory moves " + std::to_string(trajectory.dof) +
+                     " joints, the robot has " + std::to_string(dof));
+    }
+    SIDESTEP_TRY(trajectory.validate());
+    if (trajectory.size() == 0) return invalid("the trajectory is empty");
+    if (std::isnan(from_s)) {
+      return invalid("the time to check from is not a number");
+    }
+    return {};
+  }
+
   void check_limits(const CubicMotion& motion, double from_s, double to_s,
-                    ViolationLedger& ledger) const;
-  void check_state_limits(const Trajectory& trajectory, int state, ViolationLedger& ledger) const;
-  void check_position(std::size_t joint, double position, double time_s,
-                      ViolationLedger& ledger) const;
+                    ViolationLedger& ledger) const {
+    if (settings_.obstacles_only) return;
+    const double begin = from_s - motion.begin_s();
+    const double end = to_s - motion.begin_s();
+    const double piece_s = motion.duration_s();
+    const std::vector<Joint>& joints = robot_->description().joints;
+    for (std::size_t j = 0; j < motion.joints().size(); ++j) {
+      const Cubic& cubic = motion.joints()[j];
+      const auto within = [&](double s) { return s > begin && s < end; };
+      for (const double s : {begin, end}) {
+        ledger.check_position(joints[j], settings_.limit_tolerance, cubic.position(s),
+                              motion.begin_s() + s);
+        check_velocity(j, cubic.velocity(s), motion.begin_s() + s, ledger);
+        check_acceleration(j, cubic.acceleration(s),
+                           kRounding * std::abs(cubic.q0) / piece_s / piece_s, motion.begin_s() + s,
+                           ledger);
+      }
+      for (const double s : motion.turns(j)) {
+        if (!within(s)) continue;
+        ledger.check_position(joints[j], settings_.limit_tolerance, cubic.position(s),
+                              motion.begin_s() + s);
+      }
+      const double s = cubic.inflection();
+      if (within(s)) check_velocity(j, cubic.velocity(s), motion.begin_s() + s, ledger);
+    }
+  }
+
+  void check_state_limits(const Trajectory& trajectory, int state, ViolationLedger& ledger) const {
+    if (settings_.obstacles_only) return;
+    const double time_s = trajectory.times_s[idx(state)];
+    const std::vector<Joint>& joints = robot_->description().joints;
+    for (std::size_t j = 0; j < idx(trajectory.dof); ++j) {
+      ledger.check_position(joints[j], settings_.limit_tolerance, trajectory.q(state)[j], time_s);
+      check_velocity(j, trajectory.qdot(state)[j], time_s, ledger);
+    }
+  }
+
   void check_velocity(std::size_t joint, double velocity, double time_s,
-                      ViolationLedger& ledger) const;
+                      ViolationLedger& ledger) const {
+    const Joint& limits = robot_->description().joints[joint];
+    const double limit = settings_.speed_fraction * limits.max_velocity;
+    if (std::abs(velocity) <= limit + settings_.limit_tolerance) return;
+    ledger.add({.kind = Violation::Kind::kVelocityLimit,
+                .subject = limits.name,
+                .other = limit_name(limits, "velocity limit", limit, "/s"),
+                .time_s = time_s,
+                .amount = std::abs(velocity) - limit});
+  }
+
   void check_acceleration(std::size_t joint, double acceleration, double noise, double time_s,
-                          ViolationLedger& ledger) const;
-  [[nodiscard]] Error late(const Trajectory& trajectory, double time_s) const;
+                          ViolationLedger& ledger) const {
+    const Joint& limits = robot_->description().joints[joint];
+    if (!(limits.max_acceleration > 0.0)) return;  // not known
+    const double limit = settings_.acceleration_fraction * limits.max_acceleration;
+    if (std::abs(acceleration) <= limit + settings_.limit_tolerance + noise) return;
+    ledger.add({.kind = Violation::Kind::kAccelerationLimit,
+                .subject = limits.name,
+                .other = limit_name(limits, "acceleration limit", limit, "/s^2"),
+                .time_s = time_s,
+                .amount = std::abs(acceleration) - limit});
+  }
+
+  [[nodiscard]] Error late(const Trajectory& trajectory, double time_s) const {
+    return Error{ErrorCode::kDeadlineExceeded,
+                 "the validity check ran out of time " + std::to_string(time_s) + " s into " +
+                     std::to_string(trajectory.duration_s()) + " s of motion",
+                 {},
+                 {},
+                 nullptr};
+  }
 
   std::shared_ptr<const RobotModel> robot_;
   ClearanceProver prover_;
   FieldCheckSettings settings_;
   std::optional<ChordCheck> chords_;  ///< Where it is enough to know that all is well.
 };
-
-/// A motion that stands still.
-class Rest final : public Motion {
- public:
-  explicit Rest(std::span<const double> q) : q_(q) {}
-  void configuration(double, std::span<double> q) const override {
-    std::copy(q_.begin(), q_.end(), q.begin());
-  }
-  void variation(double, double, std::span<double> v) const override {
-    std::fill(v.begin(), v.end(), 0.0);
-  }
-
- private:
-  std::span<const double> q_;
-};
-
-Result<Verdict> FieldCheck::check(const Trajectory& trajectory, double from_s,
-                                  const Deadline& deadline) const {
-  SIDESTEP_TRY(validate(trajectory, from_s));
-  const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
-  VerdictBuilder builder(prover_, settings_.first_violation_only);
-  ClearanceProver::WorkspacePtr workspace;
-  const auto prove = [&](const Motion& motion, double from, double to) {
-    const ClearanceProver::Request request{motion,
-                                           from,
-                                           to,
-                                           settings_.max_step_m,
-                                           settings_.min_step_m,
-                                           workspace != nullptr,
-                                           from < begin_s + settings_.observed_s};
-    if (workspace == nullptr) workspace = prover_.make_workspace();
-    return prover_.prove(request, builder, deadline, *workspace) != ClearanceProver::End::kDeadline;
-  };
-  if (begin_s >= trajectory.duration_s()) {
-    const int last = trajectory.size() - 1;
-    check_state_limits(trajectory, last, builder.ledger());
-    if (!prove(Rest(trajectory.q(last)), begin_s, begin_s)) {
-      return tl::make_unexpected(late(trajectory, begin_s));
-    }
-    return builder.verdict();
-  }
-  const auto time_of = [&](int state) { return trajectory.times_s[idx(state)]; };
-  CubicChain chain;
-  std::vector<double> variation(static_cast<std::size_t>(trajectory.dof));
-  int state = 0;
-  while (time_of(state + 1) <= begin_s) ++state;
-  if (chords_ && chords_->shows_clear(trajectory, state, settings_.min_step_m, deadline)) {
-    CubicMotion piece;
-    for (; state + 1 < trajectory.size() && !builder.is_decided(); ++state) {
-      piece.take(trajectory, state);
-      check_limits(piece, std::max(begin_s, time_of(state)), time_of(state + 1), builder.ledger());
-    }
-    return builder.verdict();
-  }
-  while (state + 1 < trajectory.size() && !builder.is_decided()) {
-    const double chain_from_s = std::max(begin_s, time_of(state));
-    double way_m = 0.0;
-    for (chain.clear(); state + 1 < trajectory.size() && way_m < kProof_m; ++state) {
-      const CubicMotion& piece = chain.append(trajectory, state);
-      const double piece_from_s = std::max(begin_s, time_of(state));
-      check_limits(piece, piece_from_s, time_of(state + 1), builder.ledger());
-      chain.variation(piece_from_s, time_of(state + 1), variation);
-      way_m += prover_.way_bound_m(variation);
-    }
-    // A long piece of which the first violation matters is proven in parts.
-    const double to_s = time_of(state);
-    const double most_parts = settings_.first_violation_only ? kMostParts : 1.0;
-    const int parts =
-        std::max(1, static_cast<int>(std::ceil(std::min(most_parts, way_m / kProof_m))));
-    for (int part = 0; part < parts && !builder.is_decided(); ++part) {
-      const auto at = [&](int p) {
-        return p == parts ? to_s : chain_from_s + (to_s - chain_from_s) * p / parts;
-      };
-      if (!prove(chain, at(part), at(part + 1))) {
-        return tl::make_unexpected(late(trajectory, at(part)));
-      }
-    }
-  }
-  return builder.verdict();
-}
-
-Result<void> FieldCheck::validate(const Trajectory& trajectory, double from_s) const {
-  const int dof = robot_->description().dof();
-  if (trajectory.dof != dof) {
-    return invalid("the trajectory moves " + std::to_string(trajectory.dof) +
-                   " joints, the robot has " + std::to_string(dof));
-  }
-  SIDESTEP_TRY(trajectory.validate());
-  if (trajectory.size() == 0) return invalid("the trajectory is empty");
-  if (std::isnan(from_s)) {
-    return invalid("the time to check from is not a number");
-  }
-  return {};
-}
-
-void FieldCheck::check_position(std::size_t joint, double position, double time_s,
-                                ViolationLedger& ledger) const {
-  const Joint& limits = robot_->description().joints[joint];
-  const double tolerance = settings_.limit_tolerance;
-  if (position >= limits.lower - tolerance && position <= limits.upper + tolerance) return;
-  const bool is_low = position < limits.lower;
-  const double limit = is_low ? limits.lower : limits.upper;
-  ledger.add({.kind = Violation::Kind::kPositionLimit,
-              .subject = limits.name,
-              .other = limit_name(limits, is_low ? "lower limit" : "upper limit", limit, ""),
-              .time_s = time_s,
-              .amount = std::abs(position - limit)});
-}
-
-void FieldCheck::check_velocity(std::size_t joint, double velocity, double time_s,
-                                ViolationLedger& ledger) const {
-  const Joint& limits = robot_->description().joints[joint];
-  const double limit = settings_.speed_fraction * limits.max_velocity;
-  if (std::abs(velocity) <= limit + settings_.limit_tolerance) return;
-  ledger.add({.kind = Violation::Kind::kVelocityLimit,
-              .subject = limits.name,
-              .other = limit_name(limits, "velocity limit", limit, "/s"),
-              .time_s = time_s,
-              .amount = std::abs(velocity) - limit});
-}
-
-void FieldCheck::check_acceleration(std::size_t joint, double acceleration, double noise,
-                                    double time_s, ViolationLedger& ledger) const {
-  const Joint& limits = robot_->description().joints[joint];
-  if (!(limits.max_acceleration > 0.0)) return;  // not known
-  const double limit = settings_.acceleration_fraction * limits.max_acceleration;
-  if (std::abs(acceleration) <= limit + settings_.limit_tolerance + noise) return;
-  ledger.add({.kind = Violation::Kind::kAccelerationLimit,
-              .subject = limits.name,
-              .other = limit_name(limits, "acceleration limit", limit, "/s^2"),
-              .time_s = time_s,
-              .amount = std::abs(acceleration) - limit});
-}
-
-void FieldCheck::check_limits(const CubicMotion& motion, double from_s, double to_s,
-                              ViolationLedger& ledger) const {
-  if (settings_.obstacles_only) return;
-  const double begin = from_s - motion.begin_s();
-  const double end = to_s - motion.begin_s();
-  const double piece_s = motion.duration_s();
-  for (std::size_t j = 0; j < motion.joints().size(); ++j) {
-    const Cubic& cubic = motion.joints()[j];
-    const auto within = [&](double s) { return s > begin && s < end; };
-    for (const double s : {begin, end}) {
-      check_position(j, cubic.position(s), motion.begin_s() + s, ledger);
-      check_velocity(j, cubic.velocity(s), motion.begin_s() + s, ledger);
-      check_acceleration(j, cubic.acceleration(s),
-                         kRounding * std::abs(cubic.q0) / piece_s / piece_s, motion.begin_s() + s,
-                         ledger);
-    }
-    for (const double s : motion.turns(j)) {
-      if (within(s)) check_position(j, cubic.position(s), motion.begin_s() + s, ledger);
-    }
-    const double s = cubic.inflection();
-    if (within(s)) check_velocity(j, cubic.velocity(s), motion.begin_s() + s, ledger);
-  }
-}
-
-void FieldCheck::check_state_limits(const Trajectory& trajectory, int state,
-                                    ViolationLedger& ledger) const {
-  if (settings_.obstacles_only) return;
-  const double time_s = trajectory.times_s[idx(state)];
-  for (std::size_t j = 0; j < static_cast<std::size_t>(trajectory.dof); ++j) {
-    check_position(j, trajectory.q(state)[j], time_s, ledger);
-    check_velocity(j, trajectory.qdot(state)[j], time_s, ledger);
-  }
-}
-
-Error FieldCheck::late(const Trajectory& trajectory, double time_s) const {
-  return Error{ErrorCode::kDeadlineExceeded,
-               "the validity check ran out of time " + std::to_string(time_s) + " s into " +
-                   std::to_string(trajectory.duration_s()) + " s of motion",
-               {},
-               {},
-               nullptr};
-}
 
 }  // namespace
 

@@ -5,6 +5,8 @@
 #include <numbers>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
+#include <sidestep/planning/goal_source.hpp>
 
 #include "residual_groups.hpp"
 
@@ -23,7 +25,7 @@ bool is_goal_prior(const CostTerm& term) {
 std::string term_miss(const StateCost& cost, std::span<const double> q) {
   const std::vector<double> at_rest(q.size());
   const double time_s = 0.0;
-  std::vector<double> residuals(static_cast<std::size_t>(cost.residual_count()));
+  std::vector<double> residuals(idx(cost.residual_count()));
   Scratch scratch;
   cost.evaluate({1, static_cast<int>(q.size()), q, at_rest, {&time_s, 1}}, {residuals, {}, {}},
                 scratch);
@@ -45,7 +47,7 @@ std::string configuration_miss(const RobotDescription& robot, std::span<const do
                                const Eigen::VectorXd& wanted) {
   for (std::size_t j = 0; j < q.size(); ++j) {
     const Joint& joint = robot.joints[j];
-    double off = std::abs(q[j] - wanted[static_cast<Eigen::Index>(j)]);
+    double off = std::abs(q[j] - wanted[j]);
     const bool has_no_limit = std::isinf(joint.lower) && std::isinf(joint.upper);
     if (joint.type == Joint::Type::kContinuous && has_no_limit) {
       off = std::abs(std::remainder(off, 2.0 * std::numbers::pi));
@@ -82,6 +84,18 @@ std::string goal_miss(const Problem& problem, std::span<const double> q) {
     if (!miss.empty()) return miss;
   }
   return "";
+}
+
+std::string_view to_string(GoalReport::State state) noexcept {
+  switch (state) {
+    case GoalReport::State::kAccepted: return "accepted";
+    case GoalReport::State::kRefused: return "refused";
+    case GoalReport::State::kActive: return "active";
+    case GoalReport::State::kReached: return "reached";
+    case GoalReport::State::kFailed: return "failed";
+    case GoalReport::State::kReplaced: return "replaced";
+  }
+  return "unknown";
 }
 
 }  // namespace sidestep

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
 namespace sidestep {
@@ -50,7 +51,7 @@ class MotionBounds {
 
   [[nodiscard]] std::span<const double> row(const std::vector<double>& table,
                                             int index) const noexcept {
-    return std::span(table).subspan(static_cast<std::size_t>(index) * dof_, dof_);
+    return std::span(table).subspan(idx(index) * dof_, dof_);
   }
   void fill_sphere_levers(const RobotDescription& robot, const Probe& probe);
   void fill_pair_levers(const RobotDescription& robot, const Probe& probe);

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/field/scene_field.hpp>
 
 #include "clearance_prover.hpp"
@@ -54,12 +55,12 @@ struct MotionCheck::Impl {
            std::shared_ptr<const DistanceField> field, SpacePolicy space, double margin_m)
         : prover(std::move(robot), std::move(bounds), std::move(field), std::move(space), margin_m),
           workspace(prover.make_workspace()),
-          readings(static_cast<std::size_t>(prover.item_count())) {}
+          readings(idx(prover.item_count())) {}
 
     [[nodiscard]] bool is_clear(std::span<const double> q) {
       prover.read(q, readings, *workspace);
       for (int item = 0; item < prover.item_count(); ++item) {
-        if (prover.violates(item, readings[static_cast<std::size_t>(item)])) return false;
+        if (prover.violates(item, readings[idx(item)])) return false;
       }
       return true;
     }

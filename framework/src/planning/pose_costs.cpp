@@ -1,18 +1,72 @@
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include <Eigen/Geometry>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/cost_form.hpp>
 #include <sidestep/planning/costs.hpp>
-
-#include "link_cost.hpp"
+#include <sidestep/planning/residual_names.hpp>
 
 namespace sidestep {
 namespace {
 
 constexpr double kOrthonormalTolerance = 1e-6;
+
+/// A cost of where one link is: residuals that are functions of the link's pose alone.
+class LinkCost : public StateCost, public NamesResiduals {
+ public:
+  [[nodiscard]] std::string_view name() const noexcept final { return name_; }
+  [[nodiscard]] bool depends_on_velocity() const noexcept final { return false; }
+  void evaluate(const StateBatch& states, const CostBatch& out, Scratch& scratch) const final {
+    Scratch::Scope scope(scratch);
+    const auto n = idx(states.count);
+    const auto dof = idx(states.dof);
+    const auto m = idx(residual_count());
+    const auto poses = scope.array<Transform>(robot_->description().links.size());
+    const auto residuals = scope.doubles(n * m);
+    const auto derivatives = scope.array<LinkForce>(n * m);
+    for (std::size_t i = 0; i < n; ++i) {
+      robot_->link_poses(states.q.subspan(i * dof, dof), poses, scratch);
+      const auto of_state = derivatives.subspan(i * m, m);
+      measure(poses[idx(link_)], residuals.subspan(i * m, m), of_state);
+      for (LinkForce& derivative : of_state) {
+        derivative.row = static_cast<int>(i);
+        derivative.link = link_;
+      }
+    }
+    if (!out.residuals.empty()) std::ranges::copy(residuals, out.residuals.begin());
+    if (!out.jacobian_q.empty()) {
+      robot_->pull_back(states.q, derivatives, out.jacobian_q, scratch);
+    }
+    std::ranges::fill(out.jacobian_qdot, 0.0);
+  }
+
+ protected:
+  LinkCost(std::string name, std::shared_ptr<const RobotModel> robot, int link)
+      : name_(std::move(name)), robot_(std::move(robot)), link_(link) {}
+
+  [[nodiscard]] const std::shared_ptr<const RobotModel>& robot() const noexcept { return robot_; }
+  [[nodiscard]] int link() const noexcept { return link_; }
+  [[nodiscard]] const std::string& link_name() const noexcept {
+    return robot_->description().links[idx(link_)].name;
+  }
+
+  /// Residuals at a pose and, of each, the derivative by the link's motion: `force` by the velocity
+  /// of the link's point that is at the world's origin, `moment` by its angular velocity.
+  virtual void measure(const Transform& T_world_link, std::span<double> residuals,
+                       std::span<LinkForce> derivatives) const noexcept = 0;
+
+ private:
+  std::string name_;
+  std::shared_ptr<const RobotModel> robot_;
+  int link_;
+};
 
 /// (1 - (angle / 2) cot(angle / 2)) / angle^2, of the inverse of SO(3)'s left Jacobian.
 double inverse_jacobian_factor(double angle) {
@@ -62,7 +116,7 @@ class PoseCost final : public LinkCost, public HasCostForm {
     if (position_weight_) {
       const Eigen::Vector3d p = T_world_link.translation();
       for (int k = 0; k < 3; ++k) {
-        const auto row = static_cast<std::size_t>(k);
+        const auto row = idx(k);
         residuals[row] = *position_weight_ * (p[k] - p_world_target_[k]);
         derivatives[row].force = *position_weight_ * Eigen::Vector3d::Unit(k);
         derivatives[row].moment = p.cross(derivatives[row].force);
@@ -82,7 +136,7 @@ class PoseCost final : public LinkCost, public HasCostForm {
     const Eigen::Vector3d v = turn.angle() * turn.axis();
     const double factor = inverse_jacobian_factor(turn.angle());
     for (int k = 0; k < 3; ++k) {
-      const auto row = static_cast<std::size_t>(k);
+      const auto row = idx(k);
       const Eigen::Vector3d unit = Eigen::Vector3d::Unit(k);
       const Eigen::Vector3d column = unit + 0.5 * v.cross(unit) + factor * v.cross(v.cross(unit));
       residuals[row] = *rotation_weight_ * v[k];
@@ -183,9 +237,8 @@ Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
     }
   }
   if (sigma_rotation) {
-    auto ok = check_sigma(*sigma_rotation, "rotation of link '" + link + "'");
-    if (ok) ok = check_rotation(target.linear(), link);
-    if (!ok) return error_of(ok);
+    SIDESTEP_TRY(check_sigma(*sigma_rotation, "rotation of link '" + link + "'"));
+    SIDESTEP_TRY(check_rotation(target.linear(), link));
   }
   return std::make_unique<PoseCost>(kind + "_" + link, std::move(robot), index, target,
                                     sigma_position, sigma_rotation);

@@ -1,10 +1,17 @@
 #include <sidestep/planning/problem.hpp>
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <random>
 #include <string>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
+#include <sidestep/core/seed.hpp>
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/initial_guess.hpp>
+#include <sidestep/planning/optimiser.hpp>
 
 namespace sidestep {
 namespace {
@@ -62,7 +69,7 @@ Result<void> check_state(const RobotDescription& robot, const RobotState& state,
                    std::to_string(robot.dof()) + " joints");
   }
   for (int j = 0; j < robot.dof(); ++j) {
-    const Joint& joint = robot.joints[static_cast<std::size_t>(j)];
+    const Joint& joint = robot.joints[idx(j)];
     const double q = state.q[j];
     const double qdot = state.qdot[j];
     if (!std::isfinite(q) || !std::isfinite(qdot)) {
@@ -80,6 +87,14 @@ Result<void> check_state(const RobotDescription& robot, const RobotState& state,
   return {};
 }
 
+constexpr int kWaves = 3;
+constexpr double kLargestBend = 0.4;  // m, rad
+
+/// How far a joint is bent in the first attempt that bends.
+double bend_scale(const Joint& joint) {
+  return std::min(0.15 * (joint.upper - joint.lower), kLargestBend);
+}
+
 }  // namespace
 
 Result<void> Problem::validate() const {
@@ -91,7 +106,7 @@ Result<void> Problem::validate() const {
                    " has " + std::to_string(description.dof()) + " joints");
   }
   for (int j = 0; j < description.dof(); ++j) {
-    const Joint& joint = description.joints[static_cast<std::size_t>(j)];
+    const Joint& joint = description.joints[idx(j)];
     SIDESTEP_TRY(check_joint(joint, qc[j]));
   }
   SIDESTEP_TRY(check_state(description, start, "start"));
@@ -136,6 +151,59 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
         everywhere);
   }
   return terms;
+}
+
+Trajectory initial_guess(const Problem& problem, int attempt, std::uint64_t seed) {
+  Trajectory guess =
+      straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  if (attempt == 0) return guess;
+
+  std::mt19937_64 random(derive_seed(seed, "initial_guess/" + std::to_string(attempt)));
+  std::normal_distribution<double> normal;
+  const std::vector<Joint>& joints = problem.robot->description().joints;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    double amplitudes[kWaves];
+    for (int k = 0; k < kWaves; ++k) {
+      amplitudes[k] = normal(random) * bend_scale(joints[j]) * std::sqrt(attempt) / (k + 1);
+    }
+    for (int i = 1; i + 1 < guess.size(); ++i) {
+      const double phase = std::numbers::pi * i / (guess.size() - 1);
+      double& q = guess.q(i)[j];
+      for (int k = 0; k < kWaves; ++k) q += amplitudes[k] * std::sin((k + 1) * phase);
+      q = std::clamp(q, joints[j].lower, joints[j].upper);
+    }
+    // Velocities that fit the bent positions, wherever the limits cut them.
+    for (int i = 1; i + 1 < guess.size(); ++i) {
+      guess.qdot(i)[j] = (guess.q(i + 1)[j] - guess.q(i - 1)[j]) / (2.0 * problem.dt_s);
+    }
+  }
+  return guess;
+}
+
+std::string_view to_string(SolveStatus status) noexcept {
+  switch (status) {
+    case SolveStatus::kConverged: return "converged";
+    case SolveStatus::kIterationLimit: return "iteration_limit";
+    case SolveStatus::kDeadline: return "deadline";
+    case SolveStatus::kNoPath: return "no_path";
+    case SolveStatus::kFailed: return "failed";
+  }
+  return "failed";
+}
+
+Result<void> check_initial(const Problem& problem, const Trajectory& initial) {
+  SIDESTEP_TRY(initial.validate());
+  const int dof = problem.robot->description().dof();
+  if (initial.dof == dof && initial.size() == problem.support_states) return {};
+  return invalid("the initial trajectory has " + std::to_string(initial.size()) + " states of " +
+                 std::to_string(initial.dof) + " joints, but the problem " +
+                 std::to_string(problem.support_states) + " of " + std::to_string(dof));
+}
+
+std::string iteration_limit_reason(int iterations, double last_decrease, double cost) {
+  return "stopped after " + std::to_string(iterations) +
+         " iterations, when the last accepted one still lowered the cost by " +
+         format("%.2g %%", 100.0 * last_decrease / (cost + last_decrease));
 }
 
 }  // namespace sidestep

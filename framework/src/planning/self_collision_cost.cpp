@@ -23,6 +23,7 @@ struct SpherePair {
 
 #define SIDESTEP_KERNELS "self_collision_cost.cpp"
 #include <sidestep/core/each_target.hpp>
+#include <sidestep/core/index.hpp>
 
 namespace sidestep {
 
@@ -63,18 +64,18 @@ class SelfCollisionCost final : public StateCost, public HasCostForm {
   double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
                    Scratch& scratch) const override {
     Scratch::Scope scope(scratch);
-    const auto n = static_cast<std::size_t>(states.count);
-    const auto dof = static_cast<std::size_t>(states.dof);
+    const auto n = idx(states.count);
+    const auto dof = idx(states.dof);
     const std::size_t pairs = pair_ends_.size();
     const std::size_t groups = padded(n) / kLanes;
     const auto in_lanes_m = scope.array<PointLanes>(groups * spheres_);
     const auto is_near = scope.array<bool>(groups * kLanes);
     robot_->sphere_centre_lanes(states.q, in_lanes_m, scratch);
     for (std::size_t g = 0; g < groups; ++g) {
-      SIDESTEP_BEST(find_near)
+      SIDESTEP_DISPATCH(find_near)
       (in_lanes_m.data() + g * spheres_, sphere_pairs_, &is_near[g * kLanes]);
     }
-    const auto near_count = static_cast<std::size_t>(std::ranges::count(is_near.first(n), true));
+    const auto near_count = idx(std::ranges::count(is_near.first(n), true));
     if (near_count == 0) return 0.0;
 
     const auto centres_m = scope.array<Eigen::Vector3d>(spheres_);
@@ -110,15 +111,14 @@ class SelfCollisionCost final : public StateCost, public HasCostForm {
       const auto first = rows.subspan(2 * k * dof, dof),
                  second = rows.subspan((2 * k + 1) * dof, dof);
       std::ranges::transform(first, second, first.begin(), std::plus<>{});
-      out.add_rows(range[static_cast<std::size_t>(forces[2 * k].row)], first,
-                   residuals.subspan(k, 1));
+      out.add_rows(range[idx(forces[2 * k].row)], first, residuals.subspan(k, 1));
     }
     return 0.5 * sum;
   }
 
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch& scratch) const override {
     Scratch::Scope scope(scratch);
-    const auto n = static_cast<std::size_t>(states.count);
+    const auto n = idx(states.count);
     const auto centres_m = scope.array<Eigen::Vector3d>(n * spheres_);
     const auto closest = scope.array<Closest>(n * pair_ends_.size());
     robot_->sphere_centres(states.q, centres_m, scratch);
@@ -163,11 +163,11 @@ class SelfCollisionCost final : public StateCost, public HasCostForm {
                      Scratch& scratch) const {
     std::ranges::fill(jacobian, 0.0);
     Scratch::Scope scope(scratch);
-    const auto dof = static_cast<std::size_t>(states.dof);
+    const auto dof = idx(states.dof);
     const std::size_t pairs = pair_ends_.size();
     const auto unused_m = scope.array<Eigen::Vector3d>(spheres_);
     const auto columns = scope.array<Eigen::Vector3d>(spheres_ * dof);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(states.count); ++i) {
+    for (std::size_t i = 0; i < idx(states.count); ++i) {
       const auto row = closest.subspan(i * pairs, pairs);
       if (std::ranges::none_of(row, [](const Closest& c) { return c.pair != nullptr; })) continue;
       robot_->sphere_jacobians(states.q.subspan(i * dof, dof), unused_m, columns, scratch);

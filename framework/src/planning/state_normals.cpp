@@ -2,9 +2,14 @@
 #include <sidestep/planning/state_normals.hpp>
 
 #include <algorithm>
+#include <cstdint>
+#include <span>
+
+#include <sidestep/planning/state_cost.hpp>
 
 #define SIDESTEP_KERNELS "state_normals.cpp"
 #include <sidestep/core/each_target.hpp>
+#include <sidestep/core/index.hpp>
 
 namespace sidestep {
 
@@ -30,15 +35,15 @@ void StateNormals::Blocks::open(std::size_t state) noexcept {
 void StateNormals::Blocks::add(std::size_t state, const double* row, double residual) {
   open(state);
   const std::size_t stride = padded(width);
-  SIDESTEP_BEST(add_outer)
+  SIDESTEP_DISPATCH(add_outer)
   (hessians.data() + state * width * stride, gradients.data() + state * stride, row, residual,
    width);
 }
 
 void StateNormals::resize(int states, int dof) {
-  dof_ = static_cast<std::size_t>(dof);
-  position_.resize(static_cast<std::size_t>(states), dof_);
-  full_.resize(static_cast<std::size_t>(states), 2 * dof_);
+  dof_ = idx(dof);
+  position_.resize(idx(states), dof_);
+  full_.resize(idx(states), 2 * dof_);
   row_.assign_zeros(padded(2 * dof_));
 }
 
@@ -63,7 +68,7 @@ void StateNormals::add_rows(std::size_t state, std::span<const double> by_q,
     }
     return;
   }
-  SIDESTEP_BEST(add_narrow_products)
+  SIDESTEP_DISPATCH(add_narrow_products)
   (position_.hessians.data() + state * dof_ * kLanes, position_.gradients.data() + state * kLanes,
    by_q.data(), residuals.data(), residuals.size(), dof_, position_.active[state] != 0);
   position_.active[state] = 1;
@@ -93,6 +98,37 @@ void StateNormals::add_position_entry(std::size_t state, std::size_t joint, doub
 void StateNormals::add_velocity_entry(std::size_t state, std::size_t joint, double entry,
                                       double residual) {
   full_.add_entry(state, dof_ + joint, entry, residual);
+}
+
+double StateCost::linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
+                            Scratch& scratch) const {
+  Scratch::Scope scope(scratch);
+  const auto per_state = idx(residual_count());
+  const auto d = idx(states.dof);
+  const std::size_t rows = per_state * idx(states.count);
+  const bool velocity = depends_on_velocity();
+  const auto residuals = scope.doubles(rows);
+  const auto by_q = scope.doubles(rows * d);
+  const auto by_qdot = scope.doubles(velocity ? rows * d : 0);
+  evaluate(states, {residuals, by_q, by_qdot}, scratch);
+
+  const auto all_zero = [](std::span<const double> values) {
+    return SIDESTEP_DISPATCH(all_zero)(values.data(), values.size());
+  };
+  double sum = 0.0;
+  for (std::size_t row = 0; row < rows; ++row) {
+    const auto row_q = by_q.subspan(row * d, d);
+    const auto row_qdot = by_qdot.empty() ? by_qdot : by_qdot.subspan(row * d, d);
+    if (residuals[row] == 0.0 && all_zero(row_q) && all_zero(row_qdot)) continue;
+    sum += residuals[row] * residuals[row];
+    const std::size_t state = range[row / per_state];
+    if (velocity) {
+      out.add_row(state, row_q, row_qdot, residuals[row]);
+    } else {
+      out.add_rows(state, row_q, residuals.subspan(row, 1));
+    }
+  }
+  return 0.5 * sum;
 }
 
 }  // namespace sidestep
@@ -160,6 +196,19 @@ void add_narrow_products(double* hessian, double* gradient, const double* rows,
     case 7: return add_products_of<7>(hessian, gradient, rows, residuals, count, is_open);
     default: return add_products_of<8>(hessian, gradient, rows, residuals, count, is_open);
   }
+}
+
+/// Whether all values are zero, eight at a time: most rows of most costs are.
+bool all_zero(const double* values, std::size_t count) {
+  Mask<double, kParts> any = {};
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes) {
+    any |= lanes(values + i) != 0.0;
+  }
+  std::int64_t sum = 0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) sum |= any[lane];
+  for (; i < count; ++i) sum |= values[i] != 0.0;
+  return sum == 0;
 }
 
 }  // namespace

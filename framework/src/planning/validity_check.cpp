@@ -3,13 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include <sidestep/core/format.hpp>
 
 #include "clearance_prover.hpp"
-#include "violation_ledger.hpp"
 
 namespace sidestep {
 namespace {
@@ -25,6 +23,13 @@ bool is_worse(const Violation& a, const Violation& b) {
 
 const std::string& link_name(const RobotDescription& robot, int link) {
   return robot.links[idx(link)].name;
+}
+
+void name_pair(const ClearanceProver& prover, int item, Violation& violation) {
+  const RobotDescription& robot = prover.robot().description();
+  const auto [first, second] = robot.self_collision_pairs[idx(item - prover.sphere_count())];
+  violation.subject = link_name(robot, second);
+  violation.other = link_name(robot, first);
 }
 
 }  // namespace
@@ -95,6 +100,18 @@ void ViolationLedger::add(Violation violation) {
   violations_.push_back(std::move(violation));
 }
 
+void ViolationLedger::check_position(const Joint& joint, double tolerance, double position,
+                                     double time_s) {
+  if (position >= joint.lower - tolerance && position <= joint.upper + tolerance) return;
+  const bool is_low = position < joint.lower;
+  const double limit = is_low ? joint.lower : joint.upper;
+  add({.kind = Violation::Kind::kPositionLimit,
+       .subject = joint.name,
+       .other = limit_name(joint, is_low ? "lower limit" : "upper limit", limit, ""),
+       .time_s = time_s,
+       .amount = std::abs(position - limit)});
+}
+
 std::vector<Violation> ViolationLedger::sorted() const {
   std::vector<Violation> sorted = violations_;
   std::stable_sort(sorted.begin(), sorted.end(), is_worse);
@@ -114,10 +131,8 @@ Violation violation_of(const ClearanceProver& prover, int item, const ClearanceR
   violation.time_s = time_s;
   violation.amount = prover.required_m(item) - reading.clearance_m;
   if (item >= prover.sphere_count()) {
-    const auto [first, second] = robot.self_collision_pairs[idx(item - prover.sphere_count())];
     violation.kind = Violation::Kind::kSelfCollision;
-    violation.subject = link_name(robot, second);
-    violation.other = link_name(robot, first);
+    name_pair(prover, item, violation);
     return violation;
   }
   violation.kind = Violation::Kind::kCollision;
@@ -143,9 +158,7 @@ Violation unproven(const ClearanceProver& prover, int item, const Shortfall& sho
   violation.time_s = time_s;
   violation.amount = shortfall.amount_m;
   if (item >= prover.sphere_count()) {
-    const auto [first, second] = robot.self_collision_pairs[idx(item - prover.sphere_count())];
-    violation.subject = link_name(robot, second);
-    violation.other = link_name(robot, first);
+    name_pair(prover, item, violation);
   } else {
     violation.subject = link_name(robot, robot.spheres[idx(item)].link);
     violation.other = shortfall.is_to_floor ? kFloorName : "obstacles";
@@ -176,21 +189,12 @@ std::optional<Violation> FieldChecks::state_violation(
   ViolationLedger ledger;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const double position = j < q.size() ? q[j] : std::nan("");
-    if (position >= joints[j].lower - kLimitTolerance &&
-        position <= joints[j].upper + kLimitTolerance) {
-      continue;
-    }
-    const bool is_low = position < joints[j].lower;
-    const double limit = is_low ? joints[j].lower : joints[j].upper;
-    ledger.add({.kind = Violation::Kind::kPositionLimit,
-                .subject = joints[j].name,
-                .other = limit_name(joints[j], is_low ? "lower limit" : "upper limit", limit, ""),
-                .amount = std::abs(position - limit)});
+    ledger.check_position(joints[j], kLimitTolerance, position, 0.0);
     if (!std::isfinite(position)) return ledger.sorted().front();
   }
   const ClearanceProver prover(robot_, bounds_, field, space, margin_m);
   const auto workspace = prover.make_workspace();
-  std::vector<ClearanceReading> readings(static_cast<std::size_t>(prover.item_count()));
+  std::vector<ClearanceReading> readings(idx(prover.item_count()));
   prover.read(q, readings, *workspace);
   for (int item = 0; item < prover.item_count(); ++item) {
     const ClearanceReading& reading = readings[idx(item)];

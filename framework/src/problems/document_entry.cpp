@@ -1,6 +1,24 @@
 #include "document_entry.hpp"
 
+#include <algorithm>
+#include <cmath>
+
+#include <sidestep/results/text_file.hpp>
+
 namespace sidestep {
+namespace {
+
+/// `:line:column` of a byte, both from 1.
+std::string position_text(const std::string& text, std::size_t byte) {
+  const std::size_t end = std::min(byte > 0 ? byte - 1 : 0, text.size());
+  const auto before = text.begin() + static_cast<std::ptrdiff_t>(end);
+  const auto line = 1 + std::count(text.begin(), before, '\n');
+  const std::size_t newline = end > 0 ? text.rfind('\n', end - 1) : std::string::npos;
+  const std::size_t column = newline == std::string::npos ? end + 1 : end - newline;
+  return ":" + std::to_string(line) + ":" + std::to_string(column);
+}
+
+}  // namespace
 
 void DocumentEntry::complain(const std::string& message, const std::string& hint) const {
   if (*error_ || node_ == nullptr) return;
@@ -58,6 +76,123 @@ Eigen::VectorXd DocumentEntry::numbers(std::size_t count) const {
   const auto listed = node_->as_doubles(count);
   keep_error(listed);
   if (listed) values = Eigen::Map<const Eigen::VectorXd>(listed->data(), values.size());
+  return values;
+}
+
+Result<JsonEntry::File> JsonEntry::read(const std::string& file_name) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file_name, ignored)) {
+    return fail(ErrorCode::kNotFound, "there is no such file", file_name);
+  }
+  const auto text = SIDESTEP_TRY(read_file(file_name));
+  try {
+    return File{file_name, nlohmann::json::parse(text), std::nullopt};
+  } catch (const nlohmann::json::parse_error& error) {
+    return fail(ErrorCode::kConfig, "this is no valid JSON",
+                file_name + position_text(text, error.byte));
+  }
+}
+
+std::string JsonEntry::kind() const {
+  if (value_->is_object()) return "an object";
+  if (value_->is_array()) return "an array of " + std::to_string(value_->size());
+  return value_->dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+}
+
+void JsonEntry::complain(const std::string& message) const {
+  if (file_->error) return;
+  const std::string where = path_.empty() ? file_->name : file_->name + ": " + path_;
+  file_->error = Error{ErrorCode::kConfig, message, where, {}, nullptr};
+}
+
+bool JsonEntry::expect(bool is, const char* what) const {
+  if (value_ == nullptr) return false;  // told of already
+  if (!is) complain(std::string("expected ") + what + ", found " + kind());
+  return is;
+}
+
+bool JsonEntry::has(const char* key) const {
+  return value_ != nullptr && value_->is_object() && value_->contains(key);
+}
+
+JsonEntry JsonEntry::operator[](const char* key) const {
+  std::string path = path_.empty() ? key : path_ + "." + key;
+  const nlohmann::json* found = nullptr;
+  if (expect(value_ != nullptr && value_->is_object(), "an object")) {
+    const auto at = value_->find(key);
+    if (at != value_->end()) {
+      found = &*at;
+    } else {
+      complain(std::string("there is no `") + key + "`");
+    }
+  }
+  return {*file_, found, std::move(path)};
+}
+
+JsonEntry JsonEntry::at(std::size_t index) const {
+  std::string path = path_ + "[" + std::to_string(index) + "]";
+  const nlohmann::json* found = nullptr;
+  if (expect(value_ != nullptr && value_->is_array(), "an array")) {
+    if (index < value_->size()) {
+      found = &(*value_)[index];
+    } else {
+      complain("there are " + std::to_string(value_->size()) + " values, and no number " +
+               std::to_string(index + 1));
+    }
+  }
+  return {*file_, found, std::move(path)};
+}
+
+std::size_t JsonEntry::size() const {
+  return expect(value_ != nullptr && value_->is_array(), "an array") ? value_->size() : 0;
+}
+
+std::vector<JsonEntry> JsonEntry::items() const {
+  std::vector<JsonEntry> all;
+  const std::size_t count = size();
+  for (std::size_t i = 0; i < count; ++i) all.push_back(at(i));
+  return all;
+}
+
+double JsonEntry::number() const {
+  if (!expect(value_ != nullptr && value_->is_number(), "a number")) return 0.0;
+  return value_->get<double>();
+}
+
+double JsonEntry::positive() const {
+  const double value = number();
+  (void)expect(value > 0.0, "a number above 0");
+  return value;
+}
+
+int JsonEntry::integer(int least, int most) const {
+  const double value = number();
+  if (value_ == nullptr || !value_->is_number()) return least;
+  if (value == std::floor(value) && value >= least && value <= most) {
+    return static_cast<int>(value);
+  }
+  const std::string range = std::to_string(least) + " to " + std::to_string(most);
+  (void)expect(false, ("a whole number from " + range).c_str());
+  return least;
+}
+
+bool JsonEntry::flag() const {
+  if (value_ != nullptr && value_->is_boolean()) return value_->get<bool>();
+  return integer(0, 1) == 1;
+}
+
+std::string JsonEntry::text() const {
+  if (!expect(value_ != nullptr && value_->is_string(), "a string")) return "";
+  return value_->get<std::string>();
+}
+
+Eigen::VectorXd JsonEntry::numbers(std::size_t count) const {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
+  if (!expect(value_ != nullptr && value_->is_array() && value_->size() == count,
+              ("an array of " + std::to_string(count) + " numbers").c_str())) {
+    return values;
+  }
+  for (std::size_t i = 0; i < count; ++i) values[static_cast<Eigen::Index>(i)] = at(i).number();
   return values;
 }
 

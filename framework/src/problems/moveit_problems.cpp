@@ -1,4 +1,4 @@
-#include "moveit_problems.hpp"
+#include <sidestep/problems/problem_set.hpp>
 
 #include <algorithm>
 #include <map>

@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "json_entry.hpp"
-#include "moveit_problems.hpp"
+#include "document_entry.hpp"
 
 namespace sidestep {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include <sidestep/field/dense_field.hpp>
-#include <sidestep/measures/exact_transform.hpp>
+#include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/planning/costs.hpp>
 
 namespace sidestep {
@@ -88,7 +88,7 @@ std::shared_ptr<const DistanceField> recorded_field(const RecordedProblems& prob
   const FieldInfo info{.grid = grid,
                        .is_signed = is_signed,
                        .max_distance_m = std::numeric_limits<double>::infinity(),
-                       .steepest = 1.0};
+                       .lipschitz = 1.0};
   return make_dense_field(
       info, [&](const Eigen::Vector3i& voxel) { return distances_m[grid.linear(voxel)]; });
 }

@@ -25,13 +25,6 @@ void set_colour(cairo_t* context, const Colour& colour) {
   cairo_set_source_rgba(context, colour.red, colour.green, colour.blue, colour.alpha);
 }
 
-void set_stroke(cairo_t* context, const Stroke& stroke) {
-  set_colour(context, stroke.colour);
-  cairo_set_line_width(context, stroke.width);
-  cairo_set_dash(context, stroke.dashes.data(), static_cast<int>(stroke.dashes.size()), 0.0);
-  cairo_set_line_join(context, CAIRO_LINE_JOIN_ROUND);
-}
-
 void set_font(cairo_t* context, const TextStyle& style) {
   cairo_select_font_face(context, kFont, CAIRO_FONT_SLANT_NORMAL,
                          style.bold ? CAIRO_FONT_WEIGHT_BOLD : CAIRO_FONT_WEIGHT_NORMAL);
@@ -59,6 +52,34 @@ Result<void> written(cairo_status_t status, const std::filesystem::path& file) {
 struct Canvas::Impl {
   Surface surface;
   Context context;
+
+  void rectangle(const Area& area) const {
+    cairo_rectangle(context.get(), area.x, area.y, area.width, area.height);
+  }
+  void circle(const Point& centre, double radius) const {
+    cairo_new_path(context.get());
+    cairo_arc(context.get(), centre.x, centre.y, radius, 0.0, 2.0 * std::numbers::pi);
+  }
+  void fill(const Colour& colour) const {
+    set_colour(context.get(), colour);
+    cairo_fill(context.get());
+  }
+  void draw(const Stroke& stroke) const {
+    set_colour(context.get(), stroke.colour);
+    cairo_set_line_width(context.get(), stroke.width);
+    cairo_set_dash(context.get(), stroke.dashes.data(), static_cast<int>(stroke.dashes.size()),
+                   0.0);
+    cairo_set_line_join(context.get(), CAIRO_LINE_JOIN_ROUND);
+    cairo_stroke(context.get());
+  }
+  /// The picture so far, `scale` times as large, on another surface.
+  cairo_status_t paint_on(cairo_surface_t* other, double scale) const {
+    const Context painter(cairo_create(other));
+    cairo_scale(painter.get(), scale, scale);
+    cairo_set_source_surface(painter.get(), surface.get(), 0.0, 0.0);
+    cairo_paint(painter.get());
+    return cairo_status(painter.get());
+  }
 };
 
 Canvas::Canvas(double width, double height)
@@ -87,46 +108,33 @@ void Canvas::line(std::span<const Point> points, const Stroke& stroke) {
     }
     pen_down = true;
   }
-  set_stroke(context, stroke);
-  cairo_stroke(context);
+  impl_->draw(stroke);
 }
 
 void Canvas::rectangle(const Area& area, const Colour& fill) {
-  cairo_t* context = impl_->context.get();
-  set_colour(context, fill);
-  cairo_rectangle(context, area.x, area.y, area.width, area.height);
-  cairo_fill(context);
+  impl_->rectangle(area);
+  impl_->fill(fill);
 }
 
 void Canvas::outline(const Area& area, const Stroke& stroke) {
-  cairo_t* context = impl_->context.get();
-  set_stroke(context, stroke);
-  cairo_rectangle(context, area.x, area.y, area.width, area.height);
-  cairo_stroke(context);
+  impl_->rectangle(area);
+  impl_->draw(stroke);
 }
 
 void Canvas::polygon(std::span<const Point> corners, const Colour& fill) {
-  cairo_t* context = impl_->context.get();
-  set_colour(context, fill);
-  cairo_new_path(context);
-  for (const Point& corner : corners) cairo_line_to(context, corner.x, corner.y);
-  cairo_fill(context);
+  cairo_new_path(impl_->context.get());
+  for (const Point& corner : corners) cairo_line_to(impl_->context.get(), corner.x, corner.y);
+  impl_->fill(fill);
 }
 
 void Canvas::circle(const Point& centre, double radius, const Colour& fill) {
-  cairo_t* context = impl_->context.get();
-  set_colour(context, fill);
-  cairo_new_path(context);
-  cairo_arc(context, centre.x, centre.y, radius, 0.0, 2.0 * std::numbers::pi);
-  cairo_fill(context);
+  impl_->circle(centre, radius);
+  impl_->fill(fill);
 }
 
 void Canvas::ring(const Point& centre, double radius, const Stroke& stroke) {
-  cairo_t* context = impl_->context.get();
-  set_stroke(context, stroke);
-  cairo_new_path(context);
-  cairo_arc(context, centre.x, centre.y, radius, 0.0, 2.0 * std::numbers::pi);
-  cairo_stroke(context);
+  impl_->circle(centre, radius);
+  impl_->draw(stroke);
 }
 
 void Canvas::text(const Point& at, const std::string& text, const TextStyle& style) {
@@ -171,23 +179,20 @@ void Canvas::raster(const Raster& raster, const Area& area) {
     }
   }
   cairo_surface_mark_dirty(image.get());
+  clip(area);
   cairo_t* context = impl_->context.get();
-  cairo_save(context);
-  cairo_rectangle(context, area.x, area.y, area.width, area.height);
-  cairo_clip(context);
   cairo_translate(context, area.x, area.y);
   cairo_scale(context, area.width / raster.width, area.height / raster.height);
   cairo_set_source_surface(context, image.get(), 0.0, 0.0);
   cairo_pattern_set_filter(cairo_get_source(context), CAIRO_FILTER_NEAREST);
   cairo_paint(context);
-  cairo_restore(context);
+  unclip();
 }
 
 void Canvas::clip(const Area& area) {
-  cairo_t* context = impl_->context.get();
-  cairo_save(context);
-  cairo_rectangle(context, area.x, area.y, area.width, area.height);
-  cairo_clip(context);
+  cairo_save(impl_->context.get());
+  impl_->rectangle(area);
+  cairo_clip(impl_->context.get());
 }
 
 void Canvas::unclip() { cairo_restore(impl_->context.get()); }
@@ -196,11 +201,7 @@ Result<void> Canvas::write_png(const std::filesystem::path& file, double scale) 
   const Surface image(cairo_image_surface_create(CAIRO_FORMAT_RGB24,
                                                  static_cast<int>(std::ceil(width_ * scale)),
                                                  static_cast<int>(std::ceil(height_ * scale))));
-  const Context context(cairo_create(image.get()));
-  cairo_scale(context.get(), scale, scale);
-  cairo_set_source_surface(context.get(), impl_->surface.get(), 0.0, 0.0);
-  cairo_paint(context.get());
-  if (const auto status = cairo_status(context.get()); status != CAIRO_STATUS_SUCCESS) {
+  if (const auto status = impl_->paint_on(image.get(), scale); status != CAIRO_STATUS_SUCCESS) {
     return written(status, file);
   }
   return written(cairo_surface_write_to_png(image.get(), file.c_str()), file);
@@ -208,9 +209,7 @@ Result<void> Canvas::write_png(const std::filesystem::path& file, double scale) 
 
 Result<void> Canvas::write_svg(const std::filesystem::path& file) const {
   const Surface surface(cairo_svg_surface_create(file.c_str(), width_, height_));
-  const Context context(cairo_create(surface.get()));
-  cairo_set_source_surface(context.get(), impl_->surface.get(), 0.0, 0.0);
-  cairo_paint(context.get());
+  impl_->paint_on(surface.get(), 1.0);
   cairo_surface_finish(surface.get());
   return written(cairo_surface_status(surface.get()), file);
 }

@@ -1,9 +1,9 @@
+#include <sidestep/core/format.hpp>
 #include <sidestep/report/chart.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 namespace sidestep {
 namespace {
@@ -30,11 +30,7 @@ double spacing_of(const std::vector<double>& values) {
 }
 
 /// Of a decimal logarithm: "0.01", "1", "200".
-std::string antilog_text(double logarithm) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", std::pow(10.0, logarithm));
-  return text;
-}
+std::string antilog_text(double logarithm) { return format("%.4g", std::pow(10.0, logarithm)); }
 
 }  // namespace
 
@@ -104,9 +100,7 @@ std::string tick_text(double value, double spacing) {
   // 2.5, 0.25, ... need one digit more than their power of ten.
   const double scaled = spacing * std::pow(10.0, digits);
   if (std::abs(scaled - std::round(scaled)) > 1e-6) ++digits;
-  char text[32];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
+  return format("%.*f", digits, value);
 }
 
 Axes::Axes(Canvas& canvas, const Area& area, const Range& x, const Range& y, const Labels& labels)

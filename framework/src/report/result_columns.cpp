@@ -1,11 +1,32 @@
 #include <sidestep/report/result_columns.hpp>
 
 #include <algorithm>
-
-#include <sidestep/report/csv.hpp>
-#include <sidestep/report/html.hpp>
+#include <cmath>
 
 namespace sidestep::report {
+namespace {
+
+/// A cell of a CSV file, quoted where it must be; empty for null and for numbers that are
+/// not finite.
+std::string csv_cell(const Json& value) {
+  if (value.is_number_float() && !std::isfinite(value.get<double>())) return "";
+  if (value.is_null()) return "";
+  if (!value.is_string()) return value.dump();
+  const std::string text = value.get<std::string>();
+  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+/// A pointer's way with dots for slashes.
+std::string key_of(const ResultColumn& column) {
+  std::string key = column.pointer.substr(1);
+  std::ranges::replace(key, '/', '.');
+  return key;
+}
+
+}  // namespace
 
 void ResultColumns::declare(const std::string& key, std::string heading, std::string meaning,
                             const Shown& shown) {
@@ -28,9 +49,17 @@ void ResultColumns::declare_statistics(const std::string& prefix, const std::str
 }
 
 std::string ResultColumns::csv(const Json& rows) const {
-  std::vector<const char*> pointers;
-  for (const ResultColumn& column : columns_) pointers.push_back(column.pointer.c_str());
-  return csv_text(rows, pointers);
+  std::string text;
+  for (const ResultColumn& column : columns_) text += (text.empty() ? "" : ",") + key_of(column);
+  text += "\n";
+  for (const Json& row : rows) {
+    std::string line;
+    for (const ResultColumn& column : columns_) {
+      line += (&column == &columns_.front() ? "" : ",") + csv_cell(at(row, column.pointer.c_str()));
+    }
+    text += line + "\n";
+  }
+  return text;
 }
 
 Columns ResultColumns::shown_in(std::size_t table, bool on_page) const {
@@ -91,11 +120,16 @@ std::string ResultColumns::reference() const {
                                                      : "key of `" + pointer_.substr(1) + "`";
   std::string text = "| " + of + " | meaning |\n| --- | --- |\n";
   for (const ResultColumn& column : columns_) {
-    std::string key = column.pointer.substr(1);
-    std::ranges::replace(key, '/', '.');
-    text += "| `" + key + "` | " + column.meaning + " |\n";
+    text += "| `" + key_of(column) + "` | " + column.meaning + " |\n";
   }
   return text;
+}
+
+bool RunReport::writes(std::string_view name) const {
+  if (std::ranges::find(files, name) != files.end()) return true;
+  return (name.ends_with(".png") || name.ends_with(".svg")) &&
+         std::ranges::any_of(pictures,
+                             [&](const std::string& begin) { return name.starts_with(begin); });
 }
 
 }  // namespace sidestep::report

@@ -4,8 +4,8 @@
 #include <charconv>
 #include <sstream>
 
-#include <sidestep/results/run_provenance.hpp>
-#include <sidestep/results/stored_row.hpp>
+#include <sidestep/results/recorder.hpp>
+#include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
 namespace sidestep {

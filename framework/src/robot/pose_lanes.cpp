@@ -14,31 +14,32 @@ namespace sidestep::detail {
 template <class Number>
 void place_bodies(std::span<const TreeBody> bodies, std::span<const double> q, std::size_t dof,
                   Poses<Number>* poses) noexcept {
-  SIDESTEP_BEST(place_all<Number>)(bodies, q, dof, poses);
+  SIDESTEP_DISPATCH(place_all<Number>)(bodies, q, dof, poses);
 }
 
 template <class Number>
 void carry_spheres(std::span<const TreeSphere> spheres, const Poses<Number>* poses,
                    Points<Number>* centres) noexcept {
-  SIDESTEP_BEST(carry<Number>)(spheres, poses, centres);
+  SIDESTEP_DISPATCH(carry<Number>)(spheres, poses, centres);
 }
 
 template <class Number>
 void find_axes(const Poses<Number>* poses, std::size_t count, Axes<Number>* axes) noexcept {
-  SIDESTEP_BEST(copy_axes<Number>)(poses, count, axes);
+  SIDESTEP_DISPATCH(copy_axes<Number>)(poses, count, axes);
 }
 
 template <class Number>
 void find_screws(std::span<const TreeBody> bodies, const Axes<Number>* axes,
                  Screws<Number>* screws) noexcept {
-  SIDESTEP_BEST(make_screws<Number>)(bodies, axes, screws);
+  SIDESTEP_DISPATCH(make_screws<Number>)(bodies, axes, screws);
 }
 
 template <class Number>
 void find_works(std::span<const LinkForce> forces, const int* body_of_link, const Number* table,
                 std::size_t stride, const double* weights, double* works,
                 std::size_t step) noexcept {
-  SIDESTEP_BEST(add_up_works<Number>)(forces, body_of_link, table, stride, weights, works, step);
+  SIDESTEP_DISPATCH(add_up_works<Number>)
+  (forces, body_of_link, table, stride, weights, works, step);
 }
 
 #define SIDESTEP_INSTANTIATE(Number)                                                           \
@@ -166,7 +167,7 @@ SIDESTEP_INLINE void read_joint(const TreeBody& body, const double* const* rows,
 }
 
 SIDESTEP_INLINE void keep_largest(const Lanes& values, Lanes& largest) noexcept {
-  largest = greater(size_of(values), largest);
+  largest = greater(abs(values), largest);
 }
 
 SIDESTEP_INLINE void read_motion(const TreeBody& body, const Rows<double>& rows, Lanes& largest,

@@ -14,7 +14,7 @@ static_assert(kAngles == kLanes);
 
 void sines_and_cosines(const double (&angles)[kAngles], double (&sines)[kAngles],
                        double (&cosines)[kAngles]) noexcept {
-  SIDESTEP_BEST(evaluate)(angles, sines, cosines);
+  SIDESTEP_DISPATCH(evaluate)(angles, sines, cosines);
   for (int i = 0; i < kAngles; ++i) {
     if (std::abs(angles[i]) <= kLargestAngle) continue;
     sines[i] = std::sin(angles[i]);

@@ -161,7 +161,7 @@ struct Host::Impl {
     check_against_schema(block, plugin.info.schema, {name_key(plugin.info.kind)}, errors);
     if (errors.size() > before) return;
     check_plugin_blocks(block, plugin.info.schema, errors);
-    const auto done = guarded(plugin.qualified_name(), [&]() -> Result<void> {
+    const auto done = call_plugin(plugin.qualified_name(), [&]() -> Result<void> {
       plugin.descriptor->check(block, errors);
       return {};
     });
@@ -329,7 +329,7 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const
                             loan.robot,
                             loan.motion};
   const PluginDescriptor& descriptor = *found->descriptor;
-  return guarded(name, [&]() -> Result<Made> {
+  return call_plugin(name, [&]() -> Result<Made> {
     Error error;
     void* object = descriptor.create(block, context, &error);
     if (object != nullptr) return Made{object, {descriptor.destroy, name}};

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include <sidestep/core/low_priority.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 
 namespace sidestep {
 namespace {
@@ -21,7 +21,7 @@ MapShow::MapShow(MapDisplay& display, const SnapshotSlot& slot, std::string show
       thread_([this](const std::stop_token& stop) { work(stop); }) {}
 
 bool MapShow::show() {
-  const auto shown = guarded(shower_, [&]() -> Result<void> {
+  const auto shown = call_plugin(shower_, [&]() -> Result<void> {
     if (!display_.wants_map()) return {};
     if (auto field = slot_.pin()) display_.show_map(std::move(field));
     return {};

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include <sidestep/planning/goal.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 
 namespace sidestep {
 namespace {
@@ -33,7 +33,7 @@ Result<Proposal> propose_motion(Optimiser& optimiser, const std::string& name,
                                 const Deadline& deadline) {
   const Stopwatch watch;
   auto solution =
-      SIDESTEP_TRY(in_stage(name, [&] { return optimiser.solve(problem, guess, deadline); }));
+      SIDESTEP_TRY(call_stage(name, [&] { return optimiser.solve(problem, guess, deadline); }));
   Proposal proposal{std::move(solution), {}, false};
   proposal.solution.solve_ms = watch.elapsed_ms();  // ours, not the plugin's word for it
   const Solution& its = proposal.solution;

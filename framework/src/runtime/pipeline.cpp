@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include <sidestep/core/time.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 
 namespace sidestep {
 namespace {
@@ -17,7 +17,7 @@ Error out_of_time(const Deadline& deadline) {
 }  // namespace
 
 Result<void> MappingPipeline::attach() {
-  return in_stage(parts_.names.field, [&] { return parts_.field_builder.attach(parts_.mapper); });
+  return call_stage(parts_.names.field, [&] { return parts_.field_builder.attach(parts_.mapper); });
 }
 
 Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadline) {
@@ -26,7 +26,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (has_skipped && deadline.expired()) return tl::make_unexpected(out_of_time(deadline));
     MappingStep step;
     Stopwatch watch;
-    auto frame = in_stage(parts_.names.source, [&] { return parts_.source.next(deadline); });
+    auto frame = call_stage(parts_.names.source, [&] { return parts_.source.next(deadline); });
     step.read_ms = watch.elapsed_ms();
     if (!frame && frame.error().code == ErrorCode::kBadFrame) {
       skip(std::move(frame.error()));
@@ -38,7 +38,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     step.stamp = (*frame)->stamp;
 
     watch.restart();
-    auto update = in_stage(parts_.names.mapper, [&] { return parts_.mapper.integrate(**frame); });
+    auto update = call_stage(parts_.names.mapper, [&] { return parts_.mapper.integrate(**frame); });
     step.integrate_ms = watch.elapsed_ms();
     if (!update && update.error().code == ErrorCode::kBadFrame) {
       skip(std::move(update.error()));
@@ -60,7 +60,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
       SIDESTEP_TRY(attach());
     }
     auto field = SIDESTEP_TRY(
-        in_stage(parts_.names.field, [&] { return parts_.field_builder.update(step.update); }));
+        call_stage(parts_.names.field, [&] { return parts_.field_builder.update(step.update); }));
     if (field == nullptr) {
       return fail(ErrorCode::kPlugin, "returned no field", "plugin " + parts_.names.field);
     }

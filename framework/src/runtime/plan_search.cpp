@@ -2,15 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 #include <utility>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/planning/explain.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/motion_planning.hpp>
 #include <sidestep/trajectory/braking.hpp>
 #include <sidestep/trajectory/retime.hpp>
@@ -27,12 +27,6 @@ constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
 constexpr std::string_view kAfterStop = "after_stop";
 constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
-
-std::string number(const char* format, double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
 
 RobotState end_of(const Trajectory& trajectory) {
   const auto map = [&](std::span<const double> row) {
@@ -231,8 +225,8 @@ std::optional<Trajectory> PlanSearch::solve(Optimiser& optimiser, const std::str
   task.result.solve_ms += took_ms;
   const double grace_s = std::max(0.0, settings_.takeover_s - settings_.solve_limit_s);
   if (settings_.limit_wall_time && took_ms * 1e-3 > limit_s + grace_s) {
-    task.result.fault = "plugin " + name + " took " + number("%.3f", took_ms * 1e-3) + " s of " +
-                        number("%.3f s", limit_s) + " that it had";
+    task.result.fault = "plugin " + name + " took " + format("%.3f", took_ms * 1e-3) + " s of " +
+                        format("%.3f s", limit_s) + " that it had";
     return std::nullopt;
   }
   if (!proposal) {
@@ -258,7 +252,7 @@ std::string PlanSearch::why_elsewhere(const Task& task, const Trajectory& propos
     const double off = std::abs(proposal.q(0)[j] - task.start.q[static_cast<Eigen::Index>(j)]);
     if (off <= kStartTolerance) continue;
     return "returned a broken trajectory: it starts with joint '" + joints[j].name + "' " +
-           number("%.4g", off) + (joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") +
+           format("%.4g", off) + (joints[j].type == Joint::Type::kPrismatic ? " m" : " rad") +
            " from where the robot will be";
   }
   return {};
@@ -272,7 +266,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   };
   const double off = largest_difference(proposal.qdot(0), as_span(task.start.qdot));
   if (off > kStartVelocityTolerance) {
-    return refuse("it starts at a velocity that differs by " + number("%.3g", off));
+    return refuse("it starts at a velocity that differs by " + format("%.3g", off));
   }
   const std::string miss = goal_miss(task.problem, proposal.q(proposal.size() - 1));
   if (!miss.empty()) return refuse("it ends with " + miss);
@@ -288,7 +282,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
     if (!explained) return refuse("it cannot be compared: " + explained.error().describe());
     plan.cost = explained->cost;
     if (!(plan.cost < *task.request.to_beat)) {
-      return refuse("it is not better by enough: it costs " + number("%.4g", plan.cost));
+      return refuse("it is not better by enough: it costs " + format("%.4g", plan.cost));
     }
   }
   plan.splice_velocity_jump =

@@ -7,7 +7,7 @@
 
 #include <sidestep/planning/explain.hpp>
 #include <sidestep/planning/initial_guess.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/motion_planning.hpp>
 #include <sidestep/trajectory/blend.hpp>
 
@@ -77,7 +77,7 @@ Result<RaceResult> PlanningRace::run(const Problem& problem, const Checks& check
   Track track{.problem = problem, .checks = checks, .deadline = deadline};
   const std::stop_callback forward(stop, [&] { track.over.request_stop(); });
   const auto drive = [&](Lane& lane) {
-    const auto done = contained("planning", [&]() -> Result<void> {
+    const auto done = catch_all("planning", [&]() -> Result<void> {
       lane.seed == "sampled" ? run_sampled(lane, track) : run_straight(lane, track, seed);
       return {};
     });

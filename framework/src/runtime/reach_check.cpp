@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/trajectory/braking.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
@@ -90,12 +90,9 @@ std::optional<std::string> ReachCheck::first_reach(const Contingency& contingenc
         const double apart_m = spheres[s].radius_m + ball.radius_m + grown_m;
         if ((centres_m[s] - ball.centre_m).squaredNorm() >= apart_m * apart_m) continue;
         const auto link = static_cast<std::size_t>(spheres[s].link);
-        char text[160];
-        std::snprintf(text, sizeof text,
-                      "what moves at (%.2f, %.2f, %.2f) m could reach %s in %.2g s",
-                      ball.centre_m.x(), ball.centre_m.y(), ball.centre_m.z(),
-                      robot_->description().links[link].name.c_str(), std::max(in_s, 0.0));
-        return text;
+        return format("what moves at (%.2f, %.2f, %.2f) m could reach ", ball.centre_m.x(),
+                      ball.centre_m.y(), ball.centre_m.z()) +
+               robot_->description().links[link].name + format(" in %.2g s", std::max(in_s, 0.0));
       }
     }
   }

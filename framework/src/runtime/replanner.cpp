@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
 #include "replanner_impl.hpp"
@@ -52,7 +52,7 @@ Replanner::Status Replanner::step(Stamp now, std::vector<ReplannerEvent>& events
   impl_->watch.restart();
   impl_->events = &events;
   impl_->overdue_by = "the planning side";
-  auto done = contained("replanning", [&]() -> Result<Status> { return impl_->advance(); });
+  auto done = catch_all("replanning", [&]() -> Result<Status> { return impl_->advance(); });
   // Where a robot or a field throws, no stop can be verified.
   if (!done) impl_->halt(ReplannerEvent::Reason::kPlugin, done.error().describe(), true);
   if (impl_->is_overdue() && impl_->motion() != nullptr) {
@@ -71,7 +71,7 @@ void Replanner::stop(Stamp now, const std::string& cause, std::vector<ReplannerE
   if (impl_->status() != Status::kMoving || std::holds_alternative<Impl::Braking>(impl_->phase)) {
     return;
   }
-  const auto done = contained("stopping", [&]() -> Result<void> {
+  const auto done = catch_all("stopping", [&]() -> Result<void> {
     impl_->halt(ReplannerEvent::Reason::kEnd, cause);
     return {};
   });
@@ -361,7 +361,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
                              const std::string& cause) {
   const detail::FoundPlan& plan = *found.plan;
   const auto accepted =
-      in_stage(parts.executor_name, [&] { return parts.executor.follow(plan.trajectory, now); });
+      call_stage(parts.executor_name, [&] { return parts.executor.follow(plan.trajectory, now); });
   if (!accepted) {
     const std::string refusal = "the executor refused a trajectory: " + accepted.error().describe();
     Event& event = tell(Event::Kind::kReplanFailed, Reason::kExecutor, refusal);

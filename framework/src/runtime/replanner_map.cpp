@@ -1,20 +1,16 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/planning/costs.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 
 #include "replanner_impl.hpp"
 
 namespace sidestep {
 namespace {
 
-std::string seconds(double value) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.3g s", value);
-  return text;
-}
+std::string seconds(double value) { return format("%.3g s", value); }
 
 double largest(const Eigen::VectorXd& values) {
   return values.size() == 0 ? 0.0 : values.cwiseAbs().maxCoeff();
@@ -23,7 +19,7 @@ double largest(const Eigen::VectorXd& values) {
 }  // namespace
 
 std::optional<RobotState> Replanner::Impl::measure() {
-  auto current = in_stage(parts.executor_name, [&] { return parts.executor.current(); });
+  auto current = call_stage(parts.executor_name, [&] { return parts.executor.current(); });
   if (!current) {
     halt(Reason::kExecutor, "the robot's state is not known: " + current.error().describe(), true);
     return std::nullopt;
@@ -73,11 +69,9 @@ bool Replanner::Impl::keeps_to_plan(const RobotState& measured) {
   const double off = (planned - measured.q).cwiseAbs().maxCoeff(&joint);
   if (off <= settings.tracking_tolerance) return true;
   const Joint& worst = parts.robot->description().joints[static_cast<std::size_t>(joint)];
-  char text[64];
-  std::snprintf(text, sizeof text, "%.3g %s", off,
-                worst.type == Joint::Type::kPrismatic ? "m" : "rad");
   halt(Reason::kNotFollowing,
-       parts.executor_name + " is not following: joint '" + worst.name + "' is " + text +
+       parts.executor_name + " is not following: joint '" + worst.name + "' is " +
+           format("%.3g %s", off, worst.type == Joint::Type::kPrismatic ? "m" : "rad") +
            " from where it should be",
        true);
   return false;
@@ -266,9 +260,7 @@ std::string Replanner::Impl::describe(const Violation& violation, const Motion& 
       if (floor_m <= distances[s] - robot.spheres[s].radius_m) {
         place = centres[s] - (floor_m + robot.spheres[s].radius_m) * Eigen::Vector3d::UnitZ();
       }
-      char at[96];
-      std::snprintf(at, sizeof at, " at (%.2f, %.2f, %.2f) m", place.x(), place.y(), place.z());
-      text += at;
+      text += format(" at (%.2f, %.2f, %.2f) m", place.x(), place.y(), place.z());
     }
   }
   const double in_s = violation.time_s - motion.time_s(now);

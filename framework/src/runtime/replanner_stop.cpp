@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <array>
 
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/trajectory/braking.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
@@ -62,7 +62,7 @@ bool Replanner::Impl::follow_verified_stop(Driving& driving, std::string& how) {
     const auto verdict = full_check->check(motion, 0.0, Deadline());
     if (!verdict || !verdict->valid()) continue;
     const auto accepted =
-        in_stage(parts.executor_name, [&] { return parts.executor.follow(motion, begin); });
+        call_stage(parts.executor_name, [&] { return parts.executor.follow(motion, begin); });
     if (!accepted) {
       how = "; the executor refused the stop: " + accepted.error().describe();
       return false;
@@ -81,7 +81,7 @@ std::string Replanner::Impl::stop_by_executor() {
   } else {
     phase = Resting{};
   }
-  const auto stopped = in_stage(parts.executor_name, [&] { return parts.executor.stop(); });
+  const auto stopped = call_stage(parts.executor_name, [&] { return parts.executor.stop(); });
   failed_stop = stopped ? std::nullopt : std::optional(now);
   if (stopped) return "; the executor stops by itself";
   return "; the executor's own stop failed: " + stopped.error().describe();

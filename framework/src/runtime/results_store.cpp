@@ -9,6 +9,8 @@
 namespace sidestep {
 namespace {
 
+// SQLiteCpp throws where these return a Result, so every call would need a handler. What is written
+// here are two owners and a query.
 struct CloseDatabase {
   void operator()(sqlite3* database) const { sqlite3_close(database); }
 };

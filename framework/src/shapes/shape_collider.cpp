@@ -243,12 +243,90 @@ struct ShapeCollider::Impl {
     fixed.back()->computeAABB();
     fixed.back()->setUserData(tag(owner));
   }
-  void add_robot(const RobotDescription& robot);
-  void add_voxels(const ShapeObstacles& obstacles);
-  void add_octree(const ShapeObstacles& obstacles);
-  void add_scene(const std::shared_ptr<const Scene>& its);
-  void allow(const RobotDescription& robot, const std::vector<AllowedContact>& allowed);
-  void add_floor(const RobotDescription& robot, const Floor& floor);
+  void add_robot(const RobotDescription& robot) {
+    for (const CollisionShape& shape : robot.shapes) {
+      shapes.push_back(
+          {shape.link, shape.shape, shape.T_link_shape, std::visit(ToGeometry{}, shape.shape), {}});
+    }
+    for (const auto& [first, second] : robot.self_collision_pairs) {
+      for (std::size_t a = 0; a < shapes.size(); ++a) {
+        for (std::size_t b = 0; b < shapes.size(); ++b) {
+          if (shapes[a].link == first && shapes[b].link == second) {
+            pairs.emplace_back(static_cast<int>(a), static_cast<int>(b));
+          }
+        }
+      }
+    }
+  }
+
+  void add_voxels(const ShapeObstacles& obstacles) {
+    if (obstacles.voxels_in_octree) {
+      add_octree(obstacles);
+      return;
+    }
+    for (const Eigen::AlignedBox3d& box :
+         merge_voxels(obstacles.occupied_centres_m, obstacles.resolution_m)) {
+      Transform pose = Transform::Identity();
+      pose.translation() = box.center();
+      add_fixed(ToGeometry{}(Box{box.sizes()}), pose, kVoxelOwner);
+    }
+  }
+
+  /// OctoMap's voxels lie on multiples of their size, so the octree has a frame of its own.
+  void add_octree(const ShapeObstacles& obstacles) {
+    const std::vector<Eigen::Vector3d>& centres_m = obstacles.occupied_centres_m;
+    if (centres_m.empty()) return;
+    Eigen::Vector3d lowest_m = centres_m.front();
+    for (const Eigen::Vector3d& centre : centres_m) lowest_m = lowest_m.cwiseMin(centre);
+    const double side_m = obstacles.resolution_m;
+    Transform T_world_tree = Transform::Identity();
+    T_world_tree.translation() = lowest_m.array() - 0.5 * side_m;
+    auto tree = std::make_shared<octomap::OcTree>(side_m);
+    for (const Eigen::Vector3d& centre_m : centres_m) {
+      const Eigen::Vector3d p_tree = centre_m - T_world_tree.translation();
+      tree->setNodeValue(p_tree.x(), p_tree.y(), p_tree.z(), tree->getClampingThresMaxLog(), true);
+    }
+    tree->updateInnerOccupancy();
+    tree->prune();
+    add_fixed(std::make_shared<fcl::OcTreed>(tree), T_world_tree, kVoxelOwner);
+  }
+
+  void add_scene(const std::shared_ptr<const Scene>& its) {
+    scene = its;
+    if (!scene) return;
+    for (int i = 0; i < static_cast<int>(scene->objects().size()); ++i) {
+      const SceneObject& object = scene->objects()[idx(i)];
+      scene_geometry.push_back(std::visit(ToGeometry{}, object.shape));
+      if (scene_geometry.back() == nullptr) {
+        half_spaces.push_back(i);
+      } else if (object.moves()) {
+        moving.push_back(i);
+      } else {
+        add_fixed(scene_geometry.back(), object.T_world_object(0.0), i);
+      }
+    }
+  }
+
+  void allow(const RobotDescription& robot, const std::vector<AllowedContact>& allowed) {
+    for (const AllowedContact& contact : allowed) {
+      for (int i = 0; scene && i < static_cast<int>(scene->objects().size()); ++i) {
+        if (scene->objects()[idx(i)].name != contact.object) continue;
+        for (RobotShape& shape : shapes) {
+          if (robot.links[idx(shape.link)].name == contact.link) shape.ignored.insert(i);
+        }
+      }
+    }
+  }
+
+  void add_floor(const RobotDescription& robot, const Floor& floor) {
+    for (RobotShape& shape : shapes) {
+      const auto& name = robot.links[idx(shape.link)].name;
+      if (std::ranges::find(floor.except_links, name) == floor.except_links.end()) {
+        shape.floor_m = floor.height_m;
+      }
+    }
+  }
+
   /// Floor and half-spaces, which FCL cannot measure distances to.
   void hear_planes(int shape, const Pose& pose, Nearest& nearest) const;
   [[nodiscard]] std::string name(int owner) const {
@@ -263,92 +341,6 @@ class ShapeCollider::Pose {
   std::vector<Object> moving;  // in Impl::moving's order
   std::vector<Transform> T_half_space_world;
 };
-
-void ShapeCollider::Impl::add_robot(const RobotDescription& robot) {
-  for (const CollisionShape& shape : robot.shapes) {
-    shapes.push_back(
-        {shape.link, shape.shape, shape.T_link_shape, std::visit(ToGeometry{}, shape.shape), {}});
-  }
-  for (const auto& [first, second] : robot.self_collision_pairs) {
-    for (std::size_t a = 0; a < shapes.size(); ++a) {
-      for (std::size_t b = 0; b < shapes.size(); ++b) {
-        if (shapes[a].link == first && shapes[b].link == second) {
-          pairs.emplace_back(static_cast<int>(a), static_cast<int>(b));
-        }
-      }
-    }
-  }
-}
-
-void ShapeCollider::Impl::add_voxels(const ShapeObstacles& obstacles) {
-  if (obstacles.voxels_in_octree) {
-    add_octree(obstacles);
-    return;
-  }
-  for (const Eigen::AlignedBox3d& box :
-       merge_voxels(obstacles.occupied_centres_m, obstacles.resolution_m)) {
-    Transform pose = Transform::Identity();
-    pose.translation() = box.center();
-    add_fixed(ToGeometry{}(Box{box.sizes()}), pose, kVoxelOwner);
-  }
-}
-
-/// OctoMap's voxels lie on multiples of their size, so the octree has a frame of its own.
-void ShapeCollider::Impl::add_octree(const ShapeObstacles& obstacles) {
-  const std::vector<Eigen::Vector3d>& centres_m = obstacles.occupied_centres_m;
-  if (centres_m.empty()) return;
-  Eigen::Vector3d lowest_m = centres_m.front();
-  for (const Eigen::Vector3d& centre : centres_m) lowest_m = lowest_m.cwiseMin(centre);
-  const double side_m = obstacles.resolution_m;
-  Transform T_world_tree = Transform::Identity();
-  T_world_tree.translation() = lowest_m.array() - 0.5 * side_m;
-  auto tree = std::make_shared<octomap::OcTree>(side_m);
-  for (const Eigen::Vector3d& centre_m : centres_m) {
-    const Eigen::Vector3d p_tree = centre_m - T_world_tree.translation();
-    tree->setNodeValue(p_tree.x(), p_tree.y(), p_tree.z(), tree->getClampingThresMaxLog(), true);
-  }
-  tree->updateInnerOccupancy();
-  tree->prune();
-  add_fixed(std::make_shared<fcl::OcTreed>(tree), T_world_tree, kVoxelOwner);
-}
-
-void ShapeCollider::Impl::add_scene(const std::shared_ptr<const Scene>& its) {
-  scene = its;
-  if (!scene) return;
-  for (int i = 0; i < static_cast<int>(scene->objects().size()); ++i) {
-    const SceneObject& object = scene->objects()[idx(i)];
-    scene_geometry.push_back(std::visit(ToGeometry{}, object.shape));
-    if (scene_geometry.back() == nullptr) {
-      half_spaces.push_back(i);
-    } else if (object.moves()) {
-      moving.push_back(i);
-    } else {
-      add_fixed(scene_geometry.back(), object.T_world_object(0.0), i);
-    }
-  }
-}
-
-void ShapeCollider::Impl::allow(const RobotDescription& robot,
-                                const std::vector<AllowedContact>& allowed) {
-  for (const AllowedContact& contact : allowed) {
-    for (int i = 0; scene && i < static_cast<int>(scene->objects().size()); ++i) {
-      if (scene->objects()[idx(i)].name != contact.object) continue;
-      for (RobotShape& shape : shapes) {
-        if (robot.links[idx(shape.link)].name == contact.link) shape.ignored.insert(i);
-      }
-    }
-  }
-}
-
-void ShapeCollider::Impl::add_floor(const RobotDescription& robot, const Floor& floor) {
-  for (RobotShape& shape : shapes) {
-    const auto& name = robot.links[idx(shape.link)].name;
-    if (std::ranges::find(floor.except_links, name) == floor.except_links.end()) {
-      shape.floor_m = floor.height_m;
-    }
-  }
-}
-
 void ShapeCollider::Impl::hear_planes(int shape, const Pose& pose, Nearest& nearest) const {
   const RobotShape& of = shapes[idx(shape)];
   const Object& object = pose.shapes[idx(shape)];

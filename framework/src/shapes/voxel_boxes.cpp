@@ -60,7 +60,7 @@ std::vector<Eigen::AlignedBox3d> merge_voxels(const std::vector<Eigen::Vector3d>
   for (const Block& block : blocks) {
     Eigen::AlignedBox3d box;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto i = static_cast<Eigen::Index>(axis);
+      const auto i = axis;
       box.min()[i] = first[i] + (static_cast<double>(block.low[axis]) - 0.5) * resolution_m;
       box.max()[i] = first[i] + (static_cast<double>(block.high[axis]) + 0.5) * resolution_m;
     }

@@ -5,11 +5,11 @@
 #include <cmath>
 #include <string>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/trajectory/retime.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
 #include "path_stages.hpp"
-#include "speed_profile.hpp"
 
 namespace sidestep {
 namespace {
@@ -27,8 +27,7 @@ constexpr std::array kReaches{1.0005, 1.003, 1.01, 1.03, 1.1, 1.3, 2.0};
 
 RobotState state_at(const Trajectory& trajectory, double time_s) {
   RobotState state{Eigen::VectorXd(trajectory.dof), Eigen::VectorXd(trajectory.dof)};
-  const auto dof = static_cast<std::size_t>(trajectory.dof);
-  trajectory.sample(time_s, std::span(state.q.data(), dof), std::span(state.qdot.data(), dof));
+  trajectory.sample(time_s, as_span(state.q), as_span(state.qdot));
   return state;
 }
 
@@ -36,7 +35,7 @@ RobotState state_at(const Trajectory& trajectory, double time_s) {
 /// its end.
 double first_rest_s(const Trajectory& trajectory, double from_s) {
   for (int i = 0; i < trajectory.size(); ++i) {
-    const double time_s = trajectory.times_s[static_cast<std::size_t>(i)];
+    const double time_s = trajectory.times_s[idx(i)];
     if (time_s <= from_s) continue;
     if (std::ranges::all_of(trajectory.qdot(i), [](double v) { return v == 0.0; })) return time_s;
   }
@@ -61,7 +60,7 @@ std::optional<double> way_of_braking_s(const Trajectory& path, double speed,
 Result<void> check(const Trajectory& trajectory, double from_s, const MotionLimits& limits) {
   SIDESTEP_TRY(trajectory.validate());
   if (!std::isfinite(from_s)) return invalid("the time to brake from is not a finite number");
-  const auto dof = static_cast<std::size_t>(trajectory.dof);
+  const auto dof = idx(trajectory.dof);
   if (limits.velocity.size() != dof || limits.acceleration.size() != dof) {
     return invalid("there are limits of " + std::to_string(limits.acceleration.size()) +
                    " joints for a trajectory of " + std::to_string(dof));
@@ -91,7 +90,7 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
 
   MotionLimits while_braking = limits;
   for (std::size_t j = 0; j < limits.velocity.size(); ++j) {
-    const double speed = std::abs(state.qdot[static_cast<Eigen::Index>(j)]);
+    const double speed = std::abs(state.qdot[j]);
     while_braking.velocity[j] = std::max(limits.velocity[j], speed * (1.0 + kFaster));
   }
   for (double window_s = straight.duration_s();; window_s *= 2.0) {
@@ -116,7 +115,7 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
 }
 
 Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& limits) {
-  const auto dof = static_cast<std::size_t>(state.q.size());
+  const auto dof = idx(state.q.size());
   if (dof == 0 || state.qdot.size() != state.q.size() || limits.acceleration.size() != dof) {
     return invalid("a state of " + std::to_string(state.q.size()) + " positions and " +
                    std::to_string(state.qdot.size()) +
@@ -128,16 +127,16 @@ Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& l
   }
   double duration_s = 0.0;
   for (std::size_t j = 0; j < dof; ++j) {
-    const double speed = std::abs(state.qdot[static_cast<Eigen::Index>(j)]);
+    const double speed = std::abs(state.qdot[j]);
     if (speed == 0.0) continue;
     if (!(limits.acceleration[j] > 0.0)) {
       return invalid(limits.joint_name(j) + " moves, but its limit of acceleration is zero");
     }
     duration_s = std::max(duration_s, speed / (limits.acceleration[j] * (1.0 - kKeptFree)));
   }
-  Trajectory out = resting(std::span(state.q.data(), dof), std::max(duration_s, kRest_s));
+  Trajectory out = resting(as_span(state.q), std::max(duration_s, kRest_s));
   for (std::size_t j = 0; j < dof; ++j) {
-    const double velocity = state.qdot[static_cast<Eigen::Index>(j)];
+    const double velocity = state.qdot[j];
     out.qdot(0)[j] = velocity;
     out.q(1)[j] += 0.5 * velocity * out.duration_s();
   }

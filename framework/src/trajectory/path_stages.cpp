@@ -1,9 +1,26 @@
+#ifndef SIDESTEP_KERNELS
 #include "path_stages.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <utility>
+
+namespace sidestep::detail {
+namespace {
+
+struct CubicRates {
+  double speed;   ///< |dq/ds|
+  double change;  ///< d|dq/ds|^2 / ds / 2
+  double bend;    ///< |d2q/ds2|
+};
+
+}  // namespace
+}  // namespace sidestep::detail
+
+#define SIDESTEP_KERNELS "path_stages.cpp"
+#include <sidestep/core/each_target.hpp>
 
 namespace sidestep::detail {
 namespace {
@@ -44,13 +61,13 @@ double third_derivative(const CubicLanes& cubic) {
 }  // namespace
 
 PathStages::PathStages(const Trajectory& path, int least_stages)
-    : path_(path), dof_(static_cast<std::size_t>(path.dof)), width_(padded(dof_)) {
+    : path_(path), dof_(idx(path.dof)), width_(padded(dof_)) {
   const int pieces = path.size() - 1;
   if (pieces <= 0) return;
-  cubics_.assign_zeros(at(pieces) * CubicLanes::kRows * width_);
+  cubics_.assign_zeros(idx(pieces) * CubicLanes::kRows * width_);
   for (int p = 0; p < pieces; ++p) length_ += take_piece(p, p);
   const int parts = std::max(4, (least_stages + pieces - 1) / pieces);
-  const std::size_t expected = at(parts) * at(pieces) * 5 / 4;
+  const std::size_t expected = idx(parts) * idx(pieces) * 5 / 4;
   stages_.reserve(expected);
   rows_.reserve(expected * kRows * width_);
   double missing = 0.0;
@@ -70,10 +87,10 @@ PathStages::PathStages(const Trajectory& path, int least_stages)
 /// Writes the cubic of the piece that ends at the state after `piece`, with the position of `begin`
 /// where it begins; returns its length.
 double PathStages::take_piece(int piece, int begin) {
-  const double h = path_.times_s[at(piece) + 1] - path_.times_s[at(piece)];
+  const double h = path_.times_s[idx(piece) + 1] - path_.times_s[idx(piece)];
   const auto q0 = path_.q(begin), q1 = path_.q(piece + 1);
   const auto v0 = path_.qdot(piece), v1 = path_.qdot(piece + 1);
-  double* rows = cubics_.data() + at(piece) * CubicLanes::kRows * width_;
+  double* rows = cubics_.data() + idx(piece) * CubicLanes::kRows * width_;
   for (std::size_t j = 0; j < dof_; ++j) {
     const double slope = (q1[j] - q0[j]) / h;
     rows[j] = q0[j];
@@ -81,7 +98,7 @@ double PathStages::take_piece(int piece, int begin) {
     rows[2 * width_ + j] = (3.0 * slope - 2.0 * v0[j] - v1[j]) / h;
     rows[3 * width_ + j] = (v0[j] + v1[j] - 2.0 * slope) / (h * h);
   }
-  return arc_length(cubic(piece), 0.0, h);
+  return SIDESTEP_DISPATCH(arc_length)(cubic(piece), 0.0, h);
 }
 
 void PathStages::position(int piece, double s, std::span<double> q) const {
@@ -92,14 +109,15 @@ void PathStages::position(int piece, double s, std::span<double> q) const {
 }
 
 double PathStages::begin_s(int i) const {
-  const Stage& stage = stages_[at(i)];
-  return path_.times_s[at(stage.piece)] + stage.from_s;
+  const Stage& stage = stages_[idx(i)];
+  return path_.times_s[idx(stage.piece)] + stage.from_s;
 }
 
 double PathStages::length_of(const Stage& stage) const noexcept {
-  if (!stage.is_corner) return arc_length(cubic(stage.piece), stage.from_s, stage.to_s);
-  return arc_length(cubic(stage.piece), stage.from_s, stage.corner_s) +
-         arc_length(cubic(stage.to_piece), behind_corner_s(stage), stage.to_s);
+  if (!stage.is_corner)
+    return SIDESTEP_DISPATCH(arc_length)(cubic(stage.piece), stage.from_s, stage.to_s);
+  return SIDESTEP_DISPATCH(arc_length)(cubic(stage.piece), stage.from_s, stage.corner_s) +
+         SIDESTEP_DISPATCH(arc_length)(cubic(stage.to_piece), behind_corner_s(stage), stage.to_s);
 }
 
 double PathStages::place_s(int piece, double from_s, double to_s, double way) const noexcept {
@@ -107,13 +125,13 @@ double PathStages::place_s(int piece, double from_s, double to_s, double way) co
   double low = from_s, high = to_s;
   for (int halving = 0; halving < 50; ++halving) {
     const double middle = 0.5 * (low + high);
-    (arc_length(path, from_s, middle) < way ? low : high) = middle;
+    (SIDESTEP_DISPATCH(arc_length)(path, from_s, middle) < way ? low : high) = middle;
   }
   return 0.5 * (low + high);
 }
 
 double PathStages::distance(int i, std::span<const double> q) const {
-  const Stage& stage = stages_[at(i)];
+  const Stage& stage = stages_[idx(i)];
   if (!stage.is_corner) return distance(stage.piece, stage.from_s, stage.to_s, q);
   return std::min(distance(stage.piece, stage.from_s, stage.corner_s, q),
                   distance(stage.to_piece, behind_corner_s(stage), stage.to_s, q));
@@ -144,18 +162,19 @@ double PathStages::distance(int piece, double from_s, double to_s,
 }
 
 void PathStages::derive_from(int stage) {
-  derive(stages_[at(stage)], false, &rows_[row_at(stage, 0)], &rows_[row_at(stage, 1)]);
+  derive(stages_[idx(stage)], false, &rows_[row_at(stage, 0)], &rows_[row_at(stage, 1)]);
 }
 
 void PathStages::derive_to(int stage) {
-  derive(stages_[at(stage)], true, &rows_[row_at(stage, 2)], &rows_[row_at(stage, 3)]);
+  derive(stages_[idx(stage)], true, &rows_[row_at(stage, 2)], &rows_[row_at(stage, 3)]);
 }
 
 void PathStages::derive(const Stage& stage, bool at_end, double* tangent, double* curvature) const {
   const double s = at_end ? stage.to_s : stage.from_s;
   const CubicLanes c = cubic(at_end ? stage.to_piece : stage.piece);
   const bool is_still = at_end ? stage.still_to : stage.still_from;
-  if (!is_still && rates_at(c, s).speed > 0.0) return derive_by_length(c, s, tangent, curvature);
+  if (!is_still && SIDESTEP_DISPATCH(rates_at)(c, s).speed > 0.0)
+    return SIDESTEP_DISPATCH(derive_by_length)(c, s, tangent, curvature);
   // Leaving a standstill the path goes where its second derivative points, arriving at one it
   // comes from there; where that vanishes, too, both ways where the third one points.
   const std::span direction(tangent, dof_);
@@ -174,12 +193,12 @@ void PathStages::derive(const Stage& stage, bool at_end, double* tangent, double
 }
 
 void PathStages::cut_piece(int piece, int parts) {
-  const double h = path_.times_s[at(piece) + 1] - path_.times_s[at(piece)];
+  const double h = path_.times_s[idx(piece) + 1] - path_.times_s[idx(piece)];
   const double step = h / parts;
   const CubicLanes path = cubic(piece);
   const double third = third_derivative(path);
   const auto is_still = [&](double s) {
-    const CubicRates there = rates_at(path, s);
+    const CubicRates there = SIDESTEP_DISPATCH(rates_at)(path, s);
     return there.speed <= kStill * step * (there.bend + 0.5 * step * third);
   };
   double from = 0.0;
@@ -187,7 +206,7 @@ void PathStages::cut_piece(int piece, int parts) {
   const std::size_t first = stages_.size();
   const auto add = [&](double to) {
     const bool to_still = is_still(to);
-    if (!(arc_length(path, from, to) > kLeastLength * length_)) {
+    if (!(SIDESTEP_DISPATCH(arc_length)(path, from, to) > kLeastLength * length_)) {
       // Too little to be a stage: the next one begins here, or the one before ends later.
       if (to < h || stages_.size() == first) return;
       stages_.back().to_s = to;
@@ -208,11 +227,12 @@ void PathStages::cut_piece(int piece, int parts) {
   for (int k = 0; k < parts; ++k) {
     const double to = k + 1 == parts ? h : (k + 1) * step;
     // Where the path is slowest it turns fastest: never inside a stage.
-    if (rates_at(path, from).change < 0.0 && rates_at(path, to).change > 0.0) {
+    if (SIDESTEP_DISPATCH(rates_at)(path, from).change < 0.0 &&
+        SIDESTEP_DISPATCH(rates_at)(path, to).change > 0.0) {
       double low = from, high = to;
       for (int halving = 0; halving < 50; ++halving) {
         const double middle = 0.5 * (low + high);
-        (rates_at(path, middle).change < 0.0 ? low : high) = middle;
+        (SIDESTEP_DISPATCH(rates_at)(path, middle).change < 0.0 ? low : high) = middle;
       }
       const double slowest = 0.5 * (low + high);
       // A standstill at an end is that very place.
@@ -257,8 +277,8 @@ void PathStages::append(Stage stage, int depth) {
 void PathStages::mark_stops() {
   if (stages_.empty()) return;
   for (int i = 0; i + 1 < size(); ++i) {
-    Stage& before = stages_[at(i)];
-    Stage& after = stages_[at(i) + 1];
+    Stage& before = stages_[idx(i)];
+    Stage& after = stages_[idx(i) + 1];
     // What one side calls a standstill is none where both go on in the same direction.
     const bool turns = dot(tangent_to(i), tangent_from(i + 1)) < kSameDirection;
     before.stop_to = after.stop_from = turns;
@@ -293,8 +313,10 @@ void PathStages::push_parts(const Stage& stage) {
   Stage first = stage, last = stage, middle = stage;
   if (stage.is_corner) {
     const double behind_s = behind_corner_s(stage);
-    const double before = arc_length(cubic(stage.piece), stage.from_s, stage.corner_s);
-    const double behind = arc_length(cubic(stage.to_piece), behind_s, stage.to_s);
+    const double before =
+        SIDESTEP_DISPATCH(arc_length)(cubic(stage.piece), stage.from_s, stage.corner_s);
+    const double behind =
+        SIDESTEP_DISPATCH(arc_length)(cubic(stage.to_piece), behind_s, stage.to_s);
     const double way = 0.5 * std::min(before, behind);
     first.to_piece = stage.piece;
     last.piece = stage.to_piece;
@@ -313,7 +335,7 @@ void PathStages::push_parts(const Stage& stage) {
 }
 
 bool PathStages::is_corner_behind(int i) const {
-  if (i + 1 >= size() || stages_[at(i)].stop_to) return false;
+  if (i + 1 >= size() || stages_[idx(i)].stop_to) return false;
   double squares = 0.0;
   for (std::size_t j = 0; j < dof_; ++j) {
     const double turn = tangent_from(i + 1)[j] - tangent_to(i)[j];
@@ -326,7 +348,7 @@ bool PathStages::is_corner_behind(int i) const {
 std::vector<double> PathStages::ways_around_corners() const {
   const std::size_t count = stages_.size();
   std::vector<char> is_corner(count);
-  for (int i = 0; i < size(); ++i) is_corner[at(i)] = is_corner_behind(i);
+  for (int i = 0; i < size(); ++i) is_corner[idx(i)] = is_corner_behind(i);
   // Before and behind each stage, itself included, within its piece and without a corner between.
   std::vector<double> before(count), behind(count);
   for (std::size_t i = 0; i < count; ++i) {
@@ -397,3 +419,81 @@ void PathStages::span_corners() {
 }
 
 }  // namespace sidestep::detail
+
+#else
+
+namespace {
+
+using namespace detail;
+
+/// dq/ds of the joints from j on.
+SIDESTEP_INLINE void find_velocity(const CubicLanes& cubic, std::size_t j, double s,
+                                   Lanes& v) noexcept {
+  v = lanes(cubic.v0() + j) + s * (2.0 * lanes(cubic.c2() + j) + 3.0 * s * lanes(cubic.c3() + j));
+}
+
+/// d2q/ds2 of them.
+SIDESTEP_INLINE void find_acceleration(const CubicLanes& cubic, std::size_t j, double s,
+                                       Lanes& a) noexcept {
+  a = 2.0 * lanes(cubic.c2() + j) + 6.0 * s * lanes(cubic.c3() + j);
+}
+
+CubicRates rates_at(const CubicLanes& cubic, double s) noexcept {
+  Lanes speed{}, change{}, bend{};
+  for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+    Lanes v, a;
+    find_velocity(cubic, j, s, v);
+    find_acceleration(cubic, j, s, a);
+    speed += v * v;
+    change += v * a;
+    bend += a * a;
+  }
+  return {__builtin_sqrt(sum_of(speed)), sum_of(change), __builtin_sqrt(sum_of(bend))};
+}
+
+/// By Gauss and Legendre's rule of five points.
+double arc_length(const CubicLanes& cubic, double from_s, double to_s) noexcept {
+  constexpr std::array kNodes{-0.9061798459386640, -0.5384693101056831, 0.0, 0.5384693101056831,
+                              0.9061798459386640};
+  constexpr std::array kWeights{0.2369268850561891, 0.4786286704993665, 0.5688888888888889,
+                                0.4786286704993665, 0.2369268850561891};
+  const double middle = 0.5 * (from_s + to_s), half = 0.5 * (to_s - from_s);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < kNodes.size(); ++k) {
+    const double s = middle + half * kNodes[k];
+    Lanes squares{};
+    for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+      Lanes v;
+      find_velocity(cubic, j, s, v);
+      squares += v * v;
+    }
+    sum += kWeights[k] * __builtin_sqrt(sum_of(squares));
+  }
+  return half * sum;
+}
+
+/// dq/dl and d2q/dl2, rows of joints, where the speed is not 0.
+void derive_by_length(const CubicLanes& cubic, double s, double* tangent,
+                      double* curvature) noexcept {
+  Lanes squares{}, products{};
+  for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+    Lanes v, a;
+    find_velocity(cubic, j, s, v);
+    find_acceleration(cubic, j, s, a);
+    squares += v * v;
+    products += v * a;
+  }
+  const double per_square = 1.0 / sum_of(squares), per_speed = __builtin_sqrt(per_square);
+  const double along = sum_of(products) * per_square;  // of the acceleration, in velocities
+  for (std::size_t j = 0; j < cubic.width; j += kLanes) {
+    Lanes v, a;
+    find_velocity(cubic, j, s, v);
+    find_acceleration(cubic, j, s, a);
+    lanes(tangent + j) = v * per_speed;
+    lanes(curvature + j) = (a - along * v) * per_square;
+  }
+}
+
+}  // namespace
+
+#endif

@@ -6,12 +6,25 @@
 #include <span>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/lanes.hpp>
+#include <sidestep/trajectory/motion_limits.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
-#include "cubic_lanes.hpp"
-
 namespace sidestep::detail {
+
+/// A cubic piece of a path, q0 + v0 s + c2 s^2 + c3 s^3: a row of joints for each coefficient, in
+/// whole lanes, with zeros beyond the joints.
+struct CubicLanes {
+  const double* rows = nullptr;
+  std::size_t width = 0;
+
+  static constexpr std::size_t kRows = 4;
+  [[nodiscard]] const double* q0() const noexcept { return rows; }
+  [[nodiscard]] const double* v0() const noexcept { return rows + width; }
+  [[nodiscard]] const double* c2() const noexcept { return rows + 2 * width; }
+  [[nodiscard]] const double* c3() const noexcept { return rows + 3 * width; }
+};
 
 /// The path of a trajectory, cut into short stages, with what a parameterisation by arc length l
 /// needs of it: dq/dl and d2q/dl2 at both ends of each stage. The arc length is that of joint
@@ -49,7 +62,7 @@ class PathStages {
   PathStages(const Trajectory& path, int least_stages);
 
   [[nodiscard]] int size() const noexcept { return static_cast<int>(stages_.size()); }
-  [[nodiscard]] const Stage& operator[](int i) const noexcept { return stages_[at(i)]; }
+  [[nodiscard]] const Stage& operator[](int i) const noexcept { return stages_[idx(i)]; }
   [[nodiscard]] double length() const noexcept { return length_; }
 
   [[nodiscard]] std::span<const double> tangent_from(int i) const { return row(i, 0); }
@@ -59,10 +72,10 @@ class PathStages {
 
   /// The path's position at both ends of stage `i`.
   void position_from(int i, std::span<double> q) const {
-    position(stages_[at(i)].piece, stages_[at(i)].from_s, q);
+    position(stages_[idx(i)].piece, stages_[idx(i)].from_s, q);
   }
   void position_to(int i, std::span<double> q) const {
-    position(stages_[at(i)].to_piece, stages_[at(i)].to_s, q);
+    position(stages_[idx(i)].to_piece, stages_[idx(i)].to_s, q);
   }
   /// The largest distance of any joint of `q` from the path's nearest point within stage `i`.
   [[nodiscard]] double distance(int i, std::span<const double> q) const;
@@ -71,19 +84,18 @@ class PathStages {
 
   /// How many stages halve() makes of stage `i`: of one around a corner the outer halves of both
   /// of its sides, and what is left.
-  [[nodiscard]] int parts_of(int i) const { return stages_[at(i)].is_corner ? 3 : 2; }
+  [[nodiscard]] int parts_of(int i) const { return stages_[idx(i)].is_corner ? 3 : 2; }
   /// Changes with the stages.
   [[nodiscard]] std::int64_t version() const noexcept { return version_; }
   /// Halves the stages that are marked.
   void halve(const std::vector<char>& marks);
 
  private:
-  static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] CubicLanes cubic(int piece) const noexcept {
-    return {cubics_.data() + at(piece) * CubicLanes::kRows * width_, width_};
+    return {cubics_.data() + idx(piece) * CubicLanes::kRows * width_, width_};
   }
   [[nodiscard]] std::size_t row_at(int stage, std::size_t which) const noexcept {
-    return (at(stage) * kRows + which) * width_;
+    return (idx(stage) * kRows + which) * width_;
   }
   [[nodiscard]] std::span<const double> row(int stage, std::size_t which) const noexcept {
     return std::span(rows_).subspan(row_at(stage, which), dof_);
@@ -124,6 +136,93 @@ class PathStages {
   std::vector<double> rows_;  ///< Stages x (tangent, curvature at either end) x joints.
   double length_ = 0.0;
   std::int64_t version_ = 0;
+};
+
+/// Where and why a path cannot be followed.
+struct Obstruction {
+  int stage = 0;
+  bool at_goal = false;  ///< The goal's velocity is the trouble, else the start's.
+};
+
+/// The fastest x = (dl/dt)^2 along a path of arc length l under limits: at each stage u = d2l/dt2
+/// is constant, so that x changes by 2 u length, and at both of its ends
+///
+///     |dq/dl| sqrt(x) <= velocity     |dq/dl u + d2q/dl2 x| <= acceleration
+///
+/// for every joint (Pham and Pham 2018, with constraints at both ends of a stage).
+class SpeedProfile {
+ public:
+  /// Shares of the limits that each stage may use, (0, 1].
+  struct Shares {
+    std::vector<double> velocity;
+    std::vector<double> acceleration;
+  };
+
+  /// `limits` hold infinity for joints that never move.
+  SpeedProfile(const PathStages& stages, const MotionLimits& limits)
+      : stages_(stages), limits_(limits) {}
+
+  /// Finds x at the ends of all stages from `x_start` to `x_goal`; false where there is none, and
+  /// obstruction() says why.
+  [[nodiscard]] bool solve(double x_start, double x_goal, const Shares& shares);
+
+  struct Rest {
+    int stage = 0;
+    double share = 0.0;  ///< Of the stage's length.
+  };
+  /// Where the path stands still when it is braked hardest from `x_start`, with so much of the
+  /// acceleration limits; nothing where it ends before, or cannot be braked so within them.
+  [[nodiscard]] std::optional<Rest> braking_end(double x_start, double acceleration_share);
+
+  /// One value more than there are stages.
+  [[nodiscard]] const std::vector<double>& x() const noexcept { return x_; }
+  [[nodiscard]] const Obstruction& obstruction() const noexcept { return obstruction_; }
+
+ private:
+  /// offset + slope x.
+  struct Line {
+    double offset = 0.0;
+    double slope = 0.0;
+    [[nodiscard]] double operator()(double x) const noexcept { return offset + slope * x; }
+  };
+  struct Bounds {
+    Line lower, upper;  ///< Of u: the ones that bind at an x.
+  };
+  struct Interval {
+    double low = 0.0;
+    double high = 0.0;
+  };
+
+  void load_limits();
+  void load_strips();
+  void load(int stage, double acceleration_share);
+  [[nodiscard]] Bounds bounds(double x) const noexcept;
+  /// The values of x from which some u leads into [next_low_, next_high_].
+  [[nodiscard]] std::optional<Interval> controllable(double x_max) const noexcept;
+  void limit_speeds(const Shares& shares);
+  [[nodiscard]] bool pass_backward(double x_goal, const Shares& shares);
+  void pass_forward(double x_start, const Shares& shares);
+  [[nodiscard]] int where_braking_fails(double x_start, const Shares& shares);
+
+  const PathStages& stages_;
+  const MotionLimits& limits_;
+  std::vector<double> fastest_;  ///< Per node: x that the velocity limits allow.
+  std::vector<Interval> reach_;  ///< Per node: x from which the goal can be reached.
+  std::vector<double> x_;
+  Obstruction obstruction_;
+
+  std::size_t width_ = 0;          ///< Of a row: the joints in whole lanes.
+  AlignedArray rows_;              ///< Of joints, in whole lanes: two of limits.
+  AlignedArray strips_;            ///< Stages x four such rows.
+  std::vector<double> most_x_of_;  ///< Per stage: what joints that do not feel u allow.
+  std::int64_t version_ = 0;       ///< Of the stages that these are of.
+
+  // Of the stage that is loaded.
+  const double* widths_ = nullptr;  ///< And its slopes.
+  double share_ = 0.0;              ///< Of the acceleration limits.
+  double most_x_ = 0.0;             ///< What joints that do not feel u allow.
+  double twice_length_ = 0.0;
+  Interval next_;
 };
 
 }  // namespace sidestep::detail

@@ -1,5 +1,5 @@
 #ifndef SIDESTEP_KERNELS
-#include "speed_profile.hpp"
+#include "path_stages.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -51,10 +51,10 @@ void SpeedProfile::load_strips() {
   for (int i = 0; i < stages_.size(); ++i) {
     double* widths = strips_.data() + idx(i) * 4 * width_;
     double* slopes = widths + 2 * width_;
-    const double from = SIDESTEP_BEST(write_strips)(stages_.tangent_from(i).data(),
-                                                    stages_.curvature_from(i).data(), 0.0, limits,
-                                                    width_, widths, slopes);
-    const double to = SIDESTEP_BEST(write_strips)(
+    const double from = SIDESTEP_DISPATCH(write_strips)(stages_.tangent_from(i).data(),
+                                                        stages_.curvature_from(i).data(), 0.0,
+                                                        limits, width_, widths, slopes);
+    const double to = SIDESTEP_DISPATCH(write_strips)(
         stages_.tangent_to(i).data(), stages_.curvature_to(i).data(), 2.0 * stages_[i].length,
         limits, width_, widths + width_, slopes + width_);
     most_x_of_[idx(i)] = std::min(from, to);
@@ -64,7 +64,8 @@ void SpeedProfile::load_strips() {
 void SpeedProfile::limit_speeds(const Shares& shares) {
   fastest_.assign(idx(stages_.size()) + 1, kEndless);
   const auto limit = [&](std::size_t node, std::span<const double> tangent, double share) {
-    const double speed = share * SIDESTEP_BEST(fastest_along)(tangent.data(), rows_.data(), width_);
+    const double speed =
+        share * SIDESTEP_DISPATCH(fastest_along)(tangent.data(), rows_.data(), width_);
     fastest_[node] = std::min(fastest_[node], speed * speed);
   };
   for (int i = 0; i < stages_.size(); ++i) {
@@ -86,7 +87,7 @@ SpeedProfile::Bounds SpeedProfile::bounds(double x) const noexcept {
   const double slope = -1.0 / twice_length_;
   const double low = next_.low / twice_length_, high = next_.high / twice_length_;
   Edge lower{low + slope * x, low, slope}, upper{high + slope * x, high, slope};
-  SIDESTEP_BEST(find_edges)(widths_, widths_ + 2 * width_, 2 * width_, share_, x, lower, upper);
+  SIDESTEP_DISPATCH(find_edges)(widths_, widths_ + 2 * width_, 2 * width_, share_, x, lower, upper);
   return {{lower.offset, lower.slope}, {upper.offset, upper.slope}};
 }
 
@@ -214,7 +215,7 @@ using namespace detail;
 double fastest_along(const double* tangent, const double* limits, std::size_t width) noexcept {
   Lanes speed = Lanes{} + kNever;
   for (std::size_t j = 0; j < width; j += kLanes) {
-    const Lanes size = size_of(lanes(tangent + j));
+    const Lanes size = abs(lanes(tangent + j));
     speed = lesser(choose(size > kNoEffect, lanes(limits + j) / size, kNever), speed);
   }
   return least_of(speed);
@@ -229,7 +230,7 @@ double write_strips(const double* tangent, const double* curvature, double twice
   for (std::size_t j = 0; j < count; j += kLanes) {
     const Lanes across = lanes(curvature + j), limit = lanes(limits + j);
     const Lanes along = lanes(tangent + j) + twice_length * across;
-    const Lanes along_size = size_of(along), across_size = size_of(across);
+    const Lanes along_size = abs(along), across_size = abs(across);
     const auto feels_along = along_size > kNoEffect;
     lanes(widths + j) = choose(feels_along, limit / along_size, kNever);
     lanes(slopes + j) = choose(feels_along, across / along, 0.0);

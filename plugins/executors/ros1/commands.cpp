@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
+#include <utility>
 
 #include <sidestep/trajectory/braking.hpp>
 #include <sidestep/trajectory/splice.hpp>
@@ -11,6 +13,9 @@
 
 namespace sidestep::ros1_executor {
 namespace {
+
+/// A base that goes no farther than this is not going anywhere.
+constexpr double kHere_m = 0.1;
 
 /// Two points of a command are at least so far apart.
 constexpr double kLeastStep_s = 1e-3;
@@ -23,6 +28,78 @@ double rate_at(const std::vector<double>& values, const std::vector<double>& tim
 }
 
 }  // namespace
+
+void CommandedMotion::set(Trajectory trajectory, Stamp start) {
+  trajectory_ = std::move(trajectory);
+  start_ = start;
+}
+
+std::optional<RobotState> CommandedMotion::at(Stamp now) const {
+  if (is_empty()) return {};
+  RobotState state{Eigen::VectorXd(trajectory_.dof), Eigen::VectorXd(trajectory_.dof)};
+  const double at_s = since_start_s(now);
+  const auto dof = static_cast<std::size_t>(trajectory_.dof);
+  trajectory_.sample(at_s, {state.q.data(), dof}, {state.qdot.data(), dof});
+  if (at_s < 0.0 || at_s > trajectory_.duration_s()) state.qdot.setZero();
+  return state;
+}
+
+Trajectory stopping(const CommandedMotion& told, const std::optional<Executor::Measured>& measured,
+                    double tolerance, const MotionLimits& limits, Stamp now) {
+  const auto plan = told.at(now);
+  // The newest state may be of a while ago.
+  const auto plan_then = measured ? told.at(measured->stamp) : std::nullopt;
+  const bool is_off =
+      plan_then && (plan_then->q - measured->state.q).cwiseAbs().maxCoeff() > tolerance;
+  if (told.is_under_way(now) && !is_off && told.since_start_s(now) >= 0.0) {
+    if (auto along = brake(told.trajectory(), told.since_start_s(now), limits)) return *along;
+  }
+  if (plan && !is_off) {
+    if (auto straight = brake_straight(*plan, limits)) return *straight;
+  }
+  if (!measured) return {};
+  const auto straight = brake_straight(measured->state, limits);
+  return straight ? *straight : Trajectory{};
+}
+
+Result<Gaze> Gaze::create(const RobotDescription& robot, const OdometryOptions& base,
+                          const LookOptions& look) {
+  const auto x = robot.joint_index(base.x_joint);
+  const auto y = robot.joint_index(base.y_joint);
+  const auto yaw = robot.joint_index(base.yaw_joint);
+  if (x && y && yaw) return Gaze(look, *x, *y, *yaw);
+  return fail(ErrorCode::kConfig, "robot '" + robot.name + "' lacks a joint of its base",
+              "executor.odometry");
+}
+
+double Gaze::wanted(const Trajectory& plan, double at_s) const {
+  std::vector<double> here(static_cast<std::size_t>(plan.dof));
+  std::vector<double> there(here.size());
+  plan.sample(at_s, here, {});
+  plan.sample(at_s + look_.ahead_s, there, {});
+  const auto of = [](const std::vector<double>& q, int joint) {
+    return q[static_cast<std::size_t>(joint)];
+  };
+  const double dx = of(there, x_) - of(here, x_);
+  const double dy = of(there, y_) - of(here, y_);
+  if (std::hypot(dx, dy) < kHere_m) return std::clamp(0.0, look_.lower_rad, look_.upper_rad);
+  const double bearing =
+      std::remainder(std::atan2(dy, dx) - of(here, yaw_), 2.0 * std::numbers::pi);
+  return std::clamp(bearing, look_.lower_rad, look_.upper_rad);
+}
+
+std::vector<double> Gaze::pans(const Trajectory& plan, double from_s,
+                               std::span<const double> times_s, double pan_rad) const {
+  std::vector<double> list;
+  double before_s = times_s.empty() ? 0.0 : times_s.front();
+  for (const double time_s : times_s) {
+    const double most = look_.speed_radps * (time_s - before_s);
+    pan_rad += std::clamp(wanted(plan, from_s + time_s) - pan_rad, -most, most);
+    list.push_back(pan_rad);
+    before_s = time_s;
+  }
+  return list;
+}
 
 Trajectory command_window(const Trajectory& followed, double from_s, double horizon_s,
                           const MotionLimits& limits) {
@@ -117,6 +194,54 @@ std::vector<ros_messages::JointTrajectory> CommandWriter::write_hold(Stamp stamp
     messages.push_back(header_of(controller, stamp));
   }
   return messages;
+}
+
+CommandStream::CommandStream(const Options& options, MotionLimits limits, CommandWriter writer,
+                             std::optional<Gaze> gaze, RobotLink& link)
+    : is_shadow_(options.mode == "shadow"),
+      horizon_s_(options.command_horizon_s),
+      renewal_ns_(Stamp::from_seconds(options.command_renewal_s).ns),
+      pan_joint_(options.look ? options.look->pan_joint : ""),
+      limits_(std::move(limits)),
+      writer_(std::move(writer)),
+      gaze_(std::move(gaze)),
+      link_(link) {}
+
+void CommandStream::begin() {
+  sent_whole_ = false;
+  sent_ = kLongAgo;
+}
+
+void CommandStream::send(const CommandedMotion& told, Stamp now, const ros1_node::RunTime& time) {
+  if (is_shadow_ || sent_whole_ || now.ns - sent_.ns < renewal_ns_) return;
+  const Stamp from = std::max(now, told.start());
+  const double from_s = told.since_start_s(from), duration_s = told.trajectory().duration_s();
+  constexpr double kShortest_s = 1e-3;
+  if (from_s + kShortest_s >= duration_s) return;
+  sent_whole_ = horizon_s_ <= 0.0 || from_s + horizon_s_ >= duration_s;
+  command(command_window(told.trajectory(), from_s, horizon_s_, limits_), told.trajectory(), from_s,
+          time.to_ros(from));
+  sent_ = now;
+}
+
+void CommandStream::send_whole(const Trajectory& motion, Stamp ros_stamp) {
+  if (!is_shadow_) command(motion, motion, 0.0, ros_stamp);
+  sent_whole_ = true;
+}
+
+void CommandStream::hold(Stamp ros_stamp) {
+  if (!is_shadow_) link_.command(writer_.write_hold(ros_stamp));
+}
+
+/// A window of a plan that begins at `from_s` of it.
+void CommandStream::command(const Trajectory& window, const Trajectory& plan, double from_s,
+                            Stamp ros_stamp) {
+  std::vector<double> pans;
+  if (gaze_) {
+    const double pan_rad = link_.feed().held_position(pan_joint_).value_or(0.0);
+    pans = gaze_->pans(plan, from_s, writer_.times(window), pan_rad);
+  }
+  link_.command(writer_.write(window, ros_stamp, pans));
 }
 
 }  // namespace sidestep::ros1_executor

@@ -1,17 +1,81 @@
 #pragma once
 
+#include <limits>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/time.hpp>
+#include <sidestep/planning/executor.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/motion_limits.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
+#include "node.hpp"
 #include "node_messages.hpp"
-#include "options.hpp"
+#include "robot_link.hpp"
+#include "ros1_executor.hpp"
 
 namespace sidestep::ros1_executor {
+
+/// What the robot has been told to do: a trajectory, whose time 0 is at a stamp of the run's clock.
+/// Kept once it has ended, for the robot is still held there. One thread at a time.
+class CommandedMotion {
+ public:
+  void set(Trajectory trajectory, Stamp start);
+  /// It was told nothing, or nothing but to hold.
+  void clear() { trajectory_ = {}; }
+
+  [[nodiscard]] bool is_empty() const noexcept { return trajectory_.size() == 0; }
+  [[nodiscard]] const Trajectory& trajectory() const noexcept { return trajectory_; }
+  [[nodiscard]] Stamp start() const noexcept { return start_; }
+  [[nodiscard]] double since_start_s(Stamp now) const noexcept {
+    return 1e-9 * static_cast<double>(now.ns - start_.ns);
+  }
+  /// Until it ends; also before it starts.
+  [[nodiscard]] bool is_under_way(Stamp now) const {
+    return !is_empty() && since_start_s(now) < trajectory_.duration_s();
+  }
+  /// Where the robot is told to be at a time: its ends, at rest, beyond them. Nothing where it is
+  /// empty.
+  [[nodiscard]] std::optional<RobotState> at(Stamp now) const;
+
+ private:
+  Trajectory trajectory_;
+  Stamp start_;
+};
+
+/// How the robot comes to rest from `now` on. Where it was measured within `tolerance` of what it
+/// was told (every joint, m or rad), or is not measured: along that path, or straight on from
+/// there. Else straight on from what it does. Empty where nothing is known to stop from, and where
+/// a joint that moves may not be slowed down. [any]; allocates.
+[[nodiscard]] Trajectory stopping(const CommandedMotion& told,
+                                  const std::optional<Executor::Measured>& measured,
+                                  double tolerance, const MotionLimits& limits, Stamp now);
+
+/// Where a head is to pan, for its camera to see where the base is going to be. [any]
+class Gaze {
+ public:
+  /// Fails with kConfig where the robot lacks a joint of the base.
+  [[nodiscard]] static Result<Gaze> create(const RobotDescription& robot,
+                                           const OdometryOptions& base, const LookOptions& look);
+
+  /// The pan joint's position at each of `times_s`, ascending, which count from `from_s` of the
+  /// plan: towards where the base is `ahead_s` later, or straight ahead where that is here; from
+  /// `pan_rad` on, no faster than its speed, within its limits.
+  [[nodiscard]] std::vector<double> pans(const Trajectory& plan, double from_s,
+                                         std::span<const double> times_s, double pan_rad) const;
+
+ private:
+  Gaze(const LookOptions& look, int x, int y, int yaw) : look_(look), x_(x), y_(y), yaw_(yaw) {}
+  [[nodiscard]] double wanted(const Trajectory& plan, double at_s) const;
+
+  LookOptions look_;
+  int x_;
+  int y_;
+  int yaw_;
+};
 
 /// From `from_s` on, as much of a motion as one command holds: `horizon_s` of it and then a stop
 /// along its path, or its rest where that is shorter, where it cannot stop in time, or where
@@ -55,6 +119,41 @@ class CommandWriter {
 
   double rate_hz_ = 0.0;
   std::vector<Controller> controllers_;
+};
+
+/// Sends controllers what the robot was told, stretch by stretch; in mode `shadow` nothing. One
+/// thread at a time.
+class CommandStream {
+ public:
+  /// `link` outlives this.
+  CommandStream(const Options& options, MotionLimits limits, CommandWriter writer,
+                std::optional<Gaze> gaze, RobotLink& link);
+
+  /// Another motion is to be sent, from its beginning.
+  void begin();
+  /// The next stretch of `told`, where the last command's is used up far enough. `time` is up to
+  /// date.
+  void send(const CommandedMotion& told, Stamp now, const ros1_node::RunTime& time);
+  /// All of a motion that begins at `ros_stamp`, ROS time; nothing of it is left for send().
+  void send_whole(const Trajectory& motion, Stamp ros_stamp);
+  /// Controllers drop what they follow, and hold.
+  void hold(Stamp ros_stamp);
+
+ private:
+  void command(const Trajectory& window, const Trajectory& plan, double from_s, Stamp ros_stamp);
+
+  static constexpr Stamp kLongAgo{std::numeric_limits<std::int64_t>::min() / 2};
+
+  bool is_shadow_;
+  double horizon_s_;
+  std::int64_t renewal_ns_;
+  std::string pan_joint_;  ///< Where there is a gaze.
+  MotionLimits limits_;
+  CommandWriter writer_;
+  std::optional<Gaze> gaze_;
+  RobotLink& link_;
+  Stamp sent_ = kLongAgo;
+  bool sent_whole_ = false;
 };
 
 }  // namespace sidestep::ros1_executor

@@ -1,4 +1,4 @@
-#include "options.hpp"
+#include "ros1_executor.hpp"
 
 #include <algorithm>
 #include <set>

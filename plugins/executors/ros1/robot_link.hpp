@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -8,13 +9,81 @@
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
 
+#include <sidestep/core/error.hpp>
+#include <sidestep/robot/robot_model.hpp>
+#include <sidestep/trajectory/trajectory.hpp>
+
 #include "any_message.hpp"
-#include "joint_feed.hpp"
-#include "master_probe.hpp"
+#include "histories.hpp"
+#include "node.hpp"
 #include "node_messages.hpp"
-#include "options.hpp"
+#include "ros1_executor.hpp"
 
 namespace sidestep::ros1_executor {
+
+/// A robot's state, from messages that tell of some joints each, at stamps of their own. All stamps
+/// are ROS's. One thread at a time.
+class JointFeed {
+ public:
+  /// Fails with kConfig where the robot lacks a joint that odometry is to tell of.
+  [[nodiscard]] static Result<JointFeed> create(const RobotDescription& robot,
+                                                const Options& options);
+
+  /// Joints that are not the robot's are passed over, but for those that are held. A value that is
+  /// not a number says nothing. `received`: ROS time.
+  void add(const ros_messages::JointState& message, Stamp received);
+  void add(const ros_messages::Odometry& message, Stamp received);
+
+  struct State {
+    RobotState state;
+    Stamp stamp;
+  };
+  /// At the newest time at which all joints are known: that of the joint whose newest position is
+  /// oldest, the others interpolated to it. Nothing until each has been told of.
+  [[nodiscard]] std::optional<State> newest() const;
+
+  /// What is wrong: no message yet, one too old, or stamped ahead of the clock; nothing if all is
+  /// well.
+  [[nodiscard]] std::optional<std::string> trouble(Stamp now) const;
+
+  /// Of a joint that is held; nothing until it is told.
+  [[nodiscard]] std::optional<double> held_position(const std::string& joint) const;
+
+ private:
+  struct Motion {
+    double q = 0.0;
+    std::optional<double> qdot;  ///< Nothing: not told.
+  };
+  /// What one kind of message tells.
+  struct Origin {
+    std::string name;    ///< "joint state", "odometry"
+    std::string topics;  ///< For messages.
+    double max_age_s = 0.0;
+    std::optional<Stamp> received;
+  };
+  struct Channel {
+    std::string joint;
+    bool is_continuous = false;
+    bool is_odometry = false;
+    ros_messages::TimeSeries<Motion> series;
+  };
+  JointFeed() = default;
+
+  [[nodiscard]] const Origin& origin_of(const Channel& channel) const {
+    return channel.is_odometry ? odometry_ : joint_states_;
+  }
+  void add(Channel& channel, Stamp stamp, double q, std::optional<double> qdot);
+  [[nodiscard]] std::optional<std::string> trouble_of(const Channel& channel, Stamp now) const;
+
+  std::vector<Channel> channels_;  ///< In the robot's order.
+  std::map<std::string, int, std::less<>> by_name_;
+  std::map<std::string, std::optional<double>, std::less<>> held_;
+  int x_ = -1, y_ = -1, yaw_ = -1;
+  bool is_twist_in_base_ = true;
+  double clock_tolerance_s_ = 0.0;
+  Origin joint_states_;
+  Origin odometry_;
+};
 
 /// The topics between an executor and its robot. Messages come in while serve() runs, on a queue of
 /// its own, and at no other time. One thread at a time.

@@ -2,27 +2,166 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <deque>
 #include <mutex>
-#include <sstream>
+#include <numbers>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include <Eigen/Core>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
+#include <sidestep/core/node.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/planning/goal_source.hpp>
+#include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 
-#include "measurement_noise.hpp"
-#include "scheduled_goals.hpp"
 #include "simulated_robot.hpp"
-#include "start_state.hpp"
 
 namespace sidestep::simulated {
 namespace {
 
-std::string number(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
+/// Normal noise on joint positions. What is added at a step of the simulation depends on the seed
+/// and that step alone, whenever and however often it is asked for.
+class MeasurementNoise {
+ public:
+  MeasurementNoise(double sigma, std::uint64_t seed) : sigma_(sigma), seed_(seed) {}
+
+  [[nodiscard]] Eigen::VectorXd measured(const Eigen::VectorXd& q, std::int64_t step) const;
+
+ private:
+  double sigma_;
+  std::uint64_t seed_;
+};
+
+std::uint64_t mix(std::uint64_t value) {  // SplitMix64
+  value += 0x9e3779b97f4a7c15ULL;
+  value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  value = (value ^ (value >> 27)) * 0x94d049bb133111ebULL;
+  return value ^ (value >> 31);
 }
+
+/// In (0, 1).
+double uniform(std::uint64_t& state) {
+  state = mix(state);
+  return (static_cast<double>(state >> 11) + 0.5) * 0x1p-53;
+}
+
+Eigen::VectorXd MeasurementNoise::measured(const Eigen::VectorXd& q, std::int64_t step) const {
+  if (sigma_ == 0.0) return q;
+  std::uint64_t state = mix(seed_ ^ mix(static_cast<std::uint64_t>(step)));
+  Eigen::VectorXd noisy = q;
+  for (double& value : noisy) {  // Box and Muller 1958
+    const double radius = std::sqrt(-2.0 * std::log(uniform(state)));
+    value += sigma_ * radius * std::cos(2.0 * std::numbers::pi * uniform(state));
+  }
+  return noisy;
+}
+
+/// Goals that come at times fixed beforehand.
+class ScheduledGoals {
+ public:
+  /// Reads the parameter `goals`. Fails with kConfig, at the position, where an entry is no map,
+  /// has no time, or one before that of the entry above it.
+  [[nodiscard]] static Result<ScheduledGoals> read(const Node& goals);
+
+  /// The last that is due; those before it, due since the last call, have been overtaken.
+  [[nodiscard]] std::optional<GoalRequest> next(Stamp now);
+  [[nodiscard]] bool is_empty() const noexcept { return waiting_.empty(); }
+
+ private:
+  struct Scheduled {
+    double at_s = 0.0;
+    GoalRequest request;
+  };
+  std::deque<Scheduled> waiting_;
+};
+
+Result<ScheduledGoals> ScheduledGoals::read(const Node& goals) {
+  ScheduledGoals read;
+  if (goals.is_null()) return read;
+  if (!goals.is_list()) {
+    return tl::make_unexpected(goals.error("expected a list of goals, found " + goals.kind(),
+                                           "e.g. [{at_s: 2.0, goal: {joints: {odom_x: 1.0}}}]"));
+  }
+  for (const Node& entry : goals.items()) {
+    const Node* at = entry.find("at_s");
+    if (at == nullptr) {
+      return tl::make_unexpected(
+          entry.error("the goal has no `at_s`", "say when it comes, in seconds of the run"));
+    }
+    const auto at_s = SIDESTEP_TRY(at->as_double());
+    if (!read.waiting_.empty() && at_s < read.waiting_.back().at_s) {
+      return tl::make_unexpected(at->error("the goal comes before the one above it"));
+    }
+    Scheduled goal{at_s, {std::to_string(read.waiting_.size() + 1), {}}};
+    Node::Map wish;
+    for (const Node::Entry& part : entry.entries()) {
+      if (part.key != "at_s") wish.push_back(part);
+    }
+    if (!wish.empty()) goal.request.wish = Node(std::move(wish), entry.mark());
+    read.waiting_.push_back(std::move(goal));
+  }
+  return read;
+}
+
+std::optional<GoalRequest> ScheduledGoals::next(Stamp now) {
+  std::optional<GoalRequest> newest;
+  while (!waiting_.empty() && waiting_.front().at_s <= now.seconds()) {
+    newest = std::move(waiting_.front().request);
+    waiting_.pop_front();
+  }
+  return newest;
+}
+
+/// The configuration that a map of joint names to positions gives, joints left out at 0. Fails with
+/// kConfig for an unknown joint, or one outside its limits.
+[[nodiscard]] Result<Eigen::VectorXd> read_start(const Node& start, const RobotDescription& robot);
+
+constexpr double kRounding = 1e-9;
+
+Error unknown_joint(const Node& value, const std::string& name, const RobotDescription& robot) {
+  std::vector<std::string> names;
+  std::string list;
+  for (const Joint& joint : robot.joints) {
+    names.push_back(joint.name);
+    list += (list.empty() ? "" : ", ") + joint.name;
+  }
+  return value.error("robot '" + robot.name + "' has no joint '" + name + "'",
+                     did_you_mean(name, names, "its joints: " + list));
+}
+
+Result<Eigen::VectorXd> read_start(const Node& start, const RobotDescription& robot) {
+  Eigen::VectorXd q = Eigen::VectorXd::Zero(robot.dof());
+  if (!start.is_null() && !start.is_map()) {
+    return tl::make_unexpected(
+        start.error("'start' must be a map of joint names to positions, found " + start.kind()));
+  }
+  for (const auto& [name, mark, value] : start.entries()) {
+    const auto joint = robot.joint_index(name);
+    if (!joint) return tl::make_unexpected(unknown_joint(value, name, robot));
+    q[*joint] = SIDESTEP_TRY(value.as_double());
+  }
+  for (int j = 0; j < robot.dof(); ++j) {
+    const Joint& joint = robot.joints[static_cast<std::size_t>(j)];
+    if (q[j] >= joint.lower - kRounding && q[j] <= joint.upper + kRounding) continue;
+    const Node* given = start.find(joint.name);
+    return tl::make_unexpected((given != nullptr ? *given : start)
+                                   .error("joint '" + joint.name + "' cannot start at " +
+                                              std::to_string(q[j]) + ", outside its limits " +
+                                              std::to_string(joint.lower) + " to " +
+                                              std::to_string(joint.upper),
+                                          given != nullptr ? "" : "give it a place in 'start'"));
+  }
+  return q;
+}
+
+std::string number(double value) { return format("%g", value); }
 
 tl::unexpected<Error> refuse(std::string why) {
   return fail(ErrorCode::kInvalidArgument, std::move(why), "executor simulated");

@@ -1,12 +1,314 @@
 #include "loop_experiment.hpp"
 
-#include <sidestep/runtime/checked_robot.hpp>
+#include <algorithm>
+#include <functional>
+#include <iterator>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/statistics.hpp>
+#include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
-#include "replan_summary.hpp"
-#include "replan_world.hpp"
 
 namespace sidestep {
+namespace {
+
+using report::at;
+using report::cell;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kTableRows = 40;
+
+template <class Member>
+auto sum_of(const std::vector<EpisodeRow>& episodes, Member member) {
+  auto sum = std::decay_t<decltype(episodes.front().*member)>{};
+  for (const EpisodeRow& episode : episodes) sum += episode.*member;
+  return sum;
+}
+
+/// The episode with the least true clearance; null where it is known of none.
+const EpisodeRow* closest_of(const std::vector<EpisodeRow>& episodes) {
+  const auto closest = std::ranges::min_element(episodes, {}, [](const EpisodeRow& episode) {
+    return episode.min_true_clearance_m.value_or(kInfinity);
+  });
+  return closest != episodes.end() && closest->min_true_clearance_m ? &*closest : nullptr;
+}
+
+/// What came nearest to what, there.
+Json nearest_json(const EpisodeRow* closest) {
+  if (closest == nullptr || closest->nearest_link.value_or("").empty()) return nullptr;
+  return {{"episode", closest->episode},
+          {"link", *closest->nearest_link},
+          {"object", closest->nearest_object.value_or("")}};
+}
+
+Json ghost_vox(const ReplanRows& rows) {
+  std::optional<std::int64_t> sum;
+  for (const EpisodeRow& episode : rows.episodes) {
+    if (episode.ghost_vox) sum = sum.value_or(0) + *episode.ghost_vox;
+  }
+  return sum ? Json(*sum) : Json(nullptr);
+}
+
+Json guesses_of(const ReplanRows& rows) {
+  Json list = Json::array();
+  for (const Replanner::GuessCount& guess : rows.guesses) {
+    list.push_back({{"name", guess.guess}, {"tried", guess.tried}, {"led", guess.led}});
+  }
+  return list;
+}
+
+/// Of every episode that reached its goal.
+template <class Value>
+auto of_reached(Value value) {
+  return [value](const ReplanRows& rows) {
+    std::vector<double> values;
+    for (const EpisodeRow& episode : rows.episodes) {
+      if (!episode.reached) continue;
+      if (const std::optional<double> its = std::invoke(value, episode)) values.push_back(*its);
+    }
+    return values;
+  };
+}
+
+/// How often a second something happened; null where no time passed.
+template <class Member>
+auto rate_of(Member member) {
+  return [member](const ReplanRows& rows) {
+    const double time_s = sum_of(rows.episodes, &EpisodeRow::duration_s);
+    return time_s > 0.0 ? Json(static_cast<double>(sum_of(rows.episodes, member)) / time_s)
+                        : Json();
+  };
+}
+
+Json collisions_of(const ReplanRows& rows) {
+  Json list = Json::array();
+  for (const ContactRow& contact : rows.contacts) {
+    list.push_back({{"episode", contact.episode},
+                    {"time_s", contact.begin_s},
+                    {"link", contact.link},
+                    {"object", contact.object},
+                    {"depth_m", contact.depth_m},
+                    {"cause", contact.cause}});
+  }
+  return list;
+}
+
+Json failures_of(const ReplanFacts& facts, const ReplanRows& rows) {
+  Json list = Json::array();
+  for (const EpisodeRow& episode : rows.episodes) {
+    if (episode.success) continue;
+    Json failure = {{"episode", episode.episode}, {"reason", episode.reason}};
+    if (!facts.again.empty()) {
+      failure["again"] = facts.again +
+                         " --set experiment.first_episode=" + std::to_string(episode.episode) +
+                         " --set experiment.episodes=1";
+    }
+    list.push_back(std::move(failure));
+  }
+  return list;
+}
+
+/// The overrides that a configuration was read with, as they were written.
+void find_overrides(const Node& node, std::vector<std::string>& overrides) {
+  const std::string& origin = node.mark().file;
+  if (origin.starts_with("--set ") && std::ranges::find(overrides, origin) == overrides.end()) {
+    overrides.push_back(origin);
+  }
+  for (const Node& item : node.items()) find_overrides(item, overrides);
+  for (const Node::Entry& entry : node.entries()) find_overrides(entry.value, overrides);
+}
+
+std::string table_text(const ReplanRows& rows) {
+  TextTable table({"episode", "result", "time", "clearance", "collisions", "replans", "stops",
+                   "solve p50", "stamp to plan p95", "frames", "dropped"});
+  const std::size_t shown = std::min(rows.episodes.size(), kTableRows);
+  for (std::size_t i = 0; i < shown; ++i) {
+    const EpisodeRow& r = rows.episodes[i];
+    table.add({std::to_string(r.episode), r.success ? "success" : "failed",
+               format("%.2f s", r.duration_s),
+               r.min_true_clearance_m ? format("%.3f m", *r.min_true_clearance_m) : "-",
+               std::to_string(r.collisions), std::to_string(r.replans), std::to_string(r.stops),
+               cell(quantile_json(r.solve_ms, 0.5), "%.2f ms"),
+               cell(quantile_json(r.stamp_to_trajectory_ms, 0.95), "%.1f ms"),
+               std::to_string(r.frames), std::to_string(r.frames_dropped)});
+  }
+  std::string text = table.text();
+  if (shown < rows.episodes.size()) {
+    text += "and " + std::to_string(rows.episodes.size() - shown) + " more in results.sqlite\n";
+  }
+  return text;
+}
+
+std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const Json& metrics) {
+  const auto done = rows.episodes.size();
+  const auto successes = std::ranges::count(rows.episodes, true, &EpisodeRow::success);
+  const std::string count = std::to_string(successes) + " of " + std::to_string(done) +
+                            (done == 1 ? " episode" : " episodes") +
+                            " reached the goal without touching anything";
+  if (facts.fault) return "Ended early: " + facts.fault->describe();
+  if (facts.interrupted) {
+    const std::string planned =
+        facts.planned_episodes > 0 ? " of " + std::to_string(facts.planned_episodes) : "";
+    return "Interrupted after " + std::to_string(done) + planned + " episodes: " + count +
+           "; they are saved.";
+  }
+  std::string text = (static_cast<std::size_t>(successes) == done ? "Success: " : "Failed: ") +
+                     count + "; " + cell(at(metrics, "/replans")) + " replans, " +
+                     cell(at(metrics, "/stops")) + " stops, least true clearance " +
+                     cell(at(metrics, "/min_true_clearance_m"), "%.3f m");
+  if (at(metrics, "/nearest").is_object()) {
+    text += ", of " + cell(at(metrics, "/nearest/link")) + " to " +
+            cell(at(metrics, "/nearest/object"));
+  }
+  text += ".";
+  const auto failed = std::ranges::find(rows.episodes, false, &EpisodeRow::success);
+  if (failed != rows.episodes.end()) {
+    text += " Episode " + std::to_string(failed->episode) + ": " + failed->reason + ".";
+  }
+  return text;
+}
+
+}  // namespace
+
+const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
+  using E = EpisodeRow;
+  using report::Shown;
+  const auto sum = [](auto member) {
+    return [member](const ReplanRows& rows) { return sum_of(rows.episodes, member); };
+  };
+  const auto all = [](auto member) {
+    return [member](const ReplanRows& rows) {
+      std::vector<double> values;
+      for (const E& episode : rows.episodes)
+        std::ranges::copy(episode.*member, std::back_inserter(values));
+      return values;
+    };
+  };
+  const std::vector<std::string> spread = {"p50", "p95", "max"};
+  const auto p95 = [](const char* heading, const char* pattern) {
+    return Shown{.heading = heading, .pattern = pattern, .statistics = "p95"};
+  };
+  static const auto kMetrics =
+      report::ResultColumnsOf<ReplanRows>(report::kWholeSummary)
+          .table("Outcome")
+          .add("episodes", [](const ReplanRows& rows) { return rows.episodes.size(); },
+               "Episodes that were run.", {.heading = "episodes", .compared = true})
+          .add("success_share",
+               [](const ReplanRows& rows) { return share_of(rows.episodes, &E::success); },
+               "Share that reached the goal and touched nothing.",
+               {.heading = "success", .pattern = report::kPercent, .compared = true})
+          .add("collisions_true", sum(&E::collisions), "Collisions with the true scene.",
+               {.heading = "true collisions", .compared = true})
+          .add("min_true_clearance_m",
+               [](const ReplanRows& rows) {
+                 const E* closest = closest_of(rows.episodes);
+                 return closest != nullptr ? Json(*closest->min_true_clearance_m) : Json();
+               },
+               "Least clearance to the true scene [m].",
+               {.heading = "least true clearance", .pattern = "%.3f m", .compared = true})
+          .add(
+              "nearest",
+              [](const ReplanRows& rows) { return nearest_json(closest_of(rows.episodes)); },
+              "In which episode, of which link and to which object.")
+          .spread("time_to_goal_s.", of_reached(&E::duration_s),
+                  "Time until the goal was reached [s].", spread,
+                  {.heading = "time to goal",
+                   .pattern = "%.2f s",
+                   .compared = true,
+                   .statistics = "p50"})
+          .spread("path_length.", of_reached(&E::path_length),
+                  "Way in the space of joints [m, rad] of episodes that reached the goal.", spread)
+          .add("replans", sum(&E::replans), "Trajectories replaced on the way.",
+               {.heading = "replans", .compared = true})
+          .add("guesses", &guesses_of, "First guesses: how often tried, and how often one led.")
+          .add("stops", sum(&E::stops), "Times that the robot was stopped.",
+               {.heading = "stops", .compared = true})
+          .add("slowdowns", sum(&E::slowdowns), "Times that it braked for what moved nearby.")
+          .add("splice_velocity_jump_max",
+               [](const ReplanRows& rows) {
+                 const auto jumps =
+                     values_of(rows.episodes, std::mem_fn(&E::splice_velocity_jump_max));
+                 return jumps.empty() ? 0.0 : std::ranges::max(jumps);
+               },
+               "Largest velocity jump of a joint where a trajectory took over [m/s, rad/s].",
+               {.heading = "largest velocity jump", .pattern = "%.2g"})
+          .table("Times")
+          .spread(
+              "solve_ms.", all(&E::solve_ms), "Wall time of a search that led to a trajectory.",
+              spread,
+              {.heading = "solve", .pattern = "%.2f ms", .compared = true, .statistics = "p50 p95"})
+          .spread("search_ms.", all(&E::search_ms), "Wall time of every search.", spread,
+                  p95("all searches", "%.2f ms"))
+          .spread("stamp_to_trajectory_ms.", all(&E::stamp_to_trajectory_ms),
+                  "From a depth image's stamp to the trajectory that it led to.", spread,
+                  {.heading = "stamp to trajectory", .pattern = "%.1f ms", .compared = true})
+          .spread("frame_to_trajectory_ms.", all(&E::frame_to_trajectory_ms),
+                  "The same from when the source handed the image over.", spread)
+          .spread("map_age_ms.", all(&E::map_age_ms), "Age of the map that a search began with.",
+                  spread, p95("age of the map", "%.1f ms"))
+          .spread("unknown_share.", all(&E::unknown_share),
+                  "Share of a trajectory's checks in space that no frame had seen.", spread)
+          .add("step_hz", rate_of(&E::steps), "Control steps a second.",
+               {.heading = "steps", .pattern = "%.0f Hz"})
+          .add("check_hz", rate_of(&E::checks),
+               "Checks of what is followed that were computed a second: one for each new map and "
+               "trajectory.",
+               {.heading = "checks", .pattern = "%.1f Hz"})
+          .add("frames", sum(&E::frames), "Frames that were mapped.", {.heading = "frames"})
+          .add("frames_dropped", sum(&E::frames_dropped), "Frames that were not.",
+               {.heading = "dropped"})
+          .spread("appear_frames.", all(&E::appear_frames),
+                  "Frames from an object's entry into view until it was in the map.", spread)
+          .spread("clear_frames.", all(&E::clear_frames),
+                  "Frames that saw through a voxel until it was free again.", spread)
+          .add("ghost_vox", &ghost_vox, "Voxels that an object left and that stayed occupied.");
+  return kMetrics;
+}
+
+ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& settings,
+                     const RobotDescription& robot) {
+  ReplanFacts facts;
+  facts.provenance = provenance_of(context);
+  facts.experiment = settings.type;
+  facts.clock = settings.clock;
+  facts.robot = robot.name;
+  if (const Node* name = block_of(context.configuration, "optimiser").find("plugin")) {
+    facts.optimiser = name->text();
+  }
+  return facts;
+}
+
+std::string command_again(const Configuration& configuration) {
+  std::vector<std::string> overrides;
+  find_overrides(configuration.root, overrides);
+  std::string command = "sidestep run " + configuration.file.string();
+  for (const std::string& override : overrides) {
+    command += " --set '" + override.substr(std::string("--set ").size()) + "'";
+  }
+  return command;
+}
+
+ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows) {
+  const Json metrics = replan_metrics().row(rows);
+  const bool all_done = facts.planned_episodes == 0 ||
+                        rows.episodes.size() == static_cast<std::size_t>(facts.planned_episodes);
+  ExperimentOutcome outcome;
+  outcome.interrupted = facts.interrupted;
+  outcome.fault = facts.fault;
+  outcome.success = all_done && !facts.fault && !facts.interrupted &&
+                    std::ranges::all_of(rows.episodes, &EpisodeRow::success);
+  outcome.verdict = verdict_text(facts, rows, metrics);
+  outcome.table = table_text(rows);
+  Json particulars = {
+      {"clock", facts.clock}, {"robot", facts.robot}, {"optimiser", facts.optimiser}};
+  particulars.update(metrics);
+  particulars["collisions"] = collisions_of(rows);
+  particulars["failures"] = failures_of(facts, rows);
+  outcome.summary_json = summary_text(facts.provenance, facts.experiment, outcome, particulars);
+  return outcome;
+}
 
 ExperimentFacts LoopExperiment::facts() const {
   // A replan's first guesses are `replanner.escalation`, and what it finds is timed anew always.
@@ -17,15 +319,10 @@ ExperimentFacts LoopExperiment::facts() const {
           .unused_of_planning = {"max_unknown_share", "retime", "attempts"}};
 }
 
-const report::RunReport& LoopExperiment::report() const { return replan_report(); }
-
-void check_loop(const Configuration& configuration, Host& host, const CheckOwn& check_own,
-                std::vector<Error>& errors) {
-  const auto robot = checked_robot(configuration, host, errors);
-  if (robot == nullptr) return;
-  check_own(robot, errors);
-  check_allowed_contacts(block_of(configuration, "check"), robot->description(), nullptr, errors);
-  check_floor(block_of(configuration, "planning"), robot->description(), errors);
+void check_loop_names(const Configuration& configuration, const RobotDescription& robot,
+                      std::vector<Error>& errors) {
+  check_allowed_contacts(block_of(configuration, "check"), robot, nullptr, errors);
+  check_floor(block_of(configuration, "planning"), robot, errors);
 }
 
 Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts facts,
@@ -38,11 +335,14 @@ Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts
   if (!context.resume) record_replan_run(identity, recorder);
   SIDESTEP_TRY(recorder.commit());
   // Held here, so that episodes before one that cannot be run are kept.
-  auto done = contained("the closed loop", [&] { return work(recorder); });
+  auto done = catch_all("the closed loop", [&] { return work(recorder); });
   store.reset();
   // One without end is ended by a stop, and not interrupted.
   facts.interrupted = context.stop.stop_requested() && facts.planned_episodes > 0;
-  return conclude_replan(std::move(facts), std::move(done), file);
+  const auto rows = SIDESTEP_TRY(read_replan_rows(file));
+  if (!done && rows.episodes.empty()) return error_of(done);
+  if (!done) facts.fault = std::move(done.error());
+  return summarise_replan(facts, rows);
 }
 
 }  // namespace sidestep

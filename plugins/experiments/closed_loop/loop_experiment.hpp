@@ -1,15 +1,14 @@
 #pragma once
 
+#include <filesystem>
 #include <functional>
-#include <memory>
+#include <optional>
 #include <string>
-#include <vector>
 
-#include <sidestep/robot/robot_model.hpp>
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/experiment.hpp>
-
 #include "replan_rows.hpp"
-#include "replan_summary.hpp"
+#include "replan_settings.hpp"
 
 /// What the experiments of the closed loop, `replan` and `deploy`, have in common.
 
@@ -22,19 +21,43 @@ class LoopExperiment : public Experiment {
   [[nodiscard]] const report::RunReport& report() const override;
 };
 
-/// Reads what is an experiment's own, for this robot, and appends the mistakes in it.
-using CheckOwn =
-    std::function<void(const std::shared_ptr<const RobotModel>& robot, std::vector<Error>& errors)>;
+/// Appends the mistakes in the names of links that both read.
+void check_loop_names(const Configuration& configuration, const RobotDescription& robot,
+                      std::vector<Error>& errors);
 
-/// Appends all mistakes in a configuration that no schema knows of.
-void check_loop(const Configuration& configuration, Host& host, const CheckOwn& check_own,
-                std::vector<Error>& errors);
+/// What a run of a closed loop is, beyond its rows.
+struct ReplanFacts {
+  RunProvenance provenance;
+  std::string experiment = "replan";  ///< Its type.
+  std::string clock;
+  std::string robot;
+  std::string optimiser;     ///< Name of the plugin.
+  int planned_episodes = 0;  ///< 0: as many as there are.
+  /// The command that runs it again, up to which of its episodes; empty where none can be run by
+  /// itself.
+  std::string again;
+  bool interrupted = false;
+  std::optional<Error> fault;  ///< That ended it early.
+};
+
+/// What a context and its settings say of them.
+[[nodiscard]] ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& settings,
+                                   const RobotDescription& robot);
+
+/// The command that runs a configuration again, overrides included.
+[[nodiscard]] std::string command_again(const Configuration& configuration);
 
 /// Does the work with a recorder of the run's results store, new or gone on with, and concludes
-/// from what it committed, even where it failed. `identity` is kept in a new store, see
-/// record_replan_run().
+/// from what it committed, even where it failed. Fails with that where there is not one episode.
+/// `identity` is kept in a new store, see record_replan_run().
 [[nodiscard]] Result<ExperimentOutcome> run_loop(
     const ExperimentContext& context, ReplanFacts facts, const std::string& identity,
     const std::function<Result<void>(Recorder& recorder)>& work);
+
+/// Verdict, summary.json and table of a finished (or interrupted) run.
+[[nodiscard]] ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows);
+
+/// Result of a run: keys of summary.json, and how they are shown.
+[[nodiscard]] const report::ResultColumnsOf<ReplanRows>& replan_metrics();
 
 }  // namespace sidestep

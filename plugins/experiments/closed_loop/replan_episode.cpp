@@ -1,16 +1,13 @@
 #include "replan_episode.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <thread>
 
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
-
 #include <sidestep/runtime/step_watch.hpp>
-#include "replan_mapping.hpp"
-#include "replan_show.hpp"
-#include "replan_visibility.hpp"
 
 namespace sidestep {
 namespace {
@@ -43,7 +40,7 @@ class EpisodeRun {
         slot_(parts.slot),
         mapping_(parts.mapping),
         watch_(parts.watch),
-        show_(context.observer, parts.world, parts.mapping),
+        observer_(context.observer),
         begin_(parts.world.clock->now()),
         progress_(parts.progress, begin_, settings_.experiment.duration_s),
         end_(Stamp::from_seconds(begin_.seconds() + settings_.experiment.duration_s)),
@@ -52,23 +49,316 @@ class EpisodeRun {
     record_.begin_s = begin_.seconds();
   }
 
-  Result<EpisodeRecord> run();
+  Result<EpisodeRecord> run() {
+    record_.q_start = world_.q_start;
+    record_.scene = world_.scene;
+    const auto found_goal = find_goal();
+    record_.q_goal = world_.q_goal;
+    if (!found_goal) {
+      record_.reason = found_goal.error().describe();
+      return std::move(record_);
+    }
+    make_replanner();
+    if (observer_ != nullptr) {
+      observer_->begin({context_.configuration.name, record_.episode, world_.robot, world_.scene,
+                        world_.q_start, world_.q_goal});
+      mapping_.show(true);
+    }
+    // Whatever happens here, the robot is not left moving.
+    const auto done = catch_all("the closed loop", [&]() -> Result<void> {
+      if (settings_.experiment.is_lockstep()) {
+        run_lockstep();
+      } else {
+        run_wall();
+      }
+      return {};
+    });
+    record_.duration_s = world_.clock->now().seconds() - begin_.seconds();
+    come_to_rest();
+    mapping_.stop();
+    if (!done) return error_of(done);
+    record_.reached = status_ == Replanner::Status::kReached;
+    record_.checks = replanner_->checks();
+    record_.guesses = replanner_->guess_counts();
+    MappingRecord mapped = mapping_.take_record();
+    record_.mapping = std::move(mapped.frames);
+    note_receipts();
+    record_.views = std::move(mapped.views);
+    record_.frames = static_cast<std::int64_t>(record_.mapping.size());
+    record_.frames_dropped = mapped.dropped;
+    record_.following = mapping_.following();
+    SIDESTEP_TRY(find_truth());
+    judge();
+    if (observer_ != nullptr) {
+      mapping_.show(false);
+      observer_->end({world_.clock->now(), record_.success(),
+                      record_.success() ? "the robot is at its goal" : record_.reason});
+    }
+    return std::move(record_);
+  }
 
  private:
-  [[nodiscard]] Result<void> find_goal();
-  void make_replanner();
-  void run_lockstep();
-  void run_wall();
+  /// The configuration in which the robot does what its task asks of the goal, as the first map has
+  /// it.
+  [[nodiscard]] Result<void> find_goal() {
+    if (!settings_.task.frees_goal) return {};
+    if (const auto below = target_below_floor(settings_.task, settings_.planning.floor);
+        !below.empty()) {
+      return invalid("the goal is not valid: " + below);
+    }
+    constexpr double kPatience_s = 60.0;
+    auto field = slot_.pin();
+    if (field == nullptr) field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
+    if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
+    PlanningSettings planning = settings_.planning;
+    planning.hold_goal = false;
+    Problem problem =
+        make_problem(world_.robot, std::move(field), planning, world_.q_start, world_.q_goal);
+    problem.terms.insert(problem.terms.end(), settings_.task.terms.begin(),
+                         settings_.task.terms.end());
+    const auto solution = SIDESTEP_TRY(call_stage(plugin_of(world_.optimiser), [&] {
+      return world_.optimiser->solve(
+          problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
+          Deadline::after_s(planning.time_limit_s, context_.stop));
+    }));
+    if (solution.trajectory.size() == 0) {
+      return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution.reason);
+    }
+    const auto q = solution.trajectory.q(solution.trajectory.size() - 1);
+    if (const std::string miss = goal_miss(problem, q); !miss.empty()) {
+      return fail(ErrorCode::kNotFound, "no goal configuration was found: " + miss);
+    }
+    std::ranges::copy(q, world_.q_goal.begin());
+    return {};
+  }
+
+  void make_replanner() {
+    if (settings_.replanner.obstacle_speed_mps > 0.0 && !mapping_.finds_what_moves()) {
+      context_.log.warn(plugin_of(world_.mapper) + " offers no view of its " +
+                        OccupancyView::kViewName +
+                        ": what moves is an obstacle like any other, in spite of "
+                        "replanner.obstacle_speed_mps");
+    }
+    ReplannerSettings settings = settings_.replanner;
+    settings.limit_wall_time = !settings_.experiment.is_lockstep();
+    settings.seed = world_.seed;
+    replanner_.emplace(
+        Replanner::Parts{world_.robot,
+                         *world_.executor,
+                         *world_.optimiser,
+                         world_.sampler.get(),
+                         slot_,
+                         problems_of(settings_, world_),
+                         {world_.q_goal, Eigen::VectorXd::Zero(world_.q_goal.size())},
+                         settings_.planning.space(),
+                         settings_.planning.limits(world_.robot->description()),
+                         context_.log,
+                         plugin_of(world_.executor),
+                         plugin_of(world_.optimiser),
+                         world_.sampler ? plugin_of(world_.sampler) : "",
+                         [this] { return mapping_.trouble(); }},
+        settings);
+  }
+
+  void run_lockstep() {
+    const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
+    for (Stamp now = begin_;; now.ns += step_ns) {
+      world_.clock->set(now);
+      // Brings the robot forward, so that a camera on it knows where it is; what fails, the
+      // replanner meets, too.
+      (void)measured();
+      mapping_.advance(now);
+      if (!step(now)) return;
+    }
+  }
+
+  void run_wall() {
+    const auto period =
+        std::chrono::nanoseconds(Stamp::from_seconds(settings_.experiment.step_s).ns);
+    // A robot maps before it is sent anywhere.
+    constexpr double kPatience_s = 1.0;
+    if (slot_.pin() == nullptr) mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
+    world_.clock->start();  // unless it runs
+    mapping_.start();
+    StepWatch watch(settings_.replanner.longest_step_s(), [this] {
+      context_.log.warn("the planning side has not come back: the executor is told to stop");
+      const auto stopped =
+          call_stage(plugin_of(world_.executor), [&] { return world_.executor->stop(); });
+      if (!stopped) context_.log.warn("it does not: " + stopped.error().describe());
+    });
+    for (bool goes_on = true; goes_on;) {
+      const auto begin = std::chrono::steady_clock::now();
+      const auto seen = slot_.pin();
+      watch.begin();
+      goes_on = step(world_.clock->now());
+      watch.end();
+      slot_.wait_for_newer(seen, begin + period);
+    }
+  }
+
   /// One step of the planning side; false once there is nothing more to do.
-  bool step(Stamp now);
+  bool step(Stamp now) {
+    const std::size_t first = events_.size();
+    const Stopwatch watch;
+    status_ = replanner_->step(now, events_);
+    const double step_ms = watch.elapsed_ms();
+    ++record_.steps;
+    note_events(now, first);
+    const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
+    note_truth(now, is_last);
+    if (observer_ != nullptr) show_step(now, step_ms);
+    progress_.note(now);
+    record_.interrupted = context_.stop.stop_requested();
+    if (watch_ && !is_last) record_.called_off = watch_(now, *replanner_);
+    return !is_last && !record_.interrupted && record_.called_off.empty();
+  }
+
   /// The episode is over: stops a robot that still moves, and waits until it is at rest.
-  void come_to_rest();
-  [[nodiscard]] bool is_at_rest();
-  void note_events(Stamp now, std::size_t first);
-  void note_receipts();
-  void note_truth(Stamp now, bool always);
-  [[nodiscard]] Result<void> find_truth();
-  void judge();
+  void come_to_rest() {
+    if (status_ == Replanner::Status::kReached) return;
+    const std::size_t first = events_.size();
+    Stamp now = world_.clock->now();
+    replanner_->stop(now, "the episode is over", events_);
+    note_events(now, first);
+    const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
+    const Stamp last{now.ns + Stamp::from_seconds(kLongestStop_s).ns};
+    while (now < last && !is_at_rest()) {
+      if (settings_.experiment.is_lockstep()) {
+        world_.clock->set(Stamp{now.ns + step_ns});
+      } else {
+        std::this_thread::sleep_for(std::chrono::nanoseconds(step_ns));
+      }
+      now = world_.clock->now();
+      note_truth(now, false);
+    }
+  }
+
+  [[nodiscard]] Result<Executor::Measured> measured() {
+    return call_plugin(plugin_of(world_.executor), [&] { return world_.executor->current(); });
+  }
+
+  /// Where that cannot be known, there is nothing to wait for.
+  [[nodiscard]] bool is_at_rest() {
+    const auto current = measured();
+    if (!current || current->state.qdot.size() == 0) return true;
+    return !(current->state.qdot.cwiseAbs().maxCoeff() >= settings_.replanner.rest_speed);
+  }
+
+  void note_events(Stamp now, std::size_t first) {
+    for (std::size_t i = first; i < events_.size(); ++i) {
+      EpisodeEvent event{events_[i]};
+      if (event.kind == ReplannerEvent::Kind::kPlanned ||
+          event.kind == ReplannerEvent::Kind::kReplanned) {
+        const auto since_map_ms = [&](Stamp stamp) {
+          return 1e-6 * static_cast<double>(stamp.ns - event.map_stamp.ns);
+        };
+        // What the solve took has passed on the wall's clock; in lockstep it is charged.
+        const bool is_lockstep = settings_.experiment.is_lockstep();
+        event.map_age_ms = since_map_ms(now);
+        event.stamp_to_trajectory_ms = since_map_ms(
+            is_lockstep ? Stamp::from_seconds(now.seconds() + settings_.replanner.takeover_s)
+                        : world_.clock->now());
+        record_.followed.push_back(
+            {replanner_->followed_start().seconds(), replanner_->followed()});
+      }
+      if (observer_ != nullptr) show_event(event);
+      record_.events.push_back(std::move(event));
+    }
+  }
+
+  void show_step(Stamp now, double step_ms) {
+    ObservedStep step{now, step_ms, status_, replanner_->checks(), {}, {}};
+    const auto current = measured();
+    if (current) step.q = current->state.q;
+    if (!record_.poses.empty()) step.q_true = record_.poses.back().q;
+    observer_->stepped(step);
+  }
+
+  /// A stop is followed, too: every event is shown with what is followed after it.
+  void show_event(const EpisodeEvent& event) {
+    using Kind = ReplannerEvent::Kind;
+    ObservedEvent shown{event, event.stamp_to_trajectory_ms, nullptr, {}};
+    const std::array follow = {Kind::kPlanned, Kind::kReplanned, Kind::kStopped, Kind::kSlowed};
+    if (std::ranges::count(follow, event.kind) > 0) {
+      shown.followed = std::make_shared<const Trajectory>(replanner_->followed());
+      shown.followed_start = replanner_->followed_start();
+    }
+    observer_->happened(shown);
+  }
+
+  /// How long after the receipt of the newest frame in their map trajectories came.
+  void note_receipts() {
+    for (EpisodeEvent& event : record_.events) {
+      if (!event.stamp_to_trajectory_ms) continue;
+      const double stamp_s = event.map_stamp.seconds();
+      const auto frame = std::ranges::find(record_.mapping, stamp_s, &MappedFrame::stamp_s);
+      // One that was mapped before the clock ran was not waited for.
+      if (frame == record_.mapping.end() || frame->published_s <= 0.0) continue;
+      event.frame_to_trajectory_ms =
+          *event.stamp_to_trajectory_ms - 1e3 * (frame->received_s - stamp_s);
+    }
+  }
+
+  void note_truth(Stamp now, bool always) {
+    if (world_.true_robot == nullptr || (now < next_truth_ && !always)) return;
+    const auto record = [&](Stamp stamp) {
+      if (truth_fault_) return;
+      auto state = call_stage(plugin_of(world_.executor), [&]() -> Result<RobotState> {
+        return world_.true_robot->true_state(stamp);
+      });
+      if (state) {
+        record_.poses.push_back({stamp.seconds(), std::move(state->q)});
+      } else {
+        truth_fault_ = std::move(state.error());
+      }
+    };
+    // What it did during a step that took long counts, too.
+    while (next_truth_.ns + kTruthPeriod_ns < now.ns) {
+      record(next_truth_);
+      next_truth_.ns += kTruthPeriod_ns;
+    }
+    record(now);
+    next_truth_ = Stamp{now.ns + kTruthPeriod_ns};
+  }
+
+  [[nodiscard]] Result<void> find_truth() {
+    if (world_.scene == nullptr || record_.poses.empty()) return {};
+    TrueMotionSettings truth;
+    const auto& allowed = settings_.check.allowed_contacts;
+    truth.allowed_contacts.assign(allowed.begin(), allowed.end());
+    record_.truth =
+        SIDESTEP_TRY(check_true_motion(world_.robot, world_.scene, record_.poses, truth));
+    for (const TrueContact& contact : record_.truth.contacts) {
+      record_.contacts.push_back(
+          {contact, cause_of(contact, record_, settings_.replanner.rest_speed)});
+    }
+    return {};
+  }
+
+  /// Why the episode is no success, if it is none: what weighs most.
+  void judge() {
+    if (!record_.contacts.empty()) {
+      const EpisodeContact& first = record_.contacts.front();
+      record_.reason =
+          "link '" + first.link + "' touched '" + first.object + "' (" + first.cause + ")";
+    } else if (truth_fault_) {
+      record_.reason = "what the robot touched is not known: " + truth_fault_->describe();
+    } else if (record_.interrupted) {
+      record_.reason = "interrupted";
+    } else if (!record_.called_off.empty()) {
+      record_.reason = record_.called_off;
+    } else if (mapping_.fault()) {
+      record_.reason = mapping_.fault()->describe();
+    } else if (!record_.reached) {
+      record_.reason = "the goal was not reached in time";
+      const auto is_stop = [](const EpisodeEvent& event) {
+        return event.kind == ReplannerEvent::Kind::kStopped ||
+               event.kind == ReplannerEvent::Kind::kReplanFailed;
+      };
+      const auto last = std::find_if(record_.events.rbegin(), record_.events.rend(), is_stop);
+      if (last != record_.events.rend()) record_.reason += "; last: " + last->cause;
+    }
+  }
 
   ExperimentContext& context_;
   const ReplanConfiguration& settings_;
@@ -76,7 +366,7 @@ class EpisodeRun {
   SnapshotSlot& slot_;
   EpisodeMapping& mapping_;
   const EpisodeWatch& watch_;
-  EpisodeShow show_;
+  RunObserver* observer_;  ///< May be null.
   std::optional<Replanner> replanner_;
   Stamp begin_;
   EpisodeProgress progress_;
@@ -88,289 +378,7 @@ class EpisodeRun {
   Replanner::Status status_ = Replanner::Status::kWaiting;
 };
 
-/// The configuration in which the robot does what its task asks of the goal, as the first map has
-/// it.
-Result<void> EpisodeRun::find_goal() {
-  if (!settings_.task.frees_goal) return {};
-  if (const auto below = target_below_floor(settings_.task, settings_.planning.floor);
-      !below.empty()) {
-    return invalid("the goal is not valid: " + below);
-  }
-  constexpr double kPatience_s = 60.0;
-  auto field = slot_.pin();
-  if (field == nullptr) field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
-  if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
-  PlanningSettings planning = settings_.planning;
-  planning.hold_goal = false;
-  Problem problem =
-      make_problem(world_.robot, std::move(field), planning, world_.q_start, world_.q_goal);
-  problem.terms.insert(problem.terms.end(), settings_.task.terms.begin(),
-                       settings_.task.terms.end());
-  const auto solution = SIDESTEP_TRY(in_stage(plugin_of(world_.optimiser), [&] {
-    return world_.optimiser->solve(
-        problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
-        Deadline::after_s(planning.time_limit_s, context_.stop));
-  }));
-  if (solution.trajectory.size() == 0) {
-    return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution.reason);
-  }
-  const auto q = solution.trajectory.q(solution.trajectory.size() - 1);
-  if (const std::string miss = goal_miss(problem, q); !miss.empty()) {
-    return fail(ErrorCode::kNotFound, "no goal configuration was found: " + miss);
-  }
-  std::ranges::copy(q, world_.q_goal.begin());
-  return {};
-}
-
-void EpisodeRun::make_replanner() {
-  if (settings_.replanner.obstacle_speed_mps > 0.0 && !mapping_.finds_what_moves()) {
-    context_.log.warn(plugin_of(world_.mapper) + " offers no view of its " +
-                      OccupancyView::kViewName +
-                      ": what moves is an obstacle like any other, in spite of "
-                      "replanner.obstacle_speed_mps");
-  }
-  ReplannerSettings settings = settings_.replanner;
-  settings.limit_wall_time = !settings_.experiment.is_lockstep();
-  settings.seed = world_.seed;
-  replanner_.emplace(Replanner::Parts{world_.robot,
-                                      *world_.executor,
-                                      *world_.optimiser,
-                                      world_.sampler.get(),
-                                      slot_,
-                                      problems_of(settings_, world_),
-                                      {world_.q_goal, Eigen::VectorXd::Zero(world_.q_goal.size())},
-                                      settings_.planning.space(),
-                                      settings_.planning.limits(world_.robot->description()),
-                                      context_.log,
-                                      plugin_of(world_.executor),
-                                      plugin_of(world_.optimiser),
-                                      world_.sampler ? plugin_of(world_.sampler) : "",
-                                      [this] { return mapping_.trouble(); }},
-                     settings);
-}
-
-Result<EpisodeRecord> EpisodeRun::run() {
-  record_.q_start = world_.q_start;
-  record_.scene = world_.scene;
-  const auto found_goal = find_goal();
-  record_.q_goal = world_.q_goal;
-  if (!found_goal) {
-    record_.reason = found_goal.error().describe();
-    return std::move(record_);
-  }
-  make_replanner();
-  show_.begin(context_.configuration.name, record_.episode);
-  // Whatever happens here, the robot is not left moving.
-  const auto done = contained("the closed loop", [&]() -> Result<void> {
-    if (settings_.experiment.is_lockstep()) {
-      run_lockstep();
-    } else {
-      run_wall();
-    }
-    return {};
-  });
-  record_.duration_s = world_.clock->now().seconds() - begin_.seconds();
-  come_to_rest();
-  mapping_.stop();
-  if (!done) return error_of(done);
-  record_.reached = status_ == Replanner::Status::kReached;
-  record_.checks = replanner_->checks();
-  record_.guesses = replanner_->guess_counts();
-  MappingRecord mapped = mapping_.take_record();
-  record_.mapping = std::move(mapped.frames);
-  note_receipts();
-  record_.views = std::move(mapped.views);
-  record_.frames = static_cast<std::int64_t>(record_.mapping.size());
-  record_.frames_dropped = mapped.dropped;
-  record_.following = mapping_.following();
-  SIDESTEP_TRY(find_truth());
-  judge();
-  show_.end(record_);
-  return std::move(record_);
-}
-
-void EpisodeRun::run_lockstep() {
-  const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
-  for (Stamp now = begin_;; now.ns += step_ns) {
-    world_.clock->set(now);
-    // Brings the robot forward, so that a camera on it knows where it is; what fails, the replanner
-    // meets, too.
-    (void)guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
-    mapping_.advance(now);
-    if (!step(now)) return;
-  }
-}
-
-void EpisodeRun::run_wall() {
-  const auto period = std::chrono::nanoseconds(Stamp::from_seconds(settings_.experiment.step_s).ns);
-  // A robot maps before it is sent anywhere.
-  constexpr double kPatience_s = 1.0;
-  if (slot_.pin() == nullptr) mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
-  world_.clock->start();  // unless it runs
-  mapping_.start();
-  StepWatch watch(settings_.replanner.longest_step_s(), [this] {
-    context_.log.warn("the planning side has not come back: the executor is told to stop");
-    const auto stopped =
-        in_stage(plugin_of(world_.executor), [&] { return world_.executor->stop(); });
-    if (!stopped) context_.log.warn("it does not: " + stopped.error().describe());
-  });
-  for (bool goes_on = true; goes_on;) {
-    const auto begin = std::chrono::steady_clock::now();
-    const auto seen = slot_.pin();
-    watch.begin();
-    goes_on = step(world_.clock->now());
-    watch.end();
-    slot_.wait_for_newer(seen, begin + period);
-  }
-}
-
-bool EpisodeRun::step(Stamp now) {
-  const std::size_t first = events_.size();
-  const Stopwatch watch;
-  status_ = replanner_->step(now, events_);
-  const double step_ms = watch.elapsed_ms();
-  ++record_.steps;
-  note_events(now, first);
-  const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
-  note_truth(now, is_last);
-  show_.step(now, step_ms, status_, *replanner_, record_);
-  progress_.note(now);
-  record_.interrupted = context_.stop.stop_requested();
-  if (watch_ && !is_last) record_.called_off = watch_(now, *replanner_);
-  return !is_last && !record_.interrupted && record_.called_off.empty();
-}
-
-void EpisodeRun::come_to_rest() {
-  if (status_ == Replanner::Status::kReached) return;
-  const std::size_t first = events_.size();
-  Stamp now = world_.clock->now();
-  replanner_->stop(now, "the episode is over", events_);
-  note_events(now, first);
-  const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
-  const Stamp last{now.ns + Stamp::from_seconds(kLongestStop_s).ns};
-  while (now < last && !is_at_rest()) {
-    if (settings_.experiment.is_lockstep()) {
-      world_.clock->set(Stamp{now.ns + step_ns});
-    } else {
-      std::this_thread::sleep_for(std::chrono::nanoseconds(step_ns));
-    }
-    now = world_.clock->now();
-    note_truth(now, false);
-  }
-}
-
-/// Where that cannot be known, there is nothing to wait for.
-bool EpisodeRun::is_at_rest() {
-  const auto current =
-      guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); });
-  if (!current || current->state.qdot.size() == 0) return true;
-  return !(current->state.qdot.cwiseAbs().maxCoeff() >= settings_.replanner.rest_speed);
-}
-
-void EpisodeRun::note_events(Stamp now, std::size_t first) {
-  for (std::size_t i = first; i < events_.size(); ++i) {
-    EpisodeEvent event{events_[i], {}, {}};
-    if (event.event.kind == ReplannerEvent::Kind::kPlanned ||
-        event.event.kind == ReplannerEvent::Kind::kReplanned) {
-      const auto since_map_ms = [&](Stamp stamp) {
-        return 1e-6 * static_cast<double>(stamp.ns - event.event.map_stamp.ns);
-      };
-      // What the solve took has passed on the wall's clock; in lockstep it is charged.
-      const bool is_lockstep = settings_.experiment.is_lockstep();
-      event.map_age_ms = since_map_ms(now);
-      event.stamp_to_trajectory_ms = since_map_ms(
-          is_lockstep ? Stamp::from_seconds(now.seconds() + settings_.replanner.takeover_s)
-                      : world_.clock->now());
-      record_.followed.push_back({replanner_->followed_start().seconds(), replanner_->followed()});
-    }
-    show_.event(event, *replanner_);
-    record_.events.push_back(std::move(event));
-  }
-}
-
-/// How long after the receipt of the newest frame in their map trajectories came.
-void EpisodeRun::note_receipts() {
-  for (EpisodeEvent& event : record_.events) {
-    if (!event.stamp_to_trajectory_ms) continue;
-    const double stamp_s = event.event.map_stamp.seconds();
-    const auto frame = std::ranges::find(record_.mapping, stamp_s, &MappedFrame::stamp_s);
-    // One that was mapped before the clock ran was not waited for.
-    if (frame == record_.mapping.end() || frame->published_s <= 0.0) continue;
-    event.frame_to_trajectory_ms =
-        *event.stamp_to_trajectory_ms - 1e3 * (frame->received_s - stamp_s);
-  }
-}
-
-void EpisodeRun::note_truth(Stamp now, bool always) {
-  if (world_.true_robot == nullptr || (now < next_truth_ && !always)) return;
-  const auto record = [&](Stamp stamp) {
-    if (truth_fault_) return;
-    auto state = in_stage(plugin_of(world_.executor), [&]() -> Result<RobotState> {
-      return world_.true_robot->true_state(stamp);
-    });
-    if (state) {
-      record_.poses.push_back({stamp.seconds(), std::move(state->q)});
-    } else {
-      truth_fault_ = std::move(state.error());
-    }
-  };
-  // What it did during a step that took long counts, too.
-  while (next_truth_.ns + kTruthPeriod_ns < now.ns) {
-    record(next_truth_);
-    next_truth_.ns += kTruthPeriod_ns;
-  }
-  record(now);
-  next_truth_ = Stamp{now.ns + kTruthPeriod_ns};
-}
-
-Result<void> EpisodeRun::find_truth() {
-  if (world_.scene == nullptr || record_.poses.empty()) return {};
-  TrueMotionSettings truth;
-  const auto& allowed = settings_.check.allowed_contacts;
-  truth.allowed_contacts.assign(allowed.begin(), allowed.end());
-  record_.truth = SIDESTEP_TRY(check_true_motion(world_.robot, world_.scene, record_.poses, truth));
-  for (const TrueContact& contact : record_.truth.contacts) {
-    record_.contacts.push_back(
-        {contact, cause_of(contact, record_, settings_.replanner.rest_speed)});
-  }
-  return {};
-}
-
-/// Why the episode is no success, if it is none: what weighs most.
-void EpisodeRun::judge() {
-  if (!record_.contacts.empty()) {
-    const EpisodeContact& first = record_.contacts.front();
-    record_.reason = "link '" + first.contact.link + "' touched '" + first.contact.object + "' (" +
-                     first.cause + ")";
-  } else if (truth_fault_) {
-    record_.reason = "what the robot touched is not known: " + truth_fault_->describe();
-  } else if (record_.interrupted) {
-    record_.reason = "interrupted";
-  } else if (!record_.called_off.empty()) {
-    record_.reason = record_.called_off;
-  } else if (mapping_.fault()) {
-    record_.reason = mapping_.fault()->describe();
-  } else if (!record_.reached) {
-    record_.reason = "the goal was not reached in time";
-    const auto is_stop = [](const EpisodeEvent& event) {
-      return event.event.kind == ReplannerEvent::Kind::kStopped ||
-             event.event.kind == ReplannerEvent::Kind::kReplanFailed;
-    };
-    const auto last = std::find_if(record_.events.rbegin(), record_.events.rend(), is_stop);
-    if (last != record_.events.rend()) record_.reason += "; last: " + last->event.cause;
-  }
-}
-
 }  // namespace
-
-Result<EpisodeRecord> run_episode(ExperimentContext& context, const ReplanConfiguration& settings,
-                                  ReplanWorld world, std::int64_t episode,
-                                  EpisodeProgress::Tell progress) {
-  SnapshotSlot slot;
-  EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
-  SIDESTEP_TRY(mapping.attach());
-  return run_episode(context, {settings, world, slot, mapping, {}, std::move(progress)}, episode);
-}
 
 Result<EpisodeRecord> run_episode(ExperimentContext& context, const EpisodeParts& parts,
                                   std::int64_t episode) {

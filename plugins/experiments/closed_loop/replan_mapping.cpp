@@ -1,6 +1,7 @@
-#include "replan_mapping.hpp"
-
 #include <algorithm>
+
+#include <sidestep/core/format.hpp>
+#include "replan_episode.hpp"
 
 namespace sidestep {
 namespace {
@@ -9,6 +10,18 @@ namespace {
 constexpr double kPatience_s = 0.1;
 
 }  // namespace
+
+EpisodeProgress::EpisodeProgress(Tell tell, Stamp begin, double duration_s, Wall::time_point wall)
+    : tell_(std::move(tell)),
+      begin_(begin),
+      limit_(format(" s of at most %g s", duration_s)),
+      told_(wall) {}
+
+void EpisodeProgress::note(Stamp now, Wall::time_point wall) {
+  if (!tell_ || wall - told_ < std::chrono::seconds(5)) return;
+  told_ = wall;
+  tell_(format("%.0f", now.seconds() - begin_.seconds()) + limit_);
+}
 
 EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings,
                                SnapshotSlot& slot, Log& log, RunObserver* observer)
@@ -37,7 +50,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
 }
 
 bool EpisodeMapping::map_one(const Deadline& deadline) {
-  auto step = contained("mapping", [&] { return pipeline_.step(deadline); });
+  auto step = catch_all("mapping", [&] { return pipeline_.step(deadline); });
   note_trouble(step);
   if (!step) {
     const bool goes_on = step.error().code == ErrorCode::kDeadlineExceeded;
@@ -69,31 +82,31 @@ void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step
   const std::vector<Error>& bad = pipeline_.bad_frames();
   const bool has_skipped = bad.size() > bad_frames_;
   bad_frames_ = bad.size();
-  const std::lock_guard lock(condition_mutex_);
+  const std::lock_guard lock(trouble_mutex_);
   if (step && *step) {
-    const Stamp newest = condition_.newest.value_or((*step)->stamp);
-    condition_.newest = std::max(newest, (*step)->stamp);
-    condition_.trouble.clear();
+    const Stamp newest = newest_.value_or((*step)->stamp);
+    newest_ = std::max(newest, (*step)->stamp);
+    trouble_.clear();
     if ((*step)->stamp < newest) {
-      condition_.trouble = source_name_ + ": frame " + std::to_string((*step)->frame_sequence) +
-                           " is of " + std::to_string((*step)->stamp.seconds()) + " s, one of " +
-                           std::to_string(newest.seconds()) + " s came before it";
+      trouble_ = source_name_ + ": frame " + std::to_string((*step)->frame_sequence) + " is of " +
+                 std::to_string((*step)->stamp.seconds()) + " s, one of " +
+                 std::to_string(newest.seconds()) + " s came before it";
     }
   } else if (step) {
-    condition_.trouble = source_name_ + " has no more frames";
+    trouble_ = source_name_ + " has no more frames";
   } else if (step.error().code == ErrorCode::kDeadlineExceeded) {
-    if (has_skipped) condition_.trouble = source_name_ + ": unusable: " + bad.back().describe();
+    if (has_skipped) trouble_ = source_name_ + ": unusable: " + bad.back().describe();
   } else if (step.error().code != ErrorCode::kCancelled) {
-    condition_.trouble = step.error().describe();
+    trouble_ = step.error().describe();
   }
 }
 
 std::string EpisodeMapping::trouble() const {
-  const std::lock_guard lock(condition_mutex_);
-  if (!condition_.trouble.empty()) return condition_.trouble;
-  if (!condition_.newest) return source_name_ + " has given no frame yet";
-  return source_name_ + " has given no frame since that of " +
-         std::to_string(condition_.newest->seconds()) + " s";
+  const std::lock_guard lock(trouble_mutex_);
+  if (!trouble_.empty()) return trouble_;
+  if (!newest_) return source_name_ + " has given no frame yet";
+  return source_name_ + " has given no frame since that of " + std::to_string(newest_->seconds()) +
+         " s";
 }
 
 std::shared_ptr<const DistanceField> EpisodeMapping::map_first(const Deadline& deadline) {

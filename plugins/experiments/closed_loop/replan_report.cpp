@@ -1,18 +1,267 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <set>
-#include <string>
 
-#include <sidestep/report/html.hpp>
-#include <sidestep/report/run_report.hpp>
-#include <sidestep/report/text_table.hpp>
-#include "replan_figures.hpp"
-#include "replan_rows.hpp"
-#include "replan_summary.hpp"
+#include <sidestep/report/chart.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/report/result_columns.hpp>
+#include <sidestep/results/statistics.hpp>
+#include <sidestep/runtime/replanner.hpp>
+#include "loop_experiment.hpp"
 
-namespace sidestep::report {
+namespace sidestep {
 namespace {
+
+using namespace report;
+
+/// What was measured of one quantity.
+struct Spread {
+  std::string label;  ///< With its unit.
+  std::vector<double> values;
+};
+
+constexpr double kWidth = 900.0;
+constexpr int kColumns = 4;
+constexpr double kCaption = 20.0;
+constexpr double kBorder_m = 0.7;
+constexpr Colour kObstacle = colour(0xBBBBBB);
+
+/// The ground from above, x to the right and y up, in a part of a canvas.
+struct GroundView {
+  Range x, y;
+  Area area;
+
+  [[nodiscard]] double scale() const { return area.width / (x.upper - x.lower); }
+  [[nodiscard]] Point at(double x_m, double y_m) const {
+    return {area.x + scale() * (x_m - x.lower), area.y + scale() * (y.upper - y_m)};
+  }
+  [[nodiscard]] std::vector<Point> points(const StoredArray& array) const {
+    std::vector<Point> points;
+    for (std::size_t i = 0; i + 1 < array.values.size(); i += 2) {
+      points.push_back(at(array.values[i], array.values[i + 1]));
+    }
+    return points;
+  }
+};
+
+/// One picture, as it was recorded.
+struct View {
+  double time_s = 0.0;
+  StoredArray robot, goal, way_base, way_hand, plan_base, plan_hand;
+  std::vector<std::pair<StoredArray, bool>> objects;  ///< Outline, whether it moves.
+};
+
+double number_of(ResultsReader& results, const std::string& series, std::int64_t item,
+                 const std::string& key, double otherwise) {
+  const auto number = results.number(series, item, key);
+  return number ? number->value_or(otherwise) : otherwise;
+}
+
+StoredArray array_of(ResultsReader& results, const std::string& series, std::int64_t item,
+                     const std::string& key) {
+  auto array = results.array(series, item, key);
+  return array && *array ? std::move(**array) : StoredArray{};
+}
+
+Result<std::vector<View>> read_views(ResultsReader& results, std::int64_t episode) {
+  const std::string series = "picture/" + std::to_string(episode);
+  const auto items = SIDESTEP_TRY(results.array_items(series, "robot"));
+  std::vector<View> views;
+  for (const std::int64_t item : items) {
+    const auto read = [&](const std::string& key) { return array_of(results, series, item, key); };
+    const auto number = [&](const std::string& key) {
+      return number_of(results, series, item, key, 0.0);
+    };
+    View view{number("time_s"), read("robot"),     read("goal"),      read("way.base"),
+              read("way.hand"), read("plan.base"), read("plan.hand"), {}};
+    const int objects = static_cast<int>(number("objects"));
+    for (int i = 0; i < objects; ++i) {
+      const std::string key = "object." + std::to_string(i);
+      view.objects.emplace_back(read(key), number(key + ".moves") != 0.0);
+    }
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+/// A square around all that the robot does.
+GroundView ground_of(const std::vector<View>& views) {
+  Range x{INFINITY, -INFINITY}, y{INFINITY, -INFINITY};
+  const auto include = [&](const StoredArray& array, std::size_t columns) {
+    for (std::size_t i = 0; i + 1 < array.values.size(); i += columns) {
+      x.include(array.values[i]);
+      y.include(array.values[i + 1]);
+    }
+  };
+  for (const View& view : views) {
+    include(view.robot, 3);
+    include(view.goal, 3);
+    include(view.plan_base, 2);
+    include(view.plan_hand, 2);
+  }
+  const double half = 0.5 * std::max(x.upper - x.lower, y.upper - y.lower) + kBorder_m;
+  const double middle_x = 0.5 * (x.lower + x.upper), middle_y = 0.5 * (y.lower + y.upper);
+  return {{middle_x - half, middle_x + half}, {middle_y - half, middle_y + half}, {}};
+}
+
+void draw_view(Canvas& canvas, const GroundView& ground, const View& view) {
+  canvas.clip(ground.area);
+  const auto spheres = [&](const StoredArray& array, const auto& draw) {
+    for (std::size_t i = 0; i + 2 < array.values.size(); i += 3) {
+      draw(ground.at(array.values[i], array.values[i + 1]), ground.scale() * array.values[i + 2]);
+    }
+  };
+  for (const auto& [outline, moves] : view.objects) {
+    const auto corners = ground.points(outline);
+    canvas.polygon(corners, (moves ? palette::kVermilion : kObstacle).with_alpha(0.6));
+  }
+  spheres(view.goal, [&](const Point& at, double radius) {
+    canvas.ring(at, radius, {palette::kGreen.with_alpha(0.35), 0.6, {}});
+  });
+  spheres(view.robot, [&](const Point& at, double radius) {
+    canvas.circle(at, radius, palette::kSky.with_alpha(0.5));
+  });
+  canvas.line(ground.points(view.way_base), {palette::kBlack, 1.3, {}});
+  canvas.line(ground.points(view.way_hand), {palette::kBlack, 0.8, {2.0, 2.0}});
+  canvas.line(ground.points(view.plan_base), {palette::kBlue, 1.6, {}});
+  canvas.line(ground.points(view.plan_hand), {palette::kBlue, 0.9, {2.0, 2.0}});
+  canvas.unclip();
+  canvas.outline(ground.area, {colour(0x777777), 0.7, {}});
+}
+
+Figure above_figure(const std::vector<View>& views, std::int64_t episode) {
+  const int rows = (static_cast<int>(views.size()) + kColumns - 1) / kColumns;
+  const double cell = kWidth / kColumns;
+  const double legend = 30.0;
+  const std::string name = std::to_string(episode);
+  GroundView ground = ground_of(views);
+  Figure figure{"episode-" + name + "-above",
+                "Episode " + name + " from above; each picture is " +
+                    format("%.1f m wide.", ground.x.upper - ground.x.lower),
+                Canvas(kWidth, rows * (cell + kCaption) + legend)};
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const double left = cell * static_cast<double>(static_cast<int>(i) % kColumns);
+    const double top = (cell + kCaption) * static_cast<double>(static_cast<int>(i) / kColumns);
+    figure.canvas.text({left + 4.0, top + 14.0}, format("%.1f s", views[i].time_s),
+                       {.size = 12.0, .bold = true});
+    ground.area = {left + 3.0, top + kCaption, cell - 6.0, cell - 6.0};
+    draw_view(figure.canvas, ground, views[i]);
+  }
+  using Mark = LegendEntry::Mark;
+  draw_legend(figure.canvas, {4.0, figure.canvas.height() - 25.0}, kWidth,
+              {{"moves", Mark::kBox, {palette::kVermilion, 1.0, {}}},
+               {"stands", Mark::kBox, {kObstacle, 1.0, {}}},
+               {"robot", Mark::kCircle, {palette::kSky, 1.0, {}}},
+               {"goal", Mark::kCircle, {palette::kGreen, 1.0, {}}},
+               {"way so far (hand dashed)", Mark::kLine, {palette::kBlack, 1.3, {}}},
+               {"what is followed", Mark::kLine, {palette::kBlue, 1.6, {}}}});
+  return figure;
+}
+
+Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
+  constexpr double kTimes = 190.0, kLane = 20.0;
+  using Kind = ReplannerEvent::Kind;
+  constexpr std::array kLanes = {std::pair(Kind::kPlanned, palette::kGreen),
+                                 std::pair(Kind::kReplanned, palette::kBlue),
+                                 std::pair(Kind::kReplanFailed, palette::kOrange),
+                                 std::pair(Kind::kSlowed, palette::kSky),
+                                 std::pair(Kind::kStopped, palette::kVermilion),
+                                 std::pair(Kind::kRecovered, palette::kPurple),
+                                 std::pair(Kind::kReached, palette::kBlack)};
+  const std::string name = std::to_string(episode);
+  Figure figure{
+      "episode-" + name + "-time",
+      "Episode " + name +
+          " over time: what mapping took for each frame and planning for each attempt, and "
+          "what the replanner did.",
+      Canvas(kWidth, kTimes + kLane * kLanes.size() + 10.0)};
+  const auto events = SIDESTEP_TRY(read_events(results, episode));
+  const StoredArray mapping = array_of(results, "episode", episode, "mapping");
+  const double begin_s = number_of(results, "episode", episode, "begin_s", 0.0);
+  const double end_s =
+      begin_s + std::max(1e-3, number_of(results, "episode", episode, "duration_s", 1.0));
+  std::vector<double> mapped_s, mapping_ms;  // wall time of each frame
+  for (int i = 0; i < mapping.rows; ++i) {
+    const float* frame = mapping.values.data() + static_cast<std::ptrdiff_t>(i) * mapping.columns;
+    mapped_s.push_back(frame[2]);
+    mapping_ms.push_back(frame[3] + frame[4]);
+  }
+  double longest_ms = 1.0;
+  for (const double took_ms : mapping_ms) longest_ms = std::max(longest_ms, took_ms);
+  for (const auto& [item, event] : events) longest_ms = std::max(longest_ms, event.solve_ms);
+  Axes axes(figure.canvas, {90.0, 0.0, kWidth - 90.0, kTimes}, {begin_s, end_s},
+            {0.0, 1.08 * longest_ms}, {"", "time [s]", "mapping, planning [ms]"});
+  axes.grid();
+  axes.line(mapped_s, mapping_ms, {palette::kBlue, 1.1, {}});
+  for (const auto& [item, event] : events) {
+    if (event.solve_ms > 0.0) {
+      figure.canvas.circle(axes.at(event.stamp.seconds(), event.solve_ms), 2.2, palette::kOrange);
+    }
+  }
+  axes.finish();
+  for (std::size_t lane = 0; lane < kLanes.size(); ++lane) {
+    const double y = kTimes + kLane * (static_cast<double>(lane) + 0.5);
+    const auto& [kind, its_colour] = kLanes[lane];
+    figure.canvas.text({4.0, y + 4.0}, std::string(to_string(kind)), {.size = 11.0});
+    const std::array line = {Point{axes.at(begin_s, 0.0).x, y}, Point{axes.at(end_s, 0.0).x, y}};
+    figure.canvas.line(line, {palette::kPale, 1.0, {}});
+    for (const auto& [item, event] : events) {
+      if (event.kind == kind)
+        figure.canvas.circle({axes.at(event.stamp.seconds(), 0.0).x, y}, 3.2, its_colour);
+    }
+  }
+  return figure;
+}
+
+/// Cumulative shares of what was measured, side by side; nothing where there are not at least five
+/// values of anything.
+std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
+  constexpr std::size_t kEnough = 5;
+  constexpr double kHeight = 260.0;
+  std::vector<Spread> shown;
+  std::ranges::copy_if(spreads, std::back_inserter(shown),
+                       [](const Spread& spread) { return spread.values.size() >= kEnough; });
+  if (shown.empty()) return {};
+  const double width = kWidth / static_cast<double>(shown.size());
+  Figure figure{"spread",
+                "How what was measured is spread: the share of measurements (up) that are at most "
+                "so large (right); dashed: p50 and p95.",
+                Canvas(kWidth, kHeight)};
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    std::vector<double> values = shown[i].values;
+    std::ranges::sort(values);
+    Range range{values.front(), values.back()};
+    Axes axes(figure.canvas, {static_cast<double>(i) * width, 0.0, width, kHeight},
+              range.padded(0.04), {0.0, 1.0}, {"", shown[i].label, i == 0 ? "share" : ""});
+    axes.grid();
+    std::vector<double> x{values.front()}, share{0.0};
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      x.insert(x.end(), {values[k], values[k]});
+      share.push_back(share.back());
+      share.push_back(static_cast<double>(k + 1) / static_cast<double>(values.size()));
+    }
+    axes.line(x, share, {palette::kBlue, 1.6, {}});
+    for (const double quantile : {0.5, 0.95}) {
+      axes.vertical(percentile(values, quantile), {palette::kGrey, 1.0, {4.0, 3.0}});
+    }
+    axes.finish();
+  }
+  std::vector<Figure> figures;
+  figures.push_back(std::move(figure));
+  return figures;
+}
+
+/// The pictures of one episode of a closed loop, as far as they were recorded: from above, and over
+/// time.
+Result<std::vector<Figure>> replan_figures(ResultsReader& results, std::int64_t episode) {
+  std::vector<Figure> figures;
+  const auto views = SIDESTEP_TRY(read_views(results, episode));
+  if (!views.empty()) figures.push_back(above_figure(views, episode));
+  figures.push_back(SIDESTEP_TRY(timeline_figure(results, episode)));
+  return figures;
+}
 
 constexpr std::size_t kPicturedEpisodes = 6;
 
@@ -49,41 +298,25 @@ std::string failures_section(const Json& failures) {
 std::string comparison_section(const Json& summary) {
   return html_table(
       {"", "this run", "Finean 2021"},
-      {{"what is followed is checked",
-        cell(at(summary, "/check_hz"), "%.0f Hz") + ", computed anew at " +
-            cell(at(summary, "/new_check_hz"), "%.0f Hz"),
-        "250 Hz"},
+      {{"control steps", cell(at(summary, "/step_hz"), "%.0f Hz"), "250 Hz"},
        {"solve p50", cell(at(summary, "/solve_ms/p50"), "%.2f ms"), "at most 100 ms (10 Hz)"}});
-}
-
-/// Numbers of the series "episode" or "event", of all items.
-Result<std::vector<double>> numbers_of(ResultsReader& results, const std::string& series,
-                                       std::string_view wanted) {
-  std::vector<double> values;
-  SIDESTEP_TRY(results.visit(series, [&](std::int64_t, std::string_view key, double value) {
-    if (key == wanted && std::isfinite(value)) values.push_back(value);
-  }));
-  return values;
 }
 
 /// How what was measured is spread over the run; nothing where too little was.
 Result<std::string> spread_section(ResultsReader& results, const std::filesystem::path& run) {
-  struct Quantity {
-    const char* series;
-    const char* key;
-    const char* label;
-  };
-  constexpr std::array kQuantities = {
-      Quantity{"event", "solve_ms", "solve, in vain or not [ms]"},
-      Quantity{"event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"},
-      Quantity{"episode", "duration_s", "time of an episode [s]"},
-      Quantity{"episode", "min_true_clearance_m", "least true clearance [m]"}};
   std::vector<Spread> spreads;
-  for (const Quantity& quantity : kQuantities) {
-    auto values = SIDESTEP_TRY(numbers_of(results, quantity.series, quantity.key));
-    std::erase(values, 0.0);  // events without a solve
-    spreads.push_back({quantity.label, std::move(values)});
-  }
+  const auto add = [&](const char* series, std::string_view wanted,
+                       const char* label) -> Result<void> {
+    std::vector<double>& values = spreads.emplace_back(Spread{label, {}}).values;
+    return results.visit(series, [&](std::int64_t, std::string_view key, double value) {
+      const bool is_measured = std::isfinite(value) && value != 0.0;  // events without a solve: 0
+      if (key == wanted && is_measured) values.push_back(value);
+    });
+  };
+  SIDESTEP_TRY(add("event", "solve_ms", "solve, in vain or not [ms]"));
+  SIDESTEP_TRY(add("event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"));
+  SIDESTEP_TRY(add("episode", "duration_s", "time of an episode [s]"));
+  SIDESTEP_TRY(add("episode", "min_true_clearance_m", "least true clearance [m]"));
   return figure_section(spread_figures(spreads), run);
 }
 
@@ -117,7 +350,7 @@ Result<std::string> events_section(ResultsReader& results, std::int64_t episode)
     const auto number = [](const std::optional<double>& value, const char* pattern) {
       return cell(value ? Json(*value) : Json(nullptr), pattern);
     };
-    rows.push_back({format("%.3f s", event.time_s), std::string(to_string(event.kind)),
+    rows.push_back({format("%.3f s", event.stamp.seconds()), std::string(to_string(event.kind)),
                     text("cause"), text("guess"), std::to_string(event.attempts),
                     format("%.2f ms", event.solve_ms), number(event.map_age_ms, "%.1f ms"),
                     number(event.stamp_to_trajectory_ms, "%.1f ms"),
@@ -136,28 +369,21 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
                      comparison_section(summary) + collisions_section(summary) +
                      failures_section(at(summary, "/failures"));
   if (!at(summary, "/episodes").is_number_integer()) return html;
-  auto spread = SIDESTEP_TRY(spread_section(results, run));
-  html += spread;
+  html += SIDESTEP_TRY(spread_section(results, run));
   const auto chosen = SIDESTEP_TRY(chosen_episodes(summary, results));
   for (const std::int64_t episode : chosen) {
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
-    const auto figures = SIDESTEP_TRY(replan_figures(results, episode));
-    auto section = SIDESTEP_TRY(figure_section(figures, run));
-    auto events = SIDESTEP_TRY(events_section(results, episode));
-    html += section + events;
+    html += SIDESTEP_TRY(figure_section(SIDESTEP_TRY(replan_figures(results, episode)), run));
+    html += SIDESTEP_TRY(events_section(results, episode));
   }
   return html;
 }
 
 }  // namespace
-}  // namespace sidestep::report
 
-namespace sidestep {
-
-const report::RunReport& replan_report() {
-  static const report::RunReport kReport = {.body = &report::replan_body,
-                                            .columns = &replan_metrics(),
-                                            .pictures = {"episode-", "spread."}};
+const report::RunReport& LoopExperiment::report() const {
+  static const report::RunReport kReport = {
+      .body = &replan_body, .columns = &replan_metrics(), .pictures = {"episode-", "spread."}};
   return kReport;
 }
 

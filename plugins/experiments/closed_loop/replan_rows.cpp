@@ -1,11 +1,218 @@
 #include "replan_rows.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <utility>
 
-#include "replan_pictures.hpp"
+#include <sidestep/core/index.hpp>
+#include <sidestep/geometry/ray_caster.hpp>
 
 namespace sidestep {
 namespace {
+
+constexpr double kSeenFor_s = 0.5;
+/// Rays per side of an image: an object that none of them meets is as good as unseen.
+constexpr int kRays = 64;
+
+/// Fastest joint of the robot about a time.
+double speed_at(const std::vector<TruePose>& poses, double time_s) {
+  const auto after = std::ranges::lower_bound(poses, time_s, {}, &TruePose::time_s);
+  if (poses.size() < 2) return 0.0;
+  const auto at = std::clamp<std::ptrdiff_t>(after - poses.begin(), 1,
+                                             static_cast<std::ptrdiff_t>(poses.size()) - 1);
+  const TruePose& a = poses[idx(at - 1)];
+  const TruePose& b = poses[idx(at)];
+  return (b.q - a.q).cwiseAbs().maxCoeff() / std::max(1e-9, b.time_s - a.time_s);
+}
+
+bool shows(const CameraView& view, const RayCaster& caster, int object) {
+  std::vector<Eigen::Vector3d> origins(kRays, view.T_world_camera.translation());
+  std::vector<Eigen::Vector3d> directions(kRays);
+  std::vector<RayHit> hits(kRays);
+  for (int v = 0; v < kRays; ++v) {
+    for (int u = 0; u < kRays; ++u) {
+      const double column = (u + 0.5) / kRays * view.camera.width_px - 0.5;
+      const double row = (v + 0.5) / kRays * view.camera.height_px - 0.5;
+      directions[idx(u)] =
+          view.T_world_camera.linear() * view.camera.unproject(column, row, 1.0).normalized();
+    }
+    caster.cast(origins, directions, hits);
+    if (std::ranges::any_of(hits, [&](const RayHit& hit) { return hit.object == object; })) {
+      return true;
+    }
+  }
+  return false;
+}
+
+constexpr int kRound = 24;  ///< Corners of a circle.
+constexpr int kPathPoints = 200;
+
+/// Points whose convex hull, seen from above, is that of the shape.
+struct HullPoints {
+  const Transform& T_world_shape;
+  std::vector<Eigen::Vector2d> points;
+
+  void add(const Eigen::Vector3d& p_shape) {
+    points.emplace_back((T_world_shape * p_shape).head<2>());
+  }
+  /// A ball about a point of the shape.
+  void add_ball(const Eigen::Vector3d& centre, double radius_m) {
+    for (int i = 0; i < kRound; ++i) {
+      const double angle = 2.0 * std::numbers::pi * i / kRound;
+      points.emplace_back((T_world_shape * centre).head<2>() +
+                          radius_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    }
+  }
+  void operator()(const Box& box) {
+    for (int corner = 0; corner < 8; ++corner) {
+      const Eigen::Vector3d side((corner & 1) != 0 ? 0.5 : -0.5, (corner & 2) != 0 ? 0.5 : -0.5,
+                                 (corner & 4) != 0 ? 0.5 : -0.5);
+      add(side.cwiseProduct(box.size_m));
+    }
+  }
+  void operator()(const Sphere& sphere) { add_ball(Eigen::Vector3d::Zero(), sphere.radius_m); }
+  void operator()(const Cylinder& cylinder) {
+    for (int i = 0; i < kRound; ++i) {
+      const double angle = 2.0 * std::numbers::pi * i / kRound;
+      for (const double end : {-0.5, 0.5}) {
+        add({cylinder.radius_m * std::cos(angle), cylinder.radius_m * std::sin(angle),
+             end * cylinder.length_m});
+      }
+    }
+  }
+  void operator()(const Capsule& capsule) {
+    for (const double end : {-0.5, 0.5}) {
+      add_ball({0.0, 0.0, end * capsule.length_m}, capsule.radius_m);
+    }
+  }
+  void operator()(const HalfSpace&) {}
+  void operator()(const std::shared_ptr<const Mesh>& mesh) {
+    for (const Eigen::Vector3d& vertex : mesh->vertices_m) add(vertex);
+  }
+};
+
+/// Andrew's monotone chain.
+std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
+  std::ranges::sort(points, [](const auto& a, const auto& b) {
+    return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
+  });
+  const auto turn = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+                       const Eigen::Vector2d& c) {
+    return (b - a).x() * (c - a).y() - (b - a).y() * (c - a).x();
+  };
+  std::vector<Eigen::Vector2d> hull;
+  for (int pass = 0; pass < 2; ++pass) {
+    const std::size_t base = hull.size();
+    for (const Eigen::Vector2d& point : points) {
+      while (hull.size() >= base + 2 && turn(hull[hull.size() - 2], hull.back(), point) <= 0.0) {
+        hull.pop_back();
+      }
+      hull.push_back(point);
+    }
+    if (!hull.empty()) hull.pop_back();
+    std::ranges::reverse(points);
+  }
+  return hull;
+}
+
+void add_row(StoredArray& array, std::span<const double> row) {
+  array.values.insert(array.values.end(), row.begin(), row.end());
+  array.columns = static_cast<int>(row.size());
+  ++array.rows;
+}
+
+/// A robot's spheres from above, and the way of the one nearest to the root and of the last.
+class FromAbove {
+ public:
+  explicit FromAbove(const RobotModel& robot)
+      : robot_(robot), centres_(robot.description().spheres.size()) {}
+
+  [[nodiscard]] bool has_spheres() const { return !centres_.empty(); }
+  /// x, y and radius of each sphere.
+  StoredArray spheres(std::span<const double> q) {
+    robot_.sphere_centres(q, centres_, scratch_);
+    StoredArray array;
+    for (std::size_t s = 0; s < centres_.size(); ++s) {
+      const double radius_m = robot_.description().spheres[s].radius_m;
+      add_row(array, std::array{centres_[s].x(), centres_[s].y(), radius_m});
+    }
+    return array;
+  }
+  void go_to(std::span<const double> q) {
+    robot_.sphere_centres(q, centres_, scratch_);
+    add_row(base_, std::array{centres_.front().x(), centres_.front().y()});
+    add_row(hand_, std::array{centres_.back().x(), centres_.back().y()});
+  }
+  /// Records where it went since the last call.
+  void record_way(const std::string& series, std::int64_t item, const std::string& key,
+                  Recorder& recorder) {
+    recorder.add_filled(series, item, key + ".base", std::exchange(base_, {}));
+    recorder.add_filled(series, item, key + ".hand", std::exchange(hand_, {}));
+  }
+
+ private:
+  const RobotModel& robot_;
+  std::vector<Eigen::Vector3d> centres_;
+  Scratch scratch_;
+  StoredArray base_, hand_;
+};
+
+/// Goes what is left to follow at a time, if anything is followed.
+void go_ahead(const EpisodeRecord& episode, double time_s, FromAbove& view) {
+  const FollowedPath* followed = nullptr;
+  for (const FollowedPath& path : episode.followed) {
+    if (path.start_s <= time_s && path.trajectory.size() > 0) followed = &path;
+  }
+  if (followed == nullptr) return;
+  const Trajectory& trajectory = followed->trajectory;
+  std::vector<double> q(static_cast<std::size_t>(trajectory.dof));
+  const double from_s = time_s - followed->start_s;
+  for (int i = 0; i <= kPathPoints; ++i) {
+    const double share = static_cast<double>(i) / kPathPoints;
+    trajectory.sample(from_s + share * std::max(0.0, trajectory.duration_s() - from_s), q, {});
+    view.go_to(q);
+  }
+}
+
+/// Series "picture/EPISODE", as record_episode() says.
+void record_pictures(const EpisodeRecord& episode, const RobotModel& robot, int pictures,
+                     Recorder& recorder) {
+  FromAbove view(robot);
+  if (episode.poses.empty() || !view.has_spheres()) return;
+  const std::string series = "picture/" + std::to_string(episode.episode);
+  for (int p = 0; p < pictures; ++p) {
+    const double share = pictures == 1 ? 1.0 : static_cast<double>(p) / (pictures - 1);
+    const double time_s = episode.begin_s + share * episode.duration_s;
+    const auto after = std::ranges::lower_bound(episode.poses, time_s, {}, &TruePose::time_s);
+    const auto at = std::min<std::size_t>(static_cast<std::size_t>(after - episode.poses.begin()),
+                                          episode.poses.size() - 1);
+    recorder.add(series, p, "time_s", time_s);
+    recorder.add(series, p, "robot", view.spheres(as_span(episode.poses[at].q)));
+    for (std::size_t i = 0; i <= at; i += 1 + at / kPathPoints) {
+      view.go_to(as_span(episode.poses[i].q));
+    }
+    view.record_way(series, p, "way", recorder);
+    go_ahead(episode, time_s, view);
+    view.record_way(series, p, "plan", recorder);
+    recorder.add(series, p, "goal", view.spheres(as_span(episode.q_goal)));
+    if (!episode.scene) continue;
+    int count = 0;
+    for (const SceneObject& object : episode.scene->objects()) {
+      const auto outline = outline_from_above(object.shape, object.T_world_object(time_s));
+      if (outline.empty()) continue;
+      const std::string key = "object." + std::to_string(count++);
+      StoredArray corners;
+      for (const Eigen::Vector2d& corner : outline) {
+        add_row(corners, std::array{corner.x(), corner.y()});
+      }
+      recorder.add(series, p, key, corners);
+      recorder.add(series, p, key + ".moves", object.moves());
+    }
+    recorder.add(series, p, "objects", count);
+  }
+}
 
 constexpr std::size_t kPathEvery = 5;  ///< True states, of 125 Hz.
 
@@ -18,41 +225,23 @@ const StoredRow<EventRow>& stored_event() {
           .add("episode", &E::episode)
           .add("kind", &E::kind)
           .add_derived("kind_name", [](const E& event) { return to_string(event.kind); })
-          .add("time_s", &E::time_s)
+          .add(
+              "time_s", [](const E& event) { return event.stamp.seconds(); },
+              [](E& event, double time_s) { event.stamp = Stamp::from_seconds(time_s); })
           .add_derived("cause", &E::cause)
           .add("solve_ms", &E::solve_ms)
-          .add_derived("reason", &E::reason)
+          .add_derived("reason", [](const E& event) { return to_string(event.reason); })
           .add_derived("guess", &E::guess)
           .add("attempts", &E::attempts)
           .add("cost", &E::cost)
           .add("splice_velocity_jump", &E::splice_velocity_jump)
-          .add("takeover_s", &E::takeover_s)
-          .add("map_stamp_s", &E::map_stamp_s)
+          .add_derived("takeover_s", [](const E& event) { return event.takeover.seconds(); })
+          .add_derived("map_stamp_s", [](const E& event) { return event.map_stamp.seconds(); })
           .add("unknown_share", &E::unknown_share)
           .add("map_age_ms", &E::map_age_ms)
           .add("stamp_to_trajectory_ms", &E::stamp_to_trajectory_ms)
           .add("frame_to_trajectory_ms", &E::frame_to_trajectory_ms);
   return kEvent;
-}
-
-EventRow row_of(const EpisodeEvent& event, std::int64_t episode) {
-  const ReplannerEvent& its = event.event;
-  return {episode,
-          its.kind,
-          its.stamp.seconds(),
-          its.solve_ms,
-          its.attempts,
-          its.cost,
-          its.splice_velocity_jump,
-          its.takeover.seconds(),
-          its.map_stamp.seconds(),
-          its.unknown_share,
-          event.map_age_ms,
-          event.stamp_to_trajectory_ms,
-          event.frame_to_trajectory_ms,
-          its.cause,
-          std::string(to_string(its.reason)),
-          its.guess};
 }
 
 const StoredRow<ContactRow>& stored_contact() {
@@ -61,7 +250,7 @@ const StoredRow<ContactRow>& stored_contact() {
                                    .add("episode", &C::episode)
                                    .add("link", &C::link)
                                    .add("object", &C::object)
-                                   .add("begin_s", &C::time_s)
+                                   .add("begin_s", &C::begin_s)
                                    .add("end_s", &C::end_s)
                                    .add("depth_m", &C::depth_m)
                                    .add("cause", &C::cause);
@@ -106,12 +295,10 @@ const StoredRow<EpisodeRow>& stored_episode() {
 }
 
 StoredArray mapping_array(const std::vector<MappedFrame>& frames) {
-  StoredArray array{static_cast<int>(frames.size()), 5, {}};
+  StoredArray array;
   for (const MappedFrame& frame : frames) {
-    for (const double value :
-         {frame.stamp_s, frame.received_s, frame.published_s, frame.integrate_ms, frame.field_ms}) {
-      array.values.push_back(static_cast<float>(value));
-    }
+    add_row(array, std::array{frame.stamp_s, frame.received_s, frame.published_s,
+                              frame.integrate_ms, frame.field_ms});
   }
   return array;
 }
@@ -128,25 +315,15 @@ StoredArray motion_array(const std::vector<TruePose>& poses) {
   return array;
 }
 
-double path_length(const std::vector<TruePose>& poses) {
-  double length = 0.0;
-  for (std::size_t i = 1; i < poses.size(); ++i) length += (poses[i].q - poses[i - 1].q).norm();
-  return length;
-}
-
 EpisodeRow row_of(const EpisodeRecord& episode) {
   EpisodeRow row;
+  static_cast<EpisodeFigures&>(row) = episode;
   row.success = episode.success();
-  row.reached = episode.reached;
-  row.reason = episode.reason;
-  row.begin_s = episode.begin_s;
-  row.duration_s = episode.duration_s;
-  if (!episode.poses.empty()) row.path_length = path_length(episode.poses);
+  if (!episode.poses.empty()) row.path_length = 0.0;
+  for (std::size_t i = 1; i < episode.poses.size(); ++i) {
+    *row.path_length += (episode.poses[i].q - episode.poses[i - 1].q).norm();
+  }
   row.collisions = std::ssize(episode.contacts);
-  row.steps = episode.steps;
-  row.checks = episode.checks;
-  row.frames = episode.frames;
-  row.frames_dropped = episode.frames_dropped;
   if (episode.scene && !episode.poses.empty()) {
     row.min_true_clearance_m = episode.truth.min_clearance_m;
     row.nearest_link = episode.truth.nearest_link;
@@ -185,6 +362,30 @@ void add_event(const EventRow& event, EpisodeRow& episode) {
 
 }  // namespace
 
+std::string cause_of(const TrueContact& contact, const EpisodeRecord& episode, double rest_speed) {
+  if (speed_at(episode.poses, contact.begin_s) < rest_speed) return "walked into while stopped";
+  if (episode.views.empty() || episode.scene == nullptr) return "unknown";
+  const auto& objects = episode.scene->objects();
+  const auto named = std::ranges::find(objects, contact.object, &SceneObject::name);
+  if (named == objects.end()) return "unknown";
+  RayCaster caster(*episode.scene);
+  int seen = 0;
+  for (const CameraView& view : episode.views) {
+    if (view.stamp_s < contact.begin_s - kSeenFor_s || view.stamp_s > contact.begin_s) continue;
+    caster.set_time(view.stamp_s);
+    if (!shows(view, caster, static_cast<int>(named - objects.begin()))) return "unseen";
+    ++seen;
+  }
+  return seen == 0 ? "unseen" : "fault";
+}
+
+std::vector<Eigen::Vector2d> outline_from_above(const Shape& shape,
+                                                const Transform& T_world_shape) {
+  HullPoints hull{T_world_shape, {}};
+  std::visit(hull, shape);
+  return convex_hull(std::move(hull.points));
+}
+
 void record_replan_run(const std::string& identity, Recorder& recorder) {
   recorder.add("run", 0, "identity", identity);
 }
@@ -195,17 +396,16 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
   stored_episode().record(row_of(episode), "episode", number, recorder);
   recorder.add_filled("episode", number, "mapping", mapping_array(episode.mapping));
   recorder.add_filled("episode", number, "motion", motion_array(episode.poses));
-  std::int64_t item = first_item_of(number);
+  const std::int64_t first = number * 100'000;  // items of "event", "contact" and "guess"
+  std::int64_t item = first;
   for (const EpisodeEvent& event : episode.events) {
-    stored_event().record(row_of(event, number), "event", item++, recorder);
+    stored_event().record({event, number}, "event", item++, recorder);
   }
-  item = first_item_of(number);
-  for (const auto& [contact, cause] : episode.contacts) {
-    stored_contact().record({number, contact.begin_s, contact.end_s, contact.depth_m, contact.link,
-                             contact.object, cause},
-                            "contact", item++, recorder);
+  item = first;
+  for (const EpisodeContact& contact : episode.contacts) {
+    stored_contact().record({contact, number}, "contact", item++, recorder);
   }
-  item = first_item_of(number);
+  item = first;
   for (const Replanner::GuessCount& guess : episode.guesses) {
     stored_guess().record({guess, number}, "guess", item++, recorder);
   }

@@ -1,29 +1,109 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
-#include <sidestep/results/stored_row.hpp>
+#include <sidestep/geometry/scene.hpp>
+#include <sidestep/results/recorder.hpp>
+#include <sidestep/runtime/paced_frames.hpp>
+#include <sidestep/runtime/replanner.hpp>
 #include <sidestep/runtime/results_store.hpp>
-#include "replan_types.hpp"
+#include <sidestep/runtime/truth_check.hpp>
 
 namespace sidestep {
 
-/// Items of the series "event", "contact" and "guess": those of an episode begin here.
-[[nodiscard]] constexpr std::int64_t first_item_of(std::int64_t episode) {
-  return episode * 100'000;
-}
+/// A frame as it went into the map, and when its field was there.
+struct MappedFrame {
+  double stamp_s = 0.0;
+  double received_s = 0.0;  ///< From the source.
+  double published_s = 0.0;
+  double integrate_ms = 0.0;
+  double field_ms = 0.0;
+};
+
+/// What was mapped in some time.
+struct MappingRecord {
+  std::vector<MappedFrame> frames;
+  std::vector<CameraView> views;
+  std::int64_t dropped = 0;  ///< Frames of the source that were not mapped.
+};
+
+/// What the robot began to follow.
+struct FollowedPath {
+  double start_s = 0.0;
+  Trajectory trajectory;
+};
+
+/// An event, and what is known of it beyond what the replanner says.
+struct EpisodeEvent : ReplannerEvent {
+  std::optional<double> map_age_ms = {};  ///< Of plans and replans, as they began.
+  std::optional<double> stamp_to_trajectory_ms = {};
+  std::optional<double> frame_to_trajectory_ms = {};  ///< From when the source had handed it over.
+};
+
+/// A collision, and its cause: "unseen", "walked into while stopped", "fault" or "unknown".
+struct EpisodeContact : TrueContact {
+  std::string cause;
+};
+
+/// How the map followed what moves, where that was measured.
+struct MapFollowing {
+  std::vector<double> appear_frames;  ///< Of each entry into view, until it was in the map.
+  std::vector<double> clear_frames;   ///< Of each voxel that was left: seen through until free.
+  std::int64_t ghost_vox = 0;         ///< Left behind and still occupied at the end.
+};
+
+/// What is said of an episode in a word, and stored as it is.
+struct EpisodeFigures {
+  std::int64_t episode = 0;
+  bool reached = false;
+  double begin_s = 0.0;     ///< On the run's clock, as all times.
+  double duration_s = 0.0;  ///< Until the goal was reached, or the end.
+  std::string reason;       ///< Why it did not succeed; empty if it did.
+  std::int64_t steps = 0;
+  std::int64_t checks = 0;
+  std::int64_t frames = 0;
+  std::int64_t frames_dropped = 0;
+};
+
+/// Result of one episode.
+struct EpisodeRecord : EpisodeFigures {
+  bool interrupted = false;
+  std::string called_off;  ///< Why it was cancelled; empty unless it was.
+  Eigen::VectorXd q_start;
+  Eigen::VectorXd q_goal;
+  std::shared_ptr<const Scene> scene;
+  std::vector<EpisodeEvent> events;
+  std::vector<Replanner::GuessCount> guesses;
+  std::vector<MappedFrame> mapping;
+  std::vector<CameraView> views;
+  std::vector<FollowedPath> followed;
+  std::vector<TruePose> poses;
+  TrueMotion truth;
+  std::optional<MapFollowing> following;
+  std::vector<EpisodeContact> contacts;
+
+  [[nodiscard]] bool success() const noexcept { return reason.empty(); }
+};
+
+/// The cause of a contact: "walked into while stopped" where no joint moved faster than
+/// `rest_speed`; "unseen" where not every frame of the half second before shows the object, the
+/// robot's own body aside; "unknown" where no depth image was kept; else "fault".
+[[nodiscard]] std::string cause_of(const TrueContact& contact, const EpisodeRecord& episode,
+                                   double rest_speed);
+
+/// What a shape covers of the ground, seen from above: corners of its convex hull,
+/// counter-clockwise; empty for a half-space.
+[[nodiscard]] std::vector<Eigen::Vector2d> outline_from_above(const Shape& shape,
+                                                              const Transform& T_world_shape);
 
 /// One episode as a results store holds it: what summaries are made from.
-struct EpisodeRow {
-  std::int64_t episode = 0;
+struct EpisodeRow : EpisodeFigures {
   bool success = false;
-  bool reached = false;
-  double begin_s = 0.0;
-  double duration_s = 0.0;
   std::optional<double> path_length;  ///< Of the way it went, in the space of joints, rad and m.
   std::optional<double> min_true_clearance_m;
   /// That it is of, and to which object, and when; empty where nothing came near.
@@ -31,10 +111,6 @@ struct EpisodeRow {
   std::optional<std::string> nearest_object;
   std::optional<double> nearest_s;
   std::int64_t collisions = 0;
-  std::int64_t steps = 0;
-  std::int64_t checks = 0;
-  std::int64_t frames = 0;
-  std::int64_t frames_dropped = 0;
   std::int64_t replans = 0;
   std::int64_t stops = 0;
   std::int64_t slowdowns = 0;
@@ -48,34 +124,15 @@ struct EpisodeRow {
   std::vector<double> appear_frames;
   std::vector<double> clear_frames;
   std::optional<std::int64_t> ghost_vox;  ///< Nothing where it was not measured.
-  std::string reason;
 };
 
-struct EventRow {
+/// Its texts are stored, and not read back: an event has far more numbers.
+struct EventRow : EpisodeEvent {
   std::int64_t episode = 0;
-  ReplannerEvent::Kind kind = ReplannerEvent::Kind::kPlanned;
-  double time_s = 0.0;
-  double solve_ms = 0.0;
-  int attempts = 0;
-  double cost = 0.0;
-  double splice_velocity_jump = 0.0;
-  double takeover_s = 0.0;
-  double map_stamp_s = 0.0;
-  double unknown_share = 0.0;
-  std::optional<double> map_age_ms;
-  std::optional<double> stamp_to_trajectory_ms;
-  std::optional<double> frame_to_trajectory_ms;
-  std::string cause, reason, guess;  ///< Stored, not read back: an event has far more numbers.
 };
 
-struct ContactRow {
+struct ContactRow : EpisodeContact {
   std::int64_t episode = 0;
-  double time_s = 0.0;  ///< When it began.
-  double end_s = 0.0;
-  double depth_m = 0.0;
-  std::string link;
-  std::string object;
-  std::string cause;
 };
 
 /// What a results store holds of a replan experiment.

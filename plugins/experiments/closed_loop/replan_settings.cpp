@@ -1,23 +1,21 @@
 #include "replan_settings.hpp"
 
 #include <algorithm>
+#include <random>
 
+#include <sidestep/core/seed.hpp>
+#include <sidestep/measures/source_facts.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
+#include <sidestep/runtime/shape_check.hpp>
 
 namespace sidestep {
 namespace {
-
-const std::vector<std::string> kGuesses(kReplanGuesses.begin(), kReplanGuesses.end());
 
 template <class Settings>
 bool read_checked(const Configuration& configuration, std::string_view name, Settings& into) {
   const Node* block = configuration.root.find(name);
   return block == nullptr || read_entry(*block, into);
-}
-
-std::vector<std::string> joint_names(const RobotDescription& robot) {
-  return names_of(robot.joints);
 }
 
 std::vector<RandomJoint> read_ranges(const Node& block, const RobotDescription& robot,
@@ -33,7 +31,7 @@ std::vector<RandomJoint> read_ranges(const Node& block, const RobotDescription& 
     const auto joint = robot.joint_index(entry.key);
     if (!joint) {
       errors.push_back(unknown_name("robot '" + robot.name + "' has no joint", entry.key,
-                                    entry.key_mark.to_string(), joint_names(robot)));
+                                    entry.key_mark.to_string(), names_of(robot.joints)));
       continue;
     }
     const auto range = entry.value.as_doubles(2);
@@ -58,16 +56,16 @@ std::vector<RandomJoint> read_ranges(const Node& block, const RobotDescription& 
 void check_replanner(const Configuration& configuration, const ReplannerSettings& settings,
                      std::vector<Error>& errors) {
   const Node& block = block_of(configuration, "replanner");
-  std::vector<OptionMistake> mistakes;
   if (settings.solve_limit_s >= settings.takeover_s) {
-    mistakes.push_back({{"solve_limit_s", "takeover_s"}, "must be less than takeover_s", {}});
+    report_mistakes(block, {{{"solve_limit_s", "takeover_s"}, "must be less than takeover_s", {}}},
+                    errors);
   }
-  report_mistakes(block, mistakes, errors);
   const Node* escalation = block.find("escalation");
   const SourceMark mark = escalation != nullptr ? escalation->mark() : block.mark();
   for (const std::string& guess : settings.escalation) {
-    if (std::ranges::find(kGuesses, guess) == kGuesses.end()) {
-      errors.push_back(unknown_name("there is no first guess", guess, mark.to_string(), kGuesses));
+    if (std::ranges::count(kReplanGuesses, guess) == 0) {
+      errors.push_back(unknown_name("there is no first guess", guess, mark.to_string(),
+                                    {kReplanGuesses.begin(), kReplanGuesses.end()}));
     } else if (guess == "sampled" && block_of(configuration, "sampler").is_null()) {
       errors.push_back({ErrorCode::kConfig,
                         "the first guess 'sampled' needs a `sampler` block, and there is none",
@@ -92,6 +90,65 @@ void check_for_plans_only(const Node& block, const CheckSettings& settings,
          "set planning.speed_fraction");
   refuse("acceleration_fraction", settings.acceleration_fraction, usual.acceleration_fraction,
          "set planning.acceleration_fraction");
+}
+
+/// Start and goal of the world's episode: what is random is drawn until it is free of itself and of
+/// the scene at that time.
+Result<void> draw_ends(const ReplanConfiguration& settings, ReplanWorld& world) {
+  const auto draw = [&](const std::string& what, Eigen::VectorXd q,
+                        const std::vector<RandomJoint>& ranges,
+                        double scene_time_s) -> Result<Eigen::VectorXd> {
+    if (ranges.empty()) return q;
+    const RandomEntry& random = *settings.experiment.random;
+    ShapeObstacles obstacles;
+    obstacles.scene = world.scene;
+    obstacles.scene_time_s = scene_time_s;
+    ShapeCheckSettings touching;
+    if (world.scene) {
+      const auto& allowed = settings.check.allowed_contacts;
+      touching.allowed_contacts.assign(allowed.begin(), allowed.end());
+    }
+    const auto check = SIDESTEP_TRY(make_shape_check(world.robot, obstacles, touching));
+    std::mt19937_64 generator(derive_seed(world.seed, what));
+    for (int i = 0; i < random.draws; ++i) {
+      for (const RandomJoint& range : ranges) {
+        const double share = std::uniform_real_distribution<double>(0.0, 1.0)(generator);
+        q[static_cast<Eigen::Index>(range.joint)] =
+            range.lower + share * (range.upper - range.lower);
+      }
+      Trajectory standing = make_trajectory(world.robot->description().dof(), 2, 1e-3);
+      for (int state : {0, 1}) std::copy(q.begin(), q.end(), standing.q(state).begin());
+      const auto verdict = SIDESTEP_TRY(check->check(standing, 0.0, Deadline()));
+      if (verdict.valid() && verdict.min_clearance_m >= random.clearance_m) return q;
+    }
+    return fail(ErrorCode::kConfig,
+                "no free " + what + " was found in " + std::to_string(random.draws) + " draws",
+                "experiment.random." + what, "wider ranges, or less clearance_m");
+  };
+  world.q_start = SIDESTEP_TRY(draw("start", settings.q_start, settings.start_ranges, 0.0));
+  world.q_goal = SIDESTEP_TRY(
+      draw("goal", settings.q_goal, settings.goal_ranges, settings.experiment.duration_s));
+  return {};
+}
+
+/// The executor's block, which says where the robot stands if it is an executor that can be told.
+Node executor_block(const Node& block, const ReplanWorld& world, Host& host) {
+  const auto info = host.find(PluginKind::kExecutor, block);
+  if (!info || block.find("start") != nullptr) return block;
+  if (std::ranges::find(info->schema, "start", &Parameter::name) == info->schema.end()) {
+    return block;
+  }
+  const SourceMark mark{"the start of the episode", 0, 0};
+  Node::Map start;
+  const RobotDescription& robot = world.robot->description();
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    const double q = world.q_start[static_cast<Eigen::Index>(j)];
+    start.push_back(
+        {robot.joints[j].name, mark, Node(Node::Scalar{detail::number_text(q), false}, mark)});
+  }
+  Node told = block;
+  told.entries().push_back({"start", mark, Node(std::move(start), mark)});
+  return told;
 }
 
 }  // namespace
@@ -179,6 +236,36 @@ Parameters<ReplanSettings> ReplanSettings::parameters() {
            "takes time.")
       .add("pictures", &S::pictures, "Pictures from above of an episode, spread over its time.",
            {.min = 0, .max = 24});
+}
+
+Result<ReplanWorld> make_replan_world(ExperimentContext& context,
+                                      const ReplanConfiguration& settings,
+                                      const std::shared_ptr<const RobotModel>& robot,
+                                      std::int64_t episode) {
+  const std::uint64_t seed = derive_seed(context.seed, "episode/" + std::to_string(episode));
+  ReplanWorld world;
+  world.seed = seed;
+  world.clock = std::make_unique<EpisodeClock>();
+  world.motion = std::make_shared<RobotMotion>();
+  world.robot = robot;
+  const RunLoan loan{robot, world.motion, world.clock.get(), seed};
+  const auto make = [&]<class Plugin>(const Node& block, PluginPtr<Plugin>& into) -> Result<void> {
+    into = SIDESTEP_TRY(context.host.create<Plugin>(block, loan));
+    return {};
+  };
+  const auto block = [&](std::string_view name) -> const Node& {
+    return block_of(context.configuration, name);
+  };
+  SIDESTEP_TRY(make(block("source"), world.source));
+  world.scene = SIDESTEP_TRY(true_scene(world.source));
+  SIDESTEP_TRY(draw_ends(settings, world));
+  SIDESTEP_TRY(make(block("mapper"), world.mapper));
+  SIDESTEP_TRY(make(block("field"), world.field_builder));
+  SIDESTEP_TRY(make(block("optimiser"), world.optimiser));
+  if (!block("sampler").is_null()) SIDESTEP_TRY(make(block("sampler"), world.sampler));
+  SIDESTEP_TRY(make(executor_block(block("executor"), world, context.host), world.executor));
+  world.true_robot = dynamic_cast<TrueRobot*>(world.executor.get());
+  return world;
 }
 
 }  // namespace sidestep

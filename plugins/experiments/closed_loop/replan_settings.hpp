@@ -1,11 +1,16 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/measures/map_truth.hpp>
+#include <sidestep/planning/executor.hpp>
+#include <sidestep/planning/optimiser.hpp>
 #include <sidestep/plugin/parameters.hpp>
+#include <sidestep/runtime/episode_clock.hpp>
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
@@ -81,5 +86,30 @@ void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& i
 [[nodiscard]] ReplanConfiguration read_replan_configuration(
     const Configuration& configuration, const std::shared_ptr<const RobotModel>& robot,
     std::vector<Error>& errors);
+
+/// All that an episode has to itself: nothing of it lives on into the next one.
+struct ReplanWorld {
+  std::unique_ptr<EpisodeClock> clock;
+  std::shared_ptr<RobotMotion> motion;
+  std::shared_ptr<const RobotModel> robot;
+  PluginPtr<Source> source;
+  PluginPtr<Mapper> mapper;
+  PluginPtr<FieldBuilder> field_builder;
+  PluginPtr<Optimiser> optimiser;
+  PluginPtr<Optimiser> sampler;  ///< Null where there is none.
+  PluginPtr<Executor> executor;
+  TrueRobot* true_robot = nullptr;     ///< The executor's other side; null where it has none.
+  std::shared_ptr<const Scene> scene;  ///< Null where it is not known.
+  std::uint64_t seed = 0;              ///< The episode's.
+  Eigen::VectorXd q_start;
+  Eigen::VectorXd q_goal;
+};
+
+/// The world of an episode: start and goal drawn, the robot at rest at its start, the clock at
+/// zero. Fails where a plugin cannot be made, and where no start or goal is free.
+[[nodiscard]] Result<ReplanWorld> make_replan_world(ExperimentContext& context,
+                                                    const ReplanConfiguration& settings,
+                                                    const std::shared_ptr<const RobotModel>& robot,
+                                                    std::int64_t episode);
 
 }  // namespace sidestep

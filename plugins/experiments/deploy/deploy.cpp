@@ -1,8 +1,11 @@
+#include <sidestep/core/index.hpp>
 #include <sidestep/field/scene_field.hpp>
+#include <sidestep/planning/goal_source.hpp>
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
-#include "deploy_settings.hpp"
 #include "loop_experiment.hpp"
 #include "replan_episode.hpp"
 
@@ -11,18 +14,117 @@ namespace {
 
 using State = GoalReport::State;
 
+/// The `experiment` block of a deploy experiment.
+struct DeploySettings : ReplanSettings {
+  int goals = 0;
+  double feedback_period_s = 0.2;
+
+  DeploySettings() { clock = "wall"; }
+
+  static Parameters<DeploySettings> parameters() {
+    using S = DeploySettings;
+    return experiment_parameters<S>()
+        .add("clock", &S::clock,
+             "wall: real time, mapping in a thread of its own; lockstep: simulated time in steps.",
+             {.choices = {"lockstep", "wall"}})
+        .add(
+            "goals", &S::goals,
+            "Ends after so many; 0: when no more can come, or on Ctrl-C, which brings the robot to "
+            "rest.",
+            {.min = 0, .max = 1e6})
+        .add("duration_s", &S::duration_s, "Most time for one goal; the robot then stops.",
+             {.unit = "s", .min = 0.01, .max = 86400.0})
+        .add("step_s", &S::step_s, "Longest time between two steps of the planning loop.",
+             {.unit = "s", .min = 1e-4, .max = 0.01})
+        .add("feedback_period_s", &S::feedback_period_s,
+             "How often whoever asked hears how far there is to go.",
+             {.unit = "s", .min = 0.01, .max = 60.0})
+        .add("latency", &S::latency,
+             "What computing is charged with in lockstep; planning with replanner.takeover_s.")
+        .add("start", &S::start,
+             "Where the robot starts, for an executor that can be told; a real one knows better.",
+             {.required = true})
+        .add("pictures", &S::pictures, "Pictures from above of the way to a goal.",
+             {.min = 0, .max = 24});
+  }
+};
+
+/// All that a configuration says of a deploy experiment; goal and task are those of each request.
+struct DeployConfiguration {
+  DeploySettings deploy;
+  ReplanConfiguration loop;
+};
+
+/// A request that has been understood.
+struct Goal {
+  std::string id;
+  bool is_stop = false;  ///< Nothing but to come to rest; what follows is empty.
+  Eigen::VectorXd q;
+  Task task;
+};
+
+/// What a request may say.
+struct GoalEntry {
+  RobotStateEntry goal;
+  std::optional<EndEffectorEntry> end_effector;
+  std::vector<OrientationCostEntry> orientation_costs;
+  std::vector<AxisCostEntry> axis_costs;
+  std::optional<PostureCostEntry> posture_cost;
+
+  static Parameters<GoalEntry> parameters() {
+    using E = GoalEntry;
+    return Parameters<E>()
+        .add("goal", &E::goal, "Where the robot is to be; joints left out stay as they are.")
+        .add("end_effector", &E::end_effector, "Where a link is to be at the end.")
+        .add("orientation_costs", &E::orientation_costs,
+             "Links that are to keep an orientation along the way.")
+        .add("axis_costs", &E::axis_costs,
+             "Links of which an axis is to keep a direction along the way.")
+        .add("posture_cost", &E::posture_cost, "A posture that is preferred along the way.");
+  }
+};
+
+/// As read_replan_configuration().
+DeployConfiguration read_deploy_configuration(const Configuration& configuration,
+                                              const RobotDescription& robot,
+                                              std::vector<Error>& errors) {
+  DeployConfiguration read;
+  read_loop_blocks(configuration, read.loop, errors);
+  const Node& experiment = block_of(configuration, "experiment");
+  if (!read_entry(experiment, read.deploy)) return read;
+  read.loop.experiment = read.deploy;
+  read.loop.q_start = read_robot_state(*experiment.find("start"), robot, errors);
+  read.loop.q_goal = read.loop.q_start;
+  return read;
+}
+
+/// Reads a request of a robot that is at `q_now`. Fails with all mistakes in one message.
+Result<Goal> read_goal(const GoalRequest& request, const std::shared_ptr<const RobotModel>& robot,
+                       const Eigen::VectorXd& q_now) {
+  Goal goal;
+  goal.id = request.id;
+  goal.is_stop = request.wish.is_null();
+  if (goal.is_stop) return goal;
+  std::vector<Error> errors;
+  const auto refuse = [&] {
+    std::string all;
+    for (const Error& error : errors) all += (all.empty() ? "" : "; ") + error.describe();
+    return fail(ErrorCode::kInvalidArgument, std::move(all), "goal " + request.id);
+  };
+  check_against_schema(request.wish, GoalEntry::parameters().schema(), {}, errors);
+  if (!errors.empty()) return refuse();
+  goal.q = q_now;
+  if (const Node* state = request.wish.find("goal"); state != nullptr && state->is_map()) {
+    goal.q = read_robot_state(*state, robot->description(), errors, &q_now);
+  }
+  goal.task = read_task(request.wish, robot, errors);
+  if (!errors.empty()) return refuse();
+  return goal;
+}
+
 /// While nobody wants anything: how often to ask, and how often what was mapped is forgotten.
 constexpr auto kIdle = std::chrono::milliseconds(20);
 constexpr double kForget_s = 60.0;
-
-void check_deploy(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  check_loop(
-      configuration, host,
-      [&](const std::shared_ptr<const RobotModel>& robot, std::vector<Error>& mistakes) {
-        (void)read_deploy_configuration(configuration, robot->description(), mistakes);
-      },
-      errors);
-}
 
 /// Fails where the robot could not be at the goal even if nothing were around it but the floor: it
 /// would touch itself, say. What is around it may move, and is not asked.
@@ -30,11 +132,9 @@ Result<void> check_possible(const Goal& goal, const std::shared_ptr<const RobotM
                             SpacePolicy space) {
   if (goal.is_stop || goal.task.frees_goal) return {};
   space.unknown = space.outside = Space::kFree;
-  const Eigen::Vector3d corner_m = Eigen::Vector3d::Ones();
-  const auto nothing = std::make_shared<const SceneField>(
-      Scene(), Stamp{}, Eigen::AlignedBox3d(Eigen::Vector3d(-corner_m), corner_m));
-  const auto violation = state_violation(robot, nothing, space, 0.0,
-                                         {goal.q.data(), static_cast<std::size_t>(goal.q.size())});
+  const Eigen::AlignedBox3d around_m(-Eigen::Vector3d::Ones(), Eigen::Vector3d::Ones());
+  const auto nothing = std::make_shared<const SceneField>(Scene(), Stamp{}, around_m);
+  const auto violation = state_violation(robot, nothing, space, 0.0, as_span(goal.q));
   if (!violation) return {};
   return fail(ErrorCode::kInvalidArgument, "the robot cannot be so: " + violation->what(),
               "goal " + goal.id);
@@ -52,19 +152,145 @@ class Deployment {
         mapping_(world, settings.loop.experiment, slot_, context.log, context.observer) {}
 
   /// One episode a goal, each recorded when it is over.
-  Result<void> run(Recorder& recorder);
+  Result<void> run(Recorder& recorder) {
+    SIDESTEP_TRY(mapping_.attach());
+    while (auto goal = wait_for_goal()) {
+      if (goal->is_stop) continue;  // it stands already
+      const auto done = SIDESTEP_TRY(go_to(*goal));
+      record_episode(done, *world_.robot, settings_.deploy.pictures, recorder);
+      SIDESTEP_TRY(recorder.commit());
+      ++episode_;
+      if (mapping_.fault()) return tl::make_unexpected(*mapping_.fault());
+      if (settings_.deploy.goals > 0 && episode_ >= settings_.deploy.goals) break;
+    }
+    mapping_.stop();
+    return {};
+  }
 
  private:
-  [[nodiscard]] std::optional<Goal> wait_for_goal();
-  void idle();
+  /// Nothing where none will come, or a stop is requested.
+  [[nodiscard]] std::optional<Goal> wait_for_goal() {
+    show_progress("waiting");
+    double idle_s = 0.0;
+    while (!context_.stop.stop_requested()) {
+      if (waiting_) return std::exchange(waiting_, std::nullopt);
+      if (auto goal = next_goal()) return goal;
+      if (!goals_.is_open()) return std::nullopt;
+      idle();
+      idle_s += std::chrono::duration<double>(kIdle).count();
+      if (idle_s >= kForget_s) {
+        mapping_.stop();
+        (void)mapping_.take_record();
+        idle_s = 0.0;
+      }
+    }
+    return std::nullopt;
+  }
+
+  /// Lets time pass; the map follows, so that it is there when a goal comes.
+  void idle() {
+    if (settings_.loop.experiment.is_lockstep()) {
+      const Stamp now{world_.clock->now().ns + std::chrono::nanoseconds(kIdle).count()};
+      world_.clock->set(now);
+      (void)measured();
+      mapping_.advance(now);
+      return;
+    }
+    world_.clock->start();
+    mapping_.start();
+    std::this_thread::sleep_for(kIdle);
+  }
+
   /// The newest request, if it makes sense; one that does not is told so.
-  [[nodiscard]] std::optional<Goal> next_goal();
-  [[nodiscard]] Result<EpisodeRecord> go_to(const Goal& goal);
-  [[nodiscard]] std::string watch(Stamp now, const Goal& goal);
-  void report(const std::string& id, State state, std::string message, double farthest = 0.0);
-  void show_progress(std::string what) const;
-  [[nodiscard]] Result<Eigen::VectorXd> measured();
-  [[nodiscard]] double farthest_joint();
+  [[nodiscard]] std::optional<Goal> next_goal() {
+    const std::string executor = plugin_of(world_.executor);
+    auto request = call_stage(
+        executor, [&]() -> Result<std::optional<GoalRequest>> { return goals_.next_goal(); });
+    if (!request) context_.log.warn("no goal: " + request.error().describe());
+    if (!request || !*request) return std::nullopt;
+    const auto q_now = measured();
+    if (!q_now) {
+      report((*request)->id, State::kRefused,
+             "where the robot is, is not known: " + q_now.error().describe());
+      return std::nullopt;
+    }
+    auto goal = read_goal(**request, world_.robot, *q_now);
+    const auto possible = goal
+                              ? check_possible(*goal, world_.robot, settings_.loop.planning.space())
+                              : Result<void>(error_of(goal));
+    if (possible) return std::move(*goal);
+    report((*request)->id, State::kRefused, possible.error().describe());
+    return std::nullopt;
+  }
+
+  [[nodiscard]] Result<EpisodeRecord> go_to(const Goal& goal) {
+    const auto q_now = measured();
+    if (q_now) world_.q_start = *q_now;
+    world_.q_goal = goal.q;
+    settings_.loop.task = goal.task;
+    report(goal.id, State::kAccepted, "");
+    const std::string under_way = "on the way to goal " + goal.id;
+    show_progress(under_way);
+    next_feedback_ = world_.clock->now();
+    auto done = run_episode(
+        context_,
+        {settings_.loop, world_, slot_, mapping_,
+         [&](Stamp now, const Replanner&) { return watch(now, goal); },
+         [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); }},
+        episode_);
+    if (!done) {
+      report(goal.id, State::kFailed, done.error().describe());
+    } else if (done->reached) {
+      report(goal.id, State::kReached, done->reason);
+    } else {
+      report(goal.id, done->called_off.empty() ? State::kFailed : State::kReplaced, done->reason,
+             farthest_joint());
+    }
+    return done;
+  }
+
+  [[nodiscard]] std::string watch(Stamp now, const Goal& goal) {
+    if (auto other = next_goal()) {
+      waiting_ = std::move(other);
+      return waiting_->is_stop ? "told to stop" : "another goal came: " + waiting_->id;
+    }
+    if (now >= next_feedback_) {
+      next_feedback_ = Stamp::from_seconds(now.seconds() + settings_.deploy.feedback_period_s);
+      report(goal.id, State::kActive, "", farthest_joint());
+    }
+    return {};
+  }
+
+  void report(const std::string& id, State state, std::string message, double farthest = 0.0) {
+    if (state != State::kActive) {
+      context_.log.info("goal " + id + ": " + std::string(to_string(state)) +
+                        (message.empty() ? "" : ": " + message));
+    }
+    const auto told = call_stage(plugin_of(world_.executor), [&]() -> Result<void> {
+      goals_.report({id, state, std::move(message), farthest});
+      return {};
+    });
+    if (!told) context_.log.warn("the report was lost: " + told.error().describe());
+  }
+
+  /// How many goals are done follows where there are any.
+  void show_progress(std::string what) const {
+    if (!context_.progress) return;
+    if (episode_ > 0) what += "; goals done:";
+    context_.progress(episode_, settings_.deploy.goals, what);
+  }
+
+  [[nodiscard]] Result<Eigen::VectorXd> measured() {
+    auto current = SIDESTEP_TRY(
+        call_plugin(plugin_of(world_.executor), [&] { return world_.executor->current(); }));
+    return std::move(current.state.q);
+  }
+
+  [[nodiscard]] double farthest_joint() {
+    const auto q = measured();
+    return q && q->size() == world_.q_goal.size() ? (world_.q_goal - *q).cwiseAbs().maxCoeff()
+                                                  : 0.0;
+  }
 
   ExperimentContext& context_;
   DeployConfiguration& settings_;
@@ -77,172 +303,35 @@ class Deployment {
   std::int64_t episode_ = 0;
 };
 
-Result<void> Deployment::run(Recorder& recorder) {
-  SIDESTEP_TRY(mapping_.attach());
-  while (auto goal = wait_for_goal()) {
-    if (goal->is_stop) continue;  // it stands already
-    const auto done = SIDESTEP_TRY(go_to(*goal));
-    record_episode(done, *world_.robot, settings_.deploy.pictures, recorder);
-    SIDESTEP_TRY(recorder.commit());
-    ++episode_;
-    if (mapping_.fault()) return tl::make_unexpected(*mapping_.fault());
-    if (settings_.deploy.goals > 0 && episode_ >= settings_.deploy.goals) break;
-  }
-  mapping_.stop();
-  return {};
-}
-
-/// Nothing where none will come, or a stop is requested.
-std::optional<Goal> Deployment::wait_for_goal() {
-  show_progress("waiting");
-  double idle_s = 0.0;
-  while (!context_.stop.stop_requested()) {
-    if (waiting_) return std::exchange(waiting_, std::nullopt);
-    if (auto goal = next_goal()) return goal;
-    if (!goals_.is_open()) return std::nullopt;
-    idle();
-    idle_s += std::chrono::duration<double>(kIdle).count();
-    if (idle_s >= kForget_s) {
-      mapping_.stop();
-      (void)mapping_.take_record();
-      idle_s = 0.0;
-    }
-  }
-  return std::nullopt;
-}
-
-/// How many goals are done follows where there are any.
-void Deployment::show_progress(std::string what) const {
-  if (!context_.progress) return;
-  if (episode_ > 0) what += "; goals done:";
-  context_.progress(episode_, settings_.deploy.goals, what);
-}
-
-/// Lets time pass; the map follows, so that it is there when a goal comes.
-void Deployment::idle() {
-  if (settings_.loop.experiment.is_lockstep()) {
-    const Stamp now{world_.clock->now().ns + std::chrono::nanoseconds(kIdle).count()};
-    world_.clock->set(now);
-    (void)measured();
-    mapping_.advance(now);
-    return;
-  }
-  world_.clock->start();
-  mapping_.start();
-  std::this_thread::sleep_for(kIdle);
-}
-
-std::optional<Goal> Deployment::next_goal() {
-  const std::string executor = plugin_of(world_.executor);
-  auto request = in_stage(
-      executor, [&]() -> Result<std::optional<GoalRequest>> { return goals_.next_goal(); });
-  if (!request) context_.log.warn("no goal: " + request.error().describe());
-  if (!request || !*request) return std::nullopt;
-  const auto q_now = measured();
-  if (!q_now) {
-    report((*request)->id, State::kRefused,
-           "where the robot is, is not known: " + q_now.error().describe());
-    return std::nullopt;
-  }
-  auto goal = read_goal(**request, world_.robot, *q_now);
-  const auto possible = goal ? check_possible(*goal, world_.robot, settings_.loop.planning.space())
-                             : Result<void>(error_of(goal));
-  if (possible) return std::move(*goal);
-  report((*request)->id, State::kRefused, possible.error().describe());
-  return std::nullopt;
-}
-
-Result<EpisodeRecord> Deployment::go_to(const Goal& goal) {
-  const auto q_now = measured();
-  if (q_now) world_.q_start = *q_now;
-  world_.q_goal = goal.q;
-  settings_.loop.task = goal.task;
-  report(goal.id, State::kAccepted, "");
-  const std::string under_way = "on the way to goal " + goal.id;
-  show_progress(under_way);
-  next_feedback_ = world_.clock->now();
-  auto done = run_episode(
-      context_,
-      {settings_.loop, world_, slot_, mapping_,
-       [&](Stamp now, const Replanner&) { return watch(now, goal); },
-       [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); }},
-      episode_);
-  if (!done) {
-    report(goal.id, State::kFailed, done.error().describe());
-  } else if (done->reached) {
-    report(goal.id, State::kReached, done->reason);
-  } else {
-    report(goal.id, done->called_off.empty() ? State::kFailed : State::kReplaced, done->reason,
-           farthest_joint());
-  }
-  return done;
-}
-
-std::string Deployment::watch(Stamp now, const Goal& goal) {
-  if (auto other = next_goal()) {
-    waiting_ = std::move(other);
-    return waiting_->is_stop ? "told to stop" : "another goal came: " + waiting_->id;
-  }
-  if (now >= next_feedback_) {
-    next_feedback_ = Stamp::from_seconds(now.seconds() + settings_.deploy.feedback_period_s);
-    report(goal.id, State::kActive, "", farthest_joint());
-  }
-  return {};
-}
-
-void Deployment::report(const std::string& id, State state, std::string message, double farthest) {
-  if (state != State::kActive) {
-    context_.log.info("goal " + id + ": " + std::string(to_string(state)) +
-                      (message.empty() ? "" : ": " + message));
-  }
-  const auto told = in_stage(plugin_of(world_.executor), [&]() -> Result<void> {
-    goals_.report({id, state, std::move(message), farthest});
-    return {};
-  });
-  if (!told) context_.log.warn("the report was lost: " + told.error().describe());
-}
-
-Result<Eigen::VectorXd> Deployment::measured() {
-  auto current =
-      SIDESTEP_TRY(guarded(plugin_of(world_.executor), [&] { return world_.executor->current(); }));
-  return std::move(current.state.q);
-}
-
-double Deployment::farthest_joint() {
-  const auto q = measured();
-  return q && q->size() == world_.q_goal.size() ? (world_.q_goal - *q).cwiseAbs().maxCoeff() : 0.0;
-}
-
-Result<ExperimentOutcome> run_deploy(ExperimentContext& context) {
-  std::vector<Error> errors;
-  const auto robot = make_run_robot(context.configuration, context.host, errors);
-  if (robot == nullptr) return tl::make_unexpected(std::move(errors.front()));
-  DeployConfiguration settings =
-      read_deploy_configuration(context.configuration, robot->description(), errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  stand_on_floor(settings.loop.planning, *robot);
-  auto world = SIDESTEP_TRY(make_replan_world(context, settings.loop, robot, 0));
-  auto* goals = dynamic_cast<GoalSource*>(world.executor.get());
-  if (goals == nullptr) {
-    return fail(ErrorCode::kConfig, plugin_of(world.executor) + " takes no goals while it runs",
-                block_of(context.configuration, "executor").mark().to_string(),
-                "an experiment of type replan has its goal in the configuration");
-  }
-  ReplanFacts facts = facts_of(context, settings.loop.experiment, robot->description());
-  facts.planned_episodes = settings.deploy.goals;
-  return run_loop(context, std::move(facts), "", [&](Recorder& recorder) {
-    return Deployment(context, settings, world, *goals).run(recorder);
-  });
-}
-
 class DeployExperiment final : public LoopExperiment {
  public:
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_deploy(configuration, host, errors);
+    const auto robot = checked_robot(configuration, host, errors);
+    if (robot == nullptr) return;
+    (void)read_deploy_configuration(configuration, robot->description(), errors);
+    check_loop_names(configuration, robot->description(), errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_deploy(context);
+    const std::shared_ptr<const RobotModel> robot =
+        SIDESTEP_TRY(context.host.create<RobotModel>(block_of(context.configuration, "robot")));
+    std::vector<Error> errors;
+    DeployConfiguration settings =
+        read_deploy_configuration(context.configuration, robot->description(), errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    stand_on_floor(settings.loop.planning, *robot);
+    auto world = SIDESTEP_TRY(make_replan_world(context, settings.loop, robot, 0));
+    auto* goals = dynamic_cast<GoalSource*>(world.executor.get());
+    if (goals == nullptr) {
+      return fail(ErrorCode::kConfig, plugin_of(world.executor) + " takes no goals while it runs",
+                  block_of(context.configuration, "executor").mark().to_string(),
+                  "an experiment of type replan has its goal in the configuration");
+    }
+    ReplanFacts facts = facts_of(context, settings.loop.experiment, robot->description());
+    facts.planned_episodes = settings.deploy.goals;
+    return run_loop(context, std::move(facts), "", [&](Recorder& recorder) {
+      return Deployment(context, settings, world, *goals).run(recorder);
+    });
   }
 };
 

@@ -5,12 +5,11 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 
+#include "study_problems.hpp"
 #include "study_rows.hpp"
-#include "study_scene.hpp"
 #include "study_settings.hpp"
-#include "study_solve.hpp"
 #include "study_summary.hpp"
 
 namespace sidestep {
@@ -76,7 +75,7 @@ Result<std::unique_ptr<RobotStudy>> RobotStudy::make(const FieldStudy& study, st
   for (const bool is_signed : {false, true}) {
     auto builder = SIDESTEP_TRY(context.host.create<FieldBuilder>(
         study_field_block(study.field_block, is_signed), robot->robot_));
-    SIDESTEP_TRY(in_stage(plugin_of(builder), [&] { return builder->attach(robot->map_); }));
+    SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->attach(robot->map_); }));
     robot->builders_.push_back(std::move(builder));
   }
   return robot;
@@ -101,7 +100,7 @@ Result<RobotStudy::Prepared> RobotStudy::make_scene(int scene, int boxes, std::u
   for (const std::size_t kind : {kUnsigned, kSigned}) {
     const Stopwatch watch;
     auto field = SIDESTEP_TRY(
-        in_stage(plugin_of(builders_[kind]), [&] { return builders_[kind]->update(update); }));
+        call_stage(plugin_of(builders_[kind]), [&] { return builders_[kind]->update(update); }));
     prepared.row.field_ms[kind] = watch.elapsed_ms();
     prepared.scene.fields[kind] = std::move(field);
   }
@@ -195,7 +194,6 @@ class StudyRun {
  private:
   Result<void> solve_robot(std::size_t robot);
   Result<void> solve_batch(std::size_t robot, const std::vector<int>& scenes);
-  void note_session(std::int64_t problems);
 
   const FieldStudy& study_;
   ExperimentContext& context_;
@@ -243,7 +241,7 @@ Result<void> StudyRun::solve(std::int64_t session) {
     robots_[r].reset();  // its fields and optimisers
     if (!done) return done;
   }
-  note_session(0);
+  record_session(clock_.after(0), session_, recorder_);
   return recorder_.commit();
 }
 
@@ -289,20 +287,8 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
   const auto solved =
       SIDESTEP_TRY(solve_all(items, *robots_[robot], workers_, context_, solved_, total_));
   for (const ProblemOutcome& outcome : solved) record_problem(outcome, robot, recorder_);
-  note_session(std::ssize(solved));
+  record_session(clock_.after(std::ssize(solved)), session_, recorder_);
   return recorder_.commit();
-}
-
-void StudyRun::note_session(std::int64_t problems) {
-  record_session(clock_.after(problems), session_, recorder_);
-}
-
-/// What an earlier session left, where this run goes on with it: it must be of the same study.
-Result<StudyRecord> earlier_sessions(const ExperimentContext& context, const DividedRun& here) {
-  const auto file = context.out / "results.sqlite";
-  auto study = SIDESTEP_TRY(read_study(file));
-  SIDESTEP_TRY(check_same_run(study, here, file.string()));
-  return study;
 }
 
 Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
@@ -323,8 +309,10 @@ Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
 
   std::vector<DoneProblems> done(study.robots.size());
   std::int64_t session = 0;
+  const auto file = context.out / "results.sqlite";
   if (context.resume) {
-    auto earlier = SIDESTEP_TRY(earlier_sessions(context, record));
+    const auto earlier = SIDESTEP_TRY(read_study(file));
+    SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
     session = static_cast<std::int64_t>(earlier.sessions.size());
     for (std::size_t r = 0; r < done.size(); ++r) {
       for (const ProblemOutcome& problem : earlier.robots[r].problems) {
@@ -332,7 +320,6 @@ Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
       }
     }
   }
-  const auto file = context.out / "results.sqlite";
   auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
                                            : ResultsStore::open(file, record.provenance));
   Recorder recorder(*store);

@@ -1,38 +1,361 @@
-#include <sidestep/report/html.hpp>
-#include <sidestep/report/run_report.hpp>
-#include "study_figures.hpp"
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/report/chart.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/report/result_columns.hpp>
+
 #include "study_summary.hpp"
 
-namespace sidestep::report {
+namespace sidestep {
 namespace {
 
-std::string with_sd(const Json& mean, const char* pattern) {
-  const std::string text = cell(at(mean, "/mean"), pattern);
-  return text == "-" ? text : text + " ± " + cell(at(mean, "/sd"), pattern);
+using namespace report;
+
+constexpr double kPanelWidth = 360.0;
+constexpr double kPanelHeight = 280.0;
+constexpr double kLegend = 26.0;
+constexpr int kSizeBins = 6;
+constexpr int kCostBins = 40;
+/// Iterations beyond this share of all solves go into the last bin.
+constexpr double kShownIterations = 0.995;
+/// Points of a scatter plot; more hide each other.
+constexpr std::size_t kMostPoints = 4000;
+
+const std::array<Colour, 2> kColours = {palette::kBlue, palette::kOrange};
+
+double log_cost(const ProblemOutcome& problem, std::size_t kind) {
+  return std::log10(std::max(problem.fields[kind].cost, 1e-9));
 }
 
-std::string interval(const Json& ci, const char* pattern) {
-  const std::string lower = cell(at(ci, "/0"), pattern);
-  return lower == "-" ? "-" : "[" + lower + ", " + cell(at(ci, "/1"), pattern) + "]";
-}
-
-/// One quantity of one robot: printed figures, ours with intervals, and the difference.
-Row quantity_row(const Json& robot, const char* name, const char* key, bool is_mean,
-                 const char* pattern) {
-  Row row{cell(at(robot, "/name")), name};
-  const std::string value = std::string("/") + key;
-  for (const char* kind : {"/published/unsigned", "/published/signed"}) {
-    const Json published = at(robot, (kind + value).c_str());
-    row.push_back(is_mean ? with_sd(published, "%g") : cell(published, "%g %%"));
+/// An empty figure with one panel a robot and the legend of both fields.
+class Panels {
+ public:
+  Panels(std::string file, std::string caption, std::size_t count, bool with_legend)
+      : figure_{std::move(file), std::move(caption),
+                Canvas(kPanelWidth * static_cast<double>(count),
+                       kPanelHeight + (with_legend ? kLegend : 0.0))} {
+    if (!with_legend) return;
+    draw_legend(figure_.canvas, {58.0, kPanelHeight + 8.0}, figure_.canvas.width(),
+                {{"unsigned", LegendEntry::Mark::kLine, {kColours[kUnsigned], 2.0, {}}},
+                 {"signed", LegendEntry::Mark::kLine, {kColours[kSigned], 2.0, {4.0, 3.0}}}});
   }
-  for (const char* kind : {"/unsigned", "/signed", "/difference"}) {
-    const Json own = at(robot, (kind + value).c_str());
-    const bool is_difference = std::string(kind) == "/difference";
-    row.push_back(!is_mean        ? cell(own, "%.3f %%")
-                  : is_difference ? cell(at(own, "/mean"), pattern)
-                                  : with_sd(own, pattern));
-    row.push_back(is_mean ? interval(at(own, "/ci"), pattern)
-                          : interval(at(robot, (kind + value + "_ci").c_str()), "%.3f"));
+
+  [[nodiscard]] Axes axes(std::size_t panel, const Range& x, const Range& y,
+                          const Axes::Labels& labels) {
+    const Area area{kPanelWidth * static_cast<double>(panel), 0.0, kPanelWidth, kPanelHeight};
+    return {figure_.canvas, area, x, y, labels};
+  }
+  [[nodiscard]] Canvas& canvas() { return figure_.canvas; }
+  [[nodiscard]] Figure take() { return std::move(figure_); }
+
+ private:
+  Figure figure_;
+};
+
+Stroke stroke_of(std::size_t kind) {
+  return {kColours[kind], 2.0,
+          kind == kSigned ? std::vector<double>{4.0, 3.0} : std::vector<double>{}};
+}
+
+/// Failures among the solvable problems of scenes of about one size.
+struct SizeBin {
+  double size_m = 0.0;
+  std::int64_t solvable = 0;
+  std::array<std::int64_t, 2> failures{};
+};
+
+std::vector<SizeBin> size_bins(const StudyRobotRows& robot) {
+  Range range{0.0, 0.0};
+  std::map<std::int64_t, double> size_of;
+  for (const SceneRow& scene : robot.drawn) {
+    size_of[scene.scene] = scene.mean_side_m;
+    range.include(scene.mean_side_m);
+  }
+  std::vector<SizeBin> bins(kSizeBins);
+  const double width = std::max(range.upper, 1e-9) / kSizeBins;
+  for (int b = 0; b < kSizeBins; ++b) bins[idx(b)].size_m = (b + 0.5) * width;
+  for (const ProblemOutcome& problem : robot.problems) {
+    if (!problem.is_solvable()) continue;
+    const auto index = static_cast<int>(size_of[robot.scene_of(problem)] / width);
+    SizeBin& bin = bins[idx(std::clamp(index, 0, kSizeBins - 1))];
+    ++bin.solvable;
+    for (const std::size_t kind : {kUnsigned, kSigned}) {
+      if (!problem.fields[kind].collision_free) ++bin.failures[kind];
+    }
+  }
+  std::erase_if(bins, [](const SizeBin& bin) { return bin.solvable == 0; });
+  return bins;
+}
+
+Figure failures_figure(const StudyRecord& study) {
+  Panels panels("study_failures",
+                "Failures among the problems that at least one field solves, by the size of the "
+                "obstacles, with Wilson's intervals.",
+                study.robots.size(), true);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    const std::vector<SizeBin> bins = size_bins(study.robots[r]);
+    Range x{0.0, 0.0}, y{0.0, 0.0};
+    for (const SizeBin& bin : bins) {
+      x.include(bin.size_m * 1.15);
+      for (const std::int64_t failures : bin.failures) {
+        y.include(105.0 * wilson_interval(failures, bin.solvable, study.confidence).upper);
+      }
+    }
+    Axes axes = panels.axes(r, x.padded(0.0), y.padded(0.02),
+                            {study.robots[r].name, "mean side of the boxes [m]", "failures [%]"});
+    axes.grid();
+    for (const std::size_t kind : {kUnsigned, kSigned}) {
+      std::vector<double> sizes, shares;
+      for (const SizeBin& bin : bins) {
+        const double shift_m = (kind == kSigned ? 1.0 : -1.0) * 0.008 * x.upper;
+        const Interval interval =
+            wilson_interval(bin.failures[kind], bin.solvable, study.confidence);
+        axes.line({bin.size_m + shift_m, bin.size_m + shift_m},
+                  {100.0 * interval.lower, 100.0 * interval.upper}, {kColours[kind], 1.2, {}});
+        sizes.push_back(bin.size_m + shift_m);
+        shares.push_back(100.0 * static_cast<double>(bin.failures[kind]) /
+                         static_cast<double>(bin.solvable));
+      }
+      axes.line(sizes, shares, stroke_of(kind));
+    }
+    axes.finish();
+  }
+  return panels.take();
+}
+
+/// A histogram as the outline of its bars: shares of all values, in percent.
+struct Outline {
+  std::vector<double> x;
+  std::vector<double> percent;
+};
+
+Outline histogram(const std::vector<double>& values, double lower, double width, int bins) {
+  std::vector<double> counts(static_cast<std::size_t>(bins), 0.0);
+  for (const double value : values) {
+    const double bin = std::floor((value - lower) / width);
+    counts[idx(std::clamp(bin, 0.0, bins - 1.0))] += 1.0;
+  }
+  Outline outline;
+  for (int b = 0; b < bins; ++b) {
+    const double percent =
+        values.empty() ? 0.0 : 100.0 * counts[idx(b)] / static_cast<double>(values.size());
+    for (const double edge : {0.0, 1.0}) {
+      outline.x.push_back(lower + (b + edge) * width);
+      outline.percent.push_back(percent);
+    }
+  }
+  return outline;
+}
+
+/// A panel a robot with a histogram for each field; `outlines(robot)` makes them.
+template <class Outlines>
+Figure histograms_figure(const StudyRecord& study, const char* file, const char* caption,
+                         const char* x_label, const char* y_label, Outlines outlines) {
+  Panels panels(file, caption, study.robots.size(), true);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    const std::array<Outline, 2> shown = outlines(study.robots[r]);
+    Range y{0.0, 1.0};
+    for (const Outline& outline : shown) {
+      for (const double percent : outline.percent) y.include(1.05 * percent);
+    }
+    Axes axes = panels.axes(r, {shown[0].x.front(), shown[0].x.back()}, y,
+                            {study.robots[r].name, x_label, y_label});
+    axes.grid();
+    for (const std::size_t kind : {kUnsigned, kSigned}) {
+      axes.line(shown[kind].x, shown[kind].percent, stroke_of(kind));
+    }
+    axes.finish();
+  }
+  return panels.take();
+}
+
+std::array<Outline, 2> iterations_of(const StudyRobotRows& robot) {
+  std::array<std::vector<double>, 2> values;
+  for (const ProblemOutcome& problem : robot.problems) {
+    for (const std::size_t kind : {kUnsigned, kSigned}) {
+      if (problem.fields[kind].attempted) values[kind].push_back(problem.fields[kind].iterations);
+    }
+  }
+  const double most = std::max({5.0, percentile(values[kUnsigned], kShownIterations),
+                                percentile(values[kSigned], kShownIterations)});
+  const int bins = static_cast<int>(std::min(most, 50.0)) + 1;
+  const double width = std::max(1.0, std::ceil(most / bins));
+  return {histogram(values[kUnsigned], 0.0, width, bins),
+          histogram(values[kSigned], 0.0, width, bins)};
+}
+
+Range cost_range(const StudyRobotRows& robot) {
+  std::vector<double> costs;
+  for (const ProblemOutcome& problem : robot.problems) {
+    if (!problem.is_solved_by_both()) continue;
+    for (const std::size_t kind : {kUnsigned, kSigned}) costs.push_back(log_cost(problem, kind));
+  }
+  if (costs.empty()) return {0.0, 1.0};
+  const auto [least, most] = std::ranges::minmax(costs);
+  return Range{least, most}.padded(0.02);
+}
+
+std::array<Outline, 2> costs_of(const StudyRobotRows& robot) {
+  const Range range = cost_range(robot);
+  const auto of_field = [&](std::size_t kind) {
+    std::vector<double> values;
+    for (const ProblemOutcome& problem : robot.problems) {
+      if (problem.is_solved_by_both()) values.push_back(log_cost(problem, kind));
+    }
+    return histogram(values, range.lower, (range.upper - range.lower) / kCostBins, kCostBins);
+  };
+  return {of_field(kUnsigned), of_field(kSigned)};
+}
+
+Figure scatter_figure(const StudyRecord& study) {
+  Panels panels("study_scatter",
+                "The cost in the signed field against that in the unsigned one, problem by "
+                "problem, where both are collision-free.",
+                study.robots.size(), false);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    const StudyRobotRows& robot = study.robots[r];
+    const Range range = cost_range(robot);
+    Axes axes = panels.axes(r, range, range, {robot.name, "log10 of the cost, unsigned", "signed"});
+    axes.grid();
+    axes.line({range.lower, range.upper}, {range.lower, range.upper}, {palette::kGrey, 1.0, {}});
+    const std::size_t stride = robot.problems.size() / kMostPoints + 1;
+    for (std::size_t i = 0; i < robot.problems.size(); ++i) {
+      const ProblemOutcome& problem = robot.problems[i];
+      if (!problem.is_solved_by_both()) continue;
+      // All that differ are drawn, of those that agree every n-th.
+      const double plain = log_cost(problem, kUnsigned), sign = log_cost(problem, kSigned);
+      if (std::abs(plain - sign) < 0.01 && i % stride != 0) continue;
+      panels.canvas().circle(axes.at(plain, sign), 1.6, palette::kPurple.with_alpha(0.45));
+    }
+    axes.finish();
+  }
+  return panels.take();
+}
+
+/// A panel for each robot: failures against obstacle size, the distributions of iterations and of
+/// valid costs, cost against cost.
+std::vector<Figure> study_figures(const StudyRecord& study) {
+  std::vector<Figure> figures;
+  if (study.solved() == 0) return figures;
+  figures.push_back(failures_figure(study));
+  figures.push_back(histograms_figure(
+      study, "study_iterations", "Iterations of every solve; the last bin holds all beyond it.",
+      "iterations", "share of solves [%]", &iterations_of));
+  figures.push_back(histograms_figure(
+      study, "study_costs", "Costs of trajectories, where both fields lead to collision-free ones.",
+      "log10 of the cost", "share of problems [%]", &costs_of));
+  figures.push_back(scatter_figure(study));
+  return figures;
+}
+
+/// Each robot with each field: rows of table.csv, made of `robots` in summary.json.
+Json study_fields(const Json& summary) {
+  Json fields = Json::array();
+  for (const Json& robot : at(summary, "/robots")) {
+    for (const char* kind : kFieldNames) {
+      Json& row = fields.emplace_back(robot);
+      row.update(robot.at(kind));
+      row["robot"] = robot.at("name");
+      row["field"] = kind;
+    }
+  }
+  return fields;
+}
+
+const ResultColumns& study_columns() {
+  static const auto kColumns = [] {
+    ResultColumns columns("");
+    const auto mean = [&](const std::string& key, const char* meaning, const char* heading,
+                          const char* pattern) {
+      columns.declare(key + ".mean", meaning,
+                      {.heading = heading, .pattern = pattern, .compared = *heading != 0});
+      columns.declare(key + ".sd", std::string(meaning) + " Standard deviation.");
+      columns.declare(key + ".ci.0", std::string(meaning) + " Interval of the mean, from.");
+      columns.declare(key + ".ci.1", std::string(meaning) + " Interval of the mean, to.");
+    };
+    columns.declare("robot", "Name of the robot.", {.heading = "robot", .compared = true});
+    columns.declare("field", "Kind of field: `unsigned` or `signed`.",
+                    {.heading = "field", .compared = true});
+    columns.begin_table("Problems");
+    columns.declare("dof", "Joints that are planned.", {.heading = "joints", .page_only = true});
+    columns.declare("spheres", "Its spheres.", {.heading = "spheres", .page_only = true});
+    columns.declare("boxes_per_scene", "Boxes in each scene.",
+                    {.heading = "boxes", .page_only = true});
+    columns.declare("resolution_m", "Edge of a voxel.",
+                    {.heading = "voxel", .pattern = "%g m", .page_only = true});
+    const auto count = [&](const char* key, const char* meaning, const char* heading,
+                           bool compared = false) {
+      columns.declare(key, meaning, {.heading = heading, .pattern = "%.0f", .compared = compared});
+    };
+    count("problems", "Problems that were looked at.", "problems", true);
+    count("start_or_goal_in_collision", "Of these, with a start or goal in collision.",
+          "start or goal collides");
+    count("solvable", "Solved collision-free with at least one of the fields.", "solvable", true);
+    count("solved_by_both", "Solved with both.", "solved by both");
+    count("only_unsigned", "Solved with the unsigned field alone.", "only unsigned");
+    count("only_signed", "Solved with the signed field alone.", "only signed");
+    count("neither", "Solved with neither.", "neither");
+    columns.begin_table("Outcomes and times");
+    count("collision_free", "Problems solved collision-free with this field.", "solved");
+    count("failures", "Solvable problems that are not.", "failures");
+    columns.declare("failure_percent", "Their share of the solvable problems, in percent.",
+                    {.heading = "share", .pattern = "%.3f %%", .compared = true});
+    columns.declare("failure_percent_ci.0", "Wilson's interval of it, from.");
+    columns.declare("failure_percent_ci.1", "Wilson's interval of it, to.");
+    mean("iterations", "Iterations of every solve.", "iterations", "%.2f");
+    mean("steps", "Steps that were tried in every solve.", "steps tried", "%.2f");
+    columns.declare("valid_cost.count", "Problems that both fields solve.");
+    mean("valid_cost", "Final cost of these.", "cost", "%.4g");
+    columns.declare("valid_cost.p50", "Its median.");
+    const Shown times{.heading = "solve", .pattern = "%.3f ms", .compared = true};
+    columns.declare_statistics("solve_ms.", "Wall time of a solve.", {"mean", "p50", "p95"}, times);
+    columns.declare_statistics("check_ms.", "Wall time of its check.", {"mean"},
+                               {.heading = "check", .pattern = "%.3f ms"});
+    return columns;
+  }();
+  return kColumns;
+}
+
+/// One quantity of the paper's table: where it stands, and how it is written.
+struct Quantity {
+  const char* name;
+  std::string key;      ///< Of a field, of `published` and of `difference`.
+  const char* pattern;  ///< Of values.
+  bool is_mean;         ///< With a standard deviation; else a share in percent.
+  const char* unit = "";
+};
+
+/// The quantity in one part of a robot's row; the difference stands without standard deviation.
+std::string value_cell(const Json& robot, const std::string& part, const Quantity& what,
+                       const char* pattern) {
+  const Json value = at(robot, ("/" + part + "/" + what.key).c_str());
+  const std::string text = cell(what.is_mean ? at(value, "/mean") : value, pattern);
+  if (text == "-") return text;
+  const bool has_sd = what.is_mean && part != "difference";
+  return text + (has_sd ? " ± " + cell(at(value, "/sd"), pattern) : "") + what.unit;
+}
+
+std::string interval_cell(const Json& robot, const std::string& part, const Quantity& what) {
+  const std::string of = "/" + part + "/" + what.key + (what.is_mean ? "/ci" : "_ci");
+  const Json ci = at(robot, of.c_str());
+  const std::string lower = cell(at(ci, "/0"), what.pattern);
+  return lower == "-" ? "-" : "[" + lower + ", " + cell(at(ci, "/1"), what.pattern) + "]";
+}
+
+/// One quantity of one robot: printed figures, then ours, each with its interval, and the
+/// difference.
+Row quantity_row(const Json& robot, const Quantity& what) {
+  Row row{cell(at(robot, "/name")), what.name};
+  for (const char* part : {"published/unsigned", "published/signed"}) {
+    row.push_back(value_cell(robot, part, what, "%g"));
+  }
+  for (const char* part : {"unsigned", "signed", "difference"}) {
+    row.push_back(value_cell(robot, part, what, what.pattern));
+    row.push_back(interval_cell(robot, part, what));
   }
   return row;
 }
@@ -43,11 +366,13 @@ std::string outcomes_section(const Json& summary) {
       cell(Json(100.0 * at(summary, "/confidence").get<double>()), "%g %% interval");
   std::vector<Row> rows;
   for (const Json& robot : at(summary, "/robots")) {
-    rows.push_back(quantity_row(robot, "failures", "failure_percent", false, "%.3f"));
-    rows.push_back(quantity_row(robot, "iterations", "iterations", true, "%.2f"));
-    rows.push_back(
-        quantity_row(robot, "iterations, solvable problems", "iterations_solvable", true, "%.2f"));
-    rows.push_back(quantity_row(robot, "valid cost", "valid_cost", true, "%.4g"));
+    for (const Quantity& what :
+         {Quantity{"failures", "failure_percent", "%.3f", false, " %"},
+          Quantity{"iterations", "iterations", "%.2f", true},
+          Quantity{"iterations, solvable problems", "iterations_solvable", "%.2f", true},
+          Quantity{"valid cost", "valid_cost", "%.4g", true}}) {
+      rows.push_back(quantity_row(robot, what));
+    }
   }
   return "<h2>Unsigned against signed fields</h2>\n" +
          html_table({"robot", "", published + ", unsigned", "signed", "unsigned", interval_head,
@@ -82,12 +407,31 @@ Result<std::string> study_body(const Json& summary, ResultsReader&,
 }
 
 }  // namespace
-}  // namespace sidestep::report
 
-namespace sidestep {
+void show_study(const Json& summary, ExperimentOutcome& outcome) {
+  const std::string interval = format(" [%g %%]", 100.0 * at(summary, "/confidence").get<double>());
+  TextTable table({"robot", "", cell(at(summary, "/published_as")) + " USDF", "SDF",
+                   "USDF" + interval, "SDF" + interval, "SDF - USDF" + interval});
+  for (const Json& robot : at(summary, "/robots")) {
+    for (const Quantity& what : {Quantity{"failures, %", "failure_percent", "%.3f", false},
+                                 Quantity{"iterations", "iterations", "%.2f", true},
+                                 Quantity{"valid cost", "valid_cost", "%.4g", true}}) {
+      Row row = quantity_row(robot, what);
+      for (std::size_t c = 4; c < row.size(); ++c) {  // a value and its interval share a column
+        const std::string bounds = row[c + 1] == "-" ? "" : " " + row[c + 1];
+        row[c] += bounds;
+        row.erase(row.begin() + static_cast<std::ptrdiff_t>(c) + 1);
+      }
+      table.add(std::move(row));
+    }
+  }
+  const Json fields = study_fields(summary);
+  outcome.table = table.text() + "\n" + study_columns().text(fields);
+  outcome.table_csv = study_columns().csv(fields);
+}
 
 const report::RunReport& study_report() {
-  static const report::RunReport kReport = {.body = &report::study_body,
+  static const report::RunReport kReport = {.body = &study_body,
                                             .columns = &study_columns(),
                                             .compared_rows = &study_fields,
                                             .pictures = {"study_"}};

@@ -1,6 +1,6 @@
 #include "study_rows.hpp"
 
-#include <sidestep/results/stored_row.hpp>
+#include <sidestep/results/recorder.hpp>
 
 namespace sidestep {
 namespace {
@@ -130,31 +130,16 @@ Result<StudyRobotRows> read_robot(ResultsReader& reader, std::size_t robot,
     auto with_sign = SIDESTEP_TRY(stored_published("signed").read(reader, "robot", item, file));
     rows.published = PublishedComparison{plain, with_sign};
   }
-  auto read =
-      read_into(rows.drawn_states, stored_state(rows.dof), reader, of_robot("state", robot), file);
-  if (read) read = read_into(rows.drawn, stored_scene(), reader, of_robot("scene", robot), file);
-  if (read) {
-    read = read_into(rows.problems, stored_problem(), reader, of_robot("problem", robot), file);
-  }
-  if (!read) return error_of(read);
+  const auto read_series = [&](auto& into, const auto& stored, const char* series) {
+    return read_into(into, stored, reader, of_robot(series, robot), file);
+  };
+  SIDESTEP_TRY(read_series(rows.drawn_states, stored_state(rows.dof), "state"));
+  SIDESTEP_TRY(read_series(rows.drawn, stored_scene(), "scene"));
+  SIDESTEP_TRY(read_series(rows.problems, stored_problem(), "problem"));
   return rows;
 }
 
 }  // namespace
-
-std::int64_t StudyRecord::planned() const {
-  std::int64_t sum = 0;
-  for (const StudyRobotRows& robot : robots) sum += robot.planned;
-  return sum;
-}
-
-std::int64_t StudyRecord::solved() const {
-  std::int64_t sum = 0;
-  for (const StudyRobotRows& robot : robots) {
-    sum += static_cast<std::int64_t>(robot.problems.size());
-  }
-  return sum;
-}
 
 void record_study(const StudyRecord& study, Recorder& recorder) {
   record_run_head(study, "study", recorder);

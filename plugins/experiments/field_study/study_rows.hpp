@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
-#include <map>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,8 +11,8 @@
 #include <sidestep/results/divided_run.hpp>
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/runtime/results_store.hpp>
+#include "study_problems.hpp"
 #include "study_settings.hpp"
-#include "study_solve.hpp"
 
 namespace sidestep {
 
@@ -50,8 +50,14 @@ struct StudyRecord : DividedRun {
   std::string published_as;
   std::vector<StudyRobotRows> robots;
 
-  [[nodiscard]] std::int64_t planned() const;
-  [[nodiscard]] std::int64_t solved() const;
+  [[nodiscard]] std::int64_t planned() const {
+    return std::accumulate(robots.begin(), robots.end(), std::int64_t{0},
+                           [](std::int64_t sum, const auto& r) { return sum + r.planned; });
+  }
+  [[nodiscard]] std::int64_t solved() const {
+    return std::accumulate(robots.begin(), robots.end(), std::int64_t{0},
+                           [](auto sum, const auto& r) { return sum + std::ssize(r.problems); });
+  }
 };
 
 /// Everything but what is solved: series "study", "robot" and "state/ROBOT".

@@ -3,16 +3,105 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <optional>
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/seed.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/text_table.hpp>
-#include <sidestep/results/json.hpp>
-#include "study_comparison.hpp"
+#include <sidestep/results/summary.hpp>
 
 namespace sidestep {
 namespace {
+
+bool free_in(const ProblemOutcome& problem, std::size_t kind) {
+  return problem.fields[kind].collision_free;
+}
+
+/// A number of a problem; nothing where the problem has none.
+using NumberOf = std::function<std::optional<double>(const ProblemOutcome&)>;
+
+/// The mean of a quantity with its interval by drawing scenes; `name` seeds the draws.
+MeanWithInterval mean_of(const StudyRobotRows& robot, const ComparisonOptions& options,
+                         const std::string& name, const NumberOf& quantity) {
+  std::vector<double> values, sums, counts;
+  std::int64_t scene = -1;
+  for (const ProblemOutcome& problem : robot.problems) {
+    if (robot.scene_of(problem) != scene) {
+      scene = robot.scene_of(problem);
+      sums.push_back(0.0);
+      counts.push_back(0.0);
+    }
+    const std::optional<double> value = quantity(problem);
+    if (!value) continue;
+    values.push_back(*value);
+    sums.back() += *value;
+    counts.back() += 1.0;
+  }
+  const std::uint64_t seed = derive_seed(options.seed, "bootstrap/" + robot.name + "/" + name);
+  return {statistics_of(values), std::ssize(values),
+          bootstrap_ratio(sums, counts, options.bootstrap_samples, options.confidence, seed)};
+}
+
+/// A number of a problem where `applies` to it.
+NumberOf where(bool (ProblemOutcome::*applies)() const noexcept, auto value) {
+  return [=](const ProblemOutcome& problem) -> std::optional<double> {
+    if (!(problem.*applies)()) return std::nullopt;
+    return value(problem);
+  };
+}
+
+void count_outcomes(const StudyRobotRows& robot, RobotComparison& result) {
+  for (const ProblemOutcome& problem : robot.problems) {
+    ++result.problems;
+    if (!problem.start_free || !problem.goal_free) ++result.in_collision;
+    if (!problem.is_attempted()) {
+      ++result.skipped;
+      continue;
+    }
+    const bool plain = free_in(problem, kUnsigned), sign = free_in(problem, kSigned);
+    ++(plain && sign ? result.both
+       : plain       ? result.only_unsigned
+       : sign        ? result.only_signed
+                     : result.neither);
+    for (const std::size_t kind : {kUnsigned, kSigned}) {
+      FieldComparison& field = result.fields[kind];
+      ++field.attempted;
+      if (free_in(problem, kind)) ++field.collision_free;
+      ++field.ended[static_cast<std::size_t>(problem.fields[kind].status)];
+      field.solve_s += 1e-3 * problem.fields[kind].solve_ms;
+      field.check_s += 1e-3 * problem.fields[kind].check_ms;
+    }
+  }
+}
+
+void compare_field(const StudyRobotRows& robot, const ComparisonOptions& options, std::size_t kind,
+                   RobotComparison& result) {
+  FieldComparison& field = result.fields[kind];
+  field.failures = kind == kUnsigned ? result.only_signed : result.only_unsigned;
+  field.failure_share = result.solvable() > 0 ? static_cast<double>(field.failures) /
+                                                    static_cast<double>(result.solvable())
+                                              : std::numeric_limits<double>::quiet_NaN();
+  field.failure_interval = wilson_interval(field.failures, result.solvable(), options.confidence);
+  const auto mean = [&](const char* name, auto member, auto applies) {
+    return mean_of(robot, options, name, where(applies, [=](const ProblemOutcome& problem) {
+                     return static_cast<double>(problem.fields[kind].*member);
+                   }));
+  };
+  using F = FieldOutcome;
+  using P = ProblemOutcome;
+  field.iterations = mean("iterations", &F::iterations, &P::is_attempted);
+  field.iterations_solvable = mean("iterations_solvable", &F::iterations, &P::is_solvable);
+  field.steps = mean("steps", &F::steps, &P::is_attempted);
+  field.valid_cost = mean("valid_cost", &F::cost, &P::is_solved_by_both);
+  const auto attempted = those_of(robot.problems, &P::is_attempted);
+  field.solve_ms =
+      statistics_of(values_of(attempted, [=](const P& p) { return p.fields[kind].solve_ms; }));
+  field.check_ms =
+      statistics_of(values_of(attempted, [=](const P& p) { return p.fields[kind].check_ms; }));
+}
 
 using Json = nlohmann::ordered_json;
 
@@ -122,72 +211,8 @@ Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& com
           {"field_s", field_s}};
 }
 
-/// Each robot with each field.
-Json fields_of(const Json& robots) {
-  Json fields = Json::array();
-  for (const Json& robot : robots) {
-    for (const char* kind : kFieldNames) {
-      Json& row = fields.emplace_back(robot);
-      row.update(robot.at(kind));
-      row["robot"] = robot.at("name");
-      row["field"] = kind;
-    }
-  }
-  return fields;
-}
-
-std::string number(const Json& json, const std::string& pointer, const char* pattern) {
-  return report::cell(report::at(json, pointer.c_str()), pattern);
-}
-
-/// One quantity of the paper's table: where it stands, and how it is written.
-struct Quantity {
-  const char* name;
-  std::string key;      ///< Of a field, of `published` and of `difference`.
-  const char* pattern;  ///< Of values.
-  bool is_mean;         ///< With a standard deviation; else a share in percent.
-};
-
-std::string published_cell(const Json& robot, const char* kind, const Quantity& what) {
-  const std::string at = std::string("/published/") + kind + "/" + what.key;
-  if (!what.is_mean) return number(robot, at, "%g");
-  const std::string mean = number(robot, at + "/mean", "%g");
-  return mean == "-" ? mean : mean + " ± " + number(robot, at + "/sd", "%g");
-}
-
-std::string interval_cell(const Json& json, const std::string& at, const char* pattern) {
-  const std::string lower = number(json, at + "/0", pattern);
-  if (lower == "-") return "";
-  return " [" + lower + ", " + number(json, at + "/1", pattern) + "]";
-}
-
-std::string own_cell(const Json& robot, const std::string& at, const Quantity& what, bool with_sd) {
-  const std::string base = "/" + at + "/" + what.key;
-  if (!what.is_mean) {
-    return number(robot, base, what.pattern) + interval_cell(robot, base + "_ci", what.pattern);
-  }
-  std::string text = number(robot, base + "/mean", what.pattern);
-  if (text == "-") return text;
-  if (with_sd) text += " ± " + number(robot, base + "/sd", what.pattern);
-  return text + interval_cell(robot, base + "/ci", what.pattern);
-}
-
-std::string table_text(const Json& robots, const std::string& published_as, double confidence) {
-  const std::string interval = format(" [%g %%]", 100.0 * confidence);
-  TextTable table({"robot", "", published_as + " USDF", "SDF", "USDF" + interval, "SDF" + interval,
-                   "SDF - USDF" + interval});
-  const std::array<Quantity, 3> quantities = {{{"failures, %", "failure_percent", "%.3f", false},
-                                               {"iterations", "iterations", "%.2f", true},
-                                               {"valid cost", "valid_cost", "%.4g", true}}};
-  for (const Json& robot : robots) {
-    for (const Quantity& what : quantities) {
-      table.add({robot.at("name").get<std::string>(), what.name,
-                 published_cell(robot, "unsigned", what), published_cell(robot, "signed", what),
-                 own_cell(robot, "unsigned", what, true), own_cell(robot, "signed", what, true),
-                 own_cell(robot, "difference", what, false)});
-    }
-  }
-  return table.text() + "\n" + study_columns().text(fields_of(robots));
+std::string number(const Json& json, const char* pointer) {
+  return report::cell(report::at(json, pointer), "%.3g");
 }
 
 std::string verdict_text(const StudyRecord& study, const Json& robots, bool interrupted,
@@ -203,8 +228,8 @@ std::string verdict_text(const StudyRecord& study, const Json& robots, bool inte
   std::string text = part + "Success: " + solved + " in both fields; failures USDF / SDF:";
   for (const Json& robot : robots) {
     text += (&robot == &robots.front() ? " " : ", ") + robot.at("name").get<std::string>() + " " +
-            number(robot, "/unsigned/failure_percent", "%.3g") + " / " +
-            number(robot, "/signed/failure_percent", "%.3g") + " %";
+            number(robot, "/unsigned/failure_percent") + " / " +
+            number(robot, "/signed/failure_percent") + " %";
   }
   return text + ".";
 }
@@ -229,60 +254,27 @@ void record_whole_study(const StudyRecord& study, Recorder& recorder) {
 
 }  // namespace
 
-Json study_fields(const Json& summary) { return fields_of(report::at(summary, "/robots")); }
-
-const report::ResultColumns& study_columns() {
-  static const auto kColumns = [] {
-    report::ResultColumns columns("");
-    const auto mean = [&](const std::string& key, const char* meaning, const char* heading,
-                          const char* pattern) {
-      columns.declare(key + ".mean", meaning,
-                      {.heading = heading, .pattern = pattern, .compared = *heading != 0});
-      columns.declare(key + ".sd", std::string(meaning) + " Standard deviation.");
-      columns.declare(key + ".ci.0", std::string(meaning) + " Interval of the mean, from.");
-      columns.declare(key + ".ci.1", std::string(meaning) + " Interval of the mean, to.");
-    };
-    columns.declare("robot", "Name of the robot.", {.heading = "robot", .compared = true});
-    columns.declare("field", "Kind of field: `unsigned` or `signed`.",
-                    {.heading = "field", .compared = true});
-    columns.begin_table("Problems");
-    columns.declare("dof", "Joints that are planned.", {.heading = "joints", .page_only = true});
-    columns.declare("spheres", "Its spheres.", {.heading = "spheres", .page_only = true});
-    columns.declare("boxes_per_scene", "Boxes in each scene.",
-                    {.heading = "boxes", .page_only = true});
-    columns.declare("resolution_m", "Edge of a voxel.",
-                    {.heading = "voxel", .pattern = "%g m", .page_only = true});
-    const auto count = [&](const char* key, const char* meaning, const char* heading,
-                           bool compared = false) {
-      columns.declare(key, meaning, {.heading = heading, .pattern = "%.0f", .compared = compared});
-    };
-    count("problems", "Problems that were looked at.", "problems", true);
-    count("start_or_goal_in_collision", "Of these, with a start or goal in collision.",
-          "start or goal collides");
-    count("solvable", "Solved collision-free with at least one of the fields.", "solvable", true);
-    count("solved_by_both", "Solved with both.", "solved by both");
-    count("only_unsigned", "Solved with the unsigned field alone.", "only unsigned");
-    count("only_signed", "Solved with the signed field alone.", "only signed");
-    count("neither", "Solved with neither.", "neither");
-    columns.begin_table("Outcomes and times");
-    count("collision_free", "Problems solved collision-free with this field.", "solved");
-    count("failures", "Solvable problems that are not.", "failures");
-    columns.declare("failure_percent", "Their share of the solvable problems, in percent.",
-                    {.heading = "share", .pattern = "%.3f %%", .compared = true});
-    columns.declare("failure_percent_ci.0", "Wilson's interval of it, from.");
-    columns.declare("failure_percent_ci.1", "Wilson's interval of it, to.");
-    mean("iterations", "Iterations of every solve.", "iterations", "%.2f");
-    mean("steps", "Steps that were tried in every solve.", "steps tried", "%.2f");
-    columns.declare("valid_cost.count", "Problems that both fields solve.");
-    mean("valid_cost", "Final cost of these.", "cost", "%.4g");
-    columns.declare("valid_cost.p50", "Its median.");
-    const report::Shown times{.heading = "solve", .pattern = "%.3f ms", .compared = true};
-    columns.declare_statistics("solve_ms.", "Wall time of a solve.", {"mean", "p50", "p95"}, times);
-    columns.declare_statistics("check_ms.", "Wall time of its check.", {"mean"},
-                               {.heading = "check", .pattern = "%.3f ms"});
-    return columns;
-  }();
-  return kColumns;
+RobotComparison compare_fields(const StudyRobotRows& robot, const ComparisonOptions& options) {
+  using F = FieldOutcome;
+  using P = ProblemOutcome;
+  RobotComparison result;
+  count_outcomes(robot, result);
+  for (const std::size_t kind : {kUnsigned, kSigned}) compare_field(robot, options, kind, result);
+  const auto mean_difference = [&](const char* name, auto value, auto applies) {
+    return mean_of(robot, options, name, where(applies, [=](const P& problem) {
+                     return static_cast<double>(std::invoke(value, problem.fields[kSigned])) -
+                            static_cast<double>(std::invoke(value, problem.fields[kUnsigned]));
+                   }));
+  };
+  const MeanWithInterval failure = mean_difference(
+      "failure_difference", [](const F& field) { return !field.collision_free; }, &P::is_solvable);
+  result.failure_difference =
+      failure.count > 0 ? failure.statistics.mean : std::numeric_limits<double>::quiet_NaN();
+  result.failure_difference_interval = failure.interval;
+  result.iterations_difference =
+      mean_difference("iterations_difference", &F::iterations, &P::is_attempted);
+  result.cost_difference = mean_difference("cost_difference", &F::cost, &P::is_solved_by_both);
+  return result;
 }
 
 ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
@@ -300,19 +292,18 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
   outcome.interrupted = interrupted && !complete;
   outcome.success = complete && !fault;
   outcome.verdict = verdict_text(study, robots, outcome.interrupted, fault);
-  outcome.table = table_text(robots, study.published_as, study.confidence);
-  outcome.table_csv = study_columns().csv(fields_of(robots));
   const Json shard = study.shard.is_whole()
                          ? Json(nullptr)
                          : Json{{"index", study.shard.index + 1}, {"count", study.shard.count}};
-  outcome.summary_json = summary_text(study.provenance, "field_study", outcome,
-                                      {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
-                                       {"complete", complete},
-                                       {"shard", shard},
-                                       {"confidence", study.confidence},
-                                       {"published_as", study.published_as},
-                                       {"robots", robots},
-                                       {"time", time_json(study, comparisons)}});
+  const Json particulars = {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
+                            {"complete", complete},
+                            {"shard", shard},
+                            {"confidence", study.confidence},
+                            {"published_as", study.published_as},
+                            {"robots", robots},
+                            {"time", time_json(study, comparisons)}};
+  show_study(particulars, outcome);
+  outcome.summary_json = summary_text(study.provenance, "field_study", outcome, particulars);
   return outcome;
 }
 

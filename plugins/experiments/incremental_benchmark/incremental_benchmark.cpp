@@ -5,9 +5,7 @@
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "incremental_settings.hpp"
 #include "incremental_summary.hpp"
-#include "recorded_fields.hpp"
 #include "recorded_solves.hpp"
 
 namespace sidestep {
@@ -16,8 +14,23 @@ namespace {
 constexpr const char* kGoal = "goal";
 constexpr const char* kObstacles = "obstacles";
 
-void check_incremental(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  check_recorded<IncrementalSettings>(configuration, set_of_incremental_optimiser(), host, errors);
+constexpr const char* kIncremental = "incremental";
+
+/// What the experiment sets of the optimiser: the stopping rules of each recorded run, and
+/// `incremental`.
+std::vector<std::string> set_of_incremental_optimiser() {
+  std::vector<std::string> names = set_of_optimiser();
+  names.emplace_back(kIncremental);
+  return names;
+}
+
+/// The optimiser's block with a recorded run's stopping rules, incremental or not.
+Node incremental_block(const Node& optimiser, const RecordedRun& run, bool is_incremental) {
+  Node block = block_for(optimiser, run);
+  const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
+  block.entries().push_back(
+      {kIncremental, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
+  return block;
 }
 
 std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {
@@ -213,7 +226,7 @@ Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
   Recorder recorder(*store);
 
   IncrementalRecord record;
-  record.about = facts_of(problems, context.configuration);
+  record.about = facts_of(problems, context);
   std::int64_t total = 0;
   for (const RecordedRun& run : problems.runs) {
     total += 2 * settings.repeats * std::ssize(run.outcomes);
@@ -230,7 +243,7 @@ Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
           recorder));
     }
   }
-  record.interrupted = context.stop.stop_requested();
+  record.about.interrupted = context.stop.stop_requested();
 
   return summarise_incremental(provenance, settings, record);
 }
@@ -243,7 +256,8 @@ class IncrementalBenchmark final : public Experiment {
   [[nodiscard]] const report::RunReport& report() const override { return incremental_report(); }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_incremental(configuration, host, errors);
+    check_recorded<IncrementalSettings>(configuration, set_of_incremental_optimiser(), host,
+                                        errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     return run_incremental(context);
@@ -251,6 +265,21 @@ class IncrementalBenchmark final : public Experiment {
 };
 
 }  // namespace
+
+Parameters<IncrementalSettings> IncrementalSettings::parameters() {
+  using S = IncrementalSettings;
+  return declare_choice(experiment_parameters<S>(
+                            "Seed of everything random in the run: what goals and boxes move by.",
+                            "Threads that the optimiser may use; 0 for one per core."))
+      .add("goal_sd", &S::goal_sd,
+           "Standard deviation of what each joint of a changed goal moves by (m, rad), within its "
+           "limits.",
+           {.min = 0.0, .max = 10.0})
+      .add("obstacle_sd_m", &S::obstacle_sd_m,
+           "Standard deviation of what each box of a changed scene moves by along each axis.",
+           {.unit = "m", .min = 0.0, .max = 10.0});
+}
+
 }  // namespace sidestep
 
 SIDESTEP_EXPERIMENT(sidestep::IncrementalBenchmark, sidestep::IncrementalSettings,

@@ -3,15 +3,14 @@
 #include <algorithm>
 
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/results/json.hpp>
-#include <sidestep/results/summary_values.hpp>
+#include <sidestep/results/summary.hpp>
 
 namespace sidestep {
 namespace {
 
 using report::at;
 using report::cell;
-using Json = nlohmann::ordered_json;
+using report::Json;
 
 constexpr std::size_t kAfresh = static_cast<std::size_t>(SolveWay::kAfresh);
 
@@ -117,16 +116,12 @@ const report::ResultColumnsOf<WayRow>& way_rows() {
   return kColumns;
 }
 
-std::string verdict_text(const IncrementalRecord& record, const Json& rows, std::size_t problems,
-                         std::size_t unsolved, const std::string& first_reason) {
-  const std::string count =
-      std::to_string(problems) + " changed problems by " + record.about.optimiser;
-  if (record.interrupted) return "Interrupted after " + count + "; what was measured is saved.";
-  if (unsolved > 0) {
-    return "Failed: " + std::to_string(unsolved) + " of " + count +
-           " came to nothing in some way, the first because: " + first_reason + ".";
-  }
-  std::string text = "Success: " + count + ", each with a trajectory in every way.";
+std::string verdict_text(const IncrementalRecord& record, const Json& rows,
+                         const SolveCount& count) {
+  std::string text = count.failure(record.about, "changed problems", "came to nothing in some way");
+  if (!text.empty()) return text;
+  text = "Success: " + std::to_string(count.problems) + " changed problems by " +
+         record.about.optimiser + ", each with a trajectory in every way.";
   for (const Json& row : rows) {
     if (at(row, "/way") != Json(to_string(SolveWay::kIncremental))) continue;
     text += " " + cell(at(row, "/label")) + ", " + cell(at(row, "/field")) + ", other " +
@@ -136,9 +131,16 @@ std::string verdict_text(const IncrementalRecord& record, const Json& rows, std:
   return text;
 }
 
-}  // namespace
+Result<std::string> incremental_body(const Json& summary, ResultsReader&,
+                                     const std::filesystem::path&) {
+  return sentence_of(summary) + "; each joint of the goal moved by " +
+         cell(at(summary, "/goal_sd")) + ", or each box by " + cell(at(summary, "/obstacle_sd_m")) +
+         " m along each axis (standard deviations). Afresh: from a straight line. Warm: from the "
+         "trajectory before the change. Incremental: by the optimiser that found it.</p>\n" +
+         way_rows().html(at(summary, "/rows"));
+}
 
-const report::ResultColumns& incremental_columns() { return way_rows(); }
+}  // namespace
 
 std::string_view to_string(SolveWay way) noexcept {
   switch (way) {
@@ -157,34 +159,30 @@ ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
                                         const IncrementalSettings& settings,
                                         const IncrementalRecord& record) {
   Json rows = Json::array();
-  std::size_t problems = 0, unsolved = 0;
-  std::string first_reason;
+  SolveCount count;
   for (const ChangedSeries& series : record.series) {
     for (std::size_t way = 0; way < kSolveWays.size(); ++way)
       rows.push_back(way_rows().row({series, way}));
     for (const ChangedSolve& problem : series.problems) {
-      ++problems;
-      if (problem.solved()) continue;
-      if (unsolved++ > 0) continue;
-      first_reason = std::ranges::find(problem.ways, false, &RecordedSolve::solved)->reason;
+      const auto unsolved = std::ranges::find(problem.ways, false, &RecordedSolve::solved);
+      const bool is_solved = unsolved == problem.ways.end();
+      count.add(is_solved, is_solved ? "" : unsolved->reason);
     }
   }
-  ExperimentOutcome outcome;
-  outcome.interrupted = record.interrupted;
-  outcome.success = !record.interrupted && problems > 0 && unsolved == 0;
-  outcome.verdict = verdict_text(record, rows, problems, unsolved, first_reason);
-  outcome.table = way_rows().text(rows);
-  outcome.table_csv = way_rows().csv(rows);
-  outcome.summary_json = summary_text(provenance, settings.type, outcome,
-                                      {{"problems_file", record.about.problems_file},
-                                       {"robot", record.about.robot},
-                                       {"optimiser", record.about.optimiser},
-                                       {"repeats", settings.repeats},
-                                       {"goal_sd", settings.goal_sd},
-                                       {"obstacle_sd_m", settings.obstacle_sd_m},
-                                       {"problems", problems},
-                                       {"rows", rows}});
-  return outcome;
+  return summarise_solves(provenance, settings.type, record.about, count,
+                          verdict_text(record, rows, count), way_rows(),
+                          {{"repeats", settings.repeats},
+                           {"goal_sd", settings.goal_sd},
+                           {"obstacle_sd_m", settings.obstacle_sd_m},
+                           {"problems", count.problems},
+                           {"rows", rows}});
+}
+
+const report::RunReport& incremental_report() {
+  static const report::RunReport kReport = {.body = &incremental_body,
+                                            .columns = &way_rows(),
+                                            .compared_of_run = {{"problems", "/problems_file"}}};
+  return kReport;
 }
 
 }  // namespace sidestep

@@ -7,10 +7,19 @@
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
-#include "incremental_settings.hpp"
+
 #include "recorded_solves.hpp"
 
 namespace sidestep {
+
+/// The `experiment` block of an incremental benchmark.
+struct IncrementalSettings : ProblemChoice, ExperimentSettings {
+  double goal_sd = 0.1;
+  double obstacle_sd_m = 0.05;
+
+  IncrementalSettings() { runs = {"replan"}; }
+  static Parameters<IncrementalSettings> parameters();
+};
 
 /// How a changed problem is solved.
 enum class SolveWay {
@@ -44,16 +53,12 @@ struct ChangedSeries {
 struct IncrementalRecord {
   RecordedFacts about;
   std::vector<ChangedSeries> series;
-  bool interrupted = false;
 };
 
 /// Verdict, summary.json and tables of a finished (or interrupted) incremental benchmark.
 [[nodiscard]] ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
                                                       const IncrementalSettings& settings,
                                                       const IncrementalRecord& record);
-
-/// Of the rows `rows` of summary.json.
-[[nodiscard]] const report::ResultColumns& incremental_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& incremental_report();

@@ -1,6 +1,6 @@
-#include <sidestep/report/text_table.hpp>
+#include <sidestep/core/format.hpp>
 #include <sidestep/results/recorder.hpp>
-#include <sidestep/results/run_provenance.hpp>
+#include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include "mapping_measure.hpp"
@@ -10,13 +10,6 @@
 namespace sidestep {
 namespace {
 
-void check_mapping_benchmark(const Configuration& configuration, Host& host,
-                             std::vector<Error>& errors) {
-  const Node* experiment = configuration.root.find("experiment");
-  if (experiment != nullptr) (void)read_cases(*experiment, host, errors);
-  (void)checked_robot(configuration, host, errors);
-}
-
 /// The robot, whose own points mappers remove; null where the configuration has none.
 Result<std::shared_ptr<const RobotModel>> make_robot(ExperimentContext& context) {
   const Node* block = context.configuration.root.find("robot");
@@ -25,21 +18,25 @@ Result<std::shared_ptr<const RobotModel>> make_robot(ExperimentContext& context)
   return std::shared_ptr<const RobotModel>(std::move(robot));
 }
 
-void record_clock(const std::string& series, const ClockRecord& clock, Recorder& recorder) {
+/// One item a frame.
+void record_clock(const std::string& series, const std::optional<ClockRecord>& clock,
+                  Recorder& recorder) {
+  if (!clock) return;
+  using U = UpdateRecord;
+  static const auto kUpdate = StoredRow<U>()
+                                  .add("sequence", &U::frame_sequence)
+                                  .add("integrate_ms", &U::integrate_ms)
+                                  .add("field_ms", &U::field_ms)
+                                  .add("publish_ms", &U::publish_ms)
+                                  .add_derived("frame_ms", &U::frame_ms)
+                                  .add("latency_ms", &U::latency_ms)
+                                  .add("resident_mib", &U::resident_mib);
   std::int64_t item = 0;
-  for (const UpdateRecord& update : clock.updates) {
-    recorder.add(series, item, "sequence", update.frame_sequence);
-    recorder.add(series, item, "integrate_ms", update.integrate_ms);
-    recorder.add(series, item, "field_ms", update.field_ms);
-    recorder.add(series, item, "publish_ms", update.publish_ms);
-    recorder.add(series, item, "frame_ms", update.frame_ms());
-    recorder.add(series, item, "latency_ms", update.latency_ms);
-    recorder.add(series, item++, "resident_mib", update.resident_mib);
-  }
+  for (const U& update : clock->updates) kUpdate.record(update, series, item++, recorder);
 }
 
 /// Series "system" (one item a case), and of the case with index `item`: "update/ITEM" and
-/// "real_time/ITEM", one item a frame.
+/// "real_time/ITEM".
 void record_case(const CaseRecord& record, std::int64_t item, Recorder& recorder) {
   recorder.add("system", item, "name", record.what.name);
   recorder.add("system", item, "mapper", record.what.mapper);
@@ -47,12 +44,8 @@ void record_case(const CaseRecord& record, std::int64_t item, Recorder& recorder
   recorder.add("system", item, "signed", record.is_signed);
   recorder.add("system", item, "resolution_m", record.what.resolution_m);
   recorder.add("system", item, "error", record.error);
-  if (record.every_frame) {
-    record_clock("update/" + std::to_string(item), *record.every_frame, recorder);
-  }
-  if (record.real_time) {
-    record_clock("real_time/" + std::to_string(item), *record.real_time, recorder);
-  }
+  record_clock("update/" + std::to_string(item), record.every_frame, recorder);
+  record_clock("real_time/" + std::to_string(item), record.real_time, recorder);
 }
 
 std::string label_of(const SystemCase& what) {
@@ -122,7 +115,9 @@ class MappingBenchmark final : public Experiment {
   [[nodiscard]] const report::RunReport& report() const override { return mapping_report(); }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_mapping_benchmark(configuration, host, errors);
+    const Node* experiment = configuration.root.find("experiment");
+    if (experiment != nullptr) (void)read_cases(*experiment, host, errors);
+    (void)checked_robot(configuration, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     return run_mapping_benchmark(context);

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include <sidestep/measures/point_survey.hpp>
+#include <sidestep/measures/source_facts.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 
 namespace sidestep {
@@ -80,6 +81,27 @@ Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const
   return record;
 }
 
+enum class Step { kDone, kBadFrame, kEnd };
+
+/// One frame through the system and into the clock's record. It ends where it is asked to stop, and
+/// where the system fails, which goes into the record.
+Step take(System& system, const std::shared_ptr<const Frame>& frame, ClockRecord& clock,
+          CaseRecord& record, MeasureContext& context) {
+  const auto updated = update(system, frame, context.stop);
+  if (!updated) {
+    if (!context.stop.stop_requested()) record.error = updated.error().describe();
+    return Step::kEnd;
+  }
+  context.updated();
+  if (!*updated) {
+    ++clock.bad_frames;
+    return Step::kBadFrame;
+  }
+  clock.updates.push_back(**updated);
+  record.is_signed = system.slot.pin()->info().is_signed;
+  return Step::kDone;
+}
+
 void check_accuracy(const System& system, MeasureContext& context, bool unknown_occupied,
                     ClockRecord& clock) {
   const auto field = system.slot.pin();
@@ -112,20 +134,10 @@ Result<void> run_every_frame(System& system, double before_mib, CaseRecord& reco
   while (!context.stop.stop_requested()) {
     const auto frame = SIDESTEP_TRY(context.feed.next());
     if (frame == nullptr) break;
-    auto updated = update(system, frame, context.stop);
-    if (!updated && context.stop.stop_requested()) break;
-    if (!updated) {
-      record.error = updated.error().describe();
-      break;
-    }
-    context.updated();
-    if (!*updated) {
-      ++clock.bad_frames;
-      continue;
-    }
-    (*updated)->resident_mib = resident_mib(false) - before_mib;
-    clock.updates.push_back(**updated);
-    record.is_signed = system.slot.pin()->info().is_signed;
+    const Step step = take(system, frame, clock, record, context);
+    if (step == Step::kEnd) break;
+    if (step == Step::kBadFrame) continue;
+    clock.updates.back().resident_mib = resident_mib(false) - before_mib;
     if (truth) truth->observe(*frame, *system.occupancy);
     is_checked = every > 0 && static_cast<std::int64_t>(clock.updates.size()) % every == 0;
     if (is_checked) check_accuracy(system, context, record.what.unknown_occupied, clock);
@@ -148,21 +160,11 @@ Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& c
     clock.dropped += taken.late;
     const double arrival_s = taken.frame->stamp.seconds();
     now_s = clock.updates.empty() ? arrival_s : std::max(now_s, arrival_s);
-    auto updated = update(system, taken.frame, context.stop);
-    if (!updated && context.stop.stop_requested()) break;
-    if (!updated) {
-      record.error = updated.error().describe();
-      break;
-    }
-    context.updated();
-    if (!*updated) {
-      ++clock.bad_frames;
-      continue;
-    }
-    now_s += 1e-3 * (*updated)->frame_ms();
-    (*updated)->latency_ms = 1e3 * (now_s - arrival_s);
-    clock.updates.push_back(**updated);
-    record.is_signed = system.slot.pin()->info().is_signed;
+    const Step step = take(system, taken.frame, clock, record, context);
+    if (step == Step::kEnd) break;
+    if (step == Step::kBadFrame) continue;
+    now_s += 1e-3 * clock.updates.back().frame_ms();
+    clock.updates.back().latency_ms = 1e3 * (now_s - arrival_s);
     if (clock.updates.size() == 1) first_published_s = now_s;
     clock.duration_s = now_s - first_published_s;
   }
@@ -184,6 +186,105 @@ Result<void> with_system(CaseRecord& record, MeasureContext& context, Run&& run)
 }
 
 }  // namespace
+
+FrameFeed::FrameFeed(MakeSource make_source, Limits limits, Log& log, std::stop_token stop)
+    : make_source_(std::move(make_source)), limits_(limits), log_(log), stop_(std::move(stop)) {}
+
+Result<void> FrameFeed::open() {
+  source_.reset();  // two at once may not be had, e.g. of a camera
+  auto source = SIDESTEP_TRY(make_source_());
+  source_.emplace(std::move(source));
+  if (!scene_) {
+    auto scene = SIDESTEP_TRY(true_scene(*source_));
+    if (scene != nullptr) scene_ = *scene;
+  }
+  count_ = SIDESTEP_TRY(frame_count_of(*source_));
+  if (count_) count_ = (*count_ + limits_.stride - 1) / limits_.stride;
+  if (limits_.frames > 0) count_ = std::min(count_.value_or(limits_.frames), limits_.frames);
+  read_ = 0;
+  at_end_ = false;
+  return {};
+}
+
+Result<void> FrameFeed::rewind() {
+  at_ = 0;
+  if (is_whole_) return {};
+  window_.clear();
+  SIDESTEP_TRY(open());
+  SIDESTEP_TRY(fill());
+  is_whole_ = at_end_;
+  if (is_whole_) source_.reset();
+  return {};
+}
+
+Result<void> FrameFeed::fill() {
+  window_.clear();
+  at_ = 0;
+  while (static_cast<int>(window_.size()) < limits_.in_memory) {
+    auto frame = SIDESTEP_TRY(read());
+    if (frame == nullptr) {
+      at_end_ = true;
+      has_been_read_ = true;
+      break;
+    }
+    window_.push_back(std::move(frame));
+  }
+  return {};
+}
+
+Result<std::shared_ptr<const Frame>> FrameFeed::read() {
+  const std::int64_t last = limits_.frames > 0 ? limits_.frames * limits_.stride : 0;
+  while (last == 0 || read_ < last) {
+    // Asked to stop, the source fails; what was read until then is what there is.
+    if (stop_.stop_requested()) break;
+    auto frame = call_stage(plugin_of(*source_), [&] { return (*source_)->next(Deadline(stop_)); });
+    if (!frame && frame.error().code == ErrorCode::kBadFrame) {
+      ++read_;
+      if (has_been_read_) continue;
+      log_.warn("skipped: " + frame.error().describe());
+      bad_frames_.push_back(std::move(frame.error()));
+      continue;
+    }
+    if (!frame && stop_.stop_requested()) break;
+    if (!frame) return error_of(frame);
+    if (!*frame) break;
+    if (read_++ % limits_.stride == 0) return std::make_shared<const Frame>(std::move(**frame));
+  }
+  return std::shared_ptr<const Frame>();
+}
+
+Result<std::shared_ptr<const Frame>> FrameFeed::peek() {
+  if (at_ == window_.size() && !at_end_ && !is_whole_) {
+    SIDESTEP_TRY(fill());
+  }
+  if (at_ == window_.size()) return std::shared_ptr<const Frame>();
+  return window_[at_];
+}
+
+Result<std::shared_ptr<const Frame>> FrameFeed::next() {
+  auto frame = peek();
+  if (frame && *frame != nullptr) ++at_;
+  return frame;
+}
+
+Result<FrameFeed::Taken> FrameFeed::next_newest(double now_s) {
+  Taken taken;
+  for (;;) {
+    auto frame = SIDESTEP_TRY(next());
+    if (frame == nullptr) return taken;
+    if (taken.frame != nullptr) ++taken.late;
+    taken.frame = std::move(frame);
+    const auto after = SIDESTEP_TRY(peek());
+    if (after == nullptr || after->stamp.seconds() > now_s) return taken;
+  }
+}
+
+Result<std::optional<Frame>> OneFrameSource::next(const Deadline&) {
+  if (frame_ == nullptr) return std::optional<Frame>();
+  std::optional<Frame> frame(*frame_);
+  frame_.reset();
+  return frame;
+}
 
 Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context) {
   CaseRecord record;

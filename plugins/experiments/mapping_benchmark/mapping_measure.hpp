@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -12,10 +13,83 @@
 #include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/measures/map_truth.hpp>
 #include <sidestep/runtime/host.hpp>
-#include "frame_feed.hpp"
+#include <sidestep/sensing/source.hpp>
+
 #include "mapping_settings.hpp"
 
 namespace sidestep {
+
+/// The frames of a source, decoded ahead of time, again and again from the first. A sequence that
+/// fits into `in_memory` frames is read once and kept; a longer one is read again at every
+/// rewind(), a memory full at a time, so that reading never falls between two steps that are
+/// timed. [mapping]
+class FrameFeed {
+ public:
+  /// Makes the source, with everything random in it as it was at the first call.
+  using MakeSource = std::function<Result<PluginPtr<Source>>()>;
+  struct Limits {
+    std::int64_t frames = 0;  ///< 0: all.
+    int stride = 1;           ///< Every n-th frame of the source.
+    int in_memory = 1;
+  };
+
+  FrameFeed(MakeSource make_source, Limits limits, Log& log, std::stop_token stop);
+
+  /// Back to the first frame. Call once, first.
+  [[nodiscard]] Result<void> rewind();
+
+  /// The next frame; null at the end. Bad frames of the source are left out.
+  [[nodiscard]] Result<std::shared_ptr<const Frame>> next();
+  /// The frame that next() will return.
+  [[nodiscard]] Result<std::shared_ptr<const Frame>> peek();
+
+  /// What a system gets that becomes free at `now_s` of the frames' time: the newest frame that has
+  /// arrived by then, i.e. has a stamp of no more than `now_s`, or else the next to come.
+  struct Taken {
+    std::shared_ptr<const Frame> frame;  ///< Null at the end.
+    std::int64_t late = 0;               ///< Frames passed over.
+  };
+  [[nodiscard]] Result<Taken> next_newest(double now_s);
+
+  /// Frames in all, as far as that is known.
+  [[nodiscard]] std::optional<std::int64_t> frame_count() const noexcept { return count_; }
+  /// Mistakes of the source in the frames read so far.
+  [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
+  /// The scene behind the frames; null where it is not known.
+  [[nodiscard]] const Scene* scene() const noexcept { return scene_ ? &*scene_ : nullptr; }
+
+ private:
+  [[nodiscard]] Result<void> open();
+  [[nodiscard]] Result<void> fill();
+  /// One frame of the source, bad ones passed over; null at its end.
+  [[nodiscard]] Result<std::shared_ptr<const Frame>> read();
+
+  MakeSource make_source_;
+  Limits limits_;
+  Log& log_;
+  std::stop_token stop_;
+  std::optional<PluginPtr<Source>> source_;
+  std::optional<Scene> scene_;
+  std::optional<std::int64_t> count_;
+  std::deque<std::shared_ptr<const Frame>> window_;
+  std::size_t at_ = 0;          ///< Of the next frame, in the window.
+  std::int64_t read_ = 0;       ///< Frames taken of the source since it was opened.
+  bool at_end_ = false;         ///< The source has no more.
+  bool is_whole_ = false;       ///< The window holds all frames.
+  bool has_been_read_ = false;  ///< To the end, once: mistakes are told once.
+  std::vector<Error> bad_frames_;
+};
+
+/// Hands one frame at a time to a MappingPipeline. [mapping]
+class OneFrameSource final : public Source {
+ public:
+  void set(std::shared_ptr<const Frame> frame) { frame_ = std::move(frame); }
+  [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
+  [[nodiscard]] std::optional<std::int64_t> frame_count() const override { return std::nullopt; }
+
+ private:
+  std::shared_ptr<const Frame> frame_;
+};
 
 /// One update: wall times of its stages, and what the process held afterwards.
 struct UpdateRecord {

@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <nlohmann/json.hpp>
 
-#include <sidestep/report/text_table.hpp>
-#include <sidestep/results/json.hpp>
+#include <sidestep/core/format.hpp>
 #include <sidestep/results/statistics.hpp>
+#include <sidestep/results/summary.hpp>
 
 namespace sidestep {
 namespace {
@@ -15,14 +16,16 @@ namespace {
 using report::at;
 using Json = nlohmann::ordered_json;
 
-std::vector<double> values_of(const ClockRecord& clock, double (*value)(const UpdateRecord&)) {
-  std::vector<double> values;
-  for (const UpdateRecord& update : clock.updates) values.push_back(value(update));
-  return values;
+using Updates = std::vector<UpdateRecord>;
+
+std::vector<double> frame_times(const Updates& updates) {
+  return values_of(updates, std::mem_fn(&UpdateRecord::frame_ms));
 }
 
-std::vector<double> frame_times(const ClockRecord& clock) {
-  return values_of(clock, [](const UpdateRecord& update) { return update.frame_ms(); });
+double memory_mib(const Updates& updates) {
+  double most = 0.0;
+  for (const UpdateRecord& update : updates) most = std::max(most, update.resident_mib);
+  return most;
 }
 
 Json statistics_json(const std::vector<double>& values) {
@@ -31,21 +34,14 @@ Json statistics_json(const std::vector<double>& values) {
 }
 
 /// Time and memory in each quarter of the run: whether they grow.
-Json quarters_json(const ClockRecord& clock) {
+Json quarters_json(const Updates& updates) {
   Json quarters = Json::array();
-  const std::size_t count = clock.updates.size();
-  for (std::size_t q = 0; q < 4 && count >= 4; ++q) {
-    const std::size_t begin = q * count / 4;
-    const std::size_t end = (q + 1) * count / 4;
-    std::vector<double> frame_ms;
-    double memory_mib = 0.0;
-    for (std::size_t i = begin; i < end; ++i) {
-      frame_ms.push_back(clock.updates[i].frame_ms());
-      memory_mib = std::max(memory_mib, clock.updates[i].resident_mib);
-    }
-    quarters.push_back({{"frames", end - begin},
-                        {"frame_ms", statistics_json(frame_ms)},
-                        {"memory_mib", memory_mib}});
+  const auto count = std::ssize(updates);
+  for (std::ptrdiff_t q = 0; q < 4 && count >= 4; ++q) {
+    const Updates part(updates.begin() + q * count / 4, updates.begin() + (q + 1) * count / 4);
+    quarters.push_back({{"frames", part.size()},
+                        {"frame_ms", statistics_json(frame_times(part))},
+                        {"memory_mib", memory_mib(part)}});
   }
   return quarters;
 }
@@ -101,9 +97,14 @@ auto values_of_part(Part part, Values values) {
   };
 }
 
-/// A time of every update.
-auto of_updates(double (*value)(const UpdateRecord&)) {
-  return [value](const ClockRecord& clock) { return values_of(clock, value); };
+/// The whole time of every update.
+auto times_of(auto clock) {
+  return values_of_part(clock, [](const ClockRecord& c) { return frame_times(c.updates); });
+}
+
+/// One time of every update.
+auto of_updates(double UpdateRecord::*time) {
+  return [time](const ClockRecord& clock) { return values_of(clock.updates, std::mem_fn(time)); };
 }
 
 /// By what factor an update takes longer than the reference's; null where nothing can be compared.
@@ -112,24 +113,18 @@ auto ratio_of(double Statistics::*statistic) {
     const CaseRecord* reference = reference_of(row.record, row.settings, row.cases);
     const ClockRecord* other = reference != nullptr ? timed(*reference) : nullptr;
     if (row.clock == nullptr || other == nullptr) return nullptr;
-    const double theirs = statistics_of(frame_times(*other)).*statistic;
+    const double theirs = statistics_of(frame_times(other->updates)).*statistic;
     if (row.clock->updates.empty() || !(theirs > 0.0)) return nullptr;
-    return statistics_of(frame_times(*row.clock)).*statistic / theirs;
+    return statistics_of(frame_times(row.clock->updates)).*statistic / theirs;
   };
 }
 
 /// What the field was compared with; null where it was not.
-auto of_accuracy(double (*value)(const FieldAccuracy&)) {
+auto of_accuracy(auto value) {
   return [value](const SystemRow& row) -> Json {
     if (row.clock == nullptr || row.clock->accuracy_checks == 0) return nullptr;
-    return value(row.clock->accuracy);
+    return static_cast<double>(std::invoke(value, row.clock->accuracy));
   };
-}
-
-double memory_mib(const ClockRecord& clock) {
-  double most = 0.0;
-  for (const UpdateRecord& update : clock.updates) most = std::max(most, update.resident_mib);
-  return most;
 }
 
 Json collision_recall(const TruthRecord& truth) {
@@ -170,23 +165,20 @@ void add_times(report::ResultColumnsOf<SystemRow>& columns) {
            "Frames that were mapped.", {.heading = "frames", .pattern = "%.0f", .compared = true})
       .add("bad_frames", value_of_part(clock, &ClockRecord::bad_frames),
            "Frames that the mapper refused.")
-      .spread("frame_ms.", values_of_part(clock, &frame_times),
+      .spread("frame_ms.", times_of(clock),
               "Wall time from the frame in hand to the published field that has it.",
               kAllStatistics,
               {.heading = "frame",
                .pattern = "%.2f ms",
                .compared = true,
                .statistics = "mean sd p50 p95"})
-      .spread("stages_ms.integrate.",
-              values_of_part(clock, of_updates([](const U& u) { return u.integrate_ms; })),
+      .spread("stages_ms.integrate.", values_of_part(clock, of_updates(&U::integrate_ms)),
               "Of it, in the mapper.", kAllStatistics,
               {.heading = "integrate", .pattern = "%.2f", .statistics = "mean"})
-      .spread("stages_ms.field.",
-              values_of_part(clock, of_updates([](const U& u) { return u.field_ms; })),
+      .spread("stages_ms.field.", values_of_part(clock, of_updates(&U::field_ms)),
               "Of it, in the field.", kAllStatistics,
               {.heading = "field", .pattern = "%.2f", .statistics = "mean"})
-      .spread("stages_ms.publish.",
-              values_of_part(clock, of_updates([](const U& u) { return u.publish_ms; })),
+      .spread("stages_ms.publish.", values_of_part(clock, of_updates(&U::publish_ms)),
               "Of it, until readers have it.", kAllStatistics,
               {.heading = "publish", .pattern = "%.2f", .statistics = "mean"})
       .add("ratio.mean", ratio_of(&Statistics::mean), "Mean over that of the reference.",
@@ -203,21 +195,19 @@ void add_times(report::ResultColumnsOf<SystemRow>& columns) {
 void add_accuracy(report::ResultColumnsOf<SystemRow>& columns) {
   using A = FieldAccuracy;
   columns.table("Fields against the exact transform of their own maps; memory")
-      .add("max_error_m", of_accuracy([](const A& a) { return a.max_error_m; }),
-           "Largest error of the field.",
+      .add("max_error_m", of_accuracy(&A::max_error_m), "Largest error of the field.",
            {.heading = "max error", .pattern = "%.4f m", .compared = true})
-      .add("mean_error_m", of_accuracy([](const A& a) { return a.mean_error_m(); }),
-           "Mean error of the field.",
+      .add("mean_error_m", of_accuracy(&A::mean_error_m), "Mean error of the field.",
            {.heading = "mean error", .pattern = "%.2g m", .compared = true})
       .add("accuracy_checks", value_of_part(&SystemRow::clock, &ClockRecord::accuracy_checks),
            "Fields that were compared.")
-      .add("compared_vox",
-           of_accuracy([](const A& a) { return static_cast<double>(a.compared_vox); }),
-           "Voxels that were compared.", {.heading = "voxels compared", .pattern = "%.0f"})
-      .add("differing_vox",
-           of_accuracy([](const A& a) { return static_cast<double>(a.differing_vox); }),
-           "Voxels that differ.", {.heading = "that differ", .pattern = "%.0f"})
-      .add("memory_mib", value_of_part(&SystemRow::clock, &memory_mib),
+      .add("compared_vox", of_accuracy(&A::compared_vox), "Voxels that were compared.",
+           {.heading = "voxels compared", .pattern = "%.0f"})
+      .add("differing_vox", of_accuracy(&A::differing_vox), "Voxels that differ.",
+           {.heading = "that differ", .pattern = "%.0f"})
+      .add("memory_mib",
+           value_of_part(&SystemRow::clock,
+                         [](const ClockRecord& c) { return memory_mib(c.updates); }),
            "Most memory of the process, beyond what it had before the system was made.",
            {.heading = "memory", .pattern = "%.0f MiB", .compared = true});
 }
@@ -270,10 +260,8 @@ void add_real_time(report::ResultColumnsOf<SystemRow>& columns) {
            "Their share of what arrived.", {.heading = "share", .pattern = "%.3f"})
       .add("real_time.rate_hz", value_of_part(clock, &rate_hz), "Fields a second.",
            {.heading = "rate", .pattern = "%.1f Hz"})
-      .spread("real_time.frame_ms.", values_of_part(clock, &frame_times), "As `frame_ms`.",
-              kAllStatistics)
-      .spread("real_time.latency_ms.",
-              values_of_part(clock, of_updates([](const UpdateRecord& u) { return u.latency_ms; })),
+      .spread("real_time.frame_ms.", times_of(clock), "As `frame_ms`.", kAllStatistics)
+      .spread("real_time.latency_ms.", values_of_part(clock, of_updates(&UpdateRecord::latency_ms)),
               "From a frame's arrival to the published field that has it.", kAllStatistics,
               {.heading = "latency", .pattern = "%.1f ms", .statistics = "p50 p95 max"});
 }
@@ -323,7 +311,7 @@ Json system_json(const SystemRow& row) {
     if (truth->gone_frames.empty()) json["truth"]["gone_frames"] = nullptr;
   }
   if (row.real_time() == nullptr) json["real_time"] = nullptr;
-  json["quarters"] = row.clock != nullptr ? quarters_json(*row.clock) : Json::array();
+  json["quarters"] = row.clock != nullptr ? quarters_json(row.clock->updates) : Json::array();
   return json;
 }
 
@@ -354,7 +342,7 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
     const ClockRecord* clock = timed(one);
     if (one.what.name != settings.reference || clock == nullptr) continue;
     text += "; " + label_of(one) + " takes " +
-            format("%.1f ms", statistics_of(frame_times(*clock)).p50) + " (p50)";
+            format("%.1f ms", statistics_of(frame_times(clock->updates)).p50) + " (p50)";
   }
   return text + ".";
 }

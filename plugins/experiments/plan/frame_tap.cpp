@@ -1,8 +1,10 @@
-#include "frame_tap.hpp"
+#include "plan_parts.hpp"
 
 #include <algorithm>
 
 namespace sidestep {
+
+constexpr int kMaxPictureWidth_px = 320;
 
 FrameTap::FrameTap(Source& source, std::optional<std::int64_t> count, std::int64_t limit,
                    int pictures)
@@ -52,23 +54,44 @@ void FrameTap::keep(const Frame& frame) {
   if (static_cast<int>(pictures_.size()) == wanted_) {
     if (frame_count()) return;
     // A stream of unknown length: thin out what was kept, and go on at half the rate.
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < pictures_.size(); i += 2) {
-      std::swap(pictures_[kept++], pictures_[i]);
-    }
-    pictures_.resize(kept);
+    std::size_t i = 0;
+    std::erase_if(pictures_, [&](const DepthPicture&) { return i++ % 2 != 0; });
     stride_ *= 2;
     if ((passed_ - 1) % stride_ != 0) return;
   }
-  const int step = (width + DepthPicture::kMaxWidth_px - 1) / DepthPicture::kMaxWidth_px;
-  DepthPicture picture;
-  picture.frame_sequence = frame.sequence;
-  picture.rows = (height + step - 1) / step;
-  picture.columns = (width + step - 1) / step;
+  const int step = (width + kMaxPictureWidth_px - 1) / kMaxPictureWidth_px;
+  DepthPicture picture{frame.sequence, {(height + step - 1) / step, (width + step - 1) / step, {}}};
   for (int v = 0; v < height; v += step) {
-    for (int u = 0; u < width; u += step) picture.depth_m.push_back(image->at(u, v));
+    for (int u = 0; u < width; u += step) picture.depth_m.values.push_back(image->at(u, v));
   }
   pictures_.push_back(std::move(picture));
+}
+
+void record_frame(const MappingStep& step, std::int64_t item, Recorder& recorder) {
+  recorder.add("frame", item, "sequence", step.frame_sequence);
+  recorder.add("frame", item, "stamp_s", step.stamp.seconds());
+  recorder.add("frame", item, "read_ms", step.read_ms);
+  recorder.add("frame", item, "integrate_ms", step.integrate_ms);
+  recorder.add("frame", item, "field_ms", step.field_ms);
+  recorder.add("frame", item, "publish_ms", step.publish_ms);
+  recorder.add("frame", item, "frame_ms", step.frame_ms());
+  recorder.add("frame", item, "changed_blocks", step.update.changed_blocks.size());
+  const IntegrationCounts& counts = step.update.counts;
+  recorder.add("frame", item, "points", counts.points);
+  recorder.add("frame", item, "inserted", counts.inserted);
+  recorder.add("frame", item, "floor", counts.floor);
+  recorder.add("frame", item, "self", counts.self);
+  recorder.add("frame", item, "out_of_range", counts.out_of_range);
+  recorder.add("frame", item, "outside_grid", counts.outside_grid);
+  recorder.add("frame", item, "invalid", counts.invalid);
+}
+
+void record_depth_pictures(std::span<const DepthPicture> pictures, Recorder& recorder) {
+  std::int64_t item = 0;
+  for (const DepthPicture& picture : pictures) {
+    recorder.add("depth", item, "sequence", picture.frame_sequence);
+    recorder.add("depth", item++, "depth_m", picture.depth_m);
+  }
 }
 
 }  // namespace sidestep

@@ -1,33 +1,79 @@
 #include <algorithm>
 #include <bit>
+#include <functional>
+#include <numeric>
 #include <set>
 
 #include <sidestep/measures/source_facts.hpp>
-#include <sidestep/report/text_table.hpp>
-#include <sidestep/results/run_provenance.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/attached_settings.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/cost_plugins.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/run_observer.hpp>
-#include "frame_tap.hpp"
-#include "plan_one.hpp"
-#include "plan_recording.hpp"
-#include "plan_summary.hpp"
+#include "plan_parts.hpp"
 
 namespace sidestep {
 namespace {
 
 constexpr std::int64_t kCommitEvery = 50;  // frames
 
-/// Reads a block whose schema has been checked; what could still fail is kept for the caller.
-template <class Settings>
-Settings read_block(const Configuration& configuration, std::string_view name,
-                    std::vector<Error>& errors) {
-  Settings settings;
-  Settings::parameters().read(block_of(configuration, name), settings, errors);
-  return settings;
-}
+/// One entry of `experiment.plans`.
+struct PlanEntry {
+  std::string name;
+  RobotStateEntry start;
+  RobotStateEntry goal;
+  std::vector<AttachedEntry> attached;
+  std::optional<EndEffectorEntry> end_effector;
+  std::vector<OrientationCostEntry> orientation_costs;
+  std::vector<AxisCostEntry> axis_costs;
+  std::optional<PostureCostEntry> posture_cost;
+  std::vector<PluginCostEntry> costs;
+
+  static Parameters<PlanEntry> parameters() {
+    return Parameters<PlanEntry>()
+        .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
+        .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
+        .add("goal", &PlanEntry::goal,
+             "Where the robot is to be; with `end_effector`, where the search for that begins.",
+             {.required = true})
+        .add("attached", &PlanEntry::attached,
+             "What the robot carries, fixed to its links: costs, checks and pictures have it.")
+        .add("end_effector", &PlanEntry::end_effector,
+             "Where a link is to be at the end, whatever the configuration; for optimisers that "
+             "minimise costs.")
+        .add("orientation_costs", &PlanEntry::orientation_costs,
+             "Links that are to keep an orientation along the way.")
+        .add("axis_costs", &PlanEntry::axis_costs,
+             "Links of which an axis is to keep a direction along the way, e.g. upright.")
+        .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.")
+        .add("costs", &PlanEntry::costs, "Costs that plugins make.");
+  }
+};
+
+/// The `experiment` block of a plan experiment.
+struct PlanExperimentSettings : ExperimentSettings {
+  std::int64_t max_frames = 0;
+  int depth_pictures = 6;
+  std::vector<double> slice_heights_m;
+  std::vector<PlanEntry> plans;
+
+  static Parameters<PlanExperimentSettings> parameters() {
+    using S = PlanExperimentSettings;
+    return experiment_parameters<S>()
+        .add("max_frames", &S::max_frames, "Frames to map; 0 for all that the source has.",
+             {.min = 0})
+        .add("depth_pictures", &S::depth_pictures, "Depth images to show in the report.",
+             {.min = 0, .max = 24})
+        .add("slice_heights_m", &S::slice_heights_m,
+             "Heights at which the report cuts the field; empty: chosen from each plan.",
+             {.unit = "m"})
+        .add("plans", &S::plans, "The plans to make, in this order.", {.required = true});
+  }
+};
 
 struct PlanSettings {
   PlanExperimentSettings experiment;
@@ -36,10 +82,14 @@ struct PlanSettings {
 };
 
 Result<PlanSettings> read_settings(const Configuration& configuration) {
-  std::vector<Error> errors;
-  PlanSettings settings{read_block<PlanExperimentSettings>(configuration, "experiment", errors),
-                        read_block<PlanningSettings>(configuration, "planning", errors),
-                        read_block<CheckSettings>(configuration, "check", errors)};
+  std::vector<Error> errors;  // that no schema finds
+  PlanSettings settings;
+  const auto read = [&]<class Settings>(std::string_view block, Settings& into) {
+    Settings::parameters().read(block_of(configuration, block), into, errors);
+  };
+  read("experiment", settings.experiment);
+  read("planning", settings.planning);
+  read("check", settings.check);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   return settings;
 }
@@ -57,9 +107,8 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     const Node* name = entry.find("name");
     const Node* start = entry.find("start");
     const Node* goal = entry.find("goal");
-    const bool fits =
-        name != nullptr && start != nullptr && goal != nullptr && start->is_map() && goal->is_map();
-    if (!fits) continue;  // its schema told
+    const auto is_map = [](const Node* node) { return node != nullptr && node->is_map(); };
+    if (name == nullptr || !is_map(start) || !is_map(goal)) continue;  // its schema told
     plan.name = name->text();
     if (!names.insert(plan.name).second) {
       errors.push_back(name->error("a plan before this one is named '" + plan.name + "', too"));
@@ -89,17 +138,6 @@ RobotDescription robot_of_all(const RobotModel& robot, std::span<const PlanRecor
   return all;
 }
 
-void check_plans(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  host.check_views(block_of(configuration, "mapper"), {OccupancyView::kViewName},
-                   "the independent check of plans", errors);
-  const auto robot = checked_robot(configuration, host, errors);
-  if (robot == nullptr) return;
-  const auto plans = read_plans(configuration, robot, host, errors);
-  const RobotDescription all = robot_of_all(*robot, plans);
-  check_allowed_contacts(block_of(configuration, "check"), all, nullptr, errors);
-  check_floor(block_of(configuration, "planning"), all, errors);
-}
-
 /// Maps every frame of the source; stops early on request or at a fault, with what there is.
 Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, SnapshotSlot& slot,
                              Recorder& recorder, ExperimentContext& context) {
@@ -120,9 +158,7 @@ Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, 
       context.observer->mapped({source.last(), **step, slot.snapshot(), stamp, stamp});
     }
     map.steps.push_back(std::move(**step));
-    if (item % kCommitEvery == kCommitEvery - 1) {
-      SIDESTEP_TRY(recorder.commit());
-    }
+    if (item % kCommitEvery == kCommitEvery - 1) SIDESTEP_TRY(recorder.commit());
     if (context.progress) {
       const auto bad = static_cast<std::int64_t>(pipeline.bad_frames().size());
       context.progress(item + 1 + bad, total, "mapping");
@@ -135,9 +171,8 @@ Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source, 
 }
 
 std::int64_t count(const VoxelBits& bits) {
-  std::int64_t total = 0;
-  for (const std::uint64_t word : bits.words) total += std::popcount(word);
-  return total;
+  return std::transform_reduce(bits.words.begin(), bits.words.end(), std::int64_t{0}, std::plus{},
+                               [](std::uint64_t word) { return std::popcount(word); });
 }
 
 /// The parts of the run that plugins provide.
@@ -147,34 +182,31 @@ struct Parts {
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> field_builder;
   PluginPtr<Optimiser> optimiser;
-  const OccupancyView* occupancy;      ///< Of the mapper.
-  std::shared_ptr<const Scene> scene;  ///< Behind the source's frames; null where not known.
+  const OccupancyView* occupancy = nullptr;  ///< Of the mapper.
+  std::shared_ptr<const Scene> scene;        ///< Behind the source's frames; null where not known.
 };
 
 Result<Parts> make_parts(ExperimentContext& context) {
   const Configuration& configuration = context.configuration;
-  const std::shared_ptr<const RobotModel> robot =
-      SIDESTEP_TRY(context.host.create<RobotModel>(block_of(configuration, "robot")));
-  auto source = SIDESTEP_TRY(context.host.create<Source>(block_of(configuration, "source"), robot));
-  auto mapper = SIDESTEP_TRY(context.host.create<Mapper>(block_of(configuration, "mapper"), robot));
-  auto field_builder =
-      SIDESTEP_TRY(context.host.create<FieldBuilder>(block_of(configuration, "field"), robot));
-  auto optimiser =
-      SIDESTEP_TRY(context.host.create<Optimiser>(block_of(configuration, "optimiser"), robot));
-  const auto* occupancy = dynamic_cast<const OccupancyView*>(mapper.get());
-  if (occupancy == nullptr) {
+  Parts parts;
+  parts.robot = SIDESTEP_TRY(context.host.create<RobotModel>(block_of(configuration, "robot")));
+  const auto make = [&]<class Plugin>(std::string_view block,
+                                      PluginPtr<Plugin>& into) -> Result<void> {
+    into = SIDESTEP_TRY(context.host.create<Plugin>(block_of(configuration, block), parts.robot));
+    return {};
+  };
+  SIDESTEP_TRY(make("source", parts.source));
+  SIDESTEP_TRY(make("mapper", parts.mapper));
+  SIDESTEP_TRY(make("field", parts.field_builder));
+  SIDESTEP_TRY(make("optimiser", parts.optimiser));
+  parts.occupancy = dynamic_cast<const OccupancyView*>(parts.mapper.get());
+  if (parts.occupancy == nullptr) {
     return fail(ErrorCode::kUnsupported,
                 "the independent check needs a mapper that offers its occupied voxels",
                 block_of(configuration, "mapper").mark().to_string());
   }
-  auto scene = SIDESTEP_TRY(true_scene(source));
-  return Parts{robot,
-               std::move(source),
-               std::move(mapper),
-               std::move(field_builder),
-               std::move(optimiser),
-               occupancy,
-               std::move(scene)};
+  parts.scene = SIDESTEP_TRY(true_scene(parts.source));
+  return parts;
 }
 
 void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSettings& planning,
@@ -190,7 +222,7 @@ void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSet
            format("%g s", planning.assumed_ramp_s));
 }
 
-/// To whoever looks on, plans follow one another on the source's clock, from its last frame on.
+/// Shows plans to the observer back to back, from the last frame's stamp on.
 class PlanShow {
  public:
   /// `observer` may be null.
@@ -225,135 +257,32 @@ class PlanShow {
 };
 
 /// Plans through a finished map, recording each plan as soon as it is there in `plans`.
-Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> endpoints,
+Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> requests,
                         const PlanSettings& settings, Recorder& recorder,
                         ExperimentContext& context, std::vector<PlanRecord>& plans,
                         PlanShow& show) {
-  std::optional<PlanWorld> world;
   // One for all plans that the robot makes as it is; one for each plan that has it carry something.
-  const auto enter_world_of = [&](const std::shared_ptr<const RobotModel>& robot) -> Result<void> {
-    if (world && world->robot == robot) return {};
-    world = SIDESTEP_TRY(make_plan_world(robot, map.field, *parts.occupancy, parts.scene,
-                                         map.steps.back().stamp.seconds(), settings.planning,
-                                         settings.check));
-    return {};
-  };
+  std::unique_ptr<const PlanningContext> shared;
   tell_assumed_accelerations(parts.robot->description(), settings.planning, context.log);
-  const auto total = static_cast<std::int64_t>(endpoints.size());
-  for (PlanRecord& plan : endpoints) {
-    const auto index = static_cast<std::int64_t>(plans.size());
+  const auto total = std::ssize(requests);
+  for (PlanRecord& request : requests) {
+    const auto index = std::ssize(plans);
     if (context.stop.stop_requested()) break;
-    if (context.progress) context.progress(index, total, "planning " + plan.name);
-    SIDESTEP_TRY(enter_world_of(plan.robot));
-    auto made = SIDESTEP_TRY(make_plan(*world, parts.optimiser, std::move(plan), context.seed,
+    if (context.progress) context.progress(index, total, "planning " + request.name);
+    if (!shared || shared->robot != request.robot) {
+      shared = std::make_unique<const PlanningContext>(SIDESTEP_TRY(make_planning_context(
+          request.robot, map.field, *parts.occupancy, parts.scene, map.steps.back().stamp.seconds(),
+          settings.planning, settings.check)));
+    }
+    auto made = SIDESTEP_TRY(make_plan(*shared, parts.optimiser, std::move(request), context.seed,
                                        context.log, context.stop));
-    const PlanSurroundings surroundings{*world->robot,
-                                        *map.field,
-                                        world->planning.space(),
-                                        *parts.occupancy,
-                                        settings.check.speed_fraction,
-                                        settings.check.margin_m,
-                                        settings.experiment.slice_heights_m};
-    record_plan(made, index, surroundings, recorder);
+    record_plan(made, index, *shared, settings.experiment.slice_heights_m, recorder);
     show.show(made);
     plans.push_back(std::move(made));
     SIDESTEP_TRY(recorder.commit());
   }
   if (context.progress) context.progress(total, total, "planning");
   return {};
-}
-
-Result<ExperimentOutcome> run_plan(ExperimentContext& context) {
-  const auto settings = SIDESTEP_TRY(read_settings(context.configuration));
-  auto parts = SIDESTEP_TRY(make_parts(context));
-  std::vector<Error> errors;
-  auto endpoints = read_plans(context.configuration, parts.robot, context.host, errors);
-  check_allowed_contacts(block_of(context.configuration, "check"),
-                         robot_of_all(*parts.robot, endpoints), parts.scene.get(), errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-
-  const RunProvenance provenance = provenance_of(context);
-  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
-  Recorder recorder(*store);
-  record_joints(parts.robot->description(), recorder);
-
-  const auto frames = SIDESTEP_TRY(frame_count_of(parts.source));
-  FrameTap source(*parts.source, frames, settings.experiment.max_frames,
-                  settings.experiment.depth_pictures);
-  source.keep_last(context.observer != nullptr);
-  const Node& mapper_block = block_of(context.configuration, "mapper");
-  source.survey(*parts.mapper, PointSurvey::of_mapper(
-                                   context.host.with_defaults(PluginKind::kMapper, mapper_block)));
-  if (context.observer != nullptr && !endpoints.empty()) {
-    context.observer->begin({context.configuration.name, 0, parts.robot, parts.scene,
-                             endpoints.front().q_start, endpoints.front().q_goal});
-  }
-  SnapshotSlot slot;
-  MappingPipeline pipeline(
-      {source,
-       *parts.mapper,
-       *parts.field_builder,
-       slot,
-       context.log,
-       {plugin_of(parts.source), plugin_of(parts.mapper), plugin_of(parts.field_builder)}});
-  auto map = SIDESTEP_TRY(map_frames(pipeline, source, slot, recorder, context));
-  map.occupied_vox = count(parts.occupancy->occupied());
-  map.known_vox = count(parts.occupancy->known());
-  map.empty_reason = source.survey().emptiness(*parts.occupancy, PointSurvey::Keys::kMapper);
-  map.left_out = source.left_out();
-  if (!map.left_out.empty()) context.log.warn(map.left_out + " (experiment.max_frames)");
-  record_bad_frames(map.bad_frames, recorder);
-  record_depth_pictures(source.pictures(), recorder);
-  SIDESTEP_TRY(recorder.commit());
-
-  PlanShow show(context.observer, map.steps.empty() ? Stamp{} : map.steps.back().stamp);
-  std::vector<PlanRecord> plans;
-  if (!map.steps.empty() && map.empty_reason.empty() && !map.interrupted && !map.fault) {
-    // Held here, so that what was measured before a robot throws is kept.
-    auto done = contained("planning", [&] {
-      return make_plans(parts, map, std::move(endpoints), settings, recorder, context, plans, show);
-    });
-    if (!done) map.fault = std::move(done.error());
-    map.interrupted = context.stop.stop_requested();
-  }
-  auto outcome = summarise_plans(provenance, map, plans);
-  show.end(outcome.success, outcome.verdict);
-  return outcome;
-}
-
-}  // namespace
-
-Parameters<PlanEntry> PlanEntry::parameters() {
-  return Parameters<PlanEntry>()
-      .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
-      .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
-      .add("goal", &PlanEntry::goal,
-           "Where the robot is to be; with `end_effector`, where the search for that begins.",
-           {.required = true})
-      .add("attached", &PlanEntry::attached,
-           "What the robot carries, fixed to its links: costs, checks and pictures have it.")
-      .add("end_effector", &PlanEntry::end_effector,
-           "Where a link is to be at the end, whatever the configuration; for optimisers that "
-           "minimise costs.")
-      .add("orientation_costs", &PlanEntry::orientation_costs,
-           "Links that are to keep an orientation along the way.")
-      .add("axis_costs", &PlanEntry::axis_costs,
-           "Links of which an axis is to keep a direction along the way, e.g. upright.")
-      .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.")
-      .add("costs", &PlanEntry::costs, "Costs that plugins make.");
-}
-
-Parameters<PlanExperimentSettings> PlanExperimentSettings::parameters() {
-  using S = PlanExperimentSettings;
-  return experiment_parameters<S>()
-      .add("max_frames", &S::max_frames, "Frames to map; 0 for all that the source has.",
-           {.min = 0})
-      .add("depth_pictures", &S::depth_pictures, "Depth images to show in the report.",
-           {.min = 0, .max = 24})
-      .add("slice_heights_m", &S::slice_heights_m,
-           "Heights at which the report cuts the field; empty: chosen from each plan.",
-           {.unit = "m"})
-      .add("plans", &S::plans, "The plans to make, in this order.", {.required = true});
 }
 
 class PlanExperiment final : public Experiment {
@@ -365,13 +294,76 @@ class PlanExperiment final : public Experiment {
   [[nodiscard]] const report::RunReport& report() const override { return plan_report(); }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_plans(configuration, host, errors);
+    host.check_views(block_of(configuration, "mapper"), {OccupancyView::kViewName},
+                     "the independent check of plans", errors);
+    const auto robot = checked_robot(configuration, host, errors);
+    if (robot == nullptr) return;
+    const auto plans = read_plans(configuration, robot, host, errors);
+    const RobotDescription all = robot_of_all(*robot, plans);
+    check_allowed_contacts(block_of(configuration, "check"), all, nullptr, errors);
+    check_floor(block_of(configuration, "planning"), all, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_plan(context);
+    const auto settings = SIDESTEP_TRY(read_settings(context.configuration));
+    auto parts = SIDESTEP_TRY(make_parts(context));
+    std::vector<Error> errors;
+    auto requests = read_plans(context.configuration, parts.robot, context.host, errors);
+    check_allowed_contacts(block_of(context.configuration, "check"),
+                           robot_of_all(*parts.robot, requests), parts.scene.get(), errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+
+    const RunProvenance provenance = provenance_of(context);
+    auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+    Recorder recorder(*store);
+    record_joints(parts.robot->description(), recorder);
+
+    const auto frames = SIDESTEP_TRY(frame_count_of(parts.source));
+    FrameTap source(*parts.source, frames, settings.experiment.max_frames,
+                    settings.experiment.depth_pictures);
+    source.keep_last(context.observer != nullptr);
+    const Node& mapper_block = block_of(context.configuration, "mapper");
+    source.survey(*parts.mapper, PointSurvey::of_mapper(context.host.with_defaults(
+                                     PluginKind::kMapper, mapper_block)));
+    if (context.observer != nullptr && !requests.empty()) {
+      context.observer->begin({context.configuration.name, 0, parts.robot, parts.scene,
+                               requests.front().q_start, requests.front().q_goal});
+    }
+    SnapshotSlot slot;
+    MappingPipeline pipeline(
+        {source,
+         *parts.mapper,
+         *parts.field_builder,
+         slot,
+         context.log,
+         {plugin_of(parts.source), plugin_of(parts.mapper), plugin_of(parts.field_builder)}});
+    auto map = SIDESTEP_TRY(map_frames(pipeline, source, slot, recorder, context));
+    map.occupied_vox = count(parts.occupancy->occupied());
+    map.known_vox = count(parts.occupancy->known());
+    map.empty_reason = source.survey().emptiness(*parts.occupancy, PointSurvey::Keys::kMapper);
+    map.left_out = source.left_out();
+    if (!map.left_out.empty()) context.log.warn(map.left_out + " (experiment.max_frames)");
+    record_bad_frames(map.bad_frames, recorder);
+    record_depth_pictures(source.pictures(), recorder);
+    SIDESTEP_TRY(recorder.commit());
+
+    PlanShow show(context.observer, map.steps.empty() ? Stamp{} : map.steps.back().stamp);
+    std::vector<PlanRecord> plans;
+    if (!map.steps.empty() && map.empty_reason.empty() && !map.interrupted && !map.fault) {
+      // Held here, so that what was measured before a robot throws is kept.
+      auto done = catch_all("planning", [&] {
+        return make_plans(parts, map, std::move(requests), settings, recorder, context, plans,
+                          show);
+      });
+      if (!done) map.fault = std::move(done.error());
+      map.interrupted = context.stop.stop_requested();
+    }
+    auto outcome = summarise_plans(provenance, map, plans);
+    show.end(outcome.success, outcome.verdict);
+    return outcome;
   }
 };
 
+}  // namespace
 }  // namespace sidestep
 
 SIDESTEP_EXPERIMENT(sidestep::PlanExperiment, sidestep::PlanExperimentSettings, "plan", "0.1.0",

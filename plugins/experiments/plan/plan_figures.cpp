@@ -1,11 +1,13 @@
-#include "plan_figures.hpp"
-
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
+#include <numeric>
+#include <type_traits>
 
 #include <sidestep/report/chart.hpp>
-#include <sidestep/report/text_table.hpp>
-#include "slices.hpp"
+#include <sidestep/report/report_parts.hpp>
+#include "plan_parts.hpp"
 
 namespace sidestep {
 namespace {
@@ -15,32 +17,138 @@ constexpr double kDistanceShown_m = 1.0;
 constexpr Colour kUnknown = colour(0xB4B4B4);
 constexpr Colour kOutside = colour(0xFFFFFF);
 constexpr Colour kLimit = colour(0xF0F0F0);
+constexpr Colour kNoMeasurement = colour(0xDDDDDD);
 
-// Reading.
+double number_of(ResultsReader& results, const std::string& series, std::int64_t item,
+                 std::string_view key, double otherwise = 0.0) {
+  const auto number = results.number(series, item, key);
+  return number ? number->value_or(otherwise) : otherwise;
+}
+
+/// The largest depth worth a colour: all but the farthest hundredth of the measurements.
+double depth_limit(const std::vector<DepthPicture>& images) {
+  std::vector<float> values;
+  for (const DepthPicture& image : images) {
+    for (std::size_t i = 0; i < image.depth_m.values.size(); i += 7) {
+      const float depth = image.depth_m.values[i];
+      if (std::isfinite(depth) && depth > 0.0F) values.push_back(depth);
+    }
+  }
+  if (values.empty()) return 1.0;
+  const auto at =
+      values.begin() + static_cast<std::ptrdiff_t>(0.99 * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, at);
+  return std::max(0.1, static_cast<double>(*at));
+}
+
+Raster depth_raster(const StoredArray& depth_m, double limit_m) {
+  Raster raster{depth_m.columns, depth_m.rows, {}};
+  raster.pixels.reserve(depth_m.values.size());
+  for (const float depth : depth_m.values) {
+    const bool measured = std::isfinite(depth) && depth > 0.0F;
+    raster.pixels.push_back(measured ? sequential_colour(depth / limit_m) : kNoMeasurement);
+  }
+  return raster;
+}
+
+Figure depth_figure(const std::vector<DepthPicture>& images) {
+  constexpr double kBar = 80.0;
+  constexpr double kCaption = 22.0;
+  const int columns = std::min(3, static_cast<int>(images.size()));
+  const int rows = (static_cast<int>(images.size()) + columns - 1) / columns;
+  const StoredArray& first = images.front().depth_m;
+  const double cell = (kWidth - kBar) / columns;
+  const double picture_width = cell - 10.0;
+  const double picture_height = picture_width * first.rows / std::max(1, first.columns);
+  const double legend = 30.0;
+  Figure figure{"depth", "Depth images, as the mapper got them.",
+                Canvas(kWidth, rows * (picture_height + kCaption) + legend)};
+  const double limit_m = depth_limit(images);
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const double x = cell * static_cast<double>(static_cast<int>(i) % columns);
+    const double y =
+        (picture_height + kCaption) * static_cast<double>(static_cast<int>(i) / columns);
+    figure.canvas.text({x, y + 15.0}, "frame " + std::to_string(images[i].frame_sequence),
+                       {.size = 12.0, .bold = true});
+    const Area area{x, y + kCaption, picture_width, picture_height};
+    figure.canvas.raster(depth_raster(images[i].depth_m, limit_m), area);
+    figure.canvas.outline(area, {colour(0x777777), 0.7, {}});
+  }
+  draw_colour_bar(figure.canvas,
+                  {kWidth - kBar + 8.0, kCaption, kBar, std::min(picture_height, 260.0)},
+                  {"depth [m]", {0.0, limit_m}, &sequential_colour});
+  draw_legend(figure.canvas, {0.0, figure.canvas.height() - 25.0}, kWidth,
+              {{"no measurement", LegendEntry::Mark::kBox, {kNoMeasurement, 1.0, {}}}});
+  return figure;
+}
+
+void draw_histogram(Canvas& canvas, const Area& area, const std::vector<double>& values) {
+  constexpr int kBins = 30;
+  Range x{0.0, 0.0};
+  for (const double value : values) x.include(value);
+  if (!(x.upper > 0.0)) x.upper = 1.0;
+  x.upper *= 1.0001;
+  std::array<int, kBins> counts{};
+  for (const double value : values) {
+    ++counts[static_cast<std::size_t>(std::clamp(value / x.upper * kBins, 0.0, kBins - 1.0))];
+  }
+  const Range y{0.0, 1.1 * *std::ranges::max_element(counts)};
+  Axes axes(canvas, area, x, y, {"Distribution", "frame time [ms]", "frames"});
+  axes.grid();
+  for (int b = 0; b < kBins; ++b) {
+    const Point low = axes.at(x.upper * b / kBins, 0.0);
+    const Point high = axes.at(x.upper * (b + 1) / kBins, counts[static_cast<std::size_t>(b)]);
+    canvas.rectangle({low.x + 0.5, high.y, high.x - low.x - 1.0, low.y - high.y}, palette::kBlue);
+  }
+  axes.finish();
+}
+
+Figure frame_time_figure(const std::vector<double>& integrate_ms,
+                         const std::vector<double>& field_ms) {
+  constexpr double kHeight = 330.0;
+  Figure figure{"frame_times", "Wall time from a frame in hand to the published field, by stage.",
+                Canvas(kWidth, kHeight)};
+  std::vector<double> frame_ms(std::min(integrate_ms.size(), field_ms.size()));
+  std::ranges::transform(integrate_ms, field_ms, frame_ms.begin(), std::plus{});
+  std::vector<double> index(frame_ms.size());
+  std::iota(index.begin(), index.end(), 0.0);
+  Range y{0.0, 0.0};
+  for (const double value : frame_ms) y.include(value);
+  y.upper = y.upper > 0.0 ? 1.08 * y.upper : 1.0;
+  const Range x{0.0, std::max(1.0, index.empty() ? 1.0 : index.back())};
+  Axes axes(figure.canvas, {0.0, 0.0, 0.6 * kWidth, kHeight - 30.0}, x, y,
+            {"Over the run", "frame", "time [ms]"});
+  const Stroke whole{palette::kBlack, 1.3, {}};
+  const Stroke integrate{palette::kBlue, 1.3, {}};
+  const Stroke field{palette::kVermilion, 1.3, {}};
+  axes.grid();
+  axes.line(index, frame_ms, whole);
+  axes.line(index, integrate_ms, integrate);
+  axes.line(index, field_ms, field);
+  axes.finish();
+  draw_histogram(figure.canvas, {0.6 * kWidth, 0.0, 0.4 * kWidth, kHeight - 30.0}, frame_ms);
+  draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kWidth,
+              {{"whole frame", LegendEntry::Mark::kLine, whole},
+               {"integration", LegendEntry::Mark::kLine, integrate},
+               {"distance field", LegendEntry::Mark::kLine, field}});
+  return figure;
+}
 
 /// What a slice's series holds of one item; nothing where anything is missing.
 Result<std::optional<FieldSlice>> read_slice(ResultsReader& results, const std::string& series,
                                              std::int64_t item) {
   FieldSlice slice;
-  for (const auto& [key, into] : {std::pair("title", &slice.title),
-                                  {"u_label", &slice.u_label},
-                                  {"v_label", &slice.v_label}}) {
-    const auto text = SIDESTEP_TRY(results.text(series, item, key));
-    *into = text.value_or("");
-  }
-  for (const auto& [key, into] :
-       {std::pair("u0_m", &slice.u0_m), {"v0_m", &slice.v0_m}, {"step_m", &slice.step_m}}) {
-    const auto number = SIDESTEP_TRY(results.number(series, item, key));
-    *into = number.value_or(0.0);
-  }
-  for (const auto& [key, into] : {std::pair("distance_m", &slice.distance_m),
-                                  {"state", &slice.state},
-                                  {"circles", &slice.circles},
-                                  {"base_path", &slice.base_path},
-                                  {"tip_path", &slice.tip_path}}) {
-    auto array = SIDESTEP_TRY(results.array(series, item, key));
-    if (array) *into = std::move(*array);
-  }
+  Result<void> read;
+  FieldSlice::each(slice, [&]<class Value>(std::string_view key, Value& into) {
+    auto stored = [&] {
+      if constexpr (std::is_same_v<Value, std::string>) return results.text(series, item, key);
+      if constexpr (std::is_same_v<Value, double>) return results.number(series, item, key);
+      if constexpr (std::is_same_v<Value, StoredArray>) return results.array(series, item, key);
+    }();
+    if (stored && *stored) into = std::move(**stored);
+    if (!stored && read) read = error_of(stored);
+  });
+  if (!read) return error_of(read);
   const bool whole = slice.step_m > 0.0 && slice.distance_m.columns > 1 &&
                      slice.distance_m.rows > 1 &&
                      slice.state.values.size() == slice.distance_m.values.size();
@@ -158,29 +266,6 @@ Figure slice_figure(const FieldSlice& slice, std::string file) {
 
 // Curves over time.
 
-struct JointRead {
-  std::string name;
-  std::string unit;
-  double lower = 0.0;
-  double upper = 0.0;
-  double max_velocity = 0.0;
-};
-
-Result<std::vector<JointRead>> read_joints(ResultsReader& results) {
-  std::vector<JointRead> joints;
-  for (std::int64_t item = 0;; ++item) {
-    const auto name = SIDESTEP_TRY(results.text("joint", item, "name"));
-    if (!name) return joints;
-    const auto unit = results.text("joint", item, "unit");
-    const auto lower = results.number("joint", item, "lower");
-    const auto upper = results.number("joint", item, "upper");
-    const auto max_velocity = results.number("joint", item, "max_velocity");
-    joints.push_back({*name, unit ? unit->value_or("") : "", lower ? lower->value_or(0.0) : 0.0,
-                      upper ? upper->value_or(0.0) : 0.0,
-                      max_velocity ? max_velocity->value_or(0.0) : 0.0});
-  }
-}
-
 struct Curve {
   std::string title;
   std::string label;
@@ -251,27 +336,27 @@ Figure clearance_figure(const std::vector<double>& time_s, const std::vector<dou
 Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
                                 const std::string& prefix, std::vector<Figure>& figures) {
   const std::string series = "motion/" + std::to_string(item);
-  const auto motion = results.array(series, 0, "motion");
-  const auto joints = read_joints(results);
-  const auto speed_fraction = results.number(series, 0, "speed_fraction");
-  const auto margin_m = results.number(series, 0, "margin_m");
-  if (!motion) return error_of(motion);
-  if (!joints) return error_of(joints);
-  const int dof = static_cast<int>(joints->size());
-  if (!*motion || (*motion)->rows < 2 || (*motion)->columns != 2 + 2 * dof) return {};
-  const std::vector<double> time_s = column_of(**motion, 0);
-  const double share = speed_fraction ? speed_fraction->value_or(1.0) : 1.0;
+  const auto motion = SIDESTEP_TRY(results.array(series, 0, "motion"));
+  if (!motion || motion->rows < 2 || motion->columns < 2 || motion->columns % 2 != 0) return {};
+  const std::vector<double> time_s = column_of(*motion, 0);
+  const double share = number_of(results, series, 0, "speed_fraction", 1.0);
+  const int dof = (motion->columns - 2) / 2;
   std::vector<Curve> positions, velocities;
-  for (int j = 0; j < dof; ++j) {
-    const JointRead& joint = (*joints)[static_cast<std::size_t>(j)];
-    positions.push_back({joint.name, "position [" + joint.unit + "]", column_of(**motion, 2 + j),
-                         joint.lower, joint.upper});
-    const double fastest = share * joint.max_velocity;
-    velocities.push_back({joint.name, "velocity [" + joint.unit + "/s]",
-                          column_of(**motion, 2 + dof + j), -fastest, fastest});
+  for (int j = 0;; ++j) {
+    const auto name = SIDESTEP_TRY(results.text("joint", j, "name"));
+    if (name.has_value() != (j < dof)) return {};  // of another robot
+    if (!name) break;
+    const auto stored_unit = results.text("joint", j, "unit");
+    const std::string unit = stored_unit ? stored_unit->value_or("") : "";
+    positions.push_back({*name, "position [" + unit + "]", column_of(*motion, 2 + j),
+                         number_of(results, "joint", j, "lower"),
+                         number_of(results, "joint", j, "upper")});
+    const double fastest = share * number_of(results, "joint", j, "max_velocity");
+    velocities.push_back(
+        {*name, "velocity [" + unit + "/s]", column_of(*motion, 2 + dof + j), -fastest, fastest});
   }
-  figures.push_back(clearance_figure(time_s, column_of(**motion, 1),
-                                     margin_m ? margin_m->value_or(0.0) : 0.0,
+  figures.push_back(clearance_figure(time_s, column_of(*motion, 1),
+                                     number_of(results, series, 0, "margin_m"),
                                      prefix + "clearance"));
   figures.push_back(curves_figure(
       time_s, positions, prefix + "joints",
@@ -285,15 +370,32 @@ Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
 /// A name as a file's: letters, digits, - and _.
 std::string file_name(const std::string& name) {
   std::string safe = name.substr(0, 60);
-  for (char& c : safe) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-                       c == '-' || c == '_';
-    if (!plain) c = '_';
-  }
+  const auto is_other = [](char c) {
+    return !((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+             c == '-');
+  };
+  std::ranges::replace_if(safe, is_other, '_');
   return safe;
 }
 
 }  // namespace
+
+Result<std::vector<Figure>> map_figures(ResultsReader& results) {
+  std::vector<Figure> figures;
+  const auto items = SIDESTEP_TRY(results.array_items("depth", "depth_m"));
+  std::vector<DepthPicture> images;
+  for (const std::int64_t item : items) {
+    auto depth_m = SIDESTEP_TRY(results.array("depth", item, "depth_m"));
+    if (!depth_m || depth_m->values.empty()) continue;
+    images.push_back(
+        {std::int64_t(number_of(results, "depth", item, "sequence")), std::move(*depth_m)});
+  }
+  if (!images.empty()) figures.push_back(depth_figure(images));
+  const auto integrate_ms = SIDESTEP_TRY(results.column("frame", "integrate_ms"));
+  const auto field_ms = SIDESTEP_TRY(results.column("frame", "field_ms"));
+  if (!integrate_ms.empty()) figures.push_back(frame_time_figure(integrate_ms, field_ms));
+  return figures;
+}
 
 Result<std::vector<Figure>> plan_figures(ResultsReader& results, std::int64_t item,
                                          const std::string& name) {

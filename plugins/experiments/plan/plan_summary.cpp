@@ -1,19 +1,16 @@
-#include "plan_summary.hpp"
-
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
-#include <nlohmann/json.hpp>
-
-#include <sidestep/report/text_table.hpp>
-#include <sidestep/results/json.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/statistics.hpp>
+#include <sidestep/results/summary.hpp>
+#include "plan_parts.hpp"
 
 namespace sidestep {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using namespace report;
 
 Json times(const std::vector<double>& values) {
   return {{"p50", percentile(values, 0.5)},
@@ -63,13 +60,6 @@ Json verdict_json(const std::optional<Verdict>& verdict) {
           {"violations", violations}};
 }
 
-Json retiming_json(const std::optional<RetimingRecord>& retiming) {
-  if (!retiming) return nullptr;
-  return {{"before_s", retiming->before_s},
-          {"deviation", retiming->deviation},
-          {"retime_ms", retiming->retime_ms}};
-}
-
 Json explanation_json(const std::optional<Explanation>& explanation) {
   if (!explanation) return nullptr;
   Json hindrances = Json::array();
@@ -96,33 +86,37 @@ Json explanation_json(const std::optional<Explanation>& explanation) {
 
 Json plan_json(const PlanRecord& plan) {
   const Solution& solution = plan.solution;
+  const std::optional<Verdict>& field = plan.field_verdict;
   const auto clearance_m = plan.min_clearance_m();
-  return {
-      {"name", plan.name},
-      {"attached", plan.attached},
-      {"success", plan.success()},
-      {"valid_snapshot", plan.in_snapshot && plan.in_snapshot->valid()},
-      {"valid_independent", plan.valid_independent()},
-      {"min_clearance_m", clearance_m ? Json(*clearance_m) : Json(nullptr)},
-      {"clearance_is_bound", plan.clearance_is_bound()},
-      {"duration_s", solution.trajectory.duration_s()},
-      {"retiming", retiming_json(plan.retiming)},
-      {"solve_ms", solution.solve_ms},
-      {"iterations", solution.iterations},
-      {"cost", solution.cost},
-      {"reason", plan.reason},
-      {"explanation", explanation_json(solution.explanation)},
-      {"status", plan.attempts > 0 ? Json(to_string(solution.status)) : Json(nullptr)},
-      {"attempts", plan.attempts},
-      {"unknown_share", plan.in_snapshot ? Json(plan.in_snapshot->unknown_share) : Json(nullptr)},
-      {"most_unknown_share",
-       plan.in_snapshot ? Json(plan.in_snapshot->most_unknown_share) : Json(nullptr)},
-      {"most_unknown_link",
-       plan.in_snapshot ? Json(plan.in_snapshot->most_unknown_link) : Json(nullptr)},
-      {"checks",
-       {{"snapshot", verdict_json(plan.in_snapshot)},
-        {"voxels", verdict_json(plan.in_voxels)},
-        {"scene", verdict_json(plan.in_scene)}}}};
+  const auto retiming = [&]() -> Json {
+    if (!plan.retiming) return nullptr;
+    return {{"before_s", plan.retiming->before_s},
+            {"deviation", plan.retiming->deviation},
+            {"retime_ms", plan.retiming->retime_ms}};
+  };
+  return {{"name", plan.name},
+          {"attached", plan.attached},
+          {"success", plan.success()},
+          {"valid_snapshot", field && field->valid()},
+          {"valid_independent", plan.valid_independent()},
+          {"min_clearance_m", clearance_m ? Json(*clearance_m) : Json(nullptr)},
+          {"clearance_is_bound", plan.clearance_is_bound()},
+          {"duration_s", solution.trajectory.duration_s()},
+          {"retiming", retiming()},
+          {"solve_ms", solution.solve_ms},
+          {"iterations", solution.iterations},
+          {"cost", solution.cost},
+          {"reason", plan.reason},
+          {"explanation", explanation_json(solution.explanation)},
+          {"status", plan.attempts > 0 ? Json(to_string(solution.status)) : Json(nullptr)},
+          {"attempts", plan.attempts},
+          {"unknown_share", field ? Json(field->unknown_share) : Json(nullptr)},
+          {"most_unknown_share", field ? Json(field->most_unknown_share) : Json(nullptr)},
+          {"most_unknown_link", field ? Json(field->most_unknown_link) : Json(nullptr)},
+          {"checks",
+           {{"snapshot", verdict_json(field)},
+            {"voxels", verdict_json(plan.voxel_verdict)},
+            {"scene", verdict_json(plan.scene_verdict)}}}};
 }
 
 std::string count_of(std::size_t count, const std::string& thing) {
@@ -133,7 +127,7 @@ std::string count_of(std::size_t count, const std::string& thing) {
 std::string unseen_text(std::span<const PlanRecord> plans) {
   double share = 0.0;
   for (const PlanRecord& plan : plans) {
-    if (plan.in_snapshot) share = std::max(share, plan.in_snapshot->unknown_share);
+    if (plan.field_verdict) share = std::max(share, plan.field_verdict->unknown_share);
   }
   if (share < 0.005) return "";
   return std::string("; ") + (plans.size() == 1 ? "" : "of one ") +
@@ -144,13 +138,13 @@ std::string unseen_text(std::span<const PlanRecord> plans) {
 std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans, bool interrupted,
                          std::size_t succeeded) {
   const std::string left_out = map.left_out.empty() ? "" : "; " + map.left_out;
+  const std::string done =
+      count_of(map.steps.size(), "frame") + " and " + count_of(plans.size(), "plan");
   if (interrupted) {
-    return "Interrupted after " + count_of(map.steps.size(), "frame") + " and " +
-           count_of(plans.size(), "plan") + "; what was measured is saved.";
+    return "Interrupted after " + done + "; what was measured is saved.";
   }
   if (map.fault) {
-    return "Ended by a fault after " + count_of(map.steps.size(), "frame") + " and " +
-           count_of(plans.size(), "plan") + ": " + map.fault->describe() +
+    return "Ended by a fault after " + done + ": " + map.fault->describe() +
            ". What was measured is saved.";
   }
   if (map.steps.empty()) {
@@ -168,14 +162,11 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
     }
     return text + (map.left_out.empty() ? "" : " What was mapped: " + map.left_out + ".");
   }
-  const PlanRecord* closest = nullptr;
-  for (const PlanRecord& plan : plans) {
-    if (closest == nullptr || plan.min_clearance_m() < closest->min_clearance_m()) closest = &plan;
-  }
+  const auto closest = std::ranges::min_element(plans, {}, &PlanRecord::min_clearance_m);
   std::string text = plans.size() == 1
                          ? "Success: plan '" + plans.front().name + "' passed every check"
                          : "Success: all " + count_of(plans.size(), "plan") + " passed every check";
-  if (closest != nullptr && std::isfinite(closest->min_clearance_m().value_or(INFINITY))) {
+  if (closest != plans.end() && std::isfinite(closest->min_clearance_m().value_or(INFINITY))) {
     const std::string clear = format("%.3f m", *closest->min_clearance_m());
     text += closest->clearance_is_bound()
                 ? "; the robot is at least " + clear + " clear, as far as was looked"
@@ -184,22 +175,9 @@ std::string verdict_text(const MapRecord& map, std::span<const PlanRecord> plans
   return text + unseen_text(plans) + left_out + ".";
 }
 
-std::string table_text(const MapRecord& map, const Json& plans) {
-  std::vector<double> frame_ms;
-  for (const MappingStep& step : map.steps) frame_ms.push_back(step.frame_ms());
-  TextTable map_table({"frames", "bad", "frame p50", "frame p95", "frame max", "occupied voxels"});
-  map_table.add({std::to_string(map.steps.size()), std::to_string(map.bad_frames.size()),
-                 format("%.1f ms", percentile(frame_ms, 0.5)),
-                 format("%.1f ms", percentile(frame_ms, 0.95)),
-                 format("%.1f ms", percentile(frame_ms, 1.0)), std::to_string(map.occupied_vox)});
-  return map_table.text() + (plans.empty() ? "" : "\n" + plan_columns().text(plans));
-}
-
-}  // namespace
-
-const report::ResultColumns& plan_columns() {
+const ResultColumns& plan_columns() {
   static const auto kColumns = [] {
-    report::ResultColumns columns("/plans");
+    ResultColumns columns("/plans");
     columns.begin_table("Plans");
     columns.declare("name", "Name of the plan.", {.heading = "plan", .compared = true});
     columns.declare("success", "Whether it reaches its goal and passes every check.",
@@ -241,9 +219,118 @@ const report::ResultColumns& plan_columns() {
   return kColumns;
 }
 
+std::string table_text(const MapRecord& map, const Json& plans) {
+  std::vector<double> frame_ms;
+  for (const MappingStep& step : map.steps) frame_ms.push_back(step.frame_ms());
+  TextTable map_table({"frames", "bad", "frame p50", "frame p95", "frame max", "occupied voxels"});
+  map_table.add({std::to_string(map.steps.size()), std::to_string(map.bad_frames.size()),
+                 format("%.1f ms", percentile(frame_ms, 0.5)),
+                 format("%.1f ms", percentile(frame_ms, 0.95)),
+                 format("%.1f ms", percentile(frame_ms, 1.0)), std::to_string(map.occupied_vox)});
+  return map_table.text() + (plans.empty() ? "" : "\n" + plan_columns().text(plans));
+}
+
+// The page of a run.
+
+std::string map_section(const Json& summary) {
+  std::string html = "<h2>Map</h2>\n" +
+                     html_table({"frames", "unusable", "frame time p50", "p95", "max",
+                                 "occupied voxels", "resolution"},
+                                {{cell(at(summary, "/frames")), cell(at(summary, "/bad_frames")),
+                                  cell(at(summary, "/map/frame_ms/p50"), "%.1f ms"),
+                                  cell(at(summary, "/map/frame_ms/p95"), "%.1f ms"),
+                                  cell(at(summary, "/map/frame_ms/max"), "%.1f ms"),
+                                  cell(at(summary, "/map/occupied_vox"), "%.0f"),
+                                  cell(at(summary, "/map/resolution_m"), "%.3f m")}});
+  const Json errors = at(summary, "/bad_frame_errors");
+  if (!errors.is_array() || errors.empty()) return html;
+  html += "<details><summary>Unusable frames</summary><pre>";
+  for (const Json& error : errors) html += escape_html(cell(error)) + "\n";
+  return html + "</pre></details>\n";
+}
+
+/// Clearances as far as was looked say so.
+std::string clearance_cell(const Json& of) {
+  const std::string clear = cell(at(of, "/min_clearance_m"), "%.3f m");
+  return at(of, "/clearance_is_bound") == Json(true) ? "at least " + clear : clear;
+}
+
+std::string checks_table(const Json& plan) {
+  std::vector<Row> rows;
+  for (const auto& [key, words] :
+       {std::pair("snapshot", "spheres in the distance field"),
+        {"voxels", "collision shapes among the occupied voxels"},
+        {"scene", "collision shapes in the true scene, its floor included"}}) {
+    const Json check = at(plan, ("/checks/" + std::string(key)).c_str());
+    if (!check.is_object()) continue;
+    rows.push_back({words, cell(at(check, "/outcome")), clearance_cell(check),
+                    cell(at(check, "/min_clearance_link")),
+                    cell(at(check, "/min_clearance_time_s"), "%.2f s"),
+                    cell(at(check, "/min_self_clearance_m"), "%.3f m")});
+  }
+  if (rows.empty()) return "";
+  return html_table({"check", "outcome", "clearance", "of", "at", "self-clearance"}, rows);
+}
+
+/// What holds a plan, in the order of its summary.
+std::string explanation_section(const Json& plan) {
+  const Json hindrances = at(plan, "/explanation/hindrances");
+  if (!hindrances.is_array() || hindrances.empty()) return "";
+  std::vector<Row> rows;
+  for (const Json& hindrance : hindrances) {
+    const Json first = at(hindrance, "/states/0"), last = at(hindrance, "/states/1");
+    rows.push_back(
+        {cell(at(hindrance, "/what")), cell(at(hindrance, "/broken")), cell(at(hindrance, "/term")),
+         cell(at(hindrance, "/share"), kPercent), cell(at(hindrance, "/worst_s"), "%.2f s"),
+         cell(at(hindrance, "/from_s"), "%.2f s") + " to " + cell(at(hindrance, "/to_s"), "%.2f s"),
+         first == last ? cell(first) : cell(first) + " to " + cell(last)});
+  }
+  std::string html = "<h3>What holds it</h3>\n";
+  html += html_table({"what", "broken", "cost term", "share of cost", "worst at", "felt", "states"},
+                     rows);
+  if (at(plan, "/retiming").is_object()) {
+    html += "<p>Times and states are those of the optimised motion, before it was retimed.</p>\n";
+  }
+  return html;
+}
+
+/// Plans, one after the other, then the map that they were made in.
+Result<std::string> plan_body(const Json& summary, ResultsReader& results,
+                              const std::filesystem::path& run) {
+  std::string html;
+  const Json plans = at(summary, "/plans");
+  if (plans.is_array() && !plans.empty()) html += plan_columns().html(plans);
+  std::int64_t item = 0;
+  for (const Json& plan : plans) {
+    const std::string name = cell(at(plan, "/name"));
+    html += "<h2>Plan " + escape_html(name) + "</h2>\n";
+    if (const std::string reason = cell(at(plan, "/reason")); !reason.empty() && reason != "-") {
+      html += "<p class=\"verdict failure\">" + escape_html(reason) + "</p>\n";
+    }
+    if (const Json attached = at(plan, "/attached"); attached.is_array() && !attached.empty()) {
+      std::string names;
+      for (const Json& object : attached) names += (names.empty() ? "" : ", ") + cell(object);
+      html += "<p>The robot carries: " + escape_html(names) + ".</p>\n";
+    }
+    html += explanation_section(plan);
+    html += checks_table(plan);
+    html += SIDESTEP_TRY(figure_section(SIDESTEP_TRY(plan_figures(results, item++, name)), run));
+  }
+  html += map_section(summary);
+  return html + SIDESTEP_TRY(figure_section(SIDESTEP_TRY(map_figures(results)), run));
+}
+
+/// A run without a plan is a row, too.
+Json plans_of(const Json& summary) {
+  const Json plans = at(summary, "/plans");
+  return plans.empty() ? Json::array({{{"success", false}}}) : plans;
+}
+
+}  // namespace
+
 std::optional<double> PlanRecord::min_clearance_m() const noexcept {
   std::optional<double> least;
-  for (const auto* verdict : {&in_snapshot, &in_voxels}) {
+  for (const auto* verdict : {&field_verdict, &voxel_verdict}) {
     if (!*verdict) continue;
     least = std::min(least.value_or((*verdict)->min_clearance_m), (*verdict)->min_clearance_m);
   }
@@ -255,7 +342,7 @@ bool PlanRecord::clearance_is_bound() const noexcept {
   const auto is_exact = [&](const std::optional<Verdict>& verdict) {
     return verdict && verdict->min_clearance_m == least_m && !verdict->clearance_is_bound;
   };
-  return least_m && !is_exact(in_snapshot) && !is_exact(in_voxels);
+  return least_m && !is_exact(field_verdict) && !is_exact(voxel_verdict);
 }
 
 ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapRecord& map,
@@ -283,6 +370,16 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
                                        {"map", map_json(map)},
                                        {"plans", plan_list}});
   return outcome;
+}
+
+const report::RunReport& plan_report() {
+  static const RunReport kReport = {
+      .body = &plan_body,
+      .columns = &plan_columns(),
+      .compared_of_run = {{"frame p50", "/map/frame_ms/p50", "%.1f ms"}, {"frames", "/frames"}},
+      .compared_rows = &plans_of,
+      .pictures = {"plan-", "depth.", "frame_times."}};
+  return kReport;
 }
 
 }  // namespace sidestep

@@ -1,5 +1,3 @@
-#include "ompl_database.hpp"
-
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +10,8 @@
 #include <variant>
 
 #include <sqlite3.h>
+
+#include "planner_rows.hpp"
 
 namespace sidestep {
 namespace {
@@ -70,10 +70,10 @@ class Writer {
   std::int64_t insert(const std::string& table, const std::vector<Value>& row) {
     if (error_) return 0;
     sqlite3_stmt* statement = statement_of(table, row.size());
-    for (std::size_t i = 0; i < row.size() && statement != nullptr; ++i) {
+    if (statement == nullptr) return 0;
+    for (std::size_t i = 0; i < row.size(); ++i) {
       bind(statement, static_cast<int>(i) + 1, row[i]);
     }
-    if (statement == nullptr) return 0;
     if (const int status = sqlite3_step(statement); status != SQLITE_DONE) keep(status);
     sqlite3_reset(statement);
     return sqlite3_last_insert_rowid(database_.get());

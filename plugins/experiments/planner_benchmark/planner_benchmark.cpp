@@ -7,8 +7,7 @@
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
-#include "planner_solve.hpp"
-#include "planner_summary.hpp"
+#include "planner_rows.hpp"
 
 namespace sidestep {
 namespace {
@@ -37,7 +36,7 @@ struct PlannerEntry {
 
 /// What the planner's own checks see: what its sampler says, as far as it has one, else the field.
 std::string checker_of(const PlannerEntry& entry) {
-  const bool is_sampling = std::ranges::find(entry.seeds, "sampled") != entry.seeds.end();
+  const bool is_sampling = std::ranges::count(entry.seeds, "sampled") > 0;
   const Node* checker = is_sampling ? entry.sampler.find("checker") : nullptr;
   return checker != nullptr ? checker->text() : "field";
 }
@@ -103,45 +102,6 @@ void check_planner(const Node& entry, std::vector<Error>& errors) {
   }
 }
 
-void check_planner_benchmark(const Configuration& configuration, Host& host,
-                             std::vector<Error>& errors) {
-  (void)checked_robot(configuration, host, errors);
-  const Node* planners = block_of(configuration, "experiment").find("planners");
-  if (planners == nullptr || !planners->is_list()) return;
-  std::set<std::string> names;
-  for (const Node& entry : planners->items()) {
-    if (!entry.is_map()) continue;
-    check_planner(entry, errors);
-    const Node* name = entry.find("name");
-    if (name != nullptr && !names.insert(name->text()).second) {
-      errors.push_back(
-          name->error("a planner before this one is named '" + name->text() + "', too"));
-    }
-  }
-  if (planners->items().empty()) errors.push_back(planners->error("there is no planner"));
-}
-
-/// Every problem that the settings leave.
-std::vector<SetProblem> chosen(std::vector<SetProblem> all,
-                               const PlannerBenchmarkSettings& settings) {
-  std::vector<SetProblem> kept;
-  std::string family;
-  std::int64_t seen = 0, taken = 0;
-  for (SetProblem& problem : all) {
-    if (problem.family != family) {
-      family = problem.family;
-      seen = taken = 0;
-    }
-    const bool is_wanted = settings.families.empty() ||
-                           std::ranges::find(settings.families, family) != settings.families.end();
-    if (!is_wanted || seen++ % settings.every != 0) continue;
-    if (settings.limit > 0 && taken >= settings.limit) continue;
-    ++taken;
-    kept.push_back(std::move(problem));
-  }
-  return kept;
-}
-
 /// A run of a benchmark: the problems of its shard that have no answer yet.
 class BenchmarkRun {
  public:
@@ -158,13 +118,72 @@ class BenchmarkRun {
         session_(std::ssize(record.sessions)),
         done_(record.solved()) {}
 
-  [[nodiscard]] Result<void> solve();
+  [[nodiscard]] Result<void> solve() {
+    for (std::size_t p = 0; p < settings_.planners.size(); ++p) {
+      for (int seed = 0; seed < settings_.seeds; ++seed) {
+        SIDESTEP_TRY(solve_with(settings_.planners[p], record_.planners[p], seed));
+      }
+    }
+    record_session(clock_.after(0), session_, recorder_);
+    return recorder_.commit();
+  }
 
  private:
-  [[nodiscard]] Result<void> solve_with(const PlannerEntry& entry, const PlannerRecord& earlier,
-                                        int seed);
-  [[nodiscard]] Result<PlanningRace> make_race(const PlannerEntry& entry, std::uint64_t seed);
-  [[nodiscard]] std::vector<std::int64_t> left_for(const PlannerRecord& earlier, int seed) const;
+  std::vector<std::int64_t> left_for(const PlannerRecord& earlier, int seed) const {
+    std::set<std::int64_t> done;
+    for (const SetSolve& solve : earlier.solves) {
+      if (solve.seed == seed) done.insert(solve.problem);
+    }
+    std::vector<std::int64_t> left;
+    for (std::int64_t problem = 0; problem < std::ssize(problems_); ++problem) {
+      if (record_.is_ours(problem) && !done.contains(problem)) left.push_back(problem);
+    }
+    return left;
+  }
+
+  Result<PlanningRace> make_race(const PlannerEntry& entry, std::uint64_t seed) {
+    const RunLoan loan{bench_.robot, nullptr, nullptr, seed};
+    std::vector<PlanningRace::Lane> lanes;
+    for (const std::string& guess : entry.seeds) {
+      PlanningRace::Lane lane;
+      lane.seed = guess;
+      for (const auto& [block, into] : {std::pair(&entry.optimiser, &lane.optimiser),
+                                        std::pair(&entry.sampler, &lane.sampler)}) {
+        const bool is_sampler = into == &lane.sampler;
+        if (block->is_null() || (is_sampler && guess != "sampled")) continue;
+        *into = SIDESTEP_TRY(context_.host.create<Optimiser>(*block, loan));
+      }
+      lanes.push_back(std::move(lane));
+    }
+    return PlanningRace(std::move(lanes), bench_.planning.limits(bench_.robot->description()));
+  }
+
+  Result<void> solve_with(const PlannerEntry& entry, const PlannerRecord& earlier, int seed) {
+    const std::vector<std::int64_t> left = left_for(earlier, seed);
+    if (left.empty() || context_.stop.stop_requested()) return {};
+    const std::uint64_t run_seed = context_.seed + static_cast<std::uint64_t>(seed);
+    auto race = SIDESTEP_TRY(make_race(entry, run_seed));
+    const auto solve_one = [&](std::int64_t problem) {
+      return catch_all("planning", [&] {
+        return solve_set_problem(race, problems_[static_cast<std::size_t>(problem)], run_seed,
+                                 bench_, plans_by_shapes(entry));
+      });
+    };
+    (void)solve_one(left.front());  // does not count
+    for (const std::int64_t problem : left) {
+      if (context_.progress) context_.progress(done_, record_.planned(), entry.name);
+      auto solve = solve_one(problem);
+      if (context_.stop.stop_requested()) return {};  // it may have been cut short
+      if (!solve) return error_of(solve);
+      solve->problem = problem;
+      solve->seed = seed;
+      record_set_solve(*solve, entry.name, problems_.size(), recorder_);
+      record_session(clock_.after(1), session_, recorder_);
+      SIDESTEP_TRY(recorder_.commit());
+      ++done_;
+    }
+    return {};
+  }
 
   const PlannerBenchmarkSettings& settings_;
   const std::vector<SetProblem>& problems_;
@@ -176,83 +195,6 @@ class BenchmarkRun {
   std::int64_t session_;
   std::int64_t done_;
 };
-
-Result<void> BenchmarkRun::solve() {
-  for (std::size_t p = 0; p < settings_.planners.size(); ++p) {
-    for (int seed = 0; seed < settings_.seeds; ++seed) {
-      SIDESTEP_TRY(solve_with(settings_.planners[p], record_.planners[p], seed));
-    }
-  }
-  record_session(clock_.after(0), session_, recorder_);
-  return recorder_.commit();
-}
-
-std::vector<std::int64_t> BenchmarkRun::left_for(const PlannerRecord& earlier, int seed) const {
-  std::set<std::int64_t> done;
-  for (const SetSolve& solve : earlier.solves) {
-    if (solve.seed == seed) done.insert(solve.problem);
-  }
-  std::vector<std::int64_t> left;
-  for (std::int64_t problem = 0; problem < std::ssize(problems_); ++problem) {
-    if (record_.is_ours(problem) && !done.contains(problem)) left.push_back(problem);
-  }
-  return left;
-}
-
-Result<void> BenchmarkRun::solve_with(const PlannerEntry& entry, const PlannerRecord& earlier,
-                                      int seed) {
-  const std::vector<std::int64_t> left = left_for(earlier, seed);
-  if (left.empty() || context_.stop.stop_requested()) return {};
-  const std::uint64_t run_seed = context_.seed + static_cast<std::uint64_t>(seed);
-  auto race = SIDESTEP_TRY(make_race(entry, run_seed));
-  const auto solve_one = [&](std::int64_t problem) {
-    return contained("planning", [&] {
-      return solve_set_problem(race, problems_[static_cast<std::size_t>(problem)], run_seed, bench_,
-                               plans_by_shapes(entry));
-    });
-  };
-  (void)solve_one(left.front());  // does not count
-  for (const std::int64_t problem : left) {
-    if (context_.progress) context_.progress(done_, record_.planned(), entry.name);
-    auto solve = solve_one(problem);
-    if (context_.stop.stop_requested()) return {};  // it may have been cut short
-    if (!solve) return error_of(solve);
-    solve->problem = problem;
-    solve->seed = seed;
-    record_set_solve(*solve, entry.name, problems_.size(), recorder_);
-    record_session(clock_.after(1), session_, recorder_);
-    SIDESTEP_TRY(recorder_.commit());
-    ++done_;
-  }
-  return {};
-}
-
-Result<PlanningRace> BenchmarkRun::make_race(const PlannerEntry& entry, std::uint64_t seed) {
-  const RunLoan loan{bench_.robot, nullptr, nullptr, seed};
-  std::vector<PlanningRace::Lane> lanes;
-  for (const std::string& guess : entry.seeds) {
-    PlanningRace::Lane lane;
-    lane.seed = guess;
-    for (const auto& [block, into] :
-         {std::pair(&entry.optimiser, &lane.optimiser), std::pair(&entry.sampler, &lane.sampler)}) {
-      const bool is_sampler = into == &lane.sampler;
-      if (block->is_null() || (is_sampler && guess != "sampled")) continue;
-      *into = SIDESTEP_TRY(context_.host.create<Optimiser>(*block, loan));
-    }
-    lanes.push_back(std::move(lane));
-  }
-  return PlanningRace(std::move(lanes), bench_.planning.limits(bench_.robot->description()));
-}
-
-/// What the effective configuration says of each planner.
-std::vector<std::string> planner_texts(const ExperimentContext& context) {
-  const Node& root = context.effective;
-  std::vector<std::string> texts;
-  for (const Node& entry : root.find("experiment")->find("planners")->items()) {
-    texts.push_back(to_yaml(entry, false));
-  }
-  return texts;
-}
 
 /// The benchmark before anything is solved.
 PlannerBenchmarkRecord new_record(const PlannerBenchmarkSettings& settings,
@@ -266,10 +208,11 @@ PlannerBenchmarkRecord new_record(const PlannerBenchmarkSettings& settings,
   record.seeds = settings.seeds;
   for (const SetProblem& problem : problems)
     record.names.push_back({problem.family, problem.index});
-  const std::vector<std::string> texts = planner_texts(context);
+  const Node& root = context.effective;
+  const auto& entries = root.find("experiment")->find("planners")->items();
   for (std::size_t p = 0; p < settings.planners.size(); ++p) {
     const PlannerEntry& entry = settings.planners[p];
-    record.planners.push_back({entry.name, checker_of(entry), texts[p], {}});
+    record.planners.push_back({entry.name, checker_of(entry), to_yaml(entries[p], false), {}});
   }
   return record;
 }
@@ -307,11 +250,26 @@ Result<PlannerBenchmarkSettings> read_settings(const ExperimentContext& context,
   return settings;
 }
 
+/// Every problem of the set that the settings leave.
 Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& settings,
                                             const ExperimentContext& context,
                                             const RobotModel& robot) {
   auto all = SIDESTEP_TRY(read_problem_set(settings.problems, robot.description()));
-  std::vector<SetProblem> problems = chosen(std::move(all), settings);
+  std::vector<SetProblem> problems;
+  std::string family;
+  std::int64_t seen = 0, taken = 0;
+  for (SetProblem& problem : all) {
+    if (problem.family != family) {
+      family = problem.family;
+      seen = taken = 0;
+    }
+    const bool is_wanted =
+        settings.families.empty() || std::ranges::count(settings.families, family) > 0;
+    if (!is_wanted || seen++ % settings.every != 0) continue;
+    if (settings.limit > 0 && taken >= settings.limit) continue;
+    ++taken;
+    problems.push_back(std::move(problem));
+  }
   if (std::ssize(problems) < context.shard.count) {
     return fail(ErrorCode::kConfig,
                 problems.empty()
@@ -321,31 +279,6 @@ Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& sett
                 settings.problems.string());
   }
   return problems;
-}
-
-Result<ExperimentOutcome> run_planner_benchmark(ExperimentContext& context) {
-  SetBench bench;
-  const auto settings = SIDESTEP_TRY(read_settings(context, bench));
-  auto robot =
-      SIDESTEP_TRY(context.host.create<RobotModel>(block_of(context.configuration, "robot")));
-  bench.robot = std::move(robot);
-  const auto problems = SIDESTEP_TRY(read_chosen(settings, context, *bench.robot));
-
-  const auto record = SIDESTEP_TRY(
-      with_earlier_sessions(new_record(settings, problems, *bench.robot, context), context));
-  const auto file = context.out / "results.sqlite";
-  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                           : ResultsStore::open(file, record.provenance));
-  Recorder recorder(*store);
-  if (!context.resume) record_planner_head(record, recorder);
-  SIDESTEP_TRY(recorder.commit());
-
-  BenchmarkRun run(settings, problems, std::move(bench), record, context, recorder);
-  auto solved = run.solve();
-  store.reset();
-  if (context.progress) context.progress(0, 0, "summing up");
-  return conclude_planners(context.out, context.stop.stop_requested(),
-                           solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
 }
 
 class PlannerBenchmark final : public Experiment {
@@ -360,10 +293,44 @@ class PlannerBenchmark final : public Experiment {
   [[nodiscard]] const report::RunReport& report() const override { return planner_report(); }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_planner_benchmark(configuration, host, errors);
+    (void)checked_robot(configuration, host, errors);
+    const Node* planners = block_of(configuration, "experiment").find("planners");
+    if (planners == nullptr || !planners->is_list()) return;
+    std::set<std::string> names;
+    for (const Node& entry : planners->items()) {
+      if (!entry.is_map()) continue;
+      check_planner(entry, errors);
+      const Node* name = entry.find("name");
+      if (name != nullptr && !names.insert(name->text()).second) {
+        errors.push_back(
+            name->error("a planner before this one is named '" + name->text() + "', too"));
+      }
+    }
+    if (planners->items().empty()) errors.push_back(planners->error("there is no planner"));
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_planner_benchmark(context);
+    SetBench bench;
+    const auto settings = SIDESTEP_TRY(read_settings(context, bench));
+    bench.robot =
+        SIDESTEP_TRY(context.host.create<RobotModel>(block_of(context.configuration, "robot")));
+    const auto problems = SIDESTEP_TRY(read_chosen(settings, context, *bench.robot));
+
+    const auto record = SIDESTEP_TRY(
+        with_earlier_sessions(new_record(settings, problems, *bench.robot, context), context));
+    const auto file = context.out / "results.sqlite";
+    auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
+                                             : ResultsStore::open(file, record.provenance));
+    Recorder recorder(*store);
+    if (!context.resume) record_planner_head(record, recorder);
+    SIDESTEP_TRY(recorder.commit());
+
+    BenchmarkRun run(settings, problems, std::move(bench), record, context, recorder);
+    auto solved = run.solve();
+    store.reset();
+    if (context.progress) context.progress(0, 0, "summing up");
+    return conclude_planners(
+        context.out, context.stop.stop_requested(),
+        solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
   }
   [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
                                                 const std::filesystem::path& out) const override {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include <sidestep/results/stored_row.hpp>
+#include <sidestep/results/recorder.hpp>
 
 namespace sidestep {
 namespace {
@@ -156,8 +156,7 @@ Result<PlannerBenchmarkRecord> read_planner_record(const std::filesystem::path& 
   for (std::size_t p = 0; p < record.planners.size(); ++p) {
     auto planner =
         SIDESTEP_TRY(stored_planner().read(*reader, "planner", static_cast<std::int64_t>(p), file));
-    auto solves = SIDESTEP_TRY(read_solves(*reader, planner.name, record.names, file));
-    planner.solves = std::move(solves);
+    planner.solves = SIDESTEP_TRY(read_solves(*reader, planner.name, record.names, file));
     record.planners[p] = std::move(planner);
   }
   return record;

@@ -2,10 +2,18 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
+#include <sidestep/problems/problem_set.hpp>
+#include <sidestep/report/canvas.hpp>
 #include <sidestep/results/divided_run.hpp>
+#include <sidestep/runtime/experiment.hpp>
+#include <sidestep/runtime/planning_race.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 namespace sidestep {
@@ -27,7 +35,7 @@ struct SetSolve {
   std::vector<TimedAnswer> answers;  ///< In order; the last one is what the rest is about.
   double spent_ms = 0.0;             ///< Until the planner ended, with an answer or without.
   double duration_s = 0.0;
-  double acceleration_ratio = 0.0;  ///< See path_quality.hpp.
+  double acceleration_ratio = 0.0;  ///< See acceleration_ratio().
   double clearance_m = 0.0;         ///< By the independent check.
   std::string refusal;              ///< Why the independent check refuses an answer, if it does.
   std::string reason;               ///< Why there is none.
@@ -91,5 +99,66 @@ void record_planners(const PlannerBenchmarkRecord& record, Recorder& recorder);
 
 /// Moves what a further shard has solved into the whole.
 void absorb_planners(PlannerBenchmarkRecord& whole, PlannerBenchmarkRecord part);
+
+/// Length of a trajectory's support states joined by straight lines, in the space of joints, rad
+/// and m alike. [any]
+[[nodiscard]] double path_length(const Trajectory& trajectory);
+
+/// How far a trajectory is from the smoothest one of its length L and duration T: the integral of
+/// its squared acceleration over all joints as a multiple of 12 L^2 / T^3, which a straight motion
+/// from rest to rest needs at least. 1 at best where it begins and ends at rest, about 4/3 at
+/// constant acceleration there and back, 4 with a stop half way; without unit. Accelerations are
+/// means over a thousandth of T, so that what lasts shorter (a velocity that jumps by a rounding
+/// error) counts by the change of velocity that it brings. 0 where nothing moves. [any]
+[[nodiscard]] double acceleration_ratio(const Trajectory& trajectory);
+
+/// What every problem of a set is solved with.
+struct SetBench {
+  std::shared_ptr<const RobotModel> robot;
+  PlanningSettings planning;
+  CheckSettings check;
+  double reach_m = 0.0;  ///< How far the known world reaches from the robot's foot.
+  double deadline_s = 0.0;
+  std::stop_token stop;
+};
+
+/// Poses a problem, has it raced for, and holds every answer against the shapes, independently.
+/// In the race proposals are checked by the robot's spheres, or, for what is planned `by_shapes`
+/// and may come nearer than they can, by its shapes. SetSolve::problem and seed are the caller's.
+/// Fails where a planner or a check does. [planning]
+[[nodiscard]] Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed,
+                                                 std::uint64_t seed, const SetBench& bench,
+                                                 bool by_shapes = false);
+
+/// Verdict, summary.json and tables of what a store holds.
+[[nodiscard]] ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record,
+                                                   bool interrupted,
+                                                   const std::optional<Error>& fault);
+
+/// The same of the store in `run`, and OMPL's benchmark database beside it.
+[[nodiscard]] Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run,
+                                                          bool interrupted,
+                                                          const std::optional<Error>& fault);
+
+/// Puts shards of one run together in the folder `out`.
+[[nodiscard]] Result<ExperimentOutcome> merge_planners(
+    const std::vector<std::filesystem::path>& runs, const std::filesystem::path& out);
+
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& planner_report();
+
+/// The pictures of a planner benchmark: success against time, and times family by family.
+[[nodiscard]] std::vector<Figure> planner_figures(const PlannerBenchmarkRecord& record);
+
+/// Name of the file in a run's folder.
+inline constexpr const char* kOmplDatabase = "ompl_benchmark.db";
+
+/// Writes a benchmark the way OMPL's own benchmarks are stored (OMPL 1.5, SQLite), for
+/// ompl_benchmark_statistics and Planner Arena; replaces the file. A family is an experiment, an
+/// answer to one of its problems with one seed is a run: solved where the independent check accepts
+/// it. `progress` has the length of the path that was best so far at 50 times up to the deadline.
+/// Fails with kIo.
+[[nodiscard]] Result<void> write_ompl_database(const PlannerBenchmarkRecord& record,
+                                               const std::filesystem::path& file);
 
 }  // namespace sidestep

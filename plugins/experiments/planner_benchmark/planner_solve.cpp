@@ -1,13 +1,11 @@
-#include "planner_solve.hpp"
-
 #include <cmath>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/runtime/shape_check.hpp>
-
-#include "path_quality.hpp"
+#include "planner_rows.hpp"
 
 namespace sidestep {
 namespace {
@@ -53,59 +51,75 @@ Result<OwnChecks> checks_of(const SetProblem& posed,
   return own;
 }
 
-/// Holds answers against the true shapes.
-class Judge {
- public:
-  [[nodiscard]] static Result<Judge> make(const SetProblem& posed, const SetBench& bench) {
-    auto check = SIDESTEP_TRY(true_check(posed, bench));
-    return Judge(posed, bench, std::move(check));
+/// Where a trajectory does not begin or end as it should; empty where it does.
+std::string miss_of(const Trajectory& trajectory, const SetProblem& posed,
+                    const RobotDescription& robot) {
+  for (std::size_t j = 0; j < trajectory.q(0).size(); ++j) {
+    const double off = trajectory.q(0)[j] - posed.q_start[static_cast<Eigen::Index>(j)];
+    if (!(std::abs(off) <= kGoalTolerance)) return "it starts where the robot is not";
   }
+  const std::string by =
+      configuration_miss(robot, trajectory.q(trajectory.size() - 1), posed.q_goal);
+  return by.empty() ? "" : "it ends with " + by;
+}
 
-  /// Adds the answer; the last one that is heard is what the solve is about.
-  [[nodiscard]] Result<void> hear(const Trajectory& trajectory, bool is_smooth, double time_ms,
-                                  SetSolve& solve) const {
+/// Holds answers against the true shapes; the last one is what the solve is about.
+Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetBench& bench,
+                   SetSolve& solve) {
+  const auto check = SIDESTEP_TRY(true_check(posed, bench));
+  const auto hear = [&](const Trajectory& trajectory, bool is_smooth,
+                        double time_ms) -> Result<void> {
     solve.answers.push_back(
         {static_cast<float>(time_ms), static_cast<float>(path_length(trajectory)), is_smooth});
     solve.duration_s = trajectory.duration_s();
     solve.acceleration_ratio = acceleration_ratio(trajectory);
-    const auto verdict = SIDESTEP_TRY(check_->check(trajectory, 0.0, Deadline(bench_.stop)));
+    const auto verdict = SIDESTEP_TRY(check->check(trajectory, 0.0, Deadline(bench.stop)));
     solve.clearance_m = verdict.min_clearance_m;
     if (!solve.refusal.empty()) return {};
-    solve.refusal = miss(trajectory);
+    solve.refusal = miss_of(trajectory, posed, bench.robot->description());
     if (solve.refusal.empty() && !verdict.valid()) solve.refusal = verdict.describe();
     return {};
-  }
-
- private:
-  Judge(const SetProblem& posed, const SetBench& bench, std::unique_ptr<ValidityCheck> check)
-      : posed_(posed), bench_(bench), check_(std::move(check)) {}
-
-  /// Where it does not begin or end as it should; empty where it does.
-  [[nodiscard]] std::string miss(const Trajectory& trajectory) const {
-    for (std::size_t j = 0; j < trajectory.q(0).size(); ++j) {
-      const double off = trajectory.q(0)[j] - posed_.q_start[static_cast<Eigen::Index>(j)];
-      if (!(std::abs(off) <= kGoalTolerance)) return "it starts where the robot is not";
-    }
-    const std::string by = configuration_miss(bench_.robot->description(),
-                                              trajectory.q(trajectory.size() - 1), posed_.q_goal);
-    return by.empty() ? "" : "it ends with " + by;
-  }
-
-  const SetProblem& posed_;
-  const SetBench& bench_;
-  std::unique_ptr<ValidityCheck> check_;
-};
-
-Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetBench& bench,
-                   SetSolve& solve) {
-  const auto judge = SIDESTEP_TRY(Judge::make(posed, bench));
+  };
   for (const EarlierAnswer& earlier : answer.earlier) {
-    SIDESTEP_TRY(judge.hear(earlier.trajectory, earlier.is_smooth, earlier.took_ms, solve));
+    SIDESTEP_TRY(hear(earlier.trajectory, earlier.is_smooth, earlier.took_ms));
   }
-  return judge.hear(answer.trajectory, answer.is_smooth, answer.took_ms, solve);
+  return hear(answer.trajectory, answer.is_smooth, answer.took_ms);
 }
 
 }  // namespace
+
+double path_length(const Trajectory& trajectory) {
+  double length = 0.0;
+  for (int i = 1; i < trajectory.size(); ++i) {
+    double squares = 0.0;
+    for (std::size_t j = 0; j < trajectory.q(i).size(); ++j) {
+      const double step = trajectory.q(i)[j] - trajectory.q(i - 1)[j];
+      squares += step * step;
+    }
+    length += std::sqrt(squares);
+  }
+  return length;
+}
+
+double acceleration_ratio(const Trajectory& trajectory) {
+  constexpr int kSteps = 1000;
+  const double length = path_length(trajectory);
+  if (!(length > 0.0)) return 0.0;
+  const auto dof = static_cast<std::size_t>(trajectory.dof);
+  const double duration_s = trajectory.duration_s();
+  const double step_s = duration_s / kSteps;
+  std::vector<double> q(dof), before(dof), now(dof);
+  trajectory.sample(0.0, q, before);
+  double integral = 0.0;
+  for (int step = 1; step <= kSteps; ++step) {
+    trajectory.sample(step_s * step, q, now);
+    for (std::size_t j = 0; j < dof; ++j) {
+      integral += (now[j] - before[j]) * (now[j] - before[j]) / step_s;
+    }
+    before.swap(now);
+  }
+  return integral * duration_s * duration_s * duration_s / (12.0 * length * length);
+}
 
 Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, std::uint64_t seed,
                                    const SetBench& bench, bool by_shapes) {

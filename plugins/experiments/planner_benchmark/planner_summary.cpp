@@ -1,16 +1,18 @@
-#include "planner_summary.hpp"
-
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <set>
 
-#include <sidestep/results/json.hpp>
-#include <sidestep/results/summary_values.hpp>
-#include "ompl_database.hpp"
+#include <sidestep/report/chart.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/report/result_columns.hpp>
+#include <sidestep/results/summary.hpp>
+#include "planner_rows.hpp"
 
 namespace sidestep {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using namespace report;
 
 /// A planner on some problems.
 struct PlannerRow {
@@ -105,11 +107,10 @@ const report::ResultColumnsOf<PlannerRow>& planner_rows() {
   return kColumns;
 }
 
-std::vector<std::string> families_of(const PlannerRecord& planner) {
+std::vector<std::string> families_of(const PlannerBenchmarkRecord& record) {
   std::vector<std::string> families;
-  for (const SetSolve& solve : planner.solves) {
-    if (std::ranges::find(families, solve.family) == families.end())
-      families.push_back(solve.family);
+  for (const ProblemName& name : record.names) {
+    if (std::ranges::count(families, name.family) == 0) families.push_back(name.family);
   }
   return families;
 }
@@ -117,9 +118,10 @@ std::vector<std::string> families_of(const PlannerRecord& planner) {
 Json family_rows(const PlannerBenchmarkRecord& record) {
   Json rows = Json::array();
   for (const PlannerRecord& planner : record.planners) {
-    for (const std::string& family : families_of(planner)) {
-      const auto is_of_it = [&](const SetSolve& s) { return s.family == family; };
-      rows.push_back(planner_rows().row({planner, family, those_of(planner.solves, is_of_it)}));
+    for (const std::string& family : families_of(record)) {
+      const auto solves =
+          those_of(planner.solves, [&](const SetSolve& s) { return s.family == family; });
+      if (!solves.empty()) rows.push_back(planner_rows().row({planner, family, solves}));
     }
   }
   return rows;
@@ -143,6 +145,100 @@ std::string verdict_text(const PlannerBenchmarkRecord& record, bool interrupted,
   if (record.solved() < record.planned()) return part + "Incomplete: " + count + ".";
   return part + "Success: " + std::to_string(record.solved()) + of +
          ", none refused by the independent check.";
+}
+
+constexpr double kWidth = 900.0;
+constexpr double kLegendRow = 20.0;
+constexpr double kLegendLeft = 58.0;
+constexpr double kLeastTime_ms = 1e-3;  // a logarithm needs one
+constexpr std::array kColours = {palette::kBlue,      palette::kOrange, palette::kGreen,
+                                 palette::kVermilion, palette::kPurple, palette::kSky,
+                                 palette::kBlack};
+
+/// Colours come again with other dashes.
+Stroke stroke_of(std::size_t planner) {
+  const std::vector<std::vector<double>> dashes = {{}, {6.0, 3.0}, {2.0, 3.0}};
+  return {kColours[planner % kColours.size()], 1.8,
+          dashes[planner / kColours.size() % dashes.size()]};
+}
+
+double log_ms(double time_ms) { return std::log10(std::max(time_ms, kLeastTime_ms)); }
+
+/// From the fastest answer of all to the deadline.
+Range time_range(const PlannerBenchmarkRecord& record) {
+  Range range{log_ms(1e3 * record.deadline_s), log_ms(1e3 * record.deadline_s)};
+  for (const PlannerRecord& planner : record.planners) {
+    for (const SetSolve& solve : planner.solves) {
+      if (solve.is_solved()) range.include(log_ms(solve.first_ms()));
+    }
+  }
+  return range.padded(0.03);
+}
+
+/// Which share of the answers to a family's problems (all for an empty name) is there by a time:
+/// a step up at each first valid answer.
+void draw_success(Axes& axes, const PlannerRecord& planner, const std::string& family,
+                  const Range& range, const Stroke& stroke) {
+  std::vector<double> times;
+  double all = 0.0;
+  for (const SetSolve& solve : planner.solves) {
+    if (!family.empty() && solve.family != family) continue;
+    ++all;
+    if (solve.is_solved()) times.push_back(log_ms(solve.first_ms()));
+  }
+  if (all == 0.0) return;
+  std::ranges::sort(times);
+  std::vector<double> x{range.lower}, share{0.0};
+  for (const double time : times) {
+    x.insert(x.end(), {time, time});
+    share.insert(share.end(), {share.back(), share.back() + 1.0 / all});
+  }
+  x.push_back(range.upper);
+  share.push_back(share.back());
+  axes.line(x, share, stroke);
+}
+
+/// A panel for each family (an empty name: all problems), with a curve for each planner.
+Figure success_figure(const PlannerBenchmarkRecord& record,
+                      const std::vector<std::string>& families, double panel_width,
+                      double panel_height, std::string file, std::string caption) {
+  const auto columns = static_cast<std::size_t>(kWidth / panel_width);
+  const double height =
+      panel_height * static_cast<double>((families.size() + columns - 1) / columns);
+  // Legend rows enough for three planners each, which any names leave room for.
+  const double legend_rows = 1.0 + std::ceil(static_cast<double>(record.planners.size()) / 3.0);
+  Figure figure{std::move(file), std::move(caption),
+                Canvas(kWidth, height + kLegendRow * legend_rows)};
+  const Range range = time_range(record);
+  for (std::size_t f = 0; f < families.size(); ++f) {
+    const Area area{panel_width * static_cast<double>(f % columns),
+                    panel_height * static_cast<double>(f / columns), panel_width, panel_height};
+    const std::string title = families[f].empty() ? "Success against time" : families[f];
+    Axes axes(figure.canvas, area, range, {0.0, 1.02}, {title, "time [ms]", "share solved", true});
+    axes.grid();
+    for (std::size_t p = 0; p < record.planners.size(); ++p) {
+      draw_success(axes, record.planners[p], families[f], range, stroke_of(p));
+    }
+    axes.finish();
+  }
+  std::vector<LegendEntry> legend;
+  for (std::size_t p = 0; p < record.planners.size(); ++p) {
+    legend.push_back({record.planners[p].name, LegendEntry::Mark::kLine, stroke_of(p)});
+  }
+  draw_legend(figure.canvas, {kLegendLeft, height}, kWidth - kLegendLeft, legend);
+  return figure;
+}
+
+Result<std::string> planners_body(const Json& summary, ResultsReader&,
+                                  const std::filesystem::path& run) {
+  std::string html;
+  if (const std::string fault = cell(at(summary, "/fault")); fault != "-") {
+    html += "<p class=\"verdict failure\">" + escape_html(fault) + "</p>\n";
+  }
+  html += "<h2>All problems</h2>\n" + planner_rows().html(at(summary, "/planners"));
+  const auto record = SIDESTEP_TRY(read_planner_record(run / "results.sqlite"));
+  html += SIDESTEP_TRY(figure_section(planner_figures(record), run));
+  return html + "<h2>Family by family</h2>\n" + planner_rows().html(at(summary, "/families"));
 }
 
 }  // namespace
@@ -189,8 +285,6 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
   return outcome;
 }
 
-const report::ResultColumns& planner_columns() { return planner_rows(); }
-
 Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run, bool interrupted,
                                             const std::optional<Error>& fault) {
   const auto record = SIDESTEP_TRY(read_planner_record(run / "results.sqlite"));
@@ -207,6 +301,26 @@ Result<ExperimentOutcome> merge_planners(const std::vector<std::filesystem::path
     return fail(ErrorCode::kConfig, "this shard is of other problems than the first", run.string());
   }
   return conclude_whole(whole, out, &record_planners, &conclude_planners);
+}
+
+std::vector<Figure> planner_figures(const PlannerBenchmarkRecord& record) {
+  std::vector<Figure> figures;
+  if (record.solved() == 0) return figures;
+  figures.push_back(success_figure(record, {""}, kWidth, 400.0, "planner_success",
+                                   "Share of all problems with a first answer, accepted by the "
+                                   "independent check, within a time."));
+  figures.push_back(success_figure(record, families_of(record), 300.0, 240.0, "planner_families",
+                                   "Times until the first accepted answer, family by family, as "
+                                   "cumulative shares of the family's problems."));
+  return figures;
+}
+
+const report::RunReport& planner_report() {
+  static const report::RunReport kReport = {.body = &planners_body,
+                                            .columns = &planner_rows(),
+                                            .pictures = {"planner_"},
+                                            .files = {kOmplDatabase}};
+  return kReport;
 }
 
 }  // namespace sidestep

@@ -1,17 +1,10 @@
 #include <sidestep/runtime/results_store.hpp>
 
-#include "recorded_fields.hpp"
-#include "recorded_settings.hpp"
 #include "recorded_solves.hpp"
 #include "recorded_summary.hpp"
 
 namespace sidestep {
 namespace {
-
-void check_recorded_benchmark(const Configuration& configuration, Host& host,
-                              std::vector<Error>& errors) {
-  check_recorded<RecordedBenchmarkSettings>(configuration, set_of_optimiser(), host, errors);
-}
 
 /// Series "run" (one item a run), and of the run with index `item`: "solve/ITEM", one item a
 /// problem.
@@ -122,7 +115,7 @@ Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
   Recorder recorder(*store);
 
   RecordedBenchmarkRecord record;
-  record.about = facts_of(problems, context.configuration);
+  record.about = facts_of(problems, context);
   record.costs_comparable = !problems.has_base;
   std::int64_t total = 0;
   for (const RecordedRun& run : problems.runs) {
@@ -134,7 +127,7 @@ Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
     SIDESTEP_TRY(solve_part(
         record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
   }
-  record.interrupted = context.stop.stop_requested();
+  record.about.interrupted = context.stop.stop_requested();
 
   return summarise_recorded(provenance, settings, record);
 }
@@ -147,7 +140,7 @@ class RecordedBenchmark final : public Experiment {
   [[nodiscard]] const report::RunReport& report() const override { return recorded_report(); }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_recorded_benchmark(configuration, host, errors);
+    check_recorded<RecordedBenchmarkSettings>(configuration, set_of_optimiser(), host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     return run_recorded_benchmark(context);

@@ -1,14 +1,19 @@
 #include "recorded_summary.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 
-#include <sidestep/results/json.hpp>
-#include <sidestep/results/summary_values.hpp>
+#include <sidestep/report/chart.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/summary.hpp>
 
 namespace sidestep {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using report::at;
+using report::cell;
+using report::Json;
 
 /// One recorded run. Costs and times are of the problems that are solved.
 struct RunRow {
@@ -136,59 +141,175 @@ const report::ResultColumnsOf<RunRow>& recorded_runs() {
   return kColumns;
 }
 
-std::string verdict_text(const RecordedBenchmarkRecord& record, std::size_t solves,
-                         std::size_t unsolved, const std::string& first_reason) {
-  const std::string count = std::to_string(solves) + " solves by " + record.about.optimiser;
-  if (record.interrupted) return "Interrupted after " + count + "; what was measured is saved.";
+std::string verdict_text(const RecordedBenchmarkRecord& record, const SolveCount& count) {
+  const std::string failure = count.failure(record.about, "solves");
+  if (record.about.interrupted) return failure;
   const std::string note = record.costs_comparable
                                ? ""
                                : " The peer's state is a Lie group here: costs are not comparable.";
-  if (unsolved > 0) {
-    return "Failed: " + std::to_string(unsolved) + " of " + count +
-           " came to nothing, the first because: " + first_reason + "." + note;
+  if (!failure.empty()) return failure + note;
+  return "Success: " + std::to_string(count.problems) + " solves by " + record.about.optimiser +
+         " on the problems of " + record.about.problems_file + ", each with a trajectory." + note;
+}
+
+/// What the charts show of one run; one number a problem.
+struct PlannerSeries {
+  std::string label;
+  std::vector<double> cost;
+  std::vector<double> peer_cost;
+  std::vector<double> solve_ms;
+  std::vector<double> peer_solve_ms;
+};
+
+constexpr double kWidth = 900.0;
+constexpr double kHeight = 460.0;
+constexpr std::array kColours = {palette::kBlue,   palette::kOrange, palette::kGreen,
+                                 palette::kPurple, palette::kSky,    palette::kVermilion};
+
+Colour colour_of(std::size_t run) { return kColours[run % kColours.size()]; }
+
+/// Decimal logarithms; what has none counts as 1e-12.
+std::vector<double> logarithms(const std::vector<double>& values) {
+  std::vector<double> logs;
+  for (const double value : values) logs.push_back(std::log10(std::max(value, 1e-12)));
+  return logs;
+}
+
+Range range_of(const std::vector<std::vector<double>>& lists) {
+  Range range{INFINITY, -INFINITY};
+  for (const auto& values : lists) {
+    for (const double value : values) range.include(value);
   }
-  return "Success: " + count + " on the problems of " + record.about.problems_file +
-         ", each with a " + "trajectory." + note;
+  return range.lower <= range.upper ? range.padded(0.04) : Range{};
+}
+
+Figure cost_figure(const std::vector<PlannerSeries>& runs) {
+  Figure figure{"planner_costs",
+                "Final cost of each problem against the peer's, both as decimal logarithms; on the "
+                "line they are equal, below it ours is lower.",
+                Canvas(kWidth, kHeight)};
+  std::vector<std::vector<double>> ours, peers;
+  for (const PlannerSeries& run : runs) {
+    ours.push_back(logarithms(run.cost));
+    peers.push_back(logarithms(run.peer_cost));
+  }
+  std::vector<std::vector<double>> all = ours;
+  all.insert(all.end(), peers.begin(), peers.end());
+  const Range range = range_of(all);
+  Axes axes(figure.canvas, {0.0, 0.0, kWidth, kHeight - 30.0}, range, range,
+            {"Cost", "log10 of the peer's cost", "log10 of the cost"});
+  axes.grid();
+  axes.line({range.lower, range.upper}, {range.lower, range.upper},
+            {palette::kGrey, 1.0, {5.0, 4.0}});
+  std::vector<LegendEntry> legend;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const Colour fill = colour_of(r).with_alpha(0.5);
+    for (std::size_t i = 0; i < std::min(ours[r].size(), peers[r].size()); ++i) {
+      figure.canvas.circle(axes.at(peers[r][i], ours[r][i]), 2.2, fill);
+    }
+    legend.push_back({runs[r].label, LegendEntry::Mark::kBox, {colour_of(r), 1.0, {}}});
+  }
+  axes.finish();
+  draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kWidth - 60.0, legend);
+  return figure;
+}
+
+/// Which share of the problems takes no longer than so much.
+void draw_shares(Axes& axes, std::vector<double> log_ms, const Stroke& stroke) {
+  if (log_ms.empty()) return;
+  std::ranges::sort(log_ms);
+  std::vector<double> shares;
+  for (std::size_t i = 0; i < log_ms.size(); ++i) {
+    shares.push_back(static_cast<double>(i + 1) / static_cast<double>(log_ms.size()));
+  }
+  axes.line(log_ms, shares, stroke);
+}
+
+Figure time_figure(const std::vector<PlannerSeries>& runs) {
+  Figure figure{"planner_times",
+                "Share of the problems that are solved within a time (decimal logarithm of "
+                "milliseconds); dashed: the peer's CPU times, as recorded.",
+                Canvas(kWidth, kHeight)};
+  std::vector<std::vector<double>> all;
+  for (const PlannerSeries& run : runs) {
+    all.push_back(logarithms(run.solve_ms));
+    all.push_back(logarithms(run.peer_solve_ms));
+  }
+  Axes axes(figure.canvas, {0.0, 0.0, kWidth, kHeight - 30.0}, range_of(all), {0.0, 1.0},
+            {"Time of a solve", "log10 of ms", "share of problems"});
+  axes.grid();
+  std::vector<LegendEntry> legend;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const Stroke stroke{colour_of(r), 1.6, {}};
+    draw_shares(axes, all[2 * r], stroke);
+    draw_shares(axes, all[2 * r + 1], {colour_of(r), 1.2, {4.0, 3.0}});
+    legend.push_back({runs[r].label, LegendEntry::Mark::kLine, stroke});
+  }
+  axes.finish();
+  draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kWidth - 60.0, legend);
+  return figure;
+}
+
+Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& results) {
+  std::vector<PlannerSeries> all;
+  for (std::size_t item = 0; item < runs.size(); ++item) {
+    PlannerSeries series;
+    series.label = cell(at(runs[item], "/label")) + ", " + cell(at(runs[item], "/field"));
+    for (const auto& [key, values] : {std::pair("cost", &series.cost),
+                                      {"peer_cost", &series.peer_cost},
+                                      {"solve_ms", &series.solve_ms},
+                                      {"peer_solve_ms", &series.peer_solve_ms}}) {
+      *values = SIDESTEP_TRY(results.column("solve/" + std::to_string(item), key));
+    }
+    all.push_back(std::move(series));
+  }
+  return all;
+}
+
+Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
+                                  const std::filesystem::path& run) {
+  const Json runs = at(summary, "/runs");
+  const auto series = SIDESTEP_TRY(series_of(runs, results));
+  const bool costs_comparable = at(summary, "/costs_comparable") != Json(false);
+  std::string html = sentence_of(summary) + ".</p>\n" + recorded_runs().html(runs);
+  if (!costs_comparable) {
+    html += "<p>The peer's state is a Lie group here: its costs are no measure of ours.</p>\n";
+  }
+  std::vector<Figure> figures;
+  if (!series.empty() && costs_comparable) figures.push_back(cost_figure(series));
+  if (!series.empty()) figures.push_back(time_figure(series));
+  const auto section = SIDESTEP_TRY(report::figure_section(figures, run));
+  return html + section;
 }
 
 }  // namespace
-
-const report::ResultColumns& recorded_columns() { return recorded_runs(); }
-
-double SolveRecord::iteration_us() const noexcept {
-  return 1e3 * solve_ms / std::max(1, accepted_iterations);
-}
 
 ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
                                      const RecordedBenchmarkSettings& settings,
                                      const RecordedBenchmarkRecord& record) {
   Json runs = Json::array();
-  std::size_t solves = 0, unsolved = 0, problems = 0;
-  std::string first_reason;
+  SolveCount count;
+  std::size_t problems = 0;
   for (const RecordedRunRecord& run : record.runs) {
     runs.push_back(recorded_runs().row({run, record.costs_comparable}));
     problems = std::max(problems, run.solves.size());
-    for (const SolveRecord& solve : run.solves) {
-      ++solves;
-      if (solve.solved) continue;
-      if (unsolved++ == 0) first_reason = solve.reason;
-    }
+    for (const SolveRecord& solve : run.solves) count.add(solve.solved, solve.reason);
   }
-  ExperimentOutcome outcome;
-  outcome.interrupted = record.interrupted;
-  outcome.success = !record.interrupted && solves > 0 && unsolved == 0;
-  outcome.verdict = verdict_text(record, solves, unsolved, first_reason);
-  outcome.table = recorded_runs().text(runs);
-  outcome.table_csv = recorded_runs().csv(runs);
-  outcome.summary_json = summary_text(provenance, settings.type, outcome,
-                                      {{"problems_file", record.about.problems_file},
-                                       {"robot", record.about.robot},
-                                       {"optimiser", record.about.optimiser},
-                                       {"costs_comparable", record.costs_comparable},
-                                       {"repeats", settings.repeats},
-                                       {"problems", problems},
-                                       {"runs", runs}});
-  return outcome;
+  return summarise_solves(provenance, settings.type, record.about, count,
+                          verdict_text(record, count), recorded_runs(),
+                          {{"costs_comparable", record.costs_comparable},
+                           {"repeats", settings.repeats},
+                           {"problems", problems},
+                           {"runs", runs}});
+}
+
+const report::RunReport& recorded_report() {
+  static const report::RunReport kReport = {
+      .body = &recorded_body,
+      .columns = &recorded_runs(),
+      .compared_of_run = {{"optimiser", "/optimiser"}, {"problems", "/problems_file"}},
+      .pictures = {"planner_"}};
+  return kReport;
 }
 
 }  // namespace sidestep

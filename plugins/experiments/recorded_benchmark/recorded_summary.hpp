@@ -1,12 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
-#include "recorded_settings.hpp"
 #include "recorded_solves.hpp"
 
 namespace sidestep {
@@ -24,7 +24,9 @@ struct SolveRecord : RecordedSolve {
   bool ends_free = false;              ///< Start and goal touch nothing.
 
   /// Per accepted step, which is what GPMP2 counts as an iteration.
-  [[nodiscard]] double iteration_us() const noexcept;
+  [[nodiscard]] double iteration_us() const noexcept {
+    return 1e3 * solve_ms / std::max(1, accepted_iterations);
+  }
   [[nodiscard]] bool free_at_checks() const noexcept {
     return solved && clearance_at_checks_m > 0.0;
   }
@@ -44,16 +46,12 @@ struct RecordedBenchmarkRecord {
   RecordedFacts about;
   bool costs_comparable = true;
   std::vector<RecordedRunRecord> runs;
-  bool interrupted = false;
 };
 
 /// Verdict, summary.json and tables of a finished (or interrupted) planner benchmark.
 [[nodiscard]] ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
                                                    const RecordedBenchmarkSettings& settings,
                                                    const RecordedBenchmarkRecord& record);
-
-/// Of the rows `runs` of summary.json.
-[[nodiscard]] const report::ResultColumns& recorded_columns();
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& recorded_report();

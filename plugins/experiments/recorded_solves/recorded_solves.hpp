@@ -1,29 +1,109 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/problems/recorded_problems.hpp>
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/recorder.hpp>
-#include <sidestep/results/run_provenance.hpp>
+#include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/experiment.hpp>
-#include <sidestep/runtime/guarded.hpp>
-#include "recorded_settings.hpp"
 
 namespace sidestep {
 
-/// What an experiment on recorded problems is about.
+/// Of an `experiment` block: which recorded problems are solved, and how often.
+struct ProblemChoice {
+  std::filesystem::path problems;
+  std::vector<std::string> runs;
+  int repeats = 1;
+  int every = 1;
+  std::int64_t limit = 0;
+};
+
+/// Settings that derive from ProblemChoice declare it so.
+template <class Settings>
+Parameters<Settings> declare_choice(Parameters<Settings> parameters) {
+  return std::move(parameters)
+      .add("problems", &Settings::problems, "File of recorded problems (JSON); needed to run.")
+      .add("runs", &Settings::runs, "Labels of the recorded runs whose stopping rules are used.")
+      .add("repeats", &Settings::repeats,
+           "How often all problems of a run are solved; the least time of each counts.",
+           {.min = 1, .max = 1000})
+      .add("every", &Settings::every, "Every n-th problem of a run is used.", {.min = 1})
+      .add("limit", &Settings::limit, "Most problems of a run; 0 for no limit.", {.min = 0});
+}
+
+/// What the experiment sets of every optimiser: the stopping rules of each recorded run.
+[[nodiscard]] std::vector<std::string> set_of_optimiser();
+
+/// The optimiser's block with a recorded run's stopping rules in it.
+[[nodiscard]] Node block_for(const Node& optimiser, const RecordedRun& run);
+
+/// Appends a mistake for each parameter that the experiment sets (`names`) and the block has, too,
+/// and for each that the plugin does not have.
+void check_optimiser(const Node& optimiser, const std::vector<std::string>& names, Host& host,
+                     std::vector<Error>& errors);
+
+/// The recorded problems that an `experiment` block names, and of their runs those to be solved,
+/// each with the outcomes that `every` and `limit` leave. Appends every mistake at its position.
+[[nodiscard]] RecordedProblems read_chosen_problems(const Node& experiment,
+                                                    const ProblemChoice& choice,
+                                                    std::vector<Error>& errors);
+/// The same for a run: the first mistake, and one where no file is named.
+[[nodiscard]] Result<RecordedProblems> read_problems(const Node& experiment,
+                                                     const ProblemChoice& choice);
+
+/// Appends every mistake in the configuration of an experiment on recorded problems that sets
+/// parameters (`names`) of the optimiser.
+template <class Settings>
+void check_recorded(const Configuration& configuration, const std::vector<std::string>& names,
+                    Host& host, std::vector<Error>& errors) {
+  const Node* experiment = configuration.root.find("experiment");
+  const Node* optimiser = configuration.root.find("optimiser");
+  if (optimiser != nullptr) check_optimiser(*optimiser, names, host, errors);
+  std::vector<Error> unfit;
+  check_against_schema(*experiment, Settings::parameters().schema(), {}, unfit);
+  if (!unfit.empty()) return;  // its schema told
+  Settings settings;
+  Settings::parameters().read(*experiment, settings, errors);
+  if (!settings.problems.empty()) (void)read_chosen_problems(*experiment, settings, errors);
+}
+
+/// The fields of a file of recorded problems, each made when it is first asked for. The problems
+/// must outlive them.
+class RecordedFields {
+ public:
+  explicit RecordedFields(const RecordedProblems& problems) : problems_(problems) {}
+
+  const std::shared_ptr<const DistanceField>& of(int scene, bool is_signed) {
+    auto& field = fields_[{scene, is_signed}];
+    if (field == nullptr) field = recorded_field(problems_, scene, is_signed);
+    return field;
+  }
+
+ private:
+  const RecordedProblems& problems_;
+  std::map<std::pair<int, bool>, std::shared_ptr<const DistanceField>> fields_;
+};
+
+/// What an experiment on recorded problems is about, and how far it came.
 struct RecordedFacts {
   std::string problems_file;
   std::string robot;
   std::string optimiser;  ///< Name of the plugin.
+  bool interrupted = false;
 };
 [[nodiscard]] RecordedFacts facts_of(const RecordedProblems& problems,
-                                     const Configuration& configuration);
+                                     const ExperimentContext& context);
 
 /// What an optimiser made of a recorded problem.
 struct RecordedSolve {
@@ -83,6 +163,32 @@ template <class Settings>
 [[nodiscard]] bool are_ends_free(const RecordedProblems& problems, int scene,
                                  const Problem& problem);
 
+/// How many problems there are, how many of them came to nothing, and why the first did.
+struct SolveCount {
+  std::size_t problems = 0, unsolved = 0;
+  std::string first_reason;
+
+  void add(bool solved, const std::string& reason) {
+    ++problems;
+    if (!solved && unsolved++ == 0) first_reason = reason;
+  }
+  /// What a verdict says of a run that is no success; empty where it is one. `what`: the problems,
+  /// counted and named.
+  [[nodiscard]] std::string failure(const RecordedFacts& about, const std::string& what,
+                                    const char* came_to = "came to nothing") const;
+};
+
+/// Outcome and summary.json of a run; `particulars` end with its rows, of which `columns` are.
+[[nodiscard]] ExperimentOutcome summarise_solves(const RunProvenance& provenance,
+                                                 const std::string& experiment,
+                                                 const RecordedFacts& about,
+                                                 const SolveCount& count, std::string verdict,
+                                                 const report::ResultColumns& columns,
+                                                 const nlohmann::ordered_json& particulars);
+
+/// HTML: which optimiser solved which problems of which robot, without an end.
+[[nodiscard]] std::string sentence_of(const nlohmann::ordered_json& summary);
+
 /// Tells of every so many of the solves of an experiment.
 class SolveProgress {
  public:
@@ -100,7 +206,7 @@ template <class Part, class Solve>
 [[nodiscard]] Result<void> solve_part(std::vector<Part>& parts, Solve solve,
                                       void (*record)(const Part&, std::int64_t, Recorder&),
                                       Recorder& recorder) {
-  auto part = SIDESTEP_TRY(contained("solving recorded problems", std::move(solve)));
+  auto part = SIDESTEP_TRY(catch_all("solving recorded problems", std::move(solve)));
   record(part, std::ssize(parts), recorder);
   parts.push_back(std::move(part));
   return recorder.commit();

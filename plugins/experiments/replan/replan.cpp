@@ -2,6 +2,8 @@
 #include <set>
 
 #include <sidestep/results/divided_run.hpp>
+#include <sidestep/runtime/checked_robot.hpp>
+#include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 #include "loop_experiment.hpp"
@@ -11,15 +13,6 @@ namespace sidestep {
 namespace {
 
 constexpr std::int64_t kAlwaysPictured = 2;  ///< Episodes; later ones where they failed.
-
-void check_replan(const Configuration& configuration, Host& host, std::vector<Error>& errors) {
-  check_loop(
-      configuration, host,
-      [&](const std::shared_ptr<const RobotModel>& robot, std::vector<Error>& mistakes) {
-        (void)read_replan_configuration(configuration, robot, mistakes);
-      },
-      errors);
-}
 
 /// The effective configuration as far as it fixes outcomes.
 std::string identity_of(const ExperimentContext& context) {
@@ -64,9 +57,12 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     };
     show(name);
     auto world = SIDESTEP_TRY(make_replan_world(context, settings, robot, episode));
-    const auto done = SIDESTEP_TRY(
-        run_episode(context, settings, std::move(world), episode,
-                    [&](const std::string& how_far) { show(name + " (" + how_far + ")"); }));
+    SnapshotSlot slot;
+    EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
+    SIDESTEP_TRY(mapping.attach());
+    const auto tell = [&](const std::string& how_far) { show(name + " (" + how_far + ")"); };
+    const auto done =
+        SIDESTEP_TRY(run_episode(context, {settings, world, slot, mapping, {}, tell}, episode));
     if (done.interrupted) break;
     const bool pictured = i < kAlwaysPictured || !done.success();
     record_episode(done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
@@ -75,25 +71,6 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
   }
   if (context.progress) context.progress(total, total, "episodes");
   return {};
-}
-
-Result<ExperimentOutcome> run_replan(ExperimentContext& context) {
-  std::vector<Error> errors;
-  const auto robot = make_run_robot(context.configuration, context.host, errors);
-  if (robot == nullptr) return tl::make_unexpected(std::move(errors.front()));
-  ReplanConfiguration settings = read_replan_configuration(context.configuration, robot, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  stand_on_floor(settings.planning, *robot);
-
-  const std::string identity = identity_of(context);
-  const auto finished = SIDESTEP_TRY(finished_episodes(context, identity));
-  ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
-  facts.planned_episodes = settings.experiment.episodes;
-  facts.again = command_again(context.configuration);
-
-  return run_loop(context, std::move(facts), identity, [&](Recorder& recorder) {
-    return run_episodes(context, settings, robot, finished, recorder);
-  });
 }
 
 class ReplanExperiment final : public LoopExperiment {
@@ -105,10 +82,28 @@ class ReplanExperiment final : public LoopExperiment {
   }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_replan(configuration, host, errors);
+    const auto robot = checked_robot(configuration, host, errors);
+    if (robot == nullptr) return;
+    (void)read_replan_configuration(configuration, robot, errors);
+    check_loop_names(configuration, robot->description(), errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_replan(context);
+    const std::shared_ptr<const RobotModel> robot =
+        SIDESTEP_TRY(context.host.create<RobotModel>(block_of(context.configuration, "robot")));
+    std::vector<Error> errors;
+    ReplanConfiguration settings = read_replan_configuration(context.configuration, robot, errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    stand_on_floor(settings.planning, *robot);
+
+    const std::string identity = identity_of(context);
+    const auto finished = SIDESTEP_TRY(finished_episodes(context, identity));
+    ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
+    facts.planned_episodes = settings.experiment.episodes;
+    facts.again = command_again(context.configuration);
+
+    return run_loop(context, std::move(facts), identity, [&](Recorder& recorder) {
+      return run_episodes(context, settings, robot, finished, recorder);
+    });
   }
 };
 

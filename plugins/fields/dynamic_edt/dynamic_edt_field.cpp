@@ -1,15 +1,16 @@
 #include "dynamic_edt_field.hpp"
 
-#include <dynamicEDT3D/dynamicEDTOctomap.h>
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <vector>
 
+#include <dynamicEDT3D/dynamicEDTOctomap.h>
+
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/mapping/octree_view.hpp>
+#include <sidestep/plugin/plugin.hpp>
 
 namespace sidestep::dynamic_edt {
 namespace {
@@ -108,6 +109,10 @@ class DynamicEdtBuilder final : public FieldBuilder {
   std::optional<DenseFieldPublisher> publisher_;
 };
 
+Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostContext& context) {
+  return make_dynamic_edt_builder(options, context.workers);
+}
+
 }  // namespace
 
 std::unique_ptr<FieldBuilder> make_dynamic_edt_builder(const Options& options,
@@ -116,3 +121,8 @@ std::unique_ptr<FieldBuilder> make_dynamic_edt_builder(const Options& options,
 }
 
 }  // namespace sidestep::dynamic_edt
+
+SIDESTEP_PLUGIN(sidestep::FieldBuilder, sidestep::dynamic_edt::Options,
+                sidestep::dynamic_edt::create, "dynamic_edt", "0.1.0",
+                "Distances by dynamicEDT3D (Lau 2010) on an OctoMap", sidestep::OccupancyView,
+                sidestep::OctreeView)

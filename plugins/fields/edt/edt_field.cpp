@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -11,8 +12,8 @@
 
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/plugin/plugin.hpp>
 
-#include "distance_table.hpp"
 #include "full_transform.hpp"
 #include "incremental_transform.hpp"
 
@@ -88,7 +89,7 @@ class NearDistances final : public Distances {
   std::vector<float> table_m_;
 };
 
-/// Cut off far away or nowhere: computed anew whenever an obstacle changed.
+/// Cut off far away or nowhere: recomputed whenever an obstacle changed.
 class FarDistances final : public Distances {
  public:
   FarDistances(const GridSpec& grid, std::uint32_t cap, bool is_signed, double max_distance_m,
@@ -140,7 +141,7 @@ class EdtBuilder final : public FieldBuilder {
         .grid = grid_,
         .is_signed = options_.is_signed,
         .max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity(),
-        .steepest = 1.0};
+        .lipschitz = 1.0};
     SIDESTEP_TRY(make_distances(info));
     publisher_.emplace(info, *view_, workers_);
     const Eigen::Vector3i& size = grid_.size_vox;
@@ -163,7 +164,7 @@ class EdtBuilder final : public FieldBuilder {
     const bool is_first = std::exchange(first_, false);
     // Where voxels have only become known, distances stay as they are.
     if (!is_first) std::ranges::fill(changed, std::uint8_t{0});
-    take_over_rows(update.changed_blocks, is_first);
+    copy_changed_rows(update.changed_blocks, is_first);
     mark_blocks(distances_->update(obstacles_, inverse_, row_changed_), changed);
     return publisher_->publish(update, changed,
                                [this](int x, int y, int z, int count, float* distances_m) {
@@ -192,7 +193,7 @@ class EdtBuilder final : public FieldBuilder {
 
   /// Copies the rows of the map in changed blocks, or all of them, under the policy for unknown
   /// voxels, and their inverse; marks those that came out different.
-  void take_over_rows(std::span<const std::int32_t> changed_blocks, bool is_first) {
+  void copy_changed_rows(std::span<const std::int32_t> changed_blocks, bool is_first) {
     const Eigen::Vector3i counts = block_counts(grid_);
     const Eigen::Vector3i& size = grid_.size_vox;
     std::vector<int> block_rows;  // by y, then z
@@ -215,7 +216,7 @@ class EdtBuilder final : public FieldBuilder {
         for (int z = first_z; z < std::min(first_z + kSide, size.z()); ++z) {
           for (int y = first_y; y < std::min(first_y + kSide, size.y()); ++y) {
             const std::size_t row = row_index(y, z);
-            if (take_over_row(row)) row_changed_[row] = 1;
+            if (copy_row(row)) row_changed_[row] = 1;
           }
         }
       }
@@ -223,7 +224,7 @@ class EdtBuilder final : public FieldBuilder {
   }
 
   /// Whether that changed the row.
-  bool take_over_row(std::size_t row) {
+  bool copy_row(std::size_t row) {
     const VoxelBits occupied = view_->occupied();
     const VoxelBits known = view_->known();
     const bool unknown_blocks = options_.unknown == "occupied";
@@ -275,10 +276,35 @@ class EdtBuilder final : public FieldBuilder {
   std::optional<DenseFieldPublisher> publisher_;
 };
 
+Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostContext& context) {
+  return make_edt_builder(options, context.workers);
+}
+
 }  // namespace
+
+std::uint32_t cap_vox2(double max_distance_m, const GridSpec& grid) {
+  const double diagonal2 = grid.size_vox.cast<double>().squaredNorm();
+  if (max_distance_m <= 0.0) return static_cast<std::uint32_t>(diagonal2);
+  const double limit = max_distance_m / grid.resolution_m;
+  const double cap = std::ceil(limit * limit * (1.0 - 1e-12));
+  return static_cast<std::uint32_t>(std::clamp(cap, 1.0, diagonal2));
+}
+
+std::vector<float> distance_table(double resolution_m, std::uint32_t cap, double max_distance_m) {
+  std::vector<float> table_m(cap + std::size_t{1});
+  for (std::size_t d2 = 0; d2 < table_m.size(); ++d2) {
+    table_m[d2] = static_cast<float>(resolution_m * std::sqrt(static_cast<double>(d2)));
+  }
+  if (std::isfinite(max_distance_m)) table_m[cap] = static_cast<float>(max_distance_m);
+  return table_m;
+}
 
 std::unique_ptr<FieldBuilder> make_edt_builder(const Options& options, WorkerPool& workers) {
   return std::make_unique<EdtBuilder>(options, workers);
 }
 
 }  // namespace sidestep::edt
+
+SIDESTEP_PLUGIN(sidestep::FieldBuilder, sidestep::edt::Options, sidestep::edt::create, "edt",
+                "0.1.0", "Exact Euclidean distance transform of dense occupancy",
+                sidestep::OccupancyView)

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <sidestep/core/worker_pool.hpp>
+#include <sidestep/geometry/grid.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/plugin/parameters.hpp>
 
@@ -37,5 +40,14 @@ inline Parameters<Options> Options::parameters() {
 /// The exact Euclidean distance transform of a mapper's occupancy; `workers` must outlive it.
 [[nodiscard]] std::unique_ptr<FieldBuilder> make_edt_builder(const Options& options,
                                                              WorkerPool& workers);
+
+/// The first squared distance, in voxels, at or beyond a limit; that of the grid's diagonal where
+/// the limit is 0, for none, or farther.
+[[nodiscard]] std::uint32_t cap_vox2(double max_distance_m, const GridSpec& grid);
+
+/// Metres by squared distance in voxels, from 0 to the cap, which is the limit itself where there
+/// is one: infinity for none.
+[[nodiscard]] std::vector<float> distance_table(double resolution_m, std::uint32_t cap,
+                                                double max_distance_m);
 
 }  // namespace sidestep::edt

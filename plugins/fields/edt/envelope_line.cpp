@@ -66,7 +66,7 @@ std::uint16_t least_changed(const std::uint16_t* was_tile, const std::uint16_t* 
 SIDESTEP_AVX2_CLONES
 int extent(const TileLine& line, int from, int step, int most, const std::uint8_t* row_changed) {
   constexpr std::uint16_t kUnchanged = 32767;  // at least any cap
-  const Lanes16 was = lanes(line.in_was + from * line.in_was_stride);
+  const Lanes16 was = lanes(line.in_previous + from * line.in_previous_stride);
   const Lanes16 is = lanes(line.in + from * line.stride);
   const Lanes16 least = was < is ? was : is;
   const Lanes16 lower = was == is ? Lanes16{} + kUnchanged : least;
@@ -76,7 +76,7 @@ int extent(const TileLine& line, int from, int step, int most, const std::uint8_
     const int row = from + step * d;
     const Lanes16 after = lanes(line.in + row * line.stride);
     const Lanes16 before =
-        row_changed[row] != 0 ? lanes(line.in_was + row * line.in_was_stride) : after;
+        row_changed[row] != 0 ? lanes(line.in_previous + row * line.in_previous_stride) : after;
     const Lanes16 higher = before > after ? before : after;
     const Lanes16 via = lower + static_cast<std::uint16_t>(d * d);
     open = higher > via ? open : Lanes16{};
@@ -141,7 +141,7 @@ struct EnvelopeLine::Spread {
   /// Spreads the change of row `from` of line.in to the rows [low, high] of line.out.
   SIDESTEP_AVX2_CLONES
   static void spread(const TileLine& line, int from, int low, int high, Fate* fates) {
-    const Lanes16 was = lanes(line.in_was + from * line.in_was_stride);
+    const Lanes16 was = lanes(line.in_previous + from * line.in_previous_stride);
     const Lanes16 is = lanes(line.in + from * line.stride);
     const auto risen = (Lanes16)(is > was);
     const std::ptrdiff_t stride = line.stride;
@@ -154,7 +154,7 @@ struct EnvelopeLine::Spread {
       const Lanes16 lost = (Lanes16)((was + square) == now) & risen;
       if (!any(lost | (now ^ least))) continue;
       if (fates[row] == Fate::kKept) {
-        lanes(line.out_was + row * kTile) = now;
+        lanes(line.out_previous + row * kTile) = now;
         fates[row] = Fate::kLowered;
       }
       lanes(out) = least;
@@ -178,8 +178,8 @@ void EnvelopeLine::find_sources(const TileLine& line, std::span<const int> chang
   total_reach_ = 0;
   for (const int row : changed) row_changed_[idx(row)] = 1;
   for (const int row : changed) {
-    const std::uint16_t least =
-        least_changed(line.in_was + row * line.in_was_stride, line.in + row * line.stride);
+    const std::uint16_t least = least_changed(line.in_previous + row * line.in_previous_stride,
+                                              line.in + row * line.stride);
     const int reach = largest_offset(cap_ - least);
     if (reach < 0) continue;
     const int before = extent(line, row, -1, std::min(reach, row), row_changed_.data());
@@ -199,7 +199,7 @@ void EnvelopeLine::mark_all_lost(const TileLine& line) {
       Fate& fate = fates_[idx(row)];
       if (fate == Fate::kLost) continue;
       fate = Fate::kLost;
-      std::memcpy(line.out_was + row * kTile, line.out + row * line.stride, kTileBytes);
+      std::memcpy(line.out_previous + row * kTile, line.out + row * line.stride, kTileBytes);
     }
   }
 }
@@ -244,7 +244,8 @@ std::span<const int> EnvelopeLine::update(const TileLine& line, std::span<const 
     if (fate == Fate::kKept) continue;
     if (fate == Fate::kLost) recompute(line, row, is_heavy);
     fate = Fate::kKept;
-    if (std::memcmp(line.out + row * line.stride, line.out_was + row * kTile, kTileBytes) != 0) {
+    if (std::memcmp(line.out + row * line.stride, line.out_previous + row * kTile, kTileBytes) !=
+        0) {
       changed_.push_back(row);
     }
   }

@@ -14,11 +14,12 @@ namespace sidestep::edt {
 struct TileLine {
   int length;
   std::ptrdiff_t stride;
-  const std::uint16_t* in;      ///< What the pass before left.
-  const std::uint16_t* in_was;  ///< The same before the update; valid in rows that changed.
-  std::ptrdiff_t in_was_stride;
-  std::uint16_t* out;      ///< In: of the old `in`. Out: of the new one.
-  std::uint16_t* out_was;  ///< Receives the old values of rows that change, row i at i * kTile.
+  const std::uint16_t* in;           ///< What the pass before left.
+  const std::uint16_t* in_previous;  ///< The same before the update; valid in rows that changed.
+  std::ptrdiff_t in_previous_stride;
+  std::uint16_t* out;  ///< In: of the old `in`. Out: of the new one.
+  std::uint16_t*
+      out_previous;  ///< Receives the old values of rows that change, row i at i * kTile.
 };
 
 /// Keeps lower envelopes along lines, out[i] = min over j of in[j] + (i - j)^2, cut off at a cap.

@@ -8,16 +8,67 @@
 #include <utility>
 
 #include <sidestep/core/index.hpp>
-
-#include "row_scan.hpp"
+#include <sidestep/core/lanes.hpp>
 
 namespace sidestep::edt {
+namespace {
+
+/// Calls visit(begin, end) for each run of set bits among the first `size`, in order.
+template <class Visit>
+void for_each_run(const std::uint64_t* words, int size, Visit visit) {
+  int begin = -1;  // of a run that reached the end of the word before
+  for (int w = 0; w * 64 < size; ++w) {
+    std::uint64_t word = words[w];
+    int at = w * 64;
+    int left = 64;
+    while (left > 0) {
+      const int step = std::min(left, begin < 0 ? std::countr_zero(word) : std::countr_one(word));
+      word = step < 64 ? word >> step : 0;
+      at += step;
+      left -= step;
+      if (left == 0) break;
+      if (begin >= 0) visit(begin, at);
+      begin = begin < 0 ? at : -1;
+    }
+  }
+  if (begin >= 0) visit(begin, size);
+}
+
+/// Voxels [begin, end) between the obstacles `left` and `right` of a row: the square of the
+/// distance to the nearer one, as far as the reach goes.
+SIDESTEP_SIMD_CLONES
+void fill_between(int left, int right, int begin, int end, std::uint16_t cap, int reach,
+                  std::uint16_t* out) {
+  for (int x = begin; x < end; ++x) {
+    const int to_left = x - left;
+    const int to_right = right - x;
+    const int d = to_left < to_right ? to_left : to_right;
+    out[x] = d <= reach ? static_cast<std::uint16_t>(d * d) : cap;
+  }
+}
+
+/// Squared distance of every voxel of a row to the nearest obstacle in it; `cap` where there is
+/// none within `reach`, the largest offset whose square is below the cap. Bit i of `words` is voxel
+/// i of `size`.
+void scan_row(const std::uint64_t* words, int size, std::uint16_t cap, int reach,
+              std::uint16_t* out) {
+  int before = -1 - reach;  // the obstacle before; at first one beyond the reach
+  for_each_run(words, size, [&](int begin, int end) {
+    fill_between(before, begin, std::max(before + 1, 0), begin, cap, reach, out);
+    std::fill(out + begin, out + end, std::uint16_t{0});
+    before = end - 1;
+  });
+  fill_between(before, size + reach, std::max(before + 1, 0), size, cap, reach, out);
+}
+
+}  // namespace
+
 IncrementalTransform::Workspace::Workspace(const Eigen::Vector3i& size, std::uint16_t cap)
     : row(static_cast<std::size_t>((size.x() + kTile - 1) / kTile * kTile)),
       envelope(std::max(size.y(), size.z()), cap),
       out(static_cast<std::size_t>(std::max(size.y(), size.z()))),
-      tile_in_was(out.size() * kTile),
-      tile_out_was(out.size() * kTile) {}
+      tile_in_previous(out.size() * kTile),
+      tile_out_previous(out.size() * kTile) {}
 
 /// One of the workspaces, for as long as this lives.
 class IncrementalTransform::BorrowedWorkspace {
@@ -58,7 +109,7 @@ IncrementalTransform::IncrementalTransform(const Eigen::Vector3i& size_vox, std:
       along_z_(size_vox),
       changes_(static_cast<std::size_t>(size_vox.y()) * static_cast<std::size_t>(size_vox.z())),
       line_changed_(static_cast<std::size_t>(size_vox.y()), 0),
-      along_y_was_(static_cast<std::size_t>(size_vox.z())),
+      along_y_previous_(static_cast<std::size_t>(size_vox.z())),
       changed_(changed_index(size_vox, size_vox.y(), 0), 0),
       start_tile_(kTile, start == Start::kAllObstacles ? std::uint16_t{0} : cap_) {
   // Zeros, too, are written: the first update must not wait for memory.
@@ -81,18 +132,19 @@ void IncrementalTransform::pass_row(const VoxelBits& obstacles, int y, int z, Wo
     const std::uint16_t* fresh = space.row.data() + tile * kTile;
     std::uint16_t* values = along_x_.row(y, z) + tile * kTile;
     if (std::memcmp(fresh, values, kTileBytes) == 0) continue;
-    if (!is_first_) space.in_was.insert(space.in_was.end(), values, values + kTile);
+    if (!is_first_) space.in_previous.insert(space.in_previous.end(), values, values + kTile);
     std::memcpy(values, fresh, kTileBytes);
     tiles |= std::uint64_t{1} << tile;
   }
   if (tiles != 0) space.in.push_back({y, {tiles, nullptr}});
 }
 
-void IncrementalTransform::pass_line(const Line& line, bool wants_was, Workspace& space) const {
+void IncrementalTransform::pass_line(const Line& line, bool wants_previous,
+                                     Workspace& space) const {
   std::uint64_t tiles = 0;
   for (const ChangedRow& in : space.in) tiles |= in.change.tiles;
   std::fill_n(space.out.begin(), line.length, std::uint64_t{0});
-  space.out_was.clear();
+  space.out_previous.clear();
   for (; tiles != 0; tiles &= tiles - 1) {
     const int tile = std::countr_zero(tiles);
     const std::uint64_t bit = std::uint64_t{1} << tile;
@@ -102,39 +154,41 @@ void IncrementalTransform::pass_line(const Line& line, bool wants_was, Workspace
       space.rows.push_back(row);
       if (is_first_) continue;
       const int before = std::popcount(change.tiles & (bit - 1));
-      std::copy_n(change.was + before * kTile, kTile, space.tile_in_was.data() + row * kTile);
+      std::copy_n(change.previous + before * kTile, kTile,
+                  space.tile_in_previous.data() + row * kTile);
     }
-    const TileLine column{.length = line.length,
-                          .stride = line.stride,
-                          .in = line.in + tile * kTile,
-                          .in_was = is_first_ ? start_tile_.data() : space.tile_in_was.data(),
-                          .in_was_stride = is_first_ ? 0 : kTile,
-                          .out = line.out + tile * kTile,
-                          .out_was = space.tile_out_was.data()};
-    space.out_was_begin[idx(tile)] = space.out_was.size();
+    const TileLine column{
+        .length = line.length,
+        .stride = line.stride,
+        .in = line.in + tile * kTile,
+        .in_previous = is_first_ ? start_tile_.data() : space.tile_in_previous.data(),
+        .in_previous_stride = is_first_ ? 0 : kTile,
+        .out = line.out + tile * kTile,
+        .out_previous = space.tile_out_previous.data()};
+    space.out_previous_begin[idx(tile)] = space.out_previous.size();
     for (const int row : space.envelope.update(column, space.rows)) {
       space.out[idx(row)] |= bit;
-      if (!wants_was) continue;
-      const std::uint16_t* was = space.tile_out_was.data() + row * kTile;
-      space.out_was.insert(space.out_was.end(), was, was + kTile);
+      if (!wants_previous) continue;
+      const std::uint16_t* previous = space.tile_out_previous.data() + row * kTile;
+      space.out_previous.insert(space.out_previous.end(), previous, previous + kTile);
     }
   }
 }
 
 void IncrementalTransform::hand_on(int z, Workspace& space) {
-  auto& tiles_was = along_y_was_[idx(z)];
-  tiles_was.resize(space.out_was.size());
-  std::uint16_t* was = tiles_was.data();
+  auto& tiles_previous = along_y_previous_[idx(z)];
+  tiles_previous.resize(space.out_previous.size());
+  std::uint16_t* previous = tiles_previous.data();
   for (int y = 0; y < size_.y(); ++y) {
     std::uint64_t tiles = space.out[idx(y)];
     if (tiles == 0) continue;
-    changes_[along_z_index(y, z)] = {tiles, was};
+    changes_[along_z_index(y, z)] = {tiles, previous};
     std::atomic_ref(line_changed_[idx(y)]).store(1, std::memory_order_relaxed);
     if (is_first_) continue;
     // pass_line() went tile by tile; the next pass wants those of a row together.
-    for (; tiles != 0; tiles &= tiles - 1, was += kTile) {
-      std::size_t& from = space.out_was_begin[idx(std::countr_zero(tiles))];
-      std::copy_n(space.out_was.data() + from, kTile, was);
+    for (; tiles != 0; tiles &= tiles - 1, previous += kTile) {
+      std::size_t& from = space.out_previous_begin[idx(std::countr_zero(tiles))];
+      std::copy_n(space.out_previous.data() + from, kTile, previous);
       from += kTile;
     }
   }
@@ -144,14 +198,14 @@ void IncrementalTransform::update_slice(const VoxelBits& obstacles,
                                         std::span<const std::uint8_t> row_changed, int z,
                                         Workspace& space) {
   space.in.clear();
-  space.in_was.clear();
+  space.in_previous.clear();
   for (int y = 0; y < size_.y(); ++y) {
     if (row_changed[idx(y)] != 0) pass_row(obstacles, y, z, space);
   }
-  const std::uint16_t* was = space.in_was.data();
+  const std::uint16_t* previous = space.in_previous.data();
   for (auto& [row, change] : space.in) {
-    change.was = was;
-    if (!is_first_) was += std::popcount(change.tiles) * kTile;
+    change.previous = previous;
+    if (!is_first_) previous += std::popcount(change.tiles) * kTile;
   }
   pass_line({size_.y(), along_x_.row(0, z), along_y_.row(0, z), along_x_.pitch()}, !is_first_,
             space);

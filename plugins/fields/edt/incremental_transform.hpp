@@ -58,8 +58,8 @@ class IncrementalTransform {
 
   /// What a pass changed of a row.
   struct Change {
-    std::uint64_t tiles = 0;             ///< A mask.
-    const std::uint16_t* was = nullptr;  ///< Their values before, tile after tile.
+    std::uint64_t tiles = 0;                  ///< A mask.
+    const std::uint16_t* previous = nullptr;  ///< Their values before, tile after tile.
   };
   struct ChangedRow {
     int row;
@@ -81,12 +81,12 @@ class IncrementalTransform {
     std::vector<ChangedRow> in;
     std::vector<std::uint64_t> out;
     // Values before, of the changed tiles: `in` refers to the first along y. The other goes tile by
-    // tile from out_was_begin on, each row after row.
-    std::vector<std::uint16_t> in_was, out_was;
-    std::array<std::size_t, 64> out_was_begin;
+    // tile from out_previous_begin on, each row after row.
+    std::vector<std::uint16_t> in_previous, out_previous;
+    std::array<std::size_t, 64> out_previous_begin;
     // Of one tile of a line.
     std::vector<int> rows;
-    std::vector<std::uint16_t> tile_in_was, tile_out_was;
+    std::vector<std::uint16_t> tile_in_previous, tile_out_previous;
   };
   class BorrowedWorkspace;
 
@@ -101,8 +101,8 @@ class IncrementalTransform {
   /// Scans a row along x; adds what that changed to space.in.
   void pass_row(const VoxelBits& obstacles, int y, int z, Workspace& space);
   /// Brings the envelopes along a line up to date with space.in; fills space.out, and
-  /// space.out_was if that is wanted. The first update needs no values before.
-  void pass_line(const Line& line, bool wants_was, Workspace& space) const;
+  /// space.out_previous if that is wanted. The first update needs no values before.
+  void pass_line(const Line& line, bool wants_previous, Workspace& space) const;
   /// Leaves what pass_line() changed in a slice for the lines along z.
   void hand_on(int z, Workspace& space);
 
@@ -122,11 +122,11 @@ class IncrementalTransform {
   WorkerPool& workers_;
   Grid along_x_, along_y_, along_z_;  ///< The values after each pass.
   // What the pass along y changed, for the one along z, which clears it.
-  std::vector<Change> changes_;                          ///< By along_z_index().
-  std::vector<std::uint8_t> line_changed_;               ///< By y: whether there is any over all z.
-  std::vector<std::vector<std::uint16_t>> along_y_was_;  ///< By z.
-  std::vector<std::uint64_t> changed_;                   ///< What update() returns.
-  std::vector<int> busy_;                                ///< Slices, or lines, to go through.
+  std::vector<Change> changes_;             ///< By along_z_index().
+  std::vector<std::uint8_t> line_changed_;  ///< By y: whether there is any over all z.
+  std::vector<std::vector<std::uint16_t>> along_y_previous_;  ///< By z.
+  std::vector<std::uint64_t> changed_;                        ///< What update() returns.
+  std::vector<int> busy_;                                     ///< Slices, or lines, to go through.
   std::mutex spaces_mutex_;
   std::vector<std::unique_ptr<Workspace>> spaces_;  ///< Those not in use.
   std::vector<std::uint16_t> start_tile_;  ///< What every tile holds before the first update.

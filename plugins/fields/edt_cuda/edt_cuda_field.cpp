@@ -10,8 +10,6 @@
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 
-#include "distance_table.hpp"
-
 namespace sidestep::edt_cuda {
 namespace {
 
@@ -123,7 +121,7 @@ class EdtCudaBuilder final : public FieldBuilder {
     publisher_.emplace(FieldInfo{.grid = grid_,
                                  .is_signed = options_.is_signed,
                                  .max_distance_m = limit_m,
-                                 .steepest = 1.0},
+                                 .lipschitz = 1.0},
                        *view_, workers_);
     first_ = true;
     return {};

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "cuda/host_device.hpp"
+#include "cuda/kernel.hpp"
 #include "cuda/occupancy_on_device.hpp"
 
 /// The kernels of the exact transform. Values are squared distances in voxels, cut off at a cap:

@@ -9,7 +9,6 @@
 
 #include "cuda/host_backend.hpp"
 #include "cuda/occupancy_on_device.hpp"
-#include "cuda/stages.hpp"
 
 namespace sidestep::edt_cuda {
 

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include <sidestep/mapping/dense_field_publisher.hpp>
+#include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/mapping/tsdf_view.hpp>
+#include <sidestep/plugin/plugin.hpp>
 
 #include "distance_waves.hpp"
 
@@ -99,6 +101,10 @@ class EsdfBuilder final : public FieldBuilder {
   std::optional<DenseFieldPublisher> publisher_;
 };
 
+Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostContext& context) {
+  return make_esdf_builder(options, context.workers);
+}
+
 }  // namespace
 
 std::unique_ptr<FieldBuilder> make_esdf_builder(const Options& options, WorkerPool& workers) {
@@ -106,3 +112,7 @@ std::unique_ptr<FieldBuilder> make_esdf_builder(const Options& options, WorkerPo
 }
 
 }  // namespace sidestep::esdf
+
+SIDESTEP_PLUGIN(sidestep::FieldBuilder, sidestep::esdf::Options, sidestep::esdf::create, "esdf",
+                "0.1.0", "Signed distances spread from a TSDF by wavefronts, as in Voxblox",
+                sidestep::TsdfView, sidestep::OccupancyView)

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "neighbourhood.hpp"
-
 namespace sidestep::incremental {
 namespace {
 
@@ -17,6 +15,27 @@ int padded_row(int size_x) {
 }
 
 }  // namespace
+
+std::vector<Eigen::Vector3i> neighbourhood(int connectivity) {
+  const int farthest2 = connectivity == 6 ? 1 : connectivity == 26 ? 3 : 2;
+  std::vector<Eigen::Vector3i> steps;
+  for (int z = -1; z <= 1; ++z) {
+    for (int y = -1; y <= 1; ++y) {
+      for (int x = -1; x <= 1; ++x) {
+        const Eigen::Vector3i step(x, y, z);
+        if (step.squaredNorm() > 0 && step.squaredNorm() <= farthest2) steps.push_back(step);
+      }
+    }
+  }
+  if (connectivity == 24) {
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const int length : {-kLargestStep_vox, kLargestStep_vox}) {
+        steps.push_back(length * Eigen::Vector3i::Unit(axis));
+      }
+    }
+  }
+  return steps;
+}
 
 template <class Value>
 bool ClosestObstacles<Value>::fits(const Eigen::Vector3i& size_vox, std::uint32_t cap) noexcept {

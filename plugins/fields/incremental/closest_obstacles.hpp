@@ -1,17 +1,93 @@
 #pragma once
 
+#include <sys/mman.h>
+
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
+#include <new>
 #include <optional>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "large_array.hpp"
-#include "offset.hpp"
-
 namespace sidestep::incremental {
+
+/// An array for random access over many megabytes, in huge pages where the system has them. Starts
+/// with all bytes zero.
+template <class T>
+class LargeArray {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  explicit LargeArray(std::size_t size) : memory_(map(size), Unmap{size * sizeof(T)}) {}
+
+  [[nodiscard]] T& operator[](int i) noexcept { return memory_.get()[i]; }
+  [[nodiscard]] const T& operator[](int i) const noexcept { return memory_.get()[i]; }
+
+ private:
+  struct Unmap {
+    std::size_t bytes = 0;
+    void operator()(T* memory) const noexcept { munmap(memory, bytes); }
+  };
+
+  static T* map(std::size_t size) {
+    void* memory =
+        mmap(nullptr, size * sizeof(T), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (memory == MAP_FAILED) throw std::bad_alloc();
+    madvise(memory, size * sizeof(T), MADV_HUGEPAGE);  // failure is harmless
+    return static_cast<T*>(memory);
+  }
+
+  std::unique_ptr<T[], Unmap> memory_;
+};
+
+/// The way from a voxel to an obstacle, in voxels, packed into 32 bits so that a step to a
+/// neighbour is one addition. |x|, |y| <= kLargestXY and |z| <= kLargestZ; all bits zero are no
+/// offset.
+struct Offset {
+  static constexpr int kLargestXY = 1023;
+  static constexpr int kLargestZ = 511;
+
+  std::uint32_t bits = 0;
+
+  [[nodiscard]] static constexpr Offset of(int x, int y, int z) noexcept {
+    return {kZero + difference(x, y, z)};
+  }
+  /// What adding (x, y, z) to an offset adds to its bits.
+  [[nodiscard]] static constexpr std::uint32_t difference(int x, int y, int z) noexcept {
+    return static_cast<std::uint32_t>(x) + (static_cast<std::uint32_t>(y) << kShiftY) +
+           (static_cast<std::uint32_t>(z) << kShiftZ);
+  }
+
+  [[nodiscard]] constexpr bool exists() const noexcept { return bits != 0; }
+  [[nodiscard]] constexpr int x() const noexcept {
+    return static_cast<int>(bits & 0x7ffu) - (kLargestXY + 1);
+  }
+  [[nodiscard]] constexpr int y() const noexcept {
+    return static_cast<int>(bits >> kShiftY & 0x7ffu) - (kLargestXY + 1);
+  }
+  [[nodiscard]] constexpr int z() const noexcept {
+    return static_cast<int>(bits >> kShiftZ) - (kLargestZ + 1);
+  }
+
+ private:
+  static constexpr unsigned kShiftY = 11;
+  static constexpr unsigned kShiftZ = 22;
+  static constexpr std::uint32_t kZero = static_cast<std::uint32_t>(kLargestXY + 1) |
+                                         static_cast<std::uint32_t>(kLargestXY + 1) << kShiftY |
+                                         static_cast<std::uint32_t>(kLargestZ + 1) << kShiftZ;
+};
+
+/// No step of a neighbourhood is longer along an axis.
+inline constexpr int kLargestStep_vox = 2;
+
+/// The steps to a voxel's neighbours. 6: faces; 18: and edges; 26: and corners; 24: faces, edges,
+/// and two voxels along each axis, as FIESTA is published.
+[[nodiscard]] std::vector<Eigen::Vector3i> neighbourhood(int connectivity);
 
 /// For every voxel of a grid its closest obstacle, kept up to date while obstacles come and go
 /// (Han et al. 2019, "FIESTA", Alg. 2 and 3). Each obstacle heads a doubly linked list of the

@@ -1,30 +1,83 @@
 #include "incremental_field.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <bit>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/mapping/dense_field_publisher.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/plugin/plugin.hpp>
 
 #include "closest_obstacles.hpp"
-#include "neighbourhood.hpp"
-#include "occupancy_changes.hpp"
 
 namespace sidestep::incremental {
 namespace {
 
-/// The first squared distance, in voxels, at or beyond the limit.
-std::uint32_t cap_vox2(double max_distance_m, const GridSpec& grid) {
-  const double diagonal2 = grid.size_vox.cast<double>().squaredNorm();
-  if (max_distance_m <= 0.0) return static_cast<std::uint32_t>(diagonal2);
-  const double limit = max_distance_m / grid.resolution_m;
-  const double cap = std::ceil(limit * limit * (1.0 - 1e-12));
-  return static_cast<std::uint32_t>(std::clamp(cap, 1.0, diagonal2));
-}
+/// Which voxels became obstacles and which ceased to be, found by comparing the blocks that a map
+/// says it changed with a copy of the bits that they had before. [mapping]
+class OccupancyChanges {
+ public:
+  /// Voxels never observed are obstacles if `unknown_is_obstacle`; before the first find() none
+  /// has been observed. `view` must outlive this.
+  OccupancyChanges(const OccupancyView& view, bool unknown_is_obstacle)
+      : view_(view),
+        unknown_is_obstacle_(unknown_is_obstacle),
+        obstacles_(view.occupied().words.size(), unknown_is_obstacle ? ~std::uint64_t{0} : 0) {}
+
+  /// Fills both queues from the flagged blocks, one flag a block in block_linear order. Fills
+  /// them in that order, so that what follows does not depend on who changed the map how.
+  void find(std::span<const std::uint8_t> block_changed) {
+    inserted_.clear();
+    removed_.clear();
+    const Eigen::Vector3i counts = block_counts(view_.occupancy_grid());
+    for (int b = 0; b < static_cast<int>(block_changed.size()); ++b) {
+      if (block_changed[idx(b)] == 0) continue;
+      compare_block({b % counts.x(), b / counts.x() % counts.y(), b / (counts.x() * counts.y())});
+    }
+  }
+
+  /// What the newest find() found.
+  [[nodiscard]] const std::vector<Eigen::Vector3i>& inserted() const noexcept { return inserted_; }
+  [[nodiscard]] const std::vector<Eigen::Vector3i>& removed() const noexcept { return removed_; }
+
+ private:
+  void compare_block(const Eigen::Vector3i& block) {
+    const Eigen::Vector3i& size = view_.occupancy_grid().size_vox;
+    const VoxelBits occupied = view_.occupied();
+    const VoxelBits known = view_.known();
+    const Eigen::Vector3i low = block * kBlockSide_vox;
+    const Eigen::Vector3i high = (low.array() + kBlockSide_vox).min(size.array());
+    const auto shift = static_cast<unsigned>(low.x() % 64);
+    const std::uint64_t in_row = (std::uint64_t{1} << (high.x() - low.x())) - 1;
+    for (int z = low.z(); z < high.z(); ++z) {
+      for (int y = low.y(); y < high.y(); ++y) {
+        const auto row = static_cast<std::size_t>(y) +
+                         static_cast<std::size_t>(size.y()) * static_cast<std::size_t>(z);
+        const std::size_t at = row * static_cast<std::size_t>(occupied.words_per_row) +
+                               static_cast<std::size_t>(low.x() / 64);
+        std::uint64_t now = occupied.words[at];
+        if (unknown_is_obstacle_) now |= ~known.words[at];
+        const std::uint64_t flipped = (now ^ obstacles_[at]) & in_row << shift;
+        obstacles_[at] ^= flipped;
+        for (std::uint64_t left = flipped >> shift; left != 0; left &= left - 1) {
+          const int x = low.x() + std::countr_zero(left);
+          const bool is_obstacle = (now >> (x % 64) & 1u) != 0;
+          (is_obstacle ? inserted_ : removed_).emplace_back(x, y, z);
+        }
+      }
+    }
+  }
+
+  const OccupancyView& view_;
+  bool unknown_is_obstacle_;
+  std::vector<std::uint64_t> obstacles_;  // as VoxelBits
+  std::vector<Eigen::Vector3i> inserted_, removed_;
+};
 
 /// The closest obstacles of the map and, where the field is signed, of its inverse, as distances.
 class Distances {
@@ -44,7 +97,8 @@ class DistancesOf final : public Distances {
 
  public:
   DistancesOf(const FieldInfo& info, std::uint32_t cap, const Options& options)
-      : counts_(block_counts(info.grid)), distance_m_(cap + std::size_t{1}) {
+      : counts_(block_counts(info.grid)),
+        distance_m_(edt::distance_table(info.grid.resolution_m, cap, info.max_distance_m)) {
     const auto steps = neighbourhood(std::stoi(options.connectivity));
     const bool starts_full = options.unknown == "occupied";
     outside_.emplace(info.grid.size_vox, cap, steps,
@@ -52,13 +106,6 @@ class DistancesOf final : public Distances {
     if (info.is_signed) {
       inside_.emplace(info.grid.size_vox, cap, steps,
                       starts_full ? Start::kNoObstacles : Start::kAllObstacles);
-    }
-    for (std::size_t d2 = 0; d2 < distance_m_.size(); ++d2) {
-      distance_m_[d2] =
-          static_cast<float>(info.grid.resolution_m * std::sqrt(static_cast<double>(d2)));
-    }
-    if (std::isfinite(info.max_distance_m)) {
-      distance_m_[cap] = static_cast<float>(info.max_distance_m);
     }
   }
 
@@ -106,7 +153,7 @@ class IncrementalBuilder final : public FieldBuilder {
         .grid = view->occupancy_grid(),
         .is_signed = options_.is_signed,
         .max_distance_m = limit_m > 0.0 ? limit_m : std::numeric_limits<double>::infinity()};
-    const std::uint32_t cap = cap_vox2(limit_m, info.grid);
+    const std::uint32_t cap = edt::cap_vox2(limit_m, info.grid);
     if (ClosestObstacles<std::uint16_t>::fits(info.grid.size_vox, cap)) {
       distances_ = std::make_unique<DistancesOf<std::uint16_t>>(info, cap, options_);
     } else if (ClosestObstacles<std::uint32_t>::fits(info.grid.size_vox, cap)) {
@@ -147,6 +194,10 @@ class IncrementalBuilder final : public FieldBuilder {
   std::optional<DenseFieldPublisher> publisher_;
 };
 
+Result<std::unique_ptr<FieldBuilder>> create(const Options& options, const HostContext& context) {
+  return make_incremental_builder(options, context.workers);
+}
+
 }  // namespace
 
 std::unique_ptr<FieldBuilder> make_incremental_builder(const Options& options,
@@ -155,3 +206,8 @@ std::unique_ptr<FieldBuilder> make_incremental_builder(const Options& options,
 }
 
 }  // namespace sidestep::incremental
+
+SIDESTEP_PLUGIN(sidestep::FieldBuilder, sidestep::incremental::Options,
+                sidestep::incremental::create, "incremental", "0.1.0",
+                "Distances kept up to date by lists of closest obstacles (FIESTA, Han 2019)",
+                sidestep::OccupancyView)

@@ -10,8 +10,7 @@
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/mapping/tsdf_view.hpp>
 
-#include "options.hpp"
-#include "ray.hpp"
+#include "rays.hpp"
 
 namespace sidestep::tsdf {
 

@@ -8,9 +8,6 @@
 #include <sidestep/mapping/self_filter.hpp>
 #include <sidestep/mapping/tsdf_view.hpp>
 
-#include "options.hpp"
-#include "ray_source.hpp"
-#include "ray_walker.hpp"
 #include "tsdf_map.hpp"
 
 namespace sidestep::tsdf {

@@ -8,7 +8,6 @@
 #include <sidestep/sensing/frame.hpp>
 
 #include "kernels.hpp"
-#include "options.hpp"
 
 /// A frame's camera as the kernels of the projective method want it, here and on a GPU.
 namespace sidestep::voxel_grid {

@@ -26,8 +26,8 @@ struct BlockRows {
 };
 
 struct BlockOutcome {
-  bool changed = false;       ///< A bit of occupied or known.
-  bool settled_free = false;  ///< Every voxel is known and at the lower clamp.
+  bool changed = false;         ///< A bit of occupied or known.
+  bool saturated_free = false;  ///< Every voxel is known and at the lower clamp.
 };
 
 /// The camera over voxel indices: with c = base + i * column[0] + j * column[1] + k * column[2],

@@ -3,6 +3,7 @@
 #include <sys/mman.h>
 
 #include <algorithm>
+#include <cmath>
 #include <new>
 
 namespace sidestep::voxel_grid {
@@ -16,6 +17,52 @@ std::int16_t* map_zeroed(std::size_t bytes) {
 }
 
 }  // namespace
+
+Parameters<VoxelGridOptions> VoxelGridOptions::parameters() {
+  using O = VoxelGridOptions;
+  return declare_measurement(std::move(
+      declare_sensor_model(declare_grid(Parameters<O>()))
+          .add("sliding_window", &O::sliding_window,
+               "Whether the grid moves with the camera along x and y, by blocks of 16 voxels; "
+               "origin_m is where it lies in the first frame. What leaves it is forgotten.")
+          .add("fade_half_life_s", &O::fade_half_life_s,
+               "Time in which the log-odds of what is not seen halve, until it is unknown; 0: "
+               "never.",
+               {.unit = "s", .min = 0.0})));
+}
+
+LogOdds log_odds_of(const VoxelGridOptions& options) {
+  const auto fixed = [](double log_odds) {
+    return static_cast<std::int16_t>(std::lround(log_odds * LogOdds::kUnits));
+  };
+  return {fixed(options.l_hit), fixed(options.l_miss), fixed(options.l_min), fixed(options.l_max),
+          fixed(options.occupied_at)};
+}
+
+double memory_mib(const VoxelGridOptions& options) {
+  // Log-odds, two bitsets of the map, three of the frame (hits, misses, ends of rays).
+  constexpr double kBytesPerVoxel = sizeof(std::int16_t) + 5.0 / 8.0;
+  return voxels_of_blocks(options) * kBytesPerVoxel / (1 << 20);
+}
+
+std::vector<OptionMistake> VoxelGridOptions::check() const {
+  std::vector<OptionMistake> mistakes = check_map_options(*this, memory_mib(*this));
+  if (!(occupied_at > l_min && occupied_at <= l_max)) {
+    mistakes.push_back({{"occupied_at", "l_min", "l_max"},
+                        "must be above l_min and at most l_max, or no voxel ever changes; " +
+                            detail::number_text(occupied_at) + " is not",
+                        {}});
+  }
+  const bool has_whole_blocks =
+      size_vox.x() % kBlockSide_vox == 0 && size_vox.y() % kBlockSide_vox == 0;
+  if (sliding_window && !has_whole_blocks) {
+    mistakes.push_back({{"size_vox", "sliding_window"},
+                        "must be a multiple of " + std::to_string(kBlockSide_vox) +
+                            " along x and y where sliding_window is on",
+                        {}});
+  }
+  return mistakes;
+}
 
 void Unmap::operator()(std::int16_t* memory) const noexcept { munmap(memory, bytes); }
 
@@ -34,8 +81,8 @@ LogOddsGrid::LogOddsGrid(const GridSpec& spec, LogOdds model)
                             static_cast<std::size_t>(spec.size_vox.z());
   occupied_.resize(words);
   known_.resize(words);
-  settled_free_.resize(blocks);
-  touched_s_.resize(blocks);
+  saturated_free_.resize(blocks);
+  last_update_s_.resize(blocks);
   changed_.resize(blocks);
   slots_.resize(blocks);
   find_slots();
@@ -57,8 +104,8 @@ void LogOddsGrid::find_slots() {
 
 void LogOddsGrid::forget(std::int32_t linear) {
   std::fill_n(block(linear), kBlockVoxels, std::int16_t{0});
-  settled_free(linear) = 0;
-  touched_s(linear) = 0.0;
+  saturated_free(linear) = 0;
+  last_update_s(linear) = 0.0;
 }
 
 void LogOddsGrid::move(const Eigen::Vector2i& blocks) {

@@ -1,11 +1,9 @@
-#include "raycast.hpp"
+#include "integrators.hpp"
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
-
-#include "block_rows.hpp"
 
 namespace sidestep::voxel_grid {
 namespace {
@@ -113,19 +111,15 @@ void RaycastIntegrator::walk(const Eigen::Vector3d& camera_vox, const Ray& ray) 
 }
 
 void RaycastIntegrator::update_map(double stamp_s) {
-  const Eigen::Vector3i& counts = map_.counts();
-  workers_.run(counts.y() * counts.z(), [&](int row) {
-    Eigen::Vector3i block(0, row % counts.y(), row / counts.y());
-    for (block.x() = 0; block.x() < counts.x(); ++block.x()) {
-      const std::int32_t linear = block_linear(block, counts);
-      if (!hits_.in_block(linear) && !misses_.in_block(linear)) continue;
-      const BlockRows rows = block_rows(map_, block);
-      std::uint16_t hits[kBlockRows];
-      std::uint16_t misses[kBlockRows];
-      take_marks(hits_, map_, block, rows, hits);
-      take_marks(misses_, map_, block, rows, misses);
-      note(map_, block, stamp_s, integrate_marked(map_.model(), rows, hits, misses));
-    }
+  for_each_block(map_, workers_, [&](int, const Eigen::Vector3i& block) {
+    const std::int32_t linear = block_linear(block, map_.counts());
+    if (!hits_.in_block(linear) && !misses_.in_block(linear)) return;
+    const BlockRows rows = block_rows(map_, block);
+    std::uint16_t hits[kBlockRows];
+    std::uint16_t misses[kBlockRows];
+    take_marks(hits_, map_, block, rows, hits);
+    take_marks(misses_, map_, block, rows, misses);
+    note(map_, block, stamp_s, integrate_marked(map_.model(), rows, hits, misses));
   });
 }
 

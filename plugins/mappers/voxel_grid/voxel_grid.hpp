@@ -3,16 +3,7 @@
 #include <memory>
 #include <optional>
 
-#include <sidestep/mapping/mapper.hpp>
-#include <sidestep/mapping/occupancy_view.hpp>
-#include <sidestep/mapping/self_filter.hpp>
-
-#include "log_odds_grid.hpp"
-#include "options.hpp"
-#include "projective.hpp"
-#include "raycast.hpp"
-#include "voxel_fader.hpp"
-#include "voxel_marks.hpp"
+#include "integrators.hpp"
 
 namespace sidestep::voxel_grid {
 
@@ -33,7 +24,12 @@ class VoxelGrid final : public Mapper, public OccupancyView {
 
  private:
   /// Moves the grid after the camera; returns whether it had to.
-  bool follow(const Eigen::Vector3d& camera_m);
+  bool recentre(const Eigen::Vector3d& camera_m);
+  /// Brings a part of the map to the time of a frame that has been integrated. Log-odds fade
+  /// exponentially towards 0, and a voxel whose log-odds have come near to 0 is unknown again. A
+  /// block counts as seen where a frame changed, or confirmed, any of its voxels. Each call looks
+  /// at a sixteenth of the blocks, so that no frame has to fade all of a map.
+  void fade(double now_s);
 
   VoxelGridOptions options_;
   WorkerPool& workers_;
@@ -42,8 +38,8 @@ class VoxelGrid final : public Mapper, public OccupancyView {
   SelfFilter self_;
   ProjectiveIntegrator projective_;
   std::optional<RaycastIntegrator> raycast_;  // made when first needed: it has a memory of its own
-  std::optional<VoxelFader> fader_;           // where anything fades
   std::optional<Eigen::Vector2d> window_;  // where the camera was when the grid lay where it does
+  int fade_turn_ = 0;
   std::int64_t sequence_ = 0;
 };
 

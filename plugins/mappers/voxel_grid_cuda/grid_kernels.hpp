@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "cuda/host_device.hpp"
+#include "cuda/kernel.hpp"
 #include "cuda/occupancy_on_device.hpp"
 
 /// The log-odds of a grid as kernels see them, and what one frame does to a row of them. The same

@@ -6,8 +6,8 @@
 
 #include "grid_kernels.hpp"
 
-/// What projective integration makes of a depth image before voxels are looked at: the same steps,
-/// in the same order of arithmetic, as in the mapper voxel_grid, so that the same voxels change.
+/// The projective integration of a depth image: the same steps, in the same order of arithmetic, as
+/// in the mapper voxel_grid, so that the same voxels change.
 namespace sidestep::voxel_grid_cuda {
 
 /// What becomes of a measurement; the numbers are those of voxel_grid's PixelFates.
@@ -210,6 +210,236 @@ struct ReduceTiles {
     } else if (thread == 0) {
       tiles[tile] = {from_ordered_bits(shared.least), from_ordered_bits(shared.greatest)};
     }
+  }
+};
+
+/// Adds a hit or a miss to each voxel that the camera sees: a block of threads a block of voxels, a
+/// thread a row. Blocks behind the surface are left alone, and free ones that are settled.
+struct IntegrateImage {
+  static constexpr int kThreads = cuda::kBlockRows;
+  static constexpr int kPhases = 5;
+  enum Action { kLeave, kClear, kCompare };
+  struct Shared {
+    int action;
+    int u0, v0, u1, v1;  ///< Pixels that the block may cover.
+    int whole;           ///< Whether every voxel of it is in the image.
+    int has_hits;
+    double depth_least, depth_greatest;
+    int free_least, free_greatest;
+    float first[3];
+    int changed, settled;
+  };
+
+  Grid grid;
+  Marks hits;
+  View view;
+  int tiles_u = 0;
+  const float* carve_m = nullptr;
+  const Bounds* tiles = nullptr;
+
+  template <int kPhase>
+  SIDESTEP_HOST_DEVICE void run(std::int64_t block, int thread, Shared& shared) const {
+    if constexpr (kPhase == 0) {
+      if (thread == 0) look(block, shared);
+    } else if constexpr (kPhase == 2) {  // of which the others must not read
+      if (thread == 0 && shared.action != kLeave) decide(block, shared);
+    } else if (shared.action == kLeave) {
+      return;
+    } else if constexpr (kPhase == 1) {
+      bound(thread, shared);
+    } else if constexpr (kPhase == 3) {
+      integrate(block, thread, shared);
+    } else {
+      finish(block, thread, shared);
+    }
+  }
+
+ private:
+  struct Interval {
+    double least, greatest;
+  };
+  /// Least and greatest of n . (U, V, Z) over the voxel centres of a block.
+  [[nodiscard]] SIDESTEP_HOST_DEVICE Interval over_block(const double (&centre)[3], double nu,
+                                                         double nv, double nz) const {
+    const double middle = nu * centre[0] + nv * centre[1] + nz * centre[2];
+    double reach = 0.0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const double(&column)[3] = view.columns[axis];
+      reach += magnitude(nu * column[0] + nv * column[1] + nz * column[2]);
+    }
+    reach *= 0.5 * (cuda::kBlockSide - 1);
+    return {middle - reach, middle + reach};
+  }
+
+  /// Where the block lies in the image, and whether it may be seen at all.
+  SIDESTEP_HOST_DEVICE void look(std::int64_t block, Shared& shared) const {
+    const cuda::Extent at = grid.first_voxel(block);
+    const double x = at.x, y = at.y, z = at.z;
+    double first[3], centre[3];
+    for (int c = 0; c < 3; ++c) {
+      first[c] = view.base[c] +
+                 ((view.columns[0][c] * x + view.columns[1][c] * y) + view.columns[2][c] * z);
+      centre[c] = first[c] + 0.5 * (cuda::kBlockSide - 1) *
+                                 (view.columns[0][c] + view.columns[1][c] + view.columns[2][c]);
+      shared.first[c] = static_cast<float>(first[c]);
+    }
+    shared.has_hits = hits.blocks[block];
+    const Interval depth = over_block(centre, 0.0, 0.0, 1.0);
+    shared.depth_least = depth.least;
+    shared.depth_greatest = depth.greatest;
+    shared.action = shared.has_hits != 0 || is_in_view(centre, depth) ? kCompare : kLeave;
+    shared.u0 = shared.v0 = 0;
+    shared.u1 = view.width_px - 1;
+    shared.v1 = view.height_px - 1;
+    shared.whole = 0;
+    if (depth.least > view.near_m) cover(first, shared);
+    shared.free_least = ordered_bits(cuda::kInfinityF);
+    shared.free_greatest = 0;
+    shared.changed = 0;
+    shared.settled = 1;
+  }
+
+  [[nodiscard]] SIDESTEP_HOST_DEVICE bool is_in_view(const double (&centre)[3],
+                                                     const Interval& depth) const {
+    const double margin_u = static_cast<double>(view.margin_px_m[0]);
+    const double margin_v = static_cast<double>(view.margin_px_m[1]);
+    return !(depth.greatest < view.near_m ||
+             over_block(centre, 1.0, 0.0, 0.0).greatest < -margin_u ||
+             over_block(centre, 0.0, 1.0, 0.0).greatest < -margin_v ||
+             over_block(centre, -1.0, 0.0, view.width_px).greatest < -margin_u ||
+             over_block(centre, 0.0, -1.0, view.height_px).greatest < -margin_v);
+  }
+
+  /// The pixels around a block that is wholly in front of the camera.
+  SIDESTEP_HOST_DEVICE void cover(const double (&first)[3], Shared& shared) const {
+    double lower[2] = {cuda::kInfinity, cuda::kInfinity};
+    double upper[2] = {-lower[0], -lower[1]};
+    for (int corner = 0; corner < 8; ++corner) {
+      double c[3];
+      for (int i = 0; i < 3; ++i) {
+        c[i] = first[i];
+        for (int axis = 0; axis < 3; ++axis) {
+          if (((corner >> axis) & 1) != 0) c[i] += (cuda::kBlockSide - 1) * view.columns[axis][i];
+        }
+      }
+      for (int i = 0; i < 2; ++i) {
+        lower[i] = cuda::least_of(lower[i], c[i] / c[2]);
+        upper[i] = cuda::most_of(upper[i], c[i] / c[2]);
+      }
+    }
+    const double size[2] = {static_cast<double>(view.width_px),
+                            static_cast<double>(view.height_px)};
+    bool whole = true;
+    int low[2], high[2];
+    for (int i = 0; i < 2; ++i) {
+      whole = whole && lower[i] >= view.pixel_slack && upper[i] < size[i] - view.pixel_slack;
+      low[i] = static_cast<int>(
+          cuda::least_of(cuda::most_of(lower[i] - view.pixel_slack, 0.0), size[i] - 1.0));
+      high[i] = static_cast<int>(
+          cuda::least_of(cuda::most_of(upper[i] + view.pixel_slack, 0.0), size[i] - 1.0));
+    }
+    shared.whole = whole ? 1 : 0;
+    shared.u0 = low[0];
+    shared.v0 = low[1];
+    shared.u1 = high[0];
+    shared.v1 = high[1];
+  }
+
+  /// How far rays are free over the tiles that hold the block's pixels.
+  SIDESTEP_HOST_DEVICE void bound(int thread, Shared& shared) const {
+    const int first_u = shared.u0 / kImageTile;
+    const int first_v = shared.v0 / kImageTile;
+    const int wide = shared.u1 / kImageTile - first_u + 1;
+    const int count = wide * (shared.v1 / kImageTile - first_v + 1);
+    for (int i = thread; i < count; i += kThreads) {
+      const Bounds tile = tiles[first_u + i % wide + tiles_u * (first_v + i / wide)];
+      cuda::lower_to(shared.free_least, ordered_bits(tile.least_m));
+      cuda::raise_to(shared.free_greatest, ordered_bits(tile.greatest_m));
+    }
+  }
+
+  SIDESTEP_HOST_DEVICE void decide(std::int64_t block, Shared& shared) const {
+    if (shared.has_hits != 0) return;
+    const float beyond_m =
+        from_ordered_bits(shared.free_greatest) + view.band_m + view.depth_slack_m;
+    const float before_m = from_ordered_bits(shared.free_least) - view.band_m - view.depth_slack_m;
+    if (shared.depth_least > static_cast<double>(beyond_m)) {
+      shared.action = kLeave;
+    } else if (shared.whole != 0 && shared.depth_greatest < static_cast<double>(before_m)) {
+      shared.action = grid.settled[block] != 0 ? kLeave : kClear;
+    }
+  }
+
+  SIDESTEP_HOST_DEVICE void integrate(std::int64_t block, int row, Shared& shared) const {
+    const cuda::Extent first = grid.first_voxel(block);
+    if (!grid.has_row(first, row)) return;
+    RowChange change;
+    if (shared.action == kClear) {
+      for (std::int16_t& delta : change.delta) delta = grid.model.miss;
+    } else {
+      compare(first, row, shared, hits.row(block, row), change);
+    }
+    const RowOutcome outcome =
+        add_row(grid, block, row, cuda::least_of(cuda::kBlockSide, grid.size.x - first.x), change);
+    if (outcome.changed) cuda::raise_to(shared.changed, 1);
+    if (!outcome.settled) cuda::lower_to(shared.settled, 0);
+  }
+
+  /// Hit, miss or nothing for the voxels of a row, by comparing their depth with the image.
+  SIDESTEP_HOST_DEVICE void compare(const cuda::Extent& first, int row, const Shared& shared,
+                                    std::uint32_t hit, RowChange& change) const {
+    constexpr int kSide = cuda::kBlockSide;
+    float column[3][3];
+    for (int axis = 0; axis < 3; ++axis) {
+      for (int c = 0; c < 3; ++c) column[axis][c] = static_cast<float>(view.columns[axis][c]);
+    }
+    const int y = row % kSide;
+    const int z = row / kSide;
+    float start[3];
+    for (int c = 0; c < 3; ++c) {
+      start[c] = shared.first[c] + static_cast<float>(y) * column[1][c] +
+                 static_cast<float>(z) * column[2][c];
+    }
+    const bool has_surface = z >= view.first_surface_layer - first.z;
+    for (int i = 0; i < kSide; ++i) {
+      const auto step = static_cast<float>(i);
+      const float seen[3] = {start[0] + step * column[0][0], start[1] + step * column[0][1],
+                             start[2] + step * column[0][2]};
+      change.delta[i] = ((hit >> i) & 1u) != 0 ? grid.model.hit : judge(seen, has_surface);
+    }
+  }
+
+  /// One voxel, at seen[2] before the camera in pixel (seen[0], seen[1]) / seen[2].
+  [[nodiscard]] SIDESTEP_HOST_DEVICE std::int16_t judge(const float (&seen)[3],
+                                                        bool has_surface) const {
+    const float depth = seen[2];
+    if (!(depth > static_cast<float>(view.near_m))) return 0;
+    const auto width = static_cast<float>(view.width_px);
+    const auto height = static_cast<float>(view.height_px);
+    const float inverse = 1.0F / depth;
+    const float u = seen[0] * inverse;
+    const float v = seen[1] * inverse;
+    const float margin_u = view.margin_px_m[0] * inverse;
+    const float margin_v = view.margin_px_m[1] * inverse;
+    const bool is_in = u >= 0.0F && u < width && v >= 0.0F && v < height;
+    const bool is_cut =
+        u >= -margin_u && u < width + margin_u && v >= -margin_v && v < height + margin_v;
+    if (!is_in && !is_cut) return 0;
+    const int pixel_u = static_cast<int>(cuda::least_of(cuda::most_of(0.0F, u), width - 1.0F));
+    const int pixel_v = static_cast<int>(cuda::least_of(cuda::most_of(0.0F, v), height - 1.0F));
+    const float carve = carve_m[pixel_v * view.width_px + pixel_u];
+    const float gap = magnitude(carve) - depth;
+    if (is_cut && gap > view.band_m) return grid.model.miss;
+    const bool is_surface = carve > 0.0F && magnitude(gap) <= view.band_m;
+    return is_in && is_surface && has_surface ? grid.model.hit : std::int16_t{0};
+  }
+
+  SIDESTEP_HOST_DEVICE void finish(std::int64_t block, int thread, const Shared& shared) const {
+    if (shared.has_hits != 0 && thread % 2 == 0) hits.clear_pair(block, thread);
+    if (thread != 0) return;
+    hits.blocks[block] = 0;
+    if (shared.changed != 0) grid.changed[block] = 1;
+    grid.settled[block] = shared.action == kClear && shared.settled != 0 ? 1 : 0;
   }
 };
 

@@ -10,9 +10,7 @@
 
 #include "cuda/host_backend.hpp"
 #include "cuda/occupancy_on_device.hpp"
-#include "cuda/stages.hpp"
 #include "image_kernels.hpp"
-#include "integrate_image.hpp"
 #include "ray_kernels.hpp"
 
 namespace sidestep::voxel_grid_cuda {

@@ -10,7 +10,6 @@
 #include <sidestep/mapping/self_filter.hpp>
 
 #include "log_odds_map.hpp"
-#include "options.hpp"
 #include "voxel_grid.hpp"
 
 namespace sidestep::voxel_grid_cuda {

@@ -40,17 +40,14 @@ Parameters<ChompSettings> ChompSettings::parameters() {
            {.min = 1.0, .max = 1e6});
 }
 
-}  // namespace sidestep
-
 namespace {
-
-using namespace sidestep;
 
 Result<std::unique_ptr<Optimiser>> create(const ChompSettings& settings, const HostContext&) {
   return make_chomp(settings);
 }
 
 }  // namespace
+}  // namespace sidestep
 
-SIDESTEP_PLUGIN(Optimiser, ChompSettings, create, "chomp", "0.1.0",
+SIDESTEP_PLUGIN(sidestep::Optimiser, sidestep::ChompSettings, sidestep::create, "chomp", "0.1.0",
                 "Covariant gradient descent with an obstacle functional (CHOMP)")

@@ -8,13 +8,13 @@
 #include <utility>
 #include <vector>
 
+#include <ceres/evaluation_callback.h>
 #include <ceres/iteration_callback.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
 #include <glog/logging.h>
 
 #include "factors.hpp"
-#include "state_rows.hpp"
 
 namespace sidestep {
 namespace {
@@ -47,6 +47,49 @@ class StoppingRule final : public ceres::IterationCallback {
   const Deadline& deadline_;
   double last_decrease_ = 0.0;
   bool deadline_passed_ = false;
+};
+
+/// Before each evaluation, Ceres has written the point into `support`: all costs of all states
+/// are computed here in one batch, and the factors only copy them out.
+class BatchEvaluation final : public ceres::EvaluationCallback {
+ public:
+  BatchEvaluation(StateRows& rows, std::span<const double> support)
+      : rows_(rows), support_(support) {}
+
+  void PrepareForEvaluation(bool, bool new_evaluation_point) override {
+    // Jacobians come along at once: most steps are accepted, and Ceres then asks for them at the
+    // same point.
+    if (new_evaluation_point) rows_.update(support_);
+  }
+
+ private:
+  StateRows& rows_;
+  std::span<const double> support_;
+};
+
+/// The rows of one support state.
+class SupportFactor final : public ceres::CostFunction {
+ public:
+  SupportFactor(const StateRows& rows, int state) : rows_(rows), state_(state) {
+    set_num_residuals(rows.row_count(state));
+    mutable_parameter_block_sizes()->assign(1, 2 * rows.dof());
+  }
+
+  bool Evaluate(double const* const*, double* residuals, double** jacobians) const override {
+    const int width = 2 * rows_.dof() + 1;
+    const double* row = rows_.rows(state_).data();
+    for (int i = 0; i < num_residuals(); ++i, row += width) {
+      residuals[i] = row[width - 1];
+      if (jacobians != nullptr && jacobians[0] != nullptr) {
+        std::copy_n(row, width - 1, jacobians[0] + i * (width - 1));
+      }
+    }
+    return true;
+  }
+
+ private:
+  const StateRows& rows_;
+  int state_;
 };
 
 /// The chain as Ceres sees it: one parameter block per support state, [q; qdot].

@@ -19,17 +19,14 @@ Parameters<GpCeresSettings> GpCeresSettings::parameters() {
            "Damping of the first Levenberg-Marquardt step.", {.min = 1e-12, .max = 1e12});
 }
 
-}  // namespace sidestep
-
 namespace {
-
-using namespace sidestep;
 
 Result<std::unique_ptr<Optimiser>> create(const GpCeresSettings& settings, const HostContext&) {
   return make_gp_ceres(settings);
 }
 
 }  // namespace
+}  // namespace sidestep
 
-SIDESTEP_PLUGIN(Optimiser, GpCeresSettings, create, "gp_ceres", "0.1.0",
-                "GP trajectory optimisation (GPMP2) with Levenberg-Marquardt on Ceres")
+SIDESTEP_PLUGIN(sidestep::Optimiser, sidestep::GpCeresSettings, sidestep::create, "gp_ceres",
+                "0.1.0", "GP trajectory optimisation (GPMP2) with Levenberg-Marquardt on Ceres")

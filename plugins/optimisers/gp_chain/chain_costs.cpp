@@ -7,7 +7,6 @@
 #include "interval_blocks.hpp"
 
 namespace sidestep {
-namespace {}  // namespace
 
 void ChainCosts::States::resize(int count, int dof, double spacing_s) {
   q.resize(idx(count) * idx(dof) + kLanes);

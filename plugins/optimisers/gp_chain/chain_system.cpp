@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "joint_panels.hpp"
 #include "panel_kernels.hpp"
 
 namespace sidestep {

@@ -21,7 +21,7 @@ struct ChainPanel;
 /// panel at once.
 ///
 /// Where nothing but the GP prior is felt no joint is coupled with another one, and a state is
-/// eliminated joint by joint, all of them side by side (joint_panels.hpp). Such states at the
+/// eliminated joint by joint, all of them side by side (panel_kernels.hpp). Such states at the
 /// beginning of the chain are eliminated forwards, those at its end backwards, and the panels
 /// between them one after the other.
 class ChainSystem {

@@ -3,20 +3,79 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
-#include "conclusion.hpp"
+#include <sidestep/planning/goal.hpp>
+
 #include "minimise.hpp"
-#include "prior_sampler.hpp"
-#include "settle.hpp"
+#include "prior_chain.hpp"
 
 namespace sidestep {
+
+void conclude(const Minimisation& end, const StoppingRules& stop, double cost,
+              const Deadline& deadline, Solution& solution) {
+  solution.iterations = end.tried;
+  solution.accepted_iterations = end.accepted;
+  switch (end.end) {
+    case Minimisation::End::kConverged: solution.status = SolveStatus::kConverged; break;
+    case Minimisation::End::kIterationLimit:
+      solution.status = SolveStatus::kIterationLimit;
+      solution.reason = iteration_limit_reason(stop.max_iterations, end.last_decrease, cost);
+      break;
+    case Minimisation::End::kDeadline:
+      solution.status = SolveStatus::kDeadline;
+      solution.reason =
+          (deadline.stop_requested() ? "stopped on request after " : "the deadline passed after ") +
+          std::to_string(end.tried) + " iterations";
+      break;
+    case Minimisation::End::kSingular:
+      solution.status = SolveStatus::kFailed;
+      solution.reason =
+          "the normal equations are singular: qc, dt_s or the weight of a term is too large or "
+          "too small for double precision";
+      break;
+  }
+}
+
+void name_broken_term(Solution& solution) {
+  solution.status = SolveStatus::kFailed;
+  solution.reason = "the cost of the initial trajectory is not a finite number";
+  for (const TermCost& term : solution.terms) {
+    if (std::isfinite(term.cost)) continue;
+    solution.reason = "the cost of " + term.name + " is not a finite number";
+    return;
+  }
+}
+
+std::vector<TermCost> name_terms(const Problem& problem, std::span<const double> costs) {
+  std::vector<TermCost> named{{"gp_prior", costs[0]}};
+  for (std::size_t t = 0; t < problem.terms.size(); ++t) {
+    named.push_back({std::string(problem.terms[t].cost->name()), costs[t + 1]});
+  }
+  return named;
+}
+
+Judge::Judge(const Problem& problem, const FieldChecks& checks)
+    : problem_(problem),
+      check_(checks.make(problem.field, problem.space,
+                         {.margin_m = problem.collision_margin_m,
+                          .speed_fraction = std::numeric_limits<double>::infinity(),
+                          .first_violation_only = true})) {}
+
+bool Judge::accepts(const Trajectory& found, const Deadline& deadline) const {
+  if (!goal_miss(problem_, found.q(found.size() - 1)).empty()) return false;
+  const auto verdict = check_->check(found, 0.0, deadline);
+  return verdict.has_value() && verdict->valid();
+}
+
 namespace {
 
 /// One of several initial trajectories, and what became of it.
-struct Start {
+struct Candidate {
   ChainModel model;
   std::unique_ptr<StepRule> rule;
   Minimisation end;
@@ -33,7 +92,7 @@ class GpChain final : public Optimiser {
         stop_{settings.relative_tolerance, settings.absolute_tolerance, settings.max_iterations},
         workers_(workers),
         starts_(static_cast<std::size_t>(settings.starts)) {
-    for (Start& start : starts_) start.rule = make_step_rule(settings);
+    for (Candidate& start : starts_) start.rule = make_step_rule(settings);
   }
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
@@ -42,11 +101,11 @@ class GpChain final : public Optimiser {
     SIDESTEP_TRY(problem.validate());
     SIDESTEP_TRY(check_initial(problem, initial));
     if (settings_.incremental && starts_.front().model.resume(problem, initial)) {
-      lead_on(starts_.front(), deadline);
+      minimise_warm_started(starts_.front(), deadline);
     } else {
       minimise_from(starts_.front(), problem, initial, deadline);
     }
-    const Start* chosen = &starts_.front();
+    const Candidate* chosen = &starts_.front();
     if (starts_.size() > 1) chosen = &best_of_all(problem, initial, deadline);
 
     Solution solution;
@@ -63,7 +122,7 @@ class GpChain final : public Optimiser {
   }
 
  private:
-  void minimise_from(Start& start, const Problem& problem, const Trajectory& initial,
+  void minimise_from(Candidate& start, const Problem& problem, const Trajectory& initial,
                      const Deadline& deadline) const {
     start.model.reset(problem, initial);
     begin(start);
@@ -71,12 +130,12 @@ class GpChain final : public Optimiser {
   }
 
   /// Goes on with a model that has resumed.
-  void lead_on(Start& start, const Deadline& deadline) {
+  void minimise_warm_started(Candidate& start, const Deadline& deadline) {
     begin(start);
     if (start.is_finite) start.end = settle(start.model, *start.rule, stop_, deadline, step_);
   }
 
-  static void begin(Start& start) {
+  static void begin(Candidate& start) {
     start.initial_cost = start.model.current().cost;
     start.is_finite = std::isfinite(start.initial_cost);
     start.is_valid = false;
@@ -84,19 +143,19 @@ class GpChain final : public Optimiser {
   }
 
   /// Goes on from the first start, which is done, to the others.
-  const Start& best_of_all(const Problem& problem, const Trajectory& initial,
-                           const Deadline& deadline) {
+  const Candidate& best_of_all(const Problem& problem, const Trajectory& initial,
+                               const Deadline& deadline) {
     if (!checks_ || checks_->robot() != problem.robot.get()) checks_.emplace(problem.robot);
     const Judge judge(problem, *checks_);
     if (settings_.accept == "first_valid") {
       minimise_others(problem, initial, deadline, &judge);
-      const auto first = std::ranges::find_if(starts_, &Start::is_valid);
+      const auto first = std::ranges::find_if(starts_, &Candidate::is_valid);
       return first != starts_.end() ? *first : *by_cost().front();
     }
     minimise_others(problem, initial, deadline, nullptr);
-    const std::vector<const Start*> sorted = by_cost();
+    const std::vector<const Candidate*> sorted = by_cost();
     const auto best = std::ranges::find_if(
-        sorted, [&](const Start* start) { return accepts(judge, *start, deadline); });
+        sorted, [&](const Candidate* start) { return accepts(judge, *start, deadline); });
     return best != sorted.end() ? **best : *sorted.front();
   }
 
@@ -105,7 +164,7 @@ class GpChain final : public Optimiser {
   void minimise_others(const Problem& problem, const Trajectory& initial, const Deadline& deadline,
                        const Judge* judge) {
     std::atomic<bool> enough = false;
-    const auto judge_start = [&](Start& start) {
+    const auto judge_start = [&](Candidate& start) {
       start.is_valid = judge != nullptr && accepts(*judge, start, deadline);
       if (start.is_valid) enough = true;
     };
@@ -117,10 +176,10 @@ class GpChain final : public Optimiser {
     }
     const auto go = [&](int other) {
       const int i = other + 1;
-      Start& start = starts_[static_cast<std::size_t>(i)];
+      Candidate& start = starts_[static_cast<std::size_t>(i)];
       start.is_finite = start.is_valid = false;
       if (enough || deadline.expired()) return;
-      minimise_from(start, problem, strayed(initial, i), deadline);
+      minimise_from(start, problem, perturbed(initial, i), deadline);
       judge_start(start);
     };
     const int others = settings_.starts - 1;
@@ -131,16 +190,16 @@ class GpChain final : public Optimiser {
     }
   }
 
-  [[nodiscard]] static bool accepts(const Judge& judge, const Start& start,
+  [[nodiscard]] static bool accepts(const Judge& judge, const Candidate& start,
                                     const Deadline& deadline) {
     return start.is_finite && judge.accepts(start.model.trajectory(), deadline);
   }
 
   /// The starts, the cheapest first.
-  [[nodiscard]] std::vector<const Start*> by_cost() const {
-    std::vector<const Start*> sorted;
-    for (const Start& start : starts_) sorted.push_back(&start);
-    std::ranges::stable_sort(sorted, [](const Start* a, const Start* b) {
+  [[nodiscard]] std::vector<const Candidate*> by_cost() const {
+    std::vector<const Candidate*> sorted;
+    for (const Candidate& start : starts_) sorted.push_back(&start);
+    std::ranges::stable_sort(sorted, [](const Candidate* a, const Candidate* b) {
       if (a->is_finite != b->is_finite) return a->is_finite;
       return a->is_finite && a->model.current().cost < b->model.current().cost;
     });
@@ -153,7 +212,7 @@ class GpChain final : public Optimiser {
   }
 
   /// The initial trajectory plus the sample of a start.
-  [[nodiscard]] Trajectory strayed(const Trajectory& initial, int start) {
+  [[nodiscard]] Trajectory perturbed(const Trajectory& initial, int start) {
     Trajectory out = initial;
     const double* by = sample(start).data();
     for (int i = 0; i < out.size(); ++i) {
@@ -167,7 +226,7 @@ class GpChain final : public Optimiser {
   std::uint64_t seed_;
   StoppingRules stop_;
   WorkerPool* workers_;
-  std::vector<Start> starts_;
+  std::vector<Candidate> starts_;
   std::optional<FieldChecks> checks_;  ///< Of the last problem's robot; for several starts.
   std::vector<double> step_;           ///< Of an incremental solve.
   PriorSampler sampler_;

@@ -2,15 +2,18 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/planning/validity_check.hpp>
 #include <sidestep/plugin/parameters.hpp>
 
-#include "step_rules.hpp"
+#include "minimise.hpp"
+#include "stopping_rules.hpp"
 
 namespace sidestep {
 
@@ -62,5 +65,32 @@ template <class S>
 [[nodiscard]] std::unique_ptr<Optimiser> make_gp_chain(const GpChainSettings& settings,
                                                        WorkerPool* workers = nullptr,
                                                        std::uint64_t seed = 1);
+
+/// Writes how a minimisation ended into a solution: iterations, status and reason. `cost`: what it
+/// came to.
+void conclude(const Minimisation& end, const StoppingRules& stop, double cost,
+              const Deadline& deadline, Solution& solution);
+
+/// Writes that the initial trajectory's cost is no number, and of which of solution.terms.
+void name_broken_term(Solution& solution);
+
+/// `costs`: of the GP prior, then of each term of the problem.
+[[nodiscard]] std::vector<TermCost> name_terms(const Problem& problem,
+                                               std::span<const double> costs);
+
+/// Which of several trajectories are valid: free of collisions, within the limits of positions, at
+/// the goal. How fast they are may still be changed.
+class Judge {
+ public:
+  /// `checks`: of the problem's robot; outlives it, as does the problem.
+  Judge(const Problem& problem, const FieldChecks& checks);
+
+  /// False where the deadline passes before it is known.
+  [[nodiscard]] bool accepts(const Trajectory& found, const Deadline& deadline) const;
+
+ private:
+  const Problem& problem_;
+  std::unique_ptr<ValidityCheck> check_;
+};
 
 }  // namespace sidestep

@@ -88,9 +88,9 @@ void add_support_state(const StateNormals& normals, std::size_t state, ChainSyst
                        int support) {
   const auto dof = static_cast<std::size_t>(normals.dof());
   const auto add = [&](const StateNormals::Block& block, std::size_t width) {
-    SIDESTEP_BEST(add_columns)
+    SIDESTEP_DISPATCH(add_columns)
     (system.own_block(support), system.stride(), block.hessian, width, width);
-    SIDESTEP_BEST(subtract_padded)(system.rhs(support), 1.0, block.gradient, width);
+    SIDESTEP_DISPATCH(subtract_padded)(system.rhs(support), 1.0, block.gradient, width);
   };
   if (normals.has_position(state)) add(normals.position(state), dof);
   if (normals.has_full(state)) add(normals.full(state), 2 * dof);
@@ -108,7 +108,7 @@ void add_interval(const StateNormals& normals, std::size_t first,
     }
     for (std::size_t m = 0; m < 4; ++m) sums.rhs[m] = rhs_of(system, interval, m, dof);
     sums.stride = system.stride();
-    SIDESTEP_BEST(add_sums)(sums, dof);
+    SIDESTEP_DISPATCH(add_sums)(sums, dof);
     sums.count = 0;
   };
   for (std::size_t k = 0; k < checks.size(); ++k) {
@@ -131,7 +131,7 @@ void add_interval(const StateNormals& normals, std::size_t first,
 void interpolate_between(const double* ends, std::size_t stride,
                          const GpPrior::Interpolation& interpolation, double* q,
                          double* qdot) noexcept {
-  SIDESTEP_BEST(interpolate_between)(ends, stride, interpolation, q, qdot);
+  SIDESTEP_DISPATCH(interpolate_between)(ends, stride, interpolation, q, qdot);
 }
 
 }  // namespace sidestep

@@ -19,11 +19,7 @@ Parameters<GpChainSettings> GpChainSettings::parameters() {
            "A solve that begins with the trajectory found last re-uses what is known of it.");
 }
 
-}  // namespace sidestep
-
 namespace {
-
-using namespace sidestep;
 
 Result<std::unique_ptr<Optimiser>> create(const GpChainSettings& settings,
                                           const HostContext& context) {
@@ -31,6 +27,7 @@ Result<std::unique_ptr<Optimiser>> create(const GpChainSettings& settings,
 }
 
 }  // namespace
+}  // namespace sidestep
 
-SIDESTEP_PLUGIN(Optimiser, GpChainSettings, create, "gp_chain", "0.1.0",
-                "GP trajectory optimisation (GPMP2) by the structure of its chain")
+SIDESTEP_PLUGIN(sidestep::Optimiser, sidestep::GpChainSettings, sidestep::create, "gp_chain",
+                "0.1.0", "GP trajectory optimisation (GPMP2) by the structure of its chain")

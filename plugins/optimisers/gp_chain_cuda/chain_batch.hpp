@@ -9,8 +9,6 @@
 
 #include "chain_kernels.hpp"
 #include "cuda/host_backend.hpp"
-#include "cuda/stages.hpp"
-#include "move_chains.hpp"
 
 namespace sidestep::gp_chain_cuda {
 

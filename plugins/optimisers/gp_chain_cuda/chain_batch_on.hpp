@@ -61,8 +61,8 @@ class ChainBatchOn final : public ChainBatch {
     }
     samples_.normals = normals_.data();
     samples_.stride = samples.stride;
-    if (all) all = put_starts(starts);
-    if (!all) return all;
+    SIDESTEP_TRY(all);
+    SIDESTEP_TRY(put_starts(starts));
     backend_->launch(CopyTrajectories{problem_, chains(), trajectories_.data(), true}, chains_);
     return backend_->finish();
   }
@@ -133,11 +133,10 @@ class ChainBatchOn final : public ChainBatch {
   Result<void> put_starts(std::span<const ChainStart> starts) {
     const std::size_t values = count() * static_cast<std::size_t>(problem_.values());
     const std::size_t own = count() * static_cast<std::size_t>(problem_.own_numbers);
-    Result<void> all = cuda::grow(*backend_, memory_, count() * ChainMemory::size(problem_));
-    if (all) all = cuda::grow_pinned(*backend_, trajectories_on_host_, values);
-    if (all) all = cuda::grow_pinned(*backend_, own_on_host_, own);
-    if (all) all = cuda::grow_pinned(*backend_, states_on_host_, count());
-    if (!all) return all;
+    SIDESTEP_TRY(cuda::grow(*backend_, memory_, count() * ChainMemory::size(problem_)));
+    SIDESTEP_TRY(cuda::grow_pinned(*backend_, trajectories_on_host_, values));
+    SIDESTEP_TRY(cuda::grow_pinned(*backend_, own_on_host_, own));
+    SIDESTEP_TRY(cuda::grow_pinned(*backend_, states_on_host_, count()));
     double* trajectory = trajectories_on_host_.data();
     double* numbers = own_on_host_.data();
     for (std::size_t i = 0; i < starts.size(); ++i) {
@@ -146,22 +145,18 @@ class ChainBatchOn final : public ChainBatch {
       states_on_host_.data()[i] = ChainState{.sample = starts[i].sample};
     }
     using Values = std::span<const double>;
-    all = send(trajectories_, Values(trajectories_on_host_.data(), values));
-    if (all) all = send(own_numbers_, Values(own_on_host_.data(), own));
-    if (all) {
-      all = send(states_, std::span<const ChainState>(states_on_host_.data(), count()));
-    }
-    return all;
+    SIDESTEP_TRY(send(trajectories_, Values(trajectories_on_host_.data(), values)));
+    SIDESTEP_TRY(send(own_numbers_, Values(own_on_host_.data(), own)));
+    return send(states_, std::span<const ChainState>(states_on_host_.data(), count()));
   }
 
   /// Uploads some blocks of a field in one go, and puts them where they belong.
   Result<void> place(std::span<const FieldBlockOnHost> blocks) {
     constexpr auto kVoxels = static_cast<std::size_t>(PlaceBlocks::kVoxels);
     constexpr auto kRows = static_cast<std::size_t>(PlaceBlocks::kRows);
-    Result<void> all = backend_->finish();  // what was packed before has been sent
-    if (all) all = cuda::grow_pinned(*backend_, packed_m_on_host_, kBlocksAtOnce * kVoxels);
-    if (all) all = cuda::grow_pinned(*backend_, packed_known_on_host_, kBlocksAtOnce * kRows);
-    if (!all) return all;
+    SIDESTEP_TRY(backend_->finish());  // what was packed before has been sent
+    SIDESTEP_TRY(cuda::grow_pinned(*backend_, packed_m_on_host_, kBlocksAtOnce * kVoxels));
+    SIDESTEP_TRY(cuda::grow_pinned(*backend_, packed_known_on_host_, kBlocksAtOnce * kRows));
     block_numbers_.clear();
     for (std::size_t i = 0; i < blocks.size(); ++i) {
       block_numbers_.push_back(blocks[i].block);
@@ -170,15 +165,11 @@ class ChainBatchOn final : public ChainBatch {
     }
     backend_->stage(cuda::Stage::kUpload);
     const std::size_t count = blocks.size();
-    all = send(blocks_, std::span<const std::int32_t>(block_numbers_));
-    if (all) {
-      all = send(packed_m_, std::span<const float>(packed_m_on_host_.data(), count * kVoxels));
-    }
-    if (all) {
-      all = send(packed_known_,
-                 std::span<const std::uint16_t>(packed_known_on_host_.data(), count * kRows));
-    }
-    if (!all) return all;
+    SIDESTEP_TRY(send(blocks_, std::span<const std::int32_t>(block_numbers_)));
+    SIDESTEP_TRY(
+        send(packed_m_, std::span<const float>(packed_m_on_host_.data(), count * kVoxels)));
+    SIDESTEP_TRY(send(packed_known_,
+                      std::span<const std::uint16_t>(packed_known_on_host_.data(), count * kRows)));
     backend_->stage(cuda::Stage::kIntegrate);
     backend_->launch(PlaceBlocks{blocks_.data(), packed_m_.data(), packed_known_.data(),
                                  distances_m_.data(), known_.data()},

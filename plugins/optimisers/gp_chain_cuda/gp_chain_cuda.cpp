@@ -4,15 +4,36 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <random>
 #include <utility>
 #include <vector>
 
-#include "conclusion.hpp"
 #include "describe.hpp"
-#include "field_mirror.hpp"
-#include "normal_numbers.hpp"
 
 namespace sidestep::gp_chain_cuda {
+
+static_assert(FieldBlock::kVoxels == PlaceBlocks::kVoxels);
+static_assert(sizeof(KnownBlock) == PlaceBlocks::kRows * sizeof(std::uint16_t));
+
+Result<void> FieldMirror::show(ChainBatch& batch, const FieldOnDevice& shape,
+                               const DenseField& field) {
+  const DenseField::Blocks& blocks = field.blocks();
+  const DenseField::KnownBlocks& known = field.known_blocks();
+  const bool is_new = blocks_.size() != blocks.size();
+  changed_.clear();
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    if (!is_new && &blocks.block(b) == &blocks_.block(b) && &known.block(b) == &known_.block(b)) {
+      continue;
+    }
+    changed_.push_back({static_cast<std::int32_t>(b), blocks.block(b).distance_m.data(),
+                        known.block(b).rows.data()});
+  }
+  SIDESTEP_TRY(batch.set_field(shape, changed_));
+  blocks_ = blocks;
+  known_ = known;
+  return {};
+}
+
 namespace {
 
 /// The support states of a trajectory, with the problem's start and goal where these are held.
@@ -50,6 +71,39 @@ Minimisation end_of(const ChainState& state) {
   if (state.standing == Standing::kSingular) end = End::kSingular;
   return {end, state.accepted, state.tried, state.last_decrease};
 }
+
+/// The normal numbers of samples 1, 2, ..., drawn once: sample i has those of seed + i, of which
+/// shorter chains use the first.
+class NormalNumbers {
+ public:
+  explicit NormalNumbers(std::uint64_t seed) : seed_(seed) {}
+
+  /// Makes sure of `each` numbers of each of `samples` samples.
+  void reserve(std::size_t samples, std::size_t each) {
+    if (samples <= samples_ && each <= each_) return;
+    samples_ = std::max(samples, samples_);
+    each_ = std::max(each, each_);
+    ++version_;
+    values_.resize(samples_ * each_);
+    for (std::size_t i = 0; i < samples_; ++i) {
+      std::mt19937_64 generator(seed_ + i + 1);
+      std::normal_distribution<double> normal;
+      std::generate_n(values_.begin() + static_cast<std::ptrdiff_t>(i * each_), each_,
+                      [&] { return normal(generator); });
+    }
+  }
+
+  [[nodiscard]] const std::vector<double>& values() const noexcept { return values_; }
+  [[nodiscard]] std::size_t each() const noexcept { return each_; }
+  /// Another one whenever the numbers are.
+  [[nodiscard]] std::uint64_t version() const noexcept { return version_; }
+
+ private:
+  std::uint64_t seed_;
+  std::size_t samples_ = 0, each_ = 0;
+  std::uint64_t version_ = 0;
+  std::vector<double> values_;
+};
 
 class GpChainCuda final : public Optimiser {
  public:

@@ -4,14 +4,33 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <sidestep/core/log.hpp>
 #include <sidestep/core/worker_pool.hpp>
+#include <sidestep/field/dense_field.hpp>
 
 #include "chain_batch.hpp"
 #include "gp_chain.hpp"
 
 namespace sidestep::gp_chain_cuda {
+
+/// Keeps the field of a batch the same as snapshots in the host's memory: blocks that a snapshot
+/// shares with the one before are not sent again.
+class FieldMirror {
+ public:
+  /// Sends what is new. `shape`: of `field`, without pointers.
+  [[nodiscard]] Result<void> show(ChainBatch& batch, const FieldOnDevice& shape,
+                                  const DenseField& field);
+
+  /// Blocks that the newest snapshot took.
+  [[nodiscard]] std::size_t sent() const noexcept { return changed_.size(); }
+
+ private:
+  DenseField::Blocks blocks_;  ///< As sent; kept, so that no other block has the same address.
+  DenseField::KnownBlocks known_;
+  std::vector<FieldBlockOnHost> changed_;
+};
 
 /// Of gp_chain's settings those of Levenberg-Marquardt; and where it runs.
 struct Options : GpChainSettings {

@@ -3,11 +3,6 @@
 
 #include <limits>
 
-namespace sidestep::ompl_optimiser {
-namespace {}  // namespace
-
-}  // namespace sidestep::ompl_optimiser
-
 #define SIDESTEP_KERNELS "flat_nearest.cpp"
 #include <sidestep/core/each_target.hpp>
 #include <sidestep/core/index.hpp>
@@ -36,7 +31,7 @@ void FlatPoints::remove(std::size_t number) {
 
 std::size_t FlatPoints::nearest(const double* point) const noexcept {
   alignas(64) double squares[kLanes], blocks[kLanes];
-  SIDESTEP_BEST(find_nearest)
+  SIDESTEP_DISPATCH(find_nearest)
   (blocks_.data(), (size_ + kLanes - 1) / kLanes, dof_, point, squares, blocks);
   const std::size_t lane =
       static_cast<std::size_t>(std::min_element(squares, squares + kLanes) - squares);

@@ -1,4 +1,4 @@
-#include "options.hpp"
+#include "ompl_optimiser.hpp"
 
 #include <cmath>
 #include <map>

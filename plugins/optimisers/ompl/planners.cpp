@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include <ompl/base/OptimizationObjective.h>
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/geometric/planners/AnytimePathShortening.h>
 #include <ompl/geometric/planners/cforest/CForest.h>
@@ -23,6 +24,7 @@
 #include <ompl/geometric/planners/pdst/PDST.h>
 #include <ompl/geometric/planners/prm/LazyPRM.h>
 #include <ompl/geometric/planners/prm/LazyPRMstar.h>
+#include <ompl/geometric/planners/prm/PRM.h>
 #include <ompl/geometric/planners/prm/SPARS.h>
 #include <ompl/geometric/planners/prm/SPARStwo.h>
 #include <ompl/geometric/planners/rlrt/BiRLRT.h>
@@ -42,12 +44,37 @@
 #include <ompl/geometric/planners/sbl/SBL.h>
 #include <ompl/geometric/planners/sbl/pSBL.h>
 #include <ompl/geometric/planners/stride/STRIDE.h>
+#include <ompl/util/RandomNumbers.h>
 
-#include "counting_prm.hpp"
 #include "flat_nearest.hpp"
-#include "session.hpp"
 
 namespace sidestep::ompl_optimiser {
+namespace {
+
+std::mutex session_mutex;  // guards OMPL's globals, which are the process's, too
+
+}  // namespace
+
+Session::Session(std::uint64_t seed, Log& log)
+    : lock_(session_mutex), log_(log), previous_(::ompl::msg::getOutputHandler()) {
+  // Seeding a second time works, but OMPL calls it an error: silence it.
+  ::ompl::msg::noOutputHandler();
+  ::ompl::RNG::setSeed(static_cast<std::uint_fast32_t>(seed % 0x7fffffffu) + 1u);
+  ::ompl::msg::useOutputHandler(this);
+}
+
+Session::~Session() { ::ompl::msg::useOutputHandler(previous_); }
+
+void Session::log(const std::string& text, ::ompl::msg::LogLevel level, const char*, int) {
+  if (level >= ::ompl::msg::LOG_ERROR) {
+    log_.error("OMPL: " + text);
+  } else if (level == ::ompl::msg::LOG_WARN) {
+    log_.warn("OMPL: " + text);
+  } else {
+    log_.debug("OMPL: " + text);
+  }
+}
+
 namespace {
 
 namespace ob = ::ompl::base;
@@ -59,6 +86,52 @@ template <class Planner>
 std::pair<const std::string, Maker> entry(const char* name) {
   return {name, [](const ob::SpaceInformationPtr& of) { return std::make_shared<Planner>(of); }};
 }
+
+/// PRM, except that it counts instead of looking at the clock, and looks for a path between two
+/// rounds of growth instead of from a thread beside it: equal seeds give equal roadmaps. With
+/// `star`, PRM*: as many connections as the number of milestones asks for.
+class CountingPrm final : public og::PRM {
+ public:
+  explicit CountingPrm(const ob::SpaceInformationPtr& information, bool star = false)
+      : og::PRM(information, star) {
+    if (star) setName("PRMstar");
+  }
+
+  ob::PlannerStatus solve(const ob::PlannerTerminationCondition& done) override {
+    checkValidity();
+    while (const ob::State* start = pis_.nextStart()) {
+      startM_.push_back(addMilestone(si_->cloneState(start)));
+    }
+    while (const ob::State* goal = pis_.nextGoal()) {
+      goalM_.push_back(addMilestone(si_->cloneState(goal)));
+    }
+    if (startM_.empty()) return ob::PlannerStatus::INVALID_START;
+    if (goalM_.empty()) return ob::PlannerStatus::INVALID_GOAL;
+    bestCost_ = opt_->infiniteCost();
+    addedNewSolution_ = false;
+    ob::PathPtr path;
+    while (true) {
+      // Its result says whether the path is good enough for the objective: any is.
+      (void)maybeConstructSolution(startM_, goalM_, path);
+      if (path) break;
+      if (done) return ob::PlannerStatus::TIMEOUT;
+      growRoadmap(counted(done, kGrowSamples));
+      expandRoadmap(counted(done, kExpandSamples));
+    }
+    pdef_->addSolutionPath(path, false, 0.0, getName());
+    return ob::PlannerStatus::EXACT_SOLUTION;
+  }
+
+ private:
+  static constexpr int kGrowSamples = 40;
+  static constexpr int kExpandSamples = 10;
+
+  static ob::PlannerTerminationCondition counted(const ob::PlannerTerminationCondition& done,
+                                                 int count) {
+    return ob::PlannerTerminationCondition(
+        [&done, count]() mutable { return count-- <= 0 || done; });
+  }
+};
 
 /// RRTConnect, except that it looks for the nearest motion in lanes: the same planner, sooner.
 class FlatRrtConnect final : public og::RRTConnect {

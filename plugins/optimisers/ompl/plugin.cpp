@@ -1,7 +1,6 @@
 #include <sidestep/plugin/plugin.hpp>
 
 #include "ompl_optimiser.hpp"
-#include "options.hpp"
 
 namespace sidestep::ompl_optimiser {
 namespace {

@@ -42,11 +42,7 @@ Parameters<StompSettings> StompSettings::parameters() {
            {.min = 1.0, .max = 1e6});
 }
 
-}  // namespace sidestep
-
 namespace {
-
-using namespace sidestep;
 
 Result<std::unique_ptr<Optimiser>> create(const StompSettings& settings,
                                           const HostContext& context) {
@@ -54,6 +50,7 @@ Result<std::unique_ptr<Optimiser>> create(const StompSettings& settings,
 }
 
 }  // namespace
+}  // namespace sidestep
 
-SIDESTEP_PLUGIN(Optimiser, StompSettings, create, "stomp", "0.1.0",
+SIDESTEP_PLUGIN(sidestep::Optimiser, sidestep::StompSettings, sidestep::create, "stomp", "0.1.0",
                 "Stochastic trajectory optimisation without derivatives (STOMP)")

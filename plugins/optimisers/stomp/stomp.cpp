@@ -3,15 +3,73 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <random>
 #include <utility>
 
-#include "joint_bounds.hpp"
-#include "rollouts.hpp"
-#include "waypoint_solution.hpp"
-#include "waypoint_terms.hpp"
+#include "waypoints.hpp"
 
 namespace sidestep {
+
+void weigh(std::span<const double> costs, double sensitivity, std::span<double> probabilities) {
+  double least = std::numeric_limits<double>::infinity(), most = -least;
+  for (const double cost : costs) {
+    if (!std::isfinite(cost)) continue;
+    least = std::min(least, cost);
+    most = std::max(most, cost);
+  }
+  const double range = most - least;
+  double sum = 0.0;
+  for (std::size_t k = 0; k < costs.size(); ++k) {
+    const double above = range > 0.0 ? (costs[k] - least) / range : 0.0;
+    probabilities[k] = std::isfinite(costs[k]) ? std::exp(-sensitivity * above) : 0.0;
+    sum += probabilities[k];
+  }
+  if (sum <= 0.0) return;
+  for (double& probability : probabilities) probability /= sum;
+}
+
+Eigen::MatrixXd weighed_deviation(const std::vector<const Rollout*>& rollouts,
+                                  const Waypoints& current, double sensitivity) {
+  const Eigen::Index inner = current.cols() - 2;
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(current.rows(), inner);
+  std::vector<double> costs(rollouts.size()), probabilities(rollouts.size());
+  for (Eigen::Index i = 0; i < inner; ++i) {
+    for (std::size_t k = 0; k < rollouts.size(); ++k) {
+      costs[k] = rollouts[k]->costs[static_cast<std::size_t>(i) + 1];
+    }
+    weigh(costs, sensitivity, probabilities);
+    for (std::size_t k = 0; k < rollouts.size(); ++k) {
+      if (probabilities[k] == 0.0) continue;
+      sum.col(i) += probabilities[k] * (rollouts[k]->positions.col(i + 1) - current.col(i + 1));
+    }
+  }
+  return sum;
+}
+
+Exploration::Exploration(const DifferenceMetric& metric)
+    : metric_(metric), column_scales_(metric.inner()) {
+  const int n = metric.inner();
+  double largest = 0.0;
+  for (int i = 0; i < n; ++i) {
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(1, n);
+    unit(0, i) = 1.0;
+    const Eigen::MatrixXd column = metric.solve(unit);
+    largest = std::max(largest, column(0, i));
+    column_scales_[i] = 1.0 / (n * column.maxCoeff());
+  }
+  scale_ = 1.0 / std::sqrt(largest);
+}
+
+Eigen::MatrixXd Exploration::noise(const Eigen::MatrixXd& z,
+                                   const Eigen::VectorXd& deviations) const {
+  return (scale_ * deviations).asDiagonal() * metric_.colour(z);
+}
+
+Eigen::MatrixXd Exploration::smooth(const Eigen::MatrixXd& x) const {
+  return metric_.solve(x * column_scales_.asDiagonal());
+}
+
 namespace {
 
 /// What a path costs, without derivatives. One thread at a time.
@@ -22,8 +80,6 @@ class PathCosts {
         smoothness_weight_(smoothness_weight),
         states_(problem),
         terms_(problem, {"start", "goal"}) {}
-
-  [[nodiscard]] WaypointStates& states() noexcept { return states_; }
 
   /// Fills in the costs of a rollout's positions. What a state between two waypoints costs is
   /// shared by both.
@@ -64,7 +120,7 @@ Eigen::VectorXd deviations(const Problem& problem, double noise_s) {
 }
 
 /// One solve.
-class Search {
+class Search final : public WaypointSearch {
  public:
   Search(const Problem& problem, const StompSettings& settings, const DifferenceMetric& metric,
          WorkerPool* workers, std::uint64_t seed)
@@ -81,11 +137,9 @@ class Search {
     }
   }
 
-  [[nodiscard]] WaypointStates& states() noexcept { return costs_.front()->states(); }
-  [[nodiscard]] const Waypoints& best() const noexcept { return best_.positions; }
+  [[nodiscard]] const Waypoints& best() const noexcept override { return best_.positions; }
 
-  /// The initial path as the best so far; false if what it costs is not a finite number.
-  [[nodiscard]] bool begin(Waypoints initial) {
+  [[nodiscard]] bool begin(Waypoints initial) override {
     current_.positions = std::move(initial);
     keep_within(bounds_, metric_, current_.positions);
     costs_.front()->evaluate(current_);
@@ -93,8 +147,8 @@ class Search {
     return std::isfinite(best_.total);
   }
 
-  [[nodiscard]] WaypointSearch run(const Deadline& deadline) {
-    WaypointSearch search;
+  [[nodiscard]] SearchEnd run(const Deadline& deadline) override {
+    SearchEnd search;
     std::deque<double> history{best_.total};
     for (;; ++search.iterations) {
       search.objective = best_.total;
@@ -125,7 +179,7 @@ class Search {
     const double scale = std::pow(settings_.noise_decay, iteration);
     const std::size_t fresh = static_cast<std::size_t>(settings_.rollouts) - kept_.size();
     rollouts_.assign(fresh, {});
-    for (Rollout& rollout : rollouts_) rollout.positions = strayed(scale);
+    for (Rollout& rollout : rollouts_) rollout.positions = perturbed(scale);
     evaluate(deadline);
     std::vector<const Rollout*> known{&current_};
     for (const Rollout& rollout : kept_) known.push_back(&rollout);
@@ -147,7 +201,7 @@ class Search {
   }
 
   /// The current path with noise between its ends.
-  [[nodiscard]] Waypoints strayed(double scale) {
+  [[nodiscard]] Waypoints perturbed(double scale) {
     std::normal_distribution<double> normal;
     Eigen::MatrixXd z(current_.positions.rows(), metric_.inner());
     for (double& value : z.reshaped()) value = normal(random_);
@@ -190,41 +244,6 @@ class Search {
   std::vector<Rollout> rollouts_, kept_;
 };
 
-class Stomp final : public Optimiser {
- public:
-  Stomp(const StompSettings& settings, WorkerPool* workers, std::uint64_t seed)
-      : settings_(settings), workers_(workers), seed_(seed) {}
-
-  [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
-                                       const Deadline& deadline) override {
-    return solve_between_ends(
-        problem, initial, "stomp", settings_.smoothness,
-        [&](const DifferenceMetric& metric) { return find(problem, initial, deadline, metric); });
-  }
-
- private:
-  [[nodiscard]] Solution find(const Problem& problem, const Trajectory& initial,
-                              const Deadline& deadline, const DifferenceMetric& metric) const {
-    Search search(problem, settings_, metric, workers_, seed_);
-    WaypointStates& states = search.states();
-    const Waypoints guess = states.positions_of(initial);
-    states.update(guess);
-    Solution solution = begin_solution(problem, states);
-    if (solution.status == SolveStatus::kFailed) return solution;
-    if (!search.begin(guess)) {
-      return without_trajectory(SolveStatus::kFailed, kObjectiveNotFinite);
-    }
-    const WaypointSearch ended = search.run(deadline);
-    end_solution(problem, states, guess, search.best(), ended, settings_.max_iterations, deadline,
-                 solution);
-    return solution;
-  }
-
-  StompSettings settings_;
-  WorkerPool* workers_;
-  std::uint64_t seed_;
-};
-
 }  // namespace
 
 std::vector<OptionMistake> StompSettings::check() const {
@@ -237,7 +256,11 @@ std::vector<OptionMistake> StompSettings::check() const {
 
 std::unique_ptr<Optimiser> make_stomp(const StompSettings& settings, WorkerPool* workers,
                                       std::uint64_t seed) {
-  return std::make_unique<Stomp>(settings, workers, seed);
+  return make_waypoint_optimiser(
+      {"stomp", derivative_of(settings.smoothness), settings.max_iterations,
+       [=](const Problem& problem, const DifferenceMetric& metric) {
+         return std::make_unique<Search>(problem, settings, metric, workers, seed);
+       }});
 }
 
 }  // namespace sidestep

@@ -44,17 +44,14 @@ Parameters<TrajoptSettings> TrajoptSettings::parameters() {
            {.min = 1.0, .max = 1e6});
 }
 
-}  // namespace sidestep
-
 namespace {
-
-using namespace sidestep;
 
 Result<std::unique_ptr<Optimiser>> create(const TrajoptSettings& settings, const HostContext&) {
   return make_trajopt(settings);
 }
 
 }  // namespace
+}  // namespace sidestep
 
-SIDESTEP_PLUGIN(Optimiser, TrajoptSettings, create, "trajopt", "0.1.0",
-                "Sequential convex optimisation with swept collision (TrajOpt)")
+SIDESTEP_PLUGIN(sidestep::Optimiser, sidestep::TrajoptSettings, sidestep::create, "trajopt",
+                "0.1.0", "Sequential convex optimisation with swept collision (TrajOpt)")

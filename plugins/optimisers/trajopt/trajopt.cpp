@@ -7,8 +7,7 @@
 #include <sidestep/core/format.hpp>
 
 #include "convex_model.hpp"
-#include "joint_bounds.hpp"
-#include "waypoint_solution.hpp"
+#include "waypoints.hpp"
 
 namespace sidestep {
 namespace {
@@ -19,15 +18,8 @@ constexpr double kGrow = 1.5, kShrink = 0.1;  ///< Of the trust region.
 constexpr double kLeastTrust = 1e-4;          ///< m, rad
 
 /// One solve.
-class Sequence {
+class Sequence final : public WaypointSearch {
  public:
-  enum class Round {
-    kSettled,      ///< No step lowers the merit by enough.
-    kLimit,        ///< Of the number of programs.
-    kInterrupted,  ///< The deadline passed.
-    kSingular      ///< A program could not be solved.
-  };
-
   Sequence(const Problem& problem, const TrajoptSettings& settings, const DifferenceMetric& metric)
       : settings_(settings),
         metric_(metric),
@@ -35,13 +27,9 @@ class Sequence {
         model_(problem, metric, settings.smoothness_weight,
                std::max(settings.keep_m, problem.collision_margin_m), settings.reach_m) {}
 
-  [[nodiscard]] WaypointStates& states() noexcept { return model_.states(); }
-  [[nodiscard]] const Waypoints& current() const noexcept { return current_; }
-  [[nodiscard]] const Merit& merit() const noexcept { return merit_; }
-  [[nodiscard]] const WaypointSearch& search() const noexcept { return search_; }
+  [[nodiscard]] const Waypoints& best() const noexcept override { return current_; }
 
-  /// False if what the initial path costs is not a finite number.
-  [[nodiscard]] bool begin(Waypoints initial) {
+  [[nodiscard]] bool begin(Waypoints initial) override {
     current_ = std::move(initial);
     keep_within(bounds_, metric_, current_);
     merit_ = model_.evaluate(current_);
@@ -49,8 +37,38 @@ class Sequence {
     return std::isfinite(merit_.value(settings_.initial_penalty));
   }
 
+  [[nodiscard]] SearchEnd run(const Deadline& deadline) override {
+    const Round round = escalate(deadline);
+    switch (round) {
+      case Round::kInterrupted: search_.status = SolveStatus::kDeadline; break;
+      case Round::kLimit: search_.status = SolveStatus::kIterationLimit; break;
+      case Round::kSingular:
+        search_.status = SolveStatus::kFailed;
+        search_.reason =
+            "a quadratic program could not be solved: qc or the weight of a term is too large or "
+            "too small for double precision";
+        break;
+      case Round::kSettled:
+        if (merit_.worst_m <= settings_.violation_m) break;
+        search_.status = SolveStatus::kIterationLimit;
+        search_.reason =
+            "after " + std::to_string(settings_.max_penalties) +
+            format(" increases of the penalty a sphere is still %.2g m ", merit_.worst_m) +
+            "nearer to an obstacle or the floor than it is to keep";
+    }
+    return search_;
+  }
+
+ private:
+  enum class Round {
+    kSettled,      ///< No step lowers the merit by enough.
+    kLimit,        ///< Of the number of programs.
+    kInterrupted,  ///< The deadline passed.
+    kSingular      ///< A program could not be solved.
+  };
+
   /// Escalates the penalty until nothing is nearer than it may be.
-  [[nodiscard]] Round run(const Deadline& deadline) {
+  Round escalate(const Deadline& deadline) {
     double penalty = settings_.initial_penalty;
     for (int escalations = 0;; ++escalations) {
       const Round round = settle(penalty, deadline);
@@ -62,7 +80,6 @@ class Sequence {
     }
   }
 
- private:
   /// Programs about ever better paths, with one penalty.
   Round settle(double penalty, const Deadline& deadline) {
     for (;;) {
@@ -116,66 +133,17 @@ class Sequence {
   Waypoints current_;
   Merit merit_;
   double trust_ = 0.0;
-  WaypointSearch search_;
-};
-
-class Trajopt final : public Optimiser {
- public:
-  explicit Trajopt(const TrajoptSettings& settings) : settings_(settings) {}
-
-  [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
-                                       const Deadline& deadline) override {
-    return solve_between_ends(
-        problem, initial, "trajopt", settings_.smoothness,
-        [&](const DifferenceMetric& metric) { return find(problem, initial, deadline, metric); });
-  }
-
- private:
-  [[nodiscard]] Solution find(const Problem& problem, const Trajectory& initial,
-                              const Deadline& deadline, const DifferenceMetric& metric) const {
-    Sequence sequence(problem, settings_, metric);
-    WaypointStates& states = sequence.states();
-    const Waypoints guess = states.positions_of(initial);
-    states.update(guess);
-    Solution solution = begin_solution(problem, states);
-    if (solution.status == SolveStatus::kFailed) return solution;
-    if (!sequence.begin(guess)) {
-      return without_trajectory(SolveStatus::kFailed, kObjectiveNotFinite);
-    }
-    const Sequence::Round round = sequence.run(deadline);
-    if (round == Sequence::Round::kSingular) {
-      return without_trajectory(
-          SolveStatus::kFailed,
-          "a quadratic program could not be solved: qc or the weight of a term is too large or too "
-          "small for double precision");
-    }
-    WaypointSearch search = sequence.search();
-    search.status = status_of(round, sequence.merit());
-    end_solution(problem, states, guess, sequence.current(), search, settings_.max_iterations,
-                 deadline, solution);
-    if (round == Sequence::Round::kSettled && solution.status == SolveStatus::kIterationLimit) {
-      solution.reason =
-          "after " + std::to_string(settings_.max_penalties) +
-          format(" increases of the penalty a sphere is still %.2g m ", sequence.merit().worst_m) +
-          "nearer to an obstacle or the floor than it is to keep";
-    }
-    return solution;
-  }
-
-  [[nodiscard]] SolveStatus status_of(Sequence::Round round, const Merit& merit) const {
-    if (round == Sequence::Round::kInterrupted) return SolveStatus::kDeadline;
-    const bool is_clear = merit.worst_m <= settings_.violation_m;
-    return round == Sequence::Round::kSettled && is_clear ? SolveStatus::kConverged
-                                                          : SolveStatus::kIterationLimit;
-  }
-
-  TrajoptSettings settings_;
+  SearchEnd search_;
 };
 
 }  // namespace
 
 std::unique_ptr<Optimiser> make_trajopt(const TrajoptSettings& settings) {
-  return std::make_unique<Trajopt>(settings);
+  return make_waypoint_optimiser(
+      {"trajopt", derivative_of(settings.smoothness), settings.max_iterations,
+       [settings](const Problem& problem, const DifferenceMetric& metric) {
+         return std::make_unique<Sequence>(problem, settings, metric);
+       }});
 }
 
 }  // namespace sidestep

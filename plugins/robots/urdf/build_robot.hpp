@@ -1,15 +1,39 @@
 #pragma once
 
 #include <cstddef>
+#include <filesystem>
 #include <memory>
+#include <string>
 #include <vector>
 
+#include <sidestep/core/node.hpp>
+#include <sidestep/geometry/shape.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
-#include "profile.hpp"
+#include "load_robot.hpp"
 #include "urdf_file.hpp"
 
 namespace sidestep::urdf_robot {
+
+/// Finds and reads the meshes that a URDF names: package://NAME/PATH (and model://), file://,
+/// absolute, or relative to the URDF. A package is looked for in `package_paths` (as
+/// FOLDER/NAME, or FOLDER itself if it is called NAME) and among the folders above the URDF.
+class MeshFinder {
+ public:
+  MeshFinder(std::filesystem::path urdf, std::vector<std::filesystem::path> package_paths)
+      : urdf_(std::move(urdf)), package_paths_(std::move(package_paths)) {}
+
+  /// Fails with kNotFound at `mark`, listing the places tried, or as read_mesh() does.
+  [[nodiscard]] Result<std::shared_ptr<const Mesh>> load(const std::string& uri,
+                                                         const Eigen::Vector3d& scale,
+                                                         const SourceMark& mark) const;
+
+ private:
+  [[nodiscard]] std::vector<std::filesystem::path> candidates(const std::string& uri) const;
+
+  std::filesystem::path urdf_;
+  std::vector<std::filesystem::path> package_paths_;
+};
 
 /// Puts a URDF and a profile together. Appends every mistake to `errors` and returns null then.
 [[nodiscard]] std::unique_ptr<KinematicTree> build_robot(const UrdfModel& model,

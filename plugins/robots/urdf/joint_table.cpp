@@ -136,8 +136,7 @@ void JointTable::choose_planned() {
   const bool chosen = !profile_.joints.empty();
   if (!chosen && !profile_.tip_link.empty() && !model_.link_index(profile_.tip_link)) {
     errors_.push_back({ErrorCode::kConfig, "the URDF has no link '" + profile_.tip_link + "'",
-                       model_.file.string(), did_you_mean(profile_.tip_link, model_.link_names()),
-                       nullptr});
+                       model_.file.string(), did_you_mean(profile_.tip_link, model_.link_names())});
     return;
   }
   const std::vector<std::string> names = chosen ? profile_.joints : default_joints();
@@ -160,11 +159,8 @@ void JointTable::choose_planned() {
     }
   }
   if (planned_.empty() && errors_.empty()) {
-    errors_.push_back({ErrorCode::kConfig,
-                       "the robot has no joint that could be planned",
-                       model_.file.string(),
-                       {},
-                       nullptr});
+    errors_.push_back(
+        {ErrorCode::kConfig, "the robot has no joint that could be planned", model_.file.string()});
   }
 }
 
@@ -178,7 +174,7 @@ void JointTable::add_planned(const UrdfJoint& joint, const Node* where) {
     errors_.push_back({ErrorCode::kConfig,
                        "joint '" + joint.name + "' has no " + what + " in the URDF (" +
                            joint.mark.to_string() + ")",
-                       mark.to_string(), "give it under 'joint_limits'", nullptr});
+                       mark.to_string(), "give it under 'joint_limits'"});
   };
   if (joint.type == UrdfJoint::Type::kContinuous) {
     out.lower = own.lower.value_or(-kInfinity);
@@ -193,9 +189,7 @@ void JointTable::add_planned(const UrdfJoint& joint, const Node* where) {
   if (out.lower > out.upper) {
     errors_.push_back({ErrorCode::kConfig,
                        "joint '" + joint.name + "' has its lower limit above its upper one",
-                       mark.to_string(),
-                       {},
-                       nullptr});
+                       mark.to_string()});
   }
   out.max_velocity = own.max_velocity ? *own.max_velocity
                      : joint.limits   ? joint.limits->velocity

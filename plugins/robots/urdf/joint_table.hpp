@@ -8,7 +8,7 @@
 
 #include <sidestep/robot/kinematic_tree.hpp>
 
-#include "profile.hpp"
+#include "load_robot.hpp"
 #include "urdf_file.hpp"
 
 namespace sidestep::urdf_robot {

@@ -1,11 +1,84 @@
 #pragma once
 
+#include <filesystem>
+#include <map>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 namespace sidestep::urdf_robot {
+
+/// What a profile says of a robot's base.
+struct BaseOptions {
+  std::string type = "fixed";
+  std::vector<std::string> joints{"odom_x", "odom_y", "odom_t"};
+  std::vector<double> lower_m{-10.0, -10.0};
+  std::vector<double> upper_m{10.0, 10.0};
+  double max_velocity_mps = 0.2;
+  double max_turn_rate_radps = 1.0;
+  std::optional<double> max_acceleration_mps2;
+  std::optional<double> max_turn_acceleration_radps2;
+  static Parameters<BaseOptions> parameters();
+};
+
+/// Replaces what the URDF says of a joint. In m or rad, per second, per second squared.
+struct JointLimitOptions {
+  std::optional<double> lower;
+  std::optional<double> upper;
+  std::optional<double> max_velocity;
+  std::optional<double> max_acceleration;
+  static Parameters<JointLimitOptions> parameters();
+};
+
+struct SphereOptions {
+  std::string link;
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
+  double radius_m = 0.0;
+  static Parameters<SphereOptions> parameters();
+};
+
+struct SelfCollisionOptions {
+  Node pairs;
+  static Parameters<SelfCollisionOptions> parameters();
+};
+
+/// A robot profile, as the file has it. What needs the URDF to be understood is still a Node.
+struct Profile {
+  std::string name;
+  std::filesystem::path urdf;
+  std::string root_link;
+  std::string tip_link;
+  std::vector<std::string> joints;
+  BaseOptions base;
+  Node joint_limits;
+  Node fixed_joints;
+  std::vector<SphereOptions> spheres;
+  std::string spheres_from = "profile";
+  double sphere_protrusion_m = 0.05;
+  std::string shapes_from = "urdf";
+  SelfCollisionOptions self_collision;
+  Node poses;
+  Node package_paths;
+  static Parameters<Profile> parameters();
+
+  Node document;  ///< The whole file, for positions; null without a file.
+
+  /// Where something of the profile stands, e.g. mark("spheres", 3); the robot's if nowhere.
+  [[nodiscard]] const Node* item(std::string_view key, std::size_t index) const noexcept;
+};
+
+/// The file of a profile that is given by name (<path>/<name>/profile.yaml in one of
+/// `robot_paths`), by its folder or as a file. Fails with kNotFound, naming the nearest profile.
+[[nodiscard]] Result<std::filesystem::path> find_profile(
+    const Node& profile, const std::vector<std::filesystem::path>& robot_paths);
+
+/// Reads and checks a profile; all that is wrong with it is appended to `errors`.
+[[nodiscard]] Profile read_profile(const std::filesystem::path& file,
+                                   const DocumentReader& documents, std::vector<Error>& errors);
 
 /// What a configuration says of its robot.
 struct Options {

@@ -1,18 +1,21 @@
 #include "urdf_file.hpp"
 
-#include <console_bridge/console.h>
-#include <urdf_parser/urdf_parser.h>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <iterator>
 #include <mutex>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <console_bridge/console.h>
+#include <urdf_parser/urdf_parser.h>
 
 #include <sidestep/core/index.hpp>
 
 #include "urdf_outline.hpp"
-#include "urdf_rules.hpp"
 
 namespace sidestep::urdf_robot {
 namespace {
@@ -103,11 +106,8 @@ void normalise_axis(UrdfJoint& joint, std::vector<Error>& errors) {
     joint.axis /= length;
     return;
   }
-  errors.push_back({ErrorCode::kConfig,
-                    "joint '" + joint.name + "' has an axis of no length",
-                    joint.mark.to_string(),
-                    {},
-                    nullptr});
+  errors.push_back({ErrorCode::kConfig, "joint '" + joint.name + "' has an axis of no length",
+                    joint.mark.to_string()});
 }
 
 /// The last net: what was lost on the way from the text to the model, for whatever reason.
@@ -117,11 +117,11 @@ void check_shape_count(const UrdfModel& model, const std::string& text,
   std::size_t read = 0;
   for (const UrdfLink& link : model.links) read += link.shapes.size();
   if (read == written) return;
-  errors.push_back(
-      {ErrorCode::kConfig,
-       "the links of the URDF have " + std::to_string(written) + " <collision> elements, and " +
-           std::to_string(read) + " collision shapes were read",
-       model.file.string(), "the file may go on behind the end of its <robot>", nullptr});
+  errors.push_back({ErrorCode::kConfig,
+                    "the links of the URDF have " + std::to_string(written) +
+                        " <collision> elements, and " + std::to_string(read) +
+                        " collision shapes were read",
+                    model.file.string(), "the file may go on behind the end of its <robot>"});
 }
 
 UrdfModel build_model(const urdf::ModelInterface& parsed, const UrdfOutline& outline,
@@ -185,14 +185,13 @@ std::vector<std::string> UrdfModel::link_names() const {
 std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vector<Error>& errors) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored)) {
-    errors.push_back(
-        {ErrorCode::kNotFound, "there is no such URDF file", file.string(), {}, nullptr});
+    errors.push_back({ErrorCode::kNotFound, "there is no such URDF file", file.string()});
     return {};
   }
   std::ifstream stream(file, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(stream), {}};
   if (stream.bad()) {
-    errors.push_back({ErrorCode::kIo, "the URDF file cannot be read", file.string(), {}, nullptr});
+    errors.push_back({ErrorCode::kIo, "the URDF file cannot be read", file.string()});
     return {};
   }
   const std::size_t before = errors.size();
@@ -206,9 +205,7 @@ std::optional<UrdfModel> read_urdf(const std::filesystem::path& file, std::vecto
           {ErrorCode::kConfig,
            "the URDF cannot be read: " +
                (messages.first().empty() ? std::string("no reason is known") : messages.first()),
-           file.string(),
-           {},
-           nullptr});
+           file.string()});
     } else {
       UrdfModel model = build_model(*parsed, outline, mistakes);
       model.file = file;
@@ -225,7 +222,58 @@ Error all_of(std::vector<Error> errors, const std::string& what) {
   if (errors.size() == 1) return std::move(errors.front());
   std::string message = what + " has " + std::to_string(errors.size()) + " mistakes:";
   for (const Error& error : errors) message += "\n  " + error.describe();
-  return Error{errors.front().code, std::move(message), {}, {}, nullptr};
+  return Error{errors.front().code, std::move(message), {}};
+}
+
+namespace {
+
+/// What is not markup of elements, from its first characters to its last.
+constexpr std::array<std::pair<std::string_view, std::string_view>, 4> kSkipped = {
+    {{"<!--", "-->"}, {"<![CDATA[", "]]>"}, {"<?", "?>"}, {"<!", ">"}}};
+
+/// Behind the '>' that ends a tag; those in quoted values do not.
+std::size_t end_of_tag(std::string_view text, std::size_t at) {
+  char quote = '\0';
+  for (; at < text.size(); ++at) {
+    const char c = text[at];
+    if (quote != '\0') {
+      if (c == quote) quote = '\0';
+    } else if (c == '"' || c == '\'') {
+      quote = c;
+    } else if (c == '>') {
+      return at + 1;
+    }
+  }
+  return text.size();
+}
+
+}  // namespace
+
+std::size_t count_collisions(std::string_view text) {
+  std::size_t count = 0;
+  std::vector<std::string_view> open;  // the names of the elements around
+  for (std::size_t at = text.find('<'); at < text.size(); at = text.find('<', at)) {
+    const std::string_view rest = text.substr(at);
+    const auto* const skipped = std::ranges::find_if(
+        kSkipped, [&](const auto& ends) { return rest.starts_with(ends.first); });
+    if (skipped != kSkipped.end()) {
+      const std::size_t end = rest.find(skipped->second, skipped->first.size());
+      at = end == std::string_view::npos ? text.size() : at + end + skipped->second.size();
+      continue;
+    }
+    const std::size_t end = end_of_tag(text, at);
+    if (rest.starts_with("</")) {
+      if (!open.empty()) open.pop_back();
+    } else {
+      const std::size_t length = std::min(rest.find_first_of(" \t\r\n/>", 1), rest.size());
+      const std::string_view name = rest.substr(1, length - 1);
+      const bool is_in_link = open.size() == 2 && open[0] == "robot" && open[1] == "link";
+      if (is_in_link && name == "collision") ++count;
+      if (text[end - 1] == '>' && text[end - 2] != '/') open.push_back(name);
+    }
+    at = end;
+  }
+  return count;
 }
 
 }  // namespace sidestep::urdf_robot

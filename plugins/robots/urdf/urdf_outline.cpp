@@ -7,8 +7,6 @@
 
 #include <sidestep/core/index.hpp>
 
-#include "urdf_rules.hpp"
-
 namespace sidestep::urdf_robot {
 namespace {
 
@@ -51,8 +49,7 @@ class Outliner {
   }
 
   void report(const SourceMark& where, std::string message, std::string hint = {}) {
-    errors_.push_back(
-        {ErrorCode::kConfig, std::move(message), where.to_string(), std::move(hint), nullptr});
+    errors_.push_back({ErrorCode::kConfig, std::move(message), where.to_string(), std::move(hint)});
   }
 
   static std::string text_of(const TiXmlElement& element, const char* name) {

@@ -1,4 +1,4 @@
-#include "urdf_rules.hpp"
+#include "urdf_outline.hpp"
 
 #include <tinyxml.h>
 
@@ -215,8 +215,7 @@ class RuleCheck {
  private:
   void report(const TiXmlBase& where, std::string message, std::string hint = {}) {
     const SourceMark mark{file_, where.Row(), where.Column()};
-    errors_.push_back(
-        {ErrorCode::kConfig, std::move(message), mark.to_string(), std::move(hint), nullptr});
+    errors_.push_back({ErrorCode::kConfig, std::move(message), mark.to_string(), std::move(hint)});
   }
 
   static const TiXmlElement* first_xacro(const TiXmlElement& element) {

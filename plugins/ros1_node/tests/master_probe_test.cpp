@@ -1,4 +1,4 @@
-#include "master_probe.hpp"
+#include "node.hpp"
 
 #include <arpa/inet.h>
 #include <sys/socket.h>

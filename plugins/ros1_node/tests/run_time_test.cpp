@@ -1,4 +1,4 @@
-#include "run_time.hpp"
+#include "node.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -5,9 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include "chosen_frames.hpp"
 #include "png_depth.hpp"
-#include "pose.hpp"
+#include "recorded_frames.hpp"
 #include "sequence.hpp"
 
 namespace sidestep::depth_sequence {

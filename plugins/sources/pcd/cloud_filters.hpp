@@ -6,7 +6,7 @@
 #include <sidestep/core/error.hpp>
 #include <sidestep/geometry/transform.hpp>
 
-#include "options.hpp"
+#include "pcd_source.hpp"
 
 namespace sidestep::pcd {
 

@@ -11,7 +11,7 @@
 #include <sidestep/robot/robot_model.hpp>
 
 #include "conversions.hpp"
-#include "options.hpp"
+#include "ros1_source.hpp"
 
 namespace sidestep::ros1_source {
 

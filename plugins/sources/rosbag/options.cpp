@@ -1,4 +1,4 @@
-#include "options.hpp"
+#include "rosbag_source.hpp"
 
 #include <Eigen/SVD>
 

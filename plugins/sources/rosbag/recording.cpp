@@ -1,12 +1,8 @@
 #include "recording.hpp"
 
-#include <algorithm>
-#include <cstring>
 #include <functional>
-#include <utility>
 
 #include "conversions.hpp"
-#include "deserialise.hpp"
 
 namespace sidestep::rosbag {
 namespace {

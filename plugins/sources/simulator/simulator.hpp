@@ -1,13 +1,231 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
+#include <Eigen/Core>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/node.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/geometry/scene.hpp>
 #include <sidestep/plugin/context.hpp>
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/sensing/source.hpp>
 
-#include "options.hpp"
-
 namespace sidestep::simulator {
+
+/// The defaults are those of the Xtion on the HSR's head.
+struct CameraOptions {
+  int width_px = 640;
+  int height_px = 480;
+  double fx_px = 554.38;
+  double fy_px = 554.38;
+  double cx_px = 319.5;
+  double cy_px = 239.5;
+
+  static Parameters<CameraOptions> parameters() {
+    using C = CameraOptions;
+    return Parameters<C>()
+        .add("width_px", &C::width_px, "Width of the image.", {.unit = "px", .min = 1, .max = 8192})
+        .add("height_px", &C::height_px, "Height of the image.",
+             {.unit = "px", .min = 1, .max = 8192})
+        .add("fx_px", &C::fx_px, "Focal length along x.", {.unit = "px", .min = 1e-3})
+        .add("fy_px", &C::fy_px, "Focal length along y.", {.unit = "px", .min = 1e-3})
+        .add("cx_px", &C::cx_px, "Column of the principal point.", {.unit = "px"})
+        .add("cy_px", &C::cy_px, "Row of the principal point.", {.unit = "px"});
+  }
+};
+
+/// Where the camera is at one time, and where it looks.
+struct CameraWaypoint {
+  double time_s = 0.0;
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> look_at_m;
+  std::optional<Eigen::Vector3d> rpy_rad;
+
+  static Parameters<CameraWaypoint> parameters() {
+    using W = CameraWaypoint;
+    return Parameters<W>()
+        .add("time_s", &W::time_s, "When the camera is here; increases along the path.",
+             {.unit = "s", .required = true})
+        .add("position_m", &W::position_m, "Where it is, in the world frame.",
+             {.unit = "m", .required = true})
+        .add("look_at_m", &W::look_at_m, "A point in the world in the middle of the image.",
+             {.unit = "m"})
+        .add("rpy_rad", &W::rpy_rad,
+             "Instead of look_at_m: roll, pitch and yaw of a camera body that looks along its x.",
+             {.unit = "rad"});
+  }
+};
+
+/// The head that carries a mounted camera, and what it looks at.
+struct HeadOptions {
+  std::string look = "fixed";
+  std::string pan_joint = "head_pan_joint";
+  std::string tilt_joint = "head_tilt_joint";
+  double pan_lower_rad = -3.84;
+  double pan_upper_rad = 1.75;
+  double tilt_lower_rad = -1.57;
+  double tilt_upper_rad = 0.52;
+  double speed_radps = 1.0;
+  std::string base_link = "base_link";
+  std::string ahead_link = "hand_palm_link";
+  double ahead_s = 1.0;
+
+  static Parameters<HeadOptions> parameters() {
+    using H = HeadOptions;
+    return Parameters<H>()
+        .add("look", &H::look,
+             "fixed: the head stays as the robot's profile has it; along_motion: it pans to where "
+             "the base moves; ahead: it looks at where a link will be.",
+             {.choices = {"fixed", "along_motion", "ahead"}})
+        .add("pan_joint", &H::pan_joint, "The joint that turns the head; not one that is planned.")
+        .add("tilt_joint", &H::tilt_joint, "The joint that nods it; carried by pan_joint.")
+        .add("pan_lower_rad", &H::pan_lower_rad, "Lower limit of pan_joint.", {.unit = "rad"})
+        .add("pan_upper_rad", &H::pan_upper_rad, "Upper limit of pan_joint.", {.unit = "rad"})
+        .add("tilt_lower_rad", &H::tilt_lower_rad, "Lower limit of tilt_joint.", {.unit = "rad"})
+        .add("tilt_upper_rad", &H::tilt_upper_rad, "Upper limit of tilt_joint.", {.unit = "rad"})
+        .add("speed_radps", &H::speed_radps, "How fast both may turn.",
+             {.unit = "rad/s", .min = 0.0})
+        .add("base_link", &H::base_link, "along_motion: whose horizontal motion counts.")
+        .add("ahead_link", &H::ahead_link, "ahead: what it looks at.")
+        .add("ahead_s", &H::ahead_s, "ahead: how much later, along what the robot follows.",
+             {.unit = "s", .min = 0.0});
+  }
+};
+
+/// Where on the robot the camera sits.
+struct MountOptions {
+  std::string link;
+  Eigen::Vector3d xyz_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rpy_rad = Eigen::Vector3d::Zero();
+  HeadOptions head;
+
+  static Parameters<MountOptions> parameters() {
+    using M = MountOptions;
+    return Parameters<M>()
+        .add("link", &M::link, "The robot's link that carries the camera.", {.required = true})
+        .add("xyz_m", &M::xyz_m, "Of the optical frame (z forward, y down) in the link's frame.",
+             {.unit = "m"})
+        .add("rpy_rad", &M::rpy_rad, "Roll, pitch and yaw of the optical frame in the link's.",
+             {.unit = "rad"})
+        .add("head", &M::head, "How the camera is turned.");
+  }
+};
+
+struct NoiseOptions {
+  std::string model = "none";
+  double axial_scale = 1.0;
+  double lateral_sigma_px = 0.8;
+  double baseline_m = 0.075;
+  double disparity_step_px = 0.125;
+  double grazing_limit_rad = 1.4;
+  double edge_jump_m = 0.1;
+  double edge_dropout = 0.5;
+  double random_dropout = 0.002;
+
+  static Parameters<NoiseOptions> parameters() {
+    using N = NoiseOptions;
+    return Parameters<N>()
+        .add("model", &N::model, "none: exact depth; kinect: as the README describes.",
+             {.choices = {"none", "kinect"}})
+        .add("axial_scale", &N::axial_scale, "Factor on the standard deviation along the axis.",
+             {.min = 0.0})
+        .add("lateral_sigma_px", &N::lateral_sigma_px,
+             "Standard deviation across the axis, of a surface seen face on.",
+             {.unit = "px", .min = 0.0})
+        .add("baseline_m", &N::baseline_m, "Between the projector and the camera.",
+             {.unit = "m", .min = 1e-3})
+        .add("disparity_step_px", &N::disparity_step_px,
+             "Disparity is rounded to multiples of this; 0: not at all.",
+             {.unit = "px", .min = 0.0})
+        .add("grazing_limit_rad", &N::grazing_limit_rad,
+             "Surfaces seen farther from face on than this return nothing.",
+             {.unit = "rad", .min = 0.0, .max = 1.5707963267948966})
+        .add("edge_jump_m", &N::edge_jump_m,
+             "Difference in depth to a neighbour that makes a pixel an edge.",
+             {.unit = "m", .min = 0.0})
+        .add("edge_dropout", &N::edge_dropout, "Share of edge pixels that return nothing.",
+             {.min = 0.0, .max = 1.0})
+        .add("random_dropout", &N::random_dropout, "Share of all pixels that return nothing.",
+             {.min = 0.0, .max = 1.0});
+  }
+};
+
+struct Options {
+  std::filesystem::path scene = "room";
+  int frames = 100;
+  double rate_hz = 30.0;
+  double range_min_m = 0.4;
+  double range_max_m = 5.0;
+  CameraOptions camera;
+  std::vector<CameraWaypoint> camera_path;
+  bool camera_path_repeats = false;
+  std::optional<MountOptions> mount;
+  std::string pace = "as_fast_as_possible";
+  NoiseOptions noise;
+
+  static Parameters<Options> parameters() {
+    using O = Options;
+    return Parameters<O>()
+        .add("scene", &O::scene, "A scene file, or the name of one among the host's scenes.")
+        .add("frames", &O::frames, "Frames until the stream ends; 0: it never does.", {.min = 0})
+        .add("rate_hz", &O::rate_hz, "Frames a second of scene time.", {.unit = "Hz", .min = 1e-3})
+        .add("range_min_m", &O::range_min_m, "Nearer surfaces return nothing.",
+             {.unit = "m", .min = 0.0})
+        .add("range_max_m", &O::range_max_m, "Farther surfaces return nothing.",
+             {.unit = "m", .min = 0.0})
+        .add("camera", &O::camera, "Intrinsics of the camera.")
+        .add("camera_path", &O::camera_path,
+             "Where the camera goes: at least one waypoint, rested at before and after.")
+        .add("camera_path_repeats", &O::camera_path_repeats,
+             "Whether the camera begins anew with the first waypoint when it reaches the last.")
+        .add("mount", &O::mount, "Instead of camera_path: the camera sits on the run's robot.")
+        .add("pace", &O::pace,
+             "as_fast_as_possible: every frame, one after the other; clock: the newest that is due "
+             "on the run's clock.",
+             {.choices = {"as_fast_as_possible", "clock"}})
+        .add("noise", &O::noise, "How measurements differ from the truth.");
+  }
+  [[nodiscard]] std::vector<OptionMistake> check() const;
+};
+
+/// Reads the scene that `scene` names: a file, with or without `.yaml`, or else one of that name
+/// in one of the folders. Fails with kNotFound, naming what was tried and what there is, or with
+/// kConfig, each mistake the cause of the one before.
+[[nodiscard]] Result<Scene> load_scene(const std::filesystem::path& scene,
+                                       const std::vector<std::filesystem::path>& folders,
+                                       const DocumentReader& documents);
+
+/// Frame k is taken at k / rate.
+class FrameTiming {
+ public:
+  explicit FrameTiming(double rate_hz) : rate_hz_(rate_hz) {}
+
+  [[nodiscard]] Stamp stamp(std::int64_t frame) const noexcept {
+    return Stamp::from_seconds(static_cast<double>(frame) / rate_hz_);
+  }
+
+  /// The last frame that is taken at or before a time; -1 for none.
+  [[nodiscard]] std::int64_t last_until(Stamp time) const noexcept {
+    if (time.ns < 0) return -1;
+    auto frame = static_cast<std::int64_t>(std::floor(time.seconds() * rate_hz_));
+    // The quotient was rounded.
+    while (stamp(frame + 1) <= time) ++frame;
+    while (frame >= 0 && stamp(frame) > time) --frame;
+    return frame;
+  }
+
+ private:
+  double rate_hz_;
+};
 
 /// A depth camera that moves along a path through a scene; implements GroundTruth, too. Fails
 /// with kNotFound or kConfig where the scene or the parameters are wrong.

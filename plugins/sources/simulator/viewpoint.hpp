@@ -1,15 +1,159 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <optional>
+#include <span>
 #include <utility>
-#include <variant>
 #include <vector>
 
-#include "camera_path.hpp"
-#include "mounted_camera.hpp"
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/scratch.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/geometry/scene.hpp>
+#include <sidestep/geometry/transform.hpp>
+#include <sidestep/plugin/context.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
+
+#include "simulator.hpp"
 
 namespace sidestep::simulator {
+
+/// The pose of the optical frame (z forward, x right, y down) of a camera at `position_m` that
+/// looks at `look_at_m`, upright; looking straight up or down, the image's top is as if it had
+/// turned there from looking along x.
+[[nodiscard]] Transform look_at(const Eigen::Vector3d& position_m,
+                                const Eigen::Vector3d& look_at_m);
+
+/// What is wrong with the parameter `camera_path`: no waypoint, times that do not increase, a
+/// waypoint that does not say in one way where the camera looks.
+[[nodiscard]] std::vector<OptionMistake> check_camera_path(
+    const std::vector<CameraWaypoint>& waypoints);
+
+/// A camera's motion: position and look-at point on cubic Hermite splines whose velocity at a
+/// waypoint is that from its predecessor to its successor and zero at both ends; orientations
+/// given as angles by slerp. At rest before the first waypoint; after the last one at rest, or,
+/// where the path repeats, at the first again.
+class CameraPath {
+ public:
+  /// check_camera_path() must find nothing wrong with the waypoints.
+  explicit CameraPath(std::vector<CameraWaypoint> waypoints, bool repeats = false)
+      : waypoints_(std::move(waypoints)), repeats_(repeats) {}
+
+  [[nodiscard]] Transform T_world_camera(double time_s) const;
+
+ private:
+  std::vector<CameraWaypoint> waypoints_;
+  bool repeats_;
+};
+
+/// A camera's direction of view, as the head turns it: along `T_link_camera`'s z in `link`.
+struct Eye {
+  int link = 0;
+  Transform T_link_camera = Transform::Identity();
+};
+
+/// A pan and a tilt joint that the robot's planned joints know nothing of, between the body and a
+/// camera. Turns at limited speed within limits.
+class Head {
+ public:
+  /// Fails with kConfig where the robot has no such joints, they are planned, or do not carry the
+  /// eye one after the other; with kUnsupported where the robot does not tell its joints.
+  [[nodiscard]] static Result<Head> create(std::shared_ptr<const RobotModel> robot,
+                                           const HeadOptions& options, const Eye& eye);
+
+  /// Places the links that the head carries; all poses are those of the robot with its head as the
+  /// profile has it.
+  void turn(std::span<Transform> T_world_link) const;
+
+  /// Turns towards a point until `stamp`; the time since the last call is what it has for that.
+  void look_at(const Eigen::Vector3d& p_world, std::span<const Transform> T_world_link,
+               Stamp stamp);
+  /// Pans towards a direction, tilted as it is.
+  void look_along(const Eigen::Vector3d& direction_world, std::span<const Transform> T_world_link,
+                  Stamp stamp);
+  /// Stays as it is until `stamp`.
+  void rest(Stamp stamp) { turned_at_ = stamp; }
+
+  [[nodiscard]] double pan_rad() const noexcept { return pan_.angle_rad; }
+  [[nodiscard]] double tilt_rad() const noexcept { return tilt_.angle_rad; }
+
+ private:
+  struct Axis {
+    int link = 0;  ///< That it moves.
+    double lower_rad = 0.0;
+    double upper_rad = 0.0;
+    double angle_rad = 0.0;
+  };
+
+  Head(std::shared_ptr<const RobotModel> robot, const KinematicTree& tree, const Eye& eye)
+      : robot_(std::move(robot)), tree_(&tree), eye_(eye) {}
+
+  [[nodiscard]] Result<Axis> find_axis(const std::string& joint, double lower_rad,
+                                       double upper_rad) const;
+  [[nodiscard]] bool carries(int link, int carried) const;
+  void place(double pan_rad, double tilt_rad, std::span<Transform> T_world_link) const;
+  [[nodiscard]] Transform eye_pose(double pan_rad, double tilt_rad,
+                                   std::span<const Transform> T_world_link,
+                                   Eigen::Vector3d& pan_axis, Eigen::Vector3d& tilt_axis) const;
+  void turn_towards(double pan_rad, double tilt_rad, Stamp stamp);
+
+  std::shared_ptr<const RobotModel> robot_;  // keeps tree_ alive
+  const KinematicTree* tree_;
+  Eye eye_;
+  Axis pan_;
+  Axis tilt_;
+  double speed_radps_ = 0.0;
+  std::optional<Stamp> turned_at_;
+};
+
+/// From where a camera looks at one time.
+struct View {
+  Transform T_world_camera = Transform::Identity();  ///< As it is known to be.
+  Transform T_world_eye = Transform::Identity();     ///< As it truly is.
+  std::vector<Transform> T_world_shape;              ///< Of the robot's shapes, truly.
+  std::optional<Eigen::VectorXd> joint_positions;    ///< As measured.
+};
+
+/// A camera on the run's robot, and the shapes of that robot that it may see: all but those of the
+/// link that carries it, inside which it may sit.
+class MountedCamera {
+ public:
+  /// Fails with kUnsupported where no robot moves in the run, with kConfig where the robot lacks a
+  /// link or a joint.
+  [[nodiscard]] static Result<MountedCamera> create(const MountOptions& options,
+                                                    const HostContext& context);
+
+  /// The shapes that it may see, anywhere; view() tells where.
+  [[nodiscard]] std::vector<SceneObject> shapes() const;
+
+  /// The view at a time; nothing where the robot's state is not known then. Times go forward: the
+  /// head turns from one to the next.
+  [[nodiscard]] std::optional<View> view(Stamp stamp);
+
+  /// The newest time at which the robot's state is known.
+  [[nodiscard]] std::optional<Stamp> newest() const { return motion_->newest(); }
+
+ private:
+  MountedCamera() = default;
+  [[nodiscard]] Result<void> mount(const MountOptions& options);
+  [[nodiscard]] Result<int> find_link(const std::string& name) const;
+  void place(const Eigen::VectorXd& q, std::vector<Transform>& T_world_link);
+  void aim(const RobotState& measured, Stamp stamp);
+  void follow_motion(const RobotState& measured, Stamp stamp);
+
+  std::shared_ptr<const RobotModel> robot_;
+  std::shared_ptr<RobotMotion> motion_;
+  HeadOptions options_;
+  Eye eye_;
+  int base_link_ = 0;
+  int ahead_link_ = 0;
+  std::optional<Head> head_;  ///< Where it turns.
+  std::vector<int> seen_;     ///< Indices of the robot's shapes.
+  std::vector<Transform> T_world_link_;
+  std::vector<Transform> T_world_link_later_;
+  Scratch scratch_;
+};
 
 /// Where a camera is: on its path, or on the robot.
 class Viewpoint {
@@ -27,9 +171,10 @@ class Viewpoint {
   [[nodiscard]] bool is_past(Stamp stamp) const { return known_until() >= stamp; }
 
  private:
-  explicit Viewpoint(std::variant<CameraPath, MountedCamera> on) : on_(std::move(on)) {}
+  explicit Viewpoint(CameraPath path) : path_(std::move(path)) {}
 
-  std::variant<CameraPath, MountedCamera> on_;
+  CameraPath path_;
+  std::optional<MountedCamera> mounted_;  ///< Instead of the path.
 };
 
 /// What is wrong with the parameter `mount` in itself.

@@ -1,4 +1,4 @@
-#include "episode_progress.hpp"
+#include "replan_episode.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,11 +7,10 @@
 #include <sidestep/measures/point_survey.hpp>
 #include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/report/chart.hpp>
-#include <sidestep/report/text_table.hpp>
+#include <sidestep/report/report_parts.hpp>
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
-#include "frame_tap.hpp"
-#include "plan_summary.hpp"
+#include "plan_parts.hpp"
 
 namespace sidestep {
 namespace {
@@ -186,10 +185,10 @@ TEST(PlanSummary, TellsHowMuchOfTheWayNobodyHasSeen) {
   MapRecord map;
   map.steps.resize(1);
   std::vector<PlanRecord> plans(2);
-  for (PlanRecord& plan : plans) plan.in_snapshot = Verdict{};
+  for (PlanRecord& plan : plans) plan.field_verdict = Verdict{};
   const auto verdict = [&] { return summarise_plans({}, map, plans).verdict; };
   EXPECT_EQ(verdict().find("seen"), std::string::npos);
-  plans[1].in_snapshot->unknown_share = 0.406;
+  plans[1].field_verdict->unknown_share = 0.406;
   EXPECT_NE(verdict().find("; of one 41 % of the robot's way"), std::string::npos) << verdict();
   plans.erase(plans.begin());
   EXPECT_NE(verdict().find(
@@ -211,17 +210,17 @@ TEST(PlanSummary, TellsAClearanceFromHowFarWasLooked) {
   MapRecord map;
   map.steps.resize(1);
   std::vector<PlanRecord> plans(1);
-  plans[0].in_snapshot = Verdict{.min_clearance_m = 0.55, .clearance_is_bound = true};
-  plans[0].in_voxels = Verdict{.min_clearance_m = 0.5, .clearance_is_bound = true};
+  plans[0].field_verdict = Verdict{.min_clearance_m = 0.55, .clearance_is_bound = true};
+  plans[0].voxel_verdict = Verdict{.min_clearance_m = 0.5, .clearance_is_bound = true};
   const auto outcome = [&] { return summarise_plans({}, map, plans); };
   EXPECT_THAT(outcome().verdict,
               testing::HasSubstr("is at least 0.500 m clear, as far as was looked"));
   EXPECT_THAT(outcome().table, testing::ContainsRegex("at least +0[.]500 m"));
-  plans[0].in_snapshot->min_clearance_m = 0.45;  // a field that ends sooner
+  plans[0].field_verdict->min_clearance_m = 0.45;  // a field that ends sooner
   EXPECT_THAT(outcome().verdict, testing::HasSubstr("at least 0.450 m clear"));
-  plans[0].in_snapshot->clearance_is_bound = false;  // an obstacle
+  plans[0].field_verdict->clearance_is_bound = false;  // an obstacle
   EXPECT_THAT(outcome().verdict, testing::HasSubstr("comes no closer than 0.450 m"));
-  plans[0].in_snapshot->min_clearance_m = 0.5;
+  plans[0].field_verdict->min_clearance_m = 0.5;
   EXPECT_THAT(outcome().verdict, testing::HasSubstr("comes no closer than 0.500 m"));
 }
 

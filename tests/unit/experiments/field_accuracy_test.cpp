@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include <sidestep/measures/exact_transform.hpp>
 #include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/results/statistics.hpp>
 #include "conformance/grid_map.hpp"

@@ -7,13 +7,12 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/geometry/scene.hpp>
-#include <sidestep/results/intervals.hpp>
+#include <sidestep/results/statistics.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
-#include "study_comparison.hpp"
+#include "study_problems.hpp"
 #include "study_rows.hpp"
-#include "study_scene.hpp"
-#include "study_solve.hpp"
+#include "study_summary.hpp"
 #include "support/ball_robot.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -1,4 +1,4 @@
-#include "frame_feed.hpp"
+#include "mapping_measure.hpp"
 
 #include <gtest/gtest.h>
 

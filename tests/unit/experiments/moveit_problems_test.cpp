@@ -1,4 +1,4 @@
-#include "moveit_problems.hpp"
+#include <sidestep/problems/problem_set.hpp>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

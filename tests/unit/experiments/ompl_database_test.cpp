@@ -1,4 +1,4 @@
-#include "ompl_database.hpp"
+#include "planner_rows.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

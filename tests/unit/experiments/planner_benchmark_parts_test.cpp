@@ -2,10 +2,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "path_quality.hpp"
-#include "planner_figures.hpp"
 #include "planner_rows.hpp"
-#include "planner_summary.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep {

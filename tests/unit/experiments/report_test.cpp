@@ -1,4 +1,4 @@
-#include <sidestep/experiments/report.hpp>
+#include <sidestep/experiments/experiments.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -10,10 +10,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <sidestep/report/run_report.hpp>
+#include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "plan_summary.hpp"
+#include "plan_parts.hpp"
 #include "support/host_fixture.hpp"
 
 namespace sidestep {

@@ -243,7 +243,7 @@ TEST(DenseField, ListsPointsOfMoreThanAMillionBlocks) {
   known->rows.fill(0xffff);
   FieldInfo info;
   info.grid = grid;
-  info.steepest = 1.0;
+  info.lipschitz = 1.0;
   const DenseField field(info, blocks, std::vector<DenseField::KnownBlocks::Entry>(count, known));
   const Eigen::Vector3f last_m = (grid.upper_m().array() - 1.0).cast<float>();
   PointFloats points_m;

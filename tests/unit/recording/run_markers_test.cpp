@@ -4,7 +4,6 @@
 
 #include <gtest/gtest.h>
 
-#include "run_markers.hpp"
 #include "run_messages.hpp"
 #include "support/chain_robot.hpp"
 #include "support/opaque_field.hpp"

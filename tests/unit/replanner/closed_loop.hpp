@@ -38,7 +38,7 @@ class BallField final : public DistanceField {
       : DistanceField({.grid = {Eigen::Vector3d(-10, -10, -10), 0.1, {200, 200, 200}},
                        .is_signed = true,
                        .max_distance_m = 5.0,
-                       .steepest = 1.0,
+                       .lipschitz = 1.0,
                        .stamp = stamp}),
         balls_(std::move(balls)) {}
 

@@ -1,4 +1,4 @@
-#include "profile_text.hpp"
+#include "pair_statistics.hpp"
 #include "robot_testing.hpp"
 
 namespace sidestep {

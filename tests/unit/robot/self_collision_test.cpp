@@ -1,7 +1,6 @@
 #include <nlohmann/json.hpp>
 
 #include "pair_statistics.hpp"
-#include "profile_text.hpp"
 #include "robot_testing.hpp"
 #include "sphere_cover.hpp"
 

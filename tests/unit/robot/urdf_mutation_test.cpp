@@ -4,7 +4,7 @@
 
 #include "robot_testing.hpp"
 #include "urdf_file.hpp"
-#include "urdf_rules.hpp"
+#include "urdf_outline.hpp"
 
 namespace sidestep {
 namespace {

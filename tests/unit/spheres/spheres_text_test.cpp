@@ -1,4 +1,4 @@
-#include "spheres_text.hpp"
+#include "sphere_profile.hpp"
 
 #include <gtest/gtest.h>
 

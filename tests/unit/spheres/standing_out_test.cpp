@@ -1,4 +1,4 @@
-#include "standing_out.hpp"
+#include "sphere_cover.hpp"
 
 #include <limits>
 #include <random>

@@ -1,10 +1,9 @@
-#include "field_slice.hpp"
+#include "view_messages.hpp"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "view_messages.hpp"
 #include "view_testing.hpp"
 
 namespace sidestep {

@@ -17,7 +17,7 @@ namespace sidestep::testing_support {
 class ViewServerFixture : public ::testing::Test {
  protected:
   void start(const ViewServerSettings& settings = {}, RecordingOpener recording = {},
-             PageDesk* desk = nullptr) {
+             PageRequestHandler* desk = nullptr) {
     folder_.write("page/index.html", "<p>the page</p>");
     folder_.write("page/viewer.js", std::string(300'000, 'x'));
     folder_.write("secret.txt", "the secret");

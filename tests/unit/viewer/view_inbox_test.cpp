@@ -1,4 +1,4 @@
-#include "view_inbox.hpp"
+#include "view_feed.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

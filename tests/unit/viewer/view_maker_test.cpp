@@ -1,4 +1,4 @@
-#include "view_maker.hpp"
+#include "view_feed.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

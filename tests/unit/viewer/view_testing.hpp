@@ -10,7 +10,7 @@
 #include "decoded_message.hpp"
 #include "support/ball_robot.hpp"
 #include "support/chain_robot.hpp"
-#include "view_sink.hpp"
+#include "view_message.hpp"
 
 namespace sidestep::testing_support {
 

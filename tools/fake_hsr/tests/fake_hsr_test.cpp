@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "conversions.hpp"
-#include "faults.hpp"
 #include "robot_body.hpp"
+#include "settings.hpp"
 #include "support/hsr.hpp"
 
 namespace sidestep::fake_hsr {

@@ -6,17 +6,26 @@
 #include <atomic>
 #include <condition_variable>
 #include <deque>
+#include <exception>
+#include <functional>
 #include <mutex>
+#include <optional>
 #include <set>
+#include <stop_token>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <boost/asio/thread_pool.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 
-#include "desk_worker.hpp"
+#include <sidestep/core/low_priority.hpp>
+
 #include "view_messages.hpp"
 #include "view_server.hpp"
 
@@ -37,6 +46,40 @@ inline constexpr int kMostPending = 256;  ///< Messages on their way from the fe
 inline std::string_view view(beast::string_view text) noexcept {
   return {text.data(), text.size()};
 }
+
+/// The thread in which a desk answers. Each client has one request under way at most, so that the
+/// queue is as long as there are clients.
+class DeskWorker {
+ public:
+  /// Nothing: the page is to be dropped. Called by the worker's thread.
+  using Answered = std::function<void(std::optional<std::vector<ViewMessage>>)>;
+
+  explicit DeskWorker(PageRequestHandler& desk) : desk_(desk) {
+    net::post(thread_, [] { lower_thread_priority(); });
+  }
+  ~DeskWorker() { stop_.request_stop(); }
+
+  /// Without a request, for the greeting. [any]
+  void ask(std::optional<std::string> request, Answered answered) {
+    net::post(thread_, [this, request = std::move(request), answered = std::move(answered)] {
+      answered(answer(request));
+    });
+  }
+
+ private:
+  std::optional<std::vector<ViewMessage>> answer(const std::optional<std::string>& request) {
+    try {
+      if (!request) return desk_.greeting();
+      if (const auto message = desk_.answer(*request, stop_.get_token())) return {{*message}};
+    } catch (const std::exception&) {  // Costs this page its connection, and nobody else anything.
+    }
+    return std::nullopt;
+  }
+
+  PageRequestHandler& desk_;
+  std::stop_source stop_;
+  net::thread_pool thread_{1};  ///< Ends first, with what it is at.
+};
 
 class Client;
 

@@ -1,5 +1,5 @@
 // Compiles the file SIDESTEP_KERNELS once for each instruction set, in a namespace of its own each;
-// SIDESTEP_BEST(f) is the f for the processor that it runs on. What is included sees Lanes and
+// SIDESTEP_DISPATCH(f) is the f for the processor that it runs on. What is included sees Lanes and
 // FloatLanes of as many vectors as suit, and lanes() of memory. A source file that has kernels
 // includes this once, and names itself:
 //
@@ -7,7 +7,7 @@
 //     #define SIDESTEP_KERNELS "this_file.cpp"
 //     #include <sidestep/core/each_target.hpp>
 //     namespace sidestep {
-//     void scale(double* values) { SIDESTEP_BEST(scale)(values); }
+//     void scale(double* values) { SIDESTEP_DISPATCH(scale)(values); }
 //     }
 //     #else
 //     void scale(double* values) { lanes(values) *= 2.0; }
@@ -57,10 +57,10 @@ namespace sidestep::for_avx512 {
 namespace sidestep {
 inline const InstructionSet kInstructionSet = best_instruction_set();
 }  // namespace sidestep
-#define SIDESTEP_BEST(...)                                              \
+#define SIDESTEP_DISPATCH(...)                                          \
   (kInstructionSet == InstructionSet::kAvx512 ? for_avx512::__VA_ARGS__ \
    : kInstructionSet == InstructionSet::kAvx2 ? for_avx2::__VA_ARGS__   \
                                               : for_any::__VA_ARGS__)
 #else
-#define SIDESTEP_BEST(...) for_any::__VA_ARGS__
+#define SIDESTEP_DISPATCH(...) for_any::__VA_ARGS__
 #endif

@@ -138,7 +138,7 @@ SIDESTEP_INLINE Line<Number, kParts> greater(const Line<Number, kParts>& a,
 
 /// Absolute values.
 template <class Number, std::size_t kParts>
-SIDESTEP_INLINE Line<Number, kParts> size_of(const Line<Number, kParts>& values) noexcept {
+SIDESTEP_INLINE Line<Number, kParts> abs(const Line<Number, kParts>& values) noexcept {
   return choose(values < Number{}, -values, values);
 }
 
@@ -246,7 +246,7 @@ using HalfIntegers = VectorOf<std::int32_t, 32>::Type;
 
 /// Integer parts, towards zero.
 template <std::size_t kParts>
-SIDESTEP_INLINE void find_integers(const Line<double, kParts>& values, HalfIntegers& out) noexcept {
+SIDESTEP_INLINE void truncate(const Line<double, kParts>& values, HalfIntegers& out) noexcept {
   if constexpr (kParts == 1) {
     out = __builtin_convertvector(values.parts[0], HalfIntegers);
   } else if constexpr (kParts == 2) {

@@ -27,7 +27,7 @@ struct FieldInfo {
   double max_distance_m = 0.0;  ///< Distances are cut off here; infinity if they are not.
   /// Lipschitz constant of the distances between voxel centres outside obstacles: 1 where they are
   /// exact, infinity where it is unknown.
-  double steepest = std::numeric_limits<double>::infinity();
+  double lipschitz = std::numeric_limits<double>::infinity();
   bool is_exact = false;  ///< Nothing is interpolated: 1-Lipschitz, and the grid is but its bounds.
   std::int64_t sequence = 0;  ///< Number of updates that went into it.
   Stamp stamp;                ///< Of the newest frame in it.

@@ -29,8 +29,6 @@ class PointSurvey {
   /// `grid`: the map's, as this frame finds it. Malformed frames are passed over.
   void add(const Frame& frame, const GridSpec& grid);
 
-  /// Of the points within range, world frame; empty where there are none.
-  [[nodiscard]] const Eigen::AlignedBox3d& box_m() const noexcept { return box_m_; }
   /// Whether any point lies in the grid.
   [[nodiscard]] bool reaches_grid() const noexcept { return in_grid_ > 0; }
   /// Why a map is empty, in words of `keys`; empty if it is not. A map is empty that knows nothing,
@@ -47,7 +45,7 @@ class PointSurvey {
   double nearest_m_ = std::numeric_limits<double>::infinity();  ///< To the camera, out of range.
   std::int64_t in_grid_ = 0;
   std::int64_t above_floor_ = 0;  ///< Of those, higher than a floor may appear.
-  Eigen::AlignedBox3d box_m_;
+  Eigen::AlignedBox3d box_m_;     ///< Of the points within range, world frame.
 };
 
 }  // namespace sidestep

@@ -2,13 +2,35 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/format.hpp>
 #include <sidestep/report/canvas.hpp>
 
-namespace sidestep::report {
+namespace sidestep {
+
+/// Text with what HTML would read as its own replaced.
+[[nodiscard]] std::string escape_html(std::string_view text);
+/// A whole page: title and body in the look of the reports, nothing fetched from anywhere.
+[[nodiscard]] std::string html_page(std::string_view title, const std::string& body);
+
+/// A table in columns of equal width for a terminal; the first column is flush left, the
+/// others flush right.
+class TextTable {
+ public:
+  explicit TextTable(std::vector<std::string> header) : rows_{std::move(header)} {}
+  void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+  [[nodiscard]] std::string text() const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
+};
+
+namespace report {
 
 using Json = nlohmann::ordered_json;
 using Row = std::vector<std::string>;
@@ -34,9 +56,6 @@ using Columns = std::vector<Column>;
 [[nodiscard]] Row names_of(const Columns& columns);
 [[nodiscard]] Row cells_of(const Json& json, const Columns& columns);
 
-/// Of an array's elements those that have an object at a JSON pointer.
-[[nodiscard]] Json those_with(const char* pointer, const Json& elements);
-
 /// A table for a terminal, one row an element of `rows`.
 [[nodiscard]] std::string text_table(const Columns& columns, const Json& rows);
 
@@ -47,4 +66,5 @@ using Columns = std::vector<Column>;
 [[nodiscard]] Result<std::string> figure_section(const std::vector<Figure>& figures,
                                                  const std::filesystem::path& run);
 
-}  // namespace sidestep::report
+}  // namespace report
+}  // namespace sidestep

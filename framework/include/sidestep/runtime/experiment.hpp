@@ -57,7 +57,7 @@ struct ExperimentOutcome {
   bool interrupted = false;
   std::optional<Error> fault;  ///< That ended it early (exit codes 3 and 4); the rest is saved.
   std::string verdict;         ///< In plain words, one or two sentences.
-  std::string summary_json;    ///< What summary.json holds (results/json.hpp).
+  std::string summary_json;    ///< What summary.json holds (results/summary.hpp).
   std::string table;           ///< For the terminal.
   std::string table_csv;       ///< What table.csv holds; empty where the experiment has none.
 };

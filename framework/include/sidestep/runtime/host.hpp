@@ -13,7 +13,7 @@
 #include <sidestep/core/log.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/plugin/plugin.hpp>
-#include <sidestep/runtime/guarded.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 
 namespace sidestep {

@@ -10,7 +10,7 @@
 #include <sidestep/trajectory/braking.hpp>
 
 #include "conversions.hpp"
-#include "joint_extent.hpp"
+#include "motion_checks.hpp"
 
 namespace sidestep::ros1_executor {
 namespace {

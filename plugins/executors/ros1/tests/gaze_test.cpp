@@ -1,4 +1,4 @@
-#include "gaze.hpp"
+#include "commands.hpp"
 
 #include <numbers>
 

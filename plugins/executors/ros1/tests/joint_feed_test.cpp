@@ -1,4 +1,4 @@
-#include "joint_feed.hpp"
+#include "robot_link.hpp"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "map_markers.hpp"
+#include "markers.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "reach_seed.hpp"
+#include "goals.hpp"
 
 #include <algorithm>
 #include <array>

@@ -4,8 +4,8 @@
 
 #include <tuple>
 
-#include "dirty_lines.hpp"
 #include "transform_checks.hpp"
+#include "transform_on.hpp"
 
 namespace sidestep::edt_cuda {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "neighbourhood.hpp"
+#include "closest_obstacles.hpp"
 
 namespace sidestep::incremental {
 

@@ -1,4 +1,4 @@
-#include "obstacle_functional.hpp"
+#include "chomp.hpp"
 
 #include <cmath>
 

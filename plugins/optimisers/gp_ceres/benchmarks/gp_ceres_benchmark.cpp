@@ -5,8 +5,8 @@
 
 #include <sidestep/planning/costs.hpp>
 
+#include "factors.hpp"
 #include "gp_ceres.hpp"
-#include "state_rows.hpp"
 #include "support/hsr_table.hpp"
 
 namespace sidestep {

@@ -1,4 +1,4 @@
-#include "state_rows.hpp"
+#include "factors.hpp"
 
 #include <random>
 

@@ -5,7 +5,6 @@
 #include "conformance/optimiser_conformance.hpp"
 #include "gp_chain.hpp"
 #include "minimise.hpp"
-#include "settle.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/every_cost.hpp"
 

@@ -15,7 +15,7 @@
 #include "support/chain_robot.hpp"
 
 #include "gp_chain.hpp"
-#include "prior_sampler.hpp"
+#include "prior_chain.hpp"
 
 namespace sidestep {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "batch_problems.hpp"
 #include "chain_scene.hpp"
-#include "prior_sampler.hpp"
+#include "prior_chain.hpp"
 #include "support/in_doubles.hpp"
 
 namespace sidestep::gp_chain_cuda::test {

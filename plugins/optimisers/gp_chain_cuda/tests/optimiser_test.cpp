@@ -4,7 +4,6 @@
 #include "conformance/test_host.hpp"
 
 #include "batch_problems.hpp"
-#include "field_mirror.hpp"
 #include "gp_chain_cuda.hpp"
 
 namespace sidestep::gp_chain_cuda::test {

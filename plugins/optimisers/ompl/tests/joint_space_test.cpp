@@ -1,4 +1,4 @@
-#include "joint_space.hpp"
+#include "search.hpp"
 
 #include <numbers>
 

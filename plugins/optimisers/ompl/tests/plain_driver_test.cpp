@@ -16,7 +16,7 @@
 #include "driver_table.hpp"
 #include "path_judge.hpp"
 #include "plain_search.hpp"
-#include "session.hpp"
+#include "planners.hpp"
 #include "sphere_states.hpp"
 #include "support/ball_robot.hpp"
 #include "support/chain_robot.hpp"

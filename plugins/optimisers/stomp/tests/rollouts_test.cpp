@@ -1,4 +1,4 @@
-#include "rollouts.hpp"
+#include "stomp.hpp"
 
 #include <array>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "swept_contacts.hpp"
+#include "convex_model.hpp"
 
 #include <algorithm>
 #include <random>

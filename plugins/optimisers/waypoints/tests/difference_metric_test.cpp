@@ -1,4 +1,4 @@
-#include "difference_metric.hpp"
+#include "waypoints.hpp"
 
 #include <cmath>
 #include <random>

@@ -1,4 +1,4 @@
-#include "joint_bounds.hpp"
+#include "waypoints.hpp"
 
 #include <gtest/gtest.h>
 #include <Eigen/LU>

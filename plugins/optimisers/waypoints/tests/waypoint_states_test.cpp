@@ -1,4 +1,4 @@
-#include "waypoint_states.hpp"
+#include "waypoints.hpp"
 
 #include <cstdlib>
 

@@ -1,4 +1,4 @@
-#include "waypoint_terms.hpp"
+#include "waypoints.hpp"
 
 #include <numeric>
 

@@ -9,7 +9,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "lzf.hpp"
 #include "pcd_testing.hpp"
 #include "support/temporary_folder.hpp"
 

@@ -1,4 +1,4 @@
-#include "chosen_frames.hpp"
+#include "recorded_frames.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "word_lines.hpp"
+#include "recorded_frames.hpp"
 
 #include <fstream>
 

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "frame_drops.hpp"
+#include "ros1_source.hpp"
 #include "support/ball_robot.hpp"
 #include "viewpoint_feed.hpp"
 

@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "../options.hpp"
+#include "../rosbag_source.hpp"
 #include "support/wrong_option.hpp"
 
 namespace sidestep::rosbag {

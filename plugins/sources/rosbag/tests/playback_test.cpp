@@ -1,4 +1,4 @@
-#include "../playback.hpp"
+#include "../recording.hpp"
 
 #include <thread>
 

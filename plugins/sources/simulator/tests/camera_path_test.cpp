@@ -1,4 +1,4 @@
-#include "../camera_path.hpp"
+#include "../viewpoint.hpp"
 
 #include <numbers>
 

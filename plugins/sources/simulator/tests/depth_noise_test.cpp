@@ -1,4 +1,4 @@
-#include "../depth_noise.hpp"
+#include "../depth_sensor.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,10 +1,10 @@
-#include "../depth_renderer.hpp"
+#include "../depth_sensor.hpp"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "../camera_path.hpp"
+#include "../viewpoint.hpp"
 
 namespace sidestep::simulator {
 namespace {

@@ -1,4 +1,4 @@
-#include "../head.hpp"
+#include "../viewpoint.hpp"
 
 #include <cmath>
 #include <numbers>
@@ -6,7 +6,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "../mounted_camera.hpp"
 #include "hsr_on_its_way.hpp"
 #include "support/chain_robot.hpp"
 

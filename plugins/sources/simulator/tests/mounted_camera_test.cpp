@@ -1,4 +1,4 @@
-#include "../mounted_camera.hpp"
+#include "../viewpoint.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "../frame_timing.hpp"
 #include "../simulator.hpp"
 #include "hsr_on_its_way.hpp"
 

@@ -5,7 +5,7 @@
 
 #include <sidestep/runtime/yaml_document.hpp>
 
-#include "../options.hpp"
+#include "../simulator.hpp"
 #include "conformance/test_host.hpp"
 
 namespace sidestep::simulator::testing {

@@ -27,3 +27,8 @@ export function setText(element: HTMLElement, text: string): void {
 export function chooseButton(buttons: Iterable<HTMLElement>, isChosen: (button: HTMLElement) => boolean): void {
   for (const button of buttons) button.setAttribute("aria-pressed", String(isChosen(button)));
 }
+
+/** With a minus that is one, as in "−1.2 cm". */
+export function inCm(distance_m: number): string {
+  return `${(100 * distance_m).toFixed(1).replace("-", "\u2212")} cm`;
+}

@@ -1,6 +1,5 @@
 // The figures beside the scene: what is shown, joints, events.
-import { byId, create, setText } from "./dom";
-import { inCm } from "./format";
+import { byId, create, inCm, setText } from "./dom";
 import type { History, Moment } from "./history";
 import type { Joint, RunEvent, World } from "./messages";
 import { kOverlays, Overlay } from "./settings";

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/results/summary_values.hpp>
+#include <sidestep/results/summary.hpp>
 
 namespace sidestep::plain_driver {
 namespace {

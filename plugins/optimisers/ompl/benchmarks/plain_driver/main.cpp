@@ -6,13 +6,13 @@
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/problems/problem_set.hpp>
-#include <sidestep/results/json.hpp>
+#include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/host.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 #include "driver_table.hpp"
-#include "session.hpp"
+#include "planners.hpp"
 
 namespace {
 

@@ -3,8 +3,7 @@ import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineSegments
 import type { Moment } from "../history";
 import type { Camera, DepthFrame, World } from "../messages";
 import { place } from "./geometry";
-import type { Layer } from "./layer";
-import type { Palette } from "./palette";
+import type { Layer, Palette } from "./layer";
 
 const kFrustumDepth_m = 0.6;
 

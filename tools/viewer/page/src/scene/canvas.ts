@@ -1,6 +1,8 @@
 // A canvas with ground, light and an eye. It is drawn again when something has changed, and only then:
 // whoever looks on may share the robot's machine.
 import {
+  BufferAttribute,
+  BufferGeometry,
   Color,
   DirectionalLight,
   HemisphereLight,
@@ -9,8 +11,7 @@ import {
   Scene,
   WebGLRenderer,
 } from "three";
-import { groundLines } from "./ground";
-import { Palette, readPalette } from "./palette";
+import { Palette, readPalette } from "./layer";
 import { Views } from "./views";
 
 export class SceneCanvas {
@@ -63,4 +64,21 @@ export class SceneCanvas {
     this.views.resize(width_px, height_px);
     this.invalidate();
   }
+}
+
+/**
+ * Lines a metre apart on z = 0, from -half_m to half_m. In pieces of a metre: a line that passes the
+ * eye is drawn wrongly, or not at all, by some drivers.
+ */
+function groundLines(half_m: number): BufferGeometry {
+  const lines: number[] = [];
+  for (let across = -half_m; across <= half_m; ++across) {
+    for (let along = -half_m; along < half_m; ++along) {
+      lines.push(along, across, 0, along + 1, across, 0);
+      lines.push(across, along, 0, across, along + 1, 0);
+    }
+  }
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(Float32Array.from(lines), 3));
+  return geometry;
 }

@@ -1,11 +1,9 @@
 // The place where robot and obstacle are closest, with a label that names both.
 import { Group, Mesh, MeshBasicMaterial, PerspectiveCamera, RingGeometry, SphereGeometry, Vector3 } from "three";
-import { setText } from "../dom";
-import { inCm } from "../format";
+import { inCm, setText } from "../dom";
 import type { Moment } from "../history";
 import type { Clearance, World } from "../messages";
-import type { Layer } from "./layer";
-import type { Palette } from "./palette";
+import type { Layer, Palette } from "./layer";
 
 /** Share of the distance to the eye: the mark is as large on the screen wherever it is. */
 const kMarkShare = 0.008;

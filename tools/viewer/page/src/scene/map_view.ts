@@ -4,11 +4,8 @@ import type { MapEpoch } from "../map_history";
 import type { History, Moment } from "../history";
 import { blockCounts, Grid, kBlockSide, Point, World } from "../messages";
 import { BlockBits, blockBits, borderDiffers, meshBlock, Neighbours, QuadList, Surface } from "../meshing";
-import type { Layer } from "./layer";
-import type { Palette } from "./palette";
-import type { QuadMesh } from "./quads";
-import { UnknownMesh } from "./unknown";
-import { VoxelMesh } from "./voxels";
+import type { Layer, Palette } from "./layer";
+import { type QuadMesh, UnknownMesh, VoxelMesh } from "./quads";
 
 interface Sheet {
   surface: Surface;

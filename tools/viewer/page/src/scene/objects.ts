@@ -3,8 +3,7 @@ import { Color, EdgesGeometry, Group, LineBasicMaterial, LineSegments, Mesh, Mes
 import type { Moment } from "../history";
 import type { World } from "../messages";
 import { dispose, place, shapeGeometry } from "./geometry";
-import type { Layer } from "./layer";
-import type { ColourName, Palette } from "./palette";
+import type { ColourName, Layer, Palette } from "./layer";
 
 /** Below this angle, degrees, two triangles have no edge between them. */
 const kEdgeAngle_deg = 25;

@@ -12,6 +12,7 @@ import {
 } from "three";
 import type { Grid } from "../messages";
 import { QuadArena } from "../quad_arena";
+import type { Palette } from "./layer";
 
 const kVertexShader = /* glsl */ `
   in vec4 quad;
@@ -134,5 +135,71 @@ export class QuadMesh {
     const attribute = new InstancedBufferAttribute(this.arena.data, 4);
     this.geometry.setAttribute("quad", attribute);
     return attribute;
+  }
+}
+
+const kVoxelPaint = /* glsl */ `
+  uniform vec3 low;
+  uniform vec3 middle;
+  uniform vec3 high;
+  uniform float bottom;
+  uniform float top;
+
+  vec4 paint() {
+    float height = clamp((vWorld.z - bottom) / (top - bottom), 0.0, 1.0);
+    vec3 base = height < 0.5 ? mix(low, middle, 2.0 * height) : mix(middle, high, 2.0 * height - 1.0);
+    return vec4(mix(base * kLight[vFace], edgeColour, 0.35 * edge()), 1.0);
+  }
+`;
+
+/** Occupied voxels, coloured by height. */
+export class VoxelMesh extends QuadMesh {
+  constructor() {
+    super({
+      paint: kVoxelPaint,
+      transparent: false,
+      uniforms: {
+        low: { value: new Color() },
+        middle: { value: new Color() },
+        high: { value: new Color() },
+        bottom: { value: 0 },
+        top: { value: 1 },
+      },
+    });
+  }
+
+  override begin(grid: Grid): void {
+    super.begin(grid);
+    this.mesh.material.uniforms["bottom"].value = grid.origin_m[2];
+    this.mesh.material.uniforms["top"].value = grid.origin_m[2] + grid.voxel_m * grid.size_vox[2];
+  }
+
+  recolour(palette: Palette): void {
+    (this.uniform("low") as Color).copy(palette["voxel-low"]);
+    (this.uniform("middle") as Color).copy(palette["voxel-middle"]);
+    (this.uniform("high") as Color).copy(palette["voxel-high"]);
+    (this.uniform("edgeColour") as Color).copy(palette["voxel-edge"]);
+  }
+}
+
+const kVeilPaint = /* glsl */ `
+  uniform vec3 veil;
+
+  vec4 paint() {
+    float stripe = fract((vWorld.x + vWorld.y + vWorld.z) * 14.0);
+    float line = 1.0 - smoothstep(0.10, 0.16, min(stripe, 1.0 - stripe));
+    return vec4(veil, mix(0.10, 0.20, line) * mix(0.8, 1.0, kLight[vFace]));
+  }
+`;
+
+/** Where known free space ends and nobody has looked yet: a hatched veil. */
+export class UnknownMesh extends QuadMesh {
+  constructor() {
+    super({ paint: kVeilPaint, transparent: true, uniforms: { veil: { value: new Color() } } });
+    this.mesh.renderOrder = 3;
+  }
+
+  recolour(palette: Palette): void {
+    (this.uniform("veil") as Color).copy(palette["unknown"]);
   }
 }

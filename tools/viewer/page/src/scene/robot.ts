@@ -12,8 +12,7 @@ import {
 import type { History, Moment } from "../history";
 import type { World } from "../messages";
 import { dispose, flatten, place, poseMatrix, shapeGeometry } from "./geometry";
-import type { Layer } from "./layer";
-import type { Palette } from "./palette";
+import type { Layer, Palette } from "./layer";
 
 /** A body for every link, each with a material of its own. */
 class Bodies {

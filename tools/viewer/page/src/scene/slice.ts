@@ -15,8 +15,7 @@ import {
 } from "three";
 import type { Moment } from "../history";
 import { Axis, kNeverObserved, Point, Slice, World } from "../messages";
-import type { Layer } from "./layer";
-import type { Palette } from "./palette";
+import type { Layer, Palette } from "./layer";
 
 const kVertexShader = /* glsl */ `
   out vec2 vUv;

@@ -1,7 +1,7 @@
 // A knob on the slice, with which it is dragged along its axis.
 import { Mesh, MeshBasicMaterial, Raycaster, SphereGeometry, Vector2, Vector3 } from "three";
 import type { Axis, Point } from "../messages";
-import type { Palette } from "./palette";
+import type { Palette } from "./layer";
 import type { SliceLayer } from "./slice";
 import type { Views } from "./views";
 

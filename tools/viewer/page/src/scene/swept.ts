@@ -4,8 +4,7 @@ import { Color, Group, IcosahedronGeometry, InstancedMesh, MeshBasicMaterial } f
 import type { Moment } from "../history";
 import type { Plan, World } from "../messages";
 import { dispose } from "./geometry";
-import type { Layer } from "./layer";
-import type { Palette } from "./palette";
+import type { Layer, Palette } from "./layer";
 import { placeSpheres } from "./robot";
 
 export class SweptLayer implements Layer {

@@ -5,8 +5,7 @@ import { LineGeometry } from "three/addons/lines/LineGeometry.js";
 import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import type { Moment } from "../history";
 import type { Plan, World } from "../messages";
-import type { Layer } from "./layer";
-import type { Palette } from "./palette";
+import type { Layer, Palette } from "./layer";
 
 export type PlanRole = "followed" | "previous" | "refused";
 

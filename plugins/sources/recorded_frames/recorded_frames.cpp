@@ -1,0 +1,23 @@
+#include "recorded_frames.hpp"
+
+#include <fstream>
+#include <sstream>
+
+namespace sidestep::recorded_frames {
+
+Result<void> for_each_line(const std::filesystem::path& file, const HandleWords& handle) {
+  std::ifstream stream(file);
+  if (!stream) return fail(ErrorCode::kNotFound, "there is no such file", file.string());
+  int number = 0;
+  for (std::string line; std::getline(stream, line);) {
+    ++number;
+    std::istringstream words_of(line.substr(0, line.find('#')));
+    std::vector<std::string> words;
+    for (std::string word; words_of >> word;) words.push_back(word);
+    if (words.empty()) continue;
+    SIDESTEP_TRY(handle(words, file.string() + ":" + std::to_string(number)));
+  }
+  return {};
+}
+
+}  // namespace sidestep::recorded_frames
