@@ -27,7 +27,7 @@ flags=(-std=c++20 -O3 -lineinfo --fmad=false -arch="$arch" -Xcompiler=-ffp-contr
 objects=()
 jobs=()
 for source in plugins/cuda/device_backend.cpp plugins/cuda/probe.cu $edt/transform_device.cu $map/map_device.cu $chain/chain_batch_device.cu \
-  $edt/dirty_lines.cpp $edt/transform_host.cpp $map/map_host.cpp $chain/chain_batch_host.cpp \
+  $edt/transform_host.cpp $map/map_host.cpp $chain/chain_batch_host.cpp \
   tests/cuda/main.cpp tests/cuda/chain_checks.cpp tests/cuda/device_checks.cpp tests/cuda/device_times.cpp; do
   object=$out/$(basename "$source").o
   objects+=("$object")

@@ -2,7 +2,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <span>
 #include <utility>
+#include <vector>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/planning/cost_form.hpp>

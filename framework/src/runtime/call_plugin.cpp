@@ -1,5 +1,7 @@
 #include <sidestep/runtime/call_plugin.hpp>
 
+#include <exception>
+
 #include <sidestep/planning/residual_names.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 #include <sidestep/runtime/host.hpp>

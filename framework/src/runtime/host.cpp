@@ -159,8 +159,8 @@ struct Host::Impl {
   void check(const Found& plugin, const Node& block, std::vector<Error>& errors) {
     const std::size_t before = errors.size();
     check_against_schema(block, plugin.info.schema, {name_key(plugin.info.kind)}, errors);
-    if (errors.size() > before) return;
     check_plugin_blocks(block, plugin.info.schema, errors);
+    if (errors.size() > before) return;
     const auto done = call_plugin(plugin.qualified_name(), [&]() -> Result<void> {
       plugin.descriptor->check(block, errors);
       return {};
@@ -176,7 +176,7 @@ struct Host::Impl {
     }
   }
 
-  /// Checks the blocks of plugins in a map that fits its schema.
+  /// Checks the blocks of plugins in a map; passes over what does not fit its schema.
   void check_plugin_blocks(const Node& map, const Schema& schema, std::vector<Error>& errors) {
     for (const Parameter& parameter : schema) {
       const Node* value = map.find(parameter.name);

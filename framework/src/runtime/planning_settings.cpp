@@ -169,7 +169,7 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
       .add("sigma_self_collision", &S::sigma_self_collision,
            "Standard deviation of the self-collision cost; 0 leaves it out.",
            {.unit = "m", .min = 0.0})
-      .add("self_collision_placement", &S::self_collision_placement,
+      .add("self_collision_placement", &S::self_collision_states,
            "States at which the self-collision cost applies.",
            {.choices = {"support", "support_and_interpolated"}})
       .add("sigma_position_limit", &S::sigma_position_limit,
@@ -296,7 +296,7 @@ Problem make_problem(std::shared_ptr<const RobotModel> robot,
   problem.interpolated_checks = settings.interpolated_checks;
   problem.speed_fraction = settings.speed_fraction;
   CostSettings costs = settings;
-  costs.self_collision_placement = settings.self_collision_placement == "support"
+  costs.self_collision_placement = settings.self_collision_states == "support"
                                        ? Placement::kSupport
                                        : Placement::kSupportAndInterpolated;
   problem.terms = standard_terms(problem, costs);

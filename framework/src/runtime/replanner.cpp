@@ -86,7 +86,7 @@ const Trajectory& Replanner::followed() const noexcept {
 }
 Stamp Replanner::followed_start() const noexcept {
   const Impl::Motion* motion = impl_->motion();
-  return motion != nullptr ? motion->start : Stamp{};
+  return motion != nullptr ? motion->start : impl_->last_start;
 }
 std::int64_t Replanner::checks() const noexcept { return impl_->checks; }
 const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexcept {
@@ -375,6 +375,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   const bool was_driving = std::holds_alternative<Driving>(phase);
   const bool was_slowed = halted && halted->reason == Reason::kMoving && motion() != nullptr;
   const bool is_clear = !std::isfinite(plan.free_until_s);
+  last_start = now;
   phase = Driving{{plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false};
   unfinished = plan.trajectory;
   is_moving = true;

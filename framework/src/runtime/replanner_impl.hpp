@@ -104,7 +104,7 @@ struct Replanner::Impl {
   // Stops: replanner_stop.cpp.
   /// Brings the robot to rest, and notes why, once a reason. `by_executor`: no trajectory of ours
   /// would be followed.
-  void halt(Reason reason, const std::string& cause, bool by_executor = false);
+  void halt(Reason reason, std::string cause, bool by_executor = false);
   [[nodiscard]] std::string stop_motion(bool by_executor);
   [[nodiscard]] bool follow_verified_stop(Driving& driving, std::string& how);
   [[nodiscard]] std::string stop_by_executor();
@@ -135,6 +135,7 @@ struct Replanner::Impl {
   std::optional<Stamp> failed_at;                    ///< The last replan that failed.
 
   std::variant<Resting, Driving, Braking, AtGoal> phase;
+  Stamp last_start;        ///< Of the motion that was given last.
   Trajectory unfinished;   ///< The last plan, which stops interrupt.
   bool is_moving = false;  ///< As measured.
   Stamp measured_at;

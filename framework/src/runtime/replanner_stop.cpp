@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <utility>
 
 #include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/trajectory/braking.hpp>
@@ -9,7 +10,7 @@
 
 namespace sidestep {
 
-void Replanner::Impl::halt(Reason reason, const std::string& cause, bool by_executor) {
+void Replanner::Impl::halt(Reason reason, std::string cause, bool by_executor) {
   const bool is_stopping = motion() == nullptr || std::holds_alternative<Braking>(phase);
   if (halted && halted->reason == reason && is_stopping) {
     const bool is_again =
@@ -22,7 +23,8 @@ void Replanner::Impl::halt(Reason reason, const std::string& cause, bool by_exec
   halted = Halt{reason, cause};
   const bool slows = reason == Reason::kMoving && motion() != nullptr;
   const std::string how = stop_motion(by_executor);
-  Event& event = tell(slows ? Event::Kind::kSlowed : Event::Kind::kStopped, reason, cause + how);
+  Event& event =
+      tell(slows ? Event::Kind::kSlowed : Event::Kind::kStopped, reason, std::move(cause) + how);
   event.takeover = begin;
   if (!slows) parts.log.warn("stopped: " + event.cause);
 }
@@ -67,6 +69,7 @@ bool Replanner::Impl::follow_verified_stop(Driving& driving, std::string& how) {
       how = "; the executor refused the stop: " + accepted.error().describe();
       return false;
     }
+    last_start = begin;
     phase = Braking{{motion, begin}};
     how = stop == &along_path ? "" : "; the robot stops beside its path";
     return true;

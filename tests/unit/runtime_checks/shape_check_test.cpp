@@ -244,7 +244,7 @@ TEST_F(ShapeCheckTest, RefusesWhatMakesNoSense) {
 
   settings_.allowed_contacts = {{"bal", "floor"}};
   EXPECT_NE(refusal().find("\"bal\""), std::string::npos) << refusal();
-  EXPECT_NE(refusal().find("did you mean \"ball\"?"), std::string::npos) << refusal();
+  EXPECT_NE(refusal().find("did you mean 'ball'?"), std::string::npos) << refusal();
   settings_.allowed_contacts.clear();
   obstacles_.occupied_centres_m = {{0, 0, 0}};
   EXPECT_NE(refusal().find("no size"), std::string::npos) << refusal();

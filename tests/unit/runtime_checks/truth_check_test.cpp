@@ -126,7 +126,7 @@ TEST_F(TruthCheckTest, RefusesWhatMakesNoSense) {
   settings_.allowed_contacts = {{"ball", "pots"}};
   const auto named = check_true_motion(flying_ball(kBall_m), scene, flight(1.0), settings_);
   ASSERT_FALSE(named);
-  EXPECT_NE(named.error().describe().find("did you mean \"post\"?"), std::string::npos)
+  EXPECT_NE(named.error().describe().find("did you mean 'post'?"), std::string::npos)
       << named.error().describe();
 }
 

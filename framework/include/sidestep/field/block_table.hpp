@@ -28,7 +28,6 @@ class BlockTable {
   }
 
   [[nodiscard]] std::size_t size() const noexcept { return blocks_.size(); }
-  [[nodiscard]] std::size_t page_count() const noexcept { return pages_.size(); }
   [[nodiscard]] const Entry& operator[](std::size_t i) const noexcept {
     return (*pages_[i / kPage])[i % kPage];
   }

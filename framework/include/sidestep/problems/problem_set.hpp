@@ -23,7 +23,7 @@ struct SetProblem {
 };
 
 /// Reads a problem set for a robot (docs/reference/problem_sets.md): a JSON file of one family, a
-/// folder of one as MotionBenchMaker writes it (moveit_problems.hpp), or a folder of either, in
+/// folder of one as MotionBenchMaker writes it (holds_moveit_problems()), or a folder of either, in
 /// order of names. What a set says of joints that the robot does not plan for is passed over; those
 /// that it does may stand in any order. Fails with kNotFound, kIo, or kConfig, naming the file and
 /// the entry. [any]

@@ -2,9 +2,11 @@
 
 #include <ctime>
 #include <filesystem>
+#include <iterator>
 #include <optional>
 #include <set>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <sidestep/core/time.hpp>

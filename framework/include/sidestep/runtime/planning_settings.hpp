@@ -32,7 +32,7 @@ struct PlanningSettings : CostSettings {
   bool retime = true;
   double qc = 1.0;
   int interpolated_checks = 4;
-  std::string self_collision_placement = "support_and_interpolated";  ///< Or "support".
+  std::string self_collision_states = "support_and_interpolated";  ///< Or "support".
   double collision_margin_m = 0.0;
   double time_limit_s = 10.0;
   int attempts = 1;

@@ -179,6 +179,7 @@ class Replanner {
   void stop(Stamp now, const std::string& cause, std::vector<ReplannerEvent>& events);
 
   /// What the robot follows, and when its time 0 was; empty before the first plan and after a stop.
+  /// The reference holds until the next step().
   [[nodiscard]] const Trajectory& followed() const noexcept;
   [[nodiscard]] Stamp followed_start() const noexcept;
   /// Validity checks of what is followed so far: one for each map and each trajectory, since the
