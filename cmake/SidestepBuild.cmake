@@ -135,7 +135,9 @@ function(sidestep_add_test name)
       add_dependencies(sidestep_${label}_tests ${name})
     endif()
   endforeach()
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60 PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 600 RUN_SERIAL ${ARG_SERIAL})
+  list(JOIN ARG_LABELS "_" labels)  # one label that -L finds by each: of several, CMake keeps the first
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS "${labels}" TIMEOUT 600 RUN_SERIAL ${ARG_SERIAL})
 endfunction()
 
 # sidestep_add_benchmark(NAME SOURCES ... [LINK library...])
