@@ -25,6 +25,7 @@ constexpr double kStartTolerance = 0.01;  // m, rad
 /// One that starts at another velocity may come from a planner that knows none.
 constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
 constexpr std::string_view kAfterStop = "after_stop";
+constexpr std::string_view kRetimed = "retimed";
 constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
 
@@ -132,7 +133,9 @@ void PlanSearch::attempt(std::size_t guess, Task& task) {
   ++count.tried;
   task.result.tried.push_back(count.guess);
   if (initial) {
-    auto proposal = solve(parts_.optimiser, parts_.optimiser_name, *initial, task);
+    auto proposal = count.guess == kRetimed
+                        ? initial
+                        : solve(parts_.optimiser, parts_.optimiser_name, *initial, task);
     if (proposal) task.result.plan = accept(std::move(*proposal), task);
     const bool is_left = !task.result.plan && task.result.fault.empty() && task.sampled;
     if (is_left && !task.departure.is_moving) {
@@ -163,10 +166,16 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
   if (name == kAfterStop && !depart_after_stop(task)) return std::nullopt;
   const Problem& problem = task.problem;
   task.sampled.reset();
-  if (name == "refit") {
+  if (name == "refit" || name == kRetimed) {
     const Trajectory* rest = task.departure.unfinished;
     const double from_s = task.departure.unfinished_from_s;
     if (rest == nullptr || rest->duration_s() <= from_s) return std::nullopt;
+    if (name == kRetimed) {
+      if (!task.request.predicted) return std::nullopt;
+      Trajectory path = cut(*rest, from_s, rest->duration_s());
+      set_first_state(path, task.start);
+      return path;
+    }
     return sampled_anew(problem, *rest, from_s);
   }
   if (name == "perturbed") {
@@ -191,6 +200,11 @@ bool PlanSearch::depart(Departure departure, Task& task) const {
   task.start = end_of(task.departure.lead);
   if (!task.departure.is_moving) task.start.qdot.setZero();
   task.problem = parts_.pose_problem(task.request.field, task.start);
+  if (const auto& predicted = task.request.predicted) {
+    task.problem.prediction = predicted->prediction;
+    task.problem.prediction_from_s = predicted->from_s + task.departure.lead.duration_s();
+    task.problem.prediction_margin_m = settings_.prediction_margin_m;
+  }
   auto sound = task.problem.validate();
   if (!sound) task.failure = "the problem makes no sense: " + sound.error().describe();
   return sound.has_value();
@@ -290,6 +304,19 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   plan.takeover_s = task.departure.lead.duration_s();
   plan.trajectory = joined(task.departure.lead, retimed->trajectory);
   plan.frees_goal = is_goal_free(task.problem);
+  if (task.request.predicted) {
+    auto among = among_predicted(plan, proposal, task.departure, task.request);
+    if (!among) {
+      task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
+      return refuse("what is predicted leaves no time for it");
+    }
+    plan.delay_s = among->duration_s() - plan.trajectory.duration_s();
+    plan.trajectory = std::move(*among);
+  }
+  if (task.request.to_end_before_s &&
+      plan.trajectory.duration_s() > *task.request.to_end_before_s) {
+    return refuse("it is not sooner at the goal");
+  }
   // Longer than what is followed must keep to, lest the robot brake for what it just set out by.
   const double brake_s = plan.takeover_s + settings_.replan_period_s + settings_.search_s();
   const auto reached =
@@ -313,6 +340,22 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   }
   plan.unknown_share = verdict->unknown_share;
   return plan;
+}
+
+/// The sooner of two motions that are clear of what is predicted: the plan, slowed down where it
+/// has to be, and the proposal as it was timed by its planner, if that keeps the limits. Nothing
+/// where neither is.
+std::optional<Trajectory> PlanSearch::among_predicted(const FoundPlan& plan,
+                                                      const Trajectory& proposal,
+                                                      const Departure& departure,
+                                                      const Request& request) const {
+  auto slower = retime_among(plan.trajectory, plan.takeover_s, parts_.limits, *request.predicted,
+                             request.prediction_check);
+  if (!keeps_limits(proposal, parts_.limits)) return slower;
+  Trajectory as_timed = joined(departure.lead, proposal);
+  if (slower && slower->duration_s() <= as_timed.duration_s()) return slower;
+  if (request.prediction_check.first_conflict(as_timed, 0.0, *request.predicted)) return slower;
+  return as_timed;
 }
 
 std::optional<double> PlanSearch::cost_of_rest(std::shared_ptr<const DistanceField> field,

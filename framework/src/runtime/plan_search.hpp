@@ -26,6 +26,7 @@ struct FoundPlan {
   Trajectory trajectory;  ///< The lead and the new motion, checked as one.
   double takeover_s = 0.0;
   double splice_velocity_jump = 0.0;
+  double delay_s = 0.0;  ///< For which it waits, or goes more slowly, among what is predicted.
   double cost = 0.0;
   double unknown_share = 0.0;
   double free_until_s =
@@ -52,10 +53,13 @@ class PlanSearch {
     std::shared_ptr<const DistanceField> field;
     const ValidityCheck& check;  ///< In that field.
     const ReachCheck& reach;
+    const PredictionCheck& prediction_check;
+    std::optional<PredictionOnClock> predicted;  ///< On the clock of the new trajectory.
     Departure departure;
     Stamp now;
     /// What the new trajectory must cost less than, by the problem's terms.
     std::optional<double> to_beat;
+    std::optional<double> to_end_before_s;  ///< From now on.
     /// How long one that is not free all the way must be free for at least.
     double least_free_s = 0.0;
   };
@@ -84,6 +88,10 @@ class PlanSearch {
                                                 const Trajectory& guess, Task& task) const;
   [[nodiscard]] std::string why_elsewhere(const Task& task, const Trajectory& proposal) const;
   [[nodiscard]] std::optional<FoundPlan> accept(Trajectory proposal, Task& task) const;
+  [[nodiscard]] std::optional<Trajectory> among_predicted(const FoundPlan& plan,
+                                                          const Trajectory& proposal,
+                                                          const Departure& departure,
+                                                          const Request& request) const;
 
   const Replanner::Parts& parts_;
   const ReplannerSettings& settings_;

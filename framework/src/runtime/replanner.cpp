@@ -11,6 +11,12 @@
 #include "replanner_impl.hpp"
 
 namespace sidestep {
+namespace {
+
+/// What is worth a replan, of a motion that waits among what is predicted.
+constexpr double kDelayed_s = 0.3;
+
+}  // namespace
 
 std::string_view to_string(ReplannerEvent::Kind kind) noexcept {
   using Kind = ReplannerEvent::Kind;
@@ -32,6 +38,7 @@ std::string_view to_string(ReplannerEvent::Reason reason) noexcept {
     case Reason::kGoal: return "goal";
     case Reason::kBlocked: return "blocked";
     case Reason::kCost: return "cost";
+    case Reason::kSooner: return "sooner";
     case Reason::kMoving: return "moving";
     case Reason::kMap: return "map";
     case Reason::kNotFollowing: return "not_following";
@@ -154,6 +161,7 @@ Replanner::Status Replanner::Impl::advance() {
   if (!first_step) first_step = now;
   const auto measured = measure();
   if (!measured) return status();
+  measured_state = *measured;
   keep_to_observed(*measured);
   is_moving = !is_at_rest(*measured);
   if (failed_stop && is_moving) (void)stop_by_executor();  // it still follows what it had
@@ -187,6 +195,7 @@ void Replanner::Impl::supervise() {
   if (slows_down(driving)) return;
   if (!driving.is_checked) check(driving);
   if (driving.blocked) return on_blocked(driving);
+  if (driving.delay_s > kDelayed_s && is_due()) return hasten(driving);
   if (settings.cost_tolerance > 0.0 && is_due()) improve(driving);
 }
 
@@ -249,6 +258,11 @@ void Replanner::Impl::improve(const Driving& driving) {
   const std::string cause = "the cost of what is followed rose from " + std::to_string(*cost_then) +
                             " to " + std::to_string(*cost);
   (void)replan(std::move(departure), Reason::kCost, cause, (1.0 - settings.hysteresis) * *cost);
+}
+
+void Replanner::Impl::hasten(const Driving& driving) {
+  (void)replan(departure_from(driving), Reason::kSooner, "the way may be free sooner", {},
+               driving.trajectory.duration_s() - driving.time_s(now) - kDelayed_s);
 }
 
 detail::Departure Replanner::Impl::departure_from(const Motion& motion) const {
@@ -320,20 +334,21 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
 }
 
 bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,
-                             std::optional<double> to_beat) {
+                             std::optional<double> to_beat, std::optional<double> to_end_before_s) {
   last_replan = now;
   searched_in = field;
   // What is free for longer than what is followed now is worth going on with.
   constexpr double kWorth_s = 1.0;
   double least_free_s = settings.takeover_s + settings.horizon_s;
-  if (to_beat) {
+  if (to_beat || to_end_before_s) {
     least_free_s = std::numeric_limits<double>::infinity();  // what is followed is free all the way
   } else if (const auto* driving = std::get_if<Driving>(&phase); driving && driving->blocked) {
     least_free_s =
         std::max(least_free_s, driving->blocked->begin_s - driving->time_s(now) + kWorth_s);
   }
   detail::SearchResult found =
-      search.run({field, *full_check, reach, std::move(departure), now, to_beat, least_free_s});
+      search.run({field, *full_check, reach, prediction_check, predicted_from(now),
+                  std::move(departure), now, to_beat, to_end_before_s, least_free_s});
   const double took_s = 1e-3 * watch.elapsed_ms();
   if (found.plan && settings.limit_wall_time && took_s > settings.takeover_s) {
     found.plan.reset();
@@ -341,7 +356,9 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   }
   if (found.plan) return follow(found, reason, cause);
   failed_at = now;
-  if (found.fault.empty() && reason == Reason::kCost) return false;  // what is followed is good
+  if (found.fault.empty() && (reason == Reason::kCost || reason == Reason::kSooner)) {
+    return false;  // what is followed is good
+  }
   const bool is_told = is_failing && found.fault.empty();
   is_failing = !std::holds_alternative<Driving>(phase);
   if (is_told && is_failing) return false;
@@ -376,7 +393,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   const bool was_slowed = halted && halted->reason == Reason::kMoving && motion() != nullptr;
   const bool is_clear = !std::isfinite(plan.free_until_s);
   last_start = now;
-  phase = Driving{{plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false};
+  phase = Driving{{plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false, plan.delay_s};
   unfinished = plan.trajectory;
   is_moving = true;
   free_goal.reset();

@@ -46,7 +46,8 @@ struct Replanner::Impl {
     std::optional<Blocked> blocked;
     std::optional<detail::Contingency> contingency;  ///< The last that was found.
     bool is_unreached =
-        false;  ///< Nothing that moves in the newest map could reach the robot on it.
+        false;             ///< Nothing that moves in the newest map could reach the robot on it.
+    double delay_s = 0.0;  ///< For which it waits, or goes more slowly, among what is predicted.
   };
   /// A stop is followed.
   struct Braking : Motion {};
@@ -59,6 +60,7 @@ struct Replanner::Impl {
         search(parts, settings),
         reach(parts.robot, parts.limits, settings.obstacle_speed_mps, settings.margin_m),
         checks_of_robot(parts.robot),
+        prediction_check(parts.robot, settings.prediction_margin_m),
         margin_m(settings.margin_m) {}
 
   // The state machine: replanner.cpp.
@@ -69,13 +71,15 @@ struct Replanner::Impl {
   /// Brakes where what moves could reach the robot before it is at rest.
   [[nodiscard]] bool slows_down(Driving& driving);
   void improve(const Driving& driving);
+  /// Sets out sooner, or goes faster, where what was to be waited for is gone.
+  void hasten(const Driving& driving);
   void depart_from_rest(const RobotState& measured);
   [[nodiscard]] detail::Departure departure_from(const Motion& motion) const;
   void find_unfinished(detail::Departure& departure) const;
   /// Searches and, where there is a plan, has it followed. False where what is followed goes on, or
   /// the robot has been stopped.
   bool replan(detail::Departure departure, Reason reason, const std::string& cause,
-              std::optional<double> to_beat = {});
+              std::optional<double> to_beat = {}, std::optional<double> to_end_before_s = {});
   bool follow(const detail::SearchResult& found, Reason reason, const std::string& cause);
   [[nodiscard]] bool is_due() const;
 
@@ -91,6 +95,9 @@ struct Replanner::Impl {
   [[nodiscard]] double stopping_time_s() const;
   /// Pins the newest map; false where there is none that can be planned in.
   [[nodiscard]] bool look_at_map();
+  void look_ahead(const Tracks& tracks);
+  /// The prediction on the clock of a motion that begins at a stamp.
+  [[nodiscard]] std::optional<PredictionOnClock> predicted_from(Stamp begin) const;
   /// A cause, and after it what whoever maps has to say.
   [[nodiscard]] std::string with_map_trouble(std::string cause) const;
   void use_margin(double kept_m);
@@ -100,6 +107,7 @@ struct Replanner::Impl {
   [[nodiscard]] Violation first_violation_after(const Violation& unproven,
                                                 const Trajectory& trajectory) const;
   [[nodiscard]] std::string describe(const Violation& violation, const Motion& motion) const;
+  [[nodiscard]] std::string describe(const PredictedConflict& conflict, const Motion& motion) const;
 
   // Stops: replanner_stop.cpp.
   /// Brings the robot to rest, and notes why, once a reason. `by_executor`: no trajectory of ours
@@ -123,6 +131,7 @@ struct Replanner::Impl {
   detail::PlanSearch search;
   detail::ReachCheck reach;
   FieldChecks checks_of_robot;
+  PredictionCheck prediction_check;
 
   Stamp now;
   Stopwatch watch;         ///< Since the step's begin.
@@ -149,6 +158,8 @@ struct Replanner::Impl {
   std::optional<Stamp> failed_stop;  ///< When the executor's own stop failed: to be tried again.
 
   std::shared_ptr<const DistanceField> field;     ///< The newest one that was good.
+  std::shared_ptr<const Prediction> prediction;   ///< With the field; null without a predictor.
+  RobotState measured_state;                      ///< The newest.
   Stamp map_came;                                 ///< The step in which it did.
   std::unique_ptr<ValidityCheck> full_check;      ///< In `field`, with `margin_m`.
   std::unique_ptr<ValidityCheck> obstacle_check;  ///< The same, of obstacles alone.

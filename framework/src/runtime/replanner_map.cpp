@@ -4,6 +4,7 @@
 #include <sidestep/core/format.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
+#include <sidestep/runtime/prediction.hpp>
 
 #include "replanner_impl.hpp"
 
@@ -119,7 +120,7 @@ double Replanner::Impl::stopping_time_s() const {
 }
 
 bool Replanner::Impl::look_at_map() {
-  auto [newest, moving] = parts.slot.snapshot();
+  auto [newest, moving, tracks] = parts.slot.snapshot();
   if (!newest) {
     const double waited_s = now.seconds() - first_step->seconds();
     if (waited_s > settings.max_map_age_s) {
@@ -148,6 +149,8 @@ bool Replanner::Impl::look_at_map() {
   field = std::move(newest);
   map_came = now;
   reach.look_at(std::move(moving));
+  prediction.reset();
+  if (parts.predictor != nullptr && tracks != nullptr) look_ahead(*tracks);
   if (auto* driving = std::get_if<Driving>(&phase)) {
     driving->is_unreached = driving->is_checked = false;
   }
@@ -158,6 +161,18 @@ bool Replanner::Impl::look_at_map() {
   const auto verdict = full_check->check(motion()->trajectory, motion()->time_s(now), Deadline());
   if (!verdict || !verdict->valid()) use_margin(kept_m);
   return true;
+}
+
+void Replanner::Impl::look_ahead(const Tracks& tracks) {
+  const RobotFootprint robot = footprint(*parts.robot, measured_state);
+  prediction = std::make_shared<const Prediction>(
+      predict(*parts.predictor, parts.predictor_name,
+              {tracks, settings.prediction_horizon_s, field.get(), &robot}, parts.log));
+}
+
+std::optional<PredictionOnClock> Replanner::Impl::predicted_from(Stamp begin) const {
+  if (prediction == nullptr) return std::nullopt;
+  return PredictionOnClock{prediction, begin.seconds() - prediction->stamp().seconds()};
 }
 
 std::string Replanner::Impl::with_map_trouble(std::string cause) const {
@@ -192,11 +207,19 @@ void Replanner::Impl::check(Driving& driving) {
   ++checks;
   driving.is_checked = true;
   driving.blocked.reset();
-  if (verdict && verdict->valid()) {
-    driving.is_sound = true;
+  std::optional<PredictedConflict> conflict;
+  if (const auto predicted = predicted_from(driving.start)) {
+    conflict = prediction_check.first_conflict(driving.trajectory, driving.time_s(now), *predicted);
+  }
+  const bool is_clear = verdict && verdict->valid();
+  if (is_clear) driving.is_sound = true;
+  if (is_clear && !conflict) return;
+  Blocked& blocked = driving.blocked.emplace();
+  if (conflict && (is_clear || (verdict && conflict->time_s < verdict->first_violation_s))) {
+    blocked.begin_s = conflict->time_s;
+    blocked.cause = describe(*conflict, driving);
     return;
   }
-  Blocked& blocked = driving.blocked.emplace();
   if (!verdict || verdict->violations.empty()) {
     blocked.cause = "what is followed cannot be checked";
     if (!verdict) blocked.cause += ": " + verdict.error().describe();
@@ -229,6 +252,14 @@ Violation Replanner::Impl::first_violation_after(const Violation& unproven,
     return *std::move(violation);
   }
   return unproven;
+}
+
+std::string Replanner::Impl::describe(const PredictedConflict& conflict,
+                                      const Motion& motion) const {
+  const double in_s = conflict.time_s - motion.time_s(now);
+  return "track " + std::to_string(conflict.track) + " may meet " +
+         parts.robot->description().links[static_cast<std::size_t>(conflict.link)].name +
+         (in_s > 0.0 ? " in " + seconds(in_s) : " now");
 }
 
 /// What, where and how soon: the obstacle's place is that of the point nearest to the link.

@@ -64,8 +64,9 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
            "Share by which a new trajectory must then be cheaper to be taken.",
            {.min = 0.0, .max = 1.0})
       .add("escalation", &S::escalation,
-           "First guesses of a replan, in order: refit, straight_line, perturbed, sampled (which "
-           "needs a `sampler`), after_stop.");
+           "First guesses of a replan, in order: retimed (in programs that predict what moves), "
+           "refit, "
+           "straight_line, perturbed, sampled (which needs a `sampler`), after_stop.");
 }
 
 }  // namespace sidestep

@@ -248,7 +248,9 @@ class ClosedLoop {
                                        .executor_name = "executor fake",
                                        .optimiser_name = "optimiser detour",
                                        .sampler_name = "sampler",
-                                       .map_trouble = map_trouble},
+                                       .map_trouble = map_trouble,
+                                       .predictor = predictor,
+                                       .predictor_name = "predictor goes_on"},
                       settings_);
   }
 
@@ -293,6 +295,8 @@ class ClosedLoop {
   Balls mapped;     ///< As of the last map.
   DetourPlanner planner;
   Optimiser* sampler = nullptr;
+  Predictor* predictor = nullptr;
+  std::function<std::shared_ptr<const Tracks>(Stamp)> tracks;  ///< Of a map; none where empty.
   std::function<std::string()> map_trouble;
   Replanner::PoseProblem pose;
   SnapshotSlot slot;
@@ -320,6 +324,7 @@ class ClosedLoop {
       moving->stamp = stamp;
       snapshot.moving = std::move(moving);
     }
+    if (tracks) snapshot.tracks = tracks(stamp);
     slot.publish(std::move(snapshot));
   }
 

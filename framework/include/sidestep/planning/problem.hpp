@@ -9,6 +9,7 @@
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/field/distance_field.hpp>
+#include <sidestep/planning/prediction.hpp>
 #include <sidestep/planning/state_cost.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
@@ -63,6 +64,12 @@ struct Problem {
   std::shared_ptr<const RobotModel> robot;
   std::shared_ptr<const DistanceField> field;  ///< The one snapshot that a solve sees.
   SpacePolicy space;
+  /// Where things will be while the motion lasts; null where nothing is predicted. Planners that
+  /// know time keep clear of it; validity checks on a field do not know of it.
+  std::shared_ptr<const Prediction> prediction;
+  double prediction_from_s = 0.0;    ///< The prediction's time at the motion's begin.
+  double prediction_margin_m = 0.0;  ///< Least distance between spheres and predicted sets.
+
   /// Least distance between spheres and obstacles, or the floor. Sampling planners keep it; the
   /// obstacle and floor costs of standard_terms() begin no nearer.
   double collision_margin_m = 0.0;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -12,6 +13,7 @@
 #include <sidestep/core/log.hpp>
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/planning/prediction_check.hpp>
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/snapshot_slot.hpp>
@@ -19,11 +21,12 @@
 
 namespace sidestep {
 
-/// First guesses of a replan: the rest of what is followed, resampled; a straight line; one bent
-/// by seeded waves, other ones at every try; the path of the sampling planner; a straight line from
+/// First guesses of a replan: the rest of the path that is followed, at speeds of its own among
+/// what is predicted, without an optimiser; that rest, resampled; a straight line; one bent by
+/// seeded waves, other ones at every try; the path of the sampling planner; a straight line from
 /// where a stop would end, which the robot then makes first.
-inline constexpr std::array<std::string_view, 5> kReplanGuesses{
-    "refit", "straight_line", "perturbed", "sampled", "after_stop"};
+inline constexpr std::array<std::string_view, 6> kReplanGuesses{
+    "retimed", "refit", "straight_line", "perturbed", "sampled", "after_stop"};
 
 /// How a replanner behaves, the block `replanner`. Times on the run's clock.
 struct ReplannerSettings {
@@ -44,7 +47,9 @@ struct ReplannerSettings {
   /// How far from where it starts the links that stand on the floor (Floor::except_links) may move
   /// in space that no frame has seen; nothing: anywhere. Farther off, the robot rests before it.
   std::optional<double> unseen_start_m;
-  double max_step_m = 0.1;  ///< First spacing of validity checks, as motion of spheres.
+  double prediction_horizon_s = 6.0;  ///< For which is predicted what is tracked.
+  double prediction_margin_m = 0.1;   ///< That spheres keep from predicted sets.
+  double max_step_m = 0.1;            ///< First spacing of validity checks, as motion of spheres.
   /// Where no trajectory is free all the way, one that is so for at least this long may do: what is
   /// in the way later is looked at again when it is nearer, and may have gone.
   double horizon_s = 8.0;
@@ -95,6 +100,7 @@ struct ReplannerEvent {
     kGoal,          ///< There is a goal to go to, or it is reached.
     kBlocked,       ///< Something is in the way of what is, or was, followed.
     kCost,          ///< It has become costlier.
+    kSooner,        ///< What was to be waited for has gone, or will have gone sooner.
     kMoving,        ///< Something that moves could reach the robot before it is at rest.
     kMap,           ///< The map is too old, or its time jumped.
     kNotFollowing,  ///< The robot is not where it should be.
@@ -159,6 +165,9 @@ class Replanner {
     /// What keeps new maps from coming, in words, for the cause of a stop; empty where nothing
     /// does.
     std::function<std::string()> map_trouble = {};
+    /// Says where the tracks of a map will be, none of which is in its field; may be null.
+    Predictor* predictor = nullptr;
+    std::string predictor_name = "predictor";
   };
 
   Replanner(Parts parts, ReplannerSettings settings);

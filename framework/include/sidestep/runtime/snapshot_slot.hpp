@@ -8,6 +8,7 @@
 
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/mapping/moving_obstacles.hpp>
+#include <sidestep/mapping/tracks.hpp>
 
 namespace sidestep {
 
@@ -15,6 +16,7 @@ namespace sidestep {
 struct MapSnapshot {
   std::shared_ptr<const DistanceField> field;
   std::shared_ptr<const MovingObstacles> moving;  ///< Null without a MotionDetector.
+  std::shared_ptr<const Tracks> tracks;           ///< Null without a tracker.
 };
 
 /// The one thing that mapping and planning share: the newest map. publish() [mapping],

@@ -1,0 +1,169 @@
+#include <cmath>
+#include <stdexcept>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/runtime/prediction.hpp>
+
+#include "closed_loop.hpp"
+
+namespace sidestep::testing_support {
+namespace {
+
+using Kind = ReplannerEvent::Kind;
+
+constexpr double kPerson_m = 0.3;
+constexpr double kMargin_m = 0.1;
+constexpr double kHorizon_s = 6.0;
+
+/// Takes what is tracked to go on as it goes.
+class GoesOn final : public Predictor {
+ public:
+  [[nodiscard]] Result<Prediction> predict(const PredictionRequest& request) override {
+    if (misbehave) return misbehave(request);
+    std::vector<PredictedSet> sets;
+    for (const Track& track : request.tracks.tracks) {
+      const Eigen::Vector2d end_m = track.position_m + request.horizon_s * track.velocity_mps;
+      sets.push_back(
+          {track.id,
+           1.0,
+           track.bottom_m,
+           track.top_m,
+           {{0.0, track.position_m, track.radius_m}, {request.horizon_s, end_m, track.radius_m}}});
+    }
+    return Prediction::create(request.tracks.stamp, std::move(sets));
+  }
+  std::function<Result<Prediction>(const PredictionRequest&)> misbehave;
+};
+
+class QuietCount final : public Log {
+ public:
+  void write(LogLevel level, std::string_view text) override {
+    if (level == LogLevel::kWarning) warnings.emplace_back(text);
+  }
+  std::vector<std::string> warnings;
+};
+
+Tracks one_track(const Eigen::Vector2d& position_m, const Eigen::Vector2d& velocity_mps,
+                 Stamp stamp) {
+  Track track;
+  track.id = 5;
+  track.position_m = position_m;
+  track.velocity_mps = velocity_mps;
+  track.covariance.setZero();
+  track.radius_m = kPerson_m;
+  track.bottom_m = -1.0;
+  track.top_m = 1.0;
+  return {{track}, stamp};
+}
+
+/// Somebody walks, and is tracked as he truly walks.
+class AmongPeople : public ::testing::Test {
+ protected:
+  /// Runs until the goal is reached. `person`: place and velocity at a time.
+  void run(const std::function<std::pair<Eigen::Vector2d, Eigen::Vector2d>(double)>& person,
+           double until_s) {
+    loop.predictor = &predictor;
+    loop.tracks = [&](Stamp stamp) {
+      const auto [position_m, velocity_mps] = person(stamp.seconds());
+      return std::make_shared<const Tracks>(one_track(position_m, velocity_mps, stamp));
+    };
+    loop.run(until_s, [&](double t) {
+      if (loop.path.empty()) return;
+      const Eigen::Vector2d apart = loop.path.back().head<2>() - person(t).first;
+      least_m = std::min(least_m, apart.norm() - kPerson_m - ClosedLoop::kRadius_m);
+    });
+  }
+
+  static ReplannerSettings settings() {
+    ReplannerSettings settings = ClosedLoop::defaults();
+    settings.escalation = {"retimed", "straight_line"};
+    settings.prediction_horizon_s = kHorizon_s;
+    settings.prediction_margin_m = kMargin_m;
+    return settings;
+  }
+
+  GoesOn predictor;
+  ClosedLoop loop{settings()};
+  double least_m = std::numeric_limits<double>::infinity();
+};
+
+TEST_F(AmongPeople, WaitsForWhomeverCrossesAndThenGoes) {
+  // He is at x = 2 when the robot would be, crosses at 0.5 m/s, and is never in its field.
+  const auto crossing = [](double t) {
+    return std::pair(Eigen::Vector2d(2.0, -1.25 + 0.5 * t), Eigen::Vector2d(0.0, 0.5));
+  };
+  run(crossing, 20.0);
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_EQ(loop.count(Kind::kStopped), 0) << loop.story();
+  // One step of both lies between what is noted.
+  EXPECT_GT(least_m, kMargin_m - 2.0 * ClosedLoop::kStep_s) << loop.story();
+}
+
+TEST_F(AmongPeople, MeetsHimWhereNothingIsPredicted) {
+  const auto crossing = [](double t) {
+    return std::pair(Eigen::Vector2d(2.0, -1.25 + 0.5 * t), Eigen::Vector2d(0.0, 0.5));
+  };
+  predictor.misbehave = [](const PredictionRequest& request) {
+    Track elsewhere = request.tracks.tracks.front();
+    return Prediction::create(
+        request.tracks.stamp,
+        {{elsewhere.id, 1.0, -1.0, 1.0, {{0.0, {50, 50}, 0.1}, {kHorizon_s, {50, 50}, 0.1}}}});
+  };
+  run(crossing, 20.0);
+  EXPECT_LT(least_m, 0.0) << "the crossing is no test of anything";
+}
+
+TEST_F(AmongPeople, SetsOutSoonerWhenHeTurnsBack) {
+  // From far off he comes to stand in the way at 3 s, and would stay in it; he turns back.
+  const auto turning = [](double t) {
+    const double y_m = t < 2.0 ? -1.4 + 0.3 * t : -0.8 - 0.5 * (t - 2.0);
+    return std::pair(Eigen::Vector2d(2.0, y_m), Eigen::Vector2d(0.0, t < 2.0 ? 0.3 : -0.5));
+  };
+  run(turning, 20.0);
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_GT(least_m, kMargin_m - 2.0 * ClosedLoop::kStep_s) << loop.story();
+  const auto sooner = [](const ReplannerEvent& event) {
+    return event.kind == Kind::kReplanned && event.reason == ReplannerEvent::Reason::kSooner;
+  };
+  EXPECT_TRUE(std::ranges::any_of(loop.events, sooner)) << loop.story();
+  // By his first course the way is blocked until (0.6 + 0.8) / 0.3 s later.
+  EXPECT_LT(loop.ticks * ClosedLoop::kStep_s, 9.0) << loop.story();
+}
+
+TEST(Predict, FallsBackToTheWorstCaseAndNamesThePredictor) {
+  GoesOn predictor;
+  QuietCount log;
+  const Tracks tracks = one_track({1.0, 2.0}, {0.5, 0.0}, Stamp::from_seconds(3.0));
+  const PredictionRequest request{tracks, kHorizon_s};
+  EXPECT_EQ(predict(predictor, "predictor p", request, log).speed_mps(), 0.5);
+  EXPECT_TRUE(log.warnings.empty());
+  const auto set = [](double from_s, double to_s) {
+    return std::vector<PredictedSet>{
+        {5, 1.0, -1.0, 1.0, {{from_s, {0, 0}, 0.3}, {to_s, {0, 0}, 0.3}}}};
+  };
+  const double nan = std::nan("");
+  const std::vector<std::function<Result<Prediction>()>> wrong = {
+      [] { return Prediction::create(Stamp::from_seconds(3.0), {}); },
+      [&] { return Prediction::create(Stamp::from_seconds(2.0), set(0.0, kHorizon_s)); },
+      [&] { return Prediction::create(Stamp::from_seconds(3.0), set(0.5, kHorizon_s)); },
+      [&] { return Prediction::create(Stamp::from_seconds(3.0), set(0.0, 2.0)); },
+      [&] { return Prediction::create(Stamp::from_seconds(3.0), set(0.0, nan)); },
+      []() -> Result<Prediction> { throw std::runtime_error("no idea"); }};
+  for (const auto& answer : wrong) {
+    log.warnings.clear();
+    predictor.misbehave = [&](const PredictionRequest&) { return answer(); };
+    const Prediction worst = predict(predictor, "predictor p", request, log);
+    ASSERT_EQ(log.warnings.size(), 1u);
+    EXPECT_NE(log.warnings[0].find("predictor p"), std::string::npos) << log.warnings[0];
+    EXPECT_NE(log.warnings[0].find("worst case"), std::string::npos) << log.warnings[0];
+    // After 2 s it may be 3.2 m from where it was, in any direction.
+    std::vector<double> distance_m(1);
+    const std::vector<Eigen::Vector3d> p{{1.0, 2.0 - 4.0, 0.0}};
+    worst.query(2.0, p, distance_m, {});
+    EXPECT_NEAR(distance_m[0], 4.0 - kPerson_m - 2.0 * kWalkingSpeed_mps, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace sidestep::testing_support
