@@ -8,6 +8,9 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
+#include <sidestep/geometry/crowd.hpp>
+
+#include "node_reader.hpp"
 
 namespace sidestep {
 namespace {
@@ -30,57 +33,29 @@ void draw_motion(SceneObject& object, const MotionRanges& ranges, std::uint64_t 
   }
 }
 
-using Names = std::vector<std::string>;
-
-/// Reads one document; every mistake goes to errors_, and reading goes on.
-class SceneReader {
+/// Reads one document.
+class SceneReader : private NodeReader {
  public:
-  SceneReading read(const Node& document) {
+  explicit SceneReader(std::vector<Error>& errors) : NodeReader(errors) {}
+
+  Scene read(const Node& document) {
     std::vector<SceneObject> objects;
+    People people;
     if (!document.is_map()) {
       add(document.error("expected a scene, which is a map with the key 'objects', found " +
                          document.kind()));
     } else {
-      check_keys(document, {"objects"});
+      check_keys(document, {"objects", "people"});
       if (const Node* list = require(document, "objects", "a scene")) {
         if (!list->is_list()) add(list->error("expected a list of objects, found " + list->kind()));
         for (const Node& item : list->items()) objects.push_back(read_object(item));
       }
+      if (const Node* block = document.find("people")) people = read_people(*block, errors());
     }
-    SceneReading reading;
-    // An object whose reading failed is not fit for use; neither is a scene that lacks it.
-    if (errors_.empty()) reading.scene = Scene(std::move(objects));
-    reading.errors = std::move(errors_);
-    return reading;
+    return Scene(std::move(objects), std::move(people));
   }
 
  private:
-  void add(Error error) { errors_.push_back(std::move(error)); }
-
-  template <class T>
-  std::optional<T> keep(Result<T> result) {
-    if (result) return std::move(*result);
-    add(std::move(result.error()));
-    return {};
-  }
-
-  void check_keys(const Node& map, const Names& known) {
-    for (const Node::Entry& entry : map.entries()) {
-      if (std::ranges::find(known, entry.key) != known.end()) continue;
-      add(Error{ErrorCode::kConfig, "unknown key '" + entry.key + "'", entry.key_mark.to_string(),
-                did_you_mean(entry.key, known, "known here: " + joined(known)), nullptr});
-    }
-  }
-
-  const Node* require(const Node& map, const std::string& key, const std::string& owner) {
-    const Node* value = map.find(key);
-    if (value == nullptr || value->is_null()) {
-      add(map.error(owner + " needs the key '" + key + "'"));
-      return nullptr;
-    }
-    return value;
-  }
-
   SceneObject read_object(const Node& node) {
     SceneObject object;
     if (!node.is_map()) {
@@ -141,13 +116,8 @@ class SceneReader {
                                  MotionRanges::Range otherwise) {
     const Node* node = map.find(key);
     if (node == nullptr) return otherwise;
-    const auto values = keep(node->as_doubles(2));
-    if (!values) return otherwise;
-    if ((*values)[0] > (*values)[1]) {
-      add(node->error("the range " + key + " is upside down"));
-      return otherwise;
-    }
-    return MotionRanges::Range{(*values)[0], (*values)[1]};
+    const auto read = range(*node, key);
+    return read ? MotionRanges::Range{read->first, read->second} : otherwise;
   }
 
   void read_name(const Node& node, SceneObject& object) {
@@ -211,13 +181,6 @@ class SceneReader {
   double read_length(const Node& map, const std::string& key, const std::string& kind) {
     const Node* node = require(map, key, "a " + kind);
     return node == nullptr ? 1.0 : positive(*node, key);
-  }
-
-  double positive(const Node& node, const std::string& what) {
-    const auto value = keep(node.as_double());
-    if (value && *value > 0.0) return *value;
-    if (value) add(node.error(what + " must be greater than 0, found " + node.text()));
-    return 1.0;
   }
 
   Eigen::Vector3d read_box_size(const Node& sizes) {
@@ -294,7 +257,6 @@ class SceneReader {
     }
   }
 
-  std::vector<Error> errors_;
   std::set<std::string> names_;
   std::string previous_text_;
 };
@@ -321,14 +283,15 @@ Transform SceneObject::T_world_object(double time_s) const {
   return pose;
 }
 
-Scene Scene::drawn(std::uint64_t seed) const {
+Result<Scene> Scene::drawn(std::uint64_t seed) const {
   std::vector<SceneObject> objects = objects_;
   for (SceneObject& object : objects) {
     if (!object.random) continue;
     draw_motion(object, *object.random, seed);
     object.random.reset();
   }
-  return Scene(std::move(objects));
+  if (people_.groups.empty() && people_.persons.empty()) return Scene(std::move(objects));
+  return with_people(std::move(objects), people_, seed);
 }
 
 SceneDistance Scene::signed_distance(const Eigen::Vector3d& p_world, double time_s) const {
@@ -344,6 +307,12 @@ SceneDistance Scene::signed_distance(const Eigen::Vector3d& p_world, double time
   return nearest;
 }
 
-SceneReading read_scene(const Node& document) { return SceneReader().read(document); }
+SceneReading read_scene(const Node& document) {
+  SceneReading reading;
+  Scene scene = SceneReader(reading.errors).read(document);
+  // An object whose reading failed is not fit for use; neither is a scene that lacks it.
+  if (reading.errors.empty()) reading.scene = std::move(scene);
+  return reading;
+}
 
 }  // namespace sidestep

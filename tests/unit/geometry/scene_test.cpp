@@ -47,7 +47,7 @@ TEST(Scene, DrawsMotionFromItsRangesByTheSeed) {
   const Scene scene({walker, pillar});
   std::set<double> begins_s;
   for (std::uint64_t seed = 0; seed < 50; ++seed) {
-    const SceneObject drawn = scene.drawn(seed).objects().front();
+    const SceneObject drawn = scene.drawn(seed)->objects().front();
     const Waypoint& first = drawn.waypoints.front();
     const Waypoint& last = drawn.waypoints.back();
     const double factor = 2.0 / (last.time_s - first.time_s);
@@ -64,14 +64,14 @@ TEST(Scene, DrawsMotionFromItsRangesByTheSeed) {
     EXPECT_TRUE((last.T_world_object.translation() - first.T_world_object.translation())
                     .isApprox(Eigen::Vector3d(4, 0, 0), 1e-12));
     begins_s.insert(first.time_s);
-    EXPECT_EQ(scene.drawn(seed).objects().front().waypoints.front().time_s, first.time_s);
-    EXPECT_EQ(scene.drawn(seed).objects().back().waypoints.front().T_world_object.translation(),
+    EXPECT_EQ(scene.drawn(seed)->objects().front().waypoints.front().time_s, first.time_s);
+    EXPECT_EQ(scene.drawn(seed)->objects().back().waypoints.front().T_world_object.translation(),
               Eigen::Vector3d(9, 9, 9));
   }
   EXPECT_EQ(begins_s.size(), 50U);
   // What another object draws is its own.
-  EXPECT_EQ(Scene({pillar, walker}).drawn(7).objects().back().waypoints.front().time_s,
-            scene.drawn(7).objects().front().waypoints.front().time_s);
+  EXPECT_EQ(Scene({pillar, walker}).drawn(7)->objects().back().waypoints.front().time_s,
+            scene.drawn(7)->objects().front().waypoints.front().time_s);
 }
 
 TEST(Scene, DistanceIsThatToTheNearestObjectWhereItIsNow) {

@@ -4,10 +4,12 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/node.hpp>
+#include <sidestep/geometry/people.hpp>
 #include <sidestep/geometry/shape.hpp>
 #include <sidestep/geometry/transform.hpp>
 
@@ -40,6 +42,7 @@ struct SceneObject {
   std::vector<Waypoint> waypoints;  ///< At least one; times strictly increasing.
   bool repeat = false;
   std::optional<MotionRanges> random;  ///< Not drawn yet.
+  int person = -1;                     ///< Index of the person whose part it is; -1: of none.
 
   [[nodiscard]] bool moves() const noexcept { return waypoints.size() > 1; }
   [[nodiscard]] Transform T_world_object(double time_s) const;
@@ -56,11 +59,17 @@ class Scene {
  public:
   Scene() = default;
   explicit Scene(std::vector<SceneObject> objects) : objects_(std::move(objects)) {}
+  Scene(std::vector<SceneObject> objects, People people)
+      : objects_(std::move(objects)), people_(std::move(people)) {}
 
   [[nodiscard]] const std::vector<SceneObject>& objects() const noexcept { return objects_; }
+  [[nodiscard]] const People& people() const noexcept { return people_; }
 
-  /// This scene with what is random drawn, by a seed and each object's name.
-  [[nodiscard]] Scene drawn(std::uint64_t seed) const;
+  /// This scene with what is random drawn, by a seed and the names of objects and people. The
+  /// people that are not given are drawn, each with a body among the objects, where it starts
+  /// (crowd.hpp has them walk). Fails with kConfig where there is no room for one, and where one
+  /// starts inside an object.
+  [[nodiscard]] Result<Scene> drawn(std::uint64_t seed) const;
 
   /// Exact signed distance to the union of the objects as it is outside them; inside, the
   /// deepest single object's distance.
@@ -68,6 +77,7 @@ class Scene {
 
  private:
   std::vector<SceneObject> objects_;
+  People people_;
 };
 
 /// Reads a scene (docs/reference/scenes.md). All mistakes in one pass, each a kConfig error
