@@ -367,8 +367,9 @@ void Crowd::note_bodies(std::size_t index, bool was_there) {
   }
 }
 
-void Crowd::advance(double until_s, const std::optional<OrcaAgent>& robot) {
+bool Crowd::advance(double until_s, const std::optional<OrcaAgent>& robot) {
   const double step_s = people_.step_s;
+  const std::int64_t before = steps_;
   for (; static_cast<double>(steps_) * step_s < until_s; ++steps_) {
     // Everybody chooses, and then everybody goes.
     std::vector<Eigen::Vector2d> velocities(walkers_.size(), Eigen::Vector2d::Zero());
@@ -392,6 +393,19 @@ void Crowd::advance(double until_s, const std::optional<OrcaAgent>& robot) {
       note_bodies(i, was_there);
     }
   }
+  return steps_ > before;
+}
+
+std::size_t Crowd::first_body() const noexcept {
+  return walkers_.empty() ? objects_.size() : walkers_.front().object;
+}
+
+std::vector<Transform> Crowd::poses(double time_s) const {
+  std::vector<Transform> poses;
+  for (std::size_t i = first_body(); i < objects_.size(); ++i) {
+    poses.push_back(objects_[i].T_world_object(time_s));
+  }
+  return poses;
 }
 
 Scene walked(const Scene& drawn) {

@@ -81,7 +81,8 @@ class PeopleReader : private NodeReader {
       person.has_legs = keep(legs->as_bool()).value_or(true);
     }
     if (person.policy == Policy::kRecorded) {
-      check_keys(node, {"name", "policy", "file", "from_s", "radius_m", "height_m", "legs"});
+      check_keys(node,
+                 {"name", "policy", "file", "from_s", "centred", "radius_m", "height_m", "legs"});
       person.radius_m = group.radius_m.x();
       read_recording(node, person, people);
       return;
@@ -208,6 +209,10 @@ class PeopleReader : private NodeReader {
   void read_recording(const Node& node, const Person& common, People& people) {
     double from_s = 0.0;
     if (const Node* from = node.find("from_s")) from_s = keep(from->as_double()).value_or(0.0);
+    bool is_centred = false;
+    if (const Node* centred = node.find("centred")) {
+      is_centred = keep(centred->as_bool()).value_or(false);
+    }
     const Node* file = require(node, "file", "a recording");
     const auto path = file != nullptr ? keep(file->as_path()) : std::nullopt;
     if (!path) return;
@@ -249,6 +254,21 @@ class PeopleReader : private NodeReader {
     if (persons.empty()) {
       ++number;
       mistake("there is nobody in the recording");
+    }
+    if (is_centred) centre(people, people.persons.size() - persons.size());
+  }
+
+  /// Moves the persons from one number on so that the mean of their places is the origin.
+  static void centre(People& people, std::size_t first) {
+    Eigen::Vector2d mean_m = Eigen::Vector2d::Zero();
+    double count = 0.0;
+    for (std::size_t i = first; i < people.persons.size(); ++i) {
+      for (const TimedPlace& at : people.persons[i].recorded) {
+        mean_m += (at.place_m - mean_m) / ++count;
+      }
+    }
+    for (std::size_t i = first; i < people.persons.size(); ++i) {
+      for (TimedPlace& at : people.persons[i].recorded) at.place_m -= mean_m;
     }
   }
 

@@ -23,27 +23,65 @@ void note_contact(TrueContact contact, double apart_s, std::vector<TrueContact>&
   contacts.push_back(std::move(contact));
 }
 
-/// All shapes of the robot at one pose.
-void inspect(const ShapeCollider& collider, const ShapeCollider::Pose& placed,
-             const RobotDescription& robot, double time_s, double apart_s, TrueMotion& motion) {
-  const double bound_m = std::max(0.0, motion.min_clearance_m);
-  for (int s = 0; s < collider.shape_count(); ++s) {
-    const auto found = collider.to_obstacles(s, placed, bound_m);
-    if (found.other.empty()) continue;
-    const int link = robot.shapes[idx(s)].link;
-    const std::string& name = robot.links[idx(link)].name;
-    if (found.clearance_m < motion.min_clearance_m) {
-      motion.min_clearance_m = found.clearance_m;
-      motion.nearest_link = name;
-      motion.nearest_object = found.other;
-      motion.nearest_s = time_s;
-    }
-    if (found.clearance_m < 0.0) {
-      note_contact({name, found.other, time_s, time_s, -found.clearance_m}, apart_s,
-                   motion.contacts);
+/// The robot's shapes at one pose, and how they were at the pose before.
+class Inspection {
+ public:
+  Inspection(const RobotModel& robot, const ShapeCollider& collider, double apart_s,
+             TrueMotion& motion)
+      : robot_(robot),
+        collider_(collider),
+        apart_s_(apart_s),
+        motion_(motion),
+        now_(collider.make_pose()),
+        before_(collider.make_pose()),
+        T_world_link_(robot.description().links.size()) {}
+
+  void inspect(const TruePose& pose, const TruePose& previous) {
+    place(pose.q, pose.time_s, *now_);
+    const double bound_m = std::max(0.0, motion_.min_clearance_m);
+    for (int s = 0; s < collider_.shape_count(); ++s) {
+      const auto found = collider_.to_obstacles(s, *now_, bound_m);
+      if (found.other.empty()) continue;
+      const RobotDescription& robot = robot_.description();
+      const std::string& link = robot.links[idx(robot.shapes[idx(s)].link)].name;
+      if (found.clearance_m < motion_.min_clearance_m) {
+        motion_.min_clearance_m = found.clearance_m;
+        motion_.nearest_link = link;
+        motion_.nearest_object = found.other;
+        motion_.nearest_s = pose.time_s;
+      }
+      if (found.clearance_m >= 0.0) continue;
+      const double approach_mps = approach(s, found.clearance_m, pose, previous);
+      note_contact({link, found.other, pose.time_s, pose.time_s, -found.clearance_m, approach_mps},
+                   apart_s_, motion_.contacts);
     }
   }
-}
+
+ private:
+  void place(const Eigen::VectorXd& q, double time_s, ShapeCollider::Pose& into) {
+    robot_.link_poses(as_span(q), T_world_link_, scratch_);
+    collider_.place(into, T_world_link_, time_s);
+  }
+
+  /// By how much a shape has come nearer, a second, to things as they stand now: its velocity along
+  /// the normal, wherever that points.
+  double approach(int shape, double clearance_m, const TruePose& pose, const TruePose& previous) {
+    const double time_s = pose.time_s - previous.time_s;
+    if (time_s <= 0.0) return 0.0;
+    place(previous.q, pose.time_s, *before_);
+    constexpr double kSearched_m = 0.1;
+    const auto found = collider_.to_obstacles(shape, *before_, kSearched_m);
+    return ((found.other.empty() ? kSearched_m : found.clearance_m) - clearance_m) / time_s;
+  }
+
+  const RobotModel& robot_;
+  const ShapeCollider& collider_;
+  double apart_s_;
+  TrueMotion& motion_;
+  ShapeCollider::PosePtr now_, before_;
+  std::vector<Transform> T_world_link_;
+  Scratch scratch_;
+};
 
 }  // namespace
 
@@ -58,19 +96,17 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
   SIDESTEP_TRY(make_shape_check(robot, obstacles, of_check));
   const RobotDescription& description = robot->description();
   const ShapeCollider collider(description, obstacles, settings.allowed_contacts);
-  const ShapeCollider::PosePtr placed = collider.make_pose();
-  std::vector<Transform> T_world_link(description.links.size());
-  Scratch scratch;
   TrueMotion motion;
   motion.min_clearance_m = settings.farthest_m;
+  Inspection inspection(*robot, collider, settings.apart_s, motion);
+  const TruePose* previous = nullptr;
   for (const TruePose& pose : poses) {
     if (pose.q.size() != description.dof()) {
       return invalid("a true pose has " + std::to_string(pose.q.size()) + " joints, but " +
                      description.name + " has " + std::to_string(description.dof()));
     }
-    robot->link_poses(as_span(pose.q), T_world_link, scratch);
-    collider.place(*placed, T_world_link, pose.time_s);
-    inspect(collider, *placed, description, pose.time_s, settings.apart_s, motion);
+    inspection.inspect(pose, previous != nullptr ? *previous : pose);
+    previous = &pose;
   }
   return motion;
 }

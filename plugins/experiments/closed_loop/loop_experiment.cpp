@@ -72,6 +72,11 @@ auto of_reached(Value value) {
   };
 }
 
+std::optional<double> free_run_ratio(const EpisodeRow& episode) {
+  if (!episode.free_run_s) return {};
+  return episode.duration_s / *episode.free_run_s;
+}
+
 /// How often a second something happened; null where no time passed.
 template <class Member>
 auto rate_of(Member member) {
@@ -90,6 +95,7 @@ Json collisions_of(const ReplanRows& rows) {
                     {"link", contact.link},
                     {"object", contact.object},
                     {"depth_m", contact.depth_m},
+                    {"by", contact.is_by_robot() ? "robot" : "other"},
                     {"cause", contact.cause}});
   }
   return list;
@@ -187,6 +193,7 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
     };
   };
   const std::vector<std::string> spread = {"p50", "p95", "max"};
+  const std::vector<std::string> with_mean = {"p50", "p95", "max", "mean"};
   const auto p95 = [](const char* heading, const char* pattern) {
     return Shown{.heading = heading, .pattern = pattern, .statistics = "p95"};
   };
@@ -197,10 +204,20 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                "Episodes that were run.", {.heading = "episodes", .compared = true})
           .add("success_share",
                [](const ReplanRows& rows) { return share_of(rows.episodes, &E::success); },
-               "Share that reached the goal and touched nothing.",
+               "Share that reached the goal and touched nothing by the robot's own motion.",
                {.heading = "success", .pattern = report::kPercent, .compared = true})
           .add("collisions_true", sum(&E::collisions), "Collisions with the true scene.",
                {.heading = "true collisions", .compared = true})
+          .add("contacts_by_robot", sum(&E::own_collisions),
+               "Of these, those in which the robot moved towards what it touched.",
+               {.heading = "by the robot", .compared = true})
+          .add(
+              "contacts_by_others",
+              [](const ReplanRows& rows) {
+                return sum_of(rows.episodes, &E::collisions) -
+                       sum_of(rows.episodes, &E::own_collisions);
+              },
+              "The rest: somebody walked into it.")
           .add("min_true_clearance_m",
                [](const ReplanRows& rows) {
                  const E* closest = closest_of(rows.episodes);
@@ -213,9 +230,15 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
               [](const ReplanRows& rows) { return nearest_json(closest_of(rows.episodes)); },
               "In which episode, of which link and to which object.")
           .spread("time_to_goal_s.", of_reached(&E::duration_s),
-                  "Time until the goal was reached [s].", spread,
+                  "Time until the goal was reached [s].", with_mean,
                   {.heading = "time to goal",
                    .pattern = "%.2f s",
+                   .compared = true,
+                   .statistics = "p50"})
+          .spread("free_run_ratio.", of_reached(&free_run_ratio),
+                  "That time over the time without people, where that was run.", spread,
+                  {.heading = "over free run",
+                   .pattern = "%.2f",
                    .compared = true,
                    .statistics = "p50"})
           .spread("path_length.", of_reached(&E::path_length),

@@ -322,6 +322,14 @@ class EpisodeRun {
   }
 
   [[nodiscard]] Result<void> find_truth() {
+    if (world_.truth != nullptr) {
+      // People who see the robot have walked as it went.
+      world_.scene = SIDESTEP_TRY(
+          call_stage(plugin_of(world_.source), [&]() -> Result<std::shared_ptr<const Scene>> {
+            return world_.truth->scene_until(world_.clock->now());
+          }));
+      record_.scene = world_.scene;
+    }
     if (world_.scene == nullptr || record_.poses.empty()) return {};
     TrueMotionSettings truth;
     const auto& allowed = settings_.check.allowed_contacts;
@@ -337,10 +345,10 @@ class EpisodeRun {
 
   /// Why the episode is no success, if it is none: what weighs most.
   void judge() {
-    if (!record_.contacts.empty()) {
-      const EpisodeContact& first = record_.contacts.front();
+    const auto own = std::ranges::find_if(record_.contacts, &TrueContact::is_by_robot);
+    if (own != record_.contacts.end()) {
       record_.reason =
-          "link '" + first.link + "' touched '" + first.object + "' (" + first.cause + ")";
+          "link '" + own->link + "' touched '" + own->object + "' (" + own->cause + ")";
     } else if (truth_fault_) {
       record_.reason = "what the robot touched is not known: " + truth_fault_->describe();
     } else if (record_.interrupted) {

@@ -11,6 +11,7 @@
 
 #include <sidestep/core/time.hpp>
 #include <sidestep/measures/map_truth.hpp>
+#include <sidestep/measures/true_map.hpp>
 #include <sidestep/runtime/map_show.hpp>
 #include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/pipeline.hpp>
@@ -70,10 +71,13 @@ class EpisodeMapping {
   bool map_one(const Deadline& deadline);
   void note_trouble(const Result<std::optional<MappingStep>>& step);
   void note_frame(MappingStep step);
+  /// The map as nobody can see it, published as if it had been mapped.
+  void give_truth();
 
   const Clock& clock_;
   bool is_lockstep_;
-  double latency_s_;  ///< In lockstep: from a frame to its map.
+  GroundTruth* truth_source_;  ///< Instead of frames; null where those are mapped.
+  double latency_s_;           ///< In lockstep: from a frame to its map.
   RunObserver* observer_;
   std::atomic<bool> shows_ = false;
   SnapshotSlot& slot_;

@@ -27,6 +27,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
                                SnapshotSlot& slot, Log& log, RunObserver* observer)
     : clock_(*world.clock),
       is_lockstep_(settings.is_lockstep()),
+      truth_source_(settings.sees_truth() ? world.truth : nullptr),
       latency_s_(settings.latency.mapping_s),
       observer_(observer),
       slot_(slot),
@@ -122,8 +123,22 @@ std::shared_ptr<const DistanceField> EpisodeMapping::map_first(const Deadline& d
   return slot_.pin();
 }
 
+void EpisodeMapping::give_truth() {
+  // Wider than any scene, in which all is known.
+  const Eigen::AlignedBox3d everywhere(Eigen::Vector3d::Constant(-100.0),
+                                       Eigen::Vector3d::Constant(100.0));
+  const Stamp now = clock_.now();
+  TrueMap map = true_map(*truth_source_->scene_until(now), now, everywhere);
+  made_.publish(MapSnapshot{std::move(map.field), nullptr, std::move(map.tracks)});
+  frames_.push_back({now.seconds(), now.seconds(), now.seconds() + latency_s_, 0.0, 0.0});
+}
+
 void EpisodeMapping::advance(Stamp now) {
-  if (!has_ended_ && now >= busy_until_ && map_one(Deadline())) {
+  if (truth_source_ != nullptr && now >= busy_until_) {
+    give_truth();
+    busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s_).ns};
+    waiting_.push_back({busy_until_, made_.snapshot()});
+  } else if (truth_source_ == nullptr && !has_ended_ && now >= busy_until_ && map_one(Deadline())) {
     busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s_).ns};
     waiting_.push_back({busy_until_, made_.snapshot()});
   }
@@ -152,7 +167,9 @@ MappingRecord EpisodeMapping::take_record() {
   MappingRecord record;
   record.frames = std::exchange(frames_, {});
   record.views = source_.take_views();
-  record.dropped = source_.take_span() - static_cast<std::int64_t>(record.frames.size());
+  record.dropped = truth_source_ != nullptr
+                       ? 0
+                       : source_.take_span() - static_cast<std::int64_t>(record.frames.size());
   return record;
 }
 

@@ -253,6 +253,7 @@ const StoredRow<ContactRow>& stored_contact() {
                                    .add("begin_s", &C::begin_s)
                                    .add("end_s", &C::end_s)
                                    .add("depth_m", &C::depth_m)
+                                   .add("approach_mps", &C::approach_mps)
                                    .add("cause", &C::cause);
   return kContact;
 }
@@ -284,6 +285,7 @@ const StoredRow<EpisodeRow>& stored_episode() {
                                    .add("checks", &E::checks)
                                    .add("frames", &E::frames)
                                    .add("frames_dropped", &E::frames_dropped)
+                                   .add("free_run_s", &E::free_run_s)
                                    .add("min_true_clearance_m", &E::min_true_clearance_m)
                                    .add("nearest_link", &E::nearest_link)
                                    .add("nearest_object", &E::nearest_object)
@@ -437,7 +439,11 @@ Result<ReplanRows> read_replan_rows(const std::filesystem::path& path) {
     const auto its = std::ranges::find(rows.episodes, event.episode, &EpisodeRow::episode);
     if (its != rows.episodes.end()) add_event(event, *its);
   }
-  for (const auto& [item, contact] : contacts) rows.contacts.push_back(contact);
+  for (const auto& [item, contact] : contacts) {
+    rows.contacts.push_back(contact);
+    const auto its = std::ranges::find(rows.episodes, contact.episode, &EpisodeRow::episode);
+    if (its != rows.episodes.end()) its->own_collisions += contact.is_by_robot() ? 1 : 0;
+  }
   for (const auto& [item, guess] : guesses) {
     auto known = std::ranges::find(rows.guesses, guess.guess, &Replanner::GuessCount::guess);
     if (known == rows.guesses.end()) known = rows.guesses.insert(known, {guess.guess, 0, 0});

@@ -68,6 +68,7 @@ struct EpisodeFigures {
   std::int64_t checks = 0;
   std::int64_t frames = 0;
   std::int64_t frames_dropped = 0;
+  std::optional<double> free_run_s = {};  ///< What the same took without people.
 };
 
 /// Result of one episode.
@@ -111,6 +112,7 @@ struct EpisodeRow : EpisodeFigures {
   std::optional<std::string> nearest_object;
   std::optional<double> nearest_s;
   std::int64_t collisions = 0;
+  std::int64_t own_collisions = 0;  ///< Of these, the robot's.
   std::int64_t replans = 0;
   std::int64_t stops = 0;
   std::int64_t slowdowns = 0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <random>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/measures/source_facts.hpp>
 #include <sidestep/runtime/configuration.hpp>
@@ -92,6 +93,20 @@ void check_for_plans_only(const Node& block, const CheckSettings& settings,
          "set planning.acceleration_fraction");
 }
 
+/// The first two joints that slide.
+void find_base(const RobotDescription& robot, const Node& experiment,
+               std::array<std::size_t, 2>& base, std::vector<Error>& errors) {
+  std::size_t found = 0;
+  for (std::size_t j = 0; j < robot.joints.size() && found < 2; ++j) {
+    if (robot.joints[j].type == Joint::Type::kPrismatic) base[found++] = j;
+  }
+  if (found < 2) {
+    errors.push_back(experiment.error("robot '" + robot.name +
+                                      "' has no base that moves in the "
+                                      "plane, which the cases among people need"));
+  }
+}
+
 /// Start and goal of the world's episode: what is random is drawn until it is free of itself and of
 /// the scene at that time.
 Result<void> draw_ends(const ReplanConfiguration& settings, ReplanWorld& world) {
@@ -125,10 +140,25 @@ Result<void> draw_ends(const ReplanConfiguration& settings, ReplanWorld& world) 
                 "no free " + what + " was found in " + std::to_string(random.draws) + " draws",
                 "experiment.random." + what, "wider ranges, or less clearance_m");
   };
-  world.q_start = SIDESTEP_TRY(draw("start", settings.q_start, settings.start_ranges, 0.0));
+  world.q_start = SIDESTEP_TRY(draw("start", world.q_start, settings.start_ranges, 0.0));
   world.q_goal = SIDESTEP_TRY(
-      draw("goal", settings.q_goal, settings.goal_ranges, settings.experiment.duration_s));
+      draw("goal", world.q_goal, settings.goal_ranges, settings.experiment.duration_s));
   return {};
+}
+
+/// A block with one more entry.
+Node with_entry(Node block, const std::string& key, Node value) {
+  const SourceMark mark = value.mark();
+  block.entries().push_back({key, mark, std::move(value)});
+  return block;
+}
+
+/// The source's block, told who walks there, or that nothing moves.
+Node source_block(Node block, const Node& people, bool is_alone) {
+  if (!people.is_null()) block = with_entry(std::move(block), "people", people);
+  const SourceMark mark{"the free run", 0, 0};
+  return is_alone ? with_entry(std::move(block), "alone", Node(Node::Scalar{"true", false}, mark))
+                  : block;
 }
 
 /// The executor's block, which says where the robot stands if it is an executor that can be told.
@@ -146,9 +176,7 @@ Node executor_block(const Node& block, const ReplanWorld& world, Host& host) {
     start.push_back(
         {robot.joints[j].name, mark, Node(Node::Scalar{detail::number_text(q), false}, mark)});
   }
-  Node told = block;
-  told.entries().push_back({"start", mark, Node(std::move(start), mark)});
-  return told;
+  return with_entry(block, "start", Node(std::move(start), mark));
 }
 
 }  // namespace
@@ -175,6 +203,11 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
   read.q_start = read_robot_state(*experiment.find("start"), description, errors);
   read.q_goal = read_robot_state(*experiment.find("goal"), description, errors);
   read.task = read_task(experiment, robot, errors);
+  read.cases = CrowdCases::read(read.experiment, experiment, errors);
+  if (read.cases) find_base(description, experiment, read.base, errors);
+  if (read.experiment.sees_truth() && !read.experiment.is_lockstep()) {
+    errors.push_back(experiment.find("perception")->error("the truth is known in lockstep only"));
+  }
   if (const auto& random = read.experiment.random) {
     read.start_ranges = read_ranges(random->start, description, errors);
     read.goal_ranges = read_ranges(random->goal, description, errors);
@@ -217,6 +250,18 @@ Parameters<ReplanSettings> ReplanSettings::parameters() {
       .add("first_episode", &S::first_episode,
            "Number of the first one: any episode can be run again by itself.",
            {.min = 0, .max = 1e6})
+      .add("perception", &S::perception,
+           "cameras: the source's frames are mapped; truth: the loop is given the exact field of "
+           "what stands and the true tracks of what moves, in lockstep only.",
+           {.choices = {"cameras", "truth"}})
+      .add("cases", &S::cases,
+           "A file of CrowdNav's cases (JSON): episode k has the robot's base, and people that "
+           "walk by ORCA, start and go where case k says.")
+      .add("people", &S::people,
+           "A recording of people (CSV of person,time_s,x_m,y_m): in each episode the robot's base "
+           "crosses 10 m of it, from a time and in a direction that are drawn.")
+      .add("free_run", &S::free_run,
+           "Whether each episode is run without people, too, for comparison.")
       .add("latency", &S::latency,
            "What computing is charged with in lockstep; planning with replanner.takeover_s.")
       .add("start", &S::start, "Where the robot starts.", {.required = true})
@@ -241,7 +286,7 @@ Parameters<ReplanSettings> ReplanSettings::parameters() {
 Result<ReplanWorld> make_replan_world(ExperimentContext& context,
                                       const ReplanConfiguration& settings,
                                       const std::shared_ptr<const RobotModel>& robot,
-                                      std::int64_t episode) {
+                                      std::int64_t episode, const ReplanWorld* alone_in) {
   const std::uint64_t seed = derive_seed(context.seed, "episode/" + std::to_string(episode));
   ReplanWorld world;
   world.seed = seed;
@@ -256,9 +301,33 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   const auto block = [&](std::string_view name) -> const Node& {
     return block_of(context.configuration, name);
   };
-  SIDESTEP_TRY(make(block("source"), world.source));
+  world.q_start = settings.q_start;
+  world.q_goal = settings.q_goal;
+  Node people;
+  if (settings.cases) {
+    const CrowdCase its = settings.cases->of(episode, seed);
+    people = its.people;
+    for (const int axis : {0, 1}) {
+      const auto joint = static_cast<Eigen::Index>(settings.base[idx(axis)]);
+      world.q_start[joint] = its.start_m[axis];
+      world.q_goal[joint] = its.goal_m[axis];
+    }
+  }
+  SIDESTEP_TRY(make(source_block(block("source"), people, alone_in != nullptr), world.source));
   world.scene = SIDESTEP_TRY(true_scene(world.source));
-  SIDESTEP_TRY(draw_ends(settings, world));
+  world.truth = dynamic_cast<GroundTruth*>(world.source.get());
+  if (settings.experiment.sees_truth() && world.truth == nullptr) {
+    return fail(ErrorCode::kUnsupported,
+                plugin_of(world.source) +
+                    " does not know the truth that experiment.perception asks "
+                    "for");
+  }
+  if (alone_in != nullptr) {
+    world.q_start = alone_in->q_start;
+    world.q_goal = alone_in->q_goal;
+  } else {
+    SIDESTEP_TRY(draw_ends(settings, world));
+  }
   SIDESTEP_TRY(make(block("mapper"), world.mapper));
   SIDESTEP_TRY(make(block("field"), world.field_builder));
   SIDESTEP_TRY(make(block("optimiser"), world.optimiser));

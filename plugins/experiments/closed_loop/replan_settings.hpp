@@ -1,10 +1,14 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <sidestep/geometry/people.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/measures/map_truth.hpp>
 #include <sidestep/planning/executor.hpp>
@@ -15,6 +19,7 @@
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include <sidestep/runtime/task_settings.hpp>
+#include <sidestep/sensing/source.hpp>
 
 namespace sidestep {
 
@@ -43,6 +48,10 @@ struct ReplanSettings : ExperimentSettings {
   int first_episode = 0;
   int episodes = 1;
   LatencyEntry latency;
+  std::string perception = "cameras";
+  std::optional<std::filesystem::path> cases;
+  std::optional<std::filesystem::path> people;
+  bool free_run = false;
   RobotStateEntry start;
   RobotStateEntry goal;
   std::optional<EndEffectorEntry> end_effector;
@@ -55,6 +64,7 @@ struct ReplanSettings : ExperimentSettings {
 
   static Parameters<ReplanSettings> parameters();
   [[nodiscard]] bool is_lockstep() const { return clock == "lockstep"; }
+  [[nodiscard]] bool sees_truth() const { return perception == "truth"; }
 };
 
 /// A joint whose position is drawn evenly from a range.
@@ -62,6 +72,30 @@ struct RandomJoint {
   std::size_t joint = 0;
   double lower = 0.0;
   double upper = 0.0;
+};
+
+/// Where a robot goes among which people in one episode. World frame.
+struct CrowdCase {
+  Eigen::Vector2d start_m = Eigen::Vector2d::Zero();
+  Eigen::Vector2d goal_m = Eigen::Vector2d::Zero();
+  Node people;  ///< As the block `people` of a scene has them.
+};
+
+/// The cases of episodes one after the other: CrowdNav's, or crossings of a recording.
+class CrowdCases {
+ public:
+  /// Reads experiment.cases or experiment.people; none where neither is given. Appends mistakes.
+  [[nodiscard]] static std::optional<CrowdCases> read(const ReplanSettings& settings,
+                                                      const Node& experiment,
+                                                      std::vector<Error>& errors);
+  /// `seed`: the episode's.
+  [[nodiscard]] CrowdCase of(std::int64_t episode, std::uint64_t seed) const;
+
+ private:
+  std::vector<CrowdCase> cases_;
+  std::filesystem::path recording_;
+  double duration_s_ = 0.0;
+  double first_s_ = 0.0, last_s_ = 0.0;  ///< When crossings may begin.
 };
 
 /// All that a configuration says of a replan experiment.
@@ -74,6 +108,8 @@ struct ReplanConfiguration {
   Eigen::VectorXd q_goal;
   std::vector<RandomJoint> start_ranges;
   std::vector<RandomJoint> goal_ranges;
+  std::optional<CrowdCases> cases;
+  std::array<std::size_t, 2> base{};  ///< With cases: the joints that move the base along x and y.
   Task task;
 };
 
@@ -100,16 +136,19 @@ struct ReplanWorld {
   PluginPtr<Executor> executor;
   TrueRobot* true_robot = nullptr;     ///< The executor's other side; null where it has none.
   std::shared_ptr<const Scene> scene;  ///< Null where it is not known.
+  GroundTruth* truth = nullptr;        ///< The source's other side; null where it has none.
   std::uint64_t seed = 0;              ///< The episode's.
   Eigen::VectorXd q_start;
   Eigen::VectorXd q_goal;
 };
 
 /// The world of an episode: start and goal drawn, the robot at rest at its start, the clock at
-/// zero. Fails where a plugin cannot be made, and where no start or goal is free.
+/// zero; or, of such a world, the same without people and whatever else moves. Fails where a plugin
+/// cannot be made, and where no start or goal is free.
 [[nodiscard]] Result<ReplanWorld> make_replan_world(ExperimentContext& context,
                                                     const ReplanConfiguration& settings,
                                                     const std::shared_ptr<const RobotModel>& robot,
-                                                    std::int64_t episode);
+                                                    std::int64_t episode,
+                                                    const ReplanWorld* alone_in = nullptr);
 
 }  // namespace sidestep

@@ -42,6 +42,20 @@ Result<std::set<std::int64_t>> finished_episodes(const ExperimentContext& contex
   return finished;
 }
 
+/// Runs the same episode without people, and notes when it reached its goal.
+Result<void> add_free_run(ExperimentContext& context, const ReplanConfiguration& settings,
+                          const ReplanWorld& world, EpisodeRecord& episode) {
+  ReplanWorld alone =
+      SIDESTEP_TRY(make_replan_world(context, settings, world.robot, episode.episode, &world));
+  SnapshotSlot slot;
+  EpisodeMapping mapping(alone, settings.experiment, slot, context.log, nullptr);
+  SIDESTEP_TRY(mapping.attach());
+  const auto done =
+      SIDESTEP_TRY(run_episode(context, {settings, alone, slot, mapping, {}, {}}, episode.episode));
+  if (done.reached) episode.free_run_s = done.duration_s;
+  return {};
+}
+
 /// Runs and records the episodes that are not finished yet, each all or not at all.
 Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration& settings,
                           const std::shared_ptr<const RobotModel>& robot,
@@ -61,9 +75,13 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
     SIDESTEP_TRY(mapping.attach());
     const auto tell = [&](const std::string& how_far) { show(name + " (" + how_far + ")"); };
-    const auto done =
+    auto done =
         SIDESTEP_TRY(run_episode(context, {settings, world, slot, mapping, {}, tell}, episode));
     if (done.interrupted) break;
+    if (settings.experiment.free_run) {
+      show(name + " without people");
+      SIDESTEP_TRY(add_free_run(context, settings, world, done));
+    }
     const bool pictured = i < kAlwaysPictured || !done.success();
     record_episode(done, *robot, pictured ? settings.experiment.pictures : 0, recorder);
     SIDESTEP_TRY(recorder.commit());

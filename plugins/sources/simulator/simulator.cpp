@@ -4,7 +4,9 @@
 #include <thread>
 #include <utility>
 
+#include <sidestep/geometry/crowd.hpp>
 #include <sidestep/geometry/ray_caster.hpp>
+#include <sidestep/planning/prediction.hpp>
 
 #include "depth_sensor.hpp"
 #include "viewpoint.hpp"
@@ -82,7 +84,8 @@ Scene with_objects(const Scene& scene, const std::vector<SceneObject>& more) {
 
 class Simulator final : public Source, public GroundTruth {
  public:
-  Simulator(const Options& options, Scene scene, Viewpoint viewpoint, const HostContext& context)
+  Simulator(const Options& options, std::shared_ptr<const Scene> scene, Viewpoint viewpoint,
+            const HostContext& context)
       : frames_(options.frames),
         is_paced_(options.pace == "clock"),
         camera_(intrinsics(options.camera)),
@@ -91,9 +94,16 @@ class Simulator final : public Source, public GroundTruth {
         timing_(options.rate_hz),
         clock_(context.clock),
         workers_(context.workers),
-        caster_(with_objects(scene_, viewpoint_.shapes())),
+        robot_(context.robot),
+        motion_(context.motion),
+        caster_(with_objects(*scene_, viewpoint_.shapes())),
         sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, context.seed),
-        renderer_(camera_, sensor_.needs_incidence()) {}
+        renderer_(camera_, sensor_.needs_incidence()) {
+    Crowd crowd(*scene_);
+    if (!crowd.sees_robot()) return;
+    crowd_ = std::move(crowd);
+    so_far_ = scene_;
+  }
 
   Result<std::optional<Frame>> next(const Deadline& deadline) override {
     if (!is_paced_ && !deadline.stop_requested() && !is_over() && deadline.expired()) {
@@ -123,7 +133,15 @@ class Simulator final : public Source, public GroundTruth {
     return frames_;
   }
 
-  const Scene& scene() const override { return scene_; }
+  const Scene& scene() const override { return *scene_; }
+
+  std::shared_ptr<const Scene> scene_until(Stamp time) override {
+    if (!crowd_) return scene_;
+    if (crowd_->advance(time.seconds(), robot_as_seen(time))) {
+      so_far_ = std::make_shared<const Scene>(crowd_->scene());
+    }
+    return so_far_;
+  }
 
  private:
   [[nodiscard]] bool is_over() const noexcept { return frames_ > 0 && at_ >= frames_; }
@@ -142,7 +160,11 @@ class Simulator final : public Source, public GroundTruth {
     frame->T_world_camera = view.T_world_camera;
     frame->joint_positions = view.joint_positions;
     caster_.set_time(stamp.seconds());
-    caster_.set_poses(scene_.objects().size(), view.T_world_shape);
+    if (crowd_) {
+      crowd_->advance(stamp.seconds(), robot_as_seen(stamp));
+      caster_.set_poses(crowd_->first_body(), crowd_->poses(stamp.seconds()));
+    }
+    caster_.set_poses(scene_->objects().size(), view.T_world_shape);
     renderer_.render(caster_, view.T_world_eye, workers_, exact_);
     DepthImage image{camera_, {}};
     sensor_.measure(exact_, frame->sequence, workers_, image.depth_m);
@@ -156,14 +178,29 @@ class Simulator final : public Source, public GroundTruth {
                 "frame " + std::to_string(at_++));
   }
 
+  /// Where the run's robot is, as far as anybody can see it.
+  [[nodiscard]] std::optional<OrcaAgent> robot_as_seen(Stamp time) const {
+    if (robot_ == nullptr || motion_ == nullptr) return {};
+    const auto newest = motion_->newest();
+    if (!newest) return {};
+    const auto state = motion_->truth(std::min(time, *newest));
+    if (!state) return {};
+    const RobotFootprint seen = footprint(*robot_, *state);
+    return OrcaAgent{seen.position_m, seen.velocity_mps, seen.radius_m};
+  }
+
   std::int64_t frames_;
   bool is_paced_;
   CameraIntrinsics camera_;
-  Scene scene_;
+  std::shared_ptr<const Scene> scene_;
   Viewpoint viewpoint_;
   FrameTiming timing_;
   const Clock& clock_;
   WorkerPool& workers_;
+  std::shared_ptr<const RobotModel> robot_;
+  std::shared_ptr<RobotMotion> motion_;
+  std::optional<Crowd> crowd_;           ///< Where people see the robot.
+  std::shared_ptr<const Scene> so_far_;  ///< With their ways.
   RayCaster caster_;
   DepthSensor sensor_;
   DepthRenderer renderer_;
@@ -204,11 +241,32 @@ std::vector<OptionMistake> Options::check() const {
   return mistakes;
 }
 
+/// The scene of the options for one seed, with all ways that people walk whatever the robot does.
+Result<Scene> scene_of(const Options& options, const HostContext& context) {
+  Scene scene = SIDESTEP_TRY(load_scene(options.scene, context.scene_paths, context.documents));
+  if (options.alone) {
+    std::vector<SceneObject> standing = scene.objects();
+    std::erase_if(standing, [](const SceneObject& object) { return object.moves(); });
+    return Scene(std::move(standing));
+  }
+  if (!options.people.is_null()) {
+    std::vector<Error> errors;
+    People people = read_people(options.people, errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    const People& its = scene.people();
+    people.groups.insert(people.groups.begin(), its.groups.begin(), its.groups.end());
+    people.persons.insert(people.persons.begin(), its.persons.begin(), its.persons.end());
+    scene = Scene(scene.objects(), std::move(people));
+  }
+  Scene drawn = SIDESTEP_TRY(scene.drawn(context.seed));
+  return Crowd(drawn).sees_robot() ? std::move(drawn) : walked(drawn);
+}
+
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
-  auto scene = SIDESTEP_TRY(load_scene(options.scene, context.scene_paths, context.documents));
+  auto scene = std::make_shared<const Scene>(SIDESTEP_TRY(scene_of(options, context)));
   auto viewpoint = SIDESTEP_TRY(Viewpoint::create(options, context));
-  return std::unique_ptr<Source>(std::make_unique<Simulator>(options, scene.drawn(context.seed),
-                                                             std::move(viewpoint), context));
+  return std::unique_ptr<Source>(
+      std::make_unique<Simulator>(options, std::move(scene), std::move(viewpoint), context));
 }
 
 }  // namespace sidestep::simulator

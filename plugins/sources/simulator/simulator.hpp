@@ -161,6 +161,8 @@ struct NoiseOptions {
 
 struct Options {
   std::filesystem::path scene = "room";
+  Node people;
+  bool alone = false;
   int frames = 100;
   double rate_hz = 30.0;
   double range_min_m = 0.4;
@@ -176,6 +178,9 @@ struct Options {
     using O = Options;
     return Parameters<O>()
         .add("scene", &O::scene, "A scene file, or the name of one among the host's scenes.")
+        .add("people", &O::people,
+             "People beside those of the scene, as its block `people` has them.")
+        .add("alone", &O::alone, "Without people, and without objects that move.")
         .add("frames", &O::frames, "Frames until the stream ends; 0: it never does.", {.min = 0})
         .add("rate_hz", &O::rate_hz, "Frames a second of scene time.", {.unit = "Hz", .min = 1e-3})
         .add("range_min_m", &O::range_min_m, "Nearer surfaces return nothing.",

@@ -25,8 +25,14 @@ class Crowd {
   /// Whether where the robot is makes a difference to any of them.
   [[nodiscard]] bool sees_robot() const noexcept { return sees_robot_; }
 
-  /// Takes all steps that begin before a time. `robot`: as those who see it do, where it is known.
-  void advance(double until_s, const std::optional<OrcaAgent>& robot);
+  /// Takes all steps that begin before a time; false where there was none. `robot`: as those who
+  /// see it do, where it is known.
+  bool advance(double until_s, const std::optional<OrcaAgent>& robot);
+
+  /// Number of the scene's first object that is part of a person; the rest are, too.
+  [[nodiscard]] std::size_t first_body() const noexcept;
+  /// Where those are at a time until which advance() went.
+  [[nodiscard]] std::vector<Transform> poses(double time_s) const;
 
   /// The scene with all ways that have been walked so far.
   [[nodiscard]] Scene scene() const { return Scene(objects_, people_); }

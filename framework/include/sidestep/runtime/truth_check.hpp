@@ -24,6 +24,12 @@ struct TrueContact {
   double begin_s = 0.0;
   double end_s = 0.0;
   double depth_m = 0.0;
+  /// At the first touch: how fast the robot's touching shape went towards the object.
+  double approach_mps = 0.0;
+
+  /// Whose contact it was: the robot's, or that of somebody who walked into it.
+  [[nodiscard]] bool is_by_robot() const noexcept { return approach_mps > kOwnApproach_mps; }
+  static constexpr double kOwnApproach_mps = 0.02;
 };
 
 struct TrueMotion {

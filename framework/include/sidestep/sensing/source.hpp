@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include <sidestep/core/error.hpp>
@@ -31,6 +32,8 @@ class SIDESTEP_EXPORT GroundTruth {
   virtual ~GroundTruth();
   /// The scene; frames are taken at scene time `frame.stamp.seconds()`. [any]
   [[nodiscard]] virtual const Scene& scene() const = 0;
+  /// The same with the ways, up to a time, of people who see the robot. [mapping]
+  [[nodiscard]] virtual std::shared_ptr<const Scene> scene_until(Stamp time);
 };
 
 }  // namespace sidestep
