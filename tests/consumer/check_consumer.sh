@@ -24,6 +24,7 @@ ctest --test-dir "$work/plugin" --no-tests=error --output-on-failure >"$work/tes
   { cat "$work/tests.log"; exit 1; }
 expect "FieldConformance" "$work/tests.log"
 expect "KeepSide.Conforms" "$work/tests.log"
+expect "PredictorConformance" "$work/tests.log"
 
 sidestep=$prefix/bin/sidestep
 env -u LD_LIBRARY_PATH "$sidestep" plugins >"$work/plugins.txt"
@@ -36,6 +37,8 @@ fi
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" plugins chessboard >"$work/chessboard.txt"
 expect "max_distance_m" "$work/chessboard.txt"
 expect "$work/plugin" "$work/chessboard.txt"
+SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" plugins turns_back >"$work/turns_back.txt"
+expect "widening_mps" "$work/turns_back.txt"
 
 # The installed command runs an installed configuration by name with the third party's field.
 SIDESTEP_PLUGIN_PATH=$work/plugin "$sidestep" check demo --set field.plugin=chessboard

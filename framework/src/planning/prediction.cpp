@@ -6,7 +6,6 @@
 #include <string>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include <sidestep/core/index.hpp>
@@ -140,24 +139,48 @@ std::int64_t Prediction::nearest_track(double time_s, const Eigen::Vector3d& p_m
   return track;
 }
 
-Prediction worst_case_prediction(const Tracks& tracks, double speed_mps, double horizon_s) {
-  constexpr double kSigmas = 2.0;
+double position_deviation_m(const Track& track) noexcept {
+  // The larger eigenvalue of a symmetric 2 x 2 matrix.
+  const double xx = track.covariance(0, 0), yy = track.covariance(1, 1);
+  const double xy = 0.5 * (track.covariance(0, 1) + track.covariance(1, 0));
+  const double largest_m2 = 0.5 * (xx + yy) + std::hypot(0.5 * (xx - yy), xy);
+  return std::sqrt(std::max(largest_m2, 0.0));  // keeps NaN
+}
+
+Result<void> check_tracks(const Tracks& tracks) {
+  for (const Track& track : tracks.tracks) {
+    const std::string name = "track " + std::to_string(track.id);
+    if (!track.position_m.allFinite() || !track.velocity_mps.allFinite() ||
+        !track.covariance.allFinite() || !std::isfinite(track.radius_m) ||
+        !std::isfinite(track.bottom_m) || !std::isfinite(track.top_m)) {
+      return invalid(name + " has a number that is not finite");
+    }
+    if (track.radius_m < 0.0) return invalid(name + " has a negative radius");
+    if (track.top_m < track.bottom_m) return invalid(name + " has its top below its bottom");
+  }
+  return {};
+}
+
+Result<Prediction> worst_case_prediction(const Tracks& tracks, double speed_mps, double horizon_s,
+                                         double sigmas) {
+  SIDESTEP_TRY(check_tracks(tracks));
   std::vector<PredictedSet> sets;
   for (const Track& track : tracks.tracks) {
-    // The larger of the position's variances along any direction.
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> spread(
-        Eigen::Matrix2d(track.covariance.topLeftCorner<2, 2>()), Eigen::EigenvaluesOnly);
-    const double sigma_m = std::sqrt(std::max(0.0, spread.eigenvalues().maxCoeff()));
-    const double radius_m = track.radius_m + kSigmas * sigma_m;
-    sets.push_back({track.id,
-                    1.0,
-                    track.bottom_m,
-                    track.top_m,
-                    {{0.0, track.position_m, radius_m},
-                     {horizon_s, track.position_m, radius_m + speed_mps * horizon_s}}});
+    // Where it is out of sight, its position is a guess: it went on as it went. Meanwhile it may
+    // have turned.
+    const double unseen_s = std::max(0.0, (tracks.stamp.ns - track.last_seen.ns) * 1e-9);
+    const double radius_m = track.radius_m + sigmas * position_deviation_m(track) +
+                            (speed_mps + track.velocity_mps.norm()) * unseen_s;
+    PredictedSet& set = sets.emplace_back();
+    set.track = track.id;
+    set.bottom_m = track.bottom_m;
+    set.top_m = track.top_m;
+    set.knots = {{0.0, track.position_m, radius_m}};
+    if (horizon_s > 0.0) {
+      set.knots.push_back({horizon_s, track.position_m, radius_m + speed_mps * horizon_s});
+    }
   }
-  auto prediction = Prediction::create(tracks.stamp, std::move(sets));
-  return prediction ? *std::move(prediction) : Prediction();
+  return Prediction::create(tracks.stamp, std::move(sets));
 }
 
 RobotFootprint footprint(const RobotModel& robot, const RobotState& state) {
@@ -187,5 +210,6 @@ RobotFootprint footprint(const RobotModel& robot, const RobotState& state) {
 }
 
 Predictor::~Predictor() = default;
+PredictionSubject Predictor::subject() const noexcept { return PredictionSubject::kTracks; }
 
 }  // namespace sidestep

@@ -38,6 +38,13 @@ Result<void> check_numbers(const Problem& problem) {
     return invalid("the collision margin is " + text(problem.collision_margin_m) +
                    " m, but must not be negative");
   }
+  if (!std::isfinite(problem.prediction_from_s)) {
+    return invalid("the time at which the prediction is read is not a finite number");
+  }
+  if (!(problem.prediction_margin_m >= 0.0) || !std::isfinite(problem.prediction_margin_m)) {
+    return invalid("the margin from what is predicted is " + text(problem.prediction_margin_m) +
+                   " m, but must not be negative");
+  }
   if (problem.space.floor && !std::isfinite(problem.space.floor->height_m)) {
     return invalid("the height of the floor is not a finite number");
   }
@@ -87,6 +94,17 @@ Result<void> check_state(const RobotDescription& robot, const RobotState& state,
   return {};
 }
 
+/// Nothing where nothing is predicted: problems among what stands are not to pay for it.
+std::optional<CostTerm> moving_term(const Problem& problem, const CostSettings& settings) {
+  if (!problem.prediction || problem.prediction->sets().empty()) return std::nullopt;
+  if (settings.epsilon_moving_m <= 0.0) return std::nullopt;
+  const double begins_m = std::max(settings.epsilon_moving_m, problem.prediction_margin_m);
+  return CostTerm{
+      make_moving_obstacle_cost(problem.robot, problem.prediction, problem.prediction_from_s,
+                                begins_m, settings.sigma_obstacle),
+      Placement::kSupportAndInterpolated};
+}
+
 constexpr int kWaves = 3;
 constexpr double kLargestBend = 0.4;  // m, rad
 
@@ -113,6 +131,10 @@ Result<void> Problem::validate() const {
   return check_state(description, goal, "goal");
 }
 
+void add_moving_term(const CostSettings& settings, Problem& problem) {
+  if (auto moving = moving_term(problem, settings)) problem.terms.push_back(*std::move(moving));
+}
+
 std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings& settings) {
   std::vector<CostTerm> terms;
   const auto add = [&](std::unique_ptr<StateCost> cost, Placement placement) {
@@ -134,6 +156,7 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
   if (floor && !spheres_above(*floor, problem.robot->description()).empty()) {
     add(make_floor_cost(problem.robot, *floor, begins_m, settings.sigma_obstacle), everywhere);
   }
+  if (auto moving = moving_term(problem, settings)) terms.push_back(*std::move(moving));
   if (settings.sigma_self_collision > 0.0 &&
       !problem.robot->description().self_collision_pairs.empty()) {
     add(make_self_collision_cost(problem.robot, settings.self_collision_epsilon_m,

@@ -13,6 +13,8 @@
 #include <sidestep/planning/state_normals.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
+#include "felt_spheres.hpp"
+
 namespace sidestep {
 namespace {
 
@@ -244,39 +246,12 @@ class FloorCost final : public StateCost, public HasCostForm {
   double linearise(const StateBatch& states, const StateRange& range, StateNormals& out,
                    Scratch& scratch) const override {
     Scratch::Scope scope(scratch);
-    const Low low = find_low(states, scope, scratch);
-    const auto dof = idx(states.dof);
-    const auto rows = scope.doubles(low.forces.size() * dof);
-    robot_->pull_back(states.q, low.forces, rows, scratch);
-    double sum = 0.0;
-    for (std::size_t begin = 0, end = 0; begin < low.forces.size(); begin = end) {
-      for (; end < low.forces.size() && low.forces[end].row == low.forces[begin].row; ++end) {
-        sum += low.residuals[end] * low.residuals[end];
-      }
-      out.add_rows(range[idx(low.forces[begin].row)],
-                   rows.subspan(begin * dof, (end - begin) * dof),
-                   low.residuals.subspan(begin, end - begin));
-    }
-    return 0.5 * sum;
+    return linearise_felt(*robot_, states, find_low(states, scope, scratch), range, out, scratch);
   }
 
   void evaluate(const StateBatch& states, const CostBatch& out, Scratch& scratch) const override {
     Scratch::Scope scope(scratch);
-    const Low low = find_low(states, scope, scratch);
-    std::ranges::fill(out.residuals, 0.0);
-    std::ranges::fill(out.jacobian_q, 0.0);
-    std::ranges::fill(out.jacobian_qdot, 0.0);
-    if (!out.residuals.empty()) {
-      for (std::size_t k = 0; k < low.at.size(); ++k) out.residuals[low.at[k]] = low.residuals[k];
-    }
-    if (out.jacobian_q.empty()) return;
-    const auto dof = idx(states.dof);
-    const auto rows = scope.doubles(low.forces.size() * dof);
-    robot_->pull_back(states.q, low.forces, rows, scratch);
-    for (std::size_t k = 0; k < low.at.size(); ++k) {
-      std::ranges::copy(rows.subspan(k * dof, dof),
-                        out.jacobian_q.begin() + static_cast<std::ptrdiff_t>(low.at[k] * dof));
-    }
+    evaluate_felt(*robot_, states, find_low(states, scope, scratch), out, scratch);
   }
 
  private:
@@ -284,13 +259,6 @@ class FloorCost final : public StateCost, public HasCostForm {
     std::size_t index;  ///< Among all of the robot's.
     int link;
     double begins_m;  ///< Height of its centre at which its cost begins.
-  };
-
-  /// The residuals that are not zero, in order of states.
-  struct Low {
-    std::span<double> residuals;
-    std::span<LinkForce> forces;  ///< Their gradients by the spheres' centres.
-    std::span<std::size_t> at;    ///< Their places among all residuals of the batch.
   };
 
   /// Calls visit(state, lane, sphere, centre) for each sphere that is too low, or whose height is
@@ -314,15 +282,14 @@ class FloorCost final : public StateCost, public HasCostForm {
     }
   }
 
-  Low find_low(const StateBatch& states, Scratch::Scope& scope, Scratch& scratch) const {
+  FeltSpheres find_low(const StateBatch& states, Scratch::Scope& scope, Scratch& scratch) const {
     const std::size_t groups = padded(idx(states.count)) / kLanes;
     const auto centres_m = scope.array<PointLanes>(groups * all_spheres_);
     robot_->sphere_centre_lanes(states.q, centres_m, scratch);
     std::size_t count = 0;
     each_low(states.count, centres_m,
              [&](std::size_t, std::size_t, const Eigen::Vector3d&) { ++count; });
-    const Low low{scope.doubles(count), scope.array<LinkForce>(count),
-                  scope.array<std::size_t>(count)};
+    const FeltSpheres low = felt_spheres(count, scope);
     std::size_t k = 0;
     const Eigen::Vector3d force(0.0, 0.0, -weight_);
     each_low(

@@ -175,6 +175,7 @@ std::string_view to_string(PluginKind kind) noexcept {
     case PluginKind::kExecutor: return "executor";
     case PluginKind::kCost: return "cost";
     case PluginKind::kExperiment: return "experiment";
+    case PluginKind::kPredictor: return "predictor";
   }
   return "unknown";
 }

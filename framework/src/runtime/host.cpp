@@ -327,7 +327,8 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const
                             impl_->settings.robot_paths,
                             impl_->settings.scene_paths,
                             loan.robot,
-                            loan.motion};
+                            loan.motion,
+                            loan.scene};
   const PluginDescriptor& descriptor = *found->descriptor;
   return call_plugin(name, [&]() -> Result<Made> {
     Error error;

@@ -204,6 +204,7 @@ bool PlanSearch::depart(Departure departure, Task& task) const {
     task.problem.prediction = predicted->prediction;
     task.problem.prediction_from_s = predicted->from_s + task.departure.lead.duration_s();
     task.problem.prediction_margin_m = settings_.prediction_margin_m;
+    if (parts_.moving_costs) add_moving_term(*parts_.moving_costs, task.problem);
   }
   auto sound = task.problem.validate();
   if (!sound) task.failure = "the problem makes no sense: " + sound.error().describe();

@@ -141,6 +141,7 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
     case PluginKind::kExecutor: return kExecutorInterface;
     case PluginKind::kCost: return kCostInterface;
     case PluginKind::kExperiment: return kExperimentInterface;
+    case PluginKind::kPredictor: return kPredictorInterface;
   }
   return std::nullopt;
 }

@@ -1,6 +1,7 @@
 #include <sidestep/runtime/prediction.hpp>
 
-#include <algorithm>
+#include <map>
+#include <string>
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
@@ -8,37 +9,58 @@
 namespace sidestep {
 namespace {
 
-/// What makes a prediction no answer to a request; empty if nothing does.
-std::string why_unusable(const Prediction& prediction, const PredictionRequest& request) {
-  constexpr double kRounding_s = 1e-9;
-  if (prediction.stamp() != request.tracks.stamp) {
-    return format("is of %.3f s, not of the tracks", prediction.stamp().seconds());
+constexpr double kPredictionRounding = 1e-9;  // s; of likelihoods, too
+
+/// The part of the contract of a predictor of tracks that Prediction::create() does not check.
+Result<void> check_sets(const Prediction& prediction, const PredictionRequest& request) {
+  std::map<std::int64_t, double> likelihoods;
+  for (const Track& track : request.tracks.tracks) likelihoods[track.id] = 0.0;
+  for (const PredictedSet& set : prediction.sets()) {
+    const std::string of_track = "the set of track " + std::to_string(set.track);
+    const auto likelihood = likelihoods.find(set.track);
+    if (likelihood == likelihoods.end()) return invalid(of_track + " is of none of the tracks");
+    likelihood->second += set.likelihood;
+    const double begin_s = set.knots.front().time_s, end_s = set.knots.back().time_s;
+    if (begin_s > kPredictionRounding) {
+      return invalid(of_track + format(" begins late, %g s after the tracks", begin_s));
+    }
+    if (end_s < request.horizon_s - kPredictionRounding) {
+      return invalid(of_track + format(" ends after %g s, before the horizon of %g s", end_s,
+                                       request.horizon_s));
+    }
   }
-  for (const Track& track : request.tracks.tracks) {
-    const auto of_track = [&](const PredictedSet& set) { return set.track == track.id; };
-    const std::string name = "track " + std::to_string(track.id);
-    if (std::ranges::none_of(prediction.sets(), of_track)) return "leaves out " + name;
-    for (const PredictedSet& set : prediction.sets()) {
-      if (!of_track(set)) continue;
-      if (set.knots.front().time_s > kRounding_s) return "begins too late for " + name;
-      if (set.knots.back().time_s < request.horizon_s - kRounding_s) {
-        return "ends before the horizon for " + name;
-      }
+  for (const auto& [id, sum] : likelihoods) {
+    const std::string track = "track " + std::to_string(id);
+    if (sum == 0.0) return invalid(track + " has no set");
+    if (sum > 1.0 + kPredictionRounding) {
+      return invalid("the likelihoods of " + track + format(" sum to %g", sum));
     }
   }
   return {};
 }
 
+Result<Prediction> checked(Predictor& predictor, const PredictionRequest& request) {
+  auto prediction = SIDESTEP_TRY(predictor.predict(request));
+  if (prediction.stamp() != request.tracks.stamp) {
+    return invalid(format("the prediction has the stamp %.9f s, the tracks %.9f s",
+                          prediction.stamp().seconds(), request.tracks.stamp.seconds()));
+  }
+  if (predictor.subject() == PredictionSubject::kTracks) {
+    SIDESTEP_TRY(check_sets(prediction, request));
+  }
+  return prediction;
+}
+
 }  // namespace
 
-Prediction predict(Predictor& predictor, const std::string& name, const PredictionRequest& request,
-                   Log& log) {
-  auto predicted = call_stage(name, [&] { return predictor.predict(request); });
-  const std::string trouble =
-      predicted ? why_unusable(*predicted, request) : predicted.error().describe();
-  if (trouble.empty()) return *std::move(predicted);
-  log.warn(name + (predicted ? ": its prediction " : " failed: ") + trouble +
-           "; the worst case stands in for it");
+Result<Prediction> predict(Predictor& predictor, const std::string& name,
+                           const PredictionRequest& request, Log& log) {
+  if (predictor.subject() != PredictionSubject::kNothing) {
+    SIDESTEP_TRY(check_tracks(request.tracks));
+  }
+  auto prediction = call_stage(name, [&] { return checked(predictor, request); });
+  if (prediction) return prediction;
+  log.warn(prediction.error().describe() + "; the worst case stands in for it");
   return worst_case_prediction(request.tracks, kWalkingSpeed_mps, request.horizon_s);
 }
 

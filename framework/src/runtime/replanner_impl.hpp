@@ -95,7 +95,8 @@ struct Replanner::Impl {
   [[nodiscard]] double stopping_time_s() const;
   /// Pins the newest map; false where there is none that can be planned in.
   [[nodiscard]] bool look_at_map();
-  void look_ahead(const Tracks& tracks);
+  /// What the predictor says of the tracks of a map; fails where those make no sense.
+  [[nodiscard]] Result<Prediction> look_ahead(const Tracks& tracks, const DistanceField& map) const;
   /// The prediction on the clock of a motion that begins at a stamp.
   [[nodiscard]] std::optional<PredictionOnClock> predicted_from(Stamp begin) const;
   /// A cause, and after it what whoever maps has to say.

@@ -146,11 +146,20 @@ bool Replanner::Impl::look_at_map() {
     return false;
   }
   if (newest == field) return true;
+  std::shared_ptr<const Prediction> ahead;
+  if (parts.predictor != nullptr && tracks != nullptr) {
+    auto predicted = look_ahead(*tracks, *newest);
+    if (!predicted) {
+      halt(Reason::kMap, with_map_trouble("what is tracked in the map makes no sense: " +
+                                          predicted.error().describe()));
+      return false;
+    }
+    ahead = std::make_shared<const Prediction>(*std::move(predicted));
+  }
   field = std::move(newest);
   map_came = now;
   reach.look_at(std::move(moving));
-  prediction.reset();
-  if (parts.predictor != nullptr && tracks != nullptr) look_ahead(*tracks);
+  prediction = std::move(ahead);
   if (auto* driving = std::get_if<Driving>(&phase)) {
     driving->is_unreached = driving->is_checked = false;
   }
@@ -163,11 +172,11 @@ bool Replanner::Impl::look_at_map() {
   return true;
 }
 
-void Replanner::Impl::look_ahead(const Tracks& tracks) {
+Result<Prediction> Replanner::Impl::look_ahead(const Tracks& tracks,
+                                               const DistanceField& map) const {
   const RobotFootprint robot = footprint(*parts.robot, measured_state);
-  prediction = std::make_shared<const Prediction>(
-      predict(*parts.predictor, parts.predictor_name,
-              {tracks, settings.prediction_horizon_s, field.get(), &robot}, parts.log));
+  return predict(*parts.predictor, parts.predictor_name,
+                 {tracks, settings.prediction_horizon_s, &map, &robot}, parts.log);
 }
 
 std::optional<PredictionOnClock> Replanner::Impl::predicted_from(Stamp begin) const {

@@ -29,6 +29,33 @@ TEST(EveryCost, DoesNotAllocateOnceItsScratchIsWarm) {
   }
 }
 
+TEST(MovingObstacleCost, DoesNotAllocateOnceItsScratchIsWarm) {
+  Problem problem = testing_support::problem_of_every_cost();
+  std::vector<PredictedSet> walkers(2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    walkers[i].top_m = 1.8;
+    walkers[i].knots = {{0.0, {0.5, 0.0}, 0.3}, {9.0, {-1.5, 2.0 * static_cast<double>(i)}, 0.6}};
+  }
+  problem.prediction =
+      std::make_shared<const Prediction>(Prediction::create({}, std::move(walkers)).value());
+  const auto cost = make_moving_obstacle_cost(problem.robot, problem.prediction, 0.2, 0.3, 0.05);
+  const States states = random_states(6, kStates, 2.8, 3.0);
+  const auto rows = static_cast<std::size_t>(kStates * cost->residual_count());
+  std::vector<double> residuals(rows), by_q(6 * rows), by_qdot(6 * rows);
+  StateNormals normals;
+  normals.resize(kStates, 6);
+  Scratch scratch;
+  int before = 0;
+  double felt = 0.0;
+  for (int round = 0; round < 2; ++round) {
+    before = testing_support::allocations();
+    cost->evaluate(states.batch(), {residuals, by_q, by_qdot}, scratch);
+    felt = cost->linearise(states.batch(), {}, normals, scratch);
+  }
+  EXPECT_EQ(testing_support::allocations() - before, 0);
+  EXPECT_GT(felt, 0.0);
+}
+
 TEST(EveryCost, DoesNotAllocateToLineariseOnceItsScratchIsWarm) {
   const Problem problem = testing_support::problem_of_every_cost();
   const States states = random_states(6, kStates, 2.8, 3.0);

@@ -54,6 +54,7 @@ Tracks one_track(const Eigen::Vector2d& position_m, const Eigen::Vector2d& veloc
   track.radius_m = kPerson_m;
   track.bottom_m = -1.0;
   track.top_m = 1.0;
+  track.last_seen = stamp;
   return {{track}, stamp};
 }
 
@@ -131,12 +132,29 @@ TEST_F(AmongPeople, SetsOutSoonerWhenHeTurnsBack) {
   EXPECT_LT(loop.ticks * ClosedLoop::kStep_s, 9.0) << loop.story();
 }
 
+TEST_F(AmongPeople, StopsWhereATrackMakesNoSense) {
+  // The map leaves out what is tracked: without a place for it, he is nowhere.
+  const auto lost = [](double t) {
+    const double x_m = t > 1.0 && t < 3.0 ? std::nan("") : 9.0;
+    return std::pair(Eigen::Vector2d(x_m, 5.0), Eigen::Vector2d(0.0, 0.0));
+  };
+  run(lost, 20.0);
+  const ReplannerEvent* stop = loop.first(Kind::kStopped);
+  ASSERT_NE(stop, nullptr) << loop.story();
+  EXPECT_EQ(stop->reason, ReplannerEvent::Reason::kMap);
+  EXPECT_NE(stop->cause.find("track 5"), std::string::npos) << stop->cause;
+  EXPECT_LT(stop->stamp.seconds(), 1.1);
+  EXPECT_EQ(loop.count(Kind::kStopped), 1) << loop.story();
+  EXPECT_EQ(loop.count(Kind::kRecovered), 1) << loop.story();
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+}
+
 TEST(Predict, FallsBackToTheWorstCaseAndNamesThePredictor) {
   GoesOn predictor;
   QuietCount log;
   const Tracks tracks = one_track({1.0, 2.0}, {0.5, 0.0}, Stamp::from_seconds(3.0));
   const PredictionRequest request{tracks, kHorizon_s};
-  EXPECT_EQ(predict(predictor, "predictor p", request, log).speed_mps(), 0.5);
+  EXPECT_EQ(predict(predictor, "predictor p", request, log).value().speed_mps(), 0.5);
   EXPECT_TRUE(log.warnings.empty());
   const auto set = [](double from_s, double to_s) {
     return std::vector<PredictedSet>{
@@ -153,7 +171,7 @@ TEST(Predict, FallsBackToTheWorstCaseAndNamesThePredictor) {
   for (const auto& answer : wrong) {
     log.warnings.clear();
     predictor.misbehave = [&](const PredictionRequest&) { return answer(); };
-    const Prediction worst = predict(predictor, "predictor p", request, log);
+    const Prediction worst = predict(predictor, "predictor p", request, log).value();
     ASSERT_EQ(log.warnings.size(), 1u);
     EXPECT_NE(log.warnings[0].find("predictor p"), std::string::npos) << log.warnings[0];
     EXPECT_NE(log.warnings[0].find("worst case"), std::string::npos) << log.warnings[0];

@@ -78,7 +78,7 @@ using CostForm = std::variant<ObstacleForm, FloorForm, SelfCollisionForm, LimitF
                               LinkPoseForm, LinkAxisForm>;
 
 /// Optional interface of a StateCost: its parameters, for optimisers that evaluate costs by other
-/// means than evaluate(), e.g. on a GPU. All of costs.hpp implement it.
+/// means than evaluate(), e.g. on a GPU. All of costs.hpp implement it but that of what moves.
 class SIDESTEP_EXPORT HasCostForm {
  public:
   virtual ~HasCostForm() = default;

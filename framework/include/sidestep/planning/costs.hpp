@@ -59,6 +59,13 @@ class FloorClearance {
                                                          const Floor& floor, double epsilon_m,
                                                          double sigma_m);
 
+/// One residual per sphere: max(0, epsilon - (D - r)) / sigma, D the distance to where something
+/// that moves may be (Prediction::query) at the state's time plus `prediction_from_s`. Named
+/// "moving".
+[[nodiscard]] std::unique_ptr<StateCost> make_moving_obstacle_cost(
+    std::shared_ptr<const RobotModel> robot, std::shared_ptr<const Prediction> prediction,
+    double prediction_from_s, double epsilon_m, double sigma_m);
+
 /// One residual per pair of links checked: the hinge of the closest pair of their spheres.
 [[nodiscard]] std::unique_ptr<StateCost> make_self_collision_cost(
     std::shared_ptr<const RobotModel> robot, double epsilon_m, double sigma_m);

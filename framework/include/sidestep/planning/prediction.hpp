@@ -65,6 +65,9 @@ class SIDESTEP_EXPORT Prediction {
   double speed_mps_ = 0.0;
 };
 
+/// How fast somebody may walk up (ISO 13855).
+inline constexpr double kWalkingSpeed_mps = 1.6;
+
 /// The robot as people see it: a disc on the floor. World frame.
 struct RobotFootprint {
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();
@@ -84,19 +87,40 @@ struct PredictionRequest {
   const RobotFootprint* robot = nullptr;  ///< Null where it is not known.
 };
 
-/// A set about each track that grows at `speed_mps`, wherever the thing turns: up to `horizon_s`,
-/// beginning with its radius and two standard deviations of its position. [any]; allocates.
-[[nodiscard]] SIDESTEP_EXPORT Prediction worst_case_prediction(const Tracks& tracks,
-                                                               double speed_mps, double horizon_s);
+/// The largest standard deviation of a track's position in any direction, in m; NaN where the
+/// covariance is not finite. [any]
+[[nodiscard]] SIDESTEP_EXPORT double position_deviation_m(const Track& track) noexcept;
 
-/// Says where tracked things may be. Its prediction has the stamp of the tracks, and each set
-/// begins at time 0 or before. A prediction is no promise: what keeps the robot safe does not rest
-/// on it (docs/closed_loop.md).
+/// Fails with kInvalidArgument, naming the track, where a number of one is not finite, or its
+/// radius or height is negative. [any]
+[[nodiscard]] SIDESTEP_EXPORT Result<void> check_tracks(const Tracks& tracks);
+
+/// Each track wherever it could be if it had walked at `speed_mps` in whatever direction since it
+/// was last seen: a cylinder that stands and grows until `horizon_s`, wider than the track by
+/// `sigmas` standard deviations of its position. Fails as check_tracks(). [any]; allocates.
+[[nodiscard]] SIDESTEP_EXPORT Result<Prediction> worst_case_prediction(const Tracks& tracks,
+                                                                       double speed_mps,
+                                                                       double horizon_s,
+                                                                       double sigmas = 2.0);
+
+/// What a predictor's sets are of.
+enum class PredictionSubject {
+  kTracks,   ///< Each track has a set, or several, and nothing else has.
+  kThings,   ///< What truly is there, tracked or not.
+  kNothing,  ///< There are none: what is tracked has to stay in the map.
+};
+
+/// Says where tracked things may be. Its prediction has the stamp of the tracks; each track has a
+/// set, or several whose likelihoods sum to 1 at most, and each set begins at time 0 or before and
+/// lasts until the horizon. A prediction is no promise: what keeps the robot safe does not rest on
+/// it (docs/closed_loop.md).
 class SIDESTEP_EXPORT Predictor {
  public:
   virtual ~Predictor();
-  /// [planning]; allocates.
+  /// Fails where it cannot tell. [planning]; allocates.
   [[nodiscard]] virtual Result<Prediction> predict(const PredictionRequest& request) = 0;
+  /// Of anything but tracks, sets need not be of the tracks, nor begin or end at any time. [any]
+  [[nodiscard]] virtual PredictionSubject subject() const noexcept;
 };
 
 }  // namespace sidestep

@@ -94,8 +94,9 @@ struct Problem {
 
 /// The weights of the standard cost terms (docs/numerics.md).
 struct CostSettings {
-  double epsilon_m = 0.5;        ///< Obstacles, floor: cost begins this far from a sphere.
-  double sigma_obstacle = 0.05;  ///< m; of obstacles and floor.
+  double epsilon_m = 0.5;         ///< Obstacles, floor: cost begins this far from a sphere.
+  double sigma_obstacle = 0.05;   ///< m; of obstacles, floor and what moves.
+  double epsilon_moving_m = 0.3;  ///< What is predicted: the same; 0 leaves the term out.
   double self_collision_epsilon_m = 0.02;
   double sigma_self_collision = 0.05;  ///< m; 0 leaves the term out.
   Placement self_collision_placement = Placement::kSupportAndInterpolated;
@@ -108,9 +109,13 @@ struct CostSettings {
   bool hold_goal = true;
 };
 
-/// The standard terms for problem.robot, space, field, start and goal: obstacle, floor (where there
-/// is one), self-collision, position limits, velocity limits (scaled by speed_fraction), start,
-/// goal.
+/// Adds the term "moving" for problem.prediction, which begins no nearer than prediction_margin_m;
+/// nothing where there are no predicted sets, or the settings leave it out.
+void add_moving_term(const CostSettings& settings, Problem& problem);
+
+/// The standard terms for problem.robot, space, field, prediction, start and goal: obstacle, floor
+/// (where there is one), moving (where something may be), self-collision, position limits, velocity
+/// limits (scaled by speed_fraction), start, goal.
 [[nodiscard]] std::vector<CostTerm> standard_terms(const Problem& problem,
                                                    const CostSettings& settings);
 

@@ -9,6 +9,7 @@
 #include <sidestep/core/node.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/core/worker_pool.hpp>
+#include <sidestep/geometry/scene.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 
@@ -30,6 +31,8 @@ struct HostContext {
   std::shared_ptr<const RobotModel> robot;
   /// Where the robot of the run is; null in runs in which none moves.
   std::shared_ptr<RobotMotion> motion;
+  /// What is truly there, at times of `clock`, in simulations that know it; null elsewhere.
+  std::shared_ptr<const Scene> scene = nullptr;
 };
 
 }  // namespace sidestep

@@ -10,6 +10,7 @@
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/optimiser.hpp>
+#include <sidestep/planning/prediction.hpp>
 #include <sidestep/planning/state_cost.hpp>
 #include <sidestep/plugin/descriptor.hpp>
 #include <sidestep/plugin/parameters.hpp>
@@ -69,6 +70,11 @@ template <>
 struct PluginTraits<StateCost> {
   static constexpr PluginKind kKind = PluginKind::kCost;
   static constexpr std::uint32_t kVersion = kCostInterface;
+};
+template <>
+struct PluginTraits<Predictor> {
+  static constexpr PluginKind kKind = PluginKind::kPredictor;
+  static constexpr std::uint32_t kVersion = kPredictorInterface;
 };
 
 namespace detail {
@@ -148,8 +154,8 @@ struct PluginGlue {
 }  // namespace sidestep
 
 /// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser,
-/// Executor or StateCost (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a struct with `static
-/// Parameters<OPTIONS> parameters()` and, where its parameters must fit together,
+/// Executor, StateCost or Predictor (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a struct
+/// with `static Parameters<OPTIONS> parameters()` and, where its parameters must fit together,
 /// `std::vector<OptionMistake> check() const`. CREATE: a function
 /// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
 /// options that check() finds nothing wrong with. What follows DOC are the views (types as in

@@ -22,6 +22,7 @@ enum class PluginKind : std::uint32_t {
   kExecutor = 6,
   kCost = 7,
   kExperiment = 8,
+  kPredictor = 9,
 };
 [[nodiscard]] std::string_view to_string(PluginKind kind) noexcept;  ///< "source", "mapper", ...
 

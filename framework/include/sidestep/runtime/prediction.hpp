@@ -7,13 +7,15 @@
 
 namespace sidestep {
 
-/// ISO 13855: the speed at which somebody walks up.
-inline constexpr double kWalkingSpeed_mps = 1.6;
-
-/// What a predictor says of the request's tracks. Where it throws or fails, leaves a track out, or
-/// predicts of another stamp, too late, or not as far as was asked: the worst case, at
-/// kWalkingSpeed_mps, and a warning that names `name`. [planning]; allocates.
-[[nodiscard]] Prediction predict(Predictor& predictor, const std::string& name,
-                                 const PredictionRequest& request, Log& log);
+/// What a predictor says of the request's tracks, checked against its contract. Where it throws or
+/// fails, has another stamp or, being of tracks, leaves one out, adds one, begins late, ends before
+/// the horizon or is too likely: the worst case, at kWalkingSpeed_mps, and one warning that names
+/// `name` (kind and name, e.g. "predictor orca") and what is wrong.
+///
+/// Fails with kInvalidArgument, naming the track, where a track itself makes no sense: nothing can
+/// be said of where that is, and the map leaves it out. One of nothing (PredictionSubject) does
+/// not look at tracks. [planning]; allocates.
+[[nodiscard]] Result<Prediction> predict(Predictor& predictor, const std::string& name,
+                                         const PredictionRequest& request, Log& log);
 
 }  // namespace sidestep

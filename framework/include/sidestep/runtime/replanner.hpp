@@ -102,7 +102,7 @@ struct ReplannerEvent {
     kCost,          ///< It has become costlier.
     kSooner,        ///< What was to be waited for has gone, or will have gone sooner.
     kMoving,        ///< Something that moves could reach the robot before it is at rest.
-    kMap,           ///< The map is too old, or its time jumped.
+    kMap,           ///< The map is too old, its time jumped, or its tracks make no sense.
     kNotFollowing,  ///< The robot is not where it should be.
     kExecutor,      ///< The executor failed, refused or fell silent.
     kPlugin,        ///< A plugin threw, returned an invalid result or ignored its deadline.
@@ -168,6 +168,8 @@ class Replanner {
     /// Says where the tracks of a map will be, none of which is in its field; may be null.
     Predictor* predictor = nullptr;
     std::string predictor_name = "predictor";
+    /// Of the term "moving" that problems with a prediction get; nothing: they get none.
+    std::optional<CostSettings> moving_costs = std::nullopt;
   };
 
   Replanner(Parts parts, ReplannerSettings settings);
