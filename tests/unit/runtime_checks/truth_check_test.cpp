@@ -71,6 +71,25 @@ TEST_F(TruthCheckTest, WhatIsFartherThanSearchedCountsAsThatFar) {
   EXPECT_EQ(motion.nearest_object, "");
 }
 
+/// Whoever moves along the line between the two at the first touch is who touches.
+TEST_F(TruthCheckTest, TellsWhoseContactItWas) {
+  const auto approach_mps = [&](const std::vector<TruePose>& poses) {
+    const TrueMotion motion = check(poses);
+    EXPECT_EQ(motion.contacts.size(), 1u);
+    return motion.contacts.empty() ? -1.0 : motion.contacts[0].approach_mps;
+  };
+  objects_ = {ball_at("post", {0.0, 0.0, 0.0})};
+  EXPECT_NEAR(approach_mps(flight(0.0)), 1.0, 0.01);
+  // The line of centres is at 30 degrees to the way.
+  EXPECT_NEAR(approach_mps(flight(0.15)), std::cos(std::asin(0.15 / 0.3)), 0.05);
+  objects_ = {mover("walker", {-3.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, 4.0)};
+  EXPECT_EQ(approach_mps(standing(4.0)), 0.0);
+  objects_ = {mover("faster", {-4.0, 0.0, 0.0}, {6.0, 0.0, 0.0}, 4.0)};
+  EXPECT_NEAR(approach_mps(flight(0.0, 3.0)), -1.0, 0.01) << "it runs into a robot that flees";
+  objects_ = {mover("oncoming", {2.0, 0.0, 0.0}, {-2.0, 0.0, 0.0}, 4.0)};
+  EXPECT_NEAR(approach_mps(flight(0.0)), 1.0, 0.01) << "both are to blame, so the robot is";
+}
+
 TEST_F(TruthCheckTest, FindsAContactFromItsFirstTouchToItsLast) {
   objects_ = {ball_at("post", {0.0, 0.0, 0.0})};
   const TrueMotion motion = check(flight(0.0));
