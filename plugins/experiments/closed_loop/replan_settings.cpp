@@ -248,7 +248,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   world.clock = std::make_unique<EpisodeClock>();
   world.motion = std::make_shared<RobotMotion>();
   world.robot = robot;
-  const RunLoan loan{robot, world.motion, world.clock.get(), seed};
+  RunLoan loan{robot, world.motion, world.clock.get(), seed, nullptr};
   const auto make = [&]<class Plugin>(const Node& block, PluginPtr<Plugin>& into) -> Result<void> {
     into = SIDESTEP_TRY(context.host.create<Plugin>(block, loan));
     return {};
@@ -257,12 +257,13 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
     return block_of(context.configuration, name);
   };
   SIDESTEP_TRY(make(block("source"), world.source));
-  world.scene = SIDESTEP_TRY(true_scene(world.source));
+  world.scene = loan.scene = SIDESTEP_TRY(true_scene(world.source));
   SIDESTEP_TRY(draw_ends(settings, world));
   SIDESTEP_TRY(make(block("mapper"), world.mapper));
   SIDESTEP_TRY(make(block("field"), world.field_builder));
   SIDESTEP_TRY(make(block("optimiser"), world.optimiser));
   if (!block("sampler").is_null()) SIDESTEP_TRY(make(block("sampler"), world.sampler));
+  if (!block("predictor").is_null()) SIDESTEP_TRY(make(block("predictor"), world.predictor));
   SIDESTEP_TRY(make(executor_block(block("executor"), world, context.host), world.executor));
   world.true_robot = dynamic_cast<TrueRobot*>(world.executor.get());
   return world;

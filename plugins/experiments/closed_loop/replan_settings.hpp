@@ -98,6 +98,7 @@ struct ReplanWorld {
   PluginPtr<Optimiser> optimiser;
   PluginPtr<Optimiser> sampler;  ///< Null where there is none.
   PluginPtr<Executor> executor;
+  PluginPtr<Predictor> predictor;      ///< Null where nothing is predicted.
   TrueRobot* true_robot = nullptr;     ///< The executor's other side; null where it has none.
   std::shared_ptr<const Scene> scene;  ///< Null where it is not known.
   std::uint64_t seed = 0;              ///< The episode's.
