@@ -77,6 +77,19 @@ TEST_F(ReplanTest, GoesAroundWhatCrossesItsWay) {
   }
 }
 
+TEST_F(ReplanTest, KeepsClearOfWhatItsPredictorKnows) {
+  const Finished finished = run_it("run", {"predictor={plugin: truth}"});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  const Json of = summary("run");
+  EXPECT_EQ(of["success"], true);
+  EXPECT_EQ(of["collisions_true"], 0);
+  // The margin of 0.1 m that motions keep, less what the executor is off them.
+  EXPECT_GT(of["min_true_clearance_m"], 0.08);
+  const std::string effective = read_file(folder_.path() / "run" / "effective_config.yaml");
+  EXPECT_THAT(effective, HasSubstr("plugin: truth"));
+  EXPECT_THAT(effective, HasSubstr("prediction_margin_m: 0.1"));
+}
+
 TEST_F(ReplanTest, RefusesWhatOnlyPlansUse) {
   const auto check_with = [](const std::string& set) {
     return run({"check", kConfig, "--set", set});

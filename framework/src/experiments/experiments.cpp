@@ -23,9 +23,9 @@ constexpr std::array kFormerNames = {std::pair("replanning", "incremental_benchm
 
 namespace fs = std::filesystem;
 
-constexpr std::array kPluginKinds = {PluginKind::kSource,    PluginKind::kMapper,
-                                     PluginKind::kField,     PluginKind::kRobot,
-                                     PluginKind::kOptimiser, PluginKind::kExecutor};
+constexpr std::array kPluginKinds = {
+    PluginKind::kSource,    PluginKind::kMapper,   PluginKind::kField,    PluginKind::kRobot,
+    PluginKind::kOptimiser, PluginKind::kExecutor, PluginKind::kPredictor};
 
 /// The schema of a top-level block that is neither a plugin's nor the experiment's; nothing for
 /// other names. Where an experiment is given, it is without what that has no use for.
@@ -118,7 +118,9 @@ void check_blocks(const Configuration& configuration, const FoundExperiment* of,
       check_against_used(entry.value, *used, errors);
     }
     for (const PluginKind kind : kPluginKinds) {
-      if (entry.key == to_string(kind)) host.check(kind, entry.value, errors);
+      if (entry.key != to_string(kind)) continue;
+      const bool is_taken_back = kind == PluginKind::kPredictor && entry.value.is_null();
+      if (!is_taken_back) host.check(kind, entry.value, errors);
     }
     if (entry.key == "sampler" && !entry.value.is_null()) {
       host.check(PluginKind::kOptimiser, entry.value, errors);

@@ -116,6 +116,11 @@ void Prediction::query(double time_s, std::span<const Eigen::Vector3d> points_m,
   for (const PredictedSet& set : sets_) {
     if (!at(set, time_s, disc)) continue;
     for (std::size_t i = 0; i < points_m.size(); ++i) {
+      // Most sets are farther off than one that has been seen: told without a root.
+      constexpr double kRounding = 1.0 + 1e-12;
+      const double nearer_m = disc.radius_m + std::max(0.0, distances_m[i]);
+      const double off_m2 = (points_m[i].head<2>() - disc.centre_m).squaredNorm();
+      if (off_m2 > kRounding * nearer_m * nearer_m) continue;
       const double distance_m = distance_to(disc, set.bottom_m, set.top_m, points_m[i], gradient);
       if (!(distance_m < distances_m[i])) continue;
       distances_m[i] = distance_m;

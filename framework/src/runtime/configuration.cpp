@@ -14,7 +14,7 @@ const std::string kOverridePrefix = "--set ";
 const std::vector<std::string> kTopLevelKeys = {
     "schema_version", "base",     "plugin_paths", "experiment", "robot",
     "source",         "mapper",   "field",        "optimiser",  "planning",
-    "check",          "executor", "replanner",    "sampler"};
+    "check",          "executor", "replanner",    "sampler",    "predictor"};
 
 /// `over` laid on `under`, key by key. A map that names another plugin replaces the whole map.
 Node merged(Node under, const Node& over) {

@@ -161,8 +161,14 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
       .add("epsilon_m", &S::epsilon_m,
            "Obstacle and floor cost begin at this distance from a sphere.",
            {.unit = "m", .min = 0.0})
-      .add("sigma_obstacle", &S::sigma_obstacle, "Standard deviation of obstacle and floor cost.",
+      .add("sigma_obstacle", &S::sigma_obstacle,
+           "Standard deviation of the costs of obstacles, the floor and what moves.",
            {.unit = "m", .min = 1e-9})
+      .add(
+          "epsilon_moving_m", &S::epsilon_moving_m,
+          "Cost of what is predicted to move begins at this distance from a sphere, no nearer than "
+          "replanner.prediction_margin_m; 0 leaves it out.",
+          {.unit = "m", .min = 0.0, .max = 10.0})
       .add("self_collision_epsilon_m", &S::self_collision_epsilon_m,
            "Self-collision cost begins at this distance between spheres.",
            {.unit = "m", .min = 0.0})

@@ -147,6 +147,12 @@ bool Replanner::Impl::look_at_map() {
   }
   if (newest == field) return true;
   std::shared_ptr<const Prediction> ahead;
+  // What does not go by tracks needs none.
+  const bool is_of_things =
+      parts.predictor != nullptr && parts.predictor->subject() == PredictionSubject::kThings;
+  if (tracks == nullptr && is_of_things) {
+    tracks = std::make_shared<const Tracks>(Tracks{{}, newest->info().stamp});
+  }
   if (parts.predictor != nullptr && tracks != nullptr) {
     auto predicted = look_ahead(*tracks, *newest);
     if (!predicted) {

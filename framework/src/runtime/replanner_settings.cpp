@@ -49,6 +49,11 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
           "their spheres keep to what has been seen, as far as a stop takes. Left out: they may be "
           "anywhere.",
           {.unit = "m", .min = 0.0, .max = 100.0})
+      .add("prediction_horizon_s", &S::prediction_horizon_s,
+           "How far a `predictor` looks ahead of each map.", {.unit = "s", .min = 0.1, .max = 60.0})
+      .add("prediction_margin_m", &S::prediction_margin_m,
+           "Clearance that spheres must keep from what is predicted.",
+           {.unit = "m", .min = 0.0, .max = 10.0})
       .add("max_step_m", &S::max_step_m, "First spacing of validity checks, as sphere motion.",
            {.unit = "m", .min = 1e-4, .max = 1.0})
       .add("stop_reserve", &S::stop_reserve,
@@ -64,8 +69,7 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
            "Share by which a new trajectory must then be cheaper to be taken.",
            {.min = 0.0, .max = 1.0})
       .add("escalation", &S::escalation,
-           "First guesses of a replan, in order: retimed (in programs that predict what moves), "
-           "refit, "
+           "First guesses of a replan, in order: retimed (which needs a `predictor`), refit, "
            "straight_line, perturbed, sampled (which needs a `sampler`), after_stop.");
 }
 

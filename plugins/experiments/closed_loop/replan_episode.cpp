@@ -156,7 +156,10 @@ class EpisodeRun {
                          plugin_of(world_.executor),
                          plugin_of(world_.optimiser),
                          world_.sampler ? plugin_of(world_.sampler) : "",
-                         [this] { return mapping_.trouble(); }},
+                         [this] { return mapping_.trouble(); },
+                         world_.predictor.get(),
+                         world_.predictor ? plugin_of(world_.predictor) : "",
+                         settings_.planning},
         settings);
   }
 

@@ -293,7 +293,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   world.clock = std::make_unique<EpisodeClock>();
   world.motion = std::make_shared<RobotMotion>();
   world.robot = robot;
-  const RunLoan loan{robot, world.motion, world.clock.get(), seed};
+  RunLoan loan{robot, world.motion, world.clock.get(), seed, nullptr};
   const auto make = [&]<class Plugin>(const Node& block, PluginPtr<Plugin>& into) -> Result<void> {
     into = SIDESTEP_TRY(context.host.create<Plugin>(block, loan));
     return {};
@@ -314,7 +314,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
     }
   }
   SIDESTEP_TRY(make(source_block(block("source"), people, alone_in != nullptr), world.source));
-  world.scene = SIDESTEP_TRY(true_scene(world.source));
+  world.scene = loan.scene = SIDESTEP_TRY(true_scene(world.source));
   world.truth = dynamic_cast<GroundTruth*>(world.source.get());
   if (settings.experiment.sees_truth() && world.truth == nullptr) {
     return fail(ErrorCode::kUnsupported,
@@ -332,6 +332,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   SIDESTEP_TRY(make(block("field"), world.field_builder));
   SIDESTEP_TRY(make(block("optimiser"), world.optimiser));
   if (!block("sampler").is_null()) SIDESTEP_TRY(make(block("sampler"), world.sampler));
+  if (!block("predictor").is_null()) SIDESTEP_TRY(make(block("predictor"), world.predictor));
   SIDESTEP_TRY(make(executor_block(block("executor"), world, context.host), world.executor));
   world.true_robot = dynamic_cast<TrueRobot*>(world.executor.get());
   return world;

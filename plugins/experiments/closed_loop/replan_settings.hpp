@@ -134,6 +134,7 @@ struct ReplanWorld {
   PluginPtr<Optimiser> optimiser;
   PluginPtr<Optimiser> sampler;  ///< Null where there is none.
   PluginPtr<Executor> executor;
+  PluginPtr<Predictor> predictor;      ///< Null where nothing is predicted.
   TrueRobot* true_robot = nullptr;     ///< The executor's other side; null where it has none.
   std::shared_ptr<const Scene> scene;  ///< Null where it is not known.
   GroundTruth* truth = nullptr;        ///< The source's other side; null where it has none.

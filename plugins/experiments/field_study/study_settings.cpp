@@ -131,7 +131,7 @@ void check_robot(const StudyRobot& robot, const Node& field, Host& host,
 }  // namespace
 
 std::vector<std::string> unused_of_study_planning() {
-  return {"max_unknown_share", "retime", "time_limit_s", "attempts"};
+  return {"max_unknown_share", "retime", "time_limit_s", "attempts", "epsilon_moving_m"};
 }
 
 Node study_field_block(const Node& field, bool is_signed) {

@@ -289,7 +289,8 @@ class PlanExperiment final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"robot", "source", "mapper", "field", "optimiser", "planning"},
-            .optional_blocks = {"check"}};
+            .optional_blocks = {"check"},
+            .unused_of_planning = {"epsilon_moving_m"}};
   }
   [[nodiscard]] const report::RunReport& report() const override { return plan_report(); }
   void check(const Configuration& configuration, Host& host,

@@ -287,7 +287,8 @@ class PlannerBenchmark final : public Experiment {
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"robot"},
             .optional_blocks = {"planning", "check"},
-            .unused_of_planning = {"max_unknown_share", "retime", "time_limit_s", "attempts"},
+            .unused_of_planning = {"max_unknown_share", "retime", "time_limit_s", "attempts",
+                                   "epsilon_moving_m"},
             .is_divisible = true};
   }
   [[nodiscard]] const report::RunReport& report() const override { return planner_report(); }

@@ -9,7 +9,7 @@ namespace {
 
 using namespace sidestep;
 
-constexpr double kStep_s = 0.02;
+constexpr double kStep_s = 0.05;
 constexpr double kMostSteps = 1e4;
 
 struct Options : Spread {

@@ -19,6 +19,9 @@ struct Options {
 /// Between knots where an object turns or repeats its way; it is at its waypoints exactly.
 constexpr double kStep_s = 0.1;
 
+/// Objects lower than this are not there.
+constexpr double kUnderground_m = -100.0;
+
 /// How far a shape reaches from its origin.
 struct Extent {
   double sideways_m = 0.0;
@@ -84,18 +87,27 @@ class Truth final : public Predictor {
     const std::vector<SceneObject>& objects = scene_->objects();
     for (std::size_t i = 0; i < objects.size(); ++i) {
       if (!objects[i].moves()) continue;
-      PredictedSet& set = sets.emplace_back();
+      PredictedSet set;
       set.track = -1 - static_cast<std::int64_t>(i);  // no tracker gives such ids
       set.bottom_m = std::numeric_limits<double>::infinity();
       set.top_m = -set.bottom_m;
+      const auto end_set = [&] {
+        if (!set.knots.empty()) sets.push_back(set);
+        set.knots.clear();
+      };
       for (const double time_s : times_s(objects[i], now_s, request.horizon_s)) {
         const Transform pose = objects[i].T_world_object(now_s + time_s);
-        const Extent extent = extent_of(objects[i].shape, pose.rotation());
         const Eigen::Vector3d at_m = pose.translation();
+        if (at_m.z() < kUnderground_m) {  // somebody who has gone, or is to come
+          end_set();
+          continue;
+        }
+        const Extent extent = extent_of(objects[i].shape, pose.rotation());
         set.bottom_m = std::min(set.bottom_m, at_m.z() - extent.down_m);
         set.top_m = std::max(set.top_m, at_m.z() + extent.up_m);
         set.knots.push_back({time_s, at_m.head<2>(), extent.sideways_m});
       }
+      end_set();
     }
     return Prediction::create(request.tracks.stamp, std::move(sets));
   }

@@ -250,7 +250,8 @@ class ClosedLoop {
                                        .sampler_name = "sampler",
                                        .map_trouble = map_trouble,
                                        .predictor = predictor,
-                                       .predictor_name = "predictor goes_on"},
+                                       .predictor_name = "predictor goes_on",
+                                       .moving_costs = moving_costs},
                       settings_);
   }
 
@@ -296,6 +297,7 @@ class ClosedLoop {
   DetourPlanner planner;
   Optimiser* sampler = nullptr;
   Predictor* predictor = nullptr;
+  std::optional<CostSettings> moving_costs;
   std::function<std::shared_ptr<const Tracks>(Stamp)> tracks;  ///< Of a map; none where empty.
   std::function<std::string()> map_trouble;
   Replanner::PoseProblem pose;

@@ -132,6 +132,57 @@ TEST_F(AmongPeople, SetsOutSoonerWhenHeTurnsBack) {
   EXPECT_LT(loop.ticks * ClosedLoop::kStep_s, 9.0) << loop.story();
 }
 
+/// Knows where he is, whatever is tracked.
+class Knows final : public Predictor {
+ public:
+  [[nodiscard]] Result<Prediction> predict(const PredictionRequest& request) override {
+    const double now_s = request.tracks.stamp.seconds();
+    PredictedSet set{-1, 1.0, -1.0, 1.0, {}};
+    for (const double time_s : {0.0, request.horizon_s}) {
+      set.knots.push_back({time_s, {2.0, -1.25 + 0.5 * (now_s + time_s)}, kPerson_m});
+    }
+    return Prediction::create(request.tracks.stamp, {set});
+  }
+  [[nodiscard]] PredictionSubject subject() const noexcept override {
+    return PredictionSubject::kThings;
+  }
+};
+
+TEST_F(AmongPeople, NeedsNoTracksWhereThePredictorDoesNotGoByThem) {
+  Knows knows;
+  loop.predictor = &knows;
+  double nearest_m = std::numeric_limits<double>::infinity();
+  loop.run(20.0, [&](double t) {
+    if (loop.path.empty()) return;
+    const Eigen::Vector2d apart =
+        loop.path.back().head<2>() - Eigen::Vector2d(2.0, -1.25 + 0.5 * t);
+    nearest_m = std::min(nearest_m, apart.norm() - kPerson_m - ClosedLoop::kRadius_m);
+  });
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_GT(nearest_m, kMargin_m - 2.0 * ClosedLoop::kStep_s) << loop.story();
+}
+
+TEST_F(AmongPeople, GivesOptimisersACostOfWhatIsPredictedIfTold) {
+  for (const bool is_told : {false, true}) {
+    ClosedLoop fresh(settings());
+    fresh.predictor = &predictor;
+    fresh.tracks = [](Stamp stamp) {
+      return std::make_shared<const Tracks>(one_track({2.0, 3.0}, {0.0, 0.0}, stamp));
+    };
+    if (is_told) fresh.moving_costs.emplace();
+    int posed = 0, with_cost = 0;
+    fresh.planner.misbehave = [&](const Problem& problem, const Trajectory&, const Deadline&) {
+      ++posed;
+      with_cost += std::ranges::any_of(
+          problem.terms, [](const CostTerm& term) { return term.cost->name() == "moving"; });
+      return std::nullopt;
+    };
+    fresh.run(0.5);
+    EXPECT_GT(posed, 0);
+    EXPECT_EQ(with_cost, is_told ? posed : 0);
+  }
+}
+
 TEST_F(AmongPeople, StopsWhereATrackMakesNoSense) {
   // The map leaves out what is tracked: without a place for it, he is nowhere.
   const auto lost = [](double t) {
