@@ -89,9 +89,11 @@ TEST_F(MobilePanda, DrivesAsItsProfileSays) {
   for (const std::size_t j : {0u, 1u}) {
     EXPECT_EQ(joints[j].max_velocity, 1.0);
     EXPECT_EQ(joints[j].max_acceleration, 1.0);
+    EXPECT_EQ(joints[j].braking(), 2.0);
   }
   EXPECT_EQ(joints[2].max_velocity, 1.5);
   EXPECT_EQ(joints[2].max_acceleration, 1.5);
+  EXPECT_EQ(joints[2].braking(), 3.0);
 }
 
 // A robot that drives with its arm folded is as wide as its base.

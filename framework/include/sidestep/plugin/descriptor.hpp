@@ -10,7 +10,7 @@ namespace sidestep {
 
 inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
 inline constexpr std::uint16_t kSdkMajor = 0;
-inline constexpr std::uint16_t kSdkMinor = 6;
+inline constexpr std::uint16_t kSdkMinor = 7;
 
 /// Versions of the interface of each kind: raised whenever its virtuals or the data they
 /// exchange change.
