@@ -90,6 +90,15 @@ TEST_F(ReplanTest, KeepsClearOfWhatItsPredictorKnows) {
   EXPECT_THAT(effective, HasSubstr("prediction_margin_m: 0.1"));
 }
 
+TEST_F(ReplanTest, SaysWhatItsMotionsAndItsStopsKeep) {
+  const Finished finished =
+      run_it("run", {"robot.max_acceleration_mps2=0.5", "robot.max_braking_mps2=4.0",
+                     "planning.acceleration_fraction=0.5", "experiment.episodes=1"});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  const Json limits{{"velocity", 0.4}, {"acceleration", 0.25}, {"braking", 2.0}};
+  EXPECT_EQ(summary("run")["limits"], (Json{{"x", limits}, {"y", limits}}));
+}
+
 TEST_F(ReplanTest, RefusesWhatOnlyPlansUse) {
   const auto check_with = [](const std::string& set) {
     return run({"check", kConfig, "--set", set});

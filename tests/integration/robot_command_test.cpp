@@ -39,6 +39,14 @@ TEST_F(RobotCommandTest, SaysWhatAProfileHas) {
   EXPECT_EQ(json.at("whole").at("spheres"), 31);
   EXPECT_EQ(json.at("whole").at("gap_m"), 0.0);
   EXPECT_EQ(json.at("joints").size(), 6U);
+  const Finished mobile = run({"robot", "mobile_panda"});
+  EXPECT_THAT(mobile.out, HasSubstr("1 m/s, 1 m/s^2, stops with 2 m/s^2"));
+  const Json limits = figures(run({"robot", "mobile_panda", "--json"})).at("limits");
+  EXPECT_EQ(limits.at("odom_x"),
+            (Json{{"velocity", 1.0}, {"acceleration", 1.0}, {"braking", 2.0}}));
+  EXPECT_EQ(limits.at("panda_joint1").at("braking"), 15.0);
+  const Json unknown = figures(run({"robot", "hsr", "--json"})).at("limits").at("arm_flex_joint");
+  EXPECT_TRUE(unknown.at("acceleration").is_null() && unknown.at("braking").is_null());
 }
 
 TEST_F(RobotCommandTest, FitsWithoutWritingUnlessItIsTold) {

@@ -22,6 +22,7 @@ MotionLimits limits_of(const RobotDescription& robot, const std::vector<int>& in
   for (const int index : indices) {
     some.velocity.push_back(all.velocity[static_cast<std::size_t>(index)]);
     some.acceleration.push_back(all.acceleration[static_cast<std::size_t>(index)]);
+    some.braking.push_back(all.while_stopping()[static_cast<std::size_t>(index)]);
   }
   return some;
 }

@@ -51,16 +51,29 @@ void print_cover(const RobotDescription& robot, const RobotCover& cover) {
 void print_joints(const RobotDescription& robot) {
   std::printf("%s: %d planned joints\n", robot.name.c_str(), robot.dof());
   for (const Joint& joint : robot.joints) {
-    std::printf("  %-28s %-10s %.4g to %.4g %s, %.4g %s/s\n", joint.name.c_str(),
+    std::printf("  %-28s %-10s %.4g to %.4g %s, %.4g %s/s", joint.name.c_str(),
                 type_name(joint.type), joint.lower, joint.upper, joint.unit(), joint.max_velocity,
                 joint.unit());
+    if (std::isfinite(joint.max_acceleration)) {
+      std::printf(", %.4g %s/s^2, stops with %.4g %s/s^2", joint.max_acceleration, joint.unit(),
+                  joint.braking(), joint.unit());
+    } else {
+      std::printf(", acceleration not known");
+    }
+    std::printf("\n");
   }
   std::printf("\n");
 }
 
 void print_json(const RobotDescription& robot, const RobotCover& cover) {
-  Json json = {{"robot", robot.name}, {"joints", Json::array()}};
-  for (const Joint& joint : robot.joints) json["joints"].push_back(joint.name);
+  Json json = {{"robot", robot.name}, {"joints", Json::array()}, {"limits", Json::object()}};
+  const auto if_known = [](double limit) { return std::isfinite(limit) ? Json(limit) : Json(); };
+  for (const Joint& joint : robot.joints) {
+    json["joints"].push_back(joint.name);
+    json["limits"][joint.name] = {{"velocity", joint.max_velocity},
+                                  {"acceleration", if_known(joint.max_acceleration)},
+                                  {"braking", if_known(joint.braking())}};
+  }
   json.update(cover_json(cover));
   for (Json& link : json["links"]) {
     link["link"] = robot.links[link["link"].get<std::size_t>()].name;

@@ -45,6 +45,10 @@ Result<void> check_joint(const Joint& joint) {
     return refuse("the velocity limit must be positive", where);
   if (!(joint.max_acceleration > 0.0))
     return refuse("the acceleration limit must be positive", where);
+  if (joint.max_braking && !(*joint.max_braking >= joint.max_acceleration))
+    return refuse("the braking limit must not lie below the acceleration limit", where);
+  if (joint.max_braking && std::isinf(*joint.max_braking))
+    return refuse("the braking limit must be finite", where);
   return {};
 }
 

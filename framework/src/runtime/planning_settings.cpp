@@ -126,8 +126,11 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
            {.unit = "s", .min = 1e-3, .max = 60.0})
       .add("speed_fraction", &S::speed_fraction,
            "Share of the velocity limits that a plan may use.", {.min = 0.01, .max = 1.0})
-      .add("acceleration_fraction", &S::acceleration_fraction,
-           "Share of the acceleration limits that a plan may use.", {.min = 0.01, .max = 1.0})
+      .add(
+          "acceleration_fraction", &S::acceleration_fraction,
+          "Share of the acceleration limits that a plan may use, and of the limits of braking that "
+          "stops may.",
+          {.min = 0.01, .max = 1.0})
       .add(
           "assumed_ramp_s", &S::assumed_ramp_s,
           "A joint whose acceleration limit is not known is taken to have the one that reaches its "

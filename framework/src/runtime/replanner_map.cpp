@@ -109,11 +109,10 @@ void Replanner::Impl::keep_to_observed(const RobotState& measured) {
 }
 
 double Replanner::Impl::stopping_time_s() const {
+  const std::vector<double>& braking = parts.limits.while_stopping();
   double stop_s = 0.0;
   for (std::size_t j = 0; j < parts.limits.velocity.size(); ++j) {
-    if (parts.limits.acceleration[j] > 0.0) {
-      stop_s = std::max(stop_s, parts.limits.velocity[j] / parts.limits.acceleration[j]);
-    }
+    if (braking[j] > 0.0) stop_s = std::max(stop_s, parts.limits.velocity[j] / braking[j]);
   }
   return 2.0 * settings.replan_period_s + settings.search_s() + settings.stop_lead_s +
          settings.stop_reserve * stop_s;

@@ -48,7 +48,7 @@ std::optional<double> way_of_braking_s(const Trajectory& path, double speed,
                                        const MotionLimits& limits) {
   const detail::PathStages stages(path, kStages);
   if (stages.size() == 0) return std::nullopt;
-  detail::SpeedProfile profile(stages, limits);
+  detail::SpeedProfile profile(stages, limits, !limits.braking.empty());
   const auto rest = profile.braking_end(speed * speed, 1.0 - kKeptFree);
   if (!rest) return std::nullopt;
   const double from_s = stages.begin_s(rest->stage);
@@ -61,8 +61,9 @@ Result<void> check(const Trajectory& trajectory, double from_s, const MotionLimi
   SIDESTEP_TRY(trajectory.validate());
   if (!std::isfinite(from_s)) return invalid("the time to brake from is not a finite number");
   const auto dof = idx(trajectory.dof);
-  if (limits.velocity.size() != dof || limits.acceleration.size() != dof) {
-    return invalid("there are limits of " + std::to_string(limits.acceleration.size()) +
+  for (const auto* each : {&limits.velocity, &limits.acceleration, &limits.while_stopping()}) {
+    if (each->size() == dof) continue;
+    return invalid("there are limits of " + std::to_string(each->size()) +
                    " joints for a trajectory of " + std::to_string(dof));
   }
   return {};
@@ -71,8 +72,9 @@ Result<void> check(const Trajectory& trajectory, double from_s, const MotionLimi
 /// The motion to rest on the first `way_s` of the path from `from_s` on.
 Result<Trajectory> stop_within(const Trajectory& trajectory, double from_s, double way_s,
                                const MotionLimits& limits) {
-  auto stop = SIDESTEP_TRY(retime(cut(trajectory, from_s, from_s + way_s), limits,
-                                  {.least_stages = kStages, .stop_at_goal = true}));
+  auto stop =
+      SIDESTEP_TRY(retime(cut(trajectory, from_s, from_s + way_s), limits,
+                          {.least_stages = kStages, .stop_at_goal = true, .is_stop = true}));
   trajectory.sample(from_s, stop.trajectory.q(0), stop.trajectory.qdot(0));
   return std::move(stop.trajectory);
 }
@@ -116,11 +118,12 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
 
 Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& limits) {
   const auto dof = idx(state.q.size());
-  if (dof == 0 || state.qdot.size() != state.q.size() || limits.acceleration.size() != dof) {
+  const std::vector<double>& braking = limits.while_stopping();
+  if (dof == 0 || state.qdot.size() != state.q.size() || braking.size() != dof) {
     return invalid("a state of " + std::to_string(state.q.size()) + " positions and " +
                    std::to_string(state.qdot.size()) +
-                   " velocities cannot be braked by limits of " +
-                   std::to_string(limits.acceleration.size()) + " joints");
+                   " velocities cannot be braked by limits of " + std::to_string(braking.size()) +
+                   " joints");
   }
   if (!state.q.allFinite() || !state.qdot.allFinite()) {
     return invalid("a state that is not finite cannot be braked");
@@ -129,10 +132,10 @@ Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& l
   for (std::size_t j = 0; j < dof; ++j) {
     const double speed = std::abs(state.qdot[j]);
     if (speed == 0.0) continue;
-    if (!(limits.acceleration[j] > 0.0)) {
+    if (!(braking[j] > 0.0)) {
       return invalid(limits.joint_name(j) + " moves, but its limit of acceleration is zero");
     }
-    duration_s = std::max(duration_s, speed / (limits.acceleration[j] * (1.0 - kKeptFree)));
+    duration_s = std::max(duration_s, speed / (braking[j] * (1.0 - kKeptFree)));
   }
   Trajectory out = resting(as_span(state.q), std::max(duration_s, kRest_s));
   for (std::size_t j = 0; j < dof; ++j) {

@@ -149,7 +149,8 @@ struct Obstruction {
 ///
 ///     |dq/dl| sqrt(x) <= velocity     |dq/dl u + d2q/dl2 x| <= acceleration
 ///
-/// for every joint (Pham and Pham 2018, with constraints at both ends of a stage).
+/// for every joint (Pham and Pham 2018, with constraints at both ends of a stage). In a stop,
+/// joints that lose speed may do so by the limits of braking.
 class SpeedProfile {
  public:
   /// Shares of the limits that each stage may use, (0, 1].
@@ -158,9 +159,10 @@ class SpeedProfile {
     std::vector<double> acceleration;
   };
 
-  /// `limits` hold infinity for joints that never move.
-  SpeedProfile(const PathStages& stages, const MotionLimits& limits)
-      : stages_(stages), limits_(limits) {}
+  /// `limits` hold infinity for joints that never move. In a stop, joints lose speed by their
+  /// while_stopping().
+  SpeedProfile(const PathStages& stages, const MotionLimits& limits, bool is_stop)
+      : stages_(stages), limits_(limits), is_stop_(is_stop) {}
 
   /// Finds x at the ends of all stages from `x_start` to `x_goal`; false where there is none, and
   /// obstruction() says why.
@@ -193,6 +195,7 @@ class SpeedProfile {
     double high = 0.0;
   };
 
+  [[nodiscard]] std::size_t strip_rows() const noexcept { return is_stop_ ? 6 : 4; }
   void load_limits();
   void load_strips();
   void load(int stage, double acceleration_share);
@@ -206,19 +209,21 @@ class SpeedProfile {
 
   const PathStages& stages_;
   const MotionLimits& limits_;
+  bool is_stop_;
   std::vector<double> fastest_;  ///< Per node: x that the velocity limits allow.
   std::vector<Interval> reach_;  ///< Per node: x from which the goal can be reached.
   std::vector<double> x_;
   Obstruction obstruction_;
 
   std::size_t width_ = 0;          ///< Of a row: the joints in whole lanes.
-  AlignedArray rows_;              ///< Of joints, in whole lanes: two of limits.
-  AlignedArray strips_;            ///< Stages x four such rows.
+  AlignedArray rows_;              ///< Of joints, in whole lanes: three of limits.
+  AlignedArray strips_;            ///< Stages x four such rows; six in a stop.
   std::vector<double> most_x_of_;  ///< Per stage: what joints that do not feel u allow.
   std::int64_t version_ = 0;       ///< Of the stages that these are of.
 
   // Of the stage that is loaded.
   const double* widths_ = nullptr;  ///< And its slopes.
+  const double* losses_ = nullptr;  ///< Widths below, where joints lose speed.
   double share_ = 0.0;              ///< Of the acceleration limits.
   double most_x_ = 0.0;             ///< What joints that do not feel u allow.
   double twice_length_ = 0.0;

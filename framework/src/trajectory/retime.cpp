@@ -47,6 +47,11 @@ Result<void> check(const Trajectory& path, const MotionLimits& limits,
                    " are negative or not numbers: velocity " + number(limits.velocity[j]) +
                    ", acceleration " + number(limits.acceleration[j]));
   }
+  if (settings.is_stop && limits.while_stopping().size() != dof) {
+    return invalid("there are limits of braking of " +
+                   std::to_string(limits.while_stopping().size()) + " joints for a path of " +
+                   std::to_string(dof));
+  }
   if (settings.least_stages < 1 || settings.least_stages > 1'000'000) {
     return invalid("a path cannot be cut into " + std::to_string(settings.least_stages) +
                    " stages");
@@ -166,7 +171,9 @@ class Retimer {
         limits_(limits),
         settings_(settings),
         stages_(path, settings.least_stages),
-        profile_(stages_, limits_) {}
+        profile_(stages_, limits_, settings.is_stop && !limits.braking.empty()) {
+    if (!settings.is_stop) limits_.braking.clear();
+  }
 
   Result<Retiming> run() {
     middle_.resize(dof());
@@ -211,6 +218,7 @@ class Retimer {
       double& acceleration = limits_.acceleration[j];
       if (share[j] <= kStands) {
         velocity = acceleration = kInfinity;
+        if (!limits_.braking.empty()) limits_.braking[j] = kInfinity;
       } else if (velocity == 0.0 || acceleration == 0.0) {
         return invalid(limits_.joint_name(j) + " moves on the path, but its limit of " +
                        (velocity == 0.0 ? "velocity" : "acceleration") + " is zero");
@@ -296,9 +304,20 @@ class Retimer {
       }
       // What the positions' last digits make of an acceleration is no acceleration.
       const double noise = 12.0 * kRounding * (std::abs(q0[j]) + std::abs(q1[j])) / (h * h);
-      const double acceleration = std::max(0.0, std::max(std::abs(a0), std::abs(a1)) - noise);
       use.velocity = std::max(use.velocity, fastest / limits_.velocity[j]);
-      use.acceleration = std::max(use.acceleration, acceleration / limits_.acceleration[j]);
+      const auto add = [&](double a, double limit) {
+        use.acceleration = std::max(use.acceleration, std::max(0.0, a - noise) / limit);
+      };
+      if (limits_.braking.empty()) {
+        add(std::max(std::abs(a0), std::abs(a1)), limits_.acceleration[j]);
+      } else {
+        const auto limit = [&](double a, double v) {
+          const bool is_losing = a * (v != 0.0 ? v : slope) < 0.0;
+          return is_losing ? limits_.braking[j] : limits_.acceleration[j];
+        };
+        add(std::abs(a0), limit(a0, v0[j]));
+        add(std::abs(a1), limit(a1, v1[j]));
+      }
       middle_[j] = 0.5 * (q0[j] + q1[j]) + 0.125 * h * (v0[j] - v1[j]);
     }
     use.deviation = stages_.distance(stage, middle_);
@@ -379,7 +398,7 @@ class Retimer {
   }
 
   const Trajectory& path_;
-  MotionLimits limits_;
+  MotionLimits limits_;  ///< `braking` of a stop alone.
   const RetimeSettings& settings_;
   PathStages stages_;
   SpeedProfile profile_;

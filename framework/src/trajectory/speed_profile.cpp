@@ -30,34 +30,40 @@ struct Edge {
 
 namespace sidestep::detail {
 
-/// Rows: velocity limits, acceleration limits. What is beyond the joints never binds.
+/// Rows: limits of velocity, of acceleration, of losing speed. What is beyond the joints never
+/// binds.
 void SpeedProfile::load_limits() {
   const std::size_t dof = limits_.velocity.size();
   width_ = padded(dof);
-  rows_.assign_zeros(2 * width_);
+  rows_.assign_zeros(3 * width_);
   std::ranges::copy(limits_.velocity, rows_.data());
   std::ranges::copy(limits_.acceleration, rows_.data() + width_);
+  if (is_stop_) std::ranges::copy(limits_.while_stopping(), rows_.data() + 2 * width_);
 }
 
-/// Rows of each stage: widths at both ends, slopes at both ends. They stay while the stages do,
-/// whatever shares of the limits are asked for.
+/// Rows of each stage: widths at both ends, slopes at both ends, in a stop the widths below at both
+/// ends. They stay while the stages do, whatever shares of the limits are asked for.
 void SpeedProfile::load_strips() {
   const auto count = idx(stages_.size());
   if (count == most_x_of_.size() && version_ == stages_.version()) return;
   version_ = stages_.version();
-  strips_.assign_zeros(count * 4 * width_);
+  strips_.assign_zeros(count * strip_rows() * width_);
   most_x_of_.resize(count);
-  const double* limits = rows_.data() + width_;
   for (int i = 0; i < stages_.size(); ++i) {
-    double* widths = strips_.data() + idx(i) * 4 * width_;
+    double* widths = strips_.data() + idx(i) * strip_rows() * width_;
     double* slopes = widths + 2 * width_;
-    const double from = SIDESTEP_DISPATCH(write_strips)(stages_.tangent_from(i).data(),
-                                                        stages_.curvature_from(i).data(), 0.0,
-                                                        limits, width_, widths, slopes);
-    const double to = SIDESTEP_DISPATCH(write_strips)(
-        stages_.tangent_to(i).data(), stages_.curvature_to(i).data(), 2.0 * stages_[i].length,
-        limits, width_, widths + width_, slopes + width_);
-    most_x_of_[idx(i)] = std::min(from, to);
+    const auto write = [&](const double* limits, double* into) {
+      const double from = SIDESTEP_DISPATCH(write_strips)(stages_.tangent_from(i).data(),
+                                                          stages_.curvature_from(i).data(), 0.0,
+                                                          limits, width_, into, slopes);
+      const double to = SIDESTEP_DISPATCH(write_strips)(
+          stages_.tangent_to(i).data(), stages_.curvature_to(i).data(), 2.0 * stages_[i].length,
+          limits, width_, into + width_, slopes + width_);
+      return std::min(from, to);
+    };
+    // A joint that does not feel u can only gain speed.
+    most_x_of_[idx(i)] = write(rows_.data() + width_, widths);
+    if (is_stop_) write(rows_.data() + 2 * width_, widths + 4 * width_);
   }
 }
 
@@ -79,7 +85,8 @@ void SpeedProfile::limit_speeds(const Shares& shares) {
 void SpeedProfile::load(int stage, double acceleration_share) {
   share_ = acceleration_share;
   twice_length_ = 2.0 * stages_[stage].length;
-  widths_ = strips_.data() + idx(stage) * 4 * width_;
+  widths_ = strips_.data() + idx(stage) * strip_rows() * width_;
+  losses_ = is_stop_ ? widths_ + 4 * width_ : widths_;
   most_x_ = std::min(kEndless, share_ * most_x_of_[idx(stage)]);
 }
 
@@ -87,7 +94,8 @@ SpeedProfile::Bounds SpeedProfile::bounds(double x) const noexcept {
   const double slope = -1.0 / twice_length_;
   const double low = next_.low / twice_length_, high = next_.high / twice_length_;
   Edge lower{low + slope * x, low, slope}, upper{high + slope * x, high, slope};
-  SIDESTEP_DISPATCH(find_edges)(widths_, widths_ + 2 * width_, 2 * width_, share_, x, lower, upper);
+  SIDESTEP_DISPATCH(find_edges)
+  (widths_, losses_, widths_ + 2 * width_, 2 * width_, share_, x, lower, upper);
   return {{lower.offset, lower.slope}, {upper.offset, upper.slope}};
 }
 
@@ -241,19 +249,20 @@ double write_strips(const double* tangent, const double* curvature, double twice
 }
 
 /// The least upper and the greatest lower edge of the strips at an x, where they bind more than
-/// those given.
-void find_edges(const double* widths, const double* slopes, std::size_t count, double share,
-                double x, Edge& lower, Edge& upper) noexcept {
+/// those given. Above, a joint gains speed; below, it loses it, by `losses`.
+void find_edges(const double* widths, const double* losses, const double* slopes, std::size_t count,
+                double share, double x, Edge& lower, Edge& upper) noexcept {
   Lanes high = Lanes{} + kNever, low = -high;
   Lanes high_offset{}, high_slope{}, low_offset{}, low_slope{};
   for (std::size_t j = 0; j < count; j += kLanes) {
-    const Lanes width = share * lanes(widths + j), slope = -lanes(slopes + j);
-    const Lanes above = slope * x + width, below = slope * x - width;
+    const Lanes width = share * lanes(widths + j), loss = share * lanes(losses + j);
+    const Lanes slope = -lanes(slopes + j);
+    const Lanes above = slope * x + width, below = slope * x - loss;
     const auto is_lower = above<high, is_higher = below> low;
     high_offset = choose(is_lower, width, high_offset);
     high_slope = choose(is_lower, slope, high_slope);
     high = choose(is_lower, above, high);
-    low_offset = choose(is_higher, -width, low_offset);
+    low_offset = choose(is_higher, -loss, low_offset);
     low_slope = choose(is_higher, slope, low_slope);
     low = choose(is_higher, below, low);
   }

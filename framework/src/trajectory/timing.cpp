@@ -135,12 +135,18 @@ Result<void> check(const Trajectory& path, double reach) {
 
 MotionLimits motion_limits(const RobotDescription& robot, const LimitShares& shares) {
   MotionLimits limits;
+  const bool any_brakes =
+      std::ranges::any_of(robot.joints, [](const Joint& j) { return j.max_braking.has_value(); });
   for (const Joint& joint : robot.joints) {
     const double acceleration = is_known(joint.max_acceleration)
                                     ? joint.max_acceleration
                                     : joint.max_velocity / shares.assumed_ramp_s;
     limits.velocity.push_back(shares.speed_fraction * joint.max_velocity);
     limits.acceleration.push_back(shares.acceleration_fraction * acceleration);
+    if (any_brakes) {
+      limits.braking.push_back(shares.acceleration_fraction *
+                               joint.max_braking.value_or(acceleration));
+    }
     limits.names.push_back(joint.name);
   }
   return limits;

@@ -166,8 +166,10 @@ Parameters<Options> Options::parameters() {
            {.min = 0.0})
       .add("velocity_tolerance", &O::velocity_tolerance,
            "So is one that is faster than a joint's limit by more than this share.", {.min = 0.0})
-      .add("acceleration_fraction", &O::acceleration_fraction,
-           "Share of the acceleration limits with which stops brake.", {.min = 0.01, .max = 1.0})
+      .add(
+          "acceleration_fraction", &O::acceleration_fraction,
+          "Share of the limits of braking, the profile's or those of acceleration, that stops use.",
+          {.min = 0.01, .max = 1.0})
       .add("assumed_ramp_s", &O::assumed_ramp_s,
            "A joint without a known acceleration limit reaches its largest velocity in this time.",
            {.unit = "s", .min = 1e-3})

@@ -95,20 +95,27 @@ void SimulatedRobot::track() {
 void SimulatedRobot::track_joint(Eigen::Index joint, double reference_q, const Reference& next) {
   const auto j = static_cast<std::size_t>(joint);
   const double fastest = limits_.velocity[j];
-  const double change = limits_.acceleration[j] * kStep_s;
   double& q = state_.q[joint];
   double& velocity = state_.qdot[joint];
   const double wanted =
       std::clamp(next.qdot[joint] + catch_up_velocity(reference_q - q, limits_.acceleration[j]),
                  -fastest, fastest);
-  const double reached = std::clamp(wanted, velocity - change, velocity + change);
+  const double gain = limits_.acceleration[j] * kStep_s;
+  const double loss = limits_.while_stopping()[j] * kStep_s;
+  const double speed = std::abs(velocity);
+  // What is left of the step when it has come to rest, it gains speed the other way.
+  const double gain_of_loss = gain == loss ? 1.0 : gain / loss;
+  const double back = speed >= loss ? speed - loss : speed * gain_of_loss - gain;
+  const auto [low, high] =
+      velocity < 0.0 ? std::pair(-(speed + gain), -back) : std::pair(back, speed + gain);
+  const double reached = std::clamp(wanted, low, high);
   q += 0.5 * (velocity + reached) * kStep_s;
   velocity = reached;
 }
 
 void SimulatedRobot::brake_joints() {
   for (Eigen::Index joint = 0; joint < state_.q.size(); ++joint) {
-    const double change = limits_.acceleration[static_cast<std::size_t>(joint)] * kStep_s;
+    const double change = limits_.while_stopping()[static_cast<std::size_t>(joint)] * kStep_s;
     double& velocity = state_.qdot[joint];
     const double reached = velocity - std::clamp(velocity, -change, change);
     state_.q[joint] += 0.5 * (velocity + reached) * kStep_s;

@@ -10,8 +10,9 @@
 
 namespace sidestep::simulated {
 
-/// A robot of independent joints, each with a limit on its velocity and on its acceleration, that
-/// moves in steps of 1 ms. Copies go on independently.
+/// A robot of independent joints, each with a limit on its velocity, on how fast it gains speed
+/// (acceleration) and on how fast it loses it (braking), that moves in steps of 1 ms. Copies go on
+/// independently.
 class SimulatedRobot {
  public:
   static constexpr std::int64_t kStep_ns = 1'000'000;

@@ -59,6 +59,17 @@ Json guesses_of(const ReplanRows& rows) {
   return list;
 }
 
+/// By joint.
+Json limits_of(const MotionLimits& limits) {
+  Json list = Json::object();
+  for (std::size_t j = 0; j < limits.names.size(); ++j) {
+    list[limits.names[j]] = {{"velocity", limits.velocity[j]},
+                             {"acceleration", limits.acceleration[j]},
+                             {"braking", limits.while_stopping()[j]}};
+  }
+  return list;
+}
+
 /// Of every episode that reached its goal.
 template <class Value>
 auto of_reached(Value value) {
@@ -290,13 +301,14 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
   return kMetrics;
 }
 
-ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& settings,
+ReplanFacts facts_of(const ExperimentContext& context, const ReplanConfiguration& settings,
                      const RobotDescription& robot) {
   ReplanFacts facts;
   facts.provenance = provenance_of(context);
-  facts.experiment = settings.type;
-  facts.clock = settings.clock;
+  facts.experiment = settings.experiment.type;
+  facts.clock = settings.experiment.clock;
   facts.robot = robot.name;
+  facts.limits = settings.planning.limits(robot);
   if (const Node* name = block_of(context.configuration, "optimiser").find("plugin")) {
     facts.optimiser = name->text();
   }
@@ -324,8 +336,10 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
                     std::ranges::all_of(rows.episodes, &EpisodeRow::success);
   outcome.verdict = verdict_text(facts, rows, metrics);
   outcome.table = table_text(rows);
-  Json particulars = {
-      {"clock", facts.clock}, {"robot", facts.robot}, {"optimiser", facts.optimiser}};
+  Json particulars = {{"clock", facts.clock},
+                      {"robot", facts.robot},
+                      {"limits", limits_of(facts.limits)},
+                      {"optimiser", facts.optimiser}};
   particulars.update(metrics);
   particulars["collisions"] = collisions_of(rows);
   particulars["failures"] = failures_of(facts, rows);

@@ -7,6 +7,7 @@
 
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/experiment.hpp>
+#include <sidestep/trajectory/motion_limits.hpp>
 #include "replan_rows.hpp"
 #include "replan_settings.hpp"
 
@@ -31,6 +32,7 @@ struct ReplanFacts {
   std::string experiment = "replan";  ///< Its type.
   std::string clock;
   std::string robot;
+  MotionLimits limits;       ///< That it moves and stops by.
   std::string optimiser;     ///< Name of the plugin.
   int planned_episodes = 0;  ///< 0: as many as there are.
   /// The command that runs it again, up to which of its episodes; empty where none can be run by
@@ -41,7 +43,8 @@ struct ReplanFacts {
 };
 
 /// What a context and its settings say of them.
-[[nodiscard]] ReplanFacts facts_of(const ExperimentContext& context, const ReplanSettings& settings,
+[[nodiscard]] ReplanFacts facts_of(const ExperimentContext& context,
+                                   const ReplanConfiguration& settings,
                                    const RobotDescription& robot);
 
 /// The command that runs a configuration again, overrides included.

@@ -327,7 +327,7 @@ class DeployExperiment final : public LoopExperiment {
                   block_of(context.configuration, "executor").mark().to_string(),
                   "an experiment of type replan has its goal in the configuration");
     }
-    ReplanFacts facts = facts_of(context, settings.loop.experiment, robot->description());
+    ReplanFacts facts = facts_of(context, settings.loop, robot->description());
     facts.planned_episodes = settings.deploy.goals;
     return run_loop(context, std::move(facts), "", [&](Recorder& recorder) {
       return Deployment(context, settings, world, *goals).run(recorder);

@@ -115,7 +115,7 @@ class ReplanExperiment final : public LoopExperiment {
 
     const std::string identity = identity_of(context);
     const auto finished = SIDESTEP_TRY(finished_episodes(context, identity));
-    ReplanFacts facts = facts_of(context, settings.experiment, robot->description());
+    ReplanFacts facts = facts_of(context, settings, robot->description());
     facts.planned_episodes = settings.experiment.episodes;
     facts.again = command_again(context.configuration);
 

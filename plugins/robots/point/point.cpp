@@ -14,6 +14,7 @@ struct Options {
   std::vector<double> upper_m{10.0, 10.0};
   double max_velocity_mps = 1.0;
   std::optional<double> max_acceleration_mps2;
+  std::optional<double> max_braking_mps2;
 
   static Parameters<Options> parameters() {
     return Parameters<Options>()
@@ -25,6 +26,10 @@ struct Options {
              {.unit = "m/s", .min = 1e-6})
         .add("max_acceleration_mps2", &Options::max_acceleration_mps2,
              "Largest acceleration along x and along y; none if absent.",
+             {.unit = "m/s^2", .min = 1e-6})
+        .add("max_braking_mps2", &Options::max_braking_mps2,
+             "Largest deceleration along x and along y where it is to stop; "
+             "'max_acceleration_mps2' if absent.",
              {.unit = "m/s^2", .min = 1e-6});
   }
   [[nodiscard]] std::vector<OptionMistake> check() const {
@@ -32,6 +37,15 @@ struct Options {
     for (const auto& [name, limits] :
          {std::pair("lower_m", &lower_m), std::pair("upper_m", &upper_m)}) {
       if (limits->size() != 2) mistakes.push_back({{name}, "needs two numbers: x and y", {}});
+    }
+    if (max_braking_mps2 && !max_acceleration_mps2) {
+      mistakes.push_back({{"max_braking_mps2"},
+                          "stands without 'max_acceleration_mps2'",
+                          "say how hard motions may brake, too"});
+    } else if (max_braking_mps2 && *max_braking_mps2 < *max_acceleration_mps2) {
+      mistakes.push_back({{"max_braking_mps2"},
+                          "must not be below 'max_acceleration_mps2'",
+                          "stops brake at least as hard as motions"});
     }
     if (!mistakes.empty()) return mistakes;
     for (std::size_t i = 0; i < 2; ++i) {
@@ -55,7 +69,8 @@ Result<std::unique_ptr<RobotModel>> create(const Options& options, const HostCon
     robot.joints.push_back(
         {name, Joint::Type::kPrismatic, options.lower_m[i], options.upper_m[i],
          options.max_velocity_mps,
-         options.max_acceleration_mps2.value_or(std::numeric_limits<double>::infinity())});
+         options.max_acceleration_mps2.value_or(std::numeric_limits<double>::infinity()),
+         options.max_braking_mps2});
     TreeJoint& joint = joints[i + 1];
     joint.name = name;
     joint.motion = TreeJoint::Motion::kTranslation;

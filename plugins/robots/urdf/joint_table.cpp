@@ -30,11 +30,12 @@ void JointTable::add_base(const BaseOptions& base) {
   if (base.joints.size() != 3 || base.lower_m.size() != 2 || base.upper_m.size() != 2) return;
   for (std::size_t i = 0; i < 2; ++i) {
     planned_.push_back({base.joints[i], Joint::Type::kPrismatic, base.lower_m[i], base.upper_m[i],
-                        base.max_velocity_mps, base.max_acceleration_mps2.value_or(kInfinity)});
+                        base.max_velocity_mps, base.max_acceleration_mps2.value_or(kInfinity),
+                        base.max_braking_mps2});
   }
-  planned_.push_back({base.joints[2], Joint::Type::kContinuous, -kInfinity, kInfinity,
-                      base.max_turn_rate_radps,
-                      base.max_turn_acceleration_radps2.value_or(kInfinity)});
+  planned_.push_back(
+      {base.joints[2], Joint::Type::kContinuous, -kInfinity, kInfinity, base.max_turn_rate_radps,
+       base.max_turn_acceleration_radps2.value_or(kInfinity), base.max_turn_braking_radps2});
 }
 
 Error JointTable::unknown_joint(const Node& where, const std::string& name) const {
@@ -62,6 +63,7 @@ void JointTable::read_limits() {
     }
     const std::size_t before = errors_.size();
     check_against_schema(entry.value, fields.schema(), {}, errors_);
+    check_braking(entry.value, "max_braking", "max_acceleration", errors_);
     if (errors_.size() == before) fields.read(entry.value, limits_[entry.key], errors_);
   }
 }
@@ -196,6 +198,7 @@ void JointTable::add_planned(const UrdfJoint& joint, const Node* where) {
                                       : 0.0;
   if (!(out.max_velocity > 0.0)) missing("velocity limit above zero");
   out.max_acceleration = own.max_acceleration.value_or(kInfinity);
+  out.max_braking = own.max_braking;
   planned_.push_back(std::move(out));
 }
 

@@ -33,6 +33,8 @@ void check_base(const Profile& profile, const Node& document, std::vector<Error>
   } else if (base.lower_m[0] > base.upper_m[0] || base.lower_m[1] > base.upper_m[1]) {
     errors.push_back(node->error("'lower_m' lies above 'upper_m'"));
   }
+  check_braking(*node, "max_braking_mps2", "max_acceleration_mps2", errors);
+  check_braking(*node, "max_turn_braking_radps2", "max_turn_acceleration_radps2", errors);
 }
 
 void check_shapes(const Profile& profile, std::vector<Error>& errors) {
@@ -46,6 +48,25 @@ void check_shapes(const Profile& profile, std::vector<Error>& errors) {
 }
 
 }  // namespace
+
+void check_braking(const Node& limits, std::string_view braking, std::string_view acceleration,
+                   std::vector<Error>& errors) {
+  const Node* node = limits.find(braking);
+  if (node == nullptr || node->is_null()) return;
+  const std::string name(braking), planned(acceleration);
+  const Node* beside = limits.find(acceleration);
+  if (beside == nullptr || beside->is_null()) {
+    errors.push_back(node->error("'" + name + "' stands without '" + planned + "'",
+                                 "say how hard motions may brake, too"));
+    return;
+  }
+  const auto most = node->as_double(), of_motions = beside->as_double();
+  const bool is_compared = most && of_motions && *most > 0.0;  // else it has been reported
+  if (!is_compared || *most >= *of_motions) return;
+  errors.push_back(node->error(
+      "'" + name + "' is " + node->text() + ", below '" + planned + "', " + beside->text(),
+      "stops brake at least as hard as motions"));
+}
 
 Parameters<BaseOptions> BaseOptions::parameters() {
   using T = BaseOptions;
@@ -63,7 +84,13 @@ Parameters<BaseOptions> BaseOptions::parameters() {
            "Largest acceleration along x and along y; none if absent.",
            {.unit = "m/s^2", .min = 1e-6})
       .add("max_turn_acceleration_radps2", &T::max_turn_acceleration_radps2,
-           "Largest acceleration of the heading; none if absent.",
+           "Largest acceleration of the heading; none if absent.", {.unit = "rad/s^2", .min = 1e-6})
+      .add("max_braking_mps2", &T::max_braking_mps2,
+           "Largest deceleration along x and along y where the robot is to stop; that of motions, "
+           "'max_acceleration_mps2', if absent.",
+           {.unit = "m/s^2", .min = 1e-6})
+      .add("max_turn_braking_radps2", &T::max_turn_braking_radps2,
+           "The same of the heading; 'max_turn_acceleration_radps2' if absent.",
            {.unit = "rad/s^2", .min = 1e-6});
 }
 
@@ -75,7 +102,12 @@ Parameters<JointLimitOptions> JointLimitOptions::parameters() {
       .add("max_velocity", &T::max_velocity, "In m/s or rad/s; the URDF's if absent.",
            {.min = 1e-6})
       .add("max_acceleration", &T::max_acceleration, "In m/s^2 or rad/s^2; none if absent.",
-           {.min = 1e-6});
+           {.min = 1e-6})
+      .add(
+          "max_braking", &T::max_braking,
+          "The deceleration where the robot is to stop, in m/s^2 or rad/s^2; 'max_acceleration' if "
+          "absent.",
+          {.min = 1e-6});
 }
 
 Parameters<SphereOptions> SphereOptions::parameters() {
@@ -108,7 +140,7 @@ Parameters<Profile> Profile::parameters() {
       .add("base", &T::base, "How the root link moves in the world.")
       .add("joint_limits", &T::joint_limits,
            "A map from joints to what replaces the URDF's limits: lower, upper, max_velocity, "
-           "max_acceleration.")
+           "max_acceleration, max_braking.")
       .add("fixed_joints", &T::fixed_joints,
            "A map from moving joints that are not planned to where they stay; 0 if absent.")
       .add("spheres", &T::spheres, "The collision spheres.")
@@ -262,7 +294,8 @@ Parameters<Options> Options::parameters() {
       .add("joints", &T::joints,
            "With 'urdf': the planned joints in the order of q; all that move if empty.")
       .add("joint_limits", &T::joint_limits,
-           "A map from joints to {lower, upper, max_velocity, max_acceleration}; replaces what the "
+           "A map from joints to {lower, upper, max_velocity, max_acceleration, max_braking}; "
+           "replaces what the "
            "profile or the URDF says.")
       .add("fixed_joints", &T::fixed_joints,
            "A map from joints that are not planned to where they stay, in m or rad; over the "

@@ -22,6 +22,8 @@ struct BaseOptions {
   double max_turn_rate_radps = 1.0;
   std::optional<double> max_acceleration_mps2;
   std::optional<double> max_turn_acceleration_radps2;
+  std::optional<double> max_braking_mps2;
+  std::optional<double> max_turn_braking_radps2;
   static Parameters<BaseOptions> parameters();
 };
 
@@ -31,6 +33,7 @@ struct JointLimitOptions {
   std::optional<double> upper;
   std::optional<double> max_velocity;
   std::optional<double> max_acceleration;
+  std::optional<double> max_braking;
   static Parameters<JointLimitOptions> parameters();
 };
 
@@ -45,6 +48,11 @@ struct SelfCollisionOptions {
   Node pairs;
   static Parameters<SelfCollisionOptions> parameters();
 };
+
+/// What is wrong with the key `braking` of a map of limits, beside its key `acceleration`: it
+/// stands alone, or lies below it. Appended to `errors`, at the position of `braking`.
+void check_braking(const Node& limits, std::string_view braking, std::string_view acceleration,
+                   std::vector<Error>& errors);
 
 /// A robot profile, as the file has it. What needs the URDF to be understood is still a Node.
 struct Profile {

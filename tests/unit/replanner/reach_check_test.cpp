@@ -97,6 +97,29 @@ TEST(ReachCheck, OfContingencyHoldsFromAnyInstantOnUntilItBrakes) {
   EXPECT_GT(clear, 50);
 }
 
+// At 0.4 m/s, 0.25 m/s^2 take 1.6 s and 0.32 m, 2 m/s^2 take 0.2 s and 0.04 m: what walks up at 0.5
+// m/s comes 0.7 m less near.
+TEST(ReachCheck, LooksNoLongerThanTheRobotBrakes) {
+  const auto is_reached = [](double beyond_m, std::vector<double> braking) {
+    detail::ReachCheck reach{
+        std::make_shared<testing_support::BallRobot>(kBody_m),
+        {{1.0, 1.0, 1.0}, {kBrake_mps2, kBrake_mps2, kBrake_mps2}, {}, std::move(braking)},
+        kWalk_mps,
+        kMargin_m};
+    const double ball_m = 0.3;
+    const MovingBall ahead{{ball_m + kBody_m + kMargin_m + beyond_m, 0.0, 0.0}, ball_m};
+    reach.look_at(seen(ahead, at(0.0)));
+    return reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value();
+  };
+  // Until it is at rest, both have come nearer by so much in all.
+  const double slow_m = 0.32 + 1.6 * kWalk_mps, fast_m = 0.04 + 0.2 * kWalk_mps;
+  EXPECT_TRUE(is_reached(slow_m - 0.01, {}));
+  EXPECT_FALSE(is_reached(slow_m + kSlack_m, {}));
+  const std::vector<double> hard{2.0, 2.0, 2.0};
+  EXPECT_TRUE(is_reached(fast_m - 0.01, hard));
+  EXPECT_FALSE(is_reached(fast_m + kSlack_m, hard));
+}
+
 TEST(ReachCheck, OfContingencySaysNothingOfWhatTheRobotHasPassed) {
   detail::ReachCheck reach = reach_check();
   const auto contingency = reach.contingency(cruise(), 0.0, 3.0);

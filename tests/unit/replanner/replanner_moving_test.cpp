@@ -34,8 +34,9 @@ struct Hunt {
   }
 
   /// Until the robot is touched, or for so long.
-  void run(double until_s) {
+  void run(double until_s, const std::function<void()>& before = {}) {
     loop.run(until_s, [&](double) {
+      if (before) before();
       if (touched) return;
       Ball& hunter = loop.obstacles.front();
       const RobotState robot = loop.executor.state();
@@ -68,6 +69,55 @@ TEST_P(HuntedRobot, IsAtRestBeforeItIsReached) {
 INSTANTIATE_TEST_SUITE_P(FromAround, HuntedRobot,
                          testing::Values(0.0, 0.4, 0.8, 0.5 * std::numbers::pi, 2.5,
                                          std::numbers::pi, -0.3, -1.2));
+
+/// A meeting on the robot's way, which is straight whatever stands on it.
+struct HeadOn {
+  double apart_m = 0.0;             ///< When the robot is first slowed down.
+  double gained = 0.0, lost = 0.0;  ///< The most of speed, per s.
+};
+
+HeadOn meet_head_on(double planned, std::vector<double> braking) {
+  Hunt hunt(anticipating(kSpeed_mps), {5.0, 0.0, 0.0});
+  ClosedLoop& loop = hunt.loop;
+  loop.limits.acceleration = {planned, planned, planned};
+  loop.limits.braking = std::move(braking);
+  loop.planner.misbehave = [](const Problem& problem, const Trajectory&, const Deadline&) {
+    Solution solution;
+    solution.status = SolveStatus::kConverged;
+    solution.trajectory = testing_support::DetourPlanner::through({problem.start.q, problem.goal.q},
+                                                                  problem.start.qdot);
+    return std::optional<Result<Solution>>(std::move(solution));
+  };
+  HeadOn meeting;
+  double before = 0.0;
+  hunt.run(20.0, [&] {
+    const double v = loop.executor.state().qdot.x();
+    meeting.gained = std::max(meeting.gained, (v - before) / ClosedLoop::kStep_s);
+    meeting.lost = std::max(meeting.lost, (before - v) / ClosedLoop::kStep_s);
+    before = v;
+    if (meeting.apart_m > 0.0 || loop.count(Kind::kSlowed) == 0) return;
+    meeting.apart_m = (loop.obstacles.front().centre_m - loop.executor.state().q).norm();
+  });
+  EXPECT_LT(hunt.speed_when_touched, 1e-6) << loop.story();
+  EXPECT_GT(meeting.apart_m, 0.0) << loop.story();
+  return meeting;
+}
+
+// A robot of the same planning limits that brakes harder slows down later, and sets out no faster.
+TEST(ReplannerMoving, BrakesByTheLimitOfStopsAndSetsOutByThatOfMotions) {
+  constexpr double kPlanned = 0.25, kHard = 2.0, kCruise = 0.4;
+  const HeadOn soft = meet_head_on(kPlanned, {}),
+               hard = meet_head_on(kPlanned, {kHard, kHard, kHard});
+  for (const auto& [meeting, brakes] : {std::pair(soft, kPlanned), {hard, kHard}}) {
+    EXPECT_LE(meeting.gained, kPlanned * 1.001);
+    EXPECT_NEAR(meeting.lost, brakes, 1e-2 * brakes);
+  }
+  // While the robot stops it comes v^2 / 2b nearer, and what walks up by what it walks in v / b.
+  const auto nearer_m = [](double b) {
+    return 0.5 * kCruise * kCruise / b + kSpeed_mps * kCruise / b;
+  };
+  EXPECT_NEAR(soft.apart_m - hard.apart_m, nearer_m(kPlanned) - nearer_m(kHard), 0.05);
+}
 
 TEST(ReplannerMoving, WouldBeReachedAtSpeedIfItDidNotAnticipate) {
   Hunt hunt(anticipating(0.0), {3.0, 0.0, 0.0});

@@ -61,6 +61,24 @@ TEST_F(RobotPlugins, PointIsABallInThePlane) {
   EXPECT_EQ(centre[0], Eigen::Vector3d(1.0, -2.0, 0.5));
 }
 
+TEST_F(RobotPlugins, PointBrakesAsHardAsItIsTold) {
+  const auto robot = create("{plugin: point, max_acceleration_mps2: 0.5, max_braking_mps2: 2.0}");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  EXPECT_EQ((*robot)->description().joints[0].max_acceleration, 0.5);
+  EXPECT_EQ((*robot)->description().joints[0].braking(), 2.0);
+  for (const char* wrong :
+       {"max_braking_mps2: 2.0", "max_acceleration_mps2: 3.0, max_braking_mps2: 2.0",
+        "max_acceleration_mps2: 3.0, max_braking_mps2: 0.0",
+        "max_acceleration_mps2: 3.0, max_braking_mps2: .nan"}) {
+    const auto refused = create("{plugin: point, " + std::string(wrong) + "}");
+    ASSERT_FALSE(refused) << wrong;
+    const std::string column =
+        std::to_string(std::string("{plugin: point, ").size() + std::string(wrong).rfind(' ') + 2);
+    EXPECT_NE(refused.error().describe().find("config.yaml:1:" + column + ": "), std::string::npos)
+        << refused.error().describe();
+  }
+}
+
 TEST_F(RobotPlugins, PointAndPlanarProfileAreTheSameRobot) {
   const auto point = create("{plugin: point}");
   const auto planar = create("{plugin: urdf, profile: planar}");

@@ -91,6 +91,69 @@ TEST_F(ProfileFile, IsFoundByNameFolderOrFile) {
   EXPECT_NE(text.find("did you mean 'arm'?"), std::string::npos) << text;
 }
 
+TEST_F(ProfileFile, SaysHowHardTheRobotBrakes) {
+  const auto robot = load(R"(name: arm
+urdf: arm.urdf
+joints: [elbow, shoulder]
+base: {type: holonomic, max_acceleration_mps2: 0.5, max_braking_mps2: 2.0, max_turn_acceleration_radps2: 1.0}
+joint_limits:
+  elbow: {max_acceleration: 4.0, max_braking: 4.0}
+shapes_from: spheres
+spheres: [{link: lower, centre_m: [0, 0, 0], radius_m: 0.1}]
+self_collision: {pairs: []}
+)");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  const std::vector<Joint>& joints = (*robot)->description().joints;
+  for (const std::size_t j : {0u, 1u}) {
+    EXPECT_EQ(joints[j].max_acceleration, 0.5);
+    EXPECT_EQ(joints[j].braking(), 2.0);
+  }
+  EXPECT_FALSE(joints[2].max_braking);
+  EXPECT_EQ(joints[2].braking(), 1.0);
+  EXPECT_EQ(joints[3].braking(), 4.0);
+  EXPECT_FALSE(joints[4].max_braking);
+  EXPECT_TRUE(std::isinf(joints[4].braking()));
+}
+
+TEST_F(ProfileFile, TellsWhichBrakingMakesNoSense) {
+  const auto robot = load(R"(name: arm
+urdf: arm.urdf
+joints: [elbow, shoulder]
+base:
+  type: holonomic
+  max_acceleration_mps2: 1.0
+  max_braking_mps2: 0.5
+  max_turn_braking_radps2: 3.0
+joint_limits:
+  elbow: {max_acceleration: 4.0, max_braking: 3.9}
+  shoulder: {max_braking: 5.0}
+)");
+  ASSERT_FALSE(robot);
+  const std::string text = robot.error().describe();
+  for (const char* part :
+       {"profile.yaml:7:21: 'max_braking_mps2' is 0.5, below 'max_acceleration_mps2', 1.0",
+        "profile.yaml:8:28: 'max_turn_braking_radps2' stands without "
+        "'max_turn_acceleration_radps2'",
+        "profile.yaml:10:47: 'max_braking' is 3.9, below 'max_acceleration', 4.0",
+        "profile.yaml:11:27: 'max_braking' stands without 'max_acceleration'"}) {
+    EXPECT_NE(text.find(part), std::string::npos) << "no '" << part << "' in:\n" << text;
+  }
+  for (const char* value : {"0.0", "-1.0", ".nan", ".inf", "fast", "[1, 2]"}) {
+    const auto wrong = load(
+        "name: arm\nurdf: arm.urdf\njoints: [elbow, shoulder]\n"
+        "base:\n  type: holonomic\n  max_acceleration_mps2: 1.0\n"
+        "  max_braking_mps2: " +
+        std::string(value) +
+        "\njoint_limits:\n"
+        "  elbow: {max_acceleration: 4.0, max_braking: " +
+        value + "}\n");
+    ASSERT_FALSE(wrong) << value;
+    const std::string why = wrong.error().describe();
+    EXPECT_NE(why.find("profile.yaml:7:21: "), std::string::npos) << why;
+    EXPECT_NE(why.find("profile.yaml:9:47: "), std::string::npos) << why;
+  }
+}
+
 TEST_F(ProfileFile, TellsAllItsMistakesInOnePass) {
   const auto robot = load(R"(name: arm
 urdf: arm.urdf

@@ -17,8 +17,9 @@ struct Stated {
 };
 
 const std::map<std::string, Stated> kStated = {
-    {"fetch", {102, 0.101, 1.75}}, {"hsr", {110, 0.091, 1.69}}, {"panda", {62, 0.049, 1.6}},
-    {"planar", {1, 1e-9, 1.001}},  {"ur5e", {31, 0.055, 1.55}},
+    {"fetch", {102, 0.101, 1.75}},       {"hsr", {110, 0.091, 1.69}},
+    {"mobile_panda", {83, 0.070, 1.56}}, {"panda", {62, 0.049, 1.6}},
+    {"planar", {1, 1e-9, 1.001}},        {"ur5e", {31, 0.055, 1.55}},
 };
 
 std::vector<std::string> profiles() {

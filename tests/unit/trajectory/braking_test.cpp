@@ -76,6 +76,38 @@ TEST(Brake, OneJointStopsAfterHalfItsSpeedSquaredByItsLimit) {
   expect_rest_at_end(*stop);
 }
 
+// The HSR's base at full speed: 4 s and 0.4 m by its planning limit.
+TEST(Brake, StopsByTheLimitOfBrakingWhereThereIsOne) {
+  const double v = 0.2;
+  for (const auto& [braking, limit] : {std::pair(std::vector<double>{}, 0.05),
+                                       {std::vector<double>{0.05}, 0.05},
+                                       {std::vector<double>{0.4}, 0.4}}) {
+    const MotionLimits limits{{1.0}, {0.05}, {}, braking};
+    const auto stop = brake(cruise({v}, 20.0), 3.0, limits);
+    ASSERT_TRUE(stop) << stop.error().describe();
+    EXPECT_NEAR(stop->duration_s(), v / limit, 2e-3 * v / limit);
+    EXPECT_NEAR(stop->q(stop->size() - 1)[0] - 3.0 * v, v * v / (2 * limit), 1e-3 * v * v / limit);
+    const auto straight = brake_straight(
+        {Eigen::VectorXd::Constant(1, 0.6), Eigen::VectorXd::Constant(1, v)}, limits);
+    ASSERT_TRUE(straight) << straight.error().describe();
+    EXPECT_NEAR(straight->duration_s(), v / limit, 1e-5 * v / limit);
+    EXPECT_NEAR(straight->q(1)[0] - 0.6, v * v / (2 * limit), 1e-5 * v * v / limit);
+  }
+}
+
+TEST(Brake, IsTheSameToTheLastBitWhereBrakingIsTheAcceleration) {
+  MotionLimits limits{{0.5, 0.8}, {0.6, 0.9}, {}};
+  const Trajectory motion = winding(2, 3, limits);
+  MotionLimits same = limits;
+  same.braking = same.acceleration;
+  const double from_s = 0.4 * motion.duration_s();
+  const auto one = brake(motion, from_s, limits), other = brake(motion, from_s, same);
+  ASSERT_TRUE(one && other);
+  EXPECT_EQ(one->times_s, other->times_s);
+  EXPECT_EQ(one->positions, other->positions);
+  EXPECT_EQ(one->velocities, other->velocities);
+}
+
 TEST(Brake, OneJointStopsFromAnySpeedOnTheWayUp) {
   // From rest with a = 2: v = 2 t and q = t^2, until 1.5 s.
   Trajectory rise = make_trajectory(1, 2, 1.5);
@@ -131,6 +163,51 @@ TEST(Brake, KeepsLimitsAndPathOfWindingMotions) {
   }
 }
 
+/// The most that any joint's speed grows by, and falls by, relative to the limits of motions, from
+/// differences of densely sampled positions.
+std::pair<double, double> growth_and_fall(const Trajectory& motion, const MotionLimits& limits) {
+  constexpr int kSteps = 4'000;
+  const auto rows = sampled(motion, kSteps);
+  const double h = motion.duration_s() / kSteps;
+  double growth = 0.0, fall = 0.0;
+  for (std::size_t i = 1; i + 1 < rows.size(); ++i) {
+    for (std::size_t j = 0; j < rows[i].size(); ++j) {
+      const double before = (rows[i][j] - rows[i - 1][j]) / h;
+      const double after = (rows[i + 1][j] - rows[i][j]) / h;
+      const double change = (std::abs(after) - std::abs(before)) / h / limits.acceleration[j];
+      growth = std::max(growth, change);
+      fall = std::max(fall, -change);
+    }
+  }
+  return {growth, fall};
+}
+
+// A joint that gains speed in a bend of the way on which the others brake has no brakes to do it
+// with.
+TEST(Brake, HardGainsSpeedNoFasterThanTheMotionMay) {
+  for (const int dof : {2, 8}) {
+    MotionLimits limits;
+    for (int j = 0; j < dof; ++j) {
+      limits.velocity.push_back(0.5 + 0.1 * j);
+      limits.acceleration.push_back(0.6 + 0.2 * j);
+      limits.braking.push_back(3.0 * limits.acceleration.back());
+    }
+    double hardest = 0.0;
+    for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+      const Trajectory motion = winding(dof, seed, limits);
+      for (double share = 0.05; share < 1.0; share += 0.05) {
+        const auto stop = brake(motion, share * motion.duration_s(), limits);
+        ASSERT_TRUE(stop) << stop.error().describe();
+        const auto [growth, fall] = growth_and_fall(*stop, limits);
+        EXPECT_LE(growth, 1.0 + 1e-2) << dof << " joints, seed " << seed << ", " << share;
+        EXPECT_LE(fall, 3.0 + 1e-2);
+        hardest = std::max(hardest, fall);
+      }
+    }
+    EXPECT_GT(hardest, 2.9);
+  }
+}
+
 TEST(Brake, GoesNoFurtherThanACornerWhereThePathRests) {
   // As fast as the limits allow along x, then along y, with a rest between: braked as hard as it
   // may be on the way to the corner, it cannot stop before, and must not go on after it.
@@ -177,6 +254,7 @@ TEST(Brake, RefusesAPathThatEndsBeforeTheRobotCanStop) {
 }
 
 TEST(Brake, RefusesWhatMakesNoSense) {
+  EXPECT_FALSE(brake(cruise({1.0}, 1.0), 0.0, {{1.0}, {1.0}, {}, {1.0, 1.0}}));
   EXPECT_FALSE(brake({}, 0.0, {}));
   EXPECT_FALSE(brake(cruise({1.0}, 1.0), std::nan(""), {{1.0}, {1.0}, {}}));
   EXPECT_FALSE(brake(cruise({1.0}, 1.0), 0.0, {{1.0, 1.0}, {1.0, 1.0}, {}}));

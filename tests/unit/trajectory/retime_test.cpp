@@ -494,6 +494,13 @@ TEST(MotionLimitsOfARobot, AreSharesAndAnAssumptionWhereNoneIsKnown) {
   EXPECT_NEAR(limits.acceleration[0], 0.3, 1e-12);
   EXPECT_NEAR(limits.acceleration[1], 0.8, 1e-12);  // 2 / 0.25, and a tenth of it
   EXPECT_THAT(joints_of_unknown_acceleration(robot), testing::ElementsAre("unknown"));
+  EXPECT_TRUE(limits.braking.empty());
+  robot.joints[0].max_braking = 12.0;
+  const auto braking = motion_limits(
+      robot, {.speed_fraction = 0.5, .acceleration_fraction = 0.1, .assumed_ramp_s = 0.25});
+  EXPECT_EQ(braking.acceleration, limits.acceleration);
+  EXPECT_NEAR(braking.while_stopping()[0], 1.2, 1e-12);
+  EXPECT_EQ(braking.while_stopping()[1], limits.acceleration[1]);
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ class SIDESTEP_EXPORT Executor {
   /// followed before then goes on. [planning]
   [[nodiscard]] virtual Result<void> follow(const Trajectory& trajectory, Stamp start) = 0;
 
-  /// Brings the robot to rest within its acceleration limits. [any]
+  /// Brings the robot to rest within its limits of braking (Joint::braking()). [any]
   [[nodiscard]] virtual Result<void> stop() = 0;
 };
 

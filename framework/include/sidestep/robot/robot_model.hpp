@@ -25,7 +25,13 @@ struct Joint {
   double lower = 0.0;  ///< -infinity for a continuous joint.
   double upper = 0.0;
   double max_velocity = 0.0;      ///< Per second; positive.
-  double max_acceleration = 0.0;  ///< Per second squared; infinity where unknown.
+  double max_acceleration = 0.0;  ///< Of motions, per second squared; infinity where unknown.
+  /// Of stops, per second squared, finite and no less than max_acceleration, which it is where
+  /// nothing is said.
+  std::optional<double> max_braking = {};
+
+  /// With which it may lose speed where the robot is to stop, per second squared. [any]
+  [[nodiscard]] double braking() const noexcept { return max_braking.value_or(max_acceleration); }
 
   /// Of its position.
   [[nodiscard]] const char* unit() const noexcept { return type == Type::kPrismatic ? "m" : "rad"; }

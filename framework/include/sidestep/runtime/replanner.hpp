@@ -157,7 +157,7 @@ class Replanner {
     /// (goal.hpp: is_goal_free), the end of the plan stands for it.
     RobotState goal;
     SpacePolicy space;
-    MotionLimits limits;  ///< That trajectories keep.
+    MotionLimits limits;  ///< That trajectories keep, and stops.
     Log& log;
     std::string executor_name = "executor";  ///< For messages, as the next two.
     std::string optimiser_name = "optimiser";

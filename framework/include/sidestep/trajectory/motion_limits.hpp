@@ -14,6 +14,14 @@ struct MotionLimits {
   std::vector<double> velocity;
   std::vector<double> acceleration;
   std::vector<std::string> names;  ///< Of the joints, for messages; may be empty.
+  /// How fast joints may lose speed where the robot is to stop (braking.hpp), no less than
+  /// `acceleration`, which motions keep; empty: that.
+  std::vector<double> braking = {};
+
+  /// By what joints lose speed in stops. [any]
+  [[nodiscard]] const std::vector<double>& while_stopping() const noexcept {
+    return braking.empty() ? acceleration : braking;
+  }
 
   /// For messages: by name where there is one, else by number.
   [[nodiscard]] std::string joint_name(std::size_t joint) const {
@@ -24,7 +32,7 @@ struct MotionLimits {
 /// The part of a robot's limits that a motion may use.
 struct LimitShares {
   double speed_fraction = 1.0;         ///< Of the velocity limits, (0, 1].
-  double acceleration_fraction = 1.0;  ///< Of the acceleration limits, (0, 1].
+  double acceleration_fraction = 1.0;  ///< Of the acceleration and braking limits, (0, 1].
   /// What counts as the acceleration limit of a joint that has none: that which reaches the
   /// joint's velocity limit in this time.
   double assumed_ramp_s = 0.5;

@@ -12,6 +12,7 @@ struct RetimeSettings {
   int least_stages = 400;
   double max_deviation = 1e-4;  ///< From the path, any joint, in m or rad.
   bool stop_at_goal = false;    ///< Comes to rest at the goal, whatever velocity `path` has there.
+  bool is_stop = false;         ///< Joints lose speed by the limits' while_stopping().
 };
 
 struct Retiming {

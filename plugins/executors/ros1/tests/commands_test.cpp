@@ -90,6 +90,17 @@ TEST(CommandWindow, IsTheMotionAndThenAStopOnItsPath) {
   EXPECT_LT(window.duration_s(), motion.duration_s() - from_s);
 }
 
+TEST(CommandWindow, EndsInAStopByTheLimitsOfBraking) {
+  const Trajectory motion = there_and_rest();  // a straight line: its fastest joint brakes longest
+  const Eigen::Vector3d speed = sample(motion, 4.3).qdot.cwiseAbs();
+  MotionLimits limits = limits_of_three();
+  EXPECT_NEAR(command_window(motion, 3.3, 1.0, limits).duration_s(), 1.0 + speed.maxCoeff() / 0.25,
+              0.02);
+  limits.braking = {2.5, 2.5, 2.5};
+  EXPECT_NEAR(command_window(motion, 3.3, 1.0, limits).duration_s(), 1.0 + speed.maxCoeff() / 2.5,
+              0.002);
+}
+
 TEST(CommandWindow, IsTheRestWhereThatIsShorterOrAllOfItIsWanted) {
   const Trajectory motion = there_and_rest();
   EXPECT_NEAR(command_window(motion, 9.5, 1.0, limits_of_three()).duration_s(), 0.5, 1e-12);

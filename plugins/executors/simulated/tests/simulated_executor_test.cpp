@@ -143,6 +143,46 @@ TEST_F(SimulatedExecutorTest, StopsWithinItsAccelerationFromTheEndOfTheDelay) {
   EXPECT_NEAR(rest->state.q[1], -rest->state.q[0], 1e-9);
 }
 
+TEST_F(SimulatedExecutorTest, FollowsAStopThatBrakesHarderThanMotionsMay) {
+  // x goes at 0.75 per s at 1 s, and stops by braking with 6: from 0.5 to 0.5 + 0.75^2 / 12.
+  Trajectory stop = make_trajectory(3, 2, 0.125);
+  stop.qdot(0)[0] = 0.75;
+  stop.q(0)[0] = 0.5;
+  stop.q(1)[0] = 0.5 + 0.5 * 0.75 * 0.125;
+  const auto farthest_off = [&] {
+    restart();
+    const auto executor = make();
+    Trajectory go = smooth_step();
+    for (int i = 0; i < go.size(); ++i) go.q(i)[1] = go.qdot(i)[1] = 0.0;
+    EXPECT_TRUE(executor->follow(go, at_s(0.0)));
+    clock_.set_s(0.99);
+    const auto accepted = executor->follow(stop, at_s(1.0));
+    EXPECT_TRUE(accepted) << accepted.error().describe();
+    double farthest = 0.0;
+    for (int ms = 1000; ms <= 2000; ++ms) {
+      clock_.set_s(1e-3 * ms);
+      const double t = std::min(1e-3 * ms - 1.0, 0.125);
+      const double exact = 0.5 + 0.75 * t - 3.0 * t * t;
+      farthest = std::max(farthest, std::abs(q(*executor)[0] - exact));
+    }
+    return farthest;
+  };
+  EXPECT_GT(farthest_off(), 0.05) << "2 per s^2 need 0.14, not 0.05";
+  for (Joint& joint : robot_->description().joints) joint.max_braking = 6.0;
+  EXPECT_LT(farthest_off(), 1e-6);
+}
+
+TEST_F(SimulatedExecutorTest, StopsByItsBrakes) {
+  for (Joint& joint : robot_->description().joints) joint.max_braking = 6.0;
+  const auto executor = make();
+  ASSERT_TRUE(executor->follow(smooth_step(), at_s(0.0)));
+  clock_.set_s(1.0);  // at 0.5, with velocity 0.75
+  ASSERT_TRUE(executor->stop());
+  clock_.set_s(1.0 + 0.75 / 6.0 + 0.002);
+  EXPECT_EQ(executor->current()->state.qdot, Eigen::VectorXd::Zero(3));
+  EXPECT_NEAR(q(*executor)[0], 0.5 + 0.75 * 0.75 / 12.0, 1e-3);
+}
+
 TEST_F(SimulatedExecutorTest, TakesOverAtOnceWhereTheStartHasPassed) {
   const auto executor = make();
   clock_.set_s(0.4);

@@ -107,6 +107,50 @@ TEST(SimulatedRobot, BrakesWithinVelocitySquaredOverTwiceTheAcceleration) {
   EXPECT_NEAR(robot.state().q[0], from + 0.36 / 1.6, 1e-5);
 }
 
+TEST(SimulatedRobot, LosesSpeedByItsBrakesAndGainsItByItsAcceleration) {
+  // From rest to 0.6, then told to be there the other way: with 0.8 up, with 3 down to rest, and
+  // with 0.8 again from there on.
+  const auto ramp = [](double sign) {
+    return trajectory([=](double t) { return sign * 0.6 * t; }, [=](double) { return sign * 0.6; },
+                      4.0);
+  };
+  MotionLimits own = limits(1.0, 0.8);
+  own.braking = {3.0};
+  SimulatedRobot robot(own, 0.0, one(0.0), moment(0.0));
+  robot.follow(ramp(1.0), moment(0.0), moment(0.0));
+  robot.follow(ramp(-1.0), moment(2.0), moment(2.0));
+  double before = 0.0, gained = 0.0, lost = 0.0;
+  while (robot.time() < moment(4.0)) {
+    robot.step();
+    const double v = robot.state().qdot[0];
+    if (v * before > 0.0) {  // a step that goes through rest does both
+      const double change = (std::abs(v) - std::abs(before)) / kStep_s;
+      gained = std::max(gained, change);
+      lost = std::max(lost, -change);
+    }
+    before = v;
+  }
+  EXPECT_NEAR(gained, 0.8, 1e-9);
+  EXPECT_NEAR(lost, 3.0, 1e-9);
+}
+
+TEST(SimulatedRobot, ComesToRestByItsBrakes) {
+  MotionLimits own = limits(1.0, 0.8);
+  own.braking = {3.0};
+  SimulatedRobot robot(own, 0.0, one(0.0), moment(0.0));
+  robot.follow(trajectory([](double t) { return t < 1.0 ? 0.3 * t * t : 0.6 * t - 0.3; },
+                          [](double t) { return t < 1.0 ? 0.6 * t : 0.6; }, 3.0),
+               moment(0.0), moment(0.0));
+  robot.brake(moment(2.0));
+  while (robot.time() < moment(1.999)) robot.step();
+  const double from = robot.state().q[0];
+  while (robot.time() < moment(2.19)) robot.step();
+  EXPECT_GT(robot.state().qdot[0], 0.0);
+  while (robot.time() < moment(2.21)) robot.step();
+  EXPECT_EQ(robot.state().qdot[0], 0.0);
+  EXPECT_NEAR(robot.state().q[0], from + 0.36 / 6.0, 1e-4);
+}
+
 TEST(SimulatedRobot, StopsAtOnceWhereAccelerationHasNoLimit) {
   SimulatedRobot robot(limits(1.0, std::numeric_limits<double>::infinity()), 0.0, one(0.0),
                        moment(0.0));
