@@ -229,7 +229,7 @@ void Replanner::Impl::check(Driving& driving) {
   const bool is_clear = verdict && verdict->valid();
   if (is_clear) driving.is_sound = true;
   if (is_clear && !conflict) return;
-  Blocked& blocked = driving.blocked.emplace();
+  Blocked& blocked = driving.blocked.emplace(Blocked{});
   if (conflict && (is_clear || (verdict && conflict->time_s < verdict->first_violation_s))) {
     blocked.begin_s = conflict->time_s;
     blocked.cause = describe(*conflict, driving);
