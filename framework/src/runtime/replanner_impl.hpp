@@ -96,7 +96,7 @@ struct Replanner::Impl {
   /// Pins the newest map; false where there is none that can be planned in.
   [[nodiscard]] bool look_at_map();
   /// What the predictor says of the tracks of a map; fails where those make no sense.
-  [[nodiscard]] Result<Prediction> look_ahead(const Tracks& tracks, const DistanceField& map) const;
+  [[nodiscard]] Result<Prediction> look_ahead(const Tracks& tracks, const DistanceField& map);
   /// The prediction on the clock of a motion that begins at a stamp.
   [[nodiscard]] std::optional<PredictionOnClock> predicted_from(Stamp begin) const;
   /// A cause, and after it what whoever maps has to say.
@@ -160,6 +160,7 @@ struct Replanner::Impl {
 
   std::shared_ptr<const DistanceField> field;     ///< The newest one that was good.
   std::shared_ptr<const Prediction> prediction;   ///< With the field; null without a predictor.
+  std::optional<Stamp> told_of_predictor;         ///< When the log last was.
   RobotState measured_state;                      ///< The newest.
   Stamp map_came;                                 ///< The step in which it did.
   std::unique_ptr<ValidityCheck> full_check;      ///< In `field`, with `margin_m`.

@@ -17,6 +17,22 @@ double largest(const Eigen::VectorXd& values) {
   return values.size() == 0 ? 0.0 : values.cwiseAbs().maxCoeff();
 }
 
+/// Passes on one message a second: a predictor at fault is so thirty times a second.
+class RareMessages final : public Log {
+ public:
+  RareMessages(Log& to, Stamp now, std::optional<Stamp>& last) : to_(to), now_(now), last_(last) {}
+  void write(LogLevel level, std::string_view message) override {
+    if (last_ && now_ >= *last_ && now_.seconds() - last_->seconds() < 1.0) return;
+    last_ = now_;
+    to_.write(level, message);
+  }
+
+ private:
+  Log& to_;
+  Stamp now_;
+  std::optional<Stamp>& last_;
+};
+
 }  // namespace
 
 std::optional<RobotState> Replanner::Impl::measure() {
@@ -177,11 +193,11 @@ bool Replanner::Impl::look_at_map() {
   return true;
 }
 
-Result<Prediction> Replanner::Impl::look_ahead(const Tracks& tracks,
-                                               const DistanceField& map) const {
+Result<Prediction> Replanner::Impl::look_ahead(const Tracks& tracks, const DistanceField& map) {
   const RobotFootprint robot = footprint(*parts.robot, measured_state);
+  RareMessages log(parts.log, now, told_of_predictor);
   return predict(*parts.predictor, parts.predictor_name,
-                 {tracks, settings.prediction_horizon_s, &map, &robot}, parts.log);
+                 {tracks, settings.prediction_horizon_s, &map, &robot}, log);
 }
 
 std::optional<PredictionOnClock> Replanner::Impl::predicted_from(Stamp begin) const {
@@ -228,7 +244,7 @@ void Replanner::Impl::check(Driving& driving) {
   const bool is_clear = verdict && verdict->valid();
   if (is_clear) driving.is_sound = true;
   if (is_clear && !conflict) return;
-  Blocked& blocked = driving.blocked.emplace();
+  Blocked& blocked = driving.blocked.emplace(Blocked{});
   if (conflict && (is_clear || (verdict && conflict->time_s < verdict->first_violation_s))) {
     blocked.begin_s = conflict->time_s;
     blocked.cause = describe(*conflict, driving);

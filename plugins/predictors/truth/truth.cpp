@@ -127,7 +127,7 @@ class Truth final : public Predictor {
       if (time_s > 0.0 && time_s < horizon_s) times_s.push_back(time_s);
     }
     std::ranges::sort(times_s);
-    times_s.erase(std::ranges::unique(times_s).begin(), times_s.end());
+    times_s.erase(std::unique(times_s.begin(), times_s.end()), times_s.end());
     return times_s;
   }
 

@@ -195,7 +195,10 @@ class DetourPlanner final : public Optimiser {
 
 class QuietLog final : public Log {
  public:
-  void write(LogLevel, std::string_view) override {}
+  void write(LogLevel level, std::string_view message) override {
+    if (level == LogLevel::kWarning) warnings.emplace_back(message);
+  }
+  std::vector<std::string> warnings;
 };
 
 /// A ball of 0.2 m that goes from the origin to (4, 0, 0), a map thirty times a second, a replanner

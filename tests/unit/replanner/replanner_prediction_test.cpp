@@ -36,14 +36,6 @@ class GoesOn final : public Predictor {
   std::function<Result<Prediction>(const PredictionRequest&)> misbehave;
 };
 
-class QuietCount final : public Log {
- public:
-  void write(LogLevel level, std::string_view text) override {
-    if (level == LogLevel::kWarning) warnings.emplace_back(text);
-  }
-  std::vector<std::string> warnings;
-};
-
 Tracks one_track(const Eigen::Vector2d& position_m, const Eigen::Vector2d& velocity_mps,
                  Stamp stamp) {
   Track track;
@@ -183,6 +175,36 @@ TEST_F(AmongPeople, GivesOptimisersACostOfWhatIsPredictedIfTold) {
   }
 }
 
+TEST_F(AmongPeople, GoesByTheWorstCaseWhereThePredictorFails) {
+  predictor.misbehave = [](const PredictionRequest&) -> Result<Prediction> {
+    throw std::runtime_error("no idea");
+  };
+  // In 6 s the worst case comes 9.6 m far: from 30 m it leaves the way free, from 3 m it does not.
+  const auto stands_at = [](double x_m) {
+    return
+        [x_m](double) { return std::pair(Eigen::Vector2d(x_m, 0.0), Eigen::Vector2d(0.0, 0.0)); };
+  };
+  run(stands_at(30.0), 12.0);
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  const auto names_it = [](const std::string& warning) {
+    return warning.find("predictor goes_on") != std::string::npos &&
+           warning.find("no idea") != std::string::npos;
+  };
+  const auto told = std::ranges::count_if(loop.log.warnings, names_it);
+  EXPECT_GE(told, 1);
+  EXPECT_LE(told, 1 + static_cast<int>(loop.ticks * ClosedLoop::kStep_s)) << "once a second";
+
+  ClosedLoop near(settings());
+  near.predictor = &predictor;
+  near.tracks = [](Stamp stamp) {
+    return std::make_shared<const Tracks>(one_track({3.0, 0.0}, {0.0, 0.0}, stamp));
+  };
+  near.run(5.0);
+  EXPECT_NE(near.status, Replanner::Status::kReached);
+  EXPECT_FALSE(near.path.empty());
+  for (const Eigen::Vector3d& at : near.path) EXPECT_LT(at.x(), 0.1) << near.story();
+}
+
 TEST_F(AmongPeople, StopsWhereATrackMakesNoSense) {
   // The map leaves out what is tracked: without a place for it, he is nowhere.
   const auto lost = [](double t) {
@@ -202,7 +224,7 @@ TEST_F(AmongPeople, StopsWhereATrackMakesNoSense) {
 
 TEST(Predict, FallsBackToTheWorstCaseAndNamesThePredictor) {
   GoesOn predictor;
-  QuietCount log;
+  QuietLog log;
   const Tracks tracks = one_track({1.0, 2.0}, {0.5, 0.0}, Stamp::from_seconds(3.0));
   const PredictionRequest request{tracks, kHorizon_s};
   EXPECT_EQ(predict(predictor, "predictor p", request, log).value().speed_mps(), 0.5);
