@@ -104,7 +104,7 @@ Result<RobotStudy::Prepared> RobotStudy::make_scene(int scene, int boxes, std::u
     prepared.row.field_ms[kind] = watch.elapsed_ms();
     prepared.scene.fields[kind] = std::move(field);
   }
-  const auto truth = std::make_shared<const BoxField>(drawn);
+  const auto truth = true_field(drawn);
   prepared.scene.state_free = free_states(*truth);
   prepared.scene.check = make_field_check(
       robot_, truth, {Space::kFree, Space::kOccupied},

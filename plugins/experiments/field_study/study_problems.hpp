@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 
 #include <sidestep/core/time.hpp>
-#include <sidestep/field/distance_field.hpp>
+#include <sidestep/field/scene_field.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/planning/optimiser.hpp>
@@ -37,19 +37,9 @@ using StudyBox = Eigen::AlignedBox3d;
     const StudyRobot& study, const std::shared_ptr<const RobotModel>& robot, int count,
     std::uint64_t seed);
 
-/// The exact signed distance to boxes, everywhere: what trajectories are judged against. Knows no
-/// voxels; everything is known, nothing is outside.
-class BoxField final : public DistanceField {
- public:
-  explicit BoxField(std::vector<StudyBox> boxes);
-
-  void query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
-             std::span<Eigen::Vector3d> gradients,
-             std::span<FieldStatus> statuses) const noexcept override;
-
- private:
-  std::vector<StudyBox> boxes_;
-};
+/// The exact signed distance to boxes, within a kilometre of the origin: what trajectories are judged
+/// against. Knows no voxels.
+[[nodiscard]] std::shared_ptr<const SceneField> true_field(std::span<const StudyBox> boxes);
 
 /// The map of a scene: a voxel is occupied where its cube and a box overlap, as it is in a map of
 /// a scene whose surfaces were all seen and whose insides are full.

@@ -278,14 +278,14 @@ TEST(StudyScenes, FieldIsTheExactDistanceWithItsGradient) {
   std::uniform_real_distribution<double> uniform(-2.0, 2.0);
   for (int scene = 0; scene < 20; ++scene) {
     const auto boxes = draw_boxes(entry, 1 + scene % 4, scene, 3);
-    const BoxField field(boxes);
+    const auto field = true_field(boxes);
     const Scene truth = scene_of(boxes);
     for (int i = 0; i < 50; ++i) {
       const Eigen::Vector3d p(uniform(random), uniform(random), uniform(random));
       double d = 0.0;
       Eigen::Vector3d gradient;
       FieldStatus status = FieldStatus::kUnknown;
-      field.query({&p, 1}, {&d, 1}, {&gradient, 1}, {&status, 1});
+      field->query({&p, 1}, {&d, 1}, {&gradient, 1}, {&status, 1});
       EXPECT_NEAR(d, truth.signed_distance(p, 0.0).distance_m, 1e-12);
       EXPECT_EQ(status, FieldStatus::kKnown);
       EXPECT_NEAR(gradient.norm(), 1.0, 1e-9);
@@ -364,7 +364,7 @@ class StudySolverTest : public testing::Test {
   }
 
   StudyScene scene(int number, const std::vector<StudyBox>& boxes, bool free) const {
-    const auto field = std::make_shared<const BoxField>(boxes);
+    const auto field = true_field(boxes);
     return {
         number,
         {field, field},
