@@ -103,46 +103,49 @@ StudyRobotRows hand_made() {
 }
 
 TEST(StudyComparison, CountsFailuresAmongTheProblemsThatEitherFieldSolves) {
-  const RobotComparison result = compare_fields(hand_made(), {0.95, 200, 1});
-  EXPECT_EQ(result.problems, 6);
-  EXPECT_EQ(result.skipped, 1);
-  EXPECT_EQ(result.in_collision, 2);
-  EXPECT_EQ(result.both, 2);
-  EXPECT_EQ(result.only_signed, 1);
-  EXPECT_EQ(result.only_unsigned, 1);
-  EXPECT_EQ(result.neither, 1);
-  EXPECT_EQ(result.solvable(), 4);
-  for (const FieldComparison& field : result.fields) {
-    EXPECT_EQ(field.attempted, 5);
-    EXPECT_EQ(field.collision_free, 3);
-    EXPECT_EQ(field.failures, 1);
-    EXPECT_DOUBLE_EQ(field.failure_share, 0.25);
-    EXPECT_EQ(field.ended[static_cast<std::size_t>(SolveStatus::kConverged)], 5);
+  const auto result = compare_fields(hand_made(), {0.95, 200, 1});
+  EXPECT_EQ(result.at("problems"), 6);
+  EXPECT_EQ(result.at("skipped"), 1);
+  EXPECT_EQ(result.at("start_or_goal_in_collision"), 2);
+  EXPECT_EQ(result.at("solved_by_both"), 2);
+  EXPECT_EQ(result.at("only_signed"), 1);
+  EXPECT_EQ(result.at("only_unsigned"), 1);
+  EXPECT_EQ(result.at("neither"), 1);
+  EXPECT_EQ(result.at("solvable"), 4);
+  for (const char* kind : kFieldNames) {
+    const auto& field = result.at(kind);
+    EXPECT_EQ(field.at("attempted"), 5);
+    EXPECT_EQ(field.at("collision_free"), 3);
+    EXPECT_EQ(field.at("failures"), 1);
+    EXPECT_EQ(field.at("failure_percent"), 25.0);
+    EXPECT_EQ(field.at("ended").at("converged"), 5);
   }
-  EXPECT_EQ(result.failure_difference, 0.0);
+  EXPECT_EQ(result.at("difference").at("failure_percent"), 0.0);
 }
 
 TEST(StudyComparison, TakesIterationsOfAllSolvesAndCostsOfThoseValidInBoth) {
-  const RobotComparison result = compare_fields(hand_made(), {0.95, 200, 1});
-  const FieldComparison& plain = result.fields[kUnsigned];
-  EXPECT_EQ(plain.iterations.count, 5);
-  EXPECT_DOUBLE_EQ(plain.iterations.statistics.mean, (2 + 4 + 6 + 8 + 90) / 5.0);
-  EXPECT_EQ(plain.iterations_solvable.count, 4);
-  EXPECT_DOUBLE_EQ(plain.iterations_solvable.statistics.mean, 5.0);
-  EXPECT_EQ(plain.valid_cost.count, 2);
-  EXPECT_DOUBLE_EQ(plain.valid_cost.statistics.mean, 2.0);
-  EXPECT_DOUBLE_EQ(plain.valid_cost.statistics.sd, std::sqrt(2.0));
-  EXPECT_DOUBLE_EQ(result.iterations_difference.statistics.mean, 1.0);
-  EXPECT_DOUBLE_EQ(result.cost_difference.statistics.mean, 0.5);
-  EXPECT_DOUBLE_EQ(result.cost_difference.interval.lower, 0.5);
+  const auto result = compare_fields(hand_made(), {0.95, 200, 1});
+  const auto number = [&](const char* pointer) {
+    return result.at(nlohmann::ordered_json::json_pointer(pointer)).get<double>();
+  };
+  EXPECT_EQ(number("/unsigned/iterations/count"), 5);
+  EXPECT_DOUBLE_EQ(number("/unsigned/iterations/mean"), (2 + 4 + 6 + 8 + 90) / 5.0);
+  EXPECT_EQ(number("/unsigned/iterations_solvable/count"), 4);
+  EXPECT_DOUBLE_EQ(number("/unsigned/iterations_solvable/mean"), 5.0);
+  EXPECT_EQ(number("/unsigned/valid_cost/count"), 2);
+  EXPECT_DOUBLE_EQ(number("/unsigned/valid_cost/mean"), 2.0);
+  EXPECT_DOUBLE_EQ(number("/unsigned/valid_cost/sd"), std::sqrt(2.0));
+  EXPECT_DOUBLE_EQ(number("/difference/iterations/mean"), 1.0);
+  EXPECT_DOUBLE_EQ(number("/difference/valid_cost/mean"), 0.5);
+  EXPECT_DOUBLE_EQ(number("/difference/valid_cost/ci/0"), 0.5);
 }
 
 TEST(StudyComparison, OfNothingHasNoShare) {
   StudyRobotRows robot;
   robot.states = 3;
-  const RobotComparison result = compare_fields(robot, {});
-  EXPECT_EQ(result.solvable(), 0);
-  EXPECT_TRUE(std::isnan(result.fields[kSigned].failure_share));
+  const auto result = compare_fields(robot, {});
+  EXPECT_EQ(result.at("solvable"), 0);
+  EXPECT_TRUE(result.at("signed").at("failure_percent").is_null());
 }
 
 TEST(StudyRows, ComeBackAsTheyWereAndMayBeAddedTo) {
