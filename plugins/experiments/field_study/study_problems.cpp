@@ -160,24 +160,15 @@ std::pair<int, int> states_of_pair(std::int64_t pair, int states) {
   return {first, first + 1 + static_cast<int>(pair)};
 }
 
-StudySolver::StudySolver(const StudyRobot& study, std::shared_ptr<const RobotModel> robot,
-                         std::span<const Eigen::VectorXd> states, PluginPtr<Optimiser> optimiser,
-                         bool skips_collisions)
-    : study_(study),
-      robot_(std::move(robot)),
-      states_(states),
-      optimiser_(std::move(optimiser)),
-      skips_collisions_(skips_collisions) {}
-
 Result<ProblemOutcome> StudySolver::solve(const StudyScene& scene, std::int64_t pair,
                                           const Deadline& deadline) {
-  const auto count = static_cast<std::int64_t>(states_.size());
+  const auto count = static_cast<std::int64_t>(states.size());
   const auto [start, goal] = states_of_pair(pair, static_cast<int>(count));
   ProblemOutcome outcome;
   outcome.problem = scene.scene * (count * (count - 1) / 2) + pair;
   outcome.start_free = scene.state_free[idx(start)] != 0;
   outcome.goal_free = scene.state_free[idx(goal)] != 0;
-  if (skips_collisions_ && !(outcome.start_free && outcome.goal_free)) return outcome;
+  if (skips_collisions && !(outcome.start_free && outcome.goal_free)) return outcome;
   for (const std::size_t kind : {kUnsigned, kSigned}) {
     outcome.fields[kind] = SIDESTEP_TRY(solve_in(scene, kind, start, goal, deadline));
   }
@@ -186,16 +177,16 @@ Result<ProblemOutcome> StudySolver::solve(const StudyScene& scene, std::int64_t 
 
 Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t kind, int start,
                                            int goal, const Deadline& deadline) {
-  Problem problem = make_problem(robot_, scene.fields[kind], study_.planning, states_[idx(start)],
-                                 states_[idx(goal)]);
-  if (study_.entry.support_states) problem.support_states = *study_.entry.support_states;
-  if (study_.entry.duration_s) {
-    problem.dt_s = *study_.entry.duration_s / (problem.support_states - 1);
+  Problem problem = make_problem(robot, scene.fields[kind], study.planning, states[idx(start)],
+                                 states[idx(goal)]);
+  if (study.entry.support_states) problem.support_states = *study.entry.support_states;
+  if (study.entry.duration_s) {
+    problem.dt_s = *study.entry.duration_s / (problem.support_states - 1);
   }
   const Trajectory line =
       straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
-  auto solution = SIDESTEP_TRY(call_stage(
-      plugin_of(optimiser_), [&] { return optimiser_->solve(problem, line, deadline); }));
+  auto solution = SIDESTEP_TRY(
+      call_stage(plugin_of(optimiser), [&] { return optimiser->solve(problem, line, deadline); }));
   if (deadline.expired()) return tl::make_unexpected(cancelled());
   FieldOutcome outcome;
   outcome.attempted = true;

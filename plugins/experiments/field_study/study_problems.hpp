@@ -37,8 +37,8 @@ using StudyBox = Eigen::AlignedBox3d;
     const StudyRobot& study, const std::shared_ptr<const RobotModel>& robot, int count,
     std::uint64_t seed);
 
-/// The exact signed distance to boxes, within a kilometre of the origin: what trajectories are judged
-/// against. Knows no voxels.
+/// The exact signed distance to boxes, within a kilometre of the origin: what trajectories are
+/// judged against. Knows no voxels.
 [[nodiscard]] std::shared_ptr<const SceneField> true_field(std::span<const StudyBox> boxes);
 
 /// The map of a scene: a voxel is occupied where its cube and a box overlap, as it is in a map of
@@ -116,25 +116,19 @@ struct StudyScene {
 
 /// Solves problems of one robot, one after the other; one object a thread. The optimiser is the
 /// configuration's, from a straight line; what is collision-free is for scene.check to say.
-class StudySolver {
- public:
-  StudySolver(const StudyRobot& study, std::shared_ptr<const RobotModel> robot,
-              std::span<const Eigen::VectorXd> states, PluginPtr<Optimiser> optimiser,
-              bool skips_collisions);
+struct StudySolver {
+  const StudyRobot& study;
+  std::shared_ptr<const RobotModel> robot;
+  std::span<const Eigen::VectorXd> states;
+  PluginPtr<Optimiser> optimiser;
+  bool skips_collisions;
 
   /// Fails with kCancelled where the deadline passes, and with what the optimiser fails with.
   [[nodiscard]] Result<ProblemOutcome> solve(const StudyScene& scene, std::int64_t pair,
                                              const Deadline& deadline);
-
- private:
+  /// The same in one kind of field.
   [[nodiscard]] Result<FieldOutcome> solve_in(const StudyScene& scene, std::size_t kind, int start,
                                               int goal, const Deadline& deadline);
-
-  const StudyRobot& study_;
-  std::shared_ptr<const RobotModel> robot_;
-  std::span<const Eigen::VectorXd> states_;
-  PluginPtr<Optimiser> optimiser_;
-  bool skips_collisions_;
 };
 
 }  // namespace sidestep

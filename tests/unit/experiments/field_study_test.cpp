@@ -385,7 +385,7 @@ class StudySolverTest : public testing::Test {
 TEST_F(StudySolverTest, CallsCollisionFreeWhatKeepsClearOfTheTrueBoxes) {
   const auto states = draw_states(study_, ball_, kStates, 4);
   ASSERT_TRUE(states) << states.error().describe();
-  StudySolver solver(study_, ball_, *states, no_optimiser(), false);
+  StudySolver solver{study_, ball_, *states, no_optimiser(), false};
   int hits = 0, misses = 0;
   for (int number = 0; number < 30; ++number) {
     const auto boxes = draw_boxes(study_.entry, 2, number, 1);
@@ -414,8 +414,8 @@ TEST_F(StudySolverTest, SkipsProblemsThatStartInACollisionWhereAsked) {
   const auto states = draw_states(study_, ball_, kStates, 4);
   ASSERT_TRUE(states);
   const StudyScene blocked = scene(0, {}, false);
-  StudySolver skipping(study_, ball_, *states, no_optimiser(), true);
-  StudySolver solving(study_, ball_, *states, no_optimiser(), false);
+  StudySolver skipping{study_, ball_, *states, no_optimiser(), true};
+  StudySolver solving{study_, ball_, *states, no_optimiser(), false};
   EXPECT_FALSE(skipping.solve(blocked, 0, Deadline())->fields[kSigned].attempted);
   EXPECT_TRUE(solving.solve(blocked, 0, Deadline())->fields[kSigned].attempted);
   EXPECT_FALSE(solving.solve(blocked, 0, Deadline())->start_free);
@@ -425,7 +425,7 @@ TEST_F(StudySolverTest, SkipsProblemsThatStartInACollisionWhereAsked) {
 TEST_F(StudySolverTest, AnInterruptedProblemHasNoOutcome) {
   const auto states = draw_states(study_, ball_, kStates, 4);
   ASSERT_TRUE(states);
-  StudySolver solver(study_, ball_, *states, no_optimiser(), false);
+  StudySolver solver{study_, ball_, *states, no_optimiser(), false};
   const auto solved = solver.solve(scene(0, {}, true), 0, Deadline::after_s(-1.0));
   ASSERT_FALSE(solved);
   EXPECT_EQ(solved.error().code, ErrorCode::kCancelled);
