@@ -7,10 +7,7 @@
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
-#include "study_problems.hpp"
-#include "study_rows.hpp"
-#include "study_settings.hpp"
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 
 namespace sidestep {
 namespace {

@@ -1,4 +1,4 @@
-#include "study_problems.hpp"
+#include "study_parts.hpp"
 
 #include <algorithm>
 #include <cmath>

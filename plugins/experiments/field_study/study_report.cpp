@@ -8,7 +8,7 @@
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
 
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 
 namespace sidestep {
 namespace {

@@ -1,6 +1,4 @@
-#include "study_rows.hpp"
-
-#include <sidestep/results/recorder.hpp>
+#include "study_parts.hpp"
 
 namespace sidestep {
 namespace {

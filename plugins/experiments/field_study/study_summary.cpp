@@ -1,4 +1,4 @@
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 
 #include <algorithm>
 #include <array>

@@ -10,9 +10,7 @@
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
-#include "study_problems.hpp"
-#include "study_rows.hpp"
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 #include "support/ball_robot.hpp"
 #include "support/temporary_folder.hpp"
 
