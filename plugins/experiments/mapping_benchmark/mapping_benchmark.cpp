@@ -3,9 +3,7 @@
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/results_store.hpp>
-#include "mapping_measure.hpp"
-#include "mapping_settings.hpp"
-#include "mapping_summary.hpp"
+#include "mapping_parts.hpp"
 
 namespace sidestep {
 namespace {

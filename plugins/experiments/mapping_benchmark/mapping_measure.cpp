@@ -1,4 +1,4 @@
-#include "mapping_measure.hpp"
+#include "mapping_parts.hpp"
 
 #include <malloc.h>
 #include <unistd.h>

@@ -8,7 +8,7 @@
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
 
-#include "mapping_summary.hpp"
+#include "mapping_parts.hpp"
 
 namespace sidestep {
 namespace {

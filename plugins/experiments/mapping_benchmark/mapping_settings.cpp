@@ -1,4 +1,4 @@
-#include "mapping_settings.hpp"
+#include "mapping_parts.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "mapping_summary.hpp"
+#include "mapping_parts.hpp"
 
 #include <algorithm>
 #include <cmath>
