@@ -7,6 +7,7 @@
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/unused_keys.hpp>
 
 namespace sidestep {
@@ -202,10 +203,7 @@ FieldStudy read_field_study(const Configuration& configuration, std::vector<Erro
   for (std::size_t r = 0; r < study.settings.robots.size(); ++r) {
     const StudyRobotEntry& entry = study.settings.robots[r];
     const Node& node = list.items()[r];
-    if (!names.insert(entry.name).second) {
-      errors.push_back(
-          node.find("name")->error("a robot before this one is named '" + entry.name + "', too"));
-    }
+    take_name(*node.find("name"), "a robot", names, errors);
     check_regions(entry, node, errors);
     const double resolution_m = entry.resolution_m.value_or(study.settings.resolution_m);
     study.robots.push_back(

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <set>
 
+#include <sidestep/runtime/entry_reading.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -242,10 +244,7 @@ std::vector<SystemCase> read_cases(const Node& experiment, Host& host, std::vect
   for (std::size_t s = 0; s < given.settings.systems.size(); ++s) {
     const SystemEntry& system = given.settings.systems[s];
     const Node& node = list.items()[s];
-    if (!names.insert(system.name).second) {
-      errors.push_back(
-          node.find("name")->error("a system before this one is named '" + system.name + "', too"));
-    }
+    take_name(*node.find("name"), "a system", names, errors);
     if (const Node* name = node.find("published"); name != nullptr && !name->is_null()) {
       check_name(*name, "published system", published, errors);
     }

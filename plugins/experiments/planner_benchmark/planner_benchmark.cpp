@@ -3,6 +3,7 @@
 
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/results_store.hpp>
@@ -300,11 +301,7 @@ class PlannerBenchmark final : public Experiment {
     for (const Node& entry : planners->items()) {
       if (!entry.is_map()) continue;
       check_planner(entry, errors);
-      const Node* name = entry.find("name");
-      if (name != nullptr && !names.insert(name->text()).second) {
-        errors.push_back(
-            name->error("a planner before this one is named '" + name->text() + "', too"));
-      }
+      if (const Node* name = entry.find("name")) take_name(*name, "a planner", names, errors);
     }
     if (planners->items().empty()) errors.push_back(planners->error("there is no planner"));
   }
