@@ -250,49 +250,6 @@ Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& sc
   return recorder.commit();
 }
 
-Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
-  std::vector<Error> errors;
-  const FieldStudy study = read_field_study(context.configuration, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  const std::int64_t units = static_cast<std::int64_t>(study.robots.size()) * study.settings.scenes;
-  if (context.shard.count > units) {
-    return fail(ErrorCode::kConfig,
-                "the study has " + std::to_string(units) + " scenes, too few for " +
-                    std::to_string(context.shard.count) + " shards",
-                context.configuration.file.string());
-  }
-  StudyRecord record{divided_run_of(context)};
-  record.confidence = study.settings.confidence;
-  record.bootstrap_samples = study.settings.bootstrap_samples;
-  record.published_as = study.settings.published_as;
-
-  std::vector<DoneProblems> done(study.robots.size());
-  std::int64_t session = 0;
-  const auto file = context.out / "results.sqlite";
-  if (context.resume) {
-    const auto earlier = SIDESTEP_TRY(read_study(file));
-    SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
-    session = static_cast<std::int64_t>(earlier.sessions.size());
-    for (std::size_t r = 0; r < done.size(); ++r) {
-      for (const ProblemOutcome& problem : earlier.robots[r].problems) {
-        done[r].insert(done[r].end(), problem.problem);
-      }
-    }
-  }
-  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                           : ResultsStore::open(file, record.provenance));
-  Recorder recorder(*store);
-  StudyRun run{study, context, recorder, std::move(done)};
-  record.robots = SIDESTEP_TRY(run.prepare());
-  if (!context.resume) record_study(record, recorder);
-  SIDESTEP_TRY(recorder.commit());
-  auto solved = run.solve(session);
-  store.reset();
-  if (context.progress) context.progress(0, 0, "summing up");
-  return conclude_study(context.out, context.stop.stop_requested(),
-                        solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
-}
-
 class FieldStudyExperiment final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
@@ -307,7 +264,47 @@ class FieldStudyExperiment final : public Experiment {
     check_field_study(configuration, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_field_study(context);
+    std::vector<Error> errors;
+    const FieldStudy study = read_field_study(context.configuration, errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    const std::int64_t units =
+        static_cast<std::int64_t>(study.robots.size()) * study.settings.scenes;
+    if (context.shard.count > units) {
+      return fail(ErrorCode::kConfig,
+                  "the study has " + std::to_string(units) + " scenes, too few for " +
+                      std::to_string(context.shard.count) + " shards",
+                  context.configuration.file.string());
+    }
+    StudyRecord record{divided_run_of(context)};
+    record.confidence = study.settings.confidence;
+    record.bootstrap_samples = study.settings.bootstrap_samples;
+    record.published_as = study.settings.published_as;
+
+    std::vector<DoneProblems> done(study.robots.size());
+    std::int64_t session = 0;
+    const auto file = context.out / "results.sqlite";
+    if (context.resume) {
+      const auto earlier = SIDESTEP_TRY(read_study(file));
+      SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
+      session = static_cast<std::int64_t>(earlier.sessions.size());
+      for (std::size_t r = 0; r < done.size(); ++r) {
+        for (const ProblemOutcome& problem : earlier.robots[r].problems) {
+          done[r].insert(done[r].end(), problem.problem);
+        }
+      }
+    }
+    auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
+                                             : ResultsStore::open(file, record.provenance));
+    Recorder recorder(*store);
+    StudyRun run{study, context, recorder, std::move(done)};
+    record.robots = SIDESTEP_TRY(run.prepare());
+    if (!context.resume) record_study(record, recorder);
+    SIDESTEP_TRY(recorder.commit());
+    auto solved = run.solve(session);
+    store.reset();
+    if (context.progress) context.progress(0, 0, "summing up");
+    return conclude_study(context.out, context.stop.stop_requested(),
+                          solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
   }
   [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
                                                 const std::filesystem::path& out) const override {

@@ -220,34 +220,6 @@ void record_series(const ChangedSeries& series, std::int64_t item, Recorder& rec
   }
 }
 
-Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
-  const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
-  const auto& [settings, problems, provenance, store] = start;
-  Recorder recorder(*store);
-
-  IncrementalRecord record;
-  record.about = facts_of(problems, context);
-  std::int64_t total = 0;
-  for (const RecordedRun& run : problems.runs) {
-    total += 2 * settings.repeats * std::ssize(run.outcomes);
-  }
-  const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
-  IncrementalBench bench{
-      problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
-      {context, total}};
-  for (const RecordedRun& run : problems.runs) {
-    for (const char* change : {kGoal, kObstacles}) {
-      if (context.stop.stop_requested()) break;
-      SIDESTEP_TRY(solve_part(
-          record.series, [&] { return solve_series(run, change, bench); }, &record_series,
-          recorder));
-    }
-  }
-  record.about.interrupted = context.stop.stop_requested();
-
-  return summarise_incremental(provenance, settings, record);
-}
-
 class IncrementalBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
@@ -260,7 +232,31 @@ class IncrementalBenchmark final : public Experiment {
                                         errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_incremental(context);
+    const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
+    const auto& [settings, problems, provenance, store] = start;
+    Recorder recorder(*store);
+
+    IncrementalRecord record;
+    record.about = facts_of(problems, context);
+    std::int64_t total = 0;
+    for (const RecordedRun& run : problems.runs) {
+      total += 2 * settings.repeats * std::ssize(run.outcomes);
+    }
+    const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
+    IncrementalBench bench{
+        problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
+        {context, total}};
+    for (const RecordedRun& run : problems.runs) {
+      for (const char* change : {kGoal, kObstacles}) {
+        if (context.stop.stop_requested()) break;
+        SIDESTEP_TRY(solve_part(
+            record.series, [&] { return solve_series(run, change, bench); }, &record_series,
+            recorder));
+      }
+    }
+    record.about.interrupted = context.stop.stop_requested();
+
+    return summarise_incremental(provenance, settings, record);
   }
 };
 

@@ -74,37 +74,6 @@ Result<void> measure_cases(const std::vector<SystemCase>& cases, MeasureContext&
   return {};
 }
 
-Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
-  const Node& experiment = *context.configuration.root.find("experiment");
-  const Node& source = *context.configuration.root.find("source");
-  std::vector<Error> errors;
-  MappingBenchmarkSettings settings;
-  MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
-  const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  auto robot = SIDESTEP_TRY(make_robot(context));
-
-  const RunProvenance provenance = provenance_of(context);
-  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
-  Recorder recorder(*store);
-
-  FrameFeed feed([&] { return context.host.create<Source>(source, robot); },
-                 {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
-                 context.stop);
-  MeasureContext measure{context.host, context.log, robot, feed, settings, context.stop, {}};
-  MappingBenchmarkRecord record;
-  record.planned_cases = cases.size();
-  if (context.progress) context.progress(0, 0, "reading frames");
-  SIDESTEP_TRY(measure_cases(cases, measure, context, recorder, record));
-  record.bad_frames = feed.bad_frames();
-  record.has_truth = feed.scene() != nullptr;
-  record.interrupted = context.stop.stop_requested();
-  record_bad_frames(record.bad_frames, recorder);
-  SIDESTEP_TRY(recorder.commit());
-
-  return summarise_mapping(provenance, settings, record);
-}
-
 class MappingBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
@@ -118,7 +87,34 @@ class MappingBenchmark final : public Experiment {
     (void)checked_robot(configuration, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_mapping_benchmark(context);
+    const Node& experiment = *context.configuration.root.find("experiment");
+    const Node& source = *context.configuration.root.find("source");
+    std::vector<Error> errors;
+    MappingBenchmarkSettings settings;
+    MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
+    const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    auto robot = SIDESTEP_TRY(make_robot(context));
+
+    const RunProvenance provenance = provenance_of(context);
+    auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+    Recorder recorder(*store);
+
+    FrameFeed feed([&] { return context.host.create<Source>(source, robot); },
+                   {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
+                   context.stop);
+    MeasureContext measure{context.host, context.log, robot, feed, settings, context.stop, {}};
+    MappingBenchmarkRecord record;
+    record.planned_cases = cases.size();
+    if (context.progress) context.progress(0, 0, "reading frames");
+    SIDESTEP_TRY(measure_cases(cases, measure, context, recorder, record));
+    record.bad_frames = feed.bad_frames();
+    record.has_truth = feed.scene() != nullptr;
+    record.interrupted = context.stop.stop_requested();
+    record_bad_frames(record.bad_frames, recorder);
+    SIDESTEP_TRY(recorder.commit());
+
+    return summarise_mapping(provenance, settings, record);
   }
 };
 

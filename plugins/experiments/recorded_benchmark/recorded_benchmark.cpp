@@ -109,29 +109,6 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
   return record;
 }
 
-Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
-  const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
-  const auto& [settings, problems, provenance, store] = start;
-  Recorder recorder(*store);
-
-  RecordedBenchmarkRecord record;
-  record.about = facts_of(problems, context);
-  record.costs_comparable = !problems.has_base;
-  std::int64_t total = 0;
-  for (const RecordedRun& run : problems.runs) {
-    total += settings.repeats * std::ssize(run.outcomes);
-  }
-  RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
-  for (const RecordedRun& run : problems.runs) {
-    if (context.stop.stop_requested()) break;
-    SIDESTEP_TRY(solve_part(
-        record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
-  }
-  record.about.interrupted = context.stop.stop_requested();
-
-  return summarise_recorded(provenance, settings, record);
-}
-
 class RecordedBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
@@ -143,7 +120,26 @@ class RecordedBenchmark final : public Experiment {
     check_recorded<RecordedBenchmarkSettings>(configuration, set_of_optimiser(), host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_recorded_benchmark(context);
+    const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
+    const auto& [settings, problems, provenance, store] = start;
+    Recorder recorder(*store);
+
+    RecordedBenchmarkRecord record;
+    record.about = facts_of(problems, context);
+    record.costs_comparable = !problems.has_base;
+    std::int64_t total = 0;
+    for (const RecordedRun& run : problems.runs) {
+      total += settings.repeats * std::ssize(run.outcomes);
+    }
+    RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
+    for (const RecordedRun& run : problems.runs) {
+      if (context.stop.stop_requested()) break;
+      SIDESTEP_TRY(solve_part(
+          record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
+    }
+    record.about.interrupted = context.stop.stop_requested();
+
+    return summarise_recorded(provenance, settings, record);
   }
 };
 
