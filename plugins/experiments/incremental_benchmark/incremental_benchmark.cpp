@@ -14,13 +14,13 @@ namespace {
 constexpr const char* kGoal = "goal";
 constexpr const char* kObstacles = "obstacles";
 
-constexpr const char* kIncremental = "incremental";
+constexpr const char* kSetIncremental = "incremental";
 
 /// What the experiment sets of the optimiser: the stopping rules of each recorded run, and
 /// `incremental`.
 std::vector<std::string> set_of_incremental_optimiser() {
   std::vector<std::string> names = set_of_optimiser();
-  names.emplace_back(kIncremental);
+  names.emplace_back(kSetIncremental);
   return names;
 }
 
@@ -29,7 +29,7 @@ Node incremental_block(const Node& optimiser, const RecordedRun& run, bool is_in
   Node block = block_for(optimiser, run);
   const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
   block.entries().push_back(
-      {kIncremental, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
+      {kSetIncremental, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
   return block;
 }
 
@@ -125,37 +125,20 @@ std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& chan
   return posed;
 }
 
-/// One optimiser that keeps nothing, and one that does.
-struct Optimisers {
-  PluginPtr<Optimiser> plain, kept;
-};
-
-Result<Optimisers> make_optimisers(const RecordedRun& run, IncrementalBench& bench) {
-  const Node& block = *bench.context.configuration.root.find("optimiser");
-  const auto make = [&](bool is_incremental) {
-    return bench.context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
-                                                bench.problems.robot);
-  };
-  auto plain = SIDESTEP_TRY(make(false));
-  auto kept = SIDESTEP_TRY(make(true));
-  return Optimisers{std::move(plain), std::move(kept)};
-}
-
 /// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
-/// another one in turn: the first one finds the memory of the change cold.
-void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::size_t turn,
-                   bool is_first, const RecordedProblems& judged_in,
-                   const ExperimentContext& context, ChangedSolve& record) {
-  const auto base = solve_timed(optimisers.kept, posed.before, posed.line_before, context).solution;
+/// another one in turn: the first one finds the memory of the change cold. Of the optimisers,
+/// `kept` keeps what it can.
+void solve_changed(const ChangedProblem& posed, PluginPtr<Optimiser>& plain,
+                   PluginPtr<Optimiser>& kept, std::size_t turn, bool is_first,
+                   const RecordedProblems& judged_in, const ExperimentContext& context,
+                   ChangedSolve& record) {
+  const auto base = solve_timed(kept, posed.before, posed.line_before, context).solution;
   const bool has_base = base && base->trajectory.size() > 0;
   const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
   for (std::size_t i = 0; i < kSolveWays.size(); ++i) {
     const std::size_t way = (i + turn) % kSolveWays.size();
-    const bool is_incremental = kSolveWays[way] == SolveWay::kIncremental;
-    const bool is_afresh = kSolveWays[way] == SolveWay::kAfresh;
-    const TimedSolve timed =
-        solve_timed(is_incremental ? optimisers.kept : optimisers.plain, posed.after,
-                    is_afresh ? posed.line_after : previous, context);
+    const TimedSolve timed = solve_timed(way == kIncremental ? kept : plain, posed.after,
+                                         way == kAfresh ? posed.line_after : previous, context);
     RecordedSolve& solve = record.ways[way];
     note(timed, is_first, solve);
     if (is_first && solve.solved) {
@@ -170,7 +153,13 @@ void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::siz
 Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& change,
                                    IncrementalBench& bench) {
   ExperimentContext& context = bench.context;
-  auto optimisers = SIDESTEP_TRY(make_optimisers(run, bench));
+  const Node& block = *context.configuration.root.find("optimiser");
+  const auto make = [&](bool is_incremental) {
+    return context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
+                                          bench.problems.robot);
+  };
+  auto plain = SIDESTEP_TRY(make(false));
+  auto kept = SIDESTEP_TRY(make(true));
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
   const std::vector<ChangedProblem> posed = pose(run, change, bench);
   ChangedSeries series{run.label, run.is_signed, change, {}};
@@ -181,12 +170,12 @@ Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& ch
   }
   const std::string what =
       run.label + (run.is_signed ? ", signed, other " : ", unsigned, other ") + change;
-  for (PluginPtr<Optimiser>* one : {&optimisers.plain, &optimisers.kept}) {
+  for (PluginPtr<Optimiser>* one : {&plain, &kept}) {
     if (!posed.empty()) (void)solve_timed(*one, posed[0].before, posed[0].line_before, context);
   }
   for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
     for (std::size_t i = 0; i < series.problems.size(); ++i) {
-      solve_changed(posed[i], optimisers, i + static_cast<std::size_t>(repeat), repeat == 0,
+      solve_changed(posed[i], plain, kept, i + static_cast<std::size_t>(repeat), repeat == 0,
                     judged_in, context, series.problems[i]);
       if (context.stop.stop_requested()) {
         if (repeat == 0) series.problems.resize(i);
@@ -205,7 +194,7 @@ void record_series(const ChangedSeries& series, std::int64_t item, Recorder& rec
   recorder.add("series", item, "signed", series.is_signed);
   recorder.add("series", item, "change", series.change);
   for (std::size_t way = 0; way < kSolveWays.size(); ++way) {
-    const std::string name = std::string(to_string(kSolveWays[way])) + "/" + std::to_string(item);
+    const std::string name = std::string(kSolveWays[way]) + "/" + std::to_string(item);
     std::int64_t problem = 0;
     for (const ChangedSolve& record : series.problems) {
       const auto add = [&](std::string_view key, const auto& value) {

@@ -12,8 +12,6 @@ using report::at;
 using report::cell;
 using report::Json;
 
-constexpr std::size_t kAfresh = static_cast<std::size_t>(SolveWay::kAfresh);
-
 /// One way through a series. Times, iterations and costs are of the problems solved in every way.
 struct WayRow {
   const ChangedSeries& series;
@@ -70,7 +68,7 @@ const report::ResultColumnsOf<WayRow>& way_rows() {
           .add("change", [](const R& r) { return r.series.change; },
                "What was changed: `goal` or `obstacles`.", {.heading = "other", .compared = true})
           .add(
-              "way", [](const R& r) { return to_string(kSolveWays[r.way]); },
+              "way", [](const R& r) { return kSolveWays[r.way]; },
               "How it was solved: `afresh` from a straight line, `warm` from the trajectory before "
               "the change, `incremental` by the optimiser that had found it.",
               {.heading = "way", .compared = true})
@@ -123,7 +121,7 @@ std::string verdict_text(const IncrementalRecord& record, const Json& rows,
   text = "Success: " + std::to_string(count.problems) + " changed problems by " +
          record.about.optimiser + ", each with a trajectory in every way.";
   for (const Json& row : rows) {
-    if (at(row, "/way") != Json(to_string(SolveWay::kIncremental))) continue;
+    if (at(row, "/way") != Json(kSolveWays[kIncremental])) continue;
     text += " " + cell(at(row, "/label")) + ", " + cell(at(row, "/field")) + ", other " +
             cell(at(row, "/change")) + ": incrementally in " +
             cell(at(row, "/time_ratio/p50"), "%.2f") + " of the time of solving afresh (median).";
@@ -141,15 +139,6 @@ Result<std::string> incremental_body(const Json& summary, ResultsReader&,
 }
 
 }  // namespace
-
-std::string_view to_string(SolveWay way) noexcept {
-  switch (way) {
-    case SolveWay::kAfresh: return "afresh";
-    case SolveWay::kWarm: return "warm";
-    case SolveWay::kIncremental: break;
-  }
-  return "incremental";
-}
 
 bool ChangedSolve::solved() const noexcept {
   return std::ranges::all_of(ways, &RecordedSolve::solved);

@@ -21,15 +21,10 @@ struct IncrementalSettings : ProblemChoice, ExperimentSettings {
   static Parameters<IncrementalSettings> parameters();
 };
 
-/// How a changed problem is solved.
-enum class SolveWay {
-  kAfresh,       ///< From a straight line.
-  kWarm,         ///< From the trajectory before, whole.
-  kIncremental,  ///< By the optimiser that has found the trajectory before.
-};
-inline constexpr std::array kSolveWays = {SolveWay::kAfresh, SolveWay::kWarm,
-                                          SolveWay::kIncremental};
-[[nodiscard]] std::string_view to_string(SolveWay way) noexcept;
+/// How a changed problem is solved: from a straight line; from the trajectory before, whole; by the
+/// optimiser that has found the trajectory before.
+enum SolveWay : std::size_t { kAfresh, kWarm, kIncremental };
+inline constexpr std::array kSolveWays = {"afresh", "warm", "incremental"};
 
 /// A changed problem in all ways.
 struct ChangedSolve {
