@@ -134,6 +134,18 @@ void Axes::line(const std::vector<double>& x, const std::vector<double>& y, cons
   canvas_.unclip();
 }
 
+void Axes::shares(std::vector<double> values, std::size_t all, const Stroke& stroke) {
+  std::ranges::sort(values);
+  std::vector<double> x{x_.lower}, share{0.0};
+  for (const double value : values) {
+    x.insert(x.end(), {value, value});
+    share.insert(share.end(), {share.back(), share.back() + 1.0 / static_cast<double>(all)});
+  }
+  x.push_back(x_.upper);
+  share.push_back(share.back());
+  line(x, share, stroke);
+}
+
 void Axes::horizontal(double y, const Stroke& stroke) {
   line({x_.lower, x_.upper}, {y, y}, stroke);
 }

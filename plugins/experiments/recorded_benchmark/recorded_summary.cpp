@@ -152,7 +152,7 @@ std::string verdict_text(const RecordedBenchmarkRecord& record, const SolveCount
          " on the problems of " + record.about.problems_file + ", each with a trajectory." + note;
 }
 
-/// What the charts show of one run; one number a problem.
+/// What the charts show of one run: decimal logarithms, one a problem.
 struct PlannerSeries {
   std::string label;
   std::vector<double> cost;
@@ -175,10 +175,13 @@ std::vector<double> logarithms(const std::vector<double>& values) {
   return logs;
 }
 
-Range range_of(const std::vector<std::vector<double>>& lists) {
+/// Of two members of every run.
+Range range_of(const std::vector<PlannerSeries>& runs, std::vector<double> PlannerSeries::*ours,
+               std::vector<double> PlannerSeries::*peers) {
   Range range{INFINITY, -INFINITY};
-  for (const auto& values : lists) {
-    for (const double value : values) range.include(value);
+  for (const PlannerSeries& run : runs) {
+    for (const double value : run.*ours) range.include(value);
+    for (const double value : run.*peers) range.include(value);
   }
   return range.lower <= range.upper ? range.padded(0.04) : Range{};
 }
@@ -188,14 +191,7 @@ Figure cost_figure(const std::vector<PlannerSeries>& runs) {
                 "Final cost of each problem against the peer's, both as decimal logarithms; on the "
                 "line they are equal, below it ours is lower.",
                 Canvas(kWidth, kHeight)};
-  std::vector<std::vector<double>> ours, peers;
-  for (const PlannerSeries& run : runs) {
-    ours.push_back(logarithms(run.cost));
-    peers.push_back(logarithms(run.peer_cost));
-  }
-  std::vector<std::vector<double>> all = ours;
-  all.insert(all.end(), peers.begin(), peers.end());
-  const Range range = range_of(all);
+  const Range range = range_of(runs, &PlannerSeries::cost, &PlannerSeries::peer_cost);
   Axes axes(figure.canvas, {0.0, 0.0, kWidth, kHeight - 30.0}, range, range,
             {"Cost", "log10 of the peer's cost", "log10 of the cost"});
   axes.grid();
@@ -203,26 +199,15 @@ Figure cost_figure(const std::vector<PlannerSeries>& runs) {
             {palette::kGrey, 1.0, {5.0, 4.0}});
   std::vector<LegendEntry> legend;
   for (std::size_t r = 0; r < runs.size(); ++r) {
-    const Colour fill = colour_of(r).with_alpha(0.5);
-    for (std::size_t i = 0; i < std::min(ours[r].size(), peers[r].size()); ++i) {
-      figure.canvas.circle(axes.at(peers[r][i], ours[r][i]), 2.2, fill);
+    const auto& [label, cost, peer_cost, solve_ms, peer_solve_ms] = runs[r];
+    for (std::size_t i = 0; i < std::min(cost.size(), peer_cost.size()); ++i) {
+      figure.canvas.circle(axes.at(peer_cost[i], cost[i]), 2.2, colour_of(r).with_alpha(0.5));
     }
-    legend.push_back({runs[r].label, LegendEntry::Mark::kBox, {colour_of(r), 1.0, {}}});
+    legend.push_back({label, LegendEntry::Mark::kBox, {colour_of(r), 1.0, {}}});
   }
   axes.finish();
   draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kWidth - 60.0, legend);
   return figure;
-}
-
-/// Which share of the problems takes no longer than so much.
-void draw_shares(Axes& axes, std::vector<double> log_ms, const Stroke& stroke) {
-  if (log_ms.empty()) return;
-  std::ranges::sort(log_ms);
-  std::vector<double> shares;
-  for (std::size_t i = 0; i < log_ms.size(); ++i) {
-    shares.push_back(static_cast<double>(i + 1) / static_cast<double>(log_ms.size()));
-  }
-  axes.line(log_ms, shares, stroke);
 }
 
 Figure time_figure(const std::vector<PlannerSeries>& runs) {
@@ -230,19 +215,16 @@ Figure time_figure(const std::vector<PlannerSeries>& runs) {
                 "Share of the problems that are solved within a time (decimal logarithm of "
                 "milliseconds); dashed: the peer's CPU times, as recorded.",
                 Canvas(kWidth, kHeight)};
-  std::vector<std::vector<double>> all;
-  for (const PlannerSeries& run : runs) {
-    all.push_back(logarithms(run.solve_ms));
-    all.push_back(logarithms(run.peer_solve_ms));
-  }
-  Axes axes(figure.canvas, {0.0, 0.0, kWidth, kHeight - 30.0}, range_of(all), {0.0, 1.0},
+  const Range range = range_of(runs, &PlannerSeries::solve_ms, &PlannerSeries::peer_solve_ms);
+  Axes axes(figure.canvas, {0.0, 0.0, kWidth, kHeight - 30.0}, range, {0.0, 1.0},
             {"Time of a solve", "log10 of ms", "share of problems"});
   axes.grid();
   std::vector<LegendEntry> legend;
   for (std::size_t r = 0; r < runs.size(); ++r) {
     const Stroke stroke{colour_of(r), 1.6, {}};
-    draw_shares(axes, all[2 * r], stroke);
-    draw_shares(axes, all[2 * r + 1], {colour_of(r), 1.2, {4.0, 3.0}});
+    axes.shares(runs[r].solve_ms, runs[r].solve_ms.size(), stroke);
+    axes.shares(runs[r].peer_solve_ms, runs[r].peer_solve_ms.size(),
+                {colour_of(r), 1.2, {4.0, 3.0}});
     legend.push_back({runs[r].label, LegendEntry::Mark::kLine, stroke});
   }
   axes.finish();
@@ -259,7 +241,7 @@ Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& re
                                       {"peer_cost", &series.peer_cost},
                                       {"solve_ms", &series.solve_ms},
                                       {"peer_solve_ms", &series.peer_solve_ms}}) {
-      *values = SIDESTEP_TRY(results.column("solve/" + std::to_string(item), key));
+      *values = logarithms(SIDESTEP_TRY(results.column("solve/" + std::to_string(item), key)));
     }
     all.push_back(std::move(series));
   }

@@ -64,6 +64,9 @@ class Axes {
 
   void grid();
   void line(const std::vector<double>& x, const std::vector<double>& y, const Stroke& stroke);
+  /// Which share of `all` lies at or below each x, of which `values` do so within the axes: steps
+  /// over their whole width.
+  void shares(std::vector<double> values, std::size_t all, const Stroke& stroke);
   void horizontal(double y, const Stroke& stroke);
   void vertical(double x, const Stroke& stroke);
   /// Shades everything above or below a value.
