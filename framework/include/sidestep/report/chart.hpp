@@ -64,8 +64,7 @@ class Axes {
 
   void grid();
   void line(const std::vector<double>& x, const std::vector<double>& y, const Stroke& stroke);
-  /// Which share of `all` lies at or below each x, of which `values` do so within the axes: steps
-  /// over their whole width.
+  /// The share of `all` that is no more than x: a step up at each of `values`.
   void shares(std::vector<double> values, std::size_t all, const Stroke& stroke);
   void horizontal(double y, const Stroke& stroke);
   void vertical(double x, const Stroke& stroke);
