@@ -60,44 +60,39 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
   return system;
 }
 
-/// One frame through the system; nothing where the mapper cannot use it.
-Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const Frame> frame,
-                                           std::stop_token stop) {
-  system.source.set(frame);
-  auto step = SIDESTEP_TRY(system.pipeline->step(Deadline(std::move(stop))));
-  system.points.add(*frame, system.mapper->grid());
-  if (!step) return std::optional<UpdateRecord>();
-  if (step->update.grid_moved) {
-    return fail(ErrorCode::kUnsupported,
-                "the mapper's grid moved; systems are compared on one grid",
-                "frame " + std::to_string(step->frame_sequence));
-  }
-  UpdateRecord record;
-  record.frame_sequence = step->frame_sequence;
-  record.integrate_ms = step->integrate_ms;
-  record.field_ms = step->field_ms;
-  record.publish_ms = step->publish_ms;
-  record.latency_ms = record.frame_ms();
-  return record;
-}
-
 enum class Step { kDone, kBadFrame, kEnd };
 
 /// One frame through the system and into the clock's record. It ends where it is asked to stop, and
 /// where the system fails, which goes into the record.
 Step take(System& system, const std::shared_ptr<const Frame>& frame, ClockRecord& clock,
           CaseRecord& record, MeasureContext& context) {
-  const auto updated = update(system, frame, context.stop);
-  if (!updated) {
-    if (!context.stop.stop_requested()) record.error = updated.error().describe();
+  system.source.set(frame);
+  const auto step = system.pipeline->step(Deadline(context.stop));
+  if (!step) {
+    if (!context.stop.stop_requested()) record.error = step.error().describe();
     return Step::kEnd;
   }
+  system.points.add(*frame, system.mapper->grid());
   context.updated();
-  if (!*updated) {
+  if (!*step) {
     ++clock.bad_frames;
     return Step::kBadFrame;
   }
-  clock.updates.push_back(**updated);
+  const MappingStep& done = **step;
+  if (done.update.grid_moved) {
+    record.error = Error{ErrorCode::kUnsupported,
+                         "the mapper's grid moved; systems are compared on one grid",
+                         "frame " + std::to_string(done.frame_sequence),
+                         {},
+                         nullptr}
+                       .describe();
+    return Step::kEnd;
+  }
+  clock.updates.push_back({.frame_sequence = done.frame_sequence,
+                           .integrate_ms = done.integrate_ms,
+                           .field_ms = done.field_ms,
+                           .publish_ms = done.publish_ms});
+  clock.updates.back().latency_ms = clock.updates.back().frame_ms();
   record.is_signed = system.slot.pin()->info().is_signed;
   return Step::kDone;
 }
