@@ -210,14 +210,10 @@ Result<Parts> make_parts(ExperimentContext& context) {
 
 void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSettings& planning,
                                 Log& log) {
-  std::string names;
-  for (const std::string& name : joints_of_unknown_acceleration(robot)) {
-    names += (names.empty() ? "'" : ", '") + name + "'";
-  }
+  const auto names = joints_of_unknown_acceleration(robot);
   if (names.empty()) return;
-  log.info("the acceleration limits of " + names +
-           " are not known; taken for each: its velocity "
-           "limit reached in " +
+  log.info("the acceleration limits of '" + joined(names, "', '") +
+           "' are not known; taken for each: its velocity limit reached in " +
            format("%g s", planning.assumed_ramp_s));
 }
 

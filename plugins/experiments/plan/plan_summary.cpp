@@ -219,29 +219,18 @@ const ResultColumns& plan_columns() {
   return kColumns;
 }
 
-std::string table_text(const MapRecord& map, const Json& plans) {
-  std::vector<double> frame_ms;
-  for (const MappingStep& step : map.steps) frame_ms.push_back(step.frame_ms());
-  TextTable map_table({"frames", "bad", "frame p50", "frame p95", "frame max", "occupied voxels"});
-  map_table.add({std::to_string(map.steps.size()), std::to_string(map.bad_frames.size()),
-                 format("%.1f ms", percentile(frame_ms, 0.5)),
-                 format("%.1f ms", percentile(frame_ms, 0.95)),
-                 format("%.1f ms", percentile(frame_ms, 1.0)), std::to_string(map.occupied_vox)});
-  return map_table.text() + (plans.empty() ? "" : "\n" + plan_columns().text(plans));
-}
-
 // The page of a run.
 
 std::string map_section(const Json& summary) {
-  std::string html = "<h2>Map</h2>\n" +
-                     html_table({"frames", "unusable", "frame time p50", "p95", "max",
-                                 "occupied voxels", "resolution"},
-                                {{cell(at(summary, "/frames")), cell(at(summary, "/bad_frames")),
-                                  cell(at(summary, "/map/frame_ms/p50"), "%.1f ms"),
-                                  cell(at(summary, "/map/frame_ms/p95"), "%.1f ms"),
-                                  cell(at(summary, "/map/frame_ms/max"), "%.1f ms"),
-                                  cell(at(summary, "/map/occupied_vox"), "%.0f"),
-                                  cell(at(summary, "/map/resolution_m"), "%.3f m")}});
+  std::string html =
+      "<h2>Map</h2>\n" + html_table({{"frames", "/frames"},
+                                     {"unusable", "/bad_frames"},
+                                     {"frame time p50", "/map/frame_ms/p50", "%.1f ms"},
+                                     {"p95", "/map/frame_ms/p95", "%.1f ms"},
+                                     {"max", "/map/frame_ms/max", "%.1f ms"},
+                                     {"occupied voxels", "/map/occupied_vox", "%.0f"},
+                                     {"resolution", "/map/resolution_m", "%.3f m"}},
+                                    Json::array({summary}));
   const Json errors = at(summary, "/bad_frame_errors");
   if (!errors.is_array() || errors.empty()) return html;
   html += "<details><summary>Unusable frames</summary><pre>";
@@ -361,14 +350,21 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
   for (const Error& error : map.bad_frames) bad_frames.push_back(error.describe());
   Json plan_list = Json::array();
   for (const PlanRecord& plan : plans) plan_list.push_back(plan_json(plan));
-  outcome.table = table_text(map, plan_list);
-  outcome.summary_json = summary_text(provenance, "plan", outcome,
-                                      {{"fault", map.fault ? Json(map.fault->describe()) : Json()},
-                                       {"frames", map.steps.size()},
-                                       {"bad_frames", map.bad_frames.size()},
-                                       {"bad_frame_errors", bad_frames},
-                                       {"map", map_json(map)},
-                                       {"plans", plan_list}});
+  const Json particulars = {{"fault", map.fault ? Json(map.fault->describe()) : Json()},
+                            {"frames", map.steps.size()},
+                            {"bad_frames", map.bad_frames.size()},
+                            {"bad_frame_errors", bad_frames},
+                            {"map", map_json(map)},
+                            {"plans", plan_list}};
+  outcome.table = text_table({{"frames", "/frames", "%.0f"},
+                              {"bad", "/bad_frames", "%.0f"},
+                              {"frame p50", "/map/frame_ms/p50", "%.1f ms"},
+                              {"frame p95", "/map/frame_ms/p95", "%.1f ms"},
+                              {"frame max", "/map/frame_ms/max", "%.1f ms"},
+                              {"occupied voxels", "/map/occupied_vox", "%.0f"}},
+                             Json::array({particulars}));
+  if (!plans.empty()) outcome.table += "\n" + plan_columns().text(plan_list);
+  outcome.summary_json = summary_text(provenance, "plan", outcome, particulars);
   return outcome;
 }
 
