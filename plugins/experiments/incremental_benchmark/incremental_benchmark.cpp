@@ -420,19 +420,17 @@ ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
                            {"rows", rows}});
 }
 
-const RunReport& incremental_report() {
-  static const RunReport kReport = {.body = &incremental_body,
-                                    .columns = &way_rows(),
-                                    .compared_of_run = {{"problems", "/problems_file"}}};
-  return kReport;
-}
-
 class IncrementalBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"optimiser"}, .set_of_optimiser = set_of_incremental_optimiser()};
   }
-  [[nodiscard]] const report::RunReport& report() const override { return incremental_report(); }
+  [[nodiscard]] const report::RunReport& report() const override {
+    static const RunReport kReport = {.body = &incremental_body,
+                                      .columns = &way_rows(),
+                                      .compared_of_run = {{"problems", "/problems_file"}}};
+    return kReport;
+  }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
     check_recorded<IncrementalSettings>(configuration, set_of_incremental_optimiser(), host,

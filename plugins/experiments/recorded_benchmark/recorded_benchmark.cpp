@@ -433,21 +433,19 @@ ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
                            {"runs", runs}});
 }
 
-const RunReport& recorded_report() {
-  static const RunReport kReport = {
-      .body = &recorded_body,
-      .columns = &recorded_runs(),
-      .compared_of_run = {{"optimiser", "/optimiser"}, {"problems", "/problems_file"}},
-      .pictures = {"planner_"}};
-  return kReport;
-}
-
 class RecordedBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"optimiser"}, .set_of_optimiser = set_of_optimiser()};
   }
-  [[nodiscard]] const report::RunReport& report() const override { return recorded_report(); }
+  [[nodiscard]] const report::RunReport& report() const override {
+    static const RunReport kReport = {
+        .body = &recorded_body,
+        .columns = &recorded_runs(),
+        .compared_of_run = {{"optimiser", "/optimiser"}, {"problems", "/problems_file"}},
+        .pictures = {"planner_"}};
+    return kReport;
+  }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
     check_recorded<RecordedBenchmarkSettings>(configuration, set_of_optimiser(), host, errors);
