@@ -168,8 +168,7 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 Result<StudyRecord> read_study(const std::filesystem::path& path) {
   auto reader = SIDESTEP_TRY(ResultsReader::open(path));
   const std::string file = path.string();
-  DividedRun head;
-  SIDESTEP_TRY(read_run_head(*reader, "study", file, head));
+  auto head = SIDESTEP_TRY(read_run_head(*reader, "study", file));
   auto study = SIDESTEP_TRY(stored_study().read(*reader, "study", 0, file));
   static_cast<DividedRun&>(study) = std::move(head);
   for (std::size_t r = 0; r < study.robots.size(); ++r) {
