@@ -1,12 +1,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <map>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
+#include <sidestep/results/summary.hpp>
 
 #include "study_parts.hpp"
 
@@ -153,12 +155,17 @@ void draw_histograms(Canvas& canvas, const Area& area, const std::array<Outline,
   axes.finish();
 }
 
+/// Logarithms of the costs of problems that both fields solve.
+std::vector<double> log_costs(const StudyRobotRows& robot, std::size_t kind) {
+  return values_of(those_of(robot.problems, &ProblemOutcome::is_solved_by_both),
+                   [=](const ProblemOutcome& problem) { return log_cost(problem, kind); });
+}
+
 std::array<Outline, 2> iterations_of(const StudyRobotRows& robot) {
   std::array<std::vector<double>, 2> values;
-  for (const ProblemOutcome& problem : robot.problems) {
-    for (const std::size_t kind : {kUnsigned, kSigned}) {
-      if (problem.fields[kind].attempted) values[kind].push_back(problem.fields[kind].iterations);
-    }
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    values[kind] = values_of(those_of(robot.problems, &ProblemOutcome::is_attempted),
+                             [=](const auto& problem) { return problem.fields[kind].iterations; });
   }
   const double most = std::max({5.0, percentile(values[kUnsigned], kShownIterations),
                                 percentile(values[kSigned], kShownIterations)});
@@ -169,11 +176,8 @@ std::array<Outline, 2> iterations_of(const StudyRobotRows& robot) {
 }
 
 Range cost_range(const StudyRobotRows& robot) {
-  std::vector<double> costs;
-  for (const ProblemOutcome& problem : robot.problems) {
-    if (!problem.is_solved_by_both()) continue;
-    for (const std::size_t kind : {kUnsigned, kSigned}) costs.push_back(log_cost(problem, kind));
-  }
+  std::vector<double> costs = log_costs(robot, kUnsigned);
+  std::ranges::copy(log_costs(robot, kSigned), std::back_inserter(costs));
   if (costs.empty()) return {0.0, 1.0};
   const auto [least, most] = std::ranges::minmax(costs);
   return Range{least, most}.padded(0.02);
@@ -182,11 +186,8 @@ Range cost_range(const StudyRobotRows& robot) {
 std::array<Outline, 2> costs_of(const StudyRobotRows& robot) {
   const Range range = cost_range(robot);
   const auto of_field = [&](std::size_t kind) {
-    std::vector<double> values;
-    for (const ProblemOutcome& problem : robot.problems) {
-      if (problem.is_solved_by_both()) values.push_back(log_cost(problem, kind));
-    }
-    return histogram(values, range.lower, (range.upper - range.lower) / kCostBins, kCostBins);
+    return histogram(log_costs(robot, kind), range.lower, (range.upper - range.lower) / kCostBins,
+                     kCostBins);
   };
   return {of_field(kUnsigned), of_field(kSigned)};
 }

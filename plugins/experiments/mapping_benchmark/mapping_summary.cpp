@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 using Updates = std::vector<UpdateRecord>;
 
 std::vector<double> frame_times(const Updates& updates) {
-  return values_of(updates, std::mem_fn(&UpdateRecord::frame_ms));
+  return values_of(updates, &UpdateRecord::frame_ms);
 }
 
 double memory_mib(const Updates& updates) {
@@ -104,7 +104,7 @@ auto times_of(auto clock) {
 
 /// One time of every update.
 auto of_updates(double UpdateRecord::*time) {
-  return [time](const ClockRecord& clock) { return values_of(clock.updates, std::mem_fn(time)); };
+  return [time](const ClockRecord& clock) { return values_of(clock.updates, time); };
 }
 
 /// By what factor an update takes longer than the reference's; null where nothing can be compared.

@@ -12,24 +12,21 @@ namespace {
 
 using namespace report;
 
-Json times(const std::vector<double>& values) {
-  return {{"p50", percentile(values, 0.5)},
-          {"p95", percentile(values, 0.95)},
-          {"max", percentile(values, 1.0)}};
-}
-
 Json map_json(const MapRecord& map) {
-  std::vector<double> frame, read, integrate, field;
-  for (const MappingStep& step : map.steps) {
-    frame.push_back(step.frame_ms());
-    read.push_back(step.read_ms);
-    integrate.push_back(step.integrate_ms);
-    field.push_back(step.field_ms);
-  }
-  Json json = {{"frame_ms", times(frame)},         {"read_ms", times(read)},
-               {"integrate_ms", times(integrate)}, {"field_ms", times(field)},
-               {"occupied_vox", map.occupied_vox}, {"known_vox", map.known_vox},
-               {"empty_reason", map.empty_reason}, {"left_out", map.left_out}};
+  const auto times = [&](auto time) {
+    const std::vector<double> values = values_of(map.steps, time);
+    return Json{{"p50", percentile(values, 0.5)},
+                {"p95", percentile(values, 0.95)},
+                {"max", percentile(values, 1.0)}};
+  };
+  Json json = {{"frame_ms", times(&MappingStep::frame_ms)},
+               {"read_ms", times(&MappingStep::read_ms)},
+               {"integrate_ms", times(&MappingStep::integrate_ms)},
+               {"field_ms", times(&MappingStep::field_ms)},
+               {"occupied_vox", map.occupied_vox},
+               {"known_vox", map.known_vox},
+               {"empty_reason", map.empty_reason},
+               {"left_out", map.left_out}};
   if (map.field) {
     const GridSpec& grid = map.field->info().grid;
     json["unknown_share"] =

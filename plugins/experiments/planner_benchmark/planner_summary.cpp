@@ -39,9 +39,7 @@ auto solved_within(double limit_ms) {
 /// A number of each answer that is accepted.
 template <class Value>
 auto of_solved(Value value) {
-  return [value](const PlannerRow& row) {
-    return values_of(row.solved, [&](const SetSolve& s) { return std::invoke(value, s); });
-  };
+  return [value](const PlannerRow& row) { return values_of(row.solved, value); };
 }
 
 const report::ResultColumnsOf<PlannerRow>& planner_rows() {

@@ -177,9 +177,7 @@ struct RunRow {
 
 template <class Value>
 auto of_solved_problems(Value value) {
-  return [value](const RunRow& row) {
-    return values_of(row.solved, [&](const SolveRecord& s) { return std::invoke(value, s); });
-  };
+  return [value](const RunRow& row) { return values_of(row.solved, value); };
 }
 
 /// The same where ours and the peer's costs are measured alike; nothing where they are not.
