@@ -27,14 +27,8 @@ Node laid_over(Node under, const Node& over) {
 }
 
 GridSpec grid_of(const StudyRobotEntry& entry, double resolution_m) {
-  GridSpec grid;
-  grid.origin_m = entry.origin_m;
-  grid.resolution_m = resolution_m;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double voxels = std::ceil(entry.extent_m[axis] / resolution_m - 1e-6);
-    grid.size_vox[axis] = static_cast<int>(std::clamp(voxels, 1.0, 1e5));
-  }
-  return grid;
+  const Eigen::Array3d voxels = (entry.extent_m.array() / resolution_m - 1e-6).ceil();
+  return {entry.origin_m, resolution_m, voxels.max(1.0).min(1e5).cast<int>().matrix()};
 }
 
 void check_regions(const StudyRobotEntry& entry, const Node& node, std::vector<Error>& errors) {
