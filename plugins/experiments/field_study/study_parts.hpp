@@ -302,22 +302,12 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 
 // Summary and report.
 
-struct ComparisonOptions {
-  double confidence = 0.95;
-  int bootstrap_samples = 2000;
-  std::uint64_t seed = 0;
-};
-
 /// Both fields of one robot against each other (numerics: protocol of the paper's Table I): its row
 /// of `robots` in summary.json.
-[[nodiscard]] nlohmann::ordered_json compare_fields(const StudyRobotRows& robot,
-                                                    const ComparisonOptions& options);
+[[nodiscard]] nlohmann::ordered_json compare_fields(const StudyRecord& study,
+                                                    const StudyRobotRows& robot);
 
-/// Verdict, summary.json and tables of what a store holds.
-[[nodiscard]] ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
-                                                const std::optional<Error>& fault);
-
-/// The same of the store in `run`.
+/// Verdict, summary.json and tables of what the store in `run` holds.
 [[nodiscard]] Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run,
                                                        bool interrupted,
                                                        const std::optional<Error>& fault);

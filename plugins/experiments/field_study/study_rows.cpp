@@ -110,15 +110,6 @@ const StoredRow<ProblemOutcome>& stored_problem() {
   return kProblem;
 }
 
-/// Appends the rows of a series, without their items.
-template <class Row>
-Result<void> read_into(std::vector<Row>& rows, const StoredRow<Row>& stored, ResultsReader& reader,
-                       const std::string& series, const std::string& file) {
-  auto read = SIDESTEP_TRY(stored.read_all(reader, series, file));
-  for (auto& [item, row] : read) rows.push_back(std::move(row));
-  return {};
-}
-
 Result<StudyRobotRows> read_robot(ResultsReader& reader, std::size_t robot,
                                   const std::string& file) {
   const auto item = static_cast<std::int64_t>(robot);
@@ -128,8 +119,10 @@ Result<StudyRobotRows> read_robot(ResultsReader& reader, std::size_t robot,
     auto with_sign = SIDESTEP_TRY(stored_published("signed").read(reader, "robot", item, file));
     rows.published = PublishedComparison{plain, with_sign};
   }
-  const auto read_series = [&](auto& into, const auto& stored, const char* series) {
-    return read_into(into, stored, reader, of_robot(series, robot), file);
+  const auto read_series = [&](auto& into, const auto& stored, const char* series) -> Result<void> {
+    auto read = SIDESTEP_TRY(stored.read_all(reader, of_robot(series, robot), file));
+    for (auto& numbered : read) into.push_back(std::move(numbered.second));
+    return {};
   };
   SIDESTEP_TRY(read_series(rows.drawn_states, stored_state(rows.dof), "state"));
   SIDESTEP_TRY(read_series(rows.drawn, stored_scene(), "scene"));

@@ -30,9 +30,8 @@ struct MeanWithInterval {
 /// The mean of a quantity of the problems that it applies to, with its interval by drawing scenes;
 /// `name` seeds the draws.
 template <class Value>
-MeanWithInterval mean_of(const StudyRobotRows& robot, const ComparisonOptions& options,
-                         const char* name, bool (ProblemOutcome::*applies)() const noexcept,
-                         Value value_of) {
+MeanWithInterval mean_of(const StudyRecord& study, const StudyRobotRows& robot, const char* name,
+                         bool (ProblemOutcome::*applies)() const noexcept, Value value_of) {
   std::vector<double> values, sums, counts;
   std::int64_t scene = -1;
   for (const ProblemOutcome& problem : robot.problems) {
@@ -46,9 +45,10 @@ MeanWithInterval mean_of(const StudyRobotRows& robot, const ComparisonOptions& o
     sums.back() += values.back();
     counts.back() += 1.0;
   }
-  const std::uint64_t seed = derive_seed(options.seed, "bootstrap/" + robot.name + "/" + name);
+  const std::uint64_t seed =
+      derive_seed(study.provenance.seed, "bootstrap/" + robot.name + "/" + name);
   return {statistics_of(values), std::ssize(values),
-          bootstrap_ratio(sums, counts, options.bootstrap_samples, options.confidence, seed)};
+          bootstrap_ratio(sums, counts, study.bootstrap_samples, study.confidence, seed)};
 }
 
 Json interval_json(const Interval& interval, double scale = 1.0) {
@@ -77,7 +77,7 @@ Json times_json(const Statistics& times) {
 
 /// One field over all problems of a robot. Its failures are the solvable problems that are not
 /// collision-free in it; their interval is Wilson's.
-Json field_json(const StudyRobotRows& robot, const ComparisonOptions& options, std::size_t kind) {
+Json field_json(const StudyRecord& study, const StudyRobotRows& robot, std::size_t kind) {
   using P = ProblemOutcome;
   using F = FieldOutcome;
   const auto attempted = those_of(robot.problems, &P::is_attempted);
@@ -87,13 +87,13 @@ Json field_json(const StudyRobotRows& robot, const ComparisonOptions& options, s
   };
   const auto solvable = std::ranges::count_if(attempted, &P::is_solvable);
   const auto failures = solvable - with(&F::collision_free, true);
-  const Interval interval = wilson_interval(failures, solvable, options.confidence);
+  const Interval interval = wilson_interval(failures, solvable, study.confidence);
   Json ended = Json::object();
   for (const SolveStatus status : kStatuses) {
     ended[std::string(to_string(status))] = with(&F::status, status);
   }
   const auto mean = [&](const char* name, auto member, auto applies) {
-    return mean_json(mean_of(robot, options, name, applies, [=](const P& problem) {
+    return mean_json(mean_of(study, robot, name, applies, [=](const P& problem) {
       return static_cast<double>(problem.fields[kind].*member);
     }));
   };
@@ -116,11 +116,11 @@ Json field_json(const StudyRobotRows& robot, const ComparisonOptions& options, s
 }
 
 /// Signed minus unsigned, with bootstrapped intervals over scenes.
-Json difference_json(const StudyRobotRows& robot, const ComparisonOptions& options) {
+Json difference_json(const StudyRecord& study, const StudyRobotRows& robot) {
   using P = ProblemOutcome;
   using F = FieldOutcome;
   const auto mean = [&](const char* name, auto value, auto applies) {
-    return mean_of(robot, options, name, applies, [=](const P& problem) {
+    return mean_of(study, robot, name, applies, [=](const P& problem) {
       return static_cast<double>(std::invoke(value, problem.fields[kSigned])) -
              static_cast<double>(std::invoke(value, problem.fields[kUnsigned]));
     });
@@ -207,7 +207,7 @@ void record_whole_study(const StudyRecord& study, Recorder& recorder) {
 
 }  // namespace
 
-Json compare_fields(const StudyRobotRows& robot, const ComparisonOptions& options) {
+Json compare_fields(const StudyRecord& study, const StudyRobotRows& robot) {
   using P = ProblemOutcome;
   const auto count = [&](auto holds) { return std::ranges::count_if(robot.problems, holds); };
   const auto attempted = count(&P::is_attempted), solvable = count(&P::is_solvable);
@@ -234,9 +234,9 @@ Json compare_fields(const StudyRobotRows& robot, const ComparisonOptions& option
                {"only_signed", only(kSigned)},
                {"neither", attempted - solvable}};
   for (const std::size_t kind : {kUnsigned, kSigned}) {
-    json[kFieldNames[kind]] = field_json(robot, options, kind);
+    json[kFieldNames[kind]] = field_json(study, robot, kind);
   }
-  json["difference"] = difference_json(robot, options);
+  json["difference"] = difference_json(study, robot);
   json["published"] = nullptr;
   if (robot.published) {
     json["published"] = {{"unsigned", published_json(robot.published->unsigned_field)},
@@ -245,12 +245,12 @@ Json compare_fields(const StudyRobotRows& robot, const ComparisonOptions& option
   return json;
 }
 
-ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
-                                  const std::optional<Error>& fault) {
-  const ComparisonOptions options{study.confidence, study.bootstrap_samples, study.provenance.seed};
+Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
+                                         const std::optional<Error>& fault) {
+  const auto study = SIDESTEP_TRY(read_study(run / "results.sqlite"));
   Json robots = Json::array();
   for (const StudyRobotRows& robot : study.robots) {
-    robots.push_back(compare_fields(robot, options));
+    robots.push_back(compare_fields(study, robot));
   }
   const bool complete = study.solved() == study.planned();
   ExperimentOutcome outcome;
@@ -271,12 +271,6 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
   show_study(particulars, outcome);
   outcome.summary_json = summary_text(study.provenance, "field_study", outcome, particulars);
   return outcome;
-}
-
-Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
-                                         const std::optional<Error>& fault) {
-  const auto study = SIDESTEP_TRY(read_study(run / "results.sqlite"));
-  return summarise_study(study, interrupted, fault);
 }
 
 Result<ExperimentOutcome> merge_study(const std::vector<std::filesystem::path>& runs,
