@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <utility>
 
 #include <sidestep/measures/point_survey.hpp>
 #include <sidestep/measures/source_facts.hpp>
@@ -12,6 +13,30 @@
 
 namespace sidestep {
 namespace {
+
+/// Memory of this process that is in RAM, in MiB; what was freed is given back first. 0 where the
+/// system does not tell.
+double resident_mib(bool trim) {
+  if (trim) malloc_trim(0);
+  std::ifstream file("/proc/self/statm");
+  double pages = 0.0, resident_pages = 0.0;
+  if (!(file >> pages >> resident_pages)) return 0.0;
+  return resident_pages * static_cast<double>(sysconf(_SC_PAGE_SIZE)) / (1 << 20);
+}
+
+/// Hands one frame at a time to a MappingPipeline. [mapping]
+class OneFrameSource final : public Source {
+ public:
+  void set(std::shared_ptr<const Frame> frame) { frame_ = std::move(frame); }
+  Result<std::optional<Frame>> next(const Deadline&) override {
+    const auto frame = std::exchange(frame_, nullptr);
+    return frame != nullptr ? std::optional(*frame) : std::nullopt;
+  }
+  std::optional<std::int64_t> frame_count() const override { return std::nullopt; }
+
+ private:
+  std::shared_ptr<const Frame> frame_;
+};
 
 /// A mapper, a field and the pipeline through them.
 struct System {
@@ -274,13 +299,6 @@ Result<FrameFeed::Taken> FrameFeed::next_newest(double now_s) {
   }
 }
 
-Result<std::optional<Frame>> OneFrameSource::next(const Deadline&) {
-  if (frame_ == nullptr) return std::optional<Frame>();
-  std::optional<Frame> frame(*frame_);
-  frame_.reset();
-  return frame;
-}
-
 Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context) {
   CaseRecord record;
   record.what = what;
@@ -299,14 +317,6 @@ Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context)
   if (!done) return error_of(done);
   record.interrupted = context.stop.stop_requested();
   return record;
-}
-
-double resident_mib(bool trim) {
-  if (trim) malloc_trim(0);
-  std::ifstream file("/proc/self/statm");
-  double pages = 0.0, resident_pages = 0.0;
-  if (!(file >> pages >> resident_pages)) return 0.0;
-  return resident_pages * static_cast<double>(sysconf(_SC_PAGE_SIZE)) / (1 << 20);
 }
 
 }  // namespace sidestep

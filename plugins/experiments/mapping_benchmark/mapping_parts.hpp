@@ -168,17 +168,6 @@ class FrameFeed {
   std::vector<Error> bad_frames_;
 };
 
-/// Hands one frame at a time to a MappingPipeline. [mapping]
-class OneFrameSource final : public Source {
- public:
-  void set(std::shared_ptr<const Frame> frame) { frame_ = std::move(frame); }
-  [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
-  [[nodiscard]] std::optional<std::int64_t> frame_count() const override { return std::nullopt; }
-
- private:
-  std::shared_ptr<const Frame> frame_;
-};
-
 /// One update: wall times of its stages, and what the process held afterwards.
 struct UpdateRecord {
   std::int64_t frame_sequence = 0;
@@ -228,10 +217,6 @@ struct MeasureContext {
 /// A system that fails is recorded as such; fails itself only where frames cannot be had.
 [[nodiscard]] Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context);
 
-/// Memory of this process that is in RAM, in MiB; what was freed is given back first. 0 where the
-/// system does not tell.
-[[nodiscard]] double resident_mib(bool trim);
-
 // Summary and report.
 
 /// Result of a mapping benchmark.
@@ -247,10 +232,6 @@ struct MappingBenchmarkRecord {
 [[nodiscard]] ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
                                                   const MappingBenchmarkSettings& settings,
                                                   const MappingBenchmarkRecord& record);
-
-/// Why a case does not reach what the settings expect; empty where it does.
-[[nodiscard]] std::string unmet_expectations(const CaseRecord& record,
-                                             const ExpectSettings& expect);
 
 /// Of the rows `systems` of summary.json.
 [[nodiscard]] const report::ResultColumns& mapping_columns();

@@ -62,6 +62,38 @@ const ClockRecord* timed(const CaseRecord& record) {
   return record.real_time ? &*record.real_time : nullptr;
 }
 
+/// Why a case does not reach what the settings expect; empty where it does.
+std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& expect) {
+  const ClockRecord* clock = record.every_frame ? &*record.every_frame : nullptr;
+  if (record.error.empty() && (clock == nullptr || clock->updates.empty()) && !record.real_time) {
+    return "no frame could be mapped";
+  }
+  std::string text;
+  const auto complain = [&](const std::string& what, double found, double wanted) {
+    text += (text.empty() ? "" : ", ") + what + " " + format("%g", found) + " instead of " +
+            format("%g", wanted);
+  };
+  const auto at_most = [&](const std::string& what, double found, std::optional<double> limit) {
+    if (limit && found > *limit) complain(what, found, *limit);
+  };
+  if (clock == nullptr) return "";
+  at_most("an error of (m)", clock->accuracy.max_error_m, expect.max_error_m);
+  if (!clock->truth) return text;
+  const TruthRecord& truth = *clock->truth;
+  const auto largest = [](const std::vector<double>& values) { return percentile(values, 1.0); };
+  const auto recall = truth.collision_recall();
+  if (expect.collision_recall && recall && *recall < *expect.collision_recall) {
+    complain("a collision recall of", *recall, *expect.collision_recall);
+  }
+  at_most("frames until an object appears:", largest(truth.appear_frames), expect.appear_frames);
+  if (expect.appear_frames) {
+    at_most("objects that never appear:", static_cast<double>(truth.never_appeared), 0.0);
+  }
+  at_most("frames until a voxel is gone:", largest(truth.gone_frames), expect.gone_frames);
+  at_most("ghost voxels left:", static_cast<double>(truth.ghost_seen_vox), expect.ghost_vox);
+  return text;
+}
+
 /// A case as it is told of.
 struct SystemRow {
   const CaseRecord& record;
@@ -350,37 +382,6 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
 }  // namespace
 
 const report::ResultColumns& mapping_columns() { return mapping_systems(); }
-
-std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& expect) {
-  const ClockRecord* clock = record.every_frame ? &*record.every_frame : nullptr;
-  if (record.error.empty() && (clock == nullptr || clock->updates.empty()) && !record.real_time) {
-    return "no frame could be mapped";
-  }
-  std::string text;
-  const auto complain = [&](const std::string& what, double found, double wanted) {
-    text += (text.empty() ? "" : ", ") + what + " " + format("%g", found) + " instead of " +
-            format("%g", wanted);
-  };
-  const auto at_most = [&](const std::string& what, double found, std::optional<double> limit) {
-    if (limit && found > *limit) complain(what, found, *limit);
-  };
-  if (clock == nullptr) return "";
-  at_most("an error of (m)", clock->accuracy.max_error_m, expect.max_error_m);
-  if (!clock->truth) return text;
-  const TruthRecord& truth = *clock->truth;
-  const auto largest = [](const std::vector<double>& values) { return percentile(values, 1.0); };
-  const auto recall = truth.collision_recall();
-  if (expect.collision_recall && recall && *recall < *expect.collision_recall) {
-    complain("a collision recall of", *recall, *expect.collision_recall);
-  }
-  at_most("frames until an object appears:", largest(truth.appear_frames), expect.appear_frames);
-  if (expect.appear_frames) {
-    at_most("objects that never appear:", static_cast<double>(truth.never_appeared), 0.0);
-  }
-  at_most("frames until a voxel is gone:", largest(truth.gone_frames), expect.gone_frames);
-  at_most("ghost voxels left:", static_cast<double>(truth.ghost_seen_vox), expect.ghost_vox);
-  return text;
-}
 
 ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
                                     const MappingBenchmarkSettings& settings,
