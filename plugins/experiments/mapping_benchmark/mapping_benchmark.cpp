@@ -8,14 +8,6 @@
 namespace sidestep {
 namespace {
 
-/// The robot, whose own points mappers remove; null where the configuration has none.
-Result<std::shared_ptr<const RobotModel>> make_robot(ExperimentContext& context) {
-  const Node* block = context.configuration.root.find("robot");
-  if (block == nullptr) return std::shared_ptr<const RobotModel>();
-  auto robot = SIDESTEP_TRY(context.host.create<RobotModel>(*block));
-  return std::shared_ptr<const RobotModel>(std::move(robot));
-}
-
 /// One item a frame.
 void record_clock(const std::string& series, const std::optional<ClockRecord>& clock,
                   Recorder& recorder) {
@@ -94,7 +86,10 @@ class MappingBenchmark final : public Experiment {
     MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
     const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-    auto robot = SIDESTEP_TRY(make_robot(context));
+    std::shared_ptr<const RobotModel> robot;  // whose own points mappers remove
+    if (const Node* block = context.configuration.root.find("robot")) {
+      robot = SIDESTEP_TRY(context.host.create<RobotModel>(*block));
+    }
 
     const RunProvenance provenance = provenance_of(context);
     auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
