@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <functional>
 #include <numeric>
@@ -370,10 +371,7 @@ Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
 /// A name as a file's: letters, digits, - and _.
 std::string file_name(const std::string& name) {
   std::string safe = name.substr(0, 60);
-  const auto is_other = [](char c) {
-    return !((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-             c == '-');
-  };
+  const auto is_other = [](unsigned char c) { return c >= 0x80 || !(std::isalnum(c) || c == '-'); };
   std::ranges::replace_if(safe, is_other, '_');
   return safe;
 }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <sidestep/core/node.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/statistics.hpp>
@@ -294,8 +295,7 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results,
       html += "<p class=\"verdict failure\">" + escape_html(reason) + "</p>\n";
     }
     if (const Json attached = at(plan, "/attached"); attached.is_array() && !attached.empty()) {
-      std::string names;
-      for (const Json& object : attached) names += (names.empty() ? "" : ", ") + cell(object);
+      const auto names = joined(attached.get<std::vector<std::string>>());
       html += "<p>The robot carries: " + escape_html(names) + ".</p>\n";
     }
     html += explanation_section(plan);
