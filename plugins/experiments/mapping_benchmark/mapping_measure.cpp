@@ -214,10 +214,7 @@ Result<void> FrameFeed::open() {
   source_.reset();  // two at once may not be had, e.g. of a camera
   auto source = SIDESTEP_TRY(make_source_());
   source_.emplace(std::move(source));
-  if (!scene_) {
-    auto scene = SIDESTEP_TRY(true_scene(*source_));
-    if (scene != nullptr) scene_ = *scene;
-  }
+  if (scene_ == nullptr) scene_ = SIDESTEP_TRY(true_scene(*source_));
   count_ = SIDESTEP_TRY(frame_count_of(*source_));
   if (count_) count_ = (*count_ + limits_.stride - 1) / limits_.stride;
   if (limits_.frames > 0) count_ = std::min(count_.value_or(limits_.frames), limits_.frames);

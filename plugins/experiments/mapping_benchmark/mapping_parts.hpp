@@ -144,7 +144,7 @@ class FrameFeed {
   /// Mistakes of the source in the frames read so far.
   [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
   /// The scene behind the frames; null where it is not known.
-  [[nodiscard]] const Scene* scene() const noexcept { return scene_ ? &*scene_ : nullptr; }
+  [[nodiscard]] const Scene* scene() const noexcept { return scene_.get(); }
 
  private:
   [[nodiscard]] Result<void> open();
@@ -157,7 +157,7 @@ class FrameFeed {
   Log& log_;
   std::stop_token stop_;
   std::optional<PluginPtr<Source>> source_;
-  std::optional<Scene> scene_;
+  std::shared_ptr<const Scene> scene_;
   std::optional<std::int64_t> count_;
   std::deque<std::shared_ptr<const Frame>> window_;
   std::size_t at_ = 0;          ///< Of the next frame, in the window.
