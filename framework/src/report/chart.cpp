@@ -152,16 +152,10 @@ void Axes::horizontal(double y, const Stroke& stroke) {
 
 void Axes::vertical(double x, const Stroke& stroke) { line({x, x}, {y_.lower, y_.upper}, stroke); }
 
-void Axes::shade_above(double y, const Colour& fill) {
-  if (y >= y_.upper) return;
-  const double bottom = at(0.0, std::max(y, y_.lower)).y;
-  canvas_.rectangle({plot_.x, plot_.y, plot_.width, bottom - plot_.y}, fill);
-}
-
-void Axes::shade_below(double y, const Colour& fill) {
-  if (y <= y_.lower) return;
-  const double top = at(0.0, std::min(y, y_.upper)).y;
-  canvas_.rectangle({plot_.x, top, plot_.width, plot_.y + plot_.height - top}, fill);
+void Axes::shade(const Range& y, const Colour& fill) {
+  const double top = at(0.0, std::min(y.upper, y_.upper)).y;
+  const double bottom = at(0.0, std::max(y.lower, y_.lower)).y;
+  if (bottom > top) canvas_.rectangle({plot_.x, top, plot_.width, bottom - top}, fill);
 }
 
 void Axes::finish() {
