@@ -261,14 +261,6 @@ Result<void> Reader::scan_chunk(const PlacedRecord& chunk) {
   return file_.damaged(end, "the file ends within a chunk");
 }
 
-ros::Time Reader::first_time() const noexcept {
-  return entries_.empty() ? ros::Time{} : entries_.front().time;
-}
-
-ros::Time Reader::last_time() const noexcept {
-  return entries_.empty() ? ros::Time{} : entries_.back().time;
-}
-
 void Reader::select(const std::vector<std::string>& topics) {
   selected_.reset();
   if (topics.empty()) return;
@@ -276,11 +268,6 @@ void Reader::select(const std::vector<std::string>& topics) {
   for (const auto& [id, connection] : connections_) {
     if (std::ranges::find(topics, connection.topic) != topics.end()) selected_->push_back(id);
   }
-}
-
-void Reader::seek(ros::Time time) noexcept {
-  next_ = static_cast<std::size_t>(std::ranges::lower_bound(entries_, time, {}, &Entry::time) -
-                                   entries_.begin());
 }
 
 Result<std::optional<Message>> Reader::next() {

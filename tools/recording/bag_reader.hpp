@@ -73,14 +73,9 @@ class Reader {
     return connections_;
   }
   [[nodiscard]] std::size_t message_count() const noexcept { return entries_.size(); }
-  /// Of the first and the last message; 0 in a bag without any.
-  [[nodiscard]] ros::Time first_time() const noexcept;
-  [[nodiscard]] ros::Time last_time() const noexcept;
 
   /// Only messages of these topics come from now on; all where there are none.
   void select(const std::vector<std::string>& topics);
-  /// The first message at `time` or later comes next.
-  void seek(ros::Time time) noexcept;
   /// The next message; nothing after the last. Fails with kIo, naming the byte, where the message
   /// is not what the index says; the one after it may be.
   [[nodiscard]] Result<std::optional<Message>> next();

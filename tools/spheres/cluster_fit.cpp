@@ -9,6 +9,7 @@
 #include <Eigen/Eigenvalues>
 
 #include <sidestep/core/index.hpp>
+#include <sidestep/robot/sphere_fit.hpp>
 
 namespace sidestep {
 namespace {
@@ -18,18 +19,6 @@ constexpr double kDepthShare = 0.3;
 /// Of boxes, halved to find the radius of one sphere.
 constexpr int kMostHalvings = 4000;
 constexpr double kRadiusTolerance_m = 2e-5;
-
-/// Both halves of a box across its longest side.
-std::pair<Cell, Cell> halves(const Cell& cell) {
-  int longest = 0;
-  cell.half_m.maxCoeff(&longest);
-  Cell low = cell;
-  low.half_m[longest] *= 0.5;
-  Cell high = low;
-  low.p_shape[longest] -= low.half_m[longest];
-  high.p_shape[longest] += high.half_m[longest];
-  return {low, high};
-}
 
 class CellMaker {
  public:

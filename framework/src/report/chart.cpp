@@ -134,22 +134,28 @@ void Axes::line(const std::vector<double>& x, const std::vector<double>& y, cons
   canvas_.unclip();
 }
 
+void Axes::shares(std::vector<double> values, std::size_t all, const Stroke& stroke) {
+  std::ranges::sort(values);
+  std::vector<double> x{x_.lower}, share{0.0};
+  for (const double value : values) {
+    x.insert(x.end(), {value, value});
+    share.insert(share.end(), {share.back(), share.back() + 1.0 / static_cast<double>(all)});
+  }
+  x.push_back(x_.upper);
+  share.push_back(share.back());
+  line(x, share, stroke);
+}
+
 void Axes::horizontal(double y, const Stroke& stroke) {
   line({x_.lower, x_.upper}, {y, y}, stroke);
 }
 
 void Axes::vertical(double x, const Stroke& stroke) { line({x, x}, {y_.lower, y_.upper}, stroke); }
 
-void Axes::shade_above(double y, const Colour& fill) {
-  if (y >= y_.upper) return;
-  const double bottom = at(0.0, std::max(y, y_.lower)).y;
-  canvas_.rectangle({plot_.x, plot_.y, plot_.width, bottom - plot_.y}, fill);
-}
-
-void Axes::shade_below(double y, const Colour& fill) {
-  if (y <= y_.lower) return;
-  const double top = at(0.0, std::min(y, y_.upper)).y;
-  canvas_.rectangle({plot_.x, top, plot_.width, plot_.y + plot_.height - top}, fill);
+void Axes::shade(const Range& y, const Colour& fill) {
+  const double top = at(0.0, std::min(y.upper, y_.upper)).y;
+  const double bottom = at(0.0, std::max(y.lower, y_.lower)).y;
+  if (bottom > top) canvas_.rectangle({plot_.x, top, plot_.width, bottom - top}, fill);
 }
 
 void Axes::finish() {

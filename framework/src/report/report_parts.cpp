@@ -52,12 +52,6 @@ std::string base64(std::string_view bytes) {
   return text;
 }
 
-/// A picture file as the value of an img's src.
-Result<std::string> embedded_png(const fs::path& file) {
-  auto bytes = SIDESTEP_TRY(read_file(file));
-  return "data:image/png;base64," + base64(bytes);
-}
-
 /// Characters, not bytes, of UTF-8 text.
 std::size_t width_of(const std::string& text) {
   return static_cast<std::size_t>(std::ranges::count_if(
@@ -189,9 +183,10 @@ Result<std::string> figure_section(const std::vector<Figure>& figures, const fs:
     auto written = figure.canvas.write_png(png);
     if (written) written = figure.canvas.write_svg(run / (figure.file + ".svg"));
     if (!written) return error_of(written);
-    const auto image = SIDESTEP_TRY(embedded_png(png));
-    html += "<figure><img alt=\"" + escape_html(figure.caption) + "\" src=\"" + image +
-            "\"><figcaption>" + escape_html(figure.caption) + "</figcaption></figure>\n";
+    const auto image = base64(SIDESTEP_TRY(read_file(png)));
+    html += "<figure><img alt=\"" + escape_html(figure.caption) +
+            "\" src=\"data:image/png;base64," + image + "\"><figcaption>" +
+            escape_html(figure.caption) + "</figcaption></figure>\n";
   }
   return html;
 }

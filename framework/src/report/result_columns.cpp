@@ -28,23 +28,23 @@ std::string key_of(const ResultColumn& column) {
 
 }  // namespace
 
-void ResultColumns::declare(const std::string& key, std::string heading, std::string meaning,
+void ResultColumns::declare(const std::string& key, const std::string& meaning,
                             const Shown& shown) {
   std::string pointer = "/" + key;
   std::ranges::replace(pointer, '.', '/');
-  columns_.push_back(
-      {std::move(pointer), std::move(meaning), std::move(heading), shown, tables_.size()});
+  columns_.push_back({std::move(pointer), meaning, shown, tables_.size()});
 }
 
 void ResultColumns::declare_statistics(const std::string& prefix, const std::string& meaning,
                                        const std::vector<std::string>& statistics,
                                        const Shown& shown) {
-  const std::string heading = shown.heading;
   for (const std::string& name : statistics) {
     const bool is_shown =
-        !heading.empty() &&
-        (shown.statistics.empty() || shown.statistics.find(name) != std::string_view::npos);
-    declare(prefix + name, is_shown ? heading + " " + name : "", meaning, shown);
+        !shown.heading.empty() &&
+        (shown.statistics.empty() || shown.statistics.find(name) != shown.statistics.npos);
+    Shown one = shown;
+    one.heading = is_shown ? shown.heading + " " + name : "";
+    declare(prefix + name, meaning, one);
   }
 }
 
@@ -66,8 +66,8 @@ Columns ResultColumns::shown_in(std::size_t table, bool on_page) const {
   Columns shown;
   for (const ResultColumn& column : columns_) {
     const bool is_here = column.table == 0 || column.table == table;
-    if (!is_here || column.heading.empty() || (column.shown.page_only && !on_page)) continue;
-    shown.push_back({column.heading, column.pointer.c_str(), column.shown.pattern});
+    if (!is_here || column.shown.heading.empty() || (column.shown.page_only && !on_page)) continue;
+    shown.push_back({column.shown.heading, column.pointer.c_str(), column.shown.pattern});
   }
   return shown;
 }
@@ -108,8 +108,8 @@ std::string ResultColumns::html(const Json& rows) const {
 Columns ResultColumns::compared() const {
   Columns compared;
   for (const ResultColumn& column : columns_) {
-    if (!column.shown.compared || column.heading.empty()) continue;
-    compared.push_back({column.heading, column.pointer.c_str(), column.shown.pattern});
+    if (!column.shown.compared || column.shown.heading.empty()) continue;
+    compared.push_back({column.shown.heading, column.pointer.c_str(), column.shown.pattern});
   }
   return compared;
 }

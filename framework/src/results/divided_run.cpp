@@ -76,12 +76,12 @@ void record_run_head(const DividedRun& run, std::string_view series, Recorder& r
   stored_head().record(run, series, 0, recorder);
 }
 
-Result<void> read_run_head(ResultsReader& reader, const std::string& series,
-                           const std::string& file, DividedRun& run) {
-  run = SIDESTEP_TRY(stored_head().read(reader, series, 0, file));
+Result<DividedRun> read_run_head(ResultsReader& reader, const std::string& series,
+                                 const std::string& file) {
+  auto run = SIDESTEP_TRY(stored_head().read(reader, series, 0, file));
   auto sessions = SIDESTEP_TRY(stored_session().read_all(reader, "session", file));
   for (auto& [item, session] : sessions) run.sessions.push_back(session);
-  return {};
+  return run;
 }
 
 std::string difference(const std::string& there, const std::string& here) {

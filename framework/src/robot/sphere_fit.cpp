@@ -44,17 +44,6 @@ struct Cell {
   Eigen::Vector3d half_m;
 };
 
-std::array<Cell, 2> halves(const Cell& cell) {
-  int longest = 0;
-  cell.half_m.maxCoeff(&longest);
-  Cell low = cell;
-  low.half_m[longest] *= 0.5;
-  Cell high = low;
-  low.p_shape[longest] -= low.half_m[longest];
-  high.p_shape[longest] += high.half_m[longest];
-  return {low, high};
-}
-
 double farthest_m(std::span<const Cell> cells, const Eigen::Vector3d& p) {
   double farthest2 = 0.0;
   for (const Cell& cell : cells) {

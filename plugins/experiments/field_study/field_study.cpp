@@ -7,10 +7,7 @@
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
-#include "study_problems.hpp"
-#include "study_rows.hpp"
-#include "study_settings.hpp"
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 
 namespace sidestep {
 namespace {
@@ -23,111 +20,82 @@ bool in_shard(const Shard& shard, std::size_t robot, int scene, int scenes) {
   return unit % shard.count == shard.index;
 }
 
-/// One robot at work: everything that its problems share.
-class RobotStudy {
- public:
-  static Result<std::unique_ptr<RobotStudy>> make(const FieldStudy& study, std::size_t index,
-                                                  ExperimentContext& context);
-
-  [[nodiscard]] const StudyRobot& settings() const { return settings_; }
-  [[nodiscard]] const RobotDescription& description() const { return robot_->description(); }
-  [[nodiscard]] const std::vector<Eigen::VectorXd>& states() const { return states_; }
-
-  /// Optimisers for `threads` threads.
-  Result<void> prepare(int threads, bool skips_collisions, ExperimentContext& context);
-
-  struct Prepared {
-    StudyScene scene;
-    SceneRow row;
-  };
-  /// Draws a scene and makes both its fields.
-  Result<Prepared> make_scene(int scene, int boxes, std::uint64_t seed);
-  [[nodiscard]] StudySolver& solver(std::size_t thread) { return *solvers_[thread]; }
-
- private:
-  RobotStudy(const StudyRobot& settings, const CheckSettings& check, const Node& optimiser_block,
-             std::shared_ptr<const RobotModel> robot)
-      : settings_(settings),
-        check_(check),
-        optimiser_block_(optimiser_block),
-        robot_(std::move(robot)),
-        map_(settings.grid) {}
-  std::vector<char> free_states(const DistanceField& truth) const;
-
-  const StudyRobot& settings_;
-  const CheckSettings& check_;
-  const Node& optimiser_block_;
-  std::shared_ptr<const RobotModel> robot_;
-  std::vector<Eigen::VectorXd> states_;
-  BoxMap map_;
-  std::vector<PluginPtr<FieldBuilder>> builders_;  ///< By kind of field.
-  std::vector<std::unique_ptr<StudySolver>> solvers_;
+/// One robot at work: everything that its problems share. Fields are attached to its map.
+struct RobotStudy {
+  const StudyRobot& settings;
+  std::shared_ptr<const RobotModel> robot;
+  std::vector<Eigen::VectorXd> states;
+  BoxMap map{settings.grid};
+  std::vector<PluginPtr<FieldBuilder>> builders = {};  ///< By kind of field.
+  std::vector<StudySolver> solvers = {};               ///< By thread.
 };
 
-Result<std::unique_ptr<RobotStudy>> RobotStudy::make(const FieldStudy& study, std::size_t index,
-                                                     ExperimentContext& context) {
+Result<std::unique_ptr<RobotStudy>> make_robot(const FieldStudy& study, std::size_t index,
+                                               ExperimentContext& context) {
   const StudyRobot& settings = study.robots[index];
-  auto model = SIDESTEP_TRY(context.host.create<RobotModel>(settings.entry.robot));
-  std::unique_ptr<RobotStudy> robot(
-      new RobotStudy(settings, study.check, study.optimiser_block, std::move(model)));
-  robot->states_ =
-      SIDESTEP_TRY(draw_states(settings, robot->robot_, study.settings.states, context.seed));
+  std::shared_ptr<const RobotModel> model =
+      SIDESTEP_TRY(context.host.create<RobotModel>(settings.entry.robot));
+  auto states = SIDESTEP_TRY(draw_states(settings, model, study.settings.states, context.seed));
+  std::unique_ptr<RobotStudy> robot(new RobotStudy{settings, model, std::move(states)});
   for (const bool is_signed : {false, true}) {
-    auto builder = SIDESTEP_TRY(context.host.create<FieldBuilder>(
-        study_field_block(study.field_block, is_signed), robot->robot_));
-    SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->attach(robot->map_); }));
-    robot->builders_.push_back(std::move(builder));
+    auto builder = SIDESTEP_TRY(
+        context.host.create<FieldBuilder>(study_field_block(study.field_block, is_signed), model));
+    SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->attach(robot->map); }));
+    robot->builders.push_back(std::move(builder));
   }
   return robot;
 }
 
-Result<void> RobotStudy::prepare(int threads, bool skips_collisions, ExperimentContext& context) {
-  for (int t = 0; t < threads; ++t) {
-    auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(optimiser_block_, robot_));
-    solvers_.push_back(std::make_unique<StudySolver>(settings_, robot_, states_,
-                                                     std::move(optimiser), skips_collisions));
-  }
-  return {};
-}
-
-Result<RobotStudy::Prepared> RobotStudy::make_scene(int scene, int boxes, std::uint64_t seed) {
-  const std::vector<StudyBox> drawn = draw_boxes(settings_.entry, boxes, scene, seed);
-  Prepared prepared;
-  prepared.scene.scene = scene;
-  prepared.row.scene = scene;
-  prepared.row.mean_side_m = mean_side_m(settings_.entry, drawn);
-  const MapUpdate update = map_.set_boxes(drawn);
-  for (const std::size_t kind : {kUnsigned, kSigned}) {
-    const Stopwatch watch;
-    auto field = SIDESTEP_TRY(
-        call_stage(plugin_of(builders_[kind]), [&] { return builders_[kind]->update(update); }));
-    prepared.row.field_ms[kind] = watch.elapsed_ms();
-    prepared.scene.fields[kind] = std::move(field);
-  }
-  const auto truth = std::make_shared<const BoxField>(drawn);
-  prepared.scene.state_free = free_states(*truth);
-  prepared.scene.check = make_field_check(
-      robot_, truth, {Space::kFree, Space::kOccupied},
-      {.margin_m = check_.margin_m, .max_step_m = check_.max_step_m, .obstacles_only = true});
-  return prepared;
-}
-
-std::vector<char> RobotStudy::free_states(const DistanceField& truth) const {
-  const std::vector<CollisionSphere>& spheres = description().spheres;
+/// Which states keep the margin to the boxes.
+std::vector<char> free_states(const RobotStudy& robot, const DistanceField& truth,
+                              double margin_m) {
+  const std::vector<CollisionSphere>& spheres = robot.robot->description().spheres;
   std::vector<Eigen::Vector3d> centres(spheres.size());
   std::vector<double> distances(spheres.size());
   std::vector<char> free;
   Scratch scratch;
-  for (const Eigen::VectorXd& q : states_) {
-    robot_->sphere_centres(as_span(q), centres, scratch);
+  for (const Eigen::VectorXd& q : robot.states) {
+    robot.robot->sphere_centres(as_span(q), centres, scratch);
     truth.query(centres, distances, {}, {});
     bool clear = true;
     for (std::size_t s = 0; s < spheres.size(); ++s) {
-      clear = clear && distances[s] - spheres[s].radius_m >= check_.margin_m;
+      clear = clear && distances[s] - spheres[s].radius_m >= margin_m;
     }
     free.push_back(clear ? 1 : 0);
   }
   return free;
+}
+
+struct PreparedScene {
+  StudyScene scene;
+  SceneRow row;
+};
+
+/// Draws a scene and makes both its fields.
+Result<PreparedScene> make_scene(RobotStudy& robot, const FieldStudy& study, int scene,
+                                 std::uint64_t seed) {
+  const StudyRobotEntry& entry = robot.settings.entry;
+  const auto boxes = draw_boxes(entry, study.settings.boxes_per_scene, scene, seed);
+  PreparedScene prepared;
+  prepared.scene.scene = scene;
+  prepared.row.scene = scene;
+  prepared.row.mean_side_m = mean_side_m(entry, boxes);
+  const MapUpdate update = robot.map.set_boxes(boxes);
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    const Stopwatch watch;
+    const auto& builder = robot.builders[kind];
+    auto field =
+        SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->update(update); }));
+    prepared.row.field_ms[kind] = watch.elapsed_ms();
+    prepared.scene.fields[kind] = std::move(field);
+  }
+  const auto truth = true_field(boxes);
+  prepared.scene.state_free = free_states(robot, *truth, study.check.margin_m);
+  prepared.scene.check = make_field_check(robot.robot, truth, {Space::kFree, Space::kOccupied},
+                                          {.margin_m = study.check.margin_m,
+                                           .max_step_m = study.check.max_step_m,
+                                           .obstacles_only = true});
+  return prepared;
 }
 
 /// A pair of one of the scenes that are being worked on.
@@ -148,7 +116,7 @@ Result<std::vector<ProblemOutcome>> solve_all(const std::vector<WorkItem>& items
   std::mutex mutex;  // guards fault, done and the progress callback
   const Deadline deadline(context.stop);
   workers.run(workers.thread_count(), [&](int thread) {
-    StudySolver& solver = robot.solver(static_cast<std::size_t>(thread));
+    StudySolver& solver = robot.solvers[idx(thread)];
     while (!stopped) {
       const std::size_t i = next++;
       if (i >= items.size()) return;
@@ -161,7 +129,7 @@ Result<std::vector<ProblemOutcome>> solve_all(const std::vector<WorkItem>& items
       }
       outcomes[i] = std::move(*solved);
       ++done;
-      if (context.progress) context.progress(done, total, robot.settings().entry.name);
+      if (context.progress) context.progress(done, total, robot.settings.entry.name);
     }
   });
   if (fault) return tl::make_unexpected(std::move(*fault));
@@ -176,162 +144,110 @@ Result<std::vector<ProblemOutcome>> solve_all(const std::vector<WorkItem>& items
 using DoneProblems = std::set<std::int64_t>;
 
 /// A run of a study: the scenes of its shard that are not done yet.
-class StudyRun {
- public:
-  StudyRun(const FieldStudy& study, ExperimentContext& context, Recorder& recorder,
-           std::vector<DoneProblems> done)
-      : study_(study),
-        context_(context),
-        recorder_(recorder),
-        done_(std::move(done)),
-        workers_(context.threads),
-        clock_(workers_.thread_count()) {}
+struct StudyRun {
+  const FieldStudy& study;
+  ExperimentContext& context;
+  Recorder& recorder;
+  std::vector<DoneProblems> done;  ///< By robot.
+  WorkerPool workers{context.threads};
+  SessionClock clock{workers.thread_count()};
+  std::vector<std::unique_ptr<RobotStudy>> robots = {};
+  std::int64_t solved = 0;  ///< In all sessions.
+  std::int64_t total = 0;
 
   /// What is known of the robots before any problem is solved.
   Result<std::vector<StudyRobotRows>> prepare();
   Result<void> solve(std::int64_t session);
-
- private:
-  Result<void> solve_robot(std::size_t robot);
-  Result<void> solve_batch(std::size_t robot, const std::vector<int>& scenes);
-
-  const FieldStudy& study_;
-  ExperimentContext& context_;
-  Recorder& recorder_;
-  std::vector<DoneProblems> done_;
-  WorkerPool workers_;
-  std::vector<std::unique_ptr<RobotStudy>> robots_;
-  std::int64_t solved_ = 0;  ///< In all sessions.
-  std::int64_t total_ = 0;
-  std::int64_t session_ = 0;
-  SessionClock clock_;
+  Result<void> solve_robot(std::size_t robot, std::int64_t session);
+  Result<void> solve_batch(std::size_t robot, const std::vector<int>& scenes, std::int64_t session);
 };
 
 Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
   std::vector<StudyRobotRows> rows;
-  const FieldStudySettings& settings = study_.settings;
-  for (std::size_t r = 0; r < study_.robots.size(); ++r) {
-    auto robot = SIDESTEP_TRY(RobotStudy::make(study_, r, context_));
+  const FieldStudySettings& settings = study.settings;
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    auto robot = SIDESTEP_TRY(make_robot(study, r, context));
     StudyRobotRows row;
-    row.name = study_.robots[r].entry.name;
-    row.dof = robot->description().dof();
-    row.spheres = static_cast<int>(robot->description().spheres.size());
+    row.name = study.robots[r].entry.name;
+    row.dof = robot->robot->description().dof();
+    row.spheres = static_cast<int>(robot->robot->description().spheres.size());
     row.states = settings.states;
     row.scenes = settings.scenes;
     row.boxes_per_scene = settings.boxes_per_scene;
-    row.resolution_m = study_.robots[r].grid.resolution_m;
-    row.drawn_states = robot->states();
-    row.published = study_.robots[r].entry.published;
+    row.resolution_m = study.robots[r].grid.resolution_m;
+    row.drawn_states = robot->states;
+    row.published = study.robots[r].entry.published;
     for (int scene = 0; scene < settings.scenes; ++scene) {
-      if (in_shard(context_.shard, r, scene, settings.scenes)) row.planned += settings.pairs();
+      if (in_shard(context.shard, r, scene, settings.scenes)) row.planned += settings.pairs();
     }
-    total_ += row.planned;
-    solved_ += static_cast<std::int64_t>(done_[r].size());
+    total += row.planned;
+    solved += static_cast<std::int64_t>(done[r].size());
     rows.push_back(std::move(row));
-    robots_.push_back(std::move(robot));
+    robots.push_back(std::move(robot));
   }
   return rows;
 }
 
 Result<void> StudyRun::solve(std::int64_t session) {
-  session_ = session;
-  for (std::size_t r = 0; r < robots_.size(); ++r) {
-    if (context_.stop.stop_requested()) break;
-    auto done = solve_robot(r);
-    robots_[r].reset();  // its fields and optimisers
-    if (!done) return done;
+  for (std::size_t r = 0; r < robots.size(); ++r) {
+    if (context.stop.stop_requested()) break;
+    auto ended = solve_robot(r, session);
+    robots[r].reset();  // its fields and optimisers
+    if (!ended) return ended;
   }
-  record_session(clock_.after(0), session_, recorder_);
-  return recorder_.commit();
+  record_session(clock.after(0), session, recorder);
+  return recorder.commit();
 }
 
-Result<void> StudyRun::solve_robot(std::size_t robot) {
-  const FieldStudySettings& settings = study_.settings;
+Result<void> StudyRun::solve_robot(std::size_t robot, std::int64_t session) {
+  const FieldStudySettings& settings = study.settings;
   const std::int64_t pairs = settings.pairs();
   std::vector<int> scenes;
   for (int scene = 0; scene < settings.scenes; ++scene) {
-    if (!in_shard(context_.shard, robot, scene, settings.scenes)) continue;
-    const auto first = done_[robot].lower_bound(scene * pairs);
-    const auto last = done_[robot].lower_bound((scene + 1) * pairs);
+    if (!in_shard(context.shard, robot, scene, settings.scenes)) continue;
+    const auto first = done[robot].lower_bound(scene * pairs);
+    const auto last = done[robot].lower_bound((scene + 1) * pairs);
     if (std::distance(first, last) < pairs) scenes.push_back(scene);
   }
   if (scenes.empty()) return {};
-  SIDESTEP_TRY(
-      robots_[robot]->prepare(workers_.thread_count(), settings.skips_collisions(), context_));
+  RobotStudy& at_work = *robots[robot];
+  for (int t = 0; t < workers.thread_count(); ++t) {
+    auto optimiser =
+        SIDESTEP_TRY(context.host.create<Optimiser>(study.optimiser_block, at_work.robot));
+    at_work.solvers.push_back({at_work.settings, at_work.robot, at_work.states,
+                               std::move(optimiser), settings.skips_collisions()});
+  }
   const auto in_batch = static_cast<std::size_t>((kProblemsInBatch + pairs - 1) / pairs);
   for (std::size_t first = 0; first < scenes.size(); first += in_batch) {
-    if (context_.stop.stop_requested()) return {};
+    if (context.stop.stop_requested()) return {};
     const auto begin = scenes.begin() + static_cast<std::ptrdiff_t>(first);
     const auto count = std::min(in_batch, scenes.size() - first);
-    SIDESTEP_TRY(solve_batch(robot, {begin, begin + static_cast<std::ptrdiff_t>(count)}));
+    SIDESTEP_TRY(solve_batch(robot, {begin, begin + static_cast<std::ptrdiff_t>(count)}, session));
   }
   return {};
 }
 
-Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& scenes) {
-  const std::int64_t pairs = study_.settings.pairs();
-  std::vector<RobotStudy::Prepared> prepared;
+Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& scenes,
+                                   std::int64_t session) {
+  const std::int64_t pairs = study.settings.pairs();
+  std::vector<PreparedScene> prepared;
   for (const int scene : scenes) {
-    auto made = SIDESTEP_TRY(
-        robots_[robot]->make_scene(scene, study_.settings.boxes_per_scene, context_.seed));
-    record_scene(made.row, robot, recorder_);
+    auto made = SIDESTEP_TRY(make_scene(*robots[robot], study, scene, context.seed));
+    record_scene(made.row, robot, recorder);
     prepared.push_back(std::move(made));
   }
   std::vector<WorkItem> items;
-  for (const RobotStudy::Prepared& one : prepared) {
+  for (const PreparedScene& one : prepared) {
     for (std::int64_t pair = 0; pair < pairs; ++pair) {
-      if (done_[robot].contains(one.scene.scene * pairs + pair)) continue;
+      if (done[robot].contains(one.scene.scene * pairs + pair)) continue;
       items.push_back({&one.scene, pair});
     }
   }
-  const auto solved =
-      SIDESTEP_TRY(solve_all(items, *robots_[robot], workers_, context_, solved_, total_));
-  for (const ProblemOutcome& outcome : solved) record_problem(outcome, robot, recorder_);
-  record_session(clock_.after(std::ssize(solved)), session_, recorder_);
-  return recorder_.commit();
-}
-
-Result<ExperimentOutcome> run_field_study(ExperimentContext& context) {
-  std::vector<Error> errors;
-  const FieldStudy study = read_field_study(context.configuration, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  const std::int64_t units = static_cast<std::int64_t>(study.robots.size()) * study.settings.scenes;
-  if (context.shard.count > units) {
-    return fail(ErrorCode::kConfig,
-                "the study has " + std::to_string(units) + " scenes, too few for " +
-                    std::to_string(context.shard.count) + " shards",
-                context.configuration.file.string());
-  }
-  StudyRecord record{divided_run_of(context)};
-  record.confidence = study.settings.confidence;
-  record.bootstrap_samples = study.settings.bootstrap_samples;
-  record.published_as = study.settings.published_as;
-
-  std::vector<DoneProblems> done(study.robots.size());
-  std::int64_t session = 0;
-  const auto file = context.out / "results.sqlite";
-  if (context.resume) {
-    const auto earlier = SIDESTEP_TRY(read_study(file));
-    SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
-    session = static_cast<std::int64_t>(earlier.sessions.size());
-    for (std::size_t r = 0; r < done.size(); ++r) {
-      for (const ProblemOutcome& problem : earlier.robots[r].problems) {
-        done[r].insert(done[r].end(), problem.problem);
-      }
-    }
-  }
-  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                           : ResultsStore::open(file, record.provenance));
-  Recorder recorder(*store);
-  StudyRun run(study, context, recorder, std::move(done));
-  record.robots = SIDESTEP_TRY(run.prepare());
-  if (!context.resume) record_study(record, recorder);
-  SIDESTEP_TRY(recorder.commit());
-  auto solved = run.solve(session);
-  store.reset();
-  if (context.progress) context.progress(0, 0, "summing up");
-  return conclude_study(context.out, context.stop.stop_requested(),
-                        solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
+  const auto outcomes =
+      SIDESTEP_TRY(solve_all(items, *robots[robot], workers, context, solved, total));
+  for (const ProblemOutcome& outcome : outcomes) record_problem(outcome, robot, recorder);
+  record_session(clock.after(std::ssize(outcomes)), session, recorder);
+  return recorder.commit();
 }
 
 class FieldStudyExperiment final : public Experiment {
@@ -348,7 +264,47 @@ class FieldStudyExperiment final : public Experiment {
     check_field_study(configuration, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_field_study(context);
+    std::vector<Error> errors;
+    const FieldStudy study = read_field_study(context.configuration, errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    const std::int64_t units =
+        static_cast<std::int64_t>(study.robots.size()) * study.settings.scenes;
+    if (context.shard.count > units) {
+      return fail(ErrorCode::kConfig,
+                  "the study has " + std::to_string(units) + " scenes, too few for " +
+                      std::to_string(context.shard.count) + " shards",
+                  context.configuration.file.string());
+    }
+    StudyRecord record{divided_run_of(context)};
+    record.confidence = study.settings.confidence;
+    record.bootstrap_samples = study.settings.bootstrap_samples;
+    record.published_as = study.settings.published_as;
+
+    std::vector<DoneProblems> done(study.robots.size());
+    std::int64_t session = 0;
+    const auto file = context.out / "results.sqlite";
+    if (context.resume) {
+      const auto earlier = SIDESTEP_TRY(read_study(file));
+      SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
+      session = static_cast<std::int64_t>(earlier.sessions.size());
+      for (std::size_t r = 0; r < done.size(); ++r) {
+        for (const ProblemOutcome& problem : earlier.robots[r].problems) {
+          done[r].insert(done[r].end(), problem.problem);
+        }
+      }
+    }
+    auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
+                                             : ResultsStore::open(file, record.provenance));
+    Recorder recorder(*store);
+    StudyRun run{study, context, recorder, std::move(done)};
+    record.robots = SIDESTEP_TRY(run.prepare());
+    if (!context.resume) record_study(record, recorder);
+    SIDESTEP_TRY(recorder.commit());
+    auto solved = run.solve(session);
+    store.reset();
+    if (context.progress) context.progress(0, 0, "summing up");
+    return conclude_study(context.out, context.stop.stop_requested(),
+                          solved ? std::nullopt : std::optional<Error>(std::move(solved.error())));
   }
   [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
                                                 const std::filesystem::path& out) const override {

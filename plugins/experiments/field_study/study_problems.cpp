@@ -1,8 +1,7 @@
-#include "study_problems.hpp"
+#include "study_parts.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <random>
 #include <string>
 
@@ -14,10 +13,7 @@ namespace sidestep {
 namespace {
 
 constexpr int kDrawsPerState = 10000;
-/// Edge of the voxels that a field without voxels claims to have: checks add it to what may lie
-/// between two points. As many of them as can be counted reach a kilometre each way.
-constexpr double kNoVoxel_m = 1e-6;
-constexpr int kFar_vox = 2'000'000'000;
+constexpr double kFar_m = 1000.0;
 
 /// The same on every platform, which std::uniform_real_distribution is not.
 double uniform(std::mt19937_64& random, double lower, double upper) {
@@ -30,40 +26,6 @@ Eigen::Vector3d uniform(std::mt19937_64& random, const Eigen::Vector3d& lower,
   Eigen::Vector3d value;
   for (int axis = 0; axis < 3; ++axis) value[axis] = uniform(random, lower[axis], upper[axis]);
   return value;
-}
-
-FieldInfo everywhere() {
-  FieldInfo info;
-  info.grid.resolution_m = kNoVoxel_m;
-  info.grid.size_vox = Eigen::Vector3i::Constant(kFar_vox);
-  info.grid.origin_m = Eigen::Vector3d::Constant(-0.5 * kFar_vox * kNoVoxel_m);
-  info.is_signed = true;
-  info.max_distance_m = std::numeric_limits<double>::infinity();
-  return info;
-}
-
-struct BoxDistance {
-  double distance_m = std::numeric_limits<double>::infinity();
-  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-};
-
-BoxDistance distance_to(const StudyBox& box, const Eigen::Vector3d& p) {
-  const Eigen::Vector3d below = box.min() - p, above = p - box.max();
-  const Eigen::Vector3d beyond = below.cwiseMax(above);
-  const Eigen::Vector3d out = beyond.cwiseMax(0.0);
-  const auto side = [&](int axis) { return above[axis] >= below[axis] ? 1.0 : -1.0; };
-  BoxDistance result;
-  result.distance_m = out.norm();
-  if (result.distance_m > 0.0) {
-    for (int axis = 0; axis < 3; ++axis) {
-      result.gradient[axis] = side(axis) * out[axis] / result.distance_m;
-    }
-    return result;
-  }
-  int nearest = 0;
-  result.distance_m = beyond.maxCoeff(&nearest);
-  result.gradient[nearest] = side(nearest);
-  return result;
 }
 
 Error cancelled() {
@@ -105,7 +67,7 @@ Result<std::vector<Eigen::VectorXd>> draw_states(const StudyRobot& study,
   const std::vector<JointRange> ranges = read_state_ranges(study.entry, description, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   std::mt19937_64 random(derive_seed(seed, "states/" + study.entry.name));
-  const auto nothing = std::make_shared<const BoxField>(std::vector<StudyBox>{});
+  const auto nothing = true_field({});
   const StudyBox grid(study.grid.origin_m, study.grid.upper_m());
   std::vector<Eigen::Vector3d> centres(description.spheres.size());
   Scratch scratch;
@@ -132,26 +94,16 @@ Result<std::vector<Eigen::VectorXd>> draw_states(const StudyRobot& study,
   return states;
 }
 
-BoxField::BoxField(std::vector<StudyBox> boxes)
-    : DistanceField(everywhere()), boxes_(std::move(boxes)) {}
-
-void BoxField::query(std::span<const Eigen::Vector3d> points_m, std::span<double> distances_m,
-                     std::span<Eigen::Vector3d> gradients,
-                     std::span<FieldStatus> statuses) const noexcept {
-  std::ranges::fill(statuses, FieldStatus::kKnown);
-  for (std::size_t i = 0; i < points_m.size(); ++i) {
-    BoxDistance nearest;
-    for (const StudyBox& box : boxes_) {
-      const BoxDistance one = distance_to(box, points_m[i]);
-      if (one.distance_m < nearest.distance_m) nearest = one;
-    }
-    if (!points_m[i].allFinite()) {
-      nearest = {std::numeric_limits<double>::quiet_NaN(), Eigen::Vector3d::Zero()};
-      if (!statuses.empty()) statuses[i] = FieldStatus::kOutside;
-    }
-    distances_m[i] = nearest.distance_m;
-    if (!gradients.empty()) gradients[i] = nearest.gradient;
+std::shared_ptr<const SceneField> true_field(std::span<const StudyBox> boxes) {
+  std::vector<SceneObject> objects;
+  for (const StudyBox& box : boxes) {
+    Waypoint centre;
+    centre.T_world_object.translation() = box.center();
+    objects.push_back({"box", Box{box.sizes()}, {centre}, false});
   }
+  const Eigen::Vector3d far_m = Eigen::Vector3d::Constant(kFar_m);
+  return std::make_shared<const SceneField>(Scene(std::move(objects)), Stamp(),
+                                            Eigen::AlignedBox3d(-far_m, far_m));
 }
 
 BoxMap::BoxMap(const GridSpec& grid) : grid_(grid), words_per_row_((grid.size_vox.x() + 63) / 64) {
@@ -208,24 +160,15 @@ std::pair<int, int> states_of_pair(std::int64_t pair, int states) {
   return {first, first + 1 + static_cast<int>(pair)};
 }
 
-StudySolver::StudySolver(const StudyRobot& study, std::shared_ptr<const RobotModel> robot,
-                         std::span<const Eigen::VectorXd> states, PluginPtr<Optimiser> optimiser,
-                         bool skips_collisions)
-    : study_(study),
-      robot_(std::move(robot)),
-      states_(states),
-      optimiser_(std::move(optimiser)),
-      skips_collisions_(skips_collisions) {}
-
 Result<ProblemOutcome> StudySolver::solve(const StudyScene& scene, std::int64_t pair,
                                           const Deadline& deadline) {
-  const auto count = static_cast<std::int64_t>(states_.size());
+  const auto count = static_cast<std::int64_t>(states.size());
   const auto [start, goal] = states_of_pair(pair, static_cast<int>(count));
   ProblemOutcome outcome;
   outcome.problem = scene.scene * (count * (count - 1) / 2) + pair;
   outcome.start_free = scene.state_free[idx(start)] != 0;
   outcome.goal_free = scene.state_free[idx(goal)] != 0;
-  if (skips_collisions_ && !(outcome.start_free && outcome.goal_free)) return outcome;
+  if (skips_collisions && !(outcome.start_free && outcome.goal_free)) return outcome;
   for (const std::size_t kind : {kUnsigned, kSigned}) {
     outcome.fields[kind] = SIDESTEP_TRY(solve_in(scene, kind, start, goal, deadline));
   }
@@ -234,16 +177,16 @@ Result<ProblemOutcome> StudySolver::solve(const StudyScene& scene, std::int64_t 
 
 Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t kind, int start,
                                            int goal, const Deadline& deadline) {
-  Problem problem = make_problem(robot_, scene.fields[kind], study_.planning, states_[idx(start)],
-                                 states_[idx(goal)]);
-  if (study_.entry.support_states) problem.support_states = *study_.entry.support_states;
-  if (study_.entry.duration_s) {
-    problem.dt_s = *study_.entry.duration_s / (problem.support_states - 1);
+  Problem problem = make_problem(robot, scene.fields[kind], study.planning, states[idx(start)],
+                                 states[idx(goal)]);
+  if (study.entry.support_states) problem.support_states = *study.entry.support_states;
+  if (study.entry.duration_s) {
+    problem.dt_s = *study.entry.duration_s / (problem.support_states - 1);
   }
   const Trajectory line =
       straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
-  auto solution = SIDESTEP_TRY(call_stage(
-      plugin_of(optimiser_), [&] { return optimiser_->solve(problem, line, deadline); }));
+  auto solution = SIDESTEP_TRY(
+      call_stage(plugin_of(optimiser), [&] { return optimiser->solve(problem, line, deadline); }));
   if (deadline.expired()) return tl::make_unexpected(cancelled());
   FieldOutcome outcome;
   outcome.attempted = true;

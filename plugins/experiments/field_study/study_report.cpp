@@ -1,14 +1,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <map>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
+#include <sidestep/results/summary.hpp>
 
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 
 namespace sidestep {
 namespace {
@@ -31,34 +33,29 @@ double log_cost(const ProblemOutcome& problem, std::size_t kind) {
   return std::log10(std::max(problem.fields[kind].cost, 1e-9));
 }
 
-/// An empty figure with one panel a robot and the legend of both fields.
-class Panels {
- public:
-  Panels(std::string file, std::string caption, std::size_t count, bool with_legend)
-      : figure_{std::move(file), std::move(caption),
-                Canvas(kPanelWidth * static_cast<double>(count),
-                       kPanelHeight + (with_legend ? kLegend : 0.0))} {
-    if (!with_legend) return;
-    draw_legend(figure_.canvas, {58.0, kPanelHeight + 8.0}, figure_.canvas.width(),
-                {{"unsigned", LegendEntry::Mark::kLine, {kColours[kUnsigned], 2.0, {}}},
-                 {"signed", LegendEntry::Mark::kLine, {kColours[kSigned], 2.0, {4.0, 3.0}}}});
-  }
-
-  [[nodiscard]] Axes axes(std::size_t panel, const Range& x, const Range& y,
-                          const Axes::Labels& labels) {
-    const Area area{kPanelWidth * static_cast<double>(panel), 0.0, kPanelWidth, kPanelHeight};
-    return {figure_.canvas, area, x, y, labels};
-  }
-  [[nodiscard]] Canvas& canvas() { return figure_.canvas; }
-  [[nodiscard]] Figure take() { return std::move(figure_); }
-
- private:
-  Figure figure_;
-};
-
 Stroke stroke_of(std::size_t kind) {
   return {kColours[kind], 2.0,
           kind == kSigned ? std::vector<double>{4.0, 3.0} : std::vector<double>{}};
+}
+
+/// One panel a robot, which `draw(canvas, area, robot)` draws, and the legend of both fields.
+template <class Draw>
+Figure panels_figure(const StudyRecord& study, std::string file, std::string caption,
+                     bool with_legend, Draw draw) {
+  Figure figure{std::move(file), std::move(caption),
+                Canvas(kPanelWidth * static_cast<double>(study.robots.size()),
+                       kPanelHeight + (with_legend ? kLegend : 0.0))};
+  Area area{0.0, 0.0, kPanelWidth, kPanelHeight};
+  for (const StudyRobotRows& robot : study.robots) {
+    draw(figure.canvas, area, robot);
+    area.x += kPanelWidth;
+  }
+  if (with_legend) {
+    draw_legend(figure.canvas, {58.0, kPanelHeight + 8.0}, figure.canvas.width(),
+                {{"unsigned", LegendEntry::Mark::kLine, stroke_of(kUnsigned)},
+                 {"signed", LegendEntry::Mark::kLine, stroke_of(kSigned)}});
+  }
+  return figure;
 }
 
 /// Failures among the solvable problems of scenes of about one size.
@@ -91,40 +88,33 @@ std::vector<SizeBin> size_bins(const StudyRobotRows& robot) {
   return bins;
 }
 
-Figure failures_figure(const StudyRecord& study) {
-  Panels panels("study_failures",
-                "Failures among the problems that at least one field solves, by the size of the "
-                "obstacles, with Wilson's intervals.",
-                study.robots.size(), true);
-  for (std::size_t r = 0; r < study.robots.size(); ++r) {
-    const std::vector<SizeBin> bins = size_bins(study.robots[r]);
-    Range x{0.0, 0.0}, y{0.0, 0.0};
-    for (const SizeBin& bin : bins) {
-      x.include(bin.size_m * 1.15);
-      for (const std::int64_t failures : bin.failures) {
-        y.include(105.0 * wilson_interval(failures, bin.solvable, study.confidence).upper);
-      }
+void draw_failures(Canvas& canvas, const Area& area, const StudyRobotRows& robot,
+                   double confidence) {
+  const std::vector<SizeBin> bins = size_bins(robot);
+  Range x{0.0, 0.0}, y{0.0, 0.0};
+  for (const SizeBin& bin : bins) {
+    x.include(bin.size_m * 1.15);
+    for (const std::int64_t failures : bin.failures) {
+      y.include(105.0 * wilson_interval(failures, bin.solvable, confidence).upper);
     }
-    Axes axes = panels.axes(r, x.padded(0.0), y.padded(0.02),
-                            {study.robots[r].name, "mean side of the boxes [m]", "failures [%]"});
-    axes.grid();
-    for (const std::size_t kind : {kUnsigned, kSigned}) {
-      std::vector<double> sizes, shares;
-      for (const SizeBin& bin : bins) {
-        const double shift_m = (kind == kSigned ? 1.0 : -1.0) * 0.008 * x.upper;
-        const Interval interval =
-            wilson_interval(bin.failures[kind], bin.solvable, study.confidence);
-        axes.line({bin.size_m + shift_m, bin.size_m + shift_m},
-                  {100.0 * interval.lower, 100.0 * interval.upper}, {kColours[kind], 1.2, {}});
-        sizes.push_back(bin.size_m + shift_m);
-        shares.push_back(100.0 * static_cast<double>(bin.failures[kind]) /
-                         static_cast<double>(bin.solvable));
-      }
-      axes.line(sizes, shares, stroke_of(kind));
-    }
-    axes.finish();
   }
-  return panels.take();
+  Axes axes(canvas, area, x.padded(0.0), y.padded(0.02),
+            {robot.name, "mean side of the boxes [m]", "failures [%]"});
+  axes.grid();
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    std::vector<double> sizes, shares;
+    for (const SizeBin& bin : bins) {
+      const double shift_m = (kind == kSigned ? 1.0 : -1.0) * 0.008 * x.upper;
+      const Interval interval = wilson_interval(bin.failures[kind], bin.solvable, confidence);
+      axes.line({bin.size_m + shift_m, bin.size_m + shift_m},
+                {100.0 * interval.lower, 100.0 * interval.upper}, {kColours[kind], 1.2, {}});
+      sizes.push_back(bin.size_m + shift_m);
+      shares.push_back(100.0 * static_cast<double>(bin.failures[kind]) /
+                       static_cast<double>(bin.solvable));
+    }
+    axes.line(sizes, shares, stroke_of(kind));
+  }
+  axes.finish();
 }
 
 /// A histogram as the outline of its bars: shares of all values, in percent.
@@ -151,34 +141,31 @@ Outline histogram(const std::vector<double>& values, double lower, double width,
   return outline;
 }
 
-/// A panel a robot with a histogram for each field; `outlines(robot)` makes them.
-template <class Outlines>
-Figure histograms_figure(const StudyRecord& study, const char* file, const char* caption,
-                         const char* x_label, const char* y_label, Outlines outlines) {
-  Panels panels(file, caption, study.robots.size(), true);
-  for (std::size_t r = 0; r < study.robots.size(); ++r) {
-    const std::array<Outline, 2> shown = outlines(study.robots[r]);
-    Range y{0.0, 1.0};
-    for (const Outline& outline : shown) {
-      for (const double percent : outline.percent) y.include(1.05 * percent);
-    }
-    Axes axes = panels.axes(r, {shown[0].x.front(), shown[0].x.back()}, y,
-                            {study.robots[r].name, x_label, y_label});
-    axes.grid();
-    for (const std::size_t kind : {kUnsigned, kSigned}) {
-      axes.line(shown[kind].x, shown[kind].percent, stroke_of(kind));
-    }
-    axes.finish();
+void draw_histograms(Canvas& canvas, const Area& area, const std::array<Outline, 2>& shown,
+                     const Axes::Labels& labels) {
+  Range y{0.0, 1.0};
+  for (const Outline& outline : shown) {
+    for (const double percent : outline.percent) y.include(1.05 * percent);
   }
-  return panels.take();
+  Axes axes(canvas, area, {shown[0].x.front(), shown[0].x.back()}, y, labels);
+  axes.grid();
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    axes.line(shown[kind].x, shown[kind].percent, stroke_of(kind));
+  }
+  axes.finish();
+}
+
+/// Logarithms of the costs of problems that both fields solve.
+std::vector<double> log_costs(const StudyRobotRows& robot, std::size_t kind) {
+  return values_of(those_of(robot.problems, &ProblemOutcome::is_solved_by_both),
+                   [=](const ProblemOutcome& problem) { return log_cost(problem, kind); });
 }
 
 std::array<Outline, 2> iterations_of(const StudyRobotRows& robot) {
   std::array<std::vector<double>, 2> values;
-  for (const ProblemOutcome& problem : robot.problems) {
-    for (const std::size_t kind : {kUnsigned, kSigned}) {
-      if (problem.fields[kind].attempted) values[kind].push_back(problem.fields[kind].iterations);
-    }
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    values[kind] = values_of(those_of(robot.problems, &ProblemOutcome::is_attempted),
+                             [=](const auto& problem) { return problem.fields[kind].iterations; });
   }
   const double most = std::max({5.0, percentile(values[kUnsigned], kShownIterations),
                                 percentile(values[kSigned], kShownIterations)});
@@ -189,11 +176,8 @@ std::array<Outline, 2> iterations_of(const StudyRobotRows& robot) {
 }
 
 Range cost_range(const StudyRobotRows& robot) {
-  std::vector<double> costs;
-  for (const ProblemOutcome& problem : robot.problems) {
-    if (!problem.is_solved_by_both()) continue;
-    for (const std::size_t kind : {kUnsigned, kSigned}) costs.push_back(log_cost(problem, kind));
-  }
+  std::vector<double> costs = log_costs(robot, kUnsigned);
+  std::ranges::copy(log_costs(robot, kSigned), std::back_inserter(costs));
   if (costs.empty()) return {0.0, 1.0};
   const auto [least, most] = std::ranges::minmax(costs);
   return Range{least, most}.padded(0.02);
@@ -202,38 +186,27 @@ Range cost_range(const StudyRobotRows& robot) {
 std::array<Outline, 2> costs_of(const StudyRobotRows& robot) {
   const Range range = cost_range(robot);
   const auto of_field = [&](std::size_t kind) {
-    std::vector<double> values;
-    for (const ProblemOutcome& problem : robot.problems) {
-      if (problem.is_solved_by_both()) values.push_back(log_cost(problem, kind));
-    }
-    return histogram(values, range.lower, (range.upper - range.lower) / kCostBins, kCostBins);
+    return histogram(log_costs(robot, kind), range.lower, (range.upper - range.lower) / kCostBins,
+                     kCostBins);
   };
   return {of_field(kUnsigned), of_field(kSigned)};
 }
 
-Figure scatter_figure(const StudyRecord& study) {
-  Panels panels("study_scatter",
-                "The cost in the signed field against that in the unsigned one, problem by "
-                "problem, where both are collision-free.",
-                study.robots.size(), false);
-  for (std::size_t r = 0; r < study.robots.size(); ++r) {
-    const StudyRobotRows& robot = study.robots[r];
-    const Range range = cost_range(robot);
-    Axes axes = panels.axes(r, range, range, {robot.name, "log10 of the cost, unsigned", "signed"});
-    axes.grid();
-    axes.line({range.lower, range.upper}, {range.lower, range.upper}, {palette::kGrey, 1.0, {}});
-    const std::size_t stride = robot.problems.size() / kMostPoints + 1;
-    for (std::size_t i = 0; i < robot.problems.size(); ++i) {
-      const ProblemOutcome& problem = robot.problems[i];
-      if (!problem.is_solved_by_both()) continue;
-      // All that differ are drawn, of those that agree every n-th.
-      const double plain = log_cost(problem, kUnsigned), sign = log_cost(problem, kSigned);
-      if (std::abs(plain - sign) < 0.01 && i % stride != 0) continue;
-      panels.canvas().circle(axes.at(plain, sign), 1.6, palette::kPurple.with_alpha(0.45));
-    }
-    axes.finish();
+void draw_scatter(Canvas& canvas, const Area& area, const StudyRobotRows& robot) {
+  const Range range = cost_range(robot);
+  Axes axes(canvas, area, range, range, {robot.name, "log10 of the cost, unsigned", "signed"});
+  axes.grid();
+  axes.line({range.lower, range.upper}, {range.lower, range.upper}, {palette::kGrey, 1.0, {}});
+  const std::size_t stride = robot.problems.size() / kMostPoints + 1;
+  for (std::size_t i = 0; i < robot.problems.size(); ++i) {
+    const ProblemOutcome& problem = robot.problems[i];
+    if (!problem.is_solved_by_both()) continue;
+    // All that differ are drawn, of those that agree every n-th.
+    const double plain = log_cost(problem, kUnsigned), sign = log_cost(problem, kSigned);
+    if (std::abs(plain - sign) < 0.01 && i % stride != 0) continue;
+    canvas.circle(axes.at(plain, sign), 1.6, palette::kPurple.with_alpha(0.45));
   }
-  return panels.take();
+  axes.finish();
 }
 
 /// A panel for each robot: failures against obstacle size, the distributions of iterations and of
@@ -241,14 +214,29 @@ Figure scatter_figure(const StudyRecord& study) {
 std::vector<Figure> study_figures(const StudyRecord& study) {
   std::vector<Figure> figures;
   if (study.solved() == 0) return figures;
-  figures.push_back(failures_figure(study));
-  figures.push_back(histograms_figure(
+  figures.push_back(panels_figure(
+      study, "study_failures",
+      "Failures among the problems that at least one field solves, by the size of the obstacles, "
+      "with Wilson's intervals.",
+      true, [&](Canvas& canvas, const Area& area, const StudyRobotRows& robot) {
+        draw_failures(canvas, area, robot, study.confidence);
+      }));
+  figures.push_back(panels_figure(
       study, "study_iterations", "Iterations of every solve; the last bin holds all beyond it.",
-      "iterations", "share of solves [%]", &iterations_of));
-  figures.push_back(histograms_figure(
+      true, [](Canvas& canvas, const Area& area, const StudyRobotRows& robot) {
+        draw_histograms(canvas, area, iterations_of(robot),
+                        {robot.name, "iterations", "share of solves [%]"});
+      }));
+  figures.push_back(panels_figure(
       study, "study_costs", "Costs of trajectories, where both fields lead to collision-free ones.",
-      "log10 of the cost", "share of problems [%]", &costs_of));
-  figures.push_back(scatter_figure(study));
+      true, [](Canvas& canvas, const Area& area, const StudyRobotRows& robot) {
+        draw_histograms(canvas, area, costs_of(robot),
+                        {robot.name, "log10 of the cost", "share of problems [%]"});
+      }));
+  figures.push_back(panels_figure(study, "study_scatter",
+                                  "The cost in the signed field against that in the unsigned one, "
+                                  "problem by problem, where both are collision-free.",
+                                  false, &draw_scatter));
   return figures;
 }
 
@@ -269,13 +257,13 @@ Json study_fields(const Json& summary) {
 const ResultColumns& study_columns() {
   static const auto kColumns = [] {
     ResultColumns columns("");
-    const auto mean = [&](const std::string& key, const char* meaning, const char* heading,
+    const auto mean = [&](const std::string& key, const std::string& meaning, const char* heading,
                           const char* pattern) {
       columns.declare(key + ".mean", meaning,
-                      {.heading = heading, .pattern = pattern, .compared = *heading != 0});
-      columns.declare(key + ".sd", std::string(meaning) + " Standard deviation.");
-      columns.declare(key + ".ci.0", std::string(meaning) + " Interval of the mean, from.");
-      columns.declare(key + ".ci.1", std::string(meaning) + " Interval of the mean, to.");
+                      {.heading = heading, .pattern = pattern, .compared = true});
+      columns.declare(key + ".sd", meaning + " Standard deviation.");
+      columns.declare(key + ".ci.0", meaning + " Interval of the mean, from.");
+      columns.declare(key + ".ci.1", meaning + " Interval of the mean, to.");
     };
     columns.declare("robot", "Name of the robot.", {.heading = "robot", .compared = true});
     columns.declare("field", "Kind of field: `unsigned` or `signed`.",
@@ -385,13 +373,12 @@ std::string outcomes_section(const Json& summary) {
 }
 
 std::string time_section(const Json& summary) {
-  const Json time = at(summary, "/time");
-  return "<h2>Time</h2>\n" +
-         html_table({"wall", "of all cores", "in the optimiser, all threads", "in the check",
-                     "making fields"},
-                    {{cell(at(time, "/wall_s"), "%.1f s"), cell(at(time, "/cpu_s"), "%.1f s"),
-                      cell(at(time, "/solve_s"), "%.1f s"), cell(at(time, "/check_s"), "%.1f s"),
-                      cell(at(time, "/field_s"), "%.1f s")}});
+  return "<h2>Time</h2>\n" + html_table({{"wall", "/wall_s", "%.1f s"},
+                                         {"of all cores", "/cpu_s", "%.1f s"},
+                                         {"in the optimiser, all threads", "/solve_s", "%.1f s"},
+                                         {"in the check", "/check_s", "%.1f s"},
+                                         {"making fields", "/field_s", "%.1f s"}},
+                                        Json::array({at(summary, "/time")}));
 }
 
 Result<std::string> study_body(const Json& summary, ResultsReader&,

@@ -1,6 +1,4 @@
-#include "study_rows.hpp"
-
-#include <sidestep/results/recorder.hpp>
+#include "study_parts.hpp"
 
 namespace sidestep {
 namespace {
@@ -112,15 +110,6 @@ const StoredRow<ProblemOutcome>& stored_problem() {
   return kProblem;
 }
 
-/// Appends the rows of a series, without their items.
-template <class Row>
-Result<void> read_into(std::vector<Row>& rows, const StoredRow<Row>& stored, ResultsReader& reader,
-                       const std::string& series, const std::string& file) {
-  auto read = SIDESTEP_TRY(stored.read_all(reader, series, file));
-  for (auto& [item, row] : read) rows.push_back(std::move(row));
-  return {};
-}
-
 Result<StudyRobotRows> read_robot(ResultsReader& reader, std::size_t robot,
                                   const std::string& file) {
   const auto item = static_cast<std::int64_t>(robot);
@@ -130,8 +119,10 @@ Result<StudyRobotRows> read_robot(ResultsReader& reader, std::size_t robot,
     auto with_sign = SIDESTEP_TRY(stored_published("signed").read(reader, "robot", item, file));
     rows.published = PublishedComparison{plain, with_sign};
   }
-  const auto read_series = [&](auto& into, const auto& stored, const char* series) {
-    return read_into(into, stored, reader, of_robot(series, robot), file);
+  const auto read_series = [&](auto& into, const auto& stored, const char* series) -> Result<void> {
+    auto read = SIDESTEP_TRY(stored.read_all(reader, of_robot(series, robot), file));
+    for (auto& numbered : read) into.push_back(std::move(numbered.second));
+    return {};
   };
   SIDESTEP_TRY(read_series(rows.drawn_states, stored_state(rows.dof), "state"));
   SIDESTEP_TRY(read_series(rows.drawn, stored_scene(), "scene"));
@@ -170,8 +161,7 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 Result<StudyRecord> read_study(const std::filesystem::path& path) {
   auto reader = SIDESTEP_TRY(ResultsReader::open(path));
   const std::string file = path.string();
-  DividedRun head;
-  SIDESTEP_TRY(read_run_head(*reader, "study", file, head));
+  auto head = SIDESTEP_TRY(read_run_head(*reader, "study", file));
   auto study = SIDESTEP_TRY(stored_study().read(*reader, "study", 0, file));
   static_cast<DividedRun&>(study) = std::move(head);
   for (std::size_t r = 0; r < study.robots.size(); ++r) {

@@ -1,4 +1,4 @@
-#include "study_settings.hpp"
+#include "study_parts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,6 +7,7 @@
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
 #include <sidestep/runtime/configuration.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/unused_keys.hpp>
 
 namespace sidestep {
@@ -26,14 +27,8 @@ Node laid_over(Node under, const Node& over) {
 }
 
 GridSpec grid_of(const StudyRobotEntry& entry, double resolution_m) {
-  GridSpec grid;
-  grid.origin_m = entry.origin_m;
-  grid.resolution_m = resolution_m;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double voxels = std::ceil(entry.extent_m[axis] / resolution_m - 1e-6);
-    grid.size_vox[axis] = static_cast<int>(std::clamp(voxels, 1.0, 1e5));
-  }
-  return grid;
+  const Eigen::Array3d voxels = (entry.extent_m.array() / resolution_m - 1e-6).ceil();
+  return {entry.origin_m, resolution_m, voxels.max(1.0).min(1e5).cast<int>().matrix()};
 }
 
 void check_regions(const StudyRobotEntry& entry, const Node& node, std::vector<Error>& errors) {
@@ -202,10 +197,7 @@ FieldStudy read_field_study(const Configuration& configuration, std::vector<Erro
   for (std::size_t r = 0; r < study.settings.robots.size(); ++r) {
     const StudyRobotEntry& entry = study.settings.robots[r];
     const Node& node = list.items()[r];
-    if (!names.insert(entry.name).second) {
-      errors.push_back(
-          node.find("name")->error("a robot before this one is named '" + entry.name + "', too"));
-    }
+    take_name(*node.find("name"), "a robot", names, errors);
     check_regions(entry, node, errors);
     const double resolution_m = entry.resolution_m.value_or(study.settings.resolution_m);
     study.robots.push_back(

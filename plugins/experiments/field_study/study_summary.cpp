@@ -1,10 +1,8 @@
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <functional>
-#include <limits>
 #include <optional>
 
 #include <nlohmann/json.hpp>
@@ -16,16 +14,24 @@
 namespace sidestep {
 namespace {
 
-bool free_in(const ProblemOutcome& problem, std::size_t kind) {
-  return problem.fields[kind].collision_free;
-}
+using Json = nlohmann::ordered_json;
 
-/// A number of a problem; nothing where the problem has none.
-using NumberOf = std::function<std::optional<double>(const ProblemOutcome&)>;
+constexpr std::array<SolveStatus, 5> kStatuses = {
+    SolveStatus::kConverged, SolveStatus::kIterationLimit, SolveStatus::kDeadline,
+    SolveStatus::kNoPath, SolveStatus::kFailed};
 
-/// The mean of a quantity with its interval by drawing scenes; `name` seeds the draws.
-MeanWithInterval mean_of(const StudyRobotRows& robot, const ComparisonOptions& options,
-                         const std::string& name, const NumberOf& quantity) {
+/// A mean with the interval that drawing other scenes would leave it in.
+struct MeanWithInterval {
+  Statistics statistics;
+  std::int64_t count = 0;
+  Interval interval;
+};
+
+/// The mean of a quantity of the problems that it applies to, with its interval by drawing scenes;
+/// `name` seeds the draws.
+template <class Value>
+MeanWithInterval mean_of(const StudyRecord& study, const StudyRobotRows& robot, const char* name,
+                         bool (ProblemOutcome::*applies)() const noexcept, Value value_of) {
   std::vector<double> values, sums, counts;
   std::int64_t scene = -1;
   for (const ProblemOutcome& problem : robot.problems) {
@@ -34,83 +40,25 @@ MeanWithInterval mean_of(const StudyRobotRows& robot, const ComparisonOptions& o
       sums.push_back(0.0);
       counts.push_back(0.0);
     }
-    const std::optional<double> value = quantity(problem);
-    if (!value) continue;
-    values.push_back(*value);
-    sums.back() += *value;
+    if (!(problem.*applies)()) continue;
+    values.push_back(value_of(problem));
+    sums.back() += values.back();
     counts.back() += 1.0;
   }
-  const std::uint64_t seed = derive_seed(options.seed, "bootstrap/" + robot.name + "/" + name);
+  const std::uint64_t seed =
+      derive_seed(study.provenance.seed, "bootstrap/" + robot.name + "/" + name);
   return {statistics_of(values), std::ssize(values),
-          bootstrap_ratio(sums, counts, options.bootstrap_samples, options.confidence, seed)};
+          bootstrap_ratio(sums, counts, study.bootstrap_samples, study.confidence, seed)};
 }
-
-/// A number of a problem where `applies` to it.
-NumberOf where(bool (ProblemOutcome::*applies)() const noexcept, auto value) {
-  return [=](const ProblemOutcome& problem) -> std::optional<double> {
-    if (!(problem.*applies)()) return std::nullopt;
-    return value(problem);
-  };
-}
-
-void count_outcomes(const StudyRobotRows& robot, RobotComparison& result) {
-  for (const ProblemOutcome& problem : robot.problems) {
-    ++result.problems;
-    if (!problem.start_free || !problem.goal_free) ++result.in_collision;
-    if (!problem.is_attempted()) {
-      ++result.skipped;
-      continue;
-    }
-    const bool plain = free_in(problem, kUnsigned), sign = free_in(problem, kSigned);
-    ++(plain && sign ? result.both
-       : plain       ? result.only_unsigned
-       : sign        ? result.only_signed
-                     : result.neither);
-    for (const std::size_t kind : {kUnsigned, kSigned}) {
-      FieldComparison& field = result.fields[kind];
-      ++field.attempted;
-      if (free_in(problem, kind)) ++field.collision_free;
-      ++field.ended[static_cast<std::size_t>(problem.fields[kind].status)];
-      field.solve_s += 1e-3 * problem.fields[kind].solve_ms;
-      field.check_s += 1e-3 * problem.fields[kind].check_ms;
-    }
-  }
-}
-
-void compare_field(const StudyRobotRows& robot, const ComparisonOptions& options, std::size_t kind,
-                   RobotComparison& result) {
-  FieldComparison& field = result.fields[kind];
-  field.failures = kind == kUnsigned ? result.only_signed : result.only_unsigned;
-  field.failure_share = result.solvable() > 0 ? static_cast<double>(field.failures) /
-                                                    static_cast<double>(result.solvable())
-                                              : std::numeric_limits<double>::quiet_NaN();
-  field.failure_interval = wilson_interval(field.failures, result.solvable(), options.confidence);
-  const auto mean = [&](const char* name, auto member, auto applies) {
-    return mean_of(robot, options, name, where(applies, [=](const ProblemOutcome& problem) {
-                     return static_cast<double>(problem.fields[kind].*member);
-                   }));
-  };
-  using F = FieldOutcome;
-  using P = ProblemOutcome;
-  field.iterations = mean("iterations", &F::iterations, &P::is_attempted);
-  field.iterations_solvable = mean("iterations_solvable", &F::iterations, &P::is_solvable);
-  field.steps = mean("steps", &F::steps, &P::is_attempted);
-  field.valid_cost = mean("valid_cost", &F::cost, &P::is_solved_by_both);
-  const auto attempted = those_of(robot.problems, &P::is_attempted);
-  field.solve_ms =
-      statistics_of(values_of(attempted, [=](const P& p) { return p.fields[kind].solve_ms; }));
-  field.check_ms =
-      statistics_of(values_of(attempted, [=](const P& p) { return p.fields[kind].check_ms; }));
-}
-
-using Json = nlohmann::ordered_json;
-
-constexpr std::array<SolveStatus, 5> kStatuses = {
-    SolveStatus::kConverged, SolveStatus::kIterationLimit, SolveStatus::kDeadline,
-    SolveStatus::kNoPath, SolveStatus::kFailed};
 
 Json interval_json(const Interval& interval, double scale = 1.0) {
   return Json::array({scale * interval.lower, scale * interval.upper});
+}
+
+/// Null where there are none to be a part of.
+Json percent_of(std::int64_t part, std::int64_t all) {
+  if (all == 0) return nullptr;
+  return 100.0 * (static_cast<double>(part) / static_cast<double>(all));
 }
 
 Json mean_json(const MeanWithInterval& mean) {
@@ -127,23 +75,64 @@ Json times_json(const Statistics& times) {
   return {{"mean", times.mean}, {"p50", times.p50}, {"p95", times.p95}, {"max", times.max}};
 }
 
-Json field_json(const FieldComparison& field) {
+/// One field over all problems of a robot. Its failures are the solvable problems that are not
+/// collision-free in it; their interval is Wilson's.
+Json field_json(const StudyRecord& study, const StudyRobotRows& robot, std::size_t kind) {
+  using P = ProblemOutcome;
+  using F = FieldOutcome;
+  const auto attempted = those_of(robot.problems, &P::is_attempted);
+  const auto with = [&](auto member, auto value) {
+    return std::ranges::count_if(
+        attempted, [=](const P& problem) { return problem.fields[kind].*member == value; });
+  };
+  const auto solvable = std::ranges::count_if(attempted, &P::is_solvable);
+  const auto failures = solvable - with(&F::collision_free, true);
+  const Interval interval = wilson_interval(failures, solvable, study.confidence);
   Json ended = Json::object();
   for (const SolveStatus status : kStatuses) {
-    ended[std::string(to_string(status))] = field.ended[static_cast<std::size_t>(status)];
+    ended[std::string(to_string(status))] = with(&F::status, status);
   }
-  return {{"attempted", field.attempted},
-          {"collision_free", field.collision_free},
-          {"failures", field.failures},
-          {"failure_percent", 100.0 * field.failure_share},
-          {"failure_percent_ci", interval_json(field.failure_interval, 100.0)},
+  const auto mean = [&](const char* name, auto member, auto applies) {
+    return mean_json(mean_of(study, robot, name, applies, [=](const P& problem) {
+      return static_cast<double>(problem.fields[kind].*member);
+    }));
+  };
+  const auto times = [&](auto member) {
+    return times_json(statistics_of(
+        values_of(attempted, [=](const P& problem) { return problem.fields[kind].*member; })));
+  };
+  return {{"attempted", attempted.size()},
+          {"collision_free", with(&F::collision_free, true)},
+          {"failures", failures},
+          {"failure_percent", percent_of(failures, solvable)},
+          {"failure_percent_ci", interval_json(interval, 100.0)},
           {"ended", ended},
-          {"iterations", mean_json(field.iterations)},
-          {"iterations_solvable", mean_json(field.iterations_solvable)},
-          {"steps", mean_json(field.steps)},
-          {"valid_cost", mean_json(field.valid_cost)},
-          {"solve_ms", times_json(field.solve_ms)},
-          {"check_ms", times_json(field.check_ms)}};
+          {"iterations", mean("iterations", &F::iterations, &P::is_attempted)},
+          {"iterations_solvable", mean("iterations_solvable", &F::iterations, &P::is_solvable)},
+          {"steps", mean("steps", &F::steps, &P::is_attempted)},
+          {"valid_cost", mean("valid_cost", &F::cost, &P::is_solved_by_both)},
+          {"solve_ms", times(&F::solve_ms)},
+          {"check_ms", times(&F::check_ms)}};
+}
+
+/// Signed minus unsigned, with bootstrapped intervals over scenes.
+Json difference_json(const StudyRecord& study, const StudyRobotRows& robot) {
+  using P = ProblemOutcome;
+  using F = FieldOutcome;
+  const auto mean = [&](const char* name, auto value, auto applies) {
+    return mean_of(study, robot, name, applies, [=](const P& problem) {
+      return static_cast<double>(std::invoke(value, problem.fields[kSigned])) -
+             static_cast<double>(std::invoke(value, problem.fields[kUnsigned]));
+    });
+  };
+  const auto failure = mean(
+      "failure_difference", [](const F& field) { return !field.collision_free; }, &P::is_solvable);
+  return {
+      {"failure_percent",
+       failure.count > 0 ? Json(100.0 * failure.statistics.mean) : Json(nullptr)},
+      {"failure_percent_ci", interval_json(failure.interval, 100.0)},
+      {"iterations", mean_json(mean("iterations_difference", &F::iterations, &P::is_attempted))},
+      {"valid_cost", mean_json(mean("cost_difference", &F::cost, &P::is_solved_by_both))}};
 }
 
 Json published_json(const PublishedOutcome& published) {
@@ -152,53 +141,17 @@ Json published_json(const PublishedOutcome& published) {
           {"valid_cost", {{"mean", published.cost_mean}, {"sd", published.cost_sd}}}};
 }
 
-Json robot_json(const StudyRobotRows& robot, const RobotComparison& comparison) {
-  Json json = {{"name", robot.name},
-               {"dof", robot.dof},
-               {"spheres", robot.spheres},
-               {"states", robot.states},
-               {"pairs", robot.pairs()},
-               {"scenes", robot.scenes},
-               {"boxes_per_scene", robot.boxes_per_scene},
-               {"resolution_m", robot.resolution_m},
-               {"planned", robot.planned},
-               {"problems", comparison.problems},
-               {"skipped", comparison.skipped},
-               {"start_or_goal_in_collision", comparison.in_collision},
-               {"solvable", comparison.solvable()},
-               {"solved_by_both", comparison.both},
-               {"only_unsigned", comparison.only_unsigned},
-               {"only_signed", comparison.only_signed},
-               {"neither", comparison.neither}};
-  for (const std::size_t kind : {kUnsigned, kSigned}) {
-    json[kFieldNames[kind]] = field_json(comparison.fields[kind]);
-  }
-  json["difference"] = {
-      {"failure_percent", 100.0 * comparison.failure_difference},
-      {"failure_percent_ci", interval_json(comparison.failure_difference_interval, 100.0)},
-      {"iterations", mean_json(comparison.iterations_difference)},
-      {"valid_cost", mean_json(comparison.cost_difference)}};
-  json["published"] = nullptr;
-  if (robot.published) {
-    json["published"] = {{"unsigned", published_json(robot.published->unsigned_field)},
-                         {"signed", published_json(robot.published->signed_field)}};
-  }
-  return json;
-}
-
-Json time_json(const StudyRecord& study, const std::vector<RobotComparison>& comparisons) {
+Json time_json(const StudyRecord& study) {
   double wall_s = 0.0, cpu_s = 0.0, solve_s = 0.0, check_s = 0.0, field_s = 0.0;
   for (const RunSession& session : study.sessions) {
     wall_s += session.wall_s;
     cpu_s += session.cpu_s;
   }
-  for (const RobotComparison& robot : comparisons) {
-    for (const FieldComparison& field : robot.fields) {
-      solve_s += field.solve_s;
-      check_s += field.check_s;
-    }
-  }
   for (const StudyRobotRows& robot : study.robots) {
+    for (const ProblemOutcome& problem : robot.problems) {
+      solve_s += 1e-3 * (problem.fields[kUnsigned].solve_ms + problem.fields[kSigned].solve_ms);
+      check_s += 1e-3 * (problem.fields[kUnsigned].check_ms + problem.fields[kSigned].check_ms);
+    }
     for (const SceneRow& scene : robot.drawn) {
       field_s += 1e-3 * (scene.field_ms[kUnsigned] + scene.field_ms[kSigned]);
     }
@@ -254,37 +207,50 @@ void record_whole_study(const StudyRecord& study, Recorder& recorder) {
 
 }  // namespace
 
-RobotComparison compare_fields(const StudyRobotRows& robot, const ComparisonOptions& options) {
-  using F = FieldOutcome;
+Json compare_fields(const StudyRecord& study, const StudyRobotRows& robot) {
   using P = ProblemOutcome;
-  RobotComparison result;
-  count_outcomes(robot, result);
-  for (const std::size_t kind : {kUnsigned, kSigned}) compare_field(robot, options, kind, result);
-  const auto mean_difference = [&](const char* name, auto value, auto applies) {
-    return mean_of(robot, options, name, where(applies, [=](const P& problem) {
-                     return static_cast<double>(std::invoke(value, problem.fields[kSigned])) -
-                            static_cast<double>(std::invoke(value, problem.fields[kUnsigned]));
-                   }));
+  const auto count = [&](auto holds) { return std::ranges::count_if(robot.problems, holds); };
+  const auto attempted = count(&P::is_attempted), solvable = count(&P::is_solvable);
+  const auto both = count(&P::is_solved_by_both);
+  const auto only = [&](std::size_t kind) {
+    return count([=](const P& problem) { return problem.fields[kind].collision_free; }) - both;
   };
-  const MeanWithInterval failure = mean_difference(
-      "failure_difference", [](const F& field) { return !field.collision_free; }, &P::is_solvable);
-  result.failure_difference =
-      failure.count > 0 ? failure.statistics.mean : std::numeric_limits<double>::quiet_NaN();
-  result.failure_difference_interval = failure.interval;
-  result.iterations_difference =
-      mean_difference("iterations_difference", &F::iterations, &P::is_attempted);
-  result.cost_difference = mean_difference("cost_difference", &F::cost, &P::is_solved_by_both);
-  return result;
+  const auto in_collision = count([](const P& p) { return !p.start_free || !p.goal_free; });
+  Json json = {{"name", robot.name},
+               {"dof", robot.dof},
+               {"spheres", robot.spheres},
+               {"states", robot.states},
+               {"pairs", robot.pairs()},
+               {"scenes", robot.scenes},
+               {"boxes_per_scene", robot.boxes_per_scene},
+               {"resolution_m", robot.resolution_m},
+               {"planned", robot.planned},
+               {"problems", robot.problems.size()},
+               {"skipped", std::ssize(robot.problems) - attempted},
+               {"start_or_goal_in_collision", in_collision},
+               {"solvable", solvable},
+               {"solved_by_both", both},
+               {"only_unsigned", only(kUnsigned)},
+               {"only_signed", only(kSigned)},
+               {"neither", attempted - solvable}};
+  for (const std::size_t kind : {kUnsigned, kSigned}) {
+    json[kFieldNames[kind]] = field_json(study, robot, kind);
+  }
+  json["difference"] = difference_json(study, robot);
+  json["published"] = nullptr;
+  if (robot.published) {
+    json["published"] = {{"unsigned", published_json(robot.published->unsigned_field)},
+                         {"signed", published_json(robot.published->signed_field)}};
+  }
+  return json;
 }
 
-ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
-                                  const std::optional<Error>& fault) {
-  const ComparisonOptions options{study.confidence, study.bootstrap_samples, study.provenance.seed};
-  std::vector<RobotComparison> comparisons;
+Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
+                                         const std::optional<Error>& fault) {
+  const auto study = SIDESTEP_TRY(read_study(run / "results.sqlite"));
   Json robots = Json::array();
   for (const StudyRobotRows& robot : study.robots) {
-    comparisons.push_back(compare_fields(robot, options));
-    robots.push_back(robot_json(robot, comparisons.back()));
+    robots.push_back(compare_fields(study, robot));
   }
   const bool complete = study.solved() == study.planned();
   ExperimentOutcome outcome;
@@ -301,16 +267,10 @@ ExperimentOutcome summarise_study(const StudyRecord& study, bool interrupted,
                             {"confidence", study.confidence},
                             {"published_as", study.published_as},
                             {"robots", robots},
-                            {"time", time_json(study, comparisons)}};
+                            {"time", time_json(study)}};
   show_study(particulars, outcome);
   outcome.summary_json = summary_text(study.provenance, "field_study", outcome, particulars);
   return outcome;
-}
-
-Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool interrupted,
-                                         const std::optional<Error>& fault) {
-  const auto study = SIDESTEP_TRY(read_study(run / "results.sqlite"));
-  return summarise_study(study, interrupted, fault);
 }
 
 Result<ExperimentOutcome> merge_study(const std::vector<std::filesystem::path>& runs,

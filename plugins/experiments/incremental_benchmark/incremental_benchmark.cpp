@@ -1,26 +1,88 @@
 #include <algorithm>
+#include <array>
 #include <random>
+#include <string>
+#include <vector>
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/report/result_columns.hpp>
+#include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
-#include "incremental_summary.hpp"
 #include "recorded_solves.hpp"
 
 namespace sidestep {
 namespace {
 
+using namespace report;
+
+/// The `experiment` block of an incremental benchmark.
+struct IncrementalSettings : ProblemChoice, ExperimentSettings {
+  double goal_sd = 0.1;
+  double obstacle_sd_m = 0.05;
+
+  IncrementalSettings() { runs = {"replan"}; }
+
+  static Parameters<IncrementalSettings> parameters() {
+    using S = IncrementalSettings;
+    return declare_choice(experiment_parameters<S>(
+                              "Seed of everything random in the run: what goals and boxes move by.",
+                              "Threads that the optimiser may use; 0 for one per core."))
+        .add(
+            "goal_sd", &S::goal_sd,
+            "Standard deviation of what each joint of a changed goal moves by (m, rad), within its "
+            "limits.",
+            {.min = 0.0, .max = 10.0})
+        .add("obstacle_sd_m", &S::obstacle_sd_m,
+             "Standard deviation of what each box of a changed scene moves by along each axis.",
+             {.unit = "m", .min = 0.0, .max = 10.0});
+  }
+};
+
+/// How a changed problem is solved: from a straight line; from the trajectory before, whole; by the
+/// optimiser that has found the trajectory before.
+enum SolveWay : std::size_t { kAfresh, kWarm, kIncremental };
+inline constexpr std::array kSolveWays = {"afresh", "warm", "incremental"};
+
+/// A changed problem in all ways.
+struct ChangedSolve {
+  int scene = 0;
+  int pair = 0;
+  bool ends_free = false;  ///< Start and goal touch nothing.
+  std::array<RecordedSolve, kSolveWays.size()> ways;
+
+  [[nodiscard]] bool solved() const noexcept {
+    return std::ranges::all_of(ways, &RecordedSolve::solved);
+  }
+};
+
+/// All problems of a recorded run with one change.
+struct ChangedSeries {
+  std::string label;
+  bool is_signed = false;
+  std::string change;  ///< "goal" or "obstacles".
+  std::vector<ChangedSolve> problems;
+};
+
+/// Result of an incremental benchmark.
+struct IncrementalRecord {
+  RecordedFacts about;
+  std::vector<ChangedSeries> series;
+};
+
 constexpr const char* kGoal = "goal";
 constexpr const char* kObstacles = "obstacles";
 
-constexpr const char* kIncremental = "incremental";
+constexpr const char* kIncrementalKey = "incremental";
 
 /// What the experiment sets of the optimiser: the stopping rules of each recorded run, and
 /// `incremental`.
 std::vector<std::string> set_of_incremental_optimiser() {
   std::vector<std::string> names = set_of_optimiser();
-  names.emplace_back(kIncremental);
+  names.emplace_back(kIncrementalKey);
   return names;
 }
 
@@ -29,7 +91,7 @@ Node incremental_block(const Node& optimiser, const RecordedRun& run, bool is_in
   Node block = block_for(optimiser, run);
   const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
   block.entries().push_back(
-      {kIncremental, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
+      {kIncrementalKey, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
   return block;
 }
 
@@ -125,37 +187,20 @@ std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& chan
   return posed;
 }
 
-/// One optimiser that keeps nothing, and one that does.
-struct Optimisers {
-  PluginPtr<Optimiser> plain, kept;
-};
-
-Result<Optimisers> make_optimisers(const RecordedRun& run, IncrementalBench& bench) {
-  const Node& block = *bench.context.configuration.root.find("optimiser");
-  const auto make = [&](bool is_incremental) {
-    return bench.context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
-                                                bench.problems.robot);
-  };
-  auto plain = SIDESTEP_TRY(make(false));
-  auto kept = SIDESTEP_TRY(make(true));
-  return Optimisers{std::move(plain), std::move(kept)};
-}
-
 /// Solves a problem before its change, which is not timed, and after it in all ways, beginning with
-/// another one in turn: the first one finds the memory of the change cold.
-void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::size_t turn,
-                   bool is_first, const RecordedProblems& judged_in,
-                   const ExperimentContext& context, ChangedSolve& record) {
-  const auto base = solve_timed(optimisers.kept, posed.before, posed.line_before, context).solution;
+/// another one in turn: the first one finds the memory of the change cold. Of the optimisers,
+/// `kept` keeps what it can.
+void solve_changed(const ChangedProblem& posed, PluginPtr<Optimiser>& plain,
+                   PluginPtr<Optimiser>& kept, std::size_t turn, bool is_first,
+                   const RecordedProblems& judged_in, const ExperimentContext& context,
+                   ChangedSolve& record) {
+  const auto base = solve_timed(kept, posed.before, posed.line_before, context).solution;
   const bool has_base = base && base->trajectory.size() > 0;
   const Trajectory& previous = has_base ? base->trajectory : posed.line_before;
   for (std::size_t i = 0; i < kSolveWays.size(); ++i) {
     const std::size_t way = (i + turn) % kSolveWays.size();
-    const bool is_incremental = kSolveWays[way] == SolveWay::kIncremental;
-    const bool is_afresh = kSolveWays[way] == SolveWay::kAfresh;
-    const TimedSolve timed =
-        solve_timed(is_incremental ? optimisers.kept : optimisers.plain, posed.after,
-                    is_afresh ? posed.line_after : previous, context);
+    const TimedSolve timed = solve_timed(way == kIncremental ? kept : plain, posed.after,
+                                         way == kAfresh ? posed.line_after : previous, context);
     RecordedSolve& solve = record.ways[way];
     note(timed, is_first, solve);
     if (is_first && solve.solved) {
@@ -170,7 +215,13 @@ void solve_changed(const ChangedProblem& posed, Optimisers& optimisers, std::siz
 Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& change,
                                    IncrementalBench& bench) {
   ExperimentContext& context = bench.context;
-  auto optimisers = SIDESTEP_TRY(make_optimisers(run, bench));
+  const Node& block = *context.configuration.root.find("optimiser");
+  const auto make = [&](bool is_incremental) {
+    return context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
+                                          bench.problems.robot);
+  };
+  auto plain = SIDESTEP_TRY(make(false));
+  auto kept = SIDESTEP_TRY(make(true));
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
   const std::vector<ChangedProblem> posed = pose(run, change, bench);
   ChangedSeries series{run.label, run.is_signed, change, {}};
@@ -181,12 +232,12 @@ Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& ch
   }
   const std::string what =
       run.label + (run.is_signed ? ", signed, other " : ", unsigned, other ") + change;
-  for (PluginPtr<Optimiser>* one : {&optimisers.plain, &optimisers.kept}) {
+  for (PluginPtr<Optimiser>* one : {&plain, &kept}) {
     if (!posed.empty()) (void)solve_timed(*one, posed[0].before, posed[0].line_before, context);
   }
   for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
     for (std::size_t i = 0; i < series.problems.size(); ++i) {
-      solve_changed(posed[i], optimisers, i + static_cast<std::size_t>(repeat), repeat == 0,
+      solve_changed(posed[i], plain, kept, i + static_cast<std::size_t>(repeat), repeat == 0,
                     judged_in, context, series.problems[i]);
       if (context.stop.stop_requested()) {
         if (repeat == 0) series.problems.resize(i);
@@ -205,7 +256,7 @@ void record_series(const ChangedSeries& series, std::int64_t item, Recorder& rec
   recorder.add("series", item, "signed", series.is_signed);
   recorder.add("series", item, "change", series.change);
   for (std::size_t way = 0; way < kSolveWays.size(); ++way) {
-    const std::string name = std::string(to_string(kSolveWays[way])) + "/" + std::to_string(item);
+    const std::string name = std::string(kSolveWays[way]) + "/" + std::to_string(item);
     std::int64_t problem = 0;
     for (const ChangedSolve& record : series.problems) {
       const auto add = [&](std::string_view key, const auto& value) {
@@ -220,32 +271,153 @@ void record_series(const ChangedSeries& series, std::int64_t item, Recorder& rec
   }
 }
 
-Result<ExperimentOutcome> run_incremental(ExperimentContext& context) {
-  const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
-  const auto& [settings, problems, provenance, store] = start;
-  Recorder recorder(*store);
+/// One way through a series. Times, iterations and costs are of the problems solved in every way.
+struct WayRow {
+  const ChangedSeries& series;
+  std::size_t way;
+  std::vector<ChangedSolve> solved = those_of(series.problems, &ChangedSolve::solved);
+  std::vector<ChangedSolve> with_free_ends = those_of(series.problems, &ChangedSolve::ends_free);
 
-  IncrementalRecord record;
-  record.about = facts_of(problems, context);
-  std::int64_t total = 0;
-  for (const RecordedRun& run : problems.runs) {
-    total += 2 * settings.repeats * std::ssize(run.outcomes);
+  [[nodiscard]] bool is_free(const ChangedSolve& solve) const { return solve.ways[way].is_free(); }
+};
+
+/// A number of each problem that is solved, in this way.
+template <class Value>
+auto of_way(Value value) {
+  return [value](const WayRow& row) {
+    return values_of(row.solved,
+                     [&](const auto& s) { return std::invoke(value, s.ways[row.way]); });
+  };
+}
+
+/// The same as a multiple of what it is afresh.
+template <class Value>
+auto of_afresh(Value value) {
+  return [value](const WayRow& row) {
+    return values_of(row.solved, [&](const auto& s) {
+      return std::invoke(value, s.ways[row.way]) / std::invoke(value, s.ways[kAfresh]);
+    });
+  };
+}
+
+Json ratio_of_mean_times(const WayRow& row) {
+  if (row.solved.empty()) return nullptr;
+  const auto mean_ms = [&](std::size_t way) {
+    return statistics_of(values_of(row.solved, [&](const auto& s) { return s.ways[way].solve_ms; }))
+        .mean;
+  };
+  return mean_ms(row.way) / mean_ms(kAfresh);
+}
+
+Json share_no_costlier(const WayRow& row) {
+  return share_of(row.solved, [&](const ChangedSolve& s) {
+    return s.ways[row.way].cost <= kOnePercent * s.ways[kAfresh].cost;
+  });
+}
+
+const ResultColumnsOf<WayRow>& way_rows() {
+  using R = WayRow;
+  using S = RecordedSolve;
+  static const auto kColumns =
+      ResultColumnsOf<R>("/rows")
+          .add("label", [](const R& r) { return r.series.label; }, "Run of the recording.",
+               {.heading = "rules", .compared = true})
+          .add("field", [](const R& r) { return r.series.is_signed ? "sdf" : "usdf"; },
+               "Kind of field: `sdf` or `usdf`.", {.heading = "field", .compared = true})
+          .add("change", [](const R& r) { return r.series.change; },
+               "What was changed: `goal` or `obstacles`.", {.heading = "other", .compared = true})
+          .add(
+              "way", [](const R& r) { return kSolveWays[r.way]; },
+              "How it was solved: `afresh` from a straight line, `warm` from the trajectory before "
+              "the change, `incremental` by the optimiser that had found it.",
+              {.heading = "way", .compared = true})
+          .table("Time", "Ratios are to afresh, problem by problem, but for that of the means.")
+          .add("problems", [](const R& r) { return r.series.problems.size(); },
+               "Problems with this change.", {.heading = "problems", .pattern = "%.0f"})
+          .add("solved", [](const R& r) { return r.solved.size(); }, "Solved in every way.",
+               {.heading = "solved", .pattern = "%.0f"})
+          .spread("solve_ms.", of_way(&S::solve_ms), "Wall time of a solve.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "solve", .pattern = "%.4f ms", .compared = true})
+          .spread("time_ratio.", of_afresh(&S::solve_ms),
+                  "Its ratio to the time of solving afresh.", {"p50", "p95"},
+                  {.heading = "of afresh's", .pattern = "%.3f", .compared = true})
+          .add("time_ratio.of_means", &ratio_of_mean_times, "Ratio of the mean times.",
+               {.heading = "of means", .pattern = "%.3f"})
+          .spread("iterations.", of_way(&S::accepted_iterations), "Accepted iterations.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "iterations", .pattern = "%.2f", .page_only = true})
+          .table("Costs and collisions")
+          .spread("cost_ratio.", of_afresh(&S::cost), "Ratio of the final cost to that of afresh.",
+                  {"p05", "p50", "p95"}, {.heading = "cost of afresh's", .pattern = "%.4f"})
+          .add("cost_ratio.share_within_1pct", &share_no_costlier,
+               "Share that costs at most 1 % more than afresh.",
+               {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
+          .add("collision_free.share",
+               [](const R& r) {
+                 return share_of(r.series.problems,
+                                 [&](const ChangedSolve& s) { return r.is_free(s); });
+               },
+               "Share of all problems with a trajectory free of collisions, by exact distances.",
+               {.heading = "collision-free", .pattern = "%.4f", .compared = true})
+          .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
+               "Problems whose start and goal touch nothing.",
+               {.heading = "ends free", .pattern = "%.0f"})
+          .add("free_ends.share",
+               [](const R& r) {
+                 return share_of(r.with_free_ends,
+                                 [&](const ChangedSolve& s) { return r.is_free(s); });
+               },
+               "Share of these that is free of collisions.",
+               {.heading = "of them free", .pattern = "%.4f"});
+  return kColumns;
+}
+
+std::string verdict_text(const IncrementalRecord& record, const Json& rows,
+                         const SolveCount& count) {
+  std::string text = count.failure(record.about, "changed problems", "came to nothing in some way");
+  if (!text.empty()) return text;
+  text = "Success: " + std::to_string(count.problems) + " changed problems by " +
+         record.about.optimiser + ", each with a trajectory in every way.";
+  for (const Json& row : rows) {
+    if (at(row, "/way") != Json(kSolveWays[kIncremental])) continue;
+    text += " " + cell(at(row, "/label")) + ", " + cell(at(row, "/field")) + ", other " +
+            cell(at(row, "/change")) + ": incrementally in " +
+            cell(at(row, "/time_ratio/p50"), "%.2f") + " of the time of solving afresh (median).";
   }
-  const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
-  IncrementalBench bench{
-      problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
-      {context, total}};
-  for (const RecordedRun& run : problems.runs) {
-    for (const char* change : {kGoal, kObstacles}) {
-      if (context.stop.stop_requested()) break;
-      SIDESTEP_TRY(solve_part(
-          record.series, [&] { return solve_series(run, change, bench); }, &record_series,
-          recorder));
+  return text;
+}
+
+Result<std::string> incremental_body(const Json& summary, ResultsReader&,
+                                     const std::filesystem::path&) {
+  return sentence_of(summary) + "; each joint of the goal moved by " +
+         cell(at(summary, "/goal_sd")) + ", or each box by " + cell(at(summary, "/obstacle_sd_m")) +
+         " m along each axis (standard deviations). Afresh: from a straight line. Warm: from the "
+         "trajectory before the change. Incremental: by the optimiser that found it.</p>\n" +
+         way_rows().html(at(summary, "/rows"));
+}
+
+ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
+                                        const IncrementalSettings& settings,
+                                        const IncrementalRecord& record) {
+  Json rows = Json::array();
+  SolveCount count;
+  for (const ChangedSeries& series : record.series) {
+    for (std::size_t way = 0; way < kSolveWays.size(); ++way)
+      rows.push_back(way_rows().row({series, way}));
+    for (const ChangedSolve& problem : series.problems) {
+      const auto unsolved = std::ranges::find(problem.ways, false, &RecordedSolve::solved);
+      const bool is_solved = unsolved == problem.ways.end();
+      count.add(is_solved, is_solved ? "" : unsolved->reason);
     }
   }
-  record.about.interrupted = context.stop.stop_requested();
-
-  return summarise_incremental(provenance, settings, record);
+  return summarise_solves(provenance, settings.type, record.about, count,
+                          verdict_text(record, rows, count), way_rows(),
+                          {{"repeats", settings.repeats},
+                           {"goal_sd", settings.goal_sd},
+                           {"obstacle_sd_m", settings.obstacle_sd_m},
+                           {"problems", count.problems},
+                           {"rows", rows}});
 }
 
 class IncrementalBenchmark final : public Experiment {
@@ -253,33 +425,47 @@ class IncrementalBenchmark final : public Experiment {
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"optimiser"}, .set_of_optimiser = set_of_incremental_optimiser()};
   }
-  [[nodiscard]] const report::RunReport& report() const override { return incremental_report(); }
+  [[nodiscard]] const report::RunReport& report() const override {
+    static const RunReport kReport = {.body = &incremental_body,
+                                      .columns = &way_rows(),
+                                      .compared_of_run = {{"problems", "/problems_file"}}};
+    return kReport;
+  }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
     check_recorded<IncrementalSettings>(configuration, set_of_incremental_optimiser(), host,
                                         errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_incremental(context);
+    const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
+    const auto& [settings, problems, provenance, store] = start;
+    Recorder recorder(*store);
+
+    IncrementalRecord record;
+    record.about = facts_of(problems, context);
+    std::int64_t total = 0;
+    for (const RecordedRun& run : problems.runs) {
+      total += 2 * settings.repeats * std::ssize(run.outcomes);
+    }
+    const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
+    IncrementalBench bench{
+        problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
+        {context, total}};
+    for (const RecordedRun& run : problems.runs) {
+      for (const char* change : {kGoal, kObstacles}) {
+        if (context.stop.stop_requested()) break;
+        SIDESTEP_TRY(solve_part(
+            record.series, [&] { return solve_series(run, change, bench); }, &record_series,
+            recorder));
+      }
+    }
+    record.about.interrupted = context.stop.stop_requested();
+
+    return summarise_incremental(provenance, settings, record);
   }
 };
 
 }  // namespace
-
-Parameters<IncrementalSettings> IncrementalSettings::parameters() {
-  using S = IncrementalSettings;
-  return declare_choice(experiment_parameters<S>(
-                            "Seed of everything random in the run: what goals and boxes move by.",
-                            "Threads that the optimiser may use; 0 for one per core."))
-      .add("goal_sd", &S::goal_sd,
-           "Standard deviation of what each joint of a changed goal moves by (m, rad), within its "
-           "limits.",
-           {.min = 0.0, .max = 10.0})
-      .add("obstacle_sd_m", &S::obstacle_sd_m,
-           "Standard deviation of what each box of a changed scene moves by along each axis.",
-           {.unit = "m", .min = 0.0, .max = 10.0});
-}
-
 }  // namespace sidestep
 
 SIDESTEP_EXPERIMENT(sidestep::IncrementalBenchmark, sidestep::IncrementalSettings,

@@ -3,20 +3,10 @@
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/results_store.hpp>
-#include "mapping_measure.hpp"
-#include "mapping_settings.hpp"
-#include "mapping_summary.hpp"
+#include "mapping_parts.hpp"
 
 namespace sidestep {
 namespace {
-
-/// The robot, whose own points mappers remove; null where the configuration has none.
-Result<std::shared_ptr<const RobotModel>> make_robot(ExperimentContext& context) {
-  const Node* block = context.configuration.root.find("robot");
-  if (block == nullptr) return std::shared_ptr<const RobotModel>();
-  auto robot = SIDESTEP_TRY(context.host.create<RobotModel>(*block));
-  return std::shared_ptr<const RobotModel>(std::move(robot));
-}
 
 /// One item a frame.
 void record_clock(const std::string& series, const std::optional<ClockRecord>& clock,
@@ -76,37 +66,6 @@ Result<void> measure_cases(const std::vector<SystemCase>& cases, MeasureContext&
   return {};
 }
 
-Result<ExperimentOutcome> run_mapping_benchmark(ExperimentContext& context) {
-  const Node& experiment = *context.configuration.root.find("experiment");
-  const Node& source = *context.configuration.root.find("source");
-  std::vector<Error> errors;
-  MappingBenchmarkSettings settings;
-  MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
-  const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  auto robot = SIDESTEP_TRY(make_robot(context));
-
-  const RunProvenance provenance = provenance_of(context);
-  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
-  Recorder recorder(*store);
-
-  FrameFeed feed([&] { return context.host.create<Source>(source, robot); },
-                 {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
-                 context.stop);
-  MeasureContext measure{context.host, context.log, robot, feed, settings, context.stop, {}};
-  MappingBenchmarkRecord record;
-  record.planned_cases = cases.size();
-  if (context.progress) context.progress(0, 0, "reading frames");
-  SIDESTEP_TRY(measure_cases(cases, measure, context, recorder, record));
-  record.bad_frames = feed.bad_frames();
-  record.has_truth = feed.scene() != nullptr;
-  record.interrupted = context.stop.stop_requested();
-  record_bad_frames(record.bad_frames, recorder);
-  SIDESTEP_TRY(recorder.commit());
-
-  return summarise_mapping(provenance, settings, record);
-}
-
 class MappingBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
@@ -120,7 +79,37 @@ class MappingBenchmark final : public Experiment {
     (void)checked_robot(configuration, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_mapping_benchmark(context);
+    const Node& experiment = *context.configuration.root.find("experiment");
+    const Node& source = *context.configuration.root.find("source");
+    std::vector<Error> errors;
+    MappingBenchmarkSettings settings;
+    MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
+    const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
+    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    std::shared_ptr<const RobotModel> robot;  // whose own points mappers remove
+    if (const Node* block = context.configuration.root.find("robot")) {
+      robot = SIDESTEP_TRY(context.host.create<RobotModel>(*block));
+    }
+
+    const RunProvenance provenance = provenance_of(context);
+    auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+    Recorder recorder(*store);
+
+    FrameFeed feed([&] { return context.host.create<Source>(source, robot); },
+                   {settings.frames, settings.stride, settings.frames_in_memory}, context.log,
+                   context.stop);
+    MeasureContext measure{context.host, context.log, robot, feed, settings, context.stop, {}};
+    MappingBenchmarkRecord record;
+    record.planned_cases = cases.size();
+    if (context.progress) context.progress(0, 0, "reading frames");
+    SIDESTEP_TRY(measure_cases(cases, measure, context, recorder, record));
+    record.bad_frames = feed.bad_frames();
+    record.has_truth = feed.scene() != nullptr;
+    record.interrupted = context.stop.stop_requested();
+    record_bad_frames(record.bad_frames, recorder);
+    SIDESTEP_TRY(recorder.commit());
+
+    return summarise_mapping(provenance, settings, record);
   }
 };
 

@@ -1,10 +1,11 @@
-#include "mapping_measure.hpp"
+#include "mapping_parts.hpp"
 
 #include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
+#include <utility>
 
 #include <sidestep/measures/point_survey.hpp>
 #include <sidestep/measures/source_facts.hpp>
@@ -12,6 +13,30 @@
 
 namespace sidestep {
 namespace {
+
+/// Memory of this process that is in RAM, in MiB; what was freed is given back first. 0 where the
+/// system does not tell.
+double resident_mib(bool trim) {
+  if (trim) malloc_trim(0);
+  std::ifstream file("/proc/self/statm");
+  double pages = 0.0, resident_pages = 0.0;
+  if (!(file >> pages >> resident_pages)) return 0.0;
+  return resident_pages * static_cast<double>(sysconf(_SC_PAGE_SIZE)) / (1 << 20);
+}
+
+/// Hands one frame at a time to a MappingPipeline. [mapping]
+class OneFrameSource final : public Source {
+ public:
+  void set(std::shared_ptr<const Frame> frame) { frame_ = std::move(frame); }
+  Result<std::optional<Frame>> next(const Deadline&) override {
+    const auto frame = std::exchange(frame_, nullptr);
+    return frame != nullptr ? std::optional(*frame) : std::nullopt;
+  }
+  std::optional<std::int64_t> frame_count() const override { return std::nullopt; }
+
+ private:
+  std::shared_ptr<const Frame> frame_;
+};
 
 /// A mapper, a field and the pipeline through them.
 struct System {
@@ -60,44 +85,39 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
   return system;
 }
 
-/// One frame through the system; nothing where the mapper cannot use it.
-Result<std::optional<UpdateRecord>> update(System& system, std::shared_ptr<const Frame> frame,
-                                           std::stop_token stop) {
-  system.source.set(frame);
-  auto step = SIDESTEP_TRY(system.pipeline->step(Deadline(std::move(stop))));
-  system.points.add(*frame, system.mapper->grid());
-  if (!step) return std::optional<UpdateRecord>();
-  if (step->update.grid_moved) {
-    return fail(ErrorCode::kUnsupported,
-                "the mapper's grid moved; systems are compared on one grid",
-                "frame " + std::to_string(step->frame_sequence));
-  }
-  UpdateRecord record;
-  record.frame_sequence = step->frame_sequence;
-  record.integrate_ms = step->integrate_ms;
-  record.field_ms = step->field_ms;
-  record.publish_ms = step->publish_ms;
-  record.latency_ms = record.frame_ms();
-  return record;
-}
-
 enum class Step { kDone, kBadFrame, kEnd };
 
 /// One frame through the system and into the clock's record. It ends where it is asked to stop, and
 /// where the system fails, which goes into the record.
 Step take(System& system, const std::shared_ptr<const Frame>& frame, ClockRecord& clock,
           CaseRecord& record, MeasureContext& context) {
-  const auto updated = update(system, frame, context.stop);
-  if (!updated) {
-    if (!context.stop.stop_requested()) record.error = updated.error().describe();
+  system.source.set(frame);
+  const auto step = system.pipeline->step(Deadline(context.stop));
+  if (!step) {
+    if (!context.stop.stop_requested()) record.error = step.error().describe();
     return Step::kEnd;
   }
+  system.points.add(*frame, system.mapper->grid());
   context.updated();
-  if (!*updated) {
+  if (!*step) {
     ++clock.bad_frames;
     return Step::kBadFrame;
   }
-  clock.updates.push_back(**updated);
+  const MappingStep& done = **step;
+  if (done.update.grid_moved) {
+    record.error = Error{ErrorCode::kUnsupported,
+                         "the mapper's grid moved; systems are compared on one grid",
+                         "frame " + std::to_string(done.frame_sequence),
+                         {},
+                         nullptr}
+                       .describe();
+    return Step::kEnd;
+  }
+  clock.updates.push_back({.frame_sequence = done.frame_sequence,
+                           .integrate_ms = done.integrate_ms,
+                           .field_ms = done.field_ms,
+                           .publish_ms = done.publish_ms});
+  clock.updates.back().latency_ms = clock.updates.back().frame_ms();
   record.is_signed = system.slot.pin()->info().is_signed;
   return Step::kDone;
 }
@@ -194,10 +214,7 @@ Result<void> FrameFeed::open() {
   source_.reset();  // two at once may not be had, e.g. of a camera
   auto source = SIDESTEP_TRY(make_source_());
   source_.emplace(std::move(source));
-  if (!scene_) {
-    auto scene = SIDESTEP_TRY(true_scene(*source_));
-    if (scene != nullptr) scene_ = *scene;
-  }
+  if (scene_ == nullptr) scene_ = SIDESTEP_TRY(true_scene(*source_));
   count_ = SIDESTEP_TRY(frame_count_of(*source_));
   if (count_) count_ = (*count_ + limits_.stride - 1) / limits_.stride;
   if (limits_.frames > 0) count_ = std::min(count_.value_or(limits_.frames), limits_.frames);
@@ -279,13 +296,6 @@ Result<FrameFeed::Taken> FrameFeed::next_newest(double now_s) {
   }
 }
 
-Result<std::optional<Frame>> OneFrameSource::next(const Deadline&) {
-  if (frame_ == nullptr) return std::optional<Frame>();
-  std::optional<Frame> frame(*frame_);
-  frame_.reset();
-  return frame;
-}
-
 Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context) {
   CaseRecord record;
   record.what = what;
@@ -304,14 +314,6 @@ Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context)
   if (!done) return error_of(done);
   record.interrupted = context.stop.stop_requested();
   return record;
-}
-
-double resident_mib(bool trim) {
-  if (trim) malloc_trim(0);
-  std::ifstream file("/proc/self/statm");
-  double pages = 0.0, resident_pages = 0.0;
-  if (!(file >> pages >> resident_pages)) return 0.0;
-  return resident_pages * static_cast<double>(sysconf(_SC_PAGE_SIZE)) / (1 << 20);
 }
 
 }  // namespace sidestep

@@ -1,30 +1,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <map>
-#include <optional>
 
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
 
-#include "mapping_summary.hpp"
+#include "mapping_parts.hpp"
 
 namespace sidestep {
 namespace {
 
 using namespace report;
-
-/// One bar of the chart.
-struct SystemBar {
-  std::string label;
-  double resolution_m = 0.0;
-  bool is_signed = false;
-  double mean_ms = 0.0;
-  double p50_ms = 0.0;
-  double p95_ms = 0.0;
-  std::optional<double> published_ms;
-};
 
 constexpr double kWidth = 900.0;
 constexpr double kLabels = 250.0;
@@ -43,10 +32,17 @@ struct LogScale {
   }
 };
 
-LogScale scale_of(const std::vector<SystemBar>& bars) {
+/// 0 where there is none.
+double number_of(const Json& system, const char* pointer) {
+  const Json number = at(system, pointer);
+  return number.is_number() ? number.get<double>() : 0.0;
+}
+
+LogScale scale_of(const Json& systems) {
   double least = 1e9, most = 0.0;
-  for (const SystemBar& bar : bars) {
-    for (const double value : {bar.mean_ms, bar.p50_ms, bar.p95_ms, bar.published_ms.value_or(0)}) {
+  for (const Json& system : systems) {
+    for (const char* time : {"/frame_ms/mean", "/frame_ms/p50", "/frame_ms/p95", "/published_ms"}) {
+      const double value = number_of(system, time);
       if (value > 0.0) least = std::min(least, value);
       most = std::max(most, value);
     }
@@ -65,29 +61,38 @@ void draw_scale(Canvas& canvas, const LogScale& scale, double top, double bottom
   }
 }
 
-void draw_bar(Canvas& canvas, const LogScale& scale, const SystemBar& bar, double top) {
+void draw_bar(Canvas& canvas, const LogScale& scale, const Json& system, double top) {
   const double middle = top + 0.5 * kRow;
-  canvas.text({kLabels - 10.0, middle + 4.0}, bar.label, {.size = 12.0, .align = Align::kRight});
-  const Colour fill = bar.is_signed ? palette::kOrange : palette::kBlue;
-  const double end = scale.at(bar.p50_ms);
-  canvas.rectangle({kLabels, top + 4.0, std::max(1.0, end - kLabels), kRow - 8.0}, fill);
+  canvas.text({kLabels - 10.0, middle + 4.0}, cell(at(system, "/name")),
+              {.size = 12.0, .align = Align::kRight});
+  const bool is_signed = at(system, "/signed") == Json(true);
+  const double p50_ms = number_of(system, "/frame_ms/p50");
+  const double end = scale.at(p50_ms), p95 = scale.at(number_of(system, "/frame_ms/p95"));
+  canvas.rectangle({kLabels, top + 4.0, std::max(1.0, end - kLabels), kRow - 8.0},
+                   is_signed ? palette::kOrange : palette::kBlue);
   const Stroke thin{palette::kBlack, 1.2, {}};
-  const double p95 = scale.at(bar.p95_ms);
   canvas.line(std::array{Point{end, middle}, Point{p95, middle}}, thin);
   canvas.line(std::array{Point{p95, middle - 5.0}, Point{p95, middle + 5.0}}, thin);
-  if (bar.published_ms) {
-    canvas.ring({scale.at(*bar.published_ms), middle}, 5.0, {palette::kVermilion, 2.0, {}});
+  if (at(system, "/published_ms").is_number()) {
+    canvas.ring({scale.at(number_of(system, "/published_ms")), middle}, 5.0,
+                {palette::kVermilion, 2.0, {}});
   }
-  canvas.text({kWidth - kNumbers + 8.0, middle + 4.0}, format("%.3g ms", bar.p50_ms),
-              {.size = 12.0});
+  canvas.text({kWidth - kNumbers + 8.0, middle + 4.0}, format("%.3g ms", p50_ms), {.size = 12.0});
 }
 
-/// `published_as` names where published figures are from.
-std::vector<Figure> mapping_figures(const std::vector<SystemBar>& bars,
-                                    const std::string& published_as) {
-  if (bars.empty()) return {};
-  std::map<double, std::vector<const SystemBar*>> by_resolution;
-  for (const SystemBar& bar : bars) by_resolution[bar.resolution_m].push_back(&bar);
+/// A bar for each system that could be measured. `published_as` names where published figures are
+/// from.
+std::vector<Figure> mapping_figures(const Json& systems, const std::string& published_as) {
+  const auto is_measured = [](const Json& system) {
+    return at(system, "/frame_ms/p50").is_number();
+  };
+  Json measured = Json::array();
+  std::ranges::copy_if(systems, std::back_inserter(measured), is_measured);
+  if (measured.empty()) return {};
+  std::map<double, std::vector<const Json*>> by_resolution;
+  for (const Json& system : measured) {
+    by_resolution[number_of(system, "/resolution_m")].push_back(&system);
+  }
   double height = 34.0;
   for (const auto& [resolution_m, group] : by_resolution) {
     height += kGroupHead + 24.0 + kRow * static_cast<double>(group.size());
@@ -96,14 +101,15 @@ std::vector<Figure> mapping_figures(const std::vector<SystemBar>& bars,
                 "Time from a frame in hand to the published field (logarithmic): bars to the "
                 "median, whiskers to the 95th percentile.",
                 Canvas(kWidth, height)};
-  const LogScale scale = scale_of(bars);
+  Canvas& canvas = figure.canvas;
+  const LogScale scale = scale_of(measured);
   double y = 0.0;
   for (const auto& [resolution_m, group] : by_resolution) {
-    figure.canvas.text({0.0, y + 18.0}, format("%g m", resolution_m), {.size = 13.0, .bold = true});
+    canvas.text({0.0, y + 18.0}, format("%g m", resolution_m), {.size = 13.0, .bold = true});
     y += kGroupHead;
-    draw_scale(figure.canvas, scale, y, y + kRow * static_cast<double>(group.size()));
-    for (const SystemBar* bar : group) {
-      draw_bar(figure.canvas, scale, *bar, y);
+    draw_scale(canvas, scale, y, y + kRow * static_cast<double>(group.size()));
+    for (const Json* system : group) {
+      draw_bar(canvas, scale, *system, y);
       y += kRow;
     }
     y += 24.0;
@@ -111,12 +117,12 @@ std::vector<Figure> mapping_figures(const std::vector<SystemBar>& bars,
   std::vector<LegendEntry> legend = {
       {"unsigned", LegendEntry::Mark::kBox, {palette::kBlue, 1.0, {}}},
       {"signed", LegendEntry::Mark::kBox, {palette::kOrange, 1.0, {}}}};
-  if (std::ranges::any_of(bars,
-                          [](const SystemBar& bar) { return bar.published_ms.has_value(); })) {
+  if (std::ranges::any_of(
+          measured, [](const Json& system) { return at(system, "/published_ms").is_number(); })) {
     legend.push_back(
         {published_as + ", mean", LegendEntry::Mark::kCircle, {palette::kVermilion, 2.0, {}}});
   }
-  draw_legend(figure.canvas, {0.0, y}, kWidth, legend);
+  draw_legend(canvas, {0.0, y}, kWidth, legend);
   std::vector<Figure> figures;
   figures.push_back(std::move(figure));
   return figures;
@@ -127,16 +133,12 @@ const Columns kHead = {{"system", "/name"},
                        {"field", "/signed", "signed|unsigned"},
                        {"voxel", "/resolution_m", "%g m"}};
 
-void append(Row& row, Row more) {
-  row.insert(row.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
-
 std::string quarters_section(const Json& summary) {
   std::vector<Row> rows;
   for (const Json& s : at(summary, "/systems")) {
     Row times = cells_of(s, kHead), memory = cells_of(s, kHead);
-    append(times, {"frame p50"});
-    append(memory, {"memory"});
+    times.push_back("frame p50");
+    memory.push_back("memory");
     for (const Json& quarter : at(s, "/quarters")) {
       times.push_back(cell(at(quarter, "/frame_ms/p50"), "%.2f ms"));
       memory.push_back(cell(at(quarter, "/memory_mib"), "%.0f MiB"));
@@ -162,34 +164,16 @@ std::string errors_section(const Json& summary) {
   return html;
 }
 
-std::vector<SystemBar> bars_of(const Json& summary) {
-  std::vector<SystemBar> bars;
-  for (const Json& s : at(summary, "/systems")) {
-    if (!at(s, "/frame_ms/p50").is_number()) continue;
-    SystemBar bar;
-    bar.label = cell(at(s, "/name"));
-    bar.resolution_m = at(s, "/resolution_m").get<double>();
-    bar.is_signed = at(s, "/signed") == Json(true);
-    bar.mean_ms = at(s, "/frame_ms/mean").get<double>();
-    bar.p50_ms = at(s, "/frame_ms/p50").get<double>();
-    bar.p95_ms = at(s, "/frame_ms/p95").get<double>();
-    if (const Json published = at(s, "/published_ms"); published.is_number()) {
-      bar.published_ms = published.get<double>();
-    }
-    bars.push_back(std::move(bar));
-  }
-  return bars;
-}
-
 Result<std::string> mapping_body(const Json& summary, ResultsReader&,
                                  const std::filesystem::path& run) {
-  const auto figures = SIDESTEP_TRY(
-      figure_section(mapping_figures(bars_of(summary), cell(at(summary, "/published_as"))), run));
-  std::string html = errors_section(summary) + figures;
-  if (const std::string name = cell(at(summary, "/published_as")); name != "-" && !name.empty()) {
-    html += "<p>Published: " + escape_html(name) + ".</p>\n";
+  const Json systems = at(summary, "/systems");
+  const std::string published_as = cell(at(summary, "/published_as"));
+  std::string html = errors_section(summary);
+  html += SIDESTEP_TRY(figure_section(mapping_figures(systems, published_as), run));
+  if (published_as != "-" && !published_as.empty()) {
+    html += "<p>Published: " + escape_html(published_as) + ".</p>\n";
   }
-  html += mapping_columns().html(at(summary, "/systems"));
+  html += mapping_columns().html(systems);
   return html + quarters_section(summary);
 }
 

@@ -1,9 +1,11 @@
-#include "mapping_settings.hpp"
+#include "mapping_parts.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <set>
+
+#include <sidestep/runtime/entry_reading.hpp>
 
 namespace sidestep {
 namespace {
@@ -15,12 +17,9 @@ Node scalar(std::string text, const SourceMark& mark) {
   return Node(Node::Scalar{std::move(text), false}, mark);
 }
 
-template <class Values>
-Node list_of(const Values& values, const SourceMark& mark) {
+Node list_of(const Eigen::Vector3d& values, const SourceMark& mark) {
   Node::List items;
-  for (const auto value : values) {
-    items.push_back(scalar(detail::number_text(static_cast<double>(value)), mark));
-  }
+  for (const double value : values) items.push_back(scalar(detail::number_text(value), mark));
   return Node(std::move(items), mark);
 }
 
@@ -50,19 +49,13 @@ struct Given {
 
 Node mapper_block(const Given& given, const Node& written, std::size_t resolution) {
   const double resolution_m = given.settings.resolutions_m[resolution];
-  const auto& extent_m = given.settings.extent_m;
-  std::array<double, 3> size_vox{};
-  for (int axis = 0; axis < 3; ++axis) {
-    size_vox[static_cast<std::size_t>(axis)] =
-        std::max(1.0, std::ceil(extent_m[axis] / resolution_m - 1e-6));
-  }
-  const auto& origin_m = given.settings.origin_m;
+  const Eigen::Vector3d size_vox =
+      (given.settings.extent_m.array() / resolution_m - 1e-6).ceil().max(1.0).matrix();
   Node block = written;
   put(block, "resolution_m",
       scalar(detail::number_text(resolution_m), given.mark_of_resolution(resolution)));
   put(block, "size_vox", list_of(size_vox, given.mark("extent_m")));
-  put(block, "origin_m",
-      list_of(std::array{origin_m.x(), origin_m.y(), origin_m.z()}, given.mark("origin_m")));
+  put(block, "origin_m", list_of(given.settings.origin_m, given.mark("origin_m")));
   return block;
 }
 
@@ -242,10 +235,7 @@ std::vector<SystemCase> read_cases(const Node& experiment, Host& host, std::vect
   for (std::size_t s = 0; s < given.settings.systems.size(); ++s) {
     const SystemEntry& system = given.settings.systems[s];
     const Node& node = list.items()[s];
-    if (!names.insert(system.name).second) {
-      errors.push_back(
-          node.find("name")->error("a system before this one is named '" + system.name + "', too"));
-    }
+    take_name(*node.find("name"), "a system", names, errors);
     if (const Node* name = node.find("published"); name != nullptr && !name->is_null()) {
       check_name(*name, "published system", published, errors);
     }

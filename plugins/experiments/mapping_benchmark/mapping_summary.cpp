@@ -1,4 +1,4 @@
-#include "mapping_summary.hpp"
+#include "mapping_parts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 using Updates = std::vector<UpdateRecord>;
 
 std::vector<double> frame_times(const Updates& updates) {
-  return values_of(updates, std::mem_fn(&UpdateRecord::frame_ms));
+  return values_of(updates, &UpdateRecord::frame_ms);
 }
 
 double memory_mib(const Updates& updates) {
@@ -60,6 +60,38 @@ const CaseRecord* reference_of(const CaseRecord& record, const MappingBenchmarkS
 const ClockRecord* timed(const CaseRecord& record) {
   if (record.every_frame) return &*record.every_frame;
   return record.real_time ? &*record.real_time : nullptr;
+}
+
+/// Why a case does not reach what the settings expect; empty where it does.
+std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& expect) {
+  const ClockRecord* clock = record.every_frame ? &*record.every_frame : nullptr;
+  if (record.error.empty() && (clock == nullptr || clock->updates.empty()) && !record.real_time) {
+    return "no frame could be mapped";
+  }
+  std::string text;
+  const auto complain = [&](const std::string& what, double found, double wanted) {
+    text += (text.empty() ? "" : ", ") + what + " " + format("%g", found) + " instead of " +
+            format("%g", wanted);
+  };
+  const auto at_most = [&](const std::string& what, double found, std::optional<double> limit) {
+    if (limit && found > *limit) complain(what, found, *limit);
+  };
+  if (clock == nullptr) return "";
+  at_most("an error of (m)", clock->accuracy.max_error_m, expect.max_error_m);
+  if (!clock->truth) return text;
+  const TruthRecord& truth = *clock->truth;
+  const auto largest = [](const std::vector<double>& values) { return percentile(values, 1.0); };
+  const auto recall = truth.collision_recall();
+  if (expect.collision_recall && recall && *recall < *expect.collision_recall) {
+    complain("a collision recall of", *recall, *expect.collision_recall);
+  }
+  at_most("frames until an object appears:", largest(truth.appear_frames), expect.appear_frames);
+  if (expect.appear_frames) {
+    at_most("objects that never appear:", static_cast<double>(truth.never_appeared), 0.0);
+  }
+  at_most("frames until a voxel is gone:", largest(truth.gone_frames), expect.gone_frames);
+  at_most("ghost voxels left:", static_cast<double>(truth.ghost_seen_vox), expect.ghost_vox);
+  return text;
 }
 
 /// A case as it is told of.
@@ -104,7 +136,7 @@ auto times_of(auto clock) {
 
 /// One time of every update.
 auto of_updates(double UpdateRecord::*time) {
-  return [time](const ClockRecord& clock) { return values_of(clock.updates, std::mem_fn(time)); };
+  return [time](const ClockRecord& clock) { return values_of(clock.updates, time); };
 }
 
 /// By what factor an update takes longer than the reference's; null where nothing can be compared.
@@ -350,45 +382,6 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
 }  // namespace
 
 const report::ResultColumns& mapping_columns() { return mapping_systems(); }
-
-std::string unmet_expectations(const CaseRecord& record, const ExpectSettings& expect) {
-  const ClockRecord* clock = record.every_frame ? &*record.every_frame : nullptr;
-  std::string text;
-  const auto complain = [&](const std::string& what, double found, double wanted) {
-    text += (text.empty() ? "" : ", ") + what + " " + format("%g", found) + " instead of " +
-            format("%g", wanted);
-  };
-  if (record.error.empty() && (clock == nullptr || clock->updates.empty()) && !record.real_time) {
-    return "no frame could be mapped";
-  }
-  if (clock == nullptr) return "";
-  if (expect.max_error_m && clock->accuracy.max_error_m > *expect.max_error_m) {
-    complain("an error of (m)", clock->accuracy.max_error_m, *expect.max_error_m);
-  }
-  if (!clock->truth) return text;
-  const TruthRecord& truth = *clock->truth;
-  const auto largest = [](const std::vector<double>& values) {
-    return values.empty() ? 0.0 : *std::ranges::max_element(values);
-  };
-  const auto recall = truth.collision_recall();
-  if (expect.collision_recall && recall && *recall < *expect.collision_recall) {
-    complain("a collision recall of", *recall, *expect.collision_recall);
-  }
-  if (expect.appear_frames && largest(truth.appear_frames) > *expect.appear_frames) {
-    complain("frames until an object appears:", largest(truth.appear_frames),
-             *expect.appear_frames);
-  }
-  if (expect.appear_frames && truth.never_appeared > 0) {
-    complain("objects that never appear:", static_cast<double>(truth.never_appeared), 0.0);
-  }
-  if (expect.gone_frames && largest(truth.gone_frames) > *expect.gone_frames) {
-    complain("frames until a voxel is gone:", largest(truth.gone_frames), *expect.gone_frames);
-  }
-  if (expect.ghost_vox && static_cast<double>(truth.ghost_seen_vox) > *expect.ghost_vox) {
-    complain("ghost voxels left:", static_cast<double>(truth.ghost_seen_vox), *expect.ghost_vox);
-  }
-  return text;
-}
 
 ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
                                     const MappingBenchmarkSettings& settings,

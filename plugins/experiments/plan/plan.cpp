@@ -11,6 +11,7 @@
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/cost_plugins.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/run_observer.hpp>
@@ -110,9 +111,7 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     const auto is_map = [](const Node* node) { return node != nullptr && node->is_map(); };
     if (name == nullptr || !is_map(start) || !is_map(goal)) continue;  // its schema told
     plan.name = name->text();
-    if (!names.insert(plan.name).second) {
-      errors.push_back(name->error("a plan before this one is named '" + plan.name + "', too"));
-    }
+    take_name(*name, "a plan", names, errors);
     plan.robot = read_attached(entry, robot, errors);
     const std::vector<Link>& links = plan.robot->description().links;
     for (std::size_t i = robot->description().links.size(); i < links.size(); ++i) {
@@ -211,14 +210,10 @@ Result<Parts> make_parts(ExperimentContext& context) {
 
 void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSettings& planning,
                                 Log& log) {
-  std::string names;
-  for (const std::string& name : joints_of_unknown_acceleration(robot)) {
-    names += (names.empty() ? "'" : ", '") + name + "'";
-  }
+  const auto names = joints_of_unknown_acceleration(robot);
   if (names.empty()) return;
-  log.info("the acceleration limits of " + names +
-           " are not known; taken for each: its velocity "
-           "limit reached in " +
+  log.info("the acceleration limits of '" + joined(names, "', '") +
+           "' are not known; taken for each: its velocity limit reached in " +
            format("%g s", planning.assumed_ramp_s));
 }
 

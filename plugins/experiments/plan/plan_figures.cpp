@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <functional>
 #include <numeric>
@@ -294,8 +295,8 @@ Figure curves_figure(const std::vector<double>& time_s, const std::vector<Curve>
                     kCell * static_cast<double>(c / kColumns), kWidth / kColumns, kCell};
     Axes axes(figure.canvas, area, {0.0, std::max(1e-3, time_s.back())}, y.padded(0.12),
               {curves[c].title, "time [s]", curves[c].label});
-    axes.shade_below(curves[c].lower, kLimit);
-    axes.shade_above(curves[c].upper, kLimit);
+    axes.shade({-INFINITY, curves[c].lower}, kLimit);
+    axes.shade({curves[c].upper, INFINITY}, kLimit);
     axes.grid();
     axes.horizontal(curves[c].lower, limit);
     axes.horizontal(curves[c].upper, limit);
@@ -322,7 +323,7 @@ Figure clearance_figure(const std::vector<double>& time_s, const std::vector<dou
             y.padded(0.06), {"Clearance", "time [s]", "clearance [m]"});
   const Stroke curve{palette::kBlue, 2.0, {}};
   const Stroke margin{palette::kVermilion, 1.3, {5.0, 3.0}};
-  axes.shade_below(margin_m, kLimit);
+  axes.shade({-INFINITY, margin_m}, kLimit);
   axes.grid();
   axes.horizontal(margin_m, margin);
   axes.line(time_s, clearance_m, curve);
@@ -370,10 +371,7 @@ Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
 /// A name as a file's: letters, digits, - and _.
 std::string file_name(const std::string& name) {
   std::string safe = name.substr(0, 60);
-  const auto is_other = [](char c) {
-    return !((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-             c == '-');
-  };
+  const auto is_other = [](unsigned char c) { return c >= 0x80 || !(std::isalnum(c) || c == '-'); };
   std::ranges::replace_if(safe, is_other, '_');
   return safe;
 }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <sidestep/core/node.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/statistics.hpp>
@@ -12,24 +13,21 @@ namespace {
 
 using namespace report;
 
-Json times(const std::vector<double>& values) {
-  return {{"p50", percentile(values, 0.5)},
-          {"p95", percentile(values, 0.95)},
-          {"max", percentile(values, 1.0)}};
-}
-
 Json map_json(const MapRecord& map) {
-  std::vector<double> frame, read, integrate, field;
-  for (const MappingStep& step : map.steps) {
-    frame.push_back(step.frame_ms());
-    read.push_back(step.read_ms);
-    integrate.push_back(step.integrate_ms);
-    field.push_back(step.field_ms);
-  }
-  Json json = {{"frame_ms", times(frame)},         {"read_ms", times(read)},
-               {"integrate_ms", times(integrate)}, {"field_ms", times(field)},
-               {"occupied_vox", map.occupied_vox}, {"known_vox", map.known_vox},
-               {"empty_reason", map.empty_reason}, {"left_out", map.left_out}};
+  const auto times = [&](auto time) {
+    const std::vector<double> values = values_of(map.steps, time);
+    return Json{{"p50", percentile(values, 0.5)},
+                {"p95", percentile(values, 0.95)},
+                {"max", percentile(values, 1.0)}};
+  };
+  Json json = {{"frame_ms", times(&MappingStep::frame_ms)},
+               {"read_ms", times(&MappingStep::read_ms)},
+               {"integrate_ms", times(&MappingStep::integrate_ms)},
+               {"field_ms", times(&MappingStep::field_ms)},
+               {"occupied_vox", map.occupied_vox},
+               {"known_vox", map.known_vox},
+               {"empty_reason", map.empty_reason},
+               {"left_out", map.left_out}};
   if (map.field) {
     const GridSpec& grid = map.field->info().grid;
     json["unknown_share"] =
@@ -219,29 +217,18 @@ const ResultColumns& plan_columns() {
   return kColumns;
 }
 
-std::string table_text(const MapRecord& map, const Json& plans) {
-  std::vector<double> frame_ms;
-  for (const MappingStep& step : map.steps) frame_ms.push_back(step.frame_ms());
-  TextTable map_table({"frames", "bad", "frame p50", "frame p95", "frame max", "occupied voxels"});
-  map_table.add({std::to_string(map.steps.size()), std::to_string(map.bad_frames.size()),
-                 format("%.1f ms", percentile(frame_ms, 0.5)),
-                 format("%.1f ms", percentile(frame_ms, 0.95)),
-                 format("%.1f ms", percentile(frame_ms, 1.0)), std::to_string(map.occupied_vox)});
-  return map_table.text() + (plans.empty() ? "" : "\n" + plan_columns().text(plans));
-}
-
 // The page of a run.
 
 std::string map_section(const Json& summary) {
-  std::string html = "<h2>Map</h2>\n" +
-                     html_table({"frames", "unusable", "frame time p50", "p95", "max",
-                                 "occupied voxels", "resolution"},
-                                {{cell(at(summary, "/frames")), cell(at(summary, "/bad_frames")),
-                                  cell(at(summary, "/map/frame_ms/p50"), "%.1f ms"),
-                                  cell(at(summary, "/map/frame_ms/p95"), "%.1f ms"),
-                                  cell(at(summary, "/map/frame_ms/max"), "%.1f ms"),
-                                  cell(at(summary, "/map/occupied_vox"), "%.0f"),
-                                  cell(at(summary, "/map/resolution_m"), "%.3f m")}});
+  std::string html =
+      "<h2>Map</h2>\n" + html_table({{"frames", "/frames"},
+                                     {"unusable", "/bad_frames"},
+                                     {"frame time p50", "/map/frame_ms/p50", "%.1f ms"},
+                                     {"p95", "/map/frame_ms/p95", "%.1f ms"},
+                                     {"max", "/map/frame_ms/max", "%.1f ms"},
+                                     {"occupied voxels", "/map/occupied_vox", "%.0f"},
+                                     {"resolution", "/map/resolution_m", "%.3f m"}},
+                                    Json::array({summary}));
   const Json errors = at(summary, "/bad_frame_errors");
   if (!errors.is_array() || errors.empty()) return html;
   html += "<details><summary>Unusable frames</summary><pre>";
@@ -308,8 +295,7 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results,
       html += "<p class=\"verdict failure\">" + escape_html(reason) + "</p>\n";
     }
     if (const Json attached = at(plan, "/attached"); attached.is_array() && !attached.empty()) {
-      std::string names;
-      for (const Json& object : attached) names += (names.empty() ? "" : ", ") + cell(object);
+      const auto names = joined(attached.get<std::vector<std::string>>());
       html += "<p>The robot carries: " + escape_html(names) + ".</p>\n";
     }
     html += explanation_section(plan);
@@ -361,14 +347,21 @@ ExperimentOutcome summarise_plans(const RunProvenance& provenance, const MapReco
   for (const Error& error : map.bad_frames) bad_frames.push_back(error.describe());
   Json plan_list = Json::array();
   for (const PlanRecord& plan : plans) plan_list.push_back(plan_json(plan));
-  outcome.table = table_text(map, plan_list);
-  outcome.summary_json = summary_text(provenance, "plan", outcome,
-                                      {{"fault", map.fault ? Json(map.fault->describe()) : Json()},
-                                       {"frames", map.steps.size()},
-                                       {"bad_frames", map.bad_frames.size()},
-                                       {"bad_frame_errors", bad_frames},
-                                       {"map", map_json(map)},
-                                       {"plans", plan_list}});
+  const Json particulars = {{"fault", map.fault ? Json(map.fault->describe()) : Json()},
+                            {"frames", map.steps.size()},
+                            {"bad_frames", map.bad_frames.size()},
+                            {"bad_frame_errors", bad_frames},
+                            {"map", map_json(map)},
+                            {"plans", plan_list}};
+  outcome.table = text_table({{"frames", "/frames", "%.0f"},
+                              {"bad", "/bad_frames", "%.0f"},
+                              {"frame p50", "/map/frame_ms/p50", "%.1f ms"},
+                              {"frame p95", "/map/frame_ms/p95", "%.1f ms"},
+                              {"frame max", "/map/frame_ms/max", "%.1f ms"},
+                              {"occupied voxels", "/map/occupied_vox", "%.0f"}},
+                             Json::array({particulars}));
+  if (!plans.empty()) outcome.table += "\n" + plan_columns().text(plan_list);
+  outcome.summary_json = summary_text(provenance, "plan", outcome, particulars);
   return outcome;
 }
 

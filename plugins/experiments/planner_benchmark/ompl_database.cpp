@@ -68,14 +68,19 @@ class Writer {
   }
   /// Adds a row with a value for each column; its id.
   std::int64_t insert(const std::string& table, const std::vector<Value>& row) {
-    if (error_) return 0;
-    sqlite3_stmt* statement = statement_of(table, row.size());
-    if (statement == nullptr) return 0;
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      bind(statement, static_cast<int>(i) + 1, row[i]);
+    auto& statement = statements_[table];
+    if (!statement && !error_) {
+      std::string sql = "INSERT INTO " + table + " VALUES (?";
+      for (std::size_t i = 1; i < row.size(); ++i) sql += ", ?";
+      sqlite3_stmt* raw = nullptr;
+      keep(sqlite3_prepare_v2(database_.get(), (sql + ")").c_str(), -1, &raw, nullptr));
+      statement.reset(raw);
     }
-    if (const int status = sqlite3_step(statement); status != SQLITE_DONE) keep(status);
-    sqlite3_reset(statement);
+    if (error_) return 0;
+    int column = 0;
+    for (const Value& value : row) bind(statement.get(), ++column, value);
+    if (const int status = sqlite3_step(statement.get()); status != SQLITE_DONE) keep(status);
+    sqlite3_reset(statement.get());
     return sqlite3_last_insert_rowid(database_.get());
   }
   [[nodiscard]] Result<void> finish() {
@@ -99,17 +104,6 @@ class Writer {
                    file_,
                    {},
                    nullptr};
-  }
-  sqlite3_stmt* statement_of(const std::string& table, std::size_t columns) {
-    auto& statement = statements_[table];
-    if (!statement) {
-      std::string sql = "INSERT INTO " + table + " VALUES (?";
-      for (std::size_t i = 1; i < columns; ++i) sql += ", ?";
-      sqlite3_stmt* raw = nullptr;
-      keep(sqlite3_prepare_v2(database_.get(), (sql + ")").c_str(), -1, &raw, nullptr));
-      statement.reset(raw);
-    }
-    return statement.get();
   }
   static void bind(sqlite3_stmt* statement, int at, const Value& value) {
     if (const auto* integer = std::get_if<std::int64_t>(&value)) {

@@ -3,6 +3,7 @@
 
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/results_store.hpp>
@@ -103,46 +104,41 @@ void check_planner(const Node& entry, std::vector<Error>& errors) {
 }
 
 /// A run of a benchmark: the problems of its shard that have no answer yet.
-class BenchmarkRun {
- public:
-  BenchmarkRun(const PlannerBenchmarkSettings& settings, const std::vector<SetProblem>& problems,
-               SetBench bench, const PlannerBenchmarkRecord& record, ExperimentContext& context,
-               Recorder& recorder)
-      : settings_(settings),
-        problems_(problems),
-        bench_(std::move(bench)),
-        record_(record),
-        context_(context),
-        recorder_(recorder),
-        clock_(context.threads),
-        session_(std::ssize(record.sessions)),
-        done_(record.solved()) {}
+struct BenchmarkRun {
+  const PlannerBenchmarkSettings& settings;
+  const std::vector<SetProblem>& problems;
+  SetBench bench;
+  const PlannerBenchmarkRecord& record;  ///< Of earlier sessions.
+  ExperimentContext& context;
+  Recorder& recorder;
+  SessionClock clock{context.threads};
+  std::int64_t session = std::ssize(record.sessions);
+  std::int64_t done = record.solved();
 
   [[nodiscard]] Result<void> solve() {
-    for (std::size_t p = 0; p < settings_.planners.size(); ++p) {
-      for (int seed = 0; seed < settings_.seeds; ++seed) {
-        SIDESTEP_TRY(solve_with(settings_.planners[p], record_.planners[p], seed));
+    for (std::size_t p = 0; p < settings.planners.size(); ++p) {
+      for (int seed = 0; seed < settings.seeds; ++seed) {
+        SIDESTEP_TRY(solve_with(settings.planners[p], record.planners[p], seed));
       }
     }
-    record_session(clock_.after(0), session_, recorder_);
-    return recorder_.commit();
+    record_session(clock.after(0), session, recorder);
+    return recorder.commit();
   }
 
- private:
   std::vector<std::int64_t> left_for(const PlannerRecord& earlier, int seed) const {
-    std::set<std::int64_t> done;
+    std::set<std::int64_t> solved;
     for (const SetSolve& solve : earlier.solves) {
-      if (solve.seed == seed) done.insert(solve.problem);
+      if (solve.seed == seed) solved.insert(solve.problem);
     }
     std::vector<std::int64_t> left;
-    for (std::int64_t problem = 0; problem < std::ssize(problems_); ++problem) {
-      if (record_.is_ours(problem) && !done.contains(problem)) left.push_back(problem);
+    for (std::int64_t problem = 0; problem < std::ssize(problems); ++problem) {
+      if (record.is_ours(problem) && !solved.contains(problem)) left.push_back(problem);
     }
     return left;
   }
 
   Result<PlanningRace> make_race(const PlannerEntry& entry, std::uint64_t seed) {
-    const RunLoan loan{bench_.robot, nullptr, nullptr, seed};
+    const RunLoan loan{bench.robot, nullptr, nullptr, seed};
     std::vector<PlanningRace::Lane> lanes;
     for (const std::string& guess : entry.seeds) {
       PlanningRace::Lane lane;
@@ -151,49 +147,39 @@ class BenchmarkRun {
                                         std::pair(&entry.sampler, &lane.sampler)}) {
         const bool is_sampler = into == &lane.sampler;
         if (block->is_null() || (is_sampler && guess != "sampled")) continue;
-        *into = SIDESTEP_TRY(context_.host.create<Optimiser>(*block, loan));
+        *into = SIDESTEP_TRY(context.host.create<Optimiser>(*block, loan));
       }
       lanes.push_back(std::move(lane));
     }
-    return PlanningRace(std::move(lanes), bench_.planning.limits(bench_.robot->description()));
+    return PlanningRace(std::move(lanes), bench.planning.limits(bench.robot->description()));
   }
 
   Result<void> solve_with(const PlannerEntry& entry, const PlannerRecord& earlier, int seed) {
     const std::vector<std::int64_t> left = left_for(earlier, seed);
-    if (left.empty() || context_.stop.stop_requested()) return {};
-    const std::uint64_t run_seed = context_.seed + static_cast<std::uint64_t>(seed);
+    if (left.empty() || context.stop.stop_requested()) return {};
+    const std::uint64_t run_seed = context.seed + static_cast<std::uint64_t>(seed);
     auto race = SIDESTEP_TRY(make_race(entry, run_seed));
     const auto solve_one = [&](std::int64_t problem) {
       return catch_all("planning", [&] {
-        return solve_set_problem(race, problems_[static_cast<std::size_t>(problem)], run_seed,
-                                 bench_, plans_by_shapes(entry));
+        return solve_set_problem(race, problems[static_cast<std::size_t>(problem)], run_seed, bench,
+                                 plans_by_shapes(entry));
       });
     };
     (void)solve_one(left.front());  // does not count
     for (const std::int64_t problem : left) {
-      if (context_.progress) context_.progress(done_, record_.planned(), entry.name);
+      if (context.progress) context.progress(done, record.planned(), entry.name);
       auto solve = solve_one(problem);
-      if (context_.stop.stop_requested()) return {};  // it may have been cut short
+      if (context.stop.stop_requested()) return {};  // it may have been cut short
       if (!solve) return error_of(solve);
       solve->problem = problem;
       solve->seed = seed;
-      record_set_solve(*solve, entry.name, problems_.size(), recorder_);
-      record_session(clock_.after(1), session_, recorder_);
-      SIDESTEP_TRY(recorder_.commit());
-      ++done_;
+      record_set_solve(*solve, entry.name, problems.size(), recorder);
+      record_session(clock.after(1), session, recorder);
+      SIDESTEP_TRY(recorder.commit());
+      ++done;
     }
     return {};
   }
-
-  const PlannerBenchmarkSettings& settings_;
-  const std::vector<SetProblem>& problems_;
-  SetBench bench_;
-  const PlannerBenchmarkRecord& record_;
-  ExperimentContext& context_;
-  Recorder& recorder_;
-  SessionClock clock_;
-  std::int64_t session_;
-  std::int64_t done_;
 };
 
 /// The benchmark before anything is solved.
@@ -301,11 +287,7 @@ class PlannerBenchmark final : public Experiment {
     for (const Node& entry : planners->items()) {
       if (!entry.is_map()) continue;
       check_planner(entry, errors);
-      const Node* name = entry.find("name");
-      if (name != nullptr && !names.insert(name->text()).second) {
-        errors.push_back(
-            name->error("a planner before this one is named '" + name->text() + "', too"));
-      }
+      if (const Node* name = entry.find("name")) take_name(*name, "a planner", names, errors);
     }
     if (planners->items().empty()) errors.push_back(planners->error("there is no planner"));
   }
@@ -325,7 +307,7 @@ class PlannerBenchmark final : public Experiment {
     if (!context.resume) record_planner_head(record, recorder);
     SIDESTEP_TRY(recorder.commit());
 
-    BenchmarkRun run(settings, problems, std::move(bench), record, context, recorder);
+    BenchmarkRun run{settings, problems, std::move(bench), record, context, recorder};
     auto solved = run.solve();
     store.reset();
     if (context.progress) context.progress(0, 0, "summing up");

@@ -145,8 +145,7 @@ void record_planners(const PlannerBenchmarkRecord& record, Recorder& recorder) {
 Result<PlannerBenchmarkRecord> read_planner_record(const std::filesystem::path& path) {
   auto reader = SIDESTEP_TRY(ResultsReader::open(path));
   const std::string file = path.string();
-  DividedRun head;
-  SIDESTEP_TRY(read_run_head(*reader, kHead, file, head));
+  auto head = SIDESTEP_TRY(read_run_head(*reader, kHead, file));
   auto record = SIDESTEP_TRY(stored_benchmark().read(*reader, kHead, 0, file));
   static_cast<DividedRun&>(record) = std::move(head);
   for (std::size_t i = 0; i < record.names.size(); ++i) {

@@ -39,9 +39,7 @@ auto solved_within(double limit_ms) {
 /// A number of each answer that is accepted.
 template <class Value>
 auto of_solved(Value value) {
-  return [value](const PlannerRow& row) {
-    return values_of(row.solved, [&](const SetSolve& s) { return std::invoke(value, s); });
-  };
+  return [value](const PlannerRow& row) { return values_of(row.solved, value); };
 }
 
 const report::ResultColumnsOf<PlannerRow>& planner_rows() {
@@ -178,24 +176,14 @@ Range time_range(const PlannerBenchmarkRecord& record) {
 /// Which share of the answers to a family's problems (all for an empty name) is there by a time:
 /// a step up at each first valid answer.
 void draw_success(Axes& axes, const PlannerRecord& planner, const std::string& family,
-                  const Range& range, const Stroke& stroke) {
-  std::vector<double> times;
-  double all = 0.0;
-  for (const SetSolve& solve : planner.solves) {
-    if (!family.empty() && solve.family != family) continue;
-    ++all;
-    if (solve.is_solved()) times.push_back(log_ms(solve.first_ms()));
-  }
-  if (all == 0.0) return;
-  std::ranges::sort(times);
-  std::vector<double> x{range.lower}, share{0.0};
-  for (const double time : times) {
-    x.insert(x.end(), {time, time});
-    share.insert(share.end(), {share.back(), share.back() + 1.0 / all});
-  }
-  x.push_back(range.upper);
-  share.push_back(share.back());
-  axes.line(x, share, stroke);
+                  const Stroke& stroke) {
+  const auto solves = those_of(planner.solves, [&](const SetSolve& solve) {
+    return family.empty() || solve.family == family;
+  });
+  const auto solved = those_of(solves, &SetSolve::is_solved);
+  if (solves.empty()) return;
+  axes.shares(values_of(solved, [](const SetSolve& solve) { return log_ms(solve.first_ms()); }),
+              solves.size(), stroke);
 }
 
 /// A panel for each family (an empty name: all problems), with a curve for each planner.
@@ -217,7 +205,7 @@ Figure success_figure(const PlannerBenchmarkRecord& record,
     Axes axes(figure.canvas, area, range, {0.0, 1.02}, {title, "time [ms]", "share solved", true});
     axes.grid();
     for (std::size_t p = 0; p < record.planners.size(); ++p) {
-      draw_success(axes, record.planners[p], families[f], range, stroke_of(p));
+      draw_success(axes, record.planners[p], families[f], stroke_of(p));
     }
     axes.finish();
   }

@@ -1,10 +1,65 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <sidestep/report/chart.hpp>
+#include <sidestep/report/report_parts.hpp>
+#include <sidestep/report/result_columns.hpp>
+#include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "recorded_solves.hpp"
-#include "recorded_summary.hpp"
 
 namespace sidestep {
 namespace {
+
+using namespace report;
+
+/// The `experiment` block of a benchmark on recorded problems.
+struct RecordedBenchmarkSettings : ProblemChoice, ExperimentSettings {
+  RecordedBenchmarkSettings() { runs = {"study", "replan"}; }
+
+  static Parameters<RecordedBenchmarkSettings> parameters() {
+    return declare_choice(experiment_parameters<RecordedBenchmarkSettings>(
+        "Seed of everything random in the run.",
+        "Threads that the optimiser may use within a solve; 0 for one per core. Problems are "
+        "solved one after the other."));
+  }
+};
+
+/// One problem, solved.
+struct SolveRecord : RecordedSolve {
+  RecordedOutcome peer;
+  double clearance_at_checks_m = 0.0;  ///< Where solved.
+  bool ends_free = false;              ///< Start and goal touch nothing.
+
+  /// Per accepted step, which is what GPMP2 counts as an iteration.
+  [[nodiscard]] double iteration_us() const noexcept {
+    return 1e3 * solve_ms / std::max(1, accepted_iterations);
+  }
+  [[nodiscard]] bool free_at_checks() const noexcept {
+    return solved && clearance_at_checks_m > 0.0;
+  }
+};
+
+/// All problems of one recorded run, solved.
+struct RecordedRunRecord {
+  std::string label;
+  bool is_signed = false;
+  double relative_tolerance = 0.0;
+  int max_iterations = 0;
+  std::vector<SolveRecord> solves;
+};
+
+/// Result of a benchmark on recorded problems.
+struct RecordedBenchmarkRecord {
+  RecordedFacts about;
+  bool costs_comparable = true;
+  std::vector<RecordedRunRecord> runs;
+};
 
 /// Series "run" (one item a run), and of the run with index `item`: "solve/ITEM", one item a
 /// problem.
@@ -109,27 +164,271 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
   return record;
 }
 
-Result<ExperimentOutcome> run_recorded_benchmark(ExperimentContext& context) {
-  const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
-  const auto& [settings, problems, provenance, store] = start;
-  Recorder recorder(*store);
+/// One recorded run. Costs and times are of the problems that are solved.
+struct RunRow {
+  const RecordedRunRecord& run;
+  bool costs_comparable;
+  std::vector<SolveRecord> solved = those_of(run.solves, &SolveRecord::solved);
+  std::vector<SolveRecord> with_free_ends = those_of(run.solves, &SolveRecord::ends_free);
+  /// Of which the recording counts the peer's iterations.
+  std::vector<SolveRecord> counted =
+      those_of(run.solves, [](const SolveRecord& s) { return s.peer.iterations >= 0; });
+};
 
-  RecordedBenchmarkRecord record;
-  record.about = facts_of(problems, context);
-  record.costs_comparable = !problems.has_base;
-  std::int64_t total = 0;
-  for (const RecordedRun& run : problems.runs) {
-    total += settings.repeats * std::ssize(run.outcomes);
-  }
-  RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
-  for (const RecordedRun& run : problems.runs) {
-    if (context.stop.stop_requested()) break;
-    SIDESTEP_TRY(solve_part(
-        record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
-  }
-  record.about.interrupted = context.stop.stop_requested();
+template <class Value>
+auto of_solved_problems(Value value) {
+  return [value](const RunRow& row) { return values_of(row.solved, value); };
+}
 
-  return summarise_recorded(provenance, settings, record);
+/// The same where ours and the peer's costs are measured alike; nothing where they are not.
+template <class Value>
+auto where_comparable(Value value) {
+  return [value](const RunRow& row) {
+    return row.costs_comparable ? of_solved_problems(value)(row) : std::vector<double>();
+  };
+}
+
+double peer_cost(const SolveRecord& s) { return s.peer.final_cost; }
+bool is_peer_free(const SolveRecord& s) { return s.peer.free_exactly; }
+
+template <class Holds>
+auto share_of_all(Holds holds) {
+  return [holds](const RunRow& row) { return share_of(row.run.solves, holds); };
+}
+template <class Holds>
+auto share_with_free_ends(Holds holds) {
+  return [holds](const RunRow& row) { return share_of(row.with_free_ends, holds); };
+}
+
+Json share_no_costlier(const RunRow& row) {
+  if (!row.costs_comparable || row.solved.empty()) return nullptr;
+  return share_of(row.run.solves, [](const SolveRecord& s) {
+    return s.solved && s.cost <= kOnePercent * s.peer.final_cost;
+  });
+}
+
+/// Of the peer's over the problems whose iterations are known.
+template <class Value>
+auto of_peer(Value value) {
+  return [value](const RunRow& row) { return values_of(row.counted, value); };
+}
+
+const ResultColumnsOf<RunRow>& recorded_runs() {
+  using R = RunRow;
+  using S = SolveRecord;
+  static const auto kColumns =
+      ResultColumnsOf<R>("/runs")
+          .add("label", [](const R& r) { return r.run.label; }, "Run of the recording.",
+               {.heading = "rules", .compared = true})
+          .add("field", [](const R& r) { return r.run.is_signed ? "sdf" : "usdf"; },
+               "Kind of field: `sdf` or `usdf`.", {.heading = "field", .compared = true})
+          .table("Time",
+                 "An iteration is an accepted step with the damping attempts before it. The peer's "
+                 "times are those that were recorded, on its machine.")
+          .add(
+              "relative_tolerance", [](const R& r) { return r.run.relative_tolerance; },
+              "Relative decrease of the cost at which a solve ends.")
+          .add(
+              "max_iterations", [](const R& r) { return r.run.max_iterations; },
+              "Iterations at which it ends.")
+          .add("problems", [](const R& r) { return r.run.solves.size(); }, "Problems of the run.",
+               {.heading = "problems", .pattern = "%.0f"})
+          .add("solved", [](const R& r) { return r.solved.size(); }, "Problems with a trajectory.",
+               {.heading = "solved", .pattern = "%.0f"})
+          .spread("lm_iteration_us.", of_solved_problems(&S::iteration_us),
+                  "Wall time of an accepted iteration.", {"p50", "p95"},
+                  {.heading = "iteration", .pattern = "%.1f us", .compared = true})
+          .spread("solve_ms.", of_solved_problems(&S::solve_ms), "Wall time of a solve.",
+                  {"p50", "p95", "mean"},
+                  {.heading = "solve", .pattern = "%.4f ms", .compared = true})
+          .spread("iterations.", of_solved_problems(&S::accepted_iterations),
+                  "Accepted iterations.", {"mean", "sd"},
+                  {.heading = "iterations", .pattern = "%.2f", .compared = true})
+          .spread("peer.lm_iteration_us.", of_peer([](const S& s) {
+                    return 1e3 * s.peer.optimise_ms / std::max(1, s.peer.iterations);
+                  }),
+                  "The peer's, as recorded.", {"p50", "p95"},
+                  {.heading = "peer's iteration", .pattern = "%.0f us", .page_only = true})
+          .spread("peer.solve_ms.",
+                  [](const R& r) {
+                    return values_of(r.run.solves, [](const S& s) { return s.peer.total_ms; });
+                  },
+                  "The peer's, as recorded.", {"p50", "p95", "mean"},
+                  {.heading = "peer's solve", .pattern = "%.2f ms", .page_only = true})
+          .spread("peer.iterations.", of_peer([](const S& s) { return s.peer.iterations; }),
+                  "The peer's, as recorded.", {"mean", "sd"},
+                  {.heading = "peer's iterations", .pattern = "%.2f", .page_only = true})
+          .table("Costs and collisions")
+          .add("cost.share_within_1pct", &share_no_costlier,
+               "Share of all problems that cost at most 1 % more than the peer's.",
+               {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
+          .spread("cost.", of_solved_problems(&S::cost), "Final cost.", {"mean", "median"},
+                  {.heading = "cost", .pattern = "%.6g"})
+          .spread("cost.peer_", where_comparable(&peer_cost), "The peer's, as recorded.",
+                  {"mean", "median"}, {.heading = "peer's cost", .pattern = "%.6g"})
+          .add("collision_free.share", share_of_all(&S::is_free),
+               "Share of all problems with a trajectory free of collisions, by exact distances.",
+               {.heading = "collision-free", .pattern = "%.4f", .compared = true})
+          .add("collision_free.peer_share", share_of_all(&is_peer_free), "The peer's.",
+               {.heading = "peer's", .pattern = "%.4f"})
+          .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
+               "Problems whose start and goal touch nothing.",
+               {.heading = "ends free", .pattern = "%.0f"})
+          .add("free_ends.share", share_with_free_ends(&S::is_free),
+               "Share of these that is free of collisions.",
+               {.heading = "of them free", .pattern = "%.4f"})
+          .add("free_ends.peer_share", share_with_free_ends(&is_peer_free), "The peer's.",
+               {.heading = "peer's", .pattern = "%.4f"})
+          .add("free_at_checks.share", share_of_all(&S::free_at_checks),
+               "Share that is free at the states that the peer checks.",
+               {.heading = "free at the checked states", .pattern = "%.4f", .page_only = true})
+          .add("free_at_checks.peer_share",
+               share_of_all([](const S& s) { return s.peer.free_at_checks; }), "The peer's.",
+               {.heading = "peer's", .pattern = "%.4f", .page_only = true});
+  return kColumns;
+}
+
+std::string verdict_text(const RecordedBenchmarkRecord& record, const SolveCount& count) {
+  const std::string failure = count.failure(record.about, "solves");
+  if (record.about.interrupted) return failure;
+  const std::string note = record.costs_comparable
+                               ? ""
+                               : " The peer's state is a Lie group here: costs are not comparable.";
+  if (!failure.empty()) return failure + note;
+  return "Success: " + std::to_string(count.problems) + " solves by " + record.about.optimiser +
+         " on the problems of " + record.about.problems_file + ", each with a trajectory." + note;
+}
+
+/// What the charts show of one run: decimal logarithms, one a problem.
+struct PlannerSeries {
+  std::string label;
+  std::vector<double> cost;
+  std::vector<double> peer_cost;
+  std::vector<double> solve_ms;
+  std::vector<double> peer_solve_ms;
+};
+
+constexpr double kWidth = 900.0;
+constexpr double kHeight = 460.0;
+constexpr std::array kColours = {palette::kBlue,   palette::kOrange, palette::kGreen,
+                                 palette::kPurple, palette::kSky,    palette::kVermilion};
+
+Colour colour_of(std::size_t run) { return kColours[run % kColours.size()]; }
+
+/// Decimal logarithms; what has none counts as 1e-12.
+std::vector<double> logarithms(const std::vector<double>& values) {
+  std::vector<double> logs;
+  for (const double value : values) logs.push_back(std::log10(std::max(value, 1e-12)));
+  return logs;
+}
+
+/// Of two members of every run.
+Range range_of(const std::vector<PlannerSeries>& runs, std::vector<double> PlannerSeries::*ours,
+               std::vector<double> PlannerSeries::*peers) {
+  Range range{INFINITY, -INFINITY};
+  for (const PlannerSeries& run : runs) {
+    for (const double value : run.*ours) range.include(value);
+    for (const double value : run.*peers) range.include(value);
+  }
+  return range.lower <= range.upper ? range.padded(0.04) : Range{};
+}
+
+Figure cost_figure(const std::vector<PlannerSeries>& runs) {
+  Figure figure{"planner_costs",
+                "Final cost of each problem against the peer's, both as decimal logarithms; on the "
+                "line they are equal, below it ours is lower.",
+                Canvas(kWidth, kHeight)};
+  const Range range = range_of(runs, &PlannerSeries::cost, &PlannerSeries::peer_cost);
+  Axes axes(figure.canvas, {0.0, 0.0, kWidth, kHeight - 30.0}, range, range,
+            {"Cost", "log10 of the peer's cost", "log10 of the cost"});
+  axes.grid();
+  axes.line({range.lower, range.upper}, {range.lower, range.upper},
+            {palette::kGrey, 1.0, {5.0, 4.0}});
+  std::vector<LegendEntry> legend;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const PlannerSeries& run = runs[r];
+    for (std::size_t i = 0; i < std::min(run.cost.size(), run.peer_cost.size()); ++i) {
+      const Point at = axes.at(run.peer_cost[i], run.cost[i]);
+      figure.canvas.circle(at, 2.2, colour_of(r).with_alpha(0.5));
+    }
+    legend.push_back({run.label, LegendEntry::Mark::kBox, {colour_of(r), 1.0, {}}});
+  }
+  axes.finish();
+  draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kWidth - 60.0, legend);
+  return figure;
+}
+
+Figure time_figure(const std::vector<PlannerSeries>& runs) {
+  Figure figure{"planner_times",
+                "Share of the problems that are solved within a time (decimal logarithm of "
+                "milliseconds); dashed: the peer's CPU times, as recorded.",
+                Canvas(kWidth, kHeight)};
+  const Range range = range_of(runs, &PlannerSeries::solve_ms, &PlannerSeries::peer_solve_ms);
+  Axes axes(figure.canvas, {0.0, 0.0, kWidth, kHeight - 30.0}, range, {0.0, 1.0},
+            {"Time of a solve", "log10 of ms", "share of problems"});
+  axes.grid();
+  std::vector<LegendEntry> legend;
+  for (std::size_t r = 0; r < runs.size(); ++r) {
+    const Stroke stroke{colour_of(r), 1.6, {}};
+    axes.shares(runs[r].solve_ms, runs[r].solve_ms.size(), stroke);
+    axes.shares(runs[r].peer_solve_ms, runs[r].peer_solve_ms.size(),
+                {colour_of(r), 1.2, {4.0, 3.0}});
+    legend.push_back({runs[r].label, LegendEntry::Mark::kLine, stroke});
+  }
+  axes.finish();
+  draw_legend(figure.canvas, {58.0, kHeight - 26.0}, kWidth - 60.0, legend);
+  return figure;
+}
+
+Result<std::vector<PlannerSeries>> series_of(const Json& runs, ResultsReader& results) {
+  std::vector<PlannerSeries> all;
+  for (std::size_t item = 0; item < runs.size(); ++item) {
+    PlannerSeries series;
+    series.label = cell(at(runs[item], "/label")) + ", " + cell(at(runs[item], "/field"));
+    for (const auto& [key, values] : {std::pair("cost", &series.cost),
+                                      {"peer_cost", &series.peer_cost},
+                                      {"solve_ms", &series.solve_ms},
+                                      {"peer_solve_ms", &series.peer_solve_ms}}) {
+      *values = logarithms(SIDESTEP_TRY(results.column("solve/" + std::to_string(item), key)));
+    }
+    all.push_back(std::move(series));
+  }
+  return all;
+}
+
+Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
+                                  const std::filesystem::path& run) {
+  const Json runs = at(summary, "/runs");
+  const auto series = SIDESTEP_TRY(series_of(runs, results));
+  const bool costs_comparable = at(summary, "/costs_comparable") != Json(false);
+  std::string html = sentence_of(summary) + ".</p>\n" + recorded_runs().html(runs);
+  if (!costs_comparable) {
+    html += "<p>The peer's state is a Lie group here: its costs are no measure of ours.</p>\n";
+  }
+  std::vector<Figure> figures;
+  if (!series.empty() && costs_comparable) figures.push_back(cost_figure(series));
+  if (!series.empty()) figures.push_back(time_figure(series));
+  const auto section = SIDESTEP_TRY(figure_section(figures, run));
+  return html + section;
+}
+
+ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
+                                     const RecordedBenchmarkSettings& settings,
+                                     const RecordedBenchmarkRecord& record) {
+  Json runs = Json::array();
+  SolveCount count;
+  std::size_t problems = 0;
+  for (const RecordedRunRecord& run : record.runs) {
+    runs.push_back(recorded_runs().row({run, record.costs_comparable}));
+    problems = std::max(problems, run.solves.size());
+    for (const SolveRecord& solve : run.solves) count.add(solve.solved, solve.reason);
+  }
+  return summarise_solves(provenance, settings.type, record.about, count,
+                          verdict_text(record, count), recorded_runs(),
+                          {{"costs_comparable", record.costs_comparable},
+                           {"repeats", settings.repeats},
+                           {"problems", problems},
+                           {"runs", runs}});
 }
 
 class RecordedBenchmark final : public Experiment {
@@ -137,26 +436,43 @@ class RecordedBenchmark final : public Experiment {
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"optimiser"}, .set_of_optimiser = set_of_optimiser()};
   }
-  [[nodiscard]] const report::RunReport& report() const override { return recorded_report(); }
+  [[nodiscard]] const report::RunReport& report() const override {
+    static const RunReport kReport = {
+        .body = &recorded_body,
+        .columns = &recorded_runs(),
+        .compared_of_run = {{"optimiser", "/optimiser"}, {"problems", "/problems_file"}},
+        .pictures = {"planner_"}};
+    return kReport;
+  }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
     check_recorded<RecordedBenchmarkSettings>(configuration, set_of_optimiser(), host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    return run_recorded_benchmark(context);
+    const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
+    const auto& [settings, problems, provenance, store] = start;
+    Recorder recorder(*store);
+
+    RecordedBenchmarkRecord record;
+    record.about = facts_of(problems, context);
+    record.costs_comparable = !problems.has_base;
+    std::int64_t total = 0;
+    for (const RecordedRun& run : problems.runs) {
+      total += settings.repeats * std::ssize(run.outcomes);
+    }
+    RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
+    for (const RecordedRun& run : problems.runs) {
+      if (context.stop.stop_requested()) break;
+      SIDESTEP_TRY(solve_part(
+          record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
+    }
+    record.about.interrupted = context.stop.stop_requested();
+
+    return summarise_recorded(provenance, settings, record);
   }
 };
 
 }  // namespace
-
-Parameters<RecordedBenchmarkSettings> RecordedBenchmarkSettings::parameters() {
-  using S = RecordedBenchmarkSettings;
-  return declare_choice(experiment_parameters<S>(
-      "Seed of everything random in the run.",
-      "Threads that the optimiser may use within a solve; 0 for one per core. Problems are solved "
-      "one after the other."));
-}
-
 }  // namespace sidestep
 
 SIDESTEP_EXPERIMENT(sidestep::RecordedBenchmark, sidestep::RecordedBenchmarkSettings,

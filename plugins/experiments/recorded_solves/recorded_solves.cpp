@@ -98,18 +98,6 @@ RecordedProblems read_chosen_problems(const Node& experiment, const ProblemChoic
   return std::move(*problems);
 }
 
-Result<RecordedProblems> read_problems(const Node& experiment, const ProblemChoice& choice) {
-  if (choice.problems.empty()) {
-    return tl::make_unexpected(
-        experiment.error("there is no file of recorded problems",
-                         "say where they are: --set experiment.problems=FILE"));
-  }
-  std::vector<Error> errors;
-  auto problems = read_chosen_problems(experiment, choice, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  return problems;
-}
-
 RecordedFacts facts_of(const RecordedProblems& problems, const ExperimentContext& context) {
   return {problems.file.filename().string(), problems.robot->description().name,
           context.configuration.root.find("optimiser")->find("plugin")->text()};

@@ -58,9 +58,6 @@ void check_optimiser(const Node& optimiser, const std::vector<std::string>& name
 [[nodiscard]] RecordedProblems read_chosen_problems(const Node& experiment,
                                                     const ProblemChoice& choice,
                                                     std::vector<Error>& errors);
-/// The same for a run: the first mistake, and one where no file is named.
-[[nodiscard]] Result<RecordedProblems> read_problems(const Node& experiment,
-                                                     const ProblemChoice& choice);
 
 /// Appends every mistake in the configuration of an experiment on recorded problems that sets
 /// parameters (`names`) of the optimiser.
@@ -150,12 +147,14 @@ template <class Settings>
   std::vector<Error> errors;
   RecordedStart<Settings> start;
   Settings::parameters().read(experiment, start.settings, errors);
+  if (errors.empty() && start.settings.problems.empty()) {
+    errors.push_back(experiment.error("there is no file of recorded problems",
+                                      "say where they are: --set experiment.problems=FILE"));
+  }
+  if (errors.empty()) start.problems = read_chosen_problems(experiment, start.settings, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  auto problems = SIDESTEP_TRY(read_problems(experiment, start.settings));
-  start.problems = std::move(problems);
   start.provenance = provenance_of(context);
-  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", start.provenance));
-  start.store = std::move(store);
+  start.store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", start.provenance));
   return start;
 }
 

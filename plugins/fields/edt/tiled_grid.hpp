@@ -1,12 +1,10 @@
 #pragma once
 
-#include <sys/mman.h>
-
 #include <cstddef>
-#include <memory>
-#include <new>
 
 #include <Eigen/Core>
+
+#include <sidestep/core/large_array.hpp>
 
 namespace sidestep::edt {
 
@@ -22,9 +20,8 @@ class TiledGrid {
       : pitch_((size.x() + kTile - 1) / kTile * kTile),
         // Slices a multiple of 4096 bytes apart would compete for the same few cache lines.
         slice_pitch_(static_cast<std::ptrdiff_t>(size.y()) * pitch_ + 4 * kTile),
-        values_(
-            allocate(static_cast<std::size_t>(slice_pitch_) * static_cast<std::size_t>(size.z()))) {
-  }
+        values_(make_large_array<Value>(static_cast<std::size_t>(slice_pitch_) *
+                                        static_cast<std::size_t>(size.z()))) {}
 
   [[nodiscard]] std::ptrdiff_t pitch() const noexcept { return pitch_; }
   [[nodiscard]] std::ptrdiff_t slice_pitch() const noexcept { return slice_pitch_; }
@@ -34,27 +31,13 @@ class TiledGrid {
   }
 
  private:
-  struct Unmap {
-    std::size_t bytes;
-    void operator()(Value* memory) const noexcept { munmap(memory, bytes); }
-  };
-  using Memory = std::unique_ptr<Value[], Unmap>;
-
-  static Memory allocate(std::size_t count) {
-    const std::size_t bytes = count * sizeof(Value);
-    void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (memory == MAP_FAILED) throw std::bad_alloc();
-    madvise(memory, bytes, MADV_HUGEPAGE);  // fewer page faults; failure is harmless
-    return Memory(static_cast<Value*>(memory), Unmap{bytes});
-  }
-
   [[nodiscard]] std::ptrdiff_t offset(int y, int z) const noexcept {
     return y * pitch_ + z * slice_pitch_;
   }
 
   std::ptrdiff_t pitch_;
   std::ptrdiff_t slice_pitch_;
-  Memory values_;
+  LargeArray<Value> values_;
 };
 
 }  // namespace sidestep::edt

@@ -57,9 +57,12 @@ ClosestObstacles<Value>::ClosestObstacles(const Eigen::Vector3i& size_vox, std::
       pitch_(padded_row<kTile_vox>(size_vox.x())),
       rows_(size_vox.y() + kLargestStep_vox),
       first_(kLargestStep_vox * pitch_ * (rows_ + 1) + kTile_vox),
-      distance2_(static_cast<std::size_t>(2 * first_ + pitch_ * rows_ * size_vox.z())),
-      offset_(static_cast<std::size_t>(2 * first_ + pitch_ * rows_ * size_vox.z())),
-      link_(static_cast<std::size_t>(2 * first_ + pitch_ * rows_ * size_vox.z())) {
+      distance2_(make_large_array<Value>(
+          static_cast<std::size_t>(2 * first_ + pitch_ * rows_ * size_vox.z()))),
+      offset_(make_large_array<Offset>(
+          static_cast<std::size_t>(2 * first_ + pitch_ * rows_ * size_vox.z()))),
+      link_(make_large_array<Link>(
+          static_cast<std::size_t>(2 * first_ + pitch_ * rows_ * size_vox.z()))) {
   for (const Eigen::Vector3i& step : steps) {
     steps_.push_back({step.x(), step.y(), step.z(),
                       step.x() + pitch_ * (step.y() + rows_ * step.z()),

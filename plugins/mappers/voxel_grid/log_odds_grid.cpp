@@ -1,22 +1,9 @@
 #include "log_odds_grid.hpp"
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <cmath>
-#include <new>
 
 namespace sidestep::voxel_grid {
-namespace {
-
-std::int16_t* map_zeroed(std::size_t bytes) {
-  void* memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (memory == MAP_FAILED) throw std::bad_alloc();
-  madvise(memory, bytes, MADV_HUGEPAGE);  // a quarter less time under load; failure is harmless
-  return static_cast<std::int16_t*>(memory);
-}
-
-}  // namespace
 
 Parameters<VoxelGridOptions> VoxelGridOptions::parameters() {
   using O = VoxelGridOptions;
@@ -64,8 +51,6 @@ std::vector<OptionMistake> VoxelGridOptions::check() const {
   return mistakes;
 }
 
-void Unmap::operator()(std::int16_t* memory) const noexcept { munmap(memory, bytes); }
-
 LogOddsGrid::LogOddsGrid(const GridSpec& spec, LogOdds model)
     : spec_(spec),
       model_(model),
@@ -74,8 +59,8 @@ LogOddsGrid::LogOddsGrid(const GridSpec& spec, LogOdds model)
   const std::size_t blocks = static_cast<std::size_t>(counts_.x()) *
                              static_cast<std::size_t>(counts_.y()) *
                              static_cast<std::size_t>(counts_.z());
-  const std::size_t bytes = blocks * kBlockVoxels * sizeof(std::int16_t);
-  log_odds_ = {map_zeroed(bytes), Unmap{bytes}};
+  // Huge pages take a quarter less time under load.
+  log_odds_ = make_large_array<std::int16_t>(blocks * kBlockVoxels);
   const std::size_t words = static_cast<std::size_t>(words_per_row_) *
                             static_cast<std::size_t>(spec.size_vox.y()) *
                             static_cast<std::size_t>(spec.size_vox.z());

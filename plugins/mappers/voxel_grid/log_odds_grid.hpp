@@ -2,12 +2,12 @@
 
 #include <atomic>
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include <sidestep/core/index.hpp>
+#include <sidestep/core/large_array.hpp>
 #include <sidestep/geometry/grid.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/map_options.hpp>
@@ -70,12 +70,6 @@ template <class O>
 
 /// Memory that a map with these options takes once all of it has been seen.
 [[nodiscard]] double memory_mib(const VoxelGridOptions& options);
-
-/// Gives pages back to the system.
-struct Unmap {
-  std::size_t bytes = 0;
-  void operator()(std::int16_t* memory) const noexcept;
-};
 
 /// Log-odds of every voxel, stored block by block (kBlockSide_vox^3 each, x fastest), and the
 /// occupied and known bits in the layout of OccupancyView. Rows of blocks along x may be
@@ -144,7 +138,7 @@ class LogOddsGrid {
   int words_per_row_ = 0;
   Eigen::Vector2i ring_ = Eigen::Vector2i::Zero();  ///< Slot of block (0, 0, .) along x and y.
   std::vector<std::int32_t> slots_;                 ///< By block_linear.
-  std::unique_ptr<std::int16_t[], Unmap> log_odds_;
+  LargeArray<std::int16_t> log_odds_;
   std::vector<std::uint64_t> occupied_;
   std::vector<std::uint64_t> known_;
   std::vector<std::uint8_t> saturated_free_;  ///< By slot.

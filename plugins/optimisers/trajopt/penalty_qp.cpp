@@ -216,8 +216,6 @@ BandMatrix::BandMatrix(int blocks, int width, int reach) : lower_(blocks * width
   lower_.makeCompressed();
 }
 
-void BandMatrix::set_zero() noexcept { std::fill_n(lower_.valuePtr(), lower_.nonZeros(), 0.0); }
-
 void BandMatrix::add(int row, int column, double value) noexcept {
   if (row < column) std::swap(row, column);
   lower_.valuePtr()[lower_.outerIndexPtr()[column] + row - column] += value;

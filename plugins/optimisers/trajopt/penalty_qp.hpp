@@ -17,7 +17,6 @@ class BandMatrix {
   BandMatrix(int blocks, int width, int reach);
 
   [[nodiscard]] int size() const noexcept { return static_cast<int>(lower_.cols()); }
-  void set_zero() noexcept;
   /// Adds a value at (row, column) and at (column, row).
   void add(int row, int column, double value) noexcept;
   /// Adds weight * a a^T to the variables from `first` on.

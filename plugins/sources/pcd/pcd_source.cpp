@@ -101,13 +101,6 @@ struct Entry {
   std::optional<Transform> T_world_sensor;  ///< From the file of poses.
 };
 
-/// From a sensor's frame with x forward and z up to its optical one.
-Transform T_forward_optical() {
-  Transform transform = Transform::Identity();
-  transform.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  return transform;
-}
-
 class PcdSource final : public Source {
  public:
   PcdSource(Options options, std::vector<Entry> entries, std::uint64_t seed)

@@ -43,13 +43,6 @@ std::string spread_text(std::vector<double> values_s) {
   return "mean " + milliseconds(mean_s) + ", p95 " + milliseconds(values_s[at]);
 }
 
-/// From a sensor's frame with x forward and z up to its optical one.
-Transform T_forward_optical() {
-  Transform transform = Transform::Identity();
-  transform.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  return transform;
-}
-
 /// A message with its measurement, in either form.
 struct Arrival {
   boost::shared_ptr<const ros_messages::Image> image;

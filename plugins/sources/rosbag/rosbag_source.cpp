@@ -213,13 +213,6 @@ Result<std::optional<Eigen::VectorXd>> Viewpoints::joint_positions(Stamp stamp) 
 /// How often a clock that is waited for is looked at.
 constexpr auto kPoll = std::chrono::microseconds(200);
 
-/// From a sensor's frame with x forward and z up to its optical one.
-Transform T_forward_optical() {
-  Transform transform = Transform::Identity();
-  transform.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  return transform;
-}
-
 /// The camera's frame, as the first message that can be read says; empty for none.
 std::string first_frame_name(Bag& bag, const Recording& recording) {
   constexpr std::size_t kTried = 5;

@@ -10,9 +10,7 @@
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
-#include "study_problems.hpp"
-#include "study_rows.hpp"
-#include "study_summary.hpp"
+#include "study_parts.hpp"
 #include "support/ball_robot.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -102,47 +100,58 @@ StudyRobotRows hand_made() {
   return robot;
 }
 
+/// How intervals are to be drawn.
+StudyRecord few_draws() {
+  StudyRecord study;
+  study.bootstrap_samples = 200;
+  study.provenance.seed = 1;
+  return study;
+}
+
 TEST(StudyComparison, CountsFailuresAmongTheProblemsThatEitherFieldSolves) {
-  const RobotComparison result = compare_fields(hand_made(), {0.95, 200, 1});
-  EXPECT_EQ(result.problems, 6);
-  EXPECT_EQ(result.skipped, 1);
-  EXPECT_EQ(result.in_collision, 2);
-  EXPECT_EQ(result.both, 2);
-  EXPECT_EQ(result.only_signed, 1);
-  EXPECT_EQ(result.only_unsigned, 1);
-  EXPECT_EQ(result.neither, 1);
-  EXPECT_EQ(result.solvable(), 4);
-  for (const FieldComparison& field : result.fields) {
-    EXPECT_EQ(field.attempted, 5);
-    EXPECT_EQ(field.collision_free, 3);
-    EXPECT_EQ(field.failures, 1);
-    EXPECT_DOUBLE_EQ(field.failure_share, 0.25);
-    EXPECT_EQ(field.ended[static_cast<std::size_t>(SolveStatus::kConverged)], 5);
+  const auto result = compare_fields(few_draws(), hand_made());
+  EXPECT_EQ(result.at("problems"), 6);
+  EXPECT_EQ(result.at("skipped"), 1);
+  EXPECT_EQ(result.at("start_or_goal_in_collision"), 2);
+  EXPECT_EQ(result.at("solved_by_both"), 2);
+  EXPECT_EQ(result.at("only_signed"), 1);
+  EXPECT_EQ(result.at("only_unsigned"), 1);
+  EXPECT_EQ(result.at("neither"), 1);
+  EXPECT_EQ(result.at("solvable"), 4);
+  for (const char* kind : kFieldNames) {
+    const auto& field = result.at(kind);
+    EXPECT_EQ(field.at("attempted"), 5);
+    EXPECT_EQ(field.at("collision_free"), 3);
+    EXPECT_EQ(field.at("failures"), 1);
+    EXPECT_EQ(field.at("failure_percent"), 25.0);
+    EXPECT_EQ(field.at("ended").at("converged"), 5);
   }
-  EXPECT_EQ(result.failure_difference, 0.0);
+  EXPECT_EQ(result.at("difference").at("failure_percent"), 0.0);
 }
 
 TEST(StudyComparison, TakesIterationsOfAllSolvesAndCostsOfThoseValidInBoth) {
-  const RobotComparison result = compare_fields(hand_made(), {0.95, 200, 1});
-  const FieldComparison& plain = result.fields[kUnsigned];
-  EXPECT_EQ(plain.iterations.count, 5);
-  EXPECT_DOUBLE_EQ(plain.iterations.statistics.mean, (2 + 4 + 6 + 8 + 90) / 5.0);
-  EXPECT_EQ(plain.iterations_solvable.count, 4);
-  EXPECT_DOUBLE_EQ(plain.iterations_solvable.statistics.mean, 5.0);
-  EXPECT_EQ(plain.valid_cost.count, 2);
-  EXPECT_DOUBLE_EQ(plain.valid_cost.statistics.mean, 2.0);
-  EXPECT_DOUBLE_EQ(plain.valid_cost.statistics.sd, std::sqrt(2.0));
-  EXPECT_DOUBLE_EQ(result.iterations_difference.statistics.mean, 1.0);
-  EXPECT_DOUBLE_EQ(result.cost_difference.statistics.mean, 0.5);
-  EXPECT_DOUBLE_EQ(result.cost_difference.interval.lower, 0.5);
+  const auto result = compare_fields(few_draws(), hand_made());
+  const auto number = [&](const char* pointer) {
+    return result.at(nlohmann::ordered_json::json_pointer(pointer)).get<double>();
+  };
+  EXPECT_EQ(number("/unsigned/iterations/count"), 5);
+  EXPECT_DOUBLE_EQ(number("/unsigned/iterations/mean"), (2 + 4 + 6 + 8 + 90) / 5.0);
+  EXPECT_EQ(number("/unsigned/iterations_solvable/count"), 4);
+  EXPECT_DOUBLE_EQ(number("/unsigned/iterations_solvable/mean"), 5.0);
+  EXPECT_EQ(number("/unsigned/valid_cost/count"), 2);
+  EXPECT_DOUBLE_EQ(number("/unsigned/valid_cost/mean"), 2.0);
+  EXPECT_DOUBLE_EQ(number("/unsigned/valid_cost/sd"), std::sqrt(2.0));
+  EXPECT_DOUBLE_EQ(number("/difference/iterations/mean"), 1.0);
+  EXPECT_DOUBLE_EQ(number("/difference/valid_cost/mean"), 0.5);
+  EXPECT_DOUBLE_EQ(number("/difference/valid_cost/ci/0"), 0.5);
 }
 
 TEST(StudyComparison, OfNothingHasNoShare) {
   StudyRobotRows robot;
   robot.states = 3;
-  const RobotComparison result = compare_fields(robot, {});
-  EXPECT_EQ(result.solvable(), 0);
-  EXPECT_TRUE(std::isnan(result.fields[kSigned].failure_share));
+  const auto result = compare_fields(few_draws(), robot);
+  EXPECT_EQ(result.at("solvable"), 0);
+  EXPECT_TRUE(result.at("signed").at("failure_percent").is_null());
 }
 
 TEST(StudyRows, ComeBackAsTheyWereAndMayBeAddedTo) {
@@ -278,14 +287,14 @@ TEST(StudyScenes, FieldIsTheExactDistanceWithItsGradient) {
   std::uniform_real_distribution<double> uniform(-2.0, 2.0);
   for (int scene = 0; scene < 20; ++scene) {
     const auto boxes = draw_boxes(entry, 1 + scene % 4, scene, 3);
-    const BoxField field(boxes);
+    const auto field = true_field(boxes);
     const Scene truth = scene_of(boxes);
     for (int i = 0; i < 50; ++i) {
       const Eigen::Vector3d p(uniform(random), uniform(random), uniform(random));
       double d = 0.0;
       Eigen::Vector3d gradient;
       FieldStatus status = FieldStatus::kUnknown;
-      field.query({&p, 1}, {&d, 1}, {&gradient, 1}, {&status, 1});
+      field->query({&p, 1}, {&d, 1}, {&gradient, 1}, {&status, 1});
       EXPECT_NEAR(d, truth.signed_distance(p, 0.0).distance_m, 1e-12);
       EXPECT_EQ(status, FieldStatus::kKnown);
       EXPECT_NEAR(gradient.norm(), 1.0, 1e-9);
@@ -364,7 +373,7 @@ class StudySolverTest : public testing::Test {
   }
 
   StudyScene scene(int number, const std::vector<StudyBox>& boxes, bool free) const {
-    const auto field = std::make_shared<const BoxField>(boxes);
+    const auto field = true_field(boxes);
     return {
         number,
         {field, field},
@@ -382,7 +391,7 @@ class StudySolverTest : public testing::Test {
 TEST_F(StudySolverTest, CallsCollisionFreeWhatKeepsClearOfTheTrueBoxes) {
   const auto states = draw_states(study_, ball_, kStates, 4);
   ASSERT_TRUE(states) << states.error().describe();
-  StudySolver solver(study_, ball_, *states, no_optimiser(), false);
+  StudySolver solver{study_, ball_, *states, no_optimiser(), false};
   int hits = 0, misses = 0;
   for (int number = 0; number < 30; ++number) {
     const auto boxes = draw_boxes(study_.entry, 2, number, 1);
@@ -411,8 +420,8 @@ TEST_F(StudySolverTest, SkipsProblemsThatStartInACollisionWhereAsked) {
   const auto states = draw_states(study_, ball_, kStates, 4);
   ASSERT_TRUE(states);
   const StudyScene blocked = scene(0, {}, false);
-  StudySolver skipping(study_, ball_, *states, no_optimiser(), true);
-  StudySolver solving(study_, ball_, *states, no_optimiser(), false);
+  StudySolver skipping{study_, ball_, *states, no_optimiser(), true};
+  StudySolver solving{study_, ball_, *states, no_optimiser(), false};
   EXPECT_FALSE(skipping.solve(blocked, 0, Deadline())->fields[kSigned].attempted);
   EXPECT_TRUE(solving.solve(blocked, 0, Deadline())->fields[kSigned].attempted);
   EXPECT_FALSE(solving.solve(blocked, 0, Deadline())->start_free);
@@ -422,7 +431,7 @@ TEST_F(StudySolverTest, SkipsProblemsThatStartInACollisionWhereAsked) {
 TEST_F(StudySolverTest, AnInterruptedProblemHasNoOutcome) {
   const auto states = draw_states(study_, ball_, kStates, 4);
   ASSERT_TRUE(states);
-  StudySolver solver(study_, ball_, *states, no_optimiser(), false);
+  StudySolver solver{study_, ball_, *states, no_optimiser(), false};
   const auto solved = solver.solve(scene(0, {}, true), 0, Deadline::after_s(-1.0));
   ASSERT_FALSE(solved);
   EXPECT_EQ(solved.error().code, ErrorCode::kCancelled);

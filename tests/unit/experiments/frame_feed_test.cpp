@@ -1,4 +1,4 @@
-#include "mapping_measure.hpp"
+#include "mapping_parts.hpp"
 
 #include <gtest/gtest.h>
 

@@ -92,8 +92,6 @@ TEST_F(BagTest, ReadsInTheOrderOfTimeWhatItWrote) {
   EXPECT_TRUE(reader->is_indexed());
   EXPECT_FALSE(reader->damage());
   EXPECT_EQ(reader->message_count(), written.size());
-  EXPECT_EQ(reader->first_time(), written.front().time);
-  EXPECT_EQ(reader->last_time(), written.back().time);
   expect_same(read_all(*reader), written);
   const bag::Connection& b = reader->connections().at(1);
   EXPECT_EQ(b.type, "sensor_msgs/Image");
@@ -103,22 +101,21 @@ TEST_F(BagTest, ReadsInTheOrderOfTimeWhatItWrote) {
   EXPECT_FALSE(reader->connections().at(0).latching);
 }
 
-TEST_F(BagTest, SeeksAndSelects) {
+TEST_F(BagTest, Selects) {
   auto writer = bag::Writer::create(file(), 1000);
   ASSERT_TRUE(writer);
   auto written = in_order(write_some(*writer));
   ASSERT_TRUE(writer->close());
   auto reader = bag::Reader::open(file());
   ASSERT_TRUE(reader);
-  const ros::Time from{2, 0};
-  std::erase_if(written, [&](const Written& one) { return one.topic != "/a" || one.time < from; });
+  std::erase_if(written, [&](const Written& one) { return one.topic != "/a"; });
   ASSERT_GT(written.size(), 10U);
   reader->select({"/a"});
-  reader->seek(from);
   expect_same(read_all(*reader), written);
-  reader->seek({0, 0});
-  reader->select({"/none"});
-  EXPECT_TRUE(read_all(*reader).empty());
+  auto again = bag::Reader::open(file());
+  ASSERT_TRUE(again);
+  again->select({"/none"});
+  EXPECT_TRUE(read_all(*again).empty());
 }
 
 // The layout, record by record, found by walking through the bytes.
@@ -240,7 +237,6 @@ TEST_F(BagTest, AnEmptyBagIsABag) {
   ASSERT_TRUE(reader) << reader.error().describe();
   EXPECT_EQ(reader->message_count(), 0U);
   EXPECT_FALSE(reader->damage());
-  EXPECT_EQ(reader->last_time(), ros::Time{});
 }
 
 TEST_F(BagTest, LeavesAFileThatExistsAlone) {

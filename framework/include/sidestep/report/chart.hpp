@@ -64,11 +64,12 @@ class Axes {
 
   void grid();
   void line(const std::vector<double>& x, const std::vector<double>& y, const Stroke& stroke);
+  /// The share of `all` that is no more than x: a step up at each of `values`.
+  void shares(std::vector<double> values, std::size_t all, const Stroke& stroke);
   void horizontal(double y, const Stroke& stroke);
   void vertical(double x, const Stroke& stroke);
-  /// Shades everything above or below a value.
-  void shade_above(double y, const Colour& fill);
-  void shade_below(double y, const Colour& fill);
+  /// Shades what lies between two values of y, which may be infinite.
+  void shade(const Range& y, const Colour& fill);
   /// Frame, ticks and labels; last, over the data.
   void finish();
 

@@ -17,7 +17,7 @@ inline constexpr const char* kWholeSummary = "summary.json";
 
 /// Where a column stands besides summary.json and table.csv.
 struct Shown {
-  const char* heading = "";  ///< Its heading in tables; empty: in none.
+  std::string heading = "";  ///< In tables; empty: in none.
   const char* pattern = "%g";
   bool compared = false;             ///< In the comparison of runs, too.
   bool page_only = false;            ///< Not on the terminal, which is narrower than a page.
@@ -27,7 +27,6 @@ struct Shown {
 struct ResultColumn {
   std::string pointer;  ///< Of its value in a row of summary.json.
   std::string meaning;
-  std::string heading;
   Shown shown;
   std::size_t table = 0;  ///< 0: in each, at its begin.
 };
@@ -61,9 +60,7 @@ class ResultColumns {
   [[nodiscard]] std::string reference() const;
 
   /// A column of rows that are made elsewhere.
-  void declare(const std::string& key, const std::string& meaning, const Shown& shown = {}) {
-    declare(key, shown.heading, meaning, shown);
-  }
+  void declare(const std::string& key, const std::string& meaning, const Shown& shown = {});
   void declare_statistics(const std::string& prefix, const std::string& meaning,
                           const std::vector<std::string>& statistics, const Shown& shown);
   /// Begins a table; columns before the first one stand in each, and in none where there is none.
@@ -72,8 +69,6 @@ class ResultColumns {
   }
 
  private:
-  void declare(const std::string& key, std::string heading, std::string meaning,
-               const Shown& shown);
   [[nodiscard]] Columns shown_in(std::size_t table, bool on_page) const;
   [[nodiscard]] Json rows_in(std::size_t table, const Json& rows) const;
 

@@ -40,9 +40,9 @@ void record_run_head(const DividedRun& run, std::string_view series, Recorder& r
 /// Series "session", item `index`.
 void record_session(const RunSession& session, std::int64_t index, Recorder& recorder);
 
-/// Reads both back into `run`. Fails with kIo where the store is of no such run.
-[[nodiscard]] Result<void> read_run_head(ResultsReader& reader, const std::string& series,
-                                         const std::string& file, DividedRun& run);
+/// Reads both back. Fails with kIo where the store is of no such run.
+[[nodiscard]] Result<DividedRun> read_run_head(ResultsReader& reader, const std::string& series,
+                                               const std::string& file);
 
 /// Measures the session that it begins.
 class SessionClock {

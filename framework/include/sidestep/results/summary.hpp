@@ -1,6 +1,8 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
+#include <iterator>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -54,11 +56,11 @@ namespace sidestep {
 /// How much one solve's cost may exceed another's and still count as no worse.
 inline constexpr double kOnePercent = 1.01;
 
-/// A number of every item.
+/// A number of every item: a member, or a function of it.
 template <class Item, class Value>
 [[nodiscard]] std::vector<double> values_of(const std::vector<Item>& items, Value value) {
   std::vector<double> values;
-  for (const Item& item : items) values.push_back(static_cast<double>(value(item)));
+  for (const Item& item : items) values.push_back(static_cast<double>(std::invoke(value, item)));
   return values;
 }
 

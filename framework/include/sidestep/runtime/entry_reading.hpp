@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,14 @@ template <class Named>
                                         const std::string& where,
                                         const std::vector<std::string>& names) {
   return {ErrorCode::kConfig, what + " '" + name + "'", where, did_you_mean(name, names), nullptr};
+}
+
+/// Takes down the name of a list's item, e.g. "a plan"; appends a mistake where one before it has
+/// it.
+inline void take_name(const Node& name, const std::string& what, std::set<std::string>& taken,
+                      std::vector<Error>& errors) {
+  if (taken.insert(name.text()).second) return;
+  errors.push_back(name.error(what + " before this one is named '" + name.text() + "', too"));
 }
 
 /// Whether a robot has the link that a node names; appends a mistake where it does not.

@@ -28,6 +28,13 @@ struct CameraIntrinsics {
   }
 };
 
+/// From a sensor's frame with x forward and z up to its optical one.
+[[nodiscard]] inline Transform T_forward_optical() {
+  Transform transform = Transform::Identity();
+  transform.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  return transform;
+}
+
 /// Depth along the optical axis in metres, row by row. 0 where nothing came back (out of
 /// range, dropout); NaN where the measurement is known to be wrong. Both are no measurement.
 struct DepthImage {

@@ -5,19 +5,107 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <sidestep/core/log.hpp>
+#include <sidestep/geometry/grid.hpp>
 #include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/measures/map_truth.hpp>
+#include <sidestep/plugin/parameters.hpp>
+#include <sidestep/report/result_columns.hpp>
+#include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/host.hpp>
+#include <sidestep/runtime/results_store.hpp>
 #include <sidestep/sensing/source.hpp>
 
-#include "mapping_settings.hpp"
-
 namespace sidestep {
+
+// Settings.
+
+/// Resolutions that differ by less are the same.
+inline constexpr double kSameResolution = 1e-9;
+
+/// One entry of `experiment.systems`: a mapper and a field, as the configuration has them.
+struct SystemEntry {
+  std::string name;
+  Node mapper;
+  Node field;
+  Node is_signed;  ///< true, false or a list of both; nothing: as the field is by itself.
+  std::string published;
+
+  static Parameters<SystemEntry> parameters();
+};
+
+/// One entry of `experiment.published`: what somebody printed of a system.
+struct PublishedEntry {
+  std::string name;
+  bool is_signed = false;
+  std::vector<double> resolutions_m;
+  std::vector<double> frame_ms;
+
+  static Parameters<PublishedEntry> parameters();
+};
+
+/// `experiment.expect`: what every system must reach for the run to be a success.
+struct ExpectSettings {
+  std::optional<double> max_error_m;
+  std::optional<double> collision_recall;
+  std::optional<double> appear_frames;
+  std::optional<double> gone_frames;
+  std::optional<double> ghost_vox;
+
+  static Parameters<ExpectSettings> parameters();
+};
+
+/// The `experiment` block of a mapping benchmark.
+struct MappingBenchmarkSettings : ExperimentSettings {
+  std::vector<SystemEntry> systems;
+  std::vector<double> resolutions_m;
+  Eigen::Vector3d origin_m{-4.0, -4.0, -0.1};
+  Eigen::Vector3d extent_m{8.0, 8.0, 3.2};
+  double max_distance_m = 0.8;
+  std::int64_t frames = 0;
+  int stride = 1;
+  int frames_in_memory = 400;
+  std::string clock = "every_frame";
+  std::int64_t accuracy_every = 100;
+  std::string reference;
+  std::string published_as = "published";
+  std::vector<PublishedEntry> published;
+  TruthSettings truth;
+  ExpectSettings expect;
+
+  static Parameters<MappingBenchmarkSettings> parameters();
+
+  [[nodiscard]] bool on_every_frame() const { return clock != "real_time"; }
+  [[nodiscard]] bool in_real_time() const { return clock != "every_frame"; }
+};
+
+/// One system at one resolution: what there is to measure.
+struct SystemCase {
+  std::string name;
+  std::string mapper;  ///< Name of the plugin.
+  std::string field;
+  std::optional<bool> is_signed;  ///< As asked for; nothing: whatever the field is.
+  bool unknown_occupied = false;  ///< What the field takes unseen voxels for.
+  double resolution_m = 0.0;
+  std::optional<double> published_ms;
+  Node mapper_block;  ///< With everything that the experiment sets filled in.
+  Node field_block;
+};
+
+/// The cases of an `experiment` block that fits its schema: by system, then signed or not, then
+/// resolution. Appends every mistake in it, those in the systems' plugin blocks included, at its
+/// position. The experiment sets `resolution_m`, `size_vox` and `origin_m` of mappers and
+/// `max_distance_m` and `signed` of fields, whatever the plugin.
+[[nodiscard]] std::vector<SystemCase> read_cases(const Node& experiment, Host& host,
+                                                 std::vector<Error>& errors);
+
+// Measuring.
 
 /// The frames of a source, decoded ahead of time, again and again from the first. A sequence that
 /// fits into `in_memory` frames is read once and kept; a longer one is read again at every
@@ -56,7 +144,7 @@ class FrameFeed {
   /// Mistakes of the source in the frames read so far.
   [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
   /// The scene behind the frames; null where it is not known.
-  [[nodiscard]] const Scene* scene() const noexcept { return scene_ ? &*scene_ : nullptr; }
+  [[nodiscard]] const Scene* scene() const noexcept { return scene_.get(); }
 
  private:
   [[nodiscard]] Result<void> open();
@@ -69,7 +157,7 @@ class FrameFeed {
   Log& log_;
   std::stop_token stop_;
   std::optional<PluginPtr<Source>> source_;
-  std::optional<Scene> scene_;
+  std::shared_ptr<const Scene> scene_;
   std::optional<std::int64_t> count_;
   std::deque<std::shared_ptr<const Frame>> window_;
   std::size_t at_ = 0;          ///< Of the next frame, in the window.
@@ -78,17 +166,6 @@ class FrameFeed {
   bool is_whole_ = false;       ///< The window holds all frames.
   bool has_been_read_ = false;  ///< To the end, once: mistakes are told once.
   std::vector<Error> bad_frames_;
-};
-
-/// Hands one frame at a time to a MappingPipeline. [mapping]
-class OneFrameSource final : public Source {
- public:
-  void set(std::shared_ptr<const Frame> frame) { frame_ = std::move(frame); }
-  [[nodiscard]] Result<std::optional<Frame>> next(const Deadline& deadline) override;
-  [[nodiscard]] std::optional<std::int64_t> frame_count() const override { return std::nullopt; }
-
- private:
-  std::shared_ptr<const Frame> frame_;
 };
 
 /// One update: wall times of its stages, and what the process held afterwards.
@@ -140,8 +217,26 @@ struct MeasureContext {
 /// A system that fails is recorded as such; fails itself only where frames cannot be had.
 [[nodiscard]] Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context);
 
-/// Memory of this process that is in RAM, in MiB; what was freed is given back first. 0 where the
-/// system does not tell.
-[[nodiscard]] double resident_mib(bool trim);
+// Summary and report.
+
+/// Result of a mapping benchmark.
+struct MappingBenchmarkRecord {
+  std::vector<CaseRecord> cases;
+  std::size_t planned_cases = 0;
+  std::vector<Error> bad_frames;  ///< Of the source.
+  bool has_truth = false;
+  bool interrupted = false;
+};
+
+/// Verdict, summary.json and tables of a finished (or interrupted) mapping benchmark.
+[[nodiscard]] ExperimentOutcome summarise_mapping(const RunProvenance& provenance,
+                                                  const MappingBenchmarkSettings& settings,
+                                                  const MappingBenchmarkRecord& record);
+
+/// Of the rows `systems` of summary.json.
+[[nodiscard]] const report::ResultColumns& mapping_columns();
+
+/// How such runs are shown.
+[[nodiscard]] const report::RunReport& mapping_report();
 
 }  // namespace sidestep
