@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include <sidestep/core/index.hpp>
+#include <sidestep/geometry/crowd.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
@@ -83,9 +84,9 @@ Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
       simulator::load_scene(settings.scene, {install_layout().configs / "scenes"}, documents));
   const auto q = SIDESTEP_TRY(start_of(tree.description(), tree, robot->description(), settings));
 
-  auto drawn =
-      std::make_shared<const Scene>(scene.drawn(static_cast<std::uint64_t>(settings.seed)));
-  std::unique_ptr<FakeHsr> fake(new FakeHsr(settings, robot, std::move(drawn), q));
+  const auto drawn = SIDESTEP_TRY(scene.drawn(static_cast<std::uint64_t>(settings.seed)));
+  std::unique_ptr<FakeHsr> fake(
+      new FakeHsr(settings, robot, std::make_shared<const Scene>(walked(drawn)), q));
   for (const std::string& text : settings.silences) {
     fake->silences_.push_back(SIDESTEP_TRY(parse_silence(text)));
   }
