@@ -19,6 +19,10 @@ Parameters<SpaceTimeSettings> SpaceTimeSettings::parameters() {
       .add("extra_margin_m", &S::extra_margin_m,
            "Kept beyond the problem's margins, for what is between two looks.",
            {.unit = "m", .min = 0.0, .max = 1.0})
+      .add("greed", &S::greed,
+           "Weight of the time that is left to the goal: more finds a motion sooner, which takes "
+           "at most so many times that of the fastest.",
+           {.min = 1.0, .max = 10.0})
       .add("max_nodes", &S::max_nodes, "The search ends after so many.", {.min = 1, .max = 1e7});
 }
 

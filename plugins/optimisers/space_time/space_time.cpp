@@ -325,9 +325,10 @@ class Search {
     return limits;
   }
 
+  /// What nodes are ordered by; without greed, the least time at which the goal is reached.
   [[nodiscard]] double bound_s(const SearchNode& node) const {
-    return std::max(node.time_s + close(node.state, goal_m_, limits_).duration_s,
-                    others_.duration_s());
+    const double left_s = close(node.state, goal_m_, limits_).duration_s;
+    return std::max(node.time_s + settings_.greed * left_s, others_.duration_s());
   }
 
   [[nodiscard]] BaseState after_step(const BaseState& from, int velocity) const {

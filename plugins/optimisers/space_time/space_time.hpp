@@ -12,6 +12,7 @@ struct SpaceTimeSettings {
   double step_s = 0.25;          ///< Least duration of a step.
   double cell_m = 0.1;           ///< Places nearer to each other than this count as one.
   double extra_margin_m = 0.02;  ///< Beyond the problem's margins.
+  double greed = 1.15;           ///< Weight of the time that is left.
   int max_nodes = 20000;
 
   static Parameters<SpaceTimeSettings> parameters();
