@@ -232,6 +232,14 @@ bool MapTruth::has_occupied_near(const OccupancyView& map, const Eigen::Vector3i
   return false;
 }
 
+std::vector<std::size_t> MapTruth::in_view() const {
+  std::vector<std::size_t> objects;
+  for (const Mover& mover : movers_) {
+    if (mover.in_view) objects.push_back(mover.object);
+  }
+  return objects;
+}
+
 TruthRecord MapTruth::finish(const OccupancyView& map) const {
   TruthRecord record = record_;
   const VoxelBits occupied = map.occupied();

@@ -17,7 +17,36 @@ Error out_of_time(const Deadline& deadline) {
 }  // namespace
 
 Result<void> MappingPipeline::attach() {
+  if (parts_.masks_tracks && SIDESTEP_TRY(attach_masked())) return {};
   return call_stage(parts_.names.field, [&] { return parts_.field_builder.attach(parts_.mapper); });
+}
+
+Result<bool> MappingPipeline::attach_masked() {
+  masked_.reset();
+  if (occupancy_ != nullptr && parts_.tracker != nullptr && parts_.motion_detector != nullptr) {
+    masked_.emplace(parts_.mapper, *occupancy_);
+    const auto attached =
+        call_stage(parts_.names.field, [&] { return parts_.field_builder.attach(*masked_); });
+    if (attached) return true;
+    masked_.reset();
+    if (attached.error().code != ErrorCode::kUnsupported) return error_of(attached);
+  }
+  parts_.log.warn(parts_.names.field + " of " + parts_.names.mapper +
+                  " is not built without what is tracked: that takes a tracker, and a mapper and a "
+                  "field that share the view '" +
+                  OccupancyView::kViewName + "'");
+  parts_.masks_tracks = false;
+  return false;
+}
+
+MapSnapshot MappingPipeline::follow_motion(const Frame& frame) {
+  MapSnapshot snapshot;
+  if (parts_.motion_detector == nullptr || occupancy_ == nullptr) return snapshot;
+  snapshot.moving = parts_.motion_detector->look(*occupancy_, frame.stamp);
+  if (parts_.tracker != nullptr) {
+    snapshot.tracks = parts_.tracker->update(*occupancy_, *snapshot.moving, frame);
+  }
+  return snapshot;
 }
 
 Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadline) {
@@ -56,28 +85,27 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     }
 
     watch.restart();
+    MapSnapshot snapshot = follow_motion(**frame);
+    step.motion_ms = watch.elapsed_ms();
+
+    watch.restart();
     if (step.update.grid_moved) {
       SIDESTEP_TRY(attach());
     }
-    auto field = SIDESTEP_TRY(
+    if (masked_) masked_->apply(parts_.tracker->mask(), step.update);
+    snapshot.field = SIDESTEP_TRY(
         call_stage(parts_.names.field, [&] { return parts_.field_builder.update(step.update); }));
-    if (field == nullptr) {
+    if (snapshot.field == nullptr) {
       return fail(ErrorCode::kPlugin, "returned no field", "plugin " + parts_.names.field);
     }
     step.field_ms = watch.elapsed_ms();
 
     watch.restart();
-    MapSnapshot snapshot{std::move(field), nullptr};
-    const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
-    const bool finds_motion = parts_.motion_detector != nullptr && occupancy != nullptr;
-    if (finds_motion) snapshot.moving = parts_.motion_detector->look(*occupancy, step.stamp);
-    step.motion_ms = watch.elapsed_ms();
-
-    watch.restart();
+    const bool finds_motion = snapshot.moving != nullptr;
     parts_.slot.publish(std::move(snapshot));
     step.publish_ms = watch.elapsed_ms();
     if (finds_motion) {
-      parts_.motion_detector->remember(*occupancy, (*frame)->T_world_camera.translation(),
+      parts_.motion_detector->remember(*occupancy_, (*frame)->T_world_camera.translation(),
                                        step.stamp);
     }
     return step;
@@ -86,10 +114,9 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
 
 bool MappingPipeline::has_content() {
   if (has_content_) return true;
-  const auto* occupancy = dynamic_cast<const OccupancyView*>(&parts_.mapper);
   has_content_ =
-      occupancy == nullptr ||
-      std::ranges::any_of(occupancy->known().words, [](std::uint64_t word) { return word != 0; });
+      occupancy_ == nullptr ||
+      std::ranges::any_of(occupancy_->known().words, [](std::uint64_t word) { return word != 0; });
   return has_content_;
 }
 

@@ -51,6 +51,38 @@ Json ghost_vox(const ReplanRows& rows) {
   return sum ? Json(*sum) : Json(nullptr);
 }
 
+/// The values of every episode in which tracks were measured.
+template <class Value>
+auto of_tracks(std::vector<Value> TrackRecord::*part) {
+  return [part](const ReplanRows& rows) {
+    std::vector<Value> values;
+    for (const EpisodeRow& episode : rows.episodes) {
+      if (episode.tracks) std::ranges::copy((*episode.tracks).*part, std::back_inserter(values));
+    }
+    return values;
+  };
+}
+/// Their sum; nothing where none were.
+std::optional<std::int64_t> sum_of_tracks(const ReplanRows& rows, std::int64_t TrackRecord::*part) {
+  std::optional<std::int64_t> sum;
+  for (const EpisodeRow& episode : rows.episodes) {
+    if (episode.tracks) sum = sum.value_or(0) + (*episode.tracks).*part;
+  }
+  return sum;
+}
+auto of_tracks(std::int64_t TrackRecord::*part) {
+  return [part](const ReplanRows& rows) {
+    const auto sum = sum_of_tracks(rows, part);
+    return sum ? Json(*sum) : Json(nullptr);
+  };
+}
+Json found_share(const ReplanRows& rows) {
+  const auto due = sum_of_tracks(rows, &TrackRecord::due_frames);
+  if (due.value_or(0) == 0) return nullptr;
+  return static_cast<double>(*sum_of_tracks(rows, &TrackRecord::found_frames)) /
+         static_cast<double>(*due);
+}
+
 Json guesses_of(const ReplanRows& rows) {
   Json list = Json::array();
   for (const Replanner::GuessCount& guess : rows.guesses) {
@@ -205,6 +237,7 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
   };
   const std::vector<std::string> spread = {"p50", "p95", "max"};
   const std::vector<std::string> with_mean = {"p50", "p95", "max", "mean"};
+  const std::vector<std::string> error = {"mean", "p95", "max"};
   const auto p95 = [](const char* heading, const char* pattern) {
     return Shown{.heading = heading, .pattern = pattern, .statistics = "p95"};
   };
@@ -297,7 +330,36 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                   "Frames from an object's entry into view until it was in the map.", spread)
           .spread("clear_frames.", all(&E::clear_frames),
                   "Frames that saw through a voxel until it was free again.", spread)
-          .add("ghost_vox", &ghost_vox, "Voxels that an object left and that stayed occupied.");
+          .add("ghost_vox", &ghost_vox, "Voxels that an object left and that stayed occupied.")
+          .table("Tracks")
+          .add("tracks.found_share", &found_share,
+               "Share of the frames that show a person-sized object, a second after it began to "
+               "move in view or later, in which it is tracked.",
+               {.heading = "found", .pattern = report::kPercent, .only_measured = true})
+          .spread("tracks.delay_s.", of_tracks(&TrackRecord::delay_s),
+                  "From when an object is in view and moves until it is tracked [s].", spread,
+                  {.heading = "delay",
+                   .pattern = "%.2f s",
+                   .statistics = "p50 p95",
+                   .only_measured = true})
+          .add("tracks.switches", of_tracks(&TrackRecord::switches),
+               "Changes of an object's id while it was in view.",
+               {.heading = "switches", .only_measured = true})
+          .add("tracks.false", of_tracks(&TrackRecord::false_tracks),
+               "Tracks that never were within 0.5 m of an object that moves.",
+               {.heading = "false", .only_measured = true})
+          .spread("tracks.position_error_m.", of_tracks(&TrackRecord::position_error_m),
+                  "Distance of a track from the axis of its object, while in view [m].", error,
+                  {.heading = "position error",
+                   .pattern = "%.3f m",
+                   .statistics = "mean p95",
+                   .only_measured = true})
+          .spread("tracks.velocity_error_mps.", of_tracks(&TrackRecord::velocity_error_mps),
+                  "The same of its velocity [m/s].", error,
+                  {.heading = "velocity error",
+                   .pattern = "%.3f m/s",
+                   .statistics = "mean p95",
+                   .only_measured = true});
   return kMetrics;
 }
 

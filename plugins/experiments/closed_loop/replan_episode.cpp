@@ -327,18 +327,17 @@ class EpisodeRun {
   [[nodiscard]] Result<void> find_truth() {
     if (world_.truth != nullptr) {
       // People who see the robot have walked as it went.
-      world_.scene = SIDESTEP_TRY(
+      record_.scene = SIDESTEP_TRY(
           call_stage(plugin_of(world_.source), [&]() -> Result<std::shared_ptr<const Scene>> {
             return world_.truth->scene_until(world_.clock->now());
           }));
-      record_.scene = world_.scene;
     }
-    if (world_.scene == nullptr || record_.poses.empty()) return {};
+    if (record_.scene == nullptr || record_.poses.empty()) return {};
     TrueMotionSettings truth;
     const auto& allowed = settings_.check.allowed_contacts;
     truth.allowed_contacts.assign(allowed.begin(), allowed.end());
     record_.truth =
-        SIDESTEP_TRY(check_true_motion(world_.robot, world_.scene, record_.poses, truth));
+        SIDESTEP_TRY(check_true_motion(world_.robot, record_.scene, record_.poses, truth));
     for (const TrueContact& contact : record_.truth.contacts) {
       record_.contacts.push_back(
           {contact, cause_of(contact, record_, settings_.replanner.rest_speed)});

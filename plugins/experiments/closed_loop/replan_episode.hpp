@@ -11,6 +11,7 @@
 
 #include <sidestep/core/time.hpp>
 #include <sidestep/measures/map_truth.hpp>
+#include <sidestep/measures/track_truth.hpp>
 #include <sidestep/measures/true_map.hpp>
 #include <sidestep/runtime/map_show.hpp>
 #include <sidestep/runtime/paced_frames.hpp>
@@ -84,6 +85,8 @@ class EpisodeMapping {
   SnapshotSlot made_;  ///< In lockstep: what has been made, but is not to be seen yet.
   PacedFrames source_;
   MotionDetector motion_detector_;
+  Tracker tracker_;
+  bool is_tracking_;
   MappingPipeline pipeline_;
   std::deque<Waiting> waiting_;
   Stamp busy_until_;
@@ -97,8 +100,9 @@ class EpisodeMapping {
   std::optional<Stamp> newest_;
   std::size_t bad_frames_ = 0;  ///< Of the pipeline's, those that have been noted.
 
-  const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
-  std::optional<MapTruth> truth_;   ///< Where it is measured.
+  const OccupancyView* occupancy_;         ///< Of the mapper; null where it has none.
+  std::optional<MapTruth> truth_;          ///< Where it is measured.
+  std::optional<TrackTruth> track_truth_;  ///< The same, where there are tracks.
   std::jthread thread_;
   std::unique_ptr<MapShow> show_;  ///< By the wall's clock, where the executor shows maps.
 };

@@ -32,6 +32,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
       observer_(observer),
       slot_(slot),
       source_(*world.source, *world.clock, !is_lockstep_),
+      tracker_({}, world.robot),
+      is_tracking_(settings.tracks || world.predictor),
       pipeline_({source_,
                  *world.mapper,
                  *world.field_builder,
@@ -39,11 +41,17 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
                  log,
                  {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
                  &motion_detector_,
-                 true}),
+                 true,
+                 is_tracking_ ? &tracker_ : nullptr,
+                 // What nobody predicts stays in the map.
+                 world.predictor && world.predictor->subject() != PredictionSubject::kNothing}),
       source_name_(plugin_of(world.source)),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
-  if (measures) truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
+  if (measures) {
+    truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
+    if (is_tracking_) track_truth_.emplace(*world.scene);
+  }
   source_.keep_last(measures || observer_ != nullptr);
   auto* const display = dynamic_cast<MapDisplay*>(world.executor.get());
   if (is_lockstep_ || display == nullptr) return;
@@ -73,7 +81,10 @@ void EpisodeMapping::note_frame(MappingStep step) {
   if (is_lockstep_) published.ns += Stamp::from_seconds(latency_s_).ns;
   frames_.push_back({step.stamp.seconds(), source_.received().seconds(), published.seconds(),
                      step.integrate_ms, step.field_ms});
-  if (truth_ && source_.last()) truth_->observe(*source_.last(), *occupancy_);
+  if (truth_ && source_.last()) {
+    truth_->observe(*source_.last(), *occupancy_);
+    if (track_truth_) track_truth_->observe(*made_.snapshot().tracks, truth_->in_view());
+  }
   if (observer_ == nullptr || !shows_) return;
   const MapSnapshot snapshot = (is_lockstep_ ? made_ : slot_).snapshot();
   observer_->mapped({source_.last(), std::move(step), snapshot, source_.received(), published});
@@ -176,7 +187,9 @@ MappingRecord EpisodeMapping::take_record() {
 std::optional<MapFollowing> EpisodeMapping::following() const {
   if (!truth_) return std::nullopt;
   const TruthRecord record = truth_->finish(*occupancy_);
-  return MapFollowing{record.appear_frames, record.gone_frames, record.ghost_vox};
+  MapFollowing following{record.appear_frames, record.gone_frames, record.ghost_vox, {}};
+  if (track_truth_) following.tracks = track_truth_->finish();
+  return following;
 }
 
 }  // namespace sidestep

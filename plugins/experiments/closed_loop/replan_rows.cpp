@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
 #include <utility>
 
 #include <sidestep/core/index.hpp>
@@ -271,28 +272,61 @@ const StoredRow<GuessRow>& stored_guess() {
   return kGuess;
 }
 
+/// Declares a part of what was measured of an episode's tracks; nothing where it was not.
+template <class Value>
+StoredRow<EpisodeRow> with_tracks(StoredRow<EpisodeRow> row, const char* key,
+                                  Value TrackRecord::*part) {
+  using Stored = std::conditional_t<std::is_arithmetic_v<Value>, std::optional<Value>, Value>;
+  row.add(
+      key,
+      [part](const EpisodeRow& episode) {
+        return episode.tracks ? Stored((*episode.tracks).*part) : Stored();
+      },
+      [part](EpisodeRow& episode, Stored value) {
+        if (!episode.tracks) episode.tracks.emplace();
+        if constexpr (std::is_arithmetic_v<Value>) {
+          (*episode.tracks).*part = value.value_or(Value{});
+        } else {
+          (*episode.tracks).*part = std::move(value);
+        }
+      });
+  return row;
+}
+
+StoredRow<EpisodeRow> with_all_tracks(StoredRow<EpisodeRow> row) {
+  using T = TrackRecord;
+  row = with_tracks(std::move(row), "tracks.due_frames", &T::due_frames);
+  row = with_tracks(std::move(row), "tracks.found_frames", &T::found_frames);
+  row = with_tracks(std::move(row), "tracks.delay_s", &T::delay_s);
+  row = with_tracks(std::move(row), "tracks.switches", &T::switches);
+  row = with_tracks(std::move(row), "tracks.position_error_m", &T::position_error_m);
+  row = with_tracks(std::move(row), "tracks.velocity_error_mps", &T::velocity_error_mps);
+  return with_tracks(std::move(row), "tracks.false_tracks", &T::false_tracks);
+}
+
 const StoredRow<EpisodeRow>& stored_episode() {
   using E = EpisodeRow;
-  static const auto kEpisode = StoredRow<E>()
-                                   .add("success", &E::success)
-                                   .add("reached", &E::reached)
-                                   .add("reason", &E::reason)
-                                   .add("begin_s", &E::begin_s)
-                                   .add("duration_s", &E::duration_s)
-                                   .add("path_length", &E::path_length)
-                                   .add("collisions", &E::collisions)
-                                   .add("steps", &E::steps)
-                                   .add("checks", &E::checks)
-                                   .add("frames", &E::frames)
-                                   .add("frames_dropped", &E::frames_dropped)
-                                   .add("free_run_s", &E::free_run_s)
-                                   .add("min_true_clearance_m", &E::min_true_clearance_m)
-                                   .add("nearest_link", &E::nearest_link)
-                                   .add("nearest_object", &E::nearest_object)
-                                   .add("nearest_s", &E::nearest_s)
-                                   .add("appear_frames", &E::appear_frames)
-                                   .add("clear_frames", &E::clear_frames)
-                                   .add("ghost_vox", &E::ghost_vox);
+  static const auto kEpisode =
+      with_all_tracks(StoredRow<E>()
+                          .add("success", &E::success)
+                          .add("reached", &E::reached)
+                          .add("reason", &E::reason)
+                          .add("begin_s", &E::begin_s)
+                          .add("duration_s", &E::duration_s)
+                          .add("path_length", &E::path_length)
+                          .add("collisions", &E::collisions)
+                          .add("steps", &E::steps)
+                          .add("checks", &E::checks)
+                          .add("frames", &E::frames)
+                          .add("frames_dropped", &E::frames_dropped)
+                          .add("free_run_s", &E::free_run_s)
+                          .add("min_true_clearance_m", &E::min_true_clearance_m)
+                          .add("nearest_link", &E::nearest_link)
+                          .add("nearest_object", &E::nearest_object)
+                          .add("nearest_s", &E::nearest_s)
+                          .add("appear_frames", &E::appear_frames)
+                          .add("clear_frames", &E::clear_frames)
+                          .add("ghost_vox", &E::ghost_vox));
   return kEpisode;
 }
 
@@ -336,6 +370,7 @@ EpisodeRow row_of(const EpisodeRecord& episode) {
     row.appear_frames = episode.following->appear_frames;
     row.clear_frames = episode.following->clear_frames;
     row.ghost_vox = episode.following->ghost_vox;
+    row.tracks = episode.following->tracks;
   }
   return row;
 }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <sidestep/geometry/scene.hpp>
+#include <sidestep/measures/track_truth.hpp>
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/replanner.hpp>
@@ -50,11 +51,12 @@ struct EpisodeContact : TrueContact {
   std::string cause;
 };
 
-/// How the map followed what moves, where that was measured.
+/// How the map and its tracks followed what moves, where that was measured.
 struct MapFollowing {
   std::vector<double> appear_frames;  ///< Of each entry into view, until it was in the map.
   std::vector<double> clear_frames;   ///< Of each voxel that was left: seen through until free.
   std::int64_t ghost_vox = 0;         ///< Left behind and still occupied at the end.
+  std::optional<TrackRecord> tracks;  ///< Nothing where there are none.
 };
 
 /// What is said of an episode in a word, and stored as it is.
@@ -126,6 +128,7 @@ struct EpisodeRow : EpisodeFigures {
   std::vector<double> appear_frames;
   std::vector<double> clear_frames;
   std::optional<std::int64_t> ghost_vox;  ///< Nothing where it was not measured.
+  std::optional<TrackRecord> tracks;      ///< The same, and where there are none.
 };
 
 /// Its texts are stored, and not read back: an event has far more numbers.

@@ -279,6 +279,8 @@ Parameters<ReplanSettings> ReplanSettings::parameters() {
       .add("truth", &S::truth,
            "How maps are held against the true scene, frame by frame; in lockstep only, since it "
            "takes time.")
+      .add("tracks", &S::tracks,
+           "Tracks what moves; `truth` holds the tracks against the true scene, too.")
       .add("pictures", &S::pictures, "Pictures from above of an episode, spread over its time.",
            {.min = 0, .max = 24});
 }

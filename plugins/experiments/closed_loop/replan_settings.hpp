@@ -60,6 +60,7 @@ struct ReplanSettings : ExperimentSettings {
   std::optional<PostureCostEntry> posture_cost;
   std::optional<RandomEntry> random;
   TruthSettings truth;
+  bool tracks = false;
   int pictures = 8;
 
   static Parameters<ReplanSettings> parameters();

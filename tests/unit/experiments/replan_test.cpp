@@ -235,6 +235,7 @@ TEST_F(ReplanRowsTest, SummarisesWhatWasRecorded) {
   for (const char* key : {"/appear_frames/p95", "/clear_frames/p95", "/ghost_vox"}) {
     EXPECT_TRUE(summary.at(Json::json_pointer(key)).is_null()) << key;
   }
+  EXPECT_FALSE(summary.contains("tracks")) << "there were none";
   EXPECT_EQ(summary["collisions"][0]["object"], "box");
   EXPECT_EQ(summary["collisions"][0]["cause"], "unseen");
   EXPECT_EQ(summary["failures"][0]["episode"], 1);
@@ -242,13 +243,21 @@ TEST_F(ReplanRowsTest, SummarisesWhatWasRecorded) {
 
 TEST_F(ReplanRowsTest, TellsHowTheMapFollowedWhatMoves) {
   EpisodeRecord first = flight(0), second = flight(1);
-  first.following = {{1.0, 2.0}, {3.0}, 4};
-  second.following = {{2.0}, {}, 1};
+  first.following = {
+      {1.0, 2.0}, {3.0}, 4, TrackRecord{80, 60, {0.5, 0.75}, 1, {0.125, 0.25}, {0.5}, 0}};
+  second.following = {{2.0}, {}, 1, TrackRecord{20, 20, {}, 0, {0.375}, {0.25, 0.0}, 2}};
   record({first, second});
   const Json summary = Json::parse(summary_of(2).summary_json);
   EXPECT_EQ(summary["appear_frames"]["p95"], 2.0);
   EXPECT_EQ(summary["clear_frames"]["p95"], 3.0);
   EXPECT_EQ(summary["ghost_vox"], 5);
+  const Json& tracks = summary["tracks"];
+  EXPECT_EQ(tracks["found_share"], 0.8);
+  EXPECT_EQ(tracks["delay_s"]["max"], 0.75);
+  EXPECT_EQ(tracks["switches"], 1);
+  EXPECT_EQ(tracks["false"], 2);
+  EXPECT_EQ(tracks["position_error_m"]["mean"], 0.25);
+  EXPECT_EQ(tracks["velocity_error_mps"]["mean"], 0.25);
 }
 
 TEST_F(ReplanRowsTest, SucceedsOnlyWithEveryEpisode) {

@@ -1,3 +1,4 @@
+#include <bit>
 #include <deque>
 #include <functional>
 #include <stdexcept>
@@ -6,6 +7,7 @@
 
 #include <sidestep/runtime/pipeline.hpp>
 
+#include "conformance/grid_map.hpp"
 #include "support/host_fixture.hpp"
 
 namespace sidestep {
@@ -167,6 +169,121 @@ TEST_F(Pipeline, SkippingEndsAtTheDeadlineThoughTheSourceDoesNotWatchIt) {
   ASSERT_FALSE(step);
   EXPECT_EQ(step.error().code, ErrorCode::kCancelled);
   EXPECT_EQ(pipeline_.bad_frames().size(), 3u);
+}
+
+/// A pillar that stands, and a thing of 0.4 m that goes along y at 1 m/s. Frames are its near face.
+class CrossedMap final : public conformance::GridMap {
+ public:
+  CrossedMap() : GridMap({{0.0, -3.0, 0.0}, 0.1, {60, 60, 20}}) {
+    fill({0, 0, 0}, {59, 59, 19}, false);
+    fill({40, 40, 0}, {41, 41, 19}, true);
+  }
+  static Frame frame(int number) {
+    Frame frame;
+    frame.sequence = number;
+    frame.stamp = Stamp::from_seconds(0.1 * number);
+    PointCloud cloud;
+    for (int y = -9; y <= 9; ++y) {
+      for (int z = 0; z < 10; ++z) {
+        const Eigen::Vector3d p(3.01, -1.45 + 0.1 * number + 0.02 * y, 0.25 + 0.1 * z);
+        cloud.points_m.emplace_back(p.cast<float>());
+      }
+    }
+    frame.measurement = std::move(cloud);
+    return frame;
+  }
+  Result<MapUpdate> integrate(const Frame& frame) override {
+    const int y = static_cast<int>(frame.sequence) + 14;
+    if (frame.sequence > 0) fill({30, y - 1, 2}, {33, y + 2, 12}, false);
+    fill({30, y, 2}, {33, y + 3, 12}, true);
+    return take_update();
+  }
+
+ private:
+  void fill(const Eigen::Vector3i& low, const Eigen::Vector3i& high, bool occupied) {
+    for (int z = low.z(); z <= high.z(); ++z) {
+      for (int y = low.y(); y <= high.y(); ++y) {
+        for (int x = low.x(); x <= high.x(); ++x) set({x, y, z}, occupied);
+      }
+    }
+  }
+};
+
+/// Counts the occupied voxels that it is shown.
+class CountingBuilder final : public FieldBuilder {
+ public:
+  bool takes_masked = true;
+  const OccupancyView* view = nullptr;
+  std::vector<std::size_t> occupied_vox;
+
+  Result<void> attach(Mapper& mapper) override {
+    if (!takes_masked && dynamic_cast<CrossedMap*>(&mapper) == nullptr) {
+      return fail(ErrorCode::kUnsupported, "wants a CrossedMap");
+    }
+    view = dynamic_cast<const OccupancyView*>(&mapper);
+    return {};
+  }
+  Result<std::shared_ptr<const DistanceField>> update(const MapUpdate& update) override {
+    std::size_t count = 0;
+    for (const std::uint64_t word : view->occupied().words)
+      count += static_cast<std::size_t>(std::popcount(word));
+    occupied_vox.push_back(count);
+    return std::make_shared<EmptyField>(FieldInfo{.sequence = update.sequence});
+  }
+};
+
+class TrackingPipeline : public testing::Test {
+ protected:
+  void run(bool masks_tracks) {
+    MappingPipeline pipeline(
+        {source_, map_, builder_, slot_, log_, {}, &detector_, false, &tracker_, masks_tracks});
+    ASSERT_TRUE(pipeline.attach());
+    for (int number = 0; number < 20; ++number) {
+      source_.script.emplace_back(std::optional<Frame>(CrossedMap::frame(number)));
+      ASSERT_TRUE(pipeline.step({}));
+    }
+    ASSERT_TRUE(pipeline.attach()) << "again, as where a grid has moved";
+  }
+
+  static constexpr std::size_t kPillar = 2 * 2 * 20, kThing = 4 * 4 * 11;
+  ScriptedSource source_;
+  CrossedMap map_;
+  CountingBuilder builder_;
+  SnapshotSlot slot_;
+  RecordingLog log_;
+  MotionDetector detector_;
+  Tracker tracker_;
+};
+
+TEST_F(TrackingPipeline, PublishesTracksAndShowsTheFieldEverything) {
+  run(false);
+  const MapSnapshot snapshot = slot_.snapshot();
+  ASSERT_EQ(snapshot.tracks->tracks.size(), 1U);
+  const Track& track = snapshot.tracks->tracks.front();
+  EXPECT_EQ(snapshot.tracks->stamp, Stamp::from_seconds(1.9));
+  EXPECT_NEAR(track.position_m.y(), -1.45 + 1.9, 0.1);
+  EXPECT_NEAR(track.velocity_mps.y(), 1.0, 0.25);
+  EXPECT_FALSE(snapshot.moving->balls.empty());
+  for (const std::size_t count : builder_.occupied_vox) EXPECT_EQ(count, kPillar + kThing);
+}
+
+TEST_F(TrackingPipeline, HidesWhatIsTrackedFromTheField) {
+  run(true);
+  EXPECT_EQ(builder_.occupied_vox.front(), kPillar + kThing) << "not tracked yet";
+  EXPECT_EQ(builder_.occupied_vox.back(), kPillar);
+  EXPECT_FALSE(slot_.snapshot().moving->balls.empty());
+  EXPECT_TRUE(log_.messages().empty());
+}
+
+TEST_F(TrackingPipeline, SaysOnceThatAFieldIsBuiltWithEverything) {
+  builder_.takes_masked = false;
+  run(true);
+  EXPECT_EQ(builder_.occupied_vox.back(), kPillar + kThing);
+  EXPECT_EQ(slot_.snapshot().tracks->tracks.size(), 1U);
+  ASSERT_EQ(log_.messages().size(), 1U);
+  EXPECT_EQ(log_.messages()[0],
+            "field of mapper is not built without what is tracked: that takes a tracker, and a "
+            "mapper and a field that share the view 'occupancy'");
 }
 
 }  // namespace

@@ -53,6 +53,9 @@ class MapTruth {
   /// Once for each frame, after the map has integrated it.
   void observe(const Frame& frame, const OccupancyView& map);
 
+  /// The scene's objects that move and that the newest frame shows in the map's volume, by number.
+  [[nodiscard]] std::vector<std::size_t> in_view() const;
+
   /// After the last frame.
   [[nodiscard]] TruthRecord finish(const OccupancyView& map) const;
 

@@ -22,6 +22,7 @@ struct Shown {
   bool compared = false;             ///< In the comparison of runs, too.
   bool page_only = false;            ///< Not on the terminal, which is narrower than a page.
   std::string_view statistics = "";  ///< Those that tables show; empty: all.
+  bool only_measured = false;        ///< A row without a value does not have the key.
 };
 
 struct ResultColumn {
@@ -113,7 +114,9 @@ class ResultColumnsOf : public ResultColumns {
   [[nodiscard]] Json row(const Row& row) const {
     Json json = Json::object();
     for (std::size_t c = 0; c < values_.size(); ++c) {
-      json[Json::json_pointer(columns()[c].pointer)] = values_[c](row);
+      Json value = values_[c](row);
+      if (value.is_null() && columns()[c].shown.only_measured) continue;
+      json[Json::json_pointer(columns()[c].pointer)] = std::move(value);
     }
     return json;
   }

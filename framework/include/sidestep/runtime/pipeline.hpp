@@ -12,6 +12,7 @@
 #include <sidestep/core/log.hpp>
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/mapping/mapper.hpp>
+#include <sidestep/mapping/tracker.hpp>
 #include <sidestep/runtime/snapshot_slot.hpp>
 #include <sidestep/sensing/source.hpp>
 
@@ -24,8 +25,8 @@ struct MappingStep {
   MapUpdate update;
   double read_ms = 0.0;  ///< Source; not part of the frame time.
   double integrate_ms = 0.0;
-  double field_ms = 0.0;
-  double motion_ms = 0.0;   ///< Looking for what moves, where that is asked for.
+  double field_ms = 0.0;    ///< The mask of what is tracked included.
+  double motion_ms = 0.0;   ///< Detecting and tracking what moves, where that is asked for.
   double publish_ms = 0.0;  ///< The swap; and freeing the field before, unless a reader holds it.
 
   /// From the frame in hand to the published field.
@@ -56,8 +57,14 @@ class MappingPipeline {
     MotionDetector* motion_detector = nullptr;
     /// Skips frames until something is known in the map: one that knows nothing is not published.
     bool waits_for_content = false;
+    /// Tracks what the motion detector finds; may be null, and is not used without that.
+    Tracker* tracker = nullptr;
+    /// Builds the field without what is tracked. A field that needs another view than the
+    /// OccupancyView keeps it, which is logged once.
+    bool masks_tracks = false;
   };
-  explicit MappingPipeline(Parts parts) : parts_(std::move(parts)) {}
+  explicit MappingPipeline(Parts parts)
+      : parts_(std::move(parts)), occupancy_(dynamic_cast<const OccupancyView*>(&parts_.mapper)) {}
 
   /// Binds the field builder to the mapper. Call once, first.
   [[nodiscard]] Result<void> attach();
@@ -70,10 +77,16 @@ class MappingPipeline {
 
  private:
   void skip(Error error);
+  /// Binds the field builder to the masked map, if that can be.
+  [[nodiscard]] Result<bool> attach_masked();
+  /// What moves and what is tracked after a frame, as far as that is asked for, without a field.
+  [[nodiscard]] MapSnapshot follow_motion(const Frame& frame);
   /// Whether anything has been known in the map so far; true of mappers that do not tell.
   [[nodiscard]] bool has_content();
 
   Parts parts_;
+  const OccupancyView* occupancy_;         ///< Of the mapper; null where it has none.
+  std::optional<MaskedOccupancy> masked_;  ///< What the field sees, where tracks are masked.
   bool has_content_ = false;
   std::vector<Error> bad_frames_;
 };

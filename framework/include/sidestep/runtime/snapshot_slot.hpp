@@ -12,11 +12,11 @@
 
 namespace sidestep {
 
-/// The field and the moving obstacles after one frame.
+/// The field, the moving obstacles and the tracks after one frame.
 struct MapSnapshot {
   std::shared_ptr<const DistanceField> field;
-  std::shared_ptr<const MovingObstacles> moving;  ///< Null without a MotionDetector.
-  std::shared_ptr<const Tracks> tracks;           ///< Null without a tracker.
+  std::shared_ptr<const MovingObstacles> moving = nullptr;  ///< Null without a MotionDetector.
+  std::shared_ptr<const Tracks> tracks = nullptr;           ///< Null without a Tracker.
 };
 
 /// The one thing that mapping and planning share: the newest map. publish() [mapping],
@@ -33,11 +33,11 @@ class SnapshotSlot {
     // The previous field, if this was its last holder, is freed here, outside the lock.
   }
   void publish(std::shared_ptr<const DistanceField> field) {
-    publish(MapSnapshot{std::move(field), nullptr});
+    publish(MapSnapshot{.field = std::move(field)});
   }
   /// The newest field; null before the first publication. Holding it keeps it alive.
   [[nodiscard]] std::shared_ptr<const DistanceField> pin() const { return snapshot().field; }
-  /// The newest field with its moving obstacles.
+  /// The newest field with its moving obstacles and tracks.
   [[nodiscard]] MapSnapshot snapshot() const {
     const std::lock_guard lock(mutex_);
     return snapshot_;
