@@ -68,7 +68,7 @@ void BM_TenPeople(benchmark::State& state) {
     masked.apply(map.tracker.mask(), update);
     costs.mask_ms.push_back(cpu_ms() - begin);
     begin = cpu_ms();
-    const Prediction prediction = worst_case_prediction(*tracked, 1.6, 6.0);
+    const auto prediction = worst_case_prediction(*tracked, 1.6, 6.0);
     costs.predict_ms.push_back(cpu_ms() - begin);
     benchmark::DoNotOptimize(prediction);
     costs.sum_ms.push_back(costs.track_ms.back() + costs.mask_ms.back() + costs.predict_ms.back());
