@@ -288,7 +288,10 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   FoundPlan plan;
   plan.cost = task.cost;
   set_first_state(proposal, task.start);
-  auto retimed = retime(proposal, parts_.limits, {.least_stages = kStages, .stop_at_goal = true});
+  const bool is_timed = settings_.timing == "planner" && keeps_limits(proposal, parts_.limits);
+  auto retimed =
+      is_timed ? Result<Retiming>({proposal, 0.0})
+               : retime(proposal, parts_.limits, {.least_stages = kStages, .stop_at_goal = true});
   if (!retimed) return refuse("it cannot be timed: " + retimed.error().describe());
   if (task.request.to_beat) {
     // Sampled as what is followed was: costs of unlike states do not compare.

@@ -51,6 +51,11 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
           {.unit = "m", .min = 0.0, .max = 100.0})
       .add("prediction_horizon_s", &S::prediction_horizon_s,
            "How far a `predictor` looks ahead of each map.", {.unit = "s", .min = 0.1, .max = 60.0})
+      .add("timing", &S::timing,
+           "fastest: motions are timed anew, each joint as fast as its limits allow; planner: as "
+           "the optimiser timed them, where that keeps the limits (`space_time` keeps the speed of "
+           "the base below that of one joint, in whatever direction it goes).",
+           {.choices = {"fastest", "planner"}})
       .add("prediction_margin_m", &S::prediction_margin_m,
            "Clearance that spheres must keep from what is predicted.",
            {.unit = "m", .min = 0.0, .max = 10.0})

@@ -284,7 +284,8 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                   {.heading = "over free run",
                    .pattern = "%.2f",
                    .compared = true,
-                   .statistics = "p50"})
+                   .statistics = "p50",
+                   .only_measured = true})
           .spread("path_length.", of_reached(&E::path_length),
                   "Way in the space of joints [m, rad] of episodes that reached the goal.", spread)
           .add("replans", sum(&E::replans), "Trajectories replaced on the way.",

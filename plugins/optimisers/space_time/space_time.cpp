@@ -56,8 +56,8 @@ std::optional<Closing> close_at(const BaseState& from, const Vector2d& goal_m, d
   Vector2d turned_m = from.p_m;
   Vector2d cruise_mps = Vector2d::Zero();
   double turn_s = 0.0;
-  constexpr int kRounds =
-      6;  // the direction depends on where the turn ends, and the other way round
+  // The direction depends on where the turn ends, and the other way round.
+  constexpr int kRounds = 12;
   for (int i = 0; i < kRounds; ++i) {
     const double left_m = (goal_m - turned_m).norm();
     if (!(left_m > 0.0)) return std::nullopt;
@@ -67,7 +67,9 @@ std::optional<Closing> close_at(const BaseState& from, const Vector2d& goal_m, d
   }
   const double left_m = (goal_m - turned_m).dot(cruise_mps) / speed_mps;
   const double stop_m = 0.5 * speed_mps * speed_mps / a_mps2;
-  if (left_m < stop_m) return std::nullopt;
+  constexpr double kBeside = 1e-3;  // of the way to rest, by which the line may miss the goal
+  const double miss_m = (goal_m - turned_m - left_m / speed_mps * cruise_mps).norm();
+  if (left_m < stop_m || miss_m > kBeside * stop_m) return std::nullopt;
   const double cruise_s = (left_m - stop_m) / speed_mps, stop_s = speed_mps / a_mps2;
   return Closing{{{{0.0, from},
                    {turn_s, {turned_m, cruise_mps}},

@@ -22,10 +22,10 @@ struct OrcaWall {
 
 struct OrcaSettings {
   double neighbour_distance_m = 10.0;
-  int neighbours = 10;        ///< Nearest ones that count.
-  double horizon_s = 5.0;     ///< For which velocities must be free of collisions.
+  int neighbours = 10;     ///< Nearest ones that count.
+  double horizon_s = 5.0;  ///< For which velocities must be free of collisions.
   double wall_horizon_s = 1.0;
-  double step_s = 0.25;       ///< In which agents that overlap come apart.
+  double step_s = 0.25;  ///< In which agents that overlap come apart.
 };
 
 /// The velocity nearest to the preferred one, no faster than `max_speed_mps`, with which an agent

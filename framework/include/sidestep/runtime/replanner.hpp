@@ -48,6 +48,7 @@ struct ReplannerSettings {
   /// in space that no frame has seen; nothing: anywhere. Farther off, the robot rests before it.
   std::optional<double> unseen_start_m;
   double prediction_horizon_s = 6.0;  ///< For which is predicted what is tracked.
+  std::string timing = "fastest";     ///< Or "planner": how proposals are timed.
   double prediction_margin_m = 0.1;   ///< That spheres keep from predicted sets.
   double max_step_m = 0.1;            ///< First spacing of validity checks, as motion of spheres.
   /// Where no trajectory is free all the way, one that is so for at least this long may do: what is
