@@ -66,7 +66,8 @@ struct PlanSearch::Task {
   Deadline deadline = {};
   Stopwatch watch = {};
   SearchResult result = {};
-  std::string failure = {};  ///< Of the guess being tried.
+  bool is_followed = false;  ///< The guess being tried is on the path, and at the speeds, of now.
+  std::string failure = {};  ///< Of that guess.
   double cost = 0.0;         ///< Of its solution, as the optimiser states it.
   /// A path that needs no optimiser where all else fails.
   std::optional<Trajectory> sampled = {};
@@ -127,6 +128,7 @@ std::vector<std::size_t> PlanSearch::order(std::size_t first) const {
 void PlanSearch::attempt(std::size_t guess, Task& task) {
   Replanner::GuessCount& count = counts_[guess];
   task.failure.clear();
+  task.is_followed = count.guess == kRetimed;
   const auto initial = first_guess(count.guess, task);
   const bool is_tried = initial || !task.failure.empty() || !task.result.fault.empty();
   if (!is_tried) return;
@@ -288,7 +290,8 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   FoundPlan plan;
   plan.cost = task.cost;
   set_first_state(proposal, task.start);
-  const bool is_timed = settings_.timing == "planner" && keeps_limits(proposal, parts_.limits);
+  const bool is_timed =
+      settings_.timing == "planner" && (task.is_followed || keeps_limits(proposal, parts_.limits));
   auto retimed =
       is_timed ? Result<Retiming>({proposal, 0.0})
                : retime(proposal, parts_.limits, {.least_stages = kStages, .stop_at_goal = true});
