@@ -54,7 +54,8 @@ TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& boun
   for (std::size_t i = 0; i < scene.objects().size(); ++i) {
     const SceneObject& object = scene.objects()[i];
     if (!object.moves() && object.person < 0) {
-      standing.push_back(object);
+      // Robots stand on the floor; planning.floor says which of their links keep off it.
+      if (!std::holds_alternative<HalfSpace>(object.shape)) standing.push_back(object);
       continue;
     }
     const Transform now = object.T_world_object(now_s);

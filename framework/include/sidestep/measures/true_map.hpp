@@ -18,8 +18,9 @@ struct TrueMap {
   std::shared_ptr<const DistanceField> field;
 };
 
-/// People that are there, and objects that move by waypoints, each as the cylinder around all of
-/// it, with the velocity that it has; everything within `bounds_m` is known. Allocates. [any]
+/// Half-spaces, which are floors, are left out. People that are there, and objects that move by
+/// waypoints, each as the cylinder around all of it, with the velocity that it has; everything
+/// within `bounds_m` is known. Allocates. [any]
 [[nodiscard]] TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m);
 
 }  // namespace sidestep
