@@ -64,12 +64,15 @@ class Inspection {
   }
 
   /// By how much a shape has come nearer, a second, to things as they stand now: its velocity along
-  /// the normal, wherever that points.
+  /// the normal, wherever that points. 0 where nothing was near at the pose before: a recorded
+  /// person who begins within the robot.
   double approach(int shape, double clearance_m, const TruePose& pose, const TruePose& previous) {
     const double time_s = pose.time_s - previous.time_s;
     if (time_s <= 0.0) return 0.0;
-    place(previous.q, pose.time_s, *before_);
     constexpr double kSearched_m = 0.1;
+    place(previous.q, previous.time_s, *before_);
+    if (collider_.to_obstacles(shape, *before_, kSearched_m).other.empty()) return 0.0;
+    place(previous.q, pose.time_s, *before_);
     const auto found = collider_.to_obstacles(shape, *before_, kSearched_m);
     return ((found.other.empty() ? kSearched_m : found.clearance_m) - clearance_m) / time_s;
   }

@@ -88,6 +88,9 @@ TEST_F(TruthCheckTest, TellsWhoseContactItWas) {
   EXPECT_NEAR(approach_mps(flight(0.0, 3.0)), -1.0, 0.01) << "it runs into a robot that flees";
   objects_ = {mover("oncoming", {2.0, 0.0, 0.0}, {-2.0, 0.0, 0.0}, 4.0)};
   EXPECT_NEAR(approach_mps(flight(0.0)), 1.0, 0.01) << "both are to blame, so the robot is";
+  objects_ = {mover("from_nowhere", {0.0, 0.0, -1000.0}, {0.0, 0.0, 0.0}, 2.0)};
+  objects_[0].waypoints[0].time_s = 2.0 - 1e-6;
+  EXPECT_EQ(approach_mps(flight(0.0)), 0.0);
 }
 
 TEST_F(TruthCheckTest, FindsAContactFromItsFirstTouchToItsLast) {
