@@ -71,6 +71,15 @@ const NamedPose* RobotDescription::find_pose(std::string_view pose_name) const n
   return it == poses.end() ? nullptr : &*it;
 }
 
+std::optional<std::array<int, 2>> RobotDescription::planar_base() const noexcept {
+  std::array<int, 2> base{};
+  int found = 0;
+  for (int j = 0; j < dof() && found < 2; ++j) {
+    if (joints[idx(j)].type == Joint::Type::kPrismatic) base[idx(found++)] = j;
+  }
+  return found == 2 ? std::optional(base) : std::nullopt;
+}
+
 void RobotModel::sphere_centre_lanes(std::span<const double> q, std::span<PointLanes> centres_m,
                                      Scratch& scratch) const {
   const std::size_t count = description().spheres.size();

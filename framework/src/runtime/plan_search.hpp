@@ -32,6 +32,7 @@ struct FoundPlan {
   double free_until_s =
       std::numeric_limits<double>::infinity();  ///< Of obstacles, if not for good.
   bool frees_goal = false;                      ///< Its end stands for the goal.
+  bool is_aside = false;                        ///< It leads out of somebody's way.
 };
 
 struct SearchResult {

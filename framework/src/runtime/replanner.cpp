@@ -39,6 +39,7 @@ std::string_view to_string(ReplannerEvent::Reason reason) noexcept {
     case Reason::kBlocked: return "blocked";
     case Reason::kCost: return "cost";
     case Reason::kSooner: return "sooner";
+    case Reason::kAside: return "aside";
     case Reason::kMoving: return "moving";
     case Reason::kMap: return "map";
     case Reason::kNotFollowing: return "not_following";
@@ -188,13 +189,15 @@ void Replanner::Impl::supervise() {
     const Reason reason = halted->reason;
     if ((reason != Reason::kBlocked && reason != Reason::kMoving) || !is_due()) return;
     const std::string cause = halted->cause;
-    (void)replan(departure_from(*braking), reason, cause);
+    const detail::Departure at_rest = departure_from_end(*braking);
+    if (!replan(departure_from(*braking), reason, cause)) (void)step_aside(at_rest);
     return;
   }
   auto& driving = std::get<Driving>(phase);
   if (slows_down(driving)) return;
   if (!driving.is_checked) check(driving);
   if (driving.blocked) return on_blocked(driving);
+  if (driving.is_aside) return come_back(driving);
   if (driving.delay_s > kDelayed_s && is_due()) return hasten(driving);
   if (settings.cost_tolerance > 0.0 && is_due()) improve(driving);
 }
@@ -260,6 +263,10 @@ void Replanner::Impl::improve(const Driving& driving) {
   (void)replan(std::move(departure), Reason::kCost, cause, (1.0 - settings.hysteresis) * *cost);
 }
 
+void Replanner::Impl::come_back(const Driving& driving) {
+  if (is_due()) (void)replan(departure_from(driving), Reason::kAside, "the robot is aside");
+}
+
 void Replanner::Impl::hasten(const Driving& driving) {
   (void)replan(departure_from(driving), Reason::kSooner, "the way may be free sooner", {},
                driving.trajectory.duration_s() - driving.time_s(now) - kDelayed_s);
@@ -281,7 +288,8 @@ detail::Departure Replanner::Impl::departure_from(const Motion& motion) const {
 /// has not left it.
 void Replanner::Impl::find_unfinished(detail::Departure& departure) const {
   if (unfinished.size() == 0) return;
-  if (std::holds_alternative<Driving>(phase)) {
+  const auto* driving = std::get_if<Driving>(&phase);
+  if (driving != nullptr && !driving->is_aside) {
     departure.unfinished = &unfinished;
     departure.unfinished_from_s = departure.from_s;
     return;
@@ -330,7 +338,8 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
   if (margin_m < settings.margin_m) {
     cause += "; it stands within the margin, and keeps " + std::to_string(margin_m) + " m";
   }
-  (void)replan(std::move(departure), reason, cause);
+  const detail::Departure at_rest = departure;
+  if (!replan(std::move(departure), reason, cause)) (void)step_aside(at_rest);
 }
 
 bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,
@@ -356,9 +365,9 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   }
   if (found.plan) return follow(found, reason, cause);
   failed_at = now;
-  if (found.fault.empty() && (reason == Reason::kCost || reason == Reason::kSooner)) {
-    return false;  // what is followed is good
-  }
+  const bool is_good =
+      reason == Reason::kCost || reason == Reason::kSooner || reason == Reason::kAside;
+  if (found.fault.empty() && is_good) return false;  // what is followed is good
   const bool is_told = is_failing && found.fault.empty();
   is_failing = !std::holds_alternative<Driving>(phase);
   if (is_told && is_failing) return false;
@@ -393,8 +402,9 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   const bool was_slowed = halted && halted->reason == Reason::kMoving && motion() != nullptr;
   const bool is_clear = !std::isfinite(plan.free_until_s);
   last_start = now;
-  phase = Driving{{plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false, plan.delay_s};
-  unfinished = plan.trajectory;
+  phase = Driving{{plan.trajectory, now}, field,        is_clear, is_clear, {}, {}, false,
+                  plan.delay_s,           plan.is_aside};
+  if (!plan.is_aside) unfinished = plan.trajectory;
   is_moving = true;
   free_goal.reset();
   is_failing = false;

@@ -46,8 +46,9 @@ struct Replanner::Impl {
     std::optional<Blocked> blocked;
     std::optional<detail::Contingency> contingency;  ///< The last that was found.
     bool is_unreached =
-        false;             ///< Nothing that moves in the newest map could reach the robot on it.
-    double delay_s = 0.0;  ///< For which it waits, or goes more slowly, among what is predicted.
+        false;              ///< Nothing that moves in the newest map could reach the robot on it.
+    double delay_s = 0.0;   ///< For which it waits, or goes more slowly, among what is predicted.
+    bool is_aside = false;  ///< It leads out of somebody's way, not to the goal.
   };
   /// A stop is followed.
   struct Braking : Motion {};
@@ -75,6 +76,8 @@ struct Replanner::Impl {
   void hasten(const Driving& driving);
   void depart_from_rest(const RobotState& measured);
   [[nodiscard]] detail::Departure departure_from(const Motion& motion) const;
+  /// From where a stop ends.
+  [[nodiscard]] detail::Departure departure_from_end(const Braking& stop) const;
   void find_unfinished(detail::Departure& departure) const;
   /// Searches and, where there is a plan, has it followed. False where what is followed goes on, or
   /// the robot has been stopped.
@@ -82,6 +85,17 @@ struct Replanner::Impl {
               std::optional<double> to_beat = {}, std::optional<double> to_end_before_s = {});
   bool follow(const detail::SearchResult& found, Reason reason, const std::string& cause);
   [[nodiscard]] bool is_due() const;
+
+  // Out of people's way: replanner_aside.cpp.
+  /// Where the robot is to stand, at the end of the lead, in a predicted way, moves out of that.
+  [[nodiscard]] bool step_aside(const detail::Departure& departure);
+  /// Such a motion, if it is time for it: the shortest that is clear, or one that is so for
+  /// longest.
+  [[nodiscard]] std::optional<detail::FoundPlan> find_aside(
+      const detail::Departure& departure, const PredictionOnClock& predicted,
+      const PredictedConflict& standing) const;
+  /// Goes on to the goal as soon as that can be.
+  void come_back(const Driving& driving);
 
   // What it sees: replanner_map.cpp.
   [[nodiscard]] std::optional<RobotState> measure();

@@ -41,7 +41,8 @@ std::string Replanner::Impl::stop_motion(bool by_executor) {
 }
 
 /// The rest of the motion until braking can begin, and then a stop: along the path, or else along a
-/// straight line, whichever the newest map shows clear.
+/// straight line, whichever the newest map shows clear; one in nobody's predicted way, if there is
+/// one.
 bool Replanner::Impl::follow_verified_stop(Driving& driving, std::string& how) {
   const Stamp begin = present();
   const double begin_s = driving.time_s(begin);
@@ -58,24 +59,32 @@ bool Replanner::Impl::follow_verified_stop(Driving& driving, std::string& how) {
   };
   const auto along_path = brake(followed, brake_s, parts.limits);
   const auto straight = brake_straight({row(lead.q(last)), row(lead.qdot(last))}, parts.limits);
+  const auto predicted = predicted_from(begin);
+  std::optional<Trajectory> chosen;
   for (const auto* stop : {&along_path, &straight}) {
     if (!*stop || !full_check) continue;
-    const Trajectory motion = joined(lead, **stop);
+    Trajectory motion = joined(lead, **stop);
     const auto verdict = full_check->check(motion, 0.0, Deadline());
     if (!verdict || !verdict->valid()) continue;
-    const auto accepted =
-        call_stage(parts.executor_name, [&] { return parts.executor.follow(motion, begin); });
-    if (!accepted) {
-      how = "; the executor refused the stop: " + accepted.error().describe();
-      return false;
-    }
-    last_start = begin;
-    phase = Braking{{motion, begin}};
+    const bool is_met = predicted && prediction_check.first_conflict(motion, 0.0, *predicted);
+    if (is_met && chosen) continue;
     how = stop == &along_path ? "" : "; the robot stops beside its path";
-    return true;
+    chosen = std::move(motion);
+    if (!is_met) break;
   }
-  how = "; no stop is clear of obstacles";
-  return false;
+  if (!chosen) {
+    how = "; no stop is clear of obstacles";
+    return false;
+  }
+  const auto accepted =
+      call_stage(parts.executor_name, [&] { return parts.executor.follow(*chosen, begin); });
+  if (!accepted) {
+    how = "; the executor refused the stop: " + accepted.error().describe();
+    return false;
+  }
+  last_start = begin;
+  phase = Braking{{*std::move(chosen), begin}};
+  return true;
 }
 
 std::string Replanner::Impl::stop_by_executor() {

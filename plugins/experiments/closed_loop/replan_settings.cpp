@@ -93,20 +93,6 @@ void check_for_plans_only(const Node& block, const CheckSettings& settings,
          "set planning.acceleration_fraction");
 }
 
-/// The first two joints that slide.
-void find_base(const RobotDescription& robot, const Node& experiment,
-               std::array<std::size_t, 2>& base, std::vector<Error>& errors) {
-  std::size_t found = 0;
-  for (std::size_t j = 0; j < robot.joints.size() && found < 2; ++j) {
-    if (robot.joints[j].type == Joint::Type::kPrismatic) base[found++] = j;
-  }
-  if (found < 2) {
-    errors.push_back(experiment.error("robot '" + robot.name +
-                                      "' has no base that moves in the "
-                                      "plane, which the cases among people need"));
-  }
-}
-
 /// Start and goal of the world's episode: what is random is drawn until it is free of itself and of
 /// the scene at that time.
 Result<void> draw_ends(const ReplanConfiguration& settings, ReplanWorld& world) {
@@ -204,7 +190,13 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
   read.q_goal = read_robot_state(*experiment.find("goal"), description, errors);
   read.task = read_task(experiment, robot, errors);
   read.cases = CrowdCases::read(read.experiment, experiment, errors);
-  if (read.cases) find_base(description, experiment, read.base, errors);
+  if (const auto base = description.planar_base()) {
+    read.base = *base;
+  } else if (read.cases) {
+    errors.push_back(experiment.error("robot '" + description.name +
+                                      "' has no base that moves in the "
+                                      "plane, which the cases among people need"));
+  }
   if (read.experiment.sees_truth() && !read.experiment.is_lockstep()) {
     errors.push_back(experiment.find("perception")->error("the truth is known in lockstep only"));
   }
@@ -310,7 +302,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
     const CrowdCase its = settings.cases->of(episode, seed);
     people = its.people;
     for (const int axis : {0, 1}) {
-      const auto joint = static_cast<Eigen::Index>(settings.base[idx(axis)]);
+      const auto joint = settings.base[idx(axis)];
       world.q_start[joint] = its.start_m[axis];
       world.q_goal[joint] = its.goal_m[axis];
     }

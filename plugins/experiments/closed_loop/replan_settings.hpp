@@ -110,7 +110,7 @@ struct ReplanConfiguration {
   std::vector<RandomJoint> start_ranges;
   std::vector<RandomJoint> goal_ranges;
   std::optional<CrowdCases> cases;
-  std::array<std::size_t, 2> base{};  ///< With cases: the joints that move the base along x and y.
+  std::array<int, 2> base{};  ///< With cases: the joints that move the base along x and y.
   Task task;
 };
 

@@ -124,6 +124,37 @@ TEST_F(AmongPeople, SetsOutSoonerWhenHeTurnsBack) {
   EXPECT_LT(loop.ticks * ClosedLoop::kStep_s, 9.0) << loop.story();
 }
 
+TEST_F(AmongPeople, StepsAsideWhereItHasToWaitInHisWay) {
+  // Something lies on the goal for 15 s; he walks over where the robot waits.
+  loop.obstacles = {{{4.0, 0.0, 0.0}, 0.3}};
+  const auto over_it = [&](double t) {
+    if (t > 15.0) loop.obstacles.clear();
+    return std::pair(Eigen::Vector2d(0.05, -5.0 + 0.8 * t), Eigen::Vector2d(0.0, 0.8));
+  };
+  run(over_it, 30.0);
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_GT(least_m, kMargin_m - 2.0 * ClosedLoop::kStep_s) << loop.story();
+  const auto is_aside = [](const ReplannerEvent& event) {
+    return event.reason == ReplannerEvent::Reason::kAside && event.guess == "aside";
+  };
+  const auto aside = std::ranges::find_if(loop.events, is_aside);
+  ASSERT_NE(aside, loop.events.end()) << loop.story();
+  // He is near from 0.6 m before it on, after 5.5 s: the robot waits until then, and is gone
+  // before.
+  EXPECT_GT(aside->stamp.seconds(), 2.0) << loop.story();
+  EXPECT_LT(aside->stamp.seconds(), 5.5) << loop.story();
+}
+
+TEST_F(AmongPeople, StaysWhereItIsInNobodysWay) {
+  loop.obstacles = {{{4.0, 0.0, 0.0}, 0.3}};
+  run(
+      [](double t) {
+        return std::pair(Eigen::Vector2d(1.5, -5.0 + 0.8 * t), Eigen::Vector2d(0.0, 0.8));
+      },
+      10.0);
+  EXPECT_EQ(loop.count(Kind::kPlanned), 0) << loop.story();
+}
+
 /// Knows where he is, whatever is tracked.
 class Knows final : public Predictor {
  public:

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -78,6 +79,8 @@ struct RobotDescription {
   [[nodiscard]] std::optional<int> joint_index(std::string_view joint_name) const noexcept;
   [[nodiscard]] std::optional<int> link_index(std::string_view link_name) const noexcept;
   [[nodiscard]] const NamedPose* find_pose(std::string_view pose_name) const noexcept;
+  /// The joints that move a base along x and y: the first two that are prismatic.
+  [[nodiscard]] std::optional<std::array<int, 2>> planar_base() const noexcept;
 };
 
 /// A force on a link in one configuration of a batch, world frame.

@@ -102,6 +102,7 @@ struct ReplannerEvent {
     kBlocked,       ///< Something is in the way of what is, or was, followed.
     kCost,          ///< It has become costlier.
     kSooner,        ///< What was to be waited for has gone, or will have gone sooner.
+    kAside,         ///< The robot stands in somebody's predicted way, or has left it.
     kMoving,        ///< Something that moves could reach the robot before it is at rest.
     kMap,           ///< The map is too old, its time jumped, or its tracks make no sense.
     kNotFollowing,  ///< The robot is not where it should be.
