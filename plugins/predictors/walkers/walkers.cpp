@@ -34,18 +34,20 @@ double Spread::radius_m(const Track& track, double time_s) const noexcept {
   return track.radius_m + at_first_m + std::clamp(growth_m, 0.0, max_growth_m);
 }
 
+PredictedSet set_along(const Track& track, std::span<const double> times_s,
+                       std::span<const Eigen::Vector2d> path, const Spread& spread) {
+  PredictedSet set{track.id, 1.0, track.bottom_m, track.top_m, {}};
+  for (std::size_t k = 0; k < times_s.size(); ++k) {
+    set.knots.push_back({times_s[k], path[k], spread.radius_m(track, times_s[k])});
+  }
+  return set;
+}
+
 Result<Prediction> predict_along(const Tracks& tracks, std::span<const double> times_s,
                                  const Paths& paths, const Spread& spread) {
   std::vector<PredictedSet> sets;
   for (std::size_t i = 0; i < tracks.tracks.size(); ++i) {
-    const Track& track = tracks.tracks[i];
-    PredictedSet& set = sets.emplace_back();
-    set.track = track.id;
-    set.bottom_m = track.bottom_m;
-    set.top_m = track.top_m;
-    for (std::size_t k = 0; k < times_s.size(); ++k) {
-      set.knots.push_back({times_s[k], paths[i][k], spread.radius_m(track, times_s[k])});
-    }
+    sets.push_back(set_along(tracks.tracks[i], times_s, paths[i], spread));
   }
   return Prediction::create(tracks.stamp, std::move(sets));
 }

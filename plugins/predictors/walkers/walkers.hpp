@@ -30,6 +30,10 @@ struct Spread {
 /// Where each track's centre is at each time, track by track.
 using Paths = std::vector<std::vector<Eigen::Vector2d>>;
 
+/// The set of a track along a path, as many places as times.
+[[nodiscard]] PredictedSet set_along(const Track& track, std::span<const double> times_s,
+                                     std::span<const Eigen::Vector2d> path, const Spread& spread);
+
 /// A set for each track along its path. Fails as Prediction::create().
 [[nodiscard]] Result<Prediction> predict_along(const Tracks& tracks,
                                                std::span<const double> times_s, const Paths& paths,
