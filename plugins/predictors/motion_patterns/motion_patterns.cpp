@@ -99,13 +99,20 @@ class MotionPatterns final : public Predictor {
   [[nodiscard]] std::optional<std::size_t> same_before(const Track& track,
                                                        const History& past) const {
     const double speed_mps = track.velocity_mps.norm();
+    std::optional<std::size_t> nearest;
+    double nearest_m = options_.same_place_m;
     for (std::size_t i = past.size(); i-- > 0;) {
-      const bool is_same =
-          (past[i].position_m - track.position_m).norm() < options_.same_place_m &&
-          (past[i].velocity_mps - track.velocity_mps).norm() < options_.same_velocity * speed_mps;
-      if (is_same && past.back().time_s - past[i].time_s > kLeastAgo_s) return i;
+      if (past.back().time_s - past[i].time_s < kLeastAgo_s) continue;
+      const double apart_m = (past[i].position_m - track.position_m).norm();
+      const double differs_mps = (past[i].velocity_mps - track.velocity_mps).norm();
+      if (apart_m < nearest_m && differs_mps < options_.same_velocity * speed_mps) {
+        nearest = i;
+        nearest_m = apart_m;
+      } else if (nearest) {
+        break;  // before that it was on its way there
+      }
     }
-    return std::nullopt;
+    return nearest;
   }
 
   /// What it did since, again and again.

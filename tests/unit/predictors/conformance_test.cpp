@@ -17,14 +17,14 @@ PredictorCase loaded(const std::string& name, const std::string& parameters = {}
           }};
 }
 
-INSTANTIATE_TEST_SUITE_P(plugins, PredictorConformance,
-                         testing::Values(loaded("constant_velocity"),
-                                         loaded("constant_velocity",
-                                                ", step_s: 1.7, sigmas: 3, max_growth_m: 100"),
-                                         loaded("goal_directed"), loaded("none"), loaded("orca"),
-                                         loaded("orca", ", sees_robot: true, step_s: 0.1"),
-                                         loaded("truth"), loaded("worst_case")),
-                         [](const auto& of) { return of.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    plugins, PredictorConformance,
+    testing::Values(loaded("constant_velocity"),
+                    loaded("constant_velocity", ", step_s: 1.7, sigmas: 3, max_growth_m: 100"),
+                    loaded("goal_directed"), loaded("motion_patterns"), loaded("none"),
+                    loaded("orca"), loaded("orca", ", sees_robot: true, step_s: 0.1"),
+                    loaded("truth"), loaded("worst_case")),
+    [](const auto& of) { return of.param.name; });
 
 }  // namespace
 }  // namespace sidestep::conformance

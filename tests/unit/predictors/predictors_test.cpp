@@ -140,17 +140,36 @@ class BeforeAWall : public testing::Test {
     return Scene({wall, floor});
   }
 
-  /// The path of one walker of radius 0.3 m.
-  static PredictedSet walk(const std::string& block, const Eigen::Vector2d& from_m,
-                           const Eigen::Vector2d& velocity_mps, double horizon_s) {
+  /// The paths of one walker of radius 0.3 m.
+  static std::vector<PredictedSet> walks(const std::string& block, const Eigen::Vector2d& from_m,
+                                         const Eigen::Vector2d& velocity_mps, double horizon_s) {
     const SceneField field(wall_and_floor(), {},
                            {Eigen::Vector3d(-30.0, -30.0, -1.0), Eigen::Vector3d(30.0, 30.0, 4.0)});
     const Tracks walker{{track_at(4, from_m, velocity_mps)}, kTracked};
     PredictionRequest request{walker, horizon_s};
     request.field = &field;
-    return predicted(block, request).sets().at(0);
+    return predicted(block, request).sets();
+  }
+  static PredictedSet walk(const std::string& block, const Eigen::Vector2d& from_m,
+                           const Eigen::Vector2d& velocity_mps, double horizon_s) {
+    return walks(block, from_m, velocity_mps, horizon_s).at(0);
   }
 };
+
+TEST_F(BeforeAWall, MotionPatternsGoOnOrTurnBack) {
+  const auto sets = walks("{plugin: motion_patterns, turning_m: 0.6}", {0.0, 0.5}, {0.7, 0.0}, 6.0);
+  ASSERT_EQ(sets.size(), 2u);
+  for (const double time_s : {0.0, 1.0, 3.0, 6.0}) {
+    EXPECT_NEAR(centre_m(sets[0], time_s).x(), 0.7 * time_s, 1e-9);
+    // It turns 0.6 m before the wall, looked for every 0.1 m.
+    const double x_m = 1.4 - std::abs(0.7 * time_s - 1.4);
+    EXPECT_NEAR(centre_m(sets[1], time_s).x(), x_m, 0.25) << time_s;
+    EXPECT_NEAR(centre_m(sets[1], time_s).y(), 0.5, 1e-9);
+  }
+  EXPECT_LE(sets[0].likelihood + sets[1].likelihood, 1.0);
+  // Along the wall nobody turns back.
+  EXPECT_EQ(walks("{plugin: motion_patterns}", {1.5, 0.0}, {0.1, 1.0}, 6.0).size(), 1u);
+}
 
 TEST_F(BeforeAWall, GoalDirectedTurnsAlongTheWall) {
   const PredictedSet set =
@@ -188,6 +207,30 @@ TEST_F(BeforeAWall, OrcaComesToRest) {
   const PredictedSet set = walk("{plugin: orca}", {-1.0, 0.5}, {1.0, 0.0}, 10.0);
   for (const PredictedSet::Knot& knot : set.knots) EXPECT_LT(knot.centre_m.x(), 1.7 + 1e-6);
   EXPECT_GT(set.knots.back().centre_m.x(), 1.0);
+}
+
+TEST(MotionPatterns, RepeatWhatATrackHasDone) {
+  // To and fro between y = -2 and 2 at 0.8 m/s, in 10 s; another goes straight on for ever.
+  const auto to_and_fro = [](double t) {
+    const double way_m = std::fmod(0.8 * t, 8.0);
+    return way_m < 4.0 ? std::pair(way_m - 2.0, 0.8) : std::pair(6.0 - way_m, -0.8);
+  };
+  const auto predictor = load_predictor("{plugin: motion_patterns}");
+  Prediction last;
+  for (int i = 0; i <= 360; ++i) {
+    const double now_s = 0.05 * i;
+    const auto [y_m, vy_mps] = to_and_fro(now_s);
+    Tracks tracks{{track_at(1, {1.0, y_m}, {0.0, vy_mps}), track_at(2, {now_s, 5.0}, {1.0, 0.0})},
+                  Stamp::from_seconds(now_s)};
+    last = predictor->predict({tracks, 12.0}).value();
+  }
+  ASSERT_EQ(last.sets().size(), 2u);
+  for (const double time_s : {0.0, 1.0, 4.0, 7.0, 12.0}) {
+    // Places are remembered every 0.1 s, in which it goes 0.08 m.
+    EXPECT_NEAR(centre_m(last.sets()[0], time_s).y(), to_and_fro(18.0 + time_s).first, 0.25);
+    EXPECT_LT((centre_m(last.sets()[1], time_s) - Eigen::Vector2d(18.0 + time_s, 5.0)).norm(),
+              1e-6);
+  }
 }
 
 TEST(Orca, GoesStraightAlone) {
