@@ -201,7 +201,7 @@ bool PlanSearch::depart(Departure departure, Task& task) const {
   task.departure = std::move(departure);
   task.start = end_of(task.departure.lead);
   if (!task.departure.is_moving) task.start.qdot.setZero();
-  task.problem = parts_.pose_problem(task.request.field, task.start);
+  task.problem = parts_.pose_problem(task.request.field, task.start, parts_.goal);
   if (const auto& predicted = task.request.predicted) {
     task.problem.prediction = predicted->prediction;
     task.problem.prediction_from_s = predicted->from_s + task.departure.lead.duration_s();
@@ -370,7 +370,8 @@ std::optional<double> PlanSearch::cost_of_rest(std::shared_ptr<const DistanceFie
   if (departure.followed == nullptr || departure.followed->duration_s() <= departure.from_s) {
     return std::nullopt;
   }
-  const Problem problem = parts_.pose_problem(std::move(field), end_of(departure.lead));
+  const Problem problem =
+      parts_.pose_problem(std::move(field), end_of(departure.lead), parts_.goal);
   if (!problem.validate()) return std::nullopt;
   const auto explained =
       explain(problem, sampled_anew(problem, *departure.followed, departure.from_s));

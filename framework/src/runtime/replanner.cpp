@@ -96,6 +96,7 @@ Stamp Replanner::followed_start() const noexcept {
   const Impl::Motion* motion = impl_->motion();
   return motion != nullptr ? motion->start : impl_->last_start;
 }
+const Eigen::VectorXd& Replanner::goal() const noexcept { return impl_->parts.goal.q; }
 std::int64_t Replanner::checks() const noexcept { return impl_->checks; }
 const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexcept {
   return impl_->search.counts();
@@ -339,7 +340,9 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
     cause += "; it stands within the margin, and keeps " + std::to_string(margin_m) + " m";
   }
   const detail::Departure at_rest = departure;
-  if (!replan(std::move(departure), reason, cause)) (void)step_aside(at_rest);
+  if (replan(std::move(departure), reason, cause)) return;
+  look_for_other_goal();
+  (void)step_aside(at_rest);
 }
 
 bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,

@@ -101,6 +101,18 @@ std::optional<detail::FoundPlan> Replanner::Impl::find_aside(
   return best;
 }
 
+void Replanner::Impl::look_for_other_goal() {
+  constexpr double kAgain_s = 1.0;
+  const bool is_early = asked_for_goal && now.seconds() - asked_for_goal->seconds() < kAgain_s;
+  const auto is_blocked = [&](const Eigen::VectorXd& q) {
+    return checks_of_robot.state_violation(field, parts.space, margin_m, as_span(q)).has_value();
+  };
+  if (!parts.other_goal || is_early || !is_blocked(parts.goal.q)) return;
+  asked_for_goal = now;
+  const auto other = parts.other_goal(field);
+  if (other && !is_blocked(*other)) parts.goal.q = *other;
+}
+
 detail::Departure Replanner::Impl::departure_from_end(const Braking& stop) const {
   const double now_s = stop.time_s(now);
   detail::Departure departure;

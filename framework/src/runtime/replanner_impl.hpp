@@ -94,6 +94,8 @@ struct Replanner::Impl {
   [[nodiscard]] std::optional<detail::FoundPlan> find_aside(
       const detail::Departure& departure, const PredictionOnClock& predicted,
       const PredictedConflict& standing) const;
+  /// Takes another configuration that does what is asked of the goal where this one is blocked.
+  void look_for_other_goal();
   /// Goes on to the goal as soon as that can be.
   void come_back(const Driving& driving);
 
@@ -157,6 +159,7 @@ struct Replanner::Impl {
   std::optional<Stamp> last_replan;
   std::shared_ptr<const DistanceField> searched_in;  ///< The map of the last replan.
   std::optional<Stamp> failed_at;                    ///< The last replan that failed.
+  std::optional<Stamp> asked_for_goal;               ///< When another goal was last looked for.
 
   std::variant<Resting, Driving, Braking, AtGoal> phase;
   Stamp last_start;        ///< Of the motion that was given last.

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <random>
 #include <thread>
 
+#include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
 #include <sidestep/runtime/step_watch.hpp>
@@ -17,11 +19,11 @@ constexpr std::int64_t kTruthPeriod_ns = 8'000'000;
 /// How long a robot that has been told to stop at an episode's end is waited for.
 constexpr double kLongestStop_s = 5.0;
 
-/// Poses problems from any state to the episode's goal.
+/// Poses problems from any state to a goal.
 Replanner::PoseProblem problems_of(const ReplanConfiguration& settings, const ReplanWorld& world) {
-  return [&settings, robot = world.robot, q_goal = world.q_goal](
-             std::shared_ptr<const DistanceField> field, const RobotState& start) {
-    Problem problem = make_problem(robot, std::move(field), settings.planning, start, q_goal);
+  return [&settings, robot = world.robot](std::shared_ptr<const DistanceField> field,
+                                          const RobotState& start, const RobotState& goal) {
+    Problem problem = make_problem(robot, std::move(field), settings.planning, start, goal.q);
     for (const CostTerm& term : settings.task.terms) {
       // Where it ends has been found: the goal's own terms are met there.
       if (term.placement != Placement::kGoal) problem.terms.push_back(term);
@@ -78,6 +80,7 @@ class EpisodeRun {
     mapping_.stop();
     if (!done) return error_of(done);
     record_.reached = status_ == Replanner::Status::kReached;
+    record_.q_goal = world_.q_goal = replanner_->goal();
     record_.checks = replanner_->checks();
     record_.guesses = replanner_->guess_counts();
     MappingRecord mapped = mapping_.take_record();
@@ -110,16 +113,36 @@ class EpisodeRun {
     auto field = slot_.pin();
     if (field == nullptr) field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
     if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
+    world_.q_goal = SIDESTEP_TRY(goal_in(
+        std::move(field), Deadline::after_s(settings_.planning.time_limit_s, context_.stop)));
+    return {};
+  }
+
+  /// A configuration in which the robot does what its task asks of the goal, in a map; at each call
+  /// looked for from elsewhere.
+  [[nodiscard]] Result<Eigen::VectorXd> goal_in(std::shared_ptr<const DistanceField> field,
+                                                const Deadline& deadline) {
     PlanningSettings planning = settings_.planning;
     planning.hold_goal = false;
-    Problem problem =
-        make_problem(world_.robot, std::move(field), planning, world_.q_start, world_.q_goal);
+    Eigen::VectorXd from = world_.q_goal;
+    if (goals_sought_ > 0) {
+      constexpr double kReach = 0.5;  // m, rad: of those that differ at all
+      std::mt19937_64 random(derive_seed(world_.seed, "goal/" + std::to_string(goals_sought_)));
+      const auto& joints = world_.robot->description().joints;
+      for (std::size_t j = 0; j < joints.size(); ++j) {
+        double& q = from[static_cast<Eigen::Index>(j)];
+        const double lower = std::max(joints[j].lower, q - kReach);
+        q = std::uniform_real_distribution(lower, std::min(joints[j].upper, q + kReach))(random);
+      }
+    }
+    ++goals_sought_;
+    Problem problem = make_problem(world_.robot, std::move(field), planning, world_.q_start, from);
     problem.terms.insert(problem.terms.end(), settings_.task.terms.begin(),
                          settings_.task.terms.end());
     const auto solution = SIDESTEP_TRY(call_stage(plugin_of(world_.optimiser), [&] {
       return world_.optimiser->solve(
           problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
-          Deadline::after_s(planning.time_limit_s, context_.stop));
+          deadline);
     }));
     if (solution.trajectory.size() == 0) {
       return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution.reason);
@@ -128,8 +151,7 @@ class EpisodeRun {
     if (const std::string miss = goal_miss(problem, q); !miss.empty()) {
       return fail(ErrorCode::kNotFound, "no goal configuration was found: " + miss);
     }
-    std::ranges::copy(q, world_.q_goal.begin());
-    return {};
+    return Eigen::Map<const Eigen::VectorXd>(q.data(), std::ssize(q));
   }
 
   void make_replanner() {
@@ -159,8 +181,20 @@ class EpisodeRun {
                          [this] { return mapping_.trouble(); },
                          world_.predictor.get(),
                          world_.predictor ? plugin_of(world_.predictor) : "",
+                         other_goal(),
                          settings_.planning},
         settings);
+  }
+
+  [[nodiscard]] std::function<std::optional<Eigen::VectorXd>(std::shared_ptr<const DistanceField>)>
+  other_goal() {
+    if (!settings_.task.frees_goal) return {};
+    return [this](std::shared_ptr<const DistanceField> field) -> std::optional<Eigen::VectorXd> {
+      const double limit_s = settings_.experiment.is_lockstep() ? settings_.planning.time_limit_s
+                                                                : settings_.replanner.solve_limit_s;
+      auto q = goal_in(std::move(field), Deadline::after_s(limit_s, context_.stop));
+      return q ? std::optional(*std::move(q)) : std::nullopt;
+    };
   }
 
   void run_lockstep() {
@@ -385,6 +419,7 @@ class EpisodeRun {
   std::vector<ReplannerEvent> events_;
   std::optional<Error> truth_fault_;  ///< After it, no truth is recorded.
   EpisodeRecord record_;
+  int goals_sought_ = 0;
   Replanner::Status status_ = Replanner::Status::kWaiting;
 };
 

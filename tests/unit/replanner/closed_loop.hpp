@@ -215,13 +215,14 @@ class ClosedLoop {
         executor(Eigen::Vector3d::Zero(), limits),
         planner(mapped),
         settings_(std::move(settings)) {
-    pose = [this](std::shared_ptr<const DistanceField> field, const RobotState& start) {
+    pose = [this](std::shared_ptr<const DistanceField> field, const RobotState& start,
+                  const RobotState& to) {
       Problem problem;
       problem.robot = robot;
       problem.field = std::move(field);
       problem.space = {Space::kFree, Space::kFree};
       problem.start = start;
-      problem.goal = goal();
+      problem.goal = to;
       problem.support_states = 21;
       problem.dt_s = 0.4;
       problem.qc = Eigen::Vector3d::Ones();
@@ -254,6 +255,7 @@ class ClosedLoop {
                                        .map_trouble = map_trouble,
                                        .predictor = predictor,
                                        .predictor_name = "predictor goes_on",
+                                       .other_goal = other_goal,
                                        .moving_costs = moving_costs},
                       settings_);
   }
@@ -304,6 +306,7 @@ class ClosedLoop {
   std::function<std::shared_ptr<const Tracks>(Stamp)> tracks;  ///< Of a map; none where empty.
   std::function<std::string()> map_trouble;
   Replanner::PoseProblem pose;
+  std::function<std::optional<Eigen::VectorXd>(std::shared_ptr<const DistanceField>)> other_goal;
   SnapshotSlot slot;
   QuietLog log;
   std::optional<Replanner> replanner;

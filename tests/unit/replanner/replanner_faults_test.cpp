@@ -318,9 +318,10 @@ TEST(ReplannerFaults, WhatThrowsElsewhereStopsTheRobotToo) {
   ClosedLoop loop;
   const auto pose = loop.pose;
   bool is_broken = false;
-  loop.pose = [&, pose](std::shared_ptr<const DistanceField> field, const RobotState& start) {
+  loop.pose = [&, pose](std::shared_ptr<const DistanceField> field, const RobotState& start,
+                        const RobotState& goal) {
     if (is_broken) throw std::runtime_error("no such goal");
-    return pose(std::move(field), start);
+    return pose(std::move(field), start, goal);
   };
   loop.run(30.0, [&](double t) {
     is_broken = t >= 1.0 && t < 4.0;

@@ -155,6 +155,33 @@ TEST_F(AmongPeople, StaysWhereItIsInNobodysWay) {
   EXPECT_EQ(loop.count(Kind::kPlanned), 0) << loop.story();
 }
 
+TEST(BlockedGoal, GivesWayToAnotherThatDoesWhatIsAsked) {
+  ClosedLoop loop;
+  loop.obstacles = {{{4.0, 0.0, 0.0}, 0.3}};
+  int asked = 0;
+  loop.other_goal =
+      [&](const std::shared_ptr<const DistanceField>&) -> std::optional<Eigen::VectorXd> {
+    // The first is in the obstacle, too.
+    return ++asked == 1 ? Eigen::Vector3d(4.0, 0.1, 0.0) : Eigen::Vector3d(3.0, 1.0, 0.0);
+  };
+  loop.run(20.0);
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_EQ(asked, 2);
+  EXPECT_LT((loop.executor.state().q - Eigen::Vector3d(3.0, 1.0, 0.0)).norm(), 0.03);
+  EXPECT_EQ(loop.replanner->goal(), Eigen::Vector3d(3.0, 1.0, 0.0));
+}
+
+TEST(BlockedGoal, StaysWhatItIsWhereItIsFree) {
+  ClosedLoop loop;
+  loop.other_goal =
+      [](const std::shared_ptr<const DistanceField>&) -> std::optional<Eigen::VectorXd> {
+    return Eigen::Vector3d(3.0, 1.0, 0.0);
+  };
+  loop.run(20.0);
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_EQ(loop.replanner->goal(), ClosedLoop::goal().q);
+}
+
 /// Knows where he is, whatever is tracked.
 class Knows final : public Predictor {
  public:

@@ -341,8 +341,9 @@ int changes_of_mind(double hysteresis) {
   settings.hysteresis = hysteresis;
   ClosedLoop loop(settings);
   const auto plain = loop.pose;
-  loop.pose = [&, plain](std::shared_ptr<const DistanceField> field, const RobotState& start) {
-    Problem problem = plain(std::move(field), start);
+  loop.pose = [&, plain](std::shared_ptr<const DistanceField> field, const RobotState& start,
+                         const RobotState& goal) {
+    Problem problem = plain(std::move(field), start, goal);
     problem.terms = standard_terms(problem, {.epsilon_m = 1.0, .sigma_obstacle = 0.2});
     return problem;
   };
@@ -369,8 +370,9 @@ TEST(Replanner, TakesAMuchCheaperPlanThoughItsOwnIsValid) {
   settings.cost_tolerance = 0.05;
   ClosedLoop loop(settings);
   const auto plain = loop.pose;
-  loop.pose = [&, plain](std::shared_ptr<const DistanceField> field, const RobotState& start) {
-    Problem problem = plain(std::move(field), start);
+  loop.pose = [&, plain](std::shared_ptr<const DistanceField> field, const RobotState& start,
+                         const RobotState& goal) {
+    Problem problem = plain(std::move(field), start, goal);
     problem.terms = standard_terms(problem, {.epsilon_m = 1.0, .sigma_obstacle = 0.05});
     return problem;
   };

@@ -144,9 +144,9 @@ struct ReplannerEvent {
 /// stop.
 class Replanner {
  public:
-  /// Poses the problem from a state to the goal in a field: horizon, prior, terms.
-  using PoseProblem =
-      std::function<Problem(std::shared_ptr<const DistanceField> field, const RobotState& start)>;
+  /// Poses the problem from a state to a goal in a field: horizon, prior, terms.
+  using PoseProblem = std::function<Problem(std::shared_ptr<const DistanceField> field,
+                                            const RobotState& start, const RobotState& goal)>;
 
   struct Parts {
     std::shared_ptr<const RobotModel> robot;
@@ -170,6 +170,10 @@ class Replanner {
     /// Says where the tracks of a map will be, none of which is in its field; may be null.
     Predictor* predictor = nullptr;
     std::string predictor_name = "predictor";
+    /// Another configuration that does in a field what is asked of the goal, at each call another
+    /// one where there are several; nothing where none was found. May be empty.
+    std::function<std::optional<Eigen::VectorXd>(std::shared_ptr<const DistanceField> field)>
+        other_goal = {};
     /// Of the term "moving" that problems with a prediction get; nothing: they get none.
     std::optional<CostSettings> moving_costs = std::nullopt;
   };
@@ -195,6 +199,8 @@ class Replanner {
   /// The reference holds until the next step().
   [[nodiscard]] const Trajectory& followed() const noexcept;
   [[nodiscard]] Stamp followed_start() const noexcept;
+  /// Where it is to rest: the goal that was given, or another one since then.
+  [[nodiscard]] const Eigen::VectorXd& goal() const noexcept;
   /// Validity checks of what is followed so far: one for each map and each trajectory, since the
   /// same motion in the same map is not checked twice.
   [[nodiscard]] std::int64_t checks() const noexcept;
