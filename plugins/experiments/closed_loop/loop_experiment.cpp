@@ -193,9 +193,12 @@ std::string table_text(const ReplanRows& rows) {
 std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const Json& metrics) {
   const auto done = rows.episodes.size();
   const auto successes = std::ranges::count(rows.episodes, true, &EpisodeRow::success);
-  const std::string count = std::to_string(successes) + " of " + std::to_string(done) +
-                            (done == 1 ? " episode" : " episodes") +
-                            " reached the goal without touching anything";
+  std::string count = std::to_string(successes) + " of " + std::to_string(done) +
+                      (done == 1 ? " episode" : " episodes") +
+                      " reached the goal without touching anything";
+  const Json& by_others = at(metrics, "/contacts_by_others");
+  if (by_others.is_number() && by_others != 0)
+    count += ", walked into " + cell(by_others) + " times";
   if (facts.fault) return "Ended early: " + facts.fault->describe();
   if (facts.interrupted) {
     const std::string planned =
