@@ -11,19 +11,47 @@
 namespace sidestep::detail {
 namespace {
 
-constexpr double kStep_s = 0.1;  ///< Between two states that are looked at.
+constexpr double kStep_s = 0.1;         ///< Between two states that are looked at.
+constexpr double kStanding_mps = 0.15;  ///< Tracks that are slower stand.
 
 }  // namespace
 
 ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits limits,
-                       double speed_mps, double margin_m)
+                       const ReplannerSettings& settings)
     : robot_(std::move(robot)),
       limits_(std::move(limits)),
-      speed_mps_(speed_mps),
-      margin_m_(margin_m) {
+      speed_mps_(settings.obstacle_speed_mps),
+      margin_m_(settings.margin_m),
+      counts_standing_(settings.safety == "ssm") {
+  if (counts_standing_) {
+    speed_mps_ = std::max(speed_mps_, kWalkingSpeed_mps);
+    margin_m_ += settings.intrusion_m;
+  }
   for (const CollisionSphere& sphere : robot_->description().spheres) {
     largest_m_ = std::max(largest_m_, sphere.radius_m);
   }
+}
+
+void ReachCheck::look_at(std::shared_ptr<const MovingObstacles> moving, const Tracks* tracks) {
+  moving_ = std::move(moving);
+  if (tracks == nullptr || speed_mps_ == 0.0 || !check_tracks(*tracks)) return;
+  auto all = moving_ ? std::make_shared<MovingObstacles>(*moving_)
+                     : std::make_shared<MovingObstacles>(MovingObstacles{{}, tracks->stamp});
+  for (const Track& track : tracks->tracks) {
+    if (!counts_standing_ && track.velocity_mps.norm() < kStanding_mps) continue;
+    // Balls as far apart as the cylinder is wide cover it.
+    const double height_m = std::max(track.top_m - track.bottom_m, 0.0);
+    constexpr double kMost = 100.0;
+    const int balls = static_cast<int>(
+        std::clamp(std::ceil(0.5 * height_m / std::max(track.radius_m, 0.05)), 1.0, kMost));
+    const double half_m = 0.5 * height_m / balls;
+    for (int k = 0; k < balls; ++k) {
+      const double z_m = track.bottom_m + (2 * k + 1) * half_m;
+      all->balls.push_back(
+          {{track.position_m.x(), track.position_m.y(), z_m}, std::hypot(track.radius_m, half_m)});
+    }
+  }
+  moving_ = std::move(all);
 }
 
 /// The motion and then a stop, along the path where that can be, else beside it; nothing where

@@ -8,7 +8,9 @@
 #include <Eigen/Geometry>
 
 #include <sidestep/mapping/moving_obstacles.hpp>
+#include <sidestep/mapping/tracks.hpp>
 #include <sidestep/robot/robot_model.hpp>
+#include <sidestep/runtime/replanner.hpp>
 #include <sidestep/trajectory/motion_limits.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
@@ -29,11 +31,13 @@ struct Contingency {
 /// taken to be, can reach the robot before it is at rest.
 class ReachCheck {
  public:
-  /// `speed_mps`: of what moves; 0: nothing is looked at. `margin_m`: that spheres keep besides.
-  ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits limits, double speed_mps,
-             double margin_m);
+  /// Of the settings: how fast things move (0: nothing is looked at), and what spheres keep
+  /// besides.
+  ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits limits,
+             const ReplannerSettings& settings);
 
-  void look_at(std::shared_ptr<const MovingObstacles> moving) { moving_ = std::move(moving); }
+  /// What moves, and what is tracked besides; either may be null.
+  void look_at(std::shared_ptr<const MovingObstacles> moving, const Tracks* tracks);
   /// Whether anything moves that could reach the robot anywhere.
   [[nodiscard]] bool sees_anything() const noexcept {
     return speed_mps_ > 0.0 && moving_ != nullptr && !moving_->balls.empty();
@@ -62,6 +66,7 @@ class ReachCheck {
   MotionLimits limits_;
   double speed_mps_;
   double margin_m_;
+  bool counts_standing_;    ///< People who stand, too.
   double largest_m_ = 0.0;  ///< Radius of the largest sphere.
   std::shared_ptr<const MovingObstacles> moving_;
 };

@@ -59,7 +59,7 @@ struct Replanner::Impl {
       : parts(std::move(given)),
         settings(std::move(chosen)),
         search(parts, settings),
-        reach(parts.robot, parts.limits, settings.obstacle_speed_mps, settings.margin_m),
+        reach(parts.robot, parts.limits, settings),
         checks_of_robot(parts.robot),
         prediction_check(parts.robot, settings.prediction_margin_m),
         margin_m(settings.margin_m) {}

@@ -35,6 +35,15 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
           "Largest speed of what moves: while the robot moves, it can come to rest before anything "
           "seen moving could reach it. 0: what moves is an obstacle like any other.",
           {.unit = "m/s", .min = 0.0, .max = 20.0})
+      .add("safety", &S::safety,
+           "passive: as obstacle_speed_mps has it; ssm: speed and separation monitoring (ISO/TS "
+           "15066): whoever is tracked, standing or not, may walk up at 1.6 m/s (ISO 13855), and "
+           "every link has come to rest intrusion_m before it could be reached.",
+           {.choices = {"passive", "ssm"}})
+      .add("intrusion_m", &S::intrusion_m,
+           "Of ssm: how far somebody may reach beyond what is tracked, and what both positions may "
+           "be off.",
+           {.unit = "m", .min = 0.0, .max = 10.0})
       .add("rest_speed", &S::rest_speed, "Joints that are slower count as at rest (m/s, rad/s).",
            {.min = 1e-6, .max = 10.0})
       .add("tracking_tolerance", &S::tracking_tolerance,

@@ -56,11 +56,13 @@ struct Meeting {
 
 Stamp at(double time_s) { return Stamp::from_seconds(time_s); }
 
-detail::ReachCheck reach_check() {
+detail::ReachCheck reach_check(std::vector<double> braking = {}) {
+  ReplannerSettings settings;
+  settings.obstacle_speed_mps = kWalk_mps;
+  settings.margin_m = kMargin_m;
   return {std::make_shared<testing_support::BallRobot>(kBody_m),
-          {{1.0, 1.0, 1.0}, {kBrake_mps2, kBrake_mps2, kBrake_mps2}, {}},
-          kWalk_mps,
-          kMargin_m};
+          {{1.0, 1.0, 1.0}, {kBrake_mps2, kBrake_mps2, kBrake_mps2}, {}, std::move(braking)},
+          settings};
 }
 
 std::shared_ptr<const MovingObstacles> seen(const MovingBall& ball, Stamp stamp) {
@@ -82,7 +84,7 @@ TEST(ReachCheck, OfContingencyHoldsFromAnyInstantOnUntilItBrakes) {
     ASSERT_TRUE(contingency);
     const double now_s = begin_s + share(random) * (brake_s - begin_s);
     const Meeting meeting{{{along(random), beside(random), 0.0}, 0.3}, now_s, brake_s};
-    reach.look_at(seen(meeting.ball, at(now_s)));
+    reach.look_at(seen(meeting.ball, at(now_s)), nullptr);
     const auto cause = reach.first_reach(*contingency, at(begin_s), at(now_s));
     const double worst_m = meeting.worst_m();
     if (worst_m > 1e-3) {
@@ -101,14 +103,10 @@ TEST(ReachCheck, OfContingencyHoldsFromAnyInstantOnUntilItBrakes) {
 // m/s comes 0.7 m less near.
 TEST(ReachCheck, LooksNoLongerThanTheRobotBrakes) {
   const auto is_reached = [](double beyond_m, std::vector<double> braking) {
-    detail::ReachCheck reach{
-        std::make_shared<testing_support::BallRobot>(kBody_m),
-        {{1.0, 1.0, 1.0}, {kBrake_mps2, kBrake_mps2, kBrake_mps2}, {}, std::move(braking)},
-        kWalk_mps,
-        kMargin_m};
+    detail::ReachCheck reach = reach_check(std::move(braking));
     const double ball_m = 0.3;
     const MovingBall ahead{{ball_m + kBody_m + kMargin_m + beyond_m, 0.0, 0.0}, ball_m};
-    reach.look_at(seen(ahead, at(0.0)));
+    reach.look_at(seen(ahead, at(0.0)), nullptr);
     return reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value();
   };
   // Until it is at rest, both have come nearer by so much in all.
@@ -125,9 +123,9 @@ TEST(ReachCheck, OfContingencySaysNothingOfWhatTheRobotHasPassed) {
   const auto contingency = reach.contingency(cruise(), 0.0, 3.0);
   ASSERT_TRUE(contingency);
   const MovingBall at_begin{{-0.2, 0.0, 0.0}, 0.3};
-  reach.look_at(seen(at_begin, at(0.0)));
+  reach.look_at(seen(at_begin, at(0.0)), nullptr);
   EXPECT_TRUE(reach.first_reach(*contingency, at(0.0), at(0.0)));
-  reach.look_at(seen(at_begin, at(2.9)));
+  reach.look_at(seen(at_begin, at(2.9)), nullptr);
   EXPECT_FALSE(reach.first_reach(*contingency, at(0.0), at(2.9)));
 }
 

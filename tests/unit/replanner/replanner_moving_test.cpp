@@ -70,6 +70,42 @@ INSTANTIATE_TEST_SUITE_P(FromAround, HuntedRobot,
                          testing::Values(0.0, 0.4, 0.8, 0.5 * std::numbers::pi, 2.5,
                                          std::numbers::pi, -0.3, -1.2));
 
+TEST(ReplannerMoving, KeepsSpeedAndSeparationFromWhoeverIsTracked) {
+  // He stands still for 3 s beside the way, and then walks up at 1.6 m/s.
+  ReplannerSettings settings = anticipating(0.0);
+  settings.safety = "ssm";
+  settings.intrusion_m = 0.25;
+  ClosedLoop loop(settings);
+  loop.limits.braking = {2.0, 2.0, 2.0};
+  Eigen::Vector3d person_m(2.0, 1.5, 0.0);
+  loop.tracks = [&](Stamp stamp) {
+    Track track;
+    track.id = 1;
+    track.position_m = person_m.head<2>();
+    track.covariance.setZero();
+    track.radius_m = kHunterRadius_m;
+    track.bottom_m = -0.1;
+    track.top_m = 0.1;
+    track.last_seen = stamp;
+    return std::make_shared<const Tracks>(Tracks{{track}, stamp});
+  };
+  double apart_m = std::numeric_limits<double>::infinity();
+  double farthest_m = 0.0;
+  loop.run(12.0, [&](double t) {
+    const RobotState robot = loop.executor.state();
+    const Eigen::Vector3d way = robot.q - person_m;
+    if (t > 3.0 && way.norm() > 0.01) {
+      person_m += kWalkingSpeed_mps * ClosedLoop::kStep_s * way.normalized();
+    }
+    farthest_m = std::max(farthest_m, robot.q.x());
+    if (robot.qdot.norm() < 1e-6) return;
+    apart_m = std::min(apart_m, way.norm() - kHunterRadius_m - ClosedLoop::kRadius_m);
+  });
+  EXPECT_GT(farthest_m, 0.3) << loop.story();
+  EXPECT_GT(apart_m, settings.intrusion_m) << loop.story();
+  EXPECT_LT(apart_m, 1.5) << "he never came near\n" << loop.story();
+}
+
 /// A meeting on the robot's way, which is straight whatever stands on it.
 struct HeadOn {
   double apart_m = 0.0;             ///< When the robot is first slowed down.

@@ -44,6 +44,11 @@ struct ReplannerSettings {
   /// come to rest before anything that was seen moving could reach it. 0: what moves is an obstacle
   /// like any other.
   double obstacle_speed_mps = 0.0;
+  /// "passive", or "ssm": speed and separation monitoring (ISO/TS 15066, 5.5.4). Whoever is
+  /// tracked, standing or not, is taken to walk up at kWalkingSpeed_mps, or at obstacle_speed_mps
+  /// if that is more, and `intrusion_m` is left when the robot has come to rest.
+  std::string safety = "passive";
+  double intrusion_m = 0.2;  ///< C + Z_d + Z_r: how far a hand reaches unseen, and both may be off.
   /// How far from where it starts the links that stand on the floor (Floor::except_links) may move
   /// in space that no frame has seen; nothing: anywhere. Farther off, the robot rests before it.
   std::optional<double> unseen_start_m;
