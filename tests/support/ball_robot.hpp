@@ -7,7 +7,7 @@
 namespace sidestep::testing_support {
 
 /// One ball that moves freely: three prismatic joints are its centre.
-class BallRobot final : public RobotModel {
+class BallRobot : public RobotModel {
  public:
   explicit BallRobot(double radius_m) {
     description_.name = "ball";
@@ -46,7 +46,7 @@ class BallRobot final : public RobotModel {
     }
   }
 
- private:
+ protected:
   RobotDescription description_;
 };
 

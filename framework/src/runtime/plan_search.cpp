@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -317,7 +318,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
       return refuse("what is predicted leaves no time for it");
     }
-    plan.delay_s = among->duration_s() - plan.trajectory.duration_s();
+    plan.delay_s = among->duration_s() - soonest_s(plan, task);
     plan.trajectory = std::move(*among);
   }
   if (task.request.to_end_before_s &&
@@ -363,6 +364,16 @@ std::optional<Trajectory> PlanSearch::among_predicted(const FoundPlan& plan,
   if (slower && slower->duration_s() <= as_timed.duration_s()) return slower;
   if (request.prediction_check.first_conflict(as_timed, 0.0, *request.predicted)) return slower;
   return as_timed;
+}
+
+/// How long a plan would last if nothing were to be waited for. A planner that times motions has
+/// put its waits and detours into them: then it is the straight way at full speed.
+double PlanSearch::soonest_s(const FoundPlan& plan, const Task& task) const {
+  if (settings_.timing != "planner") return plan.trajectory.duration_s();
+  MotionLimits at_once = parts_.limits;
+  std::ranges::fill(at_once.acceleration, std::numeric_limits<double>::infinity());
+  const auto goal = plan.trajectory.q(plan.trajectory.size() - 1);
+  return plan.takeover_s + least_time_s(at_once, as_span(task.start.q), goal);
 }
 
 std::optional<double> PlanSearch::cost_of_rest(std::shared_ptr<const DistanceField> field,

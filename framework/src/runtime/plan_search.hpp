@@ -26,7 +26,7 @@ struct FoundPlan {
   Trajectory trajectory;  ///< The lead and the new motion, checked as one.
   double takeover_s = 0.0;
   double splice_velocity_jump = 0.0;
-  double delay_s = 0.0;  ///< For which it waits, or goes more slowly, among what is predicted.
+  double delay_s = 0.0;  ///< By its waits, detours and slowness among what is predicted.
   double cost = 0.0;
   double unknown_share = 0.0;
   double free_until_s =
@@ -89,6 +89,7 @@ class PlanSearch {
                                                 const Trajectory& guess, Task& task) const;
   [[nodiscard]] std::string why_elsewhere(const Task& task, const Trajectory& proposal) const;
   [[nodiscard]] std::optional<FoundPlan> accept(Trajectory proposal, Task& task) const;
+  [[nodiscard]] double soonest_s(const FoundPlan& plan, const Task& task) const;
   [[nodiscard]] std::optional<Trajectory> among_predicted(const FoundPlan& plan,
                                                           const Trajectory& proposal,
                                                           const Departure& departure,

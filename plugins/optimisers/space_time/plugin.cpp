@@ -12,10 +12,14 @@ Parameters<SpaceTimeSettings> SpaceTimeSettings::parameters() {
       .add("directions", &S::directions, "Directions of half and of full speed that steps lead to.",
            {.min = 4, .max = 64})
       .add("step_s", &S::step_s,
-           "Least duration of a step; longer where the limits need longer for half of the speed.",
+           "Duration of a step; longer where the limits need longer for half of the speed, and "
+           "halved, twice, where nothing is found.",
            {.unit = "s", .min = 0.01, .max = 10.0})
-      .add("cell_m", &S::cell_m, "Places nearer to each other than this count as one.",
-           {.unit = "m", .min = 1e-3, .max = 10.0})
+      .add(
+          "cell_m", &S::cell_m,
+          "Places nearer to each other than this, or than 0.3 of a step's way at full speed, count "
+          "as one.",
+          {.unit = "m", .min = 1e-3, .max = 10.0})
       .add("extra_margin_m", &S::extra_margin_m,
            "Kept beyond the problem's margins, for what is between two looks.",
            {.unit = "m", .min = 0.0, .max = 1.0})
@@ -23,7 +27,7 @@ Parameters<SpaceTimeSettings> SpaceTimeSettings::parameters() {
            "Weight of the time that is left to the goal: more finds a motion sooner, which takes "
            "at most so many times that of the fastest.",
            {.min = 1.0, .max = 10.0})
-      .add("max_nodes", &S::max_nodes, "The search ends after so many.", {.min = 1, .max = 1e7});
+      .add("max_nodes", &S::max_nodes, "Each search ends after so many.", {.min = 1, .max = 1e7});
 }
 
 namespace {

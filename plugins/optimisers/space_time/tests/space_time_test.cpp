@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/field/scene_field.hpp>
 #include <sidestep/planning/prediction_check.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
@@ -131,12 +132,112 @@ TEST(SpaceTime, KeepsClearOfWhoeverWalksThere) {
   EXPECT_GT(blocked, 20) << "the scenes are no test of anything";
 }
 
+/// Two boxes along x, 1.8 m high and 0.4 m thick, with a gap between them.
+std::shared_ptr<const DistanceField> wall_with_gap(double from_m, double to_m) {
+  std::vector<SceneObject> walls;
+  for (const double end_m : {from_m, to_m}) {
+    const double side = end_m == from_m ? -1.0 : 1.0;
+    SceneObject wall;
+    wall.shape = Box{{8.0, 0.4, 1.8}};
+    Transform pose = Transform::Identity();
+    pose.translation() << end_m + side * 4.0, 0.0, 0.9;
+    wall.waypoints = {{0.0, pose}};
+    walls.push_back(wall);
+  }
+  return std::make_shared<SceneField>(
+      Scene(walls), Stamp{},
+      Eigen::AlignedBox3d(Eigen::Vector3d::Constant(-20.0), Eigen::Vector3d::Constant(20.0)));
+}
+
+TEST(SpaceTime, GoesThroughAGapBesideTheStraightWay) {
+  for (const double middle_m : {0.0, 0.8, -1.7, 3.0}) {
+    const double half_m = 0.5;
+    Problem problem = problem_of(at(0, -3), at(0, 3));
+    problem.field = wall_with_gap(middle_m - half_m, middle_m + half_m);
+    problem.collision_margin_m = 0.05;
+    const Solution solution = solve(problem);
+    ASSERT_EQ(solution.status, SolveStatus::kConverged) << middle_m << " " << solution.reason;
+    EXPECT_TRUE(keeps_limits(solution.trajectory, kLimits)) << middle_m;
+    std::vector<double> q(3);
+    for (double t = 0.0; t <= solution.trajectory.duration_s(); t += 1e-3) {
+      solution.trajectory.sample(t, q, {});
+      // Of the disc from the corners of the gap and the sides of the wall.
+      const double beside_m = std::abs(q[0] - middle_m) - half_m, across_m = std::abs(q[1]) - 0.2;
+      const double clear_m =
+          beside_m > 0.0 ? across_m : std::hypot(std::min(0.0, beside_m), std::max(0.0, across_m));
+      EXPECT_GE(clear_m - kRadius_m, problem.collision_margin_m) << middle_m << " at " << t;
+    }
+    // By the middle of the gap, from rest to rest, and what a lattice loses.
+    const double least_s = 2.0 * std::hypot(3.0, std::max(0.0, std::abs(middle_m) - 0.15)) + 1.0;
+    EXPECT_LT(solution.trajectory.duration_s(), 1.25 * least_s) << middle_m;
+    EXPECT_LT(solution.iterations, 3000) << middle_m;
+  }
+}
+
+TEST(SpaceTime, MovesOtherJointsWhileTheBaseGoes) {
+  Problem problem = problem_of(at(0, 0), {6, 0, 1.5});
+  const Solution solution = solve(problem);
+  ASSERT_EQ(solution.status, SolveStatus::kConverged);
+  EXPECT_TRUE(keeps_limits(solution.trajectory, kLimits));
+  std::vector<double> q(3);
+  double last_m = 0.9;
+  for (double t = 0.0; t <= solution.trajectory.duration_s(); t += 0.01) {
+    solution.trajectory.sample(t, q, {});
+    EXPECT_GE(q[2], last_m - 1e-9) << t;  // at once, and never back
+    last_m = q[2];
+  }
+  EXPECT_NEAR(last_m, 1.5, 1e-9);
+}
+
+TEST(SpaceTime, PlansSlowRobotsAmongWalkers) {
+  class SlowBall final : public testing_support::BallRobot {
+   public:
+    SlowBall() : BallRobot(kRadius_m) {
+      for (Joint& joint : description_.joints) {
+        joint.max_velocity = 0.2;
+        joint.max_acceleration = 0.05;
+      }
+    }
+  };
+  Problem problem = problem_of(at(0, -1), at(0, 1));
+  problem.robot = std::make_shared<SlowBall>();
+  // Whoever comes along the way meets it unless it waits or goes aside.
+  problem.prediction = walkers({walker(1, {-3.2, 0.0}, {0.5, 0.0}, 12.0)});
+  const Solution solution = solve(problem);
+  ASSERT_EQ(solution.status, SolveStatus::kConverged) << solution.reason;
+  EXPECT_GE(least_clearance_m(solution.trajectory, *problem.prediction), kMargin_m);
+  EXPECT_LT(solution.trajectory.duration_s(), 2.0 * (2.0 / 0.2 + 4.0));
+}
+
 TEST(SpaceTime, IsTheSameEveryTime) {
   Problem problem = problem_of(at(0, -4), at(0, 4));
   problem.prediction = walkers({walker(1, {0.5, 4.0}, {-0.1, -1.0}, 8.0)});
   const Solution first = solve(problem), second = solve(problem);
   EXPECT_EQ(first.trajectory.positions, second.trajectory.positions);
   EXPECT_EQ(first.iterations, second.iterations);
+}
+
+TEST(SpaceTime, RefusesABaseThatDoesNotCarryTheWholeRobot) {
+  class Tethered final : public testing_support::BallRobot {
+   public:
+    Tethered() : BallRobot(kRadius_m) {
+      description_.spheres.push_back({0, Eigen::Vector3d::Zero(), 0.1});
+    }
+    void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                        Scratch&) const override {
+      for (std::size_t k = 0; 2 * k < centres_m.size(); ++k) {
+        centres_m[2 * k] = Eigen::Map<const Eigen::Vector3d>(q.data() + 3 * k);
+        centres_m[2 * k + 1] = Eigen::Vector3d::Zero();
+      }
+    }
+  };
+  Problem problem = problem_of(at(0, 0), at(1, 0));
+  problem.robot = std::make_shared<Tethered>();
+  const auto refused = make_space_time({})->solve(
+      problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
+      Deadline());
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalidArgument);
 }
 
 TEST(SpaceTime, SaysWhenItHasNoBaseToMoveOrNoTime) {

@@ -1,0 +1,168 @@
+#include "base_clearance.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/core/scratch.hpp>
+#include <sidestep/planning/costs.hpp>
+
+namespace sidestep::detail {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kApart_s = 0.05;  ///< Between the instants at which spheres are placed.
+constexpr double kNear_m = 0.06;   ///< That robot and sets may come nearer between two looks.
+
+}  // namespace
+
+OtherJoints::OtherJoints(const Problem& problem, std::array<int, 2> base)
+    : problem_(problem), base_(base) {
+  const auto& joints = problem.robot->description().joints;
+  for (int j = 0; j < static_cast<int>(joints.size()); ++j) {
+    if (j == base[0] || j == base[1]) continue;
+    const double way = std::abs(problem.goal.q[j] - problem.start.q[j]);
+    const double moves = way + std::abs(problem.start.qdot[j]);
+    if (moves == 0.0) continue;
+    const double speed = problem.speed_fraction * joints[idx(j)].max_velocity;
+    duration_s_ = std::max(duration_s_, 1.5 * way / speed);
+    const double acceleration = joints[idx(j)].max_acceleration;
+    if (!std::isfinite(acceleration) || !(acceleration > 0.0)) continue;
+    duration_s_ = std::max({duration_s_, std::sqrt(6.0 * way / acceleration) * 1.05,
+                            4.0 * std::abs(problem.start.qdot[j]) / acceleration});
+  }
+}
+
+void OtherJoints::sample(double t, std::span<double> q, std::span<double> qdot) const {
+  for (int j = 0; j < static_cast<int>(q.size()); ++j) {
+    if (j == base_[0] || j == base_[1]) continue;
+    const double q0 = problem_.start.q[j], v0 = problem_.start.qdot[j], q1 = problem_.goal.q[j];
+    double at = q1, speed = 0.0;
+    if (t < duration_s_) {
+      const double h = duration_s_, slope = (q1 - q0) / h;
+      const double c2 = (3.0 * slope - 2.0 * v0) / h, c3 = (v0 - 2.0 * slope) / (h * h);
+      at = q0 + t * (v0 + t * (c2 + t * c3));
+      speed = v0 + t * (2.0 * c2 + 3.0 * t * c3);
+    }
+    q[idx(j)] = at;
+    if (!qdot.empty()) qdot[idx(j)] = speed;
+  }
+}
+
+BaseClearance::BaseClearance(const Problem& problem, std::array<int, 2> base,
+                             const OtherJoints& others, double margin_m, double speed_mps)
+    : problem_(problem), base_(base), closing_mps_(speed_mps) {
+  const RobotDescription& robot = problem.robot->description();
+  const std::size_t spheres = robot.spheres.size(), dof = robot.joints.size();
+  const auto looks = 1 + static_cast<std::size_t>(std::ceil(others.duration_s() / kApart_s));
+  std::vector<double> q((looks + 2) * dof, 0.0);
+  const auto row = [&](std::size_t k) { return std::span(q).subspan(k * dof, dof); };
+  for (std::size_t k = 0; k < looks; ++k)
+    others.sample(static_cast<double>(k) * kApart_s, row(k), {});
+  for (const std::size_t axis : {0, 1}) {
+    std::ranges::copy(row(0), row(looks + axis).begin());
+    row(looks + axis)[idx(base[axis])] = 1.0;
+  }
+  offsets_m_.resize((looks + 2) * spheres);
+  Scratch scratch;
+  problem.robot->sphere_centres(q, offsets_m_, scratch);
+  for (const std::size_t axis : {0, 1}) {
+    for (std::size_t s = 0; s < spheres; ++s) {
+      const Vector3d moved_m = offsets_m_[(looks + axis) * spheres + s] - offsets_m_[s];
+      if (s == 0) axes_[axis] = moved_m;
+      constexpr double kRounding_m = 1e-9;
+      carries_all_ = carries_all_ && (moved_m - axes_[axis]).norm() < kRounding_m;
+    }
+  }
+  offsets_m_.resize(looks * spheres);
+  const FloorClearance floor(problem.space, robot);
+  double turning_mps = 0.0;  // of spheres about the base
+  for (std::size_t i = 0; i < offsets_m_.size(); ++i) {
+    if (i % spheres == 0) above_floor_m_.push_back(kInfinity);
+    above_floor_m_.back() = std::min(above_floor_m_.back(), floor(i % spheres, offsets_m_[i]));
+    if (i < spheres) continue;
+    turning_mps =
+        std::max(turning_mps, (offsets_m_[i] - offsets_m_[i - spheres]).norm() / kApart_s);
+  }
+  closing_mps_ += turning_mps;
+  if (problem.prediction) sets_mps_ = problem.prediction->speed_mps();
+  least_look_s_ = kNear_m / (closing_mps_ + sets_mps_);
+  centres_m_.resize(spheres);
+  distances_m_.resize(spheres);
+  statuses_.resize(spheres);
+  // It may begin nearer, and comes no nearer than that.
+  kept_m_ = at({problem.start.q[base[0]], problem.start.q[base[1]]}, 0.0);
+  kept_m_.standing_m = std::min(kept_m_.standing_m, problem.collision_margin_m + margin_m);
+  kept_m_.moving_m = std::min(kept_m_.moving_m, problem.prediction_margin_m + margin_m);
+}
+
+bool BaseClearance::passes(const BaseState& from, const Stretch& stretch, double begin_s,
+                           double& sure_until_s) {
+  if (!is_within(stretch.end.p_m)) return false;
+  while (sure_until_s < begin_s + stretch.duration_s) {
+    const double clear_s =
+        clear_for_s(place_on(from, stretch, sure_until_s - begin_s), sure_until_s);
+    if (clear_s < 0.0) return false;
+    sure_until_s += std::max(clear_s, least_look_s_);
+  }
+  return true;
+}
+
+double BaseClearance::clear_for_s(const Vector2d& p_m, double time_s) {
+  const Clearance clear_m = at(p_m, time_s);
+  const double standing_m = clear_m.standing_m - kept_m_.standing_m;
+  const double moving_m = clear_m.moving_m - kept_m_.moving_m;
+  if (standing_m < 0.0 || moving_m < 0.0) return -1.0;
+  // What no frame has seen may begin anywhere.
+  if (problem_.space.unknown == Space::kOccupied) return 0.0;
+  return std::min(standing_m / closing_mps_, moving_m / (closing_mps_ + sets_mps_));
+}
+
+BaseClearance::Clearance BaseClearance::at(const Vector2d& p_m, double time_s) {
+  const auto& spheres = problem_.robot->description().spheres;
+  const std::size_t look =
+      std::min(static_cast<std::size_t>(time_s / kApart_s), above_floor_m_.size() - 1);
+  const std::size_t next = std::min(look + 1, above_floor_m_.size() - 1);
+  const double share = std::min(time_s / kApart_s - static_cast<double>(look), 1.0);
+  const Vector3d base_m = p_m.x() * axes_[0] + p_m.y() * axes_[1];
+  for (std::size_t s = 0; s < spheres.size(); ++s) {
+    const Vector3d& offset_m = offsets_m_[look * spheres.size() + s];
+    centres_m_[s] = base_m + offset_m + share * (offsets_m_[next * spheres.size() + s] - offset_m);
+  }
+  Clearance clear_m{std::min(above_floor_m_[look], above_floor_m_[next]), kInfinity};
+  if (problem_.field) {
+    query_with_policy(*problem_.field, problem_.space, centres_m_, distances_m_, {}, statuses_);
+    clear_m.standing_m = std::min(clear_m.standing_m, nearest_m());
+  }
+  if (problem_.prediction) {
+    problem_.prediction->query(problem_.prediction_from_s + time_s, centres_m_, distances_m_, {});
+    clear_m.moving_m = nearest_m();
+  }
+  return clear_m;
+}
+
+/// Of the surfaces of the spheres, by the distances of their centres.
+double BaseClearance::nearest_m() const noexcept {
+  const auto& spheres = problem_.robot->description().spheres;
+  double least_m = kInfinity;
+  for (std::size_t s = 0; s < spheres.size(); ++s) {
+    least_m = std::min(least_m, distances_m_[s] - spheres[s].radius_m);
+  }
+  return least_m;
+}
+
+bool BaseClearance::is_within(const Vector2d& p_m) const noexcept {
+  const auto& joints = problem_.robot->description().joints;
+  for (const std::size_t axis : {0, 1}) {
+    const Joint& joint = joints[idx(base_[axis])];
+    if (p_m[static_cast<int>(axis)] < joint.lower || p_m[static_cast<int>(axis)] > joint.upper)
+      return false;
+  }
+  return true;
+}
+
+}  // namespace sidestep::detail
