@@ -413,32 +413,29 @@ std::optional<View> FixedCameras::view(Stamp stamp, std::int64_t frame) {
 }
 
 Result<Viewpoint> Viewpoint::create(const Options& options, const HostContext& context) {
+  Viewpoint viewpoint(CameraPath(options.camera_path, options.camera_path_repeats));
   if (options.mount) {
-    Viewpoint viewpoint(SIDESTEP_TRY(MountedCamera::create(*options.mount, context)));
-    viewpoint.motion_ = context.motion;
-    return viewpoint;
+    viewpoint.mounted_ = SIDESTEP_TRY(MountedCamera::create(*options.mount, context));
+  } else if (!options.fixed_cameras.empty()) {
+    viewpoint.fixed_.emplace(options.fixed_cameras, context);
   }
-  if (options.fixed_cameras.empty()) {
-    return Viewpoint(CameraPath(options.camera_path, options.camera_path_repeats));
-  }
-  FixedCameras cameras(options.fixed_cameras, context);
-  const bool sees_robot = cameras.robot() != nullptr;
-  Viewpoint viewpoint(std::move(cameras));
-  if (sees_robot) viewpoint.motion_ = context.motion;
+  if (viewpoint.robot() != nullptr) viewpoint.motion_ = context.motion;
   return viewpoint;
 }
 
+const SeenRobot* Viewpoint::robot() const {
+  if (mounted_) return &mounted_->robot();
+  return fixed_ ? fixed_->robot() : nullptr;
+}
+
 std::vector<SceneObject> Viewpoint::shapes() const {
-  const SeenRobot* robot = nullptr;
-  if (const auto* mounted = std::get_if<MountedCamera>(&cameras_)) robot = &mounted->robot();
-  if (const auto* fixed = std::get_if<FixedCameras>(&cameras_)) robot = fixed->robot();
-  return robot != nullptr ? robot->shapes() : std::vector<SceneObject>{};
+  return robot() != nullptr ? robot()->shapes() : std::vector<SceneObject>{};
 }
 
 std::optional<View> Viewpoint::view(Stamp stamp, std::int64_t frame) {
-  if (auto* mounted = std::get_if<MountedCamera>(&cameras_)) return mounted->view(stamp);
-  if (auto* fixed = std::get_if<FixedCameras>(&cameras_)) return fixed->view(stamp, frame);
-  const Transform pose = std::get<CameraPath>(cameras_).T_world_camera(stamp.seconds());
+  if (mounted_) return mounted_->view(stamp);
+  if (fixed_) return fixed_->view(stamp, frame);
+  const Transform pose = path_.T_world_camera(stamp.seconds());
   return View{pose, pose, {}, {}};
 }
 

@@ -5,7 +5,6 @@
 #include <optional>
 #include <span>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
@@ -206,11 +205,15 @@ class Viewpoint {
   [[nodiscard]] bool is_past(Stamp stamp) const { return known_until() >= stamp; }
 
  private:
-  explicit Viewpoint(std::variant<CameraPath, MountedCamera, FixedCameras> cameras)
-      : cameras_(std::move(cameras)) {}
+  /// The robot that is seen; null where none is.
+  [[nodiscard]] const SeenRobot* robot() const;
 
-  std::variant<CameraPath, MountedCamera, FixedCameras> cameras_;
-  std::shared_ptr<RobotMotion> motion_;  ///< Of the robot in view; null where there is none.
+  explicit Viewpoint(CameraPath path) : path_(std::move(path)) {}
+
+  CameraPath path_;
+  std::optional<MountedCamera> mounted_;  ///< Instead of the path.
+  std::optional<FixedCameras> fixed_;     ///< Instead of either.
+  std::shared_ptr<RobotMotion> motion_;   ///< Of the robot in view; null where there is none.
 };
 
 /// What is wrong with the parameter `mount` in itself.
