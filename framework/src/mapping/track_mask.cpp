@@ -61,7 +61,8 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
     grid_ = map.occupancy_grid();
     words_per_row_ = occupied_.words_per_row;
     snapshot_.assign(occupied_.words.begin(), occupied_.words.end());
-    for (auto* bits : {&settled_, &near_settled_, &claimed_, &recent_, &older_, &mask_}) {
+    for (auto* bits :
+         {&settled_, &near_settled_, &claimed_, &recent_, &older_, &seen_free_, &mask_}) {
       bits->assign(occupied_.words.size(), 0);
     }
     touched_.clear();
@@ -212,8 +213,11 @@ void TrackMask::end(const Frame& frame) {
     const std::uint64_t occupied = occupied_.words[at];
     recent_[at] &= occupied;
     older_[at] &= occupied;
-    mask_[at] = std::exchange(claimed_[at], 0);
-    const std::uint64_t all = recent_[at] | older_[at], left = all & ~mask_[at];
+    const std::uint64_t all = recent_[at] | older_[at];
+    const std::uint64_t claimed = std::exchange(claimed_[at], 0), left = all & ~claimed;
+    std::uint64_t& seen_free = seen_free_[at];
+    seen_free &= left;
+    mask_[at] = claimed | seen_free;
     if (all != 0) touched_[kept++] = at;
     if (left == 0) continue;
     const Eigen::Vector3i first(static_cast<int>(at % rows) * 64,
@@ -223,16 +227,17 @@ void TrackMask::end(const Frame& frame) {
       std::uint64_t part = left & bits_between(x, x + kCell_vox - 1);
       if (part == 0) continue;
       const char answer = cell_answer((first + Eigen::Vector3i(x, 0, 0)) / kCell_vox);
-      if (answer == static_cast<char>(SeeThrough::Answer::kYes)) mask_[at] |= part;
+      if (answer == static_cast<char>(SeeThrough::Answer::kYes)) seen_free |= part;
       if (answer != static_cast<char>(SeeThrough::Answer::kPartly)) continue;
       for (; part != 0; part &= part - 1) {
         const Eigen::Vector3i voxel = first + Eigen::Vector3i(std::countr_zero(part), 0, 0);
-        if (see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel) ==
-            SeeThrough::Answer::kYes) {
-          mask_[at] |= part & (~part + 1);
-        }
+        const auto its = see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel);
+        const std::uint64_t bit = part & (~part + 1);
+        if (its == SeeThrough::Answer::kYes) seen_free |= bit;
+        if (its == SeeThrough::Answer::kPartly) seen_free &= ~bit;
       }
     }
+    mask_[at] = claimed | seen_free;
   }
   touched_.resize(kept);
   for (char* answer : judged_) *answer = kUnseen;
@@ -244,55 +249,52 @@ MaskedOccupancy::MaskedOccupancy(Mapper& mapper, const OccupancyView& occupancy)
       words_per_row_(occupancy.occupied().words_per_row),
       occupied_(occupancy.occupied().words.begin(), occupancy.occupied().words.end()) {}
 
-void MaskedOccupancy::apply(const VoxelBits& mask, MapUpdate& update) {
+void MaskedOccupancy::apply(const SparseVoxelBits& mask, MapUpdate& update) {
   constexpr int kBlocksPerWord = 64 / kBlockSide_vox;
   const GridSpec& grid = mapper_.grid();
   const Eigen::Vector3i counts = block_counts(grid);
   const std::span<const std::uint64_t> full = occupancy_.occupied().words;
-  changed_.assign(idx(counts.prod()), 0);
-  for (const std::int32_t block : update.changed_blocks) changed_[idx(block)] = 1;
-  // Most rows are as they were: that is seen by instructions for several words.
-  const auto is_same = [&](std::size_t first, std::size_t last) {
-    std::uint64_t differs = 0;
-    for (std::size_t w = first; w < last; ++w) {
-      differs |= occupied_[w] ^ (full[w] & ~mask.words[w]);
+  const std::size_t rows = idx(words_per_row_), slice = idx(grid.size_vox.y());
+  const std::size_t map_blocks = update.changed_blocks.size();
+  // Words that were masked, or are: their blocks may be others than those that the map changed.
+  const auto follow_mask = [&](const std::vector<std::size_t>& words) {
+    for (const std::size_t w : words) {
+      const std::uint64_t left = full[w] & ~mask.bits.words[w];
+      const std::uint64_t differs = std::exchange(occupied_[w], left) ^ left;
+      for (int part = 0; differs != 0 && part < kBlocksPerWord; ++part) {
+        const int first = part * kBlockSide_vox;
+        if ((differs & bits_between(first, first + kBlockSide_vox - 1)) == 0) continue;
+        const Eigen::Vector3i block(static_cast<int>(w % rows) * kBlocksPerWord + part,
+                                    static_cast<int>(w / rows % slice) / kBlockSide_vox,
+                                    static_cast<int>(w / rows / slice) / kBlockSide_vox);
+        update.changed_blocks.push_back(block_linear(block, counts));
+      }
     }
-    return differs == 0;
   };
-  const std::size_t per_block = idx(words_per_row_) * idx(kBlockSide_vox);
-  const std::size_t per_slice = idx(words_per_row_) * idx(grid.size_vox.y());
-  for (int z = 0; z < grid.size_vox.z(); ++z) {
-    std::size_t w = idx(z) * per_slice;
-    for (int y = 0; y < grid.size_vox.y(); ++y) {
-      if (y % kBlockSide_vox == 0) {
-        const std::size_t end = std::min(w + per_block, idx(z + 1) * per_slice);
-        if (is_same(w, end)) {
-          w = end;
-          y += kBlockSide_vox - 1;
-          continue;
-        }
-      }
-      for (int word = 0; word < words_per_row_; ++word, ++w) {
-        const std::uint64_t left = full[w] & ~mask.words[w];
-        const std::uint64_t differs = occupied_[w] ^ left;
-        if (differs == 0) continue;
-        occupied_[w] = left;
-        for (int part = 0; part < kBlocksPerWord; ++part) {
-          if ((differs & bits_between(part * kBlockSide_vox, (part + 1) * kBlockSide_vox - 1)) ==
-              0) {
-            continue;
-          }
-          const Eigen::Vector3i block(word * kBlocksPerWord + part, y / kBlockSide_vox,
-                                      z / kBlockSide_vox);
-          changed_[idx(block_linear(block, counts))] = 1;
-        }
+  follow_mask(masked_words_);
+  masked_words_.assign(mask.words.begin(), mask.words.end());
+  follow_mask(masked_words_);
+  // The map's own changes. Blocks side by side share words.
+  std::int64_t column_before = -1;
+  for (std::size_t i = 0; i < map_blocks; ++i) {
+    const std::int32_t linear = update.changed_blocks[i];
+    const int word = linear % counts.x() / kBlocksPerWord, row = linear / counts.x();
+    const std::int64_t column = std::int64_t{row} * words_per_row_ + word;
+    if (std::exchange(column_before, column) == column) continue;
+    const Eigen::Vector2i first =
+        kBlockSide_vox * Eigen::Vector2i(row % counts.y(), row / counts.y());
+    const Eigen::Vector2i last =
+        (first.array() + kBlockSide_vox).min(grid.size_vox.tail<2>().array());
+    for (int z = first.y(); z < last.y(); ++z) {
+      for (int y = first.x(); y < last.x(); ++y) {
+        const std::size_t w = (idx(y) + slice * idx(z)) * rows + idx(word);
+        occupied_[w] = full[w] & ~mask.bits.words[w];
       }
     }
   }
-  update.changed_blocks.clear();
-  for (std::size_t block = 0; block < changed_.size(); ++block) {
-    if (changed_[block] != 0) update.changed_blocks.push_back(static_cast<std::int32_t>(block));
-  }
+  std::ranges::sort(update.changed_blocks);
+  const auto repeated = std::ranges::unique(update.changed_blocks);
+  update.changed_blocks.erase(repeated.begin(), repeated.end());
 }
 
 }  // namespace sidestep

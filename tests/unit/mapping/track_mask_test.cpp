@@ -56,7 +56,7 @@ TEST(TrackMask, ClaimsACylinderButNothingThatWasThereBefore) {
         const bool is_thing = map.occupied().at(map.grid(), {x, y, z}) && p.z() > 0.75;
         // Within the cylinder, wider by a voxel and a half.
         const bool is_near = (p.head<2>() - track.position_m).norm() < 0.15 + 0.075;
-        EXPECT_EQ(mask.mask().at(map.grid(), {x, y, z}), is_thing && is_near) << p.transpose();
+        EXPECT_EQ(mask.mask().bits.at(map.grid(), {x, y, z}), is_thing && is_near) << p.transpose();
         if (!is_thing || !is_near) continue;
         ++claimed;
         farthest_m = std::max(farthest_m, (p.head<2>() - track.position_m).norm());
@@ -68,7 +68,7 @@ TEST(TrackMask, ClaimsACylinderButNothingThatWasThereBefore) {
   // What nothing claims, and no frame sees through, is an obstacle again.
   mask.begin(map, Stamp::from_seconds(3.4));
   mask.end({});
-  EXPECT_TRUE(std::ranges::all_of(mask.mask().words, [](auto word) { return word == 0; }));
+  EXPECT_TRUE(std::ranges::all_of(mask.mask().bits.words, [](auto word) { return word == 0; }));
 }
 
 TEST(MaskedOccupancy, TellsEveryBlockThatDiffers) {
@@ -84,12 +84,14 @@ TEST(MaskedOccupancy, TellsEveryBlockThatDiffers) {
   for (int step = 0; step < 30; ++step) {
     const auto before = conformance::copy_bits(masked);
     std::vector<std::uint64_t> mask(map.occupied().words.size(), 0);
+    std::vector<std::size_t> words;
     for (int i = 0; i < 40 * (step % 3); ++i) {
-      mask[std::uniform_int_distribution<std::size_t>(0, mask.size() - 1)(random)] = random();
+      words.push_back(std::uniform_int_distribution<std::size_t>(0, mask.size() - 1)(random));
+      mask[words.back()] = random();
     }
     if (step % 2 == 0) map.set(any_voxel(), step % 4 == 0);
     MapUpdate update = map.take_update();
-    masked.apply({mask, map.occupied().words_per_row}, update);
+    masked.apply({{mask, map.occupied().words_per_row}, words}, update);
     const auto after = conformance::copy_bits(masked);
     for (std::size_t w = 0; w < mask.size(); ++w) {
       ASSERT_EQ(after.occupied[w], map.occupied().words[w] & ~mask[w]);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include <sidestep/core/export.hpp>
@@ -12,10 +13,16 @@
 
 namespace sidestep {
 
+/// A set of voxels, and the words that may hold any.
+struct SparseVoxelBits {
+  VoxelBits bits;
+  std::span<const std::size_t> words;
+};
+
 /// The occupied voxels that belong to tracked things: those in a thing's cylinder that have not
-/// been occupied for long, and those behind it that the newest frame sees through. Voxels that were
-/// occupied before the thing came are settled, and stay out. Allocates only where the grid changes,
-/// or where more is claimed than before. [mapping]
+/// been occupied for long, and those that it has left and that a frame has seen through since.
+/// Voxels that were occupied before the thing came are settled, and stay out. Allocates only where
+/// the grid changes, or where more is claimed than before. [mapping]
 class SIDESTEP_EXPORT TrackMask {
  public:
   /// What is in the map of one thing.
@@ -41,12 +48,14 @@ class SIDESTEP_EXPORT TrackMask {
   /// layers that continue these up and down. Masks it where `masks` says so.
   Extent claim(const Track& track, bool masks);
   /// Ends a map, after all claims. What has been claimed in the last seconds, and is not now, stays
-  /// in the mask where `frame`, that of the map, sees through it: rays have not freed it yet. What
-  /// it hits, or does not show, is an obstacle.
+  /// in the mask once `frame`, that of the map, sees through it: rays have not freed it yet. It is
+  /// an obstacle before, and again where a frame hits it.
   void end(const Frame& frame);
 
   /// As of end(); valid until the next begin().
-  [[nodiscard]] VoxelBits mask() const noexcept { return {mask_, words_per_row_}; }
+  [[nodiscard]] SparseVoxelBits mask() const noexcept {
+    return {{mask_, words_per_row_}, touched_};
+  }
 
  private:
   struct Disc;
@@ -67,8 +76,9 @@ class SIDESTEP_EXPORT TrackMask {
   std::vector<std::uint64_t> claimed_;  ///< In this map.
   /// Claimed since turned_stamp_, and in the time before it.
   std::vector<std::uint64_t> recent_, older_;
+  std::vector<std::uint64_t> seen_free_;  ///< Of these, claimed no more, and seen through since.
   std::vector<std::uint64_t> mask_;
-  std::vector<std::size_t> touched_;  ///< Words in which one of the three has bits.
+  std::vector<std::size_t> touched_;  ///< Words in which one of these has bits.
   // Scratch: what a frame sees of cells of voxels, and those that were asked for.
   std::vector<char> cells_;
   std::vector<char*> judged_;
@@ -84,7 +94,7 @@ class SIDESTEP_EXPORT MaskedOccupancy final : public Mapper, public OccupancyVie
 
   /// Takes over the newest map, less the mask: after each integrate(), with its update, to which
   /// it adds the blocks in which only the mask changed. The mask has the layout of the map.
-  void apply(const VoxelBits& mask, MapUpdate& update);
+  void apply(const SparseVoxelBits& mask, MapUpdate& update);
 
   /// That of the mapper; apply() must follow.
   [[nodiscard]] Result<MapUpdate> integrate(const Frame& frame) override {
@@ -100,7 +110,7 @@ class SIDESTEP_EXPORT MaskedOccupancy final : public Mapper, public OccupancyVie
   const OccupancyView& occupancy_;
   int words_per_row_;
   std::vector<std::uint64_t> occupied_;
-  std::vector<char> changed_;  ///< By block.
+  std::vector<std::size_t> masked_words_;  ///< Those of the mask as it was.
 };
 
 }  // namespace sidestep

@@ -55,7 +55,7 @@ class SIDESTEP_EXPORT Tracker {
                                                      const Frame& frame);
 
   /// The occupied voxels that belong to what is tracked, in that map; valid until the next update.
-  [[nodiscard]] VoxelBits mask() const noexcept { return mask_.mask(); }
+  [[nodiscard]] SparseVoxelBits mask() const noexcept { return mask_.mask(); }
 
  private:
   /// What is tracked, or may come to be.
