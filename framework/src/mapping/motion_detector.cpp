@@ -11,6 +11,7 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/mapping/moving_obstacles.hpp>
 #include "dilation.hpp"
+#include "surface_points.hpp"
 
 namespace sidestep {
 namespace {
@@ -171,16 +172,24 @@ std::shared_ptr<const MovingObstacles> MotionDetector::look(const OccupancyView&
   return moving;
 }
 
-/// Whether nothing that was occupied hid a place then: looks along the ray to the eye, voxel by
-/// voxel through those blocks that held something.
+/// Whether nothing that was occupied hid a place then, which lay in the open: looks along the ray
+/// to the eye, voxel by voxel through those blocks that held something. Behind the place all was
+/// free, as deep as depth is noisy: before surfaces that stood there, or were not in range, noise
+/// occupies voxels.
 bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
   const GridSpec& grid = then.grid;
-  const VoxelBits occupied{then.occupied, then.words_per_row};
+  const VoxelBits known{then.known, then.words_per_row},
+      occupied{then.occupied, then.words_per_row};
   const Eigen::Vector3i counts = block_counts(grid);
   const Eigen::Vector3d from_vox = (p - grid.origin_m) / grid.resolution_m;
   const Eigen::Vector3d way_vox = (then.eye_m - grid.origin_m) / grid.resolution_m - from_vox;
   const double length_vox = way_vox.norm();
   const Eigen::Vector3d direction = way_vox / length_vox;
+  const double noise_vox = depth_noise_m(length_vox * grid.resolution_m) / grid.resolution_m;
+  const auto is_not_free = [&](const Eigen::Vector3i& voxel, double, double) {
+    return grid.contains(voxel) && (!known.at(grid, voxel) || occupied.at(grid, voxel));
+  };
+  if (any_cell(from_vox, -direction, 0.0, noise_vox, 1, is_not_free)) return false;
   const auto is_occupied = [&](const Eigen::Vector3i& voxel, double, double) {
     return grid.contains(voxel) && occupied.at(grid, voxel);
   };

@@ -37,6 +37,10 @@ std::uint64_t bits_between(int first, int last) {
   return last >= 63 ? from : from & ((std::uint64_t{2} << last) - 1);
 }
 
+Eigen::Vector3i cell_counts(const GridSpec& grid) {
+  return (grid.size_vox.array() + kCell_vox - 1) / kCell_vox;
+}
+
 }  // namespace
 
 /// A circle's voxels, row by row.
@@ -57,30 +61,45 @@ std::size_t TrackMask::row(int y, int z) const noexcept {
 
 void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
   occupied_ = map.occupied();
-  if (grid_ != map.occupancy_grid() || stamp < stamp_ || mask_.empty()) {
+  const bool is_same_grid = grid_ == map.occupancy_grid() && !snapshot_.empty();
+  if (!is_same_grid || stamp < stamp_) {
     grid_ = map.occupancy_grid();
     words_per_row_ = occupied_.words_per_row;
     snapshot_.assign(occupied_.words.begin(), occupied_.words.end());
-    for (auto* bits : {&settled_, &near_settled_, &claimed_, &recent_, &older_, &mask_}) {
-      bits->assign(occupied_.words.size(), 0);
-    }
-    touched_.clear();
+    settled_.assign(snapshot_.size(), 0);
+    near_settled_.assign(snapshot_.size(), 0);
     cells_.clear();
+    if (!is_same_grid) trails_.clear();
+    // What was masked is not any more.
+    for (Trail& trail : trails_) trail.recent = trail.older = trail.seen_free = 0;
+    trail_of_.resize(snapshot_.size());
+    if (!is_same_grid) std::ranges::fill(trail_of_, 0);
     snapshot_stamp_ = turned_stamp_ = stamp;
   }
   stamp_ = stamp;
   if (stamp.seconds() - snapshot_stamp_.seconds() >= settle_s_) {
-    for (std::size_t w = 0; w < mask_.size(); ++w) {
-      const std::uint64_t now = occupied_.words[w] & ~(recent_[w] | older_[w]);
-      settled_[w] = snapshot_[w] & now;
-      snapshot_[w] = now;
+    for (std::size_t w = 0; w < snapshot_.size(); ++w) {
+      settled_[w] = snapshot_[w] & occupied_.words[w];
+      snapshot_[w] = occupied_.words[w];
+    }
+    for (const Trail& trail : trails_) {
+      settled_[trail.word] &= ~(trail.recent | trail.older);
+      snapshot_[trail.word] &= ~(trail.recent | trail.older);
     }
     dilate({settled_, words_per_row_}, grid_, scratch_, near_settled_);
     snapshot_stamp_ = stamp;
   }
   if (stamp.seconds() - turned_stamp_.seconds() < kTrail_s) return;
-  for (const std::size_t at : touched_) older_[at] = std::exchange(recent_[at], 0);
+  for (Trail& trail : trails_) trail.older = std::exchange(trail.recent, 0);
   turned_stamp_ = stamp;
+}
+
+TrackMask::Trail& TrackMask::trail_at(std::size_t word) {
+  if (trail_of_[word] == 0) {
+    trails_.push_back({.word = word});
+    trail_of_[word] = static_cast<std::uint32_t>(trails_.size());
+  }
+  return trails_[trail_of_[word] - 1];
 }
 
 bool TrackMask::is_settled_near(const Eigen::Vector3d& p_world) const noexcept {
@@ -162,9 +181,9 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
     visit_layer(disc, z, [&](std::size_t at, std::uint64_t its) {
       count += std::popcount(its);
       if (!masks) return;
-      if ((claimed_[at] | recent_[at] | older_[at]) == 0) touched_.push_back(at);
-      claimed_[at] |= its;
-      recent_[at] |= its;
+      Trail& trail = trail_at(at);
+      trail.claimed |= its;
+      trail.recent |= its;
     });
     voxels += count;
     if (count < kLeastInLayer) return;
@@ -189,53 +208,67 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
 }
 
 void TrackMask::end(const Frame& frame) {
-  // Cells first: a thing leaves tens of thousands of voxels of 2.5 cm, most of them in cells that
-  // are all seen through or all hidden.
   const SeeThrough see_through(frame);
-  const Eigen::Vector3i cells = (grid_.size_vox.array() + kCell_vox - 1) / kCell_vox;
+  const Eigen::Vector3i cells = cell_counts(grid_);
   cells_.resize(idx(cells.prod()), kUnseen);
   judged_.clear();
-  const auto cell_answer = [&](const Eigen::Vector3i& cell) {
-    char& answer = cells_[idx(cell.x() + cells.x() * (cell.y() + cells.y() * cell.z()))];
-    if (answer != kUnseen) return answer;
-    const Eigen::Vector3d centre_m =
-        grid_.origin_m +
-        kCell_vox * grid_.resolution_m * (cell.cast<double>().array() + 0.5).matrix();
-    answer = static_cast<char>(see_through(centre_m, kCell_vox * grid_.resolution_m, kRaysOfCell));
-    judged_.push_back(&answer);
-    return answer;
-  };
-  const std::size_t rows = idx(words_per_row_), slice = idx(grid_.size_vox.y());
-  std::size_t kept = 0;
-  for (const std::size_t at : touched_) {
+  mask_.clear();
+  for (std::size_t i = 0; i < trails_.size();) {
+    Trail& trail = trails_[i];
     // What has been freed is no trail any more.
-    const std::uint64_t occupied = occupied_.words[at];
-    recent_[at] &= occupied;
-    older_[at] &= occupied;
-    mask_[at] = std::exchange(claimed_[at], 0);
-    const std::uint64_t all = recent_[at] | older_[at], left = all & ~mask_[at];
-    if (all != 0) touched_[kept++] = at;
-    if (left == 0) continue;
-    const Eigen::Vector3i first(static_cast<int>(at % rows) * 64,
-                                static_cast<int>(at / rows % slice),
-                                static_cast<int>(at / rows / slice));
-    for (int x = 0; x < 64; x += kCell_vox) {
-      std::uint64_t part = left & bits_between(x, x + kCell_vox - 1);
-      if (part == 0) continue;
-      const char answer = cell_answer((first + Eigen::Vector3i(x, 0, 0)) / kCell_vox);
-      if (answer == static_cast<char>(SeeThrough::Answer::kYes)) mask_[at] |= part;
-      if (answer != static_cast<char>(SeeThrough::Answer::kPartly)) continue;
-      for (; part != 0; part &= part - 1) {
-        const Eigen::Vector3i voxel = first + Eigen::Vector3i(std::countr_zero(part), 0, 0);
-        if (see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel) ==
-            SeeThrough::Answer::kYes) {
-          mask_[at] |= part & (~part + 1);
-        }
-      }
+    const std::uint64_t occupied = occupied_.words[trail.word];
+    trail.recent &= occupied;
+    trail.older &= occupied;
+    look_through(see_through, trail);
+    const std::uint64_t before = trail.mask;
+    trail.mask = std::exchange(trail.claimed, 0) | trail.seen_free;
+    if ((before | trail.mask) != 0) mask_.push_back({trail.word, before, trail.mask});
+    if ((trail.recent | trail.older) != 0) {
+      ++i;
+      continue;
+    }
+    trail_of_[trails_.back().word] = static_cast<std::uint32_t>(i + 1);
+    trail_of_[trail.word] = 0;
+    trail = trails_.back();
+    trails_.pop_back();
+  }
+  for (char* answer : judged_) *answer = kUnseen;
+}
+
+/// Notes what a frame sees through of what is left of a trail, and what it hits. Cells first: a
+/// thing leaves tens of thousands of voxels of 2.5 cm, most of them in cells that are all seen
+/// through or all hidden.
+void TrackMask::look_through(const SeeThrough& see_through, Trail& trail) {
+  const std::uint64_t left = (trail.recent | trail.older) & ~trail.claimed;
+  trail.seen_free &= left;
+  if (left == 0) return;
+  const std::size_t rows = idx(words_per_row_), slice = idx(grid_.size_vox.y());
+  const Eigen::Vector3i cells = cell_counts(grid_);
+  const Eigen::Vector3i first(static_cast<int>(trail.word % rows) * 64,
+                              static_cast<int>(trail.word / rows % slice),
+                              static_cast<int>(trail.word / rows / slice));
+  for (int x = 0; x < 64; x += kCell_vox) {
+    std::uint64_t part = left & bits_between(x, x + kCell_vox - 1);
+    if (part == 0) continue;
+    const Eigen::Vector3i cell = (first + Eigen::Vector3i(x, 0, 0)) / kCell_vox;
+    char& answer = cells_[idx(cell.x() + cells.x() * (cell.y() + cells.y() * cell.z()))];
+    if (answer == kUnseen) {
+      const double edge_m = kCell_vox * grid_.resolution_m;
+      const Eigen::Vector3d centre_m =
+          grid_.origin_m + edge_m * (cell.cast<double>().array() + 0.5).matrix();
+      answer = static_cast<char>(see_through(centre_m, edge_m, kRaysOfCell));
+      judged_.push_back(&answer);
+    }
+    if (answer == static_cast<char>(SeeThrough::Answer::kYes)) trail.seen_free |= part;
+    if (answer != static_cast<char>(SeeThrough::Answer::kPartly)) continue;
+    for (; part != 0; part &= part - 1) {
+      const Eigen::Vector3i voxel = first + Eigen::Vector3i(std::countr_zero(part), 0, 0);
+      const auto its = see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel);
+      const std::uint64_t bit = part & (~part + 1);
+      if (its == SeeThrough::Answer::kYes) trail.seen_free |= bit;
+      if (its == SeeThrough::Answer::kPartly) trail.seen_free &= ~bit;
     }
   }
-  touched_.resize(kept);
-  for (char* answer : judged_) *answer = kUnseen;
 }
 
 MaskedOccupancy::MaskedOccupancy(Mapper& mapper, const OccupancyView& occupancy)
@@ -244,49 +277,40 @@ MaskedOccupancy::MaskedOccupancy(Mapper& mapper, const OccupancyView& occupancy)
       words_per_row_(occupancy.occupied().words_per_row),
       occupied_(occupancy.occupied().words.begin(), occupancy.occupied().words.end()) {}
 
-void MaskedOccupancy::apply(const VoxelBits& mask, MapUpdate& update) {
+void MaskedOccupancy::apply(std::span<const MaskedWord> mask, MapUpdate& update) {
   constexpr int kBlocksPerWord = 64 / kBlockSide_vox;
   const GridSpec& grid = mapper_.grid();
   const Eigen::Vector3i counts = block_counts(grid);
   const std::span<const std::uint64_t> full = occupancy_.occupied().words;
+  const std::size_t rows = idx(words_per_row_), slice = idx(grid.size_vox.y());
   changed_.assign(idx(counts.prod()), 0);
-  for (const std::int32_t block : update.changed_blocks) changed_[idx(block)] = 1;
-  // Most rows are as they were: that is seen by instructions for several words.
-  const auto is_same = [&](std::size_t first, std::size_t last) {
-    std::uint64_t differs = 0;
-    for (std::size_t w = first; w < last; ++w) {
-      differs |= occupied_[w] ^ (full[w] & ~mask.words[w]);
+  std::int64_t column_before = -1;
+  for (const std::int32_t block : update.changed_blocks) {
+    changed_[idx(block)] = 1;
+    // Blocks side by side share words.
+    const int word = block % counts.x() / kBlocksPerWord, row = block / counts.x();
+    const std::int64_t column = std::int64_t{row} * words_per_row_ + word;
+    if (std::exchange(column_before, column) == column) continue;
+    const Eigen::Vector2i first =
+        kBlockSide_vox * Eigen::Vector2i(row % counts.y(), row / counts.y());
+    const Eigen::Vector2i last =
+        (first.array() + kBlockSide_vox).min(grid.size_vox.tail<2>().array());
+    for (int z = first.y(); z < last.y(); ++z) {
+      std::size_t w = (idx(first.x()) + slice * idx(z)) * rows + idx(word);
+      for (int y = first.x(); y < last.x(); ++y, w += rows) occupied_[w] = full[w];
     }
-    return differs == 0;
-  };
-  const std::size_t per_block = idx(words_per_row_) * idx(kBlockSide_vox);
-  const std::size_t per_slice = idx(words_per_row_) * idx(grid.size_vox.y());
-  for (int z = 0; z < grid.size_vox.z(); ++z) {
-    std::size_t w = idx(z) * per_slice;
-    for (int y = 0; y < grid.size_vox.y(); ++y) {
-      if (y % kBlockSide_vox == 0) {
-        const std::size_t end = std::min(w + per_block, idx(z + 1) * per_slice);
-        if (is_same(w, end)) {
-          w = end;
-          y += kBlockSide_vox - 1;
-          continue;
-        }
-      }
-      for (int word = 0; word < words_per_row_; ++word, ++w) {
-        const std::uint64_t left = full[w] & ~mask.words[w];
-        const std::uint64_t differs = occupied_[w] ^ left;
-        if (differs == 0) continue;
-        occupied_[w] = left;
-        for (int part = 0; part < kBlocksPerWord; ++part) {
-          if ((differs & bits_between(part * kBlockSide_vox, (part + 1) * kBlockSide_vox - 1)) ==
-              0) {
-            continue;
-          }
-          const Eigen::Vector3i block(word * kBlocksPerWord + part, y / kBlockSide_vox,
-                                      z / kBlockSide_vox);
-          changed_[idx(block_linear(block, counts))] = 1;
-        }
-      }
+  }
+  for (const auto& [w, before, now] : mask) {
+    occupied_[w] = full[w] & ~now;
+    // Where the map itself has changed, it says so.
+    const std::uint64_t differs = full[w] & (before ^ now);
+    for (int part = 0; differs != 0 && part < kBlocksPerWord; ++part) {
+      const int first = part * kBlockSide_vox;
+      if ((differs & bits_between(first, first + kBlockSide_vox - 1)) == 0) continue;
+      const Eigen::Vector3i block(static_cast<int>(w % rows) * kBlocksPerWord + part,
+                                  static_cast<int>(w / rows % slice) / kBlockSide_vox,
+                                  static_cast<int>(w / rows / slice) / kBlockSide_vox);
+      changed_[idx(block_linear(block, counts))] = 1;
     }
   }
   update.changed_blocks.clear();

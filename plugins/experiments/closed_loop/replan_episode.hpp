@@ -78,7 +78,7 @@ class EpisodeMapping {
   const Clock& clock_;
   bool is_lockstep_;
   GroundTruth* truth_source_;  ///< Instead of frames; null where those are mapped.
-  double latency_s_;           ///< In lockstep: from a frame to its map.
+  LatencyEntry latency_;       ///< In lockstep.
   RunObserver* observer_;
   std::atomic<bool> shows_ = false;
   SnapshotSlot& slot_;

@@ -28,7 +28,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
     : clock_(*world.clock),
       is_lockstep_(settings.is_lockstep()),
       truth_source_(settings.sees_truth() ? world.truth : nullptr),
-      latency_s_(settings.latency.mapping_s),
+      latency_(settings.latency),
       observer_(observer),
       slot_(slot),
       source_(*world.source, *world.clock, !is_lockstep_),
@@ -77,10 +77,11 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
 
 /// In lockstep its field is there once the latency has passed.
 void EpisodeMapping::note_frame(MappingStep step) {
+  const double delay_s = is_lockstep_ ? latency_.sensor_s : 0.0;
   Stamp published = clock_.now();
-  if (is_lockstep_) published.ns += Stamp::from_seconds(latency_s_).ns;
-  frames_.push_back({step.stamp.seconds(), source_.received().seconds(), published.seconds(),
-                     step.integrate_ms, step.field_ms});
+  if (is_lockstep_) published.ns += Stamp::from_seconds(delay_s + latency_.mapping_s).ns;
+  frames_.push_back({step.stamp.seconds(), source_.received().seconds() + delay_s,
+                     published.seconds(), step.integrate_ms, step.field_ms});
   if (truth_ && source_.last()) {
     truth_->observe(*source_.last(), *occupancy_);
     if (track_truth_) track_truth_->observe(*made_.snapshot().tracks, truth_->in_view());
@@ -141,17 +142,24 @@ void EpisodeMapping::give_truth() {
   const Stamp now = clock_.now();
   TrueMap map = true_map(*truth_source_->scene_until(now), now, everywhere);
   made_.publish(MapSnapshot{std::move(map.field), nullptr, std::move(map.tracks)});
-  frames_.push_back({now.seconds(), now.seconds(), now.seconds() + latency_s_, 0.0, 0.0});
+  const double received_s = now.seconds() + latency_.sensor_s;
+  frames_.push_back({now.seconds(), received_s, received_s + latency_.mapping_s, 0.0, 0.0});
 }
 
 void EpisodeMapping::advance(Stamp now) {
-  if (truth_source_ != nullptr && now >= busy_until_) {
+  const auto after = [](Stamp stamp, double delay_s) {
+    return Stamp{stamp.ns + Stamp::from_seconds(delay_s).ns};
+  };
+  bool has_mapped = false;
+  if (now >= busy_until_ && truth_source_ != nullptr) {
     give_truth();
-    busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s_).ns};
-    waiting_.push_back({busy_until_, made_.snapshot()});
-  } else if (truth_source_ == nullptr && !has_ended_ && now >= busy_until_ && map_one(Deadline())) {
-    busy_until_ = Stamp{now.ns + Stamp::from_seconds(latency_s_).ns};
-    waiting_.push_back({busy_until_, made_.snapshot()});
+    has_mapped = true;
+  } else if (now >= busy_until_ && !has_ended_) {
+    has_mapped = map_one(Deadline());
+  }
+  if (has_mapped) {
+    busy_until_ = after(now, latency_.mapping_s);
+    waiting_.push_back({after(busy_until_, latency_.sensor_s), made_.snapshot()});
   }
   while (!waiting_.empty() && waiting_.front().due <= now) {
     slot_.publish(std::move(waiting_.front().snapshot));

@@ -208,10 +208,13 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
 }
 
 Parameters<LatencyEntry> LatencyEntry::parameters() {
-  return Parameters<LatencyEntry>().add(
-      "mapping_s", &LatencyEntry::mapping_s,
-      "From taking a frame to its published field; no other is taken meanwhile.",
-      {.unit = "s", .min = 0.0, .max = 60.0});
+  using E = LatencyEntry;
+  return Parameters<E>()
+      .add("sensor_s", &E::sensor_s, "From a frame's stamp to when mapping has it.",
+           {.unit = "s", .min = 0.0, .max = 60.0})
+      .add("mapping_s", &E::mapping_s,
+           "From there to its published field; no other frame is mapped meanwhile.",
+           {.unit = "s", .min = 0.0, .max = 60.0});
 }
 
 Parameters<RandomEntry> RandomEntry::parameters() {
@@ -255,7 +258,8 @@ Parameters<ReplanSettings> ReplanSettings::parameters() {
       .add("free_run", &S::free_run,
            "Whether each episode is run without people, too, for comparison.")
       .add("latency", &S::latency,
-           "What computing is charged with in lockstep; planning with replanner.takeover_s.")
+           "What sensing and mapping are charged with in lockstep; planning with "
+           "replanner.takeover_s.")
       .add("start", &S::start, "Where the robot starts.", {.required = true})
       .add("goal", &S::goal,
            "Where the robot is to be; with `end_effector`, where the search for that begins.",

@@ -23,8 +23,9 @@
 
 namespace sidestep {
 
-/// `experiment.latency`: what computing is charged with, in lockstep.
+/// `experiment.latency`: what sensing and computing are charged with, in lockstep.
 struct LatencyEntry {
+  double sensor_s = 0.0;
   double mapping_s = 0.03;
 
   static Parameters<LatencyEntry> parameters();

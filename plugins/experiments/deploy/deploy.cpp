@@ -40,7 +40,8 @@ struct DeploySettings : ReplanSettings {
              "How often whoever asked hears how far there is to go.",
              {.unit = "s", .min = 0.01, .max = 60.0})
         .add("latency", &S::latency,
-             "What computing is charged with in lockstep; planning with replanner.takeover_s.")
+             "What sensing and mapping are charged with in lockstep; planning with "
+             "replanner.takeover_s.")
         .add("start", &S::start,
              "Where the robot starts, for an executor that can be told; a real one knows better.",
              {.required = true})

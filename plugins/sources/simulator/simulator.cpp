@@ -115,7 +115,7 @@ class Simulator final : public Source, public GroundTruth {
       if (is_paced_) skip_to_newest();
       const Stamp stamp = timing_.stamp(at_);
       if (!is_paced_ || stamp <= clock_.now()) {
-        if (const auto view = viewpoint_.view(stamp)) return render(*view, stamp);
+        if (const auto view = viewpoint_.view(stamp, at_)) return render(*view, stamp);
       }
       // At the run's pace a newer frame may do; behind the last one there is none.
       const bool is_awaited = is_paced_ && at_ + 1 != frames_;
@@ -227,14 +227,19 @@ Result<Scene> load_scene(const fs::path& scene, const std::vector<fs::path>& fol
 
 std::vector<OptionMistake> Options::check() const {
   std::vector<OptionMistake> mistakes;
-  if (!mount) {
+  if (mount) {
+    mistakes = check_mount(*mount);
+  } else if (fixed_cameras.empty()) {
     mistakes = check_camera_path(camera_path);
   } else {
-    mistakes = check_mount(*mount);
-    if (!camera_path.empty()) {
-      mistakes.push_back({{"mount", "camera_path"}, "and camera_path exclude each other", {}});
-    }
+    mistakes = check_fixed_cameras(fixed_cameras);
   }
+  const auto exclude = [&](bool both, const std::string& one, const std::string& other) {
+    if (both) mistakes.push_back({{one, other}, "and " + other + " exclude each other", {}});
+  };
+  exclude(mount && !camera_path.empty(), "mount", "camera_path");
+  exclude(mount && !fixed_cameras.empty(), "mount", "fixed_cameras");
+  exclude(!fixed_cameras.empty() && !camera_path.empty(), "fixed_cameras", "camera_path");
   if (range_min_m >= range_max_m) {
     mistakes.push_back({{"range_min_m", "range_max_m"}, "must be less than range_max_m", {}});
   }

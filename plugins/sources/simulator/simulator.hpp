@@ -65,6 +65,21 @@ struct CameraWaypoint {
   }
 };
 
+/// A camera that stands still.
+struct FixedCamera {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d look_at_m = Eigen::Vector3d::Zero();
+
+  static Parameters<FixedCamera> parameters() {
+    using F = FixedCamera;
+    return Parameters<F>()
+        .add("position_m", &F::position_m, "Where it is, in the world frame.",
+             {.unit = "m", .required = true})
+        .add("look_at_m", &F::look_at_m, "A point in the world in the middle of its image.",
+             {.unit = "m", .required = true});
+  }
+};
+
 /// The head that carries a mounted camera, and what it looks at.
 struct HeadOptions {
   std::string look = "fixed";
@@ -170,6 +185,7 @@ struct Options {
   CameraOptions camera;
   std::vector<CameraWaypoint> camera_path;
   bool camera_path_repeats = false;
+  std::vector<FixedCamera> fixed_cameras;
   std::optional<MountOptions> mount;
   std::string pace = "as_fast_as_possible";
   NoiseOptions noise;
@@ -192,6 +208,9 @@ struct Options {
              "Where the camera goes: at least one waypoint, rested at before and after.")
         .add("camera_path_repeats", &O::camera_path_repeats,
              "Whether the camera begins anew with the first waypoint when it reaches the last.")
+        .add("fixed_cameras", &O::fixed_cameras,
+             "Instead of camera_path: cameras that stand still and take the frames in turn. They "
+             "see the run's robot.")
         .add("mount", &O::mount, "Instead of camera_path: the camera sits on the run's robot.")
         .add("pace", &O::pace,
              "as_fast_as_possible: every frame, one after the other; clock: the newest that is due "
@@ -232,7 +251,7 @@ class FrameTiming {
   double rate_hz_;
 };
 
-/// A depth camera that moves along a path through a scene; implements GroundTruth, too. Fails
+/// Depth cameras in a scene, on a path, on the robot or fixed; implements GroundTruth, too. Fails
 /// with kNotFound or kConfig where the scene or the parameters are wrong.
 [[nodiscard]] Result<std::unique_ptr<Source>> create_source(const Options& options,
                                                             const HostContext& context);

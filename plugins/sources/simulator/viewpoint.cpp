@@ -114,6 +114,18 @@ std::vector<OptionMistake> check_camera_path(const std::vector<CameraWaypoint>& 
   return mistakes;
 }
 
+std::vector<OptionMistake> check_fixed_cameras(const std::vector<FixedCamera>& cameras) {
+  std::vector<OptionMistake> mistakes;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if ((cameras[i].look_at_m - cameras[i].position_m).norm() < kNowhere_m) {
+      mistakes.push_back({{"fixed_cameras[" + std::to_string(i) + "].look_at_m"},
+                          "is where the camera itself is",
+                          {}});
+    }
+  }
+  return mistakes;
+}
+
 Transform CameraPath::T_world_camera(double time_s) const {
   const double first_s = waypoints_.front().time_s;
   const double last_s = waypoints_.back().time_s;
@@ -268,6 +280,32 @@ void Head::turn_towards(double pan_rad, double tilt_rad, Stamp stamp) {
   rest(stamp);
 }
 
+SeenRobot::SeenRobot(std::shared_ptr<const RobotModel> robot, int hidden)
+    : robot_(std::move(robot)) {
+  const std::vector<CollisionShape>& shapes = robot_->description().shapes;
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    if (shapes[i].link != hidden) seen_.push_back(static_cast<int>(i));
+  }
+}
+
+std::vector<SceneObject> SeenRobot::shapes() const {
+  const RobotDescription& robot = robot_->description();
+  std::vector<SceneObject> objects;
+  for (const int index : seen_) {
+    const CollisionShape& shape = robot.shapes[idx(index)];
+    objects.push_back(
+        {robot.name + "/" + robot.links[idx(shape.link)].name, shape.shape, {Waypoint{}}});
+  }
+  return objects;
+}
+
+void SeenRobot::place(std::span<const Transform> T_world_link, View& view) const {
+  for (const int index : seen_) {
+    const CollisionShape& shape = robot_->description().shapes[idx(index)];
+    view.T_world_shape.push_back(T_world_link[idx(shape.link)] * shape.T_link_shape);
+  }
+}
+
 Result<MountedCamera> MountedCamera::create(const MountOptions& options,
                                             const HostContext& context) {
   if (context.robot == nullptr || context.motion == nullptr) {
@@ -287,9 +325,7 @@ Result<void> MountedCamera::mount(const MountOptions& options) {
   options_ = options.head;
   const auto link = SIDESTEP_TRY(find_link(options.link));
   eye_ = {link, transform_from_xyz_rpy(options.xyz_m, options.rpy_rad)};
-  for (std::size_t i = 0; i < robot.shapes.size(); ++i) {
-    if (robot.shapes[i].link != link) seen_.push_back(static_cast<int>(i));
-  }
+  seen_.emplace(robot_, link);
   T_world_link_.resize(robot.links.size());
   T_world_link_later_.resize(robot.links.size());
   if (options_.look == "fixed") return {};
@@ -308,17 +344,6 @@ Result<int> MountedCamera::find_link(const std::string& name) const {
   for (const Link& link : robot.links) names.push_back(link.name);
   return fail(ErrorCode::kConfig, "robot '" + robot.name + "' has no link '" + name + "'", {},
               did_you_mean(name, names));
-}
-
-std::vector<SceneObject> MountedCamera::shapes() const {
-  const RobotDescription& robot = robot_->description();
-  std::vector<SceneObject> objects;
-  for (const int index : seen_) {
-    const CollisionShape& shape = robot.shapes[idx(index)];
-    objects.push_back(
-        {robot.name + "/" + robot.links[idx(shape.link)].name, shape.shape, {Waypoint{}}});
-  }
-  return objects;
 }
 
 void MountedCamera::place(const Eigen::VectorXd& q, std::vector<Transform>& T_world_link) {
@@ -342,10 +367,7 @@ std::optional<View> MountedCamera::view(Stamp stamp) {
   place(truth->q, T_world_link_);
   if (head_) head_->turn(T_world_link_);
   view.T_world_eye = T_world_link_[eye] * eye_.T_link_camera;
-  for (const int index : seen_) {
-    const CollisionShape& shape = robot_->description().shapes[idx(index)];
-    view.T_world_shape.push_back(T_world_link_[idx(shape.link)] * shape.T_link_shape);
-  }
+  seen_->place(T_world_link_, view);
   return view;
 }
 
@@ -366,27 +388,60 @@ void MountedCamera::follow_motion(const RobotState& measured, Stamp stamp) {
   head_->look_along(velocity, T_world_link_, stamp);
 }
 
+FixedCameras::FixedCameras(const std::vector<FixedCamera>& cameras, const HostContext& context) {
+  for (const FixedCamera& camera : cameras) {
+    T_world_camera_.push_back(look_at(camera.position_m, camera.look_at_m));
+  }
+  if (context.robot == nullptr || context.motion == nullptr) return;
+  model_ = context.robot;
+  motion_ = context.motion;
+  robot_.emplace(model_, -1);
+  T_world_link_.resize(model_->description().links.size());
+}
+
+std::optional<View> FixedCameras::view(Stamp stamp, std::int64_t frame) {
+  const Transform& pose = T_world_camera_[idx(frame) % T_world_camera_.size()];
+  View view{pose, pose, {}, {}};
+  if (!robot_) return view;
+  const auto measured = motion_->measured(stamp);
+  const auto truth = motion_->truth(stamp);
+  if (!measured || !truth) return {};
+  view.joint_positions = measured->q;
+  model_->link_poses({truth->q.data(), idx(truth->q.size())}, T_world_link_, scratch_);
+  robot_->place(T_world_link_, view);
+  return view;
+}
+
 Result<Viewpoint> Viewpoint::create(const Options& options, const HostContext& context) {
   Viewpoint viewpoint(CameraPath(options.camera_path, options.camera_path_repeats));
   if (options.mount) {
     viewpoint.mounted_ = SIDESTEP_TRY(MountedCamera::create(*options.mount, context));
+  } else if (!options.fixed_cameras.empty()) {
+    viewpoint.fixed_.emplace(options.fixed_cameras, context);
   }
+  if (viewpoint.robot() != nullptr) viewpoint.motion_ = context.motion;
   return viewpoint;
 }
 
-std::vector<SceneObject> Viewpoint::shapes() const {
-  return mounted_ ? mounted_->shapes() : std::vector<SceneObject>{};
+const SeenRobot* Viewpoint::robot() const {
+  if (mounted_) return &mounted_->robot();
+  return fixed_ ? fixed_->robot() : nullptr;
 }
 
-std::optional<View> Viewpoint::view(Stamp stamp) {
+std::vector<SceneObject> Viewpoint::shapes() const {
+  return robot() != nullptr ? robot()->shapes() : std::vector<SceneObject>{};
+}
+
+std::optional<View> Viewpoint::view(Stamp stamp, std::int64_t frame) {
   if (mounted_) return mounted_->view(stamp);
+  if (fixed_) return fixed_->view(stamp, frame);
   const Transform pose = path_.T_world_camera(stamp.seconds());
   return View{pose, pose, {}, {}};
 }
 
 Stamp Viewpoint::known_until() const {
-  if (!mounted_) return {std::numeric_limits<std::int64_t>::max()};
-  return mounted_->newest().value_or(Stamp{std::numeric_limits<std::int64_t>::min()});
+  if (motion_ == nullptr) return {std::numeric_limits<std::int64_t>::max()};
+  return motion_->newest().value_or(Stamp{std::numeric_limits<std::int64_t>::min()});
 }
 
 std::vector<OptionMistake> check_mount(const MountOptions& mount) {

@@ -30,6 +30,10 @@ namespace sidestep::simulator {
 [[nodiscard]] std::vector<OptionMistake> check_camera_path(
     const std::vector<CameraWaypoint>& waypoints);
 
+/// What is wrong with the parameter `fixed_cameras`: one that looks at where it is itself.
+[[nodiscard]] std::vector<OptionMistake> check_fixed_cameras(
+    const std::vector<FixedCamera>& cameras);
+
 /// A camera's motion: position and look-at point on cubic Hermite splines whose velocity at a
 /// waypoint is that from its predecessor to its successor and zero at both ends; orientations
 /// given as angles by slerp. At rest before the first waypoint; after the last one at rest, or,
@@ -115,8 +119,23 @@ struct View {
   std::optional<Eigen::VectorXd> joint_positions;    ///< As measured.
 };
 
-/// A camera on the run's robot, and the shapes of that robot that it may see: all but those of the
-/// link that carries it, inside which it may sit.
+/// The shapes of the run's robot that cameras see.
+class SeenRobot {
+ public:
+  /// All shapes but those of the link `hidden`; -1 hides none.
+  SeenRobot(std::shared_ptr<const RobotModel> robot, int hidden);
+
+  /// The shapes, anywhere; place() tells where.
+  [[nodiscard]] std::vector<SceneObject> shapes() const;
+  void place(std::span<const Transform> T_world_link, View& view) const;
+
+ private:
+  std::shared_ptr<const RobotModel> robot_;
+  std::vector<int> seen_;  ///< Indices of the robot's shapes.
+};
+
+/// A camera on the run's robot. It sees all shapes of that robot but those of the link that carries
+/// it, inside which it may sit.
 class MountedCamera {
  public:
   /// Fails with kUnsupported where no robot moves in the run, with kConfig where the robot lacks a
@@ -124,15 +143,11 @@ class MountedCamera {
   [[nodiscard]] static Result<MountedCamera> create(const MountOptions& options,
                                                     const HostContext& context);
 
-  /// The shapes that it may see, anywhere; view() tells where.
-  [[nodiscard]] std::vector<SceneObject> shapes() const;
+  [[nodiscard]] const SeenRobot& robot() const { return *seen_; }
 
   /// The view at a time; nothing where the robot's state is not known then. Times go forward: the
   /// head turns from one to the next.
   [[nodiscard]] std::optional<View> view(Stamp stamp);
-
-  /// The newest time at which the robot's state is known.
-  [[nodiscard]] std::optional<Stamp> newest() const { return motion_->newest(); }
 
  private:
   MountedCamera() = default;
@@ -149,32 +164,56 @@ class MountedCamera {
   int base_link_ = 0;
   int ahead_link_ = 0;
   std::optional<Head> head_;  ///< Where it turns.
-  std::vector<int> seen_;     ///< Indices of the robot's shapes.
+  std::optional<SeenRobot> seen_;
   std::vector<Transform> T_world_link_;
   std::vector<Transform> T_world_link_later_;
   Scratch scratch_;
 };
 
-/// Where a camera is: on its path, or on the robot.
+/// Cameras that stand still and take frames in turn.
+class FixedCameras {
+ public:
+  FixedCameras(const std::vector<FixedCamera>& cameras, const HostContext& context);
+
+  /// The robot that they see; null where none moves in the run.
+  [[nodiscard]] const SeenRobot* robot() const { return robot_ ? &*robot_ : nullptr; }
+  /// The view of a frame; nothing where the robot's state is not known at its stamp.
+  [[nodiscard]] std::optional<View> view(Stamp stamp, std::int64_t frame);
+
+ private:
+  std::vector<Transform> T_world_camera_;
+  std::shared_ptr<const RobotModel> model_;
+  std::shared_ptr<RobotMotion> motion_;
+  std::optional<SeenRobot> robot_;
+  std::vector<Transform> T_world_link_;
+  Scratch scratch_;
+};
+
+/// Where the camera of a frame is: on its path, on the robot, or fixed.
 class Viewpoint {
  public:
   /// Fails as MountedCamera::create() does.
   [[nodiscard]] static Result<Viewpoint> create(const Options& options, const HostContext& context);
 
-  /// The robot's shapes that it may see.
+  /// The robot's shapes that may be seen.
   [[nodiscard]] std::vector<SceneObject> shapes() const;
-  /// The view at a time; nothing where it is not known. Times go forward.
-  [[nodiscard]] std::optional<View> view(Stamp stamp);
+  /// The view of a frame; nothing where it is not known. Times go forward.
+  [[nodiscard]] std::optional<View> view(Stamp stamp, std::int64_t frame);
   /// The newest time at which the view may be known; before all time where it never was.
   [[nodiscard]] Stamp known_until() const;
   /// Whether a view that is not known now never will be.
   [[nodiscard]] bool is_past(Stamp stamp) const { return known_until() >= stamp; }
 
  private:
+  /// The robot that is seen; null where none is.
+  [[nodiscard]] const SeenRobot* robot() const;
+
   explicit Viewpoint(CameraPath path) : path_(std::move(path)) {}
 
   CameraPath path_;
   std::optional<MountedCamera> mounted_;  ///< Instead of the path.
+  std::optional<FixedCameras> fixed_;     ///< Instead of either.
+  std::shared_ptr<RobotMotion> motion_;   ///< Of the robot in view; null where there is none.
 };
 
 /// What is wrong with the parameter `mount` in itself.

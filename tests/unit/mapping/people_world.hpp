@@ -63,6 +63,11 @@ class PeopleWorld {
   /// Where the camera looks, as an angle about the vertical.
   std::function<double(double time_s)> yaw_rad = [](double) { return 0.0; };
 
+  /// And where it is.
+  std::function<Eigen::Vector3d(double time_s)> camera_m = [](double) {
+    return Eigen::Vector3d(0.0, 0.0, 1.1);
+  };
+
   [[nodiscard]] Eigen::Vector2d position_m(std::size_t person, double time_s) const {
     const SceneObject& object = scene_.objects()[people_[person]];
     return object.T_world_object(time_s).translation().head<2>();
@@ -106,7 +111,7 @@ class PeopleWorld {
     frame.T_world_camera.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
     frame.T_world_camera.linear() = Eigen::AngleAxisd(yaw_rad(time_s), Eigen::Vector3d::UnitZ()) *
                                     frame.T_world_camera.linear();
-    frame.T_world_camera.translation() = Eigen::Vector3d(0.0, 0.0, 1.1);
+    frame.T_world_camera.translation() = camera_m(time_s);
     frame.measurement = image(frame.T_world_camera, number);
     return frame;
   }

@@ -207,6 +207,17 @@ TEST(Tracker, TakesWhatComesIntoViewForNoThing) {
         [&](double time_s, const Tracks& tracks) { EXPECT_TRUE(tracks.tracks.empty()) << time_s; });
 }
 
+TEST(Tracker, TakesWhatComesIntoRangeForNoThing) {
+  // Drives at 0.2 m/s towards a wall that is 5.6 m away at first, past others, and looks about.
+  PeopleWorld world({}, {PeopleWorld::box({4.0, 1.5, 0.4}, {0.8, 0.8, 0.8})});
+  world.camera_m = [](double time_s) { return Eigen::Vector3d(-0.9 + 0.2 * time_s, 0.0, 1.1); };
+  world.yaw_rad = [](double time_s) {
+    return 0.5 * std::sin(2.0 * std::numbers::pi * time_s / 8.0);
+  };
+  watch(world, 12.0,
+        [&](double time_s, const Tracks& tracks) { EXPECT_TRUE(tracks.tracks.empty()) << time_s; });
+}
+
 TEST(Tracker, IsTheSameForTheSameFrames) {
   const std::vector<Walk> walks = {{{{0.5, 4.5, 1.0}, {5.0, 2.0, -1.0}}}};
   PeopleWorld world(walks), again(walks);

@@ -30,8 +30,9 @@ struct MotionDetectorSettings {
 };
 
 /// Detects moving voxels: occupied now, seen free before, more than one voxel away from what was
-/// occupied a while ago, and not hidden behind it. Surfaces that come into view do not count, since
-/// they were unknown or hidden; neither does flicker at the edges of what stands, or in a layer
+/// occupied a while ago, and not hidden behind it, with free space behind them as deep as depth is
+/// noisy. Surfaces that come into view or into range do not count, since they, or what is behind
+/// them, were unknown or hidden; neither does flicker at the edges of what stands, or in a layer
 /// seen at a grazing angle below 20 degrees. An object is detected after it has moved by two
 /// voxels, and forgotten after it has stood for one and a half times the memory. [mapping]
 class SIDESTEP_EXPORT MotionDetector {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include <sidestep/core/export.hpp>
@@ -12,10 +13,18 @@
 
 namespace sidestep {
 
+class SeeThrough;
+
+/// A word of a mask that has bits, or had some in the map before.
+struct MaskedWord {
+  std::size_t word;  ///< Its index, as VoxelBits have it.
+  std::uint64_t before, now;
+};
+
 /// The occupied voxels that belong to tracked things: those in a thing's cylinder that have not
-/// been occupied for long, and those behind it that the newest frame sees through. Voxels that were
-/// occupied before the thing came are settled, and stay out. Allocates only where the grid changes,
-/// or where more is claimed than before. [mapping]
+/// been occupied for long, and those that it has left and that a frame has seen through since.
+/// Voxels that were occupied before the thing came are settled, and stay out. Allocates only where
+/// the grid changes, or where more is claimed than before. [mapping]
 class SIDESTEP_EXPORT TrackMask {
  public:
   /// What is in the map of one thing.
@@ -41,21 +50,34 @@ class SIDESTEP_EXPORT TrackMask {
   /// layers that continue these up and down. Masks it where `masks` says so.
   Extent claim(const Track& track, bool masks);
   /// Ends a map, after all claims. What has been claimed in the last seconds, and is not now, stays
-  /// in the mask where `frame`, that of the map, sees through it: rays have not freed it yet. What
-  /// it hits, or does not show, is an obstacle.
+  /// in the mask once `frame`, that of the map, sees through it: rays have not freed it yet. It is
+  /// an obstacle before, and again where a frame hits it.
   void end(const Frame& frame);
 
-  /// As of end(); valid until the next begin().
-  [[nodiscard]] VoxelBits mask() const noexcept { return {mask_, words_per_row_}; }
+  /// As of end(), in no order; valid until the next begin(). All other words are 0, as they were in
+  /// the map before.
+  [[nodiscard]] std::span<const MaskedWord> mask() const noexcept { return mask_; }
 
  private:
   struct Disc;
+  /// What has been claimed in a word of the map. A list of these is read in order: words of
+  /// cylinders lie far apart.
+  struct Trail {
+    std::size_t word = 0;
+    std::uint64_t claimed = 0;  ///< In this map.
+    /// Claimed since turned_stamp_, and in the time before it; occupied since.
+    std::uint64_t recent = 0, older = 0;
+    std::uint64_t seen_free = 0;  ///< Of these, claimed no more, and seen through since.
+    std::uint64_t mask = 0;
+  };
   [[nodiscard]] Disc disc_of(const Track& track) const;
   [[nodiscard]] int layer_at(double z_m) const;
   /// Calls visit(word's index, bits) for what belongs to the thing in a layer.
   template <class Visit>
   void visit_layer(const Disc& disc, int z, Visit&& visit) const;
   [[nodiscard]] std::size_t row(int y, int z) const noexcept;
+  [[nodiscard]] Trail& trail_at(std::size_t word);
+  void look_through(const SeeThrough& see_through, Trail& trail);
 
   double settle_s_;
   GridSpec grid_;
@@ -64,11 +86,9 @@ class SIDESTEP_EXPORT TrackMask {
   Stamp stamp_, snapshot_stamp_, turned_stamp_;
   std::vector<std::uint64_t> snapshot_;  ///< Occupied and not claimed, at snapshot_stamp_.
   std::vector<std::uint64_t> settled_, near_settled_;
-  std::vector<std::uint64_t> claimed_;  ///< In this map.
-  /// Claimed since turned_stamp_, and in the time before it.
-  std::vector<std::uint64_t> recent_, older_;
-  std::vector<std::uint64_t> mask_;
-  std::vector<std::size_t> touched_;  ///< Words in which one of the three has bits.
+  std::vector<Trail> trails_;
+  std::vector<std::uint32_t> trail_of_;  ///< By word: one more than its trail's index; 0: none.
+  std::vector<MaskedWord> mask_;
   // Scratch: what a frame sees of cells of voxels, and those that were asked for.
   std::vector<char> cells_;
   std::vector<char*> judged_;
@@ -84,7 +104,7 @@ class SIDESTEP_EXPORT MaskedOccupancy final : public Mapper, public OccupancyVie
 
   /// Takes over the newest map, less the mask: after each integrate(), with its update, to which
   /// it adds the blocks in which only the mask changed. The mask has the layout of the map.
-  void apply(const VoxelBits& mask, MapUpdate& update);
+  void apply(std::span<const MaskedWord> mask, MapUpdate& update);
 
   /// That of the mapper; apply() must follow.
   [[nodiscard]] Result<MapUpdate> integrate(const Frame& frame) override {

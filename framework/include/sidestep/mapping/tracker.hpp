@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -55,7 +56,7 @@ class SIDESTEP_EXPORT Tracker {
                                                      const Frame& frame);
 
   /// The occupied voxels that belong to what is tracked, in that map; valid until the next update.
-  [[nodiscard]] VoxelBits mask() const noexcept { return mask_.mask(); }
+  [[nodiscard]] std::span<const MaskedWord> mask() const noexcept { return mask_.mask(); }
 
  private:
   /// What is tracked, or may come to be.

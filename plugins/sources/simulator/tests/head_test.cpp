@@ -127,9 +127,9 @@ TEST_F(MountedHead, TakesTheRobotsHeadWithIt) {
   MountedCamera camera = make();
   const auto before = camera.view(Stamp::from_seconds(0.0));
   const auto after = camera.view(Stamp::from_seconds(2.0));
-  ASSERT_EQ(after->T_world_shape.size(), camera.shapes().size());
-  for (std::size_t i = 0; i < camera.shapes().size(); ++i) {
-    const std::string name = camera.shapes()[i].name;
+  ASSERT_EQ(after->T_world_shape.size(), camera.robot().shapes().size());
+  for (std::size_t i = 0; i < camera.robot().shapes().size(); ++i) {
+    const std::string name = camera.robot().shapes()[i].name;
     const double turned_rad = Eigen::AngleAxisd(before->T_world_shape[i].linear().transpose() *
                                                 after->T_world_shape[i].linear())
                                   .angle();
