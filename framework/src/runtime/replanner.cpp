@@ -95,6 +95,9 @@ Stamp Replanner::followed_start() const noexcept {
   const Impl::Motion* motion = impl_->motion();
   return motion != nullptr ? motion->start : impl_->last_start;
 }
+std::shared_ptr<const Prediction> Replanner::prediction() const noexcept {
+  return impl_->prediction;
+}
 std::int64_t Replanner::checks() const noexcept { return impl_->checks; }
 const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexcept {
   return impl_->search.counts();

@@ -26,11 +26,11 @@ void note_contact(TrueContact contact, double apart_s, std::vector<TrueContact>&
 /// The robot's shapes at one pose, and how they were at the pose before.
 class Inspection {
  public:
-  Inspection(const RobotModel& robot, const ShapeCollider& collider, double apart_s,
-             TrueMotion& motion)
+  Inspection(const RobotModel& robot, const ShapeCollider& collider,
+             const TrueMotionSettings& settings, TrueMotion& motion)
       : robot_(robot),
         collider_(collider),
-        apart_s_(apart_s),
+        settings_(settings),
         motion_(motion),
         now_(collider.make_pose()),
         before_(collider.make_pose()),
@@ -38,12 +38,17 @@ class Inspection {
 
   void inspect(const TruePose& pose, const TruePose& previous) {
     place(pose.q, pose.time_s, *now_);
-    const double bound_m = std::max(0.0, motion_.min_clearance_m);
+    std::vector<TrueClearance>& told = motion_.clearances;
+    constexpr double kRounding_s = 1e-6;
+    const bool is_told =
+        told.empty() || pose.time_s >= told.back().time_s + settings_.every_s - kRounding_s;
+    double least_m = is_told ? settings_.farthest_m : motion_.min_clearance_m;
     for (int s = 0; s < collider_.shape_count(); ++s) {
-      const auto found = collider_.to_obstacles(s, *now_, bound_m);
+      const auto found = collider_.to_obstacles(s, *now_, std::max(0.0, least_m));
       if (found.other.empty()) continue;
       const RobotDescription& robot = robot_.description();
       const std::string& link = robot.links[idx(robot.shapes[idx(s)].link)].name;
+      least_m = std::min(least_m, found.clearance_m);
       if (found.clearance_m < motion_.min_clearance_m) {
         motion_.min_clearance_m = found.clearance_m;
         motion_.nearest_link = link;
@@ -53,8 +58,9 @@ class Inspection {
       if (found.clearance_m >= 0.0) continue;
       const double approach_mps = approach(s, found.clearance_m, pose, previous);
       note_contact({link, found.other, pose.time_s, pose.time_s, -found.clearance_m, approach_mps},
-                   apart_s_, motion_.contacts);
+                   settings_.apart_s, motion_.contacts);
     }
+    if (is_told) told.push_back({pose.time_s, least_m});
   }
 
  private:
@@ -79,7 +85,7 @@ class Inspection {
 
   const RobotModel& robot_;
   const ShapeCollider& collider_;
-  double apart_s_;
+  const TrueMotionSettings& settings_;
   TrueMotion& motion_;
   ShapeCollider::PosePtr now_, before_;
   std::vector<Transform> T_world_link_;
@@ -101,7 +107,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
   const ShapeCollider collider(description, obstacles, settings.allowed_contacts);
   TrueMotion motion;
   motion.min_clearance_m = settings.farthest_m;
-  Inspection inspection(*robot, collider, settings.apart_s, motion);
+  Inspection inspection(*robot, collider, settings, motion);
   const TruePose* previous = nullptr;
   for (const TruePose& pose : poses) {
     if (pose.q.size() != description.dof()) {

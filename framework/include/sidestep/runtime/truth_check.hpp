@@ -32,17 +32,25 @@ struct TrueContact {
   static constexpr double kOwnApproach_mps = 0.02;
 };
 
+/// How near a robot came to anything at a time.
+struct TrueClearance {
+  double time_s = 0.0;
+  double clearance_m = 0.0;  ///< Negative: minus a depth.
+};
+
 struct TrueMotion {
   /// Least of all poses; negative: minus a depth. What is farther than was searched counts so.
   double min_clearance_m = 0.0;
   std::string nearest_link;  ///< Empty where nothing came near.
   std::string nearest_object;
   double nearest_s = 0.0;
-  std::vector<TrueContact> contacts;  ///< In the order in which they began.
+  std::vector<TrueContact> contacts;      ///< In the order in which they began.
+  std::vector<TrueClearance> clearances;  ///< Of poses at least `every_s` apart.
 };
 
 struct TrueMotionSettings {
   double farthest_m = 0.5;  ///< Clearances are searched up to this.
+  double every_s = 0.1;     ///< Between two of TrueMotion::clearances.
   double apart_s = 0.5;     ///< Touches of one object that are nearer in time are one contact.
   std::vector<AllowedContact> allowed_contacts;
 };
