@@ -287,7 +287,8 @@ void ViewMaker::greet() {
   if (!bits_.is_empty()) {
     greeting.push_back(map_message(bits_time_, bits_stamp_, bits_, bits_.filled(), true));
   }
-  for (const Slot slot : {kState, kFrame, kFollowed, kRefused, kEvent, kTiming, kEnd}) add(slot);
+  for (const Slot slot : {kState, kTracks, kFrame, kFollowed, kRefused, kEvent, kTiming, kEnd})
+    add(slot);
   for (ViewSink* const sink : sinks_) sink->greet(greeting);
 }
 

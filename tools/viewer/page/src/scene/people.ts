@@ -15,6 +15,7 @@ import {
   Object3D,
   Sprite,
   SpriteMaterial,
+  SRGBColorSpace,
 } from "three";
 import type { Moment } from "../history";
 import type { PredictedSet, Track, Tracks, World } from "../messages";
@@ -66,11 +67,12 @@ function label({ id, position_m: [x, y], top_m }: Track, colour: Color): Object3
   context.fillStyle = `#${colour.getHexString()}`;
   context.fillText(String(id), 64, 34);
   const map = new CanvasTexture(canvas);
+  map.colorSpace = SRGBColorSpace;
   const material = new SpriteMaterial({ map, depthTest: false });
   material.addEventListener("dispose", () => map.dispose());
   const sprite = new Sprite(material);
   sprite.scale.set(0.4, 0.2, 1);
-  sprite.position.set(x, y, top_m + 0.2);
+  sprite.position.set(x, y, top_m + 0.25);
   sprite.renderOrder = 9;
   return sprite;
 }
