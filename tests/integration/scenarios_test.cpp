@@ -50,13 +50,6 @@ TEST_P(Scenario, IsNotPassedByARobotThatSeesNothing) {
   EXPECT_GE(of["collisions_true"], kEpisodes);
 }
 
-TEST_P(Scenario, IsThereWithTheSettingsOfThePaper) {
-  const std::string config =
-      std::string(SIDESTEP_SOURCE_DIR) + "/configs/paper/algorithm1_" + GetParam() + ".yaml";
-  const Finished finished = run({"check", config});
-  EXPECT_EQ(finished.exit_code, 0) << finished.error;
-}
-
 INSTANTIATE_TEST_SUITE_P(Replan, Scenario,
                          ::testing::Values("floor_pickup", "shelf_pickup", "table_pickup",
                                            "room_navigation", "arm_reach"),

@@ -26,11 +26,11 @@ void note_contact(TrueContact contact, double apart_s, std::vector<TrueContact>&
 /// The robot's shapes at one pose, and how they were at the pose before.
 class Inspection {
  public:
-  Inspection(const RobotModel& robot, const ShapeCollider& collider,
-             const TrueMotionSettings& settings, TrueMotion& motion)
+  Inspection(const RobotModel& robot, const ShapeCollider& collider, double apart_s,
+             TrueMotion& motion)
       : robot_(robot),
         collider_(collider),
-        settings_(settings),
+        apart_s_(apart_s),
         motion_(motion),
         now_(collider.make_pose()),
         before_(collider.make_pose()),
@@ -38,17 +38,12 @@ class Inspection {
 
   void inspect(const TruePose& pose, const TruePose& previous) {
     place(pose.q, pose.time_s, *now_);
-    std::vector<TrueClearance>& told = motion_.clearances;
-    constexpr double kRounding_s = 1e-6;
-    const bool is_told =
-        told.empty() || pose.time_s >= told.back().time_s + settings_.every_s - kRounding_s;
-    double least_m = is_told ? settings_.farthest_m : motion_.min_clearance_m;
+    const double bound_m = std::max(0.0, motion_.min_clearance_m);
     for (int s = 0; s < collider_.shape_count(); ++s) {
-      const auto found = collider_.to_obstacles(s, *now_, std::max(0.0, least_m));
+      const auto found = collider_.to_obstacles(s, *now_, bound_m);
       if (found.other.empty()) continue;
       const RobotDescription& robot = robot_.description();
       const std::string& link = robot.links[idx(robot.shapes[idx(s)].link)].name;
-      least_m = std::min(least_m, found.clearance_m);
       if (found.clearance_m < motion_.min_clearance_m) {
         motion_.min_clearance_m = found.clearance_m;
         motion_.nearest_link = link;
@@ -58,9 +53,8 @@ class Inspection {
       if (found.clearance_m >= 0.0) continue;
       const double approach_mps = approach(s, found.clearance_m, pose, previous);
       note_contact({link, found.other, pose.time_s, pose.time_s, -found.clearance_m, approach_mps},
-                   settings_.apart_s, motion_.contacts);
+                   apart_s_, motion_.contacts);
     }
-    if (is_told) told.push_back({pose.time_s, least_m});
   }
 
  private:
@@ -85,12 +79,42 @@ class Inspection {
 
   const RobotModel& robot_;
   const ShapeCollider& collider_;
-  const TrueMotionSettings& settings_;
+  double apart_s_;
   TrueMotion& motion_;
   ShapeCollider::PosePtr now_, before_;
   std::vector<Transform> T_world_link_;
   Scratch scratch_;
 };
+
+/// Whatever half-spaces there are: a robot is always near to its floor.
+std::vector<TrueClearance> clearances_over_time(const RobotModel& robot, const Scene& scene,
+                                                std::span<const TruePose> poses,
+                                                const TrueMotionSettings& settings) {
+  std::vector<SceneObject> objects = scene.objects();
+  std::erase_if(objects, [](const SceneObject& object) {
+    return std::holds_alternative<HalfSpace>(object.shape);
+  });
+  ShapeObstacles obstacles;
+  obstacles.scene = std::make_shared<const Scene>(std::move(objects));
+  const ShapeCollider collider(robot.description(), obstacles, settings.allowed_contacts);
+  const auto placed = collider.make_pose();
+  std::vector<Transform> T_world_link(robot.description().links.size());
+  Scratch scratch;
+  std::vector<TrueClearance> clearances;
+  constexpr double kRounding_s = 1e-6;
+  for (const TruePose& pose : poses) {
+    const double due_s = pose.time_s - settings.every_s + kRounding_s;
+    if (!clearances.empty() && clearances.back().time_s > due_s) continue;
+    robot.link_poses(as_span(pose.q), T_world_link, scratch);
+    collider.place(*placed, T_world_link, pose.time_s);
+    double clearance_m = settings.farthest_over_time_m;
+    for (int s = 0; s < collider.shape_count(); ++s) {
+      clearance_m = std::min(clearance_m, collider.gap_to_obstacles_m(s, *placed, clearance_m));
+    }
+    clearances.push_back({pose.time_s, clearance_m});
+  }
+  return clearances;
+}
 
 }  // namespace
 
@@ -107,7 +131,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
   const ShapeCollider collider(description, obstacles, settings.allowed_contacts);
   TrueMotion motion;
   motion.min_clearance_m = settings.farthest_m;
-  Inspection inspection(*robot, collider, settings, motion);
+  Inspection inspection(*robot, collider, settings.apart_s, motion);
   const TruePose* previous = nullptr;
   for (const TruePose& pose : poses) {
     if (pose.q.size() != description.dof()) {
@@ -117,6 +141,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
     inspection.inspect(pose, previous != nullptr ? *previous : pose);
     previous = &pose;
   }
+  motion.clearances = clearances_over_time(*robot, *scene, poses, settings);
   return motion;
 }
 

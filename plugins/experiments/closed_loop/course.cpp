@@ -59,11 +59,12 @@ std::optional<Figure> course_figure(const StoredArray& course, std::int64_t epis
   }
   const auto& [time_s, clearance_m, base_mps, hand_mps] = columns;
   const std::string name = std::to_string(episode);
-  Figure figure{"episode-" + name + "-course",
-                "Episode " + name +
-                    ": distance from what truly was nearest, as far as was looked, and speed of "
-                    "base and hand.",
-                Canvas(kWidth, 2.0 * kHeight + kLegend)};
+  Figure figure{
+      "episode-" + name + "-course",
+      "Episode " + name +
+          ": distance from what truly was nearest, the floor aside, and speed of base and "
+          "hand.",
+      Canvas(kWidth, 2.0 * kHeight + kLegend)};
   const Range span{time_s.front(), time_s.back()};
   Range distance{0.0, 0.1};
   for (const double clearance : clearance_m) distance.include(clearance);
