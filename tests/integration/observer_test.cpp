@@ -116,6 +116,33 @@ TEST_F(ObserverTest, SeesWhatIsFollowedAndWhatWasTurnedDown) {
   EXPECT_GE(turned_down, 1);
 }
 
+TEST_F(ObserverTest, SeesWhatIsTrackedAndPredicted) {
+  Witness witness;
+  run("tiny_replan.yaml", &witness,
+      {"predictor.plugin=constant_velocity", "experiment.episodes=1"});
+  const auto has_both = [](const ObservedStep& step) {
+    return step.tracks != nullptr && !step.tracks->tracks.empty() && step.prediction != nullptr &&
+           !step.prediction->sets().empty();
+  };
+  const auto shown = std::ranges::find_if(witness.steps, has_both);
+  ASSERT_NE(shown, witness.steps.end());
+  EXPECT_EQ(shown->prediction->sets()[0].track, shown->tracks->tracks[0].id);
+  EXPECT_NEAR(shown->tracks->tracks[0].position_m.x(), 1.3, 0.3) << "the crosser's lane";
+}
+
+TEST_F(ObserverTest, SeesWhoTouchedWhom) {
+  Witness witness;
+  // Nothing brakes for what moves.
+  const Json summary =
+      run("tiny_replan.yaml", &witness,
+          {"replanner.obstacle_speed_mps=0", "experiment.random=null", "experiment.episodes=1"});
+  const std::vector<TrueContact>& seen = witness.ends.front().contacts;
+  ASSERT_EQ(seen.size(), summary["collisions"].size());
+  ASSERT_FALSE(seen.empty());
+  EXPECT_EQ(seen[0].object, summary["collisions"][0]["object"]);
+  EXPECT_EQ(seen[0].is_by_robot(), summary["collisions"][0]["by"] == "robot");
+}
+
 TEST_F(ObserverTest, SeesTheMapAndThePlansOfAPlanExperiment) {
   Witness witness;
   const Json summary = run("tiny.yaml", &witness, {"optimiser.plugin=gp_chain"});

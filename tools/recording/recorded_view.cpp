@@ -16,9 +16,9 @@ using Json = nlohmann::ordered_json;
 
 /// Kind and time of a message to the page; nothing where its header is broken.
 std::optional<ViewMessage> message_of(std::span<const std::byte> data) {
-  constexpr std::array kKinds = {ViewKind::kWorld,  ViewKind::kMap,   ViewKind::kState,
-                                 ViewKind::kFrame,  ViewKind::kPlan,  ViewKind::kEvent,
-                                 ViewKind::kTiming, ViewKind::kSlice, ViewKind::kEnd};
+  constexpr std::array kKinds = {
+      ViewKind::kWorld, ViewKind::kMap,   ViewKind::kState,  ViewKind::kTracks, ViewKind::kFrame,
+      ViewKind::kPlan,  ViewKind::kEvent, ViewKind::kTiming, ViewKind::kSlice,  ViewKind::kEnd};
   std::uint32_t length = 0;
   if (data.size() < sizeof length) return std::nullopt;
   std::memcpy(&length, data.data(), sizeof length);

@@ -168,6 +168,11 @@ void RunBag::put_paths(ros::Time time, const Trajectory* refused) {
 void RunBag::end(const ObservedEnd& end) {
   show_world(end.stamp);
   if (waiting_map_) put_map(waiting_map_stamp_);
+  for (const TrueContact& contact : end.contacts) {
+    Json json = contact_json(contact);
+    json["time_s"] = contact.begin_s;
+    put_event(time_of(end.stamp), text_of(json));
+  }
   put_event(time_of(end.stamp), text_of({{"event", "end"},
                                          {"time_s", end.stamp.seconds()},
                                          {"success", end.success},

@@ -118,6 +118,7 @@ ViewMaker::ViewMaker(std::vector<ViewSink*> sinks, const ViewRates& rates)
       demands_(sinks_.size()),
       state_rate_{period_of(rates.state_hz)},
       map_rate_{period_of(rates.map_hz)},
+      tracks_rate_{period_of(rates.map_hz)},
       frame_rate_{period_of(rates.frame_hz)},
       timing_rate_{period_of(rates.timing_hz)} {}
 
@@ -134,6 +135,7 @@ void ViewMaker::make(TimePoint now, std::vector<EpisodeNews> news) {
     tell_events(one);
     if (!one.end) continue;
     make_due(now, true);
+    for (const TrueContact& contact : one.end->contacts) publish(kEvent, contact_message(contact));
     publish(kEnd, end_message(*one.end));
   }
   make_due(now, newcomers);
@@ -147,6 +149,8 @@ void ViewMaker::begin_episode(const ObservedWorld& world) {
   bits_.clear();
   map_.reset();
   step_.reset();
+  tracks_.reset();
+  prediction_.reset();
   timing_ = {};
   has_new_map_ = has_new_frame_ = has_new_step_ = has_new_times_ = false;
   newest_.fill(std::nullopt);
@@ -196,6 +200,8 @@ void ViewMaker::tell_plan(Slot role, Stamp time, const Trajectory* trajectory, S
 void ViewMaker::make_due(TimePoint now, bool force) {
   if (!world_) return;
   if (has_new_step_ && state_rate_.due(now, force)) make_state();
+  const bool are_new = step_ && (step_->tracks != tracks_ || step_->prediction != prediction_);
+  if (are_new && tracks_rate_.due(now, force)) make_tracks();
   bool is_new_map = false;
   if (has_new_map_ && map_rate_.due(now, force)) {
     make_map(now);
@@ -218,6 +224,12 @@ void ViewMaker::make_state() {
   const DistanceField* const field = map_ ? map_->field.get() : nullptr;
   publish(kState, state_message(*step_, link_poses(*world_->robot, q_), T_world_object,
                                 clearance_->find(q_, time_s, field)));
+}
+
+void ViewMaker::make_tracks() {
+  tracks_ = step_->tracks;
+  prediction_ = step_->prediction;
+  publish(kTracks, tracks_message(step_->stamp, tracks_.get(), prediction_.get()));
 }
 
 void ViewMaker::make_map(TimePoint now) {
@@ -258,8 +270,10 @@ void ViewMaker::make_slices(bool is_new_map) {
   }
   for (const auto& [sink, request] : wanted) {
     if (!is_new_map && std::ranges::count(slices_, std::pair(sink, request)) > 0) continue;
-    sink->publish_slice(request, slice_message(map_->published, map_->field->info().stamp,
-                                               make_slice(*map_->field, request)));
+    const FieldSlice slice =
+        make_slice(*map_->field, request, step_ ? step_->prediction.get() : nullptr,
+                   step_ ? step_->stamp : Stamp{});
+    sink->publish_slice(request, slice_message(map_->published, map_->field->info().stamp, slice));
   }
   slices_ = std::move(wanted);
 }
@@ -273,7 +287,8 @@ void ViewMaker::greet() {
   if (!bits_.is_empty()) {
     greeting.push_back(map_message(bits_time_, bits_stamp_, bits_, bits_.filled(), true));
   }
-  for (const Slot slot : {kState, kFrame, kFollowed, kRefused, kEvent, kTiming, kEnd}) add(slot);
+  for (const Slot slot : {kState, kTracks, kFrame, kFollowed, kRefused, kEvent, kTiming, kEnd})
+    add(slot);
   for (ViewSink* const sink : sinks_) sink->greet(greeting);
 }
 

@@ -80,7 +80,7 @@ class ViewInbox : public RunObserver {
 /// How often each kind is made, at most, Hz.
 struct ViewRates {
   double state_hz = 30.0;
-  double map_hz = 10.0;  ///< And slices.
+  double map_hz = 10.0;  ///< And tracks, and slices.
   double frame_hz = 5.0;
   double timing_hz = 4.0;
 };
@@ -101,7 +101,7 @@ class ViewMaker {
 
  private:
   /// What newcomers are sent, in this order; the map is made for them.
-  enum Slot { kWorld, kState, kFrame, kFollowed, kRefused, kEvent, kTiming, kEnd, kSlots };
+  enum Slot { kWorld, kState, kTracks, kFrame, kFollowed, kRefused, kEvent, kTiming, kEnd, kSlots };
   struct Rate {
     std::chrono::nanoseconds period;
     TimePoint next{};
@@ -120,6 +120,7 @@ class ViewMaker {
   void tell_plan(Slot role, Stamp time, const Trajectory* trajectory, Stamp start);
   void make_due(TimePoint now, bool force);
   void make_state();
+  void make_tracks();
   void make_map(TimePoint now);
   void make_frame();
   void make_timing();
@@ -129,7 +130,7 @@ class ViewMaker {
 
   std::vector<ViewSink*> sinks_;
   std::vector<ViewSink::Demand> demands_;  ///< Of the sinks.
-  Rate state_rate_, map_rate_, frame_rate_, timing_rate_;
+  Rate state_rate_, map_rate_, tracks_rate_, frame_rate_, timing_rate_;
 
   std::optional<ObservedWorld> world_;
   std::unique_ptr<RobotClearance> clearance_;
@@ -137,6 +138,9 @@ class ViewMaker {
   OccupancyBits bits_;
   std::optional<NewestMap> map_;
   std::optional<ObservedStep> step_;
+  /// As they were told last.
+  std::shared_ptr<const Tracks> tracks_;
+  std::shared_ptr<const Prediction> prediction_;
   ViewTiming timing_;
   /// What has come since its message was made.
   bool has_new_map_ = false, has_new_frame_ = false, has_new_step_ = false, has_new_times_ = false;

@@ -11,7 +11,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 std::optional<SliceRequest> read_slice(const Json& json) {
-  if (!json.is_object() || json.size() != 2) return std::nullopt;
+  if (!json.is_object()) return std::nullopt;
   const auto axis = json.find("axis");
   const auto position = json.find("position_m");
   if (axis == json.end() || !axis->is_string() || position == json.end() ||
@@ -19,9 +19,14 @@ std::optional<SliceRequest> read_slice(const Json& json) {
     return std::nullopt;
   }
   const std::string_view name = axis->get_ref<const std::string&>();
-  const SliceRequest request{name == "x" ? 0 : name == "y" ? 1 : 2, position->get<double>()};
+  SliceRequest request{name == "x" ? 0 : name == "y" ? 1 : 2, position->get<double>()};
   const bool is_axis = name == "x" || name == "y" || name == "z";
   if (!is_axis || !std::isfinite(request.position_m)) return std::nullopt;
+  if (json.size() == 2) return request;
+  const auto ahead = json.find("ahead_s");
+  if (json.size() != 3 || ahead == json.end() || !ahead->is_number()) return std::nullopt;
+  request.ahead_s = ahead->get<double>();
+  if (!std::isfinite(*request.ahead_s)) return std::nullopt;
   return request;
 }
 
@@ -32,6 +37,7 @@ std::string_view to_string(ViewKind kind) noexcept {
     case ViewKind::kWorld: return "world";
     case ViewKind::kMap: return "map";
     case ViewKind::kState: return "state";
+    case ViewKind::kTracks: return "tracks";
     case ViewKind::kFrame: return "frame";
     case ViewKind::kPlan: return "plan";
     case ViewKind::kEvent: return "event";

@@ -26,6 +26,7 @@ enum class ViewKind : std::uint8_t {
   kWorld,
   kMap,
   kState,
+  kTracks,
   kFrame,
   kPlan,
   kEvent,
@@ -49,6 +50,8 @@ struct ViewMessage {
 struct SliceRequest {
   int axis = 2;             ///< 0: x, 1: y, 2: z.
   double position_m = 0.0;  ///< Along the axis, world frame.
+  /// So much later, with what is predicted for then; nothing: of the map alone.
+  std::optional<double> ahead_s = std::nullopt;
 
   friend bool operator==(const SliceRequest&, const SliceRequest&) = default;
 };

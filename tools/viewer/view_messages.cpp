@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 
 namespace sidestep {
@@ -259,6 +261,33 @@ ViewMessage state_message(const ObservedStep& step, std::span<const Transform> T
                       payload);
 }
 
+ViewMessage tracks_message(Stamp time, const Tracks* tracks, const Prediction* prediction) {
+  Json tracked = Json::array(), sets = Json::array();
+  for (const Track& track : tracks != nullptr ? tracks->tracks : std::vector<Track>{}) {
+    tracked.push_back({{"id", track.id},
+                       {"position_m", values(track.position_m)},
+                       {"velocity_mps", values(track.velocity_mps)},
+                       {"radius_m", track.radius_m},
+                       {"bottom_m", track.bottom_m},
+                       {"top_m", track.top_m}});
+  }
+  for (const PredictedSet& set :
+       prediction != nullptr ? prediction->sets() : std::vector<PredictedSet>{}) {
+    Json knots = Json::array();
+    for (const PredictedSet::Knot& knot : set.knots) {
+      const double time_s = prediction->stamp().seconds() + knot.time_s;
+      knots.push_back({time_s, knot.centre_m.x(), knot.centre_m.y(), knot.radius_m});
+    }
+    sets.push_back({{"track", set.track},
+                    {"likelihood", set.likelihood},
+                    {"bottom_m", set.bottom_m},
+                    {"top_m", set.top_m},
+                    {"knots", std::move(knots)}});
+  }
+  return make_message(ViewKind::kTracks, time,
+                      {{"tracks", std::move(tracked)}, {"sets", std::move(sets)}});
+}
+
 std::optional<ViewMessage> frame_message(Stamp time, const Frame& frame) {
   const auto* const image = std::get_if<DepthImage>(&frame.measurement);
   if (image == nullptr || image->camera.width_px <= 0 || image->camera.height_px <= 0) {
@@ -302,6 +331,19 @@ ViewMessage event_message(const ObservedEvent& observed) {
   return make_message(ViewKind::kEvent, observed.event.stamp, event_json(observed));
 }
 
+Json contact_json(const TrueContact& contact) {
+  return {{"event", contact.is_by_robot() ? "contact_by_robot" : "contact_by_others"},
+          {"reason", "contact"},
+          {"cause", contact.link + " and " + contact.object +
+                        format(" touched, %.0f mm deep; the robot went towards it at %.2f m/s",
+                               1e3 * contact.depth_m, contact.approach_mps)}};
+}
+
+ViewMessage contact_message(const TrueContact& contact) {
+  return make_message(ViewKind::kEvent, Stamp::from_seconds(contact.begin_s),
+                      contact_json(contact));
+}
+
 ViewMessage timing_message(Stamp time, const ViewTiming& timing) {
   return make_message(ViewKind::kTiming, time,
                       {{"frames", timing.frames},
@@ -310,12 +352,14 @@ ViewMessage timing_message(Stamp time, const ViewTiming& timing) {
                        {"frames_dropped", timing.frames_dropped}});
 }
 
-FieldSlice make_slice(const DistanceField& field, const SliceRequest& request) {
+FieldSlice make_slice(const DistanceField& field, SliceRequest request,
+                      const Prediction* prediction, Stamp now) {
   const GridSpec& grid = field.info().grid;
   const int axis = request.axis;
   const int across = axis == 0 ? 1 : 0;
   const int down = axis == 2 ? 1 : 2;
   FieldSlice slice;
+  if (prediction == nullptr) request.ahead_s.reset();
   slice.request = request;
   slice.first_m = grid.centre_m(Eigen::Vector3i::Zero());
   slice.request.position_m = std::clamp(
@@ -334,6 +378,7 @@ FieldSlice make_slice(const DistanceField& field, const SliceRequest& request) {
   const auto columns = static_cast<std::size_t>(slice.columns);
   std::vector<Eigen::Vector3d> points_m(columns, slice.first_m);
   std::vector<double> distances_m(columns);
+  std::vector<double> predicted_m(columns, std::numeric_limits<double>::infinity());
   std::vector<FieldStatus> statuses(columns);
   for (int row = 0; row < slice.rows; ++row) {
     for (std::size_t c = 0; c < columns; ++c) {
@@ -341,7 +386,14 @@ FieldSlice make_slice(const DistanceField& field, const SliceRequest& request) {
       points_m[c][down] = slice.first_m[down] + row * slice.step_m;
     }
     field.query(points_m, distances_m, {}, statuses);
+    if (request.ahead_s) {
+      const double time_s = now.seconds() + *request.ahead_s - prediction->stamp().seconds();
+      prediction->query(time_s, points_m, predicted_m, {});
+    }
     for (std::size_t c = 0; c < columns; ++c) {
+      // Who is predicted where nobody has looked is shown there, too.
+      if (predicted_m[c] <= 0.0) statuses[c] = FieldStatus::kKnown;
+      distances_m[c] = std::min(distances_m[c], predicted_m[c]);
       slice.distance_mm.push_back(millimetres(distances_m[c], statuses[c]));
     }
   }
@@ -351,10 +403,12 @@ FieldSlice make_slice(const DistanceField& field, const SliceRequest& request) {
 ViewMessage slice_message(Stamp time, Stamp stamp, const FieldSlice& slice) {
   Payload payload;
   payload.add(std::span<const std::int16_t>(slice.distance_mm));
+  const std::optional<double>& ahead_s = slice.request.ahead_s;
   return make_message(ViewKind::kSlice, time,
                       {{"stamp_s", stamp.seconds()},
                        {"axis", std::string(1, "xyz"[slice.request.axis])},
                        {"position_m", slice.request.position_m},
+                       {"ahead_s", ahead_s ? Json(*ahead_s) : Json(nullptr)},
                        {"first_m", point_json(slice.first_m)},
                        {"step_m", slice.step_m},
                        {"columns", slice.columns},

@@ -36,6 +36,10 @@ namespace sidestep {
                                         std::span<const Transform> T_world_object,
                                         const std::optional<Clearance>& clearance);
 
+/// What is tracked and predicted, either of which may be null.
+[[nodiscard]] ViewMessage tracks_message(Stamp time, const Tracks* tracks,
+                                         const Prediction* prediction);
+
 /// Nothing for a frame without a depth image.
 [[nodiscard]] std::optional<ViewMessage> frame_message(Stamp time, const Frame& frame);
 
@@ -47,6 +51,9 @@ namespace sidestep {
 [[nodiscard]] ViewMessage event_message(const ObservedEvent& event);
 /// What an event says, as that message has it.
 [[nodiscard]] nlohmann::ordered_json event_json(const ObservedEvent& event);
+/// The event that a true contact is, known once its episode is over; what it says.
+[[nodiscard]] ViewMessage contact_message(const TrueContact& contact);
+[[nodiscard]] nlohmann::ordered_json contact_json(const TrueContact& contact);
 
 /// What took how long, since the message before.
 struct ViewTiming {
@@ -74,7 +81,9 @@ struct FieldSlice {
 };
 
 /// The slice that a page asks for: at every voxel's centre, or at every n-th one's of a large grid.
-[[nodiscard]] FieldSlice make_slice(const DistanceField& field, const SliceRequest& request);
+/// With a time ahead, also of what is predicted for then, so long after `now`; may be null.
+[[nodiscard]] FieldSlice make_slice(const DistanceField& field, SliceRequest request,
+                                    const Prediction* prediction = nullptr, Stamp now = {});
 /// `stamp` is that of the newest frame in the field.
 [[nodiscard]] ViewMessage slice_message(Stamp time, Stamp stamp, const FieldSlice& slice);
 

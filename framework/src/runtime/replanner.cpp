@@ -97,6 +97,9 @@ Stamp Replanner::followed_start() const noexcept {
   return motion != nullptr ? motion->start : impl_->last_start;
 }
 const Eigen::VectorXd& Replanner::goal() const noexcept { return impl_->parts.goal.q; }
+std::shared_ptr<const Prediction> Replanner::prediction() const noexcept {
+  return impl_->prediction;
+}
 std::int64_t Replanner::checks() const noexcept { return impl_->checks; }
 const std::vector<Replanner::GuessCount>& Replanner::guess_counts() const noexcept {
   return impl_->search.counts();

@@ -86,6 +86,36 @@ class Inspection {
   Scratch scratch_;
 };
 
+/// Whatever half-spaces there are: a robot is always near to its floor.
+std::vector<TrueClearance> clearances_over_time(const RobotModel& robot, const Scene& scene,
+                                                std::span<const TruePose> poses,
+                                                const TrueMotionSettings& settings) {
+  std::vector<SceneObject> objects = scene.objects();
+  std::erase_if(objects, [](const SceneObject& object) {
+    return std::holds_alternative<HalfSpace>(object.shape);
+  });
+  ShapeObstacles obstacles;
+  obstacles.scene = std::make_shared<const Scene>(std::move(objects));
+  const ShapeCollider collider(robot.description(), obstacles, settings.allowed_contacts);
+  const auto placed = collider.make_pose();
+  std::vector<Transform> T_world_link(robot.description().links.size());
+  Scratch scratch;
+  std::vector<TrueClearance> clearances;
+  constexpr double kRounding_s = 1e-6;
+  for (const TruePose& pose : poses) {
+    const double due_s = pose.time_s - settings.every_s + kRounding_s;
+    if (!clearances.empty() && clearances.back().time_s > due_s) continue;
+    robot.link_poses(as_span(pose.q), T_world_link, scratch);
+    collider.place(*placed, T_world_link, pose.time_s);
+    double clearance_m = settings.farthest_over_time_m;
+    for (int s = 0; s < collider.shape_count(); ++s) {
+      clearance_m = std::min(clearance_m, collider.gap_to_obstacles_m(s, *placed, clearance_m));
+    }
+    clearances.push_back({pose.time_s, clearance_m});
+  }
+  return clearances;
+}
+
 }  // namespace
 
 Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& robot,
@@ -111,6 +141,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
     inspection.inspect(pose, previous != nullptr ? *previous : pose);
     previous = &pose;
   }
+  motion.clearances = clearances_over_time(*robot, *scene, poses, settings);
   return motion;
 }
 

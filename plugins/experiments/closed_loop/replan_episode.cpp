@@ -94,8 +94,10 @@ class EpisodeRun {
     judge();
     if (observer_ != nullptr) {
       mapping_.show(false);
-      observer_->end({world_.clock->now(), record_.success(),
-                      record_.success() ? "the robot is at its goal" : record_.reason});
+      observer_->end({world_.clock->now(),
+                      record_.success(),
+                      record_.success() ? "the robot is at its goal" : record_.reason,
+                      {record_.contacts.begin(), record_.contacts.end()}});
     }
     return std::move(record_);
   }
@@ -305,6 +307,8 @@ class EpisodeRun {
 
   void show_step(Stamp now, double step_ms) {
     ObservedStep step{now, step_ms, status_, replanner_->checks(), {}, {}};
+    step.tracks = slot_.snapshot().tracks;
+    step.prediction = replanner_->prediction();
     const auto current = measured();
     if (current) step.q = current->state.q;
     if (!record_.poses.empty()) step.q_true = record_.poses.back().q;

@@ -9,6 +9,7 @@
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/runtime/replanner.hpp>
+#include "course.hpp"
 #include "loop_experiment.hpp"
 
 namespace sidestep {
@@ -253,12 +254,16 @@ std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
   return figures;
 }
 
-/// The pictures of one episode of a closed loop, as far as they were recorded: from above, and over
-/// time.
-Result<std::vector<Figure>> replan_figures(ResultsReader& results, std::int64_t episode) {
+/// The pictures of one episode of a closed loop, as far as they were recorded: from above, distance
+/// and speed, and over time.
+Result<std::vector<Figure>> replan_figures(ResultsReader& results, const Json& summary,
+                                           std::int64_t episode) {
   std::vector<Figure> figures;
   const auto views = SIDESTEP_TRY(read_views(results, episode));
   if (!views.empty()) figures.push_back(above_figure(views, episode));
+  auto course = course_figure(array_of(results, "episode", episode, "course"), episode,
+                              at(summary, "/collisions"));
+  if (course) figures.push_back(*std::move(course));
   figures.push_back(SIDESTEP_TRY(timeline_figure(results, episode)));
   return figures;
 }
@@ -271,11 +276,12 @@ std::string collisions_section(const Json& summary) {
   std::vector<Row> rows;
   for (const Json& contact : collisions) {
     rows.push_back({cell(at(contact, "/episode")), cell(at(contact, "/time_s"), "%.2f s"),
-                    cell(at(contact, "/link")), cell(at(contact, "/object")),
-                    cell(at(contact, "/depth_m"), "%.3f m"), cell(at(contact, "/cause"))});
+                    cell(at(contact, "/by")), cell(at(contact, "/link")),
+                    cell(at(contact, "/object")), cell(at(contact, "/depth_m"), "%.3f m"),
+                    cell(at(contact, "/cause"))});
   }
   return "<h2>True collisions</h2>\n" +
-         html_table({"episode", "at", "link", "object", "depth", "cause"}, rows);
+         html_table({"episode", "at", "by", "link", "object", "depth", "cause"}, rows);
 }
 
 std::string failures_section(const Json& failures) {
@@ -373,7 +379,8 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
   const auto chosen = SIDESTEP_TRY(chosen_episodes(summary, results));
   for (const std::int64_t episode : chosen) {
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
-    html += SIDESTEP_TRY(figure_section(SIDESTEP_TRY(replan_figures(results, episode)), run));
+    html +=
+        SIDESTEP_TRY(figure_section(SIDESTEP_TRY(replan_figures(results, summary, episode)), run));
     html += SIDESTEP_TRY(events_section(results, episode));
   }
   return html;

@@ -9,6 +9,7 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/geometry/ray_caster.hpp>
+#include "course.hpp"
 
 namespace sidestep {
 namespace {
@@ -433,6 +434,7 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
   stored_episode().record(row_of(episode), "episode", number, recorder);
   recorder.add_filled("episode", number, "mapping", mapping_array(episode.mapping));
   recorder.add_filled("episode", number, "motion", motion_array(episode.poses));
+  recorder.add_filled("episode", number, "course", course_of(episode, robot));
   const std::int64_t first = number * 100'000;  // items of "event", "contact" and "guess"
   std::int64_t item = first;
   for (const EpisodeEvent& event : episode.events) {

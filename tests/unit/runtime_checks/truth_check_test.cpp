@@ -63,6 +63,24 @@ TEST_F(TruthCheckTest, MeasuresTheLeastClearanceAndWhen) {
   EXPECT_TRUE(motion.contacts.empty());
 }
 
+TEST_F(TruthCheckTest, MeasuresTheClearanceOverTime) {
+  objects_ = {
+      ball_at("ahead", {0.5, 0.0, 0.0}),
+      ball_at("aside", {-1.0, 0.5, 0.0}),
+      {"floor", HalfSpace{}, {{0.0, Transform(Eigen::Translation3d(0.0, 0.0, -0.2))}}, false}};
+  settings_.farthest_over_time_m = 0.6;
+  const TrueMotion motion = check(flight(0.0));
+  ASSERT_EQ(motion.clearances.size(), 41U) << "ten a second";
+  for (std::size_t i = 0; i < motion.clearances.size(); ++i) {
+    const double time_s = 0.1 * static_cast<double>(i);
+    const double x = -2.0 + time_s;
+    const double nearest_m = std::min(std::abs(x - 0.5), std::hypot(x + 1.0, 0.5));
+    EXPECT_NEAR(motion.clearances[i].time_s, time_s, 1e-9);
+    const double expected_m = std::clamp(nearest_m - kBall_m - kObstacle_m, 0.0, 0.6);
+    EXPECT_NEAR(motion.clearances[i].clearance_m, expected_m, 1e-4) << "at " << time_s << " s";
+  }
+}
+
 TEST_F(TruthCheckTest, WhatIsFartherThanSearchedCountsAsThatFar) {
   objects_ = {ball_at("far", {0.0, 0.0, 0.0})};
   settings_.farthest_m = 0.4;

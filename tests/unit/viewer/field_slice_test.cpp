@@ -84,6 +84,40 @@ TEST(FieldSlice, StaysInTheGrid) {
   }
 }
 
+TEST(FieldSlice, OfATimeAheadHasWhatIsPredictedForThen) {
+  const auto field = half_known_field();
+  // From (-0.5, 1.4) at 1 m/s along x.
+  PredictedSet set;
+  set.track = 1;
+  set.top_m = 2.0;
+  set.knots = {{0.0, {-0.5, 1.4}, 0.3}, {4.0, {3.5, 1.4}, 0.3}};
+  const auto prediction = Prediction::create(Stamp::from_seconds(1.0), {set});
+  ASSERT_TRUE(prediction);
+  const SliceRequest request{2, 1.0, 1.25};
+  const FieldSlice alone = make_slice(*field, {2, 1.0});
+  const FieldSlice slice = make_slice(*field, request, &*prediction, Stamp::from_seconds(1.5));
+  ASSERT_EQ(slice.distance_mm.size(), alone.distance_mm.size());
+  for (int row = 0; row < slice.rows; ++row) {
+    for (int column = 0; column < slice.columns; ++column) {
+      const auto i = static_cast<std::size_t>(row * slice.columns + column);
+      const double x_m = slice.first_m.x() + column * slice.step_m;
+      const double y_m = slice.first_m.y() + row * slice.step_m;
+      const double to_axis_m = std::hypot(x_m - 1.25, y_m - 1.4);  // 1.75 s after its stamp
+      const bool is_unseen = alone.distance_mm[i] == FieldSlice::kUnknown;
+      if (to_axis_m > 0.3 && is_unseen) {
+        ASSERT_EQ(slice.distance_mm[i], FieldSlice::kUnknown);
+      } else if (to_axis_m <= 0.3) {
+        ASSERT_LE(slice.distance_mm[i], 0);
+      } else {
+        ASSERT_NEAR(slice.distance_mm[i],
+                    std::min(1e3 * (to_axis_m - 0.3), 1.0 * alone.distance_mm[i]), 1.01);
+      }
+    }
+  }
+  EXPECT_EQ(DecodedMessage(*slice_message({}, {}, slice).bytes).header.at("ahead_s"), 1.25);
+  EXPECT_FALSE(make_slice(*field, request).request.ahead_s) << "nothing is predicted";
+}
+
 TEST(FieldSlice, LargeGridsAreSampledAtEveryNthVoxel) {
   FieldInfo info = small_field_info();
   info.grid.size_vox = {600, 20, 3};

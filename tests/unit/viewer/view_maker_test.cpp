@@ -8,8 +8,10 @@
 namespace sidestep {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using testing_support::ball_field;
 using testing_support::ball_world;
 using testing_support::DecodedMap;
@@ -222,6 +224,42 @@ TEST_F(ViewMakerTest, SlicesComeAtOnceAndWithEachMap) {
   tell(1.0, 1.0);
   look(500);
   EXPECT_EQ(sink_.slices.size(), 4U);
+}
+
+TEST_F(ViewMakerTest, TellsOfTracksWhenTheyChange) {
+  inbox_.begin(ball_world());
+  inbox_.stepped(step_at(0.1));
+  look();
+  EXPECT_THAT(sink_.take_kinds(), Not(Contains("tracks"))) << "there are none";
+  ObservedStep step = step_at(0.2);
+  step.tracks = std::make_shared<const Tracks>();
+  for (int i = 0; i < 2; ++i) {
+    inbox_.stepped(step);
+    look(200);
+    const auto told = std::ranges::count(sink_.messages, ViewKind::kTracks, &ViewMessage::kind);
+    EXPECT_EQ(told, i == 0 ? 1 : 0);
+    sink_.messages.clear();
+  }
+  sink_.wanted.newcomers = true;
+  look(1);
+  EXPECT_EQ(std::ranges::count(sink_.greeting, ViewKind::kTracks, &ViewMessage::kind), 1);
+  step.prediction = std::make_shared<const Prediction>();
+  inbox_.stepped(step);
+  look(200);
+  EXPECT_THAT(sink_.take_kinds(), Contains("tracks"));
+}
+
+TEST_F(ViewMakerTest, TellsOfContactsBeforeTheEnd) {
+  inbox_.begin(ball_world());
+  look();
+  (void)sink_.take_kinds();
+  inbox_.end(
+      {Stamp::from_seconds(5.0), false, "touched", {{"base", "walker", 2.0, 2.5, 0.01, 0.1}}});
+  look(1);
+  ASSERT_EQ(sink_.messages.size(), 2U);
+  EXPECT_EQ(sink_.messages[0].kind, ViewKind::kEvent);
+  EXPECT_EQ(sink_.messages[0].stamp, Stamp::from_seconds(2.0));
+  EXPECT_EQ(sink_.messages[1].kind, ViewKind::kEnd);
 }
 
 TEST_F(ViewMakerTest, StateShowsTheNewestKnownPose) {

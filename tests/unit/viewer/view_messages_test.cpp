@@ -272,6 +272,57 @@ TEST(TimingMessage, HasListsOfNumbers) {
   EXPECT_EQ(header.at("frames_dropped"), 3);
 }
 
+TEST(TracksMessage, HasTracksAndPredictedSetsOnTheClockOfTheRun) {
+  Tracks tracks;
+  tracks.tracks.emplace_back();
+  tracks.tracks[0].id = 4;
+  tracks.tracks[0].position_m = {1.0, -2.0};
+  tracks.tracks[0].velocity_mps = {0.5, 0.25};
+  tracks.tracks[0].radius_m = 0.375;
+  tracks.tracks[0].top_m = 1.75;
+  PredictedSet set;
+  set.track = 4;
+  set.likelihood = 0.5;
+  set.top_m = 1.75;
+  set.knots = {{0.0, {1.0, -2.0}, 0.375}, {2.0, {2.0, -1.5}, 1.0}};
+  const auto prediction = Prediction::create(Stamp::from_seconds(3.0), {set});
+  ASSERT_TRUE(prediction);
+  const DecodedMessage message(
+      *tracks_message(Stamp::from_seconds(3.25), &tracks, &*prediction).bytes);
+  EXPECT_EQ(message.header,
+            (Json{{"kind", "tracks"},
+                  {"time_s", 3.25},
+                  {"tracks",
+                   {{{"id", 4},
+                     {"position_m", {1.0, -2.0}},
+                     {"velocity_mps", {0.5, 0.25}},
+                     {"radius_m", 0.375},
+                     {"bottom_m", 0.0},
+                     {"top_m", 1.75}}}},
+                  {"sets",
+                   {{{"track", 4},
+                     {"likelihood", 0.5},
+                     {"bottom_m", 0.0},
+                     {"top_m", 1.75},
+                     {"knots", {{3.0, 1.0, -2.0, 0.375}, {5.0, 2.0, -1.5, 1.0}}}}}}}));
+  const DecodedMessage nothing(*tracks_message({}, nullptr, nullptr).bytes);
+  EXPECT_EQ(nothing.header.at("tracks"), Json::array());
+  EXPECT_EQ(nothing.header.at("sets"), Json::array());
+}
+
+TEST(ContactMessage, SaysWhoseContactItWas) {
+  TrueContact contact{"base", "walker", 2.5, 2.75, 0.012, 0.25};
+  const DecodedMessage own(*contact_message(contact).bytes);
+  EXPECT_EQ(own.kind(), "event");
+  EXPECT_EQ(own.header.at("time_s"), 2.5);
+  EXPECT_EQ(own.header.at("event"), "contact_by_robot");
+  EXPECT_EQ(own.header.at("cause"),
+            "base and walker touched, 12 mm deep; the robot went towards it at 0.25 m/s");
+  contact.approach_mps = -0.1;
+  EXPECT_EQ(DecodedMessage(*contact_message(contact).bytes).header.at("event"),
+            "contact_by_others");
+}
+
 TEST(EndMessage, HasTheVerdict) {
   const DecodedMessage message(
       *end_message({Stamp::from_seconds(9.0), true, "Success: reached"}).bytes);
@@ -285,6 +336,10 @@ TEST(PageMessage, OnlySlicesAreUnderstood) {
   const auto slice = read_page_message(R"({"slice": {"axis": "y", "position_m": -0.5}})");
   ASSERT_TRUE(slice);
   EXPECT_EQ(slice->slice, (SliceRequest{1, -0.5}));
+  const auto later =
+      read_page_message(R"({"slice": {"axis": "x", "position_m": 1, "ahead_s": 2.5}})");
+  ASSERT_TRUE(later);
+  EXPECT_EQ(later->slice, (SliceRequest{0, 1.0, 2.5}));
   const auto none = read_page_message(R"({"slice": null})");
   ASSERT_TRUE(none);
   EXPECT_FALSE(none->slice);
@@ -295,6 +350,9 @@ TEST(PageMessage, OnlySlicesAreUnderstood) {
         R"({"slice": {"axis": "x", "position_m": "0"}})", R"({"slice": {"axis": "x"}})",
         R"({"slice": {"axis": "x", "position_m": 1e999}})",
         R"({"slice": {"axis": "x", "position_m": 0, "more": 1}})",
+        R"({"slice": {"axis": "x", "position_m": 0, "ahead_s": "1"}})",
+        R"({"slice": {"axis": "x", "position_m": 0, "ahead_s": 1e999}})",
+        R"({"slice": {"axis": "x", "position_m": 0, "ahead_s": 1, "more": 1}})",
         R"({"slice": null, "stop": true})", R"({"stop": true})", "\xff\xfe"}) {
     EXPECT_FALSE(read_page_message(text)) << text;
   }

@@ -206,6 +206,8 @@ class Replanner {
   [[nodiscard]] Stamp followed_start() const noexcept;
   /// Where it is to rest: the goal that was given, or another one since then.
   [[nodiscard]] const Eigen::VectorXd& goal() const noexcept;
+  /// What is predicted in the newest map; null where nothing is.
+  [[nodiscard]] std::shared_ptr<const Prediction> prediction() const noexcept;
   /// Validity checks of what is followed so far: one for each map and each trajectory, since the
   /// same motion in the same map is not checked twice.
   [[nodiscard]] std::int64_t checks() const noexcept;

@@ -4,11 +4,13 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/replanner.hpp>
+#include <sidestep/runtime/truth_check.hpp>
 #include <sidestep/sensing/frame.hpp>
 
 namespace sidestep {
@@ -40,6 +42,8 @@ struct ObservedStep {
   std::int64_t checks = 0;  ///< Validity checks so far.
   Eigen::VectorXd q;        ///< Measured; empty where it is not known.
   Eigen::VectorXd q_true;   ///< Empty where it is unknown, or between two records of it.
+  std::shared_ptr<const Tracks> tracks = nullptr;  ///< Of the newest map; null where it has none.
+  std::shared_ptr<const Prediction> prediction = nullptr;  ///< Null where nothing is predicted.
 };
 
 /// What happened, and what it led to.
@@ -56,6 +60,8 @@ struct ObservedEnd {
   Stamp stamp;
   bool success = false;
   std::string verdict;  ///< In plain words.
+  /// What the robot truly touched, or was touched by, where that is known.
+  std::vector<TrueContact> contacts = {};
 };
 
 /// Receives an experiment's events: a viewer, a recorder. The threads that do the work call it and

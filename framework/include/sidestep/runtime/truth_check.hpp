@@ -32,6 +32,12 @@ struct TrueContact {
   static constexpr double kOwnApproach_mps = 0.02;
 };
 
+/// How near a robot came to anything at a time.
+struct TrueClearance {
+  double time_s = 0.0;
+  double clearance_m = 0.0;  ///< 0 where it touches something.
+};
+
 struct TrueMotion {
   /// Least of all poses; negative: minus a depth. What is farther than was searched counts so.
   double min_clearance_m = 0.0;
@@ -39,11 +45,15 @@ struct TrueMotion {
   std::string nearest_object;
   double nearest_s = 0.0;
   std::vector<TrueContact> contacts;  ///< In the order in which they began.
+  /// From all but half-spaces, at poses at least `every_s` apart.
+  std::vector<TrueClearance> clearances;
 };
 
 struct TrueMotionSettings {
-  double farthest_m = 0.5;  ///< Clearances are searched up to this.
-  double apart_s = 0.5;     ///< Touches of one object that are nearer in time are one contact.
+  double farthest_m = 0.5;            ///< Clearances are searched up to this.
+  double every_s = 0.1;               ///< Between two of TrueMotion::clearances.
+  double farthest_over_time_m = 2.0;  ///< These are searched up to this.
+  double apart_s = 0.5;  ///< Touches of one object that are nearer in time are one contact.
   std::vector<AllowedContact> allowed_contacts;
 };
 

@@ -58,6 +58,7 @@ export class App {
     new Keyboard(bindings(this));
     this.listen();
     for (const overlay of kOverlays) this.setOverlay(overlay.id, overlayShown(overlay));
+    this.lookAhead();
   }
 
   start(): void {
@@ -79,6 +80,16 @@ export class App {
     else this.stage?.views.choose(view);
     this.stage?.invalidate();
     chooseButton(document.querySelectorAll<HTMLElement>("[data-view]"), (one) => one.dataset["view"] === view);
+  }
+
+  /** By so much farther than now. */
+  lookAhead(farther_s = 0): void {
+    const slider = byId<HTMLInputElement>("ahead");
+    slider.value = String(Number(slider.value) + farther_s);
+    const ahead_s = Number(slider.value);
+    setText(byId("ahead-value"), ahead_s === 0 ? "now" : `${ahead_s.toFixed(1)} s`);
+    this.stage?.lookAhead(ahead_s);
+    this.slice.lookAhead(ahead_s);
   }
 
   seek(time_s: number): void {
@@ -114,6 +125,7 @@ export class App {
     }
     const cut = byId<HTMLInputElement>("cut");
     cut.addEventListener("input", () => this.applyCut());
+    byId("ahead").addEventListener("input", () => this.lookAhead());
     const episode = byId<HTMLSelectElement>("episode");
     episode.addEventListener("change", () => this.session.choose(episode.selectedIndex));
   }

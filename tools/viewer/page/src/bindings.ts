@@ -28,6 +28,8 @@ export function bindings(app: App): Binding[] {
       ...{ keys: [axis], shownAs: i === 0 ? "x y z" : "", text: i === 0 ? "The axis across which the slice lies" : "" },
       run: act(() => app.slice.choose(axis)),
     })),
+    { keys: ["["], shownAs: "[ ]", text: "The time ahead, half a second less or more", run: act(() => app.lookAhead(-0.5)) },
+    { keys: ["]"], shownAs: "", text: "", run: act(() => app.lookAhead(0.5)) },
     { keys: ["r"], shownAs: "r", text: "The view as it was at first", run: () => app.choose("free") },
     { keys: ["f"], shownAs: "f", text: "Follow the robot", run: () => app.choose("follow") },
     { keys: ["t"], shownAs: "t", text: "From above", run: () => app.choose("top") },

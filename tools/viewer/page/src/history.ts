@@ -1,6 +1,6 @@
 // What one episode has told: of a live run the last minute, of a recording all.
 import { MapHistory } from "./map_history";
-import { DepthFrame, End, FrameTiming, Message, Plan, RunEvent, Slice, State, StepTiming, Timing, World } from "./messages";
+import { DepthFrame, End, FrameTiming, Message, Plan, RunEvent, Slice, State, StepTiming, Timing, Tracks, World } from "./messages";
 import { Track } from "./track";
 
 export const kWindow_s = 60;
@@ -20,6 +20,7 @@ const kBudgets: Budgets = { map_bytes: 256e6, frame_bytes: 64e6, slice_bytes: 64
 export interface Moment {
   time_s: number;
   state: State | null;
+  tracks: Tracks | null;
   frame: DepthFrame | null;
   followed: Plan | null;
   previous: Plan | null;
@@ -32,6 +33,7 @@ export interface Moment {
 export class History {
   readonly map = new MapHistory();
   readonly states = new Track<State>();
+  readonly tracks = new Track<Tracks>();
   readonly frames = new Track<DepthFrame>((frame) => frame.depth_mm.byteLength);
   readonly followed = new Track<Plan>();
   readonly refused = new Track<Plan>();
@@ -89,6 +91,7 @@ export class History {
     return {
       time_s,
       state: this.states.at(time_s),
+      tracks: this.tracks.at(time_s),
       frame: this.frames.at(time_s),
       followed,
       previous: this.followed.at(time_s, 1),
@@ -104,6 +107,8 @@ export class History {
         return this.map.add(message);
       case "state":
         return this.states.put(message);
+      case "tracks":
+        return this.tracks.put(message);
       case "frame":
         return this.frames.put(message);
       case "plan":
@@ -148,7 +153,7 @@ export class History {
     if (time_s <= this.start_s) return;
     this.start_s = time_s;
     this.map.forgetBefore(time_s);
-    for (const track of [this.states, this.frames, this.refused, this.slices, this.timings] as Track<Message>[]) {
+    for (const track of [this.states, this.tracks, this.frames, this.refused, this.slices, this.timings] as Track<Message>[]) {
       track.forgetBefore(time_s);
     }
     this.followed.forgetBefore(time_s, 2);

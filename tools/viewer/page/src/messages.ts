@@ -81,6 +81,32 @@ export interface State {
   poses: Float32Array;
 }
 
+/** A thing that is tracked, as a vertical cylinder. */
+export interface Track {
+  id: number;
+  position_m: number[];
+  velocity_mps: number[];
+  radius_m: number;
+  bottom_m: number;
+  top_m: number;
+}
+
+/** Where one of them may be: a cylinder whose centre and radius change linearly from knot to knot. */
+export interface PredictedSet {
+  track: number;
+  likelihood: number;
+  bottom_m: number;
+  top_m: number;
+  knots: { time_s: number; centre_m: [number, number]; radius_m: number }[];
+}
+
+export interface Tracks {
+  kind: "tracks";
+  time_s: number;
+  tracks: Track[];
+  sets: PredictedSet[];
+}
+
 export interface Camera {
   width_px: number;
   height_px: number;
@@ -160,6 +186,8 @@ export interface Slice {
   stamp_s: number;
   axis: Axis;
   position_m: number;
+  /** Later than the map by so much, with what is predicted; null where it is the map's alone. */
+  ahead_s: number | null;
   first_m: Point;
   step_m: number;
   columns: number;
@@ -176,7 +204,7 @@ export interface End {
   verdict: string;
 }
 
-export type Message = World | MapUpdate | State | DepthFrame | Plan | RunEvent | Timing | Slice | End;
+export type Message = World | MapUpdate | State | Tracks | DepthFrame | Plan | RunEvent | Timing | Slice | End;
 
 export const kBlockSide = 16;
 export const kBlockBytes = 1024;

@@ -18,6 +18,7 @@ import {
   Sphere,
   State,
   Timing,
+  Tracks,
   World,
 } from "./messages";
 import { asIndex, asNumbers, asText, ProtocolError, Reader } from "./reader";
@@ -111,6 +112,8 @@ function readMessage(header: Reader, text: string, payload: Payload, world: Worl
       return readMap(header, payload);
     case "state":
       return readState(header, payload, world);
+    case "tracks":
+      return readTracks(header);
     case "frame":
       return readFrame(header, payload);
     case "plan":
@@ -244,6 +247,37 @@ function readState(header: Reader, payload: Payload, world: World): State {
   };
 }
 
+function readTracks(header: Reader): Tracks {
+  return {
+    kind: "tracks",
+    time_s: header.number("time_s"),
+    tracks: header.list("tracks", (value, where) => {
+      const track = Reader.of(value, where);
+      return {
+        id: track.number("id"),
+        position_m: track.numbers("position_m", 2),
+        velocity_mps: track.numbers("velocity_mps", 2),
+        radius_m: track.number("radius_m"),
+        bottom_m: track.number("bottom_m"),
+        top_m: track.number("top_m"),
+      };
+    }),
+    sets: header.list("sets", (value, where) => {
+      const set = Reader.of(value, where);
+      return {
+        track: set.number("track"),
+        likelihood: set.positive("likelihood"),
+        bottom_m: set.number("bottom_m"),
+        top_m: set.number("top_m"),
+        knots: set.list("knots", (knot, at) => {
+          const [time_s, x_m, y_m, radius_m] = asNumbers(knot, at, 4);
+          return { time_s, centre_m: [x_m, y_m] as [number, number], radius_m };
+        }),
+      };
+    }),
+  };
+}
+
 function readFrame(header: Reader, payload: Payload): DepthFrame {
   const camera = header.child("camera");
   const columns = header.index("columns", kMostSamplesAlong);
@@ -325,6 +359,7 @@ function readSlice(header: Reader, payload: Payload): Slice {
     stamp_s: header.number("stamp_s"),
     axis: header.oneOf<Axis>("axis", ["x", "y", "z"]),
     position_m: header.number("position_m"),
+    ahead_s: header.numberOrNull("ahead_s"),
     first_m: header.numbers("first_m", 3) as Point,
     step_m: header.positive("step_m"),
     columns,

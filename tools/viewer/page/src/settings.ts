@@ -21,6 +21,8 @@ export const kOverlays: readonly Overlay[] = [
   { id: "previous", label: "Previous plan", key: "7", shown: true, hint: "The trajectory that was followed before" },
   { id: "refused", label: "Refused plan", key: "8", shown: true, hint: "The last trajectory that was found and turned down" },
   { id: "swept", label: "Swept volume", key: "9", shown: false, hint: "What the robot will pass through" },
+  { id: "tracks", label: "Tracks", key: "k", shown: true, hint: "What is tracked: a cylinder, its number, and how far it goes in a second" },
+  { id: "predicted", label: "Predictions", key: "p", shown: true, hint: "Where what is tracked may be, fading with time, and at the time ahead" },
   { id: "moving", label: "Moving (truth)", key: "0", shown: true, hint: "Moving obstacles as they truly are, in simulation" },
   { id: "fixed", label: "Fixed (truth)", key: "o", shown: false, hint: "Fixed objects as they truly are, in simulation" },
   { id: "goal", label: "Goal", key: "g", shown: true, hint: "Where the robot is to end up" },

@@ -13,6 +13,7 @@ export class SliceControl {
   /** Null until the grid is known. */
   private grid: Grid | null = null;
   private readonly position_m: Record<Axis, number | null> = { x: null, y: null, z: null };
+  private ahead_s = 0;
   private shown = false;
   private timer = 0;
   private readonly slider = byId<HTMLInputElement>("slice-position");
@@ -30,7 +31,12 @@ export class SliceControl {
   /** Null for no slice. */
   request(): object {
     const position_m = this.position_m[this.axis];
-    return { slice: this.shown && position_m !== null ? { axis: this.axis, position_m } : null };
+    return { slice: this.shown && position_m !== null ? { axis: this.axis, position_m, ahead_s: this.ahead_s } : null };
+  }
+
+  lookAhead(ahead_s: number): void {
+    this.ahead_s = ahead_s;
+    this.askSoon();
   }
 
   toggle(shown: boolean): void {
@@ -85,9 +91,11 @@ export class SliceControl {
       return history.world.recorded ? "This recording has none." : "It comes with the next map.";
     }
     const wished_m = this.position_m[this.axis];
-    const isWished = slice.axis === this.axis && wished_m !== null && Math.abs(slice.position_m - wished_m) < 1e-3;
-    if (isWished) return "";
-    const there = `${slice.axis} = ${slice.position_m.toFixed(2)} m`;
+    const isThen = slice.ahead_s === null || slice.ahead_s === this.ahead_s;
+    const isThere = slice.axis === this.axis && wished_m !== null && Math.abs(slice.position_m - wished_m) < 1e-3;
+    if (isThere && isThen) return "";
+    const then = isThen ? "" : `, ${(slice.ahead_s as number).toFixed(1)} s ahead`;
+    const there = `${slice.axis} = ${slice.position_m.toFixed(2)} m${then}`;
     return isLive ? `Shown is ${there}; the next map brings yours.` : `Of this moment there is ${there} alone.`;
   }
 

@@ -3,6 +3,7 @@ import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import type { Browser } from "playwright-core";
 import { kWait_ms, openBrowser, openPage, waitForText } from "./browser";
+import { encode } from "./encode";
 import { FakeServer } from "./fake_server";
 import { kDuration_s } from "./synthetic_world";
 
@@ -93,6 +94,22 @@ test("the verdict is shown, and stays when the run is gone", kLong, async () => 
   await page.waitForFunction(() => document.documentElement.dataset["connection"] === "lost");
   await waitForText(page, "#run-status", /^Ended: succeeded$/);
   await page.context().close();
+});
+
+test("contacts say whose they were, each in a colour of its own", kLong, async () => {
+  const server = await FakeServer.start();
+  server.tellUntil(1);
+  const { page } = await openPage(browser, server.url);
+  await waitForText(page, "#clock", /^1\.00 s/);
+  for (const by of ["robot", "others"]) {
+    server.tellRaw(encode({ kind: "event", time_s: 0.5, event: `contact_by_${by}`, reason: "contact", cause: "base and walker" }));
+  }
+  await waitForText(page, "#events", /contact by others.*contact by robot/);
+  const colourOf = (by: string) =>
+    page.locator(`.event-name[data-event=contact_by_${by}]`).evaluate((name) => getComputedStyle(name).color);
+  assert.notEqual(await colourOf("robot"), await colourOf("others"));
+  await page.context().close();
+  await server.close();
 });
 
 test("a message that cannot be read is told of, and does not stop the next", kLong, async () => {

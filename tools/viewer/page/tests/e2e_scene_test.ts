@@ -69,7 +69,7 @@ test("every overlay changes the picture, and only while it is on", { timeout: 3 
   await setOverlay(page, "slice", false);
   const usual = await scenePixels(page);
   const ids = await page.locator("#overlays input").evaluateAll((boxes) => boxes.map((box) => box.id.replace("overlay-", "")));
-  assert.equal(ids.length, 14);
+  assert.equal(ids.length, 16);
   for (const id of ids) {
     const was = await page.locator(`#overlay-${id}`).isChecked();
     await setOverlay(page, id, !was);
@@ -86,7 +86,7 @@ test("every overlay changes the picture, and only while it is on", { timeout: 3 
 test("voxels are drawn as they change", { timeout: 2 * kWait_ms }, async () => {
   const watched = await watch(2);
   const { page, server } = watched;
-  for (const id of ["robot", "goal", "camera", "clearance", "moving", "followed", "refused"]) await setOverlay(page, id, false);
+  for (const id of ["robot", "goal", "camera", "clearance", "tracks", "predicted", "moving", "followed", "refused"]) await setOverlay(page, id, false);
   const before_ = await scenePixels(page);
   assert.ok(differingPixels(before_, await scenePixels(page)) < 20, "it stands still by itself");
   server.tellUntil(5);
@@ -166,5 +166,33 @@ test("the slice moves by keys, by its slider and by its handle", { timeout: 3 * 
   assert.ok(differingPixels(first, await shown()) > 5000);
   await page.keyboard.press("5");
   await server.heard(/^\{"slice":null\}$/);
+  await close(watched);
+});
+
+test("predictions and slice are shown at the time ahead", { timeout: 2 * kWait_ms }, async () => {
+  const watched = await watch(3);
+  const { page, server } = watched;
+  const now = await scenePixels(page);
+  await page.keyboard.press("]");
+  await waitForText(page, "#ahead-value", /^0\.5 s$/);
+  const soon = await scenePixels(page);
+  assert.ok(differingPixels(now, soon) > 300, `${differingPixels(now, soon)} pixels`);
+  for (let i = 0; i < 5; ++i) await page.keyboard.press("]");
+  assert.ok(differingPixels(soon, await scenePixels(page)) > 300);
+  for (let i = 0; i < 7; ++i) await page.keyboard.press("[");
+  await waitForText(page, "#ahead-value", /^now$/);
+  assert.ok(differingPixels(now, await scenePixels(page)) < 20);
+  await page.keyboard.press("5");
+  await server.heard(/"ahead_s":0}/);
+  const shown = async () => {
+    server.tellUntil(server.time_s + 0.1);
+    await waitForText(page, "#slice-note", /^$/);
+    return scenePixels(page);
+  };
+  for (const id of ["tracks", "predicted", "moving"]) await setOverlay(page, id, false);
+  const then = await shown();
+  await page.keyboard.press("]");
+  await server.heard(/"ahead_s":0.5}/);
+  assert.ok(differingPixels(then, await shown()) > 300);
   await close(watched);
 });

@@ -95,6 +95,7 @@ export class FakeServer {
     this.time_s = time_s;
     if (time_s > kDuration_s + 1) return;
     this.tell("state", this.run.state(time_s));
+    this.tell("tracks", this.run.tracks(time_s));
     this.tell("map", this.run.map(time_s, step === 0));
     this.tell("frame", this.run.frame(time_s));
     this.tell("timing", this.run.timing(time_s));

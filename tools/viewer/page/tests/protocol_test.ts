@@ -59,6 +59,18 @@ test("a state has the poses of all links and of what moves", () => {
   refuses(encode(header, new Float32Array(21).fill(NaN)), /not finite/);
 });
 
+test("tracks and predictions are read whole", () => {
+  const track = { id: 4, position_m: [1, 2], velocity_mps: [0.5, -1], radius_m: 0.3, bottom_m: 0, top_m: 1.7 };
+  const set = { track: 4, likelihood: 0.5, bottom_m: 0, top_m: 1.7, knots: [[3, 1, 2, 0.3], [5, 2, 0, 0.7]] };
+  const header = { kind: "tracks", time_s: 3, tracks: [track], sets: [set] };
+  const told = decode(encode(header), world);
+  assert.ok(told.kind === "tracks");
+  assert.deepEqual(told.tracks, [track]);
+  assert.deepEqual(told.sets[0].knots[1], { time_s: 5, centre_m: [2, 0], radius_m: 0.7 });
+  refuses(encode({ ...header, sets: [{ ...set, knots: [[3, 1, 2]] }] }), /knots\[0\] has 3 numbers, not 4/);
+  refuses(encode({ ...header, tracks: [{ ...track, position_m: [1] }] }), /position_m has 1 numbers, not 2/);
+});
+
 test("a map names blocks that are in its grid", () => {
   const data = new Uint8Array(2048).map((_, i) => i % 251);
   const map = decode(encode(mapHeader(), data), world);

@@ -34,6 +34,7 @@ export interface RunOptions {
 export interface SliceRequest {
   axis: "x" | "y" | "z";
   position_m: number;
+  ahead_s?: number;
 }
 
 const kRoom: Grid = { origin_m: [-2.0, -3.2, -0.1], voxel_m: 0.05, size_vox: [128, 128, 40] };
@@ -75,6 +76,22 @@ export class SyntheticRun {
     const status = time_s >= kDuration_s ? "reached" : "moving";
     const header = { kind: "state", time_s, status, q, true_q: q, clearance: this.clearance(time_s) };
     return encode(header, Float32Array.from(poses.flat()));
+  }
+
+  /** Who moves, and where they will be for 4 s, as they truly are. */
+  tracks(time_s: number): ArrayBuffer {
+    const moving = this.solids.filter((solid) => solid.moves);
+    const at = (solid: Solid, ahead_s: number) => solid.centre(time_s + ahead_s).slice(0, 2);
+    const body = { radius_m: 0.3, bottom_m: 0, top_m: 1.6 };
+    const tracks = moving.map((solid, id) => {
+      const [[x0, y0], [x1, y1]] = [at(solid, -0.5), at(solid, 0.5)];
+      return { id, position_m: at(solid, 0), velocity_mps: [x1 - x0, y1 - y0], ...body };
+    });
+    const sets = moving.map((solid, track) => {
+      const knots = Array.from({ length: 9 }, (_, i) => [time_s + i / 2, ...at(solid, i / 2), 0.3 + 0.05 * i]);
+      return { track, likelihood: 1, bottom_m: 0, top_m: 1.6, knots };
+    });
+    return encode({ kind: "tracks", time_s, tracks, sets });
   }
 
   /** The whole of what is seen, or what has changed since the last call. */
@@ -129,7 +146,7 @@ export class SyntheticRun {
     return encode({ kind: "timing", time_s, frames, steps, checks: Math.round(250 * time_s), frames_dropped: 0 });
   }
 
-  slice(time_s: number, { axis, position_m }: SliceRequest): ArrayBuffer {
+  slice(time_s: number, { axis, position_m, ahead_s = 0 }: SliceRequest): ArrayBuffer {
     const normal = "xyz".indexOf(axis);
     const [u, v] = [0, 1, 2].filter((one) => one !== normal);
     const step_m = this.grid.voxel_m;
@@ -137,7 +154,7 @@ export class SyntheticRun {
     const first_m = this.grid.origin_m.map((value) => value + step_m / 2) as Point;
     first_m[normal] = position_m;
     const samples = new Int16Array(columns * rows);
-    const distance = distanceAt(this.solids, time_s);
+    const distance = distanceAt(this.solids, time_s + ahead_s);
     for (let row = 0; row < rows; ++row) {
       for (let column = 0; column < columns; ++column) {
         const p: Point = [...first_m];
@@ -148,8 +165,8 @@ export class SyntheticRun {
         samples[column + columns * row] = is_seen ? Math.round(1000 * metres) : -32768;
       }
     }
-    const header = { kind: "slice", time_s, stamp_s: time_s, axis, position_m, first_m, step_m, columns, rows, max_m: kMost_m };
-    return encode(header, samples);
+    const header = { kind: "slice", time_s, stamp_s: time_s, axis, position_m, ahead_s, first_m, step_m, columns, rows };
+    return encode({ ...header, max_m: kMost_m }, samples);
   }
 
   end(time_s: number): ArrayBuffer {

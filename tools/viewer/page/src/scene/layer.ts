@@ -6,7 +6,7 @@ import type { World } from "../messages";
 // Colours of the scene are those of the style sheet, so that light and dark live in one place.
 const kNames = [
   "scene-top", "scene-bottom", "ground", "robot", "robot-edge", "spheres", "unknown", "followed", "previous",
-  "refused", "swept-first", "swept-last", "moving", "fixed", "goal", "camera", "clearance",
+  "refused", "swept-first", "swept-last", "moving", "track", "predicted", "fixed", "goal", "camera", "clearance",
   "voxel-low", "voxel-middle", "voxel-high", "voxel-edge",
   "distance-0", "distance-1", "distance-2", "distance-3", "unseen",
 ] as const;

@@ -10,6 +10,7 @@ import { FixedObjectsLayer, MovingObjectsLayer } from "./objects";
 import { GoalLayer, RobotLayer, SpheresLayer } from "./robot";
 import { SliceLayer } from "./slice";
 import { SliceHandle } from "./slice_handle";
+import { PredictedLayer, TracksLayer } from "./people";
 import { SweptLayer } from "./swept";
 import { TrajectoryLayer } from "./trajectories";
 import type { Views } from "./views";
@@ -26,6 +27,7 @@ export class Stage {
   readonly handle: SliceHandle;
   private readonly room: SceneCanvas;
   private readonly map = new MapView();
+  private readonly predicted = new PredictedLayer();
   private readonly clearance: ClearanceLayer;
   private readonly layers: Record<string, Layer>;
 
@@ -46,6 +48,8 @@ export class Stage {
       previous: new TrajectoryLayer("previous"),
       refused: new TrajectoryLayer("refused"),
       swept: new SweptLayer(),
+      tracks: new TracksLayer(),
+      predicted: this.predicted,
       moving: new MovingObjectsLayer(),
       fixed: new FixedObjectsLayer(),
       goal: new GoalLayer(),
@@ -81,6 +85,11 @@ export class Stage {
 
   cutAbove(z_m: number): void {
     this.map.cutAbove(z_m);
+    this.invalidate();
+  }
+
+  lookAhead(ahead_s: number): void {
+    this.predicted.lookAhead(ahead_s);
     this.invalidate();
   }
 
