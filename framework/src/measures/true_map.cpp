@@ -45,7 +45,8 @@ void include(const Track& other, Track& track) {
 
 }  // namespace
 
-TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m) {
+TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m,
+                 bool masks_tracks) {
   const double now_s = time.seconds();
   std::vector<SceneObject> standing;
   auto tracks = std::make_shared<Tracks>();
@@ -62,6 +63,12 @@ TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& boun
     if (now.translation().z() < kUnderground_m) continue;
     auto found = cylinder_around(object.shape, now);
     if (!found) continue;
+    if (!masks_tracks) {
+      SceneObject there = object;
+      there.person = -1;
+      there.waypoints = {{0.0, now}};
+      standing.push_back(std::move(there));
+    }
     const std::int64_t id =
         object.person >= 0 ? object.person + 1 : others + static_cast<std::int64_t>(i);
     if (!tracks->tracks.empty() && tracks->tracks.back().id == id) {

@@ -87,6 +87,7 @@ class EpisodeMapping {
   MotionDetector motion_detector_;
   Tracker tracker_;
   bool is_tracking_;
+  bool masks_tracks_;
   MappingPipeline pipeline_;
   std::deque<Waiting> waiting_;
   Stamp busy_until_;

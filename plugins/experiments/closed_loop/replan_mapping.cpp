@@ -34,6 +34,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
       source_(*world.source, *world.clock, !is_lockstep_),
       tracker_({}, world.robot),
       is_tracking_(settings.tracks || world.predictor),
+      // What nobody predicts stays in the map.
+      masks_tracks_(world.predictor && world.predictor->subject() != PredictionSubject::kNothing),
       pipeline_({source_,
                  *world.mapper,
                  *world.field_builder,
@@ -43,8 +45,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
                  &motion_detector_,
                  true,
                  is_tracking_ ? &tracker_ : nullptr,
-                 // What nobody predicts stays in the map.
-                 world.predictor && world.predictor->subject() != PredictionSubject::kNothing}),
+                 masks_tracks_}),
       source_name_(plugin_of(world.source)),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
@@ -140,7 +141,7 @@ void EpisodeMapping::give_truth() {
   const Eigen::AlignedBox3d everywhere(Eigen::Vector3d::Constant(-100.0),
                                        Eigen::Vector3d::Constant(100.0));
   const Stamp now = clock_.now();
-  TrueMap map = true_map(*truth_source_->scene_until(now), now, everywhere);
+  TrueMap map = true_map(*truth_source_->scene_until(now), now, everywhere, masks_tracks_);
   made_.publish(MapSnapshot{std::move(map.field), nullptr, std::move(map.tracks)});
   const double received_s = now.seconds() + latency_.sensor_s;
   frames_.push_back({now.seconds(), received_s, received_s + latency_.mapping_s, 0.0, 0.0});

@@ -11,8 +11,8 @@
 
 namespace sidestep {
 
-/// A map as nobody can see it: what moves in a scene at a time, as tracks, and the exact field of
-/// what does not.
+/// The exact map of a scene at a time: what moves, as tracks, and the field of what does not, or of
+/// all.
 struct TrueMap {
   std::shared_ptr<const Tracks> tracks;
   std::shared_ptr<const DistanceField> field;
@@ -20,7 +20,9 @@ struct TrueMap {
 
 /// Half-spaces, which are floors, are left out. People that are there, and objects that move by
 /// waypoints, each as the cylinder around all of it, with the velocity that it has; everything
-/// within `bounds_m` is known. Allocates. [any]
-[[nodiscard]] TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m);
+/// within `bounds_m` is known. `masks_tracks`: the field is without what is tracked. Allocates.
+/// [any]
+[[nodiscard]] TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m,
+                               bool masks_tracks = true);
 
 }  // namespace sidestep
