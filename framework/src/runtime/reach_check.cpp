@@ -34,7 +34,8 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
 
 void ReachCheck::look_at(std::shared_ptr<const MovingObstacles> moving, const Tracks* tracks) {
   moving_ = std::move(moving);
-  if (tracks == nullptr || speed_mps_ == 0.0 || !check_tracks(*tracks)) return;
+  has_lost_track_ = tracks != nullptr && !check_tracks(*tracks);
+  if (tracks == nullptr || speed_mps_ == 0.0 || has_lost_track_) return;
   auto all = moving_ ? std::make_shared<MovingObstacles>(*moving_)
                      : std::make_shared<MovingObstacles>(MovingObstacles{{}, tracks->stamp});
   for (const Track& track : tracks->tracks) {
@@ -101,13 +102,14 @@ std::optional<Contingency> ReachCheck::contingency(const Trajectory& motion, dou
 std::optional<std::string> ReachCheck::first_reach(const Contingency& contingency, Stamp begin,
                                                    Stamp now) const {
   if (!sees_anything()) return std::nullopt;
+  if (has_lost_track_) return "what is tracked makes no sense";
   const std::vector<CollisionSphere>& spheres = robot_->description().spheres;
   const double begin_s = begin.seconds() - now.seconds();
   const double seen_s = std::min(0.0, moving_->stamp.seconds() - now.seconds());
   for (std::size_t i = 0; i < contingency.times_s.size(); ++i) {
     const double in_s = begin_s + contingency.times_s[i];
     const bool is_last = i + 1 == contingency.times_s.size();
-    if (in_s + kStep_s < 0.0 && !is_last) continue;  // over
+    if (in_s + kStep_s < 0.0 && !is_last) continue;  // in the past
     // What moves is taken to be where it can be at the end of the step.
     const double grown_m = margin_m_ + speed_mps_ * (std::max(in_s, 0.0) - seen_s + kStep_s);
     const Eigen::Vector3d* centres_m = contingency.centres_m.data() + i * spheres.size();

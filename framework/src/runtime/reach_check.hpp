@@ -36,11 +36,12 @@ class ReachCheck {
   ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits limits,
              const ReplannerSettings& settings);
 
-  /// What moves, and what is tracked besides; either may be null.
+  /// What moves, and what is tracked besides; either may be null. A track whose numbers are not
+  /// finite could reach the robot anywhere.
   void look_at(std::shared_ptr<const MovingObstacles> moving, const Tracks* tracks);
   /// Whether anything moves that could reach the robot anywhere.
   [[nodiscard]] bool sees_anything() const noexcept {
-    return speed_mps_ > 0.0 && moving_ != nullptr && !moving_->balls.empty();
+    return speed_mps_ > 0.0 && (has_lost_track_ || (moving_ != nullptr && !moving_->balls.empty()));
   }
 
   /// `motion` from `from_s` on, braking at `brake_s`, along the path where that can be, else beside
@@ -66,7 +67,8 @@ class ReachCheck {
   MotionLimits limits_;
   double speed_mps_;
   double margin_m_;
-  bool counts_standing_;    ///< People who stand, too.
+  bool counts_standing_;  ///< People who stand, too.
+  bool has_lost_track_ = false;
   double largest_m_ = 0.0;  ///< Radius of the largest sphere.
   std::shared_ptr<const MovingObstacles> moving_;
 };

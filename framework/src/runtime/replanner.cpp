@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
@@ -115,6 +116,10 @@ const Replanner::Impl::Motion* Replanner::Impl::motion() const {
   if (const auto* braking = std::get_if<Braking>(&phase)) return braking;
   const auto* at_goal = std::get_if<AtGoal>(&phase);
   return at_goal != nullptr && at_goal->trajectory.size() > 0 ? at_goal : nullptr;
+}
+
+bool Replanner::Impl::is_in_time() const {
+  return !settings.limit_wall_time || 1e-3 * watch.elapsed_ms() <= settings.takeover_s;
 }
 
 bool Replanner::Impl::is_overdue() const {
@@ -267,10 +272,6 @@ void Replanner::Impl::improve(const Driving& driving) {
   (void)replan(std::move(departure), Reason::kCost, cause, (1.0 - settings.hysteresis) * *cost);
 }
 
-void Replanner::Impl::come_back(const Driving& driving) {
-  if (is_due()) (void)replan(departure_from(driving), Reason::kAside, "the robot is aside");
-}
-
 void Replanner::Impl::hasten(const Driving& driving) {
   (void)replan(departure_from(driving), Reason::kSooner, "the way may be free sooner", {},
                driving.trajectory.duration_s() - driving.time_s(now) - kDelayed_s);
@@ -285,6 +286,14 @@ detail::Departure Replanner::Impl::departure_from(const Motion& motion) const {
   find_unfinished(departure);
   const auto speeds = departure.lead.qdot(departure.lead.size() - 1);
   departure.is_moving = std::ranges::any_of(speeds, [](double v) { return v != 0.0; });
+  return departure;
+}
+
+detail::Departure Replanner::Impl::departure_from_end(const Braking& stop) const {
+  const double now_s = stop.time_s(now);
+  const double end_s = std::max(stop.trajectory.duration_s(), now_s + settings.takeover_s);
+  detail::Departure departure;
+  departure.lead = cut(stop.trajectory, now_s, end_s);
   return departure;
 }
 
@@ -344,8 +353,19 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
   }
   const detail::Departure at_rest = departure;
   if (replan(std::move(departure), reason, cause)) return;
-  look_for_other_goal();
-  (void)step_aside(at_rest);
+  if (!step_aside(at_rest)) look_for_other_goal();
+}
+
+void Replanner::Impl::look_for_other_goal() {
+  constexpr double kAgain_s = 1.0;
+  const bool is_early = asked_for_goal && now.seconds() - asked_for_goal->seconds() < kAgain_s;
+  const auto is_blocked = [&](const Eigen::VectorXd& q) {
+    return checks_of_robot.state_violation(field, parts.space, margin_m, as_span(q)).has_value();
+  };
+  if (!parts.other_goal || is_early || !is_blocked(parts.goal.q)) return;
+  asked_for_goal = now;
+  const auto other = parts.other_goal(field);
+  if (other && !is_blocked(*other)) parts.goal.q = *other;
 }
 
 bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const std::string& cause,
@@ -364,10 +384,10 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   detail::SearchResult found =
       search.run({field, *full_check, reach, prediction_check, predicted_from(now),
                   std::move(departure), now, to_beat, to_end_before_s, least_free_s});
-  const double took_s = 1e-3 * watch.elapsed_ms();
-  if (found.plan && settings.limit_wall_time && took_s > settings.takeover_s) {
+  if (found.plan && !is_in_time()) {
     found.plan.reset();
-    found.failure = "it came after " + std::to_string(took_s) + " s, too late to take over";
+    found.failure =
+        "it came after " + std::to_string(1e-3 * watch.elapsed_ms()) + " s, too late to take over";
   }
   if (found.plan) return follow(found, reason, cause);
   failed_at = now;

@@ -1,7 +1,7 @@
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/trajectory/retime.hpp>
@@ -12,20 +12,35 @@
 namespace sidestep {
 namespace {
 
+/// Distances of the candidates from where the base stands.
 constexpr std::array kDistances_m{0.25, 0.5, 0.75, 1.0, 1.5};
 constexpr int kDirections = 16;
 constexpr int kStages = 20;       ///< Of the timing of a straight line.
-constexpr double kSpare_s = 1.0;  ///< By which a robot is aside before somebody comes.
-/// Where no place is clear for good, one that is so for longer by this is worth the way.
+constexpr double kSpare_s = 1.0;  ///< Between the end of the motion and the predicted contact.
+/// A candidate that is not clear for good has to be clear for longer than the robot is where it
+/// stands.
 constexpr double kWorth_s = 1.0;
 
-/// Of a straight line of the base, on which it is no faster than one of its joints may be.
+/// Unit vectors all around, the one towards the goal first, then on either side of it.
+std::array<Eigen::Vector2d, kDirections> directions_from(const Eigen::Vector2d& way_m) {
+  std::array<Eigen::Vector2d, kDirections> directions;
+  for (int k = 0; k < kDirections; ++k) {
+    const int turn = (k % 2 == 0 ? -1 : 1) * ((k + 1) / 2);
+    const double angle =
+        std::atan2(way_m.y(), way_m.x()) + 2.0 * std::numbers::pi * turn / kDirections;
+    directions[idx(k)] = {std::cos(angle), std::sin(angle)};
+  }
+  return directions;
+}
+
+/// Limits under which the base is no faster along a line than the slower of its two joints.
 MotionLimits limits_along(MotionLimits limits, const std::array<int, 2>& base,
                           const Eigen::Vector2d& direction) {
   for (auto* values : {&limits.velocity, &limits.acceleration}) {
     const double least = std::min((*values)[idx(base[0])], (*values)[idx(base[1])]);
-    for (const int axis : {0, 1})
+    for (const int axis : {0, 1}) {
       (*values)[idx(base[idx(axis)])] = least * std::abs(direction[axis]);
+    }
   }
   return limits;
 }
@@ -38,53 +53,40 @@ bool Replanner::Impl::step_aside(const detail::Departure& departure) {
   const auto predicted = predicted_from(now);
   if (!predicted || is_at_fault) return false;
   const Trajectory& lead = departure.lead;
-  const Motion standing{
-      joined(lead, resting(lead.q(lead.size() - 1), settings.prediction_horizon_s)), now};
+  const auto q = lead.q(lead.size() - 1);
+  const Motion standing{joined(lead, resting(q, settings.prediction_horizon_s)), now};
   const auto conflict = prediction_check.first_conflict(standing.trajectory, 0.0, *predicted);
   if (!conflict) return false;
   detail::SearchResult found;
   found.guess = "aside";
   found.plan = find_aside(departure, *predicted, *conflict);
-  if (!found.plan || conflict->time_s > found.plan->trajectory.duration_s() + kSpare_s)
-    return false;
+  if (!found.plan || !is_in_time()) return false;
+  if (conflict->time_s > found.plan->trajectory.duration_s() + kSpare_s) return false;
   return follow(found, Reason::kAside, describe(*conflict, standing));
 }
 
 std::optional<detail::FoundPlan> Replanner::Impl::find_aside(
     const detail::Departure& departure, const PredictionOnClock& predicted,
     const PredictedConflict& standing) const {
-  const RobotDescription& robot = parts.robot->description();
-  const auto base = robot.planar_base();
+  const auto base = parts.robot->description().planar_base();
   if (!base) return std::nullopt;
   const Trajectory& lead = departure.lead;
-  Trajectory line = make_trajectory(lead.dof, 2, 1.0);
-  for (const int state : {0, 1}) std::ranges::copy(lead.q(lead.size() - 1), line.q(state).begin());
-  const auto place = [&](std::span<const double> q) {
-    return Eigen::Vector2d(q[idx((*base)[0])], q[idx((*base)[1])]);
+  const auto q = lead.q(lead.size() - 1);
+  const auto place = [&](std::span<const double> at) {
+    return Eigen::Vector2d(at[idx((*base)[0])], at[idx((*base)[1])]);
   };
-  const Eigen::Vector2d from_m = place(line.q(0)), way_m = place(as_span(parts.goal.q)) - from_m;
+  const auto directions = directions_from(place(as_span(parts.goal.q)) - place(q));
   const double brake_s = lead.duration_s() + settings.replan_period_s + settings.search_s();
   std::optional<detail::FoundPlan> best;
   double clear_s = standing.time_s + kWorth_s;
   for (const double distance_m : kDistances_m) {
-    for (int k = 0; k < kDirections; ++k) {
-      // The goal's direction first, then to either side of it.
-      const double turns = (k % 2 == 0 ? -0.5 : 0.5) * ((k + 1) / 2 * 2) / kDirections;
-      const double angle = std::atan2(way_m.y(), way_m.x()) + 2.0 * std::numbers::pi * turns;
-      const Eigen::Vector2d direction(std::cos(angle), std::sin(angle));
-      bool is_in_limits = true;
-      for (const int axis : {0, 1}) {
-        const int joint = (*base)[idx(axis)];
-        double& q = line.q(1)[idx(joint)];
-        q = from_m[axis] + distance_m * direction[axis];
-        is_in_limits &= q >= robot.joints[idx(joint)].lower && q <= robot.joints[idx(joint)].upper;
-      }
-      if (!is_in_limits) continue;
-      const auto timed = retime(line, limits_along(parts.limits, *base, direction),
-                                {.least_stages = kStages, .stop_at_goal = true});
-      if (!timed) continue;
-      const Trajectory motion = joined(lead, timed->trajectory);
-      const Trajectory and_rest = joined(motion, resting(line.q(1), settings.prediction_horizon_s));
+    for (const Eigen::Vector2d& direction : directions) {
+      if (!is_in_time()) return best;
+      const auto way = base_motion(q, *base, distance_m, direction);
+      if (!way) continue;
+      const Trajectory motion = joined(lead, *way);
+      const Trajectory and_rest =
+          joined(motion, resting(motion.q(motion.size() - 1), settings.prediction_horizon_s));
       const auto conflict = prediction_check.first_conflict(and_rest, 0.0, predicted);
       if (conflict && conflict->time_s <= clear_s) continue;
       if (reach.first_reach(motion, 0.0, brake_s, now)) continue;
@@ -101,24 +103,27 @@ std::optional<detail::FoundPlan> Replanner::Impl::find_aside(
   return best;
 }
 
-void Replanner::Impl::look_for_other_goal() {
-  constexpr double kAgain_s = 1.0;
-  const bool is_early = asked_for_goal && now.seconds() - asked_for_goal->seconds() < kAgain_s;
-  const auto is_blocked = [&](const Eigen::VectorXd& q) {
-    return checks_of_robot.state_violation(field, parts.space, margin_m, as_span(q)).has_value();
-  };
-  if (!parts.other_goal || is_early || !is_blocked(parts.goal.q)) return;
-  asked_for_goal = now;
-  const auto other = parts.other_goal(field);
-  if (other && !is_blocked(*other)) parts.goal.q = *other;
+std::optional<Trajectory> Replanner::Impl::base_motion(std::span<const double> q,
+                                                       const std::array<int, 2>& base,
+                                                       double distance_m,
+                                                       const Eigen::Vector2d& direction) const {
+  Trajectory line = make_trajectory(static_cast<int>(q.size()), 2, 1.0);
+  for (const int state : {0, 1}) std::ranges::copy(q, line.q(state).begin());
+  for (const int axis : {0, 1}) {
+    const int joint = base[idx(axis)];
+    const Joint& its = parts.robot->description().joints[idx(joint)];
+    double& end = line.q(1)[idx(joint)];
+    end += distance_m * direction[axis];
+    if (end < its.lower || end > its.upper) return std::nullopt;
+  }
+  auto timed = retime(line, limits_along(parts.limits, base, direction),
+                      {.least_stages = kStages, .stop_at_goal = true});
+  if (!timed) return std::nullopt;
+  return std::move(timed->trajectory);
 }
 
-detail::Departure Replanner::Impl::departure_from_end(const Braking& stop) const {
-  const double now_s = stop.time_s(now);
-  detail::Departure departure;
-  departure.lead = cut(stop.trajectory, now_s,
-                       std::max(stop.trajectory.duration_s(), now_s + settings.takeover_s));
-  return departure;
+void Replanner::Impl::come_back(const Driving& driving) {
+  if (is_due()) (void)replan(departure_from(driving), Reason::kAside, "the robot is aside");
 }
 
 }  // namespace sidestep

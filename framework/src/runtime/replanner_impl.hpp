@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -84,6 +86,8 @@ struct Replanner::Impl {
   bool replan(detail::Departure departure, Reason reason, const std::string& cause,
               std::optional<double> to_beat = {}, std::optional<double> to_end_before_s = {});
   bool follow(const detail::SearchResult& found, Reason reason, const std::string& cause);
+  /// Takes another configuration that does what is asked of the goal where this one is blocked.
+  void look_for_other_goal();
   [[nodiscard]] bool is_due() const;
 
   // Out of people's way: replanner_aside.cpp.
@@ -94,8 +98,11 @@ struct Replanner::Impl {
   [[nodiscard]] std::optional<detail::FoundPlan> find_aside(
       const detail::Departure& departure, const PredictionOnClock& predicted,
       const PredictedConflict& standing) const;
-  /// Takes another configuration that does what is asked of the goal where this one is blocked.
-  void look_for_other_goal();
+  /// Along a straight line, to rest; nothing where that leads beyond the joints' limits.
+  [[nodiscard]] std::optional<Trajectory> base_motion(std::span<const double> q,
+                                                      const std::array<int, 2>& base,
+                                                      double distance_m,
+                                                      const Eigen::Vector2d& direction) const;
   /// Goes on to the goal as soon as that can be.
   void come_back(const Driving& driving);
 
@@ -135,6 +142,8 @@ struct Replanner::Impl {
   [[nodiscard]] std::string stop_by_executor();
   [[nodiscard]] bool must_stop_now(const Driving& driving) const;
 
+  /// Whether what is found in this step can still take over.
+  [[nodiscard]] bool is_in_time() const;
   /// Whether so much time has passed in this step that what was measured in it says nothing now.
   [[nodiscard]] bool is_overdue() const;
   /// Now, with what this step has taken where that counts.

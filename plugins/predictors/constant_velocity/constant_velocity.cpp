@@ -17,10 +17,7 @@ class ConstantVelocity final : public Predictor {
     const std::vector<double> times_s = options_.times_s(request.horizon_s);
     Paths paths;
     for (const Track& track : request.tracks.tracks) {
-      std::vector<Eigen::Vector2d>& path = paths.emplace_back();
-      for (const double time_s : times_s) {
-        path.push_back(track.position_m + time_s * track.velocity_mps);
-      }
+      paths.push_back(straight_path(track, times_s));
     }
     return predict_along(request.tracks, times_s, paths, options_);
   }

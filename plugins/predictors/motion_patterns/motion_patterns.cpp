@@ -13,42 +13,43 @@ namespace {
 
 using namespace sidestep;
 
-constexpr double kApart_s = 0.1;     ///< Between two remembered places of a track.
-constexpr double kLeastAgo_s = 1.0;  ///< What is later is the present.
+constexpr double kSampling_s = 0.1;   ///< Between two remembered places of a track.
+constexpr double kMinPeriod_s = 1.0;  ///< What is later is the present.
 
 struct Options : Spread {
   double memory_s = 120.0;
-  double same_place_m = 0.2;
-  double same_velocity = 0.25;
+  double match_distance_m = 0.2;
+  double match_velocity_share = 0.25;
   double turning_m = 0.6;
 
   static Parameters<Options> parameters() {
     return declare_spread<Options>()
         .add("memory_s", &Options::memory_s, "How long the places of a track are remembered.",
              {.unit = "s", .min = 1.0, .max = 3600.0})
-        .add("same_place_m", &Options::same_place_m,
-             "A track that is so near to where it was once, at the same velocity, does what it did "
-             "then.",
+        .add("match_distance_m", &Options::match_distance_m,
+             "Largest distance to a past position that counts as the same place.",
              {.unit = "m", .min = 0.0, .max = 10.0})
-        .add("same_velocity", &Options::same_velocity,
-             "Share of its speed by which that velocity may differ.", {.min = 0.0, .max = 2.0})
+        .add("match_velocity_share", &Options::match_velocity_share,
+             "Share of its speed by which a past velocity may differ to count as the same.",
+             {.min = 0.0, .max = 2.0})
         .add("turning_m", &Options::turning_m,
-             "A track that has no such past may turn back so far from a wall that it heads for, "
-             "or go on.",
+             "Distance of a track's axis from a wall that it heads for at which it may turn back, "
+             "where it has no such past; both alternatives are predicted.",
              {.unit = "m", .min = 0.0, .max = 10.0});
   }
 };
 
 /// Where a track was, and how fast.
-struct Place {
+struct PastState {
   double time_s;
   Eigen::Vector2d position_m;
   Eigen::Vector2d velocity_mps;
 };
-using History = std::deque<Place>;
+using History = std::deque<PastState>;
 
-/// What people have done at a place they do there again (motion patterns: Bennewitz, Burgard,
-/// Cielniak and Thrun 2005), each by its own past.
+/// Replays each track's own past: from the nearest of the latest moments at the same position and
+/// velocity on, its path since then is repeated. A simplification of learned motion patterns
+/// (Bennewitz, Burgard, Cielniak and Thrun 2005), which are of many people.
 class MotionPatterns final : public Predictor {
  public:
   explicit MotionPatterns(const Options& options) : options_(options) {}
@@ -59,22 +60,15 @@ class MotionPatterns final : public Predictor {
     std::vector<PredictedSet> sets;
     for (const Track& track : request.tracks.tracks) {
       const History& past = histories_.at(track.id);
-      if (const auto then = same_before(track, past)) {
+      if (const auto then = find_past_match(track, past)) {
         sets.push_back(set_along(track, times_s, repeated(track, past, *then, times_s), options_));
         continue;
       }
-      std::vector<Eigen::Vector2d> on, back;
       const auto turn_s = turning_time_s(track, request);
-      for (const double time_s : times_s) {
-        on.push_back(track.position_m + time_s * track.velocity_mps);
-        const double back_s = turn_s ? std::max(0.0, time_s - *turn_s) : 0.0;
-        back.push_back(on.back() - 2.0 * back_s * track.velocity_mps);
-      }
-      sets.push_back(set_along(track, times_s, on, options_));
+      sets.push_back(set_along(track, times_s, straight_path(track, times_s), options_));
       if (!turn_s) continue;
-      sets.back().likelihood = 0.5;
-      sets.push_back(set_along(track, times_s, back, options_));
-      sets.back().likelihood = 0.5;
+      sets.push_back(set_along(track, times_s, straight_path(track, times_s, *turn_s), options_));
+      for (auto set : {1, 2}) sets[sets.size() - idx(set)].likelihood = 0.5;
     }
     return Prediction::create(request.tracks.stamp, std::move(sets));
   }
@@ -85,7 +79,7 @@ class MotionPatterns final : public Predictor {
     for (const Track& track : tracks.tracks) {
       History& past = histories_[track.id];
       if (!past.empty() && now_s < past.back().time_s) past.clear();
-      if (!past.empty() && now_s - past.back().time_s < kApart_s) continue;
+      if (!past.empty() && now_s - past.back().time_s < kSampling_s) continue;
       past.push_back({now_s, track.position_m, track.velocity_mps});
     }
     for (auto its = histories_.begin(); its != histories_.end();) {
@@ -96,16 +90,16 @@ class MotionPatterns final : public Predictor {
   }
 
   /// When the track was last where it is, as fast.
-  [[nodiscard]] std::optional<std::size_t> same_before(const Track& track,
-                                                       const History& past) const {
+  [[nodiscard]] std::optional<std::size_t> find_past_match(const Track& track,
+                                                           const History& past) const {
     const double speed_mps = track.velocity_mps.norm();
     std::optional<std::size_t> nearest;
-    double nearest_m = options_.same_place_m;
+    double nearest_m = options_.match_distance_m;
     for (std::size_t i = past.size(); i-- > 0;) {
-      if (past.back().time_s - past[i].time_s < kLeastAgo_s) continue;
+      if (past.back().time_s - past[i].time_s < kMinPeriod_s) continue;
       const double apart_m = (past[i].position_m - track.position_m).norm();
       const double differs_mps = (past[i].velocity_mps - track.velocity_mps).norm();
-      if (apart_m < nearest_m && differs_mps < options_.same_velocity * speed_mps) {
+      if (apart_m < nearest_m && differs_mps < options_.match_velocity_share * speed_mps) {
         nearest = i;
         nearest_m = apart_m;
       } else if (nearest) {
@@ -123,15 +117,14 @@ class MotionPatterns final : public Predictor {
     const Eigen::Vector2d off_m = track.position_m - past[then].position_m;
     std::vector<Eigen::Vector2d> path;
     for (const double time_s : times_s) {
+      // Within the period, so that there is a state after it; the first of them is no earlier.
       const double at_s = past[then].time_s + std::fmod(time_s, period_s);
-      const auto after = std::ranges::lower_bound(past, at_s, {}, &Place::time_s);
-      Eigen::Vector2d at_m = after == past.end() ? past.back().position_m : after->position_m;
-      if (after != past.end() && after != past.begin()) {
-        const Place& before = *std::prev(after);
-        const double share = (at_s - before.time_s) / (after->time_s - before.time_s);
-        at_m = before.position_m + share * (after->position_m - before.position_m);
-      }
-      path.push_back(at_m + off_m);
+      const auto after =
+          std::upper_bound(past.begin() + static_cast<std::ptrdiff_t>(then), std::prev(past.end()),
+                           at_s, [](double t, const PastState& state) { return t < state.time_s; });
+      const PastState& before = *std::prev(after);
+      const double share = (at_s - before.time_s) / (after->time_s - before.time_s);
+      path.push_back(off_m + before.position_m + share * (after->position_m - before.position_m));
     }
     return path;
   }

@@ -34,6 +34,16 @@ double Spread::radius_m(const Track& track, double time_s) const noexcept {
   return track.radius_m + at_first_m + std::clamp(growth_m, 0.0, max_growth_m);
 }
 
+std::vector<Eigen::Vector2d> straight_path(const Track& track, std::span<const double> times_s,
+                                           double turn_s) {
+  std::vector<Eigen::Vector2d> path;
+  for (const double time_s : times_s) {
+    const double way_s = std::min(time_s, 2.0 * turn_s - time_s);
+    path.push_back(track.position_m + way_s * track.velocity_mps);
+  }
+  return path;
+}
+
 PredictedSet set_along(const Track& track, std::span<const double> times_s,
                        std::span<const Eigen::Vector2d> path, const Spread& spread) {
   PredictedSet set{track.id, 1.0, track.bottom_m, track.top_m, {}};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -29,6 +30,11 @@ struct Spread {
 
 /// Where each track's centre is at each time, track by track.
 using Paths = std::vector<std::vector<Eigen::Vector2d>>;
+
+/// Where a track's centre is at each time if it keeps its velocity, and turns back at `turn_s`.
+[[nodiscard]] std::vector<Eigen::Vector2d> straight_path(
+    const Track& track, std::span<const double> times_s,
+    double turn_s = std::numeric_limits<double>::infinity());
 
 /// The set of a track along a path, as many places as times.
 [[nodiscard]] PredictedSet set_along(const Track& track, std::span<const double> times_s,
