@@ -89,12 +89,20 @@ BaseClearance::BaseClearance(const Problem& problem, std::array<int, 2> base,
         std::max(turning_mps, (offsets_m_[i] - offsets_m_[i - spheres]).norm() / kApart_s);
   }
   closing_mps_ += turning_mps;
+  for (const Vector3d& offset_m : offsets_m_) {
+    around_.centre_link_m += offset_m / static_cast<double>(offsets_m_.size());
+  }
+  for (std::size_t i = 0; i < offsets_m_.size(); ++i) {
+    around_.radius_m = std::max(around_.radius_m, (offsets_m_[i] - around_.centre_link_m).norm() +
+                                                      robot.spheres[i % spheres].radius_m);
+  }
   if (problem.prediction) sets_mps_ = problem.prediction->speed_mps();
   least_look_s_ = kNear_m / (closing_mps_ + sets_mps_);
   centres_m_.resize(spheres);
   distances_m_.resize(spheres);
   statuses_.resize(spheres);
   // It may begin nearer, and comes no nearer than that.
+  kept_m_.moving_m = kInfinity;
   kept_m_ = at({problem.start.q[base[0]], problem.start.q[base[1]]}, 0.0);
   kept_m_.standing_m = std::min(kept_m_.standing_m, problem.collision_margin_m + margin_m);
   kept_m_.moving_m = std::min(kept_m_.moving_m, problem.prediction_margin_m + margin_m);
@@ -138,11 +146,22 @@ BaseClearance::Clearance BaseClearance::at(const Vector2d& p_m, double time_s) {
     query_with_policy(*problem_.field, problem_.space, centres_m_, distances_m_, {}, statuses_);
     clear_m.standing_m = std::min(clear_m.standing_m, nearest_m());
   }
-  if (problem_.prediction) {
-    problem_.prediction->query(problem_.prediction_from_s + time_s, centres_m_, distances_m_, {});
-    clear_m.moving_m = nearest_m();
-  }
+  if (!problem_.prediction) return clear_m;
+  clear_m.moving_m = far_from_moving_m(base_m, time_s);
+  constexpr double kFar_m = 0.3;  // beyond the margin: all that is asked for
+  if (clear_m.moving_m > kept_m_.moving_m + kFar_m) return clear_m;
+  problem_.prediction->query(problem_.prediction_from_s + time_s, centres_m_, distances_m_, {});
+  clear_m.moving_m = nearest_m();
   return clear_m;
+}
+
+/// No sphere is nearer to what is predicted.
+double BaseClearance::far_from_moving_m(const Vector3d& base_m, double time_s) const {
+  const Vector3d centre_m = base_m + around_.centre_link_m;
+  double distance_m = 0.0;
+  problem_.prediction->query(problem_.prediction_from_s + time_s, {&centre_m, 1}, {&distance_m, 1},
+                             {});
+  return distance_m - around_.radius_m;
 }
 
 /// Of the surfaces of the spheres, by the distances of their centres.

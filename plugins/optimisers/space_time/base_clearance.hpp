@@ -36,6 +36,11 @@ class BaseClearance {
   /// Whether the base carries the whole robot.
   [[nodiscard]] bool carries_all() const noexcept { return carries_all_; }
 
+  /// Whether the robot is clear at an instant.
+  [[nodiscard]] bool is_clear(const Eigen::Vector2d& p_m, double time_s) {
+    return clear_for_s(p_m, time_s) >= 0.0;
+  }
+
   /// Whether the robot is clear while its base makes a stretch, which begins at `begin_s`. Up to
   /// `sure_until_s` it is known to be; afterwards that is the end of the stretch or later. Looks
   /// only when robot and sets could have come as near as the margins since the last look.
@@ -51,6 +56,7 @@ class BaseClearance {
     double standing_m, moving_m;
   };
   Clearance at(const Eigen::Vector2d& p_m, double time_s);
+  [[nodiscard]] double far_from_moving_m(const Eigen::Vector3d& base_m, double time_s) const;
   [[nodiscard]] double nearest_m() const noexcept;
   [[nodiscard]] bool is_within(const Eigen::Vector2d& p_m) const noexcept;
 
@@ -64,6 +70,7 @@ class BaseClearance {
   std::array<Eigen::Vector3d, 2> axes_;     ///< By which all spheres move with the base.
   std::vector<Eigen::Vector3d> offsets_m_;  ///< Of spheres from the base, at instants evenly apart.
   std::vector<double> above_floor_m_;       ///< The lowest sphere's, then.
+  CollisionSphere around_;                  ///< All spheres at all times, from the base.
   std::vector<Eigen::Vector3d> centres_m_;
   std::vector<double> distances_m_;
   std::vector<FieldStatus> statuses_;
