@@ -29,7 +29,8 @@ class OtherJoints {
 /// its spheres are where about the base is known beforehand.
 class BaseClearance {
  public:
-  /// `margin_m`: beyond the problem's margins. `speed_mps`: of the base at most.
+  /// `margin_m`: beyond the problem's margins, and by how much robot and sets may come nearer
+  /// between two looks. `speed_mps`: of the base at most.
   BaseClearance(const Problem& problem, std::array<int, 2> base, const OtherJoints& others,
                 double margin_m, double speed_mps);
 
@@ -57,7 +58,7 @@ class BaseClearance {
   };
   Clearance at(const Eigen::Vector2d& p_m, double time_s);
   [[nodiscard]] double far_from_moving_m(const Eigen::Vector3d& base_m, double time_s) const;
-  [[nodiscard]] double nearest_m() const noexcept;
+  void find_outer();
   [[nodiscard]] bool is_within(const Eigen::Vector2d& p_m) const noexcept;
 
   const Problem& problem_;
@@ -71,7 +72,8 @@ class BaseClearance {
   std::vector<Eigen::Vector3d> offsets_m_;  ///< Of spheres from the base, at instants evenly apart.
   std::vector<double> above_floor_m_;       ///< The lowest sphere's, then.
   CollisionSphere around_;                  ///< All spheres at all times, from the base.
-  std::vector<Eigen::Vector3d> centres_m_;
+  std::vector<std::size_t> outer_;          ///< Spheres that may be first to meet a set.
+  std::vector<Eigen::Vector3d> centres_m_, outer_centres_m_;
   std::vector<double> distances_m_;
   std::vector<FieldStatus> statuses_;
 };

@@ -62,7 +62,9 @@ struct Mover {
         limits(limits_of(of, joints)),
         others(of, joints),
         goal_m(of.goal.q[joints[0]], of.goal.q[joints[1]]),
-        clearance(of, joints, others, settings.extra_margin_m, limits.speed_mps) {
+        clearance(of, joints, others, settings.extra_margin_m, limits.speed_mps),
+        last_metre_s(
+            least_duration_s({goal_m + Vector2d::UnitX(), Vector2d::Zero()}, goal_m, limits)) {
     const double left_s = of.prediction ? of.prediction->end_s() - of.prediction_from_s : 0.0;
     const int instants = 1 + static_cast<int>(std::ceil(std::max(0.0, left_s) / kApart_s));
     arrivals_s.assign(idx(instants) + 1, kInfinity);
@@ -90,6 +92,8 @@ struct Mover {
   OtherJoints others;
   Vector2d goal_m;
   BaseClearance clearance;
+  /// How long before the goal it may be that somebody who stands there is waited for.
+  double last_metre_s;
   std::vector<double> arrivals_s;  ///< When the goal is clear, from every kApart_s on.
 };
 
@@ -148,7 +152,7 @@ class Search {
 
   /// A step from a node to a velocity, or the straight way from it to the goal.
   struct Candidate {
-    double bound_s = 0.0;    ///< When it may be at the goal.
+    double bound_s = 0.0;    ///< When it may be at the goal; all the same where that is awaited.
     double unbound_s = 0.0;  ///< The same, whenever that is clear.
     int steps = 0;
     std::int64_t order = 0;
@@ -189,11 +193,13 @@ class Search {
     }
   }
   void push(double unbound_s, int index, int velocity) {
-    const double bound_s = mover_.arrival_s(unbound_s);
+    double bound_s = mover_.arrival_s(unbound_s);
     if (!std::isfinite(bound_s)) return;
-    // It would come while the goal is not clear.
     const bool is_closing = velocity == kClosing;
-    if (is_closing && bound_s > std::max(unbound_s, others_.duration_s())) return;
+    if (bound_s > std::max(unbound_s, others_.duration_s())) {
+      if (is_closing) return;  // it would come while the goal is not clear
+      bound_s += mover_.last_metre_s;
+    }
     const int steps = nodes_[idx(index)].steps + (is_closing ? 1 : 0);
     queue_.push({bound_s, unbound_s, steps, order_++, index, velocity});
   }
