@@ -16,7 +16,6 @@ using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kApart_s = 0.05;  ///< Between the instants at which spheres are placed.
-constexpr double kNear_m = 0.06;   ///< That robot and sets may come nearer between two looks.
 
 }  // namespace
 
@@ -89,12 +88,23 @@ BaseClearance::BaseClearance(const Problem& problem, std::array<int, 2> base,
         std::max(turning_mps, (offsets_m_[i] - offsets_m_[i - spheres]).norm() / kApart_s);
   }
   closing_mps_ += turning_mps;
-  if (problem.prediction) sets_mps_ = problem.prediction->speed_mps();
-  least_look_s_ = kNear_m / (closing_mps_ + sets_mps_);
+  for (const Vector3d& offset_m : offsets_m_) {
+    around_.centre_link_m += offset_m / static_cast<double>(offsets_m_.size());
+  }
+  for (std::size_t i = 0; i < offsets_m_.size(); ++i) {
+    around_.radius_m = std::max(around_.radius_m, (offsets_m_[i] - around_.centre_link_m).norm() +
+                                                      robot.spheres[i % spheres].radius_m);
+  }
+  if (problem.prediction) {
+    sets_mps_ = problem.prediction->speed_mps();
+    find_outer();
+  }
+  least_look_s_ = margin_m / (closing_mps_ + sets_mps_);
   centres_m_.resize(spheres);
   distances_m_.resize(spheres);
   statuses_.resize(spheres);
   // It may begin nearer, and comes no nearer than that.
+  kept_m_.moving_m = kInfinity;
   kept_m_ = at({problem.start.q[base[0]], problem.start.q[base[1]]}, 0.0);
   kept_m_.standing_m = std::min(kept_m_.standing_m, problem.collision_margin_m + margin_m);
   kept_m_.moving_m = std::min(kept_m_.moving_m, problem.prediction_margin_m + margin_m);
@@ -136,23 +146,61 @@ BaseClearance::Clearance BaseClearance::at(const Vector2d& p_m, double time_s) {
   Clearance clear_m{std::min(above_floor_m_[look], above_floor_m_[next]), kInfinity};
   if (problem_.field) {
     query_with_policy(*problem_.field, problem_.space, centres_m_, distances_m_, {}, statuses_);
-    clear_m.standing_m = std::min(clear_m.standing_m, nearest_m());
+    for (std::size_t s = 0; s < spheres.size(); ++s) {
+      clear_m.standing_m = std::min(clear_m.standing_m, distances_m_[s] - spheres[s].radius_m);
+    }
   }
-  if (problem_.prediction) {
-    problem_.prediction->query(problem_.prediction_from_s + time_s, centres_m_, distances_m_, {});
-    clear_m.moving_m = nearest_m();
+  if (!problem_.prediction) return clear_m;
+  clear_m.moving_m = far_from_moving_m(base_m, time_s);
+  constexpr double kFar_m = 0.3;  // beyond the margin: all that is asked for
+  if (clear_m.moving_m > kept_m_.moving_m + kFar_m) return clear_m;
+  for (std::size_t i = 0; i < outer_.size(); ++i) outer_centres_m_[i] = centres_m_[outer_[i]];
+  const std::span distances_m = std::span(distances_m_).first(outer_.size());
+  problem_.prediction->query(problem_.prediction_from_s + time_s, outer_centres_m_, distances_m,
+                             {});
+  clear_m.moving_m = kInfinity;
+  for (std::size_t i = 0; i < outer_.size(); ++i) {
+    clear_m.moving_m = std::min(clear_m.moving_m, distances_m[i] - spheres[outer_[i]].radius_m);
   }
   return clear_m;
 }
 
-/// Of the surfaces of the spheres, by the distances of their centres.
-double BaseClearance::nearest_m() const noexcept {
+/// No sphere is nearer to what is predicted.
+double BaseClearance::far_from_moving_m(const Vector3d& base_m, double time_s) const {
+  const Vector3d centre_m = base_m + around_.centre_link_m;
+  double distance_m = 0.0;
+  problem_.prediction->query(problem_.prediction_from_s + time_s, {&centre_m, 1}, {&distance_m, 1},
+                             {});
+  return distance_m - around_.radius_m;
+}
+
+/// Sets are upright: of spheres at their height, seen from above, those within others never are
+/// nearest.
+void BaseClearance::find_outer() {
   const auto& spheres = problem_.robot->description().spheres;
-  double least_m = kInfinity;
-  for (std::size_t s = 0; s < spheres.size(); ++s) {
-    least_m = std::min(least_m, distances_m_[s] - spheres[s].radius_m);
+  double bottom_m = -kInfinity, top_m = kInfinity;  // of all sets alike
+  for (const PredictedSet& set : problem_.prediction->sets()) {
+    bottom_m = std::max(bottom_m, set.bottom_m);
+    top_m = std::min(top_m, set.top_m);
   }
-  return least_m;
+  const auto is_inner = [&](std::size_t s, std::size_t other) {
+    for (std::size_t k = 0; k < offsets_m_.size(); k += spheres.size()) {
+      const Vector3d &at_m = offsets_m_[k + s], &other_m = offsets_m_[k + other];
+      if (other_m.z() < bottom_m || other_m.z() > top_m) return false;
+      const double beyond_m =
+          (at_m - other_m).head<2>().norm() + spheres[s].radius_m - spheres[other].radius_m;
+      if (beyond_m > 0.0 || (beyond_m == 0.0 && s < other)) return false;
+    }
+    return true;
+  };
+  for (std::size_t s = 0; s < spheres.size(); ++s) {
+    bool is_outer = true;
+    for (std::size_t other = 0; is_outer && other < spheres.size(); ++other) {
+      is_outer = other == s || !is_inner(s, other);
+    }
+    if (is_outer) outer_.push_back(s);
+  }
+  outer_centres_m_.resize(outer_.size());
 }
 
 bool BaseClearance::is_within(const Vector2d& p_m) const noexcept {

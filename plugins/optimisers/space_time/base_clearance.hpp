@@ -29,12 +29,18 @@ class OtherJoints {
 /// its spheres are where about the base is known beforehand.
 class BaseClearance {
  public:
-  /// `margin_m`: beyond the problem's margins. `speed_mps`: of the base at most.
+  /// `margin_m`: beyond the problem's margins, and by how much robot and sets may come nearer
+  /// between two looks. `speed_mps`: of the base at most.
   BaseClearance(const Problem& problem, std::array<int, 2> base, const OtherJoints& others,
                 double margin_m, double speed_mps);
 
   /// Whether the base carries the whole robot.
   [[nodiscard]] bool carries_all() const noexcept { return carries_all_; }
+
+  /// Whether the robot is clear at an instant.
+  [[nodiscard]] bool is_clear(const Eigen::Vector2d& p_m, double time_s) {
+    return clear_for_s(p_m, time_s) >= 0.0;
+  }
 
   /// Whether the robot is clear while its base makes a stretch, which begins at `begin_s`. Up to
   /// `sure_until_s` it is known to be; afterwards that is the end of the stretch or later. Looks
@@ -51,7 +57,8 @@ class BaseClearance {
     double standing_m, moving_m;
   };
   Clearance at(const Eigen::Vector2d& p_m, double time_s);
-  [[nodiscard]] double nearest_m() const noexcept;
+  [[nodiscard]] double far_from_moving_m(const Eigen::Vector3d& base_m, double time_s) const;
+  void find_outer();
   [[nodiscard]] bool is_within(const Eigen::Vector2d& p_m) const noexcept;
 
   const Problem& problem_;
@@ -64,7 +71,9 @@ class BaseClearance {
   std::array<Eigen::Vector3d, 2> axes_;     ///< By which all spheres move with the base.
   std::vector<Eigen::Vector3d> offsets_m_;  ///< Of spheres from the base, at instants evenly apart.
   std::vector<double> above_floor_m_;       ///< The lowest sphere's, then.
-  std::vector<Eigen::Vector3d> centres_m_;
+  CollisionSphere around_;                  ///< All spheres at all times, from the base.
+  std::vector<std::size_t> outer_;          ///< Spheres that may be first to meet a set.
+  std::vector<Eigen::Vector3d> centres_m_, outer_centres_m_;
   std::vector<double> distances_m_;
   std::vector<FieldStatus> statuses_;
 };

@@ -21,8 +21,9 @@ Parameters<SpaceTimeSettings> SpaceTimeSettings::parameters() {
           "as one.",
           {.unit = "m", .min = 1e-3, .max = 10.0})
       .add("extra_margin_m", &S::extra_margin_m,
-           "Kept beyond the problem's margins, for what is between two looks.",
-           {.unit = "m", .min = 0.0, .max = 1.0})
+           "Kept beyond the problem's margins where the robot is looked at: so much nearer may "
+           "something come before the next look.",
+           {.unit = "m", .min = 1e-3, .max = 1.0})
       .add("greed", &S::greed,
            "Weight of the time that is left to the goal: more finds a motion sooner, which takes "
            "at most so many times that of the fastest.",

@@ -61,25 +61,53 @@ struct Mover {
         base(joints),
         limits(limits_of(of, joints)),
         others(of, joints),
-        clearance(of, joints, others, settings.extra_margin_m, limits.speed_mps) {}
+        goal_m(of.goal.q[joints[0]], of.goal.q[joints[1]]),
+        clearance(of, joints, others, settings.extra_margin_m, limits.speed_mps),
+        last_metre_s(
+            least_duration_s({goal_m + Vector2d::UnitX(), Vector2d::Zero()}, goal_m, limits)) {
+    const double left_s = of.prediction ? of.prediction->end_s() - of.prediction_from_s : 0.0;
+    const int instants = 1 + static_cast<int>(std::ceil(std::max(0.0, left_s) / kApart_s));
+    arrivals_s.assign(idx(instants) + 1, kInfinity);
+    for (int k = instants; k >= 0; --k) {
+      const double time_s = k * kApart_s;
+      if (clearance.is_clear(goal_m, std::max(time_s, others.duration_s()))) {
+        arrivals_s[idx(k)] = time_s;
+      } else if (k < instants) {
+        arrivals_s[idx(k)] = arrivals_s[idx(k) + 1];
+      }
+    }
+  }
 
+  /// The first instant from then on at which the robot may be at its goal, as good as.
+  [[nodiscard]] double arrival_s(double time_s) const {
+    time_s = std::max(time_s, others.duration_s());
+    const auto k = static_cast<std::size_t>(time_s / kApart_s);
+    return std::max(time_s, arrivals_s[std::min(k, arrivals_s.size() - 1)]);
+  }
+
+  static constexpr double kApart_s = 0.1;
   const Problem& problem;
   std::array<int, 2> base;
   BaseLimits limits;
   OtherJoints others;
+  Vector2d goal_m;
   BaseClearance clearance;
+  /// How long before the goal it may be that somebody who stands there is waited for.
+  double last_metre_s;
+  std::vector<double> arrivals_s;  ///< When the goal is clear, from every kApart_s on.
 };
 
 class Search {
  public:
   Search(const SpaceTimeSettings& settings, double step_s, Mover& mover)
       : settings_(settings),
+        mover_(mover),
         problem_(mover.problem),
         base_(mover.base),
         limits_(mover.limits),
         others_(mover.others),
         clearance_(mover.clearance),
-        goal_m_(problem_.goal.q[base_[0]], problem_.goal.q[base_[1]]),
+        goal_m_(mover.goal_m),
         step_s_(step_s) {
     const Vector2d start_m(problem_.start.q[base_[0]], problem_.start.q[base_[1]]);
     const Vector2d way_m = goal_m_ - start_m;
@@ -124,13 +152,17 @@ class Search {
 
   /// A step from a node to a velocity, or the straight way from it to the goal.
   struct Candidate {
-    double bound_s = 0.0;
+    double bound_s = 0.0;    ///< When it may be at the goal; all the same where that is awaited.
+    double unbound_s = 0.0;  ///< The same, whenever that is clear.
+    int steps = 0;
     std::int64_t order = 0;
     int node = 0;
     int velocity = kClosing;
 
+    /// Where the goal has to be waited for, depth first.
     [[nodiscard]] bool operator<(const Candidate& other) const noexcept {
-      return std::tie(other.bound_s, other.order) < std::tie(bound_s, order);
+      return std::tie(other.bound_s, steps, other.unbound_s, other.order) <
+             std::tie(bound_s, other.steps, unbound_s, order);
     }
   };
 
@@ -160,8 +192,16 @@ class Search {
            index, v);
     }
   }
-  void push(double bound_s, int index, int velocity) {
-    queue_.push({std::max(bound_s, others_.duration_s()), order_++, index, velocity});
+  void push(double unbound_s, int index, int velocity) {
+    double bound_s = mover_.arrival_s(unbound_s);
+    if (!std::isfinite(bound_s)) return;
+    const bool is_closing = velocity == kClosing;
+    if (bound_s > std::max(unbound_s, others_.duration_s())) {
+      if (is_closing) return;  // it would come while the goal is not clear
+      bound_s += mover_.last_metre_s;
+    }
+    const int steps = nodes_[idx(index)].steps + (is_closing ? 1 : 0);
+    queue_.push({bound_s, unbound_s, steps, order_++, index, velocity});
   }
 
   void expand(int index, int velocity) {
@@ -266,6 +306,7 @@ class Search {
   }
 
   const SpaceTimeSettings& settings_;
+  Mover& mover_;
   const Problem& problem_;
   std::array<int, 2> base_;
   BaseLimits limits_;

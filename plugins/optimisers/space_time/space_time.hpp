@@ -11,7 +11,7 @@ struct SpaceTimeSettings {
   int directions = 16;           ///< Of each speed.
   double step_s = 1.0;           ///< Duration of a step.
   double cell_m = 0.3;           ///< Places nearer to each other than this count as one.
-  double extra_margin_m = 0.01;  ///< Beyond the problem's margins.
+  double extra_margin_m = 0.02;  ///< Beyond the problem's margins, for what is between two looks.
   double greed = 1.15;           ///< Weight of the time that is left.
   int max_nodes = 3000;          ///< Of each search.
 

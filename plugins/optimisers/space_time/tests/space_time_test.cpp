@@ -149,6 +149,66 @@ std::shared_ptr<const DistanceField> wall_with_gap(double from_m, double to_m) {
       Eigen::AlignedBox3d(Eigen::Vector3d::Constant(-20.0), Eigen::Vector3d::Constant(20.0)));
 }
 
+TEST(SpaceTime, KeepsAllSpheresClear) {
+  // One sphere is hidden above the base, one reaches out of it.
+  class Reaching final : public testing_support::BallRobot {
+   public:
+    Reaching() : BallRobot(kRadius_m) {
+      description_.spheres[0].centre_link_m = {0.0, 0.0, -0.6};
+      description_.spheres.push_back({0, {0.1, 0.0, 0.0}, 0.1});
+      description_.spheres.push_back({0, {0.45, 0.1, 0.3}, 0.1});
+    }
+    void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                        Scratch&) const override {
+      for (std::size_t i = 0; i < centres_m.size(); ++i) {
+        centres_m[i] = Eigen::Map<const Eigen::Vector3d>(q.data() + 3 * (i / 3)) +
+                       description_.spheres[i % 3].centre_link_m;
+      }
+    }
+  };
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> angle(-M_PI, M_PI), height(0.2, 1.8);
+  for (int scene = 0; scene < 20; ++scene) {
+    std::vector<PredictedSet> sets;
+    for (int person = 0; person < 4; ++person) {
+      const double a = angle(random);
+      const Eigen::Vector2d from = 4.0 * Eigen::Vector2d(std::cos(a), std::sin(a));
+      if ((from - Eigen::Vector2d(0, -4)).norm() < 1.5) continue;
+      sets.push_back(walker(person, from, -0.2 * from, 8.0));
+      sets.back().top_m = height(random);
+    }
+    Problem problem = problem_of(at(0, -4), at(0, 4));
+    problem.robot = std::make_shared<Reaching>();
+    problem.prediction = walkers(std::move(sets));
+    const Solution solution = solve(problem);
+    ASSERT_EQ(solution.status, SolveStatus::kConverged) << scene << " " << solution.reason;
+    std::vector<double> q(3), distances_m(3);
+    std::vector<Eigen::Vector3d> centres_m(3);
+    Scratch scratch;
+    for (double t = 0.0; t <= solution.trajectory.duration_s(); t += 1e-3) {
+      solution.trajectory.sample(t, q, {});
+      problem.robot->sphere_centres(q, centres_m, scratch);
+      problem.prediction->query(t, centres_m, distances_m, {});
+      for (std::size_t i = 0; i < 3; ++i) {
+        ASSERT_GE(distances_m[i] - problem.robot->description().spheres[i].radius_m, kMargin_m)
+            << scene << " at " << t << " of sphere " << i;
+      }
+    }
+  }
+}
+
+TEST(SpaceTime, WaitsForAGoalOnWhichSomebodyStands) {
+  Problem problem = problem_of(at(0, -2), at(0, 2));
+  PredictedSet standing = walker(1, {0.0, 2.1}, {0.0, 0.0}, 9.0);
+  problem.prediction = walkers({standing});
+  const Solution solution = solve(problem);
+  ASSERT_EQ(solution.status, SolveStatus::kConverged) << solution.reason;
+  EXPECT_GE(least_clearance_m(solution.trajectory, *problem.prediction), kMargin_m);
+  EXPECT_GE(solution.trajectory.duration_s(), 9.0);
+  EXPECT_LT(solution.trajectory.duration_s(), 11.0);
+  EXPECT_LT(solution.iterations, 300);
+}
+
 TEST(SpaceTime, GoesThroughAGapBesideTheStraightWay) {
   for (const double middle_m : {0.0, 0.8, -1.7, 3.0}) {
     const double half_m = 0.5;
