@@ -208,7 +208,7 @@ void Replanner::Impl::supervise() {
   if (driving.blocked) return on_blocked(driving);
   if (driving.is_aside) return come_back(driving);
   if (driving.delay_s > kDelayed_s && is_due()) return hasten(driving);
-  if (settings.cost_tolerance > 0.0 && is_due()) improve(driving);
+  if (settings.cost_tolerance > 0.0 && now == map_came && is_due()) improve(driving);
 }
 
 /// A stop that begins no earlier than must be is looked for ahead of need, between two maps, and
@@ -265,7 +265,6 @@ void Replanner::Impl::improve(const Driving& driving) {
   detail::Departure departure = departure_from(driving);
   const auto cost = search.cost_of_rest(field, departure);
   const auto cost_then = search.cost_of_rest(driving.planned_in, departure);
-  last_replan = now;
   if (!cost || !cost_then || *cost <= (1.0 + settings.cost_tolerance) * *cost_then) return;
   const std::string cause = "the cost of what is followed rose from " + std::to_string(*cost_then) +
                             " to " + std::to_string(*cost);

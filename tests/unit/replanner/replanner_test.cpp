@@ -365,6 +365,23 @@ TEST(Replanner, DoesNotAlternateBetweenEquallyGoodPlans) {
   EXPECT_GE(changes_of_mind(0.0), 1);
 }
 
+TEST(Replanner, PutsOffNoSearchToCompareCosts) {
+  const auto replanned_s = [](double cost_tolerance, double blocked_s) {
+    ReplannerSettings settings = ClosedLoop::defaults();
+    settings.cost_tolerance = cost_tolerance;
+    ClosedLoop loop(settings);
+    loop.run(2.0, [&](double t) {
+      if (t >= blocked_s) loop.obstacles = {{{2.5, 0.0, 0.0}, 0.3}};
+    });
+    const ReplannerEvent* replanned = loop.first(Kind::kReplanned);
+    return replanned == nullptr ? -1.0 : replanned->stamp.seconds();
+  };
+  for (const double blocked_s : {0.5, 0.53, 0.56, 0.59}) {
+    EXPECT_GE(replanned_s(0.0, blocked_s), blocked_s);
+    EXPECT_EQ(replanned_s(1e9, blocked_s), replanned_s(0.0, blocked_s));
+  }
+}
+
 TEST(Replanner, TakesAMuchCheaperPlanThoughItsOwnIsValid) {
   ReplannerSettings settings = ClosedLoop::defaults();
   settings.cost_tolerance = 0.05;
