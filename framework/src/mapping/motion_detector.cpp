@@ -215,22 +215,23 @@ bool MotionDetector::could_be_seen_from(const Eigen::Vector3d& eye_m, const Eige
 void MotionDetector::remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp) {
   const bool is_soon =
       !past_.empty() && stamp.seconds() - past_.back().stamp.seconds() < 0.5 * settings_.memory_s;
-  if (past_.empty()) eyes_m_.clear();
-  std::erase_if(eyes_m_, [&](const Eigen::Vector3d& other) {
+  const auto is_here = [&](const Eigen::Vector3d& other) {
     return (other - eye_m).norm() < kOtherPlace_m;
-  });
+  };
+  if (past_.empty()) eyes_m_.clear();
+  std::erase_if(eyes_m_, is_here);
   eyes_m_.insert(eyes_m_.begin(), eye_m);
-  if (is_soon && past_.size() > 1) return;
   if (is_soon) {
-    // The first map is not whole: what cameras have seen since then is added as they found it.
-    past_.back().eyes_m = eyes_m_;
-    return note(map, past_.back());
+    // The first map is that of one camera: what others see is added as they find it.
+    Past& first = past_.front();
+    if (past_.size() > 1 || std::ranges::any_of(first.eyes_m, is_here)) return;
+    first.eyes_m.push_back(eye_m);
+    return note(map, first);
   }
   const GridSpec& grid = map.occupancy_grid();
   Past& past = past_.emplace_back(std::exchange(spare_, {}));
   past.stamp = stamp;
-  past.eyes_m = eyes_m_;
-  if (past_.size() > 1) eyes_m_.clear();
+  past.eyes_m = std::exchange(eyes_m_, {});
   past.grid = grid;
   past.words_per_row = map.occupied().words_per_row;
   past.known.assign(map.known().words.size(), 0);

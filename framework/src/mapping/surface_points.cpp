@@ -141,7 +141,7 @@ SeeThrough::Answer SeeThrough::operator()(const Eigen::Vector3d& p_world, double
   const double apart_px = edge_m * camera.fx_px / p.z() / (rays - 1);
   const double first_px = -0.5 * apart_px * (rays - 1);
   const double behind_m = p.z() + edge_m + depth_noise_m(p.z());
-  const double before_m = p.z() - edge_m;
+  const double before_m = p.z() - edge_m, after_m = p.z() + edge_m;
   // Pixels along an axis of the image; -1 beside it.
   std::array<int, kMostRays> columns, rows;
   for (int i = 0; i < rays; ++i) {
@@ -149,7 +149,7 @@ SeeThrough::Answer SeeThrough::operator()(const Eigen::Vector3d& p_world, double
     columns[idx(i)] = column >= 0.0 && column < camera.width_px ? static_cast<int>(column) : -1;
     rows[idx(i)] = row >= 0.0 && row < camera.height_px ? static_cast<int>(row) : -1;
   }
-  bool is_any_behind = false, is_any_in = false, is_all = true;
+  bool is_any_behind = false, is_any_near = false, is_any_in = false, is_all = true;
   for (int j = 0; j < rays; ++j) {
     for (int i = 0; i < rays; ++i) {
       if (columns[idx(i)] < 0 || rows[idx(j)] < 0) {
@@ -160,13 +160,15 @@ SeeThrough::Answer SeeThrough::operator()(const Eigen::Vector3d& p_world, double
       if (!(depth_m > 0.0) || !std::isfinite(depth_m)) continue;
       const bool is_behind = depth_m >= behind_m;
       is_any_behind |= is_behind;
-      is_any_in |= !is_behind && depth_m >= before_m;
+      is_any_near |= !is_behind && depth_m >= before_m;
+      is_any_in |= depth_m >= before_m && depth_m <= after_m;
       is_all &= is_behind;
     }
-    if (!is_all && (is_any_behind || is_any_in)) return Answer::kPartly;
+    if (!is_all && is_any_behind) return Answer::kPartly;
   }
   if (is_all && is_any_behind) return Answer::kYes;
-  return is_any_behind || is_any_in ? Answer::kPartly : Answer::kNo;
+  if (is_any_in) return Answer::kHit;
+  return is_any_near ? Answer::kPartly : Answer::kNo;
 }
 
 }  // namespace sidestep

@@ -177,6 +177,24 @@ void TrackMask::visit_layer(const Disc& disc, int z, Visit&& visit) const {
   }
 }
 
+void TrackMask::claim_ball(const Eigen::Vector3d& centre_m, double radius_m) {
+  Track track;
+  track.position_m = centre_m.head<2>();
+  const int first_z = layer_at(centre_m.z() - radius_m), last_z = layer_at(centre_m.z() + radius_m);
+  for (int z = first_z; z <= last_z; ++z) {
+    const double above_m = grid_.origin_m.z() + (z + 0.5) * grid_.resolution_m - centre_m.z();
+    if (std::abs(above_m) >= radius_m) continue;
+    const double across_m = std::sqrt(radius_m * radius_m - above_m * above_m);
+    // disc_of() widens what is tracked.
+    track.radius_m = across_m - kMargin_vox * grid_.resolution_m;
+    visit_layer(disc_of(track), z, [&](std::size_t at, std::uint64_t its) {
+      Trail& trail = trail_at(at);
+      trail.claimed |= its;
+      trail.recent |= its;
+    });
+  }
+}
+
 TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
   const Disc disc = disc_of(track);
   const int bottom = layer_at(track.bottom_m);
@@ -291,13 +309,16 @@ void TrackMask::look_through(const SeeThrough& see_through, int turns, Trail& tr
       judged_.push_back(&answer);
     }
     if (answer == static_cast<char>(SeeThrough::Answer::kYes)) trail.seen_free |= part;
-    if (answer != static_cast<char>(SeeThrough::Answer::kPartly)) continue;
+    if (answer == static_cast<char>(SeeThrough::Answer::kYes) ||
+        answer == static_cast<char>(SeeThrough::Answer::kNo)) {
+      continue;
+    }
     for (std::uint64_t voxels = part; voxels != 0; voxels &= voxels - 1) {
       const Eigen::Vector3i voxel = first + Eigen::Vector3i(std::countr_zero(voxels), 0, 0);
       const auto its = see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel);
       const std::uint64_t bit = voxels & (~voxels + 1);
       if (its == SeeThrough::Answer::kYes) trail.seen_free |= bit;
-      if (its == SeeThrough::Answer::kPartly) trail.seen_free &= ~bit;
+      if (its == SeeThrough::Answer::kHit) trail.seen_free &= ~bit;
     }
   }
 }

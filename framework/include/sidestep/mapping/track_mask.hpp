@@ -49,6 +49,9 @@ class SIDESTEP_EXPORT TrackMask {
   /// Finds what belongs to a thing: voxels with centres in its reach, between its heights and in
   /// layers that continue these up and down. Masks it where `masks` says so.
   Extent claim(const Track& track, bool masks);
+  /// Masks what is not settled inside a ball of the robot: it was left there by something that
+  /// moves, and no ray gets there to free it.
+  void claim_ball(const Eigen::Vector3d& centre_m, double radius_m);
   /// Ends a map, after all claims. What has been claimed in the last seconds, and is not now, stays
   /// in the mask once `frame`, that of the map, sees through it: rays have not freed it yet. It is
   /// an obstacle before, and again where a frame hits it.
