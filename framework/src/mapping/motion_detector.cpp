@@ -167,22 +167,30 @@ std::shared_ptr<const MovingObstacles> MotionDetector::look(const OccupancyView&
         cells.add(centre_m(left));
       }
     }
-    moving->balls = cells.balls(grid.resolution_m, settings_.least_vox, then.eye_m);
+    moving->balls = cells.balls(grid.resolution_m, settings_.least_vox, then.eyes_m.front());
   }
   return moving;
+}
+
+/// Whether a place could be seen from any of the places that the map was seen from.
+bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
+  return std::ranges::any_of(then.eyes_m, [&](const Eigen::Vector3d& eye_m) {
+    return could_be_seen_from(eye_m, p, then);
+  });
 }
 
 /// Whether nothing that was occupied hid a place then, which lay in the open: looks along the ray
 /// to the eye, voxel by voxel through those blocks that held something. Behind the place all was
 /// free, as deep as depth is noisy: before surfaces that stood there, or were not in range, noise
 /// occupies voxels.
-bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
+bool MotionDetector::could_be_seen_from(const Eigen::Vector3d& eye_m, const Eigen::Vector3d& p,
+                                        const Past& then) {
   const GridSpec& grid = then.grid;
   const VoxelBits known{then.known, then.words_per_row},
       occupied{then.occupied, then.words_per_row};
   const Eigen::Vector3i counts = block_counts(grid);
   const Eigen::Vector3d from_vox = (p - grid.origin_m) / grid.resolution_m;
-  const Eigen::Vector3d way_vox = (then.eye_m - grid.origin_m) / grid.resolution_m - from_vox;
+  const Eigen::Vector3d way_vox = (eye_m - grid.origin_m) / grid.resolution_m - from_vox;
   const double length_vox = way_vox.norm();
   const Eigen::Vector3d direction = way_vox / length_vox;
   const double noise_vox = depth_noise_m(length_vox * grid.resolution_m) / grid.resolution_m;
@@ -205,22 +213,44 @@ bool MotionDetector::could_be_seen(const Eigen::Vector3d& p, const Past& then) {
 }
 
 void MotionDetector::remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp) {
-  if (!past_.empty() && stamp.seconds() - past_.back().stamp.seconds() < 0.5 * settings_.memory_s) {
-    return;
+  const bool is_soon =
+      !past_.empty() && stamp.seconds() - past_.back().stamp.seconds() < 0.5 * settings_.memory_s;
+  const auto is_here = [&](const Eigen::Vector3d& other) {
+    return (other - eye_m).norm() < kOtherPlace_m;
+  };
+  if (past_.empty()) eyes_m_.clear();
+  std::erase_if(eyes_m_, is_here);
+  eyes_m_.insert(eyes_m_.begin(), eye_m);
+  if (is_soon) {
+    // The first map is that of one camera: what others see is added as they find it.
+    Past& first = past_.front();
+    if (past_.size() > 1 || std::ranges::any_of(first.eyes_m, is_here)) return;
+    first.eyes_m.push_back(eye_m);
+    return note(map, first);
   }
   const GridSpec& grid = map.occupancy_grid();
-  const VoxelBits known = map.known(), occupied = map.occupied();
   Past& past = past_.emplace_back(std::exchange(spare_, {}));
   past.stamp = stamp;
-  past.eye_m = eye_m;
+  past.eyes_m = std::exchange(eyes_m_, {});
   past.grid = grid;
-  past.known.assign(known.words.begin(), known.words.end());
-  past.occupied.assign(occupied.words.begin(), occupied.words.end());
-  past.words_per_row = occupied.words_per_row;
-  find_blocks(occupied, grid, past.blocks);
-  dilate(occupied, grid, past.in_sight, past.near_occupied);
-  past.in_sight.assign(occupied.words.size(), 0);
-  past.hidden.assign(occupied.words.size(), 0);
+  past.words_per_row = map.occupied().words_per_row;
+  past.known.assign(map.known().words.size(), 0);
+  past.occupied.assign(past.known.size(), 0);
+  note(map, past);
+}
+
+/// Notes what is known in a map and was not known yet.
+void MotionDetector::note(const OccupancyView& map, Past& past) {
+  const VoxelBits known = map.known(), occupied = map.occupied();
+  for (std::size_t w = 0; w < past.known.size(); ++w) {
+    past.occupied[w] |= occupied.words[w] & ~past.known[w];
+    past.known[w] |= known.words[w];
+  }
+  const VoxelBits all{past.occupied, past.words_per_row};
+  find_blocks(all, past.grid, past.blocks);
+  dilate(all, past.grid, past.in_sight, past.near_occupied);
+  past.in_sight.assign(past.known.size(), 0);
+  past.hidden.assign(past.known.size(), 0);
 }
 
 }  // namespace sidestep

@@ -1,6 +1,7 @@
 #include "surface_points.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <sidestep/core/index.hpp>
@@ -83,6 +84,8 @@ double find_surface_points(const Frame& frame, const SearchCylinder& cylinder,
   const auto& image = std::get<DepthImage>(frame.measurement);
   const CameraIntrinsics& camera = image.camera;
   const PixelBox box = pixels_of(camera, T_world_camera.inverse(), cylinder);
+  const Eigen::Matrix3d R_world_camera = T_world_camera.linear();
+  const Eigen::Vector3d eye_m = T_world_camera.translation();
   const int step_u = 1 + (box.last_u - box.first_u) / kColumns;
   const int step_v = 1 + (box.last_v - box.first_v) / kRows;
   for (int v = box.first_v; v <= box.last_v; v += step_v) {
@@ -90,7 +93,7 @@ double find_surface_points(const Frame& frame, const SearchCylinder& cylinder,
       const float depth_m = image.at(u, v);
       if (!(depth_m > 0.0F) || !std::isfinite(depth_m)) continue;
       const Eigen::Vector3d p =
-          T_world_camera * camera.unproject(u, v, static_cast<double>(depth_m));
+          R_world_camera * camera.unproject(u, v, static_cast<double>(depth_m)) + eye_m;
       if (holds(cylinder, p)) points.push_back(p);
     }
   }
@@ -138,26 +141,34 @@ SeeThrough::Answer SeeThrough::operator()(const Eigen::Vector3d& p_world, double
   const double apart_px = edge_m * camera.fx_px / p.z() / (rays - 1);
   const double first_px = -0.5 * apart_px * (rays - 1);
   const double behind_m = p.z() + edge_m + depth_noise_m(p.z());
-  const double before_m = p.z() - edge_m;
-  bool is_any_behind = false, is_any_in = false, is_all = true;
+  const double before_m = p.z() - edge_m, after_m = p.z() + edge_m;
+  // Pixels along an axis of the image; -1 beside it.
+  std::array<int, kMostRays> columns, rows;
+  for (int i = 0; i < rays; ++i) {
+    const double column = u + first_px + i * apart_px, row = v + first_px + i * apart_px;
+    columns[idx(i)] = column >= 0.0 && column < camera.width_px ? static_cast<int>(column) : -1;
+    rows[idx(i)] = row >= 0.0 && row < camera.height_px ? static_cast<int>(row) : -1;
+  }
+  bool is_any_behind = false, is_any_near = false, is_any_in = false, is_all = true;
   for (int j = 0; j < rays; ++j) {
     for (int i = 0; i < rays; ++i) {
-      const double column = u + first_px + i * apart_px, row = v + first_px + j * apart_px;
-      if (!(column >= 0.0 && column < camera.width_px && row >= 0.0 && row < camera.height_px)) {
+      if (columns[idx(i)] < 0 || rows[idx(j)] < 0) {
         is_all = false;
         continue;
       }
-      const double depth_m = image_->at(static_cast<int>(column), static_cast<int>(row));
+      const double depth_m = image_->at(columns[idx(i)], rows[idx(j)]);
       if (!(depth_m > 0.0) || !std::isfinite(depth_m)) continue;
       const bool is_behind = depth_m >= behind_m;
       is_any_behind |= is_behind;
-      is_any_in |= !is_behind && depth_m >= before_m;
+      is_any_near |= !is_behind && depth_m >= before_m;
+      is_any_in |= depth_m >= before_m && depth_m <= after_m;
       is_all &= is_behind;
     }
-    if (!is_all && (is_any_behind || is_any_in)) return Answer::kPartly;
+    if (!is_all && is_any_behind) return Answer::kPartly;
   }
   if (is_all && is_any_behind) return Answer::kYes;
-  return is_any_behind || is_any_in ? Answer::kPartly : Answer::kNo;
+  if (is_any_in) return Answer::kHit;
+  return is_any_near ? Answer::kPartly : Answer::kNo;
 }
 
 }  // namespace sidestep

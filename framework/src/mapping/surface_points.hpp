@@ -6,6 +6,9 @@
 
 namespace sidestep {
 
+/// Frames from places so far apart are of different cameras, or of one that has moved on.
+constexpr double kOtherPlace_m = 0.5;
+
 /// A vertical cylinder to look for points in. World frame.
 struct SearchCylinder {
   Eigen::Vector2d axis_m;
@@ -27,13 +30,15 @@ void sample_points(const Frame& frame, std::vector<Eigen::Vector3d>& points);
 /// Whether a frame sees through places. A frame of points sees through none. [any]
 class SeeThrough {
  public:
-  enum class Answer { kYes, kPartly, kNo };
+  enum class Answer { kYes, kPartly, kHit, kNo };
+  static constexpr int kMostRays = 8;
 
   /// The frame must outlive this.
   explicit SeeThrough(const Frame& frame);
 
-  /// Looks at `rays` by `rays` of the frame through a cube about a place. Yes: those that measure
-  /// anything all measure it behind the cube, and one does. No: none measures anything in it or
+  /// Looks at `rays` by `rays`, 2 to kMostRays, of the frame through a cube about a place. Yes:
+  /// those that measure anything all measure it behind the cube, by more than noise, and one does.
+  /// Hit: one measures something in it, and none behind it. No: none measures anything in it or
   /// behind it; those beside the image measure nothing, and forbid a yes.
   [[nodiscard]] Answer operator()(const Eigen::Vector3d& p_world, double edge_m, int rays) const;
 

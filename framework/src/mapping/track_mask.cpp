@@ -27,6 +27,9 @@ constexpr double kMargin_vox = 1.5;
 /// voxel at most.
 constexpr int kCell_vox = 4, kRaysOfCell = 5, kRaysOfVoxel = 2;
 constexpr char kUnseen = -1;
+/// A trail is looked at so often, by a camera's frames that come faster in turns.
+constexpr double kLook_s = 0.1;
+constexpr int kMostTurns = 4;
 /// Heights at a layer's edge are rounded.
 constexpr double kAtEdge_m = 1e-6;
 
@@ -156,13 +159,39 @@ int TrackMask::layer_at(double z_m) const {
 
 template <class Visit>
 void TrackMask::visit_layer(const Disc& disc, int z, Visit&& visit) const {
+  const std::size_t layer_words = row(0, z < grid_.size_vox.z() - 2 ? 1 : 0);
   for (const auto& [y, first_x, last_x] : disc.rows) {
     for (int word = first_x / 64; 64 * word <= last_x; ++word) {
       const std::size_t at = row(y, z) + idx(word);
-      const std::uint64_t its = occupied_.words[at] & ~settled_[at] &
-                                bits_between(first_x - 64 * word, last_x - 64 * word);
+      // Layers lie far apart in memory: that after the next is on its way meanwhile.
+      __builtin_prefetch(occupied_.words.data() + at + 2 * layer_words);
+      __builtin_prefetch(settled_.data() + at + 2 * layer_words);
+      __builtin_prefetch(trail_of_.data() + at + 2 * layer_words);
+      // Most words hold nothing; what is settled need not be read then.
+      std::uint64_t its =
+          occupied_.words[at] & bits_between(first_x - 64 * word, last_x - 64 * word);
+      if (its == 0) continue;
+      its &= ~settled_[at];
       if (its != 0) visit(at, its);
     }
+  }
+}
+
+void TrackMask::claim_ball(const Eigen::Vector3d& centre_m, double radius_m) {
+  Track track;
+  track.position_m = centre_m.head<2>();
+  const int first_z = layer_at(centre_m.z() - radius_m), last_z = layer_at(centre_m.z() + radius_m);
+  for (int z = first_z; z <= last_z; ++z) {
+    const double above_m = grid_.origin_m.z() + (z + 0.5) * grid_.resolution_m - centre_m.z();
+    if (std::abs(above_m) >= radius_m) continue;
+    const double across_m = std::sqrt(radius_m * radius_m - above_m * above_m);
+    // disc_of() widens what is tracked.
+    track.radius_m = across_m - kMargin_vox * grid_.resolution_m;
+    visit_layer(disc_of(track), z, [&](std::size_t at, std::uint64_t its) {
+      Trail& trail = trail_at(at);
+      trail.claimed |= its;
+      trail.recent |= its;
+    });
   }
 }
 
@@ -209,6 +238,7 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
 
 void TrackMask::end(const Frame& frame) {
   const SeeThrough see_through(frame);
+  const int turns = turns_of(frame);
   const Eigen::Vector3i cells = cell_counts(grid_);
   cells_.resize(idx(cells.prod()), kUnseen);
   judged_.clear();
@@ -219,7 +249,7 @@ void TrackMask::end(const Frame& frame) {
     const std::uint64_t occupied = occupied_.words[trail.word];
     trail.recent &= occupied;
     trail.older &= occupied;
-    look_through(see_through, trail);
+    look_through(see_through, turns, trail);
     const std::uint64_t before = trail.mask;
     trail.mask = std::exchange(trail.claimed, 0) | trail.seen_free;
     if ((before | trail.mask) != 0) mask_.push_back({trail.word, before, trail.mask});
@@ -235,38 +265,60 @@ void TrackMask::end(const Frame& frame) {
   for (char* answer : judged_) *answer = kUnseen;
 }
 
+/// Among how many frames the cells of trails are shared.
+int TrackMask::turns_of(const Frame& frame) {
+  const Eigen::Vector3d eye_m = frame.T_world_camera.translation();
+  const double since_s = stamp_.seconds() - looked_stamp_.seconds();
+  const bool is_same_place = (eye_m - looked_from_m_).norm() < kOtherPlace_m;
+  looked_stamp_ = stamp_;
+  looked_from_m_ = eye_m;
+  ++turn_;
+  if (!is_same_place || since_s <= 0.0) return 1;
+  return static_cast<int>(std::clamp(std::round(kLook_s / since_s), 1.0, double{kMostTurns}));
+}
+
 /// Notes what a frame sees through of what is left of a trail, and what it hits. Cells first: a
 /// thing leaves tens of thousands of voxels of 2.5 cm, most of them in cells that are all seen
 /// through or all hidden.
-void TrackMask::look_through(const SeeThrough& see_through, Trail& trail) {
+void TrackMask::look_through(const SeeThrough& see_through, int turns, Trail& trail) {
   const std::uint64_t left = (trail.recent | trail.older) & ~trail.claimed;
   trail.seen_free &= left;
   if (left == 0) return;
-  const std::size_t rows = idx(words_per_row_), slice = idx(grid_.size_vox.y());
+  const auto word = static_cast<std::uint32_t>(trail.word);
+  const auto rows = static_cast<std::uint32_t>(words_per_row_);
+  const auto slice = static_cast<std::uint32_t>(grid_.size_vox.y());
   const Eigen::Vector3i cells = cell_counts(grid_);
-  const Eigen::Vector3i first(static_cast<int>(trail.word % rows) * 64,
-                              static_cast<int>(trail.word / rows % slice),
-                              static_cast<int>(trail.word / rows / slice));
-  for (int x = 0; x < 64; x += kCell_vox) {
-    std::uint64_t part = left & bits_between(x, x + kCell_vox - 1);
-    if (part == 0) continue;
+  const Eigen::Vector3i first(static_cast<int>(word % rows * 64),
+                              static_cast<int>(word / rows % slice),
+                              static_cast<int>(word / rows / slice));
+  std::uint64_t part = 0;
+  for (std::uint64_t rest = left; rest != 0; rest &= ~part) {
+    const int x = std::countr_zero(rest) / kCell_vox * kCell_vox;
+    part = rest & bits_between(x, x + kCell_vox - 1);
     const Eigen::Vector3i cell = (first + Eigen::Vector3i(x, 0, 0)) / kCell_vox;
+    if ((cell.sum() + turn_) % turns != 0) continue;
     char& answer = cells_[idx(cell.x() + cells.x() * (cell.y() + cells.y() * cell.z()))];
     if (answer == kUnseen) {
       const double edge_m = kCell_vox * grid_.resolution_m;
       const Eigen::Vector3d centre_m =
           grid_.origin_m + edge_m * (cell.cast<double>().array() + 0.5).matrix();
-      answer = static_cast<char>(see_through(centre_m, edge_m, kRaysOfCell));
+      // Its corners first: most cells are hidden.
+      auto its = see_through(centre_m, edge_m, 2);
+      if (its != SeeThrough::Answer::kNo) its = see_through(centre_m, edge_m, kRaysOfCell);
+      answer = static_cast<char>(its);
       judged_.push_back(&answer);
     }
     if (answer == static_cast<char>(SeeThrough::Answer::kYes)) trail.seen_free |= part;
-    if (answer != static_cast<char>(SeeThrough::Answer::kPartly)) continue;
-    for (; part != 0; part &= part - 1) {
-      const Eigen::Vector3i voxel = first + Eigen::Vector3i(std::countr_zero(part), 0, 0);
+    if (answer == static_cast<char>(SeeThrough::Answer::kYes) ||
+        answer == static_cast<char>(SeeThrough::Answer::kNo)) {
+      continue;
+    }
+    for (std::uint64_t voxels = part; voxels != 0; voxels &= voxels - 1) {
+      const Eigen::Vector3i voxel = first + Eigen::Vector3i(std::countr_zero(voxels), 0, 0);
       const auto its = see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel);
-      const std::uint64_t bit = part & (~part + 1);
+      const std::uint64_t bit = voxels & (~voxels + 1);
       if (its == SeeThrough::Answer::kYes) trail.seen_free |= bit;
-      if (its == SeeThrough::Answer::kPartly) trail.seen_free &= ~bit;
+      if (its == SeeThrough::Answer::kHit) trail.seen_free &= ~bit;
     }
   }
 }

@@ -83,6 +83,9 @@ std::shared_ptr<const Tracks> Tracker::update(const OccupancyView& map,
   find_new(strays_, frame);
   end_lost(stamp);
   auto tracks = claim(frame);
+  for (const SelfFilter::Ball& ball : self_.balls()) {
+    mask_.claim_ball(ball.centre_m, ball.radius_m);
+  }
   mask_.end(frame);
   return tracks;
 }

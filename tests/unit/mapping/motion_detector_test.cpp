@@ -171,6 +171,20 @@ TEST(MotionDetector, TakesWhatWasHiddenForStanding) {
   EXPECT_FALSE(covers(*moving, map.grid().centre_m({35, 14, 5})));
 }
 
+TEST(MotionDetector, JoinsWhatCamerasSeeThatTakeTurns) {
+  HandMadeMap map;
+  map.forget();
+  MotionDetector detector;
+  const Eigen::Vector3d other_eye_m(3.5, 7.0, 0.6);
+  map.see({0, 0, 0}, {69, 9, 11});
+  map.fill({20, 10, 0}, {50, 10, 11});  // hides what is behind it from one of them
+  (void)detector.update(map, kEye_m, at(0.0));
+  map.see({0, 11, 0}, {69, 39, 11});
+  (void)detector.update(map, other_eye_m, at(0.05));
+  map.fill({33, 20, 2}, {36, 23, 8});
+  EXPECT_TRUE(covers(*detector.update(map, kEye_m, at(0.3)), map.grid().centre_m({34, 21, 5})));
+}
+
 /// Whether a segment passes through the inside of a voxel, by the slabs between its faces.
 bool passes_through(const GridSpec& grid, const Eigen::Vector3i& voxel, const Eigen::Vector3d& from,
                     const Eigen::Vector3d& to) {

@@ -78,6 +78,49 @@ TEST(TrackMask, ClaimsACylinderButNothingThatWasThereBefore) {
   EXPECT_TRUE(std::ranges::equal(masked.occupied().words, map.occupied().words));
 }
 
+TEST(TrackMask, ClaimsWhatPeopleLeftInsideTheRobotButNothingThatStoodThere) {
+  GridMap map({{-1.0, -1.0, 0.0}, 0.05, {130, 60, 40}});
+  const Eigen::Vector3d centre_m(2.2, 0.1, 0.9);
+  const double radius_m = 0.3;
+  const auto fill = [&](double first_x_m, double last_x_m) {
+    for (int z = 0; z < 40; ++z) {
+      for (int y = 0; y < 60; ++y) {
+        for (int x = 0; x < 130; ++x) {
+          const double x_m = map.grid().centre_m({x, y, z}).x();
+          if (x_m > first_x_m && x_m < last_x_m) map.set({x, y, z}, true);
+        }
+      }
+    }
+  };
+  TrackMask mask(1.5);
+  MaskedOccupancy masked(map, map);
+  fill(2.3, 2.4);  // a wall
+  for (const double time_s : {0.0, 1.6, 3.2}) {
+    mask.begin(map, Stamp::from_seconds(time_s));
+    mask.end({});
+  }
+  fill(1.9, 2.3);
+  mask.begin(map, Stamp::from_seconds(3.3));
+  mask.claim_ball(centre_m, radius_m);
+  mask.end({});
+  MapUpdate update = map.take_update();
+  masked.apply(mask.mask(), update);
+  int hidden = 0;
+  for (int z = 0; z < 40; ++z) {
+    for (int y = 0; y < 60; ++y) {
+      for (int x = 0; x < 130; ++x) {
+        const Eigen::Vector3d p = map.grid().centre_m({x, y, z});
+        const bool is_hidden = map.occupied().at(map.grid(), {x, y, z}) &&
+                               !masked.occupied().at(map.grid(), {x, y, z});
+        EXPECT_EQ(is_hidden, p.x() > 1.9 && p.x() < 2.3 && (p - centre_m).norm() < radius_m)
+            << p.transpose();
+        hidden += is_hidden ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(hidden, 300);
+}
+
 TEST(MaskedOccupancy, TellsEveryBlockThatDiffers) {
   GridMap map({{0.0, 0.0, 0.0}, 0.1, {70, 40, 24}});
   std::mt19937 random(3);

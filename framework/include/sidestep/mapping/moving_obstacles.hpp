@@ -47,15 +47,16 @@ class SIDESTEP_EXPORT MotionDetector {
   /// What moves in the map after a frame with this stamp. Where the grid has moved or the stamps
   /// went back, it starts over. Allocates.
   [[nodiscard]] std::shared_ptr<const MovingObstacles> look(const OccupancyView& map, Stamp stamp);
-  /// Stores the map, seen from `eye_m`, for later comparison, at most twice per memory. Call it
-  /// after look(), with the same map; no field waits for it.
+  /// Stores the map for later comparison, at most twice per memory. `eye_m` is from where its
+  /// newest frame was taken; cameras may take turns. Call it after look(), with the same map; no
+  /// field waits for it.
   void remember(const OccupancyView& map, const Eigen::Vector3d& eye_m, Stamp stamp);
 
  private:
   /// A map as it was.
   struct Past {
     Stamp stamp;
-    Eigen::Vector3d eye_m;
+    std::vector<Eigen::Vector3d> eyes_m;  ///< From where it was seen; the newest first.
     GridSpec grid;
     std::vector<std::uint64_t> known;
     std::vector<std::uint64_t> occupied;
@@ -65,11 +66,15 @@ class SIDESTEP_EXPORT MotionDetector {
     /// What could_be_seen() has said of voxels that were asked for.
     std::vector<std::uint64_t> in_sight, hidden;
   };
+  static void note(const OccupancyView& map, Past& past);
   [[nodiscard]] static bool could_be_seen(const Eigen::Vector3d& p, const Past& then);
+  [[nodiscard]] static bool could_be_seen_from(const Eigen::Vector3d& eye_m,
+                                               const Eigen::Vector3d& p, const Past& then);
 
   MotionDetectorSettings settings_;
-  std::deque<Past> past_;  ///< Oldest first.
-  Past spare_;             ///< A forgotten one, for its memory.
+  std::vector<Eigen::Vector3d> eyes_m_;  ///< Of the frames since the newest of these.
+  std::deque<Past> past_;                ///< Oldest first.
+  Past spare_;                           ///< A forgotten one, for its memory.
 };
 
 }  // namespace sidestep

@@ -49,6 +49,9 @@ class SIDESTEP_EXPORT TrackMask {
   /// Finds what belongs to a thing: voxels with centres in its reach, between its heights and in
   /// layers that continue these up and down. Masks it where `masks` says so.
   Extent claim(const Track& track, bool masks);
+  /// Masks what is not settled inside a ball of the robot: it was left there by something that
+  /// moves, and no ray gets there to free it.
+  void claim_ball(const Eigen::Vector3d& centre_m, double radius_m);
   /// Ends a map, after all claims. What has been claimed in the last seconds, and is not now, stays
   /// in the mask once `frame`, that of the map, sees through it: rays have not freed it yet. It is
   /// an obstacle before, and again where a frame hits it.
@@ -77,7 +80,8 @@ class SIDESTEP_EXPORT TrackMask {
   void visit_layer(const Disc& disc, int z, Visit&& visit) const;
   [[nodiscard]] std::size_t row(int y, int z) const noexcept;
   [[nodiscard]] Trail& trail_at(std::size_t word);
-  void look_through(const SeeThrough& see_through, Trail& trail);
+  [[nodiscard]] int turns_of(const Frame& frame);
+  void look_through(const SeeThrough& see_through, int turns, Trail& trail);
 
   double settle_s_;
   GridSpec grid_;
@@ -89,6 +93,9 @@ class SIDESTEP_EXPORT TrackMask {
   std::vector<Trail> trails_;
   std::vector<std::uint32_t> trail_of_;  ///< By word: one more than its trail's index; 0: none.
   std::vector<MaskedWord> mask_;
+  Stamp looked_stamp_;  ///< The frame of the map before, and where it was taken from.
+  Eigen::Vector3d looked_from_m_ = Eigen::Vector3d::Zero();
+  int turn_ = 0;
   // Scratch: what a frame sees of cells of voxels, and those that were asked for.
   std::vector<char> cells_;
   std::vector<char*> judged_;
