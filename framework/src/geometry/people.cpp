@@ -81,8 +81,8 @@ class PeopleReader : private NodeReader {
       person.has_legs = keep(legs->as_bool()).value_or(true);
     }
     if (person.policy == Policy::kRecorded) {
-      check_keys(node,
-                 {"name", "policy", "file", "from_s", "centred", "radius_m", "height_m", "legs"});
+      check_keys(node, {"name", "policy", "file", "from_s", "centred", "walk_in_s", "radius_m",
+                        "height_m", "legs"});
       person.radius_m = group.radius_m.x();
       read_recording(node, person, people);
       return;
@@ -255,7 +255,23 @@ class PeopleReader : private NodeReader {
       ++number;
       mistake("there is nobody in the recording");
     }
-    if (is_centred) centre(people, people.persons.size() - persons.size());
+    const std::size_t first = people.persons.size() - persons.size();
+    if (is_centred) centre(people, first);
+    double walk_in_s = 0.0;
+    read_positive(node, "walk_in_s", walk_in_s);
+    for (std::size_t i = first; i < people.persons.size() && walk_in_s > 0.0; ++i) {
+      walk_in(people.persons[i].recorded, walk_in_s);
+    }
+  }
+
+  /// Has somebody come for so long before the recording begins, at the first velocity in it.
+  static void walk_in(std::vector<TimedPlace>& recorded, double walk_in_s) {
+    if (recorded.size() < 2) return;
+    const TimedPlace &first = recorded[0], &second = recorded[1];
+    const Eigen::Vector2d velocity_mps =
+        (second.place_m - first.place_m) / (second.time_s - first.time_s);
+    recorded.insert(recorded.begin(),
+                    {first.time_s - walk_in_s, first.place_m - walk_in_s * velocity_mps});
   }
 
   /// Moves the persons from one number on so that the mean of their places is the origin.

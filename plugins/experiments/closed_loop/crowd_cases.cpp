@@ -93,11 +93,15 @@ class CasesReader {
   std::vector<Error>& errors_;
 };
 
-Node recorded_people(const std::filesystem::path& file, double duration_s, double from_s) {
+/// Whose recording begins in the middle of the place walks in: nobody comes out of nowhere.
+constexpr double kWalkIn_s = 3.0;
+
+Node recorded_people(const std::filesystem::path& file, double duration_s, double from_s,
+                     const std::string& more = {}) {
   return block_of_text(format("duration_s: %.17g\n", duration_s) +
                            "groups: [{name: person, policy: recorded, centred: true, file: '" +
                            std::filesystem::absolute(file).string() + "'" +
-                           format(", from_s: %.17g}]\n", from_s),
+                           format(", from_s: %.17g", from_s) + more + "}]\n",
                        file);
 }
 
@@ -151,7 +155,8 @@ CrowdCase CrowdCases::of(std::int64_t episode, std::uint64_t seed) const {
   CrowdCase crossing;
   crossing.goal_m = 0.5 * kCrossing_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
   crossing.start_m = -crossing.goal_m;
-  crossing.people = recorded_people(recording_, duration_s_, from_s);
+  crossing.people =
+      recorded_people(recording_, duration_s_, from_s, format(", walk_in_s: %.17g", kWalkIn_s));
   return crossing;
 }
 

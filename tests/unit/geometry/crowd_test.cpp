@@ -228,6 +228,25 @@ TEST(Crowd, FollowsARecordingAndIsAwayBeforeAndAfter) {
   EXPECT_LT(height_m(1, 3.5), -100.0);
 }
 
+TEST(Crowd, WalksInBeforeARecordingBeginsWhereAsked) {
+  const testing_support::TemporaryFolder folder;
+  const auto file = folder.path() / "some.csv";
+  std::ofstream(file) << "4,10.0,0,0\n4,10.5,0.5,0.25\n4,11.0,1,0.5\n7,10.5,8,8\n";
+  const Scene scene = walked(
+      scene_of("  duration_s: 6\n  groups: [{name: eth, policy: recorded, walk_in_s: 2, file: " +
+               file.string() + ", from_s: 7, legs: false}]\n"));
+  const auto height_m = [&](int object, double time_s) {
+    return scene.objects()[object].T_world_object(time_s).translation().z();
+  };
+  EXPECT_LT(height_m(0, 0.8), -100.0);
+  for (const double time_s : {1.2, 2.0, 3.0, 3.7}) {
+    const Eigen::Vector2d at_m = (time_s - 3.0) * Eigen::Vector2d(1.0, 0.5);
+    EXPECT_GT(height_m(0, time_s), 0.0);
+    EXPECT_LT((place_of(scene, 0, time_s) - at_m).norm(), 1e-6) << time_s;
+  }
+  EXPECT_LT(height_m(1, 3.2), -100.0) << "of one line there is no velocity";
+}
+
 void expect_mistake(const std::string& people, const ::testing::Matcher<std::string>& matcher,
                     const std::string& objects = "[]") {
   SceneReading reading = read_people_text(people, objects);
