@@ -331,18 +331,12 @@ class SpaceTime final : public Optimiser {
                          const Deadline& deadline) override {
     SIDESTEP_TRY(problem.validate());
     SIDESTEP_TRY(check_initial(problem, initial));
-    std::array<int, 2> base{-1, -1};
-    const auto& joints = problem.robot->description().joints;
-    int found = 0;
-    for (int j = 0; j < static_cast<int>(joints.size()) && found < 2; ++j) {
-      if (joints[idx(j)].type == Joint::Type::kPrismatic) base[idx(found++)] = j;
-    }
-    if (found < 2) {
-      return invalid("space_time moves two prismatic joints, and the robot has " +
-                     std::to_string(found));
+    const auto base = problem.robot->description().planar_base();
+    if (!base) {
+      return invalid("space_time moves two prismatic joints, which the robot does not have");
     }
     const Stopwatch watch;
-    Mover mover(settings_, problem, base);
+    Mover mover(settings_, problem, *base);
     if (!mover.clearance.carries_all()) {
       return invalid("space_time moves two prismatic joints that carry all of the robot");
     }
