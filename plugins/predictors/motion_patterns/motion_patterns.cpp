@@ -137,7 +137,10 @@ class MotionPatterns final : public Predictor {
     if (request.field == nullptr || !(speed_mps > 0.0)) return std::nullopt;
     constexpr double kStep_m = 0.1;
     const double step_s = std::max(kStep_m / speed_mps, 0.02);
-    for (double time_s = 0.0; time_s <= request.horizon_s; time_s += step_s) {
+    constexpr double kMostSteps = 1e4;
+    const int steps = static_cast<int>(std::min(request.horizon_s / step_s, kMostSteps));
+    for (int step = 0; step <= steps; ++step) {
+      const double time_s = step * step_s;
       const Eigen::Vector2d at_m = track.position_m + time_s * track.velocity_mps;
       const auto wall = wall_beside(track, at_m, request.field);
       constexpr double kHeadOn = 0.7;  // a cosine
