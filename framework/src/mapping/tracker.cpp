@@ -48,7 +48,7 @@ constexpr double kWiden = 0.3, kNarrow = 0.03;
 constexpr double kGate = 25.0;
 
 double quantile(std::vector<double>& values, double share) {
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1) + 0.5);
+  const auto at = std::lround(share * static_cast<double>(values.size() - 1));
   std::ranges::nth_element(values, values.begin() + at);
   return values[idx(at)];
 }

@@ -80,20 +80,25 @@ BaseClearance::BaseClearance(const Problem& problem, std::array<int, 2> base,
   offsets_m_.resize(looks * spheres);
   const FloorClearance floor(problem.space, robot);
   double turning_mps = 0.0;  // of spheres about the base
-  for (std::size_t i = 0; i < offsets_m_.size(); ++i) {
-    if (i % spheres == 0) above_floor_m_.push_back(kInfinity);
-    above_floor_m_.back() = std::min(above_floor_m_.back(), floor(i % spheres, offsets_m_[i]));
-    if (i < spheres) continue;
-    turning_mps =
-        std::max(turning_mps, (offsets_m_[i] - offsets_m_[i - spheres]).norm() / kApart_s);
+  for (std::size_t look = 0; look < looks; ++look) {
+    above_floor_m_.push_back(kInfinity);
+    for (std::size_t s = 0; s < spheres; ++s) {
+      const Vector3d& at_m = offsets_m_[look * spheres + s];
+      above_floor_m_.back() = std::min(above_floor_m_.back(), floor(s, at_m));
+      if (look == 0) continue;
+      const Vector3d& before_m = offsets_m_[(look - 1) * spheres + s];
+      turning_mps = std::max(turning_mps, (at_m - before_m).norm() / kApart_s);
+    }
   }
   closing_mps_ += turning_mps;
   for (const Vector3d& offset_m : offsets_m_) {
     around_.centre_link_m += offset_m / static_cast<double>(offsets_m_.size());
   }
-  for (std::size_t i = 0; i < offsets_m_.size(); ++i) {
-    around_.radius_m = std::max(around_.radius_m, (offsets_m_[i] - around_.centre_link_m).norm() +
-                                                      robot.spheres[i % spheres].radius_m);
+  for (std::size_t look = 0; look < looks; ++look) {
+    for (std::size_t s = 0; s < spheres; ++s) {
+      const double off_m = (offsets_m_[look * spheres + s] - around_.centre_link_m).norm();
+      around_.radius_m = std::max(around_.radius_m, off_m + robot.spheres[s].radius_m);
+    }
   }
   if (problem.prediction) {
     sets_mps_ = problem.prediction->speed_mps();
