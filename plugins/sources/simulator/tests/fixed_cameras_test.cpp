@@ -2,7 +2,6 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -39,16 +38,6 @@ class AroundTheHsr : public ::testing::Test {
     if (!frame || !*frame) throw std::runtime_error("no frame");
     return std::move(**frame);
   }
-  double from_robot_m(const Eigen::Vector3d& p_world, const Eigen::VectorXd& q) const {
-    const std::vector<Transform> links = hsr_.links(q);
-    double nearest_m = std::numeric_limits<double>::infinity();
-    for (const CollisionShape& shape : hsr_.description().shapes) {
-      const Transform pose = links[static_cast<std::size_t>(shape.link)] * shape.T_link_shape;
-      nearest_m =
-          std::min(nearest_m, std::abs(signed_distance_m(shape.shape, pose.inverse() * p_world)));
-    }
-    return nearest_m;
-  }
 
   testing::HsrOnItsWay hsr_;
   std::filesystem::path scene_;
@@ -80,7 +69,7 @@ TEST_F(AroundTheHsr, TakeFramesInTurnAndSeeTheWholeRobotWhereItTrulyIs) {
         if (image.at(u, v) == 0.0F) continue;
         const Eigen::Vector3d p =
             frame.T_world_camera * image.camera.unproject(u, v, image.at(u, v));
-        const double to_robot_m = from_robot_m(p, q);
+        const double to_robot_m = hsr_.distance_m(p, q);
         EXPECT_LT(std::min(to_robot_m, std::abs(p.z())), 1e-5);
         (to_robot_m < 1e-5 ? on_robot : on_floor)++;
       }

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <cmath>
+#include <limits>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include <sidestep/trajectory/robot_motion.hpp>
 
@@ -42,6 +45,20 @@ class HsrOnItsWay {
   [[nodiscard]] const Transform& link(const std::vector<Transform>& poses,
                                       const std::string& name) const {
     return poses[static_cast<std::size_t>(*description().link_index(name))];
+  }
+  /// The distance of a point from the surfaces of the robot's shapes, but those of one link.
+  [[nodiscard]] double distance_m(const Eigen::Vector3d& p_world, const Eigen::VectorXd& q,
+                                  std::string_view but_link = {}) const {
+    const std::vector<Transform> poses = links(q);
+    const auto but = description().link_index(but_link);
+    double nearest_m = std::numeric_limits<double>::infinity();
+    for (const CollisionShape& shape : description().shapes) {
+      if (shape.link == but) continue;
+      const Transform pose = poses[static_cast<std::size_t>(shape.link)] * shape.T_link_shape;
+      nearest_m =
+          std::min(nearest_m, std::abs(signed_distance_m(shape.shape, pose.inverse() * p_world)));
+    }
+    return nearest_m;
   }
   /// Moves from `q` on at a constant velocity, measured every 10 ms from `from_s` to `to_s`.
   void move(const Eigen::VectorXd& q, const Eigen::VectorXd& qdot, double from_s, double to_s) {

@@ -48,18 +48,6 @@ class CameraOnTheHsr : public ::testing::Test {
     qdot[hsr_.joint("arm_flex_joint")] = -0.2;
     hsr_.move(hsr_.pose("reach_table"), qdot, 0.0, 3.0);
   }
-  /// The distance of a point of a frame from the robot's shapes, but those of the camera's link.
-  double from_robot_m(const Eigen::Vector3d& p_world, const Eigen::VectorXd& q) const {
-    const std::vector<Transform> links = hsr_.links(q);
-    double nearest_m = std::numeric_limits<double>::infinity();
-    for (const CollisionShape& shape : hsr_.description().shapes) {
-      if (shape.link == *hsr_.description().link_index("head_rgbd_sensor_link")) continue;
-      const Transform pose = links[static_cast<std::size_t>(shape.link)] * shape.T_link_shape;
-      nearest_m =
-          std::min(nearest_m, std::abs(signed_distance_m(shape.shape, pose.inverse() * p_world)));
-    }
-    return nearest_m;
-  }
 
   testing::HsrOnItsWay hsr_;
   std::filesystem::path scene_;
@@ -119,7 +107,8 @@ TEST_F(CameraOnTheHsr, SeesTheSceneAndTheRobotsOwnArm) {
         if (image.at(u, v) == 0.0F) continue;
         const Eigen::Vector3d p =
             frame.T_world_camera * image.camera.unproject(u, v, image.at(u, v));
-        const double to_robot_m = from_robot_m(p, *frame.joint_positions);
+        const double to_robot_m =
+            hsr_.distance_m(p, *frame.joint_positions, "head_rgbd_sensor_link");
         const double to_scene_m =
             std::abs(scene.signed_distance(p, frame.stamp.seconds()).distance_m);
         EXPECT_LT(std::min(to_robot_m, to_scene_m), 1e-5);
