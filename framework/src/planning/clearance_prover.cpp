@@ -19,7 +19,8 @@ constexpr std::size_t kRemembered = 4096;
 /// Levers are taken anew after about this much motion.
 constexpr double kPiece_m = 0.3;
 constexpr int kMaxPieces = 1 << 14;
-/// Largest number of voxels looked at to show that a gap stays in known space.
+/// Most voxels that the box about a gap may have to be looked at: its two halves have a quarter of
+/// them.
 constexpr int kMaxVoxels = 64;
 
 }  // namespace
@@ -279,6 +280,7 @@ bool ClearanceProver::stays_known(int item, const ClearanceReading& a, const Cle
   const Eigen::Vector3i low = voxel_near(-radius_m);
   const Eigen::Vector3i high = voxel_near(radius_m);
   if (low == high) return true;  // the voxel of both ends, which are known
+  if ((high - low + Eigen::Vector3i::Ones()).prod() > kMaxVoxels) return false;
   w.points.clear();
   w.targets.clear();
   for (int k = low.z(); k <= high.z(); ++k) {
@@ -295,7 +297,6 @@ bool ClearanceProver::stays_known(int item, const ClearanceReading& a, const Cle
         }
         const std::size_t voxel = grid.linear({i, j, k});
         if (w.known_voxels[voxel % kRemembered] == voxel + 1) continue;
-        if (w.points.size() == idx(kMaxVoxels)) return false;
         w.points.push_back(centre);
         w.targets.push_back(voxel);
       }
