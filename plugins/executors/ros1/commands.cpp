@@ -20,11 +20,11 @@ constexpr double kHere_m = 0.1;
 /// Two points of a command are at least so far apart.
 constexpr double kLeastStep_s = 1e-3;
 
-/// Of values at times, between the neighbours of each; zero at both ends.
-double rate_at(const std::vector<double>& values, const std::vector<double>& times_s,
-               std::size_t i) {
-  if (i == 0 || i + 1 == values.size()) return 0.0;
-  return (values[i + 1] - values[i - 1]) / (times_s[i + 1] - times_s[i - 1]);
+/// Between the neighbours of each; zero at both ends.
+double rate_at(const std::vector<HeadAngles>& head, double HeadAngles::*angle,
+               const std::vector<double>& times_s, std::size_t i) {
+  if (i == 0 || i + 1 == head.size()) return 0.0;
+  return (head[i + 1].*angle - head[i - 1].*angle) / (times_s[i + 1] - times_s[i - 1]);
 }
 
 }  // namespace
@@ -63,16 +63,16 @@ Trajectory stopping(const CommandedMotion& told, const std::optional<Executor::M
 }
 
 Result<Gaze> Gaze::create(const RobotDescription& robot, const OdometryOptions& base,
-                          const LookOptions& look) {
+                          const LookOptions& look, double highest_tilt_rad) {
   const auto x = robot.joint_index(base.x_joint);
   const auto y = robot.joint_index(base.y_joint);
   const auto yaw = robot.joint_index(base.yaw_joint);
-  if (x && y && yaw) return Gaze(look, *x, *y, *yaw);
+  if (x && y && yaw) return Gaze(look, highest_tilt_rad, *x, *y, *yaw);
   return fail(ErrorCode::kConfig, "robot '" + robot.name + "' lacks a joint of its base",
               "executor.odometry");
 }
 
-double Gaze::wanted(const Trajectory& plan, double at_s) const {
+std::optional<HeadAngles> Gaze::wanted(const Trajectory& plan, double at_s) const {
   std::vector<double> here(static_cast<std::size_t>(plan.dof));
   std::vector<double> there(here.size());
   plan.sample(at_s, here, {});
@@ -82,20 +82,25 @@ double Gaze::wanted(const Trajectory& plan, double at_s) const {
   };
   const double dx = of(there, x_) - of(here, x_);
   const double dy = of(there, y_) - of(here, y_);
-  if (std::hypot(dx, dy) < kHere_m) return std::clamp(0.0, look_.lower_rad, look_.upper_rad);
+  const double way_m = std::hypot(dx, dy);
+  if (way_m < kHere_m) return {};
   const double bearing =
       std::remainder(std::atan2(dy, dx) - of(here, yaw_), 2.0 * std::numbers::pi);
-  return std::clamp(bearing, look_.lower_rad, look_.upper_rad);
+  return HeadAngles{std::clamp(bearing, look_.lower_rad, look_.upper_rad),
+                    std::clamp(-std::atan2(look_.eye_m, way_m), look_.tilt_lower_rad,
+                               std::max(look_.tilt_lower_rad, highest_tilt_rad_))};
 }
 
-std::vector<double> Gaze::pans(const Trajectory& plan, double from_s,
-                               std::span<const double> times_s, double pan_rad) const {
-  std::vector<double> list;
+std::vector<HeadAngles> Gaze::along(const Trajectory& plan, double from_s,
+                                    std::span<const double> times_s, HeadAngles head) const {
+  std::vector<HeadAngles> list;
   double before_s = times_s.empty() ? 0.0 : times_s.front();
   for (const double time_s : times_s) {
     const double most = look_.speed_radps * (time_s - before_s);
-    pan_rad += std::clamp(wanted(plan, from_s + time_s) - pan_rad, -most, most);
-    list.push_back(pan_rad);
+    const HeadAngles to = wanted(plan, from_s + time_s).value_or(head);
+    head.pan_rad += std::clamp(to.pan_rad - head.pan_rad, -most, most);
+    head.tilt_rad += std::clamp(to.tilt_rad - head.tilt_rad, -most, most);
+    list.push_back(head);
     before_s = time_s;
   }
   return list;
@@ -121,10 +126,14 @@ Result<CommandWriter> CommandWriter::create(const RobotDescription& robot, const
       const auto held = std::ranges::find(options.hold, name, &HeldJoint::joint);
       if (const auto index = robot.joint_index(name)) {
         is_moved[static_cast<std::size_t>(*index)] = true;
-        controller.columns.push_back({*index, 0.0, false});
+        controller.columns.push_back({*index});
       } else if (held != options.hold.end()) {
-        const bool pans = options.look && options.look->pan_joint == name;
-        controller.columns.push_back({-1, held->position, pans});
+        Column column{-1, held->position};
+        if (options.look && options.look->pan_joint == name) column.turns_by = &HeadAngles::pan_rad;
+        if (options.look && options.look->tilt_joint == name) {
+          column.turns_by = &HeadAngles::tilt_rad;
+        }
+        controller.columns.push_back(column);
       } else {
         return fail(ErrorCode::kConfig,
                     "robot '" + robot.name + "' has no joint '" + name + "', which " +
@@ -159,7 +168,7 @@ std::vector<double> CommandWriter::times(const Trajectory& trajectory) const {
 }
 
 std::vector<ros_messages::JointTrajectory> CommandWriter::write(
-    const Trajectory& trajectory, Stamp stamp, const std::vector<double>& pans) const {
+    const Trajectory& trajectory, Stamp stamp, const std::vector<HeadAngles>& head) const {
   const std::vector<double> at_s = times(trajectory);
   std::vector<ros_messages::JointTrajectory> messages;
   for (const Controller& controller : controllers_) {
@@ -175,9 +184,9 @@ std::vector<ros_messages::JointTrajectory> CommandWriter::write(
       point.time_from_start = ::ros::Duration(at_s[i]);
       for (const Column& column : controllers_[c].columns) {
         const auto j = static_cast<std::size_t>(column.joint);
-        if (column.pans && !pans.empty()) {
-          point.positions.push_back(pans[i]);
-          point.velocities.push_back(rate_at(pans, at_s, i));
+        if (column.turns_by != nullptr && !head.empty()) {
+          point.positions.push_back(head[i].*column.turns_by);
+          point.velocities.push_back(rate_at(head, column.turns_by, at_s, i));
           continue;
         }
         point.positions.push_back(column.joint < 0 ? column.held : q[j]);
@@ -201,7 +210,7 @@ CommandStream::CommandStream(const Options& options, MotionLimits limits, Comman
     : is_shadow_(options.mode == "shadow"),
       horizon_s_(options.command_horizon_s),
       renewal_ns_(Stamp::from_seconds(options.command_renewal_s).ns),
-      pan_joint_(options.look ? options.look->pan_joint : ""),
+      look_(options.look),
       limits_(std::move(limits)),
       writer_(std::move(writer)),
       gaze_(std::move(gaze)),
@@ -236,12 +245,15 @@ void CommandStream::hold(Stamp ros_stamp) {
 /// A window of a plan that begins at `from_s` of it.
 void CommandStream::command(const Trajectory& window, const Trajectory& plan, double from_s,
                             Stamp ros_stamp) {
-  std::vector<double> pans;
-  if (gaze_) {
-    const double pan_rad = link_.feed().held_position(pan_joint_).value_or(0.0);
-    pans = gaze_->pans(plan, from_s, writer_.times(window), pan_rad);
+  std::vector<HeadAngles> head;
+  if (gaze_ && look_) {
+    const auto position = [&](const std::string& joint) {
+      return link_.feed().held_position(joint).value_or(0.0);
+    };
+    const HeadAngles now{position(look_->pan_joint), position(look_->tilt_joint.value_or(""))};
+    head = gaze_->along(plan, from_s, writer_.times(window), now);
   }
-  link_.command(writer_.write(window, ros_stamp, pans));
+  link_.command(writer_.write(window, ros_stamp, head));
 }
 
 }  // namespace sidestep::ros1_executor

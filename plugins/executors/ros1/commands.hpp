@@ -54,24 +54,36 @@ class CommandedMotion {
                                   const std::optional<Executor::Measured>& measured,
                                   double tolerance, const MotionLimits& limits, Stamp now);
 
-/// Where a head is to pan, for its camera to see where the base is going to be. [any]
+/// Where a head looks, or is to look.
+struct HeadAngles {
+  double pan_rad = 0.0;
+  double tilt_rad = 0.0;
+};
+
+/// Where a head is to turn, for its camera to see where the base is going to be. [any]
 class Gaze {
  public:
-  /// Fails with kConfig where the robot lacks a joint of the base.
+  /// Fails with kConfig where the robot lacks a joint of the base. `highest_tilt_rad`: where the
+  /// tilt is held.
   [[nodiscard]] static Result<Gaze> create(const RobotDescription& robot,
-                                           const OdometryOptions& base, const LookOptions& look);
+                                           const OdometryOptions& base, const LookOptions& look,
+                                           double highest_tilt_rad);
 
-  /// The pan joint's position at each of `times_s`, ascending, which count from `from_s` of the
-  /// plan: towards where the base is `ahead_s` later, or straight ahead where that is here; from
-  /// `pan_rad` on, no faster than its speed, within its limits.
-  [[nodiscard]] std::vector<double> pans(const Trajectory& plan, double from_s,
-                                         std::span<const double> times_s, double pan_rad) const;
+  /// Where the head is to be at each of `times_s`, ascending, which count from `from_s` of the
+  /// plan: turned towards where the base is `ahead_s` later, or, where that is here, as it is; from
+  /// `head` on, no faster than its speed, within its limits.
+  [[nodiscard]] std::vector<HeadAngles> along(const Trajectory& plan, double from_s,
+                                              std::span<const double> times_s,
+                                              HeadAngles head) const;
 
  private:
-  Gaze(const LookOptions& look, int x, int y, int yaw) : look_(look), x_(x), y_(y), yaw_(yaw) {}
-  [[nodiscard]] double wanted(const Trajectory& plan, double at_s) const;
+  Gaze(const LookOptions& look, double highest_tilt_rad, int x, int y, int yaw)
+      : look_(look), highest_tilt_rad_(highest_tilt_rad), x_(x), y_(y), yaw_(yaw) {}
+  /// Nothing where the base stays here.
+  [[nodiscard]] std::optional<HeadAngles> wanted(const Trajectory& plan, double at_s) const;
 
   LookOptions look_;
+  double highest_tilt_rad_;
   int x_;
   int y_;
   int yaw_;
@@ -96,18 +108,18 @@ class CommandWriter {
   [[nodiscard]] std::vector<double> times(const Trajectory& trajectory) const;
 
   /// One for each controller, in order: states at those times, whose time 0 is at `stamp`, ROS
-  /// time. Held joints stay where they are held, but for `look.pan_joint`, which is at `pans` if
+  /// time. Held joints stay where they are held, but for those of `look`, which are at `head` if
   /// that is not empty.
   [[nodiscard]] std::vector<ros_messages::JointTrajectory> write(
-      const Trajectory& trajectory, Stamp stamp, const std::vector<double>& pans = {}) const;
+      const Trajectory& trajectory, Stamp stamp, const std::vector<HeadAngles>& head = {}) const;
   /// Messages without any state: controllers drop what they follow, and hold.
   [[nodiscard]] std::vector<ros_messages::JointTrajectory> write_hold(Stamp stamp) const;
 
  private:
   struct Column {
-    int joint = -1;     ///< The robot's; -1: held.
-    double held = 0.0;  ///< Where.
-    bool pans = false;  ///< It is `look.pan_joint`.
+    int joint = -1;                          ///< The robot's; -1: held.
+    double held = 0.0;                       ///< Where.
+    double HeadAngles::*turns_by = nullptr;  ///< Of `look`'s joints.
   };
   struct Controller {
     std::vector<std::string> names;
@@ -147,7 +159,7 @@ class CommandStream {
   bool is_shadow_;
   double horizon_s_;
   std::int64_t renewal_ns_;
-  std::string pan_joint_;  ///< Where there is a gaze.
+  std::optional<LookOptions> look_;
   MotionLimits limits_;
   CommandWriter writer_;
   std::optional<Gaze> gaze_;

@@ -308,7 +308,10 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
       MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame));
   std::optional<Gaze> gaze;
   if (options.look) {
-    gaze = SIDESTEP_TRY(Gaze::create(robot, *options.odometry, *options.look));
+    const auto tilt =
+        std::ranges::find(options.hold, options.look->tilt_joint.value_or(""), &HeldJoint::joint);
+    gaze = SIDESTEP_TRY(Gaze::create(robot, *options.odometry, *options.look,
+                                     tilt == options.hold.end() ? 0.0 : tilt->position));
   }
   auto master = SIDESTEP_TRY(ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s));
   auto executor = SIDESTEP_TRY(make_executor(options, context,

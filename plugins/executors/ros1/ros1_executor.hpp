@@ -35,10 +35,13 @@ struct HeldJoint {
   static Parameters<HeldJoint> parameters();
 };
 
-/// A head that pans towards where the base is going.
+/// A head that turns towards where the base is going.
 struct LookOptions {
   std::string pan_joint = "head_pan_joint";
+  std::optional<std::string> tilt_joint;
   double ahead_s = 15.0;
+  double eye_m = 0.7;
+  double tilt_lower_rad = -1.2;
   double lower_rad = -3.84;
   double upper_rad = 1.75;
   double speed_radps = 0.5;

@@ -9,6 +9,7 @@ namespace sidestep::ros1_executor {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kHeld_rad = -0.3;
 
 RobotDescription base_of_three() {
   RobotDescription robot;
@@ -18,7 +19,7 @@ RobotDescription base_of_three() {
 }
 
 Gaze gaze_of(const LookOptions& look) {
-  auto gaze = Gaze::create(base_of_three(), OdometryOptions{}, look);
+  auto gaze = Gaze::create(base_of_three(), OdometryOptions{}, look, kHeld_rad);
   EXPECT_TRUE(gaze);
   return *gaze;
 }
@@ -39,17 +40,30 @@ TEST(Gaze, TurnsTowardsWhereTheBaseIsGoing) {
   for (const Way& way : {Way{3.0, 0.0, 0.0, 0.0}, Way{0.0, 3.0, 0.0, 0.5 * kPi},
                          Way{0.0, -3.0, 0.0, -0.5 * kPi}, Way{3.0, 3.0, 0.5 * kPi, -0.25 * kPi},
                          Way{0.0, 3.0, 7.0 * kPi, -0.5 * kPi}, Way{-1.0, 0.01, 0.0, 1.75}}) {
-    const auto pans = gaze.pans(drive(way.dx, way.dy, way.yaw), 0.0, times, 0.0);
-    ASSERT_EQ(pans.size(), times.size());
-    EXPECT_NEAR(pans.back(), way.wanted, 1e-6) << way.dx << " " << way.dy << " " << way.yaw;
-    EXPECT_EQ(pans[0], 0.0);
-    EXPECT_LE(std::abs(pans[1] - pans[0]), 0.5 + 1e-12) << "half a radian a second";
+    const auto head = gaze.along(drive(way.dx, way.dy, way.yaw), 0.0, times, {});
+    ASSERT_EQ(head.size(), times.size());
+    EXPECT_NEAR(head.back().pan_rad, way.wanted, 1e-6) << way.dx << " " << way.dy << " " << way.yaw;
+    EXPECT_EQ(head[0].pan_rad, 0.0);
+    EXPECT_LE(std::abs(head[1].pan_rad - head[0].pan_rad), 0.5 + 1e-12) << "half a radian a second";
   }
 }
 
-TEST(Gaze, LooksAheadAtTheEndOfTheWay) {
+TEST(Gaze, LooksDownToWhereTheBaseIsGoingAndNoHigherThanHeld) {
+  const Gaze gaze = gaze_of({.eye_m = 0.5});
+  // 15 of 20 s of the way.
+  for (const auto& [way_m, tilt_rad] :
+       {std::pair{4.0 / 3.0 * 0.5, -0.25 * kPi}, std::pair{4.0 / 3.0 * 0.11, -1.2},
+        std::pair{4.0 / 3.0 * 5.0, kHeld_rad}}) {
+    const auto head = gaze.along(drive(way_m, 0.0, 0.0), 0.0, {{0.0, 5.0}}, {0.0, kHeld_rad});
+    EXPECT_NEAR(head.back().tilt_rad, tilt_rad, 1e-6) << way_m;
+  }
+}
+
+TEST(Gaze, StaysWhereItLookedAtTheEndOfTheWay) {
   const Gaze gaze = gaze_of({});
-  EXPECT_NEAR(gaze.pans(drive(0.0, 3.0, 0.0), 19.8, {{0.0, 10.0}}, 1.2).back(), 0.0, 1e-12);
+  const auto head = gaze.along(drive(0.0, 3.0, 0.0), 19.8, {{0.0, 10.0}}, {1.2, -0.7});
+  EXPECT_EQ(head.back().pan_rad, 1.2);
+  EXPECT_EQ(head.back().tilt_rad, -0.7);
 }
 
 }  // namespace
