@@ -15,6 +15,7 @@ namespace {
 constexpr double kShort_s = 1e-4;          ///< For velocities.
 constexpr double kSure = 1e-6;             ///< Variances of what is known exactly.
 constexpr double kUnderground_m = -100.0;  ///< Where those are who are not there.
+constexpr double kStands_s = 1.0;          ///< What has not moved for so long is an obstacle.
 
 /// The upright cylinder around a shape as it stands; nothing for what has no end.
 std::optional<Track> cylinder_around(const Shape& shape, const Transform& T_world_shape) {
@@ -63,12 +64,17 @@ TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& boun
     if (now.translation().z() < kUnderground_m) continue;
     auto found = cylinder_around(object.shape, now);
     if (!found) continue;
-    if (!masks_tracks) {
+    const auto is_here = [&](double time_s) {
+      return object.T_world_object(time_s).translation() == now.translation();
+    };
+    const bool stands = is_here(now_s - kStands_s) && is_here(now_s + kShort_s);
+    if (stands || !masks_tracks) {
       SceneObject there = object;
       there.person = -1;
       there.waypoints = {{0.0, now}};
       standing.push_back(std::move(there));
     }
+    if (stands) continue;
     const std::int64_t id =
         object.person >= 0 ? object.person + 1 : others + static_cast<std::int64_t>(i);
     if (!tracks->tracks.empty() && tracks->tracks.back().id == id) {

@@ -311,6 +311,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       largest_difference(retimed->trajectory.qdot(0), as_span(task.start.qdot));
   plan.takeover_s = task.departure.lead.duration_s();
   plan.trajectory = joined(task.departure.lead, retimed->trajectory);
+  plan.is_rest = task.is_followed;
   plan.frees_goal = is_goal_free(task.problem);
   if (task.request.predicted) {
     auto among = among_predicted(plan, proposal, task.departure, task.request);
@@ -319,6 +320,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       return refuse("what is predicted leaves no time for it");
     }
     plan.delay_s = among->duration_s() - soonest_s(plan, task);
+    if (among->times_s != plan.trajectory.times_s) plan.at_once = std::move(plan.trajectory);
     plan.trajectory = std::move(*among);
   }
   if (task.request.to_end_before_s &&

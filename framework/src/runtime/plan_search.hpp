@@ -17,13 +17,15 @@ struct Departure {
   Trajectory lead;                         ///< The motion from now to the takeover; never empty.
   const Trajectory* followed = nullptr;    ///< What the lead is the begin of; null at rest.
   double from_s = 0.0;                     ///< The takeover on its clock.
-  const Trajectory* unfinished = nullptr;  ///< The motion to the goal whose rest is worth a guess.
+  const Trajectory* unfinished = nullptr;  ///< The way to the goal whose rest is worth a guess.
   double unfinished_from_s = 0.0;          ///< Where on it the takeover is.
   bool is_moving = false;                  ///< At the takeover.
 };
 
 struct FoundPlan {
-  Trajectory trajectory;  ///< The lead and the new motion, checked as one.
+  Trajectory trajectory;              ///< The lead and the new motion, checked as one.
+  std::optional<Trajectory> at_once;  ///< The same as if nothing moved, where it is slower now.
+  bool is_rest = false;               ///< Of the departure's `unfinished`, at other speeds.
   double takeover_s = 0.0;
   double splice_velocity_jump = 0.0;
   double delay_s = 0.0;  ///< By its waits, detours and slowness among what is predicted.

@@ -296,29 +296,22 @@ detail::Departure Replanner::Impl::departure_from_end(const Braking& stop) const
   return departure;
 }
 
-/// Where the lead ends on the last motion that was to lead to the goal: a stop along its path, too,
-/// has not left it.
+/// Where the lead ends on the last way that was found to the goal: slower motions, and a stop along
+/// it, have not left it.
 void Replanner::Impl::find_unfinished(detail::Departure& departure) const {
   if (unfinished.size() == 0) return;
   const auto* driving = std::get_if<Driving>(&phase);
-  if (driving != nullptr && !driving->is_aside) {
+  if (driving != nullptr && driving->is_unfinished) {
     departure.unfinished = &unfinished;
     departure.unfinished_from_s = departure.from_s;
     return;
   }
   constexpr double kOnPath = 0.05;  // m, rad
-  const auto q = departure.lead.q(departure.lead.size() - 1);
-  double least = kOnPath;
-  for (int state = 0; state < unfinished.size(); ++state) {
-    double off = 0.0;
-    for (std::size_t j = 0; j < q.size(); ++j) {
-      off = std::max(off, std::abs(unfinished.q(state)[j] - q[j]));
-    }
-    if (off >= least) continue;
-    least = off;
-    departure.unfinished = &unfinished;
-    departure.unfinished_from_s = unfinished.times_s[static_cast<std::size_t>(state)];
-  }
+  const NearestState nearest =
+      nearest_state(unfinished, departure.lead.q(departure.lead.size() - 1));
+  if (nearest.off >= kOnPath) return;
+  departure.unfinished = &unfinished;
+  departure.unfinished_from_s = nearest.time_s;
 }
 
 void Replanner::Impl::depart_from_rest(const RobotState& measured) {
@@ -429,7 +422,9 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   last_start = now;
   phase = Driving{{plan.trajectory, now}, field,        is_clear, is_clear, {}, {}, false,
                   plan.delay_s,           plan.is_aside};
-  if (!plan.is_aside) unfinished = plan.trajectory;
+  const bool is_new = !plan.is_aside && !plan.is_rest;
+  std::get<Driving>(phase).is_unfinished = is_new && !plan.at_once;
+  if (is_new) unfinished = plan.at_once.value_or(plan.trajectory);
   is_moving = true;
   free_goal.reset();
   is_failing = false;

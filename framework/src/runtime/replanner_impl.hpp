@@ -51,6 +51,7 @@ struct Replanner::Impl {
         false;              ///< Nothing that moves in the newest map could reach the robot on it.
     double delay_s = 0.0;   ///< For which it waits, or goes more slowly, among what is predicted.
     bool is_aside = false;  ///< It leads out of somebody's way, not to the goal.
+    bool is_unfinished = false;  ///< It is Impl::unfinished itself, at the same times.
   };
   /// A stop is followed.
   struct Braking : Motion {};
@@ -172,7 +173,7 @@ struct Replanner::Impl {
 
   std::variant<Resting, Driving, Braking, AtGoal> phase;
   Stamp last_start;        ///< Of the motion that was given last.
-  Trajectory unfinished;   ///< The last plan, which stops interrupt.
+  Trajectory unfinished;   ///< The last way that was found to the goal, which stops interrupt.
   bool is_moving = false;  ///< As measured.
   Stamp measured_at;
   std::optional<Eigen::VectorXd> free_goal;  ///< The end of a plan whose goal costs decide.

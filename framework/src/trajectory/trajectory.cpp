@@ -191,6 +191,35 @@ Trajectory joined(const Trajectory& first, const Trajectory& second) {
   return out;
 }
 
+NearestState nearest_state(const Trajectory& trajectory, std::span<const double> q) {
+  std::vector<double> there(q.size());
+  const auto off_at = [&](double time_s) {
+    trajectory.sample(time_s, there, {});
+    double off = 0.0;
+    for (std::size_t j = 0; j < q.size(); ++j) off = std::max(off, std::abs(there[j] - q[j]));
+    return off;
+  };
+  int nearest = 0;
+  NearestState found{trajectory.times_s.front(), off_at(trajectory.times_s.front())};
+  for (int state = 1; state < trajectory.size(); ++state) {
+    const double time_s = trajectory.times_s[idx(state)];
+    if (const double off = off_at(time_s); off <= found.off) {
+      nearest = state;
+      found = {time_s, off};
+    }
+  }
+  const double first_s = trajectory.times_s[idx(std::max(0, nearest - 1))];
+  const double last_s = trajectory.times_s[idx(std::min(nearest + 1, trajectory.size() - 1))];
+  double from_s = first_s, to_s = last_s;
+  while (to_s - from_s > 1e-4 * (last_s - first_s)) {
+    const double a_s = from_s + (to_s - from_s) / 3.0, b_s = to_s - (to_s - from_s) / 3.0;
+    (off_at(a_s) < off_at(b_s) ? to_s : from_s) = off_at(a_s) < off_at(b_s) ? b_s : a_s;
+  }
+  const double time_s = 0.5 * (from_s + to_s);
+  if (const double off = off_at(time_s); off < found.off) found = {time_s, off};
+  return found;
+}
+
 Trajectory resting(std::span<const double> q, double duration_s) {
   Trajectory out = make_trajectory(static_cast<int>(q.size()), 2, duration_s);
   std::ranges::copy(q, out.q(0).begin());

@@ -44,5 +44,18 @@ TEST(TrueMap, HasWhatMovesAsTracksAndWhereItIsNotMaskedInTheField) {
   EXPECT_NEAR(distance_m(whole, beside_m), 1.0 - 0.3, 1e-6);
 }
 
+TEST(TrueMap, TakesWhatHasStoodForASecondForAnObstacle) {
+  const Scene scene({upright("walker", 4.0, 0.5)});  // for 10 s, then it stands at (4, 5)
+  const Eigen::AlignedBox3d bounds_m(Eigen::Vector3d::Constant(-50.0),
+                                     Eigen::Vector3d::Constant(50.0));
+  const Eigen::Vector3d beside_m(4.0, 6.0, 1.0);
+  const TrueMap before = true_map(scene, Stamp::from_seconds(10.9), bounds_m);
+  EXPECT_EQ(before.tracks->tracks.size(), 1u);
+  EXPECT_GT(distance_m(before, beside_m), 10.0);
+  const TrueMap after = true_map(scene, Stamp::from_seconds(11.1), bounds_m);
+  EXPECT_TRUE(after.tracks->tracks.empty());
+  EXPECT_NEAR(distance_m(after, beside_m), 0.7, 1e-6);
+}
+
 }  // namespace
 }  // namespace sidestep

@@ -317,6 +317,32 @@ TEST(Cut, WaitsBeyondTheEnd) {
   }
 }
 
+TEST(NearestState, IsFoundBetweenStates) {
+  const Trajectory whole = winding(3, 7, {{1, 1, 1}, {1, 1, 1}, {}});
+  for (int i = 0; i <= 60; ++i) {
+    const double time_s = whole.duration_s() * i / 60;
+    std::vector<double> q(3), beside(3);
+    whole.sample(time_s, q, {});
+    EXPECT_LT(nearest_state(whole, q).off, 1e-4) << time_s;
+    beside = q;
+    beside[1] += 0.01;
+    // Brute force.
+    double least = 1.0;
+    for (int k = 0; k <= 20000; ++k) {
+      std::vector<double> there(3);
+      whole.sample(whole.duration_s() * k / 20000, there, {});
+      double off = 0.0;
+      for (std::size_t j = 0; j < 3; ++j) off = std::max(off, std::abs(there[j] - beside[j]));
+      least = std::min(least, off);
+    }
+    const NearestState found = nearest_state(whole, beside);
+    EXPECT_LT(found.off, std::max(1.5 * least, least + 1e-4)) << time_s;
+    std::vector<double> there(3);
+    whole.sample(found.time_s, there, {});
+    EXPECT_NEAR(std::abs(there[1] - beside[1]), found.off, 0.01);
+  }
+}
+
 TEST(Joined, GoesFromOneToTheOther) {
   const Trajectory whole = winding(2, 5, {{1, 1}, {1, 1}, {}});
   const double middle_s = 0.4 * whole.duration_s();

@@ -19,9 +19,9 @@ struct TrueMap {
 };
 
 /// Half-spaces, which are floors, are left out. People that are there, and objects that move by
-/// waypoints, each as the cylinder around all of it, with the velocity that it has; everything
-/// within `bounds_m` is known. `masks_tracks`: the field is without what is tracked. Allocates.
-/// [any]
+/// waypoints, each as the cylinder around all of it, with the velocity that it has. What has stood
+/// for a second is an obstacle, and no track. Everything within `bounds_m` is known.
+/// `masks_tracks`: the field is without what is tracked. Allocates. [any]
 [[nodiscard]] TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& bounds_m,
                                bool masks_tracks = true);
 

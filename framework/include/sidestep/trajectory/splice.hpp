@@ -14,6 +14,16 @@ namespace sidestep {
 /// `first` stands for both. Joints agree, neither is empty. [any]; allocates.
 [[nodiscard]] Trajectory joined(const Trajectory& first, const Trajectory& second);
 
+/// Where a trajectory comes nearest to a configuration.
+struct NearestState {
+  double time_s = 0.0;
+  double off = 0.0;  ///< Largest difference of any joint, m or rad.
+};
+
+/// To within 1e-4 of a piece's duration, on the piece that begins or ends with the nearest state;
+/// the last of those that are equally near. `trajectory` not empty. [any]; allocates.
+[[nodiscard]] NearestState nearest_state(const Trajectory& trajectory, std::span<const double> q);
+
 /// Stands still at `q` for so long. [any]; allocates.
 [[nodiscard]] Trajectory resting(std::span<const double> q, double duration_s);
 
