@@ -18,7 +18,10 @@ constexpr double kLegApart_m = 0.1;  ///< From the middle to a leg.
 constexpr double kStride_m = 1.4;    ///< Two steps of somebody who walks at 1.2 m/s.
 constexpr double kSwing_rad = 0.4;   ///< Of a leg, forwards and back, at that speed.
 constexpr double kUnhurried_mps = 1.2;
+constexpr double kFromRobot_m = 0.1;  ///< That people leave between their feet and a robot.
 constexpr double kArrived_m = 0.3;    ///< From a place on the way: on to the next.
+constexpr double kPatience_s = 3.0;   ///< Stuck for so long: the same.
+constexpr double kStuck = 0.2;        ///< Of the preferred speed, and less.
 constexpr double kAway_m = -1000.0;   ///< Height of those who are not there.
 constexpr double kInstant_s = 1e-6;   ///< In which they come and go.
 constexpr double kWallsFrom_m = 2.0;  ///< Farther ones are not walked around.
@@ -190,6 +193,16 @@ std::vector<SceneObject> body_of(const Person& person, int index) {
           part(person.name + "_right_leg", Capsule{kLegRadius_m, leg_m})};
 }
 
+/// By which its legs swing at a speed, forwards and back.
+double swing_of(double speed_mps) { return kSwing_rad * std::min(1.5, speed_mps / kUnhurried_mps); }
+
+/// How far from its middle a body reaches at its preferred speed.
+double reach_of(const Person& person) {
+  if (!person.has_legs) return person.radius_m;
+  return std::max(person.radius_m,
+                  kLegRadius_m + kHip_m * person.height_m * std::sin(swing_of(person.speed_mps)));
+}
+
 /// Where those are.
 std::vector<Transform> poses_of(const Person& person, const Eigen::Vector2d& place_m,
                                 double heading_rad, double stride_rad, double speed_mps) {
@@ -202,8 +215,7 @@ std::vector<Transform> poses_of(const Person& person, const Eigen::Vector2d& pla
   if (!person.has_legs) return {raised(0.5 * person.height_m)};
   const double hip_m = kHip_m * person.height_m;
   std::vector<Transform> poses = {raised(0.5 * (hip_m + person.height_m))};
-  const double swing_rad =
-      kSwing_rad * std::min(1.5, speed_mps / kUnhurried_mps) * std::sin(stride_rad);
+  const double swing_rad = swing_of(speed_mps) * std::sin(stride_rad);
   for (const double side : {1.0, -1.0}) {
     Transform leg = at * Eigen::Translation3d(0.0, side * kLegApart_m, hip_m);
     leg.rotate(Eigen::AngleAxisd(side * swing_rad, Eigen::Vector3d::UnitY()));
@@ -292,9 +304,13 @@ Eigen::Vector2d Crowd::preferred(const Person& person, Walker& walker) const {
   const auto offset_m = [&]() -> Eigen::Vector2d {
     return person.route_m[walker.next] - walker.place_m;
   };
-  for (std::size_t i = 0; i < places && offset_m().norm() < kArrived_m; ++i) {
+  const auto is_done = [&] {
+    return offset_m().norm() < kArrived_m || walker.stuck_s > kPatience_s;
+  };
+  for (std::size_t i = 0; i < places && is_done(); ++i) {
     if (walker.next + 1 == places && !person.repeats) break;
     walker.next = (walker.next + 1) % places;
+    walker.stuck_s = 0.0;
   }
   // It slows down in the last second.
   const double distance_m = offset_m().norm();
@@ -316,7 +332,10 @@ Eigen::Vector2d Crowd::choose(std::size_t index, const Eigen::Vector2d& preferre
   if (robot && person.sees_robot != Person::Sees::kNever) {
     const Eigen::Vector2d heading(std::cos(walker.heading_rad), std::sin(walker.heading_rad));
     const bool is_in_front = heading.dot(robot->position_m - walker.place_m) > 0.0;
-    if (is_in_front || person.sees_robot == Person::Sees::kAlways) others.push_back(*robot);
+    if (is_in_front || person.sees_robot == Person::Sees::kAlways) {
+      others.push_back(*robot);
+      others.back().radius_m += kFromRobot_m + reach_of(person) - person.radius_m;
+    }
   }
   std::vector<OrcaWall> walls;
   if (const auto wall = wall_near(standing_, walker.place_m, kWallsFrom_m)) walls.push_back(*wall);
@@ -376,7 +395,10 @@ bool Crowd::advance(double until_s, const std::optional<OrcaAgent>& robot) {
     for (std::size_t i = 0; i < walkers_.size(); ++i) {
       const Person& person = people_.persons[i];
       if (person.policy == Person::Policy::kRecorded) continue;
-      velocities[i] = choose(i, preferred(person, walkers_[i]), robot);
+      const Eigen::Vector2d preferred_mps = preferred(person, walkers_[i]);
+      velocities[i] = choose(i, preferred_mps, robot);
+      const bool is_stuck = velocities[i].norm() < kStuck * preferred_mps.norm();
+      walkers_[i].stuck_s = is_stuck ? walkers_[i].stuck_s + step_s : 0.0;
     }
     for (std::size_t i = 0; i < walkers_.size(); ++i) {
       Walker& walker = walkers_[i];

@@ -115,9 +115,13 @@ class EpisodeRun {
     auto field = slot_.pin();
     if (field == nullptr) field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
     if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
-    world_.q_goal = SIDESTEP_TRY(goal_in(
-        std::move(field), Deadline::after_s(settings_.planning.time_limit_s, context_.stop)));
-    return {};
+    constexpr int kTries = 8;  // from elsewhere each
+    for (int left = kTries;; --left) {
+      auto q = goal_in(field, Deadline::after_s(settings_.planning.time_limit_s, context_.stop));
+      if (!q && q.error().code == ErrorCode::kNotFound && left > 1) continue;
+      world_.q_goal = SIDESTEP_TRY(std::move(q));
+      return {};
+    }
   }
 
   /// A configuration in which the robot does what its task asks of the goal, in a map; at each call

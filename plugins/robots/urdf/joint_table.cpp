@@ -1,6 +1,7 @@
 #include "joint_table.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include <sidestep/core/index.hpp>
@@ -52,8 +53,10 @@ void JointTable::read_limits() {
   const Parameters<JointLimitOptions> fields = JointLimitOptions::parameters();
   for (const Node::Entry& entry : node.entries()) {
     const UrdfJoint* joint = model_.find_joint(entry.key);
+    const auto of_base = std::ranges::find(planned_, entry.key, &Joint::name);
     const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
-    if (joint == nullptr || joint->type == UrdfJoint::Type::kFixed) {
+    const bool is_of_urdf = joint != nullptr && joint->type != UrdfJoint::Type::kFixed;
+    if (!is_of_urdf && of_base == planned_.end()) {
       errors_.push_back(unknown_joint(key, entry.key));
       continue;
     }
@@ -63,8 +66,18 @@ void JointTable::read_limits() {
     }
     const std::size_t before = errors_.size();
     check_against_schema(entry.value, fields.schema(), {}, errors_);
-    check_braking(entry.value, "max_braking", "max_acceleration", errors_);
-    if (errors_.size() == before) fields.read(entry.value, limits_[entry.key], errors_);
+    if (of_base == planned_.end() || !std::isfinite(of_base->max_acceleration)) {
+      check_braking(entry.value, "max_braking", "max_acceleration", errors_);
+    }
+    if (errors_.size() != before) continue;
+    fields.read(entry.value, limits_[entry.key], errors_);
+    if (of_base == planned_.end()) continue;
+    const JointLimitOptions& own = limits_[entry.key];
+    of_base->lower = own.lower.value_or(of_base->lower);
+    of_base->upper = own.upper.value_or(of_base->upper);
+    of_base->max_velocity = own.max_velocity.value_or(of_base->max_velocity);
+    of_base->max_acceleration = own.max_acceleration.value_or(of_base->max_acceleration);
+    if (own.max_braking) of_base->max_braking = own.max_braking;
   }
 }
 

@@ -44,6 +44,7 @@ class Crowd {
     double heading_rad = 0.0;
     double stride_rad = 0.0;  ///< Phase of the legs.
     std::size_t next = 1;     ///< Of the route.
+    double stuck_s = 0.0;     ///< For so long it has got nowhere.
     std::size_t object = 0;   ///< The first of its body.
     bool is_there = true;
   };
