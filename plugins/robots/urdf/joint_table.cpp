@@ -78,6 +78,11 @@ void JointTable::read_limits() {
     of_base->max_velocity = own.max_velocity.value_or(of_base->max_velocity);
     of_base->max_acceleration = own.max_acceleration.value_or(of_base->max_acceleration);
     if (own.max_braking) of_base->max_braking = own.max_braking;
+    if (of_base->braking() >= of_base->max_acceleration) continue;
+    errors_.push_back(entry.value.error(
+        "'" + entry.key + "' is to brake by " + detail::number_text(of_base->braking()) +
+            ", below its acceleration, " + detail::number_text(of_base->max_acceleration),
+        "stops brake at least as hard as motions"));
   }
 }
 

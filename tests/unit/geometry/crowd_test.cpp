@@ -204,6 +204,45 @@ TEST(Crowd, GivesWayOnlyWhereItSeesTheRobot) {
   EXPECT_GT(beside_m("in_front"), 0.1);
 }
 
+TEST(Crowd, KeepsItsFeetOffARobotThatItSees) {
+  for (const double speed_mps : {0.8, 1.4}) {
+    Crowd crowd(
+        scene_of("  groups: [{name: one, policy: orca, speed_mps: " + std::to_string(speed_mps) +
+                 ", radius_m: 0.25, sees_robot: always, route_m: [[0, 0], [6, 0]]}]\n"));
+    const Eigen::Vector2d robot_m(3.0, 0.05);
+    constexpr double kRadius_m = 0.3;
+    for (int i = 1; i < 80; ++i) crowd.advance(0.1 * i, OrcaAgent{robot_m, {0.0, 0.0}, kRadius_m});
+    const Scene scene = crowd.scene();
+    double nearest_m = 1e9;
+    for (double time_s = 0.0; time_s < 7.5; time_s += 0.02) {
+      for (const SceneObject& object : scene.objects()) {
+        if (object.person < 0) continue;
+        // Of the leg's lower end, or the torso's.
+        const auto& capsule = std::get<Capsule>(object.shape);
+        const Eigen::Vector3d end =
+            object.T_world_object(time_s) * Eigen::Vector3d(0.0, 0.0, -0.5 * capsule.length_m);
+        nearest_m = std::min(nearest_m, (end.head<2>() - robot_m).norm() - capsule.radius_m);
+      }
+    }
+    EXPECT_GT(nearest_m, kRadius_m + 0.05) << speed_mps;
+    EXPECT_LT(nearest_m, kRadius_m + 0.5) << speed_mps;
+  }
+}
+
+TEST(Crowd, GoesOnToTheNextPlaceWhereItGetsNowhere) {
+  const auto place_m = [](const std::string& route) {
+    Crowd crowd(
+        scene_of("  groups: [{name: one, policy: orca, speed_mps: 1.0, sees_robot: "
+                 "always, route_m: [" +
+                 route + "]}]\n"));
+    // Straight ahead of it: it cannot decide on a side.
+    for (int i = 1; i < 120; ++i) crowd.advance(0.1 * i, OrcaAgent{{3.0, 0.0}, {0.0, 0.0}, 0.3});
+    return place_of(crowd.scene(), 0, 11.0);
+  };
+  EXPECT_LT((place_m("[0, 0], [6, 0]") - Eigen::Vector2d(2.2, 0.0)).norm(), 0.3);
+  EXPECT_LT((place_m("[0, 0], [6, 0], [0, 2]") - Eigen::Vector2d(0.0, 2.0)).norm(), 0.5);
+}
+
 TEST(Crowd, FollowsARecordingAndIsAwayBeforeAndAfter) {
   const testing_support::TemporaryFolder folder;
   const auto file = folder.path() / "some.csv";

@@ -79,6 +79,31 @@ TEST_F(RobotPlugins, PointBrakesAsHardAsItIsTold) {
   }
 }
 
+TEST_F(RobotPlugins, LimitsOfAConfigurationGoOverThoseOfTheBase) {
+  const auto limited = [&](const std::string& limits) {
+    return create("{plugin: urdf, profile: hsr, joint_limits: {" + limits + "}}");
+  };
+  const auto robot = limited("odom_x: {max_braking: 0.4}, odom_y: {upper: 3.0, max_velocity: 0.1}");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  const std::vector<Joint>& joints = (*robot)->description().joints;
+  EXPECT_EQ(joints[0].braking(), 0.4);
+  EXPECT_EQ(joints[0].max_acceleration, 0.05);
+  EXPECT_EQ(joints[0].max_velocity, 0.2);
+  EXPECT_EQ(joints[1].upper, 3.0);
+  EXPECT_EQ(joints[1].lower, -10.0);
+  EXPECT_EQ(joints[1].max_velocity, 0.1);
+  EXPECT_EQ(joints[1].braking(), 0.05);
+  for (const auto& [wrong, says] :
+       {std::pair{"odom_x: {max_braking: 0.01}", "below its acceleration, 0.05"},
+        std::pair{"odom_t: {max_braking: 2.0}", "stands without 'max_acceleration'"},
+        std::pair{"odom_z: {upper: 1.0}", "no moving joint 'odom_z'"}}) {
+    const auto refused = limited(wrong);
+    ASSERT_FALSE(refused) << wrong;
+    EXPECT_NE(refused.error().describe().find(says), std::string::npos)
+        << refused.error().describe();
+  }
+}
+
 TEST_F(RobotPlugins, PointAndPlanarProfileAreTheSameRobot) {
   const auto point = create("{plugin: point}");
   const auto planar = create("{plugin: urdf, profile: planar}");
