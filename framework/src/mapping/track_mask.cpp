@@ -291,12 +291,12 @@ void TrackMask::look_through(const SeeThrough& see_through, int turns, Trail& tr
   const Eigen::Vector3i first(static_cast<int>(word % rows * 64),
                               static_cast<int>(word / rows % slice),
                               static_cast<int>(word / rows / slice));
+  if ((first.y() / kCell_vox + first.z() / kCell_vox + turn_) % turns != 0) return;
   std::uint64_t part = 0;
   for (std::uint64_t rest = left; rest != 0; rest &= ~part) {
     const int x = std::countr_zero(rest) / kCell_vox * kCell_vox;
     part = rest & bits_between(x, x + kCell_vox - 1);
     const Eigen::Vector3i cell = (first + Eigen::Vector3i(x, 0, 0)) / kCell_vox;
-    if ((cell.sum() + turn_) % turns != 0) continue;
     char& answer = cells_[idx(cell.x() + cells.x() * (cell.y() + cells.y() * cell.z()))];
     if (answer == kUnseen) {
       const double edge_m = kCell_vox * grid_.resolution_m;
