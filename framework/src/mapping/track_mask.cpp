@@ -159,14 +159,14 @@ int TrackMask::layer_at(double z_m) const {
 
 template <class Visit>
 void TrackMask::visit_layer(const Disc& disc, int z, Visit&& visit) const {
-  const std::size_t layer_words = row(0, z < grid_.size_vox.z() - 2 ? 1 : 0);
+  const std::size_t ahead = row(0, z < grid_.size_vox.z() - 2 ? 2 : 0);
   for (const auto& [y, first_x, last_x] : disc.rows) {
+    const std::size_t first = row(y, z);
     for (int word = first_x / 64; 64 * word <= last_x; ++word) {
-      const std::size_t at = row(y, z) + idx(word);
+      const std::size_t at = first + idx(word);
       // Layers lie far apart in memory: that after the next is on its way meanwhile.
-      __builtin_prefetch(occupied_.words.data() + at + 2 * layer_words);
-      __builtin_prefetch(settled_.data() + at + 2 * layer_words);
-      __builtin_prefetch(trail_of_.data() + at + 2 * layer_words);
+      __builtin_prefetch(occupied_.words.data() + at + ahead);
+      __builtin_prefetch(settled_.data() + at + ahead);
       // Most words hold nothing; what is settled need not be read then.
       std::uint64_t its =
           occupied_.words[at] & bits_between(first_x - 64 * word, last_x - 64 * word);
@@ -188,9 +188,7 @@ void TrackMask::claim_ball(const Eigen::Vector3d& centre_m, double radius_m) {
     // disc_of() widens what is tracked.
     track.radius_m = across_m - kMargin_vox * grid_.resolution_m;
     visit_layer(disc_of(track), z, [&](std::size_t at, std::uint64_t its) {
-      Trail& trail = trail_at(at);
-      trail.claimed |= its;
-      trail.recent |= its;
+      claims_.push_back({at, its});
     });
   }
 }
@@ -210,9 +208,8 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
     visit_layer(disc, z, [&](std::size_t at, std::uint64_t its) {
       count += std::popcount(its);
       if (!masks) return;
-      Trail& trail = trail_at(at);
-      trail.claimed |= its;
-      trail.recent |= its;
+      __builtin_prefetch(trail_of_.data() + at);  // end() needs it
+      claims_.push_back({at, its});
     });
     voxels += count;
     if (count < kLeastInLayer) return;
@@ -237,6 +234,19 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
 }
 
 void TrackMask::end(const Frame& frame) {
+  // The list is read in order first: claims are not in its order, and find it in the cache.
+  for (Trail& trail : trails_) {
+    // What has been freed is no trail any more.
+    const std::uint64_t occupied = occupied_.words[trail.word];
+    trail.recent &= occupied;
+    trail.older &= occupied;
+  }
+  for (const auto& [word, its] : claims_) {
+    Trail& trail = trail_at(word);
+    trail.claimed |= its;
+    trail.recent |= its;
+  }
+  claims_.clear();
   const SeeThrough see_through(frame);
   const int turns = turns_of(frame);
   const Eigen::Vector3i cells = cell_counts(grid_);
@@ -245,10 +255,6 @@ void TrackMask::end(const Frame& frame) {
   mask_.clear();
   for (std::size_t i = 0; i < trails_.size();) {
     Trail& trail = trails_[i];
-    // What has been freed is no trail any more.
-    const std::uint64_t occupied = occupied_.words[trail.word];
-    trail.recent &= occupied;
-    trail.older &= occupied;
     look_through(see_through, turns, trail);
     const std::uint64_t before = trail.mask;
     trail.mask = std::exchange(trail.claimed, 0) | trail.seen_free;

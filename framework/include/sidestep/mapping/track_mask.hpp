@@ -73,6 +73,11 @@ class SIDESTEP_EXPORT TrackMask {
     std::uint64_t seen_free = 0;  ///< Of these, claimed no more, and seen through since.
     std::uint64_t mask = 0;
   };
+  /// Bits of a word of the map that belong to something.
+  struct Claim {
+    std::size_t word;
+    std::uint64_t bits;
+  };
   [[nodiscard]] Disc disc_of(const Track& track) const;
   [[nodiscard]] int layer_at(double z_m) const;
   /// Calls visit(word's index, bits) for what belongs to the thing in a layer.
@@ -90,6 +95,7 @@ class SIDESTEP_EXPORT TrackMask {
   Stamp stamp_, snapshot_stamp_, turned_stamp_;
   std::vector<std::uint64_t> snapshot_;  ///< Occupied and not claimed, at snapshot_stamp_.
   std::vector<std::uint64_t> settled_, near_settled_;
+  std::vector<Claim> claims_;  ///< Of this map, not noted in trails yet.
   std::vector<Trail> trails_;
   std::vector<std::uint32_t> trail_of_;  ///< By word: one more than its trail's index; 0: none.
   std::vector<MaskedWord> mask_;
