@@ -62,6 +62,10 @@ std::size_t TrackMask::row(int y, int z) const noexcept {
   return (idx(y) + idx(grid_.size_vox.y()) * idx(z)) * idx(words_per_row_);
 }
 
+std::size_t TrackMask::cell_of(int y, int z, int word) const noexcept {
+  return row(y / kCell_vox, z / kCell_vox) + idx(word);
+}
+
 void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
   occupied_ = map.occupied();
   const bool is_same_grid = grid_ == map.occupancy_grid() && !snapshot_.empty();
@@ -71,6 +75,7 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
     snapshot_.assign(occupied_.words.begin(), occupied_.words.end());
     settled_.assign(snapshot_.size(), 0);
     near_settled_.assign(snapshot_.size(), 0);
+    may_hold_settled_.assign(row(0, grid_.size_vox.z() / kCell_vox + 1), 0);
     cells_.clear();
     if (!is_same_grid) trails_.clear();
     // What was masked is not any more.
@@ -90,6 +95,15 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
       snapshot_[trail.word] &= ~(trail.recent | trail.older);
     }
     dilate({settled_, words_per_row_}, grid_, scratch_, near_settled_);
+    std::ranges::fill(may_hold_settled_, 0);
+    std::size_t w = 0;
+    for (int z = 0; z < grid_.size_vox.z(); ++z) {
+      for (int y = 0; y < grid_.size_vox.y(); ++y) {
+        for (int word = 0; word < words_per_row_; ++word, ++w) {
+          if (near_settled_[w] != 0) may_hold_settled_[cell_of(y, z, word)] = 1;
+        }
+      }
+    }
     snapshot_stamp_ = stamp;
   }
   if (stamp.seconds() - turned_stamp_.seconds() < kTrail_s) return;
@@ -107,7 +121,9 @@ TrackMask::Trail& TrackMask::trail_at(std::size_t word) {
 
 bool TrackMask::is_settled_near(const Eigen::Vector3d& p_world) const noexcept {
   const Eigen::Vector3i voxel = grid_.voxel_at(p_world);
-  return grid_.contains(voxel) && VoxelBits{near_settled_, words_per_row_}.at(grid_, voxel);
+  return grid_.contains(voxel) &&
+         may_hold_settled_[cell_of(voxel.y(), voxel.z(), voxel.x() / 64)] != 0 &&
+         VoxelBits{near_settled_, words_per_row_}.at(grid_, voxel);
 }
 
 bool TrackMask::is_occupied_near(const Eigen::Vector3d& p_world) const noexcept {
@@ -166,12 +182,11 @@ void TrackMask::visit_layer(const Disc& disc, int z, Visit&& visit) const {
       const std::size_t at = first + idx(word);
       // Layers lie far apart in memory: that after the next is on its way meanwhile.
       __builtin_prefetch(occupied_.words.data() + at + ahead);
-      __builtin_prefetch(settled_.data() + at + ahead);
-      // Most words hold nothing; what is settled need not be read then.
+      // Most words hold nothing, or nothing that is settled, which need not be read then.
       std::uint64_t its =
           occupied_.words[at] & bits_between(first_x - 64 * word, last_x - 64 * word);
       if (its == 0) continue;
-      its &= ~settled_[at];
+      if (may_hold_settled_[cell_of(y, z, word)] != 0) its &= ~settled_[at];
       if (its != 0) visit(at, its);
     }
   }
