@@ -370,7 +370,13 @@ void MaskedOccupancy::apply(std::span<const MaskedWord> mask, MapUpdate& update)
         (first.array() + kBlockSide_vox).min(grid.size_vox.tail<2>().array());
     for (int z = first.y(); z < last.y(); ++z) {
       std::size_t w = (idx(first.x()) + slice * idx(z)) * rows + idx(word);
-      for (int y = first.x(); y < last.x(); ++y, w += rows) occupied_[w] = full[w];
+      // The next layer is on its way meanwhile.
+      const std::size_t ahead = z + 1 < last.y() ? slice * rows : 0;
+      for (int y = first.x(); y < last.x(); ++y, w += rows) {
+        __builtin_prefetch(full.data() + w + ahead);
+        __builtin_prefetch(occupied_.data() + w + ahead);
+        occupied_[w] = full[w];
+      }
     }
   }
   for (const auto& [w, before, now] : mask) {
