@@ -62,6 +62,10 @@ std::size_t TrackMask::row(int y, int z) const noexcept {
   return (idx(y) + idx(grid_.size_vox.y()) * idx(z)) * idx(words_per_row_);
 }
 
+std::size_t TrackMask::cell_of(int y, int z, int word) const noexcept {
+  return row(y / kCell_vox, z / kCell_vox) + idx(word);
+}
+
 void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
   occupied_ = map.occupied();
   const bool is_same_grid = grid_ == map.occupancy_grid() && !snapshot_.empty();
@@ -71,6 +75,7 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
     snapshot_.assign(occupied_.words.begin(), occupied_.words.end());
     settled_.assign(snapshot_.size(), 0);
     near_settled_.assign(snapshot_.size(), 0);
+    may_hold_settled_.assign(row(0, grid_.size_vox.z() / kCell_vox + 1), 0);
     cells_.clear();
     if (!is_same_grid) trails_.clear();
     // What was masked is not any more.
@@ -90,6 +95,15 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
       snapshot_[trail.word] &= ~(trail.recent | trail.older);
     }
     dilate({settled_, words_per_row_}, grid_, scratch_, near_settled_);
+    std::ranges::fill(may_hold_settled_, 0);
+    std::size_t w = 0;
+    for (int z = 0; z < grid_.size_vox.z(); ++z) {
+      for (int y = 0; y < grid_.size_vox.y(); ++y) {
+        for (int word = 0; word < words_per_row_; ++word, ++w) {
+          if (near_settled_[w] != 0) may_hold_settled_[cell_of(y, z, word)] = 1;
+        }
+      }
+    }
     snapshot_stamp_ = stamp;
   }
   if (stamp.seconds() - turned_stamp_.seconds() < kTrail_s) return;
@@ -107,7 +121,9 @@ TrackMask::Trail& TrackMask::trail_at(std::size_t word) {
 
 bool TrackMask::is_settled_near(const Eigen::Vector3d& p_world) const noexcept {
   const Eigen::Vector3i voxel = grid_.voxel_at(p_world);
-  return grid_.contains(voxel) && VoxelBits{near_settled_, words_per_row_}.at(grid_, voxel);
+  return grid_.contains(voxel) &&
+         may_hold_settled_[cell_of(voxel.y(), voxel.z(), voxel.x() / 64)] != 0 &&
+         VoxelBits{near_settled_, words_per_row_}.at(grid_, voxel);
 }
 
 bool TrackMask::is_occupied_near(const Eigen::Vector3d& p_world) const noexcept {
@@ -159,19 +175,18 @@ int TrackMask::layer_at(double z_m) const {
 
 template <class Visit>
 void TrackMask::visit_layer(const Disc& disc, int z, Visit&& visit) const {
-  const std::size_t layer_words = row(0, z < grid_.size_vox.z() - 2 ? 1 : 0);
+  const std::size_t ahead = row(0, z < grid_.size_vox.z() - 2 ? 2 : 0);
   for (const auto& [y, first_x, last_x] : disc.rows) {
+    const std::size_t first = row(y, z);
     for (int word = first_x / 64; 64 * word <= last_x; ++word) {
-      const std::size_t at = row(y, z) + idx(word);
+      const std::size_t at = first + idx(word);
       // Layers lie far apart in memory: that after the next is on its way meanwhile.
-      __builtin_prefetch(occupied_.words.data() + at + 2 * layer_words);
-      __builtin_prefetch(settled_.data() + at + 2 * layer_words);
-      __builtin_prefetch(trail_of_.data() + at + 2 * layer_words);
-      // Most words hold nothing; what is settled need not be read then.
+      __builtin_prefetch(occupied_.words.data() + at + ahead);
+      // Most words hold nothing, or nothing that is settled, which need not be read then.
       std::uint64_t its =
           occupied_.words[at] & bits_between(first_x - 64 * word, last_x - 64 * word);
       if (its == 0) continue;
-      its &= ~settled_[at];
+      if (may_hold_settled_[cell_of(y, z, word)] != 0) its &= ~settled_[at];
       if (its != 0) visit(at, its);
     }
   }
@@ -188,9 +203,7 @@ void TrackMask::claim_ball(const Eigen::Vector3d& centre_m, double radius_m) {
     // disc_of() widens what is tracked.
     track.radius_m = across_m - kMargin_vox * grid_.resolution_m;
     visit_layer(disc_of(track), z, [&](std::size_t at, std::uint64_t its) {
-      Trail& trail = trail_at(at);
-      trail.claimed |= its;
-      trail.recent |= its;
+      claims_.push_back({at, its});
     });
   }
 }
@@ -210,9 +223,8 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
     visit_layer(disc, z, [&](std::size_t at, std::uint64_t its) {
       count += std::popcount(its);
       if (!masks) return;
-      Trail& trail = trail_at(at);
-      trail.claimed |= its;
-      trail.recent |= its;
+      __builtin_prefetch(trail_of_.data() + at);  // end() needs it
+      claims_.push_back({at, its});
     });
     voxels += count;
     if (count < kLeastInLayer) return;
@@ -237,6 +249,19 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
 }
 
 void TrackMask::end(const Frame& frame) {
+  // The list is read in order first: claims are not in its order, and find it in the cache.
+  for (Trail& trail : trails_) {
+    // What has been freed is no trail any more.
+    const std::uint64_t occupied = occupied_.words[trail.word];
+    trail.recent &= occupied;
+    trail.older &= occupied;
+  }
+  for (const auto& [word, its] : claims_) {
+    Trail& trail = trail_at(word);
+    trail.claimed |= its;
+    trail.recent |= its;
+  }
+  claims_.clear();
   const SeeThrough see_through(frame);
   const int turns = turns_of(frame);
   const Eigen::Vector3i cells = cell_counts(grid_);
@@ -245,10 +270,6 @@ void TrackMask::end(const Frame& frame) {
   mask_.clear();
   for (std::size_t i = 0; i < trails_.size();) {
     Trail& trail = trails_[i];
-    // What has been freed is no trail any more.
-    const std::uint64_t occupied = occupied_.words[trail.word];
-    trail.recent &= occupied;
-    trail.older &= occupied;
     look_through(see_through, turns, trail);
     const std::uint64_t before = trail.mask;
     trail.mask = std::exchange(trail.claimed, 0) | trail.seen_free;
@@ -291,12 +312,12 @@ void TrackMask::look_through(const SeeThrough& see_through, int turns, Trail& tr
   const Eigen::Vector3i first(static_cast<int>(word % rows * 64),
                               static_cast<int>(word / rows % slice),
                               static_cast<int>(word / rows / slice));
+  if ((first.y() / kCell_vox + first.z() / kCell_vox + turn_) % turns != 0) return;
   std::uint64_t part = 0;
   for (std::uint64_t rest = left; rest != 0; rest &= ~part) {
     const int x = std::countr_zero(rest) / kCell_vox * kCell_vox;
     part = rest & bits_between(x, x + kCell_vox - 1);
     const Eigen::Vector3i cell = (first + Eigen::Vector3i(x, 0, 0)) / kCell_vox;
-    if ((cell.sum() + turn_) % turns != 0) continue;
     char& answer = cells_[idx(cell.x() + cells.x() * (cell.y() + cells.y() * cell.z()))];
     if (answer == kUnseen) {
       const double edge_m = kCell_vox * grid_.resolution_m;
@@ -349,7 +370,13 @@ void MaskedOccupancy::apply(std::span<const MaskedWord> mask, MapUpdate& update)
         (first.array() + kBlockSide_vox).min(grid.size_vox.tail<2>().array());
     for (int z = first.y(); z < last.y(); ++z) {
       std::size_t w = (idx(first.x()) + slice * idx(z)) * rows + idx(word);
-      for (int y = first.x(); y < last.x(); ++y, w += rows) occupied_[w] = full[w];
+      // The next layer is on its way meanwhile.
+      const std::size_t ahead = z + 1 < last.y() ? slice * rows : 0;
+      for (int y = first.x(); y < last.x(); ++y, w += rows) {
+        __builtin_prefetch(full.data() + w + ahead);
+        __builtin_prefetch(occupied_.data() + w + ahead);
+        occupied_[w] = full[w];
+      }
     }
   }
   for (const auto& [w, before, now] : mask) {

@@ -73,12 +73,19 @@ class SIDESTEP_EXPORT TrackMask {
     std::uint64_t seen_free = 0;  ///< Of these, claimed no more, and seen through since.
     std::uint64_t mask = 0;
   };
+  /// Bits of a word of the map that belong to something.
+  struct Claim {
+    std::size_t word;
+    std::uint64_t bits;
+  };
   [[nodiscard]] Disc disc_of(const Track& track) const;
   [[nodiscard]] int layer_at(double z_m) const;
   /// Calls visit(word's index, bits) for what belongs to the thing in a layer.
   template <class Visit>
   void visit_layer(const Disc& disc, int z, Visit&& visit) const;
   [[nodiscard]] std::size_t row(int y, int z) const noexcept;
+  /// Words of rows that lie side by side, kCell_vox by kCell_vox, have one cell.
+  [[nodiscard]] std::size_t cell_of(int y, int z, int word) const noexcept;
   [[nodiscard]] Trail& trail_at(std::size_t word);
   [[nodiscard]] int turns_of(const Frame& frame);
   void look_through(const SeeThrough& see_through, int turns, Trail& trail);
@@ -90,6 +97,8 @@ class SIDESTEP_EXPORT TrackMask {
   Stamp stamp_, snapshot_stamp_, turned_stamp_;
   std::vector<std::uint64_t> snapshot_;  ///< Occupied and not claimed, at snapshot_stamp_.
   std::vector<std::uint64_t> settled_, near_settled_;
+  std::vector<char> may_hold_settled_;  ///< By cell_of(): whether anything in near_settled_ is set.
+  std::vector<Claim> claims_;           ///< Of this map, not noted in trails yet.
   std::vector<Trail> trails_;
   std::vector<std::uint32_t> trail_of_;  ///< By word: one more than its trail's index; 0: none.
   std::vector<MaskedWord> mask_;
