@@ -119,10 +119,11 @@ std::vector<std::size_t> PlanSearch::order(std::size_t first) const {
   std::vector<std::size_t> guesses(counts_.size());
   std::iota(guesses.begin(), guesses.end(), std::size_t{0});
   if (first < counts_.size() && counts_[first].guess != kAfterStop) {
-    std::ranges::rotate(guesses, guesses.begin() + static_cast<std::ptrdiff_t>(first));
+    std::rotate(guesses.begin(), guesses.begin() + static_cast<std::ptrdiff_t>(first),
+                guesses.end());
   }
-  std::ranges::stable_partition(guesses,
-                                [&](std::size_t i) { return counts_[i].guess != kAfterStop; });
+  std::stable_partition(guesses.begin(), guesses.end(),
+                        [&](std::size_t i) { return counts_[i].guess != kAfterStop; });
   return guesses;
 }
 
@@ -175,7 +176,9 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
     if (rest == nullptr || rest->duration_s() <= from_s) return std::nullopt;
     if (name == kRetimed) {
       if (!task.request.predicted) return std::nullopt;
-      Trajectory path = cut(*rest, from_s, rest->duration_s());
+      const double here_s = nearest_state(*rest, as_span(task.start.q)).time_s;
+      if (here_s >= rest->duration_s()) return std::nullopt;
+      Trajectory path = cut(*rest, here_s, rest->duration_s());
       set_first_state(path, task.start);
       return path;
     }

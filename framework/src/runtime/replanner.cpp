@@ -307,11 +307,18 @@ void Replanner::Impl::find_unfinished(detail::Departure& departure) const {
     return;
   }
   constexpr double kOnPath = 0.05;  // m, rad
-  const NearestState nearest =
-      nearest_state(unfinished, departure.lead.q(departure.lead.size() - 1));
-  if (nearest.off >= kOnPath) return;
-  departure.unfinished = &unfinished;
-  departure.unfinished_from_s = nearest.time_s;
+  const auto q = departure.lead.q(departure.lead.size() - 1);
+  double least = kOnPath;
+  for (int state = 0; state < unfinished.size(); ++state) {
+    double off = 0.0;
+    for (std::size_t j = 0; j < q.size(); ++j) {
+      off = std::max(off, std::abs(unfinished.q(state)[j] - q[j]));
+    }
+    if (off >= least) continue;
+    least = off;
+    departure.unfinished = &unfinished;
+    departure.unfinished_from_s = unfinished.times_s[idx(state)];
+  }
 }
 
 void Replanner::Impl::depart_from_rest(const RobotState& measured) {
