@@ -67,6 +67,7 @@ std::size_t TrackMask::cell_of(int y, int z, int word) const noexcept {
 }
 
 void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
+  claims_.clear();
   occupied_ = map.occupied();
   const bool is_same_grid = grid_ == map.occupancy_grid() && !snapshot_.empty();
   if (!is_same_grid || stamp < stamp_) {

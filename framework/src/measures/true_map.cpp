@@ -65,9 +65,10 @@ TrueMap true_map(const Scene& scene, Stamp time, const Eigen::AlignedBox3d& boun
     auto found = cylinder_around(object.shape, now);
     if (!found) continue;
     const auto is_here = [&](double time_s) {
-      return object.T_world_object(time_s).translation() == now.translation();
+      return object.T_world_object(time_s).matrix() == now.matrix();
     };
-    const bool stands = is_here(now_s - kStands_s) && is_here(now_s + kShort_s);
+    const bool stands =
+        is_here(now_s - kStands_s) && is_here(now_s - 0.5 * kStands_s) && is_here(now_s + kShort_s);
     if (stands || !masks_tracks) {
       SceneObject there = object;
       there.person = -1;

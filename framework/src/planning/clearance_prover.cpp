@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -19,8 +20,7 @@ constexpr std::size_t kRemembered = 4096;
 /// Levers are taken anew after about this much motion.
 constexpr double kPiece_m = 0.3;
 constexpr int kMaxPieces = 1 << 14;
-/// Most voxels that the box about a gap may have to be looked at: its two halves have a quarter of
-/// them.
+/// A gap whose box has more voxels is halved: the boxes of its halves have a quarter together.
 constexpr int kMaxVoxels = 64;
 
 }  // namespace
@@ -400,7 +400,9 @@ bool ClearanceProver::open_piece(const Request& request, int piece, Listener& li
 
   const double steps = std::max(1.0, std::ceil(longest_way_m(w) / request.max_step_m));
   w.times.clear();
-  for (double k = 1.0; k < steps; k += 1.0) w.times.push_back(from + k / steps * (to - from));
+  for (std::int64_t k = 1; static_cast<double>(k) < steps; ++k) {
+    w.times.push_back(from + static_cast<double>(k) / steps * (to - from));
+  }
   if (!measure_all(request.motion, listener, w)) return false;
 
   const std::size_t items = idx(item_count());

@@ -67,7 +67,8 @@ struct PlanSearch::Task {
   Deadline deadline = {};
   Stopwatch watch = {};
   SearchResult result = {};
-  bool is_followed = false;  ///< The guess being tried is on the path, and at the speeds, of now.
+  bool is_rest = false;      ///< The guess being tried is the rest of the departure's `unfinished`,
+  bool is_at_speed = false;  ///< which is as fast there as the robot.
   std::string failure = {};  ///< Of that guess.
   double cost = 0.0;         ///< Of its solution, as the optimiser states it.
   /// A path that needs no optimiser where all else fails.
@@ -130,7 +131,7 @@ std::vector<std::size_t> PlanSearch::order(std::size_t first) const {
 void PlanSearch::attempt(std::size_t guess, Task& task) {
   Replanner::GuessCount& count = counts_[guess];
   task.failure.clear();
-  task.is_followed = count.guess == kRetimed;
+  task.is_rest = count.guess == kRetimed;
   const auto initial = first_guess(count.guess, task);
   const bool is_tried = initial || !task.failure.empty() || !task.result.fault.empty();
   if (!is_tried) return;
@@ -179,6 +180,8 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
       const double here_s = nearest_state(*rest, as_span(task.start.q)).time_s;
       if (here_s >= rest->duration_s()) return std::nullopt;
       Trajectory path = cut(*rest, here_s, rest->duration_s());
+      task.is_at_speed =
+          largest_difference(path.qdot(0), as_span(task.start.qdot)) <= kStartVelocityTolerance;
       set_first_state(path, task.start);
       return path;
     }
@@ -294,8 +297,8 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
   FoundPlan plan;
   plan.cost = task.cost;
   set_first_state(proposal, task.start);
-  const bool is_timed =
-      settings_.timing == "planner" && (task.is_followed || keeps_limits(proposal, parts_.limits));
+  const bool is_timed = settings_.timing == "planner" && ((task.is_rest && task.is_at_speed) ||
+                                                          keeps_limits(proposal, parts_.limits));
   auto retimed =
       is_timed ? Result<Retiming>({proposal, 0.0})
                : retime(proposal, parts_.limits, {.least_stages = kStages, .stop_at_goal = true});
@@ -314,7 +317,7 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       largest_difference(retimed->trajectory.qdot(0), as_span(task.start.qdot));
   plan.takeover_s = task.departure.lead.duration_s();
   plan.trajectory = joined(task.departure.lead, retimed->trajectory);
-  plan.is_rest = task.is_followed;
+  plan.is_rest = task.is_rest;
   plan.frees_goal = is_goal_free(task.problem);
   if (task.request.predicted) {
     auto among = among_predicted(plan, proposal, task.departure, task.request);

@@ -24,7 +24,7 @@ struct Departure {
 
 struct FoundPlan {
   Trajectory trajectory;              ///< The lead and the new motion, checked as one.
-  std::optional<Trajectory> at_once;  ///< The same as if nothing moved, where it is slower now.
+  std::optional<Trajectory> at_once;  ///< The same as it was found, where it is slower now.
   bool is_rest = false;               ///< Of the departure's `unfinished`, at other speeds.
   double takeover_s = 0.0;
   double splice_velocity_jump = 0.0;

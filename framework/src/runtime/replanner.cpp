@@ -319,6 +319,12 @@ void Replanner::Impl::find_unfinished(detail::Departure& departure) const {
     departure.unfinished = &unfinished;
     departure.unfinished_from_s = unfinished.times_s[idx(state)];
   }
+  if (departure.unfinished != nullptr || parts.predictor == nullptr) return;
+  // States of a motion that its planner timed are far apart.
+  const NearestState nearest = nearest_state(unfinished, q);
+  if (nearest.off >= kOnPath) return;
+  departure.unfinished = &unfinished;
+  departure.unfinished_from_s = nearest.time_s;
 }
 
 void Replanner::Impl::depart_from_rest(const RobotState& measured) {
@@ -427,10 +433,10 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   const bool was_slowed = halted && halted->reason == Reason::kMoving && motion() != nullptr;
   const bool is_clear = !std::isfinite(plan.free_until_s);
   last_start = now;
-  phase = Driving{{plan.trajectory, now}, field,        is_clear, is_clear, {}, {}, false,
-                  plan.delay_s,           plan.is_aside};
   const bool is_new = !plan.is_aside && !plan.is_rest;
-  std::get<Driving>(phase).is_unfinished = is_new && !plan.at_once;
+  phase = Driving{
+      {plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false, plan.delay_s, plan.is_aside,
+      is_new && !plan.at_once};
   if (is_new) unfinished = plan.at_once.value_or(plan.trajectory);
   is_moving = true;
   free_goal.reset();

@@ -20,7 +20,7 @@ constexpr double kHere_m = 0.1;
 /// Two points of a command are at least so far apart.
 constexpr double kLeastStep_s = 1e-3;
 
-/// Between the neighbours of each; zero at both ends.
+/// Rate of an angle at state i, from its neighbours; zero at both ends.
 double rate_at(const std::vector<HeadAngles>& head, double HeadAngles::*angle,
                const std::vector<double>& times_s, std::size_t i) {
   if (i == 0 || i + 1 == head.size()) return 0.0;

@@ -39,6 +39,10 @@ Parameters<LookOptions> LookOptions::parameters() {
       .add("pan_joint", &L::pan_joint, "One of `hold` that turns the camera left, from ahead at 0.")
       .add("ahead_s", &L::ahead_s, "It looks where the base is to be so much later.",
            {.unit = "s", .min = 0.0, .max = 120.0})
+      .add("lower_rad", &L::lower_rad, "The pan's lower limit.", {.unit = "rad"})
+      .add("upper_rad", &L::upper_rad, "The pan's upper limit.", {.unit = "rad"})
+      .add("speed_radps", &L::speed_radps, "How fast it turns at most.",
+           {.unit = "rad/s", .min = 0.01, .max = 10.0})
       .add(
           "tilt_joint", &L::tilt_joint,
           "One of `hold` that turns the camera up, from level at 0; it looks down to what is near, "
@@ -46,11 +50,7 @@ Parameters<LookOptions> LookOptions::parameters() {
       .add("eye_m", &L::eye_m, "The camera's height above what it looks down to.",
            {.unit = "m", .min = 0.0, .max = 3.0})
       .add("tilt_lower_rad", &L::tilt_lower_rad, "The tilt's lower limit.",
-           {.unit = "rad", .min = -1.5, .max = 0.0})
-      .add("lower_rad", &L::lower_rad, "Its lower limit.", {.unit = "rad"})
-      .add("upper_rad", &L::upper_rad, "Its upper limit.", {.unit = "rad"})
-      .add("speed_radps", &L::speed_radps, "How fast it turns at most.",
-           {.unit = "rad/s", .min = 0.01, .max = 10.0});
+           {.unit = "rad", .min = -1.5, .max = 0.0});
 }
 
 Parameters<KeepInBox> KeepInBox::parameters() {
@@ -213,7 +213,10 @@ std::vector<OptionMistake> Options::check() const {
   if (look) {
     for (const std::string& joint : {look->pan_joint, look->tilt_joint.value_or(look->pan_joint)}) {
       if (std::ranges::find(hold, joint, &HeldJoint::joint) != hold.end()) continue;
-      mistakes.push_back({{"look", "hold"}, "turns a joint that is not in hold", {}});
+      mistakes.push_back({{"look", "hold"}, "turns '" + joint + "', which is not in hold", {}});
+    }
+    if (look->tilt_joint == look->pan_joint) {
+      mistakes.push_back({{"look"}, "pans and tilts by one joint", {}});
     }
     if (!odometry) mistakes.push_back({{"look", "odometry"}, "needs odometry", {}});
     if (look->lower_rad >= look->upper_rad) {

@@ -115,10 +115,12 @@ class EpisodeRun {
     auto field = slot_.pin();
     if (field == nullptr) field = mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
     if (field == nullptr) return fail(ErrorCode::kNotFound, "there is no map to find the goal in");
+    const auto deadline = Deadline::after_s(settings_.planning.time_limit_s, context_.stop);
     constexpr int kTries = 8;  // from elsewhere each
-    for (int left = kTries;; --left) {
-      auto q = goal_in(field, Deadline::after_s(settings_.planning.time_limit_s, context_.stop));
-      if (!q && q.error().code == ErrorCode::kNotFound && left > 1) continue;
+    for (int tries = 1;; ++tries) {
+      auto q = goal_in(field, deadline);
+      const bool is_missed = !q && q.error().code == ErrorCode::kNotFound;
+      if (is_missed && tries < kTries && !deadline.expired()) continue;
       world_.q_goal = SIDESTEP_TRY(std::move(q));
       return {};
     }

@@ -40,8 +40,9 @@ void JointTable::add_base(const BaseOptions& base) {
 }
 
 Error JointTable::unknown_joint(const Node& where, const std::string& name) const {
-  return where.error("the URDF has no moving joint '" + name + "'",
-                     did_you_mean(name, model_.joint_names()));
+  std::vector<std::string> names = model_.joint_names();
+  for (const Joint& joint : planned_) names.push_back(joint.name);
+  return where.error("the URDF has no moving joint '" + name + "'", did_you_mean(name, names));
 }
 
 void JointTable::read_limits() {
@@ -80,8 +81,8 @@ void JointTable::read_limits() {
     if (own.max_braking) of_base->max_braking = own.max_braking;
     if (of_base->braking() >= of_base->max_acceleration) continue;
     errors_.push_back(entry.value.error(
-        "'" + entry.key + "' is to brake by " + detail::number_text(of_base->braking()) +
-            ", below its acceleration, " + detail::number_text(of_base->max_acceleration),
+        "'max_braking' of '" + entry.key + "' is " + detail::number_text(of_base->braking()) +
+            ", below its 'max_acceleration', " + detail::number_text(of_base->max_acceleration),
         "stops brake at least as hard as motions"));
   }
 }

@@ -124,6 +124,34 @@ TEST_F(AmongPeople, SetsOutSoonerWhenHeTurnsBack) {
   EXPECT_LT(loop.ticks * ClosedLoop::kStep_s, 9.0) << loop.story();
 }
 
+TEST_F(AmongPeople, TakesUpTheWayAsItWasFoundHoweverOftenItIsSlowed) {
+  // He cannot decide whether to cross for 12 s, and then turns away.
+  const auto wavering = [](double t) {
+    const double turns = std::floor(t / 0.4);
+    const double there_m = 0.4 * 0.5 * (t / 0.4 - turns);
+    const bool comes = t < 12.0 && std::fmod(turns, 2.0) == 0.0;
+    if (t >= 12.0)
+      return std::pair(Eigen::Vector2d(2.0, -1.2 - 0.5 * (t - 12.0)), Eigen::Vector2d(0.0, -0.5));
+    return std::pair(Eigen::Vector2d(2.0, comes ? -1.2 + there_m : -1.0 - there_m),
+                     Eigen::Vector2d(0.0, comes ? 0.5 : -0.5));
+  };
+  loop.predictor = &predictor;
+  loop.tracks = [&](Stamp stamp) {
+    const auto [position_m, velocity_mps] = wavering(stamp.seconds());
+    return std::make_shared<const Tracks>(one_track(position_m, velocity_mps, stamp));
+  };
+  std::vector<int> states;  // of one motion after another
+  loop.run(30.0, [&](double) {
+    const int now = loop.replanner->followed().size();
+    if (now > 0 && (states.empty() || states.back() != now)) states.push_back(now);
+  });
+  EXPECT_EQ(loop.status, Replanner::Status::kReached) << loop.story();
+  EXPECT_GE(loop.count(Kind::kReplanned), 4) << loop.story();
+  // The first is not slowed; the second is, and has a state for each of its steps of time.
+  ASSERT_GE(states.size(), 3U);
+  EXPECT_LE(*std::ranges::max_element(states), 2 * states[1]) << ::testing::PrintToString(states);
+}
+
 TEST_F(AmongPeople, StepsAsideWhereItHasToWaitInHisWay) {
   // Something lies on the goal for 15 s; he walks over where the robot waits.
   loop.obstacles = {{{4.0, 0.0, 0.0}, 0.3}};

@@ -94,7 +94,7 @@ TEST_F(RobotPlugins, LimitsOfAConfigurationGoOverThoseOfTheBase) {
   EXPECT_EQ(joints[1].max_velocity, 0.1);
   EXPECT_EQ(joints[1].braking(), 0.05);
   for (const auto& [wrong, says] :
-       {std::pair{"odom_x: {max_braking: 0.01}", "below its acceleration, 0.05"},
+       {std::pair{"odom_x: {max_braking: 0.01}", "below its 'max_acceleration', 0.05"},
         std::pair{"odom_t: {max_braking: 2.0}", "stands without 'max_acceleration'"},
         std::pair{"odom_z: {upper: 1.0}", "no moving joint 'odom_z'"}}) {
     const auto refused = limited(wrong);

@@ -339,8 +339,17 @@ TEST(NearestState, IsFoundBetweenStates) {
     EXPECT_LT(found.off, std::max(1.5 * least, least + 1e-4)) << time_s;
     std::vector<double> there(3);
     whole.sample(found.time_s, there, {});
-    EXPECT_NEAR(std::abs(there[1] - beside[1]), found.off, 0.01);
+    double off = 0.0;
+    for (std::size_t j = 0; j < 3; ++j) off = std::max(off, std::abs(there[j] - beside[j]));
+    EXPECT_NEAR(off, found.off, 1e-12);
   }
+}
+
+TEST(NearestState, IsTheEndOfAWait) {
+  const Trajectory way = winding(1, 3, {{1}, {1}, {}});
+  const auto end = way.q(way.size() - 1);
+  const Trajectory waiting = joined(way, resting(end, 2.0));
+  EXPECT_EQ(nearest_state(waiting, end).time_s, way.duration_s() + 2.0);
 }
 
 TEST(Joined, GoesFromOneToTheOther) {
