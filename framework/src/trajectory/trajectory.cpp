@@ -213,7 +213,11 @@ NearestState nearest_state(const Trajectory& trajectory, std::span<const double>
   double from_s = first_s, to_s = last_s;
   while (to_s - from_s > 1e-4 * (last_s - first_s)) {
     const double a_s = from_s + (to_s - from_s) / 3.0, b_s = to_s - (to_s - from_s) / 3.0;
-    (off_at(a_s) < off_at(b_s) ? to_s : from_s) = off_at(a_s) < off_at(b_s) ? b_s : a_s;
+    if (off_at(a_s) < off_at(b_s)) {
+      to_s = b_s;
+    } else {
+      from_s = a_s;
+    }
   }
   const double time_s = 0.5 * (from_s + to_s);
   if (const double off = off_at(time_s); off < found.off) found = {time_s, off};

@@ -210,7 +210,6 @@ CommandStream::CommandStream(const Options& options, MotionLimits limits, Comman
     : is_shadow_(options.mode == "shadow"),
       horizon_s_(options.command_horizon_s),
       renewal_ns_(Stamp::from_seconds(options.command_renewal_s).ns),
-      look_(options.look),
       limits_(std::move(limits)),
       writer_(std::move(writer)),
       gaze_(std::move(gaze)),
@@ -246,11 +245,12 @@ void CommandStream::hold(Stamp ros_stamp) {
 void CommandStream::command(const Trajectory& window, const Trajectory& plan, double from_s,
                             Stamp ros_stamp) {
   std::vector<HeadAngles> head;
-  if (gaze_ && look_) {
+  if (gaze_) {
     const auto position = [&](const std::string& joint) {
       return link_.feed().held_position(joint).value_or(0.0);
     };
-    const HeadAngles now{position(look_->pan_joint), position(look_->tilt_joint.value_or(""))};
+    const LookOptions& look = gaze_->look();
+    const HeadAngles now{position(look.pan_joint), position(look.tilt_joint.value_or(""))};
     head = gaze_->along(plan, from_s, writer_.times(window), now);
   }
   link_.command(writer_.write(window, ros_stamp, head));

@@ -75,6 +75,7 @@ class Gaze {
   [[nodiscard]] std::vector<HeadAngles> along(const Trajectory& plan, double from_s,
                                               std::span<const double> times_s,
                                               HeadAngles head) const;
+  [[nodiscard]] const LookOptions& look() const noexcept { return look_; }
 
  private:
   Gaze(const LookOptions& look, double highest_tilt_rad, int x, int y, int yaw)
@@ -159,7 +160,6 @@ class CommandStream {
   bool is_shadow_;
   double horizon_s_;
   std::int64_t renewal_ns_;
-  std::optional<LookOptions> look_;
   MotionLimits limits_;
   CommandWriter writer_;
   std::optional<Gaze> gaze_;

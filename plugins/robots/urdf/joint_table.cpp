@@ -72,17 +72,27 @@ void JointTable::read_limits() {
     }
     if (errors_.size() != before) continue;
     fields.read(entry.value, limits_[entry.key], errors_);
-    if (of_base == planned_.end()) continue;
-    const JointLimitOptions& own = limits_[entry.key];
-    of_base->lower = own.lower.value_or(of_base->lower);
-    of_base->upper = own.upper.value_or(of_base->upper);
-    of_base->max_velocity = own.max_velocity.value_or(of_base->max_velocity);
-    of_base->max_acceleration = own.max_acceleration.value_or(of_base->max_acceleration);
-    if (own.max_braking) of_base->max_braking = own.max_braking;
-    if (of_base->braking() >= of_base->max_acceleration) continue;
-    errors_.push_back(entry.value.error(
-        "'max_braking' of '" + entry.key + "' is " + detail::number_text(of_base->braking()) +
-            ", below its 'max_acceleration', " + detail::number_text(of_base->max_acceleration),
+    if (of_base != planned_.end()) limit_base(limits_[entry.key], entry.value, *of_base);
+  }
+}
+
+void JointTable::limit_base(const JointLimitOptions& own, const Node& where, Joint& joint) {
+  joint.lower = own.lower.value_or(joint.lower);
+  joint.upper = own.upper.value_or(joint.upper);
+  joint.max_velocity = own.max_velocity.value_or(joint.max_velocity);
+  joint.max_acceleration = own.max_acceleration.value_or(joint.max_acceleration);
+  if (own.max_braking) joint.max_braking = own.max_braking;
+  if (joint.type == Joint::Type::kContinuous && own.lower && own.upper) {
+    joint.type = Joint::Type::kRevolute;
+  }
+  if (joint.lower > joint.upper) {
+    errors_.push_back(
+        where.error("joint '" + joint.name + "' has its lower limit above its upper one"));
+  }
+  if (joint.braking() < joint.max_acceleration) {
+    errors_.push_back(where.error(
+        "'max_braking' of '" + joint.name + "' is " + detail::number_text(joint.braking()) +
+            ", below its 'max_acceleration', " + detail::number_text(joint.max_acceleration),
         "stops brake at least as hard as motions"));
   }
 }

@@ -29,6 +29,8 @@ class JointTable {
  private:
   void add_base(const BaseOptions& base);
   void read_limits();
+  /// Lays limits over those of a joint of the base.
+  void limit_base(const JointLimitOptions& own, const Node& where, Joint& joint);
   void read_fixed();
   void choose_planned();
   void add_planned(const UrdfJoint& joint, const Node* where);

@@ -93,9 +93,13 @@ TEST_F(RobotPlugins, LimitsOfAConfigurationGoOverThoseOfTheBase) {
   EXPECT_EQ(joints[1].lower, -10.0);
   EXPECT_EQ(joints[1].max_velocity, 0.1);
   EXPECT_EQ(joints[1].braking(), 0.05);
+  const auto turning = limited("odom_t: {lower: -1.0, upper: 1.0}");
+  ASSERT_TRUE(turning) << turning.error().describe();
+  EXPECT_EQ((*turning)->description().joints[2].type, Joint::Type::kRevolute);
   for (const auto& [wrong, says] :
        {std::pair{"odom_x: {max_braking: 0.01}", "below its 'max_acceleration', 0.05"},
         std::pair{"odom_t: {max_braking: 2.0}", "stands without 'max_acceleration'"},
+        std::pair{"odom_x: {lower: 3.0, upper: 2.0}", "its lower limit above its upper one"},
         std::pair{"odom_z: {upper: 1.0}", "no moving joint 'odom_z'"}}) {
     const auto refused = limited(wrong);
     ASSERT_FALSE(refused) << wrong;

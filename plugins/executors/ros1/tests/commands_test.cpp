@@ -132,6 +132,25 @@ TEST(CommandWriter, CutsAllMessagesFromOneTrajectoryOnOneClock) {
   }
 }
 
+TEST(CommandWriter, TurnsTheHeadAsTold) {
+  for (const bool tilts : {false, true}) {
+    Options options = two_controllers();
+    options.look = LookOptions{};
+    if (tilts) options.look->tilt_joint = "head";
+    if (!tilts) options.look->pan_joint = "head";
+    const auto writer = CommandWriter::create(robot_of_three(), options);
+    ASSERT_TRUE(writer) << writer.error().describe();
+    const Trajectory motion = there_and_rest();
+    std::vector<HeadAngles> head;
+    for (const double t : writer->times(motion)) head.push_back({0.1 * t, -0.2 * t});
+    const auto messages = writer->write(motion, {}, head);
+    const double rate = tilts ? -0.2 : 0.1;
+    EXPECT_NEAR(messages[1].points[50].positions[0], 2.5 * rate, 1e-9);
+    EXPECT_NEAR(messages[1].points[50].velocities[0], rate, 1e-9);
+    EXPECT_EQ(messages[1].points.back().velocities[0], 0.0);
+  }
+}
+
 /// A controller goes between points by cubics of their positions and velocities.
 TEST(CommandWriter, LosesNothingBetweenItsPoints) {
   const auto writer = CommandWriter::create(robot_of_three(), two_controllers());
