@@ -21,9 +21,10 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
     : robot_(std::move(robot)),
       limits_(std::move(limits)),
       speed_mps_(settings.obstacle_speed_mps),
+      acceleration_mps2_(settings.obstacle_acceleration_mps2),
       margin_m_(settings.margin_m),
-      counts_standing_(settings.safety == "ssm") {
-  if (counts_standing_) {
+      counts_standing_(settings.safety == "ssm" || acceleration_mps2_) {
+  if (settings.safety == "ssm") {
     speed_mps_ = std::max(speed_mps_, kWalkingSpeed_mps);
     margin_m_ += settings.intrusion_m;
   }
@@ -32,27 +33,58 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
   }
 }
 
-void ReachCheck::look_at(std::shared_ptr<const MovingObstacles> moving, const Tracks* tracks) {
-  moving_ = std::move(moving);
+void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
+  movers_.clear();
   has_lost_track_ = tracks != nullptr && !check_tracks(*tracks);
-  if (tracks == nullptr || speed_mps_ == 0.0 || has_lost_track_) return;
-  auto all = moving_ ? std::make_shared<MovingObstacles>(*moving_)
-                     : std::make_shared<MovingObstacles>(MovingObstacles{{}, tracks->stamp});
-  for (const Track& track : tracks->tracks) {
-    if (!counts_standing_ && track.velocity_mps.norm() < kStanding_mps) continue;
-    // Balls as far apart as the cylinder is wide cover it.
-    const double height_m = std::max(track.top_m - track.bottom_m, 0.0);
-    constexpr double kMost = 100.0;
-    const int balls = static_cast<int>(
-        std::clamp(std::ceil(0.5 * height_m / std::max(track.radius_m, 0.05)), 1.0, kMost));
-    const double half_m = 0.5 * height_m / balls;
-    for (int k = 0; k < balls; ++k) {
-      const double z_m = track.bottom_m + (2 * k + 1) * half_m;
-      all->balls.push_back(
-          {{track.position_m.x(), track.position_m.y(), z_m}, std::hypot(track.radius_m, half_m)});
+  if (speed_mps_ == 0.0) return;
+  const std::vector<Track> none;
+  const std::vector<Track>& tracked = tracks == nullptr || has_lost_track_ ? none : tracks->tracks;
+  const auto is_tracked = [&](const MovingBall& ball) {
+    return acceleration_mps2_ && std::ranges::any_of(tracked, [&](const Track& track) {
+             return (ball.centre_m.head<2>() - track.position_m).norm() < track.radius_m &&
+                    ball.centre_m.z() > track.bottom_m && ball.centre_m.z() < track.top_m;
+           });
+  };
+  if (moving != nullptr) {
+    for (const MovingBall& ball : moving->balls) {
+      if (!is_tracked(ball)) movers_.push_back({ball, {}, moving->stamp});
     }
   }
-  moving_ = std::move(all);
+  for (const Track& track : tracked) add_track(track, tracks->stamp);
+}
+
+/// Balls as far apart as the cylinder is wide cover it.
+void ReachCheck::add_track(const Track& track, Stamp seen) {
+  if (!counts_standing_ && track.velocity_mps.norm() < kStanding_mps) return;
+  std::optional<Eigen::Vector3d> velocity_mps;
+  if (acceleration_mps2_) velocity_mps.emplace(track.velocity_mps.x(), track.velocity_mps.y(), 0.0);
+  const double height_m = std::max(track.top_m - track.bottom_m, 0.0);
+  constexpr double kMost = 100.0;
+  const int balls = static_cast<int>(
+      std::clamp(std::ceil(0.5 * height_m / std::max(track.radius_m, 0.05)), 1.0, kMost));
+  const double half_m = 0.5 * height_m / balls;
+  for (int k = 0; k < balls; ++k) {
+    const double z_m = track.bottom_m + (2 * k + 1) * half_m;
+    movers_.push_back(
+        {{{track.position_m.x(), track.position_m.y(), z_m}, std::hypot(track.radius_m, half_m)},
+         velocity_mps,
+         seen});
+  }
+}
+
+/// Within the speed that it may have of where it was, and, where it cannot turn at once, within
+/// half its acceleration times the squared time of where it was going; until `kStep_s` later.
+std::array<ReachCheck::Reach, 2> ReachCheck::reaches(const Mover& mover, double after_s) const {
+  const double end_s = after_s + kStep_s;
+  if (!mover.velocity_mps) {
+    const Reach reach{mover.ball.centre_m, mover.ball.radius_m + speed_mps_ * end_s};
+    return {reach, reach};
+  }
+  const double now_mps = mover.velocity_mps->norm();
+  return {Reach{mover.ball.centre_m, mover.ball.radius_m + std::max(speed_mps_, now_mps) * end_s},
+          Reach{mover.ball.centre_m + (after_s + 0.5 * kStep_s) * *mover.velocity_mps,
+                mover.ball.radius_m + 0.5 * kStep_s * now_mps +
+                    0.5 * *acceleration_mps2_ * end_s * end_s}};
 }
 
 /// The motion and then a stop, along the path where that can be, else beside it; nothing where
@@ -105,23 +137,29 @@ std::optional<std::string> ReachCheck::first_reach(const Contingency& contingenc
   if (has_lost_track_) return "what is tracked makes no sense";
   const std::vector<CollisionSphere>& spheres = robot_->description().spheres;
   const double begin_s = begin.seconds() - now.seconds();
-  const double seen_s = std::min(0.0, moving_->stamp.seconds() - now.seconds());
   for (std::size_t i = 0; i < contingency.times_s.size(); ++i) {
     const double in_s = begin_s + contingency.times_s[i];
     const bool is_last = i + 1 == contingency.times_s.size();
     if (in_s + kStep_s < 0.0 && !is_last) continue;  // in the past
-    // What moves is taken to be where it can be at the end of the step.
-    const double grown_m = margin_m_ + speed_mps_ * (std::max(in_s, 0.0) - seen_s + kStep_s);
     const Eigen::Vector3d* centres_m = contingency.centres_m.data() + i * spheres.size();
-    for (const MovingBall& ball : moving_->balls) {
-      const double near_m = largest_m_ + ball.radius_m + grown_m;
-      if (contingency.boxes_m[i].exteriorDistance(ball.centre_m) >= near_m) continue;
+    for (const Mover& mover : movers_) {
+      const double seen_s = std::min(0.0, mover.seen.seconds() - now.seconds());
+      const auto [near, ahead] = reaches(mover, std::max(in_s, 0.0) - seen_s);
+      const auto is_apart = [&](const Reach& reach) {
+        return contingency.boxes_m[i].exteriorDistance(reach.centre_m) >=
+               largest_m_ + margin_m_ + reach.radius_m;
+      };
+      if (is_apart(near) || is_apart(ahead)) continue;
       for (std::size_t s = 0; s < spheres.size(); ++s) {
-        const double apart_m = spheres[s].radius_m + ball.radius_m + grown_m;
-        if ((centres_m[s] - ball.centre_m).squaredNorm() >= apart_m * apart_m) continue;
+        const auto touches = [&](const Reach& reach) {
+          const double apart_m = spheres[s].radius_m + margin_m_ + reach.radius_m;
+          return (centres_m[s] - reach.centre_m).squaredNorm() < apart_m * apart_m;
+        };
+        if (!touches(near) || !touches(ahead)) continue;
         const auto link = static_cast<std::size_t>(spheres[s].link);
-        return format("what moves at (%.2f, %.2f, %.2f) m could reach ", ball.centre_m.x(),
-                      ball.centre_m.y(), ball.centre_m.z()) +
+        const Eigen::Vector3d& at_m = mover.ball.centre_m;
+        return format("what moves at (%.2f, %.2f, %.2f) m could reach ", at_m.x(), at_m.y(),
+                      at_m.z()) +
                robot_->description().links[link].name + format(" in %.2g s", std::max(in_s, 0.0));
       }
     }

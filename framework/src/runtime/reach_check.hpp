@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
@@ -27,21 +28,21 @@ struct Contingency {
 };
 
 /// Passive safety (Macek, Vasquez, Fraichard and Siegwart, "Towards safe vehicle navigation in
-/// dynamic urban scenarios", 2009): nothing that has been seen moving, and is no faster than it is
-/// taken to be, can reach the robot before it is at rest.
+/// dynamic urban scenarios", 2009): nothing that has been seen moving, and neither is faster nor
+/// turns sooner than it is taken to, can reach the robot before it is at rest.
 class ReachCheck {
  public:
-  /// Of the settings: how fast things move (0: nothing is looked at), and what spheres keep
-  /// besides.
+  /// Of the settings: how fast things move (0: nothing is looked at) and how soon they turn, and
+  /// what spheres keep besides.
   ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits limits,
              const ReplannerSettings& settings);
 
   /// What moves, and what is tracked besides; either may be null. A track whose numbers are not
   /// finite could reach the robot anywhere.
-  void look_at(std::shared_ptr<const MovingObstacles> moving, const Tracks* tracks);
+  void look_at(const MovingObstacles* moving, const Tracks* tracks);
   /// Whether anything moves that could reach the robot anywhere.
   [[nodiscard]] bool sees_anything() const noexcept {
-    return speed_mps_ > 0.0 && (has_lost_track_ || (moving_ != nullptr && !moving_->balls.empty()));
+    return speed_mps_ > 0.0 && (has_lost_track_ || !movers_.empty());
   }
 
   /// `motion` from `from_s` on, braking at `brake_s`, along the path where that can be, else beside
@@ -60,17 +61,33 @@ class ReachCheck {
                                                        double brake_s, Stamp now) const;
 
  private:
+  /// A part of what moves, as it was seen.
+  struct Mover {
+    MovingBall ball;
+    std::optional<Eigen::Vector3d> velocity_mps;  ///< Nothing: it may go anywhere at once.
+    Stamp seen;
+  };
+  /// A ball in which a mover is for some time; those of one mover all hold, so that it is where
+  /// they overlap.
+  struct Reach {
+    Eigen::Vector3d centre_m;
+    double radius_m;
+  };
+
+  void add_track(const Track& track, Stamp seen);
+  [[nodiscard]] std::array<Reach, 2> reaches(const Mover& mover, double after_s) const;
   [[nodiscard]] std::optional<Trajectory> until_rest(const Trajectory& motion, double from_s,
                                                      double brake_s) const;
 
   std::shared_ptr<const RobotModel> robot_;
   MotionLimits limits_;
   double speed_mps_;
+  std::optional<double> acceleration_mps2_;  ///< Of tracks; nothing: they turn at once.
   double margin_m_;
   bool counts_standing_;  ///< People who stand, too.
   bool has_lost_track_ = false;
   double largest_m_ = 0.0;  ///< Radius of the largest sphere.
-  std::shared_ptr<const MovingObstacles> moving_;
+  std::vector<Mover> movers_;
 };
 
 }  // namespace sidestep::detail

@@ -179,7 +179,7 @@ bool Replanner::Impl::look_at_map() {
   }
   field = std::move(newest);
   map_came = now;
-  reach.look_at(std::move(moving), tracks.get());
+  reach.look_at(moving.get(), tracks.get());
   prediction = std::move(ahead);
   if (auto* driving = std::get_if<Driving>(&phase)) {
     driving->is_unreached = driving->is_checked = false;

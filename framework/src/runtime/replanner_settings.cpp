@@ -35,6 +35,11 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
           "Largest speed of what moves: while the robot moves, it can come to rest before anything "
           "seen moving could reach it. 0: what moves is an obstacle like any other.",
           {.unit = "m/s", .min = 0.0, .max = 20.0})
+      .add(
+          "obstacle_acceleration_mps2", &S::obstacle_acceleration_mps2,
+          "How fast what is tracked, standing or not, can change its velocity: within a short time "
+          "it is near where it was going. Left out: it may turn at once.",
+          {.unit = "m/s^2", .min = 0.0, .max = 100.0})
       .add("safety", &S::safety,
            "passive: as obstacle_speed_mps has it; ssm: speed and separation monitoring (ISO/TS "
            "15066): whoever is tracked, standing or not, may walk up at 1.6 m/s (ISO 13855), and "

@@ -1,4 +1,7 @@
 #include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -56,9 +59,11 @@ struct Meeting {
 
 Stamp at(double time_s) { return Stamp::from_seconds(time_s); }
 
-detail::ReachCheck reach_check(std::vector<double> braking = {}) {
+detail::ReachCheck reach_check(std::vector<double> braking = {},
+                               std::optional<double> acceleration_mps2 = {}) {
   ReplannerSettings settings;
   settings.obstacle_speed_mps = kWalk_mps;
+  settings.obstacle_acceleration_mps2 = acceleration_mps2;
   settings.margin_m = kMargin_m;
   return {std::make_shared<testing_support::BallRobot>(kBody_m),
           {{1.0, 1.0, 1.0}, {kBrake_mps2, kBrake_mps2, kBrake_mps2}, {}, std::move(braking)},
@@ -84,7 +89,7 @@ TEST(ReachCheck, OfContingencyHoldsFromAnyInstantOnUntilItBrakes) {
     ASSERT_TRUE(contingency);
     const double now_s = begin_s + share(random) * (brake_s - begin_s);
     const Meeting meeting{{{along(random), beside(random), 0.0}, 0.3}, now_s, brake_s};
-    reach.look_at(seen(meeting.ball, at(now_s)), nullptr);
+    reach.look_at(seen(meeting.ball, at(now_s)).get(), nullptr);
     const auto cause = reach.first_reach(*contingency, at(begin_s), at(now_s));
     const double worst_m = meeting.worst_m();
     if (worst_m > 1e-3) {
@@ -106,7 +111,7 @@ TEST(ReachCheck, LooksNoLongerThanTheRobotBrakes) {
     detail::ReachCheck reach = reach_check(std::move(braking));
     const double ball_m = 0.3;
     const MovingBall ahead{{ball_m + kBody_m + kMargin_m + beyond_m, 0.0, 0.0}, ball_m};
-    reach.look_at(seen(ahead, at(0.0)), nullptr);
+    reach.look_at(seen(ahead, at(0.0)).get(), nullptr);
     return reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value();
   };
   // Until it is at rest, both have come nearer by so much in all.
@@ -118,14 +123,79 @@ TEST(ReachCheck, LooksNoLongerThanTheRobotBrakes) {
   EXPECT_FALSE(is_reached(fast_m + kSlack_m, hard));
 }
 
+Tracks one_track(const Eigen::Vector2d& position_m, const Eigen::Vector2d& velocity_mps) {
+  Tracks tracks;
+  Track& track = tracks.tracks.emplace_back();
+  track.id = 1;
+  track.position_m = position_m;
+  track.velocity_mps = velocity_mps;
+  track.radius_m = 0.2;
+  track.bottom_m = -0.1;
+  track.top_m = 0.1;
+  return tracks;
+}
+
+/// Whether somebody who walks as `track` does, and accelerates all the while in one of 64
+/// directions as hard as he can until he is as fast as he can be, comes too near a robot that
+/// brakes at `brake_s`.
+bool some_way_reaches(const Track& track, double brake_s, double acceleration_mps2) {
+  constexpr double kDt_s = 5e-3;
+  const double fastest_mps = std::max(kWalk_mps, track.velocity_mps.norm());
+  for (int k = 0; k < 64; ++k) {
+    const double angle = k * std::numbers::pi / 32.0;
+    const Eigen::Vector2d push =
+        acceleration_mps2 * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+    Eigen::Vector2d p = track.position_m, v = track.velocity_mps;
+    for (int step = 0; step * kDt_s <= brake_s + kCruise_mps / kBrake_mps2; ++step) {
+      const Eigen::Vector2d robot(braking_x_m(step * kDt_s, brake_s), 0.0);
+      if ((p - robot).norm() < track.radius_m + kBody_m + kMargin_m) return true;
+      v += kDt_s * push;
+      if (v.norm() > fastest_mps) v *= fastest_mps / v.norm();
+      p += kDt_s * v;
+    }
+  }
+  return false;
+}
+
+TEST(ReachCheck, OfTracksThatCannotTurnAtOnceMissesNobodyWhoTurns) {
+  constexpr double kTurns_mps2 = 0.8;
+  detail::ReachCheck reach = reach_check({}, kTurns_mps2), at_once = reach_check();
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> along(-2.0, 4.0), beside(-2.0, 2.0), speed(-1.2, 1.2);
+  int reached = 0, sooner = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    const Tracks tracks =
+        one_track({along(random), beside(random)}, {speed(random), speed(random)});
+    reach.look_at(nullptr, &tracks);
+    const bool is_reached = reach.first_reach(cruise(), 0.0, 0.3, at(0.0)).has_value();
+    if (some_way_reaches(tracks.tracks[0], 0.3, kTurns_mps2)) {
+      EXPECT_TRUE(is_reached) << trial;
+      ++reached;
+    }
+    at_once.look_at(nullptr, &tracks);
+    if (!is_reached && at_once.first_reach(cruise(), 0.0, 0.3, at(0.0))) ++sooner;
+  }
+  EXPECT_GT(reached, 50);
+  EXPECT_GT(sooner, 20) << "who walks away is feared no less than who may turn at once";
+}
+
+TEST(ReachCheck, OfTracksThatCannotTurnAtOnceCountsWhoStands) {
+  const Tracks tracks = one_track({0.7, 0.0}, {0.0, 0.0});
+  detail::ReachCheck reach = reach_check({}, 3.0), at_once = reach_check();
+  reach.look_at(nullptr, &tracks);
+  EXPECT_TRUE(reach.first_reach(cruise(), 0.0, 0.0, at(0.0)));
+  at_once.look_at(nullptr, &tracks);
+  EXPECT_FALSE(at_once.first_reach(cruise(), 0.0, 0.0, at(0.0)));
+}
+
 TEST(ReachCheck, OfContingencySaysNothingOfWhatTheRobotHasPassed) {
   detail::ReachCheck reach = reach_check();
   const auto contingency = reach.contingency(cruise(), 0.0, 3.0);
   ASSERT_TRUE(contingency);
   const MovingBall at_begin{{-0.2, 0.0, 0.0}, 0.3};
-  reach.look_at(seen(at_begin, at(0.0)), nullptr);
+  reach.look_at(seen(at_begin, at(0.0)).get(), nullptr);
   EXPECT_TRUE(reach.first_reach(*contingency, at(0.0), at(0.0)));
-  reach.look_at(seen(at_begin, at(2.9)), nullptr);
+  reach.look_at(seen(at_begin, at(2.9)).get(), nullptr);
   EXPECT_FALSE(reach.first_reach(*contingency, at(0.0), at(2.9)));
 }
 

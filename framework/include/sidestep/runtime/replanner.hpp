@@ -44,6 +44,8 @@ struct ReplannerSettings {
   /// come to rest before anything that was seen moving could reach it. 0: what moves is an obstacle
   /// like any other.
   double obstacle_speed_mps = 0.0;
+  /// How fast what is tracked, standing or not, can change its velocity; nothing: at once.
+  std::optional<double> obstacle_acceleration_mps2;
   /// "passive", or "ssm": speed and separation monitoring (ISO/TS 15066, 5.5.4). Whoever is
   /// tracked, standing or not, is taken to walk up at kWalkingSpeed_mps, or at obstacle_speed_mps
   /// if that is more, and `intrusion_m` is left when the robot has come to rest.
