@@ -27,7 +27,10 @@ constexpr double kStartTolerance = 0.01;  // m, rad
 constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
 constexpr std::string_view kAfterStop = "after_stop";
 constexpr std::string_view kRetimed = "retimed";
-constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
+constexpr int kStages = 200;  ///< Of a new motion's timing: within 1 % of the fastest.
+/// The rest of a blocked way is taken to last so many times as long as if it were free: a detour is
+/// worth that, and a long one that comes hardly nearer is not.
+constexpr double kBlockedRest = 3.0;
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
 
 RobotState end_of(const Trajectory& trajectory) {
@@ -58,6 +61,14 @@ Trajectory sampled_anew(const Problem& problem, const Trajectory& trajectory, do
 
 }  // namespace
 
+double left_s(const Trajectory& motion, double from_s, const MotionLimits& limits) {
+  std::vector<double> q(idx(motion.dof));
+  motion.sample(std::min(from_s, motion.duration_s()), q, {});
+  return least_time_s(limits, q, motion.q(motion.size() - 1));
+}
+
+double arrival_s(double blocked_s, double left_s) { return blocked_s + kBlockedRest * left_s; }
+
 struct PlanSearch::Task {
   const Request& request;
   Departure departure = {};
@@ -73,7 +84,7 @@ struct PlanSearch::Task {
   double cost = 0.0;         ///< Of its solution, as the optimiser states it.
   /// A path that needs no optimiser where all else fails.
   std::optional<Trajectory> sampled = {};
-  /// The plan that is free for longest, of those that are not so all the way, and its guess.
+  /// Of the plans that are not free all the way the one that arrives first, and its guess.
   std::optional<FoundPlan> stopgap = {};
   std::size_t stopgap_guess = 0;
 };
@@ -148,7 +159,7 @@ void PlanSearch::attempt(std::size_t guess, Task& task) {
     }
   }
   if (task.result.plan && std::isfinite(task.result.plan->free_until_s)) {
-    if (!task.stopgap || task.result.plan->free_until_s > task.stopgap->free_until_s) {
+    if (!task.stopgap || task.result.plan->arrival_s < task.stopgap->arrival_s) {
       task.stopgap = std::move(task.result.plan);
       task.stopgap_guess = guess;
     }
@@ -352,7 +363,12 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       return violation.kind == Violation::Kind::kCollision ||
              violation.kind == Violation::Kind::kUnproven;
     });
-    if (!may_go || plan.free_until_s < task.request.least_free_s) return std::nullopt;
+    plan.arrival_s =
+        arrival_s(plan.free_until_s, left_s(plan.trajectory, plan.free_until_s, parts_.limits));
+    if (!may_go || plan.free_until_s < task.request.least_free_s ||
+        plan.arrival_s > task.request.latest_arrival_s) {
+      return std::nullopt;
+    }
   }
   plan.unknown_share = verdict->unknown_share;
   return plan;

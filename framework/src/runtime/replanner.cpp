@@ -16,6 +16,9 @@ namespace {
 
 /// What is worth a replan, of a motion that waits among what is predicted.
 constexpr double kDelayed_s = 0.3;
+/// The same of one that goes round about, and how often another is looked for.
+constexpr double kDetour_s = 1.0;
+constexpr double kLookAround_s = 1.0;
 
 }  // namespace
 
@@ -207,7 +210,8 @@ void Replanner::Impl::supervise() {
   if (!driving.is_checked) check(driving);
   if (driving.blocked) return on_blocked(driving);
   if (driving.is_aside) return come_back(driving);
-  if (driving.delay_s > kDelayed_s && is_due()) return hasten(driving);
+  if (driving.delay_s > kDelayed_s && is_due()) return hasten(driving, kDelayed_s);
+  if (now == map_came && is_due() && goes_round_about(driving)) return hasten(driving, kDetour_s);
   if (settings.cost_tolerance > 0.0 && now == map_came && is_due()) improve(driving);
 }
 
@@ -271,9 +275,19 @@ void Replanner::Impl::improve(const Driving& driving) {
   (void)replan(std::move(departure), Reason::kCost, cause, (1.0 - settings.hysteresis) * *cost);
 }
 
-void Replanner::Impl::hasten(const Driving& driving) {
+/// What it goes around may have left: the optimiser's next guess begins where the last one ended.
+bool Replanner::Impl::goes_round_about(const Driving& driving) {
+  if (looked_around && now.seconds() - looked_around->seconds() < kLookAround_s) return false;
+  const double now_s = driving.time_s(now);
+  const double straight_s = detail::left_s(driving.trajectory, now_s, parts.limits);
+  if (driving.trajectory.duration_s() - now_s - straight_s < kDetour_s) return false;
+  looked_around = now;
+  return true;
+}
+
+void Replanner::Impl::hasten(const Driving& driving, double by_s) {
   (void)replan(departure_from(driving), Reason::kSooner, "the way may be free sooner", {},
-               driving.trajectory.duration_s() - driving.time_s(now) - kDelayed_s);
+               driving.trajectory.duration_s() - driving.time_s(now) - by_s);
 }
 
 detail::Departure Replanner::Impl::departure_from(const Motion& motion) const {
@@ -377,18 +391,24 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
                              std::optional<double> to_beat, std::optional<double> to_end_before_s) {
   last_replan = now;
   searched_in = field;
-  // What is free for longer than what is followed now is worth going on with.
+  // What may be expected at the goal sooner than now is worth going on with.
   constexpr double kWorth_s = 1.0;
   double least_free_s = settings.takeover_s + settings.horizon_s;
+  double latest_arrival_s = std::numeric_limits<double>::infinity();
   if (to_beat || to_end_before_s) {
     least_free_s = std::numeric_limits<double>::infinity();  // what is followed is free all the way
   } else if (const auto* driving = std::get_if<Driving>(&phase); driving && driving->blocked) {
-    least_free_s =
-        std::max(least_free_s, driving->blocked->begin_s - driving->time_s(now) + kWorth_s);
+    const double begin_s = driving->blocked->begin_s;
+    const double left_s = detail::left_s(driving->trajectory, begin_s, parts.limits);
+    latest_arrival_s = detail::arrival_s(begin_s - driving->time_s(now), left_s) - kWorth_s;
+  } else {
+    const auto q = departure.lead.q(departure.lead.size() - 1);
+    const double left_s = least_time_s(parts.limits, q, as_span(parts.goal.q));
+    latest_arrival_s = detail::arrival_s(0.0, left_s) - kWorth_s;
   }
-  detail::SearchResult found =
-      search.run({field, *full_check, reach, prediction_check, predicted_from(now),
-                  std::move(departure), now, to_beat, to_end_before_s, least_free_s});
+  detail::SearchResult found = search.run({field, *full_check, reach, prediction_check,
+                                           predicted_from(now), std::move(departure), now, to_beat,
+                                           to_end_before_s, least_free_s, latest_arrival_s});
   if (found.plan && !is_in_time()) {
     found.plan.reset();
     found.failure =

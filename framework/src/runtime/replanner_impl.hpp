@@ -75,8 +75,11 @@ struct Replanner::Impl {
   /// Brakes where what moves could reach the robot before it is at rest.
   [[nodiscard]] bool slows_down(Driving& driving);
   void improve(const Driving& driving);
-  /// Sets out sooner, or goes faster, where what was to be waited for is gone.
-  void hasten(const Driving& driving);
+  /// Whether the straight way would be much sooner at the goal, and none was looked for lately.
+  [[nodiscard]] bool goes_round_about(const Driving& driving);
+  /// Sets out sooner, or goes faster or straighter, where what was in the way is gone: if that
+  /// gains `by_s`.
+  void hasten(const Driving& driving, double by_s);
   void depart_from_rest(const RobotState& measured);
   [[nodiscard]] detail::Departure departure_from(const Motion& motion) const;
   /// From where a stop ends.
@@ -170,6 +173,7 @@ struct Replanner::Impl {
   std::shared_ptr<const DistanceField> searched_in;  ///< The map of the last replan.
   std::optional<Stamp> failed_at;                    ///< The last replan that failed.
   std::optional<Stamp> asked_for_goal;               ///< When another goal was last looked for.
+  std::optional<Stamp> looked_around;                ///< When a straighter way was.
 
   std::variant<Resting, Driving, Braking, AtGoal> phase;
   Stamp last_start;        ///< Of the motion that was given last.

@@ -78,6 +78,24 @@ TEST(Replanner, AvoidsWhatAppearsWithoutASlowStep) {
   EXPECT_EQ(loop.count(Kind::kStopped), 0) << loop.story();
 }
 
+TEST(Replanner, GoesStraightOnceWhatItGoesAroundHasGone) {
+  const Ball wide{{2.0, 0.0, 0.0}, 0.7};
+  const auto arrival_s = [&](double gone_s) {
+    ClosedLoop loop;
+    loop.limits.velocity = {1.0, 0.4, 1.0};  // sideways is slow
+    loop.run(30.0, [&](double t) { loop.obstacles = t < gone_s ? Balls{wide} : Balls{}; });
+    expect_goal(loop);
+    expect_continuous(loop);
+    EXPECT_GT(loop.least_clearance_m, 0.0);
+    const bool is_sooner = std::ranges::any_of(loop.events, [](const ReplannerEvent& event) {
+      return event.kind == Kind::kReplanned && event.reason == Reason::kSooner;
+    });
+    EXPECT_EQ(is_sooner, gone_s < 30.0) << loop.story();
+    return loop.events.back().stamp.seconds();
+  };
+  EXPECT_LT(arrival_s(1.0), arrival_s(30.0) - 1.0);
+}
+
 TEST(Replanner, StopsBeforeWhatItCannotPassAndGoesOnWhenItIsGone) {
   ClosedLoop loop;
   loop.planner.misbehave = [&](const Problem&, const Trajectory&,
@@ -243,6 +261,29 @@ TEST(Replanner, TakesWhatIsFreeForAWhileOnceASearchHasTakenLong) {
     for (const auto& count : loop.replanner->guess_counts())
       EXPECT_GT(count.tried, 0) << count.guess;
   }
+}
+
+/// Of two motions that lead to a goal on which something stands, the one that is there sooner: not
+/// that which is free for longer, for its way round.
+TEST(Replanner, GoesNoLongWayRoundToAGoalOnWhichSomethingStands) {
+  ReplannerSettings settings = ClosedLoop::defaults();
+  settings.horizon_s = 2.0;
+  ClosedLoop loop(settings);
+  loop.obstacles = {{{4, 0, 0}, 0.2}};
+  loop.planner.misbehave = [](const Problem& problem, const Trajectory& initial,
+                              const Deadline&) -> std::optional<Result<Solution>> {
+    const double bent_m = std::abs(initial.q(initial.size() / 2)[1]);
+    if (bent_m < 1e-6 || problem.start.qdot.norm() > 0.0) return std::nullopt;
+    Solution round;
+    round.status = SolveStatus::kConverged;
+    round.trajectory = DetourPlanner::through(
+        {problem.start.q, {-4.0, 0.0, 0.0}, {0.0, 4.0, 0.0}, problem.goal.q}, {0.0, 0.0, 0.0});
+    return round;
+  };
+  loop.run(12.0);
+  for (const Eigen::Vector3d& p : loop.path) ASSERT_GT(p.x(), -0.01) << loop.story();
+  EXPECT_GT(loop.path.back().x(), 3.0) << loop.story();
+  EXPECT_EQ(loop.executor.state().qdot.norm(), 0.0);
 }
 
 TEST(Replanner, ChecksEachMapOnce) {
