@@ -27,10 +27,7 @@ constexpr double kStartTolerance = 0.01;  // m, rad
 constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
 constexpr std::string_view kAfterStop = "after_stop";
 constexpr std::string_view kRetimed = "retimed";
-constexpr int kStages = 200;  ///< Of a new motion's timing: within 1 % of the fastest.
-/// The rest of a blocked way is taken to last so many times as long as if it were free: a detour is
-/// worth that, and a long one that comes hardly nearer is not.
-constexpr double kBlockedRest = 3.0;
+constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
 
 RobotState end_of(const Trajectory& trajectory) {
@@ -52,6 +49,13 @@ void set_first_state(Trajectory& trajectory, const RobotState& state) {
   std::ranges::copy(as_span(state.qdot), trajectory.qdot(0).begin());
 }
 
+/// When a plan that is blocked somewhere may be expected at its end: nobody knows for how long it
+/// stays so. A long way round that comes hardly nearer is not worth it.
+double may_arrive_s(const FoundPlan& plan) {
+  constexpr double kBlockedRest = 3.0;
+  return plan.free_until_s + kBlockedRest * plan.left_s;
+}
+
 /// The rest of a trajectory as a first guess of a problem.
 Trajectory sampled_anew(const Problem& problem, const Trajectory& trajectory, double from_s) {
   Trajectory guess = refit(trajectory, from_s, problem.support_states, problem.dt_s);
@@ -66,8 +70,6 @@ double left_s(const Trajectory& motion, double from_s, const MotionLimits& limit
   motion.sample(std::min(from_s, motion.duration_s()), q, {});
   return least_time_s(limits, q, motion.q(motion.size() - 1));
 }
-
-double arrival_s(double blocked_s, double left_s) { return blocked_s + kBlockedRest * left_s; }
 
 struct PlanSearch::Task {
   const Request& request;
@@ -159,7 +161,7 @@ void PlanSearch::attempt(std::size_t guess, Task& task) {
     }
   }
   if (task.result.plan && std::isfinite(task.result.plan->free_until_s)) {
-    if (!task.stopgap || task.result.plan->arrival_s < task.stopgap->arrival_s) {
+    if (!task.stopgap || may_arrive_s(*task.result.plan) < may_arrive_s(*task.stopgap)) {
       task.stopgap = std::move(task.result.plan);
       task.stopgap_guess = guess;
     }
@@ -363,10 +365,9 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       return violation.kind == Violation::Kind::kCollision ||
              violation.kind == Violation::Kind::kUnproven;
     });
-    plan.arrival_s =
-        arrival_s(plan.free_until_s, left_s(plan.trajectory, plan.free_until_s, parts_.limits));
+    plan.left_s = left_s(plan.trajectory, plan.free_until_s, parts_.limits);
     if (!may_go || plan.free_until_s < task.request.least_free_s ||
-        plan.arrival_s > task.request.latest_arrival_s) {
+        plan.left_s > task.request.most_left_s) {
       return std::nullopt;
     }
   }

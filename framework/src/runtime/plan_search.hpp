@@ -33,7 +33,7 @@ struct FoundPlan {
   double unknown_share = 0.0;
   double free_until_s =
       std::numeric_limits<double>::infinity();  ///< Of obstacles, if not for good.
-  double arrival_s = 0.0;   ///< By arrival_s(), where it is not free all the way.
+  double left_s = 0.0;      ///< That the straight way to its end takes from where that is.
   bool frees_goal = false;  ///< Its end stands for the goal.
   bool is_aside = false;    ///< It leads out of somebody's way.
 };
@@ -51,10 +51,6 @@ struct SearchResult {
 /// The least time from a motion's state at `from_s` to its end, each joint by itself, from rest.
 [[nodiscard]] double left_s(const Trajectory& motion, double from_s, const MotionLimits& limits);
 
-/// When a motion may be expected at the goal that is blocked at `blocked_s` and has `left_s` to go
-/// from there: nobody knows for how long it stays blocked.
-[[nodiscard]] double arrival_s(double blocked_s, double left_s);
-
 /// Looks for a valid trajectory by one first guess after the other.
 class PlanSearch {
  public:
@@ -71,10 +67,10 @@ class PlanSearch {
     /// What the new trajectory must cost less than, by the problem's terms.
     std::optional<double> to_beat;
     std::optional<double> to_end_before_s;  ///< From now on.
-    /// One that is not free all the way must be free for so long at least, and be expected at the
-    /// goal by then: arrival_s(), from now on.
+    /// One that is not free all the way must be free for so long at least, and for so long that no
+    /// more than this is left of the way, as FoundPlan::left_s.
     double least_free_s = 0.0;
-    double latest_arrival_s = std::numeric_limits<double>::infinity();
+    double most_left_s = std::numeric_limits<double>::infinity();
   };
   /// Throws what the problem's poser, the robot and the field throw.
   [[nodiscard]] SearchResult run(const Request& request);

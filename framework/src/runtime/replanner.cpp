@@ -391,24 +391,22 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
                              std::optional<double> to_beat, std::optional<double> to_end_before_s) {
   last_replan = now;
   searched_in = field;
-  // What may be expected at the goal sooner than now is worth going on with.
+  // What leads so much nearer to the goal is worth going on with.
   constexpr double kWorth_s = 1.0;
   double least_free_s = settings.takeover_s + settings.horizon_s;
-  double latest_arrival_s = std::numeric_limits<double>::infinity();
+  double left_s = 0.0;
+  const auto* driving = std::get_if<Driving>(&phase);
   if (to_beat || to_end_before_s) {
     least_free_s = std::numeric_limits<double>::infinity();  // what is followed is free all the way
-  } else if (const auto* driving = std::get_if<Driving>(&phase); driving && driving->blocked) {
-    const double begin_s = driving->blocked->begin_s;
-    const double left_s = detail::left_s(driving->trajectory, begin_s, parts.limits);
-    latest_arrival_s = detail::arrival_s(begin_s - driving->time_s(now), left_s) - kWorth_s;
+  } else if (driving && driving->blocked) {
+    left_s = detail::left_s(driving->trajectory, driving->blocked->begin_s, parts.limits);
   } else {
     const auto q = departure.lead.q(departure.lead.size() - 1);
-    const double left_s = least_time_s(parts.limits, q, as_span(parts.goal.q));
-    latest_arrival_s = detail::arrival_s(0.0, left_s) - kWorth_s;
+    left_s = least_time_s(parts.limits, q, as_span(parts.goal.q));
   }
   detail::SearchResult found = search.run({field, *full_check, reach, prediction_check,
                                            predicted_from(now), std::move(departure), now, to_beat,
-                                           to_end_before_s, least_free_s, latest_arrival_s});
+                                           to_end_before_s, least_free_s, left_s - kWorth_s});
   if (found.plan && !is_in_time()) {
     found.plan.reset();
     found.failure =
