@@ -94,7 +94,7 @@ class CasesReader {
 };
 
 /// Whose recording begins in the middle of the place walks in: nobody comes out of nowhere.
-constexpr double kWalkIn_s = 3.0;
+constexpr double kWalkIn_s = 10.0;
 
 Node recorded_people(const std::filesystem::path& file, double duration_s, double from_s,
                      const std::string& more = {}) {
