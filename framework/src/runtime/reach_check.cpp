@@ -11,7 +11,7 @@
 namespace sidestep::detail {
 namespace {
 
-constexpr double kStep_s = 0.1;         ///< Between two states that are looked at.
+constexpr double kStep_s = 0.05;        ///< Between two states that are looked at.
 constexpr double kStanding_mps = 0.15;  ///< Tracks that are slower stand.
 
 }  // namespace
