@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <sidestep/runtime/prediction.hpp>
+#include <sidestep/runtime/predict.hpp>
 
 #include "conformance/predictor_conformance.hpp"
 #include "support/host_fixture.hpp"

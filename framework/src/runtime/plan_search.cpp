@@ -30,14 +30,6 @@ constexpr std::string_view kRetimed = "retimed";
 constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
 
-RobotState end_of(const Trajectory& trajectory) {
-  const auto map = [&](std::span<const double> row) {
-    return Eigen::Map<const Eigen::VectorXd>(row.data(), trajectory.dof);
-  };
-  const int last = trajectory.size() - 1;
-  return {map(trajectory.q(last)), map(trajectory.qdot(last))};
-}
-
 double largest_difference(std::span<const double> a, std::span<const double> b) {
   double largest = 0.0;
   for (std::size_t j = 0; j < a.size(); ++j) largest = std::max(largest, std::abs(a[j] - b[j]));
@@ -219,7 +211,7 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
 /// sense.
 bool PlanSearch::depart(Departure departure, Task& task) const {
   task.departure = std::move(departure);
-  task.start = end_of(task.departure.lead);
+  task.start = end_state(task.departure.lead);
   if (!task.departure.is_moving) task.start.qdot.setZero();
   task.problem = parts_.pose_problem(task.request.field, task.start, parts_.goal);
   if (const auto& predicted = task.request.predicted) {
@@ -297,6 +289,13 @@ std::string PlanSearch::why_elsewhere(const Task& task, const Trajectory& propos
 
 /// The plan that a proposal makes; nothing, with the failure noted, where it is none.
 std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) const {
+  auto plan = timed(std::move(proposal), task);
+  if (!plan || !is_clear(*plan, task)) return std::nullopt;
+  return plan;
+}
+
+/// A proposal as fast as the limits allow, or as it was timed, among what is predicted.
+std::optional<FoundPlan> PlanSearch::timed(Trajectory proposal, Task& task) const {
   const auto refuse = [&](std::string why) {
     task.failure = std::move(why);
     return std::nullopt;
@@ -346,33 +345,39 @@ std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) con
       plan.trajectory.duration_s() > *task.request.to_end_before_s) {
     return refuse("it is not sooner at the goal");
   }
+  return plan;
+}
+
+/// Whether nothing that moves could reach a plan before a stop, and nothing that stands is in its
+/// way, or not soon: it says until when.
+bool PlanSearch::is_clear(FoundPlan& plan, Task& task) const {
   // Longer than what is followed must keep to, lest the robot brake for what it just set out by.
   const double brake_s = plan.takeover_s + settings_.replan_period_s + settings_.search_s();
   const auto reached =
       task.request.reach.first_reach(plan.trajectory, 0.0, brake_s, task.request.now);
   if (reached) {
     task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
-    return refuse("before it could stop " + *reached);
+    task.failure = "before it could stop " + *reached;
+    return false;
   }
   const auto verdict = task.request.check.check(plan.trajectory, 0.0, task.deadline);
-  if (!verdict) return refuse("it cannot be checked: " + verdict.error().describe());
-  if (!verdict->valid()) {
-    plan.free_until_s = verdict->first_violation_s;
-    task.failure = "it is " + verdict->describe();
-    task.result.refused = std::make_shared<const Trajectory>(plan.trajectory);
-    // What is in the way may go; a limit that is broken stays so.
-    const bool may_go = std::ranges::all_of(verdict->violations, [](const Violation& violation) {
-      return violation.kind == Violation::Kind::kCollision ||
-             violation.kind == Violation::Kind::kUnproven;
-    });
-    plan.left_s = left_s(plan.trajectory, plan.free_until_s, parts_.limits);
-    if (!may_go || plan.free_until_s < task.request.least_free_s ||
-        plan.left_s > task.request.most_left_s) {
-      return std::nullopt;
-    }
+  if (!verdict) {
+    task.failure = "it cannot be checked: " + verdict.error().describe();
+    return false;
   }
   plan.unknown_share = verdict->unknown_share;
-  return plan;
+  if (verdict->valid()) return true;
+  plan.free_until_s = verdict->first_violation_s;
+  plan.left_s = left_s(plan.trajectory, plan.free_until_s, parts_.limits);
+  task.failure = "it is " + verdict->describe();
+  task.result.refused = std::make_shared<const Trajectory>(plan.trajectory);
+  // What is in the way may go; a limit that is broken stays so.
+  const bool may_go = std::ranges::all_of(verdict->violations, [](const Violation& violation) {
+    return violation.kind == Violation::Kind::kCollision ||
+           violation.kind == Violation::Kind::kUnproven;
+  });
+  return may_go && plan.free_until_s >= task.request.least_free_s &&
+         plan.left_s <= task.request.most_left_s;
 }
 
 /// The sooner of two motions that are clear of what is predicted: the plan, slowed down where it
@@ -407,7 +412,7 @@ std::optional<double> PlanSearch::cost_of_rest(std::shared_ptr<const DistanceFie
     return std::nullopt;
   }
   const Problem problem =
-      parts_.pose_problem(std::move(field), end_of(departure.lead), parts_.goal);
+      parts_.pose_problem(std::move(field), end_state(departure.lead), parts_.goal);
   if (!problem.validate()) return std::nullopt;
   const auto explained =
       explain(problem, sampled_anew(problem, *departure.followed, departure.from_s));

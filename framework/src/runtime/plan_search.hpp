@@ -97,6 +97,8 @@ class PlanSearch {
                                                 const Trajectory& guess, Task& task) const;
   [[nodiscard]] std::string why_elsewhere(const Task& task, const Trajectory& proposal) const;
   [[nodiscard]] std::optional<FoundPlan> accept(Trajectory proposal, Task& task) const;
+  [[nodiscard]] std::optional<FoundPlan> timed(Trajectory proposal, Task& task) const;
+  [[nodiscard]] bool is_clear(FoundPlan& plan, Task& task) const;
   [[nodiscard]] double soonest_s(const FoundPlan& plan, const Task& task) const;
   [[nodiscard]] std::optional<Trajectory> among_predicted(const FoundPlan& plan,
                                                           const Trajectory& proposal,

@@ -94,13 +94,7 @@ std::optional<Trajectory> ReachCheck::until_rest(const Trajectory& motion, doubl
   brake_s = std::min(brake_s, motion.duration_s());
   Trajectory lead = cut(motion, from_s, std::max(brake_s, from_s + 1e-3));
   auto stop = brake(motion, brake_s, limits_);
-  if (!stop) {
-    const int last = lead.size() - 1;
-    const auto row = [&](std::span<const double> values) {
-      return Eigen::Map<const Eigen::VectorXd>(values.data(), lead.dof);
-    };
-    stop = brake_straight({row(lead.q(last)), row(lead.qdot(last))}, limits_);
-  }
+  if (!stop) stop = brake_straight(end_state(lead), limits_);
   if (!stop) return std::nullopt;
   return joined(lead, *stop);
 }

@@ -459,10 +459,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   is_moving = true;
   free_goal.reset();
   is_failing = false;
-  if (plan.frees_goal) {
-    free_goal = Eigen::Map<const Eigen::VectorXd>(unfinished.q(unfinished.size() - 1).data(),
-                                                  unfinished.dof);
-  }
+  if (plan.frees_goal) free_goal = end_state(unfinished).q;
   if (halted) {
     if (!was_slowed) tell(Event::Kind::kRecovered, halted->reason, halted->cause);
     halted.reset();

@@ -4,7 +4,8 @@
 #include <sidestep/core/format.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
-#include <sidestep/runtime/prediction.hpp>
+#include <sidestep/runtime/predict.hpp>
+#include <sidestep/trajectory/splice.hpp>
 
 #include "replanner_impl.hpp"
 
@@ -102,8 +103,7 @@ void Replanner::Impl::end_motion(const RobotState& measured) {
   if (std::holds_alternative<Braking>(phase) && halted && halted->reason == Reason::kMoving) {
     tell(Event::Kind::kStopped, halted->reason, halted->cause);
   }
-  const auto end = followed.q(followed.size() - 1);
-  phase = Resting{Eigen::Map<const Eigen::VectorXd>(end.data(), followed.dof)};
+  phase = Resting{end_state(followed).q};
 }
 
 void Replanner::Impl::keep_to_observed(const RobotState& measured) {

@@ -53,12 +53,8 @@ bool Replanner::Impl::follow_verified_stop(Driving& driving, std::string& how) {
     return true;
   }
   const Trajectory lead = cut(followed, begin_s, brake_s);
-  const int last = lead.size() - 1;
-  const auto row = [&](std::span<const double> values) {
-    return Eigen::Map<const Eigen::VectorXd>(values.data(), lead.dof);
-  };
   const auto along_path = brake(followed, brake_s, parts.limits);
-  const auto straight = brake_straight({row(lead.q(last)), row(lead.qdot(last))}, parts.limits);
+  const auto straight = brake_straight(end_state(lead), parts.limits);
   const auto predicted = predicted_from(begin);
   std::optional<Trajectory> chosen;
   for (const auto* stop : {&along_path, &straight}) {

@@ -182,6 +182,14 @@ Trajectory cut(const Trajectory& trajectory, double from_s, double to_s) {
   return out;
 }
 
+RobotState end_state(const Trajectory& trajectory) {
+  const auto vector = [](std::span<const double> values) {
+    return Eigen::VectorXd::Map(values.data(), std::ssize(values));
+  };
+  const int last = trajectory.size() - 1;
+  return {vector(trajectory.q(last)), vector(trajectory.qdot(last))};
+}
+
 Trajectory joined(const Trajectory& first, const Trajectory& second) {
   Trajectory out = first;
   const double begin_s = first.duration_s();

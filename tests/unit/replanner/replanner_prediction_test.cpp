@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <sidestep/runtime/prediction.hpp>
+#include <sidestep/runtime/predict.hpp>
 
 #include "closed_loop.hpp"
 

@@ -14,6 +14,9 @@ namespace sidestep {
 /// `first` stands for both. Joints agree, neither is empty. [any]; allocates.
 [[nodiscard]] Trajectory joined(const Trajectory& first, const Trajectory& second);
 
+/// The last state of a trajectory that is not empty. [any]; allocates.
+[[nodiscard]] RobotState end_state(const Trajectory& trajectory);
+
 /// Where a trajectory comes nearest to a configuration.
 struct NearestState {
   double time_s = 0.0;

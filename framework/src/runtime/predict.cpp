@@ -1,4 +1,4 @@
-#include <sidestep/runtime/prediction.hpp>
+#include <sidestep/runtime/predict.hpp>
 
 #include <map>
 #include <string>
