@@ -23,10 +23,8 @@ constexpr int kLeastInLayer = 2;
 constexpr double kTallest_m = 2.2;
 /// A cylinder is widened by this: surfaces are mapped up to half a voxel's diagonal outside it.
 constexpr double kMargin_vox = 1.5;
-/// Cells of so many voxels along an edge, and how many rays are looked at across them: one every
-/// voxel at most.
-constexpr int kCell_vox = 4, kRaysOfCell = 5, kRaysOfVoxel = 2;
-constexpr char kUnseen = -1;
+/// How many rays are looked at across a cell: one every voxel at most.
+constexpr int kRaysOfCell = 5, kRaysOfVoxel = 2;
 /// A trail is looked at so often, by a camera's frames that come faster in turns.
 constexpr double kLook_s = 0.1;
 constexpr int kMostTurns = 4;
@@ -40,34 +38,23 @@ std::uint64_t bits_between(int first, int last) {
   return last >= 63 ? from : from & ((std::uint64_t{2} << last) - 1);
 }
 
-Eigen::Vector3i cell_counts(const GridSpec& grid) {
-  return (grid.size_vox.array() + kCell_vox - 1) / kCell_vox;
-}
-
 }  // namespace
-
-/// A circle's voxels, row by row.
-struct TrackMask::Disc {
-  struct Row {
-    int y, first_x, last_x;
-  };
-  std::vector<Row> rows;
-};
 
 double TrackMask::reach_m(const Track& track) const noexcept {
   return track.radius_m + kMargin_vox * grid_.resolution_m;
 }
 
-std::size_t TrackMask::row(int y, int z) const noexcept {
-  return (idx(y) + idx(grid_.size_vox.y()) * idx(z)) * idx(words_per_row_);
-}
-
-std::size_t TrackMask::cell_of(int y, int z, int word) const noexcept {
-  return row(y / kCell_vox, z / kCell_vox) + idx(word);
+template <class Visit>
+void TrackMask::visit_beam(const Trail& trail, Visit&& visit) const {
+  const int rows = std::min(kCell_vox, grid_.size_vox.y() - trail.y);
+  const int layers = std::min(kCell_vox, grid_.size_vox.z() - trail.z);
+  for (int z = 0; z < layers; ++z) {
+    std::size_t at = row(trail.y, trail.z + z) + idx(trail.word);
+    for (int y = 0; y < rows; ++y, at += idx(words_per_row_)) visit(idx(kCell_vox * z + y), at);
+  }
 }
 
 void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
-  claims_.clear();
   occupied_ = map.occupied();
   const bool is_same_grid = grid_ == map.occupancy_grid() && !snapshot_.empty();
   if (!is_same_grid || stamp < stamp_) {
@@ -77,23 +64,32 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
     settled_.assign(snapshot_.size(), 0);
     near_settled_.assign(snapshot_.size(), 0);
     may_hold_settled_.assign(row(0, grid_.size_vox.z() / kCell_vox + 1), 0);
-    cells_.clear();
     if (!is_same_grid) trails_.clear();
     // What was masked is not any more.
-    for (Trail& trail : trails_) trail.recent = trail.older = trail.seen_free = 0;
-    trail_of_.resize(snapshot_.size());
+    for (Trail& trail : trails_) trail.recent = trail.older = trail.seen_free = {};
+    trail_of_.resize(may_hold_settled_.size());
     if (!is_same_grid) std::ranges::fill(trail_of_, 0);
     snapshot_stamp_ = turned_stamp_ = stamp;
   }
   stamp_ = stamp;
+  // What has been freed is no trail any more. Claims, which are not in the list's order, find it in
+  // the cache then.
+  for (Trail& trail : trails_) {
+    visit_beam(trail, [&](std::size_t i, std::size_t at) {
+      trail.recent[i] &= occupied_.words[at];
+      trail.older[i] &= occupied_.words[at];
+    });
+  }
   if (stamp.seconds() - snapshot_stamp_.seconds() >= settle_s_) {
     for (std::size_t w = 0; w < snapshot_.size(); ++w) {
       settled_[w] = snapshot_[w] & occupied_.words[w];
       snapshot_[w] = occupied_.words[w];
     }
     for (const Trail& trail : trails_) {
-      settled_[trail.word] &= ~(trail.recent | trail.older);
-      snapshot_[trail.word] &= ~(trail.recent | trail.older);
+      visit_beam(trail, [&](std::size_t i, std::size_t at) {
+        settled_[at] &= ~(trail.recent[i] | trail.older[i]);
+        snapshot_[at] &= ~(trail.recent[i] | trail.older[i]);
+      });
     }
     dilate({settled_, words_per_row_}, grid_, scratch_, near_settled_);
     std::ranges::fill(may_hold_settled_, 0);
@@ -101,29 +97,30 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
     for (int z = 0; z < grid_.size_vox.z(); ++z) {
       for (int y = 0; y < grid_.size_vox.y(); ++y) {
         for (int word = 0; word < words_per_row_; ++word, ++w) {
-          if (near_settled_[w] != 0) may_hold_settled_[cell_of(y, z, word)] = 1;
+          if (near_settled_[w] != 0) may_hold_settled_[beam_of(y, z, word)] = 1;
         }
       }
     }
     snapshot_stamp_ = stamp;
   }
   if (stamp.seconds() - turned_stamp_.seconds() < kTrail_s) return;
-  for (Trail& trail : trails_) trail.older = std::exchange(trail.recent, 0);
+  for (Trail& trail : trails_) trail.older = std::exchange(trail.recent, {});
   turned_stamp_ = stamp;
 }
 
-TrackMask::Trail& TrackMask::trail_at(std::size_t word) {
-  if (trail_of_[word] == 0) {
-    trails_.push_back({.word = word});
-    trail_of_[word] = static_cast<std::uint32_t>(trails_.size());
+void TrackMask::note_claim(int y, int z, int word, std::uint64_t bits) {
+  std::uint32_t& which = trail_of_[beam_of(y, z, word)];
+  if (which == 0) {
+    trails_.push_back({.word = word, .y = y - y % kCell_vox, .z = z - z % kCell_vox});
+    which = static_cast<std::uint32_t>(trails_.size());
   }
-  return trails_[trail_of_[word] - 1];
+  trails_[which - 1].claimed[idx(kCell_vox * (z % kCell_vox) + y % kCell_vox)] |= bits;
 }
 
 bool TrackMask::is_settled_near(const Eigen::Vector3d& p_world) const noexcept {
   const Eigen::Vector3i voxel = grid_.voxel_at(p_world);
   return grid_.contains(voxel) &&
-         may_hold_settled_[cell_of(voxel.y(), voxel.z(), voxel.x() / 64)] != 0 &&
+         may_hold_settled_[beam_of(voxel.y(), voxel.z(), voxel.x() / 64)] != 0 &&
          VoxelBits{near_settled_, words_per_row_}.at(grid_, voxel);
 }
 
@@ -146,8 +143,8 @@ bool TrackMask::is_occupied_near(const Eigen::Vector3d& p_world) const noexcept 
   return false;
 }
 
-/// The voxels whose centres lie in a thing's circle, widened by a voxel and a half.
-TrackMask::Disc TrackMask::disc_of(const Track& track) const {
+/// Finds the voxels whose centres lie in a thing's circle, widened by a voxel and a half.
+void TrackMask::find_disc(const Track& track) {
   const Eigen::Vector2d centre = (track.position_m - grid_.origin_m.head<2>()) / grid_.resolution_m;
   const double radius_vox = reach_m(track) / grid_.resolution_m;
   // Rounded to voxels; a thing far outside the grid has none in it.
@@ -157,16 +154,19 @@ TrackMask::Disc TrackMask::disc_of(const Track& track) const {
   const auto last = [](double high, int size) {
     return static_cast<int>(std::clamp(std::floor(high - 0.5), -1.0, size - 1.0));
   };
-  Disc disc;
+  disc_.clear();
   const int last_y = last(centre.y() + radius_vox, grid_.size_vox.y());
   for (int y = first(centre.y() - radius_vox, grid_.size_vox.y()); y <= last_y; ++y) {
     const double beside_vox = y + 0.5 - centre.y();
     const double half_vox =
         std::sqrt(std::max(0.0, radius_vox * radius_vox - beside_vox * beside_vox));
-    disc.rows.push_back({y, first(centre.x() - half_vox, grid_.size_vox.x()),
-                         last(centre.x() + half_vox, grid_.size_vox.x())});
+    const int first_x = first(centre.x() - half_vox, grid_.size_vox.x());
+    const int last_x = last(centre.x() + half_vox, grid_.size_vox.x());
+    for (int word = first_x / 64; 64 * word <= last_x; ++word) {
+      disc_.push_back({y, word, bits_between(first_x - 64 * word, last_x - 64 * word)});
+    }
   }
-  return disc;
+  found_.resize(disc_.size());
 }
 
 int TrackMask::layer_at(double z_m) const {
@@ -175,21 +175,22 @@ int TrackMask::layer_at(double z_m) const {
 }
 
 template <class Visit>
-void TrackMask::visit_layer(const Disc& disc, int z, Visit&& visit) const {
+void TrackMask::visit_layer(int z, Visit&& visit) {
   const std::size_t ahead = row(0, z < grid_.size_vox.z() - 2 ? 2 : 0);
-  for (const auto& [y, first_x, last_x] : disc.rows) {
-    const std::size_t first = row(y, z);
-    for (int word = first_x / 64; 64 * word <= last_x; ++word) {
-      const std::size_t at = first + idx(word);
-      // Layers lie far apart in memory: that after the next is on its way meanwhile.
-      __builtin_prefetch(occupied_.words.data() + at + ahead);
-      // Most words hold nothing, or nothing that is settled, which need not be read then.
-      std::uint64_t its =
-          occupied_.words[at] & bits_between(first_x - 64 * word, last_x - 64 * word);
-      if (its == 0) continue;
-      if (may_hold_settled_[cell_of(y, z, word)] != 0) its &= ~settled_[at];
-      if (its != 0) visit(at, its);
-    }
+  // Most words hold nothing; which ones, no branch predicts.
+  std::size_t count = 0;
+  for (const LayerWord& word : disc_) {
+    const std::uint64_t* const its = occupied_.words.data() + row(word.y, z) + word.word;
+    // Layers lie far apart in memory: that after the next is on its way meanwhile.
+    __builtin_prefetch(its + ahead);
+    found_[count] = {word.y, word.word, *its & word.bits};
+    count += found_[count].bits != 0 ? 1 : 0;
+  }
+  for (const auto& [y, word, bits] : std::span(found_).first(count)) {
+    std::uint64_t its = bits;
+    // Where nothing is settled, it need not be read.
+    if (may_hold_settled_[beam_of(y, z, word)] != 0) its &= ~settled_[row(y, z) + idx(word)];
+    if (its != 0) visit(y, word, its);
   }
 }
 
@@ -201,31 +202,28 @@ void TrackMask::claim_ball(const Eigen::Vector3d& centre_m, double radius_m) {
     const double above_m = grid_.origin_m.z() + (z + 0.5) * grid_.resolution_m - centre_m.z();
     if (std::abs(above_m) >= radius_m) continue;
     const double across_m = std::sqrt(radius_m * radius_m - above_m * above_m);
-    // disc_of() widens what is tracked.
+    // find_disc() widens what is tracked.
     track.radius_m = across_m - kMargin_vox * grid_.resolution_m;
-    visit_layer(disc_of(track), z, [&](std::size_t at, std::uint64_t its) {
-      claims_.push_back({at, its});
-    });
+    find_disc(track);
+    visit_layer(z, [&](int y, int word, std::uint64_t its) { note_claim(y, z, word, its); });
   }
 }
 
 TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
-  const Disc disc = disc_of(track);
+  find_disc(track);
   const int bottom = layer_at(track.bottom_m);
   const int top = std::max(bottom, layer_at(track.top_m - kAtEdge_m));
   int voxels = 0, lowest = grid_.size_vox.z(), highest = -1;
   const auto voxels_in = [&](int z) {
     int count = 0;
-    visit_layer(disc, z, [&](std::size_t, std::uint64_t its) { count += std::popcount(its); });
+    visit_layer(z, [&](int, int, std::uint64_t its) { count += std::popcount(its); });
     return count;
   };
   const auto take = [&](int z) {
     int count = 0;
-    visit_layer(disc, z, [&](std::size_t at, std::uint64_t its) {
+    visit_layer(z, [&](int y, int word, std::uint64_t its) {
       count += std::popcount(its);
-      if (!masks) return;
-      __builtin_prefetch(trail_of_.data() + at);  // end() needs it
-      claims_.push_back({at, its});
+      if (masks) note_claim(y, z, word, its);
     });
     voxels += count;
     if (count < kLeastInLayer) return;
@@ -250,41 +248,35 @@ TrackMask::Extent TrackMask::claim(const Track& track, bool masks) {
 }
 
 void TrackMask::end(const Frame& frame) {
-  // The list is read in order first: claims are not in its order, and find it in the cache.
-  for (Trail& trail : trails_) {
-    // What has been freed is no trail any more.
-    const std::uint64_t occupied = occupied_.words[trail.word];
-    trail.recent &= occupied;
-    trail.older &= occupied;
-  }
-  for (const auto& [word, its] : claims_) {
-    Trail& trail = trail_at(word);
-    trail.claimed |= its;
-    trail.recent |= its;
-  }
-  claims_.clear();
   const SeeThrough see_through(frame);
   const int turns = turns_of(frame);
-  const Eigen::Vector3i cells = cell_counts(grid_);
-  cells_.resize(idx(cells.prod()), kUnseen);
-  judged_.clear();
   mask_.clear();
-  for (std::size_t i = 0; i < trails_.size();) {
-    Trail& trail = trails_[i];
-    look_through(see_through, turns, trail);
-    const std::uint64_t before = trail.mask;
-    trail.mask = std::exchange(trail.claimed, 0) | trail.seen_free;
-    if ((before | trail.mask) != 0) mask_.push_back({trail.word, before, trail.mask});
-    if ((trail.recent | trail.older) != 0) {
-      ++i;
+  for (std::size_t t = 0; t < trails_.size();) {
+    Trail& trail = trails_[t];
+    for (std::size_t i = 0; i < trail.claimed.size(); ++i) {
+      trail.recent[i] |= trail.claimed[i];
+      trail.seen_free[i] &= (trail.recent[i] | trail.older[i]) & ~trail.claimed[i];
+    }
+    if ((trail.y / kCell_vox + trail.z / kCell_vox + turn_) % turns == 0) {
+      look_through(see_through, trail);
+    }
+    std::uint64_t any = 0;
+    visit_beam(trail, [&](std::size_t i, std::size_t at) {
+      const std::uint64_t before = trail.mask[i];
+      trail.mask[i] = std::exchange(trail.claimed[i], 0) | trail.seen_free[i];
+      if ((before | trail.mask[i]) != 0) mask_.push_back({at, before, trail.mask[i]});
+      any |= trail.recent[i] | trail.older[i];
+    });
+    if (any != 0) {
+      ++t;
       continue;
     }
-    trail_of_[trails_.back().word] = static_cast<std::uint32_t>(i + 1);
-    trail_of_[trail.word] = 0;
-    trail = trails_.back();
+    const Trail& last = trails_.back();
+    trail_of_[beam_of(last.y, last.z, last.word)] = static_cast<std::uint32_t>(t + 1);
+    trail_of_[beam_of(trail.y, trail.z, trail.word)] = 0;
+    trail = last;
     trails_.pop_back();
   }
-  for (char* answer : judged_) *answer = kUnseen;
 }
 
 /// Among how many frames the cells of trails are shared.
@@ -302,45 +294,40 @@ int TrackMask::turns_of(const Frame& frame) {
 /// Notes what a frame sees through of what is left of a trail, and what it hits. Cells first: a
 /// thing leaves tens of thousands of voxels of 2.5 cm, most of them in cells that are all seen
 /// through or all hidden.
-void TrackMask::look_through(const SeeThrough& see_through, int turns, Trail& trail) {
-  const std::uint64_t left = (trail.recent | trail.older) & ~trail.claimed;
-  trail.seen_free &= left;
-  if (left == 0) return;
-  const auto word = static_cast<std::uint32_t>(trail.word);
-  const auto rows = static_cast<std::uint32_t>(words_per_row_);
-  const auto slice = static_cast<std::uint32_t>(grid_.size_vox.y());
-  const Eigen::Vector3i cells = cell_counts(grid_);
-  const Eigen::Vector3i first(static_cast<int>(word % rows * 64),
-                              static_cast<int>(word / rows % slice),
-                              static_cast<int>(word / rows / slice));
-  if ((first.y() / kCell_vox + first.z() / kCell_vox + turn_) % turns != 0) return;
-  std::uint64_t part = 0;
-  for (std::uint64_t rest = left; rest != 0; rest &= ~part) {
-    const int x = std::countr_zero(rest) / kCell_vox * kCell_vox;
-    part = rest & bits_between(x, x + kCell_vox - 1);
-    const Eigen::Vector3i cell = (first + Eigen::Vector3i(x, 0, 0)) / kCell_vox;
-    char& answer = cells_[idx(cell.x() + cells.x() * (cell.y() + cells.y() * cell.z()))];
-    if (answer == kUnseen) {
-      const double edge_m = kCell_vox * grid_.resolution_m;
-      const Eigen::Vector3d centre_m =
-          grid_.origin_m + edge_m * (cell.cast<double>().array() + 0.5).matrix();
-      // Its corners first: most cells are hidden.
-      auto its = see_through(centre_m, edge_m, 2);
-      if (its != SeeThrough::Answer::kNo) its = see_through(centre_m, edge_m, kRaysOfCell);
-      answer = static_cast<char>(its);
-      judged_.push_back(&answer);
-    }
-    if (answer == static_cast<char>(SeeThrough::Answer::kYes)) trail.seen_free |= part;
-    if (answer == static_cast<char>(SeeThrough::Answer::kYes) ||
-        answer == static_cast<char>(SeeThrough::Answer::kNo)) {
-      continue;
-    }
-    for (std::uint64_t voxels = part; voxels != 0; voxels &= voxels - 1) {
-      const Eigen::Vector3i voxel = first + Eigen::Vector3i(std::countr_zero(voxels), 0, 0);
-      const auto its = see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel);
-      const std::uint64_t bit = voxels & (~voxels + 1);
-      if (its == SeeThrough::Answer::kYes) trail.seen_free |= bit;
-      if (its == SeeThrough::Answer::kHit) trail.seen_free &= ~bit;
+void TrackMask::look_through(const SeeThrough& see_through, Trail& trail) const {
+  const double edge_m = kCell_vox * grid_.resolution_m;
+  Beam left;
+  std::uint64_t any = 0;
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    left[i] = (trail.recent[i] | trail.older[i]) & ~trail.claimed[i];
+    any |= left[i];
+  }
+  while (any != 0) {
+    const int x = std::countr_zero(any) / kCell_vox * kCell_vox;
+    const std::uint64_t part = bits_between(x, x + kCell_vox - 1);
+    any &= ~part;
+    const Eigen::Vector3i first(64 * trail.word + x, trail.y, trail.z);
+    const Eigen::Vector3d centre_m =
+        grid_.origin_m + edge_m * ((first / kCell_vox).cast<double>().array() + 0.5).matrix();
+    // Its corners first: most cells are hidden.
+    auto answer = see_through(centre_m, edge_m, 2);
+    if (answer != SeeThrough::Answer::kNo) answer = see_through(centre_m, edge_m, kRaysOfCell);
+    if (answer == SeeThrough::Answer::kNo) continue;
+    for (std::size_t i = 0; i < left.size(); ++i) {
+      if (answer == SeeThrough::Answer::kYes) {
+        trail.seen_free[i] |= left[i] & part;
+        continue;
+      }
+      const Eigen::Vector3i in_beam(-x, static_cast<int>(i) % kCell_vox,
+                                    static_cast<int>(i) / kCell_vox);
+      for (std::uint64_t voxels = left[i] & part; voxels != 0; voxels &= voxels - 1) {
+        const Eigen::Vector3i voxel =
+            first + in_beam + Eigen::Vector3i(std::countr_zero(voxels), 0, 0);
+        const auto its = see_through(grid_.centre_m(voxel), grid_.resolution_m, kRaysOfVoxel);
+        const std::uint64_t bit = voxels & (~voxels + 1);
+        if (its == SeeThrough::Answer::kYes) trail.seen_free[i] |= bit;
+        if (its == SeeThrough::Answer::kHit) trail.seen_free[i] &= ~bit;
+      }
     }
   }
 }

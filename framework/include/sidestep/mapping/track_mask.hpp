@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include <sidestep/core/export.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
@@ -62,33 +64,42 @@ class SIDESTEP_EXPORT TrackMask {
   [[nodiscard]] std::span<const MaskedWord> mask() const noexcept { return mask_; }
 
  private:
-  struct Disc;
-  /// What has been claimed in a word of the map. A list of these is read in order: words of
-  /// cylinders lie far apart.
+  /// Cells have so many voxels along an edge. Rows that lie side by side, as many each way, make
+  /// a beam wherever they have a word.
+  static constexpr int kCell_vox = 4;
+  using Beam = std::array<std::uint64_t, std::size_t{kCell_vox} * kCell_vox>;
+  /// What has been claimed in a beam. A list of these is read in order: words of cylinders lie far
+  /// apart.
   struct Trail {
-    std::size_t word = 0;
-    std::uint64_t claimed = 0;  ///< In this map.
+    int word = 0, y = 0, z = 0;  ///< Where it begins: the word in its rows, and the first of these.
+    Beam claimed{};              ///< In this map.
     /// Claimed since turned_stamp_, and in the time before it; occupied since.
-    std::uint64_t recent = 0, older = 0;
-    std::uint64_t seen_free = 0;  ///< Of these, claimed no more, and seen through since.
-    std::uint64_t mask = 0;
+    Beam recent{}, older{};
+    Beam seen_free{};  ///< Of these, claimed no more, and seen through since.
+    Beam mask{};
   };
-  /// Bits of a word of the map that belong to something.
-  struct Claim {
-    std::size_t word;
+  /// A word of a layer, and bits of it.
+  struct LayerWord {
+    int y, word;
     std::uint64_t bits;
   };
-  [[nodiscard]] Disc disc_of(const Track& track) const;
+  void find_disc(const Track& track);
   [[nodiscard]] int layer_at(double z_m) const;
-  /// Calls visit(word's index, bits) for what belongs to the thing in a layer.
+  /// Calls visit(y, word in the row, bits) for what belongs to the thing of disc_ in a layer.
   template <class Visit>
-  void visit_layer(const Disc& disc, int z, Visit&& visit) const;
-  [[nodiscard]] std::size_t row(int y, int z) const noexcept;
-  /// Words of rows that lie side by side, kCell_vox by kCell_vox, have one cell.
-  [[nodiscard]] std::size_t cell_of(int y, int z, int word) const noexcept;
-  [[nodiscard]] Trail& trail_at(std::size_t word);
+  void visit_layer(int z, Visit&& visit);
+  /// Calls visit(which of a trail's words, its index in the map).
+  template <class Visit>
+  void visit_beam(const Trail& trail, Visit&& visit) const;
+  void note_claim(int y, int z, int word, std::uint64_t bits);
+  [[nodiscard]] std::size_t row(int y, int z) const noexcept {
+    return (idx(y) + idx(grid_.size_vox.y()) * idx(z)) * idx(words_per_row_);
+  }
+  [[nodiscard]] std::size_t beam_of(int y, int z, int word) const noexcept {
+    return row(y / kCell_vox, z / kCell_vox) + idx(word);
+  }
   [[nodiscard]] int turns_of(const Frame& frame);
-  void look_through(const SeeThrough& see_through, int turns, Trail& trail);
+  void look_through(const SeeThrough& see_through, Trail& trail) const;
 
   double settle_s_;
   GridSpec grid_;
@@ -97,18 +108,16 @@ class SIDESTEP_EXPORT TrackMask {
   Stamp stamp_, snapshot_stamp_, turned_stamp_;
   std::vector<std::uint64_t> snapshot_;  ///< Occupied and not claimed, at snapshot_stamp_.
   std::vector<std::uint64_t> settled_, near_settled_;
-  std::vector<char> may_hold_settled_;  ///< By cell_of(): whether anything in near_settled_ is set.
-  std::vector<Claim> claims_;           ///< Of this map, not noted in trails yet.
+  std::vector<char> may_hold_settled_;  ///< By beam: whether anything in near_settled_ is set.
   std::vector<Trail> trails_;
-  std::vector<std::uint32_t> trail_of_;  ///< By word: one more than its trail's index; 0: none.
+  std::vector<std::uint32_t> trail_of_;  ///< By beam: one more than its trail's index; 0: none.
   std::vector<MaskedWord> mask_;
   Stamp looked_stamp_;  ///< The frame of the map before, and where it was taken from.
   Eigen::Vector3d looked_from_m_ = Eigen::Vector3d::Zero();
   int turn_ = 0;
-  // Scratch: what a frame sees of cells of voxels, and those that were asked for.
-  std::vector<char> cells_;
-  std::vector<char*> judged_;
+  // Scratch: for dilations; and of a thing, its circle and what a layer has there.
   std::vector<std::uint64_t> scratch_;
+  std::vector<LayerWord> disc_, found_;
 };
 
 /// A map without the voxels of a mask. It offers an OccupancyView and no other: fields that are
