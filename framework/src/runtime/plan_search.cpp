@@ -193,6 +193,8 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
     return sampled_anew(problem, *rest, from_s);
   }
   if (name == "perturbed") {
+    // A bend by chance is sooner now and then where nothing has changed.
+    if (task.request.to_end_before_s && !task.request.predicted) return std::nullopt;
     const int bend = bends_++;
     return initial_guess(problem, 1 + bend % kMostBends,
                          settings_.seed + static_cast<std::uint64_t>(bend / kMostBends));

@@ -277,7 +277,8 @@ void Replanner::Impl::improve(const Driving& driving) {
 
 /// What it goes around may have left: the optimiser's next guess begins where the last one ended.
 bool Replanner::Impl::goes_round_about(const Driving& driving) {
-  if (looked_around && now.seconds() - looked_around->seconds() < kLookAround_s) return false;
+  const Stamp looked = looked_around ? std::max(*looked_around, last_start) : last_start;
+  if (now.seconds() - looked.seconds() < kLookAround_s) return false;
   const double now_s = driving.time_s(now);
   const double straight_s = detail::left_s(driving.trajectory, now_s, parts.limits);
   if (driving.trajectory.duration_s() - now_s - straight_s < kDetour_s) return false;
