@@ -75,6 +75,7 @@ void TrackMask::begin(const OccupancyView& map, Stamp stamp) {
   // What has been freed is no trail any more. Claims, which are not in the list's order, find it in
   // the cache then.
   for (Trail& trail : trails_) {
+    trail.claimed = {};  // of a map that was never ended
     visit_beam(trail, [&](std::size_t i, std::size_t at) {
       trail.recent[i] &= occupied_.words[at];
       trail.older[i] &= occupied_.words[at];

@@ -41,13 +41,6 @@ void set_first_state(Trajectory& trajectory, const RobotState& state) {
   std::ranges::copy(as_span(state.qdot), trajectory.qdot(0).begin());
 }
 
-/// When a plan that is blocked somewhere may be expected at its end: nobody knows for how long it
-/// stays so. A long way round that comes hardly nearer is not worth it.
-double may_arrive_s(const FoundPlan& plan) {
-  constexpr double kBlockedRest = 3.0;
-  return plan.free_until_s + kBlockedRest * plan.left_s;
-}
-
 /// The rest of a trajectory as a first guess of a problem.
 Trajectory sampled_anew(const Problem& problem, const Trajectory& trajectory, double from_s) {
   Trajectory guess = refit(trajectory, from_s, problem.support_states, problem.dt_s);
@@ -57,10 +50,15 @@ Trajectory sampled_anew(const Problem& problem, const Trajectory& trajectory, do
 
 }  // namespace
 
-double left_s(const Trajectory& motion, double from_s, const MotionLimits& limits) {
+double least_rest_s(const Trajectory& motion, double from_s, const MotionLimits& limits) {
   std::vector<double> q(idx(motion.dof));
   motion.sample(std::min(from_s, motion.duration_s()), q, {});
   return least_time_s(limits, q, motion.q(motion.size() - 1));
+}
+
+double expected_arrival_s(double blocked_s, double rest_s) {
+  constexpr double kBlockedRest = 3.0;
+  return blocked_s + kBlockedRest * rest_s;
 }
 
 struct PlanSearch::Task {
@@ -152,8 +150,11 @@ void PlanSearch::attempt(std::size_t guess, Task& task) {
       task.result.plan = accept(*task.sampled, task);
     }
   }
+  const auto arrival_s = [](const FoundPlan& plan) {
+    return expected_arrival_s(plan.free_until_s, plan.rest_s);
+  };
   if (task.result.plan && std::isfinite(task.result.plan->free_until_s)) {
-    if (!task.stopgap || may_arrive_s(*task.result.plan) < may_arrive_s(*task.stopgap)) {
+    if (!task.stopgap || arrival_s(*task.result.plan) < arrival_s(*task.stopgap)) {
       task.stopgap = std::move(task.result.plan);
       task.stopgap_guess = guess;
     }
@@ -292,8 +293,7 @@ std::string PlanSearch::why_elsewhere(const Task& task, const Trajectory& propos
 /// The plan that a proposal makes; nothing, with the failure noted, where it is none.
 std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) const {
   auto plan = timed(std::move(proposal), task);
-  if (!plan || !is_clear(*plan, task)) return std::nullopt;
-  return plan;
+  return plan ? checked(*std::move(plan), task) : std::nullopt;
 }
 
 /// A proposal as fast as the limits allow, or as it was timed, among what is predicted.
@@ -350,9 +350,9 @@ std::optional<FoundPlan> PlanSearch::timed(Trajectory proposal, Task& task) cons
   return plan;
 }
 
-/// Whether nothing that moves could reach a plan before a stop, and nothing that stands is in its
-/// way, or not soon: it says until when.
-bool PlanSearch::is_clear(FoundPlan& plan, Task& task) const {
+/// A plan that nothing that moves could reach before a stop, and that is free of what stands, or
+/// for long enough.
+std::optional<FoundPlan> PlanSearch::checked(FoundPlan plan, Task& task) const {
   // Longer than what is followed must keep to, lest the robot brake for what it just set out by.
   const double brake_s = plan.takeover_s + settings_.replan_period_s + settings_.search_s();
   const auto reached =
@@ -360,17 +360,17 @@ bool PlanSearch::is_clear(FoundPlan& plan, Task& task) const {
   if (reached) {
     task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
     task.failure = "before it could stop " + *reached;
-    return false;
+    return std::nullopt;
   }
   const auto verdict = task.request.check.check(plan.trajectory, 0.0, task.deadline);
   if (!verdict) {
     task.failure = "it cannot be checked: " + verdict.error().describe();
-    return false;
+    return std::nullopt;
   }
   plan.unknown_share = verdict->unknown_share;
-  if (verdict->valid()) return true;
+  if (verdict->valid()) return plan;
   plan.free_until_s = verdict->first_violation_s;
-  plan.left_s = left_s(plan.trajectory, plan.free_until_s, parts_.limits);
+  plan.rest_s = least_rest_s(plan.trajectory, plan.free_until_s, parts_.limits);
   task.failure = "it is " + verdict->describe();
   task.result.refused = std::make_shared<const Trajectory>(plan.trajectory);
   // What is in the way may go; a limit that is broken stays so.
@@ -378,8 +378,10 @@ bool PlanSearch::is_clear(FoundPlan& plan, Task& task) const {
     return violation.kind == Violation::Kind::kCollision ||
            violation.kind == Violation::Kind::kUnproven;
   });
-  return may_go && plan.free_until_s >= task.request.least_free_s &&
-         plan.left_s <= task.request.most_left_s;
+  const double arrival_s = expected_arrival_s(plan.free_until_s, plan.rest_s);
+  const bool is_worth_it =
+      plan.free_until_s >= task.request.least_free_s && arrival_s < task.request.to_arrive_before_s;
+  return may_go && is_worth_it ? std::optional(std::move(plan)) : std::nullopt;
 }
 
 /// The sooner of two motions that are clear of what is predicted: the plan, slowed down where it

@@ -33,7 +33,7 @@ struct FoundPlan {
   double unknown_share = 0.0;
   double free_until_s =
       std::numeric_limits<double>::infinity();  ///< Of obstacles, if not for good.
-  double left_s = 0.0;      ///< That the straight way to its end takes from where that is.
+  double rest_s = 0.0;      ///< Least time from where it is blocked to its end; 0 where it is free.
   bool frees_goal = false;  ///< Its end stands for the goal.
   bool is_aside = false;    ///< It leads out of somebody's way.
 };
@@ -49,7 +49,13 @@ struct SearchResult {
 };
 
 /// The least time from a motion's state at `from_s` to its end, each joint by itself, from rest.
-[[nodiscard]] double left_s(const Trajectory& motion, double from_s, const MotionLimits& limits);
+[[nodiscard]] double least_rest_s(const Trajectory& motion, double from_s,
+                                  const MotionLimits& limits);
+
+/// When a motion that is blocked at `blocked_s` may be expected at its end, of which `rest_s` is
+/// left there: nobody knows for how long it stays blocked. A long way round that comes hardly
+/// nearer is not worth it.
+[[nodiscard]] double expected_arrival_s(double blocked_s, double rest_s);
 
 /// Looks for a valid trajectory by one first guess after the other.
 class PlanSearch {
@@ -67,10 +73,10 @@ class PlanSearch {
     /// What the new trajectory must cost less than, by the problem's terms.
     std::optional<double> to_beat;
     std::optional<double> to_end_before_s;  ///< From now on.
-    /// One that is not free all the way must be free for so long at least, and for so long that no
-    /// more than this is left of the way, as FoundPlan::left_s.
+    /// A blocked one must be free for at least so long,
     double least_free_s = 0.0;
-    double most_left_s = std::numeric_limits<double>::infinity();
+    /// and expected at its end before this, by expected_arrival_s(), from now on.
+    double to_arrive_before_s = std::numeric_limits<double>::infinity();
   };
   /// Throws what the problem's poser, the robot and the field throw.
   [[nodiscard]] SearchResult run(const Request& request);
@@ -98,7 +104,7 @@ class PlanSearch {
   [[nodiscard]] std::string why_elsewhere(const Task& task, const Trajectory& proposal) const;
   [[nodiscard]] std::optional<FoundPlan> accept(Trajectory proposal, Task& task) const;
   [[nodiscard]] std::optional<FoundPlan> timed(Trajectory proposal, Task& task) const;
-  [[nodiscard]] bool is_clear(FoundPlan& plan, Task& task) const;
+  [[nodiscard]] std::optional<FoundPlan> checked(FoundPlan plan, Task& task) const;
   [[nodiscard]] double soonest_s(const FoundPlan& plan, const Task& task) const;
   [[nodiscard]] std::optional<Trajectory> among_predicted(const FoundPlan& plan,
                                                           const Trajectory& proposal,

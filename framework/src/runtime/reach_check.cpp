@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kStep_s = 0.05;        ///< Between two states that are looked at.
 constexpr double kStanding_mps = 0.15;  ///< Tracks that are slower stand.
+constexpr double kBeside_m = 0.1;       ///< What is seen to move so near a track is a part of it.
 
 }  // namespace
 
@@ -21,7 +22,8 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
     : robot_(std::move(robot)),
       limits_(std::move(limits)),
       speed_mps_(settings.obstacle_speed_mps),
-      acceleration_mps2_(settings.obstacle_acceleration_mps2),
+      acceleration_mps2_(settings.safety == "ssm" ? std::nullopt
+                                                  : settings.obstacle_acceleration_mps2),
       margin_m_(settings.margin_m),
       counts_standing_(settings.safety == "ssm" || acceleration_mps2_) {
   if (settings.safety == "ssm") {
@@ -41,8 +43,10 @@ void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
   const std::vector<Track>& tracked = tracks == nullptr || has_lost_track_ ? none : tracks->tracks;
   const auto is_tracked = [&](const MovingBall& ball) {
     return acceleration_mps2_ && std::ranges::any_of(tracked, [&](const Track& track) {
-             return (ball.centre_m.head<2>() - track.position_m).norm() < track.radius_m &&
-                    ball.centre_m.z() > track.bottom_m && ball.centre_m.z() < track.top_m;
+             const Eigen::Vector3d& c = ball.centre_m;
+             const double sticks_out_m = ball.radius_m - kBeside_m;
+             return (c.head<2>() - track.position_m).norm() + sticks_out_m <= track.radius_m &&
+                    c.z() - sticks_out_m >= track.bottom_m && c.z() + sticks_out_m <= track.top_m;
            });
   };
   if (moving != nullptr) {
@@ -57,7 +61,14 @@ void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
 void ReachCheck::add_track(const Track& track, Stamp seen) {
   if (!counts_standing_ && track.velocity_mps.norm() < kStanding_mps) return;
   std::optional<Eigen::Vector3d> velocity_mps;
-  if (acceleration_mps2_) velocity_mps.emplace(track.velocity_mps.x(), track.velocity_mps.y(), 0.0);
+  Eigen::Vector2d position_m = track.position_m;
+  if (acceleration_mps2_) {
+    velocity_mps.emplace(track.velocity_mps.x(), track.velocity_mps.y(), 0.0);
+    // Whoever is out of sight may have turned since.
+    const double unseen_s = std::max(0.0, seen.seconds() - track.last_seen.seconds());
+    position_m -= unseen_s * track.velocity_mps;
+    seen = std::min(seen, track.last_seen);
+  }
   const double height_m = std::max(track.top_m - track.bottom_m, 0.0);
   constexpr double kMost = 100.0;
   const int balls = static_cast<int>(

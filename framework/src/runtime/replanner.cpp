@@ -167,6 +167,7 @@ Replanner::Status Replanner::Impl::advance() {
     const double back_s = last_step->seconds() - now.seconds();
     last_step = now;
     last_replan.reset();
+    looked_around.reset();
     halt(Reason::kClock, "the clock went back by " + std::to_string(back_s) + " s", true);
     return status();
   }
@@ -211,7 +212,10 @@ void Replanner::Impl::supervise() {
   if (driving.blocked) return on_blocked(driving);
   if (driving.is_aside) return come_back(driving);
   if (driving.delay_s > kDelayed_s && is_due()) return hasten(driving, kDelayed_s);
-  if (now == map_came && is_due() && goes_round_about(driving)) return hasten(driving, kDetour_s);
+  if (now == map_came && is_due() && goes_round_about(driving)) {
+    looked_around = now;
+    return hasten(driving, kDetour_s);
+  }
   if (settings.cost_tolerance > 0.0 && now == map_came && is_due()) improve(driving);
 }
 
@@ -276,14 +280,12 @@ void Replanner::Impl::improve(const Driving& driving) {
 }
 
 /// What it goes around may have left: the optimiser's next guess begins where the last one ended.
-bool Replanner::Impl::goes_round_about(const Driving& driving) {
-  const Stamp looked = looked_around ? std::max(*looked_around, last_start) : last_start;
+bool Replanner::Impl::goes_round_about(const Driving& driving) const {
+  const Stamp looked = std::max(looked_around.value_or(last_start), last_start);
   if (now.seconds() - looked.seconds() < kLookAround_s) return false;
   const double now_s = driving.time_s(now);
-  const double straight_s = detail::left_s(driving.trajectory, now_s, parts.limits);
-  if (driving.trajectory.duration_s() - now_s - straight_s < kDetour_s) return false;
-  looked_around = now;
-  return true;
+  const double straight_s = detail::least_rest_s(driving.trajectory, now_s, parts.limits);
+  return driving.trajectory.duration_s() - now_s - straight_s >= kDetour_s;
 }
 
 void Replanner::Impl::hasten(const Driving& driving, double by_s) {
@@ -392,32 +394,32 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
                              std::optional<double> to_beat, std::optional<double> to_end_before_s) {
   last_replan = now;
   searched_in = field;
-  // What leads so much nearer to the goal is worth going on with.
-  constexpr double kWorth_s = 1.0;
   double least_free_s = settings.takeover_s + settings.horizon_s;
-  double left_s = 0.0;
+  double to_arrive_before_s = std::numeric_limits<double>::infinity();
   const auto* driving = std::get_if<Driving>(&phase);
   if (to_beat || to_end_before_s) {
     least_free_s = std::numeric_limits<double>::infinity();  // what is followed is free all the way
-  } else if (driving && driving->blocked) {
-    left_s = detail::left_s(driving->trajectory, driving->blocked->begin_s, parts.limits);
-  } else {
-    const auto q = departure.lead.q(departure.lead.size() - 1);
-    left_s = least_time_s(parts.limits, q, as_span(parts.goal.q));
+  } else if (driving && driving->blocked && !driving->is_aside) {
+    // So much sooner than what is followed is worth going on with.
+    constexpr double kWorth_s = 1.0;
+    const double begin_s = std::max(driving->blocked->begin_s, driving->time_s(now));
+    const double rest_s = detail::least_rest_s(driving->trajectory, begin_s, parts.limits);
+    to_arrive_before_s =
+        detail::expected_arrival_s(begin_s - driving->time_s(now), rest_s) - kWorth_s;
   }
   detail::SearchResult found = search.run({field, *full_check, reach, prediction_check,
                                            predicted_from(now), std::move(departure), now, to_beat,
-                                           to_end_before_s, least_free_s, left_s - kWorth_s});
+                                           to_end_before_s, least_free_s, to_arrive_before_s});
   if (found.plan && !is_in_time()) {
     found.plan.reset();
     found.failure =
         "it came after " + std::to_string(1e-3 * watch.elapsed_ms()) + " s, too late to take over";
   }
   if (found.plan) return follow(found, reason, cause);
-  failed_at = now;
   const bool is_good =
       reason == Reason::kCost || reason == Reason::kSooner || reason == Reason::kAside;
   if (found.fault.empty() && is_good) return false;  // what is followed is good
+  failed_at = now;
   const bool is_told = is_failing && found.fault.empty();
   is_failing = !std::holds_alternative<Driving>(phase);
   if (is_told && is_failing) return false;

@@ -76,7 +76,7 @@ struct Replanner::Impl {
   [[nodiscard]] bool slows_down(Driving& driving);
   void improve(const Driving& driving);
   /// Whether the straight way would be much sooner at the goal, and none was looked for lately.
-  [[nodiscard]] bool goes_round_about(const Driving& driving);
+  [[nodiscard]] bool goes_round_about(const Driving& driving) const;
   /// Sets out sooner, or goes faster or straighter, where what was in the way is gone: if that
   /// gains `by_s`.
   void hasten(const Driving& driving, double by_s);

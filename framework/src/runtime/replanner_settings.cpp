@@ -13,9 +13,11 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
       .add("solve_limit_s", &S::solve_limit_s,
            "For all attempts of one replan; less than takeover_s.",
            {.unit = "s", .min = 1e-4, .max = 60.0})
-      .add("horizon_s", &S::horizon_s,
-           "Where no trajectory is free all the way, one that is so for this long may do.",
-           {.unit = "s", .min = 0.0, .max = 3600.0})
+      .add(
+          "horizon_s", &S::horizon_s,
+          "Where no trajectory is free all the way, one that is so for this long may do, if it may "
+          "be at the goal sooner than what is followed.",
+          {.unit = "s", .min = 0.0, .max = 3600.0})
       .add(
           "stopgap_after_s", &S::stopgap_after_s,
           "By the wall's clock: after so long no further first guess is tried where one has led to "

@@ -44,7 +44,8 @@ struct ReplannerSettings {
   /// come to rest before anything that was seen moving could reach it. 0: what moves is an obstacle
   /// like any other.
   double obstacle_speed_mps = 0.0;
-  /// How fast what is tracked, standing or not, can change its velocity; nothing: at once.
+  /// How fast what is tracked, standing or not, can change its velocity, beside
+  /// obstacle_speed_mps; nothing: at once. Not of "ssm".
   std::optional<double> obstacle_acceleration_mps2;
   /// "passive", or "ssm": speed and separation monitoring (ISO/TS 15066, 5.5.4). Whoever is
   /// tracked, standing or not, is taken to walk up at kWalkingSpeed_mps, or at obstacle_speed_mps
@@ -108,7 +109,7 @@ struct ReplannerEvent {
     kGoal,          ///< There is a goal to go to, or it is reached.
     kBlocked,       ///< Something is in the way of what is, or was, followed.
     kCost,          ///< It has become costlier.
-    kSooner,        ///< What was to be waited for has gone, or will have gone sooner.
+    kSooner,        ///< A wait, or a way round, may be needed no more.
     kAside,         ///< The robot stands in somebody's predicted way, or has left it.
     kMoving,        ///< Something that moves could reach the robot before it is at rest.
     kMap,           ///< The map is too old, its time jumped, or its tracks make no sense.
