@@ -39,10 +39,10 @@ void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
   movers_.clear();
   has_lost_track_ = tracks != nullptr && !check_tracks(*tracks);
   if (speed_mps_ == 0.0) return;
-  const std::vector<Track> none;
-  const std::vector<Track>& tracked = tracks == nullptr || has_lost_track_ ? none : tracks->tracks;
+  const Tracks none;
+  if (tracks == nullptr || has_lost_track_) tracks = &none;
   const auto is_tracked = [&](const MovingBall& ball) {
-    return acceleration_mps2_ && std::ranges::any_of(tracked, [&](const Track& track) {
+    return acceleration_mps2_ && std::ranges::any_of(tracks->tracks, [&](const Track& track) {
              const Eigen::Vector3d& c = ball.centre_m;
              const double sticks_out_m = ball.radius_m - kBeside_m;
              return (c.head<2>() - track.position_m).norm() + sticks_out_m <= track.radius_m &&
@@ -54,7 +54,7 @@ void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
       if (!is_tracked(ball)) movers_.push_back({ball, {}, moving->stamp});
     }
   }
-  for (const Track& track : tracked) add_track(track, tracks->stamp);
+  for (const Track& track : tracks->tracks) add_track(track, tracks->stamp);
 }
 
 /// Balls as far apart as the cylinder is wide cover it.
