@@ -76,10 +76,9 @@ void ReachCheck::add_track(const Track& track, Stamp seen) {
   const double half_m = 0.5 * height_m / balls;
   for (int k = 0; k < balls; ++k) {
     const double z_m = track.bottom_m + (2 * k + 1) * half_m;
-    movers_.push_back(
-        {{{track.position_m.x(), track.position_m.y(), z_m}, std::hypot(track.radius_m, half_m)},
-         velocity_mps,
-         seen});
+    movers_.push_back({{{position_m.x(), position_m.y(), z_m}, std::hypot(track.radius_m, half_m)},
+                       velocity_mps,
+                       seen});
   }
 }
 

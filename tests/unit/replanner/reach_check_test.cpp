@@ -123,18 +123,21 @@ TEST(ReachCheck, LooksNoLongerThanTheRobotBrakes) {
   EXPECT_FALSE(is_reached(fast_m + kSlack_m, hard));
 }
 
-constexpr double kSeen_s = 0.2;  ///< Before the robot's time 0.
+/// Before the robot's time 0: when a track was seen last, and that of the map that has it.
+constexpr double kSeen_s = 0.6, kMapped_s = 0.2;
 
+/// Seen at a place and a velocity, and out of sight since.
 Tracks one_track(const Eigen::Vector2d& position_m, const Eigen::Vector2d& velocity_mps) {
   Tracks tracks;
   Track& track = tracks.tracks.emplace_back();
   track.id = 1;
-  track.position_m = position_m;
+  track.position_m = position_m + (kSeen_s - kMapped_s) * velocity_mps;
   track.velocity_mps = velocity_mps;
   track.radius_m = 0.2;
   track.bottom_m = -0.1;
   track.top_m = 0.1;
-  tracks.stamp = track.last_seen = Stamp::from_seconds(-kSeen_s);
+  tracks.stamp = Stamp::from_seconds(-kMapped_s);
+  track.last_seen = Stamp::from_seconds(-kSeen_s);
   return tracks;
 }
 
@@ -148,7 +151,8 @@ bool some_way_reaches(const Track& track, double brake_s, double acceleration_mp
     const double angle = k * std::numbers::pi / 32.0;
     const Eigen::Vector2d push =
         acceleration_mps2 * Eigen::Vector2d(std::cos(angle), std::sin(angle));
-    Eigen::Vector2d p = track.position_m, v = track.velocity_mps;
+    Eigen::Vector2d v = track.velocity_mps;
+    Eigen::Vector2d p = track.position_m - (kSeen_s - kMapped_s) * v;
     for (int step = 0; step * kDt_s <= kSeen_s + brake_s + kCruise_mps / kBrake_mps2; ++step) {
       const double time_s = step * kDt_s - kSeen_s;
       const Eigen::Vector2d robot(braking_x_m(std::max(time_s, 0.0), brake_s), 0.0);
@@ -199,7 +203,8 @@ TEST(ReachCheck, CountsWhatMovesBesideATrack) {
   const Tracks tracks = one_track({1.2, 0.0}, {1.0, 0.0});
   detail::ReachCheck reach = reach_check({}, 0.5);
   const auto is_reached = [&](double radius_m) {
-    reach.look_at(seen({{1.2, 0.0, 0.0}, radius_m}, at(0.0)).get(), &tracks);
+    const Eigen::Vector2d& p = tracks.tracks[0].position_m;
+    reach.look_at(seen({{p.x(), p.y(), 0.0}, radius_m}, at(0.0)).get(), &tracks);
     return reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value();
   };
   EXPECT_FALSE(is_reached(0.15));
