@@ -176,6 +176,7 @@ std::string_view to_string(PluginKind kind) noexcept {
     case PluginKind::kCost: return "cost";
     case PluginKind::kExperiment: return "experiment";
     case PluginKind::kPredictor: return "predictor";
+    case PluginKind::kGaze: return "gaze";
   }
   return "unknown";
 }

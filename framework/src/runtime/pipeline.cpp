@@ -99,6 +99,9 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
       return fail(ErrorCode::kPlugin, "returned no field", "plugin " + parts_.names.field);
     }
     step.field_ms = watch.elapsed_ms();
+    if (const auto* image = std::get_if<DepthImage>(&(*frame)->measurement)) {
+      snapshot.camera = {step.stamp.seconds(), (*frame)->T_world_camera, image->camera};
+    }
 
     watch.restart();
     const bool finds_motion = snapshot.moving != nullptr;

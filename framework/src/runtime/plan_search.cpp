@@ -337,6 +337,7 @@ std::optional<FoundPlan> PlanSearch::timed(Trajectory proposal, Task& task) cons
     auto among = among_predicted(plan, proposal, task.departure, task.request);
     if (!among) {
       task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
+      task.result.refused_free_s.reset();
       return refuse("what is predicted leaves no time for it");
     }
     plan.delay_s = among->duration_s() - soonest_s(plan, task);
@@ -359,6 +360,7 @@ std::optional<FoundPlan> PlanSearch::checked(FoundPlan plan, Task& task) const {
       task.request.reach.first_reach(plan.trajectory, 0.0, brake_s, task.request.now);
   if (reached) {
     task.result.refused = std::make_shared<const Trajectory>(std::move(plan.trajectory));
+    task.result.refused_free_s.reset();
     task.failure = "before it could stop " + *reached;
     return std::nullopt;
   }
@@ -373,6 +375,7 @@ std::optional<FoundPlan> PlanSearch::checked(FoundPlan plan, Task& task) const {
   plan.rest_s = least_rest_s(plan.trajectory, plan.free_until_s, parts_.limits);
   task.failure = "it is " + verdict->describe();
   task.result.refused = std::make_shared<const Trajectory>(plan.trajectory);
+  task.result.refused_free_s = plan.free_until_s;
   // What is in the way may go; a limit that is broken stays so.
   const bool may_go = std::ranges::all_of(verdict->violations, [](const Violation& violation) {
     return violation.kind == Violation::Kind::kCollision ||

@@ -46,6 +46,7 @@ struct SearchResult {
   std::string fault;    ///< What a plugin did amiss; the search ended there.
   double solve_ms = 0.0;
   std::shared_ptr<const Trajectory> refused;  ///< The last motion that was turned down.
+  std::optional<double> refused_free_s;       ///< Until when that is free of obstacles, if not all.
 };
 
 /// The least time from a motion's state at `from_s` to its end, each joint by itself, from rest.

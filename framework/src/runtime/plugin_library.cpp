@@ -142,6 +142,7 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
     case PluginKind::kCost: return kCostInterface;
     case PluginKind::kExperiment: return kExperimentInterface;
     case PluginKind::kPredictor: return kPredictorInterface;
+    case PluginKind::kGaze: return kGazeInterface;
   }
   return std::nullopt;
 }

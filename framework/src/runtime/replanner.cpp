@@ -100,6 +100,20 @@ Stamp Replanner::followed_start() const noexcept {
   const Impl::Motion* motion = impl_->motion();
   return motion != nullptr ? motion->start : impl_->last_start;
 }
+Replanner::Way Replanner::way() const {
+  const auto* driving = std::get_if<Impl::Driving>(&impl_->phase);
+  if (driving != nullptr && !driving->is_aside) {
+    Way way{&driving->trajectory, driving->time_s(impl_->now), {}};
+    if (driving->blocked) way.blocked_s = driving->blocked->begin_s;
+    return way;
+  }
+  const Eigen::VectorXd& q = impl_->measured_state.q;
+  const bool is_refused = impl_->refused != nullptr;
+  const Trajectory* found = is_refused ? impl_->refused.get() : &impl_->unfinished;
+  if (found->size() == 0 || q.size() != found->dof) return {};
+  return {found, nearest_state(*found, as_span(q)).time_s,
+          is_refused ? impl_->refused_free_s : std::nullopt};
+}
 const Eigen::VectorXd& Replanner::goal() const noexcept { return impl_->parts.goal.q; }
 std::shared_ptr<const Prediction> Replanner::prediction() const noexcept {
   return impl_->prediction;
@@ -420,6 +434,8 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
       reason == Reason::kCost || reason == Reason::kSooner || reason == Reason::kAside;
   if (found.fault.empty() && is_good) return false;  // what is followed is good
   failed_at = now;
+  refused = found.refused;
+  refused_free_s = found.refused_free_s;
   const bool is_told = is_failing && found.fault.empty();
   is_failing = !std::holds_alternative<Driving>(phase);
   if (is_told && is_failing) return false;
@@ -459,6 +475,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
       {plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false, plan.delay_s, plan.is_aside,
       is_new && !plan.at_once};
   if (is_new) unfinished = plan.at_once.value_or(plan.trajectory);
+  refused.reset();
   is_moving = true;
   free_goal.reset();
   is_failing = false;

@@ -176,9 +176,12 @@ struct Replanner::Impl {
   std::optional<Stamp> looked_around;                ///< When a straighter way was.
 
   std::variant<Resting, Driving, Braking, AtGoal> phase;
-  Stamp last_start;        ///< Of the motion that was given last.
-  Trajectory unfinished;   ///< The last way that was found to the goal, which stops interrupt.
-  bool is_moving = false;  ///< As measured.
+  Stamp last_start;       ///< Of the motion that was given last.
+  Trajectory unfinished;  ///< The last way that was found to the goal, which stops interrupt.
+  /// The last motion that a search turned down since then; null where none did.
+  std::shared_ptr<const Trajectory> refused;
+  std::optional<double> refused_free_s;  ///< Until when it was free of obstacles, if not all.
+  bool is_moving = false;                ///< As measured.
   Stamp measured_at;
   std::optional<Eigen::VectorXd> free_goal;  ///< The end of a plan whose goal costs decide.
 

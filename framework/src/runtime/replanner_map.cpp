@@ -135,7 +135,7 @@ double Replanner::Impl::stopping_time_s() const {
 }
 
 bool Replanner::Impl::look_at_map() {
-  auto [newest, moving, tracks] = parts.slot.snapshot();
+  auto [newest, moving, tracks, camera] = parts.slot.snapshot();
   if (!newest) {
     const double waited_s = now.seconds() - first_step->seconds();
     if (waited_s > settings.max_map_age_s) {

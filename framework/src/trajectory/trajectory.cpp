@@ -262,13 +262,11 @@ void RobotMotion::add(History& history, const RobotState& state, Stamp stamp) co
   history.push_back({stamp, state});
   RobotState& added = history.back().state;
   if (added.qdot.size() != added.q.size()) added.qdot.setZero(added.q.size());
-  // One sample before what is kept stays, so that its whole span can be interpolated.
-  const std::int64_t oldest_ns = stamp.ns - Stamp::from_seconds(history_s_).ns;
-  while (history.size() > 1 && history[1].stamp.ns <= oldest_ns) history.pop_front();
+  keep(history, stamp);
 }
 
 std::optional<RobotState> RobotMotion::at(const History& history, Stamp stamp) {
-  const auto after = std::ranges::lower_bound(history, stamp, {}, &Sample::stamp);
+  const auto after = std::ranges::lower_bound(history, stamp, {}, &Sample<RobotState>::stamp);
   if (after == history.end()) return {};
   if (after->stamp == stamp) return after->state;
   if (after == history.begin()) return {};
@@ -323,6 +321,27 @@ std::optional<RobotState> RobotMotion::planned(Stamp stamp) const {
   followed_.sample(time_s, as_span(state.q), as_span(state.qdot));
   if (time_s < 0.0 || time_s > followed_.duration_s()) state.qdot.setZero();
   return state;
+}
+
+void RobotMotion::record_head(const HeadAngles& angles, Stamp stamp) {
+  const std::lock_guard lock(mutex_);
+  if (!head_.empty() && stamp <= head_.back().stamp) return;
+  head_.push_back({stamp, angles});
+  keep(head_, stamp);
+}
+
+std::optional<HeadAngles> RobotMotion::head(Stamp stamp) const {
+  const std::lock_guard lock(mutex_);
+  const auto after = std::ranges::lower_bound(head_, stamp, {}, &Sample<HeadAngles>::stamp);
+  if (after == head_.end()) return head_.empty() ? std::nullopt : std::optional(head_.back().state);
+  if (after->stamp == stamp) return after->state;
+  if (after == head_.begin()) return {};
+  const auto& [begin, from] = *std::prev(after);
+  const double share =
+      static_cast<double>(stamp.ns - begin.ns) / static_cast<double>(after->stamp.ns - begin.ns);
+  const auto between = [share](double a, double b) { return a + share * (b - a); };
+  return HeadAngles{between(from.pan_rad, after->state.pan_rad),
+                    between(from.tilt_rad, after->state.tilt_rad)};
 }
 
 }  // namespace sidestep

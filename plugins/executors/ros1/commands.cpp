@@ -1,8 +1,7 @@
 #include "commands.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
+#include <array>
 #include <string>
 #include <utility>
 
@@ -14,18 +13,8 @@
 namespace sidestep::ros1_executor {
 namespace {
 
-/// A base that goes no farther than this is not going anywhere.
-constexpr double kHere_m = 0.1;
-
 /// Two points of a command are at least so far apart.
 constexpr double kLeastStep_s = 1e-3;
-
-/// Rate of an angle at state i, from its neighbours; zero at both ends.
-double rate_at(const std::vector<HeadAngles>& head, double HeadAngles::*angle,
-               const std::vector<double>& times_s, std::size_t i) {
-  if (i == 0 || i + 1 == head.size()) return 0.0;
-  return (head[i + 1].*angle - head[i - 1].*angle) / (times_s[i + 1] - times_s[i - 1]);
-}
 
 }  // namespace
 
@@ -62,50 +51,6 @@ Trajectory stopping(const CommandedMotion& told, const std::optional<Executor::M
   return straight ? *straight : Trajectory{};
 }
 
-Result<Gaze> Gaze::create(const RobotDescription& robot, const OdometryOptions& base,
-                          const LookOptions& look, double highest_tilt_rad) {
-  const auto x = robot.joint_index(base.x_joint);
-  const auto y = robot.joint_index(base.y_joint);
-  const auto yaw = robot.joint_index(base.yaw_joint);
-  if (x && y && yaw) return Gaze(look, highest_tilt_rad, *x, *y, *yaw);
-  return fail(ErrorCode::kConfig, "robot '" + robot.name + "' lacks a joint of its base",
-              "executor.odometry");
-}
-
-std::optional<HeadAngles> Gaze::wanted(const Trajectory& plan, double at_s) const {
-  std::vector<double> here(static_cast<std::size_t>(plan.dof));
-  std::vector<double> there(here.size());
-  plan.sample(at_s, here, {});
-  plan.sample(at_s + look_.ahead_s, there, {});
-  const auto of = [](const std::vector<double>& q, int joint) {
-    return q[static_cast<std::size_t>(joint)];
-  };
-  const double dx = of(there, x_) - of(here, x_);
-  const double dy = of(there, y_) - of(here, y_);
-  const double way_m = std::hypot(dx, dy);
-  if (way_m < kHere_m) return {};
-  const double bearing =
-      std::remainder(std::atan2(dy, dx) - of(here, yaw_), 2.0 * std::numbers::pi);
-  return HeadAngles{std::clamp(bearing, look_.lower_rad, look_.upper_rad),
-                    std::clamp(-std::atan2(look_.eye_m, way_m), look_.tilt_lower_rad,
-                               std::max(look_.tilt_lower_rad, highest_tilt_rad_))};
-}
-
-std::vector<HeadAngles> Gaze::along(const Trajectory& plan, double from_s,
-                                    std::span<const double> times_s, HeadAngles head) const {
-  std::vector<HeadAngles> list;
-  double before_s = times_s.empty() ? 0.0 : times_s.front();
-  for (const double time_s : times_s) {
-    const double most = look_.speed_radps * (time_s - before_s);
-    const HeadAngles to = wanted(plan, from_s + time_s).value_or(head);
-    head.pan_rad += std::clamp(to.pan_rad - head.pan_rad, -most, most);
-    head.tilt_rad += std::clamp(to.tilt_rad - head.tilt_rad, -most, most);
-    list.push_back(head);
-    before_s = time_s;
-  }
-  return list;
-}
-
 Trajectory command_window(const Trajectory& followed, double from_s, double horizon_s,
                           const MotionLimits& limits) {
   const double rest_s = followed.duration_s();
@@ -128,12 +73,7 @@ Result<CommandWriter> CommandWriter::create(const RobotDescription& robot, const
         is_moved[static_cast<std::size_t>(*index)] = true;
         controller.columns.push_back({*index});
       } else if (held != options.hold.end()) {
-        Column column{-1, held->position};
-        if (options.look && options.look->pan_joint == name) column.turns_by = &HeadAngles::pan_rad;
-        if (options.look && options.look->tilt_joint == name) {
-          column.turns_by = &HeadAngles::tilt_rad;
-        }
-        controller.columns.push_back(column);
+        controller.columns.push_back({-1, held->position});
       } else {
         return fail(ErrorCode::kConfig,
                     "robot '" + robot.name + "' has no joint '" + name + "', which " +
@@ -167,12 +107,14 @@ std::vector<double> CommandWriter::times(const Trajectory& trajectory) const {
   return list;
 }
 
-std::vector<ros_messages::JointTrajectory> CommandWriter::write(
-    const Trajectory& trajectory, Stamp stamp, const std::vector<HeadAngles>& head) const {
+std::vector<ros_messages::JointTrajectory> CommandWriter::write(const Trajectory& trajectory,
+                                                                Stamp stamp) const {
   const std::vector<double> at_s = times(trajectory);
   std::vector<ros_messages::JointTrajectory> messages;
   for (const Controller& controller : controllers_) {
-    messages.push_back(header_of(controller, stamp));
+    messages.emplace_back();
+    if (controller.turns_head) continue;
+    messages.back() = header_of(controller, stamp);
     messages.back().points.resize(at_s.size());
   }
   const auto dof = static_cast<std::size_t>(trajectory.dof);
@@ -180,15 +122,11 @@ std::vector<ros_messages::JointTrajectory> CommandWriter::write(
   for (std::size_t i = 0; i < at_s.size(); ++i) {
     trajectory.sample(at_s[i], q, qdot);
     for (std::size_t c = 0; c < controllers_.size(); ++c) {
+      if (controllers_[c].turns_head) continue;
       auto& point = messages[c].points[i];
       point.time_from_start = ::ros::Duration(at_s[i]);
       for (const Column& column : controllers_[c].columns) {
         const auto j = static_cast<std::size_t>(column.joint);
-        if (column.turns_by != nullptr && !head.empty()) {
-          point.positions.push_back(head[i].*column.turns_by);
-          point.velocities.push_back(rate_at(head, column.turns_by, at_s, i));
-          continue;
-        }
         point.positions.push_back(column.joint < 0 ? column.held : q[j]);
         point.velocities.push_back(column.joint < 0 ? 0.0 : qdot[j]);
       }
@@ -205,14 +143,48 @@ std::vector<ros_messages::JointTrajectory> CommandWriter::write_hold(Stamp stamp
   return messages;
 }
 
+Result<std::vector<ros_messages::JointTrajectory>> CommandWriter::turn_head(
+    const HeadDescription& head, const HeadAngles& from, const HeadAngles& to, Stamp stamp) {
+  const std::array angles{std::pair(&head.pan.joint, to.pan_rad),
+                          std::pair(&head.tilt.joint, to.tilt_rad)};
+  std::size_t found = 0;
+  std::vector<ros_messages::JointTrajectory> messages;
+  for (Controller& controller : controllers_) {
+    messages.emplace_back();
+    ros_messages::JointTrajectory message = header_of(controller, stamp);
+    auto& point = message.points.emplace_back();
+    point.time_from_start = ::ros::Duration(std::max(kLeastStep_s, turning_time_s(head, from, to)));
+    const std::size_t before = found;
+    for (std::size_t i = 0; i < controller.names.size(); ++i) {
+      const auto turned = std::ranges::find(angles, controller.names[i],
+                                            [](const auto& angle) { return angle.first->name; });
+      found += turned != angles.end() ? 1 : 0;
+      point.positions.push_back(turned != angles.end() ? turned->second
+                                                       : controller.columns[i].held);
+      point.velocities.push_back(0.0);
+    }
+    if (found == before) continue;
+    if (std::ranges::any_of(controller.columns, [](const Column& c) { return c.joint >= 0; })) {
+      return fail(ErrorCode::kUnsupported, "the head's controller moves planned joints, too",
+                  "executor.controllers");
+    }
+    controller.turns_head = true;
+    messages.back() = std::move(message);
+  }
+  if (found == angles.size()) return messages;
+  return fail(
+      ErrorCode::kUnsupported,
+      "no controller moves '" + head.pan.joint.name + "' and '" + head.tilt.joint.name + "'",
+      "executor.controllers", "name them there and in `hold`");
+}
+
 CommandStream::CommandStream(const Options& options, MotionLimits limits, CommandWriter writer,
-                             std::optional<Gaze> gaze, RobotLink& link)
+                             RobotLink& link)
     : is_shadow_(options.mode == "shadow"),
       horizon_s_(options.command_horizon_s),
       renewal_ns_(Stamp::from_seconds(options.command_renewal_s).ns),
       limits_(std::move(limits)),
       writer_(std::move(writer)),
-      gaze_(std::move(gaze)),
       link_(link) {}
 
 void CommandStream::begin() {
@@ -227,13 +199,13 @@ void CommandStream::send(const CommandedMotion& told, Stamp now, const ros1_node
   constexpr double kShortest_s = 1e-3;
   if (from_s + kShortest_s >= duration_s) return;
   sent_whole_ = horizon_s_ <= 0.0 || from_s + horizon_s_ >= duration_s;
-  command(command_window(told.trajectory(), from_s, horizon_s_, limits_), told.trajectory(), from_s,
-          time.to_ros(from));
+  const Trajectory window = command_window(told.trajectory(), from_s, horizon_s_, limits_);
+  link_.command(writer_.write(window, time.to_ros(from)));
   sent_ = now;
 }
 
 void CommandStream::send_whole(const Trajectory& motion, Stamp ros_stamp) {
-  if (!is_shadow_) command(motion, motion, 0.0, ros_stamp);
+  if (!is_shadow_) link_.command(writer_.write(motion, ros_stamp));
   sent_whole_ = true;
 }
 
@@ -241,19 +213,11 @@ void CommandStream::hold(Stamp ros_stamp) {
   if (!is_shadow_) link_.command(writer_.write_hold(ros_stamp));
 }
 
-/// A window of a plan that begins at `from_s` of it.
-void CommandStream::command(const Trajectory& window, const Trajectory& plan, double from_s,
-                            Stamp ros_stamp) {
-  std::vector<HeadAngles> head;
-  if (gaze_) {
-    const auto position = [&](const std::string& joint) {
-      return link_.feed().held_position(joint).value_or(0.0);
-    };
-    const LookOptions& look = gaze_->look();
-    const HeadAngles now{position(look.pan_joint), position(look.tilt_joint.value_or(""))};
-    head = gaze_->along(plan, from_s, writer_.times(window), now);
-  }
-  link_.command(writer_.write(window, ros_stamp, head));
+Result<void> CommandStream::turn_head(const HeadDescription& head, const HeadAngles& from,
+                                      const HeadAngles& to, Stamp ros_stamp) {
+  const auto messages = SIDESTEP_TRY(writer_.turn_head(head, from, to, ros_stamp));
+  if (!is_shadow_) link_.command(messages);
+  return {};
 }
 
 }  // namespace sidestep::ros1_executor

@@ -54,42 +54,6 @@ class CommandedMotion {
                                   const std::optional<Executor::Measured>& measured,
                                   double tolerance, const MotionLimits& limits, Stamp now);
 
-/// Where a head looks, or is to look.
-struct HeadAngles {
-  double pan_rad = 0.0;
-  double tilt_rad = 0.0;
-};
-
-/// Where a head is to turn, for its camera to see where the base is going to be. [any]
-class Gaze {
- public:
-  /// Fails with kConfig where the robot lacks a joint of the base. `highest_tilt_rad`: where the
-  /// tilt is held.
-  [[nodiscard]] static Result<Gaze> create(const RobotDescription& robot,
-                                           const OdometryOptions& base, const LookOptions& look,
-                                           double highest_tilt_rad);
-
-  /// Where the head is to be at each of `times_s`, ascending, which count from `from_s` of the
-  /// plan: turned towards where the base is `ahead_s` later, or, where that is here, as it is; from
-  /// `head` on, no faster than its speed, within its limits.
-  [[nodiscard]] std::vector<HeadAngles> along(const Trajectory& plan, double from_s,
-                                              std::span<const double> times_s,
-                                              HeadAngles head) const;
-  [[nodiscard]] const LookOptions& look() const noexcept { return look_; }
-
- private:
-  Gaze(const LookOptions& look, double highest_tilt_rad, int x, int y, int yaw)
-      : look_(look), highest_tilt_rad_(highest_tilt_rad), x_(x), y_(y), yaw_(yaw) {}
-  /// Nothing where the base stays here.
-  [[nodiscard]] std::optional<HeadAngles> wanted(const Trajectory& plan, double at_s) const;
-
-  LookOptions look_;
-  double highest_tilt_rad_;
-  int x_;
-  int y_;
-  int yaw_;
-};
-
 /// From `from_s` on, as much of a motion as one command holds: `horizon_s` of it and then a stop
 /// along its path, or its rest where that is shorter, where it cannot stop in time, or where
 /// `horizon_s` is 0. Time 0 is at `from_s`, within [0, duration). [any]; allocates.
@@ -109,22 +73,27 @@ class CommandWriter {
   [[nodiscard]] std::vector<double> times(const Trajectory& trajectory) const;
 
   /// One for each controller, in order: states at those times, whose time 0 is at `stamp`, ROS
-  /// time. Held joints stay where they are held, but for those of `look`, which are at `head` if
-  /// that is not empty.
-  [[nodiscard]] std::vector<ros_messages::JointTrajectory> write(
-      const Trajectory& trajectory, Stamp stamp, const std::vector<HeadAngles>& head = {}) const;
+  /// time. Held joints stay where they are held; controllers of a head that turn_head() has turned
+  /// get an empty message, without joints.
+  [[nodiscard]] std::vector<ros_messages::JointTrajectory> write(const Trajectory& trajectory,
+                                                                 Stamp stamp) const;
+  /// That turn a head from `from` to `to`, as fast as it can, and empty ones for all others. Fails
+  /// with kUnsupported where one of its joints is not held, or moved by a controller that moves
+  /// planned joints, too.
+  [[nodiscard]] Result<std::vector<ros_messages::JointTrajectory>> turn_head(
+      const HeadDescription& head, const HeadAngles& from, const HeadAngles& to, Stamp stamp);
   /// Messages without any state: controllers drop what they follow, and hold.
   [[nodiscard]] std::vector<ros_messages::JointTrajectory> write_hold(Stamp stamp) const;
 
  private:
   struct Column {
-    int joint = -1;                          ///< The robot's; -1: held.
-    double held = 0.0;                       ///< Where.
-    double HeadAngles::*turns_by = nullptr;  ///< Of `look`'s joints.
+    int joint = -1;     ///< The robot's; -1: held.
+    double held = 0.0;  ///< Where.
   };
   struct Controller {
     std::vector<std::string> names;
     std::vector<Column> columns;
+    bool turns_head = false;  ///< And nothing else: it has been told where.
   };
   CommandWriter() = default;
   [[nodiscard]] ros_messages::JointTrajectory header_of(const Controller& controller,
@@ -139,8 +108,7 @@ class CommandWriter {
 class CommandStream {
  public:
   /// `link` outlives this.
-  CommandStream(const Options& options, MotionLimits limits, CommandWriter writer,
-                std::optional<Gaze> gaze, RobotLink& link);
+  CommandStream(const Options& options, MotionLimits limits, CommandWriter writer, RobotLink& link);
 
   /// Another motion is to be sent, from its beginning.
   void begin();
@@ -151,10 +119,11 @@ class CommandStream {
   void send_whole(const Trajectory& motion, Stamp ros_stamp);
   /// Controllers drop what they follow, and hold.
   void hold(Stamp ros_stamp);
+  /// Turns a head, beside all motions. Fails as CommandWriter::turn_head() does.
+  [[nodiscard]] Result<void> turn_head(const HeadDescription& head, const HeadAngles& from,
+                                       const HeadAngles& to, Stamp ros_stamp);
 
  private:
-  void command(const Trajectory& window, const Trajectory& plan, double from_s, Stamp ros_stamp);
-
   static constexpr Stamp kLongAgo{std::numeric_limits<std::int64_t>::min() / 2};
 
   bool is_shadow_;
@@ -162,7 +131,6 @@ class CommandStream {
   std::int64_t renewal_ns_;
   MotionLimits limits_;
   CommandWriter writer_;
-  std::optional<Gaze> gaze_;
   RobotLink& link_;
   Stamp sent_ = kLongAgo;
   bool sent_whole_ = false;

@@ -33,26 +33,6 @@ Parameters<HeldJoint> HeldJoint::parameters() {
       .add("position", &H::position, "Where it is kept, m or rad: where the profile has it fixed.");
 }
 
-Parameters<LookOptions> LookOptions::parameters() {
-  using L = LookOptions;
-  return Parameters<L>()
-      .add("pan_joint", &L::pan_joint, "One of `hold` that turns the camera left, from ahead at 0.")
-      .add("ahead_s", &L::ahead_s, "It looks where the base is to be so much later.",
-           {.unit = "s", .min = 0.0, .max = 120.0})
-      .add("lower_rad", &L::lower_rad, "The pan's lower limit.", {.unit = "rad"})
-      .add("upper_rad", &L::upper_rad, "The pan's upper limit.", {.unit = "rad"})
-      .add("speed_radps", &L::speed_radps, "How fast it turns at most.",
-           {.unit = "rad/s", .min = 0.01, .max = 10.0})
-      .add(
-          "tilt_joint", &L::tilt_joint,
-          "One of `hold` that turns the camera up, from level at 0; it looks down to what is near, "
-          "and never higher than where it is held. Absent: it stays there.")
-      .add("eye_m", &L::eye_m, "The camera's height above what it looks down to.",
-           {.unit = "m", .min = 0.0, .max = 3.0})
-      .add("tilt_lower_rad", &L::tilt_lower_rad, "The tilt's lower limit.",
-           {.unit = "rad", .min = -1.5, .max = 0.0});
-}
-
 Parameters<KeepInBox> KeepInBox::parameters() {
   using K = KeepInBox;
   return Parameters<K>()
@@ -157,8 +137,6 @@ Parameters<Options> Options::parameters() {
       .add("odometry", &O::odometry, "Where the base is; absent: all joints are in joint states.")
       .add("controllers", &O::controllers, "Who moves which joints.")
       .add("hold", &O::hold, "Joints that controllers move but plans do not.")
-      .add("look", &O::look,
-           "A head that turns towards where the base is going; absent: it stays where it is held.")
       .add("command_rate_hz", &O::command_rate_hz,
            "Points of a command a second; controllers go between them by cubics, as plans do.",
            {.unit = "Hz", .min = 1.0, .max = 500.0})
@@ -209,19 +187,6 @@ std::vector<OptionMistake> Options::check() const {
     mistakes.push_back({{"hold", "controllers"},
                         "hold joint '" + held.joint + "', which no controller moves",
                         {}});
-  }
-  if (look) {
-    for (const std::string& joint : {look->pan_joint, look->tilt_joint.value_or(look->pan_joint)}) {
-      if (std::ranges::find(hold, joint, &HeldJoint::joint) != hold.end()) continue;
-      mistakes.push_back({{"look", "hold"}, "turns '" + joint + "', which is not in hold", {}});
-    }
-    if (look->tilt_joint == look->pan_joint) {
-      mistakes.push_back({{"look"}, "pans and tilts by one joint", {}});
-    }
-    if (!odometry) mistakes.push_back({{"look", "odometry"}, "needs odometry", {}});
-    if (look->lower_rad >= look->upper_rad) {
-      mistakes.push_back({{"look"}, "needs lower_rad below upper_rad", {}});
-    }
   }
   if (command_horizon_s > 0.0 && command_renewal_s >= command_horizon_s) {
     mistakes.push_back(

@@ -272,7 +272,9 @@ std::optional<std::string> RobotLink::controller_trouble(Stamp now) const {
 }
 
 void RobotLink::command(const std::vector<ros_messages::JointTrajectory>& messages) {
-  for (std::size_t i = 0; i < commands_.size(); ++i) commands_[i].publish(messages[i]);
+  for (std::size_t i = 0; i < commands_.size(); ++i) {
+    if (!messages[i].joint_names.empty()) commands_[i].publish(messages[i]);
+  }
 }
 
 std::vector<std::string> RobotLink::deaf_controllers() const {

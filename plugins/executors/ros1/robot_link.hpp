@@ -103,7 +103,7 @@ class RobotLink {
   /// Whether `true` has come on the confirm topic since the last call.
   [[nodiscard]] bool take_confirmation();
 
-  /// One message for each controller, in order.
+  /// One message for each controller, in order; one without joints is not sent.
   void command(const std::vector<ros_messages::JointTrajectory>& messages);
   void show(const ros_messages::MarkerArray& markers) { markers_.publish(markers); }
   [[nodiscard]] bool has_viewers() const { return markers_.getNumSubscribers() > 0; }

@@ -33,11 +33,10 @@ struct Parts {
   JointFeed feed;
   CommandWriter writer;
   MarkerPainter painter;
-  std::optional<Gaze> gaze;
 };
 
 /// A robot behind ROS 1: its state as topics tell it, motions to its controllers, what RViz shows.
-class RobotExecutor : public Executor, public MapDisplay {
+class RobotExecutor : public Executor, public HeadTurner, public MapDisplay {
  public:
   RobotExecutor(const Options& options, const HostContext& context, Parts parts);
   /// A robot is not left moving.
@@ -48,6 +47,7 @@ class RobotExecutor : public Executor, public MapDisplay {
   Result<Measured> current() override;
   Result<void> follow(const Trajectory& trajectory, Stamp start) override;
   Result<void> stop() override;
+  Result<void> turn_head(const HeadAngles& to) override;
   bool wants_map() override { return map_view_.is_wanted(); }
   void show_map(std::shared_ptr<const DistanceField> field) override {
     map_view_.show(std::move(field));
@@ -72,6 +72,8 @@ class RobotExecutor : public Executor, public MapDisplay {
   [[nodiscard]] bool stands_by_itself() const;
   void adopt(Trajectory trajectory, Stamp start);
   void compare_held() const;
+  /// Where joint states have the head; nothing where they do not, and where there is none.
+  [[nodiscard]] std::optional<HeadAngles> head() const;
   void show(Stamp now, const Eigen::VectorXd& q);
 
   Options options_;
@@ -105,7 +107,7 @@ RobotExecutor::RobotExecutor(const Options& options, const HostContext& context,
       time_(options.watch.clock_tolerance_s),
       painter_(std::move(parts.painter)),
       link_(options, std::move(parts.feed), std::move(parts.master)),
-      commands_(options, limits_, std::move(parts.writer), std::move(parts.gaze), link_),
+      commands_(options, limits_, std::move(parts.writer), link_),
       map_view_(options.markers.map, options.world_frame),
       confirmation_(options, context.log) {}
 
@@ -144,6 +146,23 @@ void RobotExecutor::compare_held() const {
               (position ? ", it is at " + figure(*position) : ", joint states do not tell of it") +
               (is_shadow() ? "" : "; the first command moves it there"));
   }
+}
+
+std::optional<HeadAngles> RobotExecutor::head() const {
+  const auto& head = robot_->description().head;
+  if (!head) return {};
+  const auto pan_rad = link_.feed().held_position(head->pan.joint.name);
+  const auto tilt_rad = link_.feed().held_position(head->tilt.joint.name);
+  if (!pan_rad || !tilt_rad) return {};
+  return HeadAngles{*pan_rad, *tilt_rad};
+}
+
+Result<void> RobotExecutor::turn_head(const HeadAngles& to) {
+  const std::lock_guard lock(mutex_);
+  const auto from = head();
+  if (!from) return fail(ErrorCode::kIo, "where the head is, is not known", kWhere);
+  SIDESTEP_TRY(ros1_node::update(time_, clock_));
+  return commands_.turn_head(*robot_->description().head, *from, to, time_.to_ros(clock_.now()));
 }
 
 std::optional<Executor::Measured> RobotExecutor::measured() const {
@@ -200,6 +219,7 @@ Result<Executor::Measured> RobotExecutor::current() {
   const auto state = state_at(now);
   if (!state) return fail(ErrorCode::kIo, "the robot's state is not known", kWhere);
   motion_->record(state->state, state->stamp);
+  if (const auto angles = head()) motion_->record_head(*angles, now);
   if (told_.is_under_way(now)) commands_.send(told_, now, time_);
   show(now, state->state.q);
   return *state;
@@ -306,17 +326,10 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   auto writer = SIDESTEP_TRY(CommandWriter::create(robot, options));
   auto painter = SIDESTEP_TRY(
       MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame));
-  std::optional<Gaze> gaze;
-  if (options.look) {
-    const auto tilt =
-        std::ranges::find(options.hold, options.look->tilt_joint.value_or(""), &HeldJoint::joint);
-    gaze = SIDESTEP_TRY(Gaze::create(robot, *options.odometry, *options.look,
-                                     tilt == options.hold.end() ? 0.0 : tilt->position));
-  }
   auto master = SIDESTEP_TRY(ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s));
-  auto executor = SIDESTEP_TRY(make_executor(options, context,
-                                             {std::move(master), std::move(feed), std::move(writer),
-                                              std::move(painter), std::move(gaze)}));
+  auto executor = SIDESTEP_TRY(
+      make_executor(options, context,
+                    {std::move(master), std::move(feed), std::move(writer), std::move(painter)}));
   SIDESTEP_TRY(executor->connect());
   return std::unique_ptr<Executor>(std::move(executor));
 }

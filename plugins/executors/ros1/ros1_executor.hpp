@@ -35,19 +35,6 @@ struct HeldJoint {
   static Parameters<HeldJoint> parameters();
 };
 
-/// A head that turns towards where the base is going.
-struct LookOptions {
-  std::string pan_joint = "head_pan_joint";
-  std::optional<std::string> tilt_joint;
-  double ahead_s = 15.0;
-  double eye_m = 0.7;
-  double tilt_lower_rad = -1.2;
-  double lower_rad = -3.84;
-  double upper_rad = 1.75;
-  double speed_radps = 0.5;
-  static Parameters<LookOptions> parameters();
-};
-
 /// Of the base, in the world's frame.
 struct KeepInBox {
   std::vector<double> lower_m;
@@ -114,7 +101,6 @@ struct Options {
   std::optional<OdometryOptions> odometry;
   std::vector<ControllerEntry> controllers;
   std::vector<HeldJoint> hold;
-  std::optional<LookOptions> look;
   double command_rate_hz = 20.0;
   double command_horizon_s = 1.0;
   double command_renewal_s = 0.25;

@@ -1,11 +1,13 @@
 #include "simulated_executor.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <deque>
 #include <mutex>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -20,6 +22,7 @@
 #include <sidestep/planning/goal_source.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
+#include <sidestep/trajectory/splice.hpp>
 
 #include "simulated_robot.hpp"
 
@@ -186,7 +189,21 @@ double peak_velocity(const Trajectory& trajectory, int state, int joint) {
   return peak;
 }
 
-class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSource {
+/// The head's two joints, at rest as the robot's profile has it; nothing where it has none.
+std::optional<SimulatedRobot> simulated_head(const std::shared_ptr<const RobotModel>& robot,
+                                             const Options& options, Stamp at) {
+  const auto head = Head::create(robot);
+  if (!head) return {};
+  RobotDescription joints;
+  joints.joints = {head->description().pan.joint, head->description().tilt.joint};
+  return SimulatedRobot(motion_limits(joints, {1.0, 1.0, options.assumed_ramp_s}), options.lag_s,
+                        Eigen::Vector2d(head->rest().pan_rad, head->rest().tilt_rad), at);
+}
+
+class SimulatedExecutor final : public Executor,
+                                public TrueRobot,
+                                public GoalSource,
+                                public HeadTurner {
  public:
   SimulatedExecutor(const Options& options, const HostContext& context, Eigen::VectorXd start,
                     ScheduledGoals goals)
@@ -200,9 +217,10 @@ class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSo
         noise_(options.position_noise, context.seed),
         goals_(std::move(goals)),
         robot_(motion_limits(robot_model_->description(), {1.0, 1.0, options.assumed_ramp_s}),
-               options.lag_s, std::move(start), clock_.now()) {
+               options.lag_s, std::move(start), clock_.now()),
+        head_(simulated_head(robot_model_, options, clock_.now())) {
     motion_->record_truth(robot_.state(), robot_.time());
-    motion_->record(measured(), robot_.time());
+    record();
   }
 
   Result<Measured> current() override {
@@ -231,6 +249,15 @@ class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSo
     return {};
   }
 
+  Result<void> turn_head(const HeadAngles& to) override {
+    const std::lock_guard lock(mutex_);
+    if (!head_) return refuse("robot '" + robot_model_->description().name + "' has no head");
+    const Stamp from = later(bring_forward());
+    const std::array angles{to.pan_rad, to.tilt_rad};
+    head_->follow(std::make_shared<const Trajectory>(resting(angles, 1.0)), from, from);
+    return {};
+  }
+
   RobotState true_state(Stamp stamp) override {
     const std::lock_guard lock(mutex_);
     bring_forward();
@@ -250,10 +277,18 @@ class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSo
     const Stamp now = clock_.now();
     while (robot_.time().ns + SimulatedRobot::kStep_ns <= now.ns) {
       robot_.step();
+      if (head_) head_->step();
       motion_->record_truth(robot_.state(), robot_.time());
-      if (robot_.steps() % steps_per_record_ == 0) motion_->record(measured(), robot_.time());
+      if (robot_.steps() % steps_per_record_ == 0) record();
     }
     return now;
+  }
+
+  void record() {
+    motion_->record(measured(), robot_.time());
+    if (!head_) return;
+    const Eigen::VectorXd& q = head_->state().q;
+    motion_->record_head({q[0], q[1]}, robot_.time());
   }
 
   [[nodiscard]] RobotState measured() const {
@@ -307,6 +342,7 @@ class SimulatedExecutor final : public Executor, public TrueRobot, public GoalSo
   ScheduledGoals goals_;  ///< [planning] only.
   std::mutex mutex_;
   SimulatedRobot robot_;
+  std::optional<SimulatedRobot> head_;  ///< Nothing where the robot has none.
 };
 
 }  // namespace

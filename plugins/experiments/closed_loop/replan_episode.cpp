@@ -8,6 +8,7 @@
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/runtime/gaze_loop.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
 #include <sidestep/runtime/step_watch.hpp>
 
@@ -61,6 +62,7 @@ class EpisodeRun {
       return std::move(record_);
     }
     make_replanner();
+    SIDESTEP_TRY(make_gaze());
     if (observer_ != nullptr) {
       observer_->begin({context_.configuration.name, record_.episode, world_.robot, world_.scene,
                         world_.q_start, world_.q_goal});
@@ -194,6 +196,14 @@ class EpisodeRun {
         settings);
   }
 
+  [[nodiscard]] Result<void> make_gaze() {
+    if (!world_.gaze) return {};
+    gaze_.emplace(SIDESTEP_TRY(
+        GazeLoop::create({world_.robot, *world_.gaze, *world_.executor, *world_.motion, slot_,
+                          context_.log, plugin_of(world_.gaze), plugin_of(world_.executor)})));
+    return {};
+  }
+
   [[nodiscard]] std::function<std::optional<Eigen::VectorXd>(std::shared_ptr<const DistanceField>)>
   other_goal() {
     if (!settings_.task.frees_goal) return {};
@@ -246,6 +256,7 @@ class EpisodeRun {
     const std::size_t first = events_.size();
     const Stopwatch watch;
     status_ = replanner_->step(now, events_);
+    if (gaze_) turn_head(now);
     const double step_ms = watch.elapsed_ms();
     ++record_.steps;
     note_events(now, first);
@@ -256,6 +267,11 @@ class EpisodeRun {
     record_.interrupted = context_.stop.stop_requested();
     if (watch_ && !is_last) record_.called_off = watch_(now, *replanner_);
     return !is_last && !record_.interrupted && record_.called_off.empty();
+  }
+
+  void turn_head(Stamp now) {
+    const auto current = measured();
+    if (current) gaze_->step(now, current->state, replanner_->way());
   }
 
   /// The episode is over: stops a robot that still moves, and waits until it is at rest.
@@ -422,6 +438,7 @@ class EpisodeRun {
   const EpisodeWatch& watch_;
   RunObserver* observer_;  ///< May be null.
   std::optional<Replanner> replanner_;
+  std::optional<GazeLoop> gaze_;  ///< Nothing where the head rests.
   Stamp begin_;
   EpisodeProgress progress_;
   Stamp end_;

@@ -331,6 +331,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   SIDESTEP_TRY(make(block("optimiser"), world.optimiser));
   if (!block("sampler").is_null()) SIDESTEP_TRY(make(block("sampler"), world.sampler));
   if (!block("predictor").is_null()) SIDESTEP_TRY(make(block("predictor"), world.predictor));
+  if (!block("gaze").is_null()) SIDESTEP_TRY(make(block("gaze"), world.gaze));
   SIDESTEP_TRY(make(executor_block(block("executor"), world, context.host), world.executor));
   world.true_robot = dynamic_cast<TrueRobot*>(world.executor.get());
   return world;

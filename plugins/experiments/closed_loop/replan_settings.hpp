@@ -12,6 +12,7 @@
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/measures/map_truth.hpp>
 #include <sidestep/planning/executor.hpp>
+#include <sidestep/planning/gaze.hpp>
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/episode_clock.hpp>
@@ -137,6 +138,7 @@ struct ReplanWorld {
   PluginPtr<Optimiser> sampler;  ///< Null where there is none.
   PluginPtr<Executor> executor;
   PluginPtr<Predictor> predictor;      ///< Null where nothing is predicted.
+  PluginPtr<Gaze> gaze;                ///< Null where the head rests.
   TrueRobot* true_robot = nullptr;     ///< The executor's other side; null where it has none.
   std::shared_ptr<const Scene> scene;  ///< Null where it is not known.
   GroundTruth* truth = nullptr;        ///< The source's other side; null where it has none.

@@ -70,13 +70,14 @@ class RobotBuilder {
       : model_(model), profile_(profile), errors_(errors) {}
 
   std::unique_ptr<KinematicTree> run() {
-    const JointTable joints(model_, profile_, errors_);
+    JointTable joints(model_, profile_, errors_);
     robot_.name = profile_.name.empty() ? model_.name : profile_.name;
     robot_.joints = joints.planned();
     add_links(joints);
     add_shapes();
     add_spheres();
     add_poses();
+    if (profile_.head) add_head(*profile_.head, joints);
     if (profile_.self_collision.pairs.is_null()) {
       if (errors_.empty()) guess_pairs();
     } else {
@@ -307,6 +308,37 @@ class RobotBuilder {
       lower = robot_.links[idx(lower)].parent;
     }
     return count;
+  }
+
+  void add_head(const HeadOptions& options, JointTable& joints) {
+    const Node& block = *profile_.document.find("head");
+    const auto axis = [&](const std::string& name, const char* key) {
+      HeadDescription::Axis made;
+      if (auto joint = joints.head_joint(name, *block.find(key))) made.joint = std::move(*joint);
+      const auto link = std::ranges::find(tree_joints_, name, &TreeJoint::name);
+      made.link = static_cast<int>(link - tree_joints_.begin());
+      return made;
+    };
+    const auto camera = find_link(options.camera_link, *block.find("camera_link"));
+    HeadDescription head{axis(options.pan_joint, "pan_joint"),
+                         axis(options.tilt_joint, "tilt_joint"), camera.value_or(0)};
+    if (!errors_.empty()) return;
+    if (carries(head.pan.link, robot_.links[idx(head.tilt.link)].parent) &&
+        carries(head.tilt.link, head.camera_link)) {
+      robot_.head = std::move(head);
+      return;
+    }
+    errors_.push_back(block.error("'" + options.pan_joint + "' does not carry '" +
+                                  options.tilt_joint + "', or that not '" + options.camera_link +
+                                  "', by fixed joints alone"));
+  }
+
+  /// Whether a link is another one, or rigidly attached to it.
+  [[nodiscard]] bool carries(int link, int carried) const {
+    while (carried > link && tree_joints_[idx(carried)].motion == TreeJoint::Motion::kFixed) {
+      carried = robot_.links[idx(carried)].parent;
+    }
+    return carried == link;
   }
 
   void add_poses() {

@@ -186,7 +186,7 @@ void JointTable::choose_planned() {
     } else if (std::ranges::find(planned_, names[i], &Joint::name) != planned_.end()) {
       errors_.push_back(where.error("joint '" + names[i] + "' is planned twice"));
     } else {
-      add_planned(*joint, chosen ? &where : nullptr);
+      planned_.push_back(with_limits(*joint, chosen ? &where : nullptr));
     }
   }
   if (planned_.empty() && errors_.empty()) {
@@ -195,7 +195,24 @@ void JointTable::choose_planned() {
   }
 }
 
-void JointTable::add_planned(const UrdfJoint& joint, const Node* where) {
+std::optional<Joint> JointTable::head_joint(const std::string& name, const Node& where) {
+  const UrdfJoint* joint = model_.find_joint(name);
+  const bool turns = joint != nullptr && (joint->type == UrdfJoint::Type::kRevolute ||
+                                          joint->type == UrdfJoint::Type::kContinuous);
+  if (joint == nullptr) {
+    errors_.push_back(unknown_joint(where, name));
+  } else if (!turns || joint->mimic) {
+    errors_.push_back(where.error("joint '" + name + "' does not turn a head: it is " +
+                                  (turns ? "a mimic of another" : "not revolute")));
+  } else if (std::ranges::find(planned_, name, &Joint::name) != planned_.end()) {
+    errors_.push_back(where.error("joint '" + name + "' is planned, a head cannot turn it"));
+  } else {
+    return with_limits(*joint, &where);
+  }
+  return {};
+}
+
+Joint JointTable::with_limits(const UrdfJoint& joint, const Node* where) {
   const auto override_of = limits_.find(joint.name);
   const JointLimitOptions own =
       override_of == limits_.end() ? JointLimitOptions{} : override_of->second;
@@ -228,7 +245,7 @@ void JointTable::add_planned(const UrdfJoint& joint, const Node* where) {
   if (!(out.max_velocity > 0.0)) missing("velocity limit above zero");
   out.max_acceleration = own.max_acceleration.value_or(kInfinity);
   out.max_braking = own.max_braking;
-  planned_.push_back(std::move(out));
+  return out;
 }
 
 double JointTable::rest_value(const UrdfJoint& joint) const {

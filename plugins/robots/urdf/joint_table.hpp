@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -26,6 +27,10 @@ class JointTable {
   /// the fixed value behind it.
   [[nodiscard]] TreeJoint tree_joint(const UrdfJoint& joint) const;
 
+  /// A joint that a head turns by, named at `where`. Appends a mistake, and returns nothing, where
+  /// it does not turn, is planned, or mimics another.
+  [[nodiscard]] std::optional<Joint> head_joint(const std::string& name, const Node& where);
+
  private:
   void add_base(const BaseOptions& base);
   void read_limits();
@@ -33,7 +38,8 @@ class JointTable {
   void limit_base(const JointLimitOptions& own, const Node& where, Joint& joint);
   void read_fixed();
   void choose_planned();
-  void add_planned(const UrdfJoint& joint, const Node* where);
+  /// With its limits; what they lack is told at `where`, or where the URDF has the joint.
+  [[nodiscard]] Joint with_limits(const UrdfJoint& joint, const Node* where);
   [[nodiscard]] std::vector<std::string> default_joints() const;
   [[nodiscard]] Error unknown_joint(const Node& where, const std::string& name) const;
   /// Lower and upper: the profile's own where it has any, else the URDF's; infinite without.

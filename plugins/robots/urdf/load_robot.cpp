@@ -119,6 +119,19 @@ Parameters<SphereOptions> SphereOptions::parameters() {
       .add("radius_m", &T::radius_m, "Its radius.", {.unit = "m", .min = 1e-6, .required = true});
 }
 
+Parameters<HeadOptions> HeadOptions::parameters() {
+  using T = HeadOptions;
+  return Parameters<T>()
+      .add("pan_joint", &T::pan_joint, "The joint that turns it; not one that is planned.",
+           {.required = true})
+      .add("tilt_joint", &T::tilt_joint, "The joint that nods it; carried by 'pan_joint'.",
+           {.required = true})
+      .add("camera_link", &T::camera_link,
+           "The link whose frame is the camera's optical one (z forward, y down); carried by "
+           "'tilt_joint'.",
+           {.required = true});
+}
+
 Parameters<SelfCollisionOptions> SelfCollisionOptions::parameters() {
   return Parameters<SelfCollisionOptions>().add(
       "pairs", &SelfCollisionOptions::pairs,
@@ -143,6 +156,9 @@ Parameters<Profile> Profile::parameters() {
            "max_acceleration, max_braking.")
       .add("fixed_joints", &T::fixed_joints,
            "A map from moving joints that are not planned to where they stay; 0 if absent.")
+      .add("head", &T::head,
+           "The head that turns a camera: two joints that are not planned. Where it rests, "
+           "'fixed_joints' says, how fast it turns, the URDF and 'joint_limits'.")
       .add("spheres", &T::spheres, "The collision spheres.")
       .add("spheres_from", &T::spheres_from,
            "Where the spheres come from: this profile, the URDF's <sphere>s, or a fit to the "

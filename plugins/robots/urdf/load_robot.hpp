@@ -44,6 +44,14 @@ struct SphereOptions {
   static Parameters<SphereOptions> parameters();
 };
 
+/// The head of a profile.
+struct HeadOptions {
+  std::string pan_joint;
+  std::string tilt_joint;
+  std::string camera_link;
+  static Parameters<HeadOptions> parameters();
+};
+
 struct SelfCollisionOptions {
   Node pairs;
   static Parameters<SelfCollisionOptions> parameters();
@@ -64,6 +72,7 @@ struct Profile {
   BaseOptions base;
   Node joint_limits;
   Node fixed_joints;
+  std::optional<HeadOptions> head;
   std::vector<SphereOptions> spheres;
   std::string spheres_from = "profile";
   double sphere_protrusion_m = 0.05;

@@ -227,12 +227,9 @@ Result<Scene> load_scene(const fs::path& scene, const std::vector<fs::path>& fol
 
 std::vector<OptionMistake> Options::check() const {
   std::vector<OptionMistake> mistakes;
-  if (mount) {
-    mistakes = check_mount(*mount);
-  } else if (fixed_cameras.empty()) {
-    mistakes = check_camera_path(camera_path);
-  } else {
-    mistakes = check_fixed_cameras(fixed_cameras);
+  if (!mount) {
+    mistakes =
+        fixed_cameras.empty() ? check_camera_path(camera_path) : check_fixed_cameras(fixed_cameras);
   }
   const auto exclude = [&](bool both, const std::string& one, const std::string& other) {
     if (both) mistakes.push_back({{one, other}, "and " + other + " exclude each other", {}});

@@ -80,48 +80,11 @@ struct FixedCamera {
   }
 };
 
-/// The head that carries a mounted camera, and what it looks at.
-struct HeadOptions {
-  std::string look = "fixed";
-  std::string pan_joint = "head_pan_joint";
-  std::string tilt_joint = "head_tilt_joint";
-  double pan_lower_rad = -3.84;
-  double pan_upper_rad = 1.75;
-  double tilt_lower_rad = -1.57;
-  double tilt_upper_rad = 0.52;
-  double speed_radps = 1.0;
-  std::string base_link = "base_link";
-  std::string ahead_link = "hand_palm_link";
-  double ahead_s = 1.0;
-
-  static Parameters<HeadOptions> parameters() {
-    using H = HeadOptions;
-    return Parameters<H>()
-        .add("look", &H::look,
-             "fixed: the head stays as the robot's profile has it; along_motion: it pans to where "
-             "the base moves; ahead: it looks at where a link will be.",
-             {.choices = {"fixed", "along_motion", "ahead"}})
-        .add("pan_joint", &H::pan_joint, "The joint that turns the head; not one that is planned.")
-        .add("tilt_joint", &H::tilt_joint, "The joint that nods it; carried by pan_joint.")
-        .add("pan_lower_rad", &H::pan_lower_rad, "Lower limit of pan_joint.", {.unit = "rad"})
-        .add("pan_upper_rad", &H::pan_upper_rad, "Upper limit of pan_joint.", {.unit = "rad"})
-        .add("tilt_lower_rad", &H::tilt_lower_rad, "Lower limit of tilt_joint.", {.unit = "rad"})
-        .add("tilt_upper_rad", &H::tilt_upper_rad, "Upper limit of tilt_joint.", {.unit = "rad"})
-        .add("speed_radps", &H::speed_radps, "How fast both may turn.",
-             {.unit = "rad/s", .min = 0.0})
-        .add("base_link", &H::base_link, "along_motion: whose horizontal motion counts.")
-        .add("ahead_link", &H::ahead_link, "ahead: what it looks at.")
-        .add("ahead_s", &H::ahead_s, "ahead: how much later, along what the robot follows.",
-             {.unit = "s", .min = 0.0});
-  }
-};
-
 /// Where on the robot the camera sits.
 struct MountOptions {
   std::string link;
   Eigen::Vector3d xyz_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d rpy_rad = Eigen::Vector3d::Zero();
-  HeadOptions head;
 
   static Parameters<MountOptions> parameters() {
     using M = MountOptions;
@@ -130,8 +93,7 @@ struct MountOptions {
         .add("xyz_m", &M::xyz_m, "Of the optical frame (z forward, y down) in the link's frame.",
              {.unit = "m"})
         .add("rpy_rad", &M::rpy_rad, "Roll, pitch and yaw of the optical frame in the link's.",
-             {.unit = "rad"})
-        .add("head", &M::head, "How the camera is turned.");
+             {.unit = "rad"});
   }
 };
 

@@ -13,7 +13,7 @@
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/geometry/transform.hpp>
 #include <sidestep/plugin/context.hpp>
-#include <sidestep/robot/kinematic_tree.hpp>
+#include <sidestep/robot/head.hpp>
 
 #include "simulator.hpp"
 
@@ -51,66 +51,6 @@ class CameraPath {
   bool repeats_;
 };
 
-/// A camera's direction of view, as the head turns it: along `T_link_camera`'s z in `link`.
-struct Eye {
-  int link = 0;
-  Transform T_link_camera = Transform::Identity();
-};
-
-/// A pan and a tilt joint that the robot's planned joints know nothing of, between the body and a
-/// camera. Turns at limited speed within limits.
-class Head {
- public:
-  /// Fails with kConfig where the robot has no such joints, they are planned, or do not carry the
-  /// eye one after the other; with kUnsupported where the robot does not tell its joints.
-  [[nodiscard]] static Result<Head> create(std::shared_ptr<const RobotModel> robot,
-                                           const HeadOptions& options, const Eye& eye);
-
-  /// Places the links that the head carries; all poses are those of the robot with its head as the
-  /// profile has it.
-  void turn(std::span<Transform> T_world_link) const;
-
-  /// Turns towards a point until `stamp`; the time since the last call is what it has for that.
-  void look_at(const Eigen::Vector3d& p_world, std::span<const Transform> T_world_link,
-               Stamp stamp);
-  /// Pans towards a direction, tilted as it is.
-  void look_along(const Eigen::Vector3d& direction_world, std::span<const Transform> T_world_link,
-                  Stamp stamp);
-  /// Stays as it is until `stamp`.
-  void rest(Stamp stamp) { turned_at_ = stamp; }
-
-  [[nodiscard]] double pan_rad() const noexcept { return pan_.angle_rad; }
-  [[nodiscard]] double tilt_rad() const noexcept { return tilt_.angle_rad; }
-
- private:
-  struct Axis {
-    int link = 0;  ///< That it moves.
-    double lower_rad = 0.0;
-    double upper_rad = 0.0;
-    double angle_rad = 0.0;
-  };
-
-  Head(std::shared_ptr<const RobotModel> robot, const KinematicTree& tree, const Eye& eye)
-      : robot_(std::move(robot)), tree_(&tree), eye_(eye) {}
-
-  [[nodiscard]] Result<Axis> find_axis(const std::string& joint, double lower_rad,
-                                       double upper_rad) const;
-  [[nodiscard]] bool carries(int link, int carried) const;
-  void place(double pan_rad, double tilt_rad, std::span<Transform> T_world_link) const;
-  [[nodiscard]] Transform eye_pose(double pan_rad, double tilt_rad,
-                                   std::span<const Transform> T_world_link,
-                                   Eigen::Vector3d& pan_axis, Eigen::Vector3d& tilt_axis) const;
-  void turn_towards(double pan_rad, double tilt_rad, Stamp stamp);
-
-  std::shared_ptr<const RobotModel> robot_;  // keeps tree_ alive
-  const KinematicTree* tree_;
-  Eye eye_;
-  Axis pan_;
-  Axis tilt_;
-  double speed_radps_ = 0.0;
-  std::optional<Stamp> turned_at_;
-};
-
 /// From where a camera looks at one time.
 struct View {
   Transform T_world_camera = Transform::Identity();  ///< As it is known to be.
@@ -134,39 +74,34 @@ class SeenRobot {
   std::vector<int> seen_;  ///< Indices of the robot's shapes.
 };
 
-/// A camera on the run's robot. It sees all shapes of that robot but those of the link that carries
-/// it, inside which it may sit.
+/// A camera on the run's robot, turned by its head where that carries it. It sees all shapes of
+/// that robot but those of the link that carries it, inside which it may sit.
 class MountedCamera {
  public:
-  /// Fails with kUnsupported where no robot moves in the run, with kConfig where the robot lacks a
-  /// link or a joint.
+  /// Fails with kUnsupported where no robot moves in the run, with kConfig where the robot lacks
+  /// the link.
   [[nodiscard]] static Result<MountedCamera> create(const MountOptions& options,
                                                     const HostContext& context);
 
   [[nodiscard]] const SeenRobot& robot() const { return *seen_; }
 
-  /// The view at a time; nothing where the robot's state is not known then. Times go forward: the
-  /// head turns from one to the next.
+  /// The view at a time; nothing where the robot's state is not known then.
   [[nodiscard]] std::optional<View> view(Stamp stamp);
 
  private:
   MountedCamera() = default;
   [[nodiscard]] Result<void> mount(const MountOptions& options);
   [[nodiscard]] Result<int> find_link(const std::string& name) const;
-  void place(const Eigen::VectorXd& q, std::vector<Transform>& T_world_link);
-  void aim(const RobotState& measured, Stamp stamp);
-  void follow_motion(const RobotState& measured, Stamp stamp);
+  /// The robot's links, its head where it is at a time.
+  void place(const Eigen::VectorXd& q, Stamp stamp);
 
   std::shared_ptr<const RobotModel> robot_;
   std::shared_ptr<RobotMotion> motion_;
-  HeadOptions options_;
-  Eye eye_;
-  int base_link_ = 0;
-  int ahead_link_ = 0;
-  std::optional<Head> head_;  ///< Where it turns.
+  int link_ = 0;
+  Transform T_link_camera_ = Transform::Identity();
+  std::optional<Head> head_;  ///< Where the robot has one.
   std::optional<SeenRobot> seen_;
   std::vector<Transform> T_world_link_;
-  std::vector<Transform> T_world_link_later_;
   Scratch scratch_;
 };
 
@@ -197,7 +132,7 @@ class Viewpoint {
 
   /// The robot's shapes that may be seen.
   [[nodiscard]] std::vector<SceneObject> shapes() const;
-  /// The view of a frame; nothing where it is not known. Times go forward.
+  /// The view of a frame; nothing where it is not known.
   [[nodiscard]] std::optional<View> view(Stamp stamp, std::int64_t frame);
   /// The newest time at which the view may be known; before all time where it never was.
   [[nodiscard]] Stamp known_until() const;
@@ -215,8 +150,5 @@ class Viewpoint {
   std::optional<FixedCameras> fixed_;     ///< Instead of either.
   std::shared_ptr<RobotMotion> motion_;   ///< Of the robot in view; null where there is none.
 };
-
-/// What is wrong with the parameter `mount` in itself.
-[[nodiscard]] std::vector<OptionMistake> check_mount(const MountOptions& mount);
 
 }  // namespace sidestep::simulator

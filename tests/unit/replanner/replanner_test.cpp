@@ -130,6 +130,34 @@ TEST(Replanner, StopsBeforeWhatItCannotPassAndGoesOnWhenItIsGone) {
   EXPECT_GE(recovered->stamp.seconds(), 10.0);
 }
 
+TEST(Replanner, TellsTheWayToItsGoalAlsoWhileItStandsBeforeAWall) {
+  ClosedLoop loop;
+  loop.make();
+  EXPECT_EQ(loop.replanner->way().trajectory, nullptr);
+  const auto expect_way = [&] {
+    const Replanner::Way way = loop.replanner->way();
+    ASSERT_NE(way.trajectory, nullptr);
+    std::array<double, 3> here{}, end{};
+    way.trajectory->sample(way.from_s, here, {});
+    way.trajectory->sample(way.trajectory->duration_s(), end, {});
+    EXPECT_NEAR(here[0], loop.executor.state().q[0], 0.02);
+    EXPECT_NEAR(end[0], 4.0, 1e-6);
+  };
+  loop.run(0.9);
+  expect_way();
+  loop.planner.misbehave = [](const Problem&, const Trajectory&,
+                              const Deadline&) -> std::optional<Result<Solution>> {
+    Solution none;
+    none.status = SolveStatus::kNoPath;
+    none.reason = "walled in";
+    return none;
+  };
+  loop.obstacles = {kWall};
+  loop.run(9.0);
+  EXPECT_EQ(loop.executor.state().qdot.norm(), 0.0);
+  expect_way();
+}
+
 TEST(Replanner, DoesNotStopLongBeforeItMust) {
   // Half a metre per second: 0.5 s to stop, 1.5 times that in reserve, a period and a lead.
   ClosedLoop loop;

@@ -3,6 +3,7 @@
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/export.hpp>
 #include <sidestep/core/time.hpp>
+#include <sidestep/robot/head.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
 namespace sidestep {
@@ -27,6 +28,16 @@ class SIDESTEP_EXPORT Executor {
 
   /// Brings the robot to rest within its limits of braking (Joint::braking()). [any]
   [[nodiscard]] virtual Result<void> stop() = 0;
+};
+
+/// Optional interface of an executor: the head of its robot (RobotDescription::head). Where it is,
+/// the executor reports to the RobotMotion that its HostContext lends it.
+class SIDESTEP_EXPORT HeadTurner {
+ public:
+  virtual ~HeadTurner() = default;
+  /// Turns the head, from now on, to angles within its limits, as fast as it can, and holds it
+  /// there. Fails where it has none. [planning]
+  [[nodiscard]] virtual Result<void> turn_head(const HeadAngles& to) = 0;
 };
 
 /// Optional interface of an executor: the exact state of its robot.

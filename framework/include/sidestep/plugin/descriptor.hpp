@@ -10,19 +10,20 @@ namespace sidestep {
 
 inline constexpr std::uint32_t kPluginMagic = 0x50534453u;  // "SDSP"
 inline constexpr std::uint16_t kSdkMajor = 0;
-inline constexpr std::uint16_t kSdkMinor = 7;
+inline constexpr std::uint16_t kSdkMinor = 8;
 
 /// Versions of the interface of each kind: raised whenever its virtuals or the data they
 /// exchange change.
 inline constexpr std::uint32_t kSourceInterface = 1;
 inline constexpr std::uint32_t kMapperInterface = 1;
 inline constexpr std::uint32_t kFieldInterface = 2;
-inline constexpr std::uint32_t kRobotInterface = 2;
+inline constexpr std::uint32_t kRobotInterface = 3;
 inline constexpr std::uint32_t kOptimiserInterface = 3;
 inline constexpr std::uint32_t kExecutorInterface = 1;
 inline constexpr std::uint32_t kCostInterface = 1;
 inline constexpr std::uint32_t kExperimentInterface = 1;
 inline constexpr std::uint32_t kPredictorInterface = 1;
+inline constexpr std::uint32_t kGazeInterface = 1;
 
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
 /// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.

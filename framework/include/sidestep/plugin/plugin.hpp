@@ -9,6 +9,7 @@
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/planning/executor.hpp>
+#include <sidestep/planning/gaze.hpp>
 #include <sidestep/planning/optimiser.hpp>
 #include <sidestep/planning/prediction.hpp>
 #include <sidestep/planning/state_cost.hpp>
@@ -75,6 +76,11 @@ template <>
 struct PluginTraits<Predictor> {
   static constexpr PluginKind kKind = PluginKind::kPredictor;
   static constexpr std::uint32_t kVersion = kPredictorInterface;
+};
+template <>
+struct PluginTraits<Gaze> {
+  static constexpr PluginKind kKind = PluginKind::kGaze;
+  static constexpr std::uint32_t kVersion = kGazeInterface;
 };
 
 namespace detail {
@@ -154,9 +160,9 @@ struct PluginGlue {
 }  // namespace sidestep
 
 /// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser,
-/// Executor, StateCost or Predictor (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a struct
-/// with `static Parameters<OPTIONS> parameters()` and, where its parameters must fit together,
-/// `std::vector<OptionMistake> check() const`. CREATE: a function
+/// Executor, StateCost, Predictor or Gaze (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a
+/// struct with `static Parameters<OPTIONS> parameters()` and, where its parameters must fit
+/// together, `std::vector<OptionMistake> check() const`. CREATE: a function
 /// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
 /// options that check() finds nothing wrong with. What follows DOC are the views (types as in
 /// mapping/occupancy_view.hpp) that a mapper offers or a field needs: the host tells before a run

@@ -23,6 +23,7 @@ enum class PluginKind : std::uint32_t {
   kCost = 7,
   kExperiment = 8,
   kPredictor = 9,
+  kGaze = 10,
 };
 [[nodiscard]] std::string_view to_string(PluginKind kind) noexcept;  ///< "source", "mapper", ...
 

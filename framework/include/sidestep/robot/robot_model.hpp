@@ -63,6 +63,18 @@ struct NamedPose {
   std::vector<std::optional<double>> positions;
 };
 
+/// A head that turns a camera: two revolute joints, which are not planned. Its rest is where the
+/// robot's links have it. Plain data.
+struct HeadDescription {
+  struct Axis {
+    Joint joint;
+    int link = 0;  ///< That the joint moves.
+  };
+  Axis pan;
+  Axis tilt;            ///< Carried by the pan joint.
+  int camera_link = 0;  ///< Carried by the tilt joint; its frame is the camera's optical one.
+};
+
 /// All that is constant about a robot. Plain data.
 struct RobotDescription {
   std::string name;
@@ -74,6 +86,7 @@ struct RobotDescription {
   /// self-collision; those that always or never touch are left out.
   std::vector<std::pair<int, int>> self_collision_pairs;
   std::vector<NamedPose> poses;
+  std::optional<HeadDescription> head;  ///< Nothing: no camera turns.
 
   [[nodiscard]] int dof() const noexcept { return static_cast<int>(joints.size()); }
   [[nodiscard]] std::optional<int> joint_index(std::string_view joint_name) const noexcept;

@@ -9,13 +9,6 @@
 
 namespace sidestep {
 
-/// Where a camera was, and what it is.
-struct CameraView {
-  double stamp_s = 0.0;
-  Transform T_world_camera = Transform::Identity();
-  CameraIntrinsics camera;
-};
-
 /// Passes on the frames of another source when their time has come on the clock, whether that
 /// source keeps to the clock itself or not; keeps where the camera was.
 /// [mapping]

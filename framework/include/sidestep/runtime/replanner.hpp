@@ -209,6 +209,14 @@ class Replanner {
   [[nodiscard]] Stamp followed_start() const noexcept;
   /// Where it is to rest: the goal that was given, or another one since then.
   [[nodiscard]] const Eigen::VectorXd& goal() const noexcept;
+  struct Way {
+    const Trajectory* trajectory = nullptr;
+    double from_s = 0.0;              ///< The time of it at which the robot is on it.
+    std::optional<double> blocked_s;  ///< The time of it from which an obstacle blocks it.
+  };
+  /// The way to the goal: what is followed, or, while the robot stands, brakes or steps aside, the
+  /// last that was found, be it blocked; null where there is none. Holds until the next step().
+  [[nodiscard]] Way way() const;
   /// What is predicted in the newest map; null where nothing is.
   [[nodiscard]] std::shared_ptr<const Prediction> prediction() const noexcept;
   /// Validity checks of what is followed so far: one for each map and each trajectory, since the

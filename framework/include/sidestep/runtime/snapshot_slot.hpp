@@ -4,19 +4,22 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <utility>
 
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/mapping/moving_obstacles.hpp>
 #include <sidestep/mapping/tracks.hpp>
+#include <sidestep/sensing/frame.hpp>
 
 namespace sidestep {
 
-/// The field, the moving obstacles and the tracks after one frame.
+/// The field, the moving obstacles and the tracks after one frame, and where that was taken.
 struct MapSnapshot {
   std::shared_ptr<const DistanceField> field;
   std::shared_ptr<const MovingObstacles> moving = nullptr;  ///< Null without a MotionDetector.
   std::shared_ptr<const Tracks> tracks = nullptr;           ///< Null without a Tracker.
+  std::optional<CameraView> camera = std::nullopt;          ///< Nothing where it is no image.
 };
 
 /// The one thing that mapping and planning share: the newest map. publish() [mapping],

@@ -35,6 +35,13 @@ struct CameraIntrinsics {
   return transform;
 }
 
+/// Where a camera was when it took a frame, and what it is.
+struct CameraView {
+  double stamp_s = 0.0;
+  Transform T_world_camera = Transform::Identity();
+  CameraIntrinsics camera;
+};
+
 /// Depth along the optical axis in metres, row by row. 0 where nothing came back (out of
 /// range, dropout); NaN where the measurement is known to be wrong. Both are no measurement.
 struct DepthImage {

@@ -6,6 +6,7 @@
 
 #include <sidestep/core/export.hpp>
 #include <sidestep/core/time.hpp>
+#include <sidestep/robot/head.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
 namespace sidestep {
@@ -39,12 +40,28 @@ class SIDESTEP_EXPORT RobotMotion {
   /// where it follows nothing.
   [[nodiscard]] std::optional<RobotState> planned(Stamp stamp) const;
 
+  /// Adds where the robot's head was. One that is not newer than the last is dropped.
+  void record_head(const HeadAngles& angles, Stamp stamp);
+  /// Where its head was at a time, between its neighbours, or beyond the newest as in that; nothing
+  /// before the first and before what is kept.
+  [[nodiscard]] std::optional<HeadAngles> head(Stamp stamp) const;
+
  private:
+  template <class State>
   struct Sample {
     Stamp stamp;
-    RobotState state;
+    State state;
   };
-  using History = std::deque<Sample>;
+  template <class State>
+  using HistoryOf = std::deque<Sample<State>>;
+  using History = HistoryOf<RobotState>;
+
+  /// Drops what is older than is kept, but for one sample: the whole span can be interpolated.
+  template <class State>
+  void keep(HistoryOf<State>& history, Stamp newest) const {
+    const std::int64_t oldest_ns = newest.ns - Stamp::from_seconds(history_s_).ns;
+    while (history.size() > 1 && history[1].stamp.ns <= oldest_ns) history.pop_front();
+  }
 
   void add(History& history, const RobotState& state, Stamp stamp) const;
   [[nodiscard]] static std::optional<RobotState> at(const History& history, Stamp stamp);
@@ -53,6 +70,7 @@ class SIDESTEP_EXPORT RobotMotion {
   mutable std::mutex mutex_;
   History measured_;
   History true_;
+  HistoryOf<HeadAngles> head_;
   Trajectory followed_;
   Stamp start_;
 };

@@ -132,23 +132,50 @@ TEST(CommandWriter, CutsAllMessagesFromOneTrajectoryOnOneClock) {
   }
 }
 
-TEST(CommandWriter, TurnsTheHeadAsTold) {
-  for (const bool tilts : {false, true}) {
-    Options options = two_controllers();
-    options.look = LookOptions{};
-    if (tilts) options.look->tilt_joint = "head";
-    if (!tilts) options.look->pan_joint = "head";
-    const auto writer = CommandWriter::create(robot_of_three(), options);
-    ASSERT_TRUE(writer) << writer.error().describe();
-    const Trajectory motion = there_and_rest();
-    std::vector<HeadAngles> head;
-    for (const double t : writer->times(motion)) head.push_back({0.1 * t, -0.2 * t});
-    const auto messages = writer->write(motion, {}, head);
-    const double rate = tilts ? -0.2 : 0.1;
-    EXPECT_NEAR(messages[1].points[50].positions[0], 2.5 * rate, 1e-9);
-    EXPECT_NEAR(messages[1].points[50].velocities[0], rate, 1e-9);
-    EXPECT_EQ(messages[1].points.back().velocities[0], 0.0);
-  }
+HeadDescription pan_and_tilt() {
+  const auto joint = [](const char* name) {
+    return Joint{name, Joint::Type::kRevolute, -2.0, 2.0, 1.0, 4.0};
+  };
+  return {{joint("pan")}, {joint("tilt")}};
+}
+
+TEST(CommandWriter, TurnsAHeadWithoutItsMotions) {
+  Options options = two_controllers();
+  options.controllers[1].joints = {"arm"};
+  options.controllers.push_back({"/head", {}, {"tilt", "light", "pan"}});
+  options.hold = {{"pan", 0.0}, {"tilt", -0.3}, {"light", 0.7}};
+  auto writer = CommandWriter::create(robot_of_three(), options);
+  ASSERT_TRUE(writer) << writer.error().describe();
+  const Trajectory motion = there_and_rest();
+  EXPECT_THAT(writer->write(motion, {})[2].points[0].positions, ElementsAre(-0.3, 0.7, 0.0));
+  const auto turned =
+      writer->turn_head(pan_and_tilt(), {0.0, -0.3}, {1.0, -0.5}, Stamp::from_seconds(3.0));
+  ASSERT_TRUE(turned) << turned.error().describe();
+  EXPECT_TRUE((*turned)[0].joint_names.empty());
+  EXPECT_TRUE((*turned)[1].joint_names.empty());
+  const auto& message = (*turned)[2];
+  EXPECT_EQ(ros_messages::to_stamp(message.header.stamp), Stamp::from_seconds(3.0));
+  EXPECT_THAT(message.joint_names, ElementsAre("tilt", "light", "pan"));
+  ASSERT_EQ(message.points.size(), 1U);
+  EXPECT_THAT(message.points[0].positions, ElementsAre(-0.5, 0.7, 1.0));
+  EXPECT_NEAR(message.points[0].time_from_start.toSec(), 1.25, 1e-9);  // 1 rad/s, 4 rad/s^2
+  // Motions leave the head alone from then on.
+  EXPECT_TRUE(writer->write(motion, {})[2].joint_names.empty());
+  EXPECT_FALSE(writer->write(motion, {})[1].points.empty());
+}
+
+TEST(CommandWriter, TurnsNoHeadThatItsControllersDoNotTurnAlone) {
+  Options options = two_controllers();
+  auto without = CommandWriter::create(robot_of_three(), options);
+  const auto missed = without->turn_head(pan_and_tilt(), {}, {}, {});
+  ASSERT_FALSE(missed);
+  EXPECT_THAT(missed.error().message, HasSubstr("no controller moves 'pan' and 'tilt'"));
+  options.controllers[1].joints = {"pan", "tilt", "arm"};
+  options.hold = {{"pan", 0.0}, {"tilt", 0.0}};
+  auto together = CommandWriter::create(robot_of_three(), options);
+  const auto shared = together->turn_head(pan_and_tilt(), {}, {}, {});
+  ASSERT_FALSE(shared);
+  EXPECT_THAT(shared.error().message, HasSubstr("moves planned joints, too"));
 }
 
 /// A controller goes between points by cubics of their positions and velocities.

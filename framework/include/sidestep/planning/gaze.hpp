@@ -1,0 +1,44 @@
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
+#include <sidestep/core/time.hpp>
+#include <sidestep/field/distance_field.hpp>
+#include <sidestep/mapping/tracks.hpp>
+#include <sidestep/robot/head.hpp>
+#include <sidestep/sensing/frame.hpp>
+#include <sidestep/trajectory/trajectory.hpp>
+
+namespace sidestep {
+
+/// What a gaze decides by. References, and pointers that are not null, hold during the call.
+struct GazeRequest {
+  Stamp now;
+  const RobotModel& robot;
+  const RobotState& state;                  ///< Measured.
+  std::span<const Transform> T_world_link;  ///< In that state, the head at rest (head.hpp).
+  const Head& head;
+  HeadAngles at;  ///< Where the head is.
+  /// The way to the goal: what is followed, or, while the robot stands, brakes or steps aside, the
+  /// last that was found. Null where there is none.
+  const Trajectory* way = nullptr;
+  double way_from_s = 0.0;               ///< The time of `way` at which the robot is on it.
+  std::optional<double> way_blocked_s;   ///< From which what is in the map, or unseen, blocks it.
+  const DistanceField* field = nullptr;  ///< The newest map; null before the first.
+  const Tracks* tracks = nullptr;        ///< With it; null where nobody tracks.
+  const CameraView* camera = nullptr;    ///< Of the newest frame in it; null where it has none.
+};
+
+/// Turns a robot's head.
+class SIDESTEP_EXPORT Gaze {
+ public:
+  virtual ~Gaze() = default;
+  /// Where the head is to turn now; asked ten times a second. Angles beyond its limits end there.
+  /// Fails where it cannot tell: the head stays. [planning]; may allocate.
+  [[nodiscard]] virtual Result<HeadAngles> look(const GazeRequest& request) = 0;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
+#include <sidestep/geometry/transform.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
+
+namespace sidestep {
+
+/// Positions of a head's two joints.
+struct HeadAngles {
+  double pan_rad = 0.0;
+  double tilt_rad = 0.0;
+};
+
+/// How long a head takes from one direction to another, from rest to rest; a joint whose
+/// acceleration is not known reaches its speed in half a second. [any]
+[[nodiscard]] SIDESTEP_EXPORT double turning_time_s(const HeadDescription& head,
+                                                    const HeadAngles& from, const HeadAngles& to);
+
+/// Kinematics of a robot's head (RobotDescription::head). The robot's own kinematics have it at
+/// rest: poses of links that are passed in are those. Immutable. [any]
+class SIDESTEP_EXPORT Head {
+ public:
+  /// Fails with kUnsupported where the robot has no head, or does not tell its joints.
+  [[nodiscard]] static Result<Head> create(std::shared_ptr<const RobotModel> robot);
+
+  [[nodiscard]] const HeadDescription& description() const noexcept {
+    return *robot_->description().head;
+  }
+  [[nodiscard]] HeadAngles rest() const noexcept { return rest_; }
+  /// Where it gets to on the way to `angles`.
+  [[nodiscard]] HeadAngles within_limits(const HeadAngles& angles) const noexcept;
+
+  /// Moves the links that the head carries. T_world_link: of all links, world frame.
+  void place(const HeadAngles& angles, std::span<Transform> T_world_link) const;
+
+  /// The optical frame of its camera. T_world_link: of all links. Does not allocate.
+  [[nodiscard]] Transform T_world_camera(const HeadAngles& angles,
+                                         std::span<const Transform> T_world_link) const;
+
+  /// Where it has to turn for its camera to look at a point, or, where its limits do not let it,
+  /// nearest to that: of several ways the one nearest to `from`. Does not allocate.
+  [[nodiscard]] HeadAngles towards(const Eigen::Vector3d& p_world,
+                                   std::span<const Transform> T_world_link,
+                                   const HeadAngles& from) const;
+
+ private:
+  struct Axis {
+    std::size_t link = 0;
+    std::size_t parent = 0;
+    Transform T_parent_joint = Transform::Identity();
+    Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
+  };
+  /// Links on the way to the camera.
+  struct Chain {
+    Transform T_world_pan;
+    Transform T_world_tilt;
+    Transform T_world_camera;
+  };
+
+  Head(std::shared_ptr<const RobotModel> robot, const KinematicTree& tree);
+  [[nodiscard]] Chain chain(const HeadAngles& angles,
+                            std::span<const Transform> T_world_link) const;
+
+  std::shared_ptr<const RobotModel> robot_;
+  Axis pan_;
+  Axis tilt_;
+  std::size_t camera_ = 0;
+  HeadAngles rest_;
+};
+
+}  // namespace sidestep

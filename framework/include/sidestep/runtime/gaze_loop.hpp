@@ -1,0 +1,51 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <sidestep/core/log.hpp>
+#include <sidestep/planning/executor.hpp>
+#include <sidestep/planning/gaze.hpp>
+#include <sidestep/runtime/replanner.hpp>
+#include <sidestep/runtime/snapshot_slot.hpp>
+#include <sidestep/trajectory/robot_motion.hpp>
+
+namespace sidestep {
+
+/// Has a gaze say, ten times a second, where a robot's head turns. One that throws, fails or says
+/// what is not a number leaves the head as it is, and is named in the log once. [planning]
+class GazeLoop {
+ public:
+  struct Parts {
+    std::shared_ptr<const RobotModel> robot;
+    Gaze& gaze;
+    Executor& executor;
+    RobotMotion& motion;
+    SnapshotSlot& slot;
+    Log& log;
+    std::string gaze_name;  ///< For messages: kind and name, as the next.
+    std::string executor_name;
+  };
+  /// Fails with kUnsupported where the robot has no head (RobotDescription::head), or the executor
+  /// turns none.
+  [[nodiscard]] static Result<GazeLoop> create(Parts parts);
+
+  /// Turns the head, if it is time. `way` holds during the call.
+  void step(Stamp now, const RobotState& measured, const Replanner::Way& way);
+
+ private:
+  GazeLoop(Parts parts, Head head, HeadTurner& turner);
+  [[nodiscard]] Result<void> turn(Stamp now, const RobotState& measured, const Replanner::Way& way);
+
+  Parts parts_;
+  Head head_;
+  HeadTurner* turner_;
+  std::vector<Transform> T_world_link_;
+  Scratch scratch_;
+  std::optional<Stamp> looked_;
+  bool has_failed_ = false;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,59 @@
+#include <sidestep/runtime/gaze_loop.hpp>
+
+#include <cmath>
+#include <utility>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/runtime/call_plugin.hpp>
+
+namespace sidestep {
+namespace {
+
+constexpr std::int64_t kPeriod_ns = 100'000'000;
+
+}  // namespace
+
+Result<GazeLoop> GazeLoop::create(Parts parts) {
+  auto head = SIDESTEP_TRY(Head::create(parts.robot));
+  auto* const turner = dynamic_cast<HeadTurner*>(&parts.executor);
+  if (turner != nullptr) return GazeLoop(std::move(parts), std::move(head), *turner);
+  return fail(ErrorCode::kUnsupported, parts.executor_name + " turns no head", "gaze");
+}
+
+GazeLoop::GazeLoop(Parts parts, Head head, HeadTurner& turner)
+    : parts_(std::move(parts)),
+      head_(std::move(head)),
+      turner_(&turner),
+      T_world_link_(parts_.robot->description().links.size()) {}
+
+void GazeLoop::step(Stamp now, const RobotState& measured, const Replanner::Way& way) {
+  if (looked_ && now >= *looked_ && now.ns - looked_->ns < kPeriod_ns) return;
+  looked_ = now;
+  const auto turned = turn(now, measured, way);
+  if (turned || has_failed_) return;
+  has_failed_ = true;
+  parts_.log.warn(turned.error().describe() + "; the head stays as it is");
+}
+
+Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replanner::Way& way) {
+  const MapSnapshot map = parts_.slot.snapshot();
+  parts_.robot->link_poses(as_span(measured.q), T_world_link_, scratch_);
+  GazeRequest request{now,           *parts_.robot, measured,
+                      T_world_link_, head_,         parts_.motion.head(now).value_or(head_.rest())};
+  request.way = way.trajectory;
+  request.way_from_s = way.from_s;
+  request.way_blocked_s = way.blocked_s;
+  request.field = map.field.get();
+  request.tracks = map.tracks.get();
+  if (map.camera) request.camera = &*map.camera;
+  const HeadAngles to =
+      SIDESTEP_TRY(call_stage(parts_.gaze_name, [&] { return parts_.gaze.look(request); }));
+  if (!std::isfinite(to.pan_rad) || !std::isfinite(to.tilt_rad)) {
+    return fail(ErrorCode::kPlugin, "said angles that are not numbers",
+                "plugin " + parts_.gaze_name);
+  }
+  return call_stage(parts_.executor_name,
+                    [&] { return turner_->turn_head(head_.within_limits(to)); });
+}
+
+}  // namespace sidestep

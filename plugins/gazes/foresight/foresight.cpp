@@ -1,0 +1,188 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <span>
+#include <vector>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/plugin/plugin.hpp>
+
+#include "views.hpp"
+
+namespace {
+
+using namespace sidestep;
+
+struct Options {
+  double horizon_s = 10.0;
+  double haste_s = 4.0;
+  double stale_s = 5.0;
+  double track_weight = 40.0;
+  double around_weight = 0.5;
+  double range_m = 4.5;
+  int pans = 16;
+  int tilts = 9;
+
+  static Parameters<Options> parameters() {
+    using O = Options;
+    return Parameters<O>()
+        .add("horizon_s", &O::horizon_s, "What the robot sweeps until then counts.",
+             {.unit = "s", .min = 0.1, .max = 60.0})
+        .add("haste_s", &O::haste_s, "What it sweeps so much later counts 1/e as much.",
+             {.unit = "s", .min = 0.1, .max = 60.0})
+        .add("stale_s", &O::stale_s,
+             "Time constant with which what was seen becomes as good as unseen.",
+             {.unit = "s", .min = 0.1, .max = 600.0})
+        .add("track_weight", &O::track_weight,
+             "Of a tracked person beside the robot, in places of 0.1 m on its way.",
+             {.min = 0.0, .max = 1000.0})
+        .add("around_weight", &O::around_weight,
+             "Of each of 24 places around the robot from where somebody may come, likewise.",
+             {.min = 0.0, .max = 1000.0})
+        .add("range_m", &O::range_m, "How far the camera sees.",
+             {.unit = "m", .min = 0.1, .max = 100.0})
+        .add("pans", &O::pans, "Directions of the pan joint.", {.min = 1, .max = 64})
+        .add("tilts", &O::tilts, "Directions of the tilt joint.", {.min = 1, .max = 64});
+  }
+};
+
+/// In which an image is taken, once the head is at rest.
+constexpr double kDwell_s = 0.15;
+/// What a frame has not shown though it was looked at is not looked at again sooner.
+constexpr double kVain_s = 1.5;
+/// What the robot sweeps so long after something blocks its way may be blocked, too.
+constexpr double kBlock_s = 1.0;
+/// How far off somebody who is tracked counts 1/e as much.
+constexpr double kNear_m = 1.0;
+constexpr double kTrackStale_s = 0.7;
+/// First directions of which the best second one is looked for.
+constexpr std::size_t kFirsts = 16;
+
+/// Weighs what the robot will sweep by when, and by how long ago it was looked at, beside people
+/// and where they may come from; and looks where, with what is best to look at then, most is seen
+/// a second.
+class Foresight final : public Gaze {
+ public:
+  explicit Foresight(const Options& options) : options_(options), looked_at_(options.range_m) {}
+
+  [[nodiscard]] Result<HeadAngles> look(const GazeRequest& request) override {
+    looked_at_.note(request);
+    if (request.field == nullptr) return request.at;
+    weigh(request);
+    const Directions directions(request, options_.pans, options_.tilts, places_, worths_,
+                                options_.range_m);
+    return directions.angles(best(request, directions));
+  }
+
+ private:
+  void weigh(const GazeRequest& request) {
+    const Eigen::Vector3d eye_m =
+        request.head.T_world_camera(request.at, request.T_world_link).translation();
+    // What blocks the way is as urgent as what is near.
+    const double blocked_s = request.way_blocked_s.value_or(0.0) - request.way_from_s;
+    places_ = swept_places(request, 0.0, std::max(options_.horizon_s, blocked_s + kBlock_s));
+    worths_.clear();
+    for (const Place& place : places_) {
+      const double off_s = request.way_blocked_s ? std::abs(place.time_s - blocked_s) : kInfinity;
+      const double haste = std::exp(-std::min(place.time_s, off_s) / options_.haste_s);
+      worths_.push_back(static_cast<float>(haste * doubt(place.p_m, request)));
+    }
+    if (request.tracks != nullptr) add_people(*request.tracks, request.now, eye_m);
+    add_surroundings(request, eye_m);
+    const Sight sight(request);
+    for (std::size_t k = 0; k < places_.size(); ++k) {
+      if (worths_[k] > 0.0F && !sight.reaches(places_[k].p_m)) worths_[k] = 0.0F;
+    }
+  }
+
+  /// How likely a place is not what the map has there.
+  [[nodiscard]] double doubt(const Eigen::Vector3d& p_m, const GazeRequest& request) const {
+    double distance_m = 0.0;
+    FieldStatus status{};
+    request.field->query({&p_m, 1}, {&distance_m, 1}, {}, {&status, 1});
+    const double age_s = looked_at_.age_s(p_m, request.now);
+    return -std::expm1(-age_s / (status == FieldStatus::kKnown ? options_.stale_s : kVain_s));
+  }
+
+  void add_people(const Tracks& tracks, Stamp now, const Eigen::Vector3d& eye_m) {
+    for (const Track& track : tracks.tracks) {
+      const double unseen_s = std::max(0.0, now.seconds() - track.last_seen.seconds());
+      const Eigen::Vector2d here_m = track.position_m + unseen_s * track.velocity_mps;
+      const double weight = options_.track_weight *
+                            std::exp(-(here_m - eye_m.head<2>()).norm() / kNear_m) *
+                            -std::expm1(-unseen_s / kTrackStale_s);
+      const double middle_m = 0.5 * (track.bottom_m + track.top_m);
+      places_.push_back({{here_m.x(), here_m.y(), middle_m}, 0.0});
+      worths_.push_back(static_cast<float>(weight));
+    }
+  }
+
+  void add_surroundings(const GazeRequest& request, const Eigen::Vector3d& eye_m) {
+    constexpr int kBearings = 12;
+    constexpr double kHip_m = 0.9;
+    for (const double away_m : {1.5, 3.0}) {
+      for (int i = 0; i < kBearings; ++i) {
+        const double bearing_rad = 2.0 * std::numbers::pi * i / kBearings;
+        const Eigen::Vector3d p_m(eye_m.x() + away_m * std::cos(bearing_rad),
+                                  eye_m.y() + away_m * std::sin(bearing_rad), kHip_m);
+        places_.push_back({p_m, 0.0});
+        worths_.push_back(static_cast<float>(options_.around_weight * doubt(p_m, request)));
+      }
+    }
+  }
+
+  [[nodiscard]] std::size_t best(const GazeRequest& request, const Directions& directions) const {
+    const HeadDescription& head = request.head.description();
+    struct First {
+      std::size_t direction;
+      float worth;
+      double time_s;
+    };
+    std::vector<First> firsts;
+    for (std::size_t d = 0; d < directions.size(); ++d) {
+      const float worth = directions.worth(d, worths_);
+      if (worth <= 0.0F) continue;
+      const double turn_s = turning_time_s(head, request.at, directions.angles(d));
+      firsts.push_back({d, worth, turn_s + kDwell_s});
+    }
+    const auto better = [](const First& a, const First& b) {
+      return a.worth / a.time_s > b.worth / b.time_s;
+    };
+    const std::size_t count = std::min(kFirsts, firsts.size());
+    std::ranges::partial_sort(firsts, firsts.begin() + static_cast<std::ptrdiff_t>(count), better);
+    std::size_t best = 0;
+    double most = 0.0;
+    std::vector<float> rest;
+    for (const First& first : std::span(firsts).first(count)) {
+      rest = worths_;
+      for (std::size_t k = 0; k < rest.size(); ++k) {
+        if (directions.shows(first.direction, k)) rest[k] = 0.0F;
+      }
+      const HeadAngles& from = directions.angles(first.direction);
+      double rate = static_cast<double>(first.worth) / first.time_s;
+      for (std::size_t d = 0; d < directions.size(); ++d) {
+        const double then_s = turning_time_s(head, from, directions.angles(d)) + kDwell_s;
+        const auto both = static_cast<double>(first.worth + directions.worth(d, rest));
+        rate = std::max(rate, both / (first.time_s + then_s));
+      }
+      if (rate <= most) continue;
+      best = first.direction;
+      most = rate;
+    }
+    return best;
+  }
+
+  Options options_;
+  LookedAt looked_at_;
+  std::vector<Place> places_;
+  std::vector<float> worths_;
+};
+
+Result<std::unique_ptr<Gaze>> create(const Options& options, const HostContext&) {
+  return std::make_unique<Foresight>(options);
+}
+
+}  // namespace
+
+SIDESTEP_PLUGIN(Gaze, Options, create, "foresight", "0.1.0",
+                "The head looks where most is to be learned a second, two directions ahead.")
