@@ -4,7 +4,9 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <span>
 #include <utility>
+#include <variant>
 
 #include <Eigen/Geometry>
 
@@ -251,6 +253,39 @@ void MotionDetector::note(const OccupancyView& map, Past& past) {
   dilate(all, past.grid, past.in_sight, past.near_occupied);
   past.in_sight.assign(past.known.size(), 0);
   past.hidden.assign(past.known.size(), 0);
+}
+
+void MotionMemory::add_unseen(const Frame& frame, MovingObstacles& moving) {
+  constexpr double kMemory_s = 3.0;
+  constexpr double kBeside_m = 0.3;  // what is found so near is it
+  const auto* image = std::get_if<DepthImage>(&frame.measurement);
+  const Transform T_camera_world = frame.T_world_camera.inverse();
+  const auto is_in_view = [&](const MovingBall& ball) {
+    const Eigen::Vector3d p = T_camera_world * ball.centre_m;
+    if (p.z() <= 0.0) return false;
+    const double u = image->camera.fx_px * p.x() / p.z() + image->camera.cx_px;
+    const double v = image->camera.fy_px * p.y() / p.z() + image->camera.cy_px;
+    if (u < 0.0 || v < 0.0 || u > image->camera.width_px - 1 || v > image->camera.height_px - 1) {
+      return false;
+    }
+    // Nothing in front of it hides it; where nothing came back, nothing is known.
+    const double depth_m = image->at(static_cast<int>(u), static_cast<int>(v));
+    return depth_m > 0.0 && depth_m > p.z() - ball.radius_m - kBeside_m;
+  };
+  const std::size_t found = moving.balls.size();
+  for (const MovingBall& ball : balls_) {
+    const double age_s = frame.stamp.seconds() - ball.seen->seconds();
+    const bool is_found =
+        std::ranges::any_of(std::span(moving.balls).first(found), [&](const MovingBall& other) {
+          return (other.centre_m - ball.centre_m).norm() < ball.radius_m + kBeside_m;
+        });
+    if (image == nullptr || age_s < 0.0 || age_s > kMemory_s || is_found || is_in_view(ball)) {
+      continue;
+    }
+    moving.balls.push_back(ball);
+  }
+  balls_ = moving.balls;
+  for (std::size_t i = 0; i < found; ++i) balls_[i].seen = moving.stamp;
 }
 
 }  // namespace sidestep

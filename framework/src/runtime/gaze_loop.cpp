@@ -45,6 +45,7 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   request.way_blocked_s = way.blocked_s;
   request.field = map.field.get();
   request.tracks = map.tracks.get();
+  request.moving = map.moving.get();
   if (map.camera) request.camera = &*map.camera;
   const HeadAngles to =
       SIDESTEP_TRY(call_stage(parts_.gaze_name, [&] { return parts_.gaze.look(request); }));

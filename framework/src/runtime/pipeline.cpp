@@ -42,10 +42,13 @@ Result<bool> MappingPipeline::attach_masked() {
 MapSnapshot MappingPipeline::follow_motion(const Frame& frame) {
   MapSnapshot snapshot;
   if (parts_.motion_detector == nullptr || occupancy_ == nullptr) return snapshot;
-  snapshot.moving = parts_.motion_detector->look(*occupancy_, frame.stamp);
+  auto moving =
+      std::make_shared<MovingObstacles>(*parts_.motion_detector->look(*occupancy_, frame.stamp));
   if (parts_.tracker != nullptr) {
-    snapshot.tracks = parts_.tracker->update(*occupancy_, *snapshot.moving, frame);
+    snapshot.tracks = parts_.tracker->update(*occupancy_, *moving, frame);
   }
+  memory_.add_unseen(frame, *moving);
+  snapshot.moving = std::move(moving);
   return snapshot;
 }
 

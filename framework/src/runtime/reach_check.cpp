@@ -24,6 +24,7 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
       speed_mps_(settings.obstacle_speed_mps),
       acceleration_mps2_(settings.safety == "ssm" ? std::nullopt
                                                   : settings.obstacle_acceleration_mps2),
+      out_of_view_s_(settings.out_of_view_s),
       margin_m_(settings.margin_m),
       counts_standing_(settings.safety == "ssm" || acceleration_mps2_) {
   if (settings.safety == "ssm") {
@@ -51,7 +52,9 @@ void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
   };
   if (moving != nullptr) {
     for (const MovingBall& ball : moving->balls) {
-      if (!is_tracked(ball)) movers_.push_back({ball, {}, moving->stamp});
+      const Stamp seen = ball.seen.value_or(moving->stamp);
+      const bool is_forgotten = moving->stamp.seconds() - seen.seconds() > out_of_view_s_;
+      if (!is_forgotten && !is_tracked(ball)) movers_.push_back({ball, {}, seen});
     }
   }
   for (const Track& track : tracks->tracks) add_track(track, tracks->stamp);
@@ -62,10 +65,10 @@ void ReachCheck::add_track(const Track& track, Stamp seen) {
   if (!counts_standing_ && track.velocity_mps.norm() < kStanding_mps) return;
   std::optional<Eigen::Vector3d> velocity_mps;
   Eigen::Vector2d position_m = track.position_m;
-  if (acceleration_mps2_) {
-    velocity_mps.emplace(track.velocity_mps.x(), track.velocity_mps.y(), 0.0);
+  if (acceleration_mps2_) velocity_mps.emplace(track.velocity_mps.x(), track.velocity_mps.y(), 0.0);
+  const double unseen_s = std::max(0.0, seen.seconds() - track.last_seen.seconds());
+  if (acceleration_mps2_ || unseen_s <= out_of_view_s_) {
     // Whoever is out of sight may have turned since.
-    const double unseen_s = std::max(0.0, seen.seconds() - track.last_seen.seconds());
     position_m -= unseen_s * track.velocity_mps;
     seen = std::min(seen, track.last_seen);
   }

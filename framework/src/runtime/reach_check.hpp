@@ -83,6 +83,7 @@ class ReachCheck {
   MotionLimits limits_;
   double speed_mps_;
   std::optional<double> acceleration_mps2_;  ///< Of tracks; nothing: they turn at once.
+  double out_of_view_s_;
   double margin_m_;
   bool counts_standing_;  ///< People who stand, too.
   bool has_lost_track_ = false;

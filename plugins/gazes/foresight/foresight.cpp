@@ -17,7 +17,7 @@ struct Options {
   double horizon_s = 10.0;
   double haste_s = 4.0;
   double stale_s = 5.0;
-  double track_weight = 40.0;
+  double track_weight = 100.0;
   double around_weight = 0.5;
   double range_m = 4.5;
   int pans = 16;
@@ -53,8 +53,8 @@ constexpr double kVain_s = 1.5;
 /// What the robot sweeps so long after something blocks its way may be blocked, too.
 constexpr double kBlock_s = 1.0;
 /// How far off somebody who is tracked counts 1/e as much.
-constexpr double kNear_m = 1.0;
-constexpr double kTrackStale_s = 0.7;
+constexpr double kNear_m = 1.5;
+constexpr double kTrackStale_s = 0.4;
 /// First directions of which the best second one is looked for.
 constexpr std::size_t kFirsts = 16;
 
@@ -88,6 +88,7 @@ class Foresight final : public Gaze {
       worths_.push_back(static_cast<float>(haste * doubt(place.p_m, request)));
     }
     if (request.tracks != nullptr) add_people(*request.tracks, request.now, eye_m);
+    if (request.moving != nullptr) add_moving(*request.moving, request.now, eye_m);
     add_surroundings(request, eye_m);
     const Sight sight(request);
     for (std::size_t k = 0; k < places_.size(); ++k) {
@@ -106,15 +107,29 @@ class Foresight final : public Gaze {
 
   void add_people(const Tracks& tracks, Stamp now, const Eigen::Vector3d& eye_m) {
     for (const Track& track : tracks.tracks) {
-      const double unseen_s = std::max(0.0, now.seconds() - track.last_seen.seconds());
-      const Eigen::Vector2d here_m = track.position_m + unseen_s * track.velocity_mps;
-      const double weight = options_.track_weight *
-                            std::exp(-(here_m - eye_m.head<2>()).norm() / kNear_m) *
-                            -std::expm1(-unseen_s / kTrackStale_s);
       const double middle_m = 0.5 * (track.bottom_m + track.top_m);
-      places_.push_back({{here_m.x(), here_m.y(), middle_m}, 0.0});
-      worths_.push_back(static_cast<float>(weight));
+      add_somebody({track.position_m.x(), track.position_m.y(), middle_m}, options_.track_weight,
+                   now.seconds() - track.last_seen.seconds(), eye_m);
     }
+  }
+
+  /// What has been out of view since it moved, tracked or not: together as much as one person.
+  void add_moving(const MovingObstacles& moving, Stamp now, const Eigen::Vector3d& eye_m) {
+    const auto unseen = std::ranges::count_if(
+        moving.balls, [](const MovingBall& ball) { return ball.seen.has_value(); });
+    for (const MovingBall& ball : moving.balls) {
+      if (!ball.seen) continue;
+      add_somebody(ball.centre_m, options_.track_weight / static_cast<double>(unseen),
+                   now.seconds() - ball.seen->seconds(), eye_m);
+    }
+  }
+
+  void add_somebody(const Eigen::Vector3d& p_m, double weight, double unseen_s,
+                    const Eigen::Vector3d& eye_m) {
+    const double nearness = std::exp(-(p_m - eye_m).head<2>().norm() / kNear_m);
+    places_.push_back({p_m, 0.0});
+    worths_.push_back(static_cast<float>(-weight * nearness *
+                                         std::expm1(-std::max(0.0, unseen_s) / kTrackStale_s)));
   }
 
   void add_surroundings(const GazeRequest& request, const Eigen::Vector3d& eye_m) {

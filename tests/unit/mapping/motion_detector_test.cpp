@@ -279,5 +279,78 @@ TEST(MotionDetector, BeginsAnewWhereTheGridMovesOrTimeGoesBack) {
   EXPECT_TRUE(detector.update(map, kEye_m, at(0.5))->balls.empty());
 }
 
+/// What a camera at the origin sees that looks along x: something at one depth all over.
+Frame frame_at(double time_s, double depth_m) {
+  DepthImage image;
+  image.camera = {160, 120, 138.6, 138.6, 79.5, 59.5};  // 60 x 47 degrees
+  image.depth_m.assign(160 * 120, static_cast<float>(depth_m));
+  Frame frame;
+  frame.stamp = Stamp::from_seconds(time_s);
+  frame.T_world_camera = T_forward_optical();
+  frame.measurement = std::move(image);
+  return frame;
+}
+
+MovingObstacles moving_at(double time_s, std::vector<Eigen::Vector3d> places_m) {
+  MovingObstacles moving;
+  moving.stamp = Stamp::from_seconds(time_s);
+  for (const Eigen::Vector3d& p_m : places_m) moving.balls.push_back({p_m, 0.2});
+  return moving;
+}
+
+class Memory : public ::testing::Test {
+ protected:
+  /// What is known to move after a frame in which `found` was detected.
+  std::vector<MovingBall> after(double time_s, double depth_m,
+                                std::vector<Eigen::Vector3d> found = {}) {
+    MovingObstacles moving = moving_at(time_s, std::move(found));
+    memory_.add_unseen(frame_at(time_s, depth_m), moving);
+    return moving.balls;
+  }
+  MotionMemory memory_;
+};
+
+constexpr double kFar_m = 4.0;
+const Eigen::Vector3d kBeside(1.0, 1.5, 0.0);  // of the image
+
+TEST_F(Memory, KeepsWhatIsBesideTheImageForThreeSeconds) {
+  ASSERT_EQ(after(1.0, kFar_m, {kBeside}).size(), 1U);
+  for (const double time_s : {1.1, 2.5, 4.0}) {
+    const auto balls = after(time_s, kFar_m);
+    ASSERT_EQ(balls.size(), 1U) << time_s;
+    EXPECT_EQ(balls[0].centre_m, kBeside);
+    EXPECT_EQ(balls[0].seen, Stamp::from_seconds(1.0));
+  }
+  EXPECT_TRUE(after(4.1, kFar_m).empty());
+}
+
+TEST_F(Memory, ForgetsWhatAnImageShowsToBeGone) {
+  ASSERT_EQ(after(1.0, kFar_m, {{2.0, 0.0, 0.0}}).size(), 1U);
+  EXPECT_TRUE(after(1.1, kFar_m).empty());
+  EXPECT_TRUE(after(1.2, kFar_m).empty());
+}
+
+TEST_F(Memory, KeepsWhatIsHiddenAndWhereNothingCameBack) {
+  for (const double depth_m : {1.0, 0.0}) {
+    memory_ = {};
+    ASSERT_EQ(after(1.0, kFar_m, {{2.0, 0.0, 0.0}}).size(), 1U);
+    EXPECT_EQ(after(1.1, depth_m).size(), 1U) << depth_m;
+  }
+}
+
+TEST_F(Memory, KeepsNothingTwice) {
+  ASSERT_EQ(after(1.0, kFar_m, {kBeside}).size(), 1U);
+  const auto balls = after(1.1, kFar_m, {kBeside + Eigen::Vector3d(0.0, 0.05, 0.0)});
+  ASSERT_EQ(balls.size(), 1U);
+  EXPECT_FALSE(balls[0].seen.has_value());
+  // From then on it is that which is kept.
+  EXPECT_EQ(after(1.2, kFar_m)[0].seen, Stamp::from_seconds(1.1));
+}
+
+TEST_F(Memory, StartsOverWhereStampsGoBack) {
+  ASSERT_EQ(after(5.0, kFar_m, {kBeside}).size(), 1U);
+  EXPECT_TRUE(after(1.0, kFar_m).empty());
+}
+
 }  // namespace
 }  // namespace sidestep

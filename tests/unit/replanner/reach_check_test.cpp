@@ -60,10 +60,12 @@ struct Meeting {
 Stamp at(double time_s) { return Stamp::from_seconds(time_s); }
 
 detail::ReachCheck reach_check(std::vector<double> braking = {},
-                               std::optional<double> acceleration_mps2 = {}) {
+                               std::optional<double> acceleration_mps2 = {},
+                               double out_of_view_s = 0.0) {
   ReplannerSettings settings;
   settings.obstacle_speed_mps = kWalk_mps;
   settings.obstacle_acceleration_mps2 = acceleration_mps2;
+  settings.out_of_view_s = out_of_view_s;
   settings.margin_m = kMargin_m;
   return {std::make_shared<testing_support::BallRobot>(kBody_m),
           {{1.0, 1.0, 1.0}, {kBrake_mps2, kBrake_mps2, kBrake_mps2}, {}, std::move(braking)},
@@ -186,6 +188,37 @@ TEST(ReachCheck, OfTracksThatCannotTurnAtOnceMissesNobodyWhoTurns) {
   }
   EXPECT_GT(reached, 50);
   EXPECT_GT(spared, 20) << "who walks away is feared no less than who may turn at once";
+}
+
+// Whoever is out of sight may have turned when he was seen last, and have come nearer since then.
+TEST(ReachCheck, FearsWhoIsOutOfSightFromWhereHeWasSeenLast) {
+  const auto is_reached = [](double beyond_m) {
+    const Tracks tracks = one_track({kBody_m + kMargin_m + 0.2 + beyond_m, 0.0}, {0.0, 0.3});
+    detail::ReachCheck reach = reach_check({}, {}, 1.0);
+    reach.look_at(nullptr, &tracks);
+    return reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value();
+  };
+  const double nearer_m = 0.32 + (1.6 + kSeen_s) * kWalk_mps;
+  EXPECT_TRUE(is_reached(nearer_m - 0.02));
+  EXPECT_FALSE(is_reached(nearer_m + kSlack_m + 0.03));
+  // What moved and is out of view, likewise.
+  const auto is_reached_untracked = [](double beyond_m) {
+    const MovingBall ball{{0.3 + kBody_m + kMargin_m + beyond_m, 0.0, 0.0}, 0.3, at(-kSeen_s)};
+    detail::ReachCheck reach = reach_check({}, {}, 1.0);
+    reach.look_at(seen(ball, at(0.0)).get(), nullptr);
+    return reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value();
+  };
+  EXPECT_TRUE(is_reached_untracked(nearer_m - 0.01));
+  EXPECT_FALSE(is_reached_untracked(nearer_m + kSlack_m));
+}
+
+TEST(ReachCheck, ForgetsWhatHasBeenOutOfViewForLonger) {
+  const MovingBall ball{{0.3 + kBody_m + kMargin_m, 0.0, 0.0}, 0.3, at(-kSeen_s)};
+  for (const double out_of_view_s : {0.0, kSeen_s - 0.1, kSeen_s + 0.1}) {
+    detail::ReachCheck reach = reach_check({}, {}, out_of_view_s);
+    reach.look_at(seen(ball, at(0.0)).get(), nullptr);
+    EXPECT_EQ(reach.first_reach(cruise(), 0.0, 0.0, at(0.0)).has_value(), out_of_view_s > kSeen_s);
+  }
 }
 
 TEST(ReachCheck, OfTracksThatCannotTurnAtOnceCountsWhoStands) {

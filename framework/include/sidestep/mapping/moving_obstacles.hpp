@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <sidestep/core/export.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/sensing/frame.hpp>
 
 namespace sidestep {
 
@@ -15,6 +17,8 @@ namespace sidestep {
 struct MovingBall {
   Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();
   double radius_m = 0.0;
+  /// When it was there, if it has been out of view since; nothing: at MovingObstacles::stamp.
+  std::optional<Stamp> seen = std::nullopt;
 };
 
 /// Where things move, as one immutable snapshot of a map.
@@ -75,6 +79,18 @@ class SIDESTEP_EXPORT MotionDetector {
   std::vector<Eigen::Vector3d> eyes_m_;  ///< Of the frames since the newest of these.
   std::deque<Past> past_;                ///< Oldest first.
   Past spare_;                           ///< A forgotten one, for its memory.
+};
+
+/// Keeps in mind what moved when it was last in view: a camera that looks elsewhere does not see
+/// where it went. [mapping]
+class SIDESTEP_EXPORT MotionMemory {
+ public:
+  /// Adds to what moves after a frame what moved up to three seconds before and has not been in
+  /// view since. `moving` is the detector's, frame by frame; of point clouds nothing is known.
+  void add_unseen(const Frame& frame, MovingObstacles& moving);
+
+ private:
+  std::vector<MovingBall> balls_;  ///< Of the last frame; `seen` is told of each.
 };
 
 }  // namespace sidestep

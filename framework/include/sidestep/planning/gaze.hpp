@@ -7,6 +7,7 @@
 #include <sidestep/core/export.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/field/distance_field.hpp>
+#include <sidestep/mapping/moving_obstacles.hpp>
 #include <sidestep/mapping/tracks.hpp>
 #include <sidestep/robot/head.hpp>
 #include <sidestep/sensing/frame.hpp>
@@ -29,7 +30,8 @@ struct GazeRequest {
   std::optional<double> way_blocked_s;   ///< From which what is in the map, or unseen, blocks it.
   const DistanceField* field = nullptr;  ///< The newest map; null before the first.
   const Tracks* tracks = nullptr;        ///< With it; null where nobody tracks.
-  const CameraView* camera = nullptr;    ///< Of the newest frame in it; null where it has none.
+  const MovingObstacles* moving = nullptr;  ///< With it; null where nobody looks for it.
+  const CameraView* camera = nullptr;       ///< Of the newest frame in it; null where it has none.
 };
 
 /// Turns a robot's head.

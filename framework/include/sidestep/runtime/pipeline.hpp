@@ -85,7 +85,8 @@ class MappingPipeline {
   [[nodiscard]] bool has_content();
 
   Parts parts_;
-  const OccupancyView* occupancy_;         ///< Of the mapper; null where it has none.
+  const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
+  MotionMemory memory_;
   std::optional<MaskedOccupancy> masked_;  ///< What the field sees, where tracks are masked.
   bool has_content_ = false;
   std::vector<Error> bad_frames_;

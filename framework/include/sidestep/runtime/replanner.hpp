@@ -47,6 +47,9 @@ struct ReplannerSettings {
   /// How fast what is tracked, standing or not, can change its velocity, beside
   /// obstacle_speed_mps; nothing: at once. Not of "ssm".
   std::optional<double> obstacle_acceleration_mps2;
+  /// For so long what has been seen to move, and is out of view since, is taken to come nearer from
+  /// where it was seen last, up to three seconds; 0: tracks go on as they went, all else stays.
+  double out_of_view_s = 0.0;
   /// "passive", or "ssm": speed and separation monitoring (ISO/TS 15066, 5.5.4). Whoever is
   /// tracked, standing or not, is taken to walk up at kWalkingSpeed_mps, or at obstacle_speed_mps
   /// if that is more, and `intrusion_m` is left when the robot has come to rest.
