@@ -18,7 +18,7 @@ struct Options {
   double haste_s = 4.0;
   double stale_s = 5.0;
   double track_weight = 100.0;
-  double around_weight = 0.5;
+  double around_weight = 2.0;
   double range_m = 4.5;
   int pans = 16;
   int tilts = 9;
@@ -55,6 +55,8 @@ constexpr double kBlock_s = 1.0;
 /// How far off somebody who is tracked counts 1/e as much.
 constexpr double kNear_m = 1.5;
 constexpr double kTrackStale_s = 0.4;
+/// In which somebody may have come to where nobody was.
+constexpr double kAroundStale_s = 2.0;
 /// First directions of which the best second one is looked for.
 constexpr std::size_t kFirsts = 16;
 
@@ -141,7 +143,9 @@ class Foresight final : public Gaze {
         const Eigen::Vector3d p_m(eye_m.x() + away_m * std::cos(bearing_rad),
                                   eye_m.y() + away_m * std::sin(bearing_rad), kHip_m);
         places_.push_back({p_m, 0.0});
-        worths_.push_back(static_cast<float>(options_.around_weight * doubt(p_m, request)));
+        const double age_s = looked_at_.age_s(p_m, request.now);
+        worths_.push_back(
+            static_cast<float>(-options_.around_weight * std::expm1(-age_s / kAroundStale_s)));
       }
     }
   }
