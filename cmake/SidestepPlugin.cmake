@@ -2,8 +2,8 @@
 #
 # A Sidestep plugin: the shared library lib<kind>_<name>.so, whose one exported symbol is
 # sidestep_plugin(). KIND is source, mapper, field, robot, optimiser, executor, cost, predictor, gaze
-# or experiment (LINK Sidestep::runtime). In a build of Sidestep itself it lands beside the others; elsewhere, in the current binary folder. Installed
-# with Sidestep, for third parties too.
+# or experiment (LINK Sidestep::runtime). In a build of Sidestep itself it lands beside the others; elsewhere, in the
+# current binary folder. Installed with Sidestep, for third parties too.
 function(sidestep_add_plugin name)
   cmake_parse_arguments(ARG "" "KIND" "SOURCES;LINK" ${ARGN})
   set(target ${ARG_KIND}_${name})

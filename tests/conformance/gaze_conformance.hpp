@@ -93,7 +93,9 @@ class Looker {
     GazeRequest request{now, *robot_, state, T_world_link, head_, at};
     request.way = way.size() > 0 ? &way : nullptr;
     request.field = field.get();
+    request.way_blocked_s = blocked_s;
     request.tracks = tracks ? &*tracks : nullptr;
+    request.moving = moving ? &*moving : nullptr;
     request.camera = camera ? &*camera : nullptr;
     return request;
   }
@@ -106,7 +108,9 @@ class Looker {
   std::vector<Transform> T_world_link;
   Trajectory way;
   std::shared_ptr<const DistanceField> field;
+  std::optional<double> blocked_s;
   std::optional<Tracks> tracks;
+  std::optional<MovingObstacles> moving;
   std::optional<CameraView> camera;
 
  private:
@@ -126,6 +130,9 @@ class GazeConformance : public testing::TestWithParam<GazeCase> {
     track.top_m = 1.8;
     track.last_seen = {looker_.now.ns - 700'000'000};
     looker_.tracks = Tracks{{track}, looker_.now};
+    looker_.blocked_s = 4.0;
+    looker_.moving = MovingObstacles{{{{-1.0, 1.0, 0.9}, 0.2, Stamp{looker_.now.ns - 500'000'000}}},
+                                     looker_.now};
     looker_.take_frame();
   }
   /// Of a new gaze, asked ten times a second while the head turns as it says.

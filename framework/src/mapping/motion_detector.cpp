@@ -261,6 +261,7 @@ void MotionMemory::add_unseen(const Frame& frame, MovingObstacles& moving) {
   const auto* image = std::get_if<DepthImage>(&frame.measurement);
   const Transform T_camera_world = frame.T_world_camera.inverse();
   const auto is_in_view = [&](const MovingBall& ball) {
+    if (image == nullptr) return false;
     const Eigen::Vector3d p = T_camera_world * ball.centre_m;
     if (p.z() <= 0.0) return false;
     const double u = image->camera.fx_px * p.x() / p.z() + image->camera.cx_px;
@@ -279,7 +280,7 @@ void MotionMemory::add_unseen(const Frame& frame, MovingObstacles& moving) {
         std::ranges::any_of(std::span(moving.balls).first(found), [&](const MovingBall& other) {
           return (other.centre_m - ball.centre_m).norm() < ball.radius_m + kBeside_m;
         });
-    if (image == nullptr || age_s < 0.0 || age_s > kMemory_s || is_found || is_in_view(ball)) {
+    if (age_s < 0.0 || age_s > kMemory_s || is_found || is_in_view(ball)) {
       continue;
     }
     moving.balls.push_back(ball);

@@ -10,6 +10,8 @@ namespace sidestep {
 namespace {
 
 constexpr std::int64_t kPeriod_ns = 100'000'000;
+/// A head that is told where it was measured would sink by its own error each time.
+constexpr double kSame_rad = 0.01;
 
 }  // namespace
 
@@ -26,13 +28,17 @@ GazeLoop::GazeLoop(Parts parts, Head head, HeadTurner& turner)
       turner_(&turner),
       T_world_link_(parts_.robot->description().links.size()) {}
 
-void GazeLoop::step(Stamp now, const RobotState& measured, const Replanner::Way& way) {
-  if (looked_ && now >= *looked_ && now.ns - looked_->ns < kPeriod_ns) return;
+bool GazeLoop::is_due(Stamp now) const noexcept {
+  return !looked_ || now < *looked_ || now.ns - looked_->ns >= kPeriod_ns;
+}
+
+void GazeLoop::look(Stamp now, const RobotState& measured, const Replanner::Way& way) {
   looked_ = now;
   const auto turned = turn(now, measured, way);
-  if (turned || has_failed_) return;
-  has_failed_ = true;
-  parts_.log.warn(turned.error().describe() + "; the head stays as it is");
+  if (!turned && !has_failed_) {
+    parts_.log.warn(turned.error().describe() + "; the head stays as it is");
+  }
+  has_failed_ = !turned;
 }
 
 Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replanner::Way& way) {
@@ -53,8 +59,17 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
     return fail(ErrorCode::kPlugin, "said angles that are not numbers",
                 "plugin " + parts_.gaze_name);
   }
-  return call_stage(parts_.executor_name,
-                    [&] { return turner_->turn_head(head_.within_limits(to)); });
+  const HeadAngles wanted = head_.within_limits(to);
+  const auto is_same = [](double a_rad, double b_rad) {
+    return std::abs(a_rad - b_rad) < kSame_rad;
+  };
+  if (told_ && is_same(told_->pan_rad, wanted.pan_rad) &&
+      is_same(told_->tilt_rad, wanted.tilt_rad)) {
+    return {};
+  }
+  SIDESTEP_TRY(call_stage(parts_.executor_name, [&] { return turner_->turn_head(wanted); }));
+  told_ = wanted;
+  return {};
 }
 
 }  // namespace sidestep

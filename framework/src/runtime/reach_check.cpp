@@ -42,11 +42,13 @@ void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
   if (speed_mps_ == 0.0) return;
   const Tracks none;
   if (tracks == nullptr || has_lost_track_) tracks = &none;
-  const auto is_tracked = [&](const MovingBall& ball) {
+  const auto is_tracked = [&](const MovingBall& ball, Stamp seen) {
+    const double since_s = tracks->stamp.seconds() - seen.seconds();
     return acceleration_mps2_ && std::ranges::any_of(tracks->tracks, [&](const Track& track) {
              const Eigen::Vector3d& c = ball.centre_m;
+             const Eigen::Vector2d then_m = track.position_m - since_s * track.velocity_mps;
              const double sticks_out_m = ball.radius_m - kBeside_m;
-             return (c.head<2>() - track.position_m).norm() + sticks_out_m <= track.radius_m &&
+             return (c.head<2>() - then_m).norm() + sticks_out_m <= track.radius_m &&
                     c.z() - sticks_out_m >= track.bottom_m && c.z() + sticks_out_m <= track.top_m;
            });
   };
@@ -54,7 +56,7 @@ void ReachCheck::look_at(const MovingObstacles* moving, const Tracks* tracks) {
     for (const MovingBall& ball : moving->balls) {
       const Stamp seen = ball.seen.value_or(moving->stamp);
       const bool is_forgotten = moving->stamp.seconds() - seen.seconds() > out_of_view_s_;
-      if (!is_forgotten && !is_tracked(ball)) movers_.push_back({ball, {}, seen});
+      if (!is_forgotten && !is_tracked(ball, seen)) movers_.push_back({ball, {}, seen});
     }
   }
   for (const Track& track : tracks->tracks) add_track(track, tracks->stamp);

@@ -434,8 +434,10 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
       reason == Reason::kCost || reason == Reason::kSooner || reason == Reason::kAside;
   if (found.fault.empty() && is_good) return false;  // what is followed is good
   failed_at = now;
-  refused = found.refused;
-  refused_free_s = found.refused_free_s;
+  if (found.refused != nullptr) {
+    refused = found.refused;
+    refused_free_s = found.refused_free_s;
+  }
   const bool is_told = is_failing && found.fault.empty();
   is_failing = !std::holds_alternative<Driving>(phase);
   if (is_told && is_failing) return false;
@@ -474,8 +476,10 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   phase = Driving{
       {plan.trajectory, now}, field, is_clear, is_clear, {}, {}, false, plan.delay_s, plan.is_aside,
       is_new && !plan.at_once};
-  if (is_new) unfinished = plan.at_once.value_or(plan.trajectory);
-  refused.reset();
+  if (is_new) {
+    unfinished = plan.at_once.value_or(plan.trajectory);
+    refused.reset();
+  }
   is_moving = true;
   free_goal.reset();
   is_failing = false;

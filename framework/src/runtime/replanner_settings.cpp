@@ -43,9 +43,9 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
           "it is near where it was going. Left out: it may turn at once.",
           {.unit = "m/s^2", .min = 0.0, .max = 100.0})
       .add("out_of_view_s", &S::out_of_view_s,
-           "For so long what has been seen to move, and is out of view since, is taken to come "
-           "nearer "
-           "from where it was seen last. Else tracks go on as they went, and all else stays.",
+           "For so long what has been seen to move, and is in no image since, is feared from where "
+           "it "
+           "was seen last.",
            {.unit = "s", .min = 0.0, .max = 3.0})
       .add("safety", &S::safety,
            "passive: as obstacle_speed_mps has it; ssm: speed and separation monitoring (ISO/TS "

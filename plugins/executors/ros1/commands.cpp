@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -15,6 +16,16 @@ namespace {
 
 /// Two points of a command are at least so far apart.
 constexpr double kLeastStep_s = 1e-3;
+
+/// In which a joint turns within its limits by one cubic from rest to rest, as controllers go to a
+/// point: its largest velocity is 3/2 of the mean, its largest acceleration 6 d / T^2.
+double cubic_time_s(const Joint& joint, double from_rad, double to_rad) {
+  const double way_rad = std::abs(to_rad - from_rad);
+  const double by_velocity_s = 1.5 * way_rad / joint.max_velocity;
+  const bool is_limited = std::isfinite(joint.max_acceleration);
+  return std::max(by_velocity_s,
+                  is_limited ? std::sqrt(6.0 * way_rad / joint.max_acceleration) : 0.0);
+}
 
 }  // namespace
 
@@ -147,35 +158,42 @@ Result<std::vector<ros_messages::JointTrajectory>> CommandWriter::turn_head(
     const HeadDescription& head, const HeadAngles& from, const HeadAngles& to, Stamp stamp) {
   const std::array angles{std::pair(&head.pan.joint, to.pan_rad),
                           std::pair(&head.tilt.joint, to.tilt_rad)};
+  const double time_s =
+      std::max({kLeastStep_s, cubic_time_s(head.pan.joint, from.pan_rad, to.pan_rad),
+                cubic_time_s(head.tilt.joint, from.tilt_rad, to.tilt_rad)});
   std::size_t found = 0;
-  std::vector<ros_messages::JointTrajectory> messages;
-  for (Controller& controller : controllers_) {
-    messages.emplace_back();
+  std::vector<std::size_t> turning;
+  std::vector<ros_messages::JointTrajectory> messages(controllers_.size());
+  for (std::size_t c = 0; c < controllers_.size(); ++c) {
+    const Controller& controller = controllers_[c];
     ros_messages::JointTrajectory message = header_of(controller, stamp);
     auto& point = message.points.emplace_back();
-    point.time_from_start = ::ros::Duration(std::max(kLeastStep_s, turning_time_s(head, from, to)));
+    point.time_from_start = ::ros::Duration(time_s);
     const std::size_t before = found;
     for (std::size_t i = 0; i < controller.names.size(); ++i) {
       const auto turned = std::ranges::find(angles, controller.names[i],
                                             [](const auto& angle) { return angle.first->name; });
-      found += turned != angles.end() ? 1 : 0;
-      point.positions.push_back(turned != angles.end() ? turned->second
-                                                       : controller.columns[i].held);
+      const bool is_turned = turned != angles.end();
+      found += is_turned ? 1 : 0;
+      point.positions.push_back(is_turned ? turned->second : controller.columns[i].held);
       point.velocities.push_back(0.0);
     }
     if (found == before) continue;
-    if (std::ranges::any_of(controller.columns, [](const Column& c) { return c.joint >= 0; })) {
+    if (std::ranges::any_of(controller.columns, [](const Column& k) { return k.joint >= 0; })) {
       return fail(ErrorCode::kUnsupported, "the head's controller moves planned joints, too",
                   "executor.controllers");
     }
-    controller.turns_head = true;
-    messages.back() = std::move(message);
+    turning.push_back(c);
+    messages[c] = std::move(message);
   }
-  if (found == angles.size()) return messages;
-  return fail(
-      ErrorCode::kUnsupported,
-      "no controller moves '" + head.pan.joint.name + "' and '" + head.tilt.joint.name + "'",
-      "executor.controllers", "name them there and in `hold`");
+  if (found != angles.size()) {
+    return fail(
+        ErrorCode::kUnsupported,
+        "no controller moves '" + head.pan.joint.name + "' and '" + head.tilt.joint.name + "'",
+        "executor.controllers", "name them there and in `hold`");
+  }
+  for (const std::size_t c : turning) controllers_[c].turns_head = true;
+  return messages;
 }
 
 CommandStream::CommandStream(const Options& options, MotionLimits limits, CommandWriter writer,

@@ -61,7 +61,7 @@ class CommandedMotion {
                                         const MotionLimits& limits);
 
 /// The messages that make controllers follow one trajectory: the same stamp, the same times, each
-/// controller its joints. Immutable; [any] thread.
+/// controller its joints. One thread at a time.
 class CommandWriter {
  public:
   /// Fails with kConfig for a joint that is neither the robot's nor held, and for one of the
@@ -77,7 +77,8 @@ class CommandWriter {
   /// get an empty message, without joints.
   [[nodiscard]] std::vector<ros_messages::JointTrajectory> write(const Trajectory& trajectory,
                                                                  Stamp stamp) const;
-  /// That turn a head from `from` to `to`, as fast as it can, and empty ones for all others. Fails
+  /// That turn a head from `from` to `to` by one cubic within its limits, and empty ones for all
+  /// others; write() leaves these controllers out from then on. Fails, and changes nothing,
   /// with kUnsupported where one of its joints is not held, or moved by a controller that moves
   /// planned joints, too.
   [[nodiscard]] Result<std::vector<ros_messages::JointTrajectory>> turn_head(

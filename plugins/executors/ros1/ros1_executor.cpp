@@ -159,6 +159,7 @@ std::optional<HeadAngles> RobotExecutor::head() const {
 
 Result<void> RobotExecutor::turn_head(const HeadAngles& to) {
   const std::lock_guard lock(mutex_);
+  if (options_.mode == "confirm" && told_.is_empty()) return {};  // nobody has said yes yet
   const auto from = head();
   if (!from) return fail(ErrorCode::kIo, "where the head is, is not known", kWhere);
   SIDESTEP_TRY(ros1_node::update(time_, clock_));

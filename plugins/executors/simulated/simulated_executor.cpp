@@ -285,10 +285,11 @@ class SimulatedExecutor final : public Executor,
   }
 
   void record() {
+    if (head_) {  // first: whoever knows the robot's state at a time knows its head, too
+      const Eigen::VectorXd& q = head_->state().q;
+      motion_->record_head({q[0], q[1]}, robot_.time());
+    }
     motion_->record(measured(), robot_.time());
-    if (!head_) return;
-    const Eigen::VectorXd& q = head_->state().q;
-    motion_->record_head({q[0], q[1]}, robot_.time());
   }
 
   [[nodiscard]] RobotState measured() const {

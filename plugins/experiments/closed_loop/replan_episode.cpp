@@ -256,8 +256,8 @@ class EpisodeRun {
     const std::size_t first = events_.size();
     const Stopwatch watch;
     status_ = replanner_->step(now, events_);
-    if (gaze_) turn_head(now);
     const double step_ms = watch.elapsed_ms();
+    if (gaze_ && gaze_->is_due(now)) turn_head(now);
     ++record_.steps;
     note_events(now, first);
     const bool is_last = status_ == Replanner::Status::kReached || now >= end_;
@@ -271,7 +271,7 @@ class EpisodeRun {
 
   void turn_head(Stamp now) {
     const auto current = measured();
-    if (current) gaze_->step(now, current->state, replanner_->way());
+    if (current) gaze_->look(now, current->state, replanner_->way());
   }
 
   /// The episode is over: stops a robot that still moves, and waits until it is at rest.

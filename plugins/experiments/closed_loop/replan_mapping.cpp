@@ -33,7 +33,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
       slot_(slot),
       source_(*world.source, *world.clock, !is_lockstep_),
       tracker_({}, world.robot),
-      is_tracking_(settings.tracks || world.predictor || world.gaze),
+      is_tracking_(settings.tracks || world.predictor ||
+                   (world.gaze && world.gaze->wants_tracks())),
       // What nobody predicts stays in the map.
       masks_tracks_(world.predictor && world.predictor->subject() != PredictionSubject::kNothing),
       pipeline_({source_,

@@ -39,4 +39,4 @@ Result<std::unique_ptr<Gaze>> create(const Options& options, const HostContext&)
 
 }  // namespace
 
-SIDESTEP_PLUGIN(Gaze, Options, create, "fixed", "0.1.0", "The head stays as it is told to.")
+SIDESTEP_PLUGIN(Gaze, Options, create, "fixed", "0.1.0", "The head stays as it is told to")

@@ -75,6 +75,7 @@ class Foresight final : public Gaze {
                                 options_.range_m);
     return directions.angles(best(request, directions));
   }
+  [[nodiscard]] bool wants_tracks() const noexcept override { return true; }
 
  private:
   void weigh(const GazeRequest& request) {
@@ -204,4 +205,4 @@ Result<std::unique_ptr<Gaze>> create(const Options& options, const HostContext&)
 }  // namespace
 
 SIDESTEP_PLUGIN(Gaze, Options, create, "foresight", "0.1.0",
-                "The head looks where most is to be learned a second, two directions ahead.")
+                "The head looks where most is to be learned a second, two directions ahead")

@@ -33,9 +33,10 @@ class LookAhead final : public Gaze {
     const Eigen::Vector3d here_m = request.T_world_link[link_].translation();
     const Eigen::Vector3d there_m = later_m(request).value_or(here_m);
     const bool is_far = (there_m - here_m).norm() > kHere_m;
-    if (!is_far && looked_) return request.at;
-    looked_ = true;
-    return request.head.towards(there_m, request.T_world_link, request.at);
+    if (is_far || !wanted_) {
+      wanted_ = request.head.towards(there_m, request.T_world_link, request.at);
+    }
+    return *wanted_;
   }
 
  private:
@@ -50,7 +51,7 @@ class LookAhead final : public Gaze {
 
   Options options_;
   std::size_t link_;
-  bool looked_ = false;
+  std::optional<HeadAngles> wanted_;
   std::vector<double> q_;
   std::vector<Transform> T_world_link_;
   Scratch scratch_;
@@ -73,4 +74,4 @@ Result<std::unique_ptr<Gaze>> create(const Options& options, const HostContext& 
 }  // namespace
 
 SIDESTEP_PLUGIN(Gaze, Options, create, "look_ahead", "0.1.0",
-                "The head looks at where a link of the robot will be.")
+                "The head looks at where a link of the robot will be")

@@ -51,4 +51,4 @@ Result<std::unique_ptr<Gaze>> create(const Options& options, const HostContext&)
 
 }  // namespace
 
-SIDESTEP_PLUGIN(Gaze, Options, create, "scan", "0.1.0", "The head pans from side to side.")
+SIDESTEP_PLUGIN(Gaze, Options, create, "scan", "0.1.0", "The head pans from side to side")

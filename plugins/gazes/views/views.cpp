@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <unordered_set>
 
 #include <sidestep/core/index.hpp>
@@ -104,9 +105,11 @@ bool Sight::is_hidden_in_map(const Eigen::Vector3d& p_m) const {
   for (double along_m = voxel_m; along_m < length_m - kCell_m;) {
     const Eigen::Vector3d between_m = eye_m_ + along_m / length_m * way_m;
     double distance_m = 0.0;
-    field_.query({&between_m, 1}, {&distance_m, 1}, {}, {});
-    if (distance_m < 0.25 * voxel_m) return true;
-    along_m += std::max(distance_m, 0.5 * voxel_m);
+    FieldStatus status{};
+    field_.query({&between_m, 1}, {&distance_m, 1}, {}, {&status, 1});
+    const bool is_known = status == FieldStatus::kKnown;  // what is unseen hides nothing yet
+    if (is_known && distance_m < 0.25 * voxel_m) return true;
+    along_m += is_known ? std::max(distance_m, 0.5 * voxel_m) : voxel_m;
   }
   return false;
 }
@@ -131,13 +134,17 @@ Directions::Directions(const GazeRequest& request, int pans, int tilts,
     : places_(places.size()) {
   const Frustum frustum(request.camera != nullptr ? request.camera->camera : kXtion, range_m);
   const HeadDescription& head = request.head.description();
-  const auto spread = [](const Joint& joint, int index, int count) {
-    return joint.lower + (index + 0.5) / count * (joint.upper - joint.lower);
+  const HeadAngles rest = request.head.rest();
+  const auto spread = [](const Joint& joint, double rest_rad, int index, int count) {
+    const double lower = std::max(joint.lower, rest_rad - std::numbers::pi);
+    const double upper = std::min(joint.upper, rest_rad + std::numbers::pi);
+    return lower + (index + 0.5) / count * (upper - lower);
   };
   angles_.push_back(request.at);
   for (int i = 0; i < pans; ++i) {
     for (int j = 0; j < tilts; ++j) {
-      angles_.push_back({spread(head.pan.joint, i, pans), spread(head.tilt.joint, j, tilts)});
+      angles_.push_back({spread(head.pan.joint, rest.pan_rad, i, pans),
+                         spread(head.tilt.joint, rest.tilt_rad, j, tilts)});
     }
   }
   shows_.resize(angles_.size() * places_);

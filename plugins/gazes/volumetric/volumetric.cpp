@@ -77,4 +77,4 @@ Result<std::unique_ptr<Gaze>> create(const Options& options, const HostContext&)
 }  // namespace
 
 SIDESTEP_PLUGIN(Gaze, Options, create, "volumetric", "0.1.0",
-                "The head looks where most of what the robot will sweep is unseen or stale.")
+                "The head looks where most of what the robot will sweep is unseen or stale")

@@ -312,16 +312,20 @@ class RobotBuilder {
 
   void add_head(const HeadOptions& options, JointTable& joints) {
     const Node& block = *profile_.document.find("head");
-    const auto axis = [&](const std::string& name, const char* key) {
+    const Node* pan = block.find("pan_joint");
+    const Node* tilt = block.find("tilt_joint");
+    const Node* camera_link = block.find("camera_link");
+    if (pan == nullptr || tilt == nullptr || camera_link == nullptr) return;  // has been told
+    const auto axis = [&](const std::string& name, const Node& where) {
       HeadDescription::Axis made;
-      if (auto joint = joints.head_joint(name, *block.find(key))) made.joint = std::move(*joint);
+      if (auto joint = joints.head_joint(name, where)) made.joint = std::move(*joint);
       const auto link = std::ranges::find(tree_joints_, name, &TreeJoint::name);
       made.link = static_cast<int>(link - tree_joints_.begin());
       return made;
     };
-    const auto camera = find_link(options.camera_link, *block.find("camera_link"));
-    HeadDescription head{axis(options.pan_joint, "pan_joint"),
-                         axis(options.tilt_joint, "tilt_joint"), camera.value_or(0)};
+    const auto camera = find_link(options.camera_link, *camera_link);
+    HeadDescription head{axis(options.pan_joint, *pan), axis(options.tilt_joint, *tilt),
+                         camera.value_or(0)};
     if (!errors_.empty()) return;
     if (carries(head.pan.link, robot_.links[idx(head.tilt.link)].parent) &&
         carries(head.tilt.link, head.camera_link)) {

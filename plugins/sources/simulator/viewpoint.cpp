@@ -181,20 +181,22 @@ Result<int> MountedCamera::find_link(const std::string& name) const {
               did_you_mean(name, names));
 }
 
-void MountedCamera::place(const Eigen::VectorXd& q, Stamp stamp) {
+void MountedCamera::place(const Eigen::VectorXd& q, const HeadAngles& head) {
   robot_->link_poses(as_span(q), T_world_link_, scratch_);
-  if (head_) head_->place(motion_->head(stamp).value_or(head_->rest()), T_world_link_);
+  if (head_) head_->place(head, T_world_link_);
 }
 
 std::optional<View> MountedCamera::view(Stamp stamp) {
   const auto measured = motion_->measured(stamp);
   const auto truth = motion_->truth(stamp);
   if (!measured || !truth) return {};
+  HeadAngles head;
+  if (head_) head = motion_->head(stamp).value_or(head_->rest());
   View view;
   view.joint_positions = measured->q;
-  place(measured->q, stamp);
+  place(measured->q, head);
   view.T_world_camera = T_world_link_[idx(link_)] * T_link_camera_;
-  place(truth->q, stamp);
+  place(truth->q, head);
   view.T_world_eye = T_world_link_[idx(link_)] * T_link_camera_;
   seen_->place(T_world_link_, view);
   return view;

@@ -92,8 +92,7 @@ class MountedCamera {
   MountedCamera() = default;
   [[nodiscard]] Result<void> mount(const MountOptions& options);
   [[nodiscard]] Result<int> find_link(const std::string& name) const;
-  /// The robot's links, its head where it is at a time.
-  void place(const Eigen::VectorXd& q, Stamp stamp);
+  void place(const Eigen::VectorXd& q, const HeadAngles& head);
 
   std::shared_ptr<const RobotModel> robot_;
   std::shared_ptr<RobotMotion> motion_;

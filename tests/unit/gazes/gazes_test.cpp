@@ -107,13 +107,14 @@ TEST_F(Gazes, LookAheadLooksAtWhereALinkWillBe) {
   HeadAngles angles = look(*gaze);  // at (1, 1, 0), from 1 m above (0, 0, 0)
   EXPECT_NEAR(angles.pan_rad, std::atan2(1.0, 1.0), 1e-6);
   EXPECT_NEAR(angles.tilt_rad, -std::atan2(1.0, std::sqrt(2.0)), 1e-6);
-  // At its end it stays as it is.
+  // At its end it turns on to where it was told last, and stays there.
+  const HeadAngles told = angles;
   looker_.at = {0.3, -0.2};
   looker_.stand(Eigen::Vector2d(2.0, 2.0));
   looker_.way = straight_line(looker_.state, looker_.state, 2, 0.1);
   angles = look(*gaze);
-  EXPECT_EQ(angles.pan_rad, 0.3);
-  EXPECT_EQ(angles.tilt_rad, -0.2);
+  EXPECT_EQ(angles.pan_rad, told.pan_rad);
+  EXPECT_EQ(angles.tilt_rad, told.tilt_rad);
 }
 
 TEST_F(Gazes, LookAheadNeedsALinkOfTheRobot) {
@@ -174,6 +175,35 @@ TEST_F(Gazes, ForesightLooksAfterWhoWasLostBesideIt) {
   track.last_seen = {looker_.now.ns - 1'500'000'000};
   looker_.tracks = Tracks{{track}, looker_.now};
   EXPECT_TRUE(sees(look(*gaze), {0.8, -1.3, 0.9}));
+}
+
+TEST_F(Gazes, ForesightLooksAtWhatMovedAndIsOutOfView) {
+  looker_.field = hall({}, {});
+  const auto gaze = load("{plugin: foresight}", looker_.robot());
+  looker_.take_frame();
+  follow(*gaze, 6.0);
+  looker_.moving =
+      MovingObstacles{{{{0.8, 1.3, 0.9}, 0.2, Stamp{looker_.now.ns - 1'000'000'000}}}, looker_.now};
+  EXPECT_TRUE(sees(look(*gaze), {0.8, 1.3, 0.9}));
+}
+
+TEST_F(Gazes, ForesightLooksAtWhatBlocksTheWayLaterOn) {
+  // A bend to the left, blocked at its end: else all of it would be too far off to matter.
+  const auto looks_there = [&](bool is_blocked) {
+    looker_ = Looker();
+    looker_.field = hall({}, {});
+    const auto gaze = load("{plugin: foresight, around_weight: 0.0}", looker_.robot());
+    looker_.drive_to(Eigen::Vector2d(0.0, 2.5), 40.0);
+    if (is_blocked) looker_.blocked_s = 39.0;
+    looker_.take_frame();
+    for (int i = 0; i < 20; ++i) {
+      follow(*gaze, 0.1);
+      if (sees(looker_.at, {0.0, 2.4, 0.2})) return true;
+    }
+    return false;
+  };
+  EXPECT_TRUE(looks_there(true));
+  EXPECT_FALSE(looks_there(false));
 }
 
 TEST_F(Gazes, ForesightLooksAroundWhileNothingElseIsToBeSeen) {

@@ -55,8 +55,9 @@ class Loop : public ::testing::Test {
         {robot_, gaze_, executor, motion_, slot_, log_, "gaze told", "executor turning"});
   }
   void step(GazeLoop& loop, double time_s, const Replanner::Way& way = {}) {
-    loop.step(Stamp::from_seconds(time_s), {Eigen::Vector2d(0.3, 0.0), Eigen::Vector2d::Zero()},
-              way);
+    const Stamp now = Stamp::from_seconds(time_s);
+    if (!loop.is_due(now)) return;
+    loop.look(now, {Eigen::Vector2d(0.3, 0.0), Eigen::Vector2d::Zero()}, way);
   }
 
   std::shared_ptr<const KinematicTree> robot_ = conformance::robot_with_head();
@@ -71,7 +72,10 @@ TEST_F(Loop, AsksTenTimesASecondAndTurnsTheHeadWithinItsLimits) {
   auto loop = make(executor_);
   ASSERT_TRUE(loop) << loop.error().describe();
   gaze_.angles = {5.0, -0.4};
-  for (int i = 0; i < 250; ++i) step(*loop, 0.004 * i);
+  for (int i = 0; i < 250; ++i) {
+    gaze_.angles.tilt_rad = -0.4 - 0.001 * i;
+    step(*loop, 0.004 * i);
+  }
   ASSERT_EQ(executor_.turned.size(), 10U);
   EXPECT_EQ(executor_.turned[0].pan_rad, 2.0);
   EXPECT_EQ(executor_.turned[0].tilt_rad, -0.4);
@@ -89,14 +93,30 @@ TEST_F(Loop, SaysWhereTheHeadIsWhatTheWayIsAndWhereTheMapWasSeenFrom) {
   MapSnapshot map;
   map.field = std::make_shared<conformance::BallField>(std::vector<conformance::Ball>{});
   map.camera = CameraView{1.8, Transform::Identity(), {}};
-  slot_.publish(map);
   const Trajectory way = make_trajectory(2, 3, 1.0);
-  step(*loop, 2.0, {&way, 0.7});
+  map.tracks = std::make_shared<const Tracks>();
+  map.moving = std::make_shared<const MovingObstacles>();
+  slot_.publish(map);
+  step(*loop, 2.0, {&way, 0.7, 1.5});
+  EXPECT_EQ(gaze_.seen->tracks, map.tracks.get());
+  EXPECT_EQ(gaze_.seen->moving, map.moving.get());
+  EXPECT_EQ(gaze_.seen->way_blocked_s, 1.5);
   EXPECT_EQ(gaze_.at.pan_rad, 0.2);
   EXPECT_EQ(gaze_.seen->way, &way);
   EXPECT_EQ(gaze_.seen->way_from_s, 0.7);
   EXPECT_EQ(gaze_.seen->field, map.field.get());
   EXPECT_EQ(gaze_.camera_stamp_s, 1.8);
+}
+
+TEST_F(Loop, DoesNotTellTheHeadAgainWhereItWasTold) {
+  auto loop = make(executor_);
+  step(*loop, 1.0);
+  gaze_.angles.pan_rad += 0.005;  // as measured: it hangs a little
+  for (int i = 0; i < 20; ++i) step(*loop, 1.1 + 0.1 * i);
+  EXPECT_EQ(executor_.turned.size(), 1U);
+  gaze_.angles.pan_rad += 0.1;
+  step(*loop, 4.0);
+  EXPECT_EQ(executor_.turned.size(), 2U);
 }
 
 TEST_F(Loop, LeavesTheHeadAloneWhereTheGazeIsAtFaultAndNamesItOnce) {

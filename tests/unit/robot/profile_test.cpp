@@ -238,11 +238,48 @@ INSTANTIATE_TEST_SUITE_P(
         BadProfile{"planned_and_fixed",
                    "name: arm\nurdf: arm.urdf\njoints: [elbow]\nfixed_joints: {elbow: 0.0}\n",
                    "both planned and fixed"},
+        BadProfile{"half_a_head",
+                   "name: arm\nurdf: arm.urdf\nhead: {pan_joint: shoulder, tilt_joint: elbow}\n",
+                   "camera_link"},
+        BadProfile{"planned_head",
+                   "name: arm\nurdf: arm.urdf\nhead: {pan_joint: shoulder, tilt_joint: elbow, "
+                   "camera_link: lower}\n",
+                   "profile.yaml:3:19: joint 'shoulder' is planned, a head cannot turn it"},
+        BadProfile{"sliding_head",
+                   "name: arm\nurdf: arm.urdf\njoints: [shoulder]\nhead: {pan_joint: elbow, "
+                   "tilt_joint: grip, camera_link: finger}\n",
+                   "joint 'grip' does not turn a head: it is not revolute"},
+        BadProfile{"unknown_head",
+                   "name: arm\nurdf: arm.urdf\njoints: [grip]\nhead: {pan_joint: sholder, "
+                   "tilt_joint: elbow, camera_link: lower}\n",
+                   "no moving joint 'sholder' (did you mean 'shoulder'?)"},
         BadProfile{"pair_twice",
                    "name: arm\nurdf: arm.urdf\nself_collision: {pairs: [[base, lower], [lower, "
                    "base]]}\n",
                    "listed twice"}),
     [](const auto& test) { return test.param.name; });
+
+TEST_F(ProfileFile, SaysWhichJointsTurnTheHead) {
+  const std::string rest =
+      "joints: [grip]\nshapes_from: spheres\nfixed_joints: {elbow: 0.3}\nspheres:\n"
+      "  - {link: base, centre_m: [0, 0, 0], radius_m: 0.2}\n";
+  const auto robot = load("name: arm\nurdf: arm.urdf\n" + rest +
+                          "head: {pan_joint: shoulder, tilt_joint: elbow, camera_link: lower}\n");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  const auto& head = (*robot)->description().head;
+  ASSERT_TRUE(head);
+  EXPECT_EQ((*robot)->description().links[static_cast<std::size_t>(head->pan.link)].name, "upper");
+  EXPECT_EQ(head->tilt.joint.lower, -2.0);
+  EXPECT_EQ(head->tilt.joint.max_velocity, 2.0);
+  // The other way round, nothing is carried.
+  const auto upside_down =
+      load("name: arm\nurdf: arm.urdf\n" + rest +
+           "head: {pan_joint: elbow, tilt_joint: shoulder, camera_link: lower}\n");
+  ASSERT_FALSE(upside_down);
+  EXPECT_NE(upside_down.error().describe().find("'elbow' does not carry 'shoulder'"),
+            std::string::npos)
+      << upside_down.error().describe();
+}
 
 TEST_F(ProfileFile, AdmitsNothingBesideItThatItSaysItself) {
   write_file(folder_ / "arm/profile.yaml", kGood);

@@ -45,6 +45,25 @@ TEST(RobotMotion, KnowsNothingBeforeTheFirstAndAfterTheNewest) {
   EXPECT_FALSE(motion.measured({ms(200).ns + 1}));
 }
 
+TEST(RobotMotion, KnowsWhereTheHeadWas) {
+  RobotMotion motion(2.0);
+  EXPECT_FALSE(motion.head(Stamp::from_seconds(1.0)));
+  for (const double time_s : {1.0, 1.5, 3.0}) {
+    motion.record_head({time_s, -2.0 * time_s}, Stamp::from_seconds(time_s));
+  }
+  motion.record_head({9.0, 9.0}, Stamp::from_seconds(2.0));  // is not newer
+  EXPECT_FALSE(motion.head(Stamp::from_seconds(0.9)));
+  for (const double time_s : {1.0, 1.2, 1.5, 2.4, 3.0}) {
+    const auto head = motion.head(Stamp::from_seconds(time_s));
+    ASSERT_TRUE(head) << time_s;
+    EXPECT_NEAR(head->pan_rad, time_s, 1e-9);
+    EXPECT_NEAR(head->tilt_rad, -2.0 * time_s, 1e-9);
+  }
+  EXPECT_EQ(motion.head(Stamp::from_seconds(7.0))->pan_rad, 3.0);
+  motion.record_head({6.0, 0.0}, Stamp::from_seconds(6.0));
+  EXPECT_FALSE(motion.head(Stamp::from_seconds(2.0))) << "longer ago than it keeps";
+}
+
 TEST(RobotMotion, DropsWhatIsNotNewerOrOfAnotherRobot) {
   RobotMotion motion;
   motion.record(cubic(0.1), ms(100));

@@ -21,7 +21,7 @@ struct MovingBall {
   std::optional<Stamp> seen = std::nullopt;
 };
 
-/// Where things move, as one immutable snapshot of a map.
+/// Where things move, or moved when they were last in view, as one immutable snapshot of a map.
 struct MovingObstacles {
   std::vector<MovingBall> balls;
   Stamp stamp;  ///< Of the newest frame in it.
@@ -85,8 +85,9 @@ class SIDESTEP_EXPORT MotionDetector {
 /// where it went. [mapping]
 class SIDESTEP_EXPORT MotionMemory {
  public:
-  /// Adds to what moves after a frame what moved up to three seconds before and has not been in
-  /// view since. `moving` is the detector's, frame by frame; of point clouds nothing is known.
+  /// Adds to what moves after a frame what moved up to three seconds before and has not been in an
+  /// image since; point clouds show nothing to be gone. `moving` is the detector's, frame by frame.
+  /// Allocates.
   void add_unseen(const Frame& frame, MovingObstacles& moving);
 
  private:

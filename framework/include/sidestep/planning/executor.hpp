@@ -36,7 +36,8 @@ class SIDESTEP_EXPORT HeadTurner {
  public:
   virtual ~HeadTurner() = default;
   /// Turns the head, from now on, to angles within its limits, as fast as it can, and holds it
-  /// there. Fails where it has none. [planning]
+  /// there; returns at once. Fails, and the head goes on as it was, where it has none or cannot
+  /// turn. [planning]
   [[nodiscard]] virtual Result<void> turn_head(const HeadAngles& to) = 0;
 };
 

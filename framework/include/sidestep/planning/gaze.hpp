@@ -22,25 +22,30 @@ struct GazeRequest {
   const RobotState& state;                  ///< Measured.
   std::span<const Transform> T_world_link;  ///< In that state, the head at rest (head.hpp).
   const Head& head;
-  HeadAngles at;  ///< Where the head is.
+  HeadAngles at;  ///< Where the head is; at rest where that is not known.
   /// The way to the goal: what is followed, or, while the robot stands, brakes or steps aside, the
   /// last that was found. Null where there is none.
   const Trajectory* way = nullptr;
   double way_from_s = 0.0;               ///< The time of `way` at which the robot is on it.
-  std::optional<double> way_blocked_s;   ///< From which what is in the map, or unseen, blocks it.
+  std::optional<double> way_blocked_s;   ///< The time of `way` from which it is blocked, if it is.
   const DistanceField* field = nullptr;  ///< The newest map; null before the first.
   const Tracks* tracks = nullptr;        ///< With it; null where nobody tracks.
   const MovingObstacles* moving = nullptr;  ///< With it; null where nobody looks for it.
-  const CameraView* camera = nullptr;       ///< Of the newest frame in it; null where it has none.
+  /// Of the newest frame in it, whichever camera took that; null where there is none.
+  const CameraView* camera = nullptr;
 };
 
 /// Turns a robot's head.
 class SIDESTEP_EXPORT Gaze {
  public:
   virtual ~Gaze() = default;
-  /// Where the head is to turn now; asked ten times a second. Angles beyond its limits end there.
-  /// Fails where it cannot tell: the head stays. [planning]; may allocate.
+  /// Where the head is to turn now; asked ten times a second in one episode, or one run of deploy.
+  /// Angles beyond its limits end there. Fails where it cannot tell: the head stays. A slow one
+  /// delays the next step of the replanner, which may then stop the robot. [planning]; may
+  /// allocate.
   [[nodiscard]] virtual Result<HeadAngles> look(const GazeRequest& request) = 0;
+  /// Whether it wants GazeRequest::tracks; the loop then tracks what moves. [any]
+  [[nodiscard]] virtual bool wants_tracks() const noexcept { return false; }
 };
 
 }  // namespace sidestep

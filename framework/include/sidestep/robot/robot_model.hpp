@@ -64,7 +64,7 @@ struct NamedPose {
 };
 
 /// A head that turns a camera: two revolute joints, which are not planned. Its rest is where the
-/// robot's links have it. Plain data.
+/// robot's links have it. Of robots that tell their joints (KinematicTree). Plain data.
 struct HeadDescription {
   struct Axis {
     Joint joint;

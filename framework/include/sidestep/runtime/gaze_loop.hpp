@@ -15,7 +15,8 @@
 namespace sidestep {
 
 /// Has a gaze say, ten times a second, where a robot's head turns. One that throws, fails or says
-/// what is not a number leaves the head as it is, and is named in the log once. [planning]
+/// what is not a number leaves the head as it is, and is named in the log, again only after it did
+/// well. [planning]
 class GazeLoop {
  public:
   struct Parts {
@@ -32,8 +33,10 @@ class GazeLoop {
   /// turns none.
   [[nodiscard]] static Result<GazeLoop> create(Parts parts);
 
-  /// Turns the head, if it is time. `way` holds during the call.
-  void step(Stamp now, const RobotState& measured, const Replanner::Way& way);
+  /// Whether it is time to look().
+  [[nodiscard]] bool is_due(Stamp now) const noexcept;
+  /// Turns the head. `way` holds during the call.
+  void look(Stamp now, const RobotState& measured, const Replanner::Way& way);
 
  private:
   GazeLoop(Parts parts, Head head, HeadTurner& turner);
@@ -45,6 +48,7 @@ class GazeLoop {
   std::vector<Transform> T_world_link_;
   Scratch scratch_;
   std::optional<Stamp> looked_;
+  std::optional<HeadAngles> told_;  ///< Where the head was told to turn last.
   bool has_failed_ = false;
 };
 

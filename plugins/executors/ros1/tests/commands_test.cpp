@@ -158,7 +158,16 @@ TEST(CommandWriter, TurnsAHeadWithoutItsMotions) {
   EXPECT_THAT(message.joint_names, ElementsAre("tilt", "light", "pan"));
   ASSERT_EQ(message.points.size(), 1U);
   EXPECT_THAT(message.points[0].positions, ElementsAre(-0.5, 0.7, 1.0));
-  EXPECT_NEAR(message.points[0].time_from_start.toSec(), 1.25, 1e-9);  // 1 rad/s, 4 rad/s^2
+  // By a cubic d t^2 (3 - 2 t): 1.5 d / T is at most 1 rad/s, 6 d / T^2 at most 4 rad/s^2.
+  const double time_s = message.points[0].time_from_start.toSec();
+  EXPECT_NEAR(time_s, 1.5, 1e-9);
+  double fastest = 0.0, hardest = 0.0;
+  for (double t = 0.0; t <= 1.0; t += 1e-3) {
+    fastest = std::max(fastest, 6.0 * t * (1.0 - t) / time_s);
+    hardest = std::max(hardest, std::abs(6.0 - 12.0 * t) / (time_s * time_s));
+  }
+  EXPECT_LE(fastest, 1.0 + 1e-9);
+  EXPECT_LE(hardest, 4.0 + 1e-9);
   // Motions leave the head alone from then on.
   EXPECT_TRUE(writer->write(motion, {})[2].joint_names.empty());
   EXPECT_FALSE(writer->write(motion, {})[1].points.empty());
@@ -170,6 +179,14 @@ TEST(CommandWriter, TurnsNoHeadThatItsControllersDoNotTurnAlone) {
   const auto missed = without->turn_head(pan_and_tilt(), {}, {}, {});
   ASSERT_FALSE(missed);
   EXPECT_THAT(missed.error().message, HasSubstr("no controller moves 'pan' and 'tilt'"));
+  // One that moves half of it goes on as it was.
+  options.controllers.push_back({"/neck", {}, {"pan"}});
+  options.hold.push_back({"pan", 0.0});
+  auto half = CommandWriter::create(robot_of_three(), options);
+  ASSERT_TRUE(half);
+  EXPECT_FALSE(half->turn_head(pan_and_tilt(), {}, {1.0, 0.0}, {}));
+  EXPECT_THAT(half->write(there_and_rest(), {})[2].joint_names, ElementsAre("pan"));
+  options.controllers.pop_back();
   options.controllers[1].joints = {"pan", "tilt", "arm"};
   options.hold = {{"pan", 0.0}, {"tilt", 0.0}};
   auto together = CommandWriter::create(robot_of_three(), options);

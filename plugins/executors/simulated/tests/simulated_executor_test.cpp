@@ -10,6 +10,7 @@
 #include <sidestep/runtime/yaml_document.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 
+#include "conformance/gaze_conformance.hpp"
 #include "conformance/test_host.hpp"
 #include "support/chain_robot.hpp"
 #include "support/manual_clock.hpp"
@@ -286,6 +287,51 @@ TEST_F(SimulatedExecutorTest, CanBeStoppedFromAnotherThread) {
   }
   clock_.set_s(5.0);
   EXPECT_EQ(executor->current()->state.qdot, Eigen::VectorXd::Zero(3));
+}
+
+class SimulatedHead : public ::testing::Test {
+ protected:
+  std::unique_ptr<Executor> make(std::shared_ptr<const RobotModel> robot) {
+    host_ = std::make_unique<conformance::TestHost>(
+        1,
+        conformance::TestHostParts{.robot = std::move(robot), .clock = &clock_, .motion = motion_});
+    auto made = create_executor(options_, host_->context(3));
+    if (!made) throw std::runtime_error(made.error().describe());
+    return std::move(*made);
+  }
+  Options options_;
+  testing_support::ManualClock clock_;
+  std::shared_ptr<RobotMotion> motion_ = std::make_shared<RobotMotion>(100.0);
+  std::unique_ptr<conformance::TestHost> host_;
+};
+
+TEST_F(SimulatedHead, TurnsWithinItsLimitsLateAndStays) {
+  options_.delay_s = 0.2;
+  const auto executor = make(conformance::robot_with_head());
+  ASSERT_TRUE(dynamic_cast<HeadTurner&>(*executor).turn_head({1.0, -0.4}));
+  double pan_rad = 0.0, speed_radps = 0.0;
+  for (int i = 1; i <= 400; ++i) {
+    clock_.set_s(0.01 * i);
+    ASSERT_TRUE(executor->current());
+    const HeadAngles head = *motion_->head(at_s(0.01 * i));
+    const double now_radps = (head.pan_rad - pan_rad) / 0.01;
+    EXPECT_LE(now_radps, 1.0 + 1e-6) << i;                           // rad/s
+    EXPECT_LE(std::abs(now_radps - speed_radps), 0.03 + 1e-3) << i;  // of 3 rad/s^2 in 10 ms
+    if (i <= 20) {
+      EXPECT_EQ(head.pan_rad, 0.0) << i;
+    }
+    pan_rad = head.pan_rad;
+    speed_radps = now_radps;
+  }
+  EXPECT_NEAR(pan_rad, 1.0, 1e-4);
+  EXPECT_NEAR(motion_->head(at_s(4.0))->tilt_rad, -0.4, 1e-4);
+}
+
+TEST_F(SimulatedHead, IsRefusedOfARobotWithoutOne) {
+  const auto executor = make(testing_support::flying_ball(0.1));
+  const auto turned = dynamic_cast<HeadTurner&>(*executor).turn_head({});
+  ASSERT_FALSE(turned);
+  EXPECT_THAT(turned.error().message, HasSubstr("has no head"));
 }
 
 }  // namespace
