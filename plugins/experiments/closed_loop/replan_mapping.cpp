@@ -171,7 +171,7 @@ void EpisodeMapping::advance(Stamp now) {
 
 void EpisodeMapping::start() {
   if (thread_.joinable()) return;
-  thread_ = std::jthread([this](std::stop_token stop) {
+  thread_ = std::jthread([this](const std::stop_token& stop) {
     while (!stop.stop_requested() && !has_ended_) {
       map_one(Deadline::after_s(kPatience_s, stop));
     }

@@ -45,8 +45,9 @@ std::vector<Place> swept_places(const GazeRequest& request, double from_s, doubl
   const Trajectory& way = *request.way;
   const double last_s = std::min(until_s, way.duration_s() - request.way_from_s);
   std::vector<double> times_s{0.0};
-  for (double time_s = std::max(from_s, kStep_s); time_s < last_s; time_s += kStep_s)
-    times_s.push_back(time_s);
+  const double first_s = std::max(from_s, kStep_s);
+  const int steps = std::max(0, static_cast<int>(std::ceil((last_s - first_s) / kStep_s)));
+  for (int k = 0; k < steps; ++k) times_s.push_back(first_s + k * kStep_s);
   times_s.push_back(std::max(times_s.back(), last_s));
 
   const auto dof = idx(way.dof);
