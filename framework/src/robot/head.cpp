@@ -138,16 +138,4 @@ HeadAngles Head::towards(const Eigen::Vector3d& p_world, std::span<const Transfo
   return angles;
 }
 
-double turning_time_s(const HeadDescription& head, const HeadAngles& from, const HeadAngles& to) {
-  constexpr double kRamp_s = 0.5;  // as executors take it
-  const auto time_s = [](const Joint& joint, double way_rad) {
-    const double v = joint.max_velocity;
-    const double a = std::isfinite(joint.max_acceleration) ? joint.max_acceleration : v / kRamp_s;
-    const double d = std::abs(way_rad);
-    return d < v * v / a ? 2.0 * std::sqrt(d / a) : d / v + v / a;
-  };
-  return std::max(time_s(head.pan.joint, to.pan_rad - from.pan_rad),
-                  time_s(head.tilt.joint, to.tilt_rad - from.tilt_rad));
-}
-
 }  // namespace sidestep

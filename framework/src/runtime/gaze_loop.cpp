@@ -10,6 +10,8 @@ namespace sidestep {
 namespace {
 
 constexpr std::int64_t kPeriod_ns = 100'000'000;
+/// Who did not listen is told again.
+constexpr std::int64_t kAgain_ns = 1'000'000'000;
 /// A head that is told where it was measured would sink by its own error each time.
 constexpr double kSame_rad = 0.01;
 
@@ -59,16 +61,18 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
     return fail(ErrorCode::kPlugin, "said angles that are not numbers",
                 "plugin " + parts_.gaze_name);
   }
-  const HeadAngles wanted = head_.within_limits(to);
+  HeadAngles wanted = head_.within_limits(to);
   const auto is_same = [](double a_rad, double b_rad) {
     return std::abs(a_rad - b_rad) < kSame_rad;
   };
   if (told_ && is_same(told_->pan_rad, wanted.pan_rad) &&
       is_same(told_->tilt_rad, wanted.tilt_rad)) {
-    return {};
+    if (now >= told_at_ && now.ns - told_at_.ns < kAgain_ns) return {};
+    wanted = *told_;
   }
   SIDESTEP_TRY(call_stage(parts_.executor_name, [&] { return turner_->turn_head(wanted); }));
   told_ = wanted;
+  told_at_ = now;
   return {};
 }
 

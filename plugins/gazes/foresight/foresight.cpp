@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <span>
@@ -6,6 +7,7 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/plugin/plugin.hpp>
+#include <sidestep/trajectory/motion_limits.hpp>
 
 #include "views.hpp"
 
@@ -13,36 +15,22 @@ namespace {
 
 using namespace sidestep;
 
-struct Options {
-  double horizon_s = 10.0;
+struct Options : ViewOptions {
   double haste_s = 4.0;
-  double stale_s = 5.0;
   double track_weight = 100.0;
   double around_weight = 2.0;
-  double range_m = 4.5;
-  int pans = 16;
-  int tilts = 9;
 
   static Parameters<Options> parameters() {
     using O = Options;
-    return Parameters<O>()
-        .add("horizon_s", &O::horizon_s, "What the robot sweeps until then counts.",
+    return declare_views<O>()
+        .add("haste_s", &O::haste_s, "What the robot sweeps so much later counts 1/e as much.",
              {.unit = "s", .min = 0.1, .max = 60.0})
-        .add("haste_s", &O::haste_s, "What it sweeps so much later counts 1/e as much.",
-             {.unit = "s", .min = 0.1, .max = 60.0})
-        .add("stale_s", &O::stale_s,
-             "Time constant with which what was seen becomes as good as unseen.",
-             {.unit = "s", .min = 0.1, .max = 600.0})
         .add("track_weight", &O::track_weight,
              "Of a tracked person beside the robot, in places of 0.1 m on its way.",
              {.min = 0.0, .max = 1000.0})
         .add("around_weight", &O::around_weight,
              "Of each of 24 places around the robot from where somebody may come, likewise.",
-             {.min = 0.0, .max = 1000.0})
-        .add("range_m", &O::range_m, "How far the camera sees.",
-             {.unit = "m", .min = 0.1, .max = 100.0})
-        .add("pans", &O::pans, "Directions of the pan joint.", {.min = 1, .max = 64})
-        .add("tilts", &O::tilts, "Directions of the tilt joint.", {.min = 1, .max = 64});
+             {.min = 0.0, .max = 1000.0});
   }
 };
 
@@ -71,8 +59,7 @@ class Foresight final : public Gaze {
     looked_at_.note(request);
     if (request.field == nullptr) return request.at;
     weigh(request);
-    const Directions directions(request, options_.pans, options_.tilts, places_, worths_,
-                                options_.range_m);
+    const Directions directions(request, options_, places_, worths_);
     return directions.angles(best(request, directions));
   }
   [[nodiscard]] bool wants_tracks() const noexcept override { return true; }
@@ -81,6 +68,7 @@ class Foresight final : public Gaze {
   void weigh(const GazeRequest& request) {
     const Eigen::Vector3d eye_m =
         request.head.T_world_camera(request.at, request.T_world_link).translation();
+    const Sight sight(request);
     // What blocks the way is as urgent as what is near.
     const double blocked_s = request.way_blocked_s.value_or(0.0) - request.way_from_s;
     places_ = swept_places(request, 0.0, std::max(options_.horizon_s, blocked_s + kBlock_s));
@@ -88,24 +76,20 @@ class Foresight final : public Gaze {
     for (const Place& place : places_) {
       const double off_s = request.way_blocked_s ? std::abs(place.time_s - blocked_s) : kInfinity;
       const double haste = std::exp(-std::min(place.time_s, off_s) / options_.haste_s);
-      worths_.push_back(static_cast<float>(haste * doubt(place.p_m, request)));
+      worths_.push_back(static_cast<float>(haste * doubt(place.p_m, request.now, sight)));
     }
     if (request.tracks != nullptr) add_people(*request.tracks, request.now, eye_m);
     if (request.moving != nullptr) add_moving(*request.moving, request.now, eye_m);
     add_surroundings(request, eye_m);
-    const Sight sight(request);
     for (std::size_t k = 0; k < places_.size(); ++k) {
       if (worths_[k] > 0.0F && !sight.reaches(places_[k].p_m)) worths_[k] = 0.0F;
     }
   }
 
   /// How likely a place is not what the map has there.
-  [[nodiscard]] double doubt(const Eigen::Vector3d& p_m, const GazeRequest& request) const {
-    double distance_m = 0.0;
-    FieldStatus status{};
-    request.field->query({&p_m, 1}, {&distance_m, 1}, {}, {&status, 1});
-    const double age_s = looked_at_.age_s(p_m, request.now);
-    return -std::expm1(-age_s / (status == FieldStatus::kKnown ? options_.stale_s : kVain_s));
+  [[nodiscard]] double doubt(const Eigen::Vector3d& p_m, Stamp now, const Sight& sight) const {
+    const double age_s = looked_at_.age_s(p_m, now);
+    return -std::expm1(-age_s / (sight.knows(p_m) ? options_.stale_s : kVain_s));
   }
 
   void add_people(const Tracks& tracks, Stamp now, const Eigen::Vector3d& eye_m) {
@@ -152,7 +136,13 @@ class Foresight final : public Gaze {
   }
 
   [[nodiscard]] std::size_t best(const GazeRequest& request, const Directions& directions) const {
-    const HeadDescription& head = request.head.description();
+    RobotDescription joints;
+    joints.joints = {request.head.description().pan.joint, request.head.description().tilt.joint};
+    const MotionLimits limits = motion_limits(joints, {});
+    const auto turning_s = [&](const HeadAngles& from, const HeadAngles& to) {
+      return least_time_s(limits, std::array{from.pan_rad, from.tilt_rad},
+                          std::array{to.pan_rad, to.tilt_rad});
+    };
     struct First {
       std::size_t direction;
       float worth;
@@ -162,7 +152,7 @@ class Foresight final : public Gaze {
     for (std::size_t d = 0; d < directions.size(); ++d) {
       const float worth = directions.worth(d, worths_);
       if (worth <= 0.0F) continue;
-      const double turn_s = turning_time_s(head, request.at, directions.angles(d));
+      const double turn_s = turning_s(request.at, directions.angles(d));
       firsts.push_back({d, worth, turn_s + kDwell_s});
     }
     const auto better = [](const First& a, const First& b) {
@@ -181,7 +171,7 @@ class Foresight final : public Gaze {
       const HeadAngles& from = directions.angles(first.direction);
       double rate = static_cast<double>(first.worth) / first.time_s;
       for (std::size_t d = 0; d < directions.size(); ++d) {
-        const double then_s = turning_time_s(head, from, directions.angles(d)) + kDwell_s;
+        const double then_s = turning_s(from, directions.angles(d)) + kDwell_s;
         const auto both = static_cast<double>(first.worth + directions.worth(d, rest));
         rate = std::max(rate, both / (first.time_s + then_s));
       }

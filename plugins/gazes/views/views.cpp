@@ -90,6 +90,13 @@ bool Sight::reaches(const Eigen::Vector3d& p_m) const {
   return !is_hidden_by_body(p_m) && !is_hidden_in_map(p_m);
 }
 
+bool Sight::knows(const Eigen::Vector3d& p_m) const {
+  double distance_m = 0.0;
+  FieldStatus status{};
+  field_.query({&p_m, 1}, {&distance_m, 1}, {}, {&status, 1});
+  return status == FieldStatus::kKnown;
+}
+
 bool Sight::is_hidden_by_body(const Eigen::Vector3d& p_m) const {
   const Eigen::Vector3d way_m = p_m - eye_m_;
   const double squared = std::max(way_m.squaredNorm(), 1e-12);
@@ -130,10 +137,11 @@ double LookedAt::age_s(const Eigen::Vector3d& p_m, Stamp now) const {
   return std::numeric_limits<double>::infinity();
 }
 
-Directions::Directions(const GazeRequest& request, int pans, int tilts,
-                       std::span<const Place> places, std::span<const float> worths, double range_m)
+Directions::Directions(const GazeRequest& request, const ViewOptions& options,
+                       std::span<const Place> places, std::span<const float> worths)
     : places_(places.size()) {
-  const Frustum frustum(request.camera != nullptr ? request.camera->camera : kXtion, range_m);
+  const Frustum frustum(request.camera != nullptr ? request.camera->camera : kXtion,
+                        options.range_m);
   const HeadDescription& head = request.head.description();
   const HeadAngles rest = request.head.rest();
   const auto spread = [](const Joint& joint, double rest_rad, int index, int count) {
@@ -142,10 +150,10 @@ Directions::Directions(const GazeRequest& request, int pans, int tilts,
     return lower + (index + 0.5) / count * (upper - lower);
   };
   angles_.push_back(request.at);
-  for (int i = 0; i < pans; ++i) {
-    for (int j = 0; j < tilts; ++j) {
-      angles_.push_back({spread(head.pan.joint, rest.pan_rad, i, pans),
-                         spread(head.tilt.joint, rest.tilt_rad, j, tilts)});
+  for (int i = 0; i < options.pans; ++i) {
+    for (int j = 0; j < options.tilts; ++j) {
+      angles_.push_back({spread(head.pan.joint, rest.pan_rad, i, options.pans),
+                         spread(head.tilt.joint, rest.tilt_rad, j, options.tilts)});
     }
   }
   shows_.resize(angles_.size() * places_);

@@ -8,8 +8,33 @@
 #include <Eigen/Core>
 
 #include <sidestep/planning/gaze.hpp>
+#include <sidestep/plugin/parameters.hpp>
 
 namespace sidestep {
+
+/// What gazes that weigh views have in common. Their options derive from it.
+struct ViewOptions {
+  double horizon_s = 10.0;
+  double stale_s = 5.0;
+  double range_m = 4.5;
+  int pans = 16;
+  int tilts = 9;
+};
+
+/// The parameters of a gaze's options that are those of ViewOptions.
+template <class Options>
+[[nodiscard]] Parameters<Options> declare_views() {
+  return Parameters<Options>()
+      .add("horizon_s", &Options::horizon_s, "What the robot sweeps until then counts.",
+           {.unit = "s", .min = 0.1, .max = 60.0})
+      .add("stale_s", &Options::stale_s,
+           "After so long what was seen is to be seen again; a time constant where it is weighed.",
+           {.unit = "s", .min = 0.1, .max = 600.0})
+      .add("range_m", &Options::range_m, "How far the camera sees.",
+           {.unit = "m", .min = 0.1, .max = 100.0})
+      .add("pans", &Options::pans, "Directions of the pan joint.", {.min = 1, .max = 64})
+      .add("tilts", &Options::tilts, "Directions of the tilt joint.", {.min = 1, .max = 64});
+}
 
 /// What a camera sees of the world, but for what hides it.
 struct Frustum {
@@ -45,6 +70,8 @@ class Sight {
  public:
   explicit Sight(const GazeRequest& request);
   [[nodiscard]] bool reaches(const Eigen::Vector3d& p_m) const;
+  /// Whether a frame has shown what is at a point.
+  [[nodiscard]] bool knows(const Eigen::Vector3d& p_m) const;
 
  private:
   [[nodiscard]] bool is_hidden_by_body(const Eigen::Vector3d& p_m) const;
@@ -83,8 +110,8 @@ class LookedAt {
 class Directions {
  public:
   /// Of places of no worth nothing is told.
-  Directions(const GazeRequest& request, int pans, int tilts, std::span<const Place> places,
-             std::span<const float> worths, double range_m);
+  Directions(const GazeRequest& request, const ViewOptions& options, std::span<const Place> places,
+             std::span<const float> worths);
 
   [[nodiscard]] std::size_t size() const noexcept { return angles_.size(); }
   [[nodiscard]] const HeadAngles& angles(std::size_t direction) const { return angles_[direction]; }

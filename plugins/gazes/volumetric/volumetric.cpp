@@ -8,26 +8,14 @@ namespace {
 
 using namespace sidestep;
 
-struct Options {
+struct Options : ViewOptions {
   double ahead_s = 1.0;
-  double horizon_s = 10.0;
-  double stale_s = 3.0;
-  double range_m = 4.5;
-  int pans = 16;
-  int tilts = 9;
 
+  Options() { stale_s = 3.0; }
   static Parameters<Options> parameters() {
-    using O = Options;
-    return Parameters<O>()
-        .add("ahead_s", &O::ahead_s, "What the robot sweeps from then on counts.",
-             {.unit = "s", .min = 0.0, .max = 60.0})
-        .add("horizon_s", &O::horizon_s, "Until then.", {.unit = "s", .min = 0.1, .max = 60.0})
-        .add("stale_s", &O::stale_s, "What was not looked at for so long is to be seen again.",
-             {.unit = "s", .min = 0.0, .max = 60.0})
-        .add("range_m", &O::range_m, "How far the camera sees.",
-             {.unit = "m", .min = 0.1, .max = 100.0})
-        .add("pans", &O::pans, "Directions of the pan joint.", {.min = 1, .max = 64})
-        .add("tilts", &O::tilts, "Directions of the tilt joint.", {.min = 1, .max = 64});
+    return declare_views<Options>().add("ahead_s", &Options::ahead_s,
+                                        "What the robot sweeps from then on counts.",
+                                        {.unit = "s", .min = 0.0, .max = 60.0});
   }
 };
 
@@ -45,15 +33,11 @@ class Volumetric final : public Gaze {
     std::vector<float> worths(places.size());
     for (std::size_t k = 0; k < places.size(); ++k) {
       const Eigen::Vector3d& p_m = places[k].p_m;
-      double distance_m = 0.0;
-      FieldStatus status{};
-      request.field->query({&p_m, 1}, {&distance_m, 1}, {}, {&status, 1});
       const bool is_wanted =
-          status != FieldStatus::kKnown || looked_at_.age_s(p_m, request.now) > options_.stale_s;
+          !sight.knows(p_m) || looked_at_.age_s(p_m, request.now) > options_.stale_s;
       worths[k] = is_wanted && sight.reaches(p_m) ? 1.0F : 0.0F;
     }
-    const Directions directions(request, options_.pans, options_.tilts, places, worths,
-                                options_.range_m);
+    const Directions directions(request, options_, places, worths);
     std::size_t best = 0;
     float most = 0.0F;
     for (std::size_t d = 0; d < directions.size(); ++d) {

@@ -86,13 +86,6 @@ TEST_F(HsrsHead, TurnsTheOtherWayRoundWhereItsRangeAsksForIt) {
   EXPECT_NEAR(pan_rad(2.0, 0.0), 1.75, 1e-9);
 }
 
-TEST_F(HsrsHead, TakesAsLongAsItsSlowerJoint) {
-  const HeadDescription& head = head_.description();  // 1 rad/s, 3 rad/s^2
-  EXPECT_NEAR(turning_time_s(head, {0.0, 0.0}, {1.0, -0.1}), 1.0 + 1.0 / 3.0, 1e-12);
-  EXPECT_NEAR(turning_time_s(head, {0.0, 0.0}, {0.0, -0.12}), 2.0 * std::sqrt(0.12 / 3.0), 1e-12);
-  EXPECT_EQ(turning_time_s(head, {0.5, -0.2}, {0.5, -0.2}), 0.0);
-}
-
 TEST(Head, IsToldWhereARobotHasNone) {
   testing_robot::Loader loader;
   const auto head = Head::create(loader.load_or_fail("{profile: panda}"));

@@ -18,11 +18,6 @@ struct HeadAngles {
   double tilt_rad = 0.0;
 };
 
-/// How long a head takes from one direction to another, from rest to rest; a joint whose
-/// acceleration is not known reaches its speed in half a second. [any]
-[[nodiscard]] SIDESTEP_EXPORT double turning_time_s(const HeadDescription& head,
-                                                    const HeadAngles& from, const HeadAngles& to);
-
 /// Kinematics of a robot's head (RobotDescription::head). The robot's own kinematics have it at
 /// rest: poses of links that are passed in are those. Immutable. [any]
 class SIDESTEP_EXPORT Head {

@@ -49,6 +49,7 @@ class GazeLoop {
   Scratch scratch_;
   std::optional<Stamp> looked_;
   std::optional<HeadAngles> told_;  ///< Where the head was told to turn last.
+  Stamp told_at_;
   bool has_failed_ = false;
 };
 
