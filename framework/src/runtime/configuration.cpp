@@ -12,9 +12,9 @@ constexpr int kSchemaVersion = 1;
 const std::string kOverridePrefix = "--set ";
 
 const std::vector<std::string> kTopLevelKeys = {
-    "schema_version", "base",    "plugin_paths", "experiment", "robot", "source",
-    "mapper",         "field",   "optimiser",    "planning",   "check", "executor",
-    "replanner",      "sampler", "predictor",    "gaze"};
+    "schema_version", "base",      "without", "plugin_paths", "experiment", "robot",
+    "source",         "mapper",    "field",   "optimiser",    "planning",   "check",
+    "executor",       "replanner", "sampler", "predictor",    "gaze",       "localiser"};
 
 /// `over` laid on `under`, key by key. A map that names another plugin replaces the whole map.
 Node merged(Node under, const Node& over) {
@@ -39,6 +39,22 @@ class Reader {
  public:
   Reader(const DocumentReader& documents, std::vector<Error>& errors)
       : documents_(documents), errors_(errors) {}
+
+  /// Leaves out the bases of these names, wherever they are named.
+  void leave_out(const Node& names) {
+    for (const Node& name : names.is_list() ? names.items() : std::vector<Node>{names}) {
+      left_out_.push_back({name.text(), name.mark(), false});
+    }
+  }
+  /// Appends a mistake for each name that no base had.
+  void check_left_out() {
+    for (const LeftOut& left_out : left_out_) {
+      if (left_out.was_met) continue;
+      errors_.push_back(
+          Error{ErrorCode::kConfig, "'without': no base is called '" + left_out.name + "'",
+                left_out.mark.to_string(), did_you_mean(left_out.name, bases_), nullptr});
+    }
+  }
 
   /// The document of a file, merged with its bases; an empty map where it cannot be read.
   Node read(const std::filesystem::path& file, const SourceMark& named_at) {
@@ -73,7 +89,21 @@ class Reader {
   }
 
  private:
+  struct LeftOut {
+    std::string name;
+    SourceMark mark;
+    bool was_met;
+  };
+  [[nodiscard]] bool is_left_out(const std::string& name) {
+    bases_.push_back(name);
+    const auto found = std::ranges::find(left_out_, name, &LeftOut::name);
+    if (found == left_out_.end()) return false;
+    return found->was_met = true;
+  }
+
   Node with_bases(Node& document) {
+    if (const Node* without = document.find("without")) leave_out(*without);
+    std::erase_if(document.entries(), [](const Node::Entry& e) { return e.key == "without"; });
     const Node* base = document.find("base");
     if (base == nullptr) return document;
     std::vector<Node> bases = base->is_list() ? base->items() : std::vector<Node>{*base};
@@ -82,7 +112,7 @@ class Reader {
       const auto path = one.as_path();
       if (!path) {
         errors_.push_back(path.error());
-      } else {
+      } else if (!is_left_out(path->stem().string())) {
         under = merged(std::move(under), read(*path, one.mark()));
       }
     }
@@ -93,6 +123,8 @@ class Reader {
   const DocumentReader& documents_;
   std::vector<Error>& errors_;
   std::vector<std::filesystem::path> open_;
+  std::vector<LeftOut> left_out_;
+  std::vector<std::string> bases_;  ///< Names that were met.
 };
 
 /// Gives every node of an override the same origin.
@@ -191,6 +223,9 @@ void apply_override(Node& root, const std::string& override_text, std::vector<Er
   *target = std::move(*value);
 }
 
+/// Whether it says which bases are left out, before any is read.
+bool is_without(const std::string& override_text) { return override_text.starts_with("without="); }
+
 void check_plugin_paths(const Node& paths, std::vector<Error>& errors) {
   if (!paths.is_list()) {
     errors.push_back(
@@ -236,9 +271,18 @@ ConfigurationReading read_configuration(const std::filesystem::path& file,
   ConfigurationReading reading;
   reading.configuration.name = file.stem().string();
   reading.configuration.file = file;
-  Node root = Reader(documents, reading.errors).read(file, {});
+  Node said(Node::Map{}, {});
+  for (const std::string& text : overrides) {
+    if (is_without(text)) apply_override(said, text, reading.errors);
+  }
+  Reader reader(documents, reading.errors);
+  if (const Node* without = said.find("without")) reader.leave_out(*without);
+  Node root = reader.read(file, {});
   const bool unreadable = root.entries().empty() && !reading.errors.empty();
-  for (const std::string& text : overrides) apply_override(root, text, reading.errors);
+  if (!unreadable) reader.check_left_out();
+  for (const std::string& text : overrides) {
+    if (!is_without(text)) apply_override(root, text, reading.errors);
+  }
   if (!unreadable) check_top_level(root, file, reading.errors);
   reading.configuration.root = std::move(root);
   return reading;

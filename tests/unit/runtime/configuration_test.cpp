@@ -145,6 +145,27 @@ TEST_F(ConfigurationFiles, AllMistakesAreReportedInOnePass) {
                   "1)"));
 }
 
+TEST_F(ConfigurationFiles, ABaseCanBeLeftOut) {
+  write("far.yaml", "mapper: {max_range_m: 9.0}\n");
+  write("near.yaml", "base: far.yaml\nmapper: {resolution_m: 0.05}\n");
+  write("a.yaml", "schema_version: 1\nbase: near.yaml\n");
+  const auto whole = read(folder_ / "a.yaml");
+  EXPECT_NE(whole.configuration.root.find("mapper")->find("max_range_m"), nullptr);
+  write("b.yaml", "base: a.yaml\nwithout: [far]\n");
+  for (const auto& reading :
+       {read(folder_ / "b.yaml"), read(folder_ / "a.yaml", {"without=far"})}) {
+    ASSERT_TRUE(reading.errors.empty()) << reading.errors.front().describe();
+    const Node& root = reading.configuration.root;
+    EXPECT_EQ(root.find("mapper")->find("max_range_m"), nullptr);
+    EXPECT_NE(root.find("mapper")->find("resolution_m"), nullptr);
+    EXPECT_EQ(root.find("without"), nullptr);
+  }
+  const auto found = errors(read(folder_ / "a.yaml", {"without=[fra]"}));
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0],
+            "--set without=[fra]: 'without': no base is called 'fra' (did you mean 'far'?)");
+}
+
 TEST_F(ConfigurationFiles, ACycleOfBasesIsAnError) {
   write("a.yaml", "schema_version: 1\nbase: b.yaml\n");
   write("b.yaml", "base: a.yaml\n");
