@@ -1,7 +1,7 @@
 # sidestep_add_plugin(NAME KIND kind SOURCES ... [LINK library...])
 #
 # A Sidestep plugin: the shared library lib<kind>_<name>.so, whose one exported symbol is
-# sidestep_plugin(). KIND is source, mapper, field, robot, optimiser, executor, cost, predictor, gaze
+# sidestep_plugin(). KIND is source, mapper, field, robot, optimiser, executor, cost, predictor, gaze, localiser
 # or experiment (LINK Sidestep::runtime). In a build of Sidestep itself it lands beside the others; elsewhere, in the
 # current binary folder. Installed with Sidestep, for third parties too.
 function(sidestep_add_plugin name)

@@ -24,8 +24,9 @@ constexpr std::array kFormerNames = {std::pair("replanning", "incremental_benchm
 namespace fs = std::filesystem;
 
 constexpr std::array kPluginKinds = {
-    PluginKind::kSource,    PluginKind::kMapper,   PluginKind::kField,     PluginKind::kRobot,
-    PluginKind::kOptimiser, PluginKind::kExecutor, PluginKind::kPredictor, PluginKind::kGaze};
+    PluginKind::kSource,    PluginKind::kMapper,    PluginKind::kField,
+    PluginKind::kRobot,     PluginKind::kOptimiser, PluginKind::kExecutor,
+    PluginKind::kPredictor, PluginKind::kGaze,      PluginKind::kLocaliser};
 
 /// The schema of a top-level block that is neither a plugin's nor the experiment's; nothing for
 /// other names. Where an experiment is given, it is without what that has no use for.
@@ -119,7 +120,8 @@ void check_blocks(const Configuration& configuration, const FoundExperiment* of,
     }
     for (const PluginKind kind : kPluginKinds) {
       if (entry.key != to_string(kind)) continue;
-      const bool is_optional = kind == PluginKind::kPredictor || kind == PluginKind::kGaze;
+      const bool is_optional = kind == PluginKind::kPredictor || kind == PluginKind::kGaze ||
+                               kind == PluginKind::kLocaliser;
       const bool is_taken_back = is_optional && entry.value.is_null();
       if (!is_taken_back) host.check(kind, entry.value, errors);
     }

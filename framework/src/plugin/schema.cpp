@@ -177,6 +177,7 @@ std::string_view to_string(PluginKind kind) noexcept {
     case PluginKind::kExperiment: return "experiment";
     case PluginKind::kPredictor: return "predictor";
     case PluginKind::kGaze: return "gaze";
+    case PluginKind::kLocaliser: return "localiser";
   }
   return "unknown";
 }

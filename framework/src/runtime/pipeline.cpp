@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
@@ -15,6 +16,11 @@ Error out_of_time(const Deadline& deadline) {
 }
 
 }  // namespace
+
+void move_frame(Frame& frame, const Transform& T_new_old, const std::optional<BaseJoints>& base) {
+  frame.T_world_camera = T_new_old * frame.T_world_camera;
+  if (base && frame.joint_positions) base->move(T_new_old, as_span(*frame.joint_positions));
+}
 
 Result<void> MappingPipeline::attach() {
   if (parts_.masks_tracks && SIDESTEP_TRY(attach_masked())) return {};
@@ -52,6 +58,25 @@ MapSnapshot MappingPipeline::follow_motion(const Frame& frame) {
   return snapshot;
 }
 
+Result<void> MappingPipeline::localise(Frame& frame, MappingStep& step) {
+  if (parts_.localiser == nullptr) return {};
+  const Stopwatch watch;
+  step.localisation = SIDESTEP_TRY(call_stage(
+      parts_.names.localiser, [&] { return parts_.localiser->localise(frame, newest_.get()); }));
+  const Localisation& found = *step.localisation;
+  if (!found.T_map_odom.matrix().allFinite()) {
+    return fail(ErrorCode::kPlugin, "says a pose that is not a number",
+                "plugin " + parts_.names.localiser);
+  }
+  if (found.lost != lost_ && !found.lost.empty()) {
+    parts_.log.warn(parts_.names.localiser + ": " + found.lost);
+  }
+  lost_ = found.lost;
+  move_frame(frame, found.T_map_odom, parts_.base);
+  step.localise_ms = watch.elapsed_ms();
+  return {};
+}
+
 Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadline) {
   for (bool has_skipped = false;; has_skipped = true) {
     // The source watches the deadline of a frame; a row of unusable ones must end at it, too.
@@ -68,6 +93,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (!*frame) return std::optional<MappingStep>{};
     step.frame_sequence = (*frame)->sequence;
     step.stamp = (*frame)->stamp;
+    SIDESTEP_TRY(localise(**frame, step));
 
     watch.restart();
     auto update = call_stage(parts_.names.mapper, [&] { return parts_.mapper.integrate(**frame); });
@@ -105,6 +131,8 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (const auto* image = std::get_if<DepthImage>(&(*frame)->measurement)) {
       snapshot.camera = {step.stamp.seconds(), (*frame)->T_world_camera, image->camera};
     }
+    snapshot.localisation = step.localisation;
+    if (parts_.localiser != nullptr) newest_ = snapshot.field;
 
     watch.restart();
     const bool finds_motion = snapshot.moving != nullptr;

@@ -143,6 +143,7 @@ std::optional<std::uint32_t> interface_version(PluginKind kind) noexcept {
     case PluginKind::kExperiment: return kExperimentInterface;
     case PluginKind::kPredictor: return kPredictorInterface;
     case PluginKind::kGaze: return kGazeInterface;
+    case PluginKind::kLocaliser: return kLocaliserInterface;
   }
   return std::nullopt;
 }

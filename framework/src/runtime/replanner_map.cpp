@@ -135,7 +135,9 @@ double Replanner::Impl::stopping_time_s() const {
 }
 
 bool Replanner::Impl::look_at_map() {
-  auto [newest, moving, tracks, camera] = parts.slot.snapshot();
+  MapSnapshot map = parts.slot.snapshot();
+  const auto& newest = map.field;
+  auto& tracks = map.tracks;
   if (!newest) {
     const double waited_s = now.seconds() - first_step->seconds();
     if (waited_s > settings.max_map_age_s) {
@@ -177,9 +179,9 @@ bool Replanner::Impl::look_at_map() {
     }
     ahead = std::make_shared<const Prediction>(*std::move(predicted));
   }
-  field = std::move(newest);
+  field = newest;
   map_came = now;
-  reach.look_at(moving.get(), tracks.get());
+  reach.look_at(map.moving.get(), tracks.get());
   prediction = std::move(ahead);
   if (auto* driving = std::get_if<Driving>(&phase)) {
     driving->is_unreached = driving->is_checked = false;

@@ -20,6 +20,7 @@
 #include <sidestep/core/node.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/planning/goal_source.hpp>
+#include <sidestep/robot/base_joints.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 #include <sidestep/trajectory/splice.hpp>
@@ -65,6 +66,49 @@ Eigen::VectorXd MeasurementNoise::measured(const Eigen::VectorXd& q, std::int64_
   }
   return noisy;
 }
+
+/// Where a base truly is that measures its way by its wheels: a share of it longer or shorter, and
+/// turned a little with each metre.
+class Drift {
+ public:
+  /// Fails with kUnsupported where the robot is to drift, and has no such base.
+  [[nodiscard]] static Result<Drift> create(const Options& options, const HostContext& context) {
+    Drift drift;
+    if (options.drift_share == 0.0 && options.drift_rad_per_m == 0.0) return drift;
+    drift.base_ = SIDESTEP_TRY(BaseJoints::of(*context.robot));
+    std::uint64_t state = context.seed;
+    drift.share_ = std::copysign(options.drift_share, uniform(state) - 0.5);
+    drift.rad_per_m_ = std::copysign(options.drift_rad_per_m, uniform(state) - 0.5);
+    return drift;
+  }
+
+  /// By one step of what is measured.
+  void step(const Eigen::VectorXd& from, const Eigen::VectorXd& to) {
+    if (!base_) return;
+    const Eigen::Vector3d p(from[base_->x()], from[base_->y()], 0.0);
+    const Eigen::Vector3d way = Eigen::Vector3d(to[base_->x()], to[base_->y()], 0.0) - p;
+    const double yaw_rad =
+        rad_per_m_ * way.norm() + share_ * (to[base_->yaw()] - from[base_->yaw()]);
+    // Where it measures `to`, it truly is at T_world_odom_ of that.
+    const Eigen::Vector3d truly = T_world_odom_ * p + T_world_odom_.linear() * way * (1.0 + share_);
+    T_world_odom_.linear() =
+        Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()) * T_world_odom_.linear();
+    T_world_odom_.translation() = truly - T_world_odom_.linear() * (p + way);
+  }
+
+  [[nodiscard]] RobotState truth(RobotState measured) const {
+    if (!base_) return measured;
+    base_->move(T_world_odom_, as_span(measured.q));
+    base_->turn(T_world_odom_, as_span(measured.qdot));
+    return measured;
+  }
+
+ private:
+  std::optional<BaseJoints> base_;
+  double share_ = 0.0;
+  double rad_per_m_ = 0.0;
+  Transform T_world_odom_ = Transform::Identity();
+};
 
 /// Goals that come at times fixed beforehand.
 class ScheduledGoals {
@@ -206,7 +250,7 @@ class SimulatedExecutor final : public Executor,
                                 public HeadTurner {
  public:
   SimulatedExecutor(const Options& options, const HostContext& context, Eigen::VectorXd start,
-                    ScheduledGoals goals)
+                    ScheduledGoals goals, Drift drift)
       : robot_model_(context.robot),
         clock_(context.clock),
         motion_(context.motion ? context.motion : std::make_shared<RobotMotion>()),
@@ -216,6 +260,7 @@ class SimulatedExecutor final : public Executor,
         steps_per_record_(std::max<std::int64_t>(1, std::llround(1e3 / options.measured_rate_hz))),
         noise_(options.position_noise, context.seed),
         goals_(std::move(goals)),
+        drift_(std::move(drift)),
         robot_(motion_limits(robot_model_->description(), {1.0, 1.0, options.assumed_ramp_s}),
                options.lag_s, std::move(start), clock_.now()),
         head_(simulated_head(robot_model_, options, clock_.now())) {
@@ -261,9 +306,9 @@ class SimulatedExecutor final : public Executor,
   RobotState true_state(Stamp stamp) override {
     const std::lock_guard lock(mutex_);
     bring_forward();
-    if (stamp >= robot_.time()) return robot_.state();
+    if (stamp >= robot_.time()) return drift_.truth(robot_.state());
     if (auto state = motion_->truth(stamp)) return *state;
-    return robot_.state();  // longer ago than anything is kept
+    return drift_.truth(robot_.state());  // longer ago than anything is kept
   }
 
   std::optional<GoalRequest> next_goal() override { return goals_.next(clock_.now()); }
@@ -276,9 +321,11 @@ class SimulatedExecutor final : public Executor,
   Stamp bring_forward() {
     const Stamp now = clock_.now();
     while (robot_.time().ns + SimulatedRobot::kStep_ns <= now.ns) {
+      const Eigen::VectorXd before = robot_.state().q;
       robot_.step();
+      drift_.step(before, robot_.state().q);
       if (head_) head_->step();
-      motion_->record_truth(robot_.state(), robot_.time());
+      motion_->record_truth(drift_.truth(robot_.state()), robot_.time());
       if (robot_.steps() % steps_per_record_ == 0) record();
     }
     return now;
@@ -341,6 +388,7 @@ class SimulatedExecutor final : public Executor,
   std::int64_t steps_per_record_;
   MeasurementNoise noise_;
   ScheduledGoals goals_;  ///< [planning] only.
+  Drift drift_;
   std::mutex mutex_;
   SimulatedRobot robot_;
   std::optional<SimulatedRobot> head_;  ///< Nothing where the robot has none.
@@ -355,8 +403,9 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   }
   auto start = SIDESTEP_TRY(read_start(options.start, context.robot->description()));
   auto goals = SIDESTEP_TRY(ScheduledGoals::read(options.goals));
-  return std::unique_ptr<Executor>(
-      std::make_unique<SimulatedExecutor>(options, context, std::move(start), std::move(goals)));
+  auto drift = SIDESTEP_TRY(Drift::create(options, context));
+  return std::unique_ptr<Executor>(std::make_unique<SimulatedExecutor>(
+      options, context, std::move(start), std::move(goals), std::move(drift)));
 }
 
 }  // namespace sidestep::simulated

@@ -14,6 +14,8 @@ struct Options {
   double delay_s = 0.0;
   double lag_s = 0.0;
   double position_noise = 0.0;
+  double drift_share = 0.0;
+  double drift_rad_per_m = 0.0;
   double measured_rate_hz = 200.0;
   double start_tolerance = 0.05;
   double velocity_tolerance = 0.05;
@@ -38,6 +40,13 @@ struct Options {
              {.unit = "s", .min = 0.0, .max = 10.0})
         .add("position_noise", &O::position_noise,
              "Standard deviation of a measured joint position, m or rad.", {.min = 0.0})
+        .add("drift_share", &O::drift_share,
+             "How far a base that moves in the plane comes to be from where it measures itself, as "
+             "a "
+             "share of its way; either way, by the seed.",
+             {.min = 0.0, .max = 1.0})
+        .add("drift_rad_per_m", &O::drift_rad_per_m, "The same of its heading.",
+             {.unit = "rad/m", .min = 0.0, .max = 10.0})
         .add("measured_rate_hz", &O::measured_rate_hz,
              "How often a state is measured for those who ask later, e.g. for an image's stamp.",
              {.unit = "Hz", .min = 1.0, .max = 1000.0})

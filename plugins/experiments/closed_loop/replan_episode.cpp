@@ -40,7 +40,7 @@ class EpisodeRun {
       : context_(context),
         settings_(parts.settings),
         world_(parts.world),
-        slot_(parts.slot),
+        slot_(*parts.world.slot),
         mapping_(parts.mapping),
         watch_(parts.watch),
         observer_(context.observer),
@@ -176,7 +176,7 @@ class EpisodeRun {
     settings.seed = world_.seed;
     replanner_.emplace(
         Replanner::Parts{world_.robot,
-                         *world_.executor,
+                         world_.mover(),
                          *world_.optimiser,
                          world_.sampler.get(),
                          slot_,
@@ -238,7 +238,7 @@ class EpisodeRun {
     StepWatch watch(settings_.replanner.longest_step_s(), [this] {
       context_.log.warn("the planning side has not come back: the executor is told to stop");
       const auto stopped =
-          call_stage(plugin_of(world_.executor), [&] { return world_.executor->stop(); });
+          call_stage(plugin_of(world_.executor), [&] { return world_.mover().stop(); });
       if (!stopped) context_.log.warn("it does not: " + stopped.error().describe());
     });
     for (bool goes_on = true; goes_on;) {
@@ -295,7 +295,7 @@ class EpisodeRun {
   }
 
   [[nodiscard]] Result<Executor::Measured> measured() {
-    return call_plugin(plugin_of(world_.executor), [&] { return world_.executor->current(); });
+    return call_plugin(plugin_of(world_.executor), [&] { return world_.mover().current(); });
   }
 
   /// Where that cannot be known, there is nothing to wait for.

@@ -22,13 +22,13 @@
 
 namespace sidestep {
 
-/// The mapping side of an episode: frames that are due become fields in the slot, and are shown by
-/// an executor that can. Once it has failed or its source has ended, it maps no more, and the map
-/// ages.
+/// The mapping side of an episode: frames that are due become fields in the world's slot, and are
+/// shown by an executor that can. Once it has failed or its source has ended, it maps no more, and
+/// the map ages.
 class EpisodeMapping {
  public:
   /// `observer` may be null; it is shown nothing before show() says so.
-  EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, SnapshotSlot& slot, Log& log,
+  EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, Log& log,
                  RunObserver* observer);
 
   /// Binds the field builder to the mapper. Call once, first.
@@ -68,6 +68,8 @@ class EpisodeMapping {
     MapSnapshot snapshot;
   };
 
+  /// The frame that was mapped last, in the map's frame.
+  [[nodiscard]] std::shared_ptr<const Frame> mapped_frame(const MappingStep& step) const;
   /// Maps the next frame, if one comes before the deadline.
   bool map_one(const Deadline& deadline);
   void note_trouble(const Result<std::optional<MappingStep>>& step);
@@ -86,6 +88,7 @@ class EpisodeMapping {
   PacedFrames source_;
   MotionDetector motion_detector_;
   Tracker tracker_;
+  std::optional<BaseJoints> base_;
   bool is_tracking_;
   bool masks_tracks_;
   MappingPipeline pipeline_;
@@ -136,7 +139,6 @@ using EpisodeWatch = std::function<std::string(Stamp now, const Replanner& repla
 struct EpisodeParts {
   const ReplanConfiguration& settings;
   ReplanWorld& world;
-  SnapshotSlot& slot;
   EpisodeMapping& mapping;         ///< Attached.
   EpisodeWatch watch;              ///< May be empty.
   EpisodeProgress::Tell progress;  ///< May be empty.

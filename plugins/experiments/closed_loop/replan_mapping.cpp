@@ -23,16 +23,17 @@ void EpisodeProgress::note(Stamp now, Wall::time_point wall) {
   tell_(format("%.0f", now.seconds() - begin_.seconds()) + limit_);
 }
 
-EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings,
-                               SnapshotSlot& slot, Log& log, RunObserver* observer)
+EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, Log& log,
+                               RunObserver* observer)
     : clock_(*world.clock),
       is_lockstep_(settings.is_lockstep()),
       truth_source_(settings.sees_truth() ? world.truth : nullptr),
       latency_(settings.latency),
       observer_(observer),
-      slot_(slot),
+      slot_(*world.slot),
       source_(*world.source, *world.clock, !is_lockstep_),
       tracker_({}, world.robot),
+      base_(world.base),
       is_tracking_(settings.tracks || world.predictor ||
                    (world.gaze && world.gaze->wants_tracks())),
       // What nobody predicts stays in the map.
@@ -40,13 +41,16 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
       pipeline_({source_,
                  *world.mapper,
                  *world.field_builder,
-                 is_lockstep_ ? made_ : slot,
+                 is_lockstep_ ? made_ : slot_,
                  log,
-                 {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder)},
+                 {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder),
+                  world.localiser ? plugin_of(world.localiser) : ""},
                  &motion_detector_,
                  true,
                  is_tracking_ ? &tracker_ : nullptr,
-                 masks_tracks_}),
+                 masks_tracks_,
+                 world.localiser.get(),
+                 world.base}),
       source_name_(plugin_of(world.source)),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
@@ -77,6 +81,13 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
   return true;
 }
 
+std::shared_ptr<const Frame> EpisodeMapping::mapped_frame(const MappingStep& step) const {
+  if (!step.localisation || source_.last() == nullptr) return source_.last();
+  Frame frame = *source_.last();
+  move_frame(frame, step.localisation->T_map_odom, base_);
+  return std::make_shared<const Frame>(std::move(frame));
+}
+
 /// In lockstep its field is there once the latency has passed.
 void EpisodeMapping::note_frame(MappingStep step) {
   const double delay_s = is_lockstep_ ? latency_.sensor_s : 0.0;
@@ -84,13 +95,14 @@ void EpisodeMapping::note_frame(MappingStep step) {
   if (is_lockstep_) published.ns += Stamp::from_seconds(delay_s + latency_.mapping_s).ns;
   frames_.push_back({step.stamp.seconds(), source_.received().seconds() + delay_s,
                      published.seconds(), step.integrate_ms, step.field_ms});
-  if (truth_ && source_.last()) {
-    truth_->observe(*source_.last(), *occupancy_);
+  const std::shared_ptr<const Frame> frame = mapped_frame(step);
+  if (truth_ && frame) {
+    truth_->observe(*frame, *occupancy_);
     if (track_truth_) track_truth_->observe(*made_.snapshot().tracks, truth_->in_view());
   }
   if (observer_ == nullptr || !shows_) return;
   const MapSnapshot snapshot = (is_lockstep_ ? made_ : slot_).snapshot();
-  observer_->mapped({source_.last(), std::move(step), snapshot, source_.received(), published});
+  observer_->mapped({frame, std::move(step), snapshot, source_.received(), published});
 }
 
 void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step) {

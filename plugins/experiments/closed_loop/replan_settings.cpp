@@ -290,6 +290,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   world.seed = seed;
   world.clock = std::make_unique<EpisodeClock>();
   world.motion = std::make_shared<RobotMotion>();
+  world.slot = std::make_unique<SnapshotSlot>();
   world.robot = robot;
   RunLoan loan{robot, world.motion, world.clock.get(), seed, nullptr};
   const auto make = [&]<class Plugin>(const Node& block, PluginPtr<Plugin>& into) -> Result<void> {
@@ -334,6 +335,12 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   if (!block("gaze").is_null()) SIDESTEP_TRY(make(block("gaze"), world.gaze));
   SIDESTEP_TRY(make(executor_block(block("executor"), world, context.host), world.executor));
   world.true_robot = dynamic_cast<TrueRobot*>(world.executor.get());
+  if (!block("localiser").is_null()) {
+    SIDESTEP_TRY(make(block("localiser"), world.localiser));
+    world.base = SIDESTEP_TRY(BaseJoints::of(*robot));
+    world.localised =
+        std::make_unique<LocalisedExecutor>(*world.executor, *world.base, *world.slot);
+  }
   return world;
 }
 

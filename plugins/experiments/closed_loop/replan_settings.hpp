@@ -10,6 +10,7 @@
 
 #include <sidestep/geometry/people.hpp>
 #include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/mapping/localiser.hpp>
 #include <sidestep/measures/map_truth.hpp>
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/gaze.hpp>
@@ -17,8 +18,10 @@
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/episode_clock.hpp>
 #include <sidestep/runtime/experiment.hpp>
+#include <sidestep/runtime/localised_executor.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
+#include <sidestep/runtime/snapshot_slot.hpp>
 #include <sidestep/runtime/task_settings.hpp>
 #include <sidestep/sensing/source.hpp>
 
@@ -136,15 +139,24 @@ struct ReplanWorld {
   PluginPtr<FieldBuilder> field_builder;
   PluginPtr<Optimiser> optimiser;
   PluginPtr<Optimiser> sampler;  ///< Null where there is none.
+  std::unique_ptr<SnapshotSlot> slot;
   PluginPtr<Executor> executor;
-  PluginPtr<Predictor> predictor;      ///< Null where nothing is predicted.
-  PluginPtr<Gaze> gaze;                ///< Null where the head rests.
+  PluginPtr<Localiser> localiser;                ///< Null where odometry is taken for the truth.
+  std::optional<BaseJoints> base;                ///< With a localiser.
+  std::unique_ptr<LocalisedExecutor> localised;  ///< The executor, with a localiser.
+  PluginPtr<Predictor> predictor;                ///< Null where nothing is predicted.
+  PluginPtr<Gaze> gaze;                          ///< Null where the head rests.
   TrueRobot* true_robot = nullptr;     ///< The executor's other side; null where it has none.
   std::shared_ptr<const Scene> scene;  ///< Null where it is not known.
   GroundTruth* truth = nullptr;        ///< The source's other side; null where it has none.
   std::uint64_t seed = 0;              ///< The episode's.
   Eigen::VectorXd q_start;
   Eigen::VectorXd q_goal;
+
+  /// What moves the robot in the map's frame.
+  [[nodiscard]] Executor& mover() const {
+    return localised ? static_cast<Executor&>(*localised) : *executor;
+  }
 };
 
 /// The world of an episode: start and goal drawn, the robot at rest at its start, the clock at

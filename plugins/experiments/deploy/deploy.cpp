@@ -150,7 +150,7 @@ class Deployment {
         settings_(settings),
         world_(world),
         goals_(goals),
-        mapping_(world, settings.loop.experiment, slot_, context.log, context.observer) {}
+        mapping_(world, settings.loop.experiment, context.log, context.observer) {}
 
   /// One episode a goal, each recorded when it is over.
   Result<void> run(Recorder& recorder) {
@@ -235,7 +235,7 @@ class Deployment {
     next_feedback_ = world_.clock->now();
     auto done = run_episode(
         context_,
-        {settings_.loop, world_, slot_, mapping_,
+        {settings_.loop, world_, mapping_,
          [&](Stamp now, const Replanner&) { return watch(now, goal); },
          [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); }},
         episode_);
@@ -283,7 +283,7 @@ class Deployment {
 
   [[nodiscard]] Result<Eigen::VectorXd> measured() {
     auto current = SIDESTEP_TRY(
-        call_plugin(plugin_of(world_.executor), [&] { return world_.executor->current(); }));
+        call_plugin(plugin_of(world_.executor), [&] { return world_.mover().current(); }));
     return std::move(current.state.q);
   }
 
@@ -297,7 +297,6 @@ class Deployment {
   DeployConfiguration& settings_;
   ReplanWorld& world_;
   GoalSource& goals_;
-  SnapshotSlot slot_;
   EpisodeMapping mapping_;
   std::optional<Goal> waiting_;  ///< Came while the robot was on its way to another.
   Stamp next_feedback_;

@@ -47,11 +47,10 @@ Result<void> add_free_run(ExperimentContext& context, const ReplanConfiguration&
                           const ReplanWorld& world, EpisodeRecord& episode) {
   ReplanWorld alone =
       SIDESTEP_TRY(make_replan_world(context, settings, world.robot, episode.episode, &world));
-  SnapshotSlot slot;
-  EpisodeMapping mapping(alone, settings.experiment, slot, context.log, nullptr);
+  EpisodeMapping mapping(alone, settings.experiment, context.log, nullptr);
   SIDESTEP_TRY(mapping.attach());
   const auto done =
-      SIDESTEP_TRY(run_episode(context, {settings, alone, slot, mapping, {}, {}}, episode.episode));
+      SIDESTEP_TRY(run_episode(context, {settings, alone, mapping, {}, {}}, episode.episode));
   if (done.reached) episode.free_run_s = done.duration_s;
   return {};
 }
@@ -71,12 +70,10 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     };
     show(name);
     auto world = SIDESTEP_TRY(make_replan_world(context, settings, robot, episode));
-    SnapshotSlot slot;
-    EpisodeMapping mapping(world, settings.experiment, slot, context.log, context.observer);
+    EpisodeMapping mapping(world, settings.experiment, context.log, context.observer);
     SIDESTEP_TRY(mapping.attach());
     const auto tell = [&](const std::string& how_far) { show(name + " (" + how_far + ")"); };
-    auto done =
-        SIDESTEP_TRY(run_episode(context, {settings, world, slot, mapping, {}, tell}, episode));
+    auto done = SIDESTEP_TRY(run_episode(context, {settings, world, mapping, {}, tell}, episode));
     if (done.interrupted) break;
     if (settings.experiment.free_run) {
       show(name + " without people");

@@ -1,8 +1,10 @@
 #include <bit>
 #include <deque>
 #include <functional>
+#include <limits>
 #include <stdexcept>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <sidestep/runtime/pipeline.hpp>
@@ -100,6 +102,47 @@ TEST_F(Pipeline, PublishesAFieldForEveryFrameUntilTheEnd) {
   EXPECT_EQ(pipeline_.step({}).value()->frame_sequence, 11);
   EXPECT_EQ(slot_.pin()->info().sequence, 2);
   EXPECT_FALSE(pipeline_.step({}).value().has_value());
+}
+
+/// Says that odometry is a metre behind, and keeps the field that it was given.
+class MetreAhead final : public Localiser {
+ public:
+  Result<Localisation> localise(const Frame&, const DistanceField* field) override {
+    fields.push_back(field != nullptr ? field->info().sequence : 0);
+    if (fails) return fail(ErrorCode::kIo, "no light");
+    Localisation found;
+    found.T_map_odom.translation().x() = x_m;
+    return found;
+  }
+  std::vector<std::int64_t> fields;
+  double x_m = 1.0;
+  bool fails = false;
+};
+
+TEST_F(Pipeline, MapsFramesWhereALocaliserHasThem) {
+  MetreAhead localiser;
+  MappingPipeline pipeline({.source = source_,
+                            .mapper = mapper_,
+                            .field_builder = builder_,
+                            .slot = slot_,
+                            .log = log_,
+                            .names = {.localiser = "localiser ahead"},
+                            .localiser = &localiser});
+  ASSERT_TRUE(pipeline.attach());
+  Frame image;
+  image.measurement = DepthImage{};
+  for (int i = 0; i < 5; ++i) source_.script.emplace_back(std::optional<Frame>(image));
+  const auto step = pipeline.step({});
+  ASSERT_TRUE(step && *step);
+  EXPECT_EQ((*step)->localisation->T_map_odom.translation().x(), 1.0);
+  EXPECT_EQ(slot_.snapshot().localisation->T_map_odom.translation().x(), 1.0);
+  EXPECT_EQ(slot_.snapshot().camera->T_world_camera.translation().x(), 1.0);
+  ASSERT_TRUE(pipeline.step({}));
+  EXPECT_THAT(localiser.fields, testing::ElementsAre(0, 1));
+  localiser.x_m = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THAT(pipeline.step({}).error().describe(), testing::HasSubstr("localiser ahead"));
+  localiser.fails = true;
+  EXPECT_THAT(pipeline.step({}).error().describe(), testing::HasSubstr("no light"));
 }
 
 TEST_F(Pipeline, SkipsUnusableFramesOfSourceAndMapperAndKeepsTheReasons) {

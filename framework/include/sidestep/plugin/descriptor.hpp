@@ -24,6 +24,7 @@ inline constexpr std::uint32_t kCostInterface = 1;
 inline constexpr std::uint32_t kExperimentInterface = 1;
 inline constexpr std::uint32_t kPredictorInterface = 1;
 inline constexpr std::uint32_t kGazeInterface = 1;
+inline constexpr std::uint32_t kLocaliserInterface = 1;
 
 /// How a binary was built, as far as it decides whether C++ objects may cross between it and
 /// the host. Plain data with fixed layout. Filled in by abi_stamp() in the including binary.

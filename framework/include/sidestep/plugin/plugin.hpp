@@ -7,6 +7,7 @@
 
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/mapping/localiser.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/planning/gaze.hpp>
@@ -81,6 +82,11 @@ template <>
 struct PluginTraits<Gaze> {
   static constexpr PluginKind kKind = PluginKind::kGaze;
   static constexpr std::uint32_t kVersion = kGazeInterface;
+};
+template <>
+struct PluginTraits<Localiser> {
+  static constexpr PluginKind kKind = PluginKind::kLocaliser;
+  static constexpr std::uint32_t kVersion = kLocaliserInterface;
 };
 
 namespace detail {
@@ -160,9 +166,9 @@ struct PluginGlue {
 }  // namespace sidestep
 
 /// Exports a plugin. INTERFACE: Source, Mapper, FieldBuilder, RobotModel, Optimiser,
-/// Executor, StateCost, Predictor or Gaze (for experiments see SIDESTEP_EXPERIMENT). OPTIONS: a
-/// struct with `static Parameters<OPTIONS> parameters()` and, where its parameters must fit
-/// together, `std::vector<OptionMistake> check() const`. CREATE: a function
+/// Executor, StateCost, Predictor, Gaze or Localiser (for experiments see SIDESTEP_EXPERIMENT).
+/// OPTIONS: a struct with `static Parameters<OPTIONS> parameters()` and, where its parameters must
+/// fit together, `std::vector<OptionMistake> check() const`. CREATE: a function
 /// Result<std::unique_ptr<INTERFACE>>(const OPTIONS&, const HostContext&), which is given only
 /// options that check() finds nothing wrong with. What follows DOC are the views (types as in
 /// mapping/occupancy_view.hpp) that a mapper offers or a field needs: the host tells before a run

@@ -24,6 +24,7 @@ enum class PluginKind : std::uint32_t {
   kExperiment = 8,
   kPredictor = 9,
   kGaze = 10,
+  kLocaliser = 11,
 };
 [[nodiscard]] std::string_view to_string(PluginKind kind) noexcept;  ///< "source", "mapper", ...
 

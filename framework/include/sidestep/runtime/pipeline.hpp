@@ -11,8 +11,10 @@
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/log.hpp>
 #include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/mapping/localiser.hpp>
 #include <sidestep/mapping/mapper.hpp>
 #include <sidestep/mapping/tracker.hpp>
+#include <sidestep/robot/base_joints.hpp>
 #include <sidestep/runtime/snapshot_slot.hpp>
 #include <sidestep/sensing/source.hpp>
 
@@ -23,7 +25,9 @@ struct MappingStep {
   std::int64_t frame_sequence = 0;
   Stamp stamp;
   MapUpdate update;
-  double read_ms = 0.0;  ///< Source; not part of the frame time.
+  std::optional<Localisation> localisation;  ///< Nothing without a Localiser.
+  double read_ms = 0.0;                      ///< Source; not part of the frame time.
+  double localise_ms = 0.0;
   double integrate_ms = 0.0;
   double field_ms = 0.0;    ///< The mask of what is tracked included.
   double motion_ms = 0.0;   ///< Detecting and tracking what moves, where that is asked for.
@@ -31,7 +35,7 @@ struct MappingStep {
 
   /// From the frame in hand to the published field.
   [[nodiscard]] double frame_ms() const noexcept {
-    return integrate_ms + field_ms + motion_ms + publish_ms;
+    return localise_ms + integrate_ms + field_ms + motion_ms + publish_ms;
   }
 };
 
@@ -40,10 +44,14 @@ struct StageNames {
   std::string source = "source";
   std::string mapper = "mapper";
   std::string field = "field";
+  std::string localiser = "localiser";
 };
 
-/// The mapping loop: Source -> Mapper -> FieldBuilder -> SnapshotSlot (Finean 2021, Fig. 2).
-/// Owns nothing but the order of the calls. [mapping]
+/// Moves a frame, and the joint positions of a robot with such a base, into another frame.
+void move_frame(Frame& frame, const Transform& T_new_old, const std::optional<BaseJoints>& base);
+
+/// The mapping loop: Source -> (Localiser ->) Mapper -> FieldBuilder -> SnapshotSlot (Finean 2021,
+/// Fig. 2). Owns nothing but the order of the calls. [mapping]
 class MappingPipeline {
  public:
   struct Parts {
@@ -62,6 +70,10 @@ class MappingPipeline {
     /// Builds the field without what is tracked. A field that needs another view than the
     /// OccupancyView keeps it, which is logged once.
     bool masks_tracks = false;
+    /// Finds out where frames were taken; null: where they say.
+    Localiser* localiser = nullptr;
+    /// Of the robot in the frames, with a localiser.
+    std::optional<BaseJoints> base = {};
   };
   explicit MappingPipeline(Parts parts)
       : parts_(std::move(parts)), occupancy_(dynamic_cast<const OccupancyView*>(&parts_.mapper)) {}
@@ -77,6 +89,8 @@ class MappingPipeline {
 
  private:
   void skip(Error error);
+  /// Takes a frame into the map's frame, if there is a localiser.
+  [[nodiscard]] Result<void> localise(Frame& frame, MappingStep& step);
   /// Binds the field builder to the masked map, if that can be.
   [[nodiscard]] Result<bool> attach_masked();
   /// What moves and what is tracked after a frame, as far as that is asked for, without a field.
@@ -87,7 +101,9 @@ class MappingPipeline {
   Parts parts_;
   const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
   MotionMemory memory_;
-  std::optional<MaskedOccupancy> masked_;  ///< What the field sees, where tracks are masked.
+  std::shared_ptr<const DistanceField> newest_;  ///< Kept for the localiser.
+  std::string lost_;                             ///< Localisation::lost of the last frame.
+  std::optional<MaskedOccupancy> masked_;        ///< What the field sees, where tracks are masked.
   bool has_content_ = false;
   std::vector<Error> bad_frames_;
 };

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include <sidestep/field/distance_field.hpp>
+#include <sidestep/mapping/localiser.hpp>
 #include <sidestep/mapping/moving_obstacles.hpp>
 #include <sidestep/mapping/tracks.hpp>
 #include <sidestep/sensing/frame.hpp>
@@ -20,6 +21,7 @@ struct MapSnapshot {
   std::shared_ptr<const MovingObstacles> moving = nullptr;  ///< Null without a MotionDetector.
   std::shared_ptr<const Tracks> tracks = nullptr;           ///< Null without a Tracker.
   std::optional<CameraView> camera = std::nullopt;          ///< Nothing where it is no image.
+  std::optional<Localisation> localisation = std::nullopt;  ///< Nothing without a Localiser.
 };
 
 /// The one thing that mapping and planning share: the newest map. publish() [mapping],

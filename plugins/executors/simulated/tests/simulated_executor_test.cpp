@@ -11,6 +11,7 @@
 #include <sidestep/trajectory/robot_motion.hpp>
 
 #include "conformance/gaze_conformance.hpp"
+#include "conformance/localiser_conformance.hpp"
 #include "conformance/test_host.hpp"
 #include "support/chain_robot.hpp"
 #include "support/manual_clock.hpp"
@@ -82,6 +83,36 @@ TEST_F(SimulatedExecutorTest, FollowsATrajectoryLateByItsDelay) {
     EXPECT_NEAR(q(*executor)[0], exact, 1e-7) << t;
     EXPECT_NEAR(q(*executor)[1], -exact, 1e-7) << t;
   }
+}
+
+/// Odometry says 1 m along x, the robot has gone 1.02 m and turned by 0.05 rad on the way.
+TEST_F(SimulatedExecutorTest, DriftsAwayFromItsOdometry) {
+  host_ = std::make_unique<conformance::TestHost>(
+      1, conformance::TestHostParts{
+             .robot = conformance::turning_robot(), .clock = &clock_, .motion = motion_});
+  options_.drift_share = 0.02;
+  options_.drift_rad_per_m = 0.05;
+  const auto executor = make();
+  Trajectory ahead = make_trajectory(3, 2, 4.0);
+  ahead.q(1)[0] = 1.0;
+  ASSERT_TRUE(executor->follow(ahead, at_s(0.0)));
+  clock_.set_s(6.0);
+  EXPECT_NEAR(q(*executor)[0], 1.0, 1e-6);
+  const auto truth = dynamic_cast<TrueRobot&>(*executor).true_state(at_s(6.0)).q;
+  EXPECT_NEAR(std::abs(truth[2]), 0.05, 1e-6);
+  const double share = (truth.head<2>().norm() - 1.0) / (1.0 - 0.05 * 0.05 / 24.0);
+  EXPECT_NEAR(std::abs(share), 0.02, 1e-3);
+  // On an arc: half of the turn aside.
+  EXPECT_NEAR(std::abs(truth[1]), 0.5 * 0.05, 2e-3);
+  EXPECT_EQ(motion_->truth(at_s(3.0))->q.size(), 3);
+  EXPECT_NE(motion_->truth(at_s(3.0))->q[2], motion_->measured(at_s(3.0))->q[2]);
+}
+
+TEST_F(SimulatedExecutorTest, CannotDriftWithoutABaseThatTurns) {
+  options_.drift_share = 0.01;
+  const auto made = create_executor(options_, host_->context(3));
+  ASSERT_FALSE(made);
+  EXPECT_THAT(made.error().describe(), HasSubstr("base"));
 }
 
 TEST_F(SimulatedExecutorTest, MovesTheSameHoweverOftenItIsAsked) {
