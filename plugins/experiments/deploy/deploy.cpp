@@ -65,23 +65,13 @@ struct Goal {
 };
 
 /// What a request may say.
-struct GoalEntry {
+struct GoalEntry : TaskEntry {
   RobotStateEntry goal;
-  std::optional<EndEffectorEntry> end_effector;
-  std::vector<OrientationCostEntry> orientation_costs;
-  std::vector<AxisCostEntry> axis_costs;
-  std::optional<PostureCostEntry> posture_cost;
 
   static Parameters<GoalEntry> parameters() {
-    using E = GoalEntry;
-    return Parameters<E>()
-        .add("goal", &E::goal, "Where the robot is to be; joints left out stay as they are.")
-        .add("end_effector", &E::end_effector, "Where a link is to be at the end.")
-        .add("orientation_costs", &E::orientation_costs,
-             "Links that are to keep an orientation along the way.")
-        .add("axis_costs", &E::axis_costs,
-             "Links of which an axis is to keep a direction along the way.")
-        .add("posture_cost", &E::posture_cost, "A posture that is preferred along the way.");
+    auto parameters = Parameters<GoalEntry>().add(
+        "goal", &GoalEntry::goal, "Where the robot is to be; joints left out stay as they are.");
+    return declare_task(std::move(parameters), "Where a link is to be at the end.");
   }
 };
 

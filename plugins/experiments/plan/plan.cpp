@@ -23,34 +23,27 @@ namespace {
 constexpr std::int64_t kCommitEvery = 50;  // frames
 
 /// One entry of `experiment.plans`.
-struct PlanEntry {
+struct PlanEntry : TaskEntry {
   std::string name;
   RobotStateEntry start;
   RobotStateEntry goal;
   std::vector<AttachedEntry> attached;
-  std::optional<EndEffectorEntry> end_effector;
-  std::vector<OrientationCostEntry> orientation_costs;
-  std::vector<AxisCostEntry> axis_costs;
-  std::optional<PostureCostEntry> posture_cost;
   std::vector<PluginCostEntry> costs;
 
   static Parameters<PlanEntry> parameters() {
-    return Parameters<PlanEntry>()
-        .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
-        .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
-        .add("goal", &PlanEntry::goal,
-             "Where the robot is to be; with `end_effector`, where the search for that begins.",
-             {.required = true})
-        .add("attached", &PlanEntry::attached,
-             "What the robot carries, fixed to its links: costs, checks and pictures have it.")
-        .add("end_effector", &PlanEntry::end_effector,
-             "Where a link is to be at the end, whatever the configuration; for optimisers that "
-             "minimise costs.")
-        .add("orientation_costs", &PlanEntry::orientation_costs,
-             "Links that are to keep an orientation along the way.")
-        .add("axis_costs", &PlanEntry::axis_costs,
-             "Links of which an axis is to keep a direction along the way, e.g. upright.")
-        .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.")
+    auto parameters =
+        Parameters<PlanEntry>()
+            .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
+            .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
+            .add("goal", &PlanEntry::goal,
+                 "Where the robot is to be; with `end_effector`, where the search for that begins.",
+                 {.required = true})
+            .add("attached", &PlanEntry::attached,
+                 "What the robot carries, fixed to its links: costs, checks and pictures have it.");
+    return declare_task(
+               std::move(parameters),
+               "Where a link is to be at the end, whatever the configuration; for optimisers that "
+               "minimise costs.")
         .add("costs", &PlanEntry::costs, "Costs that plugins make.");
   }
 };
