@@ -6,6 +6,7 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/measures/source_facts.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/shape_check.hpp>
@@ -132,29 +133,28 @@ Result<void> draw_ends(const ReplanConfiguration& settings, ReplanWorld& world) 
   return {};
 }
 
-/// A block with one more entry.
-Node with_entry(Node block, const std::string& key, Node value) {
-  const SourceMark mark = value.mark();
-  block.entries().push_back({key, mark, std::move(value)});
-  return block;
-}
-
 /// The source's block, told who walks there, or that nothing moves.
 Node source_block(Node block, const Node& people, bool is_alone) {
   if (!people.is_null()) block = with_entry(std::move(block), "people", people);
-  const SourceMark mark{"the free run", 0, 0};
-  return is_alone ? with_entry(std::move(block), "alone", Node(Node::Scalar{"true", false}, mark))
-                  : block;
+  if (!is_alone) return block;
+  return with_entry(std::move(block), "alone", plain_scalar("true", {"the free run", 0, 0}));
 }
 
 /// The executor's block, which says where the robot stands if it is an executor that can be told.
 Node executor_block(const Node& block, const ReplanWorld& world, Host& host) {
   const auto info = host.find(PluginKind::kExecutor, block);
   if (!info || block.find("start") != nullptr) return block;
-  if (std::ranges::find(info->schema, "start", &Parameter::name) == info->schema.end()) {
-    return block;
-  }
+  if (!has_parameter(info->schema, "start")) return block;
   const SourceMark mark{"the start of the episode", 0, 0};
+  Node::Map start;
+  const RobotDescription& robot = world.robot->description();
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    const double q = world.q_start[static_cast<Eigen::Index>(j)];
+    start.push_back({robot.joints[j].name, mark, plain_scalar(detail::number_text(q), mark)});
+  }
+  return with_entry(block, "start", Node(std::move(start), mark));
+}
+
 /// What is declared before the task.
 Parameters<ReplanSettings> loop_parameters() {
   using S = ReplanSettings;
@@ -192,16 +192,6 @@ Parameters<ReplanSettings> loop_parameters() {
       .add("goal", &S::goal,
            "Where the robot is to be; with `end_effector`, where the search for that begins.",
            {.required = true});
-}
-
-  Node::Map start;
-  const RobotDescription& robot = world.robot->description();
-  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    const double q = world.q_start[static_cast<Eigen::Index>(j)];
-    start.push_back(
-        {robot.joints[j].name, mark, Node(Node::Scalar{detail::number_text(q), false}, mark)});
-  }
-  return with_entry(block, "start", Node(std::move(start), mark));
 }
 
 }  // namespace

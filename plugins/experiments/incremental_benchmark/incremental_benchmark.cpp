@@ -7,9 +7,7 @@
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
-#include <sidestep/results/summary.hpp>
-#include <sidestep/runtime/experiment.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "recorded_solves.hpp"
@@ -88,11 +86,9 @@ std::vector<std::string> set_of_incremental_optimiser() {
 
 /// The optimiser's block with a recorded run's stopping rules, incremental or not.
 Node incremental_block(const Node& optimiser, const RecordedRun& run, bool is_incremental) {
-  Node block = block_for(optimiser, run);
   const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
-  block.entries().push_back(
-      {kIncrementalKey, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
-  return block;
+  return with_entry(block_for(optimiser, run), kIncrementalKey,
+                    plain_scalar(is_incremental ? "true" : "false", mark));
 }
 
 std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {

@@ -2,7 +2,7 @@
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
-#include <sidestep/runtime/results_store.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include "mapping_parts.hpp"
 
 namespace sidestep {
@@ -80,10 +80,10 @@ class MappingBenchmark final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const Node& experiment = *context.configuration.root.find("experiment");
+    const auto settings =
+        SIDESTEP_TRY(read_block<MappingBenchmarkSettings>(context.configuration, "experiment"));
     const Node& source = *context.configuration.root.find("source");
     std::vector<Error> errors;
-    MappingBenchmarkSettings settings;
-    MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
     const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
     std::shared_ptr<const RobotModel> robot;  // whose own points mappers remove

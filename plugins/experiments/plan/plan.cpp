@@ -76,16 +76,9 @@ struct PlanSettings {
 };
 
 Result<PlanSettings> read_settings(const Configuration& configuration) {
-  std::vector<Error> errors;  // that no schema finds
-  PlanSettings settings;
-  const auto read = [&]<class Settings>(std::string_view block, Settings& into) {
-    Settings::parameters().read(block_of(configuration, block), into, errors);
-  };
-  read("experiment", settings.experiment);
-  read("planning", settings.planning);
-  read("check", settings.check);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  return settings;
+  return PlanSettings{SIDESTEP_TRY(read_block<PlanExperimentSettings>(configuration, "experiment")),
+                      SIDESTEP_TRY(read_block<PlanningSettings>(configuration, "planning")),
+                      SIDESTEP_TRY(read_block<CheckSettings>(configuration, "check"))};
 }
 
 /// Start, goal and task of every plan, read from the configuration where mistakes have a position.

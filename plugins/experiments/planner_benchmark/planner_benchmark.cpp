@@ -219,13 +219,9 @@ Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord reco
 
 Result<PlannerBenchmarkSettings> read_settings(const ExperimentContext& context, SetBench& bench) {
   const Configuration& configuration = context.configuration;
-  std::vector<Error> errors;
-  PlannerBenchmarkSettings settings;
-  PlannerBenchmarkSettings::parameters().read(block_of(configuration, "experiment"), settings,
-                                              errors);
-  PlanningSettings::parameters().read(block_of(configuration, "planning"), bench.planning, errors);
-  CheckSettings::parameters().read(block_of(configuration, "check"), bench.check, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  auto settings = SIDESTEP_TRY(read_block<PlannerBenchmarkSettings>(configuration, "experiment"));
+  bench.planning = SIDESTEP_TRY(read_block<PlanningSettings>(configuration, "planning"));
+  bench.check = SIDESTEP_TRY(read_block<CheckSettings>(configuration, "check"));
   if (settings.problems.empty()) {
     return fail(ErrorCode::kConfig, "experiment.problems does not say where the problems are", {},
                 "give it with --set experiment.problems=FOLDER");

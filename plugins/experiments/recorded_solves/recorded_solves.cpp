@@ -4,17 +4,13 @@
 #include <array>
 
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/blocks.hpp>
 
 namespace sidestep {
 namespace {
 
 constexpr const char* kRelativeTolerance = "relative_tolerance";
 constexpr const char* kMaxIterations = "max_iterations";
-
-void put(Node& block, const char* key, const std::string& value, const SourceMark& mark) {
-  block.entries().push_back({key, mark, Node(Node::Scalar{value, false}, mark)});
-}
 
 /// Leaves every n-th outcome, and of those as many as are wanted.
 void thin_out(std::vector<RecordedOutcome>& outcomes, const ProblemChoice& choice) {
@@ -54,11 +50,11 @@ constexpr std::int64_t kProgressEvery = 25;
 std::vector<std::string> set_of_optimiser() { return {kRelativeTolerance, kMaxIterations}; }
 
 Node block_for(const Node& optimiser, const RecordedRun& run) {
-  Node block = optimiser;
   const SourceMark mark{"recorded run " + run.label, 0, 0};
-  put(block, kRelativeTolerance, detail::number_text(run.relative_tolerance), mark);
-  put(block, kMaxIterations, std::to_string(run.max_iterations), mark);
-  return block;
+  Node block = with_entry(optimiser, kRelativeTolerance,
+                          plain_scalar(detail::number_text(run.relative_tolerance), mark));
+  return with_entry(std::move(block), kMaxIterations,
+                    plain_scalar(std::to_string(run.max_iterations), mark));
 }
 
 void check_optimiser(const Node& optimiser, const std::vector<std::string>& names, Host& host,
@@ -70,7 +66,7 @@ void check_optimiser(const Node& optimiser, const std::vector<std::string>& name
       errors.push_back(written->error(
           "'" + name + "' is set by the experiment, to that of each run", "leave it out"));
     }
-    if (std::ranges::find(plugin->schema, name, &Parameter::name) == plugin->schema.end()) {
+    if (!has_parameter(plugin->schema, name)) {
       errors.push_back(optimiser.error("the optimiser '" + plugin->name + "' has no parameter '" +
                                        name + "', which the experiment must set"));
     }
