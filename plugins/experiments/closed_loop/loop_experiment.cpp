@@ -1,11 +1,11 @@
 #include "loop_experiment.hpp"
 
 #include <algorithm>
-#include <functional>
 #include <iterator>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/divided_run.hpp>
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/configuration.hpp>
@@ -431,9 +431,7 @@ void check_loop_names(const Configuration& configuration, const RobotDescription
 Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts facts,
                                    const std::string& identity,
                                    const std::function<Result<void>(Recorder& recorder)>& work) {
-  const auto file = context.out / "results.sqlite";
-  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                           : ResultsStore::open(file, facts.provenance));
+  auto store = SIDESTEP_TRY(open_store(context, facts.provenance));
   Recorder recorder(*store);
   if (!context.resume) record_replan_run(identity, recorder);
   SIDESTEP_TRY(recorder.commit());
@@ -442,7 +440,7 @@ Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts
   store.reset();
   // One without end is ended by a stop, and not interrupted.
   facts.interrupted = context.stop.stop_requested() && facts.planned_episodes > 0;
-  const auto rows = SIDESTEP_TRY(read_replan_rows(file));
+  const auto rows = SIDESTEP_TRY(read_replan_rows(context.out / "results.sqlite"));
   if (!done && rows.episodes.empty()) return error_of(done);
   if (!done) facts.fault = std::move(done.error());
   return summarise_replan(facts, rows);

@@ -282,8 +282,8 @@ class FieldStudyExperiment final : public Experiment {
 
     std::vector<DoneProblems> done(study.robots.size());
     std::int64_t session = 0;
-    const auto file = context.out / "results.sqlite";
     if (context.resume) {
+      const auto file = context.out / "results.sqlite";
       const auto earlier = SIDESTEP_TRY(read_study(file));
       SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
       session = static_cast<std::int64_t>(earlier.sessions.size());
@@ -293,8 +293,7 @@ class FieldStudyExperiment final : public Experiment {
         }
       }
     }
-    auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                             : ResultsStore::open(file, record.provenance));
+    auto store = SIDESTEP_TRY(open_store(context, record.provenance));
     Recorder recorder(*store);
     StudyRun run{study, context, recorder, std::move(done)};
     record.robots = SIDESTEP_TRY(run.prepare());

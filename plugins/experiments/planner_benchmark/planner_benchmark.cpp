@@ -296,9 +296,7 @@ class PlannerBenchmark final : public Experiment {
 
     const auto record = SIDESTEP_TRY(
         with_earlier_sessions(new_record(settings, problems, *bench.robot, context), context));
-    const auto file = context.out / "results.sqlite";
-    auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                             : ResultsStore::open(file, record.provenance));
+    auto store = SIDESTEP_TRY(open_store(context, record.provenance));
     Recorder recorder(*store);
     if (!context.resume) record_planner_head(record, recorder);
     SIDESTEP_TRY(recorder.commit());
