@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <type_traits>
 #include <utility>
 
 #include <sidestep/core/index.hpp>
@@ -119,12 +118,6 @@ std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
   return hull;
 }
 
-void add_row(StoredArray& array, std::span<const double> row) {
-  array.values.insert(array.values.end(), row.begin(), row.end());
-  array.columns = static_cast<int>(row.size());
-  ++array.rows;
-}
-
 /// A robot's spheres from above, and the way of the one nearest to the root and of the last.
 class FromAbove {
  public:
@@ -138,14 +131,14 @@ class FromAbove {
     StoredArray array;
     for (std::size_t s = 0; s < centres_.size(); ++s) {
       const double radius_m = robot_.description().spheres[s].radius_m;
-      add_row(array, std::array{centres_[s].x(), centres_[s].y(), radius_m});
+      array.add_row(std::array{centres_[s].x(), centres_[s].y(), radius_m});
     }
     return array;
   }
   void go_to(std::span<const double> q) {
     robot_.sphere_centres(q, centres_, scratch_);
-    add_row(base_, std::array{centres_.front().x(), centres_.front().y()});
-    add_row(hand_, std::array{centres_.back().x(), centres_.back().y()});
+    base_.add_row(std::array{centres_.front().x(), centres_.front().y()});
+    hand_.add_row(std::array{centres_.back().x(), centres_.back().y()});
   }
   /// Records where it went since the last call.
   void record_way(const std::string& series, std::int64_t item, const std::string& key,
@@ -207,7 +200,7 @@ void record_pictures(const EpisodeRecord& episode, const RobotModel& robot, int 
       const std::string key = "object." + std::to_string(count++);
       StoredArray corners;
       for (const Eigen::Vector2d& corner : outline) {
-        add_row(corners, std::array{corner.x(), corner.y()});
+        corners.add_row(std::array{corner.x(), corner.y()});
       }
       recorder.add(series, p, key, corners);
       recorder.add(series, p, key + ".moves", object.moves());
@@ -260,9 +253,7 @@ const StoredRow<ContactRow>& stored_contact() {
   return kContact;
 }
 
-struct GuessRow : Replanner::GuessCount {
-  std::int64_t episode = 0;
-};
+using GuessRow = OfEpisode<Replanner::GuessCount>;
 
 const StoredRow<GuessRow>& stored_guess() {
   static const auto kGuess = StoredRow<GuessRow>()
@@ -275,67 +266,59 @@ const StoredRow<GuessRow>& stored_guess() {
 
 /// Declares a part of what was measured of an episode's tracks; nothing where it was not.
 template <class Value>
-StoredRow<EpisodeRow> with_tracks(StoredRow<EpisodeRow> row, const char* key,
-                                  Value TrackRecord::*part) {
-  using Stored = std::conditional_t<std::is_arithmetic_v<Value>, std::optional<Value>, Value>;
+void add_track_part(StoredRow<EpisodeRow>& row, const char* key, Value TrackRecord::*part) {
   row.add(
       key,
       [part](const EpisodeRow& episode) {
-        return episode.tracks ? Stored((*episode.tracks).*part) : Stored();
+        return episode.tracks ? std::optional((*episode.tracks).*part) : std::nullopt;
       },
-      [part](EpisodeRow& episode, Stored value) {
+      [part](EpisodeRow& episode, std::optional<Value> value) {
         if (!episode.tracks) episode.tracks.emplace();
-        if constexpr (std::is_arithmetic_v<Value>) {
-          (*episode.tracks).*part = value.value_or(Value{});
-        } else {
-          (*episode.tracks).*part = std::move(value);
-        }
+        (*episode.tracks).*part = *std::move(value);
       });
-  return row;
-}
-
-StoredRow<EpisodeRow> with_all_tracks(StoredRow<EpisodeRow> row) {
-  using T = TrackRecord;
-  row = with_tracks(std::move(row), "tracks.due_frames", &T::due_frames);
-  row = with_tracks(std::move(row), "tracks.found_frames", &T::found_frames);
-  row = with_tracks(std::move(row), "tracks.delay_s", &T::delay_s);
-  row = with_tracks(std::move(row), "tracks.switches", &T::switches);
-  row = with_tracks(std::move(row), "tracks.position_error_m", &T::position_error_m);
-  row = with_tracks(std::move(row), "tracks.velocity_error_mps", &T::velocity_error_mps);
-  return with_tracks(std::move(row), "tracks.false_tracks", &T::false_tracks);
 }
 
 const StoredRow<EpisodeRow>& stored_episode() {
   using E = EpisodeRow;
-  static const auto kEpisode =
-      with_all_tracks(StoredRow<E>()
-                          .add("success", &E::success)
-                          .add("reached", &E::reached)
-                          .add("reason", &E::reason)
-                          .add("begin_s", &E::begin_s)
-                          .add("duration_s", &E::duration_s)
-                          .add("path_length", &E::path_length)
-                          .add("collisions", &E::collisions)
-                          .add("steps", &E::steps)
-                          .add("checks", &E::checks)
-                          .add("frames", &E::frames)
-                          .add("frames_dropped", &E::frames_dropped)
-                          .add("free_run_s", &E::free_run_s)
-                          .add("min_true_clearance_m", &E::min_true_clearance_m)
-                          .add("nearest_link", &E::nearest_link)
-                          .add("nearest_object", &E::nearest_object)
-                          .add("nearest_s", &E::nearest_s)
-                          .add("appear_frames", &E::appear_frames)
-                          .add("clear_frames", &E::clear_frames)
-                          .add("ghost_vox", &E::ghost_vox));
+  using T = TrackRecord;
+  static const auto kEpisode = [] {
+    auto row = StoredRow<E>()
+                   .add("success", &E::success)
+                   .add("reached", &E::reached)
+                   .add("reason", &E::reason)
+                   .add("begin_s", &E::begin_s)
+                   .add("duration_s", &E::duration_s)
+                   .add("path_length", &E::path_length)
+                   .add("collisions", &E::collisions)
+                   .add("steps", &E::steps)
+                   .add("checks", &E::checks)
+                   .add("frames", &E::frames)
+                   .add("frames_dropped", &E::frames_dropped)
+                   .add("free_run_s", &E::free_run_s)
+                   .add("min_true_clearance_m", &E::min_true_clearance_m)
+                   .add("nearest_link", &E::nearest_link)
+                   .add("nearest_object", &E::nearest_object)
+                   .add("nearest_s", &E::nearest_s)
+                   .add("appear_frames", &E::appear_frames)
+                   .add("clear_frames", &E::clear_frames)
+                   .add("ghost_vox", &E::ghost_vox);
+    add_track_part(row, "tracks.due_frames", &T::due_frames);
+    add_track_part(row, "tracks.found_frames", &T::found_frames);
+    add_track_part(row, "tracks.delay_s", &T::delay_s);
+    add_track_part(row, "tracks.switches", &T::switches);
+    add_track_part(row, "tracks.position_error_m", &T::position_error_m);
+    add_track_part(row, "tracks.velocity_error_mps", &T::velocity_error_mps);
+    add_track_part(row, "tracks.false_tracks", &T::false_tracks);
+    return row;
+  }();
   return kEpisode;
 }
 
 StoredArray mapping_array(const std::vector<MappedFrame>& frames) {
   StoredArray array;
   for (const MappedFrame& frame : frames) {
-    add_row(array, std::array{frame.stamp_s, frame.received_s, frame.published_s,
-                              frame.integrate_ms, frame.field_ms});
+    array.add_row(std::array{frame.stamp_s, frame.received_s, frame.published_s, frame.integrate_ms,
+                             frame.field_ms});
   }
   return array;
 }
@@ -435,19 +418,13 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
   recorder.add_filled("episode", number, "mapping", mapping_array(episode.mapping));
   recorder.add_filled("episode", number, "motion", motion_array(episode.poses));
   recorder.add_filled("episode", number, "course", course_of(episode, robot));
-  const std::int64_t first = number * 100'000;  // items of "event", "contact" and "guess"
-  std::int64_t item = first;
-  for (const EpisodeEvent& event : episode.events) {
-    stored_event().record({event, number}, "event", item++, recorder);
-  }
-  item = first;
-  for (const EpisodeContact& contact : episode.contacts) {
-    stored_contact().record({contact, number}, "contact", item++, recorder);
-  }
-  item = first;
-  for (const Replanner::GuessCount& guess : episode.guesses) {
-    stored_guess().record({guess, number}, "guess", item++, recorder);
-  }
+  const auto record_all = [&](const auto& parts, const auto& stored, std::string_view series) {
+    std::int64_t item = number * 100'000;
+    for (const auto& part : parts) stored.record({part, number}, series, item++, recorder);
+  };
+  record_all(episode.events, stored_event(), "event");
+  record_all(episode.contacts, stored_contact(), "contact");
+  record_all(episode.guesses, stored_guess(), "guess");
   if (pictures > 0) record_pictures(episode, robot, pictures, recorder);
 }
 

@@ -131,14 +131,14 @@ struct EpisodeRow : EpisodeFigures {
   std::optional<TrackRecord> tracks;      ///< The same, and where there are none.
 };
 
+/// A part of an episode, as it is stored.
+template <class Part>
+struct OfEpisode : Part {
+  std::int64_t episode = 0;
+};
 /// Its texts are stored, and not read back: an event has far more numbers.
-struct EventRow : EpisodeEvent {
-  std::int64_t episode = 0;
-};
-
-struct ContactRow : EpisodeContact {
-  std::int64_t episode = 0;
-};
+using EventRow = OfEpisode<EpisodeEvent>;
+using ContactRow = OfEpisode<EpisodeContact>;
 
 /// What a results store holds of a replan experiment.
 struct ReplanRows {

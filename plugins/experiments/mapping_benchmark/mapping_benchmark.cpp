@@ -21,8 +21,7 @@ void record_clock(const std::string& series, const std::optional<ClockRecord>& c
                                   .add_derived("frame_ms", &U::frame_ms)
                                   .add("latency_ms", &U::latency_ms)
                                   .add("resident_mib", &U::resident_mib);
-  std::int64_t item = 0;
-  for (const U& update : clock->updates) kUpdate.record(update, series, item++, recorder);
+  kUpdate.record_all(clock->updates, series, recorder);
 }
 
 /// Series "system" (one item a case), and of the case with index `item`: "update/ITEM" and

@@ -142,10 +142,8 @@ void cut_spheres(const Plane& plane, const RobotDescription& robot, const Sweep&
       const double off_m = plane.distance(centre);
       if (off_m >= radius_m) continue;
       const Eigen::Vector2d at = plane.project(centre);
-      const Eigen::Vector4d circle(at.x(), at.y(), std::sqrt(radius_m * radius_m - off_m * off_m),
-                                   swept.shares[pose]);
-      circles.values.insert(circles.values.end(), circle.begin(), circle.end());
-      ++circles.rows;
+      circles.add_row(Eigen::Vector4d(
+          at.x(), at.y(), std::sqrt(radius_m * radius_m - off_m * off_m), swept.shares[pose]));
     }
   }
 }
@@ -155,9 +153,7 @@ StoredArray path_of(const Plane& plane, const RobotDescription& robot, int link,
                     const Sweep& path) {
   StoredArray points{0, 2, {}};
   for (const auto& centres : path.centres_m) {
-    const Eigen::Vector2d at = plane.project(link_centroid(robot, link, centres));
-    points.values.insert(points.values.end(), at.begin(), at.end());
-    ++points.rows;
+    points.add_row(plane.project(link_centroid(robot, link, centres)));
   }
   return points;
 }

@@ -117,14 +117,8 @@ std::int64_t PlannerBenchmarkRecord::solved() const {
 void record_planner_head(const PlannerBenchmarkRecord& record, Recorder& recorder) {
   record_run_head(record, kHead, recorder);
   stored_benchmark().record(record, kHead, 0, recorder);
-  std::int64_t item = 0;
-  for (const PlannerRecord& planner : record.planners) {
-    stored_planner().record(planner, "planner", item++, recorder);
-  }
-  item = 0;
-  for (const ProblemName& name : record.names) {
-    stored_name().record(name, "problem", item++, recorder);
-  }
+  stored_planner().record_all(record.planners, "planner", recorder);
+  stored_name().record_all(record.names, "problem", recorder);
 }
 
 void record_set_solve(const SetSolve& solve, const std::string& planner, std::size_t problems,
