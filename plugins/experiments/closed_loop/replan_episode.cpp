@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <random>
-#include <thread>
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/gaze_loop.hpp>
-#include <sidestep/runtime/standing_floor.hpp>
 #include <sidestep/runtime/step_watch.hpp>
 
 namespace sidestep {
@@ -150,9 +148,7 @@ class EpisodeRun {
     problem.terms.insert(problem.terms.end(), settings_.task.terms.begin(),
                          settings_.task.terms.end());
     const auto solution = SIDESTEP_TRY(call_stage(plugin_of(world_.optimiser), [&] {
-      return world_.optimiser->solve(
-          problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
-          deadline);
+      return world_.optimiser->solve(problem, straight_line(problem), deadline);
     }));
     if (solution.trajectory.size() == 0) {
       return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution.reason);

@@ -1,12 +1,11 @@
 #include "study_parts.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <random>
-#include <string>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
 namespace sidestep {
@@ -183,8 +182,7 @@ Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t 
   if (study.entry.duration_s) {
     problem.dt_s = *study.entry.duration_s / (problem.support_states - 1);
   }
-  const Trajectory line =
-      straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  const Trajectory line = straight_line(problem);
   auto solution = SIDESTEP_TRY(
       call_stage(plugin_of(optimiser), [&] { return optimiser->solve(problem, line, deadline); }));
   if (deadline.expired()) return tl::make_unexpected(cancelled());

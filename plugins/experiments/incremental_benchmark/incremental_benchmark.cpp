@@ -1,11 +1,10 @@
 #include <algorithm>
 #include <array>
 #include <random>
-#include <string>
-#include <vector>
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/results_store.hpp>
@@ -159,10 +158,6 @@ void change_field(Problem& problem, std::shared_ptr<const DistanceField> field,
   }
 }
 
-Trajectory line_of(const Problem& problem) {
-  return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
-}
-
 std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& change,
                                  IncrementalBench& bench) {
   std::vector<ChangedProblem> posed;
@@ -176,8 +171,8 @@ std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& chan
     } else {
       change_field(one.after, bench.moved_fields.of(of.scene, run.is_signed), bench);
     }
-    one.line_before = line_of(one.before);
-    one.line_after = line_of(one.after);
+    one.line_before = straight_line(one.before);
+    one.line_after = straight_line(one.after);
     posed.push_back(std::move(one));
   }
   return posed;
