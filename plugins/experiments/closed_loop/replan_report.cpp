@@ -5,8 +5,6 @@
 #include <set>
 
 #include <sidestep/report/chart.hpp>
-#include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include "course.hpp"
@@ -273,15 +271,14 @@ constexpr std::size_t kPicturedEpisodes = 6;
 std::string collisions_section(const Json& summary) {
   const Json collisions = at(summary, "/collisions");
   if (!collisions.is_array() || collisions.empty()) return "";
-  std::vector<Row> rows;
-  for (const Json& contact : collisions) {
-    rows.push_back({cell(at(contact, "/episode")), cell(at(contact, "/time_s"), "%.2f s"),
-                    cell(at(contact, "/by")), cell(at(contact, "/link")),
-                    cell(at(contact, "/object")), cell(at(contact, "/depth_m"), "%.3f m"),
-                    cell(at(contact, "/cause"))});
-  }
-  return "<h2>True collisions</h2>\n" +
-         html_table({"episode", "at", "by", "link", "object", "depth", "cause"}, rows);
+  return "<h2>True collisions</h2>\n" + html_table({{"episode", "/episode"},
+                                                    {"at", "/time_s", "%.2f s"},
+                                                    {"by", "/by"},
+                                                    {"link", "/link"},
+                                                    {"object", "/object"},
+                                                    {"depth", "/depth_m", "%.3f m"},
+                                                    {"cause", "/cause"}},
+                                                   collisions);
 }
 
 std::string failures_section(const Json& failures) {
