@@ -79,9 +79,9 @@ class MappingBenchmark final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const Node& experiment = *context.configuration.root.find("experiment");
+    const Node& source = *context.configuration.root.find("source");
     const auto settings =
         SIDESTEP_TRY(read_block<MappingBenchmarkSettings>(context.configuration, "experiment"));
-    const Node& source = *context.configuration.root.find("source");
     std::vector<Error> errors;
     const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <bit>
 #include <functional>
 #include <numeric>
@@ -12,7 +11,6 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/cost_plugins.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
-#include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/run_observer.hpp>
 #include "plan_parts.hpp"

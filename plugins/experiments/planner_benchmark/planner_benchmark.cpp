@@ -4,9 +4,6 @@
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
-#include <sidestep/runtime/experiment.hpp>
-#include <sidestep/runtime/planning_settings.hpp>
-#include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 #include "planner_rows.hpp"
 

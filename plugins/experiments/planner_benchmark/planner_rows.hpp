@@ -14,7 +14,6 @@
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/planning_race.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
-#include <sidestep/runtime/results_store.hpp>
 
 namespace sidestep {
 

@@ -1,14 +1,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string>
-#include <vector>
 
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
-#include <sidestep/results/summary.hpp>
-#include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "recorded_solves.hpp"
