@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <utility>
 
 #include <sidestep/core/index.hpp>
@@ -49,50 +48,6 @@ bool shows(const CameraView& view, const RayCaster& caster, int object) {
 
 constexpr int kRound = 24;  ///< Corners of a circle.
 constexpr int kPathPoints = 200;
-
-/// Points whose convex hull, seen from above, is that of the shape.
-struct HullPoints {
-  const Transform& T_world_shape;
-  std::vector<Eigen::Vector2d> points;
-
-  void add(const Eigen::Vector3d& p_shape) {
-    points.emplace_back((T_world_shape * p_shape).head<2>());
-  }
-  /// A ball about a point of the shape.
-  void add_ball(const Eigen::Vector3d& centre, double radius_m) {
-    for (int i = 0; i < kRound; ++i) {
-      const double angle = 2.0 * std::numbers::pi * i / kRound;
-      points.emplace_back((T_world_shape * centre).head<2>() +
-                          radius_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
-    }
-  }
-  void operator()(const Box& box) {
-    for (int corner = 0; corner < 8; ++corner) {
-      const Eigen::Vector3d side((corner & 1) != 0 ? 0.5 : -0.5, (corner & 2) != 0 ? 0.5 : -0.5,
-                                 (corner & 4) != 0 ? 0.5 : -0.5);
-      add(side.cwiseProduct(box.size_m));
-    }
-  }
-  void operator()(const Sphere& sphere) { add_ball(Eigen::Vector3d::Zero(), sphere.radius_m); }
-  void operator()(const Cylinder& cylinder) {
-    for (int i = 0; i < kRound; ++i) {
-      const double angle = 2.0 * std::numbers::pi * i / kRound;
-      for (const double end : {-0.5, 0.5}) {
-        add({cylinder.radius_m * std::cos(angle), cylinder.radius_m * std::sin(angle),
-             end * cylinder.length_m});
-      }
-    }
-  }
-  void operator()(const Capsule& capsule) {
-    for (const double end : {-0.5, 0.5}) {
-      add_ball({0.0, 0.0, end * capsule.length_m}, capsule.radius_m);
-    }
-  }
-  void operator()(const HalfSpace&) {}
-  void operator()(const std::shared_ptr<const Mesh>& mesh) {
-    for (const Eigen::Vector3d& vertex : mesh->vertices_m) add(vertex);
-  }
-};
 
 /// Andrew's monotone chain.
 std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
@@ -402,9 +357,11 @@ std::string cause_of(const TrueContact& contact, const EpisodeRecord& episode, d
 
 std::vector<Eigen::Vector2d> outline_from_above(const Shape& shape,
                                                 const Transform& T_world_shape) {
-  HullPoints hull{T_world_shape, {}};
-  std::visit(hull, shape);
-  return convex_hull(std::move(hull.points));
+  std::vector<Eigen::Vector2d> points;
+  for (const Eigen::Vector3d& vertex : triangulate(shape, kRound).vertices_m) {
+    points.emplace_back((T_world_shape * vertex).head<2>());
+  }
+  return convex_hull(std::move(points));
 }
 
 void record_replan_run(const std::string& identity, Recorder& recorder) {
