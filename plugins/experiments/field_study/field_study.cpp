@@ -25,6 +25,7 @@ struct RobotStudy {
   const StudyRobot& settings;
   std::shared_ptr<const RobotModel> robot;
   std::vector<Eigen::VectorXd> states;
+  FieldChecks checks{robot};
   BoxMap map{settings.grid};
   std::vector<PluginPtr<FieldBuilder>> builders = {};  ///< By kind of field.
   std::vector<StudySolver> solvers = {};               ///< By thread.
@@ -47,21 +48,13 @@ Result<std::unique_ptr<RobotStudy>> make_robot(const FieldStudy& study, std::siz
 }
 
 /// Which states keep the margin to the boxes.
-std::vector<char> free_states(const RobotStudy& robot, const DistanceField& truth,
-                              double margin_m) {
-  const std::vector<CollisionSphere>& spheres = robot.robot->description().spheres;
-  std::vector<Eigen::Vector3d> centres(spheres.size());
-  std::vector<double> distances(spheres.size());
+std::vector<char> free_states(const RobotStudy& robot,
+                              const std::shared_ptr<const DistanceField>& truth, double margin_m) {
   std::vector<char> free;
-  Scratch scratch;
   for (const Eigen::VectorXd& q : robot.states) {
-    robot.robot->sphere_centres(as_span(q), centres, scratch);
-    truth.query(centres, distances, {}, {});
-    bool clear = true;
-    for (std::size_t s = 0; s < spheres.size(); ++s) {
-      clear = clear && distances[s] - spheres[s].radius_m >= margin_m;
-    }
-    free.push_back(clear ? 1 : 0);
+    const auto collision =
+        robot.checks.state_violation(truth, {Space::kFree, Space::kOccupied}, margin_m, as_span(q));
+    free.push_back(collision ? 0 : 1);
   }
   return free;
 }
@@ -90,11 +83,11 @@ Result<PreparedScene> make_scene(RobotStudy& robot, const FieldStudy& study, int
     prepared.scene.fields[kind] = std::move(field);
   }
   const auto truth = true_field(boxes);
-  prepared.scene.state_free = free_states(robot, *truth, study.check.margin_m);
-  prepared.scene.check = make_field_check(robot.robot, truth, {Space::kFree, Space::kOccupied},
-                                          {.margin_m = study.check.margin_m,
-                                           .max_step_m = study.check.max_step_m,
-                                           .obstacles_only = true});
+  prepared.scene.state_free = free_states(robot, truth, study.check.margin_m);
+  prepared.scene.check = robot.checks.make(truth, {Space::kFree, Space::kOccupied},
+                                           {.margin_m = study.check.margin_m,
+                                            .max_step_m = study.check.max_step_m,
+                                            .obstacles_only = true});
   return prepared;
 }
 
