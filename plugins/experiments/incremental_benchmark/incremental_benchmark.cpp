@@ -124,8 +124,8 @@ struct IncrementalBench {
   const RecordedProblems& moved;
   const IncrementalSettings& settings;
   ExperimentContext& context;
-  RecordedFields fields, moved_fields;
-  SolveProgress progress;
+  RecordedFields fields{problems}, moved_fields{moved};
+  SolveProgress progress{context, problems, 2 * settings.repeats};
 };
 
 void change_goal(Problem& problem, const RecordedOutcome& of, const IncrementalBench& bench) {
@@ -429,19 +429,12 @@ class IncrementalBenchmark final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
-    const auto& [settings, problems, provenance, store] = start;
+    const auto& [settings, problems, about, provenance, store] = start;
     Recorder recorder(*store);
 
-    IncrementalRecord record;
-    record.about = facts_of(problems, context);
-    std::int64_t total = 0;
-    for (const RecordedRun& run : problems.runs) {
-      total += 2 * settings.repeats * std::ssize(run.outcomes);
-    }
+    IncrementalRecord record{about, {}};
     const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
-    IncrementalBench bench{
-        problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
-        {context, total}};
+    IncrementalBench bench{problems, moved, settings, context};
     for (const RecordedRun& run : problems.runs) {
       for (const char* change : {kGoal, kObstacles}) {
         if (context.stop.stop_requested()) break;

@@ -89,8 +89,8 @@ struct RecordedBench {
   const RecordedProblems& problems;
   const RecordedBenchmarkSettings& settings;
   ExperimentContext& context;
-  RecordedFields fields;
-  SolveProgress progress;
+  RecordedFields fields{problems};
+  SolveProgress progress{context, problems, settings.repeats};
 };
 
 /// One problem, ready to be solved, so that the clock runs over nothing but solves.
@@ -445,17 +445,13 @@ class RecordedBenchmark final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
-    const auto& [settings, problems, provenance, store] = start;
+    const auto& [settings, problems, about, provenance, store] = start;
     Recorder recorder(*store);
 
     RecordedBenchmarkRecord record;
-    record.about = facts_of(problems, context);
+    record.about = about;
     record.costs_comparable = !problems.has_base;
-    std::int64_t total = 0;
-    for (const RecordedRun& run : problems.runs) {
-      total += settings.repeats * std::ssize(run.outcomes);
-    }
-    RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
+    RecordedBench bench{problems, settings, context};
     for (const RecordedRun& run : problems.runs) {
       if (context.stop.stop_requested()) break;
       SIDESTEP_TRY(solve_part(

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/runtime/blocks.hpp>
 
@@ -94,11 +95,6 @@ RecordedProblems read_chosen_problems(const Node& experiment, const ProblemChoic
   return std::move(*problems);
 }
 
-RecordedFacts facts_of(const RecordedProblems& problems, const ExperimentContext& context) {
-  return {problems.file.filename().string(), problems.robot->description().name,
-          context.configuration.root.find("optimiser")->find("plugin")->text()};
-}
-
 TimedSolve solve_timed(PluginPtr<Optimiser>& optimiser, const Problem& problem,
                        const Trajectory& initial, const ExperimentContext& context) {
   const Stopwatch watch;
@@ -142,8 +138,7 @@ void record_solve(const RecordedSolve& solve, std::string_view series, std::int6
 
 bool are_ends_free(const RecordedProblems& problems, int scene, const Problem& problem) {
   return std::ranges::all_of(std::array{&problem.start.q, &problem.goal.q}, [&](const auto* q) {
-    const std::span<const double> values(q->data(), static_cast<std::size_t>(q->size()));
-    return exact_clearance_m(problems, scene, values) > 0.0;
+    return exact_clearance_m(problems, scene, as_span(*q)) > 0.0;
   });
 }
 
@@ -183,9 +178,11 @@ std::string sentence_of(const nlohmann::ordered_json& summary) {
          text("/robot");
 }
 
-SolveProgress::SolveProgress(const ExperimentContext& context, std::int64_t total)
-    : context_(context), total_(total) {
-  if (context.progress) context.progress(0, total, "building fields");
+SolveProgress::SolveProgress(const ExperimentContext& context, const RecordedProblems& problems,
+                             std::int64_t times)
+    : context_(context) {
+  for (const RecordedRun& run : problems.runs) total_ += times * std::ssize(run.outcomes);
+  if (context.progress) context.progress(0, total_, "building fields");
 }
 
 void SolveProgress::advance(const std::string& what) {

@@ -97,8 +97,6 @@ struct RecordedFacts {
   std::string optimiser;  ///< Name of the plugin.
   bool interrupted = false;
 };
-[[nodiscard]] RecordedFacts facts_of(const RecordedProblems& problems,
-                                     const ExperimentContext& context);
 
 /// What an optimiser made of a recorded problem.
 struct RecordedSolve {
@@ -134,6 +132,7 @@ template <class Settings>
 struct RecordedStart {
   Settings settings;
   RecordedProblems problems;
+  RecordedFacts about;
   RunProvenance provenance;
   std::unique_ptr<ResultsStore> store;
 };
@@ -152,6 +151,8 @@ template <class Settings>
   std::vector<Error> errors;
   start.problems = read_chosen_problems(experiment, start.settings, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  start.about = {start.problems.file.filename().string(), start.problems.robot->description().name,
+                 block_of(context.configuration, "optimiser").find("plugin")->text()};
   start.provenance = provenance_of(context);
   start.store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", start.provenance));
   return start;
@@ -187,15 +188,16 @@ struct SolveCount {
 /// HTML: which optimiser solved which problems of which robot, without an end.
 [[nodiscard]] std::string sentence_of(const nlohmann::ordered_json& summary);
 
-/// Tells of every so many of the solves of an experiment.
+/// Tells of every so many of the solves of an experiment, which solves every problem `times` times.
 class SolveProgress {
  public:
-  SolveProgress(const ExperimentContext& context, std::int64_t total);
+  SolveProgress(const ExperimentContext& context, const RecordedProblems& problems,
+                std::int64_t times);
   void advance(const std::string& what);
 
  private:
   const ExperimentContext& context_;
-  std::int64_t total_;
+  std::int64_t total_ = 0;
   std::int64_t done_ = 0;
 };
 
