@@ -136,11 +136,7 @@ class Deployment {
  public:
   Deployment(ExperimentContext& context, DeployConfiguration& settings, ReplanWorld& world,
              GoalSource& goals)
-      : context_(context),
-        settings_(settings),
-        world_(world),
-        goals_(goals),
-        mapping_(world, settings.loop.experiment, slot_, context.log, context.observer) {}
+      : context_(context), settings_(settings), world_(world), goals_(goals) {}
 
   /// One episode a goal, each recorded when it is over.
   Result<void> run(Recorder& recorder) {
@@ -288,7 +284,8 @@ class Deployment {
   ReplanWorld& world_;
   GoalSource& goals_;
   SnapshotSlot slot_;
-  EpisodeMapping mapping_;
+  EpisodeMapping mapping_{world_, settings_.loop.experiment, slot_, context_.log,
+                          context_.observer};
   std::optional<Goal> waiting_;  ///< Came while the robot was on its way to another.
   Stamp next_feedback_;
   std::int64_t episode_ = 0;
