@@ -305,12 +305,7 @@ EpisodeRow row_of(const EpisodeRecord& episode) {
     row.nearest_object = episode.truth.nearest_object;
     row.nearest_s = episode.truth.nearest_s;
   }
-  if (episode.following) {
-    row.appear_frames = episode.following->appear_frames;
-    row.clear_frames = episode.following->clear_frames;
-    row.ghost_vox = episode.following->ghost_vox;
-    row.tracks = episode.following->tracks;
-  }
+  if (episode.following) static_cast<MapFollowing&>(row) = *episode.following;
   return row;
 }
 

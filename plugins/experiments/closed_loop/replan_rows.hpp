@@ -53,10 +53,10 @@ struct EpisodeContact : TrueContact {
 
 /// How the map and its tracks followed what moves, where that was measured.
 struct MapFollowing {
-  std::vector<double> appear_frames;  ///< Of each entry into view, until it was in the map.
-  std::vector<double> clear_frames;   ///< Of each voxel that was left: seen through until free.
-  std::int64_t ghost_vox = 0;         ///< Left behind and still occupied at the end.
-  std::optional<TrackRecord> tracks;  ///< Nothing where there are none.
+  std::vector<double> appear_frames;      ///< Of each entry into view, until it was in the map.
+  std::vector<double> clear_frames;       ///< Of each voxel that was left: seen through until free.
+  std::optional<std::int64_t> ghost_vox;  ///< Left behind and still occupied at the end.
+  std::optional<TrackRecord> tracks;      ///< Nothing where there are none.
 };
 
 /// What is said of an episode in a word, and stored as it is.
@@ -105,7 +105,7 @@ struct EpisodeRecord : EpisodeFigures {
                                                               const Transform& T_world_shape);
 
 /// One episode as a results store holds it: what summaries are made from.
-struct EpisodeRow : EpisodeFigures {
+struct EpisodeRow : EpisodeFigures, MapFollowing {
   bool success = false;
   std::optional<double> path_length;  ///< Of the way it went, in the space of joints, rad and m.
   std::optional<double> min_true_clearance_m;
@@ -125,10 +125,6 @@ struct EpisodeRow : EpisodeFigures {
   std::vector<double> map_age_ms;
   std::vector<double> stamp_to_trajectory_ms;
   std::vector<double> frame_to_trajectory_ms;
-  std::vector<double> appear_frames;
-  std::vector<double> clear_frames;
-  std::optional<std::int64_t> ghost_vox;  ///< Nothing where it was not measured.
-  std::optional<TrackRecord> tracks;      ///< The same, and where there are none.
 };
 
 /// A part of an episode, as it is stored.

@@ -57,9 +57,7 @@ struct ChangedSolve {
 };
 
 /// All problems of a recorded run with one change.
-struct ChangedSeries {
-  std::string label;
-  bool is_signed = false;
+struct ChangedSeries : RecordedRun {
   std::string change;  ///< "goal" or "obstacles".
   std::vector<ChangedSolve> problems;
 };
@@ -215,7 +213,7 @@ Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& ch
   auto kept = SIDESTEP_TRY(make(true));
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
   const std::vector<ChangedProblem> posed = pose(run, change, bench);
-  ChangedSeries series{run.label, run.is_signed, change, {}};
+  ChangedSeries series{run, change, {}};
   for (std::size_t i = 0; i < posed.size(); ++i) {
     ChangedSolve record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
     record.ends_free = are_ends_free(judged_in, record.scene, posed[i].after);

@@ -86,8 +86,7 @@ Result<std::vector<SetSolve>> read_solves(ResultsReader& reader, const std::stri
   for (auto& [item, solve] : rows) {
     solve.problem = item % std::ssize(names);
     solve.seed = static_cast<int>(item / std::ssize(names));
-    solve.family = names[static_cast<std::size_t>(solve.problem)].family;
-    solve.index = names[static_cast<std::size_t>(solve.problem)].index;
+    static_cast<ProblemName&>(solve) = names[static_cast<std::size_t>(solve.problem)];
     solves.push_back(std::move(solve));
   }
   return solves;

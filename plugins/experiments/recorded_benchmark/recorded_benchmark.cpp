@@ -41,11 +41,7 @@ struct SolveRecord : RecordedSolve {
 };
 
 /// All problems of one recorded run, solved.
-struct RecordedRunRecord {
-  std::string label;
-  bool is_signed = false;
-  double relative_tolerance = 0.0;
-  int max_iterations = 0;
+struct RecordedRunRecord : RecordedRun {
   std::vector<SolveRecord> solves;
 };
 
@@ -128,8 +124,7 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
   ExperimentContext& context = bench.context;
   const Node block = block_for(*context.configuration.root.find("optimiser"), run);
   auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(block, bench.problems.robot));
-  RecordedRunRecord record{
-      run.label, run.is_signed, run.relative_tolerance, run.max_iterations, {}};
+  RecordedRunRecord record{run, {}};
   const std::vector<PosedProblem> posed = pose(run, bench);
   const std::string what = run.label + (run.is_signed ? ", signed" : ", unsigned");
   std::vector<Trajectory> trajectories(posed.size());
