@@ -295,7 +295,7 @@ class PlanExperiment final : public Experiment {
     const RunProvenance provenance = provenance_of(context);
     auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
     Recorder recorder(*store);
-    record_joints(parts.robot->description(), recorder);
+    stored_joint().record_all(parts.robot->description().joints, "joint", recorder);
 
     const auto frames = SIDESTEP_TRY(frame_count_of(parts.source));
     FrameTap source(*parts.source, frames, settings.experiment.max_frames,
@@ -323,7 +323,7 @@ class PlanExperiment final : public Experiment {
     map.left_out = source.left_out();
     if (!map.left_out.empty()) context.log.warn(map.left_out + " (experiment.max_frames)");
     record_bad_frames(map.bad_frames, recorder);
-    record_depth_pictures(source.pictures(), recorder);
+    stored_picture().record_all(source.pictures(), "depth", recorder);
     SIDESTEP_TRY(recorder.commit());
 
     PlanShow show(context.observer, map.steps.empty() ? Stamp{} : map.steps.back().stamp);

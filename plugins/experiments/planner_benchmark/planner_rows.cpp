@@ -1,6 +1,7 @@
 #include "planner_rows.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include <sidestep/results/recorder.hpp>
 
@@ -42,10 +43,10 @@ StoredRow<ProblemName> stored_name() {
 
 /// One row an answer.
 StoredArray answers_of(const SetSolve& solve) {
-  StoredArray array{static_cast<int>(solve.answers.size()), kAnswerColumns, {}};
+  StoredArray array;
   for (const TimedAnswer& answer : solve.answers) {
     const float is_smooth = answer.is_smooth ? 1.0f : 0.0f;
-    array.values.insert(array.values.end(), {answer.time_ms, answer.path_length, is_smooth});
+    array.add_row(std::array{answer.time_ms, answer.path_length, is_smooth});
   }
   return array;
 }

@@ -49,8 +49,9 @@ void record_bad_frames(std::span<const Error> bad_frames, Recorder& recorder);
 
 /// How rows of one type are stored: each value is declared once, recording and reading back follow.
 /// Numbers, truth values and enumerations are stored as numbers, strings as text, lists of numbers
-/// and a StoredArray as arrays of 32-bit floats, optionals as what they hold. Empty optionals,
-/// lists and arrays are not stored; any other value that is missing is an error when a row is read.
+/// and a StoredArray as arrays of 32-bit floats, optionals as what they hold. Empty optionals
+/// and lists and arrays without columns are not stored; any other value that is missing is an error
+/// when a row is read.
 template <class Row>
 class StoredRow {
  public:
@@ -193,10 +194,10 @@ class StoredRow {
     } else if constexpr (std::is_convertible_v<Value, std::string_view>) {
       place.recorder.add(place.series, place.item, place.key, std::string_view(value));
     } else if constexpr (std::is_same_v<Value, StoredArray>) {
-      place.recorder.add_filled(place.series, place.item, place.key, value);
+      if (value.columns > 0) place.recorder.add(place.series, place.item, place.key, value);
     } else if constexpr (requires { value.has_value(); }) {
       if (value) store(*value, place);
-    } else {
+    } else if (!value.empty()) {
       store(StoredArray{static_cast<int>(value.size()), 1, {value.begin(), value.end()}}, place);
     }
   }
