@@ -5,7 +5,9 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
+#include <sidestep/runtime/configuration.hpp>
 
 #include "study_parts.hpp"
 
@@ -38,9 +40,10 @@ Result<std::unique_ptr<RobotStudy>> make_robot(const FieldStudy& study, std::siz
       SIDESTEP_TRY(context.host.create<RobotModel>(settings.entry.robot));
   auto states = SIDESTEP_TRY(draw_states(settings, model, study.settings.states, context.seed));
   std::unique_ptr<RobotStudy> robot(new RobotStudy{settings, model, std::move(states)});
-  for (const bool is_signed : {false, true}) {
-    auto builder = SIDESTEP_TRY(
-        context.host.create<FieldBuilder>(study_field_block(study.field_block, is_signed), model));
+  const Node& field = block_of(context.configuration, "field");
+  for (const char* is_signed : {"false", "true"}) {
+    const Node block = with_entry(field, "signed", plain_scalar(is_signed, field.mark()));
+    auto builder = SIDESTEP_TRY(context.host.create<FieldBuilder>(block, model));
     SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->attach(robot->map); }));
     robot->builders.push_back(std::move(builder));
   }
@@ -205,8 +208,8 @@ Result<void> StudyRun::solve_robot(std::size_t robot, std::int64_t session) {
   if (scenes.empty()) return {};
   RobotStudy& at_work = *robots[robot];
   for (int t = 0; t < workers.thread_count(); ++t) {
-    auto optimiser =
-        SIDESTEP_TRY(context.host.create<Optimiser>(study.optimiser_block, at_work.robot));
+    auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(
+        block_of(context.configuration, "optimiser"), at_work.robot));
     at_work.solvers.push_back({at_work.settings, at_work.robot, at_work.states,
                                std::move(optimiser), settings.skips_collisions()});
   }

@@ -129,10 +129,6 @@ std::vector<std::string> unused_of_study_planning() {
   return {"max_unknown_share", "retime", "time_limit_s", "attempts", "epsilon_moving_m"};
 }
 
-Node study_field_block(const Node& field, bool is_signed) {
-  return with_entry(field, "signed", plain_scalar(is_signed ? "true" : "false", field.mark()));
-}
-
 std::vector<JointRange> read_state_ranges(const StudyRobotEntry& entry,
                                           const RobotDescription& robot,
                                           std::vector<Error>& errors) {
@@ -173,8 +169,6 @@ FieldStudy read_field_study(const Configuration& configuration, std::vector<Erro
   const Node& check = block_of(configuration, "check");  // may be left out
   if (!read_entry(experiment, study.settings, errors)) return study;
   if (!check.is_null() && !read_entry(check, study.check, errors)) return study;
-  study.field_block = block_of(configuration, "field");
-  study.optimiser_block = block_of(configuration, "optimiser");
   refuse_floor(block_of(configuration, "planning"), errors);
   const Node& list = *experiment.find("robots");
   if (list.items().empty()) errors.push_back(list.error("there is no robot to study"));
@@ -196,7 +190,8 @@ void check_field_study(const Configuration& configuration, Host& host, std::vect
   const FieldStudy study = read_field_study(configuration, errors);
   check_field_block(configuration, host, errors);
   for (const StudyRobot& robot : study.robots) {
-    if (robot.entry.robot.is_map()) check_robot(robot, study.field_block, host, errors);
+    if (!robot.entry.robot.is_map()) continue;
+    check_robot(robot, block_of(configuration, "field"), host, errors);
   }
 }
 
