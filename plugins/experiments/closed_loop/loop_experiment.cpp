@@ -372,12 +372,11 @@ ReplanFacts facts_of(const ExperimentContext& context, const ReplanConfiguration
   ReplanFacts facts;
   facts.provenance = provenance_of(context);
   facts.experiment = settings.experiment.type;
-  facts.clock = settings.experiment.clock;
-  facts.robot = robot.name;
-  facts.limits = settings.planning.limits(robot);
-  if (const Node* name = block_of(context.configuration, "optimiser").find("plugin")) {
-    facts.optimiser = name->text();
-  }
+  facts.about = {
+      {"clock", settings.experiment.clock},
+      {"robot", robot.name},
+      {"limits", limits_of(settings.planning.limits(robot))},
+      {"optimiser", block_of(context.configuration, "optimiser").find("plugin")->text()}};
   return facts;
 }
 
@@ -402,10 +401,7 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
                     std::ranges::all_of(rows.episodes, &EpisodeRow::success);
   outcome.verdict = verdict_text(facts, rows, metrics);
   outcome.table = table_text(rows);
-  Json particulars = {{"clock", facts.clock},
-                      {"robot", facts.robot},
-                      {"limits", limits_of(facts.limits)},
-                      {"optimiser", facts.optimiser}};
+  Json particulars = facts.about;
   particulars.update(metrics);
   particulars["collisions"] = collisions_of(rows);
   particulars["failures"] = failures_of(facts, rows);

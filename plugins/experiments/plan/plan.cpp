@@ -73,12 +73,6 @@ struct PlanSettings {
   CheckSettings check;
 };
 
-Result<PlanSettings> read_settings(const Configuration& configuration) {
-  return PlanSettings{SIDESTEP_TRY(read_block<PlanExperimentSettings>(configuration, "experiment")),
-                      SIDESTEP_TRY(read_block<PlanningSettings>(configuration, "planning")),
-                      SIDESTEP_TRY(read_block<CheckSettings>(configuration, "check"))};
-}
-
 /// Start, goal and task of every plan, read from the configuration where mistakes have a position.
 std::vector<PlanRecord> read_plans(const Configuration& configuration,
                                    const std::shared_ptr<const RobotModel>& robot, Host& host,
@@ -284,7 +278,10 @@ class PlanExperiment final : public Experiment {
     check_floor(block_of(configuration, "planning"), all, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    const auto settings = SIDESTEP_TRY(read_settings(context.configuration));
+    const PlanSettings settings{
+        SIDESTEP_TRY(read_block<PlanExperimentSettings>(context.configuration, "experiment")),
+        SIDESTEP_TRY(read_block<PlanningSettings>(context.configuration, "planning")),
+        SIDESTEP_TRY(read_block<CheckSettings>(context.configuration, "check"))};
     auto parts = SIDESTEP_TRY(make_parts(context));
     std::vector<Error> errors;
     auto requests = read_plans(context.configuration, parts.robot, context.host, errors);
