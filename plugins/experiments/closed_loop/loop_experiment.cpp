@@ -299,9 +299,7 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
           .add("slowdowns", sum(&E::slowdowns), "Times that it braked for what moved nearby.")
           .add("splice_velocity_jump_max",
                [](const ReplanRows& rows) {
-                 const auto jumps =
-                     values_of(rows.episodes, std::mem_fn(&E::splice_velocity_jump_max));
-                 return jumps.empty() ? 0.0 : std::ranges::max(jumps);
+                 return percentile(values_of(rows.episodes, &E::splice_velocity_jump_max), 1.0);
                },
                "Largest velocity jump of a joint where a trajectory took over [m/s, rad/s].",
                {.heading = "largest velocity jump", .pattern = "%.2g"})

@@ -5,7 +5,7 @@
 #include <set>
 
 #include <sidestep/report/chart.hpp>
-#include <sidestep/results/statistics.hpp>
+#include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include "course.hpp"
 #include "loop_experiment.hpp"
@@ -219,9 +219,8 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
 std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
   constexpr std::size_t kEnough = 5;
   constexpr double kHeight = 260.0;
-  std::vector<Spread> shown;
-  std::ranges::copy_if(spreads, std::back_inserter(shown),
-                       [](const Spread& spread) { return spread.values.size() >= kEnough; });
+  const auto shown =
+      those_of(spreads, [](const Spread& spread) { return spread.values.size() >= kEnough; });
   if (shown.empty()) return {};
   const double width = kWidth / static_cast<double>(shown.size());
   Figure figure{"spread",
@@ -308,18 +307,16 @@ std::string comparison_section(const Json& summary) {
 /// How what was measured is spread over the run; nothing where too little was.
 Result<std::string> spread_section(ResultsReader& results, const std::filesystem::path& run) {
   std::vector<Spread> spreads;
-  const auto add = [&](const char* series, std::string_view wanted,
-                       const char* label) -> Result<void> {
-    std::vector<double>& values = spreads.emplace_back(Spread{label, {}}).values;
-    return results.visit(series, [&](std::int64_t, std::string_view key, double value) {
-      const bool is_measured = std::isfinite(value) && value != 0.0;  // events without a solve: 0
-      if (key == wanted && is_measured) values.push_back(value);
-    });
-  };
-  SIDESTEP_TRY(add("event", "solve_ms", "solve, in vain or not [ms]"));
-  SIDESTEP_TRY(add("event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"));
-  SIDESTEP_TRY(add("episode", "duration_s", "time of an episode [s]"));
-  SIDESTEP_TRY(add("episode", "min_true_clearance_m", "least true clearance [m]"));
+  for (const auto& [series, key, label] :
+       {std::array{"event", "solve_ms", "solve, in vain or not [ms]"},
+        std::array{"event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"},
+        std::array{"episode", "duration_s", "time of an episode [s]"},
+        std::array{"episode", "min_true_clearance_m", "least true clearance [m]"}}) {
+    auto values = SIDESTEP_TRY(results.column(series, key));
+    // Events without a solve have 0.
+    std::erase_if(values, [](double value) { return !std::isfinite(value) || value == 0.0; });
+    spreads.push_back({label, std::move(values)});
+  }
   return figure_section(spread_figures(spreads), run);
 }
 

@@ -22,9 +22,7 @@ std::vector<double> frame_times(const Updates& updates) {
 }
 
 double memory_mib(const Updates& updates) {
-  double most = 0.0;
-  for (const UpdateRecord& update : updates) most = std::max(most, update.resident_mib);
-  return most;
+  return std::max(0.0, percentile(values_of(updates, &UpdateRecord::resident_mib), 1.0));
 }
 
 Json statistics_json(const std::vector<double>& values) {
