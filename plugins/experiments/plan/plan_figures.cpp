@@ -364,6 +364,7 @@ Result<std::vector<Figure>> map_figures(ResultsReader& results) {
   std::vector<Figure> figures;
   auto pictures = SIDESTEP_TRY(stored_picture().read_all(results, "depth", kFile));
   std::vector<DepthPicture> images;
+  images.reserve(pictures.size());
   for (auto& [item, picture] : pictures) images.push_back(std::move(picture));
   if (!images.empty()) figures.push_back(depth_figure(images));
   const auto integrate_ms = SIDESTEP_TRY(results.column("frame", "integrate_ms"));

@@ -49,9 +49,9 @@ void record_bad_frames(std::span<const Error> bad_frames, Recorder& recorder);
 
 /// How rows of one type are stored: each value is declared once, recording and reading back follow.
 /// Numbers, truth values and enumerations are stored as numbers, strings as text, lists of numbers
-/// and a StoredArray as arrays of 32-bit floats, optionals as what they hold. Empty optionals
-/// and lists and arrays without columns are not stored; any other value that is missing is an error
-/// when a row is read.
+/// and a StoredArray as arrays of 32-bit floats, optionals as what they hold. Optionals and lists
+/// that are empty and arrays without columns are not stored; any other value that is missing is an
+/// error when a row is read.
 template <class Row>
 class StoredRow {
  public:
