@@ -6,6 +6,7 @@
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/experiment.hpp>
 
 namespace known_space {
@@ -99,10 +100,7 @@ class KnownSpace final : public Experiment {
   }
 
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    Settings settings;
-    std::vector<Error> errors;
-    Settings::parameters().read(block_of(context.configuration, "experiment"), settings, errors);
-    if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+    const auto settings = SIDESTEP_TRY(read_block<Settings>(context.configuration, "experiment"));
 
     const RunProvenance provenance = provenance_of(context);
     auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));

@@ -8,6 +8,7 @@
 
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/text_file.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include <sidestep/runtime/unused_keys.hpp>
@@ -92,7 +93,7 @@ void refuse_unused(const Node::Entry& entry, const std::string& experiment,
   std::string used = "its blocks: experiment";
   for (const std::string& name : facts.blocks) used += ", " + name;
   for (const std::string& name : facts.optional_blocks) used += ", " + name;
-  const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
+  const Node key = plain_scalar(entry.key, entry.key_mark);
   errors.push_back(key.error(
       "block `" + entry.key + "` has no effect in an experiment of type '" + experiment + "'",
       used + "; `" + entry.key + ": null` removes a block that a base configuration sets"));
@@ -223,8 +224,8 @@ Result<FoundExperiment> find_experiment(const Node& block, Host& host) {
 Result<FoundExperiment> find_experiment(const std::string& name, const std::string& where,
                                         Host& host) {
   const SourceMark mark{where, 0, 0};
-  return find_experiment(
-      Node(Node::Map{{"type", mark, Node(Node::Scalar{name, false}, mark)}}, mark), host);
+  return find_experiment(with_entry(Node(Node::Map{}, mark), "type", plain_scalar(name, mark)),
+                         host);
 }
 
 Result<std::vector<FoundExperiment>> find_experiments(Host& host) {
@@ -297,7 +298,7 @@ Node effective_configuration(const Configuration& configuration, Host& host) {
   const ExperimentFacts facts = found ? found->experiment->facts() : ExperimentFacts{};
   if (uses(facts, "check") && root.find("check") == nullptr) {
     const SourceMark origin{"default", 0, 0};
-    root.entries().push_back({"check", origin, Node(Node::Map{}, origin)});
+    root = with_entry(std::move(root), "check", Node(Node::Map{}, origin));
   }
   for (Node::Entry& entry : root.entries()) {
     if (entry.key == "experiment" && found) {

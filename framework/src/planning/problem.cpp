@@ -176,9 +176,12 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
   return terms;
 }
 
+Trajectory straight_line(const Problem& problem) {
+  return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+}
+
 Trajectory initial_guess(const Problem& problem, int attempt, std::uint64_t seed) {
-  Trajectory guess =
-      straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  Trajectory guess = straight_line(problem);
   if (attempt == 0) return guess;
 
   std::mt19937_64 random(derive_seed(seed, "initial_guess/" + std::to_string(attempt)));

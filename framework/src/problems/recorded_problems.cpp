@@ -10,6 +10,7 @@
 #include <sidestep/field/dense_field.hpp>
 #include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 
 namespace sidestep {
 namespace {
@@ -126,7 +127,7 @@ Problem recorded_problem(const RecordedProblems& problems,
 }
 
 Trajectory recorded_initial(const RecordedProblems& problems, const Problem& problem) {
-  Trajectory out = straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  Trajectory out = straight_line(problem);
   const Eigen::VectorXd step = (problem.goal.q - problem.start.q) / (problem.support_states - 1);
   for (int i = 0; i < out.size(); ++i) std::copy_n(step.data(), step.size(), out.qdot(i).begin());
   if (problems.has_base) put_base_on_arc(out);

@@ -7,6 +7,8 @@
 #include <cairo-svg.h>
 #include <cairo.h>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -171,9 +173,7 @@ void Canvas::raster(const Raster& raster, const Area& area) {
   for (int y = 0; y < raster.height; ++y) {
     auto* row = reinterpret_cast<std::uint32_t*>(bytes + static_cast<std::ptrdiff_t>(y) * stride);
     for (int x = 0; x < raster.width; ++x) {
-      row[x] = packed(
-          raster.pixels[static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
-                        static_cast<std::size_t>(x)]);
+      row[x] = packed(raster.pixels[idx(y) * idx(raster.width) + idx(x)]);
     }
   }
   cairo_surface_mark_dirty(image.get());

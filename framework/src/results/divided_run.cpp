@@ -4,7 +4,6 @@
 #include <charconv>
 #include <sstream>
 
-#include <sidestep/results/recorder.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
@@ -19,15 +18,6 @@ std::vector<std::string> lines_of(const std::string& text) {
     lines.push_back(first == std::string::npos ? "" : line.substr(first));
   }
   return lines;
-}
-
-/// The effective configuration as far as it fixes outcomes.
-std::string identity_of(const ExperimentContext& context) {
-  Node root = context.effective;
-  if (Node* experiment = root.find("experiment")) {
-    std::erase_if(experiment->entries(), [](const auto& entry) { return entry.key == "threads"; });
-  }
-  return to_yaml(root, false);
 }
 
 StoredRow<DividedRun> stored_head() {
@@ -66,6 +56,22 @@ StoredRow<RunSession> stored_session() {
 
 DividedRun divided_run_of(const ExperimentContext& context) {
   return {identity_of(context), provenance_of(context), context.shard, {}};
+}
+
+std::string identity_of(const ExperimentContext& context, const std::vector<std::string>& without) {
+  Node root = context.effective;
+  if (Node* experiment = root.find("experiment")) {
+    std::erase_if(experiment->entries(), [&](const Node::Entry& entry) {
+      return std::ranges::find(without, entry.key) != without.end();
+    });
+  }
+  return to_yaml(root, false);
+}
+
+Result<std::unique_ptr<ResultsStore>> open_store(const ExperimentContext& context,
+                                                 const RunProvenance& provenance) {
+  const auto file = context.out / "results.sqlite";
+  return context.resume ? ResultsStore::reopen(file) : ResultsStore::open(file, provenance);
 }
 
 void record_session(const RunSession& session, std::int64_t index, Recorder& recorder) {

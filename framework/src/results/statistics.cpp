@@ -6,7 +6,6 @@
 #include <numbers>
 #include <numeric>
 #include <random>
-#include <vector>
 
 namespace sidestep {
 namespace {

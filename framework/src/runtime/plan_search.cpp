@@ -200,8 +200,7 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
     return initial_guess(problem, 1 + bend % kMostBends,
                          settings_.seed + static_cast<std::uint64_t>(bend / kMostBends));
   }
-  const Trajectory line =
-      straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  const Trajectory line = straight_line(problem);
   if (name != "sampled") return line;
   if (parts_.sampler == nullptr) return std::nullopt;
   auto path = solve(*parts_.sampler, parts_.sampler_name, line, task);

@@ -234,6 +234,19 @@ Parameters<AllowedContactEntry> AllowedContactEntry::parameters() {
       .add("object", &E::object, "An object of the scene.", {.required = true});
 }
 
+FieldCheckSettings CheckSettings::of_field() const {
+  return {.margin_m = margin_m,
+          .max_step_m = max_step_m,
+          .speed_fraction = speed_fraction,
+          .acceleration_fraction = acceleration_fraction};
+}
+
+ShapeCheckSettings CheckSettings::of_shapes() const {
+  return {.max_step_m = shape_max_step_m,
+          .speed_fraction = speed_fraction,
+          .acceleration_fraction = acceleration_fraction};
+}
+
 void check_floor(const Node& planning, const RobotDescription& robot, std::vector<Error>& errors) {
   const Node* floor = planning.find("floor");
   const Node* names = floor != nullptr ? floor->find("except_links") : nullptr;

@@ -38,14 +38,10 @@ StoredArray course_of(const EpisodeRecord& episode, const RobotModel& robot) {
     const auto speed = [&, dt_s = time_s - before_s](Eigen::Vector3d Ends::*end) {
       return before ? (now.*end - (*before).*end).norm() / dt_s : 0.0;
     };
-    for (const double value : {time_s, clearance_m, speed(&Ends::base), speed(&Ends::hand)}) {
-      course.values.push_back(static_cast<float>(value));
-    }
-    ++course.rows;
+    course.add_row(std::array{time_s, clearance_m, speed(&Ends::base), speed(&Ends::hand)});
     before = now;
     before_s = time_s;
   }
-  course.columns = 4;
   return course;
 }
 

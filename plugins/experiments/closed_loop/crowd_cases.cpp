@@ -6,7 +6,6 @@
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/seed.hpp>
-#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 #include "replan_settings.hpp"
 

@@ -1,11 +1,11 @@
 #include "loop_experiment.hpp"
 
 #include <algorithm>
-#include <functional>
 #include <iterator>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/report/report_parts.hpp>
+#include <sidestep/results/divided_run.hpp>
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/configuration.hpp>
@@ -299,9 +299,7 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
           .add("slowdowns", sum(&E::slowdowns), "Times that it braked for what moved nearby.")
           .add("splice_velocity_jump_max",
                [](const ReplanRows& rows) {
-                 const auto jumps =
-                     values_of(rows.episodes, std::mem_fn(&E::splice_velocity_jump_max));
-                 return jumps.empty() ? 0.0 : std::ranges::max(jumps);
+                 return percentile(values_of(rows.episodes, &E::splice_velocity_jump_max), 1.0);
                },
                "Largest velocity jump of a joint where a trajectory took over [m/s, rad/s].",
                {.heading = "largest velocity jump", .pattern = "%.2g"})
@@ -372,12 +370,11 @@ ReplanFacts facts_of(const ExperimentContext& context, const ReplanConfiguration
   ReplanFacts facts;
   facts.provenance = provenance_of(context);
   facts.experiment = settings.experiment.type;
-  facts.clock = settings.experiment.clock;
-  facts.robot = robot.name;
-  facts.limits = settings.planning.limits(robot);
-  if (const Node* name = block_of(context.configuration, "optimiser").find("plugin")) {
-    facts.optimiser = name->text();
-  }
+  facts.about = {
+      {"clock", settings.experiment.clock},
+      {"robot", robot.name},
+      {"limits", limits_of(settings.planning.limits(robot))},
+      {"optimiser", block_of(context.configuration, "optimiser").find("plugin")->text()}};
   return facts;
 }
 
@@ -402,10 +399,7 @@ ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& r
                     std::ranges::all_of(rows.episodes, &EpisodeRow::success);
   outcome.verdict = verdict_text(facts, rows, metrics);
   outcome.table = table_text(rows);
-  Json particulars = {{"clock", facts.clock},
-                      {"robot", facts.robot},
-                      {"limits", limits_of(facts.limits)},
-                      {"optimiser", facts.optimiser}};
+  Json particulars = facts.about;
   particulars.update(metrics);
   particulars["collisions"] = collisions_of(rows);
   particulars["failures"] = failures_of(facts, rows);
@@ -431,9 +425,7 @@ void check_loop_names(const Configuration& configuration, const RobotDescription
 Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts facts,
                                    const std::string& identity,
                                    const std::function<Result<void>(Recorder& recorder)>& work) {
-  const auto file = context.out / "results.sqlite";
-  auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                           : ResultsStore::open(file, facts.provenance));
+  auto store = SIDESTEP_TRY(open_store(context, facts.provenance));
   Recorder recorder(*store);
   if (!context.resume) record_replan_run(identity, recorder);
   SIDESTEP_TRY(recorder.commit());
@@ -442,7 +434,7 @@ Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts
   store.reset();
   // One without end is ended by a stop, and not interrupted.
   facts.interrupted = context.stop.stop_requested() && facts.planned_episodes > 0;
-  const auto rows = SIDESTEP_TRY(read_replan_rows(file));
+  const auto rows = SIDESTEP_TRY(read_replan_rows(context.out / "results.sqlite"));
   if (!done && rows.episodes.empty()) return error_of(done);
   if (!done) facts.fault = std::move(done.error());
   return summarise_replan(facts, rows);

@@ -1,13 +1,11 @@
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
 
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/runtime/experiment.hpp>
-#include <sidestep/trajectory/motion_limits.hpp>
 #include "replan_rows.hpp"
 #include "replan_settings.hpp"
 
@@ -30,11 +28,8 @@ void check_loop_names(const Configuration& configuration, const RobotDescription
 struct ReplanFacts {
   RunProvenance provenance;
   std::string experiment = "replan";  ///< Its type.
-  std::string clock;
-  std::string robot;
-  MotionLimits limits;       ///< That it moves and stops by.
-  std::string optimiser;     ///< Name of the plugin.
-  int planned_episodes = 0;  ///< 0: as many as there are.
+  report::Json about;                 ///< With what clock, robot, limits and optimiser it is run.
+  int planned_episodes = 0;           ///< 0: as many as there are.
   /// The command that runs it again, up to which of its episodes; empty where none can be run by
   /// itself.
   std::string again;

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <random>
-#include <thread>
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/gaze_loop.hpp>
-#include <sidestep/runtime/standing_floor.hpp>
 #include <sidestep/runtime/step_watch.hpp>
 
 namespace sidestep {
@@ -37,17 +35,7 @@ Replanner::PoseProblem problems_of(const ReplanConfiguration& settings, const Re
 class EpisodeRun {
  public:
   EpisodeRun(ExperimentContext& context, const EpisodeParts& parts, std::int64_t episode)
-      : context_(context),
-        settings_(parts.settings),
-        world_(parts.world),
-        slot_(*parts.world.slot),
-        mapping_(parts.mapping),
-        watch_(parts.watch),
-        observer_(context.observer),
-        begin_(parts.world.clock->now()),
-        progress_(parts.progress, begin_, settings_.experiment.duration_s),
-        end_(Stamp::from_seconds(begin_.seconds() + settings_.experiment.duration_s)),
-        next_truth_(begin_) {
+      : context_(context), parts_(parts) {
     record_.episode = episode;
     record_.begin_s = begin_.seconds();
   }
@@ -150,9 +138,7 @@ class EpisodeRun {
     problem.terms.insert(problem.terms.end(), settings_.task.terms.begin(),
                          settings_.task.terms.end());
     const auto solution = SIDESTEP_TRY(call_stage(plugin_of(world_.optimiser), [&] {
-      return world_.optimiser->solve(
-          problem, straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s),
-          deadline);
+      return world_.optimiser->solve(problem, straight_line(problem), deadline);
     }));
     if (solution.trajectory.size() == 0) {
       return fail(ErrorCode::kNotFound, "no goal configuration was found: " + solution.reason);
@@ -265,7 +251,7 @@ class EpisodeRun {
     if (observer_ != nullptr) show_step(now, step_ms);
     progress_.note(now);
     record_.interrupted = context_.stop.stop_requested();
-    if (watch_ && !is_last) record_.called_off = watch_(now, *replanner_);
+    if (parts_.watch && !is_last) record_.called_off = parts_.watch(now, *replanner_);
     return !is_last && !record_.interrupted && record_.called_off.empty();
   }
 
@@ -431,18 +417,18 @@ class EpisodeRun {
   }
 
   ExperimentContext& context_;
-  const ReplanConfiguration& settings_;
-  ReplanWorld& world_;
-  SnapshotSlot& slot_;
-  EpisodeMapping& mapping_;
-  const EpisodeWatch& watch_;
-  RunObserver* observer_;  ///< May be null.
+  const EpisodeParts& parts_;
+  const ReplanConfiguration& settings_ = parts_.settings;
+  ReplanWorld& world_ = parts_.world;
+  SnapshotSlot& slot_ = *parts_.world.slot;
+  EpisodeMapping& mapping_ = parts_.mapping;
+  RunObserver* observer_ = context_.observer;  ///< May be null.
   std::optional<Replanner> replanner_;
   std::optional<GazeLoop> gaze_;  ///< Nothing where the head rests.
-  Stamp begin_;
-  EpisodeProgress progress_;
-  Stamp end_;
-  Stamp next_truth_;
+  Stamp begin_ = world_.clock->now();
+  EpisodeProgress progress_{parts_.progress, begin_, settings_.experiment.duration_s};
+  Stamp end_ = Stamp::from_seconds(begin_.seconds() + settings_.experiment.duration_s);
+  Stamp next_truth_ = begin_;
   std::vector<ReplannerEvent> events_;
   std::optional<Error> truth_fault_;  ///< After it, no truth is recorded.
   EpisodeRecord record_;

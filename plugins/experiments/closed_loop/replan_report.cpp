@@ -5,9 +5,7 @@
 #include <set>
 
 #include <sidestep/report/chart.hpp>
-#include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
-#include <sidestep/results/statistics.hpp>
+#include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include "course.hpp"
 #include "loop_experiment.hpp"
@@ -221,9 +219,8 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
 std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
   constexpr std::size_t kEnough = 5;
   constexpr double kHeight = 260.0;
-  std::vector<Spread> shown;
-  std::ranges::copy_if(spreads, std::back_inserter(shown),
-                       [](const Spread& spread) { return spread.values.size() >= kEnough; });
+  const auto shown =
+      those_of(spreads, [](const Spread& spread) { return spread.values.size() >= kEnough; });
   if (shown.empty()) return {};
   const double width = kWidth / static_cast<double>(shown.size());
   Figure figure{"spread",
@@ -273,15 +270,14 @@ constexpr std::size_t kPicturedEpisodes = 6;
 std::string collisions_section(const Json& summary) {
   const Json collisions = at(summary, "/collisions");
   if (!collisions.is_array() || collisions.empty()) return "";
-  std::vector<Row> rows;
-  for (const Json& contact : collisions) {
-    rows.push_back({cell(at(contact, "/episode")), cell(at(contact, "/time_s"), "%.2f s"),
-                    cell(at(contact, "/by")), cell(at(contact, "/link")),
-                    cell(at(contact, "/object")), cell(at(contact, "/depth_m"), "%.3f m"),
-                    cell(at(contact, "/cause"))});
-  }
-  return "<h2>True collisions</h2>\n" +
-         html_table({"episode", "at", "by", "link", "object", "depth", "cause"}, rows);
+  return "<h2>True collisions</h2>\n" + html_table({{"episode", "/episode"},
+                                                    {"at", "/time_s", "%.2f s"},
+                                                    {"by", "/by"},
+                                                    {"link", "/link"},
+                                                    {"object", "/object"},
+                                                    {"depth", "/depth_m", "%.3f m"},
+                                                    {"cause", "/cause"}},
+                                                   collisions);
 }
 
 std::string failures_section(const Json& failures) {
@@ -311,18 +307,16 @@ std::string comparison_section(const Json& summary) {
 /// How what was measured is spread over the run; nothing where too little was.
 Result<std::string> spread_section(ResultsReader& results, const std::filesystem::path& run) {
   std::vector<Spread> spreads;
-  const auto add = [&](const char* series, std::string_view wanted,
-                       const char* label) -> Result<void> {
-    std::vector<double>& values = spreads.emplace_back(Spread{label, {}}).values;
-    return results.visit(series, [&](std::int64_t, std::string_view key, double value) {
-      const bool is_measured = std::isfinite(value) && value != 0.0;  // events without a solve: 0
-      if (key == wanted && is_measured) values.push_back(value);
-    });
-  };
-  SIDESTEP_TRY(add("event", "solve_ms", "solve, in vain or not [ms]"));
-  SIDESTEP_TRY(add("event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"));
-  SIDESTEP_TRY(add("episode", "duration_s", "time of an episode [s]"));
-  SIDESTEP_TRY(add("episode", "min_true_clearance_m", "least true clearance [m]"));
+  for (const auto& [series, key, label] :
+       {std::array{"event", "solve_ms", "solve, in vain or not [ms]"},
+        std::array{"event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"},
+        std::array{"episode", "duration_s", "time of an episode [s]"},
+        std::array{"episode", "min_true_clearance_m", "least true clearance [m]"}}) {
+    auto values = SIDESTEP_TRY(results.column(series, key));
+    // Events without a solve have 0.
+    std::erase_if(values, [](double value) { return !std::isfinite(value) || value == 0.0; });
+    spreads.push_back({label, std::move(values)});
+  }
   return figure_section(spread_figures(spreads), run);
 }
 

@@ -2,9 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <numbers>
-#include <type_traits>
 #include <utility>
 
 #include <sidestep/core/index.hpp>
@@ -51,50 +48,6 @@ bool shows(const CameraView& view, const RayCaster& caster, int object) {
 constexpr int kRound = 24;  ///< Corners of a circle.
 constexpr int kPathPoints = 200;
 
-/// Points whose convex hull, seen from above, is that of the shape.
-struct HullPoints {
-  const Transform& T_world_shape;
-  std::vector<Eigen::Vector2d> points;
-
-  void add(const Eigen::Vector3d& p_shape) {
-    points.emplace_back((T_world_shape * p_shape).head<2>());
-  }
-  /// A ball about a point of the shape.
-  void add_ball(const Eigen::Vector3d& centre, double radius_m) {
-    for (int i = 0; i < kRound; ++i) {
-      const double angle = 2.0 * std::numbers::pi * i / kRound;
-      points.emplace_back((T_world_shape * centre).head<2>() +
-                          radius_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
-    }
-  }
-  void operator()(const Box& box) {
-    for (int corner = 0; corner < 8; ++corner) {
-      const Eigen::Vector3d side((corner & 1) != 0 ? 0.5 : -0.5, (corner & 2) != 0 ? 0.5 : -0.5,
-                                 (corner & 4) != 0 ? 0.5 : -0.5);
-      add(side.cwiseProduct(box.size_m));
-    }
-  }
-  void operator()(const Sphere& sphere) { add_ball(Eigen::Vector3d::Zero(), sphere.radius_m); }
-  void operator()(const Cylinder& cylinder) {
-    for (int i = 0; i < kRound; ++i) {
-      const double angle = 2.0 * std::numbers::pi * i / kRound;
-      for (const double end : {-0.5, 0.5}) {
-        add({cylinder.radius_m * std::cos(angle), cylinder.radius_m * std::sin(angle),
-             end * cylinder.length_m});
-      }
-    }
-  }
-  void operator()(const Capsule& capsule) {
-    for (const double end : {-0.5, 0.5}) {
-      add_ball({0.0, 0.0, end * capsule.length_m}, capsule.radius_m);
-    }
-  }
-  void operator()(const HalfSpace&) {}
-  void operator()(const std::shared_ptr<const Mesh>& mesh) {
-    for (const Eigen::Vector3d& vertex : mesh->vertices_m) add(vertex);
-  }
-};
-
 /// Andrew's monotone chain.
 std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
   std::ranges::sort(points, [](const auto& a, const auto& b) {
@@ -119,12 +72,6 @@ std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
   return hull;
 }
 
-void add_row(StoredArray& array, std::span<const double> row) {
-  array.values.insert(array.values.end(), row.begin(), row.end());
-  array.columns = static_cast<int>(row.size());
-  ++array.rows;
-}
-
 /// A robot's spheres from above, and the way of the one nearest to the root and of the last.
 class FromAbove {
  public:
@@ -138,14 +85,14 @@ class FromAbove {
     StoredArray array;
     for (std::size_t s = 0; s < centres_.size(); ++s) {
       const double radius_m = robot_.description().spheres[s].radius_m;
-      add_row(array, std::array{centres_[s].x(), centres_[s].y(), radius_m});
+      array.add_row(std::array{centres_[s].x(), centres_[s].y(), radius_m});
     }
     return array;
   }
   void go_to(std::span<const double> q) {
     robot_.sphere_centres(q, centres_, scratch_);
-    add_row(base_, std::array{centres_.front().x(), centres_.front().y()});
-    add_row(hand_, std::array{centres_.back().x(), centres_.back().y()});
+    base_.add_row(std::array{centres_.front().x(), centres_.front().y()});
+    hand_.add_row(std::array{centres_.back().x(), centres_.back().y()});
   }
   /// Records where it went since the last call.
   void record_way(const std::string& series, std::int64_t item, const std::string& key,
@@ -207,7 +154,7 @@ void record_pictures(const EpisodeRecord& episode, const RobotModel& robot, int 
       const std::string key = "object." + std::to_string(count++);
       StoredArray corners;
       for (const Eigen::Vector2d& corner : outline) {
-        add_row(corners, std::array{corner.x(), corner.y()});
+        corners.add_row(std::array{corner.x(), corner.y()});
       }
       recorder.add(series, p, key, corners);
       recorder.add(series, p, key + ".moves", object.moves());
@@ -260,9 +207,7 @@ const StoredRow<ContactRow>& stored_contact() {
   return kContact;
 }
 
-struct GuessRow : Replanner::GuessCount {
-  std::int64_t episode = 0;
-};
+using GuessRow = OfEpisode<Replanner::GuessCount>;
 
 const StoredRow<GuessRow>& stored_guess() {
   static const auto kGuess = StoredRow<GuessRow>()
@@ -275,67 +220,59 @@ const StoredRow<GuessRow>& stored_guess() {
 
 /// Declares a part of what was measured of an episode's tracks; nothing where it was not.
 template <class Value>
-StoredRow<EpisodeRow> with_tracks(StoredRow<EpisodeRow> row, const char* key,
-                                  Value TrackRecord::*part) {
-  using Stored = std::conditional_t<std::is_arithmetic_v<Value>, std::optional<Value>, Value>;
+void add_track_part(StoredRow<EpisodeRow>& row, const char* key, Value TrackRecord::*part) {
   row.add(
       key,
       [part](const EpisodeRow& episode) {
-        return episode.tracks ? Stored((*episode.tracks).*part) : Stored();
+        return episode.tracks ? std::optional((*episode.tracks).*part) : std::nullopt;
       },
-      [part](EpisodeRow& episode, Stored value) {
+      [part](EpisodeRow& episode, std::optional<Value> value) {
         if (!episode.tracks) episode.tracks.emplace();
-        if constexpr (std::is_arithmetic_v<Value>) {
-          (*episode.tracks).*part = value.value_or(Value{});
-        } else {
-          (*episode.tracks).*part = std::move(value);
-        }
+        (*episode.tracks).*part = *std::move(value);
       });
-  return row;
-}
-
-StoredRow<EpisodeRow> with_all_tracks(StoredRow<EpisodeRow> row) {
-  using T = TrackRecord;
-  row = with_tracks(std::move(row), "tracks.due_frames", &T::due_frames);
-  row = with_tracks(std::move(row), "tracks.found_frames", &T::found_frames);
-  row = with_tracks(std::move(row), "tracks.delay_s", &T::delay_s);
-  row = with_tracks(std::move(row), "tracks.switches", &T::switches);
-  row = with_tracks(std::move(row), "tracks.position_error_m", &T::position_error_m);
-  row = with_tracks(std::move(row), "tracks.velocity_error_mps", &T::velocity_error_mps);
-  return with_tracks(std::move(row), "tracks.false_tracks", &T::false_tracks);
 }
 
 const StoredRow<EpisodeRow>& stored_episode() {
   using E = EpisodeRow;
-  static const auto kEpisode =
-      with_all_tracks(StoredRow<E>()
-                          .add("success", &E::success)
-                          .add("reached", &E::reached)
-                          .add("reason", &E::reason)
-                          .add("begin_s", &E::begin_s)
-                          .add("duration_s", &E::duration_s)
-                          .add("path_length", &E::path_length)
-                          .add("collisions", &E::collisions)
-                          .add("steps", &E::steps)
-                          .add("checks", &E::checks)
-                          .add("frames", &E::frames)
-                          .add("frames_dropped", &E::frames_dropped)
-                          .add("free_run_s", &E::free_run_s)
-                          .add("min_true_clearance_m", &E::min_true_clearance_m)
-                          .add("nearest_link", &E::nearest_link)
-                          .add("nearest_object", &E::nearest_object)
-                          .add("nearest_s", &E::nearest_s)
-                          .add("appear_frames", &E::appear_frames)
-                          .add("clear_frames", &E::clear_frames)
-                          .add("ghost_vox", &E::ghost_vox));
+  using T = TrackRecord;
+  static const auto kEpisode = [] {
+    auto row = StoredRow<E>()
+                   .add("success", &E::success)
+                   .add("reached", &E::reached)
+                   .add("reason", &E::reason)
+                   .add("begin_s", &E::begin_s)
+                   .add("duration_s", &E::duration_s)
+                   .add("path_length", &E::path_length)
+                   .add("collisions", &E::collisions)
+                   .add("steps", &E::steps)
+                   .add("checks", &E::checks)
+                   .add("frames", &E::frames)
+                   .add("frames_dropped", &E::frames_dropped)
+                   .add("free_run_s", &E::free_run_s)
+                   .add("min_true_clearance_m", &E::min_true_clearance_m)
+                   .add("nearest_link", &E::nearest_link)
+                   .add("nearest_object", &E::nearest_object)
+                   .add("nearest_s", &E::nearest_s)
+                   .add("appear_frames", &E::appear_frames)
+                   .add("clear_frames", &E::clear_frames)
+                   .add("ghost_vox", &E::ghost_vox);
+    add_track_part(row, "tracks.due_frames", &T::due_frames);
+    add_track_part(row, "tracks.found_frames", &T::found_frames);
+    add_track_part(row, "tracks.delay_s", &T::delay_s);
+    add_track_part(row, "tracks.switches", &T::switches);
+    add_track_part(row, "tracks.position_error_m", &T::position_error_m);
+    add_track_part(row, "tracks.velocity_error_mps", &T::velocity_error_mps);
+    add_track_part(row, "tracks.false_tracks", &T::false_tracks);
+    return row;
+  }();
   return kEpisode;
 }
 
 StoredArray mapping_array(const std::vector<MappedFrame>& frames) {
   StoredArray array;
   for (const MappedFrame& frame : frames) {
-    add_row(array, std::array{frame.stamp_s, frame.received_s, frame.published_s,
-                              frame.integrate_ms, frame.field_ms});
+    array.add_row(std::array{frame.stamp_s, frame.received_s, frame.published_s, frame.integrate_ms,
+                             frame.field_ms});
   }
   return array;
 }
@@ -367,12 +304,7 @@ EpisodeRow row_of(const EpisodeRecord& episode) {
     row.nearest_object = episode.truth.nearest_object;
     row.nearest_s = episode.truth.nearest_s;
   }
-  if (episode.following) {
-    row.appear_frames = episode.following->appear_frames;
-    row.clear_frames = episode.following->clear_frames;
-    row.ghost_vox = episode.following->ghost_vox;
-    row.tracks = episode.following->tracks;
-  }
+  if (episode.following) static_cast<MapFollowing&>(row) = *episode.following;
   return row;
 }
 
@@ -419,9 +351,11 @@ std::string cause_of(const TrueContact& contact, const EpisodeRecord& episode, d
 
 std::vector<Eigen::Vector2d> outline_from_above(const Shape& shape,
                                                 const Transform& T_world_shape) {
-  HullPoints hull{T_world_shape, {}};
-  std::visit(hull, shape);
-  return convex_hull(std::move(hull.points));
+  std::vector<Eigen::Vector2d> points;
+  for (const Eigen::Vector3d& vertex : triangulate(shape, kRound).vertices_m) {
+    points.emplace_back((T_world_shape * vertex).head<2>());
+  }
+  return convex_hull(std::move(points));
 }
 
 void record_replan_run(const std::string& identity, Recorder& recorder) {
@@ -435,19 +369,13 @@ void record_episode(const EpisodeRecord& episode, const RobotModel& robot, int p
   recorder.add_filled("episode", number, "mapping", mapping_array(episode.mapping));
   recorder.add_filled("episode", number, "motion", motion_array(episode.poses));
   recorder.add_filled("episode", number, "course", course_of(episode, robot));
-  const std::int64_t first = number * 100'000;  // items of "event", "contact" and "guess"
-  std::int64_t item = first;
-  for (const EpisodeEvent& event : episode.events) {
-    stored_event().record({event, number}, "event", item++, recorder);
-  }
-  item = first;
-  for (const EpisodeContact& contact : episode.contacts) {
-    stored_contact().record({contact, number}, "contact", item++, recorder);
-  }
-  item = first;
-  for (const Replanner::GuessCount& guess : episode.guesses) {
-    stored_guess().record({guess, number}, "guess", item++, recorder);
-  }
+  const auto record_all = [&](const auto& parts, const auto& stored, std::string_view series) {
+    std::int64_t item = number * 100'000;
+    for (const auto& part : parts) stored.record({part, number}, series, item++, recorder);
+  };
+  record_all(episode.events, stored_event(), "event");
+  record_all(episode.contacts, stored_contact(), "contact");
+  record_all(episode.guesses, stored_guess(), "guess");
   if (pictures > 0) record_pictures(episode, robot, pictures, recorder);
 }
 

@@ -53,10 +53,10 @@ struct EpisodeContact : TrueContact {
 
 /// How the map and its tracks followed what moves, where that was measured.
 struct MapFollowing {
-  std::vector<double> appear_frames;  ///< Of each entry into view, until it was in the map.
-  std::vector<double> clear_frames;   ///< Of each voxel that was left: seen through until free.
-  std::int64_t ghost_vox = 0;         ///< Left behind and still occupied at the end.
-  std::optional<TrackRecord> tracks;  ///< Nothing where there are none.
+  std::vector<double> appear_frames;      ///< Of each entry into view, until it was in the map.
+  std::vector<double> clear_frames;       ///< Of each voxel that was left: seen through until free.
+  std::optional<std::int64_t> ghost_vox;  ///< Left behind and still occupied at the end.
+  std::optional<TrackRecord> tracks;      ///< Nothing where there are none.
 };
 
 /// What is said of an episode in a word, and stored as it is.
@@ -105,7 +105,7 @@ struct EpisodeRecord : EpisodeFigures {
                                                               const Transform& T_world_shape);
 
 /// One episode as a results store holds it: what summaries are made from.
-struct EpisodeRow : EpisodeFigures {
+struct EpisodeRow : EpisodeFigures, MapFollowing {
   bool success = false;
   std::optional<double> path_length;  ///< Of the way it went, in the space of joints, rad and m.
   std::optional<double> min_true_clearance_m;
@@ -125,20 +125,16 @@ struct EpisodeRow : EpisodeFigures {
   std::vector<double> map_age_ms;
   std::vector<double> stamp_to_trajectory_ms;
   std::vector<double> frame_to_trajectory_ms;
-  std::vector<double> appear_frames;
-  std::vector<double> clear_frames;
-  std::optional<std::int64_t> ghost_vox;  ///< Nothing where it was not measured.
-  std::optional<TrackRecord> tracks;      ///< The same, and where there are none.
 };
 
+/// A part of an episode, as it is stored.
+template <class Part>
+struct OfEpisode : Part {
+  std::int64_t episode = 0;
+};
 /// Its texts are stored, and not read back: an event has far more numbers.
-struct EventRow : EpisodeEvent {
-  std::int64_t episode = 0;
-};
-
-struct ContactRow : EpisodeContact {
-  std::int64_t episode = 0;
-};
+using EventRow = OfEpisode<EpisodeEvent>;
+using ContactRow = OfEpisode<EpisodeContact>;
 
 /// What a results store holds of a replan experiment.
 struct ReplanRows {

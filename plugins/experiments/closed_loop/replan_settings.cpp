@@ -6,6 +6,7 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/measures/source_facts.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/shape_check.hpp>
@@ -132,37 +133,65 @@ Result<void> draw_ends(const ReplanConfiguration& settings, ReplanWorld& world) 
   return {};
 }
 
-/// A block with one more entry.
-Node with_entry(Node block, const std::string& key, Node value) {
-  const SourceMark mark = value.mark();
-  block.entries().push_back({key, mark, std::move(value)});
-  return block;
-}
-
 /// The source's block, told who walks there, or that nothing moves.
 Node source_block(Node block, const Node& people, bool is_alone) {
   if (!people.is_null()) block = with_entry(std::move(block), "people", people);
-  const SourceMark mark{"the free run", 0, 0};
-  return is_alone ? with_entry(std::move(block), "alone", Node(Node::Scalar{"true", false}, mark))
-                  : block;
+  if (!is_alone) return block;
+  return with_entry(std::move(block), "alone", plain_scalar("true", {"the free run", 0, 0}));
 }
 
 /// The executor's block, which says where the robot stands if it is an executor that can be told.
 Node executor_block(const Node& block, const ReplanWorld& world, Host& host) {
   const auto info = host.find(PluginKind::kExecutor, block);
   if (!info || block.find("start") != nullptr) return block;
-  if (std::ranges::find(info->schema, "start", &Parameter::name) == info->schema.end()) {
-    return block;
-  }
+  if (!has_parameter(info->schema, "start")) return block;
   const SourceMark mark{"the start of the episode", 0, 0};
   Node::Map start;
   const RobotDescription& robot = world.robot->description();
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     const double q = world.q_start[static_cast<Eigen::Index>(j)];
-    start.push_back(
-        {robot.joints[j].name, mark, Node(Node::Scalar{detail::number_text(q), false}, mark)});
+    start.push_back({robot.joints[j].name, mark, plain_scalar(detail::number_text(q), mark)});
   }
   return with_entry(block, "start", Node(std::move(start), mark));
+}
+
+/// What is declared before the task.
+Parameters<ReplanSettings> loop_parameters() {
+  using S = ReplanSettings;
+  return experiment_parameters<S>()
+      .add(
+          "clock", &S::clock,
+          "lockstep: simulated time in steps, the same for the same seed; wall: real time, mapping "
+          "in a thread of its own.",
+          {.choices = {"lockstep", "wall"}})
+      .add("duration_s", &S::duration_s, "Most time of an episode.",
+           {.unit = "s", .min = 0.01, .max = 86400.0})
+      .add("step_s", &S::step_s, "Longest time between two steps of the planning loop.",
+           {.unit = "s", .min = 1e-4, .max = 0.01})
+      .add("episodes", &S::episodes, "How often to do it, each time in a fresh world.",
+           {.min = 1, .max = 1e6})
+      .add("first_episode", &S::first_episode,
+           "Number of the first one: any episode can be run again by itself.",
+           {.min = 0, .max = 1e6})
+      .add("perception", &S::perception,
+           "cameras: the source's frames are mapped; truth: the loop is given the exact field of "
+           "what stands and the true tracks of what moves, in lockstep only.",
+           {.choices = {"cameras", "truth"}})
+      .add("cases", &S::cases,
+           "A file of CrowdNav's cases (JSON): episode k has the robot's base, and people that "
+           "walk by ORCA, start and go where case k says.")
+      .add("people", &S::people,
+           "A recording of people (CSV of person,time_s,x_m,y_m): in each episode the robot's base "
+           "crosses 10 m of it, from a time and in a direction that are drawn.")
+      .add("free_run", &S::free_run,
+           "Whether each episode is run without people, too, for comparison.")
+      .add("latency", &S::latency,
+           "What sensing and mapping are charged with in lockstep; planning with "
+           "replanner.takeover_s.")
+      .add("start", &S::start, "Where the robot starts.", {.required = true})
+      .add("goal", &S::goal,
+           "Where the robot is to be; with `end_effector`, where the search for that begins.",
+           {.required = true});
 }
 
 }  // namespace
@@ -230,47 +259,8 @@ Parameters<RandomEntry> RandomEntry::parameters() {
 
 Parameters<ReplanSettings> ReplanSettings::parameters() {
   using S = ReplanSettings;
-  return experiment_parameters<S>()
-      .add(
-          "clock", &S::clock,
-          "lockstep: simulated time in steps, the same for the same seed; wall: real time, mapping "
-          "in a thread of its own.",
-          {.choices = {"lockstep", "wall"}})
-      .add("duration_s", &S::duration_s, "Most time of an episode.",
-           {.unit = "s", .min = 0.01, .max = 86400.0})
-      .add("step_s", &S::step_s, "Longest time between two steps of the planning loop.",
-           {.unit = "s", .min = 1e-4, .max = 0.01})
-      .add("episodes", &S::episodes, "How often to do it, each time in a fresh world.",
-           {.min = 1, .max = 1e6})
-      .add("first_episode", &S::first_episode,
-           "Number of the first one: any episode can be run again by itself.",
-           {.min = 0, .max = 1e6})
-      .add("perception", &S::perception,
-           "cameras: the source's frames are mapped; truth: the loop is given the exact field of "
-           "what stands and the true tracks of what moves, in lockstep only.",
-           {.choices = {"cameras", "truth"}})
-      .add("cases", &S::cases,
-           "A file of CrowdNav's cases (JSON): episode k has the robot's base, and people that "
-           "walk by ORCA, start and go where case k says.")
-      .add("people", &S::people,
-           "A recording of people (CSV of person,time_s,x_m,y_m): in each episode the robot's base "
-           "crosses 10 m of it, from a time and in a direction that are drawn.")
-      .add("free_run", &S::free_run,
-           "Whether each episode is run without people, too, for comparison.")
-      .add("latency", &S::latency,
-           "What sensing and mapping are charged with in lockstep; planning with "
-           "replanner.takeover_s.")
-      .add("start", &S::start, "Where the robot starts.", {.required = true})
-      .add("goal", &S::goal,
-           "Where the robot is to be; with `end_effector`, where the search for that begins.",
-           {.required = true})
-      .add("end_effector", &S::end_effector,
-           "Where a link is to be at the end; the goal configuration is found by it.")
-      .add("orientation_costs", &S::orientation_costs,
-           "Links that are to keep an orientation along the way.")
-      .add("axis_costs", &S::axis_costs,
-           "Links of which an axis is to keep a direction along the way, e.g. upright.")
-      .add("posture_cost", &S::posture_cost, "A posture that is preferred along the way.")
+  return declare_task(loop_parameters(),
+                      "Where a link is to be at the end; the goal configuration is found by it.")
       .add("random", &S::random, "What is drawn anew for each episode.")
       .add("truth", &S::truth,
            "How maps are held against the true scene, frame by frame; in lockstep only, since it "

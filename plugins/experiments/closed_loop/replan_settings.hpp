@@ -46,7 +46,7 @@ struct RandomEntry {
 };
 
 /// The `experiment` block of a replan experiment.
-struct ReplanSettings : ExperimentSettings {
+struct ReplanSettings : ExperimentSettings, TaskEntry {
   std::string clock = "lockstep";
   double duration_s = 60.0;
   double step_s = 0.004;
@@ -59,10 +59,6 @@ struct ReplanSettings : ExperimentSettings {
   bool free_run = false;
   RobotStateEntry start;
   RobotStateEntry goal;
-  std::optional<EndEffectorEntry> end_effector;
-  std::vector<OrientationCostEntry> orientation_costs;
-  std::vector<AxisCostEntry> axis_costs;
-  std::optional<PostureCostEntry> posture_cost;
   std::optional<RandomEntry> random;
   TruthSettings truth;
   bool tracks = false;

@@ -65,23 +65,13 @@ struct Goal {
 };
 
 /// What a request may say.
-struct GoalEntry {
+struct GoalEntry : TaskEntry {
   RobotStateEntry goal;
-  std::optional<EndEffectorEntry> end_effector;
-  std::vector<OrientationCostEntry> orientation_costs;
-  std::vector<AxisCostEntry> axis_costs;
-  std::optional<PostureCostEntry> posture_cost;
 
   static Parameters<GoalEntry> parameters() {
-    using E = GoalEntry;
-    return Parameters<E>()
-        .add("goal", &E::goal, "Where the robot is to be; joints left out stay as they are.")
-        .add("end_effector", &E::end_effector, "Where a link is to be at the end.")
-        .add("orientation_costs", &E::orientation_costs,
-             "Links that are to keep an orientation along the way.")
-        .add("axis_costs", &E::axis_costs,
-             "Links of which an axis is to keep a direction along the way.")
-        .add("posture_cost", &E::posture_cost, "A posture that is preferred along the way.");
+    auto parameters = Parameters<GoalEntry>().add(
+        "goal", &GoalEntry::goal, "Where the robot is to be; joints left out stay as they are.");
+    return declare_task(std::move(parameters), "Where a link is to be at the end.");
   }
 };
 
@@ -146,11 +136,7 @@ class Deployment {
  public:
   Deployment(ExperimentContext& context, DeployConfiguration& settings, ReplanWorld& world,
              GoalSource& goals)
-      : context_(context),
-        settings_(settings),
-        world_(world),
-        goals_(goals),
-        mapping_(world, settings.loop.experiment, context.log, context.observer) {}
+      : context_(context), settings_(settings), world_(world), goals_(goals) {}
 
   /// One episode a goal, each recorded when it is over.
   Result<void> run(Recorder& recorder) {
@@ -297,7 +283,9 @@ class Deployment {
   DeployConfiguration& settings_;
   ReplanWorld& world_;
   GoalSource& goals_;
-  EpisodeMapping mapping_;
+  SnapshotSlot slot_;
+  EpisodeMapping mapping_{world_, settings_.loop.experiment, slot_, context_.log,
+                          context_.observer};
   std::optional<Goal> waiting_;  ///< Came while the robot was on its way to another.
   Stamp next_feedback_;
   std::int64_t episode_ = 0;

@@ -5,7 +5,9 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/mapping/field_builder.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
+#include <sidestep/runtime/configuration.hpp>
 
 #include "study_parts.hpp"
 
@@ -25,6 +27,7 @@ struct RobotStudy {
   const StudyRobot& settings;
   std::shared_ptr<const RobotModel> robot;
   std::vector<Eigen::VectorXd> states;
+  FieldChecks checks{robot};
   BoxMap map{settings.grid};
   std::vector<PluginPtr<FieldBuilder>> builders = {};  ///< By kind of field.
   std::vector<StudySolver> solvers = {};               ///< By thread.
@@ -37,9 +40,10 @@ Result<std::unique_ptr<RobotStudy>> make_robot(const FieldStudy& study, std::siz
       SIDESTEP_TRY(context.host.create<RobotModel>(settings.entry.robot));
   auto states = SIDESTEP_TRY(draw_states(settings, model, study.settings.states, context.seed));
   std::unique_ptr<RobotStudy> robot(new RobotStudy{settings, model, std::move(states)});
-  for (const bool is_signed : {false, true}) {
-    auto builder = SIDESTEP_TRY(
-        context.host.create<FieldBuilder>(study_field_block(study.field_block, is_signed), model));
+  const Node& field = block_of(context.configuration, "field");
+  for (const char* is_signed : {"false", "true"}) {
+    const Node block = with_entry(field, "signed", plain_scalar(is_signed, field.mark()));
+    auto builder = SIDESTEP_TRY(context.host.create<FieldBuilder>(block, model));
     SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->attach(robot->map); }));
     robot->builders.push_back(std::move(builder));
   }
@@ -47,21 +51,13 @@ Result<std::unique_ptr<RobotStudy>> make_robot(const FieldStudy& study, std::siz
 }
 
 /// Which states keep the margin to the boxes.
-std::vector<char> free_states(const RobotStudy& robot, const DistanceField& truth,
-                              double margin_m) {
-  const std::vector<CollisionSphere>& spheres = robot.robot->description().spheres;
-  std::vector<Eigen::Vector3d> centres(spheres.size());
-  std::vector<double> distances(spheres.size());
+std::vector<char> free_states(const RobotStudy& robot,
+                              const std::shared_ptr<const DistanceField>& truth, double margin_m) {
   std::vector<char> free;
-  Scratch scratch;
   for (const Eigen::VectorXd& q : robot.states) {
-    robot.robot->sphere_centres(as_span(q), centres, scratch);
-    truth.query(centres, distances, {}, {});
-    bool clear = true;
-    for (std::size_t s = 0; s < spheres.size(); ++s) {
-      clear = clear && distances[s] - spheres[s].radius_m >= margin_m;
-    }
-    free.push_back(clear ? 1 : 0);
+    const auto collision =
+        robot.checks.state_violation(truth, {Space::kFree, Space::kOccupied}, margin_m, as_span(q));
+    free.push_back(collision ? 0 : 1);
   }
   return free;
 }
@@ -90,11 +86,11 @@ Result<PreparedScene> make_scene(RobotStudy& robot, const FieldStudy& study, int
     prepared.scene.fields[kind] = std::move(field);
   }
   const auto truth = true_field(boxes);
-  prepared.scene.state_free = free_states(robot, *truth, study.check.margin_m);
-  prepared.scene.check = make_field_check(robot.robot, truth, {Space::kFree, Space::kOccupied},
-                                          {.margin_m = study.check.margin_m,
-                                           .max_step_m = study.check.max_step_m,
-                                           .obstacles_only = true});
+  prepared.scene.state_free = free_states(robot, truth, study.check.margin_m);
+  prepared.scene.check = robot.checks.make(truth, {Space::kFree, Space::kOccupied},
+                                           {.margin_m = study.check.margin_m,
+                                            .max_step_m = study.check.max_step_m,
+                                            .obstacles_only = true});
   return prepared;
 }
 
@@ -212,8 +208,8 @@ Result<void> StudyRun::solve_robot(std::size_t robot, std::int64_t session) {
   if (scenes.empty()) return {};
   RobotStudy& at_work = *robots[robot];
   for (int t = 0; t < workers.thread_count(); ++t) {
-    auto optimiser =
-        SIDESTEP_TRY(context.host.create<Optimiser>(study.optimiser_block, at_work.robot));
+    auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(
+        block_of(context.configuration, "optimiser"), at_work.robot));
     at_work.solvers.push_back({at_work.settings, at_work.robot, at_work.states,
                                std::move(optimiser), settings.skips_collisions()});
   }
@@ -282,8 +278,8 @@ class FieldStudyExperiment final : public Experiment {
 
     std::vector<DoneProblems> done(study.robots.size());
     std::int64_t session = 0;
-    const auto file = context.out / "results.sqlite";
     if (context.resume) {
+      const auto file = context.out / "results.sqlite";
       const auto earlier = SIDESTEP_TRY(read_study(file));
       SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
       session = static_cast<std::int64_t>(earlier.sessions.size());
@@ -293,8 +289,7 @@ class FieldStudyExperiment final : public Experiment {
         }
       }
     }
-    auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                             : ResultsStore::open(file, record.provenance));
+    auto store = SIDESTEP_TRY(open_store(context, record.provenance));
     Recorder recorder(*store);
     StudyRun run{study, context, recorder, std::move(done)};
     record.robots = SIDESTEP_TRY(run.prepare());

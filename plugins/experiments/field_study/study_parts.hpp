@@ -102,16 +102,11 @@ struct FieldStudy {
   FieldStudySettings settings;
   CheckSettings check;
   std::vector<StudyRobot> robots;
-  Node field_block;  ///< Without `signed`.
-  Node optimiser_block;
 };
 
 /// Keys of a `planning` block that have no effect in a study: every problem is solved once, from a
 /// straight line, until the optimiser ends, and its trajectory is judged as it is.
 [[nodiscard]] std::vector<std::string> unused_of_study_planning();
-
-/// The field's block for one kind of field.
-[[nodiscard]] Node study_field_block(const Node& field, bool is_signed);
 
 /// Reads a configuration; appends what no schema can know: names, ranges, regions, blocks that do
 /// not fit. What does not fit its schema has been reported, and is passed over.

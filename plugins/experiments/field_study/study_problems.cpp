@@ -1,12 +1,11 @@
 #include "study_parts.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <random>
-#include <string>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
 namespace sidestep {
@@ -107,15 +106,13 @@ std::shared_ptr<const SceneField> true_field(std::span<const StudyBox> boxes) {
 }
 
 BoxMap::BoxMap(const GridSpec& grid) : grid_(grid), words_per_row_((grid.size_vox.x() + 63) / 64) {
-  const std::size_t words = static_cast<std::size_t>(words_per_row_) *
-                            static_cast<std::size_t>(grid.size_vox.y()) *
-                            static_cast<std::size_t>(grid.size_vox.z());
+  const std::size_t per_row = idx(words_per_row_);
+  const std::size_t words = per_row * idx(grid.size_vox.y()) * idx(grid.size_vox.z());
   occupied_.assign(words, 0);
   known_.assign(words, ~std::uint64_t{0});
   const int rest = grid.size_vox.x() % 64;
   if (rest == 0) return;
-  for (std::size_t w = static_cast<std::size_t>(words_per_row_) - 1; w < words;
-       w += static_cast<std::size_t>(words_per_row_)) {
+  for (std::size_t w = per_row - 1; w < words; w += per_row) {
     known_[w] = (std::uint64_t{1} << rest) - 1;
   }
 }
@@ -139,12 +136,9 @@ void BoxMap::fill(const StudyBox& box) {
   const Eigen::Array3i to = upper.ceil().max(0.0).min(last).cast<int>();
   for (int z = from.z(); z < to.z(); ++z) {
     for (int y = from.y(); y < to.y(); ++y) {
-      const std::size_t row =
-          (static_cast<std::size_t>(y) +
-           static_cast<std::size_t>(grid_.size_vox.y()) * static_cast<std::size_t>(z)) *
-          static_cast<std::size_t>(words_per_row_);
+      const std::size_t row = (idx(y) + idx(grid_.size_vox.y()) * idx(z)) * idx(words_per_row_);
       for (int x = from.x(); x < to.x(); ++x) {
-        occupied_[row + static_cast<std::size_t>(x / 64)] |= std::uint64_t{1} << (x % 64);
+        occupied_[row + idx(x / 64)] |= std::uint64_t{1} << (x % 64);
       }
     }
   }
@@ -183,8 +177,7 @@ Result<FieldOutcome> StudySolver::solve_in(const StudyScene& scene, std::size_t 
   if (study.entry.duration_s) {
     problem.dt_s = *study.entry.duration_s / (problem.support_states - 1);
   }
-  const Trajectory line =
-      straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
+  const Trajectory line = straight_line(problem);
   auto solution = SIDESTEP_TRY(
       call_stage(plugin_of(optimiser), [&] { return optimiser->solve(problem, line, deadline); }));
   if (deadline.expired()) return tl::make_unexpected(cancelled());

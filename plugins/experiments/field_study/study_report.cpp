@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <iterator>
 #include <map>
@@ -7,7 +6,6 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/summary.hpp>
 
 #include "study_parts.hpp"

@@ -139,11 +139,7 @@ void record_study(const StudyRecord& study, Recorder& recorder) {
     const StudyRobotRows& robot = study.robots[r];
     const auto item = static_cast<std::int64_t>(r);
     stored_robot().record(robot, "robot", item, recorder);
-    const auto state = stored_state(robot.dof);
-    for (std::size_t i = 0; i < robot.drawn_states.size(); ++i) {
-      state.record(robot.drawn_states[i], of_robot("state", r), static_cast<std::int64_t>(i),
-                   recorder);
-    }
+    stored_state(robot.dof).record_all(robot.drawn_states, of_robot("state", r), recorder);
     if (!robot.published) continue;
     stored_published("unsigned").record(robot.published->unsigned_field, "robot", item, recorder);
     stored_published("signed").record(robot.published->signed_field, "robot", item, recorder);

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <set>
 
-#include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/plugin/plugin.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/unused_keys.hpp>
@@ -83,7 +83,7 @@ void check_field_block(const Configuration& configuration, Host& host, std::vect
     errors.push_back(sign->error("'signed' is set by the study, which compares both",
                                  "leave it out of the `field` block"));
   }
-  if (std::ranges::find(plugin->schema, "signed", &Parameter::name) == plugin->schema.end()) {
+  if (!has_parameter(plugin->schema, "signed")) {
     errors.push_back(block.error("the field '" + plugin->name + "' has no parameter 'signed'",
                                  "the study needs a field of both kinds, e.g. edt"));
   }
@@ -129,29 +129,16 @@ std::vector<std::string> unused_of_study_planning() {
   return {"max_unknown_share", "retime", "time_limit_s", "attempts", "epsilon_moving_m"};
 }
 
-Node study_field_block(const Node& field, bool is_signed) {
-  Node block = field;
-  block.entries().push_back(
-      {"signed", field.mark(),
-       Node(Node::Scalar{is_signed ? "true" : "false", false}, field.mark())});
-  return block;
-}
-
 std::vector<JointRange> read_state_ranges(const StudyRobotEntry& entry,
                                           const RobotDescription& robot,
                                           std::vector<Error>& errors) {
   std::vector<JointRange> ranges;
-  std::vector<std::string> names;
-  for (const Joint& joint : robot.joints) {
-    ranges.push_back({joint.lower, joint.upper});
-    names.push_back(joint.name);
-  }
+  for (const Joint& joint : robot.joints) ranges.push_back({joint.lower, joint.upper});
   for (const Node::Entry& item : entry.state_ranges.entries()) {
     const auto joint = robot.joint_index(item.key);
     if (!joint) {
-      errors.push_back(Error{ErrorCode::kConfig,
-                             "robot '" + robot.name + "' has no joint '" + item.key + "'",
-                             item.key_mark.to_string(), did_you_mean(item.key, names), nullptr});
+      errors.push_back(unknown_name("robot '" + robot.name + "' has no joint", item.key,
+                                    item.key_mark.to_string(), names_of(robot.joints)));
       continue;
     }
     JointRange& range = ranges[static_cast<std::size_t>(*joint)];
@@ -170,7 +157,7 @@ std::vector<JointRange> read_state_ranges(const StudyRobotEntry& entry,
   }
   for (std::size_t j = 0; j < ranges.size(); ++j) {
     if (std::isfinite(ranges[j].lower) && std::isfinite(ranges[j].upper)) continue;
-    errors.push_back(entry.robot.error("joint '" + names[j] + "' has no limits",
+    errors.push_back(entry.robot.error("joint '" + robot.joints[j].name + "' has no limits",
                                        "give it a range in `state_ranges`"));
   }
   return ranges;
@@ -179,17 +166,9 @@ std::vector<JointRange> read_state_ranges(const StudyRobotEntry& entry,
 FieldStudy read_field_study(const Configuration& configuration, std::vector<Error>& errors) {
   FieldStudy study;
   const Node& experiment = block_of(configuration, "experiment");
-  std::vector<Error> unfit;
-  check_against_schema(experiment, FieldStudySettings::parameters().schema(), {}, unfit);
   const Node& check = block_of(configuration, "check");  // may be left out
-  if (!check.is_null()) {
-    check_against_schema(check, CheckSettings::parameters().schema(), {}, unfit);
-  }
-  if (!unfit.empty()) return study;
-  FieldStudySettings::parameters().read(experiment, study.settings, errors);
-  CheckSettings::parameters().read(check, study.check, errors);
-  study.field_block = block_of(configuration, "field");
-  study.optimiser_block = block_of(configuration, "optimiser");
+  if (!read_entry(experiment, study.settings, errors)) return study;
+  if (!check.is_null() && !read_entry(check, study.check, errors)) return study;
   refuse_floor(block_of(configuration, "planning"), errors);
   const Node& list = *experiment.find("robots");
   if (list.items().empty()) errors.push_back(list.error("there is no robot to study"));
@@ -211,7 +190,8 @@ void check_field_study(const Configuration& configuration, Host& host, std::vect
   const FieldStudy study = read_field_study(configuration, errors);
   check_field_block(configuration, host, errors);
   for (const StudyRobot& robot : study.robots) {
-    if (robot.entry.robot.is_map()) check_robot(robot, study.field_block, host, errors);
+    if (!robot.entry.robot.is_map()) continue;
+    check_robot(robot, block_of(configuration, "field"), host, errors);
   }
 }
 

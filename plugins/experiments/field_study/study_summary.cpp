@@ -1,9 +1,7 @@
 #include "study_parts.hpp"
 
 #include <algorithm>
-#include <array>
 #include <functional>
-#include <optional>
 
 #include <nlohmann/json.hpp>
 

@@ -1,15 +1,12 @@
 #include <algorithm>
 #include <array>
 #include <random>
-#include <string>
-#include <vector>
 
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/initial_guess.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
-#include <sidestep/results/summary.hpp>
-#include <sidestep/runtime/experiment.hpp>
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "recorded_solves.hpp"
@@ -60,9 +57,7 @@ struct ChangedSolve {
 };
 
 /// All problems of a recorded run with one change.
-struct ChangedSeries {
-  std::string label;
-  bool is_signed = false;
+struct ChangedSeries : RecordedRun {
   std::string change;  ///< "goal" or "obstacles".
   std::vector<ChangedSolve> problems;
 };
@@ -88,11 +83,9 @@ std::vector<std::string> set_of_incremental_optimiser() {
 
 /// The optimiser's block with a recorded run's stopping rules, incremental or not.
 Node incremental_block(const Node& optimiser, const RecordedRun& run, bool is_incremental) {
-  Node block = block_for(optimiser, run);
   const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
-  block.entries().push_back(
-      {kIncrementalKey, mark, Node(Node::Scalar{is_incremental ? "true" : "false", false}, mark)});
-  return block;
+  return with_entry(block_for(optimiser, run), kIncrementalKey,
+                    plain_scalar(is_incremental ? "true" : "false", mark));
 }
 
 std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {
@@ -129,8 +122,8 @@ struct IncrementalBench {
   const RecordedProblems& moved;
   const IncrementalSettings& settings;
   ExperimentContext& context;
-  RecordedFields fields, moved_fields;
-  SolveProgress progress;
+  RecordedFields fields{problems}, moved_fields{moved};
+  SolveProgress progress{context, problems, 2 * settings.repeats};
 };
 
 void change_goal(Problem& problem, const RecordedOutcome& of, const IncrementalBench& bench) {
@@ -163,10 +156,6 @@ void change_field(Problem& problem, std::shared_ptr<const DistanceField> field,
   }
 }
 
-Trajectory line_of(const Problem& problem) {
-  return straight_line(problem.start, problem.goal, problem.support_states, problem.dt_s);
-}
-
 std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& change,
                                  IncrementalBench& bench) {
   std::vector<ChangedProblem> posed;
@@ -180,8 +169,8 @@ std::vector<ChangedProblem> pose(const RecordedRun& run, const std::string& chan
     } else {
       change_field(one.after, bench.moved_fields.of(of.scene, run.is_signed), bench);
     }
-    one.line_before = line_of(one.before);
-    one.line_after = line_of(one.after);
+    one.line_before = straight_line(one.before);
+    one.line_after = straight_line(one.after);
     posed.push_back(std::move(one));
   }
   return posed;
@@ -224,7 +213,7 @@ Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& ch
   auto kept = SIDESTEP_TRY(make(true));
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
   const std::vector<ChangedProblem> posed = pose(run, change, bench);
-  ChangedSeries series{run.label, run.is_signed, change, {}};
+  ChangedSeries series{run, change, {}};
   for (std::size_t i = 0; i < posed.size(); ++i) {
     ChangedSolve record{run.outcomes[i].scene, run.outcomes[i].pair, false, {}};
     record.ends_free = are_ends_free(judged_in, record.scene, posed[i].after);
@@ -438,19 +427,12 @@ class IncrementalBenchmark final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
-    const auto& [settings, problems, provenance, store] = start;
+    const auto& [settings, problems, about, provenance, store] = start;
     Recorder recorder(*store);
 
-    IncrementalRecord record;
-    record.about = facts_of(problems, context);
-    std::int64_t total = 0;
-    for (const RecordedRun& run : problems.runs) {
-      total += 2 * settings.repeats * std::ssize(run.outcomes);
-    }
+    IncrementalRecord record{about, {}};
     const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
-    IncrementalBench bench{
-        problems,        moved, settings, context, RecordedFields(problems), RecordedFields(moved),
-        {context, total}};
+    IncrementalBench bench{problems, moved, settings, context};
     for (const RecordedRun& run : problems.runs) {
       for (const char* change : {kGoal, kObstacles}) {
         if (context.stop.stop_requested()) break;

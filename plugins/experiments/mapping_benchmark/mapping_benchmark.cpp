@@ -2,7 +2,7 @@
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
-#include <sidestep/runtime/results_store.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include "mapping_parts.hpp"
 
 namespace sidestep {
@@ -21,8 +21,7 @@ void record_clock(const std::string& series, const std::optional<ClockRecord>& c
                                   .add_derived("frame_ms", &U::frame_ms)
                                   .add("latency_ms", &U::latency_ms)
                                   .add("resident_mib", &U::resident_mib);
-  std::int64_t item = 0;
-  for (const U& update : clock->updates) kUpdate.record(update, series, item++, recorder);
+  kUpdate.record_all(clock->updates, series, recorder);
 }
 
 /// Series "system" (one item a case), and of the case with index `item`: "update/ITEM" and
@@ -81,9 +80,9 @@ class MappingBenchmark final : public Experiment {
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const Node& experiment = *context.configuration.root.find("experiment");
     const Node& source = *context.configuration.root.find("source");
+    const auto settings =
+        SIDESTEP_TRY(read_block<MappingBenchmarkSettings>(context.configuration, "experiment"));
     std::vector<Error> errors;
-    MappingBenchmarkSettings settings;
-    MappingBenchmarkSettings::parameters().read(experiment, settings, errors);
     const std::vector<SystemCase> cases = read_cases(experiment, context.host, errors);
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
     std::shared_ptr<const RobotModel> robot;  // whose own points mappers remove

@@ -42,11 +42,19 @@ class OneFrameSource final : public Source {
 struct System {
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> field_builder;
-  OneFrameSource source;
-  SnapshotSlot slot;
-  std::optional<MappingPipeline> pipeline;
-  const OccupancyView* occupancy = nullptr;  ///< Of the mapper; null where it has none.
   PointSurvey points;
+  Log& log;
+  OneFrameSource source = {};
+  SnapshotSlot slot = {};
+  MappingPipeline pipeline{
+      MappingPipeline::Parts{source,
+                             *mapper,
+                             *field_builder,
+                             slot,
+                             log,
+                             {"frames", plugin_of(mapper), plugin_of(field_builder)}}};
+  /// Of the mapper; null where it has none.
+  const OccupancyView* occupancy = dynamic_cast<const OccupancyView*>(mapper.get());
 
   /// Why nothing of what was measured is in the map; empty where something is.
   [[nodiscard]] std::string emptiness() const {
@@ -66,22 +74,10 @@ Result<std::unique_ptr<System>> make_system(const SystemCase& what, MeasureConte
   auto field_builder =
       SIDESTEP_TRY(context.host.create<FieldBuilder>(what.field_block, context.robot));
   std::unique_ptr<System> system(new System{
-      std::move(mapper),
-      std::move(field_builder),
-      {},
-      {},
-      {},
-      nullptr,
-      PointSurvey::of_mapper(context.host.with_defaults(PluginKind::kMapper, what.mapper_block))});
-  system->occupancy = dynamic_cast<const OccupancyView*>(system->mapper.get());
-  system->pipeline.emplace(MappingPipeline::Parts{
-      system->source,
-      *system->mapper,
-      *system->field_builder,
-      system->slot,
-      context.log,
-      {"frames", plugin_of(system->mapper), plugin_of(system->field_builder)}});
-  SIDESTEP_TRY(system->pipeline->attach());
+      std::move(mapper), std::move(field_builder),
+      PointSurvey::of_mapper(context.host.with_defaults(PluginKind::kMapper, what.mapper_block)),
+      context.log});
+  SIDESTEP_TRY(system->pipeline.attach());
   return system;
 }
 
@@ -92,7 +88,7 @@ enum class Step { kDone, kBadFrame, kEnd };
 Step take(System& system, const std::shared_ptr<const Frame>& frame, ClockRecord& clock,
           CaseRecord& record, MeasureContext& context) {
   system.source.set(frame);
-  const auto step = system.pipeline->step(Deadline(context.stop));
+  const auto step = system.pipeline.step(Deadline(context.stop));
   if (!step) {
     if (!context.stop.stop_requested()) record.error = step.error().describe();
     return Step::kEnd;

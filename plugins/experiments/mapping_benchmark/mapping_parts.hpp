@@ -5,14 +5,11 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <span>
 #include <stop_token>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include <sidestep/core/log.hpp>
-#include <sidestep/geometry/grid.hpp>
 #include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/measures/map_truth.hpp>
 #include <sidestep/plugin/parameters.hpp>

@@ -6,7 +6,6 @@
 
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
 
 #include "mapping_parts.hpp"
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include <sidestep/runtime/blocks.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
 
 namespace sidestep {
@@ -13,24 +14,19 @@ namespace {
 constexpr std::array kSetOfMapper = {"resolution_m", "size_vox", "origin_m"};
 constexpr std::array kSetOfField = {"max_distance_m", "signed"};
 
-Node scalar(std::string text, const SourceMark& mark) {
-  return Node(Node::Scalar{std::move(text), false}, mark);
+Node number_node(double value, const SourceMark& mark) {
+  return plain_scalar(detail::number_text(value), mark);
 }
 
 Node list_of(const Eigen::Vector3d& values, const SourceMark& mark) {
   Node::List items;
-  for (const double value : values) items.push_back(scalar(detail::number_text(value), mark));
+  for (const double value : values) items.push_back(number_node(value, mark));
   return Node(std::move(items), mark);
-}
-
-bool has_parameter(const PluginInfo& plugin, std::string_view name) {
-  return std::ranges::find(plugin.schema, name, &Parameter::name) != plugin.schema.end();
 }
 
 void put(Node& block, const std::string& key, Node value) {
   if (block.find(key) != nullptr) return;  // told of elsewhere
-  const SourceMark mark = value.mark();
-  block.entries().push_back({key, mark, std::move(value)});
+  block = with_entry(std::move(block), key, std::move(value));
 }
 
 /// What the experiment gives to every system's plugins, with where it says so.
@@ -52,8 +48,7 @@ Node mapper_block(const Given& given, const Node& written, std::size_t resolutio
   const Eigen::Vector3d size_vox =
       (given.settings.extent_m.array() / resolution_m - 1e-6).ceil().max(1.0).matrix();
   Node block = written;
-  put(block, "resolution_m",
-      scalar(detail::number_text(resolution_m), given.mark_of_resolution(resolution)));
+  put(block, "resolution_m", number_node(resolution_m, given.mark_of_resolution(resolution)));
   put(block, "size_vox", list_of(size_vox, given.mark("extent_m")));
   put(block, "origin_m", list_of(given.settings.origin_m, given.mark("origin_m")));
   return block;
@@ -62,12 +57,12 @@ Node mapper_block(const Given& given, const Node& written, std::size_t resolutio
 Node field_block(const Given& given, const Node& written, const PluginInfo& plugin,
                  std::optional<bool> is_signed, const SourceMark& signed_mark) {
   Node block = written;
-  if (has_parameter(plugin, "max_distance_m")) {
+  if (has_parameter(plugin.schema, "max_distance_m")) {
     put(block, "max_distance_m",
-        scalar(detail::number_text(given.settings.max_distance_m), given.mark("max_distance_m")));
+        number_node(given.settings.max_distance_m, given.mark("max_distance_m")));
   }
-  if (is_signed && has_parameter(plugin, "signed")) {
-    put(block, "signed", scalar(*is_signed ? "true" : "false", signed_mark));
+  if (is_signed && has_parameter(plugin.schema, "signed")) {
+    put(block, "signed", plain_scalar(*is_signed ? "true" : "false", signed_mark));
   }
   return block;
 }
@@ -181,12 +176,12 @@ void add_cases(const Given& given, const SystemEntry& system, Host& host,
   refuse_set_keys(system.mapper, kSetOfMapper, errors);
   refuse_set_keys(system.field, kSetOfField, errors);
   for (const char* key : kSetOfMapper) {
-    if (has_parameter(*mapper, key)) continue;
+    if (has_parameter(mapper->schema, key)) continue;
     errors.push_back(system.mapper.error("the mapper '" + mapper->name + "' has no parameter '" +
                                          key + "', which the experiment must set"));
     return;
   }
-  if (!system.is_signed.is_null() && !has_parameter(*field, "signed")) {
+  if (!system.is_signed.is_null() && !has_parameter(field->schema, "signed")) {
     errors.push_back(system.is_signed.error(
         "the field '" + field->name + "' has no parameter 'signed'", "leave `signed` out"));
   }
@@ -220,11 +215,8 @@ void add_cases(const Given& given, const SystemEntry& system, Host& host,
 }  // namespace
 
 std::vector<SystemCase> read_cases(const Node& experiment, Host& host, std::vector<Error>& errors) {
-  std::vector<Error> unfit;
-  check_against_schema(experiment, MappingBenchmarkSettings::parameters().schema(), {}, unfit);
-  if (!unfit.empty()) return {};  // its schema told
   Given given{experiment, {}};
-  MappingBenchmarkSettings::parameters().read(experiment, given.settings, errors);
+  if (!read_entry(experiment, given.settings, errors)) return {};
   check_resolutions(experiment, given.settings, errors);
   check_published(experiment, given.settings, errors);
   const Node& list = *experiment.find("systems");

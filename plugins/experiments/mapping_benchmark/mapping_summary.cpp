@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include <nlohmann/json.hpp>
 
@@ -23,9 +22,7 @@ std::vector<double> frame_times(const Updates& updates) {
 }
 
 double memory_mib(const Updates& updates) {
-  double most = 0.0;
-  for (const UpdateRecord& update : updates) most = std::max(most, update.resident_mib);
-  return most;
+  return std::max(0.0, percentile(values_of(updates, &UpdateRecord::resident_mib), 1.0));
 }
 
 Json statistics_json(const std::vector<double>& values) {
@@ -111,27 +108,20 @@ struct SystemRow {
   }
 };
 
-/// value(part(row)), null where there is no such part.
+/// `value` of a part of a row, one or several; nothing where there is no such part.
 template <class Part, class Value>
-auto value_of_part(Part part, Value value) {
-  return [=](const SystemRow& row) -> Json {
+auto of_part(Part part, Value value) {
+  return [=](const SystemRow& row) {
     const auto* found = std::invoke(part, row);
-    return found != nullptr ? Json(std::invoke(value, *found)) : Json(nullptr);
-  };
-}
-
-/// values(part(row)), none where there is no such part.
-template <class Part, class Values>
-auto values_of_part(Part part, Values values) {
-  return [=](const SystemRow& row) -> std::vector<double> {
-    const auto* found = std::invoke(part, row);
-    return found != nullptr ? std::invoke(values, *found) : std::vector<double>();
+    using Found = std::decay_t<decltype(std::invoke(value, *found))>;
+    using Shown = std::conditional_t<std::is_same_v<Found, std::vector<double>>, Found, Json>;
+    return found != nullptr ? Shown(std::invoke(value, *found)) : Shown();
   };
 }
 
 /// The whole time of every update.
 auto times_of(auto clock) {
-  return values_of_part(clock, [](const ClockRecord& c) { return frame_times(c.updates); });
+  return of_part(clock, [](const ClockRecord& c) { return frame_times(c.updates); });
 }
 
 /// One time of every update.
@@ -193,9 +183,9 @@ void add_times(report::ResultColumnsOf<SystemRow>& columns) {
                                           : Json("real_time");
           },
           "Whether these are times of every frame or of those mapped in real time.")
-      .add("frames", value_of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
+      .add("frames", of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
            "Frames that were mapped.", {.heading = "frames", .pattern = "%.0f", .compared = true})
-      .add("bad_frames", value_of_part(clock, &ClockRecord::bad_frames),
+      .add("bad_frames", of_part(clock, &ClockRecord::bad_frames),
            "Frames that the mapper refused.")
       .spread("frame_ms.", times_of(clock),
               "Wall time from the frame in hand to the published field that has it.",
@@ -204,13 +194,12 @@ void add_times(report::ResultColumnsOf<SystemRow>& columns) {
                .pattern = "%.2f ms",
                .compared = true,
                .statistics = "mean sd p50 p95"})
-      .spread("stages_ms.integrate.", values_of_part(clock, of_updates(&U::integrate_ms)),
+      .spread("stages_ms.integrate.", of_part(clock, of_updates(&U::integrate_ms)),
               "Of it, in the mapper.", kAllStatistics,
               {.heading = "integrate", .pattern = "%.2f", .statistics = "mean"})
-      .spread("stages_ms.field.", values_of_part(clock, of_updates(&U::field_ms)),
-              "Of it, in the field.", kAllStatistics,
-              {.heading = "field", .pattern = "%.2f", .statistics = "mean"})
-      .spread("stages_ms.publish.", values_of_part(clock, of_updates(&U::publish_ms)),
+      .spread("stages_ms.field.", of_part(clock, of_updates(&U::field_ms)), "Of it, in the field.",
+              kAllStatistics, {.heading = "field", .pattern = "%.2f", .statistics = "mean"})
+      .spread("stages_ms.publish.", of_part(clock, of_updates(&U::publish_ms)),
               "Of it, until readers have it.", kAllStatistics,
               {.heading = "publish", .pattern = "%.2f", .statistics = "mean"})
       .add("ratio.mean", ratio_of(&Statistics::mean), "Mean over that of the reference.",
@@ -231,15 +220,14 @@ void add_accuracy(report::ResultColumnsOf<SystemRow>& columns) {
            {.heading = "max error", .pattern = "%.4f m", .compared = true})
       .add("mean_error_m", of_accuracy(&A::mean_error_m), "Mean error of the field.",
            {.heading = "mean error", .pattern = "%.2g m", .compared = true})
-      .add("accuracy_checks", value_of_part(&SystemRow::clock, &ClockRecord::accuracy_checks),
+      .add("accuracy_checks", of_part(&SystemRow::clock, &ClockRecord::accuracy_checks),
            "Fields that were compared.")
       .add("compared_vox", of_accuracy(&A::compared_vox), "Voxels that were compared.",
            {.heading = "voxels compared", .pattern = "%.0f"})
       .add("differing_vox", of_accuracy(&A::differing_vox), "Voxels that differ.",
            {.heading = "that differ", .pattern = "%.0f"})
       .add("memory_mib",
-           value_of_part(&SystemRow::clock,
-                         [](const ClockRecord& c) { return memory_mib(c.updates); }),
+           of_part(&SystemRow::clock, [](const ClockRecord& c) { return memory_mib(c.updates); }),
            "Most memory of the process, beyond what it had before the system was made.",
            {.heading = "memory", .pattern = "%.0f MiB", .compared = true});
 }
@@ -249,11 +237,11 @@ void add_truth(report::ResultColumnsOf<SystemRow>& columns) {
   const auto truth = &SystemRow::truth;
   const auto count = [&](const char* key, std::int64_t T::*member, const char* meaning,
                          const char* heading = "") {
-    columns.add(std::string("truth.") + key, value_of_part(truth, member), meaning,
+    columns.add(std::string("truth.") + key, of_part(truth, member), meaning,
                 {.heading = heading, .pattern = "%.0f"});
   };
   columns.table("Maps against the true scene")
-      .add("truth.collision_recall", value_of_part(truth, &collision_recall),
+      .add("truth.collision_recall", of_part(truth, &collision_recall),
            "Share of the surface voxels seen that have an occupied voxel no farther than one away.",
            {.heading = "recall", .pattern = "%.4f"});
   count("surface_vox", &T::surface_vox, "Voxels in which the camera saw a surface.");
@@ -261,19 +249,19 @@ void add_truth(report::ResultColumnsOf<SystemRow>& columns) {
   count("false_obstacle_vox", &T::false_vox,
         "Occupied voxels with no surface within their diagonal.", "false");
   columns
-      .spread("truth.appear_frames.", values_of_part(truth, &T::appear_frames),
+      .spread("truth.appear_frames.", of_part(truth, &T::appear_frames),
               "Frames from when an object comes into view until it is in the map.", kAllStatistics,
               {.heading = "appears", .pattern = "%.0f frames", .statistics = "max"})
       .add("truth.appear_frames.events",
-           value_of_part(truth, [](const T& t) { return t.appear_frames.size(); }),
+           of_part(truth, [](const T& t) { return t.appear_frames.size(); }),
            "How often one came into view.")
-      .add("truth.never_appeared", value_of_part(truth, &T::never_appeared),
+      .add("truth.never_appeared", of_part(truth, &T::never_appeared),
            "Objects that left the view before they were in the map.")
-      .spread("truth.gone_frames.", values_of_part(truth, &T::gone_frames),
+      .spread("truth.gone_frames.", of_part(truth, &T::gone_frames),
               "Frames of seeing through a voxel that was left until it is free.", kAllStatistics,
               {.heading = "gone", .pattern = "%.0f frames", .statistics = "p95 max"})
       .add("truth.gone_frames.voxels",
-           value_of_part(truth, [](const T& t) { return t.gone_frames.size(); }),
+           of_part(truth, [](const T& t) { return t.gone_frames.size(); }),
            "Voxels that were left.");
   count("ghost_vox", &T::ghost_vox, "Voxels that were left and are occupied at the end.", "ghosts");
   count("ghost_seen_vox", &T::ghost_seen_vox, "Of these, seen through at least once.",
@@ -284,16 +272,16 @@ void add_real_time(report::ResultColumnsOf<SystemRow>& columns) {
   const auto clock = &SystemRow::real_time;
   columns.table("In real time, late frames dropped")
       .add("real_time.frames",
-           value_of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
+           of_part(clock, [](const ClockRecord& c) { return c.updates.size(); }),
            "Frames that were mapped.", {.heading = "mapped", .pattern = "%.0f"})
-      .add("real_time.dropped", value_of_part(clock, &ClockRecord::dropped),
-           "Frames that came too late.", {.heading = "dropped", .pattern = "%.0f"})
-      .add("real_time.dropped_share", value_of_part(clock, &dropped_share),
+      .add("real_time.dropped", of_part(clock, &ClockRecord::dropped), "Frames that came too late.",
+           {.heading = "dropped", .pattern = "%.0f"})
+      .add("real_time.dropped_share", of_part(clock, &dropped_share),
            "Their share of what arrived.", {.heading = "share", .pattern = "%.3f"})
-      .add("real_time.rate_hz", value_of_part(clock, &rate_hz), "Fields a second.",
+      .add("real_time.rate_hz", of_part(clock, &rate_hz), "Fields a second.",
            {.heading = "rate", .pattern = "%.1f Hz"})
       .spread("real_time.frame_ms.", times_of(clock), "As `frame_ms`.", kAllStatistics)
-      .spread("real_time.latency_ms.", values_of_part(clock, of_updates(&UpdateRecord::latency_ms)),
+      .spread("real_time.latency_ms.", of_part(clock, of_updates(&UpdateRecord::latency_ms)),
               "From a frame's arrival to the published field that has it.", kAllStatistics,
               {.heading = "latency", .pattern = "%.1f ms", .statistics = "p50 p95 max"});
 }

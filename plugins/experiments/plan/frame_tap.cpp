@@ -86,12 +86,10 @@ void record_frame(const MappingStep& step, std::int64_t item, Recorder& recorder
   recorder.add("frame", item, "invalid", counts.invalid);
 }
 
-void record_depth_pictures(std::span<const DepthPicture> pictures, Recorder& recorder) {
-  std::int64_t item = 0;
-  for (const DepthPicture& picture : pictures) {
-    recorder.add("depth", item, "sequence", picture.frame_sequence);
-    recorder.add("depth", item++, "depth_m", picture.depth_m);
-  }
+StoredRow<DepthPicture> stored_picture() {
+  return StoredRow<DepthPicture>()
+      .add("sequence", &DepthPicture::frame_sequence)
+      .add("depth_m", &DepthPicture::depth_m);
 }
 
 }  // namespace sidestep

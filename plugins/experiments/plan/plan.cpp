@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <bit>
 #include <functional>
 #include <numeric>
@@ -12,7 +11,6 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/cost_plugins.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
-#include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/run_observer.hpp>
 #include "plan_parts.hpp"
@@ -23,34 +21,27 @@ namespace {
 constexpr std::int64_t kCommitEvery = 50;  // frames
 
 /// One entry of `experiment.plans`.
-struct PlanEntry {
+struct PlanEntry : TaskEntry {
   std::string name;
   RobotStateEntry start;
   RobotStateEntry goal;
   std::vector<AttachedEntry> attached;
-  std::optional<EndEffectorEntry> end_effector;
-  std::vector<OrientationCostEntry> orientation_costs;
-  std::vector<AxisCostEntry> axis_costs;
-  std::optional<PostureCostEntry> posture_cost;
   std::vector<PluginCostEntry> costs;
 
   static Parameters<PlanEntry> parameters() {
-    return Parameters<PlanEntry>()
-        .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
-        .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
-        .add("goal", &PlanEntry::goal,
-             "Where the robot is to be; with `end_effector`, where the search for that begins.",
-             {.required = true})
-        .add("attached", &PlanEntry::attached,
-             "What the robot carries, fixed to its links: costs, checks and pictures have it.")
-        .add("end_effector", &PlanEntry::end_effector,
-             "Where a link is to be at the end, whatever the configuration; for optimisers that "
-             "minimise costs.")
-        .add("orientation_costs", &PlanEntry::orientation_costs,
-             "Links that are to keep an orientation along the way.")
-        .add("axis_costs", &PlanEntry::axis_costs,
-             "Links of which an axis is to keep a direction along the way, e.g. upright.")
-        .add("posture_cost", &PlanEntry::posture_cost, "A posture that is preferred along the way.")
+    auto parameters =
+        Parameters<PlanEntry>()
+            .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
+            .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
+            .add("goal", &PlanEntry::goal,
+                 "Where the robot is to be; with `end_effector`, where the search for that begins.",
+                 {.required = true})
+            .add("attached", &PlanEntry::attached,
+                 "What the robot carries, fixed to its links: costs, checks and pictures have it.");
+    return declare_task(
+               std::move(parameters),
+               "Where a link is to be at the end, whatever the configuration; for optimisers that "
+               "minimise costs.")
         .add("costs", &PlanEntry::costs, "Costs that plugins make.");
   }
 };
@@ -81,19 +72,6 @@ struct PlanSettings {
   PlanningSettings planning;
   CheckSettings check;
 };
-
-Result<PlanSettings> read_settings(const Configuration& configuration) {
-  std::vector<Error> errors;  // that no schema finds
-  PlanSettings settings;
-  const auto read = [&]<class Settings>(std::string_view block, Settings& into) {
-    Settings::parameters().read(block_of(configuration, block), into, errors);
-  };
-  read("experiment", settings.experiment);
-  read("planning", settings.planning);
-  read("check", settings.check);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  return settings;
-}
 
 /// Start, goal and task of every plan, read from the configuration where mistakes have a position.
 std::vector<PlanRecord> read_plans(const Configuration& configuration,
@@ -300,7 +278,10 @@ class PlanExperiment final : public Experiment {
     check_floor(block_of(configuration, "planning"), all, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    const auto settings = SIDESTEP_TRY(read_settings(context.configuration));
+    const PlanSettings settings{
+        SIDESTEP_TRY(read_block<PlanExperimentSettings>(context.configuration, "experiment")),
+        SIDESTEP_TRY(read_block<PlanningSettings>(context.configuration, "planning")),
+        SIDESTEP_TRY(read_block<CheckSettings>(context.configuration, "check"))};
     auto parts = SIDESTEP_TRY(make_parts(context));
     std::vector<Error> errors;
     auto requests = read_plans(context.configuration, parts.robot, context.host, errors);
@@ -311,7 +292,7 @@ class PlanExperiment final : public Experiment {
     const RunProvenance provenance = provenance_of(context);
     auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
     Recorder recorder(*store);
-    record_joints(parts.robot->description(), recorder);
+    stored_joint().record_all(parts.robot->description().joints, "joint", recorder);
 
     const auto frames = SIDESTEP_TRY(frame_count_of(parts.source));
     FrameTap source(*parts.source, frames, settings.experiment.max_frames,
@@ -339,7 +320,7 @@ class PlanExperiment final : public Experiment {
     map.left_out = source.left_out();
     if (!map.left_out.empty()) context.log.warn(map.left_out + " (experiment.max_frames)");
     record_bad_frames(map.bad_frames, recorder);
-    record_depth_pictures(source.pictures(), recorder);
+    stored_picture().record_all(source.pictures(), "depth", recorder);
     SIDESTEP_TRY(recorder.commit());
 
     PlanShow show(context.observer, map.steps.empty() ? Stamp{} : map.steps.back().stamp);

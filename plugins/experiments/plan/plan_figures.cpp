@@ -4,7 +4,6 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
-#include <type_traits>
 
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
@@ -13,6 +12,7 @@
 namespace sidestep {
 namespace {
 
+constexpr const char* kFile = "results.sqlite";
 constexpr double kWidth = 900.0;
 constexpr double kDistanceShown_m = 1.0;
 constexpr Colour kUnknown = colour(0xB4B4B4);
@@ -135,25 +135,9 @@ Figure frame_time_figure(const std::vector<double>& integrate_ms,
   return figure;
 }
 
-/// What a slice's series holds of one item; nothing where anything is missing.
-Result<std::optional<FieldSlice>> read_slice(ResultsReader& results, const std::string& series,
-                                             std::int64_t item) {
-  FieldSlice slice;
-  Result<void> read;
-  FieldSlice::each(slice, [&]<class Value>(std::string_view key, Value& into) {
-    auto stored = [&] {
-      if constexpr (std::is_same_v<Value, std::string>) return results.text(series, item, key);
-      if constexpr (std::is_same_v<Value, double>) return results.number(series, item, key);
-      if constexpr (std::is_same_v<Value, StoredArray>) return results.array(series, item, key);
-    }();
-    if (stored && *stored) into = std::move(**stored);
-    if (!stored && read) read = error_of(stored);
-  });
-  if (!read) return error_of(read);
-  const bool whole = slice.step_m > 0.0 && slice.distance_m.columns > 1 &&
-                     slice.distance_m.rows > 1 &&
-                     slice.state.values.size() == slice.distance_m.values.size();
-  return whole ? std::optional(std::move(slice)) : std::nullopt;
+bool is_whole(const FieldSlice& slice) {
+  return slice.step_m > 0.0 && slice.distance_m.columns > 1 && slice.distance_m.rows > 1 &&
+         slice.state.values.size() == slice.distance_m.values.size();
 }
 
 /// Column `column` of an array.
@@ -343,18 +327,16 @@ Result<void> add_motion_figures(ResultsReader& results, std::int64_t item,
   const double share = number_of(results, series, 0, "speed_fraction", 1.0);
   const int dof = (motion->columns - 2) / 2;
   std::vector<Curve> positions, velocities;
-  for (int j = 0;; ++j) {
-    const auto name = SIDESTEP_TRY(results.text("joint", j, "name"));
-    if (name.has_value() != (j < dof)) return {};  // of another robot
-    if (!name) break;
-    const auto stored_unit = results.text("joint", j, "unit");
-    const std::string unit = stored_unit ? stored_unit->value_or("") : "";
-    positions.push_back({*name, "position [" + unit + "]", column_of(*motion, 2 + j),
-                         number_of(results, "joint", j, "lower"),
-                         number_of(results, "joint", j, "upper")});
-    const double fastest = share * number_of(results, "joint", j, "max_velocity");
-    velocities.push_back(
-        {*name, "velocity [" + unit + "/s]", column_of(*motion, 2 + dof + j), -fastest, fastest});
+  const auto joints = SIDESTEP_TRY(stored_joint().read_all(results, "joint", kFile));
+  if (std::ssize(joints) != dof) return {};  // of another robot
+  for (const auto& [number, joint] : joints) {
+    const int j = static_cast<int>(number);
+    const std::string unit = joint.unit();
+    positions.push_back({joint.name, "position [" + unit + "]", column_of(*motion, 2 + j),
+                         joint.lower, joint.upper});
+    const double fastest = share * joint.max_velocity;
+    velocities.push_back({joint.name, "velocity [" + unit + "/s]", column_of(*motion, 2 + dof + j),
+                          -fastest, fastest});
   }
   figures.push_back(clearance_figure(time_s, column_of(*motion, 1),
                                      number_of(results, series, 0, "margin_m"),
@@ -380,14 +362,10 @@ std::string file_name(const std::string& name) {
 
 Result<std::vector<Figure>> map_figures(ResultsReader& results) {
   std::vector<Figure> figures;
-  const auto items = SIDESTEP_TRY(results.array_items("depth", "depth_m"));
+  auto pictures = SIDESTEP_TRY(stored_picture().read_all(results, "depth", kFile));
   std::vector<DepthPicture> images;
-  for (const std::int64_t item : items) {
-    auto depth_m = SIDESTEP_TRY(results.array("depth", item, "depth_m"));
-    if (!depth_m || depth_m->values.empty()) continue;
-    images.push_back(
-        {std::int64_t(number_of(results, "depth", item, "sequence")), std::move(*depth_m)});
-  }
+  images.reserve(pictures.size());
+  for (auto& [item, picture] : pictures) images.push_back(std::move(picture));
   if (!images.empty()) figures.push_back(depth_figure(images));
   const auto integrate_ms = SIDESTEP_TRY(results.column("frame", "integrate_ms"));
   const auto field_ms = SIDESTEP_TRY(results.column("frame", "field_ms"));
@@ -400,11 +378,10 @@ Result<std::vector<Figure>> plan_figures(ResultsReader& results, std::int64_t it
   const std::string prefix = "plan-" + std::to_string(item + 1) + "-" + file_name(name) + "-";
   const std::string series = "slice/" + std::to_string(item);
   std::vector<Figure> figures;
-  const auto slices = SIDESTEP_TRY(results.array_items(series, "distance_m"));
-  for (const std::int64_t index : slices) {
-    const auto slice = SIDESTEP_TRY(read_slice(results, series, index));
-    if (!slice) continue;
-    figures.push_back(slice_figure(*slice, prefix + "slice-" + std::to_string(index + 1)));
+  const auto slices = SIDESTEP_TRY(stored_slice().read_all(results, series, kFile));
+  for (const auto& [index, slice] : slices) {
+    if (!is_whole(slice)) continue;
+    figures.push_back(slice_figure(slice, prefix + "slice-" + std::to_string(index + 1)));
   }
   SIDESTEP_TRY(add_motion_figures(results, item, prefix, figures));
   return figures;

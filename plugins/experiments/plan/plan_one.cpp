@@ -111,14 +111,8 @@ Result<PlanningContext> make_planning_context(std::shared_ptr<const RobotModel> 
   PlanningContext context{std::move(robot), std::move(field), occupancy, planning, check};
   stand_on_floor(context.planning, *context.robot);
   context.field_check =
-      make_field_check(context.robot, context.field, context.planning.space(),
-                       FieldCheckSettings{.margin_m = check.margin_m,
-                                          .max_step_m = check.max_step_m,
-                                          .speed_fraction = check.speed_fraction,
-                                          .acceleration_fraction = check.acceleration_fraction});
-  ShapeCheckSettings shapes{.max_step_m = check.shape_max_step_m,
-                            .speed_fraction = check.speed_fraction,
-                            .acceleration_fraction = check.acceleration_fraction};
+      make_field_check(context.robot, context.field, context.planning.space(), check.of_field());
+  ShapeCheckSettings shapes = check.of_shapes();
   ShapeObstacles voxels;
   voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
   voxels.occupied_centres_m = occupied_centres(occupancy);

@@ -90,7 +90,7 @@ class FrameTap final : public Source {
 /// Series "frame": times and counts of one frame.
 void record_frame(const MappingStep& step, std::int64_t item, Recorder& recorder);
 /// Series "depth": the kept depth images.
-void record_depth_pictures(std::span<const DepthPicture> pictures, Recorder& recorder);
+[[nodiscard]] StoredRow<DepthPicture> stored_picture();
 
 // Planning.
 
@@ -159,7 +159,7 @@ struct PlanningContext {
 // Results.
 
 /// Series "joint": names, units and limits.
-void record_joints(const RobotDescription& robot, Recorder& recorder);
+[[nodiscard]] StoredRow<Joint> stored_joint();
 
 /// Series "plan" (one item a plan), and of the plan with index `item`: "trajectory/ITEM"
 /// (support states), "motion/ITEM" (joints and clearance, sampled densely over time) and
@@ -185,23 +185,9 @@ struct FieldSlice {
   StoredArray circles;    ///< n x 4: u, v, radius, share of the motion's time (0 to 1).
   StoredArray base_path;  ///< n x 2, projected onto the plane; empty if the base stands still.
   StoredArray tip_path;   ///< n x 2.
-
-  /// Calls `visit(key, member)` with the name that each member is stored by.
-  template <class Slice, class Visit>
-  static void each(Slice& slice, const Visit& visit) {
-    visit("title", slice.title);
-    visit("u_label", slice.u_label);
-    visit("v_label", slice.v_label);
-    visit("u0_m", slice.u0_m);
-    visit("v0_m", slice.v0_m);
-    visit("step_m", slice.step_m);
-    visit("distance_m", slice.distance_m);
-    visit("state", slice.state);
-    visit("circles", slice.circles);
-    visit("base_path", slice.base_path);
-    visit("tip_path", slice.tip_path);
-  }
 };
+
+[[nodiscard]] StoredRow<FieldSlice> stored_slice();
 
 /// The pictures of the map: depth images and frame times, as far as they were recorded.
 [[nodiscard]] Result<std::vector<Figure>> map_figures(ResultsReader& results);

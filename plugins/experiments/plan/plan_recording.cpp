@@ -142,10 +142,8 @@ void cut_spheres(const Plane& plane, const RobotDescription& robot, const Sweep&
       const double off_m = plane.distance(centre);
       if (off_m >= radius_m) continue;
       const Eigen::Vector2d at = plane.project(centre);
-      const Eigen::Vector4d circle(at.x(), at.y(), std::sqrt(radius_m * radius_m - off_m * off_m),
-                                   swept.shares[pose]);
-      circles.values.insert(circles.values.end(), circle.begin(), circle.end());
-      ++circles.rows;
+      circles.add_row(Eigen::Vector4d(
+          at.x(), at.y(), std::sqrt(radius_m * radius_m - off_m * off_m), swept.shares[pose]));
     }
   }
 }
@@ -155,9 +153,7 @@ StoredArray path_of(const Plane& plane, const RobotDescription& robot, int link,
                     const Sweep& path) {
   StoredArray points{0, 2, {}};
   for (const auto& centres : path.centres_m) {
-    const Eigen::Vector2d at = plane.project(link_centroid(robot, link, centres));
-    points.values.insert(points.values.end(), at.begin(), at.end());
-    ++points.rows;
+    points.add_row(plane.project(link_centroid(robot, link, centres)));
   }
   return points;
 }
@@ -354,26 +350,37 @@ void record_slices(const PlanRecord& plan, std::int64_t item, const PlanningCont
   std::vector<FieldSlice> slices =
       horizontal_slices(context, {heights_m.begin(), heights_m.end()}, swept, path);
   slices.push_back(vertical_slice(context, swept, path));
-  const std::string series = of_item("slice", item);
-  for (std::size_t i = 0; i < slices.size(); ++i) {
-    FieldSlice::each(slices[i], [&](std::string_view key, const auto& value) {
-      recorder.add(series, std::int64_t(i), key, value);
-    });
-  }
+  stored_slice().record_all(slices, of_item("slice", item), recorder);
 }
 
 }  // namespace
 
-void record_joints(const RobotDescription& robot, Recorder& recorder) {
-  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
-    const Joint& joint = robot.joints[j];
-    const auto item = static_cast<std::int64_t>(j);
-    recorder.add("joint", item, "name", joint.name);
-    recorder.add("joint", item, "unit", std::string_view(joint.unit()));
-    recorder.add("joint", item, "lower", joint.lower);
-    recorder.add("joint", item, "upper", joint.upper);
-    recorder.add("joint", item, "max_velocity", joint.max_velocity);
-  }
+StoredRow<FieldSlice> stored_slice() {
+  return StoredRow<FieldSlice>()
+      .add("title", &FieldSlice::title)
+      .add("u_label", &FieldSlice::u_label)
+      .add("v_label", &FieldSlice::v_label)
+      .add("u0_m", &FieldSlice::u0_m)
+      .add("v0_m", &FieldSlice::v0_m)
+      .add("step_m", &FieldSlice::step_m)
+      .add("distance_m", &FieldSlice::distance_m)
+      .add("state", &FieldSlice::state)
+      .add("circles", &FieldSlice::circles)
+      .add("base_path", &FieldSlice::base_path)
+      .add("tip_path", &FieldSlice::tip_path);
+}
+
+StoredRow<Joint> stored_joint() {
+  return StoredRow<Joint>()
+      .add("name", &Joint::name)
+      .add(
+          "unit", [](const Joint& joint) { return std::string(joint.unit()); },
+          [](Joint& joint, std::string_view unit) {
+            joint.type = unit == "m" ? Joint::Type::kPrismatic : Joint::Type::kRevolute;
+          })
+      .add("lower", &Joint::lower)
+      .add("upper", &Joint::upper)
+      .add("max_velocity", &Joint::max_velocity);
 }
 
 void record_plan(const PlanRecord& plan, std::int64_t item, const PlanningContext& context,

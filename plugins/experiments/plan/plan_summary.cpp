@@ -3,7 +3,6 @@
 
 #include <sidestep/core/node.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/statistics.hpp>
 #include <sidestep/results/summary.hpp>
 #include "plan_parts.hpp"

@@ -4,12 +4,9 @@
 #include <array>
 #include <ctime>
 #include <map>
-#include <memory>
-#include <optional>
-#include <string>
 #include <variant>
 
-#include <sqlite3.h>
+#include <sidestep/runtime/sqlite.hpp>
 
 #include "planner_rows.hpp"
 
@@ -51,77 +48,36 @@ enum Status : std::int64_t { kTimeout = 4, kExactSolution = 6, kRefused = 9 };
 /// Times at which progress is told of, evenly up to the deadline.
 constexpr int kProgressTimes = 50;
 
-using Value = std::variant<std::monostate, std::int64_t, double, std::string>;
+using Value = std::variant<std::nullptr_t, std::int64_t, double, std::string>;
 
-/// A database being written; the first failure is kept.
+/// A database being written.
 class Writer {
  public:
-  explicit Writer(const std::filesystem::path& file) : file_(file.string()) {
-    sqlite3* raw = nullptr;
-    keep(sqlite3_open(file_.c_str(), &raw));
-    database_.reset(raw);
-    execute(kTables);
-  }
-
-  void execute(const char* sql) {
-    if (!error_) keep(sqlite3_exec(database_.get(), sql, nullptr, nullptr, nullptr));
+  [[nodiscard]] Result<void> open(const std::filesystem::path& file) {
+    SIDESTEP_TRY(database_.open(file, SqliteDatabase::Mode::kCreate));
+    return database_.execute(kTables);
   }
   /// Adds a row with a value for each column; its id.
-  std::int64_t insert(const std::string& table, const std::vector<Value>& row) {
-    auto& statement = statements_[table];
-    if (!statement && !error_) {
+  [[nodiscard]] Result<std::int64_t> insert(const std::string& table,
+                                            const std::vector<Value>& row) {
+    SqliteStatement& statement = statements_[table];
+    if (!statement) {
       std::string sql = "INSERT INTO " + table + " VALUES (?";
       for (std::size_t i = 1; i < row.size(); ++i) sql += ", ?";
-      sqlite3_stmt* raw = nullptr;
-      keep(sqlite3_prepare_v2(database_.get(), (sql + ")").c_str(), -1, &raw, nullptr));
-      statement.reset(raw);
+      statement = SIDESTEP_TRY(database_.prepare(sql + ")", "cannot write the database"));
     }
-    if (error_) return 0;
-    int column = 0;
-    for (const Value& value : row) bind(statement.get(), ++column, value);
-    if (const int status = sqlite3_step(statement.get()); status != SQLITE_DONE) keep(status);
-    sqlite3_reset(statement.get());
-    return sqlite3_last_insert_rowid(database_.get());
+    SqliteQuery query(statement);
+    for (const Value& value : row) {
+      std::visit([&](const auto& its) { query.bind(its); }, value);
+    }
+    SIDESTEP_TRY(database_.run(query));
+    return database_.last_id();
   }
-  [[nodiscard]] Result<void> finish() {
-    execute("COMMIT;");
-    if (error_) return tl::make_unexpected(*error_);
-    return {};
-  }
+  [[nodiscard]] Result<void> finish() const { return database_.execute("COMMIT;"); }
 
  private:
-  struct Close {
-    void operator()(sqlite3* database) const { sqlite3_close(database); }
-  };
-  struct Finalize {
-    void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
-  };
-
-  void keep(int status) {
-    if (status == SQLITE_OK || error_) return;
-    error_ = Error{ErrorCode::kIo,
-                   std::string("cannot write the database: ") + sqlite3_errmsg(database_.get()),
-                   file_,
-                   {},
-                   nullptr};
-  }
-  static void bind(sqlite3_stmt* statement, int at, const Value& value) {
-    if (const auto* integer = std::get_if<std::int64_t>(&value)) {
-      sqlite3_bind_int64(statement, at, *integer);
-    } else if (const auto* number = std::get_if<double>(&value)) {
-      sqlite3_bind_double(statement, at, *number);
-    } else if (const auto* text = std::get_if<std::string>(&value)) {
-      sqlite3_bind_text(statement, at, text->data(), static_cast<int>(text->size()),
-                        SQLITE_TRANSIENT);
-    } else {
-      sqlite3_bind_null(statement, at);
-    }
-  }
-
-  std::string file_;
-  std::unique_ptr<sqlite3, Close> database_;
-  std::map<std::string, std::unique_ptr<sqlite3_stmt, Finalize>> statements_;
-  std::optional<Error> error_;
+  SqliteDatabase database_{"the database"};
+  std::map<std::string, SqliteStatement> statements_;
 };
 
 std::string host_name() {
@@ -190,15 +146,17 @@ std::vector<Value> run_row(const SetSolve& solve, std::int64_t experiment, std::
 }
 
 /// The same times for every run: the tool averages over runs, time by time.
-void insert_progress(const SetSolve& solve, std::int64_t run, double deadline_s, Writer& writer) {
+Result<void> insert_progress(const SetSolve& solve, std::int64_t run, double deadline_s,
+                             Writer& writer) {
   for (int i = 1; i <= kProgressTimes; ++i) {
     const double time_s = deadline_s * i / kProgressTimes;
     Value best;
     for (const TimedAnswer& answer : solve.answers) {
       if (solve.is_solved() && 1e-3 * answer.time_ms <= time_s) best = double{answer.path_length};
     }
-    writer.insert("progress", {run, time_s, best});
+    SIDESTEP_TRY(writer.insert("progress", {run, time_s, best}));
   }
+  return {};
 }
 
 }  // namespace
@@ -207,23 +165,25 @@ Result<void> write_ompl_database(const PlannerBenchmarkRecord& record,
                                  const std::filesystem::path& file) {
   std::error_code ignored;
   std::filesystem::remove(file, ignored);
-  Writer writer(file);
+  Writer writer;
+  SIDESTEP_TRY(writer.open(file));
   for (std::size_t i = 0; i < kStatuses.size(); ++i) {
-    writer.insert("enums",
-                  {std::string("status"), static_cast<std::int64_t>(i), std::string(kStatuses[i])});
+    SIDESTEP_TRY(writer.insert(
+        "enums", {std::string("status"), static_cast<std::int64_t>(i), std::string(kStatuses[i])}));
   }
   std::map<std::string, std::int64_t> experiments;
   for (const ProblemName& name : record.names) {
     auto& id = experiments[name.family];
-    if (id == 0) id = writer.insert("experiments", experiment_row(record, name.family));
+    if (id != 0) continue;
+    id = SIDESTEP_TRY(writer.insert("experiments", experiment_row(record, name.family)));
   }
   for (const PlannerRecord& planner : record.planners) {
     const std::int64_t id =
-        writer.insert("plannerConfigs", {Value(), planner.name, planner.settings});
+        SIDESTEP_TRY(writer.insert("plannerConfigs", {Value(), planner.name, planner.settings}));
     for (const SetSolve& solve : planner.solves) {
-      const std::int64_t run = writer.insert(
-          "runs", run_row(solve, experiments[solve.family], id, record.provenance.seed));
-      insert_progress(solve, run, record.deadline_s, writer);
+      const std::int64_t run = SIDESTEP_TRY(writer.insert(
+          "runs", run_row(solve, experiments[solve.family], id, record.provenance.seed)));
+      SIDESTEP_TRY(insert_progress(solve, run, record.deadline_s, writer));
     }
   }
   return writer.finish();

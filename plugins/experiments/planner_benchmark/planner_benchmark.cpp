@@ -4,9 +4,6 @@
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
-#include <sidestep/runtime/experiment.hpp>
-#include <sidestep/runtime/planning_settings.hpp>
-#include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 #include "planner_rows.hpp"
 
@@ -219,13 +216,9 @@ Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord reco
 
 Result<PlannerBenchmarkSettings> read_settings(const ExperimentContext& context, SetBench& bench) {
   const Configuration& configuration = context.configuration;
-  std::vector<Error> errors;
-  PlannerBenchmarkSettings settings;
-  PlannerBenchmarkSettings::parameters().read(block_of(configuration, "experiment"), settings,
-                                              errors);
-  PlanningSettings::parameters().read(block_of(configuration, "planning"), bench.planning, errors);
-  CheckSettings::parameters().read(block_of(configuration, "check"), bench.check, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  auto settings = SIDESTEP_TRY(read_block<PlannerBenchmarkSettings>(configuration, "experiment"));
+  bench.planning = SIDESTEP_TRY(read_block<PlanningSettings>(configuration, "planning"));
+  bench.check = SIDESTEP_TRY(read_block<CheckSettings>(configuration, "check"));
   if (settings.problems.empty()) {
     return fail(ErrorCode::kConfig, "experiment.problems does not say where the problems are", {},
                 "give it with --set experiment.problems=FOLDER");
@@ -300,9 +293,7 @@ class PlannerBenchmark final : public Experiment {
 
     const auto record = SIDESTEP_TRY(
         with_earlier_sessions(new_record(settings, problems, *bench.robot, context), context));
-    const auto file = context.out / "results.sqlite";
-    auto store = SIDESTEP_TRY(context.resume ? ResultsStore::reopen(file)
-                                             : ResultsStore::open(file, record.provenance));
+    auto store = SIDESTEP_TRY(open_store(context, record.provenance));
     Recorder recorder(*store);
     if (!context.resume) record_planner_head(record, recorder);
     SIDESTEP_TRY(recorder.commit());

@@ -1,6 +1,7 @@
 #include "planner_rows.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include <sidestep/results/recorder.hpp>
 
@@ -42,10 +43,10 @@ StoredRow<ProblemName> stored_name() {
 
 /// One row an answer.
 StoredArray answers_of(const SetSolve& solve) {
-  StoredArray array{static_cast<int>(solve.answers.size()), kAnswerColumns, {}};
+  StoredArray array;
   for (const TimedAnswer& answer : solve.answers) {
     const float is_smooth = answer.is_smooth ? 1.0f : 0.0f;
-    array.values.insert(array.values.end(), {answer.time_ms, answer.path_length, is_smooth});
+    array.add_row(std::array{answer.time_ms, answer.path_length, is_smooth});
   }
   return array;
 }
@@ -86,8 +87,7 @@ Result<std::vector<SetSolve>> read_solves(ResultsReader& reader, const std::stri
   for (auto& [item, solve] : rows) {
     solve.problem = item % std::ssize(names);
     solve.seed = static_cast<int>(item / std::ssize(names));
-    solve.family = names[static_cast<std::size_t>(solve.problem)].family;
-    solve.index = names[static_cast<std::size_t>(solve.problem)].index;
+    static_cast<ProblemName&>(solve) = names[static_cast<std::size_t>(solve.problem)];
     solves.push_back(std::move(solve));
   }
   return solves;
@@ -117,14 +117,8 @@ std::int64_t PlannerBenchmarkRecord::solved() const {
 void record_planner_head(const PlannerBenchmarkRecord& record, Recorder& recorder) {
   record_run_head(record, kHead, recorder);
   stored_benchmark().record(record, kHead, 0, recorder);
-  std::int64_t item = 0;
-  for (const PlannerRecord& planner : record.planners) {
-    stored_planner().record(planner, "planner", item++, recorder);
-  }
-  item = 0;
-  for (const ProblemName& name : record.names) {
-    stored_name().record(name, "problem", item++, recorder);
-  }
+  stored_planner().record_all(record.planners, "planner", recorder);
+  stored_name().record_all(record.names, "problem", recorder);
 }
 
 void record_set_solve(const SetSolve& solve, const std::string& planner, std::size_t problems,

@@ -14,7 +14,6 @@
 #include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/planning_race.hpp>
 #include <sidestep/runtime/planning_settings.hpp>
-#include <sidestep/runtime/results_store.hpp>
 
 namespace sidestep {
 
@@ -26,12 +25,18 @@ struct TimedAnswer {
   bool is_smooth = false;    ///< From an optimiser; a sampled path stops at its corners.
 };
 
-/// What a planner made of one problem with one seed.
-struct SetSolve {
-  std::int64_t problem = 0;  ///< Place in the list of problems.
-  int seed = 0;              ///< 0 for the run's own, 1 for the next, ...
+/// Which problem it is, for people.
+struct ProblemName {
   std::string family;
-  int index = 0;                     ///< Within the family, as the set counts.
+  int index = 0;  ///< Within the family, as the set counts.
+
+  bool operator==(const ProblemName&) const = default;
+};
+
+/// What a planner made of one problem with one seed.
+struct SetSolve : ProblemName {
+  std::int64_t problem = 0;          ///< Place in the list of problems.
+  int seed = 0;                      ///< 0 for the run's own, 1 for the next, ...
   std::vector<TimedAnswer> answers;  ///< In order; the last one is what the rest is about.
   double spent_ms = 0.0;             ///< Until the planner ended, with an answer or without.
   double duration_s = 0.0;
@@ -58,14 +63,6 @@ struct PlannerRecord {
   std::string checker;
   std::string settings;          ///< Its entry in the effective configuration, as YAML.
   std::vector<SetSolve> solves;  ///< By seed, then problem.
-};
-
-/// Which problem it is, for people.
-struct ProblemName {
-  std::string family;
-  int index = 0;
-
-  bool operator==(const ProblemName&) const = default;
 };
 
 /// What a results store holds of a planner benchmark: everything that its summary is made from.

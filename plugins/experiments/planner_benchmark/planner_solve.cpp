@@ -1,6 +1,5 @@
 #include <cmath>
 
-#include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/planning/goal.hpp>
@@ -19,10 +18,7 @@ constexpr double kSpareMargin_m = 3e-4;
 Result<std::unique_ptr<ValidityCheck>> true_check(const SetProblem& posed, const SetBench& bench) {
   ShapeObstacles truth;
   truth.scene = posed.scene;
-  return make_shape_check(bench.robot, truth,
-                          {.max_step_m = bench.check.shape_max_step_m,
-                           .speed_fraction = bench.check.speed_fraction,
-                           .acceleration_fraction = bench.check.acceleration_fraction});
+  return make_shape_check(bench.robot, truth, bench.check.of_shapes());
 }
 
 struct OwnChecks {
@@ -38,11 +34,8 @@ Result<OwnChecks> checks_of(const SetProblem& posed,
     const std::shared_ptr<const ValidityCheck> shared = SIDESTEP_TRY(true_check(posed, bench));
     return OwnChecks{shared, shared};
   }
-  FieldCheckSettings settings{.margin_m = bench.check.margin_m,
-                              .max_step_m = bench.check.max_step_m,
-                              .speed_fraction = bench.check.speed_fraction,
-                              .acceleration_fraction = bench.check.acceleration_fraction,
-                              .first_violation_only = true};
+  FieldCheckSettings settings = bench.check.of_field();
+  settings.first_violation_only = true;
   const FieldChecks checks(bench.robot);
   OwnChecks own;
   own.sampled = checks.make(field, bench.planning.space(), settings);

@@ -1,14 +1,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <string>
-#include <vector>
 
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/report/result_columns.hpp>
-#include <sidestep/results/summary.hpp>
-#include <sidestep/runtime/experiment.hpp>
 #include <sidestep/runtime/results_store.hpp>
 
 #include "recorded_solves.hpp"
@@ -46,11 +41,7 @@ struct SolveRecord : RecordedSolve {
 };
 
 /// All problems of one recorded run, solved.
-struct RecordedRunRecord {
-  std::string label;
-  bool is_signed = false;
-  double relative_tolerance = 0.0;
-  int max_iterations = 0;
+struct RecordedRunRecord : RecordedRun {
   std::vector<SolveRecord> solves;
 };
 
@@ -94,8 +85,8 @@ struct RecordedBench {
   const RecordedProblems& problems;
   const RecordedBenchmarkSettings& settings;
   ExperimentContext& context;
-  RecordedFields fields;
-  SolveProgress progress;
+  RecordedFields fields{problems};
+  SolveProgress progress{context, problems, settings.repeats};
 };
 
 /// One problem, ready to be solved, so that the clock runs over nothing but solves.
@@ -133,8 +124,7 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
   ExperimentContext& context = bench.context;
   const Node block = block_for(*context.configuration.root.find("optimiser"), run);
   auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(block, bench.problems.robot));
-  RecordedRunRecord record{
-      run.label, run.is_signed, run.relative_tolerance, run.max_iterations, {}};
+  RecordedRunRecord record{run, {}};
   const std::vector<PosedProblem> posed = pose(run, bench);
   const std::string what = run.label + (run.is_signed ? ", signed" : ", unsigned");
   std::vector<Trajectory> trajectories(posed.size());
@@ -450,17 +440,13 @@ class RecordedBenchmark final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
-    const auto& [settings, problems, provenance, store] = start;
+    const auto& [settings, problems, about, provenance, store] = start;
     Recorder recorder(*store);
 
     RecordedBenchmarkRecord record;
-    record.about = facts_of(problems, context);
+    record.about = about;
     record.costs_comparable = !problems.has_base;
-    std::int64_t total = 0;
-    for (const RecordedRun& run : problems.runs) {
-      total += settings.repeats * std::ssize(run.outcomes);
-    }
-    RecordedBench bench{problems, settings, context, RecordedFields(problems), {context, total}};
+    RecordedBench bench{problems, settings, context};
     for (const RecordedRun& run : problems.runs) {
       if (context.stop.stop_requested()) break;
       SIDESTEP_TRY(solve_part(

@@ -3,18 +3,15 @@
 #include <algorithm>
 #include <array>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/report/report_parts.hpp>
-#include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/blocks.hpp>
 
 namespace sidestep {
 namespace {
 
 constexpr const char* kRelativeTolerance = "relative_tolerance";
 constexpr const char* kMaxIterations = "max_iterations";
-
-void put(Node& block, const char* key, const std::string& value, const SourceMark& mark) {
-  block.entries().push_back({key, mark, Node(Node::Scalar{value, false}, mark)});
-}
 
 /// Leaves every n-th outcome, and of those as many as are wanted.
 void thin_out(std::vector<RecordedOutcome>& outcomes, const ProblemChoice& choice) {
@@ -54,11 +51,11 @@ constexpr std::int64_t kProgressEvery = 25;
 std::vector<std::string> set_of_optimiser() { return {kRelativeTolerance, kMaxIterations}; }
 
 Node block_for(const Node& optimiser, const RecordedRun& run) {
-  Node block = optimiser;
   const SourceMark mark{"recorded run " + run.label, 0, 0};
-  put(block, kRelativeTolerance, detail::number_text(run.relative_tolerance), mark);
-  put(block, kMaxIterations, std::to_string(run.max_iterations), mark);
-  return block;
+  Node block = with_entry(optimiser, kRelativeTolerance,
+                          plain_scalar(detail::number_text(run.relative_tolerance), mark));
+  return with_entry(std::move(block), kMaxIterations,
+                    plain_scalar(std::to_string(run.max_iterations), mark));
 }
 
 void check_optimiser(const Node& optimiser, const std::vector<std::string>& names, Host& host,
@@ -70,7 +67,7 @@ void check_optimiser(const Node& optimiser, const std::vector<std::string>& name
       errors.push_back(written->error(
           "'" + name + "' is set by the experiment, to that of each run", "leave it out"));
     }
-    if (std::ranges::find(plugin->schema, name, &Parameter::name) == plugin->schema.end()) {
+    if (!has_parameter(plugin->schema, name)) {
       errors.push_back(optimiser.error("the optimiser '" + plugin->name + "' has no parameter '" +
                                        name + "', which the experiment must set"));
     }
@@ -96,11 +93,6 @@ RecordedProblems read_chosen_problems(const Node& experiment, const ProblemChoic
       problems->runs, [](const RecordedRun& run) { return !run.outcomes.empty(); });
   if (!any) errors.push_back(experiment.error("there is no problem to solve"));
   return std::move(*problems);
-}
-
-RecordedFacts facts_of(const RecordedProblems& problems, const ExperimentContext& context) {
-  return {problems.file.filename().string(), problems.robot->description().name,
-          context.configuration.root.find("optimiser")->find("plugin")->text()};
 }
 
 TimedSolve solve_timed(PluginPtr<Optimiser>& optimiser, const Problem& problem,
@@ -146,8 +138,7 @@ void record_solve(const RecordedSolve& solve, std::string_view series, std::int6
 
 bool are_ends_free(const RecordedProblems& problems, int scene, const Problem& problem) {
   return std::ranges::all_of(std::array{&problem.start.q, &problem.goal.q}, [&](const auto* q) {
-    const std::span<const double> values(q->data(), static_cast<std::size_t>(q->size()));
-    return exact_clearance_m(problems, scene, values) > 0.0;
+    return exact_clearance_m(problems, scene, as_span(*q)) > 0.0;
   });
 }
 
@@ -187,9 +178,11 @@ std::string sentence_of(const nlohmann::ordered_json& summary) {
          text("/robot");
 }
 
-SolveProgress::SolveProgress(const ExperimentContext& context, std::int64_t total)
-    : context_(context), total_(total) {
-  if (context.progress) context.progress(0, total, "building fields");
+SolveProgress::SolveProgress(const ExperimentContext& context, const RecordedProblems& problems,
+                             std::int64_t times)
+    : context_(context) {
+  for (const RecordedRun& run : problems.runs) total_ += times * std::ssize(run.outcomes);
+  if (context.progress) context.progress(0, total_, "building fields");
 }
 
 void SolveProgress::advance(const std::string& what) {

@@ -16,6 +16,7 @@
 #include <sidestep/results/recorder.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
+#include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/experiment.hpp>
 
 namespace sidestep {
@@ -64,15 +65,12 @@ void check_optimiser(const Node& optimiser, const std::vector<std::string>& name
 template <class Settings>
 void check_recorded(const Configuration& configuration, const std::vector<std::string>& names,
                     Host& host, std::vector<Error>& errors) {
-  const Node* experiment = configuration.root.find("experiment");
   const Node* optimiser = configuration.root.find("optimiser");
   if (optimiser != nullptr) check_optimiser(*optimiser, names, host, errors);
-  std::vector<Error> unfit;
-  check_against_schema(*experiment, Settings::parameters().schema(), {}, unfit);
-  if (!unfit.empty()) return;  // its schema told
+  const Node& experiment = block_of(configuration, "experiment");
   Settings settings;
-  Settings::parameters().read(*experiment, settings, errors);
-  if (!settings.problems.empty()) (void)read_chosen_problems(*experiment, settings, errors);
+  if (!read_entry(experiment, settings, errors) || settings.problems.empty()) return;
+  (void)read_chosen_problems(experiment, settings, errors);
 }
 
 /// The fields of a file of recorded problems, each made when it is first asked for. The problems
@@ -99,8 +97,6 @@ struct RecordedFacts {
   std::string optimiser;  ///< Name of the plugin.
   bool interrupted = false;
 };
-[[nodiscard]] RecordedFacts facts_of(const RecordedProblems& problems,
-                                     const ExperimentContext& context);
 
 /// What an optimiser made of a recorded problem.
 struct RecordedSolve {
@@ -136,6 +132,7 @@ template <class Settings>
 struct RecordedStart {
   Settings settings;
   RecordedProblems problems;
+  RecordedFacts about;
   RunProvenance provenance;
   std::unique_ptr<ResultsStore> store;
 };
@@ -143,16 +140,19 @@ struct RecordedStart {
 /// Reads settings and problems, and opens a new store.
 template <class Settings>
 [[nodiscard]] Result<RecordedStart<Settings>> start_recorded(const ExperimentContext& context) {
-  const Node& experiment = *context.configuration.root.find("experiment");
-  std::vector<Error> errors;
+  const Node& experiment = block_of(context.configuration, "experiment");
   RecordedStart<Settings> start;
-  Settings::parameters().read(experiment, start.settings, errors);
-  if (errors.empty() && start.settings.problems.empty()) {
-    errors.push_back(experiment.error("there is no file of recorded problems",
-                                      "say where they are: --set experiment.problems=FILE"));
+  start.settings = SIDESTEP_TRY(read_block<Settings>(context.configuration, "experiment"));
+  if (start.settings.problems.empty()) {
+    return tl::make_unexpected(
+        experiment.error("there is no file of recorded problems",
+                         "say where they are: --set experiment.problems=FILE"));
   }
-  if (errors.empty()) start.problems = read_chosen_problems(experiment, start.settings, errors);
+  std::vector<Error> errors;
+  start.problems = read_chosen_problems(experiment, start.settings, errors);
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  start.about = {start.problems.file.filename().string(), start.problems.robot->description().name,
+                 block_of(context.configuration, "optimiser").find("plugin")->text()};
   start.provenance = provenance_of(context);
   start.store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", start.provenance));
   return start;
@@ -188,15 +188,16 @@ struct SolveCount {
 /// HTML: which optimiser solved which problems of which robot, without an end.
 [[nodiscard]] std::string sentence_of(const nlohmann::ordered_json& summary);
 
-/// Tells of every so many of the solves of an experiment.
+/// Tells of every so many of the solves of an experiment, which solves every problem `times` times.
 class SolveProgress {
  public:
-  SolveProgress(const ExperimentContext& context, std::int64_t total);
+  SolveProgress(const ExperimentContext& context, const RecordedProblems& problems,
+                std::int64_t times);
   void advance(const std::string& what);
 
  private:
   const ExperimentContext& context_;
-  std::int64_t total_;
+  std::int64_t total_ = 0;
   std::int64_t done_ = 0;
 };
 

@@ -1,11 +1,9 @@
-#include <algorithm>
 #include <set>
 
 #include <sidestep/results/divided_run.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
-#include <sidestep/runtime/yaml_document.hpp>
 #include "loop_experiment.hpp"
 #include "replan_episode.hpp"
 
@@ -13,18 +11,6 @@ namespace sidestep {
 namespace {
 
 constexpr std::int64_t kAlwaysPictured = 2;  ///< Episodes; later ones where they failed.
-
-/// The effective configuration as far as it fixes outcomes.
-std::string identity_of(const ExperimentContext& context) {
-  Node root = context.effective;
-  if (Node* experiment = root.find("experiment")) {
-    // More episodes than before are the same experiment, gone on with.
-    std::erase_if(experiment->entries(), [](const Node::Entry& entry) {
-      return entry.key == "threads" || entry.key == "episodes" || entry.key == "first_episode";
-    });
-  }
-  return to_yaml(root, false);
-}
 
 /// Episodes that an earlier session finished: it must be of the same experiment.
 Result<std::set<std::int64_t>> finished_episodes(const ExperimentContext& context,
@@ -110,7 +96,8 @@ class ReplanExperiment final : public LoopExperiment {
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
     stand_on_floor(settings.planning, *robot);
 
-    const std::string identity = identity_of(context);
+    // More episodes than before are the same experiment, gone on with.
+    const std::string identity = identity_of(context, {"threads", "episodes", "first_episode"});
     const auto finished = SIDESTEP_TRY(finished_episodes(context, identity));
     ReplanFacts facts = facts_of(context, settings, robot->description());
     facts.planned_episodes = settings.experiment.episodes;

@@ -3,6 +3,7 @@
 #include <ctime>
 #include <filesystem>
 #include <iterator>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -34,6 +35,15 @@ struct DividedRun {
 
 /// The part of a run that its context knows; no session yet.
 [[nodiscard]] DividedRun divided_run_of(const ExperimentContext& context);
+
+/// The effective configuration as far as it fixes outcomes, as YAML: without those keys of the
+/// `experiment` block that do not.
+[[nodiscard]] std::string identity_of(const ExperimentContext& context,
+                                      const std::vector<std::string>& without = {"threads"});
+
+/// The store of a run in the folder of its context: a new one, or the one that it goes on with.
+[[nodiscard]] Result<std::unique_ptr<ResultsStore>> open_store(const ExperimentContext& context,
+                                                               const RunProvenance& provenance);
 
 /// Item 0 of `series`, e.g. "study".
 void record_run_head(const DividedRun& run, std::string_view series, Recorder& recorder);

@@ -49,8 +49,9 @@ void record_bad_frames(std::span<const Error> bad_frames, Recorder& recorder);
 
 /// How rows of one type are stored: each value is declared once, recording and reading back follow.
 /// Numbers, truth values and enumerations are stored as numbers, strings as text, lists of numbers
-/// and a StoredArray as arrays of 32-bit floats. Empty optionals, lists and arrays are not stored;
-/// any other value that is missing is an error when a row is read.
+/// and a StoredArray as arrays of 32-bit floats, optionals as what they hold. Optionals and lists
+/// that are empty and arrays without columns are not stored; any other value that is missing is an
+/// error when a row is read.
 template <class Row>
 class StoredRow {
  public:
@@ -70,30 +71,21 @@ class StoredRow {
   template <class Get, class Set>
   StoredRow& add(std::string key, Get get, Set set) {
     using Stored = std::remove_cvref_t<std::invoke_result_t<Get, const Row&>>;
-    Field field{std::move(key), true, {}, {}, {}, {}};
+    using Value = typename Inner<Stored>::Type;
+    Field field{std::move(key), std::is_same_v<Stored, Value>, {}, {}, {}, {}};
     field.store = [get](const Row& row, const Place& place) { store(get(row), place); };
-    if constexpr (std::is_arithmetic_v<Stored> || std::is_enum_v<Stored>) {
-      field.set_number = [set](Row& row, double value) { set(row, value_of<Stored>(value)); };
-    } else if constexpr (std::is_convertible_v<Stored, std::string>) {
-      field.set_text = [set](Row& row, std::string text) { set(row, std::move(text)); };
-    } else if constexpr (std::is_same_v<Stored, StoredArray>) {
-      field.is_required = false;
-      field.set_array = set;
-    } else if constexpr (requires { typename Stored::iterator; }) {
-      field.is_required = false;
-      field.set_array = [set](Row& row, const StoredArray& array) {
-        set(row, Stored(array.values.begin(), array.values.end()));
+    if constexpr (std::is_arithmetic_v<Value> || std::is_enum_v<Value>) {
+      field.set_number = [set](Row& row, double value) {
+        set(row, Stored(value_of<Value>(value)));
       };
-    } else {  // optional
-      field.is_required = false;
-      using Value = typename Stored::value_type;
-      if constexpr (std::is_same_v<Value, std::string>) {
-        field.set_text = [set](Row& row, std::string text) { set(row, Stored(std::move(text))); };
-      } else {
-        field.set_number = [set](Row& row, double value) {
-          set(row, Stored(value_of<Value>(value)));
-        };
-      }
+    } else if constexpr (std::is_convertible_v<Value, std::string>) {
+      field.set_text = [set](Row& row, std::string text) { set(row, Stored(std::move(text))); };
+    } else if constexpr (std::is_same_v<Value, StoredArray>) {
+      field.set_array = [set](Row& row, const StoredArray& array) { set(row, Stored(array)); };
+    } else {
+      field.set_array = [set](Row& row, const StoredArray& array) {
+        set(row, Stored(Value(array.values.begin(), array.values.end())));
+      };
     }
     fields_.push_back(std::move(field));
     return *this;
@@ -113,6 +105,12 @@ class StoredRow {
   void record(const Row& row, std::string_view series, std::int64_t item,
               Recorder& recorder) const {
     for (const Field& field : fields_) field.store(row, {recorder, series, item, field.key});
+  }
+
+  /// Rows of a list, from item 0 on.
+  void record_all(const std::vector<Row>& rows, std::string_view series, Recorder& recorder) const {
+    std::int64_t item = 0;
+    for (const Row& row : rows) record(row, series, item++, recorder);
   }
 
   /// One row. Fails with kIo, naming `file`.
@@ -170,6 +168,16 @@ class StoredRow {
     std::function<void(Row&, const StoredArray&)> set_array;
   };
 
+  /// Type: of what an optional holds; else of the value itself.
+  template <class Stored>
+  struct Inner {
+    using Type = Stored;
+  };
+  template <class Value>
+  struct Inner<std::optional<Value>> {
+    using Type = Value;
+  };
+
   template <class Value>
   static Value value_of(double number) {
     if constexpr (std::is_same_v<Value, bool>) return number != 0.0;
@@ -186,10 +194,10 @@ class StoredRow {
     } else if constexpr (std::is_convertible_v<Value, std::string_view>) {
       place.recorder.add(place.series, place.item, place.key, std::string_view(value));
     } else if constexpr (std::is_same_v<Value, StoredArray>) {
-      place.recorder.add_filled(place.series, place.item, place.key, value);
+      if (value.columns > 0) place.recorder.add(place.series, place.item, place.key, value);
     } else if constexpr (requires { value.has_value(); }) {
       if (value) store(*value, place);
-    } else {
+    } else if (!value.empty()) {
       store(StoredArray{static_cast<int>(value.size()), 1, {value.begin(), value.end()}}, place);
     }
   }

@@ -85,8 +85,4 @@ template <class Item, class Holds>
   return percentile(values, share);
 }
 
-[[nodiscard]] inline nlohmann::ordered_json quantiles_json(const std::vector<double>& values) {
-  return {{"p50", quantile_json(values, 0.5)}, {"p95", quantile_json(values, 0.95)}};
-}
-
 }  // namespace sidestep

@@ -2,23 +2,43 @@
 
 #include <set>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/robot/robot_model.hpp>
+#include <sidestep/runtime/configuration.hpp>
 
 namespace sidestep {
 
 /// Reads a block into a struct with parameters; false where it does not fit its schema, whose check
-/// tells.
+/// tells. Appends what fits the schema and yet cannot be read, e.g. a number too large.
 template <class Entry>
-[[nodiscard]] bool read_entry(const Node& block, Entry& entry) {
+[[nodiscard]] bool read_entry(const Node& block, Entry& entry, std::vector<Error>& errors) {
   std::vector<Error> told;
-  if (!block.is_map()) return false;
   const auto parameters = Entry::parameters();
   check_against_schema(block, parameters.schema(), {}, told);
-  if (told.empty()) parameters.read(block, entry, told);
+  if (told.empty()) parameters.read(block, entry, errors);
   return told.empty();
+}
+/// The same; false where anything cannot be read.
+template <class Entry>
+[[nodiscard]] bool read_entry(const Node& block, Entry& entry) {
+  std::vector<Error> errors;
+  return read_entry(block, entry, errors) && errors.empty();
+}
+
+/// A block of a configuration that has passed its check; as by default where there is none. Fails
+/// with the first value that cannot be read.
+template <class Settings>
+[[nodiscard]] Result<Settings> read_block(const Configuration& configuration,
+                                          std::string_view name) {
+  Settings settings;
+  std::vector<Error> errors;
+  Settings::parameters().read(block_of(configuration, name), settings, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  return settings;
 }
 
 template <class Named>

@@ -6,6 +6,7 @@
 
 #include <sidestep/field/distance_field.hpp>
 #include <sidestep/planning/problem.hpp>
+#include <sidestep/planning/validity_check.hpp>
 #include <sidestep/plugin/parameters.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 #include <sidestep/trajectory/motion_limits.hpp>
@@ -58,6 +59,9 @@ struct CheckSettings {
   std::vector<AllowedContactEntry> allowed_contacts;
 
   static Parameters<CheckSettings> parameters();
+  [[nodiscard]] FieldCheckSettings of_field() const;
+  /// Without the allowed contacts, which are the true scene's.
+  [[nodiscard]] ShapeCheckSettings of_shapes() const;
 };
 
 /// Appends a kConfig error for each name in `floor.except_links` of a `planning` block that is no

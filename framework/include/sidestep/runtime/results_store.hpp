@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <span>
@@ -34,6 +35,14 @@ struct StoredArray {
   int rows = 0;
   int columns = 0;
   std::vector<float> values;
+
+  /// Appends a row of numbers, as many as the rows before have.
+  template <class Row>
+  void add_row(const Row& row) {
+    values.insert(values.end(), std::begin(row), std::end(row));
+    columns = static_cast<int>(std::size(row));
+    ++rows;
+  }
 };
 
 /// Every measurement of a run, in an SQLite file: one row a measurement, (series, item, key,

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <sidestep/planning/problem.hpp>
@@ -49,6 +50,26 @@ struct PostureCostEntry {
   static Parameters<PostureCostEntry> parameters();
 };
 
+/// The keys of a block that read_task() reads; what such a block is read into derives from this.
+struct TaskEntry {
+  std::optional<EndEffectorEntry> end_effector;
+  std::vector<OrientationCostEntry> orientation_costs;
+  std::vector<AxisCostEntry> axis_costs;
+  std::optional<PostureCostEntry> posture_cost;
+};
+/// Declares them after what is declared already.
+template <class Entry>
+[[nodiscard]] Parameters<Entry> declare_task(Parameters<Entry> parameters,
+                                             const char* end_effector_doc) {
+  return std::move(parameters)
+      .add("end_effector", &Entry::end_effector, end_effector_doc)
+      .add("orientation_costs", &Entry::orientation_costs,
+           "Links that are to keep an orientation along the way.")
+      .add("axis_costs", &Entry::axis_costs,
+           "Links of which an axis is to keep a direction along the way, e.g. upright.")
+      .add("posture_cost", &Entry::posture_cost, "A posture that is preferred along the way.");
+}
+
 /// What a plan has to do besides getting from start to goal.
 struct Task {
   std::vector<CostTerm> terms;
@@ -56,9 +77,9 @@ struct Task {
   std::optional<EndEffectorEntry> target = {};  ///< `end_effector`, which is among them.
 };
 
-/// Reads the task of an item of `experiment.plans`. Appends a kConfig error for each name that is
-/// no link or joint of the robot and each axis without direction; passes over what its schema
-/// refuses.
+/// Reads the task of a block with the keys of a TaskEntry. Appends a kConfig error for each name
+/// that is no link or joint of the robot and each axis without direction; passes over what its
+/// schema refuses.
 [[nodiscard]] Task read_task(const Node& plan, const std::shared_ptr<const RobotModel>& robot,
                              std::vector<Error>& errors);
 

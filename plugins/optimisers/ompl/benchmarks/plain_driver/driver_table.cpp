@@ -10,6 +10,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+Json quantiles_json(const std::vector<double>& values) {
+  return {{"p50", quantile_json(values, 0.5)}, {"p95", quantile_json(values, 0.95)}};
+}
+
 /// Of a state check, in us; null for none that was timed.
 Json mean_check_us(const std::vector<Solve>& solves) {
   double sum_us = 0.0;
