@@ -102,6 +102,7 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
         info.is_exact || sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
     fall_factor_.push_back(info.is_signed && !is_beyond_surface ? 2.0 : 1.0);
   }
+  if (!space_.counts_fixed) fixed_ = fixed_spheres(*robot_);
   largest_levers_.assign(description.joints.size(), 0.0);
   for (int item = 0; item < item_count(); ++item) {
     const auto levers = item < sphere_count_ ? bounds_->sphere_levers(item)
@@ -179,6 +180,13 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
     Measurement& measurement = w.measurements[w.targets[i]];
     const double radius_m = radius_m_[idx(measurement.item)];
     ClearanceReading& reading = measurement.reading;
+    if (!fixed_.empty() && fixed_[idx(measurement.item)]) {
+      constexpr double kFar_m = 1e3;
+      reading.clearance_m = reading.smooth_m = kFar_m;
+      reading.inside_m = kFar_m;
+      reading.centre_m = w.points[i];
+      continue;
+    }
     reading.clearance_m = w.distances[i] - radius_m;
     reading.smooth_m = reading.clearance_m;
     reading.status = w.statuses[i];

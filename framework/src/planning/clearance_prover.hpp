@@ -179,6 +179,7 @@ class ClearanceProver {
   std::vector<std::vector<int>> spheres_of_link_;
   std::vector<double> radius_m_;
   std::vector<bool> keeps_to_observed_;  // spheres
+  std::vector<bool> fixed_;              ///< Spheres that are not looked at; empty: none.
   std::vector<double> largest_levers_;
   std::vector<double> fall_factor_;  // spheres: 1, or 2 near the surface of a signed field
 };

@@ -1,6 +1,7 @@
 #include <sidestep/robot/robot_model.hpp>
 
 #include <algorithm>
+#include <cmath>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/robot/attached_object.hpp>
@@ -127,6 +128,28 @@ Result<std::unique_ptr<KinematicTree>> attach_object(const RobotModel& robot,
   joints.back().name = object.name;
   joints.back().T_parent_joint = object.T_link_object;
   return KinematicTree::create(std::move(description), std::move(joints));
+}
+
+std::vector<bool> fixed_spheres(const RobotModel& robot) {
+  const RobotDescription& description = robot.description();
+  std::vector<bool> fixed(description.spheres.size(), true);
+  std::vector<Eigen::Vector3d> first_m(fixed.size()), centres_m(fixed.size());
+  Scratch scratch;
+  std::vector<double> q(description.joints.size());
+  for (const double share : {0.5, 0.13, 0.79}) {
+    for (std::size_t j = 0; j < q.size(); ++j) {
+      const Joint& joint = description.joints[j];
+      const double lower = std::isfinite(joint.lower) ? joint.lower : -1.0;
+      const double upper = std::isfinite(joint.upper) ? joint.upper : 1.0;
+      q[j] = lower + share * (upper - lower);
+    }
+    robot.sphere_centres(q, centres_m, scratch);
+    if (share == 0.5) first_m = centres_m;
+    for (std::size_t s = 0; s < fixed.size(); ++s) {
+      fixed[s] = fixed[s] && (centres_m[s] - first_m[s]).norm() < 1e-9;
+    }
+  }
+  return fixed;
 }
 
 }  // namespace sidestep

@@ -11,6 +11,7 @@
 namespace sidestep::detail {
 namespace {
 
+constexpr double kFar_m = 1e6;          ///< Where what never moves is touched by nothing.
 constexpr double kStep_s = 0.05;        ///< Between two states that are looked at.
 constexpr double kStanding_mps = 0.15;  ///< Tracks that are slower stand.
 constexpr double kBeside_m = 0.1;       ///< What is seen to move so near a track is a part of it.
@@ -26,6 +27,7 @@ ReachCheck::ReachCheck(std::shared_ptr<const RobotModel> robot, MotionLimits lim
                                                   : settings.obstacle_acceleration_mps2),
       out_of_view_s_(settings.out_of_view_s),
       margin_m_(settings.margin_m),
+      fixed_(fixed_spheres(*robot_)),
       counts_standing_(settings.safety == "ssm" || acceleration_mps2_) {
   if (settings.safety == "ssm") {
     speed_mps_ = std::max(speed_mps_, kWalkingSpeed_mps);
@@ -135,7 +137,14 @@ std::optional<Contingency> ReachCheck::contingency(const Trajectory& motion, dou
   robot_->sphere_centres(q, out.centres_m, scratch);
   for (std::size_t i = 0; i < states; ++i) {
     Eigen::AlignedBox3d& box = out.boxes_m.emplace_back();
-    for (std::size_t s = 0; s < spheres; ++s) box.extend(out.centres_m[i * spheres + s]);
+    for (std::size_t s = 0; s < spheres; ++s) {
+      Eigen::Vector3d& centre_m = out.centres_m[i * spheres + s];
+      if (fixed_[s]) {
+        centre_m.setConstant(kFar_m);
+      } else {
+        box.extend(centre_m);
+      }
+    }
   }
   return out;
 }

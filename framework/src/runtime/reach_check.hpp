@@ -85,7 +85,8 @@ class ReachCheck {
   std::optional<double> acceleration_mps2_;  ///< Of tracks; nothing: they turn at once.
   double out_of_view_s_;
   double margin_m_;
-  bool counts_standing_;  ///< People who stand, too.
+  std::vector<bool> fixed_;  ///< Spheres that never move: they run into nobody.
+  bool counts_standing_;     ///< People who stand, too.
   bool has_lost_track_ = false;
   double largest_m_ = 0.0;  ///< Radius of the largest sphere.
   std::vector<Mover> movers_;

@@ -65,7 +65,9 @@ struct Replanner::Impl {
         reach(parts.robot, parts.limits, settings),
         checks_of_robot(parts.robot),
         prediction_check(parts.robot, settings.prediction_margin_m),
-        margin_m(settings.margin_m) {}
+        margin_m(settings.margin_m) {
+    parts.space.counts_fixed = false;
+  }
 
   // The state machine: replanner.cpp.
   Status advance();

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
 
 #include "cubic_motion.hpp"
 #include "support/chain_robot.hpp"
@@ -72,6 +73,37 @@ TEST_F(FieldCheckTest, NamesLinkDepthAndTime) {
   EXPECT_EQ(verdict.violations[0].other, "an obstacle");
   EXPECT_NEAR(verdict.violations[0].amount, 0.1, 1e-6);  // the distance inside is 0
   EXPECT_NEAR(verdict.violations[0].time_s, 1.0, 0.1);
+}
+
+/// A foot of 0.15 m at the origin, which stands, and a hand that turns half a metre from it.
+std::shared_ptr<const RobotModel> standing_arm() {
+  RobotDescription robot;
+  robot.name = "arm";
+  robot.joints = {{"turn", Joint::Type::kRevolute, -3.0, 3.0, 1.0, 2.0}};
+  robot.links = {{"foot", -1}, {"hand", 0}};
+  robot.spheres = {{0, Eigen::Vector3d::Zero(), 0.15}, {1, {0.5, 0.0, 0.0}, 0.05}};
+  std::vector<TreeJoint> joints{{"root"}, {"turn", TreeJoint::Motion::kRotation}};
+  joints[1].axis = Eigen::Vector3d::UnitZ();
+  joints[1].joint = 0;
+  return std::move(*KinematicTree::create(std::move(robot), std::move(joints)));
+}
+
+TEST_F(FieldCheckTest, PassesOverWhatNoJointMoves) {
+  const auto arm = standing_arm();
+  EXPECT_EQ(fixed_spheres(*arm), (std::vector<bool>{true, false}));
+  const auto outcome = [&](double from, double to) {
+    const auto check = make_field_check(arm, world_.field(), space_, settings_);
+    return check
+        ->check(
+            rest_to_rest(Eigen::VectorXd::Constant(1, from), Eigen::VectorXd::Constant(1, to), 4.0),
+            0.0, Deadline())
+        .value();
+  };
+  // The wall goes through the foot; the hand meets it at -pi / 2.
+  EXPECT_EQ(outcome(0.0, 0.3).violations.at(0).subject, "foot");
+  space_.counts_fixed = false;
+  EXPECT_TRUE(outcome(0.0, 0.3).valid()) << outcome(0.0, 0.3).describe();
+  EXPECT_EQ(outcome(0.0, -1.5).violations.at(0).subject, "hand");
 }
 
 TEST_F(FieldCheckTest, DemandsTheMargin) {

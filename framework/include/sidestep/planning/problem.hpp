@@ -42,6 +42,8 @@ struct SpacePolicy {
   Space outside = Space::kOccupied;
   std::optional<Floor> floor = std::nullopt;
   std::optional<ObservedSpace> observed = std::nullopt;  ///< Kept to by validity checks alone.
+  /// Validity checks look at what no joint moves, too, which runs into nothing.
+  bool counts_fixed = true;
 };
 
 /// At which states of the trajectory a cost applies.

@@ -139,4 +139,8 @@ class SIDESTEP_EXPORT RobotModel {
                          std::span<double> joint_forces, Scratch& scratch) const = 0;
 };
 
+/// Which collision spheres no joint moves: those of the foot of an arm, say. Tried on a few
+/// configurations. [any]; allocates.
+[[nodiscard]] SIDESTEP_EXPORT std::vector<bool> fixed_spheres(const RobotModel& robot);
+
 }  // namespace sidestep
