@@ -90,11 +90,13 @@ class FieldAlignment final : public Localiser {
   static constexpr int kSteps = 6;
   static constexpr std::size_t kFewest = 30;  ///< Points that say anything.
   /// Points share the errors of whole walls: all of a frame together tell no more than this many
-  /// that share none.
-  static constexpr double kIndependent = 10.0;
+  /// that share none; fewer of six unknowns, which are determined less evenly.
+  static constexpr double kIndependent = 40.0;
+  static constexpr double kIndependentOfSix = 10.0;
   /// What the scene determines less than this share of what it determines best, is left to
   /// odometry; a turn of 1 rad counts as this way.
-  static constexpr double kWeak = 0.1;
+  static constexpr double kWeak = 0.01;
+  static constexpr double kWeakOfSix = 0.1;
   static constexpr double kReach_m = 1.5;
   /// A step of odometry is never exact.
   static constexpr double kJitter_m = 1e-4;
@@ -241,7 +243,8 @@ class FieldAlignment final : public Localiser {
       system.gradient += weight * r_m * J;
     }
     if (used < kFewest) return std::nullopt;
-    const double told = std::min(1.0, kIndependent / static_cast<double>(used));
+    const double independent = base_ ? kIndependent : kIndependentOfSix;
+    const double told = std::min(1.0, independent / static_cast<double>(used));
     system.information *= told;
     system.gradient *= told;
     leave_to_odometry(system);
@@ -257,7 +260,7 @@ class FieldAlignment final : public Localiser {
     const Matrix6 scaled = scale.asDiagonal() * system.information * scale.asDiagonal();
     const Eigen::SelfAdjointEigenSolver<Matrix6> solver(scaled);
     const Vector6 values = solver.eigenvalues().cwiseMax(0.0);
-    const double t = kWeak * values.maxCoeff();
+    const double t = (base_ ? kWeak : kWeakOfSix) * values.maxCoeff();
     const Vector6 kept = values.array().square() / (values.array().square() + t * t + 1e-300);
     const Matrix6 keep =
         solver.eigenvectors() * kept.asDiagonal() * solver.eigenvectors().transpose();
