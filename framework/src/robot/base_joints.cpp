@@ -5,6 +5,7 @@
 #include <vector>
 
 #include <sidestep/core/index.hpp>
+#include "configurations.hpp"
 
 namespace sidestep {
 namespace {
@@ -15,13 +16,7 @@ bool moves_all(const RobotModel& robot, const BaseJoints& base) {
   Scratch scratch;
   std::vector<Transform> before(description.links.size()), after(description.links.size());
   for (const double share : {0.0, 0.37, 0.81}) {
-    std::vector<double> q(description.joints.size());
-    for (std::size_t j = 0; j < q.size(); ++j) {
-      const Joint& joint = description.joints[j];
-      const double lower = std::isfinite(joint.lower) ? joint.lower : -1.0;
-      const double upper = std::isfinite(joint.upper) ? joint.upper : 1.0;
-      q[j] = lower + share * (upper - lower);
-    }
+    std::vector<double> q = configuration_at(description, share);
     robot.link_poses(q, before, scratch);
     const Transform T = transform_from_xyz_rpy({0.3, -0.2, 0.0}, {0.0, 0.0, 0.4});
     base.move(T, q);

@@ -5,6 +5,7 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/robot/attached_object.hpp>
+#include "configurations.hpp"
 
 namespace sidestep {
 namespace {
@@ -135,15 +136,8 @@ std::vector<bool> fixed_spheres(const RobotModel& robot) {
   std::vector<bool> fixed(description.spheres.size(), true);
   std::vector<Eigen::Vector3d> first_m(fixed.size()), centres_m(fixed.size());
   Scratch scratch;
-  std::vector<double> q(description.joints.size());
   for (const double share : {0.5, 0.13, 0.79}) {
-    for (std::size_t j = 0; j < q.size(); ++j) {
-      const Joint& joint = description.joints[j];
-      const double lower = std::isfinite(joint.lower) ? joint.lower : -1.0;
-      const double upper = std::isfinite(joint.upper) ? joint.upper : 1.0;
-      q[j] = lower + share * (upper - lower);
-    }
-    robot.sphere_centres(q, centres_m, scratch);
+    robot.sphere_centres(configuration_at(description, share), centres_m, scratch);
     if (share == 0.5) first_m = centres_m;
     for (std::size_t s = 0; s < fixed.size(); ++s) {
       fixed[s] = fixed[s] && (centres_m[s] - first_m[s]).norm() < 1e-9;

@@ -54,9 +54,13 @@ Result<void> LocalisedExecutor::send(const Trajectory& trajectory, Stamp start) 
 }
 
 Result<void> LocalisedExecutor::follow(const Trajectory& trajectory, Stamp start) {
-  SIDESTEP_TRY(send(trajectory, start));
+  const bool was_stopped = is_stopped_.exchange(false);  // one that comes from here on counts
+  auto sent = send(trajectory, start);
+  if (!sent) {
+    if (was_stopped) is_stopped_ = true;
+    return sent;
+  }
   followed_ = {trajectory, start, T_map_odom_};
-  is_stopped_ = false;
   return {};
 }
 

@@ -103,6 +103,25 @@ TEST_F(LocalisedExecutorTest, SendsNothingAfterAStop) {
   EXPECT_EQ(inner_.stops, 1);
 }
 
+TEST_F(LocalisedExecutorTest, SendsNothingAfterAStopThatCameWhileItWasTold) {
+  inner_.on_follow = [this] { ASSERT_TRUE(executor_.stop()); };
+  ASSERT_TRUE(executor_.follow(drive(), {}));
+  localise(0.1, 0.0, 0.0);
+  ASSERT_TRUE(executor_.current());
+  EXPECT_EQ(inner_.followed.size(), 1u);
+}
+
+TEST_F(LocalisedExecutorTest, StaysStoppedWhereTheNextMotionIsRefused) {
+  ASSERT_TRUE(executor_.follow(drive(), {}));
+  ASSERT_TRUE(executor_.stop());
+  inner_.is_refusing = true;
+  EXPECT_FALSE(executor_.follow(drive(), {}));
+  inner_.is_refusing = false;
+  localise(0.1, 0.0, 0.0);
+  ASSERT_TRUE(executor_.current());
+  EXPECT_EQ(inner_.followed.size(), 1u);
+}
+
 /// From another thread, while something is sent again.
 TEST_F(LocalisedExecutorTest, StopsAgainWhereAStopCameMeanwhile) {
   ASSERT_TRUE(executor_.follow(drive(), {}));
