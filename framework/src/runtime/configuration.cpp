@@ -42,6 +42,7 @@ class Reader {
 
   /// Leaves out the bases of these names, wherever they are named.
   void leave_out(const Node& names) {
+    if (names.is_null()) return;
     for (const Node& name : names.is_list() ? names.items() : std::vector<Node>{names}) {
       left_out_.push_back({name.text(), name.mark(), false});
     }
@@ -203,6 +204,11 @@ void apply_override(Node& root, const std::string& override_text, std::vector<Er
     return;
   }
   set_origin(*value, origin);
+  if (path.starts_with("without.")) {
+    errors.push_back(Error{ErrorCode::kConfig, "'without' is set as a whole", origin.to_string(),
+                           "--set 'without=[name, name]'", nullptr});
+    return;
+  }
   if (first_key == "base") {
     errors.push_back(Error{ErrorCode::kConfig, "'base' cannot be set on the command line",
                            origin.to_string(), "name it in a file", nullptr});

@@ -1,9 +1,11 @@
 #include <sidestep/runtime/pipeline.hpp>
 
 #include <algorithm>
+#include <cmath>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/time.hpp>
+#include <sidestep/mapping/frame_check.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
 namespace sidestep {
@@ -61,17 +63,26 @@ MapSnapshot MappingPipeline::follow_motion(const Frame& frame) {
 Result<void> MappingPipeline::localise(Frame& frame, MappingStep& step) {
   if (parts_.localiser == nullptr) return {};
   const Stopwatch watch;
+  SIDESTEP_TRY(check_frame(frame));
+  if (parts_.base && frame.joint_positions &&
+      (frame.joint_positions->size() <=
+           std::max({parts_.base->x(), parts_.base->y(), parts_.base->yaw()}) ||
+       !frame.joint_positions->allFinite())) {
+    return fail(ErrorCode::kBadFrame, "frame " + std::to_string(frame.sequence) +
+                                          " has joint positions that are not the robot's");
+  }
   step.localisation = SIDESTEP_TRY(call_stage(
       parts_.names.localiser, [&] { return parts_.localiser->localise(frame, newest_.get()); }));
-  const Localisation& found = *step.localisation;
-  if (!found.T_map_odom.matrix().allFinite()) {
+  Localisation& found = *step.localisation;
+  if (!found.T_map_odom.matrix().allFinite() || !std::isfinite(found.sigma_m + found.sigma_rad)) {
     return fail(ErrorCode::kPlugin, "says a pose that is not a number",
                 "plugin " + parts_.names.localiser);
   }
-  if (found.lost != lost_ && !found.lost.empty()) {
-    parts_.log.warn(parts_.names.localiser + ": " + found.lost);
+  if (!found.lost.empty()) {
+    found.lost = parts_.names.localiser + ": " + found.lost;
+    if (!is_lost_) parts_.log.warn(found.lost);
   }
-  lost_ = found.lost;
+  is_lost_ = !found.lost.empty();
   move_frame(frame, found.T_map_odom, parts_.base);
   step.localise_ms = watch.elapsed_ms();
   return {};
@@ -93,7 +104,12 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (!*frame) return std::optional<MappingStep>{};
     step.frame_sequence = (*frame)->sequence;
     step.stamp = (*frame)->stamp;
-    SIDESTEP_TRY(localise(**frame, step));
+    auto localised = localise(**frame, step);
+    if (!localised && localised.error().code == ErrorCode::kBadFrame) {
+      skip(std::move(localised.error()));
+      continue;
+    }
+    if (!localised) return error_of(localised);
 
     watch.restart();
     auto update = call_stage(parts_.names.mapper, [&] { return parts_.mapper.integrate(**frame); });

@@ -23,6 +23,7 @@ Replanner::PoseProblem problems_of(const ReplanConfiguration& settings, const Re
   return [&settings, robot = world.robot](std::shared_ptr<const DistanceField> field,
                                           const RobotState& start, const RobotState& goal) {
     Problem problem = make_problem(robot, std::move(field), settings.planning, start, goal.q);
+    problem.space.counts_fixed = false;
     for (const CostTerm& term : settings.task.terms) {
       // Where it ends has been found: the goal's own terms are met there.
       if (term.placement != Placement::kGoal) problem.terms.push_back(term);
@@ -256,7 +257,8 @@ class EpisodeRun {
   }
 
   void turn_head(Stamp now) {
-    const auto current = measured();
+    // A robot that is lost looks around, too.
+    const auto current = believed();
     if (current) gaze_->look(now, current->state, replanner_->way());
   }
 
@@ -284,9 +286,15 @@ class EpisodeRun {
     return call_plugin(plugin_of(world_.executor), [&] { return world_.mover().current(); });
   }
 
+  /// The same where the localiser has lost the robot, too.
+  [[nodiscard]] Result<Executor::Measured> believed() {
+    if (!world_.localised) return measured();
+    return call_plugin(plugin_of(world_.executor), [&] { return world_.localised->believed(); });
+  }
+
   /// Where that cannot be known, there is nothing to wait for.
   [[nodiscard]] bool is_at_rest() {
-    const auto current = measured();
+    const auto current = believed();
     if (!current || current->state.qdot.size() == 0) return true;
     return !(current->state.qdot.cwiseAbs().maxCoeff() >= settings_.replanner.rest_speed);
   }

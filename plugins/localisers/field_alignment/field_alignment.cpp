@@ -33,7 +33,7 @@ struct Options {
   static Parameters<Options> parameters() {
     using O = Options;
     return Parameters<O>()
-        .add("points", &O::points, "Measured points of a frame that are aligned.",
+        .add("points", &O::points, "At most so many measured points of a frame are aligned.",
              {.min = 50, .max = 20000})
         .add("max_range_m", &O::max_range_m, "Points farther away are not.",
              {.unit = "m", .min = 0.1})
@@ -87,7 +87,7 @@ class FieldAlignment final : public Localiser {
   }
 
  private:
-  static constexpr int kSteps = 6;
+  static constexpr int kSteps = 8;
   static constexpr std::size_t kFewest = 30;  ///< Points that say anything.
   /// Points share the errors of whole walls: all of a frame together tell no more than this many
   /// that share none; fewer of six unknowns, which are determined less evenly.
@@ -101,7 +101,7 @@ class FieldAlignment final : public Localiser {
   /// A step of odometry is never exact.
   static constexpr double kJitter_m = 1e-4;
   static constexpr double kJitter_rad = 1e-4;
-  /// Surfaces are kept in cells of this side, by what was measured most lately.
+  /// Surfaces are kept in cells of this side, as the mean of what was measured.
   static constexpr double kCell_m = 0.1;
   static constexpr int kFewestInCell = 2;
   static constexpr int kMostInCell = 500;
@@ -109,7 +109,9 @@ class FieldAlignment final : public Localiser {
   static constexpr std::int64_t kSettled_ns = 1'000'000'000;
   static constexpr double kSurface_m = 0.01;  ///< How flat they are, a standard deviation.
   static constexpr double kRobust_m = 0.02;  ///< Points farther off count less (Geman and McClure).
-  static constexpr double kSameWay = 0.8;    ///< Least product of normals of one surface.
+  static constexpr double kWidest_m = 0.15;
+  static constexpr double kLever_m = 2.0;  ///< How far off points are that turn with the robot.
+  static constexpr double kSameWay = 0.8;  ///< Least product of normals of one surface.
 
   /// Where the sensor's carrier is by odometry: a base that moves in the plane, or the sensor.
   [[nodiscard]] Transform carrier(const Frame& frame) const {
@@ -172,7 +174,7 @@ class FieldAlignment final : public Localiser {
   void take_pixels(const DepthImage& image, const Take& take) const {
     const CameraIntrinsics& camera = image.camera;
     const double pixels = static_cast<double>(camera.width_px) * camera.height_px;
-    const int step = std::max(1, static_cast<int>(std::sqrt(pixels / options_.points)));
+    const int step = std::max(1, static_cast<int>(std::ceil(std::sqrt(pixels / options_.points))));
     const int side = std::max(1, camera.width_px / 160);
     for (int v = step / 2; v + side < camera.height_px; v += step) {
       if (v < side) continue;
@@ -197,9 +199,14 @@ class FieldAlignment final : public Localiser {
     const Eigen::Vector3d centre_m = T_map_odom * T_odom_carrier_->translation();
     Vector6 sum = Vector6::Zero();  // of all steps
     Matrix6 posterior = covariance_;
+    // At first, points count that are as far off as the robot may be: surfaces that have not been
+    // in view for a while.
+    double scale_m = std::clamp(2.0 * (largest(covariance_.bottomRightCorner<3, 3>()) +
+                                       kLever_m * largest(covariance_.topLeftCorner<3, 3>())),
+                                kRobust_m, kWidest_m);
     for (int i = 0; i < kSteps; ++i) {
       const Transform T = step_about(centre_m, sum) * T_map_odom;
-      const auto system = linearise(field, T, centre_m + sum.tail<3>());
+      const auto system = linearise(field, T, centre_m + sum.tail<3>(), scale_m);
       if (!system) return;
       // (P^-1 + H) step = -g - P^-1 sum, without P^-1: a carrier at rest has none.
       const Matrix6 I_PH = Matrix6::Identity() + covariance_ * system->information;
@@ -208,7 +215,8 @@ class FieldAlignment final : public Localiser {
       if (!step.allFinite()) return;
       posterior = lu.solve(covariance_);
       sum += step;
-      if (step.norm() < 1e-5) break;
+      if (step.norm() < 1e-5 && scale_m == kRobust_m) break;
+      scale_m = std::max(kRobust_m, 0.6 * scale_m);
     }
     T_map_odom_ = step_about(centre_m, sum) * T_map_odom;
     covariance_ = 0.5 * (posterior + posterior.transpose());
@@ -221,7 +229,7 @@ class FieldAlignment final : public Localiser {
 
   /// Nothing where too few points are near any surface.
   [[nodiscard]] std::optional<System> linearise(const DistanceField& field, const Transform& T,
-                                                const Eigen::Vector3d& centre_m) {
+                                                const Eigen::Vector3d& centre_m, double scale_m) {
     place(T, &field);
     System system;
     std::size_t used = 0;
@@ -236,7 +244,7 @@ class FieldAlignment final : public Localiser {
       Vector6 J;
       J << (moved_m_[i] - centre_m).cross(along), along;
       J = is_planar().select(J, Vector6::Zero());
-      const double share = r_m / kRobust_m;
+      const double share = r_m / scale_m;
       const double robust = 1.0 / ((1.0 + share * share) * (1.0 + share * share));
       const double weight = robust / (sigma_m * sigma_m);
       system.information += weight * J * J.transpose();
@@ -299,7 +307,7 @@ class FieldAlignment final : public Localiser {
                                        const Eigen::Vector3d& normal) const {
     const auto cell = cell_of(p);
     const Surface* best = nullptr;
-    double least_m2 = kCell_m * kCell_m;
+    double least_m2 = 2.25 * kCell_m * kCell_m;
     for (std::int64_t k = 0; k < 27; ++k) {
       const Eigen::Array<std::int64_t, 3, 1> there =
           cell + Eigen::Array<std::int64_t, 3, 1>(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
@@ -329,10 +337,12 @@ class FieldAlignment final : public Localiser {
     }
   }
 
+  /// The largest standard deviation.
+  [[nodiscard]] static double largest(const Eigen::Matrix3d& of) {
+    return std::sqrt(std::max(0.0, of.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()));
+  }
+
   [[nodiscard]] Localisation localisation() const {
-    const auto largest = [](const Eigen::Matrix3d& of) {
-      return std::sqrt(std::max(0.0, of.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()));
-    };
     Localisation found;
     found.T_map_odom = T_map_odom_;
     found.sigma_rad = largest(covariance_.topLeftCorner<3, 3>());
@@ -374,4 +384,4 @@ Result<std::unique_ptr<Localiser>> create(const Options& options, const HostCont
 }  // namespace
 
 SIDESTEP_PLUGIN(Localiser, Options, create, "field_alignment", "0.1.0",
-                "Aligns each frame with the surfaces that the map's distance field has")
+                "Aligns each frame with what was measured before of the surfaces in the map")

@@ -111,12 +111,16 @@ TEST_F(LocalisedExecutorTest, SendsNothingAfterAStopThatCameWhileItWasTold) {
   EXPECT_EQ(inner_.followed.size(), 1u);
 }
 
+/// Nor where it throws.
 TEST_F(LocalisedExecutorTest, StaysStoppedWhereTheNextMotionIsRefused) {
   ASSERT_TRUE(executor_.follow(drive(), {}));
   ASSERT_TRUE(executor_.stop());
   inner_.is_refusing = true;
   EXPECT_FALSE(executor_.follow(drive(), {}));
   inner_.is_refusing = false;
+  inner_.on_follow = [] { throw std::runtime_error("unplugged"); };
+  EXPECT_THROW((void)executor_.follow(drive(), {}), std::runtime_error);
+  inner_.on_follow = nullptr;
   localise(0.1, 0.0, 0.0);
   ASSERT_TRUE(executor_.current());
   EXPECT_EQ(inner_.followed.size(), 1u);
@@ -131,11 +135,43 @@ TEST_F(LocalisedExecutorTest, StopsAgainWhereAStopCameMeanwhile) {
   EXPECT_EQ(inner_.stops, 2);
 }
 
+TEST_F(LocalisedExecutorTest, SendsNothingAgainOnceItIsOver) {
+  ASSERT_TRUE(executor_.follow(drive(), {}));
+  inner_.now = Stamp::from_seconds(20.0);
+  localise(0.1, 0.0, 0.0);
+  ASSERT_TRUE(executor_.current());
+  EXPECT_EQ(inner_.followed.size(), 1u);
+}
+
+TEST_F(LocalisedExecutorTest, DoesNotKnowTheRobotThatIsNotCorrected) {
+  ASSERT_TRUE(executor_.follow(drive(), {}));
+  inner_.is_refusing = true;
+  localise(0.01, 0.0, 0.0);
+  EXPECT_TRUE(executor_.current());
+  localise(0.03, 0.0, 0.0);
+  EXPECT_FALSE(executor_.current());
+  inner_.is_refusing = false;
+  EXPECT_TRUE(executor_.current());
+}
+
+TEST_F(LocalisedExecutorTest, TurnsOnBeyondHalfATurn) {
+  inner_.state.q[2] = 0.0;
+  for (int i = 0; i <= 50; ++i) {
+    localise(0.0, 0.0, 0.1 * i);
+    EXPECT_NEAR(executor_.current()->state.q[2], 0.1 * i, 1e-9);
+  }
+  Trajectory turned = drive();
+  for (int i = 0; i < turned.size(); ++i) turned.q(i)[2] = 5.0;
+  ASSERT_TRUE(executor_.follow(turned, {}));
+  EXPECT_NEAR(inner_.followed.back().q(0)[2], 0.0, 1e-9);
+}
+
 TEST_F(LocalisedExecutorTest, DoesNotKnowWhereALostRobotIs) {
   localise(0.0, 0.0, 0.0, "localiser mine: it is dark");
   const auto state = executor_.current();
   ASSERT_FALSE(state);
   EXPECT_THAT(state.error().describe(), testing::HasSubstr("localiser mine: it is dark"));
+  EXPECT_EQ(executor_.believed()->state.q, inner_.state.q);
 }
 
 TEST_F(LocalisedExecutorTest, PassesAStateOfTooFewJointsOn) {

@@ -1,4 +1,5 @@
 #include <bit>
+#include <cmath>
 #include <deque>
 #include <functional>
 #include <limits>
@@ -10,6 +11,7 @@
 #include <sidestep/runtime/pipeline.hpp>
 
 #include "conformance/grid_map.hpp"
+#include "conformance/localiser_conformance.hpp"
 #include "support/host_fixture.hpp"
 
 namespace sidestep {
@@ -130,8 +132,8 @@ TEST_F(Pipeline, MapsFramesWhereALocaliserHasThem) {
                             .localiser = &localiser});
   ASSERT_TRUE(pipeline.attach());
   Frame image;
-  image.measurement = DepthImage{};
-  for (int i = 0; i < 5; ++i) source_.script.emplace_back(std::optional<Frame>(image));
+  image.measurement = DepthImage{{1, 1, 1.0, 1.0, 0.0, 0.0}, {1.0F}};
+  for (int i = 0; i < 6; ++i) source_.script.emplace_back(std::optional<Frame>(image));
   const auto step = pipeline.step({});
   ASSERT_TRUE(step && *step);
   EXPECT_EQ((*step)->localisation->T_map_odom.translation().x(), 1.0);
@@ -139,10 +141,25 @@ TEST_F(Pipeline, MapsFramesWhereALocaliserHasThem) {
   EXPECT_EQ(slot_.snapshot().camera->T_world_camera.translation().x(), 1.0);
   ASSERT_TRUE(pipeline.step({}));
   EXPECT_THAT(localiser.fields, testing::ElementsAre(0, 1));
+  Frame broken = image;
+  broken.measurement = DepthImage{{2, 2, 1.0, 1.0, 0.5, 0.5}, {1.0F}};
+  source_.script.emplace_front(std::optional<Frame>(broken));
+  ASSERT_TRUE(pipeline.step({}));
+  EXPECT_EQ(localiser.fields.size(), 3u);
+  EXPECT_EQ(pipeline.bad_frames().size(), 1u);
   localiser.x_m = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THAT(pipeline.step({}).error().describe(), testing::HasSubstr("localiser ahead"));
   localiser.fails = true;
   EXPECT_THAT(pipeline.step({}).error().describe(), testing::HasSubstr("no light"));
+}
+
+TEST_F(Pipeline, MovesTheJointsOfABaseWithItsFrame) {
+  const auto base = BaseJoints::of(*conformance::turning_robot());
+  Frame frame;
+  frame.joint_positions = Eigen::Vector3d(1.0, 0.0, 0.1);
+  move_frame(frame, transform_from_xyz_rpy({0.0, 2.0, 0.0}, {0.0, 0.0, 0.5}), *base);
+  const Eigen::Vector3d moved(std::cos(0.5), 2.0 + std::sin(0.5), 0.6);
+  EXPECT_TRUE(frame.joint_positions->isApprox(moved)) << *frame.joint_positions;
 }
 
 TEST_F(Pipeline, SkipsUnusableFramesOfSourceAndMapperAndKeepsTheReasons) {

@@ -31,9 +31,10 @@ class SIDESTEP_EXPORT Localiser {
  public:
   virtual ~Localiser() = default;
   /// By one more frame, whose pose and joint positions are those of the odometry. `field`: of the
-  /// newest map, before that frame; null while there is none, when the two frames are the same.
-  /// What the scene does not tell, odometry does, and `sigma_m` and `sigma_rad` grow; only what is
-  /// beyond help fails: it ends the mapping. [mapping]; may allocate.
+  /// newest map, before that frame; null for the first, which says what the map's frame is. What
+  /// the scene does not tell, odometry does, and `sigma_m` and `sigma_rad` grow. Fails with
+  /// kBadFrame where that one frame is to be left out, with any other code for good: it ends the
+  /// mapping. [mapping]; may allocate.
   [[nodiscard]] virtual Result<Localisation> localise(const Frame& frame,
                                                       const DistanceField* field) = 0;
 };

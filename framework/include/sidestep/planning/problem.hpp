@@ -42,7 +42,7 @@ struct SpacePolicy {
   Space outside = Space::kOccupied;
   std::optional<Floor> floor = std::nullopt;
   std::optional<ObservedSpace> observed = std::nullopt;  ///< Kept to by validity checks alone.
-  /// Validity checks look at what no joint moves, too, which runs into nothing.
+  /// Whether validity checks look at spheres that no joint moves.
   bool counts_fixed = true;
 };
 

@@ -102,7 +102,7 @@ class MappingPipeline {
   const OccupancyView* occupancy_;  ///< Of the mapper; null where it has none.
   MotionMemory memory_;
   std::shared_ptr<const DistanceField> newest_;  ///< Kept for the localiser.
-  std::string lost_;                             ///< Localisation::lost of the last frame.
+  bool is_lost_ = false;                         ///< The localiser, at the last frame.
   std::optional<MaskedOccupancy> masked_;        ///< What the field sees, where tracks are masked.
   bool has_content_ = false;
   std::vector<Error> bad_frames_;
