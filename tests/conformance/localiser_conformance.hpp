@@ -273,11 +273,11 @@ TEST_P(LocaliserConformance, KnowsWhatTheSceneDoesNotDetermine) {
   (void)localiser->localise(frame(wall, planar(0, 0, 0), planar(0, 0, 0)), nullptr);
   Localisation found;
   double before_m = 0.0;
-  for (int i = 1; i <= 60; ++i) {
-    const double along_m = 0.05 * i;
+  for (int i = 1; i <= 120; ++i) {
+    const double along_m = 0.025 * i;
     found = *localiser->localise(
         frame(wall, planar(0, along_m, 0), planar(0.01 * along_m, along_m, 0)), &wall);
-    if (i == 30) before_m = found.sigma_m;
+    if (i == 60) before_m = found.sigma_m;
   }
   const Eigen::Vector3d p = found.T_map_odom * Eigen::Vector3d(0.03, 3.0, 0.0);
   EXPECT_NEAR(p.x(), 0.0, 0.01);

@@ -465,6 +465,8 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
     event.attempts = static_cast<int>(found.tried.size());
     event.tried = found.tried;
     if (accepted.error().code == ErrorCode::kPlugin) halt(Reason::kExecutor, refusal);
+    // The next one begins where the robot is measured, should that be elsewhere.
+    if (auto* resting = std::get_if<Resting>(&phase)) resting->at.reset();
     return false;
   }
   if (is_overdue()) overdue_by = parts.executor_name;

@@ -79,6 +79,7 @@ class FieldAlignment final : public Localiser {
   [[nodiscard]] Result<Localisation> localise(const Frame& frame,
                                               const DistanceField* field) override {
     now_ = frame.stamp;
+    if (!begin_) begin_ = now_;
     move_on(frame);
     take_points(frame);
     if (field != nullptr) align(*field);
@@ -105,8 +106,10 @@ class FieldAlignment final : public Localiser {
   static constexpr double kCell_m = 0.1;
   static constexpr int kFewestInCell = 2;
   static constexpr int kMostInCell = 500;
-  /// What was not there so long ago may be somebody who walks.
+  /// What was not there so long ago may be somebody who walks, or, where robots drive among people,
+  /// comes to rest. What was there in the first second is taken for what stands.
   static constexpr std::int64_t kSettled_ns = 1'000'000'000;
+  static constexpr std::int64_t kSettledAmongPeople_ns = 3'000'000'000;
   static constexpr double kSurface_m = 0.01;  ///< How flat they are, a standard deviation.
   static constexpr double kRobust_m = 0.02;  ///< Points farther off count less (Geman and McClure).
   static constexpr double kWidest_m = 0.15;
@@ -301,6 +304,10 @@ class FieldAlignment final : public Localiser {
   [[nodiscard]] Eigen::Array<std::int64_t, 3, 1> cell_of(const Eigen::Vector3d& p) const {
     return (p / kCell_m).array().floor().cast<std::int64_t>();
   }
+  [[nodiscard]] bool has_settled(const Surface& surface) const {
+    const bool is_old = !base_ || surface.first.ns - begin_->ns < kSettled_ns;
+    return now_.ns - surface.first.ns >= (is_old ? kSettled_ns : kSettledAmongPeople_ns);
+  }
   /// The nearest surface that faces the same way; null where there is none in the cell or beside
   /// it.
   [[nodiscard]] const Surface* nearest(const Eigen::Vector3d& p,
@@ -313,7 +320,7 @@ class FieldAlignment final : public Localiser {
           cell + Eigen::Array<std::int64_t, 3, 1>(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
       const auto found = surfaces_.find(key_of(there));
       if (found == surfaces_.end() || found->second.count < kFewestInCell ||
-          now_.ns - found->second.first.ns < kSettled_ns) {
+          !has_settled(found->second)) {
         continue;
       }
       const double m2 = (found->second.mean_m - p).squaredNorm();
@@ -362,6 +369,7 @@ class FieldAlignment final : public Localiser {
   Transform T_map_odom_ = Transform::Identity();
   /// Of small steps about the carrier, in the map's axes: rotation, translation.
   Matrix6 covariance_ = Matrix6::Zero();
+  std::optional<Stamp> begin_;               ///< Of the first frame.
   Stamp now_;                                ///< Of the frame.
   std::optional<Transform> T_odom_carrier_;  ///< At the last frame.
   std::vector<Eigen::Vector3d> points_m_;    ///< By odometry.
