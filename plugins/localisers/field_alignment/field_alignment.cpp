@@ -90,15 +90,22 @@ class FieldAlignment final : public Localiser {
  private:
   static constexpr int kSteps = 8;
   static constexpr std::size_t kFewest = 30;  ///< Points that say anything.
-  /// Points share the errors of whole walls: all of a frame together tell no more than this many
-  /// that share none; fewer of six unknowns, which are determined less evenly.
-  static constexpr double kIndependent = 40.0;
-  static constexpr double kIndependentOfSix = 10.0;
-  /// What the scene determines less than this share of what it determines best, is left to
-  /// odometry; a turn of 1 rad counts as this way.
-  static constexpr double kWeak = 0.01;
-  static constexpr double kWeakOfSix = 0.1;
-  static constexpr double kReach_m = 1.5;
+  /// How far a frame is believed.
+  struct Trust {
+    /// Points share the errors of whole walls: all of a frame count as no more than this many.
+    double independent;
+    /// Directions that are determined less than this share of the best are left to odometry.
+    double weak;
+    /// A surface counts so long after it was first measured: it may be somebody who walks, or comes
+    /// to rest.
+    std::int64_t settled_ns;
+  };
+  static constexpr Trust kPlanar{40.0, 0.01, 3'000'000'000};
+  static constexpr Trust kFree{10.0, 0.1, 1'000'000'000};
+  [[nodiscard]] const Trust& trust() const { return base_ ? kPlanar : kFree; }
+  /// What was there in the first second counts after as long.
+  static constexpr std::int64_t kBegin_ns = 1'000'000'000;
+  static constexpr double kReach_m = 1.5;  ///< What a turn of 1 rad counts as.
   /// A step of odometry is never exact.
   static constexpr double kJitter_m = 1e-4;
   static constexpr double kJitter_rad = 1e-4;
@@ -106,10 +113,6 @@ class FieldAlignment final : public Localiser {
   static constexpr double kCell_m = 0.1;
   static constexpr int kFewestInCell = 2;
   static constexpr int kMostInCell = 500;
-  /// What was not there so long ago may be somebody who walks, or, where robots drive among people,
-  /// comes to rest. What was there in the first second is taken for what stands.
-  static constexpr std::int64_t kSettled_ns = 1'000'000'000;
-  static constexpr std::int64_t kSettledAmongPeople_ns = 3'000'000'000;
   static constexpr double kSurface_m = 0.01;  ///< How flat they are, a standard deviation.
   static constexpr double kRobust_m = 0.02;  ///< Points farther off count less (Geman and McClure).
   static constexpr double kWidest_m = 0.15;
@@ -254,8 +257,7 @@ class FieldAlignment final : public Localiser {
       system.gradient += weight * r_m * J;
     }
     if (used < kFewest) return std::nullopt;
-    const double independent = base_ ? kIndependent : kIndependentOfSix;
-    const double told = std::min(1.0, independent / static_cast<double>(used));
+    const double told = std::min(1.0, trust().independent / static_cast<double>(used));
     system.information *= told;
     system.gradient *= told;
     leave_to_odometry(system);
@@ -271,7 +273,7 @@ class FieldAlignment final : public Localiser {
     const Matrix6 scaled = scale.asDiagonal() * system.information * scale.asDiagonal();
     const Eigen::SelfAdjointEigenSolver<Matrix6> solver(scaled);
     const Vector6 values = solver.eigenvalues().cwiseMax(0.0);
-    const double t = (base_ ? kWeak : kWeakOfSix) * values.maxCoeff();
+    const double t = trust().weak * values.maxCoeff();
     const Vector6 kept = values.array().square() / (values.array().square() + t * t + 1e-300);
     const Matrix6 keep =
         solver.eigenvectors() * kept.asDiagonal() * solver.eigenvectors().transpose();
@@ -305,8 +307,8 @@ class FieldAlignment final : public Localiser {
     return (p / kCell_m).array().floor().cast<std::int64_t>();
   }
   [[nodiscard]] bool has_settled(const Surface& surface) const {
-    const bool is_old = !base_ || surface.first.ns - begin_->ns < kSettled_ns;
-    return now_.ns - surface.first.ns >= (is_old ? kSettled_ns : kSettledAmongPeople_ns);
+    const bool is_of_begin = surface.first.ns - begin_->ns < kBegin_ns;
+    return now_.ns - surface.first.ns >= (is_of_begin ? kBegin_ns : trust().settled_ns);
   }
   /// The nearest surface that faces the same way; null where there is none in the cell or beside
   /// it.

@@ -146,7 +146,7 @@ class KitchenWithDrift : public testing::Test {
 
 TEST_F(KitchenWithDrift, TheMapIsNearTheOneWithoutDrift) {
   const Map right = map(Eigen::Vector3d::UnitZ(), 0.0, false);
-  const std::vector<Eigen::Vector3d> axes = {{0, 0, 1}, {1, -1, 1}};
+  const std::vector<Eigen::Vector3d> axes = {{0, 0, 1}, {0, 0, -1}, {1, -1, 1}};
   for (const Eigen::Vector3d& axis : axes) {
     for (const double drift : {1.0, 2.0}) {
       std::string text = format("drift x %g:", drift);
