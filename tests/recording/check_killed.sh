@@ -16,11 +16,20 @@ bag=$folder/killed.bag
   --set experiment.goal.joints.x=1.3 --set experiment.goal.joints.y=-0.1 --set experiment.random=null \
   --out "$folder/run" --record "$bag" >"$folder/log" 2>&1 &
 process=$!
-# Until something has come to the disk; the run lasts far longer.
-while [ ! -f "$bag" ] || [ "$(stat -c %s "$bag")" -lt 200000 ]; do
-  kill -0 "$process" || { echo "the run has ended:"; tail "$folder/log"; exit 1; }
-  sleep 0.05
-done
+# Until something of every topic has come to the disk, and 100 kB after it; the run lasts far longer.
+topics="/joint_states /camera/depth/image_rect /tf /sidestep/events"
+size() { stat -c %s "$bag" 2>/dev/null || echo 0; }
+all_there() { for topic in $topics; do grep -aqs "topic=$topic" "$bag" || return 1; done; }
+wait_until() {
+  until "$@"; do
+    kill -0 "$process" || { echo "the run has ended:"; tail "$folder/log"; exit 1; }
+    sleep 0.05
+  done
+}
+wait_until all_there
+enough=$(($(size) + 100000))
+grown() { [ "$(size)" -ge "$enough" ]; }
+wait_until grown
 kill -KILL "$process"
 { wait "$process" || true; } 2>/dev/null
 
@@ -30,7 +39,7 @@ indexed() { grep -q '^indexed: True' <<<"$(info)"; }
 rosbag reindex "$bag" >"$folder/reindex.log" 2>&1
 indexed || { echo "rosbag could not recover the bag:"; cat "$folder/reindex.log"; exit 1; }
 found=$(info)
-for topic in /joint_states /camera/depth/image_rect /tf /sidestep/events; do
+for topic in $topics; do
   grep -q "topic: $topic\$" <<<"$found" || { echo "$topic is lost"; exit 1; }
 done
 grep '^messages:' <<<"$found"
