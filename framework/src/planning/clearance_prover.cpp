@@ -20,6 +20,8 @@ constexpr std::size_t kRemembered = 4096;
 /// Levers are taken anew after about this much motion.
 constexpr double kPiece_m = 0.3;
 constexpr int kMaxPieces = 1 << 14;
+/// By which a sphere that leaves an obstacle has to rise, of its way.
+constexpr double kRise = 0.5;
 /// A gap whose box has more voxels is halved: the boxes of its halves have a quarter together.
 constexpr int kMaxVoxels = 64;
 
@@ -99,7 +101,8 @@ ClearanceProver::ClearanceProver(std::shared_ptr<const RobotModel> robot,
             space_.observed->links.end());
     // In a cell that touches an occupied voxel the interpolant is at most one diagonal.
     const bool is_beyond_surface =
-        info.is_exact || sphere.radius_m + margin_m_ >= kSqrt3 * info.grid.resolution_m;
+        info.is_exact ||
+        sphere.radius_m + margin_m_ - leaving_depth_m(s) >= kSqrt3 * info.grid.resolution_m;
     fall_factor_.push_back(info.is_signed && !is_beyond_surface ? 2.0 : 1.0);
   }
   if (!space_.counts_fixed) fixed_ = fixed_spheres(*robot_);
@@ -142,9 +145,23 @@ double ClearanceProver::longest_way_m(const Workspace& w) const noexcept {
 }
 
 double ClearanceProver::fall_m(int item, double way_m) const noexcept {
-  if (item >= sphere_count_ || field_->info().is_exact) return way_m;
+  if (item >= sphere_count_) return way_m;
+  const double allowed_m = leaving_depth_m(item) > 0.0 ? kRise * way_m : 0.0;
+  if (field_->info().is_exact) return way_m + allowed_m;
   return fall_factor_[idx(item)] *
-         std::min(kSqrt3 * way_m, way_m + kSqrt3 * field_->info().grid.resolution_m);
+             std::min(kSqrt3 * way_m, way_m + kSqrt3 * field_->info().grid.resolution_m) +
+         allowed_m;
+}
+
+double ClearanceProver::leaving_depth_m(int item) const noexcept {
+  return space_.leaving != nullptr ? space_.leaving->depths_m[idx(item)] : 0.0;
+}
+
+/// How much deeper than others a sphere may be that leaves an obstacle.
+double ClearanceProver::allowance_m(int item, const Eigen::Vector3d& centre_m) const noexcept {
+  const double depth_m = leaving_depth_m(item);
+  if (depth_m <= 0.0) return 0.0;
+  return std::max(0.0, depth_m - kRise * (centre_m - space_.leaving->centres_m[idx(item)]).norm());
 }
 
 bool ClearanceProver::violates(int item, const ClearanceReading& reading) const noexcept {
@@ -187,7 +204,8 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
       reading.centre_m = w.points[i];
       continue;
     }
-    reading.clearance_m = w.distances[i] - radius_m;
+    const double allowance_m = this->allowance_m(measurement.item, w.points[i]);
+    reading.clearance_m = w.distances[i] - radius_m + allowance_m;
     reading.smooth_m = reading.clearance_m;
     reading.status = w.statuses[i];
     reading.is_unseen =
@@ -199,7 +217,7 @@ void ClearanceProver::measure_spheres(Workspace& w) const {
     if (reading.status == FieldStatus::kOutside && space_.outside == Space::kFree) {
       double smooth_m = 0.0;
       field_->query({&w.points[i], 1}, {&smooth_m, 1}, {}, {});
-      reading.smooth_m = smooth_m - radius_m;
+      reading.smooth_m = smooth_m - radius_m + allowance_m;
     }
     reading.floor_m = above_floor_(idx(measurement.item), w.points[i]);
     reading.clearance_m = std::min(reading.clearance_m, reading.floor_m);  // the field's NaN stays

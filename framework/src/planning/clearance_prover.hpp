@@ -147,6 +147,8 @@ class ClearanceProver {
   void measure_spheres(Workspace& workspace) const;
   void measure_pairs(Workspace& workspace) const;
   [[nodiscard]] double fall_m(int item, double way_m) const noexcept;
+  [[nodiscard]] double leaving_depth_m(int item) const noexcept;
+  [[nodiscard]] double allowance_m(int item, const Eigen::Vector3d& centre_m) const noexcept;
   /// Between two readings of an item, for a bound on its way from one to the other.
   [[nodiscard]] Shortfall shortfall(int item, const ClearanceReading& a, const ClearanceReading& b,
                                     double way_m, Workspace& workspace) const;

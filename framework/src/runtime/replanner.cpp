@@ -378,13 +378,15 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
     if (std::abs(value - inside) <= kBeyond) value = inside;
   }
   // An obstacle that came up to a standing robot, or a map that wavers, must not hold it for good.
-  use_margin(margin_at(q));
+  use_margin_at(q);
   detail::Departure departure;
   departure.lead = resting({q.data(), joints.size()}, settings.takeover_s);
   find_unfinished(departure);
   const Reason reason = halted ? halted->reason : Reason::kGoal;
   std::string cause = halted ? halted->cause : "the robot is not at its goal";
-  if (margin_m < settings.margin_m) {
+  if (parts.space.leaving != nullptr) {
+    cause += "; it stands in what the map has for an obstacle, and leaves it";
+  } else if (margin_m < settings.margin_m) {
     cause += "; it stands within the margin, and keeps " + std::to_string(margin_m) + " m";
   }
   const detail::Departure at_rest = departure;
@@ -433,14 +435,17 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   const bool is_good =
       reason == Reason::kCost || reason == Reason::kSooner || reason == Reason::kAside;
   if (found.fault.empty() && is_good) return false;  // what is followed is good
+  constexpr double kAgain_s = 10.0;
+  const bool is_told =
+      failing_told && found.fault.empty() && now.seconds() - failing_told->seconds() < kAgain_s;
   failed_at = now;
   if (found.refused != nullptr) {
     refused = found.refused;
     refused_free_s = found.refused_free_s;
   }
-  const bool is_told = is_failing && found.fault.empty();
-  is_failing = !std::holds_alternative<Driving>(phase);
-  if (is_told && is_failing) return false;
+  const bool is_driving = std::holds_alternative<Driving>(phase);
+  if (is_told && !is_driving) return false;
+  failing_told = is_driving ? std::nullopt : std::optional(now);
   Event& event = tell(Event::Kind::kReplanFailed, found.fault.empty() ? reason : Reason::kPlugin,
                       found.fault.empty() ? cause + "; no plan of " + parts.optimiser_name +
                                                 " will do: " + found.failure
@@ -484,7 +489,7 @@ bool Replanner::Impl::follow(const detail::SearchResult& found, Reason reason,
   }
   is_moving = true;
   free_goal.reset();
-  is_failing = false;
+  failing_told.reset();
   if (plan.frees_goal) free_goal = end_state(unfinished).q;
   if (halted) {
     if (!was_slowed) tell(Event::Kind::kRecovered, halted->reason, halted->cause);

@@ -131,8 +131,10 @@ struct Replanner::Impl {
   /// A cause, and after it what whoever maps has to say.
   [[nodiscard]] std::string with_map_trouble(std::string cause) const;
   void use_margin(double kept_m);
-  /// The largest of a few shares of the margin that a robot standing there keeps.
-  [[nodiscard]] double margin_at(const Eigen::VectorXd& q) const;
+  /// Uses the largest of a few shares of the margin that a robot standing there keeps, or has it
+  /// leave what it stands in.
+  void use_margin_at(const Eigen::VectorXd& q);
+  [[nodiscard]] std::shared_ptr<const Leaving> leaving_from(const Eigen::VectorXd& q) const;
   void check(Driving& driving);
   [[nodiscard]] Violation first_violation_after(const Violation& unproven,
                                                 const Trajectory& trajectory) const;
@@ -201,8 +203,8 @@ struct Replanner::Impl {
   Stamp map_came;                                 ///< The step in which it did.
   std::unique_ptr<ValidityCheck> full_check;      ///< In `field`, with `margin_m`.
   std::unique_ptr<ValidityCheck> obstacle_check;  ///< The same, of obstacles alone.
-  double margin_m;          ///< The settings', or what a robot that leaves an obstacle can keep.
-  bool is_failing = false;  ///< The last replan from rest failed, and has been told of.
+  double margin_m;  ///< The settings', or what a robot that leaves an obstacle can keep.
+  std::optional<Stamp> failing_told;  ///< When it was told last that replans from rest fail.
   std::int64_t checks = 0;
 };
 

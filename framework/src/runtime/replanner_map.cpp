@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/planning/costs.hpp>
@@ -187,11 +188,14 @@ bool Replanner::Impl::look_at_map() {
     driving->is_unreached = driving->is_checked = false;
   }
   const double kept_m = margin_m;
+  const auto leaving = std::exchange(parts.space.leaving, nullptr);
   use_margin(settings.margin_m);
-  if (kept_m == settings.margin_m || motion() == nullptr) return true;
+  if ((kept_m == settings.margin_m && leaving == nullptr) || motion() == nullptr) return true;
   // What left an obstacle with less keeps the whole margin again as soon as it can.
   const auto verdict = full_check->check(motion()->trajectory, motion()->time_s(now), Deadline());
-  if (!verdict || !verdict->valid()) use_margin(kept_m);
+  if (verdict && verdict->valid()) return true;
+  parts.space.leaving = leaving;
+  use_margin(kept_m);
   return true;
 }
 
@@ -223,14 +227,39 @@ void Replanner::Impl::use_margin(double kept_m) {
   obstacle_check = checks_of_robot.make(field, parts.space, settings_of_check);
 }
 
-double Replanner::Impl::margin_at(const Eigen::VectorXd& q) const {
+void Replanner::Impl::use_margin_at(const Eigen::VectorXd& q) {
+  parts.space.leaving.reset();
+  const auto is_free = [&](double kept_m) {
+    const auto violation = checks_of_robot.state_violation(field, parts.space, kept_m, as_span(q));
+    return !violation || violation->kind != Violation::Kind::kCollision;
+  };
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
-    const double kept_m = share * settings.margin_m;
-    const auto violation = checks_of_robot.state_violation(
-        field, parts.space, kept_m, {q.data(), static_cast<std::size_t>(q.size())});
-    if (!violation || violation->kind != Violation::Kind::kCollision) return kept_m;
+    if (is_free(share * settings.margin_m)) return use_margin(share * settings.margin_m);
   }
-  return settings.margin_m;
+  parts.space.leaving = leaving_from(q);
+  use_margin(is_free(0.0) ? 0.0 : settings.margin_m);
+}
+
+/// Nothing where the robot is deeper in an obstacle than noise, or somebody who stood beside it,
+/// has it be.
+std::shared_ptr<const Leaving> Replanner::Impl::leaving_from(const Eigen::VectorXd& q) const {
+  constexpr double kDeepest_m = 0.1;
+  constexpr double kRoom_m = 1e-3;
+  const std::vector<CollisionSphere>& spheres = parts.robot->description().spheres;
+  Leaving leaving;
+  leaving.centres_m.resize(spheres.size());
+  Scratch scratch;
+  parts.robot->sphere_centres(as_span(q), leaving.centres_m, scratch);
+  std::vector<double> distances_m(spheres.size());
+  std::vector<FieldStatus> statuses(spheres.size());
+  query_with_policy(*field, parts.space, leaving.centres_m, distances_m, {}, statuses);
+  const std::vector<bool> fixed = fixed_spheres(*parts.robot);
+  for (std::size_t s = 0; s < spheres.size(); ++s) {
+    const double depth_m = fixed[s] ? 0.0 : spheres[s].radius_m - distances_m[s];
+    if (depth_m > kDeepest_m) return nullptr;
+    leaving.depths_m.push_back(depth_m > 0.0 ? depth_m + kRoom_m : 0.0);
+  }
+  return std::make_shared<const Leaving>(std::move(leaving));
 }
 
 void Replanner::Impl::check(Driving& driving) {

@@ -266,6 +266,36 @@ TEST(Replanner, LeavesTheMarginOfWhatCameUpToItAndKeepsItAfterwards) {
   EXPECT_THAT(loop.first(Kind::kPlanned)->cause, HasSubstr("within the margin"));
 }
 
+/// What a ball left in the map that came 0.05 m into the robot must not hold it for good; what it
+/// is 0.15 m inside may be there. It goes straight away from it, or stands.
+TEST(Replanner, LeavesWhatItStandsInUnlessThatIsDeep) {
+  for (const double depth_m : {0.05, 0.15}) {
+    ReplannerSettings settings = ClosedLoop::defaults();
+    settings.margin_m = 0.1;
+    ClosedLoop loop(settings);
+    const Ball behind{{-0.4 + depth_m, 0.0, 0.0}, 0.2};
+    loop.obstacles = {behind};
+    loop.planner.misbehave = [&](const Problem& problem, const Trajectory&,
+                                 const Deadline&) -> std::optional<Result<Solution>> {
+      Solution straight;
+      straight.status = SolveStatus::kConverged;
+      straight.trajectory =
+          DetourPlanner::through({problem.start.q, problem.goal.q}, problem.start.qdot);
+      return straight;
+    };
+    loop.run(20.0);
+    if (depth_m > 0.1) {
+      EXPECT_EQ(loop.executor.follows, 0);
+      // It goes on saying so, every ten seconds.
+      EXPECT_EQ(loop.count(Kind::kReplanFailed), 2) << loop.story();
+      continue;
+    }
+    expect_goal(loop);
+    EXPECT_NEAR(loop.least_clearance_m, -depth_m, 1e-9);
+    EXPECT_THAT(loop.first(Kind::kPlanned)->cause, HasSubstr("and leaves it"));
+  }
+}
+
 /// Something stands on the goal: every motion is free for a while only.
 TEST(Replanner, TakesWhatIsFreeForAWhileOnceASearchHasTakenLong) {
   for (const double stopgap_after_s : {10.0, 0.001}) {

@@ -37,6 +37,14 @@ struct ObservedSpace {
   double start_radius_m = 0.0;                        ///< Horizontal, about `start_m`.
 };
 
+/// How a robot comes out of what a map takes for an obstacle, where noise, or what somebody left
+/// who stood too near for any ray to get there since, would else hold it for good.
+struct Leaving {
+  std::vector<Eigen::Vector3d> centres_m;  ///< Of the robot's spheres where it stands. World frame.
+  std::vector<double> depths_m;  ///< So deep each sphere may be there, and, for each metre that its
+                                 ///< centre has gone from there, half a metre less.
+};
+
 struct SpacePolicy {
   Space unknown = Space::kOccupied;
   Space outside = Space::kOccupied;
@@ -44,6 +52,7 @@ struct SpacePolicy {
   std::optional<ObservedSpace> observed = std::nullopt;  ///< Kept to by validity checks alone.
   /// Whether validity checks look at spheres that no joint moves.
   bool counts_fixed = true;
+  std::shared_ptr<const Leaving> leaving = nullptr;  ///< Of validity checks alone; null: not.
 };
 
 /// At which states of the trajectory a cost applies.
