@@ -161,7 +161,8 @@ double ClearanceProver::leaving_depth_m(int item) const noexcept {
 double ClearanceProver::allowance_m(int item, const Eigen::Vector3d& centre_m) const noexcept {
   const double depth_m = leaving_depth_m(item);
   if (depth_m <= 0.0) return 0.0;
-  return std::max(0.0, depth_m - kRise * (centre_m - space_.leaving->centres_m[idx(item)]).norm());
+  const double way_m = (centre_m - space_.leaving->centres_m[idx(item)]).norm();
+  return std::max(std::min(depth_m, margin_m_), depth_m - kRise * way_m);
 }
 
 bool ClearanceProver::violates(int item, const ClearanceReading& reading) const noexcept {

@@ -33,8 +33,10 @@ class Motion {
 /// What the prover measures: items [0, spheres) are the robot's spheres against the field and the
 /// floor, the rest, if not only obstacles are looked for, its self_collision_pairs.
 struct ClearanceReading {
-  double clearance_m = 0.0;  ///< Distance minus radius under the space policy, the nearer of both.
-  double smooth_m = 0.0;     ///< Of the field alone, without the policy: what drop(L) is about.
+  /// Distance minus radius under the space policy, the nearer of both; in the field with what a
+  /// sphere is allowed that leaves an obstacle, as in `smooth_m`.
+  double clearance_m = 0.0;
+  double smooth_m = 0.0;       ///< Of the field alone, without the policy: what drop(L) is about.
   double floor_m = kInfinity;  ///< Above the floor.
   double inside_m = 0.0;       ///< Of the centre to the field's border; negative outside.
   FieldStatus status = FieldStatus::kKnown;
@@ -61,6 +63,9 @@ struct Shortfall {
 /// the interpolant differs from the true distance by at most sqrt(3)/2 resolution. A signed
 /// field jumps by two voxels across a surface, which doubles both for spheres that may come
 /// that near. The field itself is taken to be exact.
+///
+/// A sphere that leaves an obstacle (SpacePolicy::leaving) is read with what it is allowed there,
+/// which falls by half of L, too.
 ///
 /// A height above the floor falls by at most L, in the map and outside it alike.
 ///

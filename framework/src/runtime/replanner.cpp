@@ -182,6 +182,7 @@ Replanner::Status Replanner::Impl::advance() {
     last_step = now;
     last_replan.reset();
     looked_around.reset();
+    failing_told.reset();
     halt(Reason::kClock, "the clock went back by " + std::to_string(back_s) + " s", true);
     return status();
   }
@@ -397,8 +398,10 @@ void Replanner::Impl::depart_from_rest(const RobotState& measured) {
 void Replanner::Impl::look_for_other_goal() {
   constexpr double kAgain_s = 1.0;
   const bool is_early = asked_for_goal && now.seconds() - asked_for_goal->seconds() < kAgain_s;
+  SpacePolicy space = parts.space;
+  space.leaving.reset();  // a goal is nothing to come out of
   const auto is_blocked = [&](const Eigen::VectorXd& q) {
-    return checks_of_robot.state_violation(field, parts.space, margin_m, as_span(q)).has_value();
+    return checks_of_robot.state_violation(field, space, margin_m, as_span(q)).has_value();
   };
   if (!parts.other_goal || is_early || !is_blocked(parts.goal.q)) return;
   asked_for_goal = now;

@@ -135,6 +135,7 @@ struct Replanner::Impl {
   /// leave what it stands in.
   void use_margin_at(const Eigen::VectorXd& q);
   [[nodiscard]] std::shared_ptr<const Leaving> leaving_from(const Eigen::VectorXd& q) const;
+  [[nodiscard]] std::shared_ptr<const Leaving> still_leaving(const Leaving& leaving) const;
   void check(Driving& driving);
   [[nodiscard]] Violation first_violation_after(const Violation& unproven,
                                                 const Trajectory& trajectory) const;

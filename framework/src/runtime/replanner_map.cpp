@@ -194,7 +194,7 @@ bool Replanner::Impl::look_at_map() {
   // What left an obstacle with less keeps the whole margin again as soon as it can.
   const auto verdict = full_check->check(motion()->trajectory, motion()->time_s(now), Deadline());
   if (verdict && verdict->valid()) return true;
-  parts.space.leaving = leaving;
+  if (leaving != nullptr) parts.space.leaving = still_leaving(*leaving);
   use_margin(kept_m);
   return true;
 }
@@ -237,14 +237,15 @@ void Replanner::Impl::use_margin_at(const Eigen::VectorXd& q) {
     if (is_free(share * settings.margin_m)) return use_margin(share * settings.margin_m);
   }
   parts.space.leaving = leaving_from(q);
-  use_margin(is_free(0.0) ? 0.0 : settings.margin_m);
+  if (!is_free(settings.margin_m)) parts.space.leaving.reset();  // it is in the floor, say
+  use_margin(settings.margin_m);
 }
 
-/// Nothing where the robot is deeper in an obstacle than noise, or somebody who stood beside it,
-/// has it be.
+/// By how much each sphere falls short of the margin where the robot stands; nothing where that is
+/// more than noise, or somebody who stood beside it, accounts for.
 std::shared_ptr<const Leaving> Replanner::Impl::leaving_from(const Eigen::VectorXd& q) const {
   constexpr double kDeepest_m = 0.1;
-  constexpr double kRoom_m = 1e-3;
+  constexpr double kTolerance_m = 1e-3;
   const std::vector<CollisionSphere>& spheres = parts.robot->description().spheres;
   Leaving leaving;
   leaving.centres_m.resize(spheres.size());
@@ -256,10 +257,30 @@ std::shared_ptr<const Leaving> Replanner::Impl::leaving_from(const Eigen::Vector
   const std::vector<bool> fixed = fixed_spheres(*parts.robot);
   for (std::size_t s = 0; s < spheres.size(); ++s) {
     const double depth_m = fixed[s] ? 0.0 : spheres[s].radius_m - distances_m[s];
-    if (depth_m > kDeepest_m) return nullptr;
-    leaving.depths_m.push_back(depth_m > 0.0 ? depth_m + kRoom_m : 0.0);
+    // Without a sign nobody knows how deep a centre is.
+    const bool is_too_deep =
+        depth_m > kDeepest_m || (distances_m[s] <= 0.0 && !fixed[s] && !field->info().is_signed);
+    if (is_too_deep) return nullptr;
+    const double short_m = fixed[s] ? 0.0 : depth_m + settings.margin_m;
+    leaving.depths_m.push_back(short_m > 0.0 ? short_m + kTolerance_m : 0.0);
   }
   return std::make_shared<const Leaving>(std::move(leaving));
+}
+
+/// The same while it goes, of the spheres that are not out yet by the newest map; nothing once all
+/// are.
+std::shared_ptr<const Leaving> Replanner::Impl::still_leaving(const Leaving& leaving) const {
+  Eigen::VectorXd q(motion()->trajectory.dof);
+  motion()->trajectory.sample(motion()->time_s(now), {q.data(), idx(q.size())}, {});
+  const auto here = leaving_from(q);
+  if (here == nullptr) return nullptr;  // deeper than what may be left
+  auto rest = std::make_shared<Leaving>(leaving);
+  for (std::size_t s = 0; s < rest->depths_m.size(); ++s) {
+    if (here->depths_m[s] == 0.0) rest->depths_m[s] = 0.0;
+  }
+  const bool is_out =
+      std::ranges::none_of(rest->depths_m, [](double depth_m) { return depth_m > 0.0; });
+  return is_out ? nullptr : rest;
 }
 
 void Replanner::Impl::check(Driving& driving) {

@@ -41,8 +41,8 @@ struct ObservedSpace {
 /// who stood too near for any ray to get there since, would else hold it for good.
 struct Leaving {
   std::vector<Eigen::Vector3d> centres_m;  ///< Of the robot's spheres where it stands. World frame.
-  std::vector<double> depths_m;  ///< So deep each sphere may be there, and, for each metre that its
-                                 ///< centre has gone from there, half a metre less.
+  /// By how much each sphere may fall short of the margin there, one each; for each metre that its
+  std::vector<double> depths_m;  ///< centre goes, half a metre less, down to the margin itself.
 };
 
 struct SpacePolicy {
