@@ -9,13 +9,14 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// The closed loops that are shipped (configs/replan).
+/// The closed loops that are shipped (configs/replan, and one of configs/sudden).
 class Scenario : public ::testing::TestWithParam<const char*> {
  protected:
   /// The summary of the first episodes.
   [[nodiscard]] Json run_episodes(int count, const std::vector<std::string>& sets = {}) const {
+    const std::string folder = std::string(GetParam()) == "living_room" ? "sudden/" : "replan/";
     const std::string config =
-        std::string(SIDESTEP_SOURCE_DIR) + "/configs/replan/" + GetParam() + ".yaml";
+        std::string(SIDESTEP_SOURCE_DIR) + "/configs/" + folder + GetParam() + ".yaml";
     std::vector<std::string> arguments = {"run",   config,
                                           "--out", (folder_.path() / "run").string(),
                                           "--set", "experiment.episodes=" + std::to_string(count),
@@ -52,7 +53,7 @@ TEST_P(Scenario, IsNotPassedByARobotThatSeesNothing) {
 
 INSTANTIATE_TEST_SUITE_P(Replan, Scenario,
                          ::testing::Values("floor_pickup", "shelf_pickup", "table_pickup",
-                                           "room_navigation", "arm_reach"),
+                                           "room_navigation", "arm_reach", "living_room"),
                          [](const auto& scenario) { return std::string(scenario.param); });
 
 }  // namespace

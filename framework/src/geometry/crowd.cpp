@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <ranges>
 #include <utility>
 
 #include <sidestep/core/index.hpp>
@@ -26,6 +27,7 @@ constexpr double kAway_m = -1000.0;   ///< Height of those who are not there.
 constexpr double kInstant_s = 1e-6;   ///< In which they come and go.
 constexpr double kWallsFrom_m = 2.0;  ///< Farther ones are not walked around.
 constexpr double kRoom_m = 0.1;       ///< Beside people where they are drawn.
+constexpr double kGoing_mps = 0.05;   ///< A robot that is slower has no direction.
 constexpr int kDraws = 1000;
 constexpr double kPerPlace_s = 5.0;  ///< Places drawn for so long a walk, at least.
 
@@ -110,6 +112,11 @@ class Drawing {
       return fail(ErrorCode::kConfig, "person '" + person.name + "' " + what,
                   group.mark.to_string(), hint);
     };
+    if (person.policy == Person::Policy::kSudden) {
+      person.after_m = drawn(group.after_m.x(), group.after_m.y());
+      persons_.push_back(std::move(person));
+      return {};
+    }
     if (!person.route_m.empty()) {
       const double clear_m = clearance_m(standing_, person.route_m.front());
       if (clear_m < person.radius_m) {
@@ -117,11 +124,11 @@ class Drawing {
       }
     } else {
       const auto somewhere = [&] {
-        return Eigen::Vector2d(drawn(group.area.min().x(), group.area.max().x()),
-                               drawn(group.area.min().y(), group.area.max().y()));
+        return Eigen::Vector2d(drawn(person.area.min().x(), person.area.max().x()),
+                               drawn(person.area.min().y(), person.area.max().y()));
       };
       // As many as it may come to in that time; at least one to go to.
-      const double longest_m = group.area.sizes().norm();
+      const double longest_m = person.area.sizes().norm();
       const double places =
           people_.duration_s * std::min(1.0 / kPerPlace_s, 3.0 * person.speed_mps / longest_m);
       const auto wanted = static_cast<std::size_t>(std::clamp(places, 2.0, 200.0));
@@ -184,6 +191,9 @@ std::vector<SceneObject> body_of(const Person& person, int index) {
     object.person = index;
     return object;
   };
+  if (person.box_m) {
+    return {part(person.name, Box{{person.box_m->x(), person.box_m->y(), person.height_m}})};
+  }
   if (!person.has_legs) return {part(person.name, Cylinder{person.radius_m, person.height_m})};
   const double hip_m = kHip_m * person.height_m;
   const double torso_m = std::max(1e-3, person.height_m - hip_m - 2.0 * person.radius_m);
@@ -266,11 +276,12 @@ Result<Scene> with_people(std::vector<SceneObject> objects, const People& people
     const bool is_recorded = person.policy == Person::Policy::kRecorded;
     const auto seen = is_recorded ? recorded_at(person, 0.0) : std::nullopt;
     if (seen) start = *seen;
-    if (!is_recorded) start.place_m = person.route_m.front();
+    const bool is_there = seen || !person.route_m.empty();
+    if (!person.route_m.empty()) start.place_m = person.route_m.front();
     auto poses = poses_of(person, start.place_m,
                           std::atan2(start.velocity_mps.y(), start.velocity_mps.x()), 0.0, 0.0);
     for (std::size_t k = 0; k < body.size(); ++k) {
-      if (is_recorded && !seen) poses[k].translation().z() = kAway_m;
+      if (!is_there) poses[k].translation().z() = kAway_m;
       body[k].waypoints = {{0.0, poses[k]}};
       objects.push_back(std::move(body[k]));
     }
@@ -282,7 +293,10 @@ Crowd::Crowd(const Scene& scene)
     : objects_(scene.objects()), people_(scene.people()), standing_(what_stands(objects_)) {
   for (const Person& person : people_.persons) {
     Walker walker;
-    if (person.policy != Person::Policy::kRecorded) {
+    if (person.policy == Person::Policy::kSudden) {
+      walker.is_there = false;
+      sees_robot_ = true;
+    } else if (person.policy != Person::Policy::kRecorded) {
       walker.place_m = person.route_m.front();
       sees_robot_ |= person.sees_robot != Person::Sees::kNever;
     } else if (const auto seen = recorded_at(person, 0.0)) {
@@ -386,15 +400,43 @@ void Crowd::note_bodies(std::size_t index, bool was_there) {
   }
 }
 
+void Crowd::follow_robot(const OrcaAgent& robot) {
+  if (robot_m_) robot_way_m_ += (robot.position_m - *robot_m_).norm();
+  robot_m_ = robot.position_m;
+}
+
+/// It comes once there is room for it in the robot's way.
+void Crowd::appear(std::size_t index, const OrcaAgent& robot) {
+  const Person& person = people_.persons[index];
+  const double speed_mps = robot.velocity_mps.norm();
+  if (robot_way_m_ < person.after_m || speed_mps < kGoing_mps) return;
+  const Eigen::Vector2d ahead = robot.velocity_mps / speed_mps;
+  const Eigen::Vector2d place_m = robot.position_m + person.ahead_m * ahead;
+  const auto is_on = [&](std::size_t other) {
+    return walkers_[other].is_there && (walkers_[other].place_m - place_m).norm() <
+                                           person.radius_m + people_.persons[other].radius_m;
+  };
+  const auto all = std::views::iota(std::size_t{0}, walkers_.size());
+  if (person.ahead_m < person.radius_m + robot.radius_m || !person.area.contains(place_m) ||
+      clearance_m(standing_, place_m) < person.radius_m || std::ranges::any_of(all, is_on)) {
+    return;
+  }
+  Walker& walker = walkers_[index];
+  walker.is_there = true;
+  walker.place_m = place_m;
+  walker.heading_rad = std::atan2(ahead.y(), ahead.x());
+}
+
 bool Crowd::advance(double until_s, const std::optional<OrcaAgent>& robot) {
   const double step_s = people_.step_s;
   const std::int64_t before = steps_;
+  if (robot) follow_robot(*robot);
   for (; static_cast<double>(steps_) * step_s < until_s; ++steps_) {
     // Everybody chooses, and then everybody goes.
     std::vector<Eigen::Vector2d> velocities(walkers_.size(), Eigen::Vector2d::Zero());
     for (std::size_t i = 0; i < walkers_.size(); ++i) {
       const Person& person = people_.persons[i];
-      if (person.policy == Person::Policy::kRecorded) continue;
+      if (person.route_m.empty()) continue;
       const Eigen::Vector2d preferred_mps = preferred(person, walkers_[i]);
       velocities[i] = choose(i, preferred_mps, robot);
       const bool is_stuck = velocities[i].norm() < kStuck * preferred_mps.norm();
@@ -408,6 +450,8 @@ bool Crowd::advance(double until_s, const std::optional<OrcaAgent>& robot) {
         walker.is_there = seen.has_value();
         if (seen) walker.place_m = seen->place_m;
         if (seen) walker.velocity_mps = seen->velocity_mps;
+      } else if (people_.persons[i].policy == Person::Policy::kSudden) {
+        if (robot && !was_there) appear(i, *robot);
       } else {
         walker.velocity_mps = velocities[i];
         walker.place_m += step_s * velocities[i];

@@ -7,6 +7,8 @@
 #include <map>
 #include <set>
 
+#include <sidestep/core/index.hpp>
+
 #include "node_reader.hpp"
 
 namespace sidestep {
@@ -22,7 +24,8 @@ struct PolicyName {
 constexpr PolicyName kPolicies[] = {{"waypoints", Policy::kWaypoints},
                                     {"orca", Policy::kOrca},
                                     {"social_force", Policy::kSocialForce},
-                                    {"recorded", Policy::kRecorded}};
+                                    {"recorded", Policy::kRecorded},
+                                    {"sudden", Policy::kSudden}};
 struct SeesName {
   const char* name;
   Sees sees;
@@ -85,6 +88,12 @@ class PeopleReader : private NodeReader {
                         "height_m", "legs"});
       person.radius_m = group.radius_m.x();
       read_recording(node, person, people);
+      return;
+    }
+    if (person.policy == Policy::kSudden) {
+      check_keys(node, {"name", "policy", "size_m", "height_m", "after_m", "ahead_m", "area"});
+      read_sudden(node, group);
+      people.groups.push_back(std::move(group));
       return;
     }
     check_keys(node, {"name", "count", "policy", "radius_m", "speed_mps", "height_m", "legs",
@@ -190,6 +199,22 @@ class PeopleReader : private NodeReader {
     }
   }
 
+  void read_sudden(const Node& node, PeopleGroup& group) {
+    Person& person = group.common;
+    person.has_legs = false;
+    person.box_m.emplace(0.2, 0.4);
+    if (const Node* size = node.find("size_m"); size != nullptr && keep(size->as_doubles(2))) {
+      for (int axis = 0; axis < 2; ++axis) {
+        (*person.box_m)[axis] = positive(size->items()[idx(axis)], "size_m");
+      }
+    }
+    group.radius_m.setConstant(0.5 * person.box_m->norm());
+    read_range(node, "after_m", group.after_m);
+    read_positive(node, "ahead_m", person.ahead_m);
+    person.area = {Eigen::Vector2d::Constant(-kInfinity), Eigen::Vector2d::Constant(kInfinity)};
+    if (const Node* area = node.find("area")) read_area(*area, group);
+  }
+
   void read_area(const Node& area, PeopleGroup& group) {
     if (!area.is_map()) {
       add(area.error("expected an area such as {x_m: [-2, 2], y_m: [-2, 2]}, found " +
@@ -202,8 +227,8 @@ class PeopleReader : private NodeReader {
     if (x == nullptr || y == nullptr) return;
     const auto along_x = range(*x, "x_m"), along_y = range(*y, "y_m");
     if (!along_x || !along_y) return;
-    group.area = {Eigen::Vector2d(along_x->first, along_y->first),
-                  Eigen::Vector2d(along_x->second, along_y->second)};
+    group.common.area = {Eigen::Vector2d(along_x->first, along_y->first),
+                         Eigen::Vector2d(along_x->second, along_y->second)};
   }
 
   void read_recording(const Node& node, const Person& common, People& people) {

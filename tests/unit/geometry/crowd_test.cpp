@@ -229,6 +229,50 @@ TEST(Crowd, KeepsItsFeetOffARobotThatItSees) {
   }
 }
 
+/// A robot that goes along x at 0.5 m/s from the origin meets a box; when it stands there.
+double stands_from_s(const std::string& keys, const std::string& objects, Eigen::Vector3d& at_m) {
+  Crowd crowd(scene_of(
+      "  groups: [{name: box, policy: sudden, size_m: [0.2, 0.4], height_m: 1.75" + keys + "}]\n",
+      objects));
+  EXPECT_TRUE(crowd.sees_robot());
+  for (int i = 0; i <= 100; ++i) {
+    crowd.advance(0.1 * i, OrcaAgent{{0.05 * i, 0.0}, {0.5, 0.0}, 0.3});
+  }
+  const Scene scene = crowd.scene();
+  const SceneObject& box = scene.objects().back();
+  EXPECT_EQ(std::get<Box>(box.shape).size_m, Eigen::Vector3d(0.2, 0.4, 1.75));
+  at_m = box.T_world_object(10.0).translation();
+  for (double time_s = 0.005; time_s < 10.0; time_s += 0.01) {
+    const bool stands = box.T_world_object(time_s).translation().isApprox(at_m);
+    if (stands) return time_s;
+    EXPECT_LT(box.T_world_object(time_s).translation().z(), -100.0) << time_s;
+  }
+  return 10.0;
+}
+
+TEST(Crowd, StandsSuddenlyInTheWayOfARobotOnceThatHasGoneSoFar) {
+  Eigen::Vector3d at_m;
+  // At 2 s the robot has gone 1 m; a step and a call later the box is there.
+  const double from_s = stands_from_s(", after_m: 1.0, ahead_m: 1.7", "[]", at_m);
+  EXPECT_NEAR(from_s, 2.1, 0.11);
+  EXPECT_NEAR(at_m.x(), 1.0 + 1.7, 0.051);
+  EXPECT_EQ(at_m.y(), 0.0);
+  EXPECT_EQ(at_m.z(), 0.5 * 1.75);
+}
+
+TEST(Crowd, StandsSuddenlyWhereThereIsRoomAndWhereItMay) {
+  Eigen::Vector3d at_m;
+  const std::string pillar =
+      "[{name: pillar, shape: {box: {size_m: [1.0, 1.0, 2.0]}}, pose: {xyz_m: [2.9, 0, 1]}}]";
+  const double from_s = stands_from_s(", after_m: 1.0, ahead_m: 1.7", pillar, at_m);
+  EXPECT_GT(at_m.x() - 0.5 * std::hypot(0.2, 0.4), 2.9 + 0.5);
+  EXPECT_GT(from_s, 3.5);
+  stands_from_s(", after_m: 0.5, ahead_m: 1.0, area: {x_m: [4.0, 5.0], y_m: [-1, 1]}", "[]", at_m);
+  EXPECT_NEAR(at_m.x(), 4.0, 0.11);
+  stands_from_s(", after_m: 50.0", "[]", at_m);
+  EXPECT_LT(at_m.z(), -100.0);
+}
+
 TEST(Crowd, GoesOnToTheNextPlaceWhereItGetsNowhere) {
   const auto place_m = [](const std::string& route) {
     Crowd crowd(
@@ -310,6 +354,9 @@ TEST(ReadPeople, NamesWhatIsWrongAndWhere) {
   expect_mistake(one(", area: {x_m: [0, 1], y_m: [0, 1]}"), HasSubstr("either"));
   expect_mistake("  groups: [{name: a, policy: orka, route_m: [[0, 0]]}]\n",
                  HasSubstr("did you mean 'orca'"));
+  expect_mistake("  groups: [{name: a, policy: sudden, count: 2}]\n", HasSubstr("unknown key"));
+  expect_mistake("  groups: [{name: a, policy: sudden, size_m: [0.2, -1]}]\n",
+                 HasSubstr("greater than 0"));
   expect_mistake(one(""), AllOf(HasSubstr("'one' starts inside"), HasSubstr("scene.yaml:4:")),
                  kTable);
   expect_mistake(

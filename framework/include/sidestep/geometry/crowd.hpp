@@ -49,6 +49,8 @@ class Crowd {
     bool is_there = true;
   };
 
+  void follow_robot(const OrcaAgent& robot);
+  void appear(std::size_t index, const OrcaAgent& robot);
   [[nodiscard]] Eigen::Vector2d preferred(const Person& person, Walker& walker) const;
   [[nodiscard]] Eigen::Vector2d choose(std::size_t index, const Eigen::Vector2d& preferred_mps,
                                        const std::optional<OrcaAgent>& robot) const;
@@ -60,6 +62,8 @@ class Crowd {
   std::vector<Walker> walkers_;
   std::int64_t steps_ = 0;  ///< Taken.
   bool sees_robot_ = false;
+  std::optional<Eigen::Vector2d> robot_m_;  ///< Where it was last.
+  double robot_way_m_ = 0.0;                ///< How far it has gone.
 };
 
 /// The scene with its people's ways up to People::duration_s, none of whom sees a robot; a scene

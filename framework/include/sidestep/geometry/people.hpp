@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,7 @@ struct Person {
     kOrca,         ///< Reciprocal avoidance (geometry/orca.hpp).
     kSocialForce,  ///< Helbing and Molnar, "Social force model for pedestrian dynamics", 1995.
     kRecorded,     ///< As it was recorded; there only while it was.
+    kSudden,       ///< Not there until it stands in the robot's way, from one moment to the next.
   };
   enum class Sees { kNever, kAlways, kInFront };
 
@@ -35,7 +37,11 @@ struct Person {
   double speed_mps = 1.2;  ///< At which it walks where nothing is in its way.
   bool has_legs = true;    ///< A torso on two legs that swing; else one upright cylinder.
   bool repeats = false;    ///< After its last place it goes to the first again.
-  /// The first is where it starts. Empty for recorded people.
+  std::optional<Eigen::Vector2d> box_m;  ///< Instead of a body: an upright box, deep and wide so.
+  double after_m = 1.0;                  ///< Of kSudden: so far the robot has gone before it comes,
+  double ahead_m = 1.7;                  ///< so far before the robot's middle it stands then.
+  Eigen::AlignedBox2d area;  ///< Where routes are drawn; where one of kSudden may stand.
+  /// The first is where it starts. Empty for recorded people and those of kSudden.
   std::vector<Eigen::Vector2d> route_m;
   std::vector<TimedPlace> recorded;  ///< Times strictly increasing.
 };
@@ -46,8 +52,8 @@ struct PeopleGroup {
   int count = 1;
   Eigen::Vector2d radius_m{0.25, 0.25};  ///< From, to; as the next.
   Eigen::Vector2d speed_mps{1.2, 1.2};
+  Eigen::Vector2d after_m{1.0, 1.0};
   double blind_share = 0.0;  ///< How likely one does not see the robot, whatever the others do.
-  Eigen::AlignedBox2d area;  ///< Where routes are drawn.
   SourceMark mark;
 };
 
