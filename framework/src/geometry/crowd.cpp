@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 #include <random>
-#include <ranges>
 #include <utility>
 
 #include <sidestep/core/index.hpp>
@@ -412,14 +411,14 @@ void Crowd::appear(std::size_t index, const OrcaAgent& robot) {
   if (robot_way_m_ < person.after_m || speed_mps < kGoing_mps) return;
   const Eigen::Vector2d ahead = robot.velocity_mps / speed_mps;
   const Eigen::Vector2d place_m = robot.position_m + person.ahead_m * ahead;
-  const auto is_on = [&](std::size_t other) {
-    return walkers_[other].is_there && (walkers_[other].place_m - place_m).norm() <
-                                           person.radius_m + people_.persons[other].radius_m;
-  };
-  const auto all = std::views::iota(std::size_t{0}, walkers_.size());
   if (person.ahead_m < person.radius_m + robot.radius_m || !person.area.contains(place_m) ||
-      clearance_m(standing_, place_m) < person.radius_m || std::ranges::any_of(all, is_on)) {
+      clearance_m(standing_, place_m) < person.radius_m) {
     return;
+  }
+  for (std::size_t i = 0; i < walkers_.size(); ++i) {
+    const double apart_m = (walkers_[i].place_m - place_m).norm();
+    const bool is_on_it = apart_m < person.radius_m + people_.persons[i].radius_m;
+    if (walkers_[i].is_there && is_on_it) return;
   }
   Walker& walker = walkers_[index];
   walker.is_there = true;
