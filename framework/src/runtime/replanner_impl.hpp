@@ -129,7 +129,7 @@ struct Replanner::Impl {
   /// The prediction on the clock of a motion that begins at a stamp.
   [[nodiscard]] std::optional<PredictionOnClock> predicted_from(Stamp begin) const;
   /// A cause, and after it what whoever maps has to say.
-  [[nodiscard]] std::string with_map_trouble(std::string cause) const;
+  [[nodiscard]] std::string with_map_trouble(const std::string& cause) const;
   void use_margin(double kept_m);
   /// Uses the largest of a few shares of the margin that a robot standing there keeps, or has it
   /// leave what it stands in.

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 #include <sidestep/runtime/predict.hpp>
@@ -211,7 +212,7 @@ std::optional<PredictionOnClock> Replanner::Impl::predicted_from(Stamp begin) co
   return PredictionOnClock{prediction, begin.seconds() - prediction->stamp().seconds()};
 }
 
-std::string Replanner::Impl::with_map_trouble(std::string cause) const {
+std::string Replanner::Impl::with_map_trouble(const std::string& cause) const {
   const std::string trouble = parts.map_trouble ? parts.map_trouble() : "";
   return trouble.empty() ? cause : cause + ": " + trouble;
 }
