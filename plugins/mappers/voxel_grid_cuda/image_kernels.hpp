@@ -220,7 +220,8 @@ struct IntegrateImage {
   static constexpr int kPhases = 5;
   enum Action { kLeave, kClear, kCompare };
   struct Shared {
-    int action;
+    int in_view;  ///< Whether the camera may see the block, or has hits in it.
+    int action;   ///< From phase 2 on; nobody reads it in the phase that writes it.
     int u0, v0, u1, v1;  ///< Pixels that the block may cover.
     int whole;           ///< Whether every voxel of it is in the image.
     int has_hits;
@@ -241,12 +242,12 @@ struct IntegrateImage {
   SIDESTEP_HOST_DEVICE void run(std::int64_t block, int thread, Shared& shared) const {
     if constexpr (kPhase == 0) {
       if (thread == 0) look(block, shared);
-    } else if constexpr (kPhase == 2) {  // of which the others must not read
-      if (thread == 0 && shared.action != kLeave) decide(block, shared);
+    } else if constexpr (kPhase == 1) {
+      if (shared.in_view != 0) bound(thread, shared);
+    } else if constexpr (kPhase == 2) {
+      if (thread == 0) decide(block, shared);
     } else if (shared.action == kLeave) {
       return;
-    } else if constexpr (kPhase == 1) {
-      bound(thread, shared);
     } else if constexpr (kPhase == 3) {
       integrate(block, thread, shared);
     } else {
@@ -287,7 +288,7 @@ struct IntegrateImage {
     const Interval depth = over_block(centre, 0.0, 0.0, 1.0);
     shared.depth_least = depth.least;
     shared.depth_greatest = depth.greatest;
-    shared.action = shared.has_hits != 0 || is_in_view(centre, depth) ? kCompare : kLeave;
+    shared.in_view = shared.has_hits != 0 || is_in_view(centre, depth) ? 1 : 0;
     shared.u0 = shared.v0 = 0;
     shared.u1 = view.width_px - 1;
     shared.v1 = view.height_px - 1;
@@ -359,7 +360,8 @@ struct IntegrateImage {
   }
 
   SIDESTEP_HOST_DEVICE void decide(std::int64_t block, Shared& shared) const {
-    if (shared.has_hits != 0) return;
+    shared.action = shared.in_view != 0 ? kCompare : kLeave;
+    if (shared.in_view == 0 || shared.has_hits != 0) return;
     const float beyond_m =
         from_ordered_bits(shared.free_greatest) + view.band_m + view.depth_slack_m;
     const float before_m = from_ordered_bits(shared.free_least) - view.band_m - view.depth_slack_m;
