@@ -68,6 +68,17 @@ Head::Head(std::shared_ptr<const RobotModel> robot, const KinematicTree& tree)
   pan_ = axis_of(description().pan, rest_.pan_rad);
   tilt_ = axis_of(description().tilt, rest_.tilt_rad);
   camera_ = idx(description().camera_link);
+  const std::vector<Link>& links = robot_->description().links;
+  carriers_.resize(links.size(), Carrier::kBody);
+  for (std::size_t i = pan_.link; i < links.size(); ++i) {  // parents come before children
+    if (i == pan_.link) {
+      carriers_[i] = Carrier::kPan;
+    } else if (i == tilt_.link) {
+      carriers_[i] = Carrier::kTilt;
+    } else if (links[i].parent >= 0) {
+      carriers_[i] = carriers_[idx(links[i].parent)];
+    }
+  }
 }
 
 HeadAngles Head::within_limits(const HeadAngles& angles) const noexcept {
@@ -96,20 +107,9 @@ void Head::place(const HeadAngles& angles, std::span<Transform> T_world_link) co
   const Chain turned = chain(angles, T_world_link);
   const Transform by_pan = turned.T_world_pan * T_world_link[pan_.link].inverse();
   const Transform by_tilt = turned.T_world_tilt * T_world_link[tilt_.link].inverse();
-  const auto& links = robot_->description().links;
-  enum class Carrier : char { kBody, kPan, kTilt };
-  std::vector<Carrier> carriers(links.size(), Carrier::kBody);
-  // Parents come before children.
-  for (std::size_t i = pan_.link; i < links.size(); ++i) {
-    if (i == pan_.link) {
-      carriers[i] = Carrier::kPan;
-    } else if (i == tilt_.link) {
-      carriers[i] = Carrier::kTilt;
-    } else if (links[i].parent >= 0) {
-      carriers[i] = carriers[idx(links[i].parent)];
-    }
-    if (carriers[i] == Carrier::kPan) T_world_link[i] = by_pan * T_world_link[i];
-    if (carriers[i] == Carrier::kTilt) T_world_link[i] = by_tilt * T_world_link[i];
+  for (std::size_t i = 0; i < carriers_.size(); ++i) {
+    if (carriers_[i] == Carrier::kPan) T_world_link[i] = by_pan * T_world_link[i];
+    if (carriers_[i] == Carrier::kTilt) T_world_link[i] = by_tilt * T_world_link[i];
   }
 }
 

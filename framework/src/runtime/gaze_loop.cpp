@@ -6,6 +6,8 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
+#include "head_guard.hpp"
+
 namespace sidestep {
 namespace {
 
@@ -14,6 +16,8 @@ constexpr std::int64_t kPeriod_ns = 100'000'000;
 constexpr std::int64_t kAgain_ns = 1'000'000'000;
 /// A head that is told where it was measured would sink by its own error each time.
 constexpr double kSame_rad = 0.01;
+/// A head that is in the way of a motion rests for so long: for the next searches.
+constexpr std::int64_t kRest_ns = 2'000'000'000;
 
 }  // namespace
 
@@ -28,6 +32,7 @@ GazeLoop::GazeLoop(Parts parts, Head head, HeadTurner& turner)
     : parts_(std::move(parts)),
       head_(std::move(head)),
       turner_(&turner),
+      guard_(std::make_shared<HeadGuard>(parts_.robot, head_)),
       T_world_link_(parts_.robot->description().links.size()) {}
 
 bool GazeLoop::is_due(Stamp now) const noexcept {
@@ -46,8 +51,10 @@ void GazeLoop::look(Stamp now, const RobotState& measured, const Replanner::Way&
 Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replanner::Way& way) {
   const MapSnapshot map = parts_.slot.snapshot();
   parts_.robot->link_poses(as_span(measured.q), T_world_link_, scratch_);
-  GazeRequest request{now,           *parts_.robot, measured,
-                      T_world_link_, head_,         parts_.motion.head(now).value_or(head_.rest())};
+  const HeadAngles at = head_at(now);
+  guard_->see(as_span(measured.q), way.trajectory, way.from_s, at, at);
+  GazeRequest request{now, *parts_.robot, measured, T_world_link_, head_, at};
+  request.may_turn = [&](const HeadAngles& to) { return guard_->allows(to); };
   request.way = way.trajectory;
   request.way_from_s = way.from_s;
   request.way_blocked_s = way.blocked_s;
@@ -61,7 +68,12 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
     return fail(ErrorCode::kPlugin, "said angles that are not numbers",
                 "plugin " + parts_.gaze_name);
   }
-  HeadAngles wanted = head_.within_limits(to);
+  HeadAngles wanted = head_.rest();
+  if (now >= rests_until_) {
+    const HeadAngles asked = head_.within_limits(to);
+    guard_->see(as_span(measured.q), way.trajectory, way.from_s, at, asked);
+    wanted = guard_->nearest(at, asked);
+  }
   const auto is_same = [](double a_rad, double b_rad) {
     return std::abs(a_rad - b_rad) < kSame_rad;
   };
@@ -74,6 +86,15 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   told_ = wanted;
   told_at_ = now;
   return {};
+}
+
+std::string GazeLoop::objection(Stamp now, const Trajectory& motion) {
+  const HeadAngles at = head_at(now);
+  const HeadAngles told = told_.value_or(at);
+  guard_->see(motion.q(0), &motion, 0.0, at, told);
+  if (guard_->may_rest(at, told)) return {};
+  rests_until_ = {now.ns + kRest_ns};
+  return "the head is in its way, and goes to rest";
 }
 
 }  // namespace sidestep

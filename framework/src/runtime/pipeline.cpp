@@ -104,6 +104,14 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (!*frame) return std::optional<MappingStep>{};
     step.frame_sequence = (*frame)->sequence;
     step.stamp = (*frame)->stamp;
+    if (parts_.sensor_check != nullptr) {
+      auto checked = parts_.sensor_check->check(**frame);
+      if (!checked) {
+        checked.error().where = parts_.names.source;
+        skip(std::move(checked.error()));
+        continue;
+      }
+    }
     auto localised = localise(**frame, step);
     if (!localised && localised.error().code == ErrorCode::kBadFrame) {
       skip(std::move(localised.error()));
@@ -150,6 +158,7 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     snapshot.localisation = step.localisation;
     if (parts_.localiser != nullptr) newest_ = snapshot.field;
 
+    skipped_for_.clear();
     watch.restart();
     const bool finds_motion = snapshot.moving != nullptr;
     parts_.slot.publish(std::move(snapshot));
@@ -171,7 +180,9 @@ bool MappingPipeline::has_content() {
 }
 
 void MappingPipeline::skip(Error error) {
-  parts_.log.warn("skipped: " + error.describe());
+  const std::string reason = error.describe();
+  if (reason != skipped_for_) parts_.log.warn("skipped: " + reason);
+  skipped_for_ = reason;
   bad_frames_.push_back(std::move(error));
 }
 

@@ -363,6 +363,10 @@ std::optional<FoundPlan> PlanSearch::checked(FoundPlan plan, Task& task) const {
     task.failure = "before it could stop " + *reached;
     return std::nullopt;
   }
+  if (parts_.objection) {
+    task.failure = parts_.objection(plan.trajectory);
+    if (!task.failure.empty()) return std::nullopt;
+  }
   const auto verdict = task.request.check.check(plan.trajectory, 0.0, task.deadline);
   if (!verdict) {
     task.failure = "it cannot be checked: " + verdict.error().describe();

@@ -26,18 +26,27 @@ void note_contact(TrueContact contact, double apart_s, std::vector<TrueContact>&
 /// The robot's shapes at one pose, and how they were at the pose before.
 class Inspection {
  public:
-  Inspection(const RobotModel& robot, const ShapeCollider& collider, double apart_s,
-             TrueMotion& motion)
-      : robot_(robot),
+  Inspection(const std::shared_ptr<const RobotModel>& robot, const ShapeCollider& collider,
+             double apart_s, TrueMotion& motion)
+      : robot_(*robot),
         collider_(collider),
         apart_s_(apart_s),
         motion_(motion),
         now_(collider.make_pose()),
         before_(collider.make_pose()),
-        T_world_link_(robot.description().links.size()) {}
+        T_world_link_(robot->description().links.size()) {
+    auto head = Head::create(robot);
+    if (!head) return;
+    head_ = std::move(*head);
+    for (int pair = 0; pair < collider.pair_count(); ++pair) {
+      const auto [one, other] = collider.pair_links(pair);
+      if (head_->carries(one) != head_->carries(other)) pairs_of_head_.push_back(pair);
+    }
+  }
 
   void inspect(const TruePose& pose, const TruePose& previous) {
-    place(pose.q, pose.time_s, *now_);
+    place(pose, pose.time_s, *now_);
+    if (pose.head) inspect_head(pose.time_s);
     const double bound_m = std::max(0.0, motion_.min_clearance_m);
     for (int s = 0; s < collider_.shape_count(); ++s) {
       const auto found = collider_.to_obstacles(s, *now_, bound_m);
@@ -58,9 +67,23 @@ class Inspection {
   }
 
  private:
-  void place(const Eigen::VectorXd& q, double time_s, ShapeCollider::Pose& into) {
-    robot_.link_poses(as_span(q), T_world_link_, scratch_);
+  void place(const TruePose& pose, double time_s, ShapeCollider::Pose& into) {
+    robot_.link_poses(as_span(pose.q), T_world_link_, scratch_);
+    if (pose.head && head_) head_->place(*pose.head, T_world_link_);
     collider_.place(into, T_world_link_, time_s);
+  }
+
+  void inspect_head(double time_s) {
+    for (const int pair : pairs_of_head_) {
+      const double clearance_m = collider_.between_pair(pair, *now_, 0.0);
+      if (clearance_m >= 0.0) continue;
+      auto [carried, other] = collider_.pair_links(pair);
+      if (!head_->carries(carried)) std::swap(carried, other);
+      const auto& links = robot_.description().links;
+      note_contact({links[idx(carried)].name, links[idx(other)].name, time_s, time_s, -clearance_m,
+                    0.0, true},
+                   apart_s_, motion_.contacts);
+    }
   }
 
   /// By how much a shape has come nearer, a second, to things as they stand now: its velocity along
@@ -70,14 +93,16 @@ class Inspection {
     const double time_s = pose.time_s - previous.time_s;
     if (time_s <= 0.0) return 0.0;
     constexpr double kSearched_m = 0.1;
-    place(previous.q, previous.time_s, *before_);
+    place(previous, previous.time_s, *before_);
     if (collider_.to_obstacles(shape, *before_, kSearched_m).other.empty()) return 0.0;
-    place(previous.q, pose.time_s, *before_);
+    place(previous, pose.time_s, *before_);
     const auto found = collider_.to_obstacles(shape, *before_, kSearched_m);
     return ((found.other.empty() ? kSearched_m : found.clearance_m) - clearance_m) / time_s;
   }
 
   const RobotModel& robot_;
+  std::optional<Head> head_;       ///< Where it has one.
+  std::vector<int> pairs_of_head_;  ///< Of shapes, of which it carries one.
   const ShapeCollider& collider_;
   double apart_s_;
   TrueMotion& motion_;
@@ -131,7 +156,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
   const ShapeCollider collider(description, obstacles, settings.allowed_contacts);
   TrueMotion motion;
   motion.min_clearance_m = settings.farthest_m;
-  Inspection inspection(*robot, collider, settings.apart_s, motion);
+  Inspection inspection(robot, collider, settings.apart_s, motion);
   const TruePose* previous = nullptr;
   for (const TruePose& pose : poses) {
     if (pose.q.size() != description.dof()) {

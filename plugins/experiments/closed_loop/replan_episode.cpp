@@ -179,7 +179,11 @@ class EpisodeRun {
                          world_.predictor.get(),
                          world_.predictor ? plugin_of(world_.predictor) : "",
                          other_goal(),
-                         settings_.planning},
+                         settings_.planning,
+                         [this](const Trajectory& motion) {
+                           return gaze_ ? gaze_->objection(world_.clock->now(), motion)
+                                        : std::string();
+                         }},
         settings);
   }
 
@@ -364,7 +368,8 @@ class EpisodeRun {
         return world_.true_robot->true_state(stamp);
       });
       if (state) {
-        record_.poses.push_back({stamp.seconds(), std::move(state->q)});
+        record_.poses.push_back(
+            {stamp.seconds(), std::move(state->q), world_.motion->head(stamp)});
       } else {
         truth_fault_ = std::move(state.error());
       }

@@ -28,7 +28,7 @@ namespace sidestep {
 class EpisodeMapping {
  public:
   /// `observer` may be null; it is shown nothing before show() says so.
-  EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, Log& log,
+  EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& configuration, Log& log,
                  RunObserver* observer);
 
   /// Binds the field builder to the mapper. Call once, first.
@@ -91,6 +91,7 @@ class EpisodeMapping {
   std::optional<BaseJoints> base_;
   bool is_tracking_;
   bool masks_tracks_;
+  SensorCheck sensor_check_;
   MappingPipeline pipeline_;
   std::deque<Waiting> waiting_;
   Stamp busy_until_;

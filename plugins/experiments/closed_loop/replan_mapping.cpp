@@ -23,21 +23,24 @@ void EpisodeProgress::note(Stamp now, Wall::time_point wall) {
   tell_(format("%.0f", now.seconds() - begin_.seconds()) + limit_);
 }
 
-EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& settings, Log& log,
-                               RunObserver* observer)
+EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& configuration,
+                               Log& log, RunObserver* observer)
     : clock_(*world.clock),
-      is_lockstep_(settings.is_lockstep()),
-      truth_source_(settings.sees_truth() ? world.truth : nullptr),
-      latency_(settings.latency),
+      is_lockstep_(configuration.experiment.is_lockstep()),
+      truth_source_(configuration.experiment.sees_truth() ? world.truth : nullptr),
+      latency_(configuration.experiment.latency),
       observer_(observer),
       slot_(*world.slot),
       source_(*world.source, *world.clock, !is_lockstep_),
       tracker_({}, world.robot),
       base_(world.base),
-      is_tracking_(settings.tracks || world.predictor ||
+      is_tracking_(configuration.experiment.tracks || world.predictor ||
                    (world.gaze && world.gaze->wants_tracks())),
       // What nobody predicts stays in the map.
       masks_tracks_(world.predictor && world.predictor->subject() != PredictionSubject::kNothing),
+      sensor_check_(configuration.planning.floor
+                        ? std::optional(configuration.planning.floor->height_m)
+                        : std::nullopt),
       pipeline_({source_,
                  *world.mapper,
                  *world.field_builder,
@@ -50,12 +53,13 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanSettings& setting
                  is_tracking_ ? &tracker_ : nullptr,
                  masks_tracks_,
                  world.localiser.get(),
-                 world.base}),
+                 world.base,
+                 &sensor_check_}),
       source_name_(plugin_of(world.source)),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
-  const bool measures = is_lockstep_ && settings.truth.measure && world.scene && occupancy_;
+  const bool measures = is_lockstep_ && configuration.experiment.truth.measure && world.scene && occupancy_;
   if (measures) {
-    truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings.truth);
+    truth_.emplace(*world.scene, occupancy_->occupancy_grid(), configuration.experiment.truth);
     if (is_tracking_) track_truth_.emplace(*world.scene);
   }
   source_.keep_last(measures || observer_ != nullptr);

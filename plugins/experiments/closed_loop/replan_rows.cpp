@@ -203,6 +203,7 @@ const StoredRow<ContactRow>& stored_contact() {
                                    .add("end_s", &C::end_s)
                                    .add("depth_m", &C::depth_m)
                                    .add("approach_mps", &C::approach_mps)
+                                   .add("is_own", &C::is_own)
                                    .add("cause", &C::cause);
   return kContact;
 }
@@ -333,6 +334,7 @@ void add_event(const EventRow& event, EpisodeRow& episode) {
 }  // namespace
 
 std::string cause_of(const TrueContact& contact, const EpisodeRecord& episode, double rest_speed) {
+  if (contact.is_own) return "its own link";
   if (speed_at(episode.poses, contact.begin_s) < rest_speed) return "walked into while stopped";
   if (episode.views.empty() || episode.scene == nullptr) return "unknown";
   const auto& objects = episode.scene->objects();

@@ -46,7 +46,7 @@ struct EpisodeEvent : ReplannerEvent {
   std::optional<double> frame_to_trajectory_ms = {};  ///< From when the source had handed it over.
 };
 
-/// A collision, and its cause: "unseen", "walked into while stopped", "fault" or "unknown".
+/// A collision, and its cause: "unseen", "walked into while stopped", "its own link", "fault" or "unknown".
 struct EpisodeContact : TrueContact {
   std::string cause;
 };

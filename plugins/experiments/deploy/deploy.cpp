@@ -283,7 +283,7 @@ class Deployment {
   DeployConfiguration& settings_;
   ReplanWorld& world_;
   GoalSource& goals_;
-  EpisodeMapping mapping_{world_, settings_.loop.experiment, context_.log, context_.observer};
+  EpisodeMapping mapping_{world_, settings_.loop, context_.log, context_.observer};
   std::optional<Goal> waiting_;  ///< Came while the robot was on its way to another.
   Stamp next_feedback_;
   std::int64_t episode_ = 0;

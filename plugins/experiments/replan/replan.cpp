@@ -33,7 +33,7 @@ Result<void> add_free_run(ExperimentContext& context, const ReplanConfiguration&
                           const ReplanWorld& world, EpisodeRecord& episode) {
   ReplanWorld alone =
       SIDESTEP_TRY(make_replan_world(context, settings, world.robot, episode.episode, &world));
-  EpisodeMapping mapping(alone, settings.experiment, context.log, nullptr);
+  EpisodeMapping mapping(alone, settings, context.log, nullptr);
   SIDESTEP_TRY(mapping.attach());
   const auto done =
       SIDESTEP_TRY(run_episode(context, {settings, alone, mapping, {}, {}}, episode.episode));
@@ -56,7 +56,7 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     };
     show(name);
     auto world = SIDESTEP_TRY(make_replan_world(context, settings, robot, episode));
-    EpisodeMapping mapping(world, settings.experiment, context.log, context.observer);
+    EpisodeMapping mapping(world, settings, context.log, context.observer);
     SIDESTEP_TRY(mapping.attach());
     const auto tell = [&](const std::string& how_far) { show(name + " (" + how_far + ")"); };
     auto done = SIDESTEP_TRY(run_episode(context, {settings, world, mapping, {}, tell}, episode));

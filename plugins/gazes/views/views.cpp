@@ -72,16 +72,10 @@ Sight::Sight(const GazeRequest& request)
     : field_(*request.field),
       eye_m_(request.head.T_world_camera(request.at, request.T_world_link).translation()) {
   const RobotDescription& robot = request.robot.description();
-  std::vector<bool> is_of_head(robot.links.size());
-  for (std::size_t i = 0; i < robot.links.size(); ++i) {  // parents come before children
-    const int parent = robot.links[i].parent;
-    is_of_head[i] = static_cast<int>(i) == request.head.description().pan.link ||
-                    (parent >= 0 && is_of_head[idx(parent)]);
-  }
   for (const CollisionSphere& sphere : robot.spheres) {
     const Eigen::Vector3d centre_m = request.T_world_link[idx(sphere.link)] * sphere.centre_link_m;
     const bool is_at_eye = (centre_m - eye_m_).norm() < sphere.radius_m;
-    if (is_of_head[idx(sphere.link)] || is_at_eye) continue;
+    if (request.head.carries(sphere.link) || is_at_eye) continue;
     body_.push_back({centre_m - eye_m_, kBodyShare * sphere.radius_m});
   }
 }
@@ -152,8 +146,9 @@ Directions::Directions(const GazeRequest& request, const ViewOptions& options,
   angles_.push_back(request.at);
   for (int i = 0; i < options.pans; ++i) {
     for (int j = 0; j < options.tilts; ++j) {
-      angles_.push_back({spread(head.pan.joint, rest.pan_rad, i, options.pans),
-                         spread(head.tilt.joint, rest.tilt_rad, j, options.tilts)});
+      const HeadAngles to{spread(head.pan.joint, rest.pan_rad, i, options.pans),
+                          spread(head.tilt.joint, rest.tilt_rad, j, options.tilts)};
+      if (!request.may_turn || request.may_turn(to)) angles_.push_back(to);
     }
   }
   shows_.resize(angles_.size() * places_);

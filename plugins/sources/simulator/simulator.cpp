@@ -97,6 +97,7 @@ class Simulator final : public Source, public GroundTruth {
         robot_(context.robot),
         motion_(context.motion),
         caster_(with_objects(*scene_, viewpoint_.shapes())),
+        fault_(options.fault),
         sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, context.seed),
         renderer_(camera_, sensor_.needs_incidence()) {
     Crowd crowd(*scene_);
@@ -168,8 +169,26 @@ class Simulator final : public Source, public GroundTruth {
     renderer_.render(caster_, view.T_world_eye, workers_, exact_);
     DepthImage image{camera_, {}};
     sensor_.measure(exact_, frame->sequence, workers_, image.depth_m);
+    if (fault_.is_on(stamp)) {
+      spoil(*frame, image);
+    } else if (fault_.kind == "frozen") {
+      last_sound_m_ = image.depth_m;
+    }
     frame->measurement = std::move(image);
     return frame;
+  }
+
+  void spoil(Frame& frame, DepthImage& image) const {
+    if (fault_.kind == "frozen" && !last_sound_m_.empty()) image.depth_m = last_sound_m_;
+    if (fault_.kind == "blind") std::ranges::fill(image.depth_m, 0.0F);
+    if (fault_.kind == "lens") {
+      image.camera.fx_px *= fault_.focal_scale;
+      image.camera.fy_px *= fault_.focal_scale;
+    }
+    if (fault_.kind == "mount") {
+      frame.T_world_camera =
+          frame.T_world_camera * transform_from_xyz_rpy(Eigen::Vector3d::Zero(), fault_.turn_rad);
+    }
   }
 
   tl::unexpected<Error> unknown_pose(Stamp stamp) {
@@ -202,6 +221,8 @@ class Simulator final : public Source, public GroundTruth {
   std::optional<Crowd> crowd_;           ///< Where people see the robot.
   std::shared_ptr<const Scene> so_far_;  ///< With their ways.
   RayCaster caster_;
+  FaultOptions fault_;
+  std::vector<float> last_sound_m_;  ///< Before a fault that repeats it.
   DepthSensor sensor_;
   DepthRenderer renderer_;
   ExactImage exact_;

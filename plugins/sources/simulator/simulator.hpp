@@ -136,6 +136,35 @@ struct NoiseOptions {
   }
 };
 
+/// What goes wrong with the camera, for tests of what notices it.
+struct FaultOptions {
+  std::string kind = "none";
+  double from_s = 0.0;
+  std::optional<double> until_s;
+  double focal_scale = 1.1;
+  Eigen::Vector3d turn_rad = {0.0873, 0.0, 0.0};
+
+  static Parameters<FaultOptions> parameters() {
+    using F = FaultOptions;
+    return Parameters<F>()
+        .add("kind", &F::kind,
+             "none; frozen: the same image with new stamps; blind: no return; lens: frames say "
+             "other focal lengths; mount: they say another orientation of the camera.",
+             {.choices = {"none", "frozen", "blind", "lens", "mount"}})
+        .add("from_s", &F::from_s, "When it begins.", {.unit = "s", .min = 0.0})
+        .add("until_s", &F::until_s, "When it ends; left out: never.", {.unit = "s", .min = 0.0})
+        .add("focal_scale", &F::focal_scale, "For lens: factor on what frames say.",
+             {.min = 0.1, .max = 10.0})
+        .add("turn_rad", &F::turn_rad,
+             "For mount: what frames say it is turned by, roll, pitch and yaw in the optical frame: "
+             "up, to the right, about the axis.",
+             {.unit = "rad"});
+  }
+  [[nodiscard]] bool is_on(Stamp time) const {
+    return kind != "none" && time.seconds() >= from_s && (!until_s || time.seconds() < *until_s);
+  }
+};
+
 struct Options {
   std::filesystem::path scene = "room";
   Node people;
@@ -151,6 +180,7 @@ struct Options {
   std::optional<MountOptions> mount;
   std::string pace = "as_fast_as_possible";
   NoiseOptions noise;
+  FaultOptions fault;
 
   static Parameters<Options> parameters() {
     using O = Options;
@@ -178,7 +208,8 @@ struct Options {
              "as_fast_as_possible: every frame, one after the other; clock: the newest that is due "
              "on the run's clock.",
              {.choices = {"as_fast_as_possible", "clock"}})
-        .add("noise", &O::noise, "How measurements differ from the truth.");
+        .add("noise", &O::noise, "How measurements differ from the truth.")
+        .add("fault", &O::fault, "What goes wrong with the camera.");
   }
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/robot/head.hpp>
 
 #include "robot_testing.hpp"
@@ -61,6 +62,13 @@ TEST_F(HsrsHead, PlacesTheLinksOfARobotWhoseHeadIsThere) {
     }
     const auto eye = static_cast<std::size_t>(head_.description().camera_link);
     EXPECT_LT((camera.matrix() - expected[eye].matrix()).norm(), 1e-9);
+  }
+}
+
+TEST_F(HsrsHead, CarriesTheLinksThatHangOnIt) {
+  for (int i = 0; i < std::ssize(robot_->description().links); ++i) {
+    const std::string& name = robot_->description().links[idx(i)].name;
+    EXPECT_EQ(head_.carries(i), name.starts_with("head_")) << name;
   }
 }
 

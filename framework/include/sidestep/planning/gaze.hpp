@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <span>
 
@@ -23,6 +24,9 @@ struct GazeRequest {
   std::span<const Transform> T_world_link;  ///< In that state, the head at rest (head.hpp).
   const Head& head;
   HeadAngles at;  ///< Where the head is; at rest where that is not known.
+  /// Whether the head may turn to angles: what it carries keeps apart from the rest of the robot,
+  /// as that is and as its way goes on. Empty: it may turn anywhere.
+  std::function<bool(const HeadAngles& to)> may_turn;
   /// The way to the goal: what is followed, or, while the robot stands, brakes or steps aside, the
   /// last that was found. Null where there is none.
   const Trajectory* way = nullptr;
@@ -40,7 +44,8 @@ class SIDESTEP_EXPORT Gaze {
  public:
   virtual ~Gaze() = default;
   /// Where the head is to turn now; asked ten times a second in one episode, or one run of deploy.
-  /// Angles beyond its limits end there. Fails where it cannot tell: the head stays. A slow one
+  /// Angles beyond its limits end there. Where it would come too near to the rest of the robot, also
+  /// on the way, it stays where it is, or goes to rest where that comes too near to it. Fails where it cannot tell: the head stays. A slow one
   /// delays the next step of the replanner, which may then stop the robot. [planning]; may
   /// allocate.
   [[nodiscard]] virtual Result<HeadAngles> look(const GazeRequest& request) = 0;

@@ -2,11 +2,13 @@
 
 #include <memory>
 #include <span>
+#include <vector>
 
 #include <Eigen/Core>
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/export.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/geometry/transform.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
@@ -39,6 +41,11 @@ class SIDESTEP_EXPORT Head {
   [[nodiscard]] Transform T_world_camera(const HeadAngles& angles,
                                          std::span<const Transform> T_world_link) const;
 
+  /// Whether it carries a link.
+  [[nodiscard]] bool carries(int link) const noexcept {
+    return carriers_[idx(link)] != Carrier::kBody;
+  }
+
   /// Where it has to turn for its camera to look at a point, or, where its limits do not let it,
   /// nearest to that: of several ways the one nearest to `from`. Does not allocate.
   [[nodiscard]] HeadAngles towards(const Eigen::Vector3d& p_world,
@@ -46,6 +53,7 @@ class SIDESTEP_EXPORT Head {
                                    const HeadAngles& from) const;
 
  private:
+  enum class Carrier : char { kBody, kPan, kTilt };
   struct Axis {
     std::size_t link = 0;
     std::size_t parent = 0;
@@ -68,6 +76,7 @@ class SIDESTEP_EXPORT Head {
   Axis tilt_;
   std::size_t camera_ = 0;
   HeadAngles rest_;
+  std::vector<Carrier> carriers_;  ///< Of each link.
 };
 
 }  // namespace sidestep

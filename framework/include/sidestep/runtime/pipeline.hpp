@@ -13,6 +13,7 @@
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/mapping/localiser.hpp>
 #include <sidestep/mapping/mapper.hpp>
+#include <sidestep/mapping/sensor_check.hpp>
 #include <sidestep/mapping/tracker.hpp>
 #include <sidestep/robot/base_joints.hpp>
 #include <sidestep/runtime/snapshot_slot.hpp>
@@ -74,6 +75,8 @@ class MappingPipeline {
     Localiser* localiser = nullptr;
     /// Of the robot in the frames, with a localiser.
     std::optional<BaseJoints> base = {};
+    /// Whose faulty frames are left out; null: none are.
+    SensorCheck* sensor_check = nullptr;
   };
   explicit MappingPipeline(Parts parts)
       : parts_(std::move(parts)), occupancy_(dynamic_cast<const OccupancyView*>(&parts_.mapper)) {}
@@ -82,7 +85,8 @@ class MappingPipeline {
   [[nodiscard]] Result<void> attach();
 
   /// Maps the next frame and publishes the field; nothing at the end of the stream. An
-  /// unusable frame is logged, counted, and skipped.
+  /// unusable frame is counted and skipped, and logged, unless the one before it was for the same
+  /// reason.
   [[nodiscard]] Result<std::optional<MappingStep>> step(const Deadline& deadline);
 
   [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
@@ -106,6 +110,7 @@ class MappingPipeline {
   std::optional<MaskedOccupancy> masked_;        ///< What the field sees, where tracks are masked.
   bool has_content_ = false;
   std::vector<Error> bad_frames_;
+  std::string skipped_for_;  ///< The last frame; empty: it was mapped.
 };
 
 }  // namespace sidestep

@@ -187,6 +187,8 @@ class Replanner {
         other_goal = {};
     /// Of the term "moving" that problems with a prediction get; nothing: they get none.
     std::optional<CostSettings> moving_costs = std::nullopt;
+    /// Why a motion that would begin now must not, whatever the map; empty: it may. May be empty.
+    std::function<std::string(const Trajectory& motion)> objection = {};
   };
 
   Replanner(Parts parts, ReplannerSettings settings);

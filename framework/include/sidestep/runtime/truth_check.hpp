@@ -1,11 +1,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include <sidestep/geometry/scene.hpp>
+#include <sidestep/robot/head.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
@@ -15,20 +17,25 @@ namespace sidestep {
 struct TruePose {
   double time_s = 0.0;
   Eigen::VectorXd q;
+  std::optional<HeadAngles> head;  ///< Nothing: at rest, or it has none.
 };
 
-/// A robot against an object of the scene, from the first touch to the last.
+/// A robot against an object of the scene, or its head against another of its links, from the first
+/// touch to the last.
 struct TrueContact {
   std::string link;  ///< That was deepest in.
   std::string object;
   double begin_s = 0.0;
   double end_s = 0.0;
   double depth_m = 0.0;
-  /// At the first touch: how fast the robot's touching shape went towards the object.
+  /// At the first touch: how fast the robot's touching shape went towards the object; 0 for a link.
   double approach_mps = 0.0;
+  bool is_own = false;  ///< The object is a link of the robot.
 
   /// Whose contact it was: the robot's, or that of somebody who walked into it.
-  [[nodiscard]] bool is_by_robot() const noexcept { return approach_mps > kOwnApproach_mps; }
+  [[nodiscard]] bool is_by_robot() const noexcept {
+    return is_own || approach_mps > kOwnApproach_mps;
+  }
   static constexpr double kOwnApproach_mps = 0.02;
 };
 
@@ -58,7 +65,8 @@ struct TrueMotionSettings {
 };
 
 /// What a robot that was at these poses truly touched: the collision shapes of its URDF against the
-/// scene at each pose's time, with FCL; no map, no spheres. Poses in order of time. Fails as
+/// scene at each pose's time, and those that its head carries against the rest of it, with FCL; no
+/// map, no spheres. Poses in order of time. Fails as
 /// make_shape_check() does, and with kInvalidArgument for a pose of another size. [any]; allocates.
 [[nodiscard]] Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& robot,
                                                    const std::shared_ptr<const Scene>& scene,

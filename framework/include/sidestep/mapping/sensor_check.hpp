@@ -1,0 +1,77 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
+#include <sidestep/sensing/frame.hpp>
+
+namespace sidestep {
+
+/// Watches the depth images of one camera for faults that no image shows alone: a camera that is
+/// frozen, one that is blind, and a mount or a lens that is not what it is said to be. Clouds pass.
+class SIDESTEP_EXPORT SensorCheck {
+ public:
+  /// Of the plane that a camera sees as the floor. A camera that is mounted with care is off by
+  /// less than half a degree.
+  static constexpr double kMaxTilt_rad = 0.0262;  // 1.5 degrees
+
+  /// `floor_z_m`: height in the world of the floor that the robot stands on; nothing: it is not
+  /// known, and neither blindness nor tilt can be told.
+  explicit SensorCheck(std::optional<double> floor_z_m) : floor_z_m_(floor_z_m) {}
+
+  /// Fails with kBadFrame, naming the fault, from when it is certain, less than half a second after
+  /// it began at 10 Hz, until a frame shows the opposite. Passes by frames that check_frame() does
+  /// not pass. [mapping]; allocates at first.
+  [[nodiscard]] Result<void> check(const Frame& frame);
+
+ private:
+  /// One of the pixels that are looked at.
+  struct Sample {
+    int u, v;
+    float depth_m;  ///< 0: no return.
+    Eigen::Vector3d p_m;  ///< From the point of the floor below the camera, z up.
+  };
+  /// The plane z = slope . (x, y) + offset_m.
+  struct Plane {
+    Eigen::Vector2d slope = Eigen::Vector2d::Zero();
+    double offset_m = 0.0;
+    [[nodiscard]] bool holds(const Eigen::Vector3d& p) const;
+  };
+  /// What one frame says of a fault.
+  enum class Says { kNothing, kFault, kSound };
+  /// Of a fault, over frames.
+  struct Verdict {
+    bool is_fault = false;
+    Stamp since;       ///< Of the row of frames that contradict it.
+    int frames = 0;    ///< In that row.
+    void hear(Says says, Stamp now);
+  };
+
+  void take_samples(const Frame& frame, const DepthImage& image);
+  [[nodiscard]] Says is_frozen(const Frame& frame);
+  [[nodiscard]] bool is_noise() const;
+  [[nodiscard]] Says is_blind(const Frame& frame, const DepthImage& image) const;
+  [[nodiscard]] Says is_tilted(double camera_height_m);
+  [[nodiscard]] std::optional<Plane> plane_through(std::size_t i, std::size_t j,
+                                                   std::size_t k) const;
+  [[nodiscard]] std::size_t count(const Plane& plane) const;
+  [[nodiscard]] std::optional<Plane> refined(const Plane& plane) const;
+
+  std::optional<double> floor_z_m_;
+  std::vector<Sample> samples_, last_;
+  std::vector<Eigen::Vector3d> candidates_m_;  ///< Of the floor, as far as a tilted one may be.
+  Transform T_world_last_ = Transform::Identity();
+  Transform T_world_first_ = Transform::Identity();  ///< Of the first of the equal images.
+  int noisy_pairs_ = 0;
+  double tilt_rad_ = 0.0;  ///< Seen last before it was certain.
+  Verdict frozen_, blind_, tilted_;
+};
+
+}  // namespace sidestep

@@ -1,0 +1,261 @@
+#include <sidestep/mapping/sensor_check.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include <sidestep/core/format.hpp>
+#include <sidestep/mapping/frame_check.hpp>
+
+namespace sidestep {
+namespace {
+
+/// A row of frames this long, of at least so many, decides.
+constexpr std::int64_t kCertain_ns = 200'000'000;
+constexpr int kCertainFrames = 3;
+
+constexpr int kAcross = 40, kDown = 30;  // samples of an image
+constexpr int kTiles = 3;                // along each side, of which noise changes each
+constexpr double kStill_m = 1e-4, kStill_rad = 1e-4;
+constexpr double kTurned_rad = 0.05;
+constexpr int kNoisyPairs = 3;
+/// Returns that are not of the floor, of all samples: bare floor looks the same from everywhere.
+constexpr double kOther = 0.05;
+
+/// Rays that meet the floor nearer than this return something, whatever stands on it.
+constexpr double kFloorInReach_m = 2.5;
+constexpr double kExpected = 0.1, kReturned = 0.01;  // of all samples
+
+constexpr double kFloor_m = 0.02;     // its points lie this near to a plane
+constexpr double kFarthest_m = 3.5;   // horizontally
+constexpr double kSteepest = 0.176;   // 10 degrees: more is no floor
+constexpr double kOffset_m = 0.03, kOffset = 0.1;  // of a tilted floor below the camera, of its height
+constexpr std::size_t kFewest = 80;
+constexpr int kTries = 80;
+constexpr double kSpread_m = 0.15;  // of its points, a standard deviation, in each direction
+
+double angle_between(const Transform& a, const Transform& b) {
+  return std::abs(Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle());
+}
+
+}  // namespace
+
+void SensorCheck::Verdict::hear(Says says, Stamp now) {
+  if (says == Says::kNothing) return;
+  if ((says == Says::kFault) == is_fault) {
+    frames = 0;
+    return;
+  }
+  if (frames == 0 || now < since) {
+    frames = 0;
+    since = now;
+  }
+  if (++frames < kCertainFrames || now.ns - since.ns < kCertain_ns) return;
+  is_fault = !is_fault;
+  frames = 0;
+}
+
+bool SensorCheck::Plane::holds(const Eigen::Vector3d& p) const {
+  return std::abs(p.z() - slope.dot(p.head<2>()) - offset_m) < kFloor_m;
+}
+
+Result<void> SensorCheck::check(const Frame& frame) {
+  const auto* image = std::get_if<DepthImage>(&frame.measurement);
+  if (image == nullptr || !check_frame(frame)) return {};
+  take_samples(frame, *image);
+  frozen_.hear(is_frozen(frame), frame.stamp);
+  if (floor_z_m_) {
+    blind_.hear(is_blind(frame, *image), frame.stamp);
+    tilted_.hear(is_tilted(frame.T_world_camera.translation().z() - *floor_z_m_), frame.stamp);
+  }
+  if (frozen_.is_fault) {
+    return fail(ErrorCode::kBadFrame, "the camera is frozen: its image stays the same");
+  }
+  if (blind_.is_fault) {
+    return fail(ErrorCode::kBadFrame,
+                "the camera is blind: nothing returns from where the floor would");
+  }
+  if (tilted_.is_fault) {
+    return fail(ErrorCode::kBadFrame,
+                format("the camera sees the floor tilted by %.1f degrees: it is not mounted, or its lens is "
+                       "not, as they are said to be",
+                       tilt_rad_ * 180.0 / std::numbers::pi),
+                {}, "see extrinsics, head joints and intrinsics");
+  }
+  return {};
+}
+
+void SensorCheck::take_samples(const Frame& frame, const DepthImage& image) {
+  std::swap(samples_, last_);
+  samples_.clear();
+  const CameraIntrinsics& camera = image.camera;
+  Eigen::Vector3d below = frame.T_world_camera.translation();
+  below.z() = floor_z_m_.value_or(0.0);
+  for (int j = 0; j < kDown; ++j) {
+    for (int i = 0; i < kAcross; ++i) {
+      const int u = (2 * i + 1) * camera.width_px / (2 * kAcross);
+      const int v = (2 * j + 1) * camera.height_px / (2 * kDown);
+      const float depth_m = image.at(u, v);
+      Sample sample{u, v, std::isfinite(depth_m) && depth_m > 0.0F ? depth_m : 0.0F,
+                    Eigen::Vector3d::Zero()};
+      if (sample.depth_m > 0.0F) {
+        sample.p_m = frame.T_world_camera * camera.unproject(u, v, sample.depth_m) - below;
+      }
+      samples_.push_back(sample);
+    }
+  }
+}
+
+/// The same image again means nothing where noise has not been seen and the camera has not turned.
+SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
+  const Transform T_world_last = T_world_last_;
+  T_world_last_ = frame.T_world_camera;
+  const bool is_same =
+      std::ranges::equal(samples_, last_, {}, &Sample::depth_m, &Sample::depth_m);
+  if (!is_same || last_.empty()) {
+    const bool is_still =
+        (T_world_last.translation() - frame.T_world_camera.translation()).norm() < kStill_m &&
+        angle_between(T_world_last, frame.T_world_camera) < kStill_rad;
+    if (is_still && is_noise()) ++noisy_pairs_;
+    T_world_first_ = frame.T_world_camera;
+    return Says::kSound;
+  }
+  const auto is_other = [&](const Sample& sample) {
+    return sample.depth_m > 0.0F && (!floor_z_m_ || std::abs(sample.p_m.z()) > kFloor_m);
+  };
+  if (static_cast<double>(std::ranges::count_if(samples_, is_other)) <
+      kOther * static_cast<double>(samples_.size())) {
+    return Says::kNothing;
+  }
+  const bool has_turned = angle_between(T_world_first_, frame.T_world_camera) > kTurned_rad;
+  return noisy_pairs_ >= kNoisyPairs || has_turned ? Says::kFault : Says::kNothing;
+}
+
+/// Whether all over the image something differs from the last one.
+bool SensorCheck::is_noise() const {
+  std::array<int, kTiles * kTiles> returns{}, differ{};
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    const auto at = static_cast<int>(i);
+    const auto tile = static_cast<std::size_t>(at % kAcross * kTiles / kAcross +
+                                               at / kAcross * kTiles / kDown * kTiles);
+    if (samples_[i].depth_m == 0.0F || last_[i].depth_m == 0.0F) continue;
+    ++returns[tile];
+    if (samples_[i].depth_m != last_[i].depth_m) ++differ[tile];
+  }
+  int told = 0;
+  for (std::size_t tile = 0; tile < returns.size(); ++tile) {
+    if (returns[tile] < 10) continue;
+    if (differ[tile] == 0) return false;
+    ++told;
+  }
+  return 2 * told > kTiles * kTiles;
+}
+
+/// Own links may hide the floor, nearer than the camera measures: whatever returns is enough.
+SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& image) const {
+  const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
+  const auto meets_floor = [&](const Sample& sample) {
+    const Eigen::Vector3d ray =
+        frame.T_world_camera.linear() * image.camera.unproject(sample.u, sample.v, 1.0);
+    return -ray.z() * kFloorInReach_m > height_m * ray.norm();
+  };
+  const auto returns = [](const Sample& sample) { return sample.depth_m > 0.0F; };
+  const auto samples = static_cast<double>(samples_.size());
+  if (static_cast<double>(std::ranges::count_if(samples_, returns)) > kReturned * samples) {
+    return Says::kSound;
+  }
+  return static_cast<double>(std::ranges::count_if(samples_, meets_floor)) > kExpected * samples
+             ? Says::kFault
+             : Says::kNothing;
+}
+
+/// Whether far more points lie on a tilted plane through where the floor below the camera is than on
+/// the floor.
+SensorCheck::Says SensorCheck::is_tilted(double camera_height_m) {
+  candidates_m_.clear();
+  for (const Sample& sample : samples_) {
+    const double far_m = sample.p_m.head<2>().norm();
+    if (sample.depth_m > 0.0F && far_m < kFarthest_m &&
+        std::abs(sample.p_m.z()) < 2.0 * kFloor_m + kSteepest * far_m) {
+      candidates_m_.push_back(sample.p_m);
+    }
+  }
+  if (candidates_m_.size() < kFewest) return Says::kNothing;
+  const std::size_t on_floor = count({});
+  if (on_floor >= kFewest && 10 * on_floor >= 8 * candidates_m_.size()) return Says::kSound;
+  Plane best;
+  std::size_t most = on_floor;
+  std::uint64_t random = 1;
+  const auto draw = [&] {
+    random = random * 6364136223846793005ULL + 1442695040888963407ULL;
+    return static_cast<std::size_t>(random >> 33) % candidates_m_.size();
+  };
+  for (int i = 0; i < kTries; ++i) {
+    const auto plane = plane_through(draw(), draw(), draw());
+    if (!plane || plane->slope.norm() > kSteepest ||
+        std::abs(plane->offset_m) > kOffset_m + kOffset * camera_height_m) {
+      continue;
+    }
+    const std::size_t on_plane = count(*plane);
+    if (on_plane <= most) continue;
+    most = on_plane;
+    best = *plane;
+  }
+  if (2 * most < candidates_m_.size() || most < kFewest) return Says::kNothing;
+  const auto plane = refined(best);
+  if (!plane) return Says::kNothing;
+  const double tilt_rad = std::atan(plane->slope.norm());
+  if (tilt_rad <= kMaxTilt_rad) return Says::kSound;
+  if (10 * count(*plane) < 13 * on_floor) return Says::kNothing;
+  if (!tilted_.is_fault) tilt_rad_ = tilt_rad;
+  return Says::kFault;
+}
+
+std::optional<SensorCheck::Plane> SensorCheck::plane_through(std::size_t i, std::size_t j,
+                                                             std::size_t k) const {
+  const Eigen::Vector3d a = candidates_m_[j] - candidates_m_[i];
+  const Eigen::Vector3d b = candidates_m_[k] - candidates_m_[i];
+  const Eigen::Vector3d normal = a.cross(b);
+  if (std::abs(normal.z()) < kSpread_m * kSpread_m) return std::nullopt;
+  Plane plane;
+  plane.slope = -normal.head<2>() / normal.z();
+  plane.offset_m = candidates_m_[i].z() - plane.slope.dot(candidates_m_[i].head<2>());
+  return plane;
+}
+
+std::size_t SensorCheck::count(const Plane& plane) const {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(candidates_m_, [&](const auto& p) { return plane.holds(p); }));
+}
+
+/// By least squares over the points that it holds; nothing where these do not determine it.
+std::optional<SensorCheck::Plane> SensorCheck::refined(const Plane& plane) const {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  double n = 0.0;
+  for (const Eigen::Vector3d& p : candidates_m_) {
+    if (!plane.holds(p)) continue;
+    mean += p;
+    ++n;
+  }
+  if (n < 3.0) return std::nullopt;
+  mean /= n;
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : candidates_m_) {
+    if (plane.holds(p)) scatter += (p - mean) * (p - mean).transpose() / n;
+  }
+  const Eigen::Matrix2d across = scatter.topLeftCorner<2, 2>();
+  if (Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(across).eigenvalues().minCoeff() <
+      kSpread_m * kSpread_m) {
+    return std::nullopt;
+  }
+  Plane better;
+  better.slope = across.ldlt().solve(scatter.topRightCorner<2, 1>());
+  better.offset_m = mean.z() - better.slope.dot(mean.head<2>());
+  return better;
+}
+
+}  // namespace sidestep
