@@ -16,6 +16,8 @@ constexpr std::int64_t kPeriod_ns = 100'000'000;
 constexpr std::int64_t kAgain_ns = 1'000'000'000;
 /// A head that is told where it was measured would sink by its own error each time.
 constexpr double kSame_rad = 0.01;
+/// A head that turns goes on for about so long at its speed until it is at rest.
+constexpr double kStop_s = 0.4;
 /// A head that is in the way of a motion rests for so long: for the next searches.
 constexpr std::int64_t kRest_ns = 2'000'000'000;
 
@@ -52,9 +54,15 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   const MapSnapshot map = parts_.slot.snapshot();
   parts_.robot->link_poses(as_span(measured.q), T_world_link_, scratch_);
   const HeadAngles at = head_at(now);
-  guard_->see(as_span(measured.q), way.trajectory, way.from_s, at, at);
+  const HeadAngles stop = head_stop(now);
+  guard_->see(as_span(measured.q), way.trajectory, way.from_s);
+  const auto by_rest = [&](const HeadAngles& angles) {
+    return guard_->is_clear({at, stop}) && guard_->is_clear({angles});
+  };
   GazeRequest request{now, *parts_.robot, measured, T_world_link_, head_, at};
-  request.may_turn = [&](const HeadAngles& to) { return guard_->allows(to); };
+  request.may_turn = [&](const HeadAngles& angles) {
+    return guard_->is_clear({at, stop, angles}) || by_rest(angles);
+  };
   request.way = way.trajectory;
   request.way_from_s = way.from_s;
   request.way_blocked_s = way.blocked_s;
@@ -69,10 +77,11 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
                 "plugin " + parts_.gaze_name);
   }
   HeadAngles wanted = head_.rest();
-  if (now >= rests_until_) {
-    const HeadAngles asked = head_.within_limits(to);
-    guard_->see(as_span(measured.q), way.trajectory, way.from_s, at, asked);
-    wanted = guard_->nearest(at, asked);
+  const HeadAngles asked = head_.within_limits(to);
+  if (now >= rests_until_ && guard_->is_clear({at, stop, asked})) {
+    wanted = asked;
+  } else if (now >= rests_until_ && guard_->is_clear({at, stop}) && !by_rest(asked)) {
+    wanted = head_.within_limits(stop);
   }
   const auto is_same = [](double a_rad, double b_rad) {
     return std::abs(a_rad - b_rad) < kSame_rad;
@@ -88,11 +97,20 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   return {};
 }
 
+HeadAngles GazeLoop::head_stop(Stamp now) const {
+  const HeadAngles at = head_at(now);
+  const HeadAngles before = head_at({now.ns - kPeriod_ns});
+  const auto stop = [](double at_rad, double before_rad) {
+    return at_rad + (at_rad - before_rad) * kStop_s * 1e9 / static_cast<double>(kPeriod_ns);
+  };
+  return {stop(at.pan_rad, before.pan_rad), stop(at.tilt_rad, before.tilt_rad)};
+}
+
 std::string GazeLoop::objection(Stamp now, const Trajectory& motion) {
   const HeadAngles at = head_at(now);
   const HeadAngles told = told_.value_or(at);
-  guard_->see(motion.q(0), &motion, 0.0, at, told);
-  if (guard_->may_rest(at, told)) return {};
+  guard_->see(motion.q(0), &motion, 0.0);
+  if (guard_->is_clear({at, head_stop(now), told})) return {};
   rests_until_ = {now.ns + kRest_ns};
   return "the head is in its way, and goes to rest";
 }

@@ -8,20 +8,17 @@
 namespace sidestep {
 namespace {
 
-/// Between shapes, which are roomier than the robot.
-constexpr double kApart_m = 0.005;
-/// What it needs to begin turning, to gain speed and to lose it again, by far.
-constexpr double kSlack_s = 1.0;
-constexpr double kAheadStep_s = 0.25;
-constexpr double kTurn_rad = 0.1;  // between two angles that are looked at
+/// Between shapes, which are roomier than the robot, at the places that are looked at.
+constexpr double kApart_m = 0.015;
+constexpr double kLattice_rad = 0.1;
+/// As long as a head needs from the farthest place.
+constexpr double kAhead_s = 4.0;
+constexpr double kAheadStep_s = 0.5;
 /// Bodies that differ by less are one.
-constexpr double kSameBody_m = 0.002, kSameBody_rad = 0.01;
+constexpr double kSameBody_m = 0.005, kSameBody_rad = 0.03;
 
-bool is_same(const std::vector<Transform>& a, const std::vector<Transform>& b) {
-  return std::ranges::equal(a, b, [](const Transform& one, const Transform& other) {
-    return (one.translation() - other.translation()).norm() < kSameBody_m &&
-           (one.linear() - other.linear()).norm() < kSameBody_rad;
-  });
+HeadAngles angles_of(const std::pair<int, int>& place) {
+  return {kLattice_rad * place.first, kLattice_rad * place.second};
 }
 
 }  // namespace
@@ -31,36 +28,46 @@ HeadGuard::HeadGuard(std::shared_ptr<const RobotModel> robot, const Head& head)
       head_(head),
       collider_(robot_->description(), {}, {}),
       pose_(collider_.make_pose()) {
+  std::vector<bool> is_paired(robot_->description().links.size());
   for (int pair = 0; pair < collider_.pair_count(); ++pair) {
     const auto [one, other] = collider_.pair_links(pair);
-    if (head_.carries(one) != head_.carries(other)) pairs_.push_back(pair);
+    if (head_.carries(one) == head_.carries(other)) continue;
+    pairs_.push_back(pair);
+    is_paired[idx(one)] = is_paired[idx(other)] = true;
+  }
+  for (const CollisionSphere& sphere : robot_->description().spheres) {
+    if (!is_paired[idx(sphere.link)]) continue;
+    (head_.carries(sphere.link) ? head_spheres_ : body_spheres_).push_back(sphere);
   }
 }
 
-HeadGuard::Poses HeadGuard::body(std::span<const double> q) {
+HeadGuard::Body HeadGuard::body(std::span<const double> q) {
   const auto& links = robot_->description().links;
-  Poses poses(links.size());
-  robot_->link_poses(q, poses, scratch_);
+  Body body{std::vector<Transform>(links.size()), {}};
+  robot_->link_poses(q, body.poses, scratch_);
   const int carrier = links[idx(head_.description().pan.link)].parent;
-  const Transform T_carrier_world = poses[idx(carrier)].inverse();
-  for (Transform& pose : poses) pose = T_carrier_world * pose;
-  return poses;
+  const Transform T_carrier_world = body.poses[idx(carrier)].inverse();
+  for (Transform& pose : body.poses) pose = T_carrier_world * pose;
+  for (const CollisionSphere& sphere : body_spheres_) {
+    body.centres_m.emplace_back(body.poses[idx(sphere.link)] * sphere.centre_link_m);
+  }
+  return body;
 }
 
-HeadGuard::Turn HeadGuard::turn(const HeadAngles& from, const HeadAngles& to) const {
-  const HeadDescription& head = head_.description();
-  return {std::abs(to.pan_rad - from.pan_rad) / head.pan.joint.max_velocity,
-          std::abs(to.tilt_rad - from.tilt_rad) / head.tilt.joint.max_velocity};
-}
-
-void HeadGuard::see(std::span<const double> q, const Trajectory* way, double from_s,
-                    const HeadAngles& at, const HeadAngles& to) {
-  std::vector<Poses> bodies{body(q)};
-  const double last_s = turn(at, to).both_s() + turn(to, head_.rest()).both_s() + kSlack_s;
+void HeadGuard::see(std::span<const double> q, const Trajectory* way, double from_s) {
+  const auto is_same = [](const Body& a, const Body& b) {
+    return std::ranges::equal(a.poses, b.poses, [](const Transform& one, const Transform& other) {
+      return (one.translation() - other.translation()).norm() < kSameBody_m &&
+             (one.linear() - other.linear()).norm() < kSameBody_rad;
+    });
+  };
+  std::vector<Body> bodies;
+  bodies.push_back(body(q));
   std::vector<double> q_later(q.begin(), q.end());
-  for (double ahead_s = kAheadStep_s; way != nullptr && ahead_s < last_s; ahead_s += kAheadStep_s) {
+  for (double ahead_s = kAheadStep_s; way != nullptr && ahead_s <= kAhead_s;
+       ahead_s += kAheadStep_s) {
     way->sample(from_s + ahead_s, q_later, {});
-    Poses later = body(q_later);
+    Body later = body(q_later);
     if (!is_same(later, bodies.back())) bodies.push_back(std::move(later));
   }
   if (std::ranges::equal(bodies, bodies_, is_same)) return;
@@ -68,46 +75,60 @@ void HeadGuard::see(std::span<const double> q, const Trajectory* way, double fro
   known_.clear();
 }
 
-bool HeadGuard::allows(const HeadAngles& angles) {
-  const std::pair key{std::lround(1e3 * angles.pan_rad), std::lround(1e3 * angles.tilt_rad)};
-  const auto [known, is_new] = known_.emplace(key, true);
-  if (!is_new) return known->second;
-  for (Poses poses : bodies_) {
-    head_.place(angles, poses);
-    collider_.place(*pose_, poses, 0.0);
-    known->second = std::ranges::none_of(pairs_, [&](int pair) {
-      return collider_.gap_between_pair_m(pair, *pose_, kApart_m) < kApart_m;
-    });
-    if (!known->second) break;
+bool HeadGuard::is_clear(std::initializer_list<HeadAngles> between) {
+  HeadAngles least = head_.rest();
+  HeadAngles most = least;
+  for (const HeadAngles& angles : between) {
+    least = {std::min(least.pan_rad, angles.pan_rad), std::min(least.tilt_rad, angles.tilt_rad)};
+    most = {std::max(most.pan_rad, angles.pan_rad), std::max(most.tilt_rad, angles.tilt_rad)};
   }
-  return known->second;
-}
-
-bool HeadGuard::is_way_clear(const HeadAngles& from, const HeadAngles& to) {
-  // Each joint turns as fast as it can, and waits for the other at the end.
-  const Turn turned = turn(from, to);
-  const double turn_rad =
-      std::max(std::abs(to.pan_rad - from.pan_rad), std::abs(to.tilt_rad - from.tilt_rad));
-  const int steps = std::max(1, static_cast<int>(std::ceil(turn_rad / kTurn_rad)));
-  for (int i = 0; i <= steps; ++i) {
-    const double time_s = turned.both_s() * i / steps;
-    const auto at = [&](double a, double b, double needs_s) {
-      return needs_s > 0.0 ? a + (b - a) * std::min(1.0, time_s / needs_s) : b;
-    };
-    if (!allows({at(from.pan_rad, to.pan_rad, turned.pan_s), at(from.tilt_rad, to.tilt_rad, turned.tilt_s)})) {
-      return false;
+  const auto place = [](double angle_rad, auto round) {
+    return static_cast<int>(round(angle_rad / kLattice_rad));
+  };
+  const auto floor = [](double x) { return std::floor(x + 1e-9); };
+  const auto ceil = [](double x) { return std::ceil(x - 1e-9); };
+  for (int pan = place(least.pan_rad, floor); pan <= place(most.pan_rad, ceil); ++pan) {
+    for (int tilt = place(least.tilt_rad, floor); tilt <= place(most.tilt_rad, ceil); ++tilt) {
+      if (!is_apart({pan, tilt})) return false;
     }
   }
   return true;
 }
 
-HeadAngles HeadGuard::nearest(const HeadAngles& at, const HeadAngles& wanted) {
-  if (is_way_clear(wanted, head_.rest())) return is_way_clear(at, wanted) ? wanted : head_.rest();
-  return is_way_clear(at, head_.rest()) ? at : head_.rest();
+bool HeadGuard::is_apart(const Place& place) {
+  const auto [known, is_new] = known_.emplace(place, true);
+  if (!is_new) return known->second;
+  const HeadAngles angles = angles_of(place);
+  auto& head_m = heads_m_[place];
+  if (head_m.empty()) {
+    std::vector<Transform> poses = bodies_.front().poses;
+    head_.place(angles, poses);
+    for (const CollisionSphere& sphere : head_spheres_) {
+      head_m.emplace_back(poses[idx(sphere.link)] * sphere.centre_link_m);
+    }
+  }
+  known->second = std::ranges::all_of(
+      bodies_, [&](const Body& body) { return is_apart(angles, head_m, body); });
+  return known->second;
 }
 
-bool HeadGuard::may_rest(const HeadAngles& at, const HeadAngles& told) {
-  return is_way_clear(at, told) && is_way_clear(told, head_.rest());
+/// Spheres enclose the shapes: where they are apart, these are.
+bool HeadGuard::is_apart(const HeadAngles& angles, const std::vector<Eigen::Vector3d>& head_m,
+                         const Body& body) {
+  double least_m = kApart_m;
+  for (std::size_t a = 0; a < head_m.size(); ++a) {
+    for (std::size_t b = 0; b < body.centres_m.size(); ++b) {
+      least_m = std::min(least_m, (head_m[a] - body.centres_m[b]).norm() -
+                                      head_spheres_[a].radius_m - body_spheres_[b].radius_m);
+    }
+  }
+  if (least_m >= kApart_m) return true;
+  std::vector<Transform> poses = body.poses;
+  head_.place(angles, poses);
+  collider_.place(*pose_, poses, 0.0);
+  return std::ranges::none_of(pairs_, [&](int pair) {
+    return collider_.gap_between_pair_m(pair, *pose_, kApart_m) < kApart_m;
+  });
 }
 
 }  // namespace sidestep

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <algorithm>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <span>
@@ -21,37 +21,35 @@ class HeadGuard {
   HeadGuard(std::shared_ptr<const RobotModel> robot, const Head& head);
 
   /// Looks at the robot in a configuration, and as a way, which may be null, goes on from a time of
-  /// it for as long as the head needs from `at` to `to` and then to its rest.
-  void see(std::span<const double> q, const Trajectory* way, double from_s, const HeadAngles& at,
-           const HeadAngles& to);
-  /// Whether the head keeps apart there.
-  [[nodiscard]] bool allows(const HeadAngles& angles);
-  /// Where the head, which is at `at`, may turn so that it gets to its rest from anywhere on the
-  /// way: to `wanted`, by its rest where the straight way is not clear; else it stays, else to its
-  /// rest.
-  [[nodiscard]] HeadAngles nearest(const HeadAngles& at, const HeadAngles& wanted);
-  /// Whether it keeps apart while it turns from `at` to where it was told to, and on to its rest.
-  [[nodiscard]] bool may_rest(const HeadAngles& at, const HeadAngles& told);
+  /// it for as long as the head may need to its rest.
+  void see(std::span<const double> q, const Trajectory* way, double from_s);
+  /// Whether the head keeps apart anywhere between some angles and its rest, whichever of its
+  /// joints comes first.
+  [[nodiscard]] bool is_clear(std::initializer_list<HeadAngles> between);
 
  private:
-  using Poses = std::vector<Transform>;  ///< Of all links, in the frame of what carries the head.
-
-  [[nodiscard]] Poses body(std::span<const double> q);
-  /// How long each joint takes from one angle to another.
-  struct Turn {
-    double pan_s, tilt_s;
-    [[nodiscard]] double both_s() const { return std::max(pan_s, tilt_s); }
+  /// Angles on a lattice.
+  using Place = std::pair<int, int>;
+  /// The robot but for its head, in the frame of what carries that.
+  struct Body {
+    std::vector<Transform> poses;           ///< Of all links.
+    std::vector<Eigen::Vector3d> centres_m;  ///< Of body_spheres_.
   };
-  [[nodiscard]] Turn turn(const HeadAngles& from, const HeadAngles& to) const;
-  [[nodiscard]] bool is_way_clear(const HeadAngles& from, const HeadAngles& to);
+
+  [[nodiscard]] Body body(std::span<const double> q);
+  [[nodiscard]] bool is_apart(const Place& place);
+  [[nodiscard]] bool is_apart(const HeadAngles& angles, const std::vector<Eigen::Vector3d>& head_m,
+                              const Body& body);
 
   std::shared_ptr<const RobotModel> robot_;
   Head head_;
   ShapeCollider collider_;
   ShapeCollider::PosePtr pose_;
   std::vector<int> pairs_;  ///< Of shapes, of which the head carries one.
-  std::vector<Poses> bodies_;  ///< Different ones.
-  std::map<std::pair<long, long>, bool> known_;  ///< Of these bodies; angles in milliradians.
+  std::vector<CollisionSphere> head_spheres_, body_spheres_;  ///< Of the links of these pairs.
+  std::map<Place, std::vector<Eigen::Vector3d>> heads_m_;     ///< Centres of its spheres.
+  std::vector<Body> bodies_;                                  ///< Different ones.
+  std::map<Place, bool> known_;                               ///< Of these bodies.
   Scratch scratch_;
 };
 

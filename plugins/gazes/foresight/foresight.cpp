@@ -158,8 +158,11 @@ class Foresight final : public Gaze {
     const auto better = [](const First& a, const First& b) {
       return a.worth / a.time_s > b.worth / b.time_s;
     };
-    const std::size_t count = std::min(kFirsts, firsts.size());
-    std::ranges::partial_sort(firsts, firsts.begin() + static_cast<std::ptrdiff_t>(count), better);
+    std::ranges::sort(firsts, better);
+    std::size_t count = 0;  // of those that may be
+    for (std::size_t i = 0; i < firsts.size() && count < kFirsts; ++i) {
+      if (request.may(directions.angles(firsts[i].direction))) firsts[count++] = firsts[i];
+    }
     std::size_t best = 0;
     double most = 0.0;
     std::vector<float> rest;

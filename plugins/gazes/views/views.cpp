@@ -146,9 +146,8 @@ Directions::Directions(const GazeRequest& request, const ViewOptions& options,
   angles_.push_back(request.at);
   for (int i = 0; i < options.pans; ++i) {
     for (int j = 0; j < options.tilts; ++j) {
-      const HeadAngles to{spread(head.pan.joint, rest.pan_rad, i, options.pans),
-                          spread(head.tilt.joint, rest.tilt_rad, j, options.tilts)};
-      if (!request.may_turn || request.may_turn(to)) angles_.push_back(to);
+      angles_.push_back({spread(head.pan.joint, rest.pan_rad, i, options.pans),
+                         spread(head.tilt.joint, rest.tilt_rad, j, options.tilts)});
     }
   }
   shows_.resize(angles_.size() * places_);

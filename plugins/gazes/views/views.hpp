@@ -105,8 +105,8 @@ class LookedAt {
   std::deque<View> views_;
 };
 
-/// A grid of directions of a head over its limits to which it may turn, and what each shows; the
-/// first is where the head is.
+/// A grid of directions of a head over its limits, and what each shows; the first is where the head
+/// is.
 class Directions {
  public:
   /// Of places of no worth nothing is told.

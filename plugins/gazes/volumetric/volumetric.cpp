@@ -42,7 +42,7 @@ class Volumetric final : public Gaze {
     float most = 0.0F;
     for (std::size_t d = 0; d < directions.size(); ++d) {
       const float worth = directions.worth(d, worths);
-      if (worth <= most) continue;
+      if (worth <= most || !request.may(directions.angles(d))) continue;
       best = d;
       most = worth;
     }

@@ -27,6 +27,7 @@ struct GazeRequest {
   /// Whether the head may turn to angles: what it carries keeps apart from the rest of the robot,
   /// as that is and as its way goes on. Empty: it may turn anywhere.
   std::function<bool(const HeadAngles& to)> may_turn;
+  [[nodiscard]] bool may(const HeadAngles& to) const { return !may_turn || may_turn(to); }
   /// The way to the goal: what is followed, or, while the robot stands, brakes or steps aside, the
   /// last that was found. Null where there is none.
   const Trajectory* way = nullptr;

@@ -51,6 +51,8 @@ class GazeLoop {
   [[nodiscard]] HeadAngles head_at(Stamp now) const {
     return parts_.motion.head(now).value_or(head_.rest());
   }
+  /// Where it would be at rest if it turned no further.
+  [[nodiscard]] HeadAngles head_stop(Stamp now) const;
 
   Parts parts_;
   Head head_;
