@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/mapping/occupancy_view.hpp>
+#include <sidestep/mapping/sensor_check.hpp>
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/pipeline.hpp>
@@ -164,6 +165,33 @@ TEST(KitchenByName, CeresPlansAsWell) {
       " --set source.stride=10 --set optimiser.plugin=gp_ceres --out " +
       (folder.path() / "run").string() + " >/dev/null 2>&1";
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
+}
+
+/// A real camera, mounted as said; and as if it were mounted five degrees off.
+TEST_P(Kitchen, TheCameraIsFoundSoundAndATiltedOneIsNot) {
+  testing_support::HostFixture fixture({PLUGIN_FOLDER});
+  const auto reading = read_configuration(
+      configuration(), {"source.path=" + kKitchen.string(), stride()}, fixture.documents);
+  ASSERT_TRUE(reading.errors.empty());
+  auto source = fixture.host.create<Source>(*reading.configuration.root.find("source"));
+  ASSERT_TRUE(source) << source.error().describe();
+  SensorCheck sound(0.0), tilted(0.0);
+  int frames = 0, noticed = 0;
+  for (;; ++frames) {
+    const auto next = (*source)->next({});
+    ASSERT_TRUE(next) << next.error().describe();
+    if (!*next) break;
+    const auto checked = sound.check(**next);
+    EXPECT_TRUE(checked) << frames << ": " << checked.error().describe();
+    Frame off = **next;
+    off.T_world_camera =
+        off.T_world_camera * transform_from_xyz_rpy(Eigen::Vector3d::Zero(), {0.0873, 0.0, 0.0});
+    const auto found = tilted.check(off);
+    if (!found && found.error().message.find("tilted") != std::string::npos) ++noticed;
+  }
+  RecordProperty("frames", frames);
+  RecordProperty("noticed", noticed);
+  EXPECT_GT(noticed, frames / 4);
 }
 
 INSTANTIATE_TEST_SUITE_P(recorded, Kitchen, testing::Values("kitchen_hsr_gp", "kitchen_hsr_ompl"),

@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <sidestep/runtime/results_store.hpp>
+
 #include "command_line.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -55,6 +57,72 @@ INSTANTIATE_TEST_SUITE_P(Replan, Scenario,
                          ::testing::Values("floor_pickup", "shelf_pickup", "table_pickup",
                                            "room_navigation", "arm_reach", "living_room"),
                          [](const auto& scenario) { return std::string(scenario.param); });
+
+struct Fault {
+  const char* name;
+  std::vector<std::string> sets;
+  const char* words;
+};
+void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
+
+/// The HSR drives, and something goes wrong.
+class HeadFault : public ::testing::Test {
+ protected:
+  [[nodiscard]] Finished drive(std::vector<std::string> sets) const {
+    sets.insert(sets.end(), {"experiment.truth.measure=false", "experiment.episodes=1"});
+    std::vector<std::string> arguments = {
+        "run", std::string(SIDESTEP_SOURCE_DIR) + "/configs/replan/floor_pickup.yaml", "--out",
+        (folder_.path() / "run").string()};
+    for (const std::string& set : sets) arguments.insert(arguments.end(), {"--set", set});
+    return run(arguments);
+  }
+  testing_support::TemporaryFolder folder_;
+};
+
+/// With the camera, from 10 to 14 s.
+class SensorFault : public HeadFault, public ::testing::WithParamInterface<Fault> {};
+
+TEST_P(SensorFault, IsNamedAndTheRobotStopsInTimeAndGoesOn) {
+  std::vector<std::string> sets = GetParam().sets;
+  sets.insert(sets.end(), {"source.fault.from_s=10", "source.fault.until_s=14"});
+  const Finished finished = drive(sets);
+  EXPECT_EQ(finished.exit_code, 0) << finished.error;  // it goes on once the camera is sound
+  const auto reader = ResultsReader::open(folder_.path() / "run" / "results.sqlite");
+  ASSERT_TRUE(reader);
+  const auto times_s = (*reader)->column("event", "time_s");
+  ASSERT_TRUE(times_s);
+  for (std::size_t i = 0; i < times_s->size(); ++i) {
+    const auto item = static_cast<std::int64_t>(i);
+    const auto cause = (*reader)->text("event", item, "cause");
+    if (!cause || !*cause || (**cause).find(GetParam().words) == std::string::npos) continue;
+    const auto map_stamp_s = (*reader)->number("event", item, "map_stamp_s");
+    ASSERT_TRUE(map_stamp_s && *map_stamp_s);
+    RecordProperty("mapped_after_ms", static_cast<int>(1e3 * (**map_stamp_s - 10.0)));
+    RecordProperty("stops_after_ms", static_cast<int>(1e3 * ((*times_s)[i] - 10.0)));
+    EXPECT_LT(**map_stamp_s, 10.9);  // the newest frame that was believed
+    EXPECT_LT((*times_s)[i], 11.6);
+    return;
+  }
+  ADD_FAILURE() << "nobody named it: " << finished.error;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Replan, SensorFault,
+    ::testing::Values(
+        Fault{"frozen", {"source.fault.kind=frozen"}, "frozen"},
+        Fault{"blind", {"source.fault.kind=blind"}, "blind"},
+        Fault{"lens", {"source.fault.kind=lens"}, "its lens"},
+        Fault{"pitched", {"source.fault.kind=mount"}, "not mounted"},
+        Fault{"rolled",
+              {"source.fault.kind=mount", "source.fault.turn_rad=[0, 0, 0.0873]"},
+              "not mounted"}),
+    [](const auto& fault) { return std::string(fault.param.name); });
+
+TEST_F(HeadFault, IsNamed) {
+  const Finished finished = drive({"executor.head_fails_at_s=10"});
+  EXPECT_NE(finished.error.find("executor simulated: the head does not move"), std::string::npos)
+      << finished.error;
+}
 
 }  // namespace
 }  // namespace sidestep::testing

@@ -14,11 +14,11 @@
 namespace sidestep {
 namespace {
 
-/// A row of frames this long, of at least so many, decides.
-constexpr std::int64_t kCertain_ns = 200'000'000;
+/// A row of frames this long, of at least so many, decides; a fault may hide in some views.
+constexpr std::int64_t kCertain_ns = 200'000'000, kGone_ns = 1'000'000'000;
 constexpr int kCertainFrames = 3;
 
-constexpr int kAcross = 40, kDown = 30;  // samples of an image
+constexpr int kAcross = 64, kDown = 48;  // samples of an image
 constexpr int kTiles = 3;                // along each side, of which noise changes each
 constexpr double kStill_m = 1e-4, kStill_rad = 1e-4;
 constexpr double kTurned_rad = 0.05;
@@ -29,12 +29,14 @@ constexpr double kOther = 0.05;
 /// Rays that meet the floor nearer than this return something, whatever stands on it.
 constexpr double kFloorInReach_m = 2.5;
 constexpr double kExpected = 0.1, kReturned = 0.01;  // of all samples
+/// A view that has turned by less, half a lens, shows some of the same.
+constexpr double kSameView_rad = 0.4;
 
 constexpr double kFloor_m = 0.02;     // its points lie this near to a plane
-constexpr double kFarthest_m = 3.5;   // horizontally
+constexpr double kFarthest_m = 2.5;   // horizontally: farther off, noise tilts it
 constexpr double kSteepest = 0.176;   // 10 degrees: more is no floor
-constexpr double kOffset_m = 0.03, kOffset = 0.1;  // of a tilted floor below the camera, of its height
-constexpr std::size_t kFewest = 80;
+constexpr double kOffset_m = 0.02, kOffset = 0.06;  // of a tilted floor below the camera, of its height
+constexpr std::size_t kFewest = 200;
 constexpr int kTries = 80;
 constexpr double kSpread_m = 0.15;  // of its points, a standard deviation, in each direction
 
@@ -54,7 +56,8 @@ void SensorCheck::Verdict::hear(Says says, Stamp now) {
     frames = 0;
     since = now;
   }
-  if (++frames < kCertainFrames || now.ns - since.ns < kCertain_ns) return;
+  const std::int64_t least_ns = is_fault ? kGone_ns : kCertain_ns;
+  if (++frames < kCertainFrames || now.ns - since.ns < least_ns) return;
   is_fault = !is_fault;
   frames = 0;
 }
@@ -114,9 +117,13 @@ void SensorCheck::take_samples(const Frame& frame, const DepthImage& image) {
 SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
   const Transform T_world_last = T_world_last_;
   T_world_last_ = frame.T_world_camera;
+  if (last_.empty()) {
+    T_world_first_ = frame.T_world_camera;
+    return Says::kNothing;
+  }
   const bool is_same =
       std::ranges::equal(samples_, last_, {}, &Sample::depth_m, &Sample::depth_m);
-  if (!is_same || last_.empty()) {
+  if (!is_same) {
     const bool is_still =
         (T_world_last.translation() - frame.T_world_camera.translation()).norm() < kStill_m &&
         angle_between(T_world_last, frame.T_world_camera) < kStill_rad;
@@ -124,15 +131,17 @@ SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
     T_world_first_ = frame.T_world_camera;
     return Says::kSound;
   }
+  const auto returns = [](const Sample& sample) { return sample.depth_m > 0.0F; };
   const auto is_other = [&](const Sample& sample) {
-    return sample.depth_m > 0.0F && (!floor_z_m_ || std::abs(sample.p_m.z()) > kFloor_m);
+    return returns(sample) && (!floor_z_m_ || std::abs(sample.p_m.z()) > kFloor_m);
   };
-  if (static_cast<double>(std::ranges::count_if(samples_, is_other)) <
-      kOther * static_cast<double>(samples_.size())) {
-    return Says::kNothing;
-  }
+  const auto has_many = [&](const auto& are) {
+    return static_cast<double>(std::ranges::count_if(samples_, are)) >
+           kOther * static_cast<double>(samples_.size());
+  };
+  if (noisy_pairs_ >= kNoisyPairs) return has_many(returns) ? Says::kFault : Says::kNothing;
   const bool has_turned = angle_between(T_world_first_, frame.T_world_camera) > kTurned_rad;
-  return noisy_pairs_ >= kNoisyPairs || has_turned ? Says::kFault : Says::kNothing;
+  return has_turned && has_many(is_other) ? Says::kFault : Says::kNothing;
 }
 
 /// Whether all over the image something differs from the last one.
@@ -148,29 +157,35 @@ bool SensorCheck::is_noise() const {
   }
   int told = 0;
   for (std::size_t tile = 0; tile < returns.size(); ++tile) {
-    if (returns[tile] < 10) continue;
+    if (returns[tile] < 20) continue;
     if (differ[tile] == 0) return false;
     ++told;
   }
   return 2 * told > kTiles * kTiles;
 }
 
-/// Own links may hide the floor, nearer than the camera measures: whatever returns is enough.
-SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& image) const {
+/// Own links may hide the floor, nearer than the camera measures: whatever returns is enough. Where
+/// no ray would meet the floor, a view is blind that was not before.
+SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& image) {
   const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
+  const double reach_m = farthest_m_ > 0.0 ? std::min(kFloorInReach_m, farthest_m_) : kFloorInReach_m;
   const auto meets_floor = [&](const Sample& sample) {
     const Eigen::Vector3d ray =
         frame.T_world_camera.linear() * image.camera.unproject(sample.u, sample.v, 1.0);
-    return -ray.z() * kFloorInReach_m > height_m * ray.norm();
+    return -ray.z() * reach_m > height_m * ray.norm();
   };
-  const auto returns = [](const Sample& sample) { return sample.depth_m > 0.0F; };
   const auto samples = static_cast<double>(samples_.size());
-  if (static_cast<double>(std::ranges::count_if(samples_, returns)) > kReturned * samples) {
-    return Says::kSound;
+  double returned = 0.0;
+  for (const Sample& sample : samples_) {
+    if (sample.depth_m > 0.0F) ++returned;
+    farthest_m_ = std::max(farthest_m_, static_cast<double>(sample.depth_m));
   }
-  return static_cast<double>(std::ranges::count_if(samples_, meets_floor)) > kExpected * samples
-             ? Says::kFault
-             : Says::kNothing;
+  if (returned > kExpected * samples) T_world_seen_ = frame.T_world_camera;
+  if (returned > kReturned * samples) return Says::kSound;
+  const bool is_same_view = T_world_seen_ &&
+                            angle_between(*T_world_seen_, frame.T_world_camera) < kSameView_rad;
+  const auto expected = static_cast<double>(std::ranges::count_if(samples_, meets_floor));
+  return is_same_view || expected > kExpected * samples ? Says::kFault : Says::kNothing;
 }
 
 /// Whether far more points lie on a tilted plane through where the floor below the camera is than on
@@ -205,12 +220,12 @@ SensorCheck::Says SensorCheck::is_tilted(double camera_height_m) {
     most = on_plane;
     best = *plane;
   }
-  if (2 * most < candidates_m_.size() || most < kFewest) return Says::kNothing;
+  if (4 * most < 3 * candidates_m_.size() || most < kFewest) return Says::kNothing;
   const auto plane = refined(best);
   if (!plane) return Says::kNothing;
   const double tilt_rad = std::atan(plane->slope.norm());
   if (tilt_rad <= kMaxTilt_rad) return Says::kSound;
-  if (10 * count(*plane) < 13 * on_floor) return Says::kNothing;
+  if (10 * count(*plane) < 15 * on_floor) return Says::kNothing;
   if (!tilted_.is_fault) tilt_rad_ = tilt_rad;
   return Says::kFault;
 }

@@ -1,8 +1,10 @@
 #include <sidestep/runtime/gaze_loop.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/runtime/call_plugin.hpp>
 
@@ -16,10 +18,17 @@ constexpr std::int64_t kPeriod_ns = 100'000'000;
 constexpr std::int64_t kAgain_ns = 1'000'000'000;
 /// A head that is told where it was measured would sink by its own error each time.
 constexpr double kSame_rad = 0.01;
+/// A head that has stood for so long farther than this from where it was told to be is stuck.
+constexpr std::int64_t kStuck_ns = 500'000'000;
+constexpr double kOff_rad = 0.05;
 /// A head that turns goes on for about so long at its speed until it is at rest.
 constexpr double kStop_s = 0.4;
 /// A head that is in the way of a motion rests for so long: for the next searches.
 constexpr std::int64_t kRest_ns = 2'000'000'000;
+
+double apart_rad(const HeadAngles& a, const HeadAngles& b) {
+  return std::max(std::abs(a.pan_rad - b.pan_rad), std::abs(a.tilt_rad - b.tilt_rad));
+}
 
 }  // namespace
 
@@ -34,8 +43,11 @@ GazeLoop::GazeLoop(Parts parts, Head head, HeadTurner& turner)
     : parts_(std::move(parts)),
       head_(std::move(head)),
       turner_(&turner),
-      guard_(std::make_shared<HeadGuard>(parts_.robot, head_)),
+      guard_(std::make_unique<HeadGuard>(parts_.robot, head_)),
       T_world_link_(parts_.robot->description().links.size()) {}
+
+GazeLoop::GazeLoop(GazeLoop&&) noexcept = default;
+GazeLoop::~GazeLoop() = default;
 
 bool GazeLoop::is_due(Stamp now) const noexcept {
   return !looked_ || now < *looked_ || now.ns - looked_->ns >= kPeriod_ns;
@@ -51,17 +63,25 @@ void GazeLoop::look(Stamp now, const RobotState& measured, const Replanner::Way&
 }
 
 Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replanner::Way& way) {
-  const MapSnapshot map = parts_.slot.snapshot();
   parts_.robot->link_poses(as_span(measured.q), T_world_link_, scratch_);
   const HeadAngles at = head_at(now);
   const HeadAngles stop = head_stop(now);
+  watch_head(now, at);
   guard_->see(as_span(measured.q), way.trajectory, way.from_s);
-  const auto by_rest = [&](const HeadAngles& angles) {
-    return guard_->is_clear({at, stop}) && guard_->is_clear({angles});
-  };
+  const auto asked = ask(now, measured, way, at, stop);
+  const HeadAngles stay = told_.value_or(at);
+  const HeadAngles wanted = apart(now, at, stop, asked.value_or(stay));
+  if (asked || apart_rad(wanted, stay) >= kSame_rad) SIDESTEP_TRY(tell(now, wanted));
+  if (!asked) return error_of(asked);
+  return {};
+}
+
+Result<HeadAngles> GazeLoop::ask(Stamp now, const RobotState& measured, const Replanner::Way& way,
+                                 const HeadAngles& at, const HeadAngles& stop) {
+  const MapSnapshot map = parts_.slot.snapshot();
   GazeRequest request{now, *parts_.robot, measured, T_world_link_, head_, at};
-  request.may_turn = [&](const HeadAngles& angles) {
-    return guard_->is_clear({at, stop, angles}) || by_rest(angles);
+  request.may_turn = [&](const HeadAngles& to) {
+    return guard_->is_clear({at, stop, to}) || is_clear_by_rest(at, stop, to);
   };
   request.way = way.trajectory;
   request.way_from_s = way.from_s;
@@ -72,22 +92,29 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   if (map.camera) request.camera = &*map.camera;
   const HeadAngles to =
       SIDESTEP_TRY(call_stage(parts_.gaze_name, [&] { return parts_.gaze.look(request); }));
-  if (!std::isfinite(to.pan_rad) || !std::isfinite(to.tilt_rad)) {
-    return fail(ErrorCode::kPlugin, "said angles that are not numbers",
-                "plugin " + parts_.gaze_name);
-  }
-  HeadAngles wanted = head_.rest();
-  const HeadAngles asked = head_.within_limits(to);
-  if (now >= rests_until_ && guard_->is_clear({at, stop, asked})) {
-    wanted = asked;
-  } else if (now >= rests_until_ && guard_->is_clear({at, stop}) && !by_rest(asked)) {
-    wanted = head_.within_limits(stop);
-  }
-  const auto is_same = [](double a_rad, double b_rad) {
-    return std::abs(a_rad - b_rad) < kSame_rad;
-  };
-  if (told_ && is_same(told_->pan_rad, wanted.pan_rad) &&
-      is_same(told_->tilt_rad, wanted.tilt_rad)) {
+  if (std::isfinite(to.pan_rad) && std::isfinite(to.tilt_rad)) return head_.within_limits(to);
+  return fail(ErrorCode::kPlugin, "said angles that are not numbers",
+              "plugin " + parts_.gaze_name);
+}
+
+bool GazeLoop::is_clear_by_rest(const HeadAngles& at, const HeadAngles& stop,
+                                const HeadAngles& to) {
+  return guard_->is_clear({at, stop}) && guard_->is_clear({to});
+}
+
+HeadAngles GazeLoop::apart(Stamp now, const HeadAngles& at, const HeadAngles& stop,
+                           const HeadAngles& asked) {
+  const bool rests = now < rests_until_ && rests_until_.ns - now.ns <= kRest_ns;
+  if (rests) return head_.rest();
+  if (guard_->is_clear({at, stop, asked})) return asked;
+  if (is_clear_by_rest(at, stop, asked)) return head_.rest();
+  const HeadAngles told = told_.value_or(at);
+  if (guard_->is_clear({at, stop, told})) return told;
+  return guard_->is_clear({at, stop}) ? stop : head_.rest();
+}
+
+Result<void> GazeLoop::tell(Stamp now, HeadAngles wanted) {
+  if (told_ && apart_rad(*told_, wanted) < kSame_rad) {
     if (now >= told_at_ && now.ns - told_at_.ns < kAgain_ns) return {};
     wanted = *told_;
   }
@@ -97,22 +124,45 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   return {};
 }
 
+void GazeLoop::watch_head(Stamp now, const HeadAngles& at) {
+  const bool is_there = !told_ || apart_rad(at, *told_) < kOff_rad;
+  if (is_there || !stood_at_ || apart_rad(at, *stood_at_) > kSame_rad || now < stood_since_) {
+    is_stuck_ = false;
+    stood_at_ = at;
+    stood_since_ = now;
+    return;
+  }
+  if (is_stuck_ || now.ns - stood_since_.ns < kStuck_ns) return;
+  is_stuck_ = true;
+  parts_.log.warn(parts_.executor_name + ": the head does not move: it was told to turn to " +
+                  format("%.2f, ", told_->pan_rad) + format("%.2f rad", told_->tilt_rad) +
+                  " and is at " + format("%.2f, ", at.pan_rad) +
+                  format("%.2f rad", at.tilt_rad) + "; the robot goes on with it where it is");
+}
+
 HeadAngles GazeLoop::head_stop(Stamp now) const {
   const HeadAngles at = head_at(now);
-  const HeadAngles before = head_at({now.ns - kPeriod_ns});
+  const HeadAngles before = parts_.motion.head({now.ns - kPeriod_ns}).value_or(at);
   const auto stop = [](double at_rad, double before_rad) {
     return at_rad + (at_rad - before_rad) * kStop_s * 1e9 / static_cast<double>(kPeriod_ns);
   };
-  return {stop(at.pan_rad, before.pan_rad), stop(at.tilt_rad, before.tilt_rad)};
+  return head_.within_limits(
+      {stop(at.pan_rad, before.pan_rad), stop(at.tilt_rad, before.tilt_rad)});
 }
 
 std::string GazeLoop::objection(Stamp now, const Trajectory& motion) {
   const HeadAngles at = head_at(now);
+  const HeadAngles stop = head_stop(now);
   const HeadAngles told = told_.value_or(at);
+  const auto is_at_rest = [&](const HeadAngles& angles) {
+    return apart_rad(angles, head_.rest()) < kOff_rad;
+  };
+  if (is_at_rest(at) && is_at_rest(stop) && is_at_rest(told)) return {};  // as it was planned
   guard_->see(motion.q(0), &motion, 0.0);
-  if (guard_->is_clear({at, head_stop(now), told})) return {};
+  if (guard_->is_clear({at, stop, told})) return {};
   rests_until_ = {now.ns + kRest_ns};
-  return "the head is in its way, and goes to rest";
+  return is_stuck_ ? "the head is in its way, and does not move"
+                   : "the head is in its way, and goes to rest";
 }
 
 }  // namespace sidestep

@@ -9,11 +9,11 @@ namespace sidestep {
 namespace {
 
 /// Between shapes, which are roomier than the robot, at the places that are looked at.
-constexpr double kApart_m = 0.015;
+constexpr double kApart_m = 0.02;
 constexpr double kLattice_rad = 0.1;
-/// As long as a head needs from the farthest place.
-constexpr double kAhead_s = 4.0;
-constexpr double kAheadStep_s = 0.5;
+/// What a head needs beside the time on its way: to hear, to gain speed and to lose it.
+constexpr double kSlack_s = 1.0;
+constexpr double kAheadStep_s = 0.2;
 /// Bodies that differ by less are one.
 constexpr double kSameBody_m = 0.005, kSameBody_rad = 0.03;
 
@@ -28,6 +28,12 @@ HeadGuard::HeadGuard(std::shared_ptr<const RobotModel> robot, const Head& head)
       head_(head),
       collider_(robot_->description(), {}, {}),
       pose_(collider_.make_pose()) {
+  const auto farthest_s = [](const Joint& joint, double rest_rad) {
+    return std::max(joint.upper - rest_rad, rest_rad - joint.lower) / joint.max_velocity;
+  };
+  const HeadDescription& joints = head_.description();
+  ahead_s_ = kSlack_s + std::max(farthest_s(joints.pan.joint, head_.rest().pan_rad),
+                                 farthest_s(joints.tilt.joint, head_.rest().tilt_rad));
   std::vector<bool> is_paired(robot_->description().links.size());
   for (int pair = 0; pair < collider_.pair_count(); ++pair) {
     const auto [one, other] = collider_.pair_links(pair);
@@ -64,7 +70,7 @@ void HeadGuard::see(std::span<const double> q, const Trajectory* way, double fro
   std::vector<Body> bodies;
   bodies.push_back(body(q));
   std::vector<double> q_later(q.begin(), q.end());
-  for (double ahead_s = kAheadStep_s; way != nullptr && ahead_s <= kAhead_s;
+  for (double ahead_s = kAheadStep_s; way != nullptr && ahead_s <= ahead_s_;
        ahead_s += kAheadStep_s) {
     way->sample(from_s + ahead_s, q_later, {});
     Body later = body(q_later);

@@ -50,6 +50,7 @@ class HeadGuard {
   std::map<Place, std::vector<Eigen::Vector3d>> heads_m_;     ///< Centres of its spheres.
   std::vector<Body> bodies_;                                  ///< Different ones.
   std::map<Place, bool> known_;                               ///< Of these bodies.
+  double ahead_s_ = 0.0;
   Scratch scratch_;
 };
 

@@ -292,7 +292,12 @@ std::string PlanSearch::why_elsewhere(const Task& task, const Trajectory& propos
 /// The plan that a proposal makes; nothing, with the failure noted, where it is none.
 std::optional<FoundPlan> PlanSearch::accept(Trajectory proposal, Task& task) const {
   auto plan = timed(std::move(proposal), task);
-  return plan ? checked(*std::move(plan), task) : std::nullopt;
+  if (plan) plan = checked(*std::move(plan), task);
+  if (!plan || !parts_.objection) return plan;
+  const std::string objection = parts_.objection(plan->trajectory);
+  if (objection.empty()) return plan;
+  task.failure = objection;
+  return std::nullopt;
 }
 
 /// A proposal as fast as the limits allow, or as it was timed, among what is predicted.
@@ -362,10 +367,6 @@ std::optional<FoundPlan> PlanSearch::checked(FoundPlan plan, Task& task) const {
     task.result.refused_free_s.reset();
     task.failure = "before it could stop " + *reached;
     return std::nullopt;
-  }
-  if (parts_.objection) {
-    task.failure = parts_.objection(plan.trajectory);
-    if (!task.failure.empty()) return std::nullopt;
   }
   const auto verdict = task.request.check.check(plan.trajectory, 0.0, task.deadline);
   if (!verdict) {

@@ -112,9 +112,12 @@ class Inspection {
 };
 
 /// Whatever half-spaces there are: a robot is always near to its floor.
-std::vector<TrueClearance> clearances_over_time(const RobotModel& robot, const Scene& scene,
+std::vector<TrueClearance> clearances_over_time(const std::shared_ptr<const RobotModel>& model,
+                                                const Scene& scene,
                                                 std::span<const TruePose> poses,
                                                 const TrueMotionSettings& settings) {
+  const RobotModel& robot = *model;
+  const auto head = Head::create(model);
   std::vector<SceneObject> objects = scene.objects();
   std::erase_if(objects, [](const SceneObject& object) {
     return std::holds_alternative<HalfSpace>(object.shape);
@@ -131,6 +134,7 @@ std::vector<TrueClearance> clearances_over_time(const RobotModel& robot, const S
     const double due_s = pose.time_s - settings.every_s + kRounding_s;
     if (!clearances.empty() && clearances.back().time_s > due_s) continue;
     robot.link_poses(as_span(pose.q), T_world_link, scratch);
+    if (pose.head && head) head->place(*pose.head, T_world_link);
     collider.place(*placed, T_world_link, pose.time_s);
     double clearance_m = settings.farthest_over_time_m;
     for (int s = 0; s < collider.shape_count(); ++s) {
@@ -166,7 +170,7 @@ Result<TrueMotion> check_true_motion(const std::shared_ptr<const RobotModel>& ro
     inspection.inspect(pose, previous != nullptr ? *previous : pose);
     previous = &pose;
   }
-  motion.clearances = clearances_over_time(*robot, *scene, poses, settings);
+  motion.clearances = clearances_over_time(robot, *scene, poses, settings);
   return motion;
 }
 

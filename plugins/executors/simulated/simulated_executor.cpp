@@ -263,6 +263,7 @@ class SimulatedExecutor final : public Executor,
         drift_(std::move(drift)),
         robot_(motion_limits(robot_model_->description(), {1.0, 1.0, options.assumed_ramp_s}),
                options.lag_s, std::move(start), clock_.now()),
+        head_fails_at_s_(options.head_fails_at_s),
         head_(simulated_head(robot_model_, options, clock_.now())) {
     motion_->record_truth(robot_.state(), robot_.time());
     record();
@@ -298,6 +299,10 @@ class SimulatedExecutor final : public Executor,
     const std::lock_guard lock(mutex_);
     if (!head_) return refuse("robot '" + robot_model_->description().name + "' has no head");
     const Stamp from = later(bring_forward());
+    if (head_fails_at_s_ && from.seconds() >= *head_fails_at_s_) {
+      head_->brake(from);
+      return {};
+    }
     const std::array angles{to.pan_rad, to.tilt_rad};
     head_->follow(std::make_shared<const Trajectory>(resting(angles, 1.0)), from, from);
     return {};
@@ -391,6 +396,7 @@ class SimulatedExecutor final : public Executor,
   Drift drift_;
   std::mutex mutex_;
   SimulatedRobot robot_;
+  std::optional<double> head_fails_at_s_;
   std::optional<SimulatedRobot> head_;  ///< Nothing where the robot has none.
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include <sidestep/planning/executor.hpp>
 #include <sidestep/plugin/context.hpp>
@@ -20,6 +21,7 @@ struct Options {
   double start_tolerance = 0.05;
   double velocity_tolerance = 0.05;
   double assumed_ramp_s = 0.5;
+  std::optional<double> head_fails_at_s;
 
   static Parameters<Options> parameters() {
     using O = Options;
@@ -60,7 +62,10 @@ struct Options {
         .add("assumed_ramp_s", &O::assumed_ramp_s,
              "A joint without a known acceleration limit reaches its largest velocity in this "
              "time.",
-             {.unit = "s", .min = 1e-3});
+             {.unit = "s", .min = 1e-3})
+        .add("head_fails_at_s", &O::head_fails_at_s,
+             "From then on the head takes what it is told and does not move; left out: never.",
+             {.unit = "s", .min = 0.0});
   }
 };
 

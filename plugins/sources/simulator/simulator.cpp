@@ -169,17 +169,14 @@ class Simulator final : public Source, public GroundTruth {
     renderer_.render(caster_, view.T_world_eye, workers_, exact_);
     DepthImage image{camera_, {}};
     sensor_.measure(exact_, frame->sequence, workers_, image.depth_m);
-    if (fault_.is_on(stamp)) {
-      spoil(*frame, image);
-    } else if (fault_.kind == "frozen") {
-      last_sound_m_ = image.depth_m;
-    }
+    if (!fault_.is_on(stamp) || last_sound_m_.empty()) last_sound_m_ = image.depth_m;
+    if (fault_.is_on(stamp)) spoil(*frame, image);
     frame->measurement = std::move(image);
     return frame;
   }
 
   void spoil(Frame& frame, DepthImage& image) const {
-    if (fault_.kind == "frozen" && !last_sound_m_.empty()) image.depth_m = last_sound_m_;
+    if (fault_.kind == "frozen") image.depth_m = last_sound_m_;
     if (fault_.kind == "blind") std::ranges::fill(image.depth_m, 0.0F);
     if (fault_.kind == "lens") {
       image.camera.fx_px *= fault_.focal_scale;

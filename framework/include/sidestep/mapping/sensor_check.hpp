@@ -20,15 +20,15 @@ class SIDESTEP_EXPORT SensorCheck {
  public:
   /// Of the plane that a camera sees as the floor. A camera that is mounted with care is off by
   /// less than half a degree.
-  static constexpr double kMaxTilt_rad = 0.0262;  // 1.5 degrees
+  static constexpr double kMaxTilt_rad = 0.0349;  // 2 degrees
 
   /// `floor_z_m`: height in the world of the floor that the robot stands on; nothing: it is not
   /// known, and neither blindness nor tilt can be told.
   explicit SensorCheck(std::optional<double> floor_z_m) : floor_z_m_(floor_z_m) {}
 
-  /// Fails with kBadFrame, naming the fault, from when it is certain, less than half a second after
-  /// it began at 10 Hz, until a frame shows the opposite. Passes by frames that check_frame() does
-  /// not pass. [mapping]; allocates at first.
+  /// Fails with kBadFrame, naming the fault, from when it is certain, 0.2 s after a frame has first
+  /// shown it, until all frames of a second that tell show the opposite. Passes by frames that
+  /// check_frame() does not pass. [mapping]; allocates at first.
   [[nodiscard]] Result<void> check(const Frame& frame);
 
  private:
@@ -57,7 +57,7 @@ class SIDESTEP_EXPORT SensorCheck {
   void take_samples(const Frame& frame, const DepthImage& image);
   [[nodiscard]] Says is_frozen(const Frame& frame);
   [[nodiscard]] bool is_noise() const;
-  [[nodiscard]] Says is_blind(const Frame& frame, const DepthImage& image) const;
+  [[nodiscard]] Says is_blind(const Frame& frame, const DepthImage& image);
   [[nodiscard]] Says is_tilted(double camera_height_m);
   [[nodiscard]] std::optional<Plane> plane_through(std::size_t i, std::size_t j,
                                                    std::size_t k) const;
@@ -69,6 +69,8 @@ class SIDESTEP_EXPORT SensorCheck {
   std::vector<Eigen::Vector3d> candidates_m_;  ///< Of the floor, as far as a tilted one may be.
   Transform T_world_last_ = Transform::Identity();
   Transform T_world_first_ = Transform::Identity();  ///< Of the first of the equal images.
+  std::optional<Transform> T_world_seen_;            ///< Of the last image with many returns.
+  double farthest_m_ = 0.0;                          ///< Depth that was ever measured.
   int noisy_pairs_ = 0;
   double tilt_rad_ = 0.0;  ///< Seen last before it was certain.
   Verdict frozen_, blind_, tilted_;

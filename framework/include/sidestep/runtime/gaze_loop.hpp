@@ -16,11 +16,13 @@ namespace sidestep {
 
 class HeadGuard;
 
-/// Has a gaze say, ten times a second, where a robot's head turns. One that throws, fails or says
-/// what is not a number leaves the head as it is, and is named in the log, again only after it did
-/// well. Plans have the head at rest: it is not turned where it would come near to the rest of the
-/// robot, as that is and goes on, and goes to rest in time where that comes near to it. A motion
-/// that leaves no time for that must not begin. [planning]
+/// Has a gaze say, ten times a second, where a robot's head turns. Where one throws, fails or says
+/// what is not a number the head stays, and it is named in the log, again only after it did well. A
+/// head that does not move where it is told to is named, too.
+///
+/// Plans have the head at rest. It is not turned where it would come near to the rest of the robot,
+/// as that is and goes on, and goes to rest in time where that comes near to it. A motion that
+/// leaves no time for that must not begin. [planning]
 class GazeLoop {
  public:
   struct Parts {
@@ -39,14 +41,30 @@ class GazeLoop {
 
   /// Whether it is time to look().
   [[nodiscard]] bool is_due(Stamp now) const noexcept;
+  GazeLoop(GazeLoop&& other) noexcept;
+  ~GazeLoop();
+
   /// Turns the head. `way` holds during the call.
   void look(Stamp now, const RobotState& measured, const Replanner::Way& way);
-  /// Why a motion must not begin now: it would run into the head before that is at rest, where it
-  /// then goes. Empty: it may.
+  /// Why a motion that is to be followed must not begin now: it would run into the head before that
+  /// is at rest, where it goes for it. Empty: it may.
   [[nodiscard]] std::string objection(Stamp now, const Trajectory& motion);
 
  private:
   GazeLoop(Parts parts, Head head, HeadTurner& turner);
+  /// Where the gaze wants it, within its limits.
+  [[nodiscard]] Result<HeadAngles> ask(Stamp now, const RobotState& measured,
+                                       const Replanner::Way& way, const HeadAngles& at,
+                                       const HeadAngles& stop);
+  /// Whether the way to some angles is clear by its rest.
+  [[nodiscard]] bool is_clear_by_rest(const HeadAngles& at, const HeadAngles& stop,
+                                      const HeadAngles& to);
+  /// Where it turns instead of where it was asked to.
+  [[nodiscard]] HeadAngles apart(Stamp now, const HeadAngles& at, const HeadAngles& stop,
+                                 const HeadAngles& asked);
+  [[nodiscard]] Result<void> tell(Stamp now, HeadAngles wanted);
+  /// Names a head that has stood still, not where it was told to be, for half a second.
+  void watch_head(Stamp now, const HeadAngles& at);
   [[nodiscard]] Result<void> turn(Stamp now, const RobotState& measured, const Replanner::Way& way);
   [[nodiscard]] HeadAngles head_at(Stamp now) const {
     return parts_.motion.head(now).value_or(head_.rest());
@@ -57,7 +75,7 @@ class GazeLoop {
   Parts parts_;
   Head head_;
   HeadTurner* turner_;
-  std::shared_ptr<HeadGuard> guard_;
+  std::unique_ptr<HeadGuard> guard_;
   std::vector<Transform> T_world_link_;
   Scratch scratch_;
   std::optional<Stamp> looked_;
@@ -65,6 +83,9 @@ class GazeLoop {
   Stamp told_at_;
   Stamp rests_until_;  ///< A motion wants it to.
   bool has_failed_ = false;
+  std::optional<HeadAngles> stood_at_;  ///< Where it has been, short of where it was told to be,
+  Stamp stood_since_;                   ///< since then.
+  bool is_stuck_ = false;
 };
 
 }  // namespace sidestep
