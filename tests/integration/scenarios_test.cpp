@@ -108,14 +108,13 @@ TEST_P(SensorFault, IsNamedAndTheRobotStopsInTimeAndGoesOn) {
 
 INSTANTIATE_TEST_SUITE_P(
     Replan, SensorFault,
-    ::testing::Values(
-        Fault{"frozen", {"source.fault.kind=frozen"}, "frozen"},
-        Fault{"blind", {"source.fault.kind=blind"}, "blind"},
-        Fault{"lens", {"source.fault.kind=lens"}, "its lens"},
-        Fault{"pitched", {"source.fault.kind=mount"}, "not mounted"},
-        Fault{"rolled",
-              {"source.fault.kind=mount", "source.fault.turn_rad=[0, 0, 0.0873]"},
-              "not mounted"}),
+    ::testing::Values(Fault{"frozen", {"source.fault.kind=frozen"}, "frozen"},
+                      Fault{"blind", {"source.fault.kind=blind"}, "blind"},
+                      Fault{"lens", {"source.fault.kind=lens"}, "its lens"},
+                      Fault{"pitched", {"source.fault.kind=mount"}, "not mounted"},
+                      Fault{"rolled",
+                            {"source.fault.kind=mount", "source.fault.turn_rad=[0, 0, 0.0873]"},
+                            "not mounted"}),
     [](const auto& fault) { return std::string(fault.param.name); });
 
 TEST_F(HeadFault, IsNamed) {

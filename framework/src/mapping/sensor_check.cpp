@@ -32,10 +32,11 @@ constexpr double kExpected = 0.1, kReturned = 0.01;  // of all samples
 /// A view that has turned by less, half a lens, shows some of the same.
 constexpr double kSameView_rad = 0.4;
 
-constexpr double kFloor_m = 0.02;     // its points lie this near to a plane
-constexpr double kFarthest_m = 2.5;   // horizontally: farther off, noise tilts it
-constexpr double kSteepest = 0.176;   // 10 degrees: more is no floor
-constexpr double kOffset_m = 0.02, kOffset = 0.06;  // of a tilted floor below the camera, of its height
+constexpr double kFloor_m = 0.02;    // its points lie this near to a plane
+constexpr double kFarthest_m = 2.5;  // horizontally: farther off, noise tilts it
+constexpr double kSteepest = 0.176;  // 10 degrees: more is no floor
+constexpr double kOffset_m = 0.02,
+                 kOffset = 0.06;  // of a tilted floor below the camera, of its height
 constexpr std::size_t kFewest = 200;
 constexpr int kTries = 80;
 constexpr double kSpread_m = 0.15;  // of its points, a standard deviation, in each direction
@@ -83,11 +84,13 @@ Result<void> SensorCheck::check(const Frame& frame) {
                 "the camera is blind: nothing returns from where the floor would");
   }
   if (tilted_.is_fault) {
-    return fail(ErrorCode::kBadFrame,
-                format("the camera sees the floor tilted by %.1f degrees: it is not mounted, or its lens is "
-                       "not, as they are said to be",
-                       tilt_rad_ * 180.0 / std::numbers::pi),
-                {}, "see extrinsics, head joints and intrinsics");
+    return fail(
+        ErrorCode::kBadFrame,
+        format(
+            "the camera sees the floor tilted by %.1f degrees: it is not mounted, or its lens is "
+            "not, as they are said to be",
+            tilt_rad_ * 180.0 / std::numbers::pi),
+        {}, "see extrinsics, head joints and intrinsics");
   }
   return {};
 }
@@ -121,8 +124,7 @@ SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
     T_world_first_ = frame.T_world_camera;
     return Says::kNothing;
   }
-  const bool is_same =
-      std::ranges::equal(samples_, last_, {}, &Sample::depth_m, &Sample::depth_m);
+  const bool is_same = std::ranges::equal(samples_, last_, {}, &Sample::depth_m, &Sample::depth_m);
   if (!is_same) {
     const bool is_still =
         (T_world_last.translation() - frame.T_world_camera.translation()).norm() < kStill_m &&
@@ -168,7 +170,8 @@ bool SensorCheck::is_noise() const {
 /// no ray would meet the floor, a view is blind that was not before.
 SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& image) {
   const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
-  const double reach_m = farthest_m_ > 0.0 ? std::min(kFloorInReach_m, farthest_m_) : kFloorInReach_m;
+  const double reach_m =
+      farthest_m_ > 0.0 ? std::min(kFloorInReach_m, farthest_m_) : kFloorInReach_m;
   const auto meets_floor = [&](const Sample& sample) {
     const Eigen::Vector3d ray =
         frame.T_world_camera.linear() * image.camera.unproject(sample.u, sample.v, 1.0);
@@ -182,14 +185,14 @@ SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& im
   }
   if (returned > kExpected * samples) T_world_seen_ = frame.T_world_camera;
   if (returned > kReturned * samples) return Says::kSound;
-  const bool is_same_view = T_world_seen_ &&
-                            angle_between(*T_world_seen_, frame.T_world_camera) < kSameView_rad;
+  const bool is_same_view =
+      T_world_seen_ && angle_between(*T_world_seen_, frame.T_world_camera) < kSameView_rad;
   const auto expected = static_cast<double>(std::ranges::count_if(samples_, meets_floor));
   return is_same_view || expected > kExpected * samples ? Says::kFault : Says::kNothing;
 }
 
-/// Whether far more points lie on a tilted plane through where the floor below the camera is than on
-/// the floor.
+/// Whether far more points lie on a tilted plane through where the floor below the camera is than
+/// on the floor.
 SensorCheck::Says SensorCheck::is_tilted(double camera_height_m) {
   candidates_m_.clear();
   for (const Sample& sample : samples_) {

@@ -93,8 +93,7 @@ Result<HeadAngles> GazeLoop::ask(Stamp now, const RobotState& measured, const Re
   const HeadAngles to =
       SIDESTEP_TRY(call_stage(parts_.gaze_name, [&] { return parts_.gaze.look(request); }));
   if (std::isfinite(to.pan_rad) && std::isfinite(to.tilt_rad)) return head_.within_limits(to);
-  return fail(ErrorCode::kPlugin, "said angles that are not numbers",
-              "plugin " + parts_.gaze_name);
+  return fail(ErrorCode::kPlugin, "said angles that are not numbers", "plugin " + parts_.gaze_name);
 }
 
 bool GazeLoop::is_clear_by_rest(const HeadAngles& at, const HeadAngles& stop,
@@ -136,8 +135,8 @@ void GazeLoop::watch_head(Stamp now, const HeadAngles& at) {
   is_stuck_ = true;
   parts_.log.warn(parts_.executor_name + ": the head does not move: it was told to turn to " +
                   format("%.2f, ", told_->pan_rad) + format("%.2f rad", told_->tilt_rad) +
-                  " and is at " + format("%.2f, ", at.pan_rad) +
-                  format("%.2f rad", at.tilt_rad) + "; the robot goes on with it where it is");
+                  " and is at " + format("%.2f, ", at.pan_rad) + format("%.2f rad", at.tilt_rad) +
+                  "; the robot goes on with it where it is");
 }
 
 HeadAngles GazeLoop::head_stop(Stamp now) const {

@@ -32,7 +32,7 @@ class HeadGuard {
   using Place = std::pair<int, int>;
   /// The robot but for its head, in the frame of what carries that.
   struct Body {
-    std::vector<Transform> poses;           ///< Of all links.
+    std::vector<Transform> poses;            ///< Of all links.
     std::vector<Eigen::Vector3d> centres_m;  ///< Of body_spheres_.
   };
 

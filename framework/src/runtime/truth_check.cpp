@@ -101,7 +101,7 @@ class Inspection {
   }
 
   const RobotModel& robot_;
-  std::optional<Head> head_;       ///< Where it has one.
+  std::optional<Head> head_;        ///< Where it has one.
   std::vector<int> pairs_of_head_;  ///< Of shapes, of which it carries one.
   const ShapeCollider& collider_;
   double apart_s_;
@@ -113,8 +113,7 @@ class Inspection {
 
 /// Whatever half-spaces there are: a robot is always near to its floor.
 std::vector<TrueClearance> clearances_over_time(const std::shared_ptr<const RobotModel>& model,
-                                                const Scene& scene,
-                                                std::span<const TruePose> poses,
+                                                const Scene& scene, std::span<const TruePose> poses,
                                                 const TrueMotionSettings& settings) {
   const RobotModel& robot = *model;
   const auto head = Head::create(model);

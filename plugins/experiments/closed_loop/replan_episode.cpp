@@ -368,8 +368,7 @@ class EpisodeRun {
         return world_.true_robot->true_state(stamp);
       });
       if (state) {
-        record_.poses.push_back(
-            {stamp.seconds(), std::move(state->q), world_.motion->head(stamp)});
+        record_.poses.push_back({stamp.seconds(), std::move(state->q), world_.motion->head(stamp)});
       } else {
         truth_fault_ = std::move(state.error());
       }

@@ -57,7 +57,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& co
                  &sensor_check_}),
       source_name_(plugin_of(world.source)),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
-  const bool measures = is_lockstep_ && configuration.experiment.truth.measure && world.scene && occupancy_;
+  const bool measures =
+      is_lockstep_ && configuration.experiment.truth.measure && world.scene && occupancy_;
   if (measures) {
     truth_.emplace(*world.scene, occupancy_->occupancy_grid(), configuration.experiment.truth);
     if (is_tracking_) track_truth_.emplace(*world.scene);

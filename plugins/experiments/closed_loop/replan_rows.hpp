@@ -46,7 +46,8 @@ struct EpisodeEvent : ReplannerEvent {
   std::optional<double> frame_to_trajectory_ms = {};  ///< From when the source had handed it over.
 };
 
-/// A collision, and its cause: "unseen", "walked into while stopped", "its own link", "fault" or "unknown".
+/// A collision, and its cause: "unseen", "walked into while stopped", "its own link", "fault" or
+/// "unknown".
 struct EpisodeContact : TrueContact {
   std::string cause;
 };
@@ -93,9 +94,10 @@ struct EpisodeRecord : EpisodeFigures {
   [[nodiscard]] bool success() const noexcept { return reason.empty(); }
 };
 
-/// The cause of a contact: "its own link" for one of the robot with itself, "walked into while stopped" where no joint moved faster than
-/// `rest_speed`; "unseen" where not every frame of the half second before shows the object, the
-/// robot's own body aside; "unknown" where no depth image was kept; else "fault".
+/// The cause of a contact: "its own link" for one of the robot with itself, "walked into while
+/// stopped" where no joint moved faster than `rest_speed`; "unseen" where not every frame of the
+/// half second before shows the object, the robot's own body aside; "unknown" where no depth image
+/// was kept; else "fault".
 [[nodiscard]] std::string cause_of(const TrueContact& contact, const EpisodeRecord& episode,
                                    double rest_speed);
 

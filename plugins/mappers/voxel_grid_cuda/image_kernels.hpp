@@ -220,8 +220,8 @@ struct IntegrateImage {
   static constexpr int kPhases = 5;
   enum Action { kLeave, kClear, kCompare };
   struct Shared {
-    int in_view;  ///< Whether the camera may see the block, or has hits in it.
-    int action;   ///< From phase 2 on; nobody reads it in the phase that writes it.
+    int in_view;         ///< Whether the camera may see the block, or has hits in it.
+    int action;          ///< From phase 2 on; nobody reads it in the phase that writes it.
     int u0, v0, u1, v1;  ///< Pixels that the block may cover.
     int whole;           ///< Whether every voxel of it is in the image.
     int has_hits;

@@ -155,10 +155,11 @@ struct FaultOptions {
         .add("until_s", &F::until_s, "When it ends; left out: never.", {.unit = "s", .min = 0.0})
         .add("focal_scale", &F::focal_scale, "For lens: factor on what frames say.",
              {.min = 0.1, .max = 10.0})
-        .add("turn_rad", &F::turn_rad,
-             "For mount: what frames say it is turned by, roll, pitch and yaw in the optical frame: "
-             "up, to the right, about the axis.",
-             {.unit = "rad"});
+        .add(
+            "turn_rad", &F::turn_rad,
+            "For mount: what frames say it is turned by, roll, pitch and yaw in the optical frame: "
+            "up, to the right, about the axis.",
+            {.unit = "rad"});
   }
   [[nodiscard]] bool is_on(Stamp time) const {
     return kind != "none" && time.seconds() >= from_s && (!until_s || time.seconds() < *until_s);

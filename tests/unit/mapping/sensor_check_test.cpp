@@ -88,7 +88,7 @@ TEST_F(SensorFaults, AreNoneOfAStepOrTableBeforeIt) {
 
 TEST_F(SensorFaults, AreMountsThatAreOffByFiveDegrees) {
   for (const Eigen::Vector3d& by : {Eigen::Vector3d(5, 0, 0), Eigen::Vector3d(-5, 0, 0),
-                                   Eigen::Vector3d(0, 0, 5), Eigen::Vector3d(0, 0, -5)}) {
+                                    Eigen::Vector3d(0, 0, 5), Eigen::Vector3d(0, 0, -5)}) {
     SensorCheck check(0.0);
     const auto off = [&](double t) { return turned(frame(t, camera_pose()), kDegree * by); };
     const auto [time_s, what] = noticed(check, off);
@@ -115,9 +115,7 @@ TEST_F(SensorFaults, AreLensesThatLieByATenth) {
 
 /// A mount is off for good: nobody moves by it for the frames that do not tell, either.
 TEST_F(SensorFaults, LastUntilFramesOfASecondShowTheOpposite) {
-  const auto off = [&](double t) {
-    return turned(frame(t, camera_pose()), {5 * kDegree, 0, 0});
-  };
+  const auto off = [&](double t) { return turned(frame(t, camera_pose()), {5 * kDegree, 0, 0}); };
   ASSERT_LT(noticed(check_, off).first, 0.5);
   Frame nothing = frame(0.0, camera_pose());
   std::ranges::fill(std::get<DepthImage>(nothing.measurement).depth_m, 0.0F);
@@ -163,7 +161,10 @@ TEST_F(SensorFaults, AreFrozenImagesOfACameraThatTurns) {
 
 TEST_F(SensorFaults, AreNotImagesWithoutNoiseOfARobotAtRest) {
   noise_ = 0.0;
-  EXPECT_EQ(noticed(check_, [&](double t) { return frame(t, camera_pose()); }, 100).second, "");
+  EXPECT_EQ(noticed(
+                check_, [&](double t) { return frame(t, camera_pose()); }, 100)
+                .second,
+            "");
 }
 
 TEST_F(SensorFaults, AreImagesWithoutAReturn) {
@@ -187,7 +188,8 @@ TEST_F(SensorFaults, AreImagesWithoutAReturn) {
 
 /// Looking level, no ray meets the floor: but it has just seen the wall.
 TEST_F(SensorFaults, AreImagesWithoutAReturnFromWhereSomethingWas) {
-  const Transform level = transform_from_xyz_rpy({0.3, -0.2, 1.1}, {0.0, 0.0, 0.0}) * T_forward_optical();
+  const Transform level =
+      transform_from_xyz_rpy({0.3, -0.2, 1.1}, {0.0, 0.0, 0.0}) * T_forward_optical();
   ASSERT_TRUE(check_.check(frame(-0.1, level)));
   const auto blind = [&](double t) {
     Frame made = frame(t, level);

@@ -35,7 +35,7 @@ class SIDESTEP_EXPORT SensorCheck {
   /// One of the pixels that are looked at.
   struct Sample {
     int u, v;
-    float depth_m;  ///< 0: no return.
+    float depth_m;        ///< 0: no return.
     Eigen::Vector3d p_m;  ///< From the point of the floor below the camera, z up.
   };
   /// The plane z = slope . (x, y) + offset_m.
@@ -49,8 +49,8 @@ class SIDESTEP_EXPORT SensorCheck {
   /// Of a fault, over frames.
   struct Verdict {
     bool is_fault = false;
-    Stamp since;       ///< Of the row of frames that contradict it.
-    int frames = 0;    ///< In that row.
+    Stamp since;     ///< Of the row of frames that contradict it.
+    int frames = 0;  ///< In that row.
     void hear(Says says, Stamp now);
   };
 

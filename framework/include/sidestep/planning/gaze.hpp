@@ -45,10 +45,10 @@ class SIDESTEP_EXPORT Gaze {
  public:
   virtual ~Gaze() = default;
   /// Where the head is to turn now; asked ten times a second in one episode, or one run of deploy.
-  /// Angles beyond its limits end there. Where it would come too near to the rest of the robot, also
-  /// on the way, it stays where it is, or goes to rest where that comes too near to it. Fails where it cannot tell: the head stays. A slow one
-  /// delays the next step of the replanner, which may then stop the robot. [planning]; may
-  /// allocate.
+  /// Angles beyond its limits end there. Where it would come too near to the rest of the robot,
+  /// also on the way, it stays where it is, or goes to rest where that comes too near to it. Fails
+  /// where it cannot tell: the head stays. A slow one delays the next step of the replanner, which
+  /// may then stop the robot. [planning]; may allocate.
   [[nodiscard]] virtual Result<HeadAngles> look(const GazeRequest& request) = 0;
   /// Whether it wants GazeRequest::tracks; the loop then tracks what moves. [any]
   [[nodiscard]] virtual bool wants_tracks() const noexcept { return false; }
