@@ -1,6 +1,7 @@
 #include <sidestep/mapping/sensor_check.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -9,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/mapping/frame_check.hpp>
 
 namespace sidestep {
@@ -31,6 +33,8 @@ constexpr double kFloorInReach_m = 2.5;
 constexpr double kExpected = 0.1, kReturned = 0.01;  // of all samples
 /// A view that has turned by less, half a lens, shows some of the same.
 constexpr double kSameView_rad = 0.4;
+
+constexpr double kAtEye_m = 0.05, kNearBody_m = 0.6;
 
 constexpr double kFloor_m = 0.02;    // its points lie this near to a plane
 constexpr double kFarthest_m = 2.5;  // horizontally: farther off, noise tilts it
@@ -188,7 +192,44 @@ SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& im
   const bool is_same_view =
       T_world_seen_ && angle_between(*T_world_seen_, frame.T_world_camera) < kSameView_rad;
   const auto expected = static_cast<double>(std::ranges::count_if(samples_, meets_floor));
-  return is_same_view || expected > kExpected * samples ? Says::kFault : Says::kNothing;
+  if (!is_same_view && expected <= kExpected * samples) return Says::kNothing;
+  return is_hidden(frame, image) ? Says::kNothing : Says::kFault;
+}
+
+bool SensorCheck::is_hidden(const Frame& frame, const DepthImage& image) {
+  if (robot_ == nullptr || !frame.joint_positions ||
+      frame.joint_positions->size() != robot_->description().dof() ||
+      !frame.joint_positions->allFinite()) {
+    return false;
+  }
+  const RobotDescription& robot = robot_->description();
+  const auto& spheres = robot.spheres;
+  // The head, which carries the camera, is not where the joints have it.
+  const auto is_of_head = [&](int link) {
+    while (link >= 0 && robot.head && link != robot.head->pan.link) {
+      link = robot.links[idx(link)].parent;
+    }
+    return link >= 0 && robot.head.has_value();
+  };
+  std::vector<bool> counts(spheres.size());
+  for (std::size_t i = 0; i < spheres.size(); ++i) counts[i] = !is_of_head(spheres[i].link);
+  centres_m_.resize(spheres.size());
+  robot_->sphere_centres(as_span(*frame.joint_positions), centres_m_, scratch_);
+  const Transform T_camera_world = frame.T_world_camera.inverse();
+  std::size_t hidden = 0;
+  for (const Sample& sample : samples_) {
+    const Eigen::Vector3d ray = image.camera.unproject(sample.u, sample.v, 1.0).normalized();
+    for (std::size_t i = 0; i < spheres.size(); ++i) {
+      const Eigen::Vector3d centre = T_camera_world * centres_m_[i];
+      const double along_m = centre.dot(ray);
+      // What is around the camera carries it.
+      if (!counts[i] || centre.norm() < spheres[i].radius_m + kAtEye_m || along_m < 0.0) continue;
+      if (along_m > kNearBody_m || (centre - along_m * ray).norm() > spheres[i].radius_m) continue;
+      ++hidden;
+      break;
+    }
+  }
+  return 3 * hidden > samples_.size();
 }
 
 /// Whether far more points lie on a tilted plane through where the floor below the camera is than

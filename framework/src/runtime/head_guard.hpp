@@ -24,7 +24,7 @@ class HeadGuard {
   /// it for as long as the head may need to its rest.
   void see(std::span<const double> q, const Trajectory* way, double from_s);
   /// Whether the head keeps apart anywhere between some angles and its rest, whichever of its
-  /// joints comes first.
+  /// joints comes first. After see().
   [[nodiscard]] bool is_clear(std::initializer_list<HeadAngles> between);
 
  private:

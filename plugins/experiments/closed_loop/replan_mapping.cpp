@@ -40,7 +40,8 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& co
       masks_tracks_(world.predictor && world.predictor->subject() != PredictionSubject::kNothing),
       sensor_check_(configuration.planning.floor
                         ? std::optional(configuration.planning.floor->height_m)
-                        : std::nullopt),
+                        : std::nullopt,
+                    world.robot),
       pipeline_({source_,
                  *world.mapper,
                  *world.field_builder,

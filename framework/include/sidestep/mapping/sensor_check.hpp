@@ -1,15 +1,16 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
-#include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/export.hpp>
+#include <sidestep/robot/robot_model.hpp>
 #include <sidestep/sensing/frame.hpp>
 
 namespace sidestep {
@@ -24,7 +25,11 @@ class SIDESTEP_EXPORT SensorCheck {
 
   /// `floor_z_m`: height in the world of the floor that the robot stands on; nothing: it is not
   /// known, and neither blindness nor tilt can be told.
-  explicit SensorCheck(std::optional<double> floor_z_m) : floor_z_m_(floor_z_m) {}
+  /// `robot`: whose own links may hide all that a camera on it sees, nearer than that measures;
+  /// null: none does.
+  explicit SensorCheck(std::optional<double> floor_z_m,
+                       std::shared_ptr<const RobotModel> robot = nullptr)
+      : floor_z_m_(floor_z_m), robot_(std::move(robot)) {}
 
   /// Fails with kBadFrame, naming the fault, from when it is certain, 0.2 s after a frame has first
   /// shown it, until all frames of a second that tell show the opposite. Passes by frames that
@@ -58,6 +63,8 @@ class SIDESTEP_EXPORT SensorCheck {
   [[nodiscard]] Says is_frozen(const Frame& frame);
   [[nodiscard]] bool is_noise() const;
   [[nodiscard]] Says is_blind(const Frame& frame, const DepthImage& image);
+  /// Whether the robot's own body is before most of the image.
+  [[nodiscard]] bool is_hidden(const Frame& frame, const DepthImage& image);
   [[nodiscard]] Says is_tilted(double camera_height_m);
   [[nodiscard]] std::optional<Plane> plane_through(std::size_t i, std::size_t j,
                                                    std::size_t k) const;
@@ -65,6 +72,9 @@ class SIDESTEP_EXPORT SensorCheck {
   [[nodiscard]] std::optional<Plane> refined(const Plane& plane) const;
 
   std::optional<double> floor_z_m_;
+  std::shared_ptr<const RobotModel> robot_;
+  std::vector<Eigen::Vector3d> centres_m_;  ///< Of the robot's spheres.
+  Scratch scratch_;
   std::vector<Sample> samples_, last_;
   std::vector<Eigen::Vector3d> candidates_m_;  ///< Of the floor, as far as a tilted one may be.
   Transform T_world_last_ = Transform::Identity();
