@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -30,11 +31,7 @@ constexpr double kOther = 0.05;
 
 /// Rays that meet the floor nearer than this return something, whatever stands on it.
 constexpr double kFloorInReach_m = 2.5;
-constexpr double kExpected = 0.1, kReturned = 0.01;  // of all samples
-/// A view that has turned by less, half a lens, shows some of the same.
-constexpr double kSameView_rad = 0.4;
-
-constexpr double kAtEye_m = 0.05, kNearBody_m = 0.6;
+constexpr double kExpected = 0.1, kReturned = 0.01, kManyReturned = 0.3;  // of all samples
 
 constexpr double kFloor_m = 0.02;    // its points lie this near to a plane
 constexpr double kFarthest_m = 2.5;  // horizontally: farther off, noise tilts it
@@ -170,66 +167,30 @@ bool SensorCheck::is_noise() const {
   return 2 * told > kTiles * kTiles;
 }
 
-/// Own links may hide the floor, nearer than the camera measures: whatever returns is enough. Where
-/// no ray would meet the floor, a view is blind that was not before.
+/// What comes nearer than a camera measures, its own robot's links too, fades from the image over
+/// frames; a camera that fails goes blind from one to the next, or was so from the beginning.
 SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& image) {
-  const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
-  const double reach_m =
-      farthest_m_ > 0.0 ? std::min(kFloorInReach_m, farthest_m_) : kFloorInReach_m;
-  const auto meets_floor = [&](const Sample& sample) {
-    const Eigen::Vector3d ray =
-        frame.T_world_camera.linear() * image.camera.unproject(sample.u, sample.v, 1.0);
-    return -ray.z() * reach_m > height_m * ray.norm();
-  };
   const auto samples = static_cast<double>(samples_.size());
-  double returned = 0.0;
-  for (const Sample& sample : samples_) {
-    if (sample.depth_m > 0.0F) ++returned;
-    farthest_m_ = std::max(farthest_m_, static_cast<double>(sample.depth_m));
-  }
-  if (returned > kExpected * samples) T_world_seen_ = frame.T_world_camera;
-  if (returned > kReturned * samples) return Says::kSound;
-  const bool is_same_view =
-      T_world_seen_ && angle_between(*T_world_seen_, frame.T_world_camera) < kSameView_rad;
-  const auto expected = static_cast<double>(std::ranges::count_if(samples_, meets_floor));
-  if (!is_same_view && expected <= kExpected * samples) return Says::kNothing;
-  return is_hidden(frame, image) ? Says::kNothing : Says::kFault;
-}
-
-bool SensorCheck::is_hidden(const Frame& frame, const DepthImage& image) {
-  if (robot_ == nullptr || !frame.joint_positions ||
-      frame.joint_positions->size() != robot_->description().dof() ||
-      !frame.joint_positions->allFinite()) {
-    return false;
-  }
-  const RobotDescription& robot = robot_->description();
-  const auto& spheres = robot.spheres;
-  // The head, which carries the camera, is not where the joints have it.
-  const auto is_of_head = [&](int link) {
-    while (link >= 0 && robot.head && link != robot.head->pan.link) {
-      link = robot.links[idx(link)].parent;
-    }
-    return link >= 0 && robot.head.has_value();
+  const auto share = [&](const auto& are) {
+    return static_cast<double>(std::ranges::count_if(samples_, are)) / samples;
   };
-  std::vector<bool> counts(spheres.size());
-  for (std::size_t i = 0; i < spheres.size(); ++i) counts[i] = !is_of_head(spheres[i].link);
-  centres_m_.resize(spheres.size());
-  robot_->sphere_centres(as_span(*frame.joint_positions), centres_m_, scratch_);
-  const Transform T_camera_world = frame.T_world_camera.inverse();
-  std::size_t hidden = 0;
-  for (const Sample& sample : samples_) {
-    const Eigen::Vector3d ray = image.camera.unproject(sample.u, sample.v, 1.0).normalized();
-    for (std::size_t i = 0; i < spheres.size(); ++i) {
-      const Eigen::Vector3d centre = T_camera_world * centres_m_[i];
-      const double along_m = centre.dot(ray);
-      // What is around the camera carries it.
-      if (!counts[i] || centre.norm() < spheres[i].radius_m + kAtEye_m || along_m < 0.0) continue;
-      if (along_m > kNearBody_m || (centre - along_m * ray).norm() > spheres[i].radius_m) continue;
-      ++hidden;
-      break;
-    }
+  const double returned = share([](const Sample& sample) { return sample.depth_m > 0.0F; });
+  const std::optional<double> before = std::exchange(returned_, returned);
+  if (returned > kReturned) {
+    has_failed_ = false;
+    return Says::kSound;
   }
-  return 3 * hidden > samples_.size();
+  const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
+  if (!before) {
+    has_failed_ = share([&](const Sample& sample) {
+                    const Eigen::Vector3d ray = frame.T_world_camera.linear() *
+                                                image.camera.unproject(sample.u, sample.v, 1.0);
+                    return -ray.z() * kFloorInReach_m > height_m * ray.norm();
+                  }) > kExpected;
+  } else if (*before > kManyReturned) {
+    has_failed_ = true;
+  }
+  return has_failed_ ? Says::kFault : Says::kNothing;
 }
 
 /// Whether far more points lie on a tilted plane through where the floor below the camera is than

@@ -40,8 +40,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& co
       masks_tracks_(world.predictor && world.predictor->subject() != PredictionSubject::kNothing),
       sensor_check_(configuration.planning.floor
                         ? std::optional(configuration.planning.floor->height_m)
-                        : std::nullopt,
-                    world.robot),
+                        : std::nullopt),
       pipeline_({source_,
                  *world.mapper,
                  *world.field_builder,

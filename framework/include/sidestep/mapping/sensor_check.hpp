@@ -1,16 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/export.hpp>
-#include <sidestep/robot/robot_model.hpp>
 #include <sidestep/sensing/frame.hpp>
 
 namespace sidestep {
@@ -25,11 +22,7 @@ class SIDESTEP_EXPORT SensorCheck {
 
   /// `floor_z_m`: height in the world of the floor that the robot stands on; nothing: it is not
   /// known, and neither blindness nor tilt can be told.
-  /// `robot`: whose own links may hide all that a camera on it sees, nearer than that measures;
-  /// null: none does.
-  explicit SensorCheck(std::optional<double> floor_z_m,
-                       std::shared_ptr<const RobotModel> robot = nullptr)
-      : floor_z_m_(floor_z_m), robot_(std::move(robot)) {}
+  explicit SensorCheck(std::optional<double> floor_z_m) : floor_z_m_(floor_z_m) {}
 
   /// Fails with kBadFrame, naming the fault, from when it is certain, 0.2 s after a frame has first
   /// shown it, until all frames of a second that tell show the opposite. Passes by frames that
@@ -63,8 +56,6 @@ class SIDESTEP_EXPORT SensorCheck {
   [[nodiscard]] Says is_frozen(const Frame& frame);
   [[nodiscard]] bool is_noise() const;
   [[nodiscard]] Says is_blind(const Frame& frame, const DepthImage& image);
-  /// Whether the robot's own body is before most of the image.
-  [[nodiscard]] bool is_hidden(const Frame& frame, const DepthImage& image);
   [[nodiscard]] Says is_tilted(double camera_height_m);
   [[nodiscard]] std::optional<Plane> plane_through(std::size_t i, std::size_t j,
                                                    std::size_t k) const;
@@ -72,15 +63,12 @@ class SIDESTEP_EXPORT SensorCheck {
   [[nodiscard]] std::optional<Plane> refined(const Plane& plane) const;
 
   std::optional<double> floor_z_m_;
-  std::shared_ptr<const RobotModel> robot_;
-  std::vector<Eigen::Vector3d> centres_m_;  ///< Of the robot's spheres.
-  Scratch scratch_;
   std::vector<Sample> samples_, last_;
   std::vector<Eigen::Vector3d> candidates_m_;  ///< Of the floor, as far as a tilted one may be.
   Transform T_world_last_ = Transform::Identity();
   Transform T_world_first_ = Transform::Identity();  ///< Of the first of the equal images.
-  std::optional<Transform> T_world_seen_;            ///< Of the last image with many returns.
-  double farthest_m_ = 0.0;                          ///< Depth that was ever measured.
+  std::optional<double> returned_;                   ///< Share of the last image.
+  bool has_failed_ = false;                          ///< It is blind, and was not before.
   int noisy_pairs_ = 0;
   double tilt_rad_ = 0.0;  ///< Seen last before it was certain.
   Verdict frozen_, blind_, tilted_;
