@@ -263,6 +263,42 @@ Result<PointCloud> point_cloud(const PointCloud2& message) {
   return cloud;
 }
 
+Result<PointCloud> laser_scan(const LaserScan& message) {
+  if (!std::isfinite(message.angle_min) || !std::isfinite(message.angle_increment)) {
+    return bad_message("the scan's angles are not finite");
+  }
+  PointCloud scan;
+  scan.points_m.reserve(message.ranges.size());
+  for (std::size_t i = 0; i < message.ranges.size(); ++i) {
+    const float range_m = message.ranges[i];
+    // False of NaN, too.
+    const bool is_measured = range_m >= message.range_min && range_m <= message.range_max;
+    const float angle_rad = message.angle_min + static_cast<float>(i) * message.angle_increment;
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    scan.points_m.push_back(is_measured ? Eigen::Vector3f(range_m * std::cos(angle_rad),
+                                                          range_m * std::sin(angle_rad), 0.0F)
+                                        : Eigen::Vector3f::Constant(nan));
+  }
+  return scan;
+}
+
+LaserScan to_laser_scan(const PointCloud& scan, double from_rad, double to_rad,
+                        const DepthRange& range, Stamp stamp, const std::string& frame) {
+  LaserScan message;
+  message.header.stamp = to_ros_time(stamp);
+  message.header.frame_id = frame;
+  const auto steps = std::max<std::size_t>(scan.points_m.size(), 2) - 1;
+  message.angle_min = static_cast<float>(from_rad);
+  message.angle_max = static_cast<float>(to_rad);
+  message.angle_increment = static_cast<float>((to_rad - from_rad) / static_cast<double>(steps));
+  message.range_min = static_cast<float>(range.min_m);
+  message.range_max = static_cast<float>(range.max_m);
+  for (const Eigen::Vector3f& p : scan.points_m) {
+    message.ranges.push_back(p.allFinite() ? p.norm() : std::numeric_limits<float>::infinity());
+  }
+  return message;
+}
+
 PointCloud2 to_point_cloud(const PointCloud& cloud, Stamp stamp, const std::string& frame) {
   PointCloud2 message;
   message.header.stamp = to_ros_time(stamp);

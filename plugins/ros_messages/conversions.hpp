@@ -53,6 +53,11 @@ enum class DepthEncoding : std::uint8_t { k16UC1, k32FC1 };
 /// are none such, or fewer bytes than the cloud says.
 [[nodiscard]] Result<PointCloud> point_cloud(const PointCloud2& message);
 
+/// One point a beam of a scan, in the laser's own frame (x forward, z up); NaN where the range is
+/// not one that the laser measures. All beams count as taken at the stamp. Fails where the angles
+/// are not finite.
+[[nodiscard]] Result<PointCloud> laser_scan(const LaserScan& message);
+
 /// Nothing where the figures are no rigid transform.
 [[nodiscard]] std::optional<RigidPose> pose_of(const TransformStamped& message);
 [[nodiscard]] std::optional<RigidPose> pose_of(const PoseStamped& message);
@@ -74,6 +79,11 @@ int add_joint_states(const JointState& message, JointHistory& history);
 /// An unorganised cloud of fields x, y and z.
 [[nodiscard]] PointCloud2 to_point_cloud(const PointCloud& cloud, Stamp stamp,
                                          const std::string& frame);
+/// Of a scan with beams from `from_rad` to `to_rad`, in steps of the same size; ranges beyond those
+/// given are no measurement.
+[[nodiscard]] LaserScan to_laser_scan(const PointCloud& scan, double from_rad, double to_rad,
+                                      const DepthRange& range, Stamp stamp,
+                                      const std::string& frame);
 [[nodiscard]] TransformStamped to_transform(const RigidPose& T_parent_child, Stamp stamp,
                                             const std::string& parent, const std::string& child);
 /// Positions in the order of `joints`.

@@ -9,6 +9,7 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/JointState.h>
+#include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <tf2_msgs/TFMessage.h>
 
@@ -54,6 +55,7 @@ using Image = ::sensor_msgs::Image_<MessageAllocator<void>>;
 using CameraInfo = ::sensor_msgs::CameraInfo_<MessageAllocator<void>>;
 using PointField = ::sensor_msgs::PointField_<MessageAllocator<void>>;
 using PointCloud2 = ::sensor_msgs::PointCloud2_<MessageAllocator<void>>;
+using LaserScan = ::sensor_msgs::LaserScan_<MessageAllocator<void>>;
 using JointState = ::sensor_msgs::JointState_<MessageAllocator<void>>;
 using TransformStamped = ::geometry_msgs::TransformStamped_<MessageAllocator<void>>;
 using PoseStamped = ::geometry_msgs::PoseStamped_<MessageAllocator<void>>;

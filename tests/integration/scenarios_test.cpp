@@ -79,12 +79,13 @@ class HeadFault : public ::testing::Test {
   testing_support::TemporaryFolder folder_;
 };
 
-/// With the camera, from 10 to 14 s.
+/// With the camera or the laser, from 10 to 14 s.
 class SensorFault : public HeadFault, public ::testing::WithParamInterface<Fault> {};
 
 TEST_P(SensorFault, IsNamedAndTheRobotStopsInTimeAndGoesOn) {
   std::vector<std::string> sets = GetParam().sets;
-  sets.insert(sets.end(), {"source.fault.from_s=10", "source.fault.until_s=14"});
+  const std::string sensor = sets.front().substr(0, sets.front().find(".fault"));
+  sets.insert(sets.end(), {sensor + ".fault.from_s=10", sensor + ".fault.until_s=14"});
   const Finished finished = drive(sets);
   EXPECT_EQ(finished.exit_code, 0) << finished.error;  // it goes on once the camera is sound
   const auto reader = ResultsReader::open(folder_.path() / "run" / "results.sqlite");
@@ -114,8 +115,30 @@ INSTANTIATE_TEST_SUITE_P(
                       Fault{"pitched", {"source.fault.kind=mount"}, "not mounted"},
                       Fault{"rolled",
                             {"source.fault.kind=mount", "source.fault.turn_rad=[0, 0, 0.0873]"},
-                            "not mounted"}),
+                            "not mounted"},
+                      Fault{"laser_frozen",
+                            {"sources.base_laser.fault.kind=frozen"},
+                            "base_laser: the laser is frozen"},
+                      Fault{"laser_blind",
+                            {"sources.base_laser.fault.kind=blind"},
+                            "base_laser: the laser is blind"},
+                      Fault{"laser_silent",
+                            {"sources.base_laser.fault.kind=silent"},
+                            "no map without base_laser: no frame comes"},
+                      Fault{"laser_obstructed",
+                            {"sources.base_laser.fault.kind=obstructed"},
+                            "base_laser: the laser sees its own robot"}),
     [](const auto& fault) { return std::string(fault.param.name); });
+
+/// Which sensors a robot can do without, its configuration says.
+TEST_F(HeadFault, OfALaserThatIsNotNeededIsNamedAndTheRobotGoesOn) {
+  const Finished finished =
+      drive({"experiment.goes_on_without=[base_laser]", "sources.base_laser.fault.kind=silent",
+             "sources.base_laser.fault.from_s=10"});
+  EXPECT_EQ(finished.exit_code, 0) << finished.error;
+  EXPECT_NE(finished.error.find("the robot goes on without base_laser"), std::string::npos)
+      << finished.error;
+}
 
 TEST_F(HeadFault, IsNamed) {
   const Finished finished = drive({"executor.head_fails_at_s=10"});

@@ -90,11 +90,11 @@ Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
   for (const std::string& text : settings.silences) {
     fake->silences_.push_back(SIDESTEP_TRY(parse_silence(text)));
   }
-  fake->camera_ = SIDESTEP_TRY(
-      DepthCamera::create({fake->robot_, fake->scene_, fake->motion_,
-                           [raw = fake.get()](Stamp stamp) { return raw->scene_time_s(stamp); },
-                           [raw = fake.get()] { return raw->is_part_silent("camera"); }},
-                          settings));
+  fake->sensors_ = SIDESTEP_TRY(Sensors::create(
+      {fake->robot_, fake->scene_, fake->motion_,
+       [raw = fake.get()](Stamp stamp) { return raw->scene_time_s(stamp); },
+       [raw = fake.get()](const std::string& part) { return raw->is_part_silent(part); }},
+      settings));
   fake->connect();
   return fake;
 }
@@ -141,12 +141,13 @@ void FakeHsr::connect() {
   publishers_["tf_static"] = node_.advertise<ros_messages::TfMessage>("/tf_static", 1, true);
   publish_static_transforms();
   const std::string sensor = prefix + "/head_rgbd_sensor";
-  camera_->start(
-      node_.advertise<ros_messages::Image>(sensor + "/depth_registered/image_rect_raw", 1),
-      node_.advertise<ros_messages::CameraInfo>(sensor + "/rgb/camera_info", 1),
-      settings_.clouds ? node_.advertise<ros_messages::PointCloud2>(
-                             sensor + "/depth_registered/rectified_points", 1)
-                       : ::ros::Publisher());
+  sensors_->start(
+      {node_.advertise<ros_messages::Image>(sensor + "/depth_registered/image_rect_raw", 1),
+       node_.advertise<ros_messages::CameraInfo>(sensor + "/rgb/camera_info", 1),
+       settings_.clouds ? node_.advertise<ros_messages::PointCloud2>(
+                              sensor + "/depth_registered/rectified_points", 1)
+                        : ::ros::Publisher(),
+       node_.advertise<ros_messages::LaserScan>(prefix + "/base_scan", 1)});
 }
 
 void FakeHsr::on_command(Controller& controller, const ros_messages::JointTrajectory& message) {
@@ -283,7 +284,7 @@ void FakeHsr::publish_transforms(Stamp stamp) {
 void FakeHsr::publish_static_transforms() {
   ros_messages::TfMessage message;
   message.transforms.push_back(
-      ros_messages::to_transform({}, ros_now(), DepthCamera::kLink, DepthCamera::kFrame));
+      ros_messages::to_transform({}, ros_now(), Sensors::kCameraLink, Sensors::kCameraFrame));
   publishers_["tf_static"].publish(message);
 }
 

@@ -12,8 +12,8 @@
 
 #include <sidestep/runtime/truth_check.hpp>
 
-#include "depth_camera.hpp"
 #include "robot_body.hpp"
+#include "sensors.hpp"
 #include "settings.hpp"
 
 namespace sidestep::fake_hsr {
@@ -84,7 +84,7 @@ class FakeHsr {
   std::map<std::string, ::ros::Publisher> publishers_;
   std::vector<Transform> T_world_link_;
   Scratch scratch_;
-  std::unique_ptr<DepthCamera> camera_;
+  std::unique_ptr<Sensors> sensors_;
 };
 
 }  // namespace sidestep::fake_hsr

@@ -47,9 +47,10 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
       ->capture_default_str();
   app.add_flag("!--scene-runs", settings.scene_waits,
                "The scene moves from the start, not from the first command on");
-  app.add_option("--silence", settings.silences,
-                 "PART@FROM[+FOR]: camera, joint_states, odom, tf or controller falls silent, in s "
-                 "from the first command on");
+  app.add_option(
+      "--silence", settings.silences,
+      "PART@FROM[+FOR]: camera, laser, joint_states, odom, tf or controller falls silent, "
+      "in s from the first command on");
   app.add_option("--allow", settings.allowed, "LINK:OBJECT that may touch")->capture_default_str();
   app.add_option("--summary", settings.summary, "Where to write what was touched, on SIGTERM");
 }

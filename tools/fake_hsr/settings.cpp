@@ -7,8 +7,8 @@
 namespace sidestep::fake_hsr {
 
 const std::vector<std::string>& parts() {
-  static const std::vector<std::string> kParts{"camera", "joint_states", "odom", "tf",
-                                               "controller"};
+  static const std::vector<std::string> kParts{"camera", "laser", "joint_states",
+                                               "odom",   "tf",    "controller"};
   return kParts;
 }
 

@@ -81,7 +81,7 @@ bool uses(const ExperimentFacts& facts, std::string_view block) {
 }
 
 bool is_block(std::string_view key) {
-  constexpr std::array kOthers = {"planning", "check", "replanner", "sampler"};
+  constexpr std::array kOthers = {"planning", "check", "replanner", "sampler", "sources"};
   return std::ranges::find(kOthers, key) != kOthers.end() ||
          std::ranges::any_of(kPluginKinds,
                              [&](const PluginKind kind) { return key == to_string(kind); });
@@ -97,6 +97,18 @@ void refuse_unused(const Node::Entry& entry, const std::string& experiment,
   errors.push_back(key.error(
       "block `" + entry.key + "` has no effect in an experiment of type '" + experiment + "'",
       used + "; `" + entry.key + ": null` removes a block that a base configuration sets"));
+}
+
+/// The block `sources`: further sources by name.
+void check_sources(const Node& block, Host& host, std::vector<Error>& errors) {
+  if (!block.is_map()) {
+    errors.push_back(block.error("expected a map of names to sources, found " + block.kind(),
+                                 "e.g. sources: {laser: {plugin: simulator, ...}}"));
+    return;
+  }
+  for (const Node::Entry& entry : block.entries()) {
+    if (!entry.value.is_null()) host.check(PluginKind::kSource, entry.value, errors);
+  }
 }
 
 /// `of` may be null.
@@ -128,6 +140,9 @@ void check_blocks(const Configuration& configuration, const FoundExperiment* of,
     }
     if (entry.key == "sampler" && !entry.value.is_null()) {
       host.check(PluginKind::kOptimiser, entry.value, errors);
+    }
+    if (entry.key == "sources" && !entry.value.is_null()) {
+      check_sources(entry.value, host, errors);
     }
   }
 }
@@ -311,6 +326,11 @@ Node effective_configuration(const Configuration& configuration, Host& host) {
     }
     if (entry.key == "sampler") {
       entry.value = host.with_defaults(PluginKind::kOptimiser, entry.value);
+    }
+    if (entry.key == "sources" && entry.value.is_map()) {
+      for (Node::Entry& source : entry.value.entries()) {
+        source.value = host.with_defaults(PluginKind::kSource, source.value);
+      }
     }
     if (entry.key == "optimiser") leave_out(facts.set_of_optimiser, entry.value);
   }

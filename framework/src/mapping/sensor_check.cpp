@@ -22,6 +22,7 @@ constexpr std::int64_t kCertain_ns = 200'000'000, kGone_ns = 1'000'000'000;
 constexpr int kCertainFrames = 3;
 
 constexpr int kAcross = 64, kDown = 48;  // samples of an image
+constexpr std::size_t kBeams = 1024;     // of a scan, at most
 constexpr int kTiles = 3;                // along each side, of which noise changes each
 constexpr double kStill_m = 1e-4, kStill_rad = 1e-4;
 constexpr double kTurned_rad = 0.05;
@@ -41,6 +42,15 @@ constexpr double kOffset_m = 0.02,
 constexpr std::size_t kFewest = 200;
 constexpr int kTries = 80;
 constexpr double kSpread_m = 0.15;  // of its points, a standard deviation, in each direction
+
+/// What hangs on a robot is so near to its laser, and stays there to within kSame_m while the laser
+/// goes this way; what is beside it is farther off by kApart_m.
+constexpr double kHanging_m = 0.5;
+constexpr double kWay_m = 0.04, kWay_rad = 0.04;
+constexpr double kStep = 0.2;  // share of it from one scan that is kept to the next
+constexpr double kSame_m = 0.02, kApart_m = 0.15;
+constexpr std::size_t kFewestBeams = 3;
+constexpr double kNoReturn_m = 1e3;
 
 double angle_between(const Transform& a, const Transform& b) {
   return std::abs(Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle());
@@ -69,20 +79,31 @@ bool SensorCheck::Plane::holds(const Eigen::Vector3d& p) const {
 }
 
 Result<void> SensorCheck::check(const Frame& frame) {
+  if (!check_frame(frame)) return {};
   const auto* image = std::get_if<DepthImage>(&frame.measurement);
-  if (image == nullptr || !check_frame(frame)) return {};
-  take_samples(frame, *image);
+  if (image != nullptr) {
+    take_samples(frame, *image);
+  } else {
+    take_samples(frame, std::get<PointCloud>(frame.measurement));
+    obstructed_.hear(sees_robot(frame), frame.stamp);
+  }
   frozen_.hear(is_frozen(frame), frame.stamp);
-  if (floor_z_m_) {
-    blind_.hear(is_blind(frame, *image), frame.stamp);
+  if (floor_z_m_ || image == nullptr) blind_.hear(is_blind(frame, image), frame.stamp);
+  if (floor_z_m_ && image != nullptr) {
     tilted_.hear(is_tilted(frame.T_world_camera.translation().z() - *floor_z_m_), frame.stamp);
   }
+  const std::string it = image != nullptr ? "the camera" : "the laser";
   if (frozen_.is_fault) {
-    return fail(ErrorCode::kBadFrame, "the camera is frozen: its image stays the same");
+    return fail(ErrorCode::kBadFrame, it + " is frozen: what it measures stays the same");
   }
   if (blind_.is_fault) {
-    return fail(ErrorCode::kBadFrame,
-                "the camera is blind: nothing returns from where the floor would");
+    return fail(ErrorCode::kBadFrame, it + " is blind: nothing returns");
+  }
+  if (obstructed_.is_fault) {
+    return fail(
+        ErrorCode::kBadFrame,
+        format("the laser sees its own robot: something %.2f m before it goes with it", hanging_m_),
+        {}, "is anything in its way that the robot's profile does not have?");
   }
   if (tilted_.is_fault) {
     return fail(
@@ -107,13 +128,33 @@ void SensorCheck::take_samples(const Frame& frame, const DepthImage& image) {
       const int u = (2 * i + 1) * camera.width_px / (2 * kAcross);
       const int v = (2 * j + 1) * camera.height_px / (2 * kDown);
       const float depth_m = image.at(u, v);
-      Sample sample{u, v, std::isfinite(depth_m) && depth_m > 0.0F ? depth_m : 0.0F,
+      Sample sample{u, v, i * kTiles / kAcross + j * kTiles / kDown * kTiles,
+                    std::isfinite(depth_m) && depth_m > 0.0F ? depth_m : 0.0F,
                     Eigen::Vector3d::Zero()};
       if (sample.depth_m > 0.0F) {
         sample.p_m = frame.T_world_camera * camera.unproject(u, v, sample.depth_m) - below;
       }
       samples_.push_back(sample);
     }
+  }
+}
+
+void SensorCheck::take_samples(const Frame& frame, const PointCloud& scan) {
+  std::swap(samples_, last_);
+  samples_.clear();
+  Eigen::Vector3d below = frame.T_world_camera.translation();
+  below.z() = floor_z_m_.value_or(0.0);
+  const std::size_t beams = scan.points_m.size();
+  const std::size_t step = 1 + beams / kBeams;
+  for (std::size_t i = 0; i < beams; i += step) {
+    const Eigen::Vector3f& p = scan.points_m[i];
+    const auto tile = static_cast<int>(i * idx(kTiles * kTiles) / beams);
+    Sample sample{static_cast<int>(i), 0, tile, 0.0F, Eigen::Vector3d::Zero()};
+    if (p.allFinite() && !p.isZero()) {
+      sample.depth_m = p.norm();
+      sample.p_m = frame.T_world_camera * p.cast<double>() - below;
+    }
+    samples_.push_back(sample);
   }
 }
 
@@ -150,10 +191,9 @@ SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
 /// Whether all over the image something differs from the last one.
 bool SensorCheck::is_noise() const {
   std::array<int, kTiles * kTiles> returns{}, differ{};
+  if (samples_.size() != last_.size()) return false;
   for (std::size_t i = 0; i < samples_.size(); ++i) {
-    const auto at = static_cast<int>(i);
-    const auto tile = static_cast<std::size_t>(at % kAcross * kTiles / kAcross +
-                                               at / kAcross * kTiles / kDown * kTiles);
+    const std::size_t tile = idx(samples_[i].tile);
     if (samples_[i].depth_m == 0.0F || last_[i].depth_m == 0.0F) continue;
     ++returns[tile];
     if (samples_[i].depth_m != last_[i].depth_m) ++differ[tile];
@@ -169,8 +209,8 @@ bool SensorCheck::is_noise() const {
 
 /// What comes nearer than a camera measures, its own robot's links too, fades from the image over
 /// frames; a camera that fails goes blind from one to the next, or was so from the beginning.
-SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& image) {
-  const auto samples = static_cast<double>(samples_.size());
+SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage* image) {
+  const auto samples = static_cast<double>(std::max<std::size_t>(samples_.size(), 1));
   const auto share = [&](const auto& are) {
     return static_cast<double>(std::ranges::count_if(samples_, are)) / samples;
   };
@@ -180,17 +220,79 @@ SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage& im
     has_failed_ = false;
     return Says::kSound;
   }
-  const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
-  if (!before) {
+  if (!before && image != nullptr) {
+    const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
     has_failed_ = share([&](const Sample& sample) {
                     const Eigen::Vector3d ray = frame.T_world_camera.linear() *
-                                                image.camera.unproject(sample.u, sample.v, 1.0);
+                                                image->camera.unproject(sample.u, sample.v, 1.0);
                     return -ray.z() * kFloorInReach_m > height_m * ray.norm();
                   }) > kExpected;
-  } else if (*before > kManyReturned) {
+  } else if (before && *before > kManyReturned) {
     has_failed_ = true;
   }
   return has_failed_ ? Says::kFault : Says::kNothing;
+}
+
+/// What stands in the world comes nearer, goes farther or to a side as the laser moves. A wall
+/// along its way stays where it is, but reaches on to both sides.
+SensorCheck::Says SensorCheck::sees_robot(const Frame& frame) {
+  Scan now{frame.T_world_camera, {}};
+  for (const Sample& sample : samples_) {
+    now.beams_m.push_back(sample.depth_m > 0.0F ? static_cast<double>(sample.depth_m)
+                                                : kNoReturn_m);
+  }
+  const auto is_far = [&](const Scan& then, double way_m, double way_rad) {
+    return (then.T_world_laser.translation() - now.T_world_laser.translation()).norm() >= way_m ||
+           angle_between(then.T_world_laser, now.T_world_laser) >= way_rad;
+  };
+  if (!scans_.empty() && scans_.back().beams_m.size() != now.beams_m.size()) scans_.clear();
+  // The newest that was taken far enough away.
+  while (scans_.size() > 1 && is_far(scans_[1], kWay_m, kWay_rad)) scans_.pop_front();
+  Says says = Says::kNothing;
+  if (!scans_.empty() && is_far(scans_.front(), kWay_m, kWay_rad)) {
+    const auto near_m = hangs_in_both(scans_.front().beams_m, now.beams_m, frame);
+    says = near_m ? Says::kFault : Says::kSound;
+    hanging_m_ = near_m.value_or(hanging_m_);
+  }
+  if (scans_.empty() || is_far(scans_.back(), kStep * kWay_m, kStep * kWay_rad)) {
+    scans_.push_back(std::move(now));
+  }
+  return says;
+}
+
+/// How near the thing is that the same beams end at in two scans and that the robot is not known to
+/// have; nothing where there is none.
+std::optional<double> SensorCheck::hangs_in_both(const std::vector<double>& then_m,
+                                                 const std::vector<double>& now_m,
+                                                 const Frame& frame) {
+  const bool knows_itself = static_cast<bool>(self_.pose(frame));
+  Eigen::Vector3d below = frame.T_world_camera.translation();
+  below.z() = floor_z_m_.value_or(0.0);
+  for (std::size_t first = 0, end = 0; first < now_m.size(); first = end) {
+    bool is_known = false;
+    for (end = first; end < now_m.size(); ++end) {
+      if (end > first && std::abs(now_m[end] - now_m[end - 1]) > kApart_m) break;
+      is_known |= knows_itself && self_.contains(samples_[end].p_m + below);
+    }
+    const auto near_m = nearness_of(now_m, first, end), before_m = nearness_of(then_m, first, end);
+    if (!is_known && near_m && before_m && std::abs(*near_m - *before_m) < kSame_m) return near_m;
+  }
+  return std::nullopt;
+}
+
+/// How near the thing is that just these beams of a scan end at; nothing where they do not.
+std::optional<double> SensorCheck::nearness_of(const std::vector<double>& scan_m, std::size_t first,
+                                               std::size_t end) {
+  if (end - first < kFewestBeams || first == 0 || end == scan_m.size()) return std::nullopt;
+  double sum_m = 0.0;
+  for (std::size_t beam = first; beam < end; ++beam) {
+    if (beam > first && std::abs(scan_m[beam] - scan_m[beam - 1]) > kApart_m) return std::nullopt;
+    sum_m += scan_m[beam];
+  }
+  const double mean_m = sum_m / static_cast<double>(end - first);
+  const bool is_apart =
+      scan_m[first - 1] > scan_m[first] + kApart_m && scan_m[end] > scan_m[end - 1] + kApart_m;
+  return is_apart && mean_m < kHanging_m ? std::optional(mean_m) : std::nullopt;
 }
 
 /// Whether far more points lie on a tilted plane through where the floor below the camera is than

@@ -12,9 +12,10 @@ constexpr int kSchemaVersion = 1;
 const std::string kOverridePrefix = "--set ";
 
 const std::vector<std::string> kTopLevelKeys = {
-    "schema_version", "base",      "without", "plugin_paths", "experiment", "robot",
-    "source",         "mapper",    "field",   "optimiser",    "planning",   "check",
-    "executor",       "replanner", "sampler", "predictor",    "gaze",       "localiser"};
+    "schema_version", "base",   "without",   "plugin_paths", "experiment",
+    "robot",          "source", "mapper",    "field",        "optimiser",
+    "planning",       "check",  "executor",  "replanner",    "sampler",
+    "predictor",      "gaze",   "localiser", "sources"};
 
 /// `over` laid on `under`, key by key. A map that names another plugin replaces the whole map.
 Node merged(Node under, const Node& over) {

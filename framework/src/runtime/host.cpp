@@ -328,7 +328,8 @@ Result<Host::Made> Host::create_object(PluginKind kind, const Node& block, const
                             impl_->settings.scene_paths,
                             loan.robot,
                             loan.motion,
-                            loan.scene};
+                            loan.scene,
+                            loan.truth};
   const PluginDescriptor& descriptor = *found->descriptor;
   return call_plugin(name, [&]() -> Result<Made> {
     Error error;

@@ -104,14 +104,6 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     if (!*frame) return std::optional<MappingStep>{};
     step.frame_sequence = (*frame)->sequence;
     step.stamp = (*frame)->stamp;
-    if (parts_.sensor_check != nullptr) {
-      auto checked = parts_.sensor_check->check(**frame);
-      if (!checked) {
-        checked.error().where = parts_.names.source;
-        skip(std::move(checked.error()));
-        continue;
-      }
-    }
     auto localised = localise(**frame, step);
     if (!localised && localised.error().code == ErrorCode::kBadFrame) {
       skip(std::move(localised.error()));
@@ -152,9 +144,12 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
       return fail(ErrorCode::kPlugin, "returned no field", "plugin " + parts_.names.field);
     }
     step.field_ms = watch.elapsed_ms();
-    if (const auto* image = std::get_if<DepthImage>(&(*frame)->measurement)) {
-      snapshot.camera = {step.stamp.seconds(), (*frame)->T_world_camera, image->camera};
+    const auto* image = std::get_if<DepthImage>(&(*frame)->measurement);
+    if ((*frame)->sensor == 0) camera_.reset();
+    if ((*frame)->sensor == 0 && image != nullptr) {
+      camera_ = {step.stamp.seconds(), (*frame)->T_world_camera, image->camera};
     }
+    snapshot.camera = camera_;
     snapshot.localisation = step.localisation;
     if (parts_.localiser != nullptr) newest_ = snapshot.field;
 

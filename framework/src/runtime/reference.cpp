@@ -156,6 +156,12 @@ std::string configuration_json_schema(const std::vector<PluginInfo>& plugins,
                       settings.doc, settings.schema);
     if (!settings.type.empty()) block["properties"]["type"] = {{"const", settings.type}};
   }
+  if (properties.contains("source")) {
+    properties["sources"] = {
+        {"description", "Further sources of the same map, by name, beside `source`"},
+        {"type", "object"},
+        {"additionalProperties", properties["source"]}};
+  }
   const Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
                        {"title", "Sidestep configuration"},
                        {"type", "object"},

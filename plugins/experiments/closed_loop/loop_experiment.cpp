@@ -412,7 +412,7 @@ ExperimentFacts LoopExperiment::facts() const {
   // The robot looks on while it moves.
   return {.blocks = {"robot", "source", "mapper", "field", "optimiser", "planning", "executor",
                      "replanner"},
-          .optional_blocks = {"check", "sampler", "predictor", "gaze", "localiser"},
+          .optional_blocks = {"check", "sampler", "predictor", "gaze", "localiser", "sources"},
           .unused_of_planning = {"max_unknown_share", "retime", "attempts"}};
 }
 

@@ -14,9 +14,9 @@
 #include <sidestep/measures/track_truth.hpp>
 #include <sidestep/measures/true_map.hpp>
 #include <sidestep/runtime/map_show.hpp>
-#include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/pipeline.hpp>
 #include <sidestep/runtime/run_observer.hpp>
+#include <sidestep/runtime/sensor_set.hpp>
 #include "replan_rows.hpp"
 #include "replan_settings.hpp"
 
@@ -85,13 +85,13 @@ class EpisodeMapping {
   std::atomic<bool> shows_ = false;
   SnapshotSlot& slot_;
   SnapshotSlot made_;  ///< In lockstep: what has been made, but is not to be seen yet.
-  PacedFrames source_;
+  SensorSet sensors_;
   MotionDetector motion_detector_;
   Tracker tracker_;
   std::optional<BaseJoints> base_;
   bool is_tracking_;
   bool masks_tracks_;
-  SensorCheck sensor_check_;
+  std::string source_name_;
   MappingPipeline pipeline_;
   std::deque<Waiting> waiting_;
   Stamp busy_until_;
@@ -99,7 +99,6 @@ class EpisodeMapping {
   std::optional<Error> fault_;
   std::vector<MappedFrame> frames_;
 
-  std::string source_name_;
   mutable std::mutex trouble_mutex_;  ///< Of the next two, which the side that maps writes.
   std::string trouble_;               ///< Empty: frames come, or are waited for.
   std::optional<Stamp> newest_;

@@ -9,6 +9,14 @@ namespace {
 /// By the wall's clock: how long to wait for a frame before looking whether to stop.
 constexpr double kPatience_s = 0.1;
 
+std::vector<Sensor> sensors_of(const ReplanWorld& world) {
+  std::vector<Sensor> sensors = {{*world.source, plugin_of(world.source)}};
+  for (const FurtherSource& further : world.further) {
+    sensors.push_back({*further.source, further.name, further.is_needed});
+  }
+  return sensors;
+}
+
 }  // namespace
 
 EpisodeProgress::EpisodeProgress(Tell tell, Stamp begin, double duration_s, Wall::time_point wall)
@@ -31,31 +39,30 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& co
       latency_(configuration.experiment.latency),
       observer_(observer),
       slot_(*world.slot),
-      source_(*world.source, *world.clock, !is_lockstep_),
+      sensors_(sensors_of(world), *world.clock, !is_lockstep_,
+               configuration.planning.floor ? std::optional(configuration.planning.floor->height_m)
+                                            : std::nullopt,
+               world.robot, log),
       tracker_({}, world.robot),
       base_(world.base),
       is_tracking_(configuration.experiment.tracks || world.predictor ||
                    (world.gaze && world.gaze->wants_tracks())),
       // What nobody predicts stays in the map.
       masks_tracks_(world.predictor && world.predictor->subject() != PredictionSubject::kNothing),
-      sensor_check_(configuration.planning.floor
-                        ? std::optional(configuration.planning.floor->height_m)
-                        : std::nullopt),
-      pipeline_({source_,
+      source_name_(world.further.empty() ? plugin_of(world.source) : "the sensors"),
+      pipeline_({sensors_,
                  *world.mapper,
                  *world.field_builder,
                  is_lockstep_ ? made_ : slot_,
                  log,
-                 {plugin_of(world.source), plugin_of(world.mapper), plugin_of(world.field_builder),
+                 {source_name_, plugin_of(world.mapper), plugin_of(world.field_builder),
                   world.localiser ? plugin_of(world.localiser) : ""},
                  &motion_detector_,
                  true,
                  is_tracking_ ? &tracker_ : nullptr,
                  masks_tracks_,
                  world.localiser.get(),
-                 world.base,
-                 &sensor_check_}),
-      source_name_(plugin_of(world.source)),
+                 world.base}),
       occupancy_(dynamic_cast<const OccupancyView*>(world.mapper.get())) {
   const bool measures =
       is_lockstep_ && configuration.experiment.truth.measure && world.scene && occupancy_;
@@ -63,7 +70,7 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& co
     truth_.emplace(*world.scene, occupancy_->occupancy_grid(), configuration.experiment.truth);
     if (is_tracking_) track_truth_.emplace(*world.scene);
   }
-  source_.keep_last(measures || observer_ != nullptr);
+  sensors_.keep_last(measures || observer_ != nullptr);
   auto* const display = dynamic_cast<MapDisplay*>(world.executor.get());
   if (is_lockstep_ || display == nullptr) return;
   show_ = std::make_unique<MapShow>(*display, slot_, plugin_of(world.executor), log);
@@ -87,8 +94,8 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
 }
 
 std::shared_ptr<const Frame> EpisodeMapping::mapped_frame(const MappingStep& step) const {
-  if (!step.localisation || source_.last() == nullptr) return source_.last();
-  Frame frame = *source_.last();
+  if (!step.localisation || sensors_.last() == nullptr) return sensors_.last();
+  Frame frame = *sensors_.last();
   move_frame(frame, step.localisation->T_map_odom, base_);
   return std::make_shared<const Frame>(std::move(frame));
 }
@@ -98,7 +105,7 @@ void EpisodeMapping::note_frame(MappingStep step) {
   const double delay_s = is_lockstep_ ? latency_.sensor_s : 0.0;
   Stamp published = clock_.now();
   if (is_lockstep_) published.ns += Stamp::from_seconds(delay_s + latency_.mapping_s).ns;
-  frames_.push_back({step.stamp.seconds(), source_.received().seconds() + delay_s,
+  frames_.push_back({step.stamp.seconds(), sensors_.received().seconds() + delay_s,
                      published.seconds(), step.integrate_ms, step.field_ms});
   const std::shared_ptr<const Frame> frame = mapped_frame(step);
   if (truth_ && frame) {
@@ -107,7 +114,7 @@ void EpisodeMapping::note_frame(MappingStep step) {
   }
   if (observer_ == nullptr || !shows_) return;
   const MapSnapshot snapshot = (is_lockstep_ ? made_ : slot_).snapshot();
-  observer_->mapped({frame, std::move(step), snapshot, source_.received(), published});
+  observer_->mapped({frame, std::move(step), snapshot, sensors_.received(), published});
 }
 
 void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step) {
@@ -204,10 +211,10 @@ void EpisodeMapping::stop() {
 MappingRecord EpisodeMapping::take_record() {
   MappingRecord record;
   record.frames = std::exchange(frames_, {});
-  record.views = source_.take_views();
+  record.views = sensors_.take_views();
   record.dropped = truth_source_ != nullptr
                        ? 0
-                       : source_.take_span() - static_cast<std::int64_t>(record.frames.size());
+                       : sensors_.take_span() - static_cast<std::int64_t>(record.frames.size());
   return record;
 }
 

@@ -177,6 +177,9 @@ Parameters<ReplanSettings> loop_parameters() {
            "cameras: the source's frames are mapped; truth: the loop is given the exact field of "
            "what stands and the true tracks of what moves, in lockstep only.",
            {.choices = {"cameras", "truth"}})
+      .add("goes_on_without", &S::goes_on_without,
+           "Those of `sources` without which the robot goes on, by what the others see; it stops "
+           "without any other.")
       .add("cases", &S::cases,
            "A file of CrowdNav's cases (JSON): episode k has the robot's base, and people that "
            "walk by ORCA, start and go where case k says.")
@@ -228,6 +231,14 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
   }
   if (read.experiment.sees_truth() && !read.experiment.is_lockstep()) {
     errors.push_back(experiment.find("perception")->error("the truth is known in lockstep only"));
+  }
+  const Node& sources = block_of(configuration, "sources");
+  for (const std::string& name : read.experiment.goes_on_without) {
+    if (sources.find(name) != nullptr) continue;
+    std::vector<std::string> names;
+    for (const Node::Entry& entry : sources.entries()) names.push_back(entry.key);
+    errors.push_back(unknown_name("there is no source", name,
+                                  experiment.find("goes_on_without")->mark().to_string(), names));
   }
   if (const auto& random = read.experiment.random) {
     read.start_ranges = read_ranges(random->start, description, errors);
@@ -304,7 +315,7 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   }
   SIDESTEP_TRY(make(source_block(block("source"), people, alone_in != nullptr), world.source));
   world.scene = loan.scene = SIDESTEP_TRY(true_scene(world.source));
-  world.truth = dynamic_cast<GroundTruth*>(world.source.get());
+  world.truth = loan.truth = dynamic_cast<GroundTruth*>(world.source.get());
   if (settings.experiment.sees_truth() && world.truth == nullptr) {
     return fail(ErrorCode::kUnsupported,
                 plugin_of(world.source) +
@@ -316,6 +327,13 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
     world.q_goal = alone_in->q_goal;
   } else {
     SIDESTEP_TRY(draw_ends(settings, world));
+  }
+  for (const Node::Entry& entry : block("sources").entries()) {
+    if (entry.value.is_null()) continue;  // a base's, taken back
+    FurtherSource& further = world.further.emplace_back();
+    further.name = entry.key;
+    further.is_needed = std::ranges::count(settings.experiment.goes_on_without, entry.key) == 0;
+    SIDESTEP_TRY(make(entry.value, further.source));
   }
   SIDESTEP_TRY(make(block("mapper"), world.mapper));
   SIDESTEP_TRY(make(block("field"), world.field_builder));

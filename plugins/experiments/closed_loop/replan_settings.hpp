@@ -54,6 +54,7 @@ struct ReplanSettings : ExperimentSettings, TaskEntry {
   int episodes = 1;
   LatencyEntry latency;
   std::string perception = "cameras";
+  std::vector<std::string> goes_on_without;
   std::optional<std::filesystem::path> cases;
   std::optional<std::filesystem::path> people;
   bool free_run = false;
@@ -125,12 +126,20 @@ void read_loop_blocks(const Configuration& configuration, ReplanConfiguration& i
     const Configuration& configuration, const std::shared_ptr<const RobotModel>& robot,
     std::vector<Error>& errors);
 
+/// One of the block `sources`.
+struct FurtherSource {
+  std::string name;
+  PluginPtr<Source> source;
+  bool is_needed = true;  ///< Whether the robot stops without it.
+};
+
 /// All that an episode has to itself: nothing of it lives on into the next one.
 struct ReplanWorld {
   std::unique_ptr<EpisodeClock> clock;
   std::shared_ptr<RobotMotion> motion;
   std::shared_ptr<const RobotModel> robot;
   PluginPtr<Source> source;
+  std::vector<FurtherSource> further;  ///< They may know the truth from `source`.
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> field_builder;
   PluginPtr<Optimiser> optimiser;

@@ -153,5 +153,46 @@ TEST(Clouds, ComeBackAsTheyWereWritten) {
   EXPECT_TRUE(point_cloud(to_point_cloud({}, Stamp{}, ""))->points_m.empty());
 }
 
+/// Beams at -90, 0 and 90 degrees, and what is no measurement.
+TEST(LaserScans, ArePointsInThePlaneOfTheLaser) {
+  LaserScan message;
+  message.angle_min = -1.5707964F;
+  message.angle_increment = 1.5707964F;
+  message.range_min = 0.1F;
+  message.range_max = 10.0F;
+  message.ranges = {2.0F, 3.0F, 4.0F};
+  const auto scan = laser_scan(message);
+  ASSERT_TRUE(scan);
+  ASSERT_EQ(scan->points_m.size(), 3U);
+  EXPECT_LT((scan->points_m[0] - Eigen::Vector3f(0, -2, 0)).norm(), 1e-6F);
+  EXPECT_LT((scan->points_m[1] - Eigen::Vector3f(3, 0, 0)).norm(), 1e-6F);
+  EXPECT_LT((scan->points_m[2] - Eigen::Vector3f(0, 4, 0)).norm(), 1e-6F);
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  message.ranges = {0.05F, 10.5F, kInf, -kInf, std::nanf(""), 0.0F, -1.0F};
+  const auto unmeasured = laser_scan(message);
+  ASSERT_TRUE(unmeasured);
+  EXPECT_EQ(unmeasured->points_m.size(), 7U);
+  for (const Eigen::Vector3f& p : unmeasured->points_m) EXPECT_TRUE(p.hasNaN());
+  message.angle_increment = std::nanf("");
+  ASSERT_FALSE(laser_scan(message));
+  EXPECT_EQ(laser_scan(message).error().code, ErrorCode::kBadFrame);
+}
+
+TEST(LaserScans, AreWrittenAsTheyAreRead) {
+  PointCloud scan;
+  for (const float range_m : {1.0F, 2.5F, 3.0F}) {
+    const auto angle_rad = 0.3F * (static_cast<float>(scan.points_m.size()) - 1.0F);
+    scan.points_m.emplace_back(range_m * std::cos(angle_rad), range_m * std::sin(angle_rad), 0.0F);
+  }
+  scan.points_m.insert(scan.points_m.begin() + 1, Eigen::Vector3f::Constant(std::nanf("")));
+  scan.points_m.pop_back();
+  const auto read = laser_scan(to_laser_scan(scan, -0.3, 0.3, {0.1, 5.0}, Stamp{7}, "laser"));
+  ASSERT_TRUE(read);
+  ASSERT_EQ(read->points_m.size(), 3U);
+  EXPECT_LT((read->points_m[0] - scan.points_m[0]).norm(), 1e-6F);
+  EXPECT_TRUE(read->points_m[1].hasNaN());
+  EXPECT_NEAR(read->points_m[2].norm(), 2.5F, 1e-6F);
+}
+
 }  // namespace
 }  // namespace sidestep::ros_messages

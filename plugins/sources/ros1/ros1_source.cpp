@@ -43,13 +43,15 @@ std::string spread_text(std::vector<double> values_s) {
   return "mean " + milliseconds(mean_s) + ", p95 " + milliseconds(values_s[at]);
 }
 
-/// A message with its measurement, in either form.
+/// A message with its measurement, in one of its forms.
 struct Arrival {
   boost::shared_ptr<const ros_messages::Image> image;
   boost::shared_ptr<const ros_messages::PointCloud2> cloud;
+  boost::shared_ptr<const ros_messages::LaserScan> scan;
   Stopwatch since;  ///< It was taken up.
 
   [[nodiscard]] const ros_messages::Header& header() const {
+    if (scan) return scan->header;
     return image ? image->header : cloud->header;
   }
 };
@@ -138,9 +140,16 @@ void Ros1Source::subscribe_all() {
     }
   }
   // Of measurements only the newest counts.
-  if (options_.is_cloud()) {
+  if (options_.measures == "point_cloud") {
     subscribe<ros_messages::PointCloud2>(options_.topic, 1, [this](const auto& message) {
-      arrived_ = Arrival{nullptr, message, {}};
+      arrived_ = Arrival{nullptr, message, nullptr, {}};
+      ++number_;
+    });
+    return;
+  }
+  if (options_.measures == "laser_scan") {
+    subscribe<ros_messages::LaserScan>(options_.topic, 1, [this](const auto& message) {
+      arrived_ = Arrival{nullptr, nullptr, message, {}};
       ++number_;
     });
     return;
@@ -148,7 +157,7 @@ void Ros1Source::subscribe_all() {
   subscribe<ros_messages::CameraInfo>(options_.camera_info_topic, 1,
                                       [this](const auto& message) { info_ = *message; });
   subscribe<ros_messages::Image>(options_.topic, 1, [this](const auto& message) {
-    arrived_ = Arrival{message, nullptr, {}};
+    arrived_ = Arrival{message, nullptr, nullptr, {}};
     ++number_;
   });
 }
@@ -165,7 +174,7 @@ void Ros1Source::serve(double wait_s) {
 std::string Ros1Source::missing() const {
   if (!waits_for_.empty()) return waits_for_;
   if (number_ == 0) return "nothing has come on " + options_.topic;
-  if (!options_.is_cloud() && !info_) {
+  if (options_.is_image() && !info_) {
     return "nothing has come on " + options_.camera_info_topic;
   }
   return "no frame has come on " + options_.topic + " since";
@@ -224,7 +233,7 @@ Result<std::optional<Frame>> Ros1Source::synchronise() {
     drop("too old", "it is " + milliseconds(age_s) + " old");
     return std::optional<Frame>();
   }
-  if (!options_.is_cloud() && !info_) {
+  if (options_.is_image() && !info_) {
     pending_.reset();  // Before the first camera info, images mean nothing.
     return std::optional<Frame>();
   }
@@ -278,6 +287,12 @@ Result<void> Ros1Source::measure(const Arrival& arrival, Frame& frame) {
     error.where = options_.topic;
     return tl::make_unexpected(std::move(error));
   };
+  if (arrival.scan) {
+    auto scan = ros_messages::laser_scan(*arrival.scan);
+    if (!scan) return named(std::move(scan.error()));
+    frame.measurement = std::move(*scan);
+    return {};
+  }
   if (arrival.cloud) {
     auto cloud = ros_messages::point_cloud(*arrival.cloud);
     if (!cloud) return named(std::move(cloud.error()));
@@ -324,11 +339,12 @@ Parameters<Options> Options::parameters() {
   using O = Options;
   return Parameters<O>()
       .add("topic", &O::topic,
-           "sensor_msgs/Image, rectified, of 16UC1 (mm) or 32FC1 (m), or sensor_msgs/PointCloud2.")
+           "sensor_msgs/Image, rectified, of 16UC1 (mm) or 32FC1 (m), sensor_msgs/PointCloud2, or "
+           "sensor_msgs/LaserScan.")
       .add("measures", &O::measures, "What the topic's messages are.",
-           {.choices = {"depth_image", "point_cloud"}})
+           {.choices = {"depth_image", "point_cloud", "laser_scan"}})
       .add("camera_info_topic", &O::camera_info_topic,
-           "sensor_msgs/CameraInfo of the depth image; not used with point clouds.")
+           "sensor_msgs/CameraInfo of the depth image; used with nothing else.")
       .add("points_in", &O::points_in,
            "Point clouds: whether z of their frame goes into the scene (optical), or x (forward).",
            {.choices = {"optical", "forward"}})

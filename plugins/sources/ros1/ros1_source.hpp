@@ -53,7 +53,7 @@ struct Options {
   std::optional<JointOptions> joints;
   static Parameters<Options> parameters();
   [[nodiscard]] std::vector<OptionMistake> check() const;
-  [[nodiscard]] bool is_cloud() const { return measures == "point_cloud"; }
+  [[nodiscard]] bool is_image() const { return measures == "depth_image"; }
 };
 
 /// Counts frames that are dropped, and says why, once a second at most. One thread at a time.

@@ -145,7 +145,8 @@ Parameters<Options> Options::parameters() {
   return Parameters<O>()
       .add("path", &O::path, "The bag.", {.required = true})
       .add("topic", &O::topic,
-           "Topic of the depth images (sensor_msgs/Image) or clouds (sensor_msgs/PointCloud2).",
+           "Topic of the depth images (sensor_msgs/Image), clouds (sensor_msgs/PointCloud2) or "
+           "scans of a laser (sensor_msgs/LaserScan).",
            {.required = true})
       .add("camera_info_topic", &O::camera_info_topic,
            "Topic of the images' sensor_msgs/CameraInfo; null: camera_info beside them.")

@@ -10,6 +10,7 @@ namespace {
 using ros_messages::CameraInfo;
 using ros_messages::Image;
 using ros_messages::JointState;
+using ros_messages::LaserScan;
 using ros_messages::Odometry;
 using ros_messages::PointCloud2;
 using ros_messages::PoseStamped;
@@ -53,6 +54,7 @@ bool has_known_definition(const Connection& connection) {
          is("sensor_msgs/JointState", static_cast<JointState*>(nullptr)) ||
          is("sensor_msgs/Image", static_cast<Image*>(nullptr)) ||
          is("sensor_msgs/PointCloud2", static_cast<PointCloud2*>(nullptr)) ||
+         is("sensor_msgs/LaserScan", static_cast<LaserScan*>(nullptr)) ||
          is("sensor_msgs/CameraInfo", static_cast<CameraInfo*>(nullptr)) ||
          is("geometry_msgs/TransformStamped", static_cast<TransformStamped*>(nullptr)) ||
          is("geometry_msgs/PoseStamped", static_cast<PoseStamped*>(nullptr)) ||
@@ -113,11 +115,11 @@ class Collector final : public BagVisitor {
   void add_measurements() {
     const bool by_header = options_.stamps == "header";
     add_reader(options_.topic,
-               {{"sensor_msgs/Image", "sensor_msgs/PointCloud2"},
+               {{"sensor_msgs/Image", "sensor_msgs/PointCloud2", "sensor_msgs/LaserScan"},
                 kStampBytes,
                 [this, by_header](const Connection& connection, const MessageRef& ref,
                                   std::span<const std::uint8_t> bytes) {
-                  recording_.is_cloud = connection.type == "sensor_msgs/PointCloud2";
+                  recording_.type = connection.type;
                   const auto stamp = by_header ? header_stamp(bytes) : ref.received;
                   if (stamp) recording_.measurements.push_back({*stamp, ref});
                   return stamp.has_value();

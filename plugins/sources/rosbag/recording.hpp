@@ -122,7 +122,7 @@ struct PoseTrack {
 /// What a pass over a bag leaves in memory: everything that is named in the options but images and
 /// clouds, of which it has the places.
 struct Recording {
-  bool is_cloud = false;
+  std::string type;                       ///< Of their messages.
   std::vector<Measurement> measurements;  ///< By stamp.
   /// What the camera info says, where it changes.
   ros_messages::TimeSeries<CameraIntrinsics> cameras;

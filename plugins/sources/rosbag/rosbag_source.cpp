@@ -307,12 +307,11 @@ class RosbagSource final : public Source {
     Frame frame;
     frame.sequence = static_cast<std::int64_t>(index);
     frame.stamp = is_paced() ? playback_.due(index) : measurement.stamp;
-    auto read = SIDESTEP_TRY(recording_->is_cloud ? read_cloud(bytes, frame)
-                                                  : read_image(bytes, measurement.stamp, frame));
+    const auto taken_in = SIDESTEP_TRY(read(bytes, measurement.stamp, frame));
     const Stamp looked_up{measurement.stamp.ns + offset_.ns};
-    auto pose = SIDESTEP_TRY(viewpoints_.T_world_camera(read, looked_up));
+    auto pose = SIDESTEP_TRY(viewpoints_.T_world_camera(taken_in, looked_up));
     frame.T_world_camera = pose;
-    if (recording_->is_cloud && options_.points_in == "forward") {
+    if (recording_->type == "sensor_msgs/PointCloud2" && options_.points_in == "forward") {
       frame.T_world_camera = pose * T_forward_optical();
     }
     frame.joint_positions = SIDESTEP_TRY(viewpoints_.joint_positions(looked_up));
@@ -320,6 +319,18 @@ class RosbagSource final : public Source {
   }
 
   /// Puts the measurement into the frame; the name of the frame that it was measured in.
+  Result<std::string> read(std::span<const std::uint8_t> bytes, Stamp stamp, Frame& frame) {
+    if (recording_->type == "sensor_msgs/PointCloud2") return read_cloud(bytes, frame);
+    if (recording_->type == "sensor_msgs/LaserScan") return read_scan(bytes, frame);
+    return read_image(bytes, stamp, frame);
+  }
+
+  static Result<std::string> read_scan(std::span<const std::uint8_t> bytes, Frame& frame) {
+    const auto message = SIDESTEP_TRY(deserialise<ros_messages::LaserScan>(bytes));
+    frame.measurement = SIDESTEP_TRY(ros_messages::laser_scan(message));
+    return message.header.frame_id;
+  }
+
   Result<std::string> read_image(std::span<const std::uint8_t> bytes, Stamp stamp, Frame& frame) {
     const auto message = SIDESTEP_TRY(deserialise<ros_messages::Image>(bytes));
     const CameraIntrinsics camera =
@@ -398,7 +409,8 @@ Result<void> check_intrinsics(const Options& options, const std::string& file,
                               const Recording& recording) {
   const CameraOptions& camera = options.camera;
   const bool all_given = camera.fx_px && camera.fy_px && camera.cx_px && camera.cy_px;
-  if (recording.is_cloud || all_given || !recording.cameras.samples().empty()) return {};
+  const bool is_image = recording.type == "sensor_msgs/Image";
+  if (!is_image || all_given || !recording.cameras.samples().empty()) return {};
   return fail(ErrorCode::kConfig, "no camera info tells the intrinsics of the images", file,
               "set source.camera_info_topic, or all of source.camera");
 }

@@ -9,6 +9,7 @@
 #include <sidestep/planning/prediction.hpp>
 
 #include "depth_sensor.hpp"
+#include "laser_scanner.hpp"
 #include "viewpoint.hpp"
 
 namespace sidestep::simulator {
@@ -100,6 +101,11 @@ class Simulator final : public Source, public GroundTruth {
         fault_(options.fault),
         sensor_(camera_, {options.range_min_m, options.range_max_m}, options.noise, context.seed),
         renderer_(camera_, sensor_.needs_incidence()) {
+    if (options.laser) {
+      laser_.emplace(*options.laser, Range{options.range_min_m, options.range_max_m}, context.seed);
+    }
+    if (!options.scene) truth_ = context.truth;
+    if (truth_ != nullptr) return;
     Crowd crowd(*scene_);
     if (!crowd.sees_robot()) return;
     crowd_ = std::move(crowd);
@@ -115,6 +121,11 @@ class Simulator final : public Source, public GroundTruth {
       if (is_over()) return std::optional<Frame>();
       if (is_paced_) skip_to_newest();
       const Stamp stamp = timing_.stamp(at_);
+      if (fault_.kind == "silent" && fault_.is_on(stamp) && stamp <= clock_.now()) {
+        ++at_;
+        if (!deadline.expired()) continue;
+        return fail(ErrorCode::kDeadlineExceeded, "the sensor is silent");
+      }
       if (!is_paced_ || stamp <= clock_.now()) {
         if (const auto view = viewpoint_.view(stamp, at_)) return render(*view, stamp);
       }
@@ -160,31 +171,64 @@ class Simulator final : public Source, public GroundTruth {
     frame->stamp = stamp;
     frame->T_world_camera = view.T_world_camera;
     frame->joint_positions = view.joint_positions;
+    place(view, stamp);
+    if (laser_) {
+      PointCloud scan;
+      laser_->scan(caster_, view.T_world_eye, frame->sequence, scan.points_m);
+      frame->measurement = std::move(scan);
+    } else {
+      renderer_.render(caster_, view.T_world_eye, workers_, exact_);
+      DepthImage image{camera_, {}};
+      sensor_.measure(exact_, frame->sequence, workers_, image.depth_m);
+      frame->measurement = std::move(image);
+    }
+    const bool is_sound = !fault_.is_on(stamp);
+    if (fault_.kind == "frozen" && (is_sound || !last_sound_)) last_sound_ = frame->measurement;
+    if (!is_sound) spoil(*frame);
+    return frame;
+  }
+
+  /// Everything to where it is at that time.
+  void place(const View& view, Stamp stamp) {
+    if (truth_ != nullptr) {
+      if (auto scene = truth_->scene_until(stamp); scene != scene_) {
+        scene_ = std::move(scene);
+        caster_ = RayCaster(with_objects(*scene_, viewpoint_.shapes()));
+      }
+    }
     caster_.set_time(stamp.seconds());
     if (crowd_) {
       crowd_->advance(stamp.seconds(), robot_as_seen(stamp));
       caster_.set_poses(crowd_->first_body(), crowd_->poses(stamp.seconds()));
     }
     caster_.set_poses(scene_->objects().size(), view.T_world_shape);
-    renderer_.render(caster_, view.T_world_eye, workers_, exact_);
-    DepthImage image{camera_, {}};
-    sensor_.measure(exact_, frame->sequence, workers_, image.depth_m);
-    if (!fault_.is_on(stamp) || last_sound_m_.empty()) last_sound_m_ = image.depth_m;
-    if (fault_.is_on(stamp)) spoil(*frame, image);
-    frame->measurement = std::move(image);
-    return frame;
   }
 
-  void spoil(Frame& frame, DepthImage& image) const {
-    if (fault_.kind == "frozen") image.depth_m = last_sound_m_;
-    if (fault_.kind == "blind") std::ranges::fill(image.depth_m, 0.0F);
-    if (fault_.kind == "lens") {
-      image.camera.fx_px *= fault_.focal_scale;
-      image.camera.fy_px *= fault_.focal_scale;
+  void spoil(Frame& frame) const {
+    auto* const image = std::get_if<DepthImage>(&frame.measurement);
+    auto* const scan = std::get_if<PointCloud>(&frame.measurement);
+    if (fault_.kind == "frozen") frame.measurement = *last_sound_;
+    if (fault_.kind == "blind" && image != nullptr) std::ranges::fill(image->depth_m, 0.0F);
+    if (fault_.kind == "blind" && scan != nullptr) {
+      std::ranges::fill(scan->points_m, Eigen::Vector3f::Zero());
+    }
+    if (fault_.kind == "lens" && image != nullptr) {
+      image->camera.fx_px *= fault_.focal_scale;
+      image->camera.fy_px *= fault_.focal_scale;
     }
     if (fault_.kind == "mount") {
       frame.T_world_camera =
           frame.T_world_camera * transform_from_xyz_rpy(Eigen::Vector3d::Zero(), fault_.turn_rad);
+    }
+    if (fault_.kind == "obstructed" && scan != nullptr) hang_before(*scan);
+  }
+
+  /// A thirtieth of the beams, to the right, end at something 0.15 m away.
+  void hang_before(PointCloud& scan) const {
+    constexpr double kDistance_m = 0.15;
+    const std::size_t beams = scan.points_m.size();
+    for (std::size_t beam = beams / 3; beam < beams / 3 + beams / 30; ++beam) {
+      scan.points_m[beam] = laser_->point_m(beam, kDistance_m);
     }
   }
 
@@ -219,10 +263,13 @@ class Simulator final : public Source, public GroundTruth {
   std::shared_ptr<const Scene> so_far_;  ///< With their ways.
   RayCaster caster_;
   FaultOptions fault_;
-  std::vector<float> last_sound_m_;  ///< Before a fault that repeats it.
+  /// Before a fault that repeats it.
+  std::optional<std::variant<DepthImage, PointCloud>> last_sound_;
   DepthSensor sensor_;
   DepthRenderer renderer_;
   ExactImage exact_;
+  std::optional<LaserScanner> laser_;  ///< Instead of the camera.
+  GroundTruth* truth_ = nullptr;       ///< Of the run's first source, beside which this one is.
   std::int64_t at_ = 0;
 };
 
@@ -255,6 +302,12 @@ std::vector<OptionMistake> Options::check() const {
   exclude(mount && !camera_path.empty(), "mount", "camera_path");
   exclude(mount && !fixed_cameras.empty(), "mount", "fixed_cameras");
   exclude(!fixed_cameras.empty() && !camera_path.empty(), "fixed_cameras", "camera_path");
+  if (fault.kind == (laser ? "lens" : "obstructed")) {
+    mistakes.push_back({{"fault.kind"}, laser ? "is of cameras" : "is of lasers", {}});
+  }
+  if (laser && laser->from_rad >= laser->to_rad) {
+    mistakes.push_back({{"laser.from_rad", "laser.to_rad"}, "must be less than to_rad", {}});
+  }
   if (range_min_m >= range_max_m) {
     mistakes.push_back({{"range_min_m", "range_max_m"}, "must be less than range_max_m", {}});
   }
@@ -263,7 +316,8 @@ std::vector<OptionMistake> Options::check() const {
 
 /// The scene of the options for one seed, with all ways that people walk whatever the robot does.
 Result<Scene> scene_of(const Options& options, const HostContext& context) {
-  Scene scene = SIDESTEP_TRY(load_scene(options.scene, context.scene_paths, context.documents));
+  Scene scene = SIDESTEP_TRY(
+      load_scene(options.scene.value_or("room"), context.scene_paths, context.documents));
   if (options.alone) {
     std::vector<SceneObject> standing = scene.objects();
     std::erase_if(standing, [](const SceneObject& object) { return object.moves(); });
@@ -283,7 +337,10 @@ Result<Scene> scene_of(const Options& options, const HostContext& context) {
 }
 
 Result<std::unique_ptr<Source>> create_source(const Options& options, const HostContext& context) {
-  auto scene = std::make_shared<const Scene>(SIDESTEP_TRY(scene_of(options, context)));
+  std::shared_ptr<const Scene> scene = context.scene;
+  if (options.scene || context.truth == nullptr) {
+    scene = std::make_shared<const Scene>(SIDESTEP_TRY(scene_of(options, context)));
+  }
   auto viewpoint = SIDESTEP_TRY(Viewpoint::create(options, context));
   return std::unique_ptr<Source>(
       std::make_unique<Simulator>(options, std::move(scene), std::move(viewpoint), context));

@@ -90,9 +90,10 @@ struct MountOptions {
     using M = MountOptions;
     return Parameters<M>()
         .add("link", &M::link, "The robot's link that carries the camera.", {.required = true})
-        .add("xyz_m", &M::xyz_m, "Of the optical frame (z forward, y down) in the link's frame.",
+        .add("xyz_m", &M::xyz_m,
+             "Of the optical frame (z forward, y down), or a laser's, in the link's frame.",
              {.unit = "m"})
-        .add("rpy_rad", &M::rpy_rad, "Roll, pitch and yaw of the optical frame in the link's.",
+        .add("rpy_rad", &M::rpy_rad, "Roll, pitch and yaw of that frame in the link's.",
              {.unit = "rad"});
   }
 };
@@ -136,7 +137,29 @@ struct NoiseOptions {
   }
 };
 
-/// What goes wrong with the camera, for tests of what notices it.
+/// The defaults are those of the laser on the HSR's base, but for the error, which is assumed.
+struct LaserOptions {
+  int beams = 721;
+  double from_rad = -2.35619;
+  double to_rad = 2.35619;
+  double sigma_m = 0.01;
+  double dropout = 0.002;
+
+  static Parameters<LaserOptions> parameters() {
+    using L = LaserOptions;
+    return Parameters<L>()
+        .add("beams", &L::beams, "Beams of a scan.", {.min = 2, .max = 8192})
+        .add("from_rad", &L::from_rad, "Of the first beam, from straight ahead, to the left.",
+             {.unit = "rad", .min = -3.15, .max = 3.15})
+        .add("to_rad", &L::to_rad, "Of the last beam.", {.unit = "rad", .min = -3.15, .max = 3.15})
+        .add("sigma_m", &L::sigma_m, "Standard deviation along the beam.",
+             {.unit = "m", .min = 0.0})
+        .add("dropout", &L::dropout, "Share of the beams that return nothing.",
+             {.min = 0.0, .max = 1.0});
+  }
+};
+
+/// What goes wrong with the sensor, for tests of what notices it.
 struct FaultOptions {
   std::string kind = "none";
   double from_s = 0.0;
@@ -148,9 +171,10 @@ struct FaultOptions {
     using F = FaultOptions;
     return Parameters<F>()
         .add("kind", &F::kind,
-             "none; frozen: the same image with new stamps; blind: no return; lens: frames say "
-             "other focal lengths; mount: they say another orientation of the camera.",
-             {.choices = {"none", "frozen", "blind", "lens", "mount"}})
+             "none; frozen: the same frame with new stamps; blind: no return; silent: no frame; "
+             "lens: frames say other focal lengths; mount: they say another orientation of the "
+             "sensor; obstructed: something hangs 0.15 m before a laser.",
+             {.choices = {"none", "frozen", "blind", "silent", "lens", "mount", "obstructed"}})
         .add("from_s", &F::from_s, "When it begins.", {.unit = "s", .min = 0.0})
         .add("until_s", &F::until_s, "When it ends; left out: never.", {.unit = "s", .min = 0.0})
         .add("focal_scale", &F::focal_scale, "For lens: factor on what frames say.",
@@ -167,7 +191,7 @@ struct FaultOptions {
 };
 
 struct Options {
-  std::filesystem::path scene = "room";
+  std::optional<std::filesystem::path> scene;
   Node people;
   bool alone = false;
   int frames = 100;
@@ -175,6 +199,7 @@ struct Options {
   double range_min_m = 0.4;
   double range_max_m = 5.0;
   CameraOptions camera;
+  std::optional<LaserOptions> laser;
   std::vector<CameraWaypoint> camera_path;
   bool camera_path_repeats = false;
   std::vector<FixedCamera> fixed_cameras;
@@ -186,7 +211,9 @@ struct Options {
   static Parameters<Options> parameters() {
     using O = Options;
     return Parameters<O>()
-        .add("scene", &O::scene, "A scene file, or the name of one among the host's scenes.")
+        .add("scene", &O::scene,
+             "A scene file, or the name of one among the host's scenes; left out: that of the "
+             "run's first source, where this is one of `sources`, or else room.")
         .add("people", &O::people,
              "People beside those of the scene, as its block `people` has them.")
         .add("alone", &O::alone, "Without people, and without objects that move.")
@@ -197,6 +224,9 @@ struct Options {
         .add("range_max_m", &O::range_max_m, "Farther surfaces return nothing.",
              {.unit = "m", .min = 0.0})
         .add("camera", &O::camera, "Intrinsics of the camera.")
+        .add("laser", &O::laser,
+             "Instead of a camera: a planar laser, whose frames are clouds of one point a beam, "
+             "in its frame with x forward and z up.")
         .add("camera_path", &O::camera_path,
              "Where the camera goes: at least one waypoint, rested at before and after.")
         .add("camera_path_repeats", &O::camera_path_repeats,
@@ -210,7 +240,7 @@ struct Options {
              "on the run's clock.",
              {.choices = {"as_fast_as_possible", "clock"}})
         .add("noise", &O::noise, "How measurements differ from the truth.")
-        .add("fault", &O::fault, "What goes wrong with the camera.");
+        .add("fault", &O::fault, "What goes wrong with the sensor.");
   }
   [[nodiscard]] std::vector<OptionMistake> check() const;
 };
@@ -245,8 +275,8 @@ class FrameTiming {
   double rate_hz_;
 };
 
-/// Depth cameras in a scene, on a path, on the robot or fixed; implements GroundTruth, too. Fails
-/// with kNotFound or kConfig where the scene or the parameters are wrong.
+/// Depth cameras or a planar laser in a scene, on a path, on the robot or fixed; implements
+/// GroundTruth, too. Fails with kNotFound or kConfig where the scene or the parameters are wrong.
 [[nodiscard]] Result<std::unique_ptr<Source>> create_source(const Options& options,
                                                             const HostContext& context);
 

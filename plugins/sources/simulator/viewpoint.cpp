@@ -130,6 +130,15 @@ SeenRobot::SeenRobot(std::shared_ptr<const RobotModel> robot, int hidden)
   }
 }
 
+void SeenRobot::look_out_of(std::span<const Transform> T_world_link,
+                            const Eigen::Vector3d& sensor_m) {
+  std::erase_if(seen_, [&](int index) {
+    const CollisionShape& shape = robot_->description().shapes[idx(index)];
+    const Transform T_world_shape = T_world_link[idx(shape.link)] * shape.T_link_shape;
+    return signed_distance_m(shape.shape, T_world_shape.inverse() * sensor_m) < 0.0;
+  });
+}
+
 std::vector<SceneObject> SeenRobot::shapes() const {
   const RobotDescription& robot = robot_->description();
   std::vector<SceneObject> objects;
@@ -169,6 +178,8 @@ Result<void> MountedCamera::mount(const MountOptions& options) {
   seen_.emplace(robot_, link_);
   T_world_link_.resize(robot.links.size());
   if (robot.head) head_ = SIDESTEP_TRY(Head::create(robot_));
+  place(Eigen::VectorXd::Zero(robot.dof()), head_ ? head_->rest() : HeadAngles{});
+  seen_->look_out_of(T_world_link_, (T_world_link_[idx(link_)] * T_link_camera_).translation());
   return {};
 }
 
@@ -233,6 +244,8 @@ Result<Viewpoint> Viewpoint::create(const Options& options, const HostContext& c
   } else if (!options.fixed_cameras.empty()) {
     viewpoint.fixed_.emplace(options.fixed_cameras, context);
   }
+  // Paths and fixed cameras look along the optical axis; a laser's frame has x there.
+  if (options.laser) viewpoint.T_optical_sensor_ = T_forward_optical().inverse();
   if (viewpoint.robot() != nullptr) viewpoint.motion_ = context.motion;
   return viewpoint;
 }
@@ -248,9 +261,17 @@ std::vector<SceneObject> Viewpoint::shapes() const {
 
 std::optional<View> Viewpoint::view(Stamp stamp, std::int64_t frame) {
   if (mounted_) return mounted_->view(stamp);
-  if (fixed_) return fixed_->view(stamp, frame);
-  const Transform pose = path_.T_world_camera(stamp.seconds());
-  return View{pose, pose, {}, {}};
+  std::optional<View> view;
+  if (fixed_) {
+    view = fixed_->view(stamp, frame);
+  } else {
+    const Transform pose = path_.T_world_camera(stamp.seconds());
+    view = View{pose, pose, {}, {}};
+  }
+  if (!view) return {};
+  view->T_world_camera = view->T_world_camera * T_optical_sensor_;
+  view->T_world_eye = view->T_world_eye * T_optical_sensor_;
+  return view;
 }
 
 Stamp Viewpoint::known_until() const {

@@ -64,6 +64,8 @@ class SeenRobot {
  public:
   /// All shapes but those of the link `hidden`; -1 hides none.
   SeenRobot(std::shared_ptr<const RobotModel> robot, int hidden);
+  /// Leaves out the shapes, too, that hold the sensor: what it is built into has a window for it.
+  void look_out_of(std::span<const Transform> T_world_link, const Eigen::Vector3d& sensor_m);
 
   /// The shapes, anywhere; place() tells where.
   [[nodiscard]] std::vector<SceneObject> shapes() const;
@@ -75,7 +77,7 @@ class SeenRobot {
 };
 
 /// A camera on the run's robot, turned by its head where that carries it. It sees all shapes of
-/// that robot but those of the link that carries it, inside which it may sit.
+/// that robot but those of the link that carries it, and others inside which it sits.
 class MountedCamera {
  public:
   /// Fails with kUnsupported where no robot moves in the run, with kConfig where the robot lacks
@@ -145,9 +147,10 @@ class Viewpoint {
   explicit Viewpoint(CameraPath path) : path_(std::move(path)) {}
 
   CameraPath path_;
-  std::optional<MountedCamera> mounted_;  ///< Instead of the path.
-  std::optional<FixedCameras> fixed_;     ///< Instead of either.
-  std::shared_ptr<RobotMotion> motion_;   ///< Of the robot in view; null where there is none.
+  std::optional<MountedCamera> mounted_;                ///< Instead of the path.
+  std::optional<FixedCameras> fixed_;                   ///< Instead of either.
+  Transform T_optical_sensor_ = Transform::Identity();  ///< Of either.
+  std::shared_ptr<RobotMotion> motion_;  ///< Of the robot in view; null where there is none.
 };
 
 }  // namespace sidestep::simulator

@@ -211,5 +211,92 @@ TEST_F(SensorFaults, OfFramesThatAreUnusableAreNotItsTask) {
   EXPECT_TRUE(check_.check(broken));
 }
 
+/// A laser 0.2 m above the floor in a corridor along x, 1.2 m wide, with a pole in it.
+class LaserFaults : public ::testing::Test {
+ protected:
+  Frame scan(double time_s, double x_m, double yaw_rad) {
+    Frame made;
+    made.stamp = Stamp::from_seconds(time_s);
+    made.T_world_camera = transform_from_xyz_rpy({x_m, 0.0, 0.2}, {0.0, 0.0, yaw_rad});
+    PointCloud points;
+    for (int i = 0; i < 721; ++i) {
+      const double angle = -2.35619 + 4.71239 * i / 720.0;
+      const Eigen::Vector2d ray(std::cos(angle + yaw_rad), std::sin(angle + yaw_rad));
+      double range_m = 8.0;
+      for (const double wall : {-0.35, 0.85}) {
+        if (ray.y() / wall > 0.0) range_m = std::min(range_m, wall / ray.y());
+      }
+      const Eigen::Vector2d to_pole = pole_m_ - Eigen::Vector2d(x_m, 0.0);
+      const double along = to_pole.dot(ray), beside2 = to_pole.squaredNorm() - along * along;
+      if (along > 0.0 && beside2 < 0.0016) {
+        range_m = std::min(range_m, along - std::sqrt(0.0016 - beside2));
+      }
+      const bool is_hanging = has_cable_ && i >= 240 && i < 252;
+      if (is_hanging) range_m = 0.15;
+      const double measured_m = range_m + 0.01 * normal_(random_);
+      points.points_m.emplace_back(
+          (measured_m * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0)).cast<float>());
+    }
+    made.measurement = std::move(points);
+    return made;
+  }
+  /// What was wrong first while the robot drove and turned, and when.
+  std::pair<double, std::string> noticed(double speed_mps, double turn_radps) {
+    SensorCheck check(0.0);
+    for (int i = 0; i < 100; ++i) {
+      const double t = 0.1 * i;
+      if (auto checked = check.check(scan(t, speed_mps * t, turn_radps * t)); !checked) {
+        return {t, checked.error().message};
+      }
+    }
+    return {1e9, ""};
+  }
+
+  bool has_cable_ = false;
+  Eigen::Vector2d pole_m_{0.6, 0.25};
+  std::mt19937 random_{5};
+  std::normal_distribution<double> normal_;
+};
+
+TEST_F(LaserFaults, AreNoneInACorridorWithAPole) {
+  for (const double speed_mps : {0.0, 0.12, 0.5}) {
+    for (const double turn_radps : {0.0, 0.3, -1.0}) {
+      EXPECT_EQ(noticed(speed_mps, turn_radps).second, "") << speed_mps << ", " << turn_radps;
+    }
+  }
+}
+
+TEST_F(LaserFaults, AreThingsThatHangBeforeIt) {
+  has_cable_ = true;
+  for (const auto& [speed_mps, turn_radps] :
+       {std::pair(0.12, 0.0), std::pair(0.4, 0.0), std::pair(0.0, 0.3), std::pair(0.0, -1.0)}) {
+    const auto [time_s, what] = noticed(speed_mps, turn_radps);
+    EXPECT_LT(time_s, 1.3) << speed_mps << ", " << turn_radps;
+    EXPECT_THAT(what, HasSubstr("sees its own robot: something 0.1"));
+  }
+  // Who stands still learns nothing of it.
+  EXPECT_EQ(noticed(0.0, 0.0).second, "");
+}
+
+TEST_F(LaserFaults, AreFrozenAndEmptyScans) {
+  for (const bool is_blind : {false, true}) {
+    SensorCheck check(0.0);
+    for (int i = 0; i < 10; ++i) ASSERT_TRUE(check.check(scan(0.1 * i, 0.0, 0.0)));
+    Frame last = scan(1.0, 0.0, 0.0);
+    if (is_blind) std::get<PointCloud>(last.measurement).points_m.clear();
+    double noticed_s = 1e9;
+    std::string what;
+    for (double t = 1.0; t < 3.0 && noticed_s > 1e8; t += 0.1) {
+      last.stamp = Stamp::from_seconds(t);
+      if (auto checked = check.check(last); !checked) {
+        noticed_s = t;
+        what = checked.error().message;
+      }
+    }
+    EXPECT_LT(noticed_s, 1.5);
+    EXPECT_THAT(what, HasSubstr(is_blind ? "the laser is blind" : "the laser is frozen"));
+  }
+}
+
 }  // namespace
 }  // namespace sidestep

@@ -11,6 +11,7 @@
 #include <sidestep/core/worker_pool.hpp>
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/robot/robot_model.hpp>
+#include <sidestep/sensing/source.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 
 namespace sidestep {
@@ -33,6 +34,8 @@ struct HostContext {
   std::shared_ptr<RobotMotion> motion;
   /// What is truly there, at times of `clock`, in simulations that know it; null elsewhere.
   std::shared_ptr<const Scene> scene = nullptr;
+  /// Who knows it as the run goes on: the run's first source; null elsewhere.
+  GroundTruth* truth = nullptr;
 };
 
 }  // namespace sidestep

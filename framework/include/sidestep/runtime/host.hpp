@@ -80,6 +80,7 @@ struct RunLoan {
   const Clock* clock = nullptr;             ///< Null: the host's.
   std::optional<std::uint64_t> seed;        ///< From which the plugin's is derived; the host's.
   std::shared_ptr<const Scene> scene = nullptr;  ///< What is truly there; null where not known.
+  GroundTruth* truth = nullptr;  ///< Who knows it as the run goes on; null where not known.
 };
 
 /// Finds, checks and creates plugins, and lends them what they need. Libraries are loaded with

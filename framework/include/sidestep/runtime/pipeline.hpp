@@ -13,7 +13,6 @@
 #include <sidestep/mapping/field_builder.hpp>
 #include <sidestep/mapping/localiser.hpp>
 #include <sidestep/mapping/mapper.hpp>
-#include <sidestep/mapping/sensor_check.hpp>
 #include <sidestep/mapping/tracker.hpp>
 #include <sidestep/robot/base_joints.hpp>
 #include <sidestep/runtime/snapshot_slot.hpp>
@@ -75,8 +74,6 @@ class MappingPipeline {
     Localiser* localiser = nullptr;
     /// Of the robot in the frames, with a localiser.
     std::optional<BaseJoints> base = {};
-    /// Whose faulty frames are left out; null: none are.
-    SensorCheck* sensor_check = nullptr;
   };
   explicit MappingPipeline(Parts parts)
       : parts_(std::move(parts)), occupancy_(dynamic_cast<const OccupancyView*>(&parts_.mapper)) {}
@@ -107,6 +104,7 @@ class MappingPipeline {
   MotionMemory memory_;
   std::shared_ptr<const DistanceField> newest_;  ///< Kept for the localiser.
   bool is_lost_ = false;                         ///< The localiser, at the last frame.
+  std::optional<CameraView> camera_;             ///< Of the first sensor, at its last frame.
   std::optional<MaskedOccupancy> masked_;        ///< What the field sees, where tracks are masked.
   bool has_content_ = false;
   std::vector<Error> bad_frames_;

@@ -15,7 +15,8 @@
 
 namespace sidestep {
 
-/// The field, the moving obstacles and the tracks after one frame, and where that was taken.
+/// The field, the moving obstacles and the tracks after one frame, and where the first of the run's
+/// sensors was at its last one.
 struct MapSnapshot {
   std::shared_ptr<const DistanceField> field;
   std::shared_ptr<const MovingObstacles> moving = nullptr;  ///< Null without a MotionDetector.

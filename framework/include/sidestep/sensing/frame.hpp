@@ -54,7 +54,8 @@ struct DepthImage {
   }
 };
 
-/// Unorganised points in the optical frame of the camera. NaN points are ignored.
+/// Points in the frame of the sensor: unorganised, or the beams of a laser one after the other. NaN
+/// points are ignored: a beam that returned nothing.
 struct PointCloud {
   std::vector<Eigen::Vector3f> points_m;
 };
@@ -62,6 +63,7 @@ struct PointCloud {
 /// One measurement with its stamp, the camera's pose and the robot's joint positions.
 struct Frame {
   std::int64_t sequence = 0;  ///< Number of the frame within its source.
+  int sensor = 0;             ///< Of the run's sensors, the one that took it.
   Stamp stamp;
   Transform T_world_camera = Transform::Identity();
   std::variant<DepthImage, PointCloud> measurement;

@@ -296,6 +296,27 @@ TEST_F(RosbagSource, TurnsCloudsWithXForwardToOpticalAxes) {
   }
 }
 
+TEST_F(RosbagSource, ReadsScansOfALaser) {
+  const PointCloud scan{{{1.0F, -1.0F, 0.0F}, {2.0F, 0.0F, 0.0F}, {0.5F, 0.5F, 0.0F}}};
+  constexpr double kQuarter_rad = 0.7853981633974483;
+  const Transform T_map_laser = T_map_moving(0.3);
+  {
+    BagWriter bag(file_);
+    bag.write("/tf_static", after_s(0.0), tf_message(T_map_laser, after_s(0.0), "map", "laser"));
+    bag.write("/base_scan", after_s(1.0),
+              ros_messages::to_laser_scan(scan, -kQuarter_rad, kQuarter_rad, {0.1, 20.0},
+                                          after_s(1.0), "laser"));
+  }
+  Options options = options_of(file_);
+  options.topic = "/base_scan";
+  const Outcome outcome = read(options);
+  ASSERT_THAT(outcome.frames, SizeIs(1));
+  EXPECT_LT((outcome.frames[0].T_world_camera.matrix() - T_map_laser.matrix()).norm(), 1e-6);
+  const auto& points = std::get<PointCloud>(outcome.frames[0].measurement).points_m;
+  ASSERT_THAT(points, SizeIs(3));
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_LT((points[i] - scan.points_m[i]).norm(), 1e-5F);
+}
+
 /// A camera's calibration may be told anew during a recording.
 TEST_F(RosbagSource, TakesTheCameraInfoOfTheTime) {
   CameraIntrinsics other = kCamera;

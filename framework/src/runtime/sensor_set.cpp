@@ -1,0 +1,166 @@
+#include <sidestep/runtime/sensor_set.hpp>
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include <sidestep/runtime/call_plugin.hpp>
+
+namespace sidestep {
+namespace {
+
+/// How long one of several is asked for a frame, by the wall's clock.
+constexpr double kTurn_s = 1e-3;
+/// Nothing waits longer for a frame that was taken before.
+constexpr double kLongestLatency_s = 0.2;
+/// Shares of the newest in running means.
+constexpr double kNewest = 0.05;
+/// A slow sensor is silent only after so many of its periods.
+constexpr double kSilentPeriods = 3.0;
+
+double since_s(Stamp then, Stamp now) { return now.seconds() - then.seconds(); }
+
+}  // namespace
+
+SensorSet::SensorSet(const std::vector<Sensor>& sensors, const Clock& clock, bool waits,
+                     std::optional<double> floor_z_m, std::shared_ptr<const RobotModel> robot,
+                     Log& log)
+    : clock_(clock), waits_(waits), log_(log) {
+  for (const Sensor& sensor : sensors) {
+    sensors_.push_back({.frames = PacedFrames(sensor.source, clock, waits),
+                        .name = sensor.name,
+                        .is_needed = sensor.is_needed,
+                        .check = SensorCheck(floor_z_m, robot)});
+  }
+}
+
+Result<std::optional<Frame>> SensorSet::next(const Deadline& deadline) {
+  const bool is_alone = sensors_.size() == 1;
+  for (;;) {
+    for (Watched& sensor : sensors_) {
+      if (sensor.pending || sensor.has_ended) continue;
+      auto asked = ask(sensor, is_alone ? deadline : Deadline::after_s(kTurn_s));
+      const bool is_late = !asked && asked.error().code == ErrorCode::kDeadlineExceeded;
+      if (!asked && (is_alone || !is_late)) return error_of(asked);
+    }
+    if (Watched* const sensor = due()) return pass_on(*sensor);
+    if (std::ranges::all_of(sensors_, &Watched::has_ended)) return std::optional<Frame>();
+    if (deadline.stop_requested()) return fail(ErrorCode::kCancelled, "mapping was cancelled");
+    if (!waits_ || deadline.expired()) {
+      return fail(ErrorCode::kDeadlineExceeded, "no frame was due in time");
+    }
+  }
+}
+
+Result<void> SensorSet::ask(Watched& sensor, const Deadline& deadline) {
+  auto frame = call_stage(sensor.name, [&]() -> Result<std::optional<Frame>> {
+    auto next = SIDESTEP_TRY(sensor.frames.next(deadline));
+    if (!next) return next;
+    const auto sound = sensor.check.check(*next);
+    sensor.is_at_fault = !sound;
+    if (!sound) return error_of(sound);
+    return next;
+  });
+  if (frame && *frame) {
+    sensor.received = clock_.now();
+    const double latency_s =
+        std::clamp(since_s((*frame)->stamp, sensor.received), 0.0, kLongestLatency_s);
+    sensor.latency_s =
+        std::max(latency_s, sensor.latency_s + kNewest * (latency_s - sensor.latency_s));
+    sensor.pending = std::make_unique<Frame>(*std::move(*frame));
+    return {};
+  }
+  if (!frame && frame.error().code == ErrorCode::kDeadlineExceeded) return error_of(frame);
+  sensor.trouble = frame ? "it has no more frames" : frame.error().message;
+  if (!frame && frame.error().code == ErrorCode::kBadFrame) return error_of(frame);
+  sensor.has_ended = true;
+  const bool is_last = std::ranges::all_of(sensors_, &Watched::has_ended);
+  if (!frame && is_last) return error_of(frame);
+  return {};
+}
+
+/// Others that have a frame have a later one; those that have none may yet send one from before.
+SensorSet::Watched* SensorSet::due() {
+  Watched* oldest = nullptr;
+  for (Watched& sensor : sensors_) {
+    if (sensor.pending && (oldest == nullptr || sensor.pending->stamp < oldest->pending->stamp)) {
+      oldest = &sensor;
+    }
+  }
+  if (oldest == nullptr || !waits_) return oldest;
+  const Stamp now = clock_.now();
+  const double age_s = since_s(oldest->pending->stamp, now);
+  const bool is_early = std::ranges::any_of(sensors_, [&](const Watched& sensor) {
+    return !sensor.pending && !is_missing(sensor, now) && sensor.latency_s > age_s;
+  });
+  return is_early ? nullptr : oldest;
+}
+
+Result<std::optional<Frame>> SensorSet::pass_on(Watched& sensor) {
+  const std::unique_ptr<Frame> frame = std::move(sensor.pending);
+  frame->sensor = static_cast<int>(&sensor - sensors_.data());
+  const bool is_alone = sensors_.size() == 1;
+  if (!is_alone && first_ && frame->stamp < passed_) {
+    sensor.trouble = "its frames come after later ones of other sensors";
+    return fail(ErrorCode::kBadFrame, sensor.trouble, sensor.name);
+  }
+  if (sensor.newest) {
+    const double period_s = since_s(*sensor.newest, frame->stamp);
+    sensor.period_s += kNewest * (period_s - sensor.period_s);
+  }
+  sensor.newest = frame->stamp;
+  sensor.trouble.clear();
+  if (!first_) first_ = frame->stamp;
+  passed_ = frame->stamp;
+  if (!is_alone) {
+    if (const Watched* const missing = look_for_missing(clock_.now())) {
+      return fail(ErrorCode::kBadFrame, "there is no map without " + why_missing(*missing));
+    }
+  }
+  received_ = sensor.received;
+  if (keeps_last_) last_ = std::make_shared<const Frame>(*frame);
+  return std::optional<Frame>(std::in_place, std::move(*frame));
+}
+
+bool SensorSet::is_missing(const Watched& sensor, Stamp now) const {
+  if (sensor.has_ended || sensor.is_at_fault) return true;
+  const std::optional<Stamp>& heard = sensor.newest ? sensor.newest : first_;
+  return heard && since_s(*heard, now) > std::max(kSilent_s, kSilentPeriods * sensor.period_s);
+}
+
+std::string SensorSet::why_missing(const Watched& sensor) {
+  return sensor.name + ": " + (sensor.trouble.empty() ? "no frame comes" : sensor.trouble);
+}
+
+const SensorSet::Watched* SensorSet::look_for_missing(Stamp now) {
+  const Watched* first = nullptr;
+  for (Watched& sensor : sensors_) {
+    const bool was_missing = std::exchange(sensor.is_missing, is_missing(sensor, now));
+    if (sensor.is_missing && sensor.is_needed && first == nullptr) first = &sensor;
+    if (sensor.is_missing && !was_missing && !sensor.is_needed) {
+      log_.warn("the robot goes on without " + why_missing(sensor));
+    }
+    if (!sensor.is_missing && was_missing) log_.warn(sensor.name + " is back");
+  }
+  return first;
+}
+
+std::optional<std::int64_t> SensorSet::frame_count() const {
+  return sensors_.size() == 1 ? sensors_.front().frames.frame_count() : std::nullopt;
+}
+
+std::int64_t SensorSet::take_span() noexcept {
+  std::int64_t span = 0;
+  for (Watched& sensor : sensors_) span += sensor.frames.take_span();
+  return span;
+}
+
+std::vector<CameraView> SensorSet::take_views() {
+  std::vector<CameraView> views;
+  for (Watched& sensor : sensors_)
+    std::ranges::move(sensor.frames.take_views(), std::back_inserter(views));
+  std::ranges::stable_sort(views, {}, &CameraView::stamp_s);
+  return views;
+}
+
+}  // namespace sidestep
