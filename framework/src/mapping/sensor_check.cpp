@@ -17,10 +17,6 @@
 namespace sidestep {
 namespace {
 
-/// A row of frames this long, of at least so many, decides; a fault may hide in some views.
-constexpr std::int64_t kCertain_ns = 200'000'000, kGone_ns = 1'000'000'000;
-constexpr int kCertainFrames = 3;
-
 constexpr int kAcross = 64, kDown = 48;  // samples of an image
 constexpr std::size_t kBeams = 1024;     // of a scan, at most
 constexpr int kTiles = 3;                // along each side, of which noise changes each
@@ -57,22 +53,6 @@ double angle_between(const Transform& a, const Transform& b) {
 }
 
 }  // namespace
-
-void SensorCheck::Verdict::hear(Says says, Stamp now) {
-  if (says == Says::kNothing) return;
-  if ((says == Says::kFault) == is_fault) {
-    frames = 0;
-    return;
-  }
-  if (frames == 0 || now < since) {
-    frames = 0;
-    since = now;
-  }
-  const std::int64_t least_ns = is_fault ? kGone_ns : kCertain_ns;
-  if (++frames < kCertainFrames || now.ns - since.ns < least_ns) return;
-  is_fault = !is_fault;
-  frames = 0;
-}
 
 bool SensorCheck::Plane::holds(const Eigen::Vector3d& p) const {
   return std::abs(p.z() - slope.dot(p.head<2>()) - offset_m) < kFloor_m;

@@ -56,7 +56,9 @@ Result<void> SensorSet::ask(Watched& sensor, const Deadline& deadline) {
   auto frame = call_stage(sensor.name, [&]() -> Result<std::optional<Frame>> {
     auto next = SIDESTEP_TRY(sensor.frames.next(deadline));
     if (!next) return next;
-    const auto sound = sensor.check.check(*next);
+    auto sound = sensor.check.check(*next);
+    if (sound) sound = agreement_.check(*next);
+    if (sound) agreement_.note_scan(*next);
     sensor.is_at_fault = !sound;
     if (!sound) return error_of(sound);
     return next;

@@ -11,6 +11,7 @@
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/export.hpp>
+#include <sidestep/mapping/fault_verdict.hpp>
 #include <sidestep/mapping/self_filter.hpp>
 #include <sidestep/sensing/frame.hpp>
 
@@ -32,9 +33,9 @@ class SIDESTEP_EXPORT SensorCheck {
                        std::shared_ptr<const RobotModel> robot = nullptr)
       : floor_z_m_(floor_z_m), self_(std::move(robot), kSelf_m) {}
 
-  /// Fails with kBadFrame, naming the fault, from when it is certain, 0.2 s after a frame has first
-  /// shown it, until all frames of a second that tell show the opposite. Passes by frames that
-  /// check_frame() does not pass. [mapping]; allocates at first.
+  /// Fails with kBadFrame, naming the fault, from when it is certain until it is gone, see
+  /// FaultVerdict. Passes by frames that check_frame() does not pass. [mapping]; allocates at
+  /// first.
   [[nodiscard]] Result<void> check(const Frame& frame);
 
  private:
@@ -57,15 +58,8 @@ class SIDESTEP_EXPORT SensorCheck {
     Transform T_world_laser;
     std::vector<double> beams_m;  ///< Their lengths.
   };
-  /// What one frame says of a fault.
-  enum class Says { kNothing, kFault, kSound };
-  /// Of a fault, over frames.
-  struct Verdict {
-    bool is_fault = false;
-    Stamp since;     ///< Of the row of frames that contradict it.
-    int frames = 0;  ///< In that row.
-    void hear(Says says, Stamp now);
-  };
+  using Says = FaultSign;
+  using Verdict = FaultVerdict;
 
   void take_samples(const Frame& frame, const DepthImage& image);
   void take_samples(const Frame& frame, const PointCloud& scan);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include <sidestep/core/log.hpp>
+#include <sidestep/mapping/sensor_agreement.hpp>
 #include <sidestep/mapping/sensor_check.hpp>
 #include <sidestep/runtime/paced_frames.hpp>
 
@@ -19,7 +20,7 @@ struct Sensor {
 };
 
 /// The frames of one or more sensors as one stream, each paced by the clock and watched for faults
-/// (SensorCheck). Frames come in the order of their stamps: one waits for those that were taken
+/// (SensorCheck, and SensorAgreement of cameras with the last scan of a laser). Frames come in the order of their stamps: one waits for those that were taken
 /// before it and take longer to come, as the sensors' latencies have shown.
 ///
 /// A sensor is missing while it is at fault, and once it has given no frame for kSilent_s. Without
@@ -79,6 +80,7 @@ class SensorSet final : public Source {
   bool waits_;
   Log& log_;
   std::vector<Watched> sensors_;
+  SensorAgreement agreement_;
   std::optional<Stamp> first_;  ///< Stamps of the first and the last that were passed on.
   Stamp passed_;
   Stamp received_;
