@@ -69,10 +69,11 @@ void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
 /// The HSR drives, and something goes wrong.
 class HeadFault : public ::testing::Test {
  protected:
-  [[nodiscard]] Finished drive(std::vector<std::string> sets) const {
+  [[nodiscard]] Finished drive(std::vector<std::string> sets,
+                               const std::string& scenario = "floor_pickup") const {
     sets.insert(sets.end(), {"experiment.truth.measure=false", "experiment.episodes=1"});
     std::vector<std::string> arguments = {
-        "run", std::string(SIDESTEP_SOURCE_DIR) + "/configs/replan/floor_pickup.yaml", "--out",
+        "run", std::string(SIDESTEP_SOURCE_DIR) + "/configs/replan/" + scenario + ".yaml", "--out",
         (folder_.path() / "run").string()};
     for (const std::string& set : sets) arguments.insert(arguments.end(), {"--set", set});
     return run(arguments);
@@ -134,6 +135,16 @@ INSTANTIATE_TEST_SUITE_P(
                             "base_laser: the laser sees its own robot",
                             26.0}),
     [](const auto& fault) { return std::string(fault.param.name); });
+
+/// A mount that is turned about the vertical: what camera and laser both see tells of it.
+TEST_F(HeadFault, OfACameraThatDoesNotAgreeWithTheLaserIsNamed) {
+  const Finished finished =
+      drive({"source.fault.kind=mount", "source.fault.turn_rad=[0, 0.0873, 0]",
+             "source.fault.from_s=10", "experiment.seed=34", "experiment.duration_s=12"},
+            "room_navigation");
+  EXPECT_NE(finished.error.find("camera and laser do not agree"), std::string::npos)
+      << finished.error;
+}
 
 /// Which sensors a robot can do without, its configuration says.
 TEST_F(HeadFault, OfALaserThatIsNotNeededIsNamedAndTheRobotGoesOn) {

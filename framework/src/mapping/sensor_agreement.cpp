@@ -11,7 +11,7 @@
 namespace sidestep {
 namespace {
 
-constexpr double kOldestScan_s = 0.15;
+constexpr double kApart_s = 0.025;       // who walks has gone 4 cm
 constexpr double kLevel = 0.9998;        // a cosine, of a degree
 constexpr double kBesidePlane_m = 0.03;  // so near to the laser's plane
 constexpr double kNearestBeam_m = 0.4;   // of the laser: nearer is the robot
@@ -20,25 +20,44 @@ constexpr double kCameraRange_m =
 constexpr double kAgree_m = 0.05;  // along a beam, and this much more of its length
 constexpr double kAgree = 0.01;
 constexpr int kColumnsRead = 160, kRowsRead = 120;  // samples of an image
-constexpr std::size_t kFewestCompared = 40;
+constexpr std::size_t kFewestCompared = 55;
 constexpr double kFarthestTurn_rad = 0.16, kTurnStep_rad = 0.00873;  // half a degree
-constexpr double kAgrees = 0.8;   // a share of the beams that tell
-constexpr double kBetter = 0.25;  // and so many more than as they are said to be
+constexpr double kAgrees = 0.8, kDisagrees = 0.45;  // shares of the beams that tell
 
 }  // namespace
 
-void SensorAgreement::note_scan(const Frame& frame) {
-  const auto* scan = std::get_if<PointCloud>(&frame.measurement);
-  if (scan == nullptr || frame.T_world_camera.linear()(2, 2) < kLevel) return;
+Result<void> SensorAgreement::check(const Frame& frame) {
+  if (!check_frame(frame)) return {};
+  const auto* image = std::get_if<DepthImage>(&frame.measurement);
+  if (image != nullptr) {
+    take_image(frame, *image);
+  } else {
+    take_scan(frame, std::get<PointCloud>(frame.measurement));
+  }
+  if (!beams_m_.empty() && image_stamp_ &&
+      std::abs(image_stamp_->seconds() - scan_stamp_.seconds()) <= kApart_s) {
+    verdict_.hear(sign(), frame.stamp);
+  }
+  if (image == nullptr || !verdict_.is_fault) return {};
+  return fail(ErrorCode::kBadFrame,
+              format("camera and laser do not agree: what one sees is turned by %.1f degrees "
+                     "against the other",
+                     std::abs(turn_rad_) * 180.0 / std::numbers::pi),
+              {}, "see how both are mounted, head joints and intrinsics");
+}
+
+void SensorAgreement::take_scan(const Frame& frame, const PointCloud& scan) {
+  beams_m_.clear();
+  if (frame.T_world_camera.linear()(2, 2) < kLevel) return;
   // Beams are evenly apart: two that returned tell of all.
   std::optional<std::size_t> first, last;
   const auto angle = [&](std::size_t beam) {
-    return std::atan2(static_cast<double>(scan->points_m[beam].y()),
-                      static_cast<double>(scan->points_m[beam].x()));
+    return std::atan2(static_cast<double>(scan.points_m[beam].y()),
+                      static_cast<double>(scan.points_m[beam].x()));
   };
-  beams_m_.assign(scan->points_m.size(), 0.0F);
+  beams_m_.assign(scan.points_m.size(), 0.0F);
   for (std::size_t beam = 0; beam < beams_m_.size(); ++beam) {
-    const Eigen::Vector3f& p = scan->points_m[beam];
+    const Eigen::Vector3f& p = scan.points_m[beam];
     if (!p.allFinite() || p.isZero()) continue;
     if (std::abs(p.z()) > 1e-3F) return beams_m_.clear();  // no planar laser
     beams_m_[beam] = p.norm();
@@ -51,28 +70,12 @@ void SensorAgreement::note_scan(const Frame& frame) {
   if (across_rad < 0.0) across_rad += 2.0 * std::numbers::pi;
   step_rad_ = across_rad / steps;
   first_rad_ = angle(*first) - static_cast<double>(*first) * step_rad_;
-  stamp_ = frame.stamp;
+  scan_stamp_ = frame.stamp;
   T_world_laser_ = frame.T_world_camera;
 }
 
-Result<void> SensorAgreement::check(const Frame& frame) {
-  const bool is_image = std::holds_alternative<DepthImage>(frame.measurement);
-  if (beams_m_.empty() || !is_image || !check_frame(frame)) return {};
-  verdict_.hear(sign_in(frame), frame.stamp);
-  if (!verdict_.is_fault) return {};
-  return fail(ErrorCode::kBadFrame,
-              format("camera and laser do not agree: what one sees is turned by %.1f degrees "
-                     "against the other",
-                     std::abs(turn_rad_) * 180.0 / std::numbers::pi),
-              {}, "see how both are mounted, head joints and intrinsics");
-}
-
-FaultSign SensorAgreement::sign_in(const Frame& frame) {
-  const auto* image = std::get_if<DepthImage>(&frame.measurement);
-  if (image == nullptr || std::abs(frame.stamp.seconds() - stamp_.seconds()) > kOldestScan_s) {
-    return FaultSign::kNothing;
-  }
-  take_points(frame, *image);
+FaultSign SensorAgreement::sign() {
+  find_points();
   const auto as_said = agreement(0.0);
   if (!as_said) return FaultSign::kNothing;
   double best = *as_said, best_rad = 0.0;
@@ -85,25 +88,35 @@ FaultSign SensorAgreement::sign_in(const Frame& frame) {
     }
   }
   if (std::abs(best_rad) <= kMaxTurn_rad || *as_said >= kAgrees) return FaultSign::kSound;
-  if (best < kAgrees || best < *as_said + kBetter) return FaultSign::kNothing;
+  if (best < kAgrees || *as_said > kDisagrees) return FaultSign::kNothing;
   if (!verdict_.is_fault) turn_rad_ = best_rad;
   return FaultSign::kFault;
 }
 
-void SensorAgreement::take_points(const Frame& frame, const DepthImage& image) {
-  const Transform T_laser_camera = T_world_laser_.inverse() * frame.T_world_camera;
-  camera_m_ = T_laser_camera.translation().head<2>();
-  points_m_.clear();
+void SensorAgreement::take_image(const Frame& frame, const DepthImage& image) {
+  image_stamp_ = frame.stamp;
+  camera_world_m_ = frame.T_world_camera.translation();
+  image_world_m_.clear();
   const CameraIntrinsics& camera = image.camera;
   for (int v = 0; v < camera.height_px; v += std::max(1, camera.height_px / kRowsRead)) {
     for (int u = 0; u < camera.width_px; u += std::max(1, camera.width_px / kColumnsRead)) {
       const float depth_m = image.at(u, v);
       if (!(depth_m > 0.0F) || !std::isfinite(depth_m)) continue;
-      const Eigen::Vector3d p = T_laser_camera * camera.unproject(u, v, depth_m);
-      if (std::abs(p.z()) > kBesidePlane_m) continue;
-      if ((p.head<2>() - camera_m_).norm() > kCameraRange_m) continue;
-      points_m_.emplace_back(p.head<2>());
+      image_world_m_.push_back(frame.T_world_camera * camera.unproject(u, v, depth_m));
     }
+  }
+}
+
+/// What of the image is at the height of the scan.
+void SensorAgreement::find_points() {
+  const Transform T_laser_world = T_world_laser_.inverse();
+  camera_m_ = (T_laser_world * camera_world_m_).head<2>();
+  points_m_.clear();
+  for (const Eigen::Vector3d& p_world : image_world_m_) {
+    const Eigen::Vector3d p = T_laser_world * p_world;
+    if (std::abs(p.z()) > kBesidePlane_m) continue;
+    if ((p.head<2>() - camera_m_).norm() > kCameraRange_m) continue;
+    points_m_.emplace_back(p.head<2>());
   }
 }
 

@@ -355,7 +355,9 @@ std::vector<int> spheres_above(const Floor& floor, const RobotDescription& robot
   std::vector<int> above;
   for (std::size_t s = 0; s < robot.spheres.size(); ++s) {
     const std::string& link = robot.links[idx(robot.spheres[s].link)].name;
-    if (std::ranges::find(floor.except_links, link) != floor.except_links.end()) continue;
+    const auto is_link = [&](const std::string& name) { return name == link; };
+    if (std::ranges::any_of(floor.except_links, is_link)) continue;
+    if (std::ranges::any_of(floor.clear_links, is_link)) continue;
     above.push_back(static_cast<int>(s));
   }
   return above;

@@ -58,7 +58,6 @@ Result<void> SensorSet::ask(Watched& sensor, const Deadline& deadline) {
     if (!next) return next;
     auto sound = sensor.check.check(*next);
     if (sound) sound = agreement_.check(*next);
-    if (sound) agreement_.note_scan(*next);
     sensor.is_at_fault = !sound;
     if (!sound) return error_of(sound);
     return next;

@@ -5,6 +5,8 @@
 #include <set>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
+#include <sidestep/core/scratch.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
 namespace sidestep {
@@ -12,9 +14,12 @@ namespace {
 
 constexpr double kParallel = 1e-4;  // of axes, as far as a URDF's digits go
 
-/// How a link can move against the floor, as far as its height stays the same.
+/// How a link can move against the floor, as far as its height stays the same, or lifts along the
+/// vertical change it.
 struct Level {
   bool holds = false;
+  bool is_upright = true;
+  std::set<int> lifts;
   Eigen::Vector3d up_link = Eigen::Vector3d::UnitZ();  ///< The vertical, in the link's frame.
   std::set<int> slides;                                ///< Joints along the plane.
   bool turns = false;                                  ///< About the vertical.
@@ -31,14 +36,79 @@ Level child_of(const Level& parent, const TreeJoint& joint) {
     if (rotates) level.up_link = Eigen::AngleAxisd(-joint.offset, joint.axis) * level.up_link;
     return level;
   }
+  const bool is_vertical = joint.axis.cross(level.up_link).norm() < kParallel;
   if (rotates) {
-    level.holds &= joint.axis.cross(level.up_link).norm() < kParallel;
+    level.holds &= is_vertical;
+    level.is_upright &= is_vertical;
     level.turns = true;
   } else {
-    level.holds &= std::abs(joint.axis.dot(level.up_link)) < kParallel;
-    level.slides.insert(joint.joint);
+    const bool is_level = std::abs(joint.axis.dot(level.up_link)) < kParallel;
+    level.holds &= is_level;
+    level.is_upright &= is_level || is_vertical;
+    (is_vertical ? level.lifts : level.slides).insert(joint.joint);
   }
   return level;
+}
+
+std::vector<Level> levels_of(const KinematicTree& tree) {
+  const std::vector<Link>& links = tree.description().links;
+  std::vector<Level> levels;
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    const Level from = links[i].parent < 0 ? Level{.holds = true} : levels[idx(links[i].parent)];
+    levels.push_back(child_of(from, tree.tree_joints()[i]));
+  }
+  return levels;
+}
+
+/// The least heights of the spheres' centres, as far as single lifts can bring them down.
+std::vector<double> lowest_m(const KinematicTree& tree, const std::set<int>& lifts) {
+  const RobotDescription& robot = tree.description();
+  Scratch scratch;
+  const auto heights = [&](const Eigen::VectorXd& q) {
+    std::vector<Eigen::Vector3d> centres(robot.spheres.size());
+    tree.sphere_centres(as_span(q), centres, scratch);
+    std::vector<double> z;
+    for (const Eigen::Vector3d& centre : centres) z.push_back(centre.z());
+    return z;
+  };
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(robot.dof());
+  const std::vector<double> at_zero = heights(zero);
+  std::vector<double> lowest = at_zero;
+  for (const int lift : lifts) {
+    const Joint& joint = robot.joints[idx(lift)];
+    Eigen::VectorXd q = zero;
+    std::vector<double> drop(lowest.size(), kInfinity);
+    for (const double limit : {joint.lower, joint.upper}) {
+      q[lift] = limit;
+      const std::vector<double> z = heights(q);
+      for (std::size_t s = 0; s < drop.size(); ++s) drop[s] = std::min(drop[s], z[s] - at_zero[s]);
+    }
+    for (std::size_t s = 0; s < drop.size(); ++s) lowest[s] += drop[s];
+  }
+  return lowest;
+}
+
+/// Links that lifts along the vertical alone can lower, and none of whose spheres gets down to it.
+std::vector<std::string> links_clear_of(const Floor& floor, const KinematicTree& tree) {
+  const RobotDescription& robot = tree.description();
+  const std::vector<Level> levels = levels_of(tree);
+  std::vector<std::string> clear;
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    const bool has_limits = std::ranges::all_of(levels[i].lifts, [&](int lift) {
+      const Joint& joint = robot.joints[idx(lift)];
+      return std::isfinite(joint.lower) && std::isfinite(joint.upper);
+    });
+    if (levels[i].holds || !levels[i].is_upright || !has_limits) continue;
+    const std::vector<double> lowest = lowest_m(tree, levels[i].lifts);
+    bool is_clear = true;
+    for (std::size_t s = 0; s < lowest.size(); ++s) {
+      const CollisionSphere& sphere = robot.spheres[s];
+      if (idx(sphere.link) != i) continue;
+      is_clear &= lowest[s] - sphere.radius_m > floor.height_m;
+    }
+    if (is_clear) clear.push_back(robot.links[i].name);
+  }
+  return clear;
 }
 
 }  // namespace
@@ -47,12 +117,7 @@ std::optional<Floor> standing_floor(const RobotModel& robot) {
   const auto* tree = dynamic_cast<const KinematicTree*>(&robot);
   if (tree == nullptr) return std::nullopt;
   const RobotDescription& description = robot.description();
-  std::vector<Level> levels;
-  for (std::size_t i = 0; i < description.links.size(); ++i) {
-    const int parent = description.links[i].parent;
-    const Level from = parent < 0 ? Level{.holds = true} : levels[static_cast<std::size_t>(parent)];
-    levels.push_back(child_of(from, tree->tree_joints()[i]));
-  }
+  const std::vector<Level> levels = levels_of(*tree);
   if (std::ranges::none_of(levels, &Level::drives)) return std::nullopt;
   const auto rises = [&](const auto& part) {
     return !levels[static_cast<std::size_t>(part.link)].holds;
@@ -69,8 +134,13 @@ std::optional<Floor> standing_floor(const RobotModel& robot) {
 }
 
 void stand_on_floor(PlanningSettings& planning, const RobotModel& robot) {
-  if (planning.floor) return;
-  if (auto floor = standing_floor(robot)) planning.floor.emplace().Floor::operator=(*floor);
+  if (!planning.floor) {
+    if (auto floor = standing_floor(robot)) planning.floor.emplace().Floor::operator=(*floor);
+  }
+  const auto* tree = dynamic_cast<const KinematicTree*>(&robot);
+  if (planning.floor && tree != nullptr) {
+    planning.floor->clear_links = links_clear_of(*planning.floor, *tree);
+  }
 }
 
 }  // namespace sidestep

@@ -77,6 +77,27 @@ TEST(StandingFloor, IsThereForWhatAPlannedJointRaises) {
   EXPECT_THAT(floor->except_links, ElementsAre("world", "x", "y", "t", "tilted", "pan"));
 }
 
+/// Lifts have 1 m either way, and balls a radius of 0.1 m.
+TEST(StandingFloor, KeepsNobodyFromWhatIsAboveItWhereverTheJointsAre) {
+  const auto clear_links = [](double height_m) {
+    TreeJoint column{"column"};
+    column.T_parent_joint.translation().z() = height_m;
+    const auto robot = ChainMaker()
+                           .drive()
+                           .add(column)
+                           .add("lift", kTranslation, kUp)
+                           .add("pan", kRotation, kUp, Joint::Type::kRevolute)
+                           .add("tilt", kRotation, Eigen::Vector3d::UnitY(), Joint::Type::kRevolute)
+                           .robot();
+    PlanningSettings planning;
+    stand_on_floor(planning, *robot);
+    EXPECT_THAT(planning.floor->except_links, ElementsAre("world", "x", "y", "t", "column"));
+    return planning.floor->clear_links;
+  };
+  EXPECT_THAT(clear_links(1.11), ElementsAre("lift", "pan"));
+  EXPECT_THAT(clear_links(1.09), ElementsAre());
+}
+
 TEST(StandingFloor, SeesAJointThatIsHeldAtAnAngle) {
   TreeJoint held{"held"};  // turned about x by a quarter, so that what slides along y rises
   held.motion = kRotation;

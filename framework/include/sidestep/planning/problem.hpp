@@ -27,6 +27,8 @@ enum class Space { kFree, kOccupied };
 struct Floor {
   double height_m = 0.0;  ///< Everything below this z of the world is occupied, map or not,
   std::vector<std::string> except_links;  ///< but not for these, which may stand on it.
+  /// Links that are above it wherever the joints are: nobody need keep them from it.
+  std::vector<std::string> clear_links = {};
 };
 
 /// Where some links may be, whatever unknown space counts as: in voxels that have been observed,

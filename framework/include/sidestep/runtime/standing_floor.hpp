@@ -13,7 +13,8 @@ namespace sidestep {
 /// robots, and those of which every sphere and shape keeps its height.
 [[nodiscard]] std::optional<Floor> standing_floor(const RobotModel& robot);
 
-/// Takes that floor where `planning.floor` is left out.
+/// Takes that floor where `planning.floor` is left out; and leaves out of any floor the links that
+/// only lifts along the vertical lower, and never as far as to it (Floor::clear_links).
 void stand_on_floor(PlanningSettings& planning, const RobotModel& robot);
 
 }  // namespace sidestep
