@@ -20,8 +20,9 @@ struct Sensor {
 };
 
 /// The frames of one or more sensors as one stream, each paced by the clock and watched for faults
-/// (SensorCheck, and SensorAgreement of cameras with the last scan of a laser). Frames come in the order of their stamps: one waits for those that were taken
-/// before it and take longer to come, as the sensors' latencies have shown.
+/// (SensorCheck, and SensorAgreement of cameras with the last scan of a laser). Frames come in the
+/// order of their stamps: one waits for those that were taken before it and take longer to come, as
+/// the sensors' latencies have shown.
 ///
 /// A sensor is missing while it is at fault, and once it has given no frame for kSilent_s. Without
 /// one that is needed no frame is passed on, so that the map ages and the robot stops; without
