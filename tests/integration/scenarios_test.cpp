@@ -122,17 +122,17 @@ INSTANTIATE_TEST_SUITE_P(
                             "not mounted"},
                       Fault{"laser_frozen",
                             {"sources.base_laser.fault.kind=frozen"},
-                            "base_laser: the laser is frozen"},
+                            "no map without base_laser: the laser is frozen"},
                       Fault{"laser_blind",
                             {"sources.base_laser.fault.kind=blind"},
-                            "base_laser: the laser is blind"},
+                            "no map without base_laser: frame"},
                       Fault{"laser_silent",
                             {"sources.base_laser.fault.kind=silent"},
                             "no map without base_laser: no frame comes"},
                       // While it drives: who stands learns nothing of it.
                       Fault{"laser_obstructed",
                             {"sources.base_laser.fault.kind=obstructed"},
-                            "base_laser: the laser sees its own robot",
+                            "no map without base_laser: the laser sees its own robot",
                             26.0}),
     [](const auto& fault) { return std::string(fault.param.name); });
 

@@ -11,7 +11,8 @@
 namespace sidestep {
 namespace {
 
-constexpr double kApart_s = 0.025;       // who walks has gone 4 cm
+constexpr double kApart_s = 0.025;  // who walks has gone 4 cm
+constexpr double kGone_s = 1.0;
 constexpr double kLevel = 0.9998;        // a cosine, of a degree
 constexpr double kBesidePlane_m = 0.03;  // so near to the laser's plane
 constexpr double kNearestBeam_m = 0.4;   // of the laser: nearer is the robot
@@ -29,11 +30,11 @@ constexpr double kAgrees = 0.8, kDisagrees = 0.45;  // shares of the beams that 
 Result<void> SensorAgreement::check(const Frame& frame) {
   if (!check_frame(frame)) return {};
   const auto* image = std::get_if<DepthImage>(&frame.measurement);
-  if (image != nullptr) {
-    take_image(frame, *image);
-  } else {
-    take_scan(frame, std::get<PointCloud>(frame.measurement));
-  }
+  const auto* cloud = std::get_if<PointCloud>(&frame.measurement);
+  if (cloud != nullptr && is_planar_scan(*cloud)) take_scan(frame, *cloud);
+  if (image != nullptr && !beams_m_.empty()) take_image(frame, *image);
+  // A laser that is gone says nothing of a camera.
+  if (frame.stamp.seconds() - scan_stamp_.seconds() > kGone_s) verdict_ = {};
   if (!beams_m_.empty() && image_stamp_ &&
       std::abs(image_stamp_->seconds() - scan_stamp_.seconds()) <= kApart_s) {
     verdict_.hear(sign(), frame.stamp);
@@ -59,7 +60,6 @@ void SensorAgreement::take_scan(const Frame& frame, const PointCloud& scan) {
   for (std::size_t beam = 0; beam < beams_m_.size(); ++beam) {
     const Eigen::Vector3f& p = scan.points_m[beam];
     if (!p.allFinite() || p.isZero()) continue;
-    if (std::abs(p.z()) > 1e-3F) return beams_m_.clear();  // no planar laser
     beams_m_[beam] = p.norm();
     if (!first) first = beam;
     last = beam;
@@ -125,7 +125,9 @@ std::optional<double> SensorAgreement::agreement(double turn_rad) {
   seen_m_.assign(beams_m_.size(), 0.0);
   for (const Eigen::Vector2d& point : points_m_) {
     const Eigen::Vector2d p = camera_m_ + turn * (point - camera_m_);
-    const double beam = std::round((std::atan2(p.y(), p.x()) - first_rad_) / step_rad_);
+    const double from_first_rad = std::atan2(p.y(), p.x()) - first_rad_;
+    const double turns = std::floor(from_first_rad / (2.0 * std::numbers::pi));
+    const double beam = std::round((from_first_rad - 2.0 * std::numbers::pi * turns) / step_rad_);
     const double length_m = p.norm();
     if (!(beam >= 0.0) || beam >= static_cast<double>(beams_m_.size()) ||
         length_m < kNearestBeam_m) {

@@ -43,6 +43,7 @@ constexpr double kSpread_m = 0.15;  // of its points, a standard deviation, in e
 /// goes this way; what is beside it is farther off by kApart_m.
 constexpr double kHanging_m = 0.5;
 constexpr double kWay_m = 0.04, kWay_rad = 0.04;
+constexpr std::size_t kMostScans = 16;
 constexpr double kStep = 0.2;  // share of it from one scan that is kept to the next
 constexpr double kSame_m = 0.02, kApart_m = 0.15;
 constexpr std::size_t kFewestBeams = 3;
@@ -64,12 +65,14 @@ Result<void> SensorCheck::check(const Frame& frame) {
   if (image != nullptr) {
     take_samples(frame, *image);
   } else {
-    take_samples(frame, std::get<PointCloud>(frame.measurement));
+    const PointCloud& scan = std::get<PointCloud>(frame.measurement);
+    if (!is_planar_scan(scan)) return {};
+    take_samples(frame, scan);
     obstructed_.hear(sees_robot(frame), frame.stamp);
   }
   frozen_.hear(is_frozen(frame), frame.stamp);
-  if (floor_z_m_ || image == nullptr) blind_.hear(is_blind(frame, image), frame.stamp);
   if (floor_z_m_ && image != nullptr) {
+    blind_.hear(is_blind(frame, *image), frame.stamp);
     tilted_.hear(is_tilted(frame.T_world_camera.translation().z() - *floor_z_m_), frame.stamp);
   }
   const std::string it = image != nullptr ? "the camera" : "the laser";
@@ -77,7 +80,8 @@ Result<void> SensorCheck::check(const Frame& frame) {
     return fail(ErrorCode::kBadFrame, it + " is frozen: what it measures stays the same");
   }
   if (blind_.is_fault) {
-    return fail(ErrorCode::kBadFrame, it + " is blind: nothing returns");
+    return fail(ErrorCode::kBadFrame,
+                "the camera is blind: nothing returns from where the floor would");
   }
   if (obstructed_.is_fault) {
     return fail(
@@ -139,12 +143,12 @@ void SensorCheck::take_samples(const Frame& frame, const PointCloud& scan) {
 }
 
 /// The same image again means nothing where noise has not been seen and the camera has not turned.
-SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
+FaultSign SensorCheck::is_frozen(const Frame& frame) {
   const Transform T_world_last = T_world_last_;
   T_world_last_ = frame.T_world_camera;
   if (last_.empty()) {
     T_world_first_ = frame.T_world_camera;
-    return Says::kNothing;
+    return FaultSign::kNothing;
   }
   const bool is_same = std::ranges::equal(samples_, last_, {}, &Sample::depth_m, &Sample::depth_m);
   if (!is_same) {
@@ -153,7 +157,7 @@ SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
         angle_between(T_world_last, frame.T_world_camera) < kStill_rad;
     if (is_still && is_noise()) ++noisy_pairs_;
     T_world_first_ = frame.T_world_camera;
-    return Says::kSound;
+    return FaultSign::kSound;
   }
   const auto returns = [](const Sample& sample) { return sample.depth_m > 0.0F; };
   const auto is_other = [&](const Sample& sample) {
@@ -163,9 +167,10 @@ SensorCheck::Says SensorCheck::is_frozen(const Frame& frame) {
     return static_cast<double>(std::ranges::count_if(samples_, are)) >
            kOther * static_cast<double>(samples_.size());
   };
-  if (noisy_pairs_ >= kNoisyPairs) return has_many(returns) ? Says::kFault : Says::kNothing;
+  if (noisy_pairs_ >= kNoisyPairs)
+    return has_many(returns) ? FaultSign::kFault : FaultSign::kNothing;
   const bool has_turned = angle_between(T_world_first_, frame.T_world_camera) > kTurned_rad;
-  return has_turned && has_many(is_other) ? Says::kFault : Says::kNothing;
+  return has_turned && has_many(is_other) ? FaultSign::kFault : FaultSign::kNothing;
 }
 
 /// Whether all over the image something differs from the last one.
@@ -189,7 +194,7 @@ bool SensorCheck::is_noise() const {
 
 /// What comes nearer than a camera measures, its own robot's links too, fades from the image over
 /// frames; a camera that fails goes blind from one to the next, or was so from the beginning.
-SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage* image) {
+FaultSign SensorCheck::is_blind(const Frame& frame, const DepthImage& image) {
   const auto samples = static_cast<double>(std::max<std::size_t>(samples_.size(), 1));
   const auto share = [&](const auto& are) {
     return static_cast<double>(std::ranges::count_if(samples_, are)) / samples;
@@ -198,24 +203,26 @@ SensorCheck::Says SensorCheck::is_blind(const Frame& frame, const DepthImage* im
   const std::optional<double> before = std::exchange(returned_, returned);
   if (returned > kReturned) {
     has_failed_ = false;
-    return Says::kSound;
+    return FaultSign::kSound;
   }
-  if (!before && image != nullptr) {
+  if (!before) {
     const double height_m = frame.T_world_camera.translation().z() - *floor_z_m_;
     has_failed_ = share([&](const Sample& sample) {
                     const Eigen::Vector3d ray = frame.T_world_camera.linear() *
-                                                image->camera.unproject(sample.u, sample.v, 1.0);
+                                                image.camera.unproject(sample.u, sample.v, 1.0);
                     return -ray.z() * kFloorInReach_m > height_m * ray.norm();
                   }) > kExpected;
-  } else if (before && *before > kManyReturned) {
+  } else if (*before > kManyReturned) {
     has_failed_ = true;
   }
-  return has_failed_ ? Says::kFault : Says::kNothing;
+  return has_failed_ ? FaultSign::kFault : FaultSign::kNothing;
 }
 
 /// What stands in the world comes nearer, goes farther or to a side as the laser moves. A wall
 /// along its way stays where it is, but reaches on to both sides.
-SensorCheck::Says SensorCheck::sees_robot(const Frame& frame) {
+FaultSign SensorCheck::sees_robot(const Frame& frame) {
+  // Where the robot stands is not known: nor is what is its own.
+  if (has_robot_ && !frame.joint_positions) return FaultSign::kNothing;
   Scan now{frame.T_world_camera, {}};
   for (const Sample& sample : samples_) {
     now.beams_m.push_back(sample.depth_m > 0.0F ? static_cast<double>(sample.depth_m)
@@ -228,14 +235,15 @@ SensorCheck::Says SensorCheck::sees_robot(const Frame& frame) {
   if (!scans_.empty() && scans_.back().beams_m.size() != now.beams_m.size()) scans_.clear();
   // The newest that was taken far enough away.
   while (scans_.size() > 1 && is_far(scans_[1], kWay_m, kWay_rad)) scans_.pop_front();
-  Says says = Says::kNothing;
+  FaultSign says = FaultSign::kNothing;
   if (!scans_.empty() && is_far(scans_.front(), kWay_m, kWay_rad)) {
     const auto near_m = hangs_in_both(scans_.front().beams_m, now.beams_m, frame);
-    says = near_m ? Says::kFault : Says::kSound;
+    says = near_m ? FaultSign::kFault : FaultSign::kSound;
     hanging_m_ = near_m.value_or(hanging_m_);
   }
   if (scans_.empty() || is_far(scans_.back(), kStep * kWay_m, kStep * kWay_rad)) {
     scans_.push_back(std::move(now));
+    if (scans_.size() > kMostScans) scans_.pop_front();
   }
   return says;
 }
@@ -277,7 +285,7 @@ std::optional<double> SensorCheck::nearness_of(const std::vector<double>& scan_m
 
 /// Whether far more points lie on a tilted plane through where the floor below the camera is than
 /// on the floor.
-SensorCheck::Says SensorCheck::is_tilted(double camera_height_m) {
+FaultSign SensorCheck::is_tilted(double camera_height_m) {
   candidates_m_.clear();
   for (const Sample& sample : samples_) {
     const double far_m = sample.p_m.head<2>().norm();
@@ -286,9 +294,9 @@ SensorCheck::Says SensorCheck::is_tilted(double camera_height_m) {
       candidates_m_.push_back(sample.p_m);
     }
   }
-  if (candidates_m_.size() < kFewest) return Says::kNothing;
+  if (candidates_m_.size() < kFewest) return FaultSign::kNothing;
   const std::size_t on_floor = count({});
-  if (on_floor >= kFewest && 10 * on_floor >= 8 * candidates_m_.size()) return Says::kSound;
+  if (on_floor >= kFewest && 10 * on_floor >= 8 * candidates_m_.size()) return FaultSign::kSound;
   Plane best;
   std::size_t most = on_floor;
   std::uint64_t random = 1;
@@ -307,14 +315,14 @@ SensorCheck::Says SensorCheck::is_tilted(double camera_height_m) {
     most = on_plane;
     best = *plane;
   }
-  if (4 * most < 3 * candidates_m_.size() || most < kFewest) return Says::kNothing;
+  if (4 * most < 3 * candidates_m_.size() || most < kFewest) return FaultSign::kNothing;
   const auto plane = refined(best);
-  if (!plane) return Says::kNothing;
+  if (!plane) return FaultSign::kNothing;
   const double tilt_rad = std::atan(plane->slope.norm());
-  if (tilt_rad <= kMaxTilt_rad) return Says::kSound;
-  if (10 * count(*plane) < 15 * on_floor) return Says::kNothing;
+  if (tilt_rad <= kMaxTilt_rad) return FaultSign::kSound;
+  if (10 * count(*plane) < 15 * on_floor) return FaultSign::kNothing;
   if (!tilted_.is_fault) tilt_rad_ = tilt_rad;
-  return Says::kFault;
+  return FaultSign::kFault;
 }
 
 std::optional<SensorCheck::Plane> SensorCheck::plane_through(std::size_t i, std::size_t j,

@@ -351,14 +351,22 @@ std::unique_ptr<StateCost> make_obstacle_cost(std::shared_ptr<const RobotModel> 
                                         epsilon_m, sigma_m);
 }
 
+namespace {
+
+bool is_of(const std::vector<std::string>& links, const RobotDescription& robot,
+           std::size_t sphere) {
+  const std::string& link = robot.links[idx(robot.spheres[sphere].link)].name;
+  return std::ranges::find(links, link) != links.end();
+}
+
+}  // namespace
+
 std::vector<int> spheres_above(const Floor& floor, const RobotDescription& robot) {
   std::vector<int> above;
   for (std::size_t s = 0; s < robot.spheres.size(); ++s) {
-    const std::string& link = robot.links[idx(robot.spheres[s].link)].name;
-    const auto is_link = [&](const std::string& name) { return name == link; };
-    if (std::ranges::any_of(floor.except_links, is_link)) continue;
-    if (std::ranges::any_of(floor.clear_links, is_link)) continue;
-    above.push_back(static_cast<int>(s));
+    const bool is_left_out =
+        is_of(floor.except_links, robot, s) || is_of(floor.clear_links, robot, s);
+    if (!is_left_out) above.push_back(static_cast<int>(s));
   }
   return above;
 }
@@ -366,8 +374,8 @@ std::vector<int> spheres_above(const Floor& floor, const RobotDescription& robot
 FloorClearance::FloorClearance(const SpacePolicy& space, const RobotDescription& robot)
     : touching_m_(robot.spheres.size(), -std::numeric_limits<double>::infinity()) {
   if (!space.floor) return;
-  for (const int sphere : spheres_above(*space.floor, robot)) {
-    const auto s = idx(sphere);
+  for (std::size_t s = 0; s < touching_m_.size(); ++s) {
+    if (is_of(space.floor->except_links, robot, s)) continue;
     touching_m_[s] = space.floor->height_m + robot.spheres[s].radius_m;
   }
 }

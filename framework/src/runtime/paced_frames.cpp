@@ -41,7 +41,6 @@ Result<std::optional<Frame>> PacedFrames::next(const Deadline& deadline) {
     return tl::make_unexpected(bad_frame(*blind, "none of its depths is a number"));
   }
   note(*pending_);
-  if (keeps_last_) last_ = std::make_shared<const Frame>(*pending_);
   const std::unique_ptr<Frame> due = std::move(pending_);
   return std::optional<Frame>(std::in_place, std::move(*due));
 }
@@ -84,7 +83,6 @@ bool PacedFrames::wait_until_due(const Frame& frame, const Deadline& deadline) c
 }
 
 void PacedFrames::note(const Frame& frame) {
-  received_ = clock_.now();
   if (!last_sequence_) first_sequence_ = frame.sequence;
   last_sequence_ = std::max(frame.sequence, last_sequence_.value_or(frame.sequence));
   if (const auto* image = std::get_if<DepthImage>(&frame.measurement)) {

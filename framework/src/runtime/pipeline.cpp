@@ -158,7 +158,9 @@ Result<std::optional<MappingStep>> MappingPipeline::step(const Deadline& deadlin
     const bool finds_motion = snapshot.moving != nullptr;
     parts_.slot.publish(std::move(snapshot));
     step.publish_ms = watch.elapsed_ms();
-    if (finds_motion) {
+    // From a laser's height only what lies in its plane could be seen.
+    const auto* cloud = std::get_if<PointCloud>(&(*frame)->measurement);
+    if (finds_motion && (cloud == nullptr || !is_planar_scan(*cloud))) {
       parts_.motion_detector->remember(*occupancy_, (*frame)->T_world_camera.translation(),
                                        step.stamp);
     }

@@ -160,7 +160,8 @@ std::string configuration_json_schema(const std::vector<PluginInfo>& plugins,
     properties["sources"] = {
         {"description", "Further sources of the same map, by name, beside `source`"},
         {"type", "object"},
-        {"additionalProperties", properties["source"]}};
+        {"additionalProperties",
+         {{"anyOf", Json::array({properties["source"], {{"type", "null"}}})}}}};
   }
   const Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
                        {"title", "Sidestep configuration"},

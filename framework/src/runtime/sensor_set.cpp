@@ -17,6 +17,8 @@ constexpr double kLongestLatency_s = 0.2;
 constexpr double kNewest = 0.05;
 /// A slow sensor is silent only after so many of its periods.
 constexpr double kSilentPeriods = 3.0;
+/// How long a first or a second frame is waited for.
+constexpr double kFirst_s = 1.0;
 
 double since_s(Stamp then, Stamp now) { return now.seconds() - then.seconds(); }
 
@@ -57,7 +59,9 @@ Result<void> SensorSet::ask(Watched& sensor, const Deadline& deadline) {
     auto next = SIDESTEP_TRY(sensor.frames.next(deadline));
     if (!next) return next;
     auto sound = sensor.check.check(*next);
-    if (sound) sound = agreement_.check(*next);
+    const bool is_image = std::holds_alternative<DepthImage>(next->measurement);
+    // Of cameras the first is held against the laser.
+    if (sound && (!is_image || &sensor == sensors_.data())) sound = agreement_.check(*next);
     sensor.is_at_fault = !sound;
     if (!sound) return error_of(sound);
     return next;
@@ -72,8 +76,13 @@ Result<void> SensorSet::ask(Watched& sensor, const Deadline& deadline) {
     return {};
   }
   if (!frame && frame.error().code == ErrorCode::kDeadlineExceeded) return error_of(frame);
+  const bool is_alone = sensors_.size() == 1;
+  if (!frame && frame.error().code == ErrorCode::kBadFrame) {
+    if (is_alone) return error_of(frame);
+    leave_out(sensor, frame.error());
+    return {};
+  }
   sensor.trouble = frame ? "it has no more frames" : frame.error().message;
-  if (!frame && frame.error().code == ErrorCode::kBadFrame) return error_of(frame);
   sensor.has_ended = true;
   const bool is_last = std::ranges::all_of(sensors_, &Watched::has_ended);
   if (!frame && is_last) return error_of(frame);
@@ -92,7 +101,8 @@ SensorSet::Watched* SensorSet::due() {
   const Stamp now = clock_.now();
   const double age_s = since_s(oldest->pending->stamp, now);
   const bool is_early = std::ranges::any_of(sensors_, [&](const Watched& sensor) {
-    return !sensor.pending && !is_missing(sensor, now) && sensor.latency_s > age_s;
+    const bool is_alive = !sensor.has_ended && since_s(sensor.received, now) <= kFirst_s;
+    return !sensor.pending && is_alive && sensor.latency_s > age_s;
   });
   return is_early ? nullptr : oldest;
 }
@@ -101,20 +111,29 @@ Result<std::optional<Frame>> SensorSet::pass_on(Watched& sensor) {
   const std::unique_ptr<Frame> frame = std::move(sensor.pending);
   frame->sensor = static_cast<int>(&sensor - sensors_.data());
   const bool is_alone = sensors_.size() == 1;
+  const Stamp now = clock_.now();
   if (!is_alone && first_ && frame->stamp < passed_) {
-    sensor.trouble = "its frames come after later ones of other sensors";
-    return fail(ErrorCode::kBadFrame, sensor.trouble, sensor.name);
+    leave_out(sensor, {ErrorCode::kBadFrame,
+                       "its frames come after later ones of other sensors",
+                       sensor.name,
+                       {},
+                       nullptr});
+    return fail(ErrorCode::kDeadlineExceeded, "the frame came too late");
   }
   if (sensor.newest) {
     const double period_s = since_s(*sensor.newest, frame->stamp);
-    sensor.period_s += kNewest * (period_s - sensor.period_s);
+    const bool is_first = sensor.period_s == 0.0;
+    if (is_first || !is_missing(sensor, now)) {
+      sensor.period_s += (is_first ? 1.0 : kNewest) * (period_s - sensor.period_s);
+    }
   }
   sensor.newest = frame->stamp;
+  sensor.heard = sensor.received;
   sensor.trouble.clear();
-  if (!first_) first_ = frame->stamp;
+  if (!first_) first_ = now;
   passed_ = frame->stamp;
   if (!is_alone) {
-    if (const Watched* const missing = look_for_missing(clock_.now())) {
+    if (const Watched* const missing = look_for_missing(now)) {
       return fail(ErrorCode::kBadFrame, "there is no map without " + why_missing(*missing));
     }
   }
@@ -123,10 +142,20 @@ Result<std::optional<Frame>> SensorSet::pass_on(Watched& sensor) {
   return std::optional<Frame>(std::in_place, std::move(*frame));
 }
 
+void SensorSet::leave_out(Watched& sensor, const Error& why) {
+  // The same again and again is not told anew, even where each message has its frame's number.
+  if (!sensor.trouble.empty()) return;
+  sensor.trouble = why.message;
+  log_.warn("left out: " + why.describe());
+}
+
 bool SensorSet::is_missing(const Watched& sensor, Stamp now) const {
   if (sensor.has_ended || sensor.is_at_fault) return true;
-  const std::optional<Stamp>& heard = sensor.newest ? sensor.newest : first_;
-  return heard && since_s(*heard, now) > std::max(kSilent_s, kSilentPeriods * sensor.period_s);
+  if (sensor.pending) return false;
+  if (!sensor.heard) return sensor.is_needed || (first_ && since_s(*first_, now) > kFirst_s);
+  const double silent_s =
+      sensor.period_s == 0.0 ? kFirst_s : std::max(kSilent_s, kSilentPeriods * sensor.period_s);
+  return since_s(*sensor.heard, now) > silent_s;
 }
 
 std::string SensorSet::why_missing(const Watched& sensor) {

@@ -102,7 +102,6 @@ class EpisodeMapping {
   mutable std::mutex trouble_mutex_;  ///< Of the next two, which the side that maps writes.
   std::string trouble_;               ///< Empty: frames come, or are waited for.
   std::optional<Stamp> newest_;
-  std::size_t bad_frames_ = 0;  ///< Of the pipeline's, those that have been noted.
 
   const OccupancyView* occupancy_;         ///< Of the mapper; null where it has none.
   std::optional<MapTruth> truth_;          ///< Where it is measured.

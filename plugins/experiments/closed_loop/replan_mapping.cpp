@@ -118,9 +118,8 @@ void EpisodeMapping::note_frame(MappingStep step) {
 }
 
 void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step) {
-  const std::vector<Error>& bad = pipeline_.bad_frames();
-  const bool has_skipped = bad.size() > bad_frames_;
-  bad_frames_ = bad.size();
+  // A fault may last for hours: only what came of it in this step is looked at.
+  const std::vector<Error> skipped = pipeline_.take_bad_frames();
   const std::lock_guard lock(trouble_mutex_);
   if (step && *step) {
     const Stamp newest = newest_.value_or((*step)->stamp);
@@ -134,7 +133,7 @@ void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step
   } else if (step) {
     trouble_ = source_name_ + " has no more frames";
   } else if (step.error().code == ErrorCode::kDeadlineExceeded) {
-    if (has_skipped) trouble_ = source_name_ + ": unusable: " + bad.back().describe();
+    if (!skipped.empty()) trouble_ = source_name_ + ": unusable: " + skipped.back().describe();
   } else if (step.error().code != ErrorCode::kCancelled) {
     trouble_ = step.error().describe();
   }

@@ -234,7 +234,8 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
   }
   const Node& sources = block_of(configuration, "sources");
   for (const std::string& name : read.experiment.goes_on_without) {
-    if (sources.find(name) != nullptr) continue;
+    const Node* const source = sources.find(name);
+    if (source != nullptr && !source->is_null()) continue;
     std::vector<std::string> names;
     for (const Node::Entry& entry : sources.entries()) names.push_back(entry.key);
     errors.push_back(unknown_name("there is no source", name,
@@ -333,8 +334,10 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
     FurtherSource& further = world.further.emplace_back();
     further.name = entry.key;
     further.is_needed = std::ranges::count(settings.experiment.goes_on_without, entry.key) == 0;
+    loan.seed = derive_seed(seed, "sources/" + entry.key);  // its noise is its own
     SIDESTEP_TRY(make(entry.value, further.source));
   }
+  loan.seed = seed;
   SIDESTEP_TRY(make(block("mapper"), world.mapper));
   SIDESTEP_TRY(make(block("field"), world.field_builder));
   SIDESTEP_TRY(make(block("optimiser"), world.optimiser));

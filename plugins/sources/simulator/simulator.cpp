@@ -1,6 +1,7 @@
 #include "simulator.hpp"
 
 #include <chrono>
+#include <limits>
 #include <thread>
 #include <utility>
 
@@ -210,7 +211,8 @@ class Simulator final : public Source, public GroundTruth {
     if (fault_.kind == "frozen") frame.measurement = *last_sound_;
     if (fault_.kind == "blind" && image != nullptr) std::ranges::fill(image->depth_m, 0.0F);
     if (fault_.kind == "blind" && scan != nullptr) {
-      std::ranges::fill(scan->points_m, Eigen::Vector3f::Zero());
+      const float nan = std::numeric_limits<float>::quiet_NaN();
+      std::ranges::fill(scan->points_m, Eigen::Vector3f::Constant(nan));
     }
     if (fault_.kind == "lens" && image != nullptr) {
       image->camera.fx_px *= fault_.focal_scale;

@@ -173,6 +173,8 @@ TEST_F(Pipeline, SkipsUnusableFramesOfSourceAndMapperAndKeepsTheReasons) {
   ASSERT_EQ(pipeline_.bad_frames().size(), 2u);
   EXPECT_EQ(pipeline_.bad_frames()[0].message, "truncated");
   EXPECT_EQ(pipeline_.bad_frames()[1].message, "negative");
+  EXPECT_EQ(pipeline_.take_bad_frames().size(), 2u);
+  EXPECT_TRUE(pipeline_.bad_frames().empty());
   EXPECT_EQ(log_.messages().size(), 2u);
 }
 

@@ -94,7 +94,7 @@ class TwoSensors : public ::testing::Test {
 
 TEST_F(TwoSensors, GiveTheirFramesInTheOrderOfTheirStamps) {
   laser_.first_s = 0.02;
-  SensorSet sensors = set(true);
+  SensorSet sensors = set(false);
   EXPECT_THAT(at(sensors, 0.0), ElementsAre(0));
   EXPECT_THAT(at(sensors, 0.21), ElementsAre(1, 1, 0, 1, 1, 0));  // 0.02 0.07 0.1 0.12 0.17 0.2
   EXPECT_THAT(refused_, IsEmpty());
@@ -131,6 +131,52 @@ TEST_F(TwoSensors, GiveNoFrameWithoutOneThatIsNeeded) {
   laser_.is_silent = false;
   at(sensors, 1.6);
   EXPECT_THAT(at(sensors, 1.7), ElementsAre(1, 0, 1));  // 1.65, and both of 1.7
+}
+
+TEST_F(TwoSensors, GiveNoFrameBeforeTheFirstOfOneThatIsNeeded) {
+  laser_.first_s = 0.42;
+  SensorSet sensors = set(true);
+  for (int i = 0; i <= 4; ++i) EXPECT_THAT(at(sensors, 0.1 * i), IsEmpty());
+  EXPECT_THAT(refused_, Each(HasSubstr("no map without laser: no frame comes")));
+  EXPECT_THAT(at(sensors, 0.5), ElementsAre(1, 1, 0));
+}
+
+/// A long outage says nothing of how often frames come.
+TEST_F(TwoSensors, NoticeASecondOutageAsSoonAsTheFirst) {
+  SensorSet sensors = set(true);
+  for (int i = 0; i <= 10; ++i) at(sensors, 0.1 * i);
+  laser_.is_silent = true;
+  for (int i = 11; i <= 400; ++i) at(sensors, 0.1 * i);
+  laser_.is_silent = false;
+  at(sensors, 40.1);
+  EXPECT_FALSE(at(sensors, 40.2).empty());
+  laser_.is_silent = true;
+  at(sensors, 40.3);
+  at(sensors, 40.4);
+  at(sensors, 40.5);
+  EXPECT_THAT(at(sensors, 40.6), IsEmpty());
+}
+
+TEST_F(TwoSensors, WaitForASlowOne) {
+  Lidar slow(clock_, 0.5);
+  SensorSet sensors({{camera_, "camera"}, {slow, "slow"}}, clock_, false, 0.0, nullptr, log_);
+  for (int i = 0; i <= 40; ++i) {
+    EXPECT_FALSE(at(sensors, 0.1 * i).empty()) << i;
+    EXPECT_THAT(refused_, IsEmpty()) << i;
+  }
+}
+
+/// Sixty a second, for hours.
+TEST_F(TwoSensors, TellOnceOfARowOfBadFrames) {
+  SensorSet sensors = set(false);
+  for (int i = 0; i <= 10; ++i) at(sensors, 0.1 * i);
+  laser_.fault = Error{ErrorCode::kBadFrame, "no beam returned", {}, {}, nullptr};
+  for (int i = 11; i <= 40; ++i) {
+    EXPECT_THAT(at(sensors, 0.1 * i), ElementsAre(0));
+    EXPECT_THAT(refused_, IsEmpty());
+  }
+  EXPECT_THAT(log_.messages(), ElementsAre(HasSubstr("left out: laser: no beam returned"),
+                                           HasSubstr("goes on without laser: no beam returned")));
 }
 
 TEST_F(TwoSensors, NameTheFaultOfOneThatIsNeeded) {

@@ -19,7 +19,7 @@ namespace sidestep {
 
 /// Watches the frames of one sensor for faults that no frame shows alone: one that is frozen, one
 /// that is blind, a camera whose mount or lens is not what it is said to be, and a laser before
-/// which something hangs on its own robot. Unorganised clouds may pass.
+/// which something hangs on its own robot. Clouds other than planar scans pass.
 class SIDESTEP_EXPORT SensorCheck {
  public:
   /// Of the plane that a camera sees as the floor. A camera that is mounted with care is off by
@@ -31,7 +31,7 @@ class SIDESTEP_EXPORT SensorCheck {
   /// laser may see; null: none.
   explicit SensorCheck(std::optional<double> floor_z_m,
                        std::shared_ptr<const RobotModel> robot = nullptr)
-      : floor_z_m_(floor_z_m), self_(std::move(robot), kSelf_m) {}
+      : floor_z_m_(floor_z_m), has_robot_(robot != nullptr), self_(std::move(robot), kSelf_m) {}
 
   /// Fails with kBadFrame, naming the fault, from when it is certain until it is gone, see
   /// FaultVerdict. Passes by frames that check_frame() does not pass. [mapping]; allocates at
@@ -58,28 +58,25 @@ class SIDESTEP_EXPORT SensorCheck {
     Transform T_world_laser;
     std::vector<double> beams_m;  ///< Their lengths.
   };
-  using Says = FaultSign;
-  using Verdict = FaultVerdict;
-
   void take_samples(const Frame& frame, const DepthImage& image);
   void take_samples(const Frame& frame, const PointCloud& scan);
-  [[nodiscard]] Says is_frozen(const Frame& frame);
+  [[nodiscard]] FaultSign is_frozen(const Frame& frame);
   [[nodiscard]] bool is_noise() const;
-  /// `image` is null for a scan.
-  [[nodiscard]] Says is_blind(const Frame& frame, const DepthImage* image);
-  [[nodiscard]] Says sees_robot(const Frame& frame);
+  [[nodiscard]] FaultSign is_blind(const Frame& frame, const DepthImage& image);
+  [[nodiscard]] FaultSign sees_robot(const Frame& frame);
   [[nodiscard]] std::optional<double> hangs_in_both(const std::vector<double>& then_m,
                                                     const std::vector<double>& now_m,
                                                     const Frame& frame);
   [[nodiscard]] static std::optional<double> nearness_of(const std::vector<double>& scan_m,
                                                          std::size_t first, std::size_t end);
-  [[nodiscard]] Says is_tilted(double camera_height_m);
+  [[nodiscard]] FaultSign is_tilted(double camera_height_m);
   [[nodiscard]] std::optional<Plane> plane_through(std::size_t i, std::size_t j,
                                                    std::size_t k) const;
   [[nodiscard]] std::size_t count(const Plane& plane) const;
   [[nodiscard]] std::optional<Plane> refined(const Plane& plane) const;
 
   std::optional<double> floor_z_m_;
+  bool has_robot_;
   std::vector<Sample> samples_, last_;
   std::vector<Eigen::Vector3d> candidates_m_;  ///< Of the floor, as far as a tilted one may be.
   Transform T_world_last_ = Transform::Identity();
@@ -91,7 +88,7 @@ class SIDESTEP_EXPORT SensorCheck {
   SelfFilter self_;
   double hanging_m_ = 0.0;  ///< How near that is which hangs before the laser.
   std::deque<Scan> scans_;  ///< Of the last bit of its way, the oldest first.
-  Verdict frozen_, blind_, tilted_, obstructed_;
+  FaultVerdict frozen_, blind_, tilted_, obstructed_;
 };
 
 }  // namespace sidestep

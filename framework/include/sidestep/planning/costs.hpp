@@ -29,7 +29,8 @@ void query_with_policy(const DistanceField& field, const SpacePolicy& policy,
                                                   std::span<const double> limits_m,
                                                   std::span<FieldSample> samples) noexcept;
 
-/// The spheres that a floor is there for, those of all links but the excepted ones, ascending.
+/// The spheres that a floor costs something, those of all links but the excepted ones and those
+/// that never come down to it, ascending.
 [[nodiscard]] std::vector<int> spheres_above(const Floor& floor, const RobotDescription& robot);
 
 /// How far spheres of a robot are above the floor of a space policy.

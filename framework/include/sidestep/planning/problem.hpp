@@ -27,7 +27,7 @@ enum class Space { kFree, kOccupied };
 struct Floor {
   double height_m = 0.0;  ///< Everything below this z of the world is occupied, map or not,
   std::vector<std::string> except_links;  ///< but not for these, which may stand on it.
-  /// Links that are above it wherever the joints are: nobody need keep them from it.
+  /// Links that are above it wherever the joints are: no cost need keep them from it.
   std::vector<std::string> clear_links = {};
 };
 

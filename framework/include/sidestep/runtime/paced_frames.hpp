@@ -32,12 +32,6 @@ class PacedFrames final : public Source {
     if (!last_sequence_) return 0;
     return *last_sequence_ + 1 - std::exchange(first_sequence_, *last_sequence_ + 1);
   }
-  /// When the last frame was passed on.
-  [[nodiscard]] Stamp received() const noexcept { return received_; }
-  /// Whether to keep a copy of the last frame that was passed on.
-  void keep_last(bool keeps) noexcept { keeps_last_ = keeps; }
-  /// Null before the first one that was kept.
-  [[nodiscard]] const std::shared_ptr<const Frame>& last() const noexcept { return last_; }
   /// Where the camera was since the last call.
   [[nodiscard]] std::vector<CameraView> take_views() noexcept { return std::exchange(views_, {}); }
 
@@ -52,10 +46,7 @@ class PacedFrames final : public Source {
   bool waits_;
   std::optional<bool> keeps_to_clock_;  ///< The source; nothing before its first frame.
   std::unique_ptr<Frame> pending_;
-  Stamp received_;
   std::optional<Stamp> bad_at_;  ///< When the source last had a frame that cannot be used.
-  bool keeps_last_ = false;
-  std::shared_ptr<const Frame> last_;
   std::optional<std::int64_t> last_sequence_;
   std::int64_t first_sequence_ = 0;
   std::vector<CameraView> views_;

@@ -86,7 +86,9 @@ class MappingPipeline {
   /// reason.
   [[nodiscard]] Result<std::optional<MappingStep>> step(const Deadline& deadline);
 
+  /// Why frames were skipped, one by one, since they were last taken.
   [[nodiscard]] const std::vector<Error>& bad_frames() const noexcept { return bad_frames_; }
+  [[nodiscard]] std::vector<Error> take_bad_frames() { return std::exchange(bad_frames_, {}); }
 
  private:
   void skip(Error error);

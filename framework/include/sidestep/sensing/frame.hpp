@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <variant>
@@ -59,6 +60,18 @@ struct DepthImage {
 struct PointCloud {
   std::vector<Eigen::Vector3f> points_m;
 };
+
+/// Whether all that a cloud has lies in the plane z = 0 of its frame, as the scan of a planar laser
+/// does. [any]
+[[nodiscard]] inline bool is_planar_scan(const PointCloud& cloud) noexcept {
+  bool has_any = false;
+  for (const Eigen::Vector3f& p : cloud.points_m) {
+    if (!p.allFinite() || p.isZero()) continue;
+    if (std::abs(p.z()) > 1e-3F) return false;
+    has_any = true;
+  }
+  return has_any;
+}
 
 /// One measurement with its stamp, the camera's pose and the robot's joint positions.
 struct Frame {
