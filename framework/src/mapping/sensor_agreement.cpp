@@ -22,7 +22,8 @@ constexpr double kAgree_m = 0.05;  // along a beam, and this much more of its le
 constexpr double kAgree = 0.01;
 constexpr int kColumnsRead = 160, kRowsRead = 120;  // samples of an image
 constexpr std::size_t kFewestCompared = 55;
-constexpr double kFarthestTurn_rad = 0.16, kTurnStep_rad = 0.00873;  // half a degree
+constexpr double kTurnStep_rad = 0.00873;  // half a degree
+constexpr int kTurnSteps = 18;
 constexpr double kAgrees = 0.8, kDisagrees = 0.45;  // shares of the beams that tell
 
 }  // namespace
@@ -79,7 +80,8 @@ FaultSign SensorAgreement::sign() {
   const auto as_said = agreement(0.0);
   if (!as_said) return FaultSign::kNothing;
   double best = *as_said, best_rad = 0.0;
-  for (double turn_rad = kTurnStep_rad; turn_rad < kFarthestTurn_rad; turn_rad += kTurnStep_rad) {
+  for (int step = 1; step <= kTurnSteps; ++step) {
+    const double turn_rad = step * kTurnStep_rad;
     for (const double to_side_rad : {-turn_rad, turn_rad}) {
       const auto turned = agreement(to_side_rad);
       if (!turned || *turned <= best) continue;

@@ -25,8 +25,8 @@ double since_s(Stamp then, Stamp now) { return now.seconds() - then.seconds(); }
 }  // namespace
 
 SensorSet::SensorSet(const std::vector<Sensor>& sensors, const Clock& clock, bool waits,
-                     std::optional<double> floor_z_m, std::shared_ptr<const RobotModel> robot,
-                     Log& log)
+                     std::optional<double> floor_z_m,
+                     const std::shared_ptr<const RobotModel>& robot, Log& log)
     : clock_(clock), waits_(waits), log_(log) {
   for (const Sensor& sensor : sensors) {
     sensors_.push_back({.frames = PacedFrames(sensor.source, clock, waits),

@@ -67,8 +67,8 @@ std::vector<double> lowest_m(const KinematicTree& tree, const std::set<int>& lif
   const auto heights = [&](const Eigen::VectorXd& q) {
     std::vector<Eigen::Vector3d> centres(robot.spheres.size());
     tree.sphere_centres(as_span(q), centres, scratch);
-    std::vector<double> z;
-    for (const Eigen::Vector3d& centre : centres) z.push_back(centre.z());
+    std::vector<double> z(centres.size());
+    std::ranges::transform(centres, z.begin(), [](const auto& centre) { return centre.z(); });
     return z;
   };
   const Eigen::VectorXd zero = Eigen::VectorXd::Zero(robot.dof());

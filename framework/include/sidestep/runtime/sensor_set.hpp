@@ -34,7 +34,8 @@ class SensorSet final : public Source {
 
   /// At least one sensor. `waits` as PacedFrames has it; floor and robot as SensorCheck has them.
   SensorSet(const std::vector<Sensor>& sensors, const Clock& clock, bool waits,
-            std::optional<double> floor_z_m, std::shared_ptr<const RobotModel> robot, Log& log);
+            std::optional<double> floor_z_m, const std::shared_ptr<const RobotModel>& robot,
+            Log& log);
 
   /// Fails as PacedFrames does, with the sensor's name; of one alone with kBadFrame, in addition,
   /// while it is at fault. Of several, bad frames are left out, the first in a row told to the log,
