@@ -63,6 +63,7 @@ struct Fault {
   std::vector<std::string> sets;
   const char* words;
   double from_s = 10.0;
+  double believed_s = 0.9;  ///< Until when frames may go into the map.
 };
 void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
 
@@ -70,10 +71,10 @@ void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
 class HeadFault : public ::testing::Test {
  protected:
   [[nodiscard]] Finished drive(std::vector<std::string> sets,
-                               const std::string& scenario = "floor_pickup") const {
+                               const std::string& scenario = "replan/floor_pickup") const {
     sets.insert(sets.end(), {"experiment.truth.measure=false", "experiment.episodes=1"});
     std::vector<std::string> arguments = {
-        "run", std::string(SIDESTEP_SOURCE_DIR) + "/configs/replan/" + scenario + ".yaml", "--out",
+        "run", std::string(SIDESTEP_SOURCE_DIR) + "/configs/" + scenario + ".yaml", "--out",
         (folder_.path() / "run").string()};
     for (const std::string& set : sets) arguments.insert(arguments.end(), {"--set", set});
     return run(arguments);
@@ -104,8 +105,8 @@ TEST_P(SensorFault, IsNamedAndTheRobotStopsInTimeAndGoesOn) {
     ASSERT_TRUE(map_stamp_s && *map_stamp_s);
     RecordProperty("mapped_after_ms", static_cast<int>(1e3 * (**map_stamp_s - from_s)));
     RecordProperty("stops_after_ms", static_cast<int>(1e3 * ((*times_s)[i] - from_s)));
-    EXPECT_LT(**map_stamp_s, from_s + 0.9);  // the newest frame that was believed
-    EXPECT_LT((*times_s)[i], from_s + 1.6);
+    EXPECT_LT(**map_stamp_s, from_s + GetParam().believed_s);  // the newest frame that was believed
+    EXPECT_LT((*times_s)[i], from_s + GetParam().believed_s + 0.7);
     return;
   }
   ADD_FAILURE() << "nobody named it: " << finished.error;
@@ -115,7 +116,8 @@ INSTANTIATE_TEST_SUITE_P(
     Replan, SensorFault,
     ::testing::Values(Fault{"frozen", {"source.fault.kind=frozen"}, "frozen"},
                       Fault{"blind", {"source.fault.kind=blind"}, "blind"},
-                      Fault{"lens", {"source.fault.kind=lens"}, "its lens"},
+                      // A second is wanted: most views of the floor do not tell of a tenth.
+                      Fault{"lens", {"source.fault.kind=lens"}, "its lens", 10.0, 2.5},
                       Fault{"pitched", {"source.fault.kind=mount"}, "not mounted"},
                       Fault{"rolled",
                             {"source.fault.kind=mount", "source.fault.turn_rad=[0, 0, 0.0873]"},
@@ -125,7 +127,7 @@ INSTANTIATE_TEST_SUITE_P(
                             "no map without base_laser: the laser is frozen"},
                       Fault{"laser_blind",
                             {"sources.base_laser.fault.kind=blind"},
-                            "no map without base_laser: frame"},
+                            "no map without base_laser: none of its depths"},
                       Fault{"laser_silent",
                             {"sources.base_laser.fault.kind=silent"},
                             "no map without base_laser: no frame comes"},
@@ -133,15 +135,15 @@ INSTANTIATE_TEST_SUITE_P(
                       Fault{"laser_obstructed",
                             {"sources.base_laser.fault.kind=obstructed"},
                             "no map without base_laser: the laser sees its own robot",
-                            26.0}),
+                            30.0}),
     [](const auto& fault) { return std::string(fault.param.name); });
 
 /// A mount that is turned about the vertical: what camera and laser both see tells of it.
 TEST_F(HeadFault, OfACameraThatDoesNotAgreeWithTheLaserIsNamed) {
   const Finished finished =
       drive({"source.fault.kind=mount", "source.fault.turn_rad=[0, 0.0873, 0]",
-             "source.fault.from_s=10", "experiment.seed=34", "experiment.duration_s=12"},
-            "room_navigation");
+             "source.fault.from_s=5", "experiment.duration_s=9"},
+            "sudden/kitchen");
   EXPECT_NE(finished.error.find("camera and laser do not agree"), std::string::npos)
       << finished.error;
 }
