@@ -34,7 +34,8 @@ constexpr double kFloor_m = 0.02;    // its points lie this near to a plane
 constexpr double kFarthest_m = 2.5;  // horizontally: farther off, noise tilts it
 constexpr double kSteepest = 0.176;  // 10 degrees: more is no floor
 constexpr double kOffset_m = 0.02,
-                 kOffset = 0.06;  // of a tilted floor below the camera, of its height
+                 kOffset = 0.1;  // of a tilted floor below the camera, of its height
+constexpr double kLifted_m = 0.03, kTiltOfLifted_rad = 0.021;  // 1.2 degrees
 constexpr std::size_t kFewest = 200;
 constexpr int kTries = 80;
 constexpr double kSpread_m = 0.15;  // of its points, a standard deviation, in each direction
@@ -319,7 +320,10 @@ FaultSign SensorCheck::is_tilted(double camera_height_m) {
   const auto plane = refined(best);
   if (!plane) return FaultSign::kNothing;
   const double tilt_rad = std::atan(plane->slope.norm());
-  if (tilt_rad <= kMaxTilt_rad) return FaultSign::kSound;
+  // A lens that lies tilts the floor little where it looks far ahead, but lifts it then; a step
+  // lies as level as the floor.
+  const bool is_lifted = std::abs(plane->offset_m) > kLifted_m && tilt_rad > kTiltOfLifted_rad;
+  if (tilt_rad <= kMaxTilt_rad && !is_lifted) return FaultSign::kSound;
   if (10 * count(*plane) < 15 * on_floor) return FaultSign::kNothing;
   if (!tilted_.is_fault) tilt_rad_ = tilt_rad;
   return FaultSign::kFault;
