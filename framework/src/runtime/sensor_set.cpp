@@ -75,7 +75,10 @@ Result<void> SensorSet::ask(Watched& sensor, const Deadline& deadline) {
     sensor.pending = std::make_unique<Frame>(*std::move(*frame));
     return {};
   }
-  if (!frame && frame.error().code == ErrorCode::kDeadlineExceeded) return error_of(frame);
+  if (!frame && (frame.error().code == ErrorCode::kDeadlineExceeded ||
+                 frame.error().code == ErrorCode::kCancelled)) {
+    return error_of(frame);
+  }
   const bool is_alone = sensors_.size() == 1;
   if (!frame && frame.error().code == ErrorCode::kBadFrame) {
     if (is_alone) return error_of(frame);
@@ -159,7 +162,10 @@ bool SensorSet::is_missing(const Watched& sensor, Stamp now) const {
 }
 
 std::string SensorSet::why_missing(const Watched& sensor) {
-  return sensor.name + ": " + (sensor.trouble.empty() ? "no frame comes" : sensor.trouble);
+  if (!sensor.trouble.empty()) return sensor.name + ": " + sensor.trouble;
+  if (!sensor.newest) return sensor.name + ", which has given no frame yet";
+  return sensor.name + ", which has given no frame since that of " +
+         std::to_string(sensor.newest->seconds()) + " s";
 }
 
 const SensorSet::Watched* SensorSet::look_for_missing(Stamp now) {

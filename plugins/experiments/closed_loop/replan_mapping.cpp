@@ -80,9 +80,10 @@ bool EpisodeMapping::map_one(const Deadline& deadline) {
   auto step = catch_all("mapping", [&] { return pipeline_.step(deadline); });
   note_trouble(step);
   if (!step) {
-    const bool goes_on = step.error().code == ErrorCode::kDeadlineExceeded;
-    has_ended_ = !goes_on;
-    if (!goes_on && step.error().code != ErrorCode::kCancelled) fault_ = std::move(step.error());
+    // A goal's end cancels a wait; for the next goal the same sensors are asked again.
+    has_ended_ = step.error().code != ErrorCode::kDeadlineExceeded &&
+                 step.error().code != ErrorCode::kCancelled;
+    if (has_ended_) fault_ = std::move(step.error());
     return false;
   }
   if (!*step) {
@@ -133,7 +134,7 @@ void EpisodeMapping::note_trouble(const Result<std::optional<MappingStep>>& step
   } else if (step) {
     trouble_ = source_name_ + " has no more frames";
   } else if (step.error().code == ErrorCode::kDeadlineExceeded) {
-    if (!skipped.empty()) trouble_ = source_name_ + ": unusable: " + skipped.back().describe();
+    if (!skipped.empty()) trouble_ = "unusable: " + skipped.back().describe();
   } else if (step.error().code != ErrorCode::kCancelled) {
     trouble_ = step.error().describe();
   }

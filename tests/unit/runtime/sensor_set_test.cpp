@@ -109,7 +109,9 @@ TEST_F(TwoSensors, GoOnWithoutOneThatIsNotNeeded) {
     EXPECT_THAT(at(sensors, 0.1 * i), ElementsAre(0));
     EXPECT_THAT(refused_, IsEmpty());
   }
-  EXPECT_THAT(log_.messages(), ElementsAre(HasSubstr("goes on without laser: no frame comes")));
+  EXPECT_THAT(
+      log_.messages(),
+      ElementsAre(HasSubstr("goes on without laser, which has given no frame since that of")));
   laser_.is_silent = false;
   for (int i = 20; i < 25; ++i) at(sensors, 0.1 * i);
   EXPECT_THAT(log_.messages().back(), HasSubstr("laser is back"));
@@ -126,18 +128,30 @@ TEST_F(TwoSensors, GiveNoFrameWithoutOneThatIsNeeded) {
   for (const double time_s : {1.4, 1.5}) {
     EXPECT_THAT(at(sensors, time_s), IsEmpty());
     EXPECT_FALSE(refused_.empty());
-    EXPECT_THAT(refused_, Each(HasSubstr("no map without laser: no frame comes")));
+    EXPECT_THAT(refused_, Each(HasSubstr("no map without laser, which has given no frame")));
   }
   laser_.is_silent = false;
   at(sensors, 1.6);
   EXPECT_THAT(at(sensors, 1.7), ElementsAre(1, 0, 1));  // 1.65, and both of 1.7
 }
 
+/// A robot that waits for its next goal maps nothing meanwhile.
+TEST_F(TwoSensors, GoOnAfterACancelledWait) {
+  SensorSet sensors = set(true);
+  at(sensors, 0.0);
+  camera_.fault = laser_.fault = Error{ErrorCode::kCancelled, "waiting was cancelled", {}, {}, {}};
+  EXPECT_THAT(at(sensors, 0.1), IsEmpty());
+  EXPECT_EQ(ended_, to_string(ErrorCode::kCancelled));
+  camera_.fault = laser_.fault = std::nullopt;
+  EXPECT_THAT(at(sensors, 0.1), ElementsAre(1, 0, 1));
+  EXPECT_THAT(refused_, IsEmpty());
+}
+
 TEST_F(TwoSensors, GiveNoFrameBeforeTheFirstOfOneThatIsNeeded) {
   laser_.first_s = 0.42;
   SensorSet sensors = set(true);
   for (int i = 0; i <= 4; ++i) EXPECT_THAT(at(sensors, 0.1 * i), IsEmpty());
-  EXPECT_THAT(refused_, Each(HasSubstr("no map without laser: no frame comes")));
+  EXPECT_THAT(refused_, Each(HasSubstr("no map without laser, which has given no frame")));
   EXPECT_THAT(at(sensors, 0.5), ElementsAre(1, 1, 0));
 }
 
