@@ -101,40 +101,54 @@ bool HeadGuard::is_clear(std::initializer_list<HeadAngles> between) {
   return true;
 }
 
+HeadGuard::Turned HeadGuard::turned(const HeadAngles& angles) const {
+  std::vector<Transform> poses = bodies_.front().poses;
+  head_.place(angles, poses);
+  Turned head;
+  head.middle_m.setZero();
+  for (const CollisionSphere& sphere : head_spheres_) {
+    head.centres_m.emplace_back(poses[idx(sphere.link)] * sphere.centre_link_m);
+    head.middle_m += head.centres_m.back() / static_cast<double>(head_spheres_.size());
+  }
+  for (std::size_t i = 0; i < head_spheres_.size(); ++i) {
+    head.radius_m = std::max(
+        head.radius_m, (head.centres_m[i] - head.middle_m).norm() + head_spheres_[i].radius_m);
+  }
+  return head;
+}
+
 bool HeadGuard::is_apart(const Place& place) {
   const auto [known, is_new] = known_.emplace(place, true);
   if (!is_new) return known->second;
   const HeadAngles angles = angles_of(place);
-  auto& head_m = heads_m_[place];
-  if (head_m.empty()) {
-    std::vector<Transform> poses = bodies_.front().poses;
-    head_.place(angles, poses);
-    for (const CollisionSphere& sphere : head_spheres_) {
-      head_m.emplace_back(poses[idx(sphere.link)] * sphere.centre_link_m);
-    }
-  }
+  auto head = heads_.find(place);
+  if (head == heads_.end()) head = heads_.emplace(place, turned(angles)).first;
   known->second = std::ranges::all_of(
-      bodies_, [&](const Body& body) { return is_apart(angles, head_m, body); });
+      bodies_, [&](const Body& body) { return is_apart(angles, head->second, body); });
   return known->second;
 }
 
 /// Spheres enclose the shapes: where they are apart, these are.
-bool HeadGuard::is_apart(const HeadAngles& angles, const std::vector<Eigen::Vector3d>& head_m,
-                         const Body& body) {
-  double least_m = kApart_m;
-  for (std::size_t a = 0; a < head_m.size(); ++a) {
-    for (std::size_t b = 0; b < body.centres_m.size(); ++b) {
-      least_m = std::min(least_m, (head_m[a] - body.centres_m[b]).norm() -
-                                      head_spheres_[a].radius_m - body_spheres_[b].radius_m);
-    }
-  }
-  if (least_m >= kApart_m) return true;
+bool HeadGuard::is_apart(const HeadAngles& angles, const Turned& head, const Body& body) {
+  if (are_spheres_apart(head, body)) return true;
   std::vector<Transform> poses = body.poses;
   head_.place(angles, poses);
   collider_.place(*pose_, poses, 0.0);
   return std::ranges::none_of(pairs_, [&](int pair) {
     return collider_.gap_between_pair_m(pair, *pose_, kApart_m) < kApart_m;
   });
+}
+
+bool HeadGuard::are_spheres_apart(const Turned& head, const Body& body) const {
+  for (std::size_t b = 0; b < body.centres_m.size(); ++b) {
+    const double radius_m = body_spheres_[b].radius_m + kApart_m;
+    if ((body.centres_m[b] - head.middle_m).norm() >= radius_m + head.radius_m) continue;
+    for (std::size_t a = 0; a < head.centres_m.size(); ++a) {
+      const double reach_m = radius_m + head_spheres_[a].radius_m;
+      if ((body.centres_m[b] - head.centres_m[a]).norm() < reach_m) return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace sidestep

@@ -36,10 +36,18 @@ class HeadGuard {
     std::vector<Eigen::Vector3d> centres_m;  ///< Of body_spheres_.
   };
 
+  /// The head at a place, in the same frame.
+  struct Turned {
+    std::vector<Eigen::Vector3d> centres_m;  ///< Of head_spheres_.
+    Eigen::Vector3d middle_m;                ///< Of a ball that has all of them in it.
+    double radius_m = 0.0;
+  };
+
   [[nodiscard]] Body body(std::span<const double> q);
+  [[nodiscard]] Turned turned(const HeadAngles& angles) const;
   [[nodiscard]] bool is_apart(const Place& place);
-  [[nodiscard]] bool is_apart(const HeadAngles& angles, const std::vector<Eigen::Vector3d>& head_m,
-                              const Body& body);
+  [[nodiscard]] bool is_apart(const HeadAngles& angles, const Turned& head, const Body& body);
+  [[nodiscard]] bool are_spheres_apart(const Turned& head, const Body& body) const;
 
   std::shared_ptr<const RobotModel> robot_;
   Head head_;
@@ -47,9 +55,9 @@ class HeadGuard {
   ShapeCollider::PosePtr pose_;
   std::vector<int> pairs_;  ///< Of shapes, of which the head carries one.
   std::vector<CollisionSphere> head_spheres_, body_spheres_;  ///< Of the links of these pairs.
-  std::map<Place, std::vector<Eigen::Vector3d>> heads_m_;     ///< Centres of its spheres.
-  std::vector<Body> bodies_;                                  ///< Different ones.
-  std::map<Place, bool> known_;                               ///< Of these bodies.
+  std::map<Place, Turned> heads_;
+  std::vector<Body> bodies_;     ///< Different ones.
+  std::map<Place, bool> known_;  ///< Of these bodies.
   double ahead_s_ = 0.0;
   Scratch scratch_;
 };
