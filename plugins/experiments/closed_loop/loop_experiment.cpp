@@ -43,12 +43,24 @@ Json nearest_json(const EpisodeRow* closest) {
           {"object", closest->nearest_object.value_or("")}};
 }
 
-Json ghost_vox(const ReplanRows& rows) {
+/// Over the episodes in which it was measured.
+std::optional<std::int64_t> sum_of_vox(const ReplanRows& rows,
+                                       std::optional<std::int64_t> EpisodeRow::*vox) {
   std::optional<std::int64_t> sum;
   for (const EpisodeRow& episode : rows.episodes) {
-    if (episode.ghost_vox) sum = sum.value_or(0) + *episode.ghost_vox;
+    if (episode.*vox) sum = sum.value_or(0) + *(episode.*vox);
   }
+  return sum;
+}
+Json ghost_vox(const ReplanRows& rows) {
+  const auto sum = sum_of_vox(rows, &EpisodeRow::ghost_vox);
   return sum ? Json(*sum) : Json(nullptr);
+}
+Json seen_share(const ReplanRows& rows) {
+  const auto entered = sum_of_vox(rows, &EpisodeRow::entered_vox);
+  if (entered.value_or(0) == 0) return nullptr;
+  return static_cast<double>(sum_of_vox(rows, &EpisodeRow::seen_vox).value_or(0)) /
+         static_cast<double>(*entered);
 }
 
 /// The values of every episode in which tracks were measured.
@@ -291,6 +303,13 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                    .only_measured = true})
           .spread("path_length.", of_reached(&E::path_length),
                   "Way in the space of joints [m, rad] of episodes that reached the goal.", spread)
+          .spread("goal_error_m.", of_reached(&E::goal_error_m),
+                  "How far the base truly stands from its goal then [m].", spread)
+          .spread("head_way_rad.", of_reached(&E::head_way_rad),
+                  "Way of the head's pan and tilt together until then [rad].", spread)
+          .add("seen_share", &seen_share,
+               "Share of the voxels that the robot entered that a frame had seen before.",
+               {.heading = "seen before", .pattern = report::kPercent, .only_measured = true})
           .add("replans", sum(&E::replans), "Trajectories replaced on the way.",
                {.heading = "replans", .compared = true})
           .add("guesses", &guesses_of, "First guesses: how often tried, and how often one led.")

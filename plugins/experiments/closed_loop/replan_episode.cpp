@@ -72,6 +72,7 @@ class EpisodeRun {
     if (!done) return error_of(done);
     record_.reached = status_ == Replanner::Status::kReached;
     record_.q_goal = world_.q_goal = replanner_->goal();
+    note_goal_error();
     record_.checks = replanner_->checks();
     record_.guesses = replanner_->guess_counts();
     MappingRecord mapped = mapping_.take_record();
@@ -358,6 +359,13 @@ class EpisodeRun {
       event.frame_to_trajectory_ms =
           *event.stamp_to_trajectory_ms - 1e3 * (frame->received_s - stamp_s);
     }
+  }
+
+  /// What a robot takes for its goal is off by what it takes its place for.
+  void note_goal_error() {
+    if (!record_.reached || !world_.base || record_.poses.empty()) return;
+    const Eigen::VectorXd off = record_.poses.back().q - record_.q_goal;
+    record_.goal_error_m = std::hypot(off[world_.base->x()], off[world_.base->y()]);
   }
 
   void note_truth(Stamp now, bool always) {

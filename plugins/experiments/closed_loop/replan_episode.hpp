@@ -11,6 +11,7 @@
 
 #include <sidestep/core/time.hpp>
 #include <sidestep/measures/map_truth.hpp>
+#include <sidestep/measures/swept_volume.hpp>
 #include <sidestep/measures/track_truth.hpp>
 #include <sidestep/measures/true_map.hpp>
 #include <sidestep/runtime/map_show.hpp>
@@ -105,6 +106,7 @@ class EpisodeMapping {
 
   const OccupancyView* occupancy_;         ///< Of the mapper; null where it has none.
   std::optional<MapTruth> truth_;          ///< Where it is measured.
+  std::optional<SweptVolume> swept_;       ///< The same.
   std::optional<TrackTruth> track_truth_;  ///< The same, where there are tracks.
   std::jthread thread_;
   std::unique_ptr<MapShow> show_;  ///< By the wall's clock, where the executor shows maps.

@@ -67,7 +67,9 @@ EpisodeMapping::EpisodeMapping(ReplanWorld& world, const ReplanConfiguration& co
   const bool measures =
       is_lockstep_ && configuration.experiment.truth.measure && world.scene && occupancy_;
   if (measures) {
-    truth_.emplace(*world.scene, occupancy_->occupancy_grid(), configuration.experiment.truth);
+    const TruthSettings& settings = configuration.experiment.truth;
+    truth_.emplace(*world.scene, occupancy_->occupancy_grid(), settings);
+    swept_.emplace(world.robot, occupancy_->occupancy_grid(), settings.min_z_m);
     if (is_tracking_) track_truth_.emplace(*world.scene);
   }
   sensors_.keep_last(measures || observer_ != nullptr);
@@ -111,6 +113,9 @@ void EpisodeMapping::note_frame(MappingStep step) {
   const std::shared_ptr<const Frame> frame = mapped_frame(step);
   if (truth_ && frame) {
     truth_->observe(*frame, *occupancy_);
+    if (frame->joint_positions) {
+      swept_->enter(as_span(*frame->joint_positions), occupancy_->known());
+    }
     if (track_truth_) track_truth_->observe(*made_.snapshot().tracks, truth_->in_view());
   }
   if (observer_ == nullptr || !shows_) return;
@@ -221,7 +226,8 @@ MappingRecord EpisodeMapping::take_record() {
 std::optional<MapFollowing> EpisodeMapping::following() const {
   if (!truth_) return std::nullopt;
   const TruthRecord record = truth_->finish(*occupancy_);
-  MapFollowing following{record.appear_frames, record.gone_frames, record.ghost_vox, {}};
+  MapFollowing following{record.appear_frames,  record.gone_frames, record.ghost_vox,
+                         swept_->entered_vox(), swept_->seen_vox(), {}};
   if (track_truth_) following.tracks = track_truth_->finish();
   return following;
 }

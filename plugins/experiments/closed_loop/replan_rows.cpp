@@ -244,6 +244,8 @@ const StoredRow<EpisodeRow>& stored_episode() {
                    .add("begin_s", &E::begin_s)
                    .add("duration_s", &E::duration_s)
                    .add("path_length", &E::path_length)
+                   .add("head_way_rad", &E::head_way_rad)
+                   .add("goal_error_m", &E::goal_error_m)
                    .add("collisions", &E::collisions)
                    .add("steps", &E::steps)
                    .add("checks", &E::checks)
@@ -256,7 +258,9 @@ const StoredRow<EpisodeRow>& stored_episode() {
                    .add("nearest_s", &E::nearest_s)
                    .add("appear_frames", &E::appear_frames)
                    .add("clear_frames", &E::clear_frames)
-                   .add("ghost_vox", &E::ghost_vox);
+                   .add("ghost_vox", &E::ghost_vox)
+                   .add("entered_vox", &E::entered_vox)
+                   .add("seen_vox", &E::seen_vox);
     add_track_part(row, "tracks.due_frames", &T::due_frames);
     add_track_part(row, "tracks.found_frames", &T::found_frames);
     add_track_part(row, "tracks.delay_s", &T::delay_s);
@@ -296,7 +300,13 @@ EpisodeRow row_of(const EpisodeRecord& episode) {
   row.success = episode.success();
   if (!episode.poses.empty()) row.path_length = 0.0;
   for (std::size_t i = 1; i < episode.poses.size(); ++i) {
-    *row.path_length += (episode.poses[i].q - episode.poses[i - 1].q).norm();
+    const TruePose& before = episode.poses[i - 1];
+    const TruePose& now = episode.poses[i];
+    *row.path_length += (now.q - before.q).norm();
+    if (!before.head || !now.head) continue;
+    row.head_way_rad = row.head_way_rad.value_or(0.0) +
+                       std::abs(now.head->pan_rad - before.head->pan_rad) +
+                       std::abs(now.head->tilt_rad - before.head->tilt_rad);
   }
   row.collisions = std::ssize(episode.contacts);
   if (episode.scene && !episode.poses.empty()) {

@@ -57,7 +57,9 @@ struct MapFollowing {
   std::vector<double> appear_frames;      ///< Of each entry into view, until it was in the map.
   std::vector<double> clear_frames;       ///< Of each voxel that was left: seen through until free.
   std::optional<std::int64_t> ghost_vox;  ///< Left behind and still occupied at the end.
-  std::optional<TrackRecord> tracks;      ///< Nothing where there are none.
+  std::optional<std::int64_t> entered_vox;  ///< By the robot's spheres.
+  std::optional<std::int64_t> seen_vox;     ///< Of these, those that a frame had seen before.
+  std::optional<TrackRecord> tracks;        ///< Nothing where there are none.
 };
 
 /// What is said of an episode in a word, and stored as it is.
@@ -72,6 +74,8 @@ struct EpisodeFigures {
   std::int64_t frames = 0;
   std::int64_t frames_dropped = 0;
   std::optional<double> free_run_s = {};  ///< What the same took without people.
+  /// How far the base of one that reached its goal truly stands from where it was to stand.
+  std::optional<double> goal_error_m = {};
 };
 
 /// Result of one episode.
@@ -109,7 +113,8 @@ struct EpisodeRecord : EpisodeFigures {
 /// One episode as a results store holds it: what summaries are made from.
 struct EpisodeRow : EpisodeFigures, MapFollowing {
   bool success = false;
-  std::optional<double> path_length;  ///< Of the way it went, in the space of joints, rad and m.
+  std::optional<double> path_length;   ///< Of the way it went, in the space of joints, rad and m.
+  std::optional<double> head_way_rad;  ///< That its pan and tilt turned together.
   std::optional<double> min_true_clearance_m;
   /// That it is of, and to which object, and when; empty where nothing came near.
   std::optional<std::string> nearest_link;

@@ -244,12 +244,13 @@ TEST_F(ReplanRowsTest, SummarisesWhatWasRecorded) {
 TEST_F(ReplanRowsTest, TellsHowTheMapFollowedWhatMoves) {
   EpisodeRecord first = flight(0), second = flight(1);
   first.following = {
-      {1.0, 2.0}, {3.0}, 4, TrackRecord{80, 60, {0.5, 0.75}, 1, {0.125, 0.25}, {0.5}, 0}};
-  second.following = {{2.0}, {}, 1, TrackRecord{20, 20, {}, 0, {0.375}, {0.25, 0.0}, 2}};
+      {1.0, 2.0}, {3.0}, 4, 60, 40, TrackRecord{80, 60, {0.5, 0.75}, 1, {0.125, 0.25}, {0.5}, 0}};
+  second.following = {{2.0}, {}, 1, 20, 20, TrackRecord{20, 20, {}, 0, {0.375}, {0.25, 0.0}, 2}};
   record({first, second});
   const Json summary = Json::parse(summary_of(2).summary_json);
   EXPECT_EQ(summary["appear_frames"]["p95"], 2.0);
   EXPECT_EQ(summary["clear_frames"]["p95"], 3.0);
+  EXPECT_EQ(summary["seen_share"], 0.75);
   EXPECT_EQ(summary["ghost_vox"], 5);
   const Json& tracks = summary["tracks"];
   EXPECT_EQ(tracks["found_share"], 0.8);
