@@ -41,9 +41,9 @@ constexpr int kTries = 80;
 constexpr double kSpread_m = 0.15;  // of its points, a standard deviation, in each direction
 
 /// What hangs on a robot is so near to its laser, and stays there to within kSame_m while the laser
-/// goes this way; what is beside it is farther off by kApart_m.
+/// goes this way and takes it along by more; what is beside it is farther off by kApart_m.
 constexpr double kHanging_m = 0.5;
-constexpr double kWay_m = 0.04, kWay_rad = 0.04;
+constexpr double kWay_m = 0.04, kWay_rad = 0.14;
 constexpr std::size_t kMostScans = 16;
 constexpr double kStep = 0.2;  // share of it from one scan that is kept to the next
 constexpr double kSame_m = 0.02, kApart_m = 0.15;
@@ -238,7 +238,7 @@ FaultSign SensorCheck::sees_robot(const Frame& frame) {
   while (scans_.size() > 1 && is_far(scans_[1], kWay_m, kWay_rad)) scans_.pop_front();
   FaultSign says = FaultSign::kNothing;
   if (!scans_.empty() && is_far(scans_.front(), kWay_m, kWay_rad)) {
-    const auto near_m = hangs_in_both(scans_.front().beams_m, now.beams_m, frame);
+    const auto near_m = hangs_in_both(scans_.front(), now, frame);
     says = near_m ? FaultSign::kFault : FaultSign::kSound;
     hanging_m_ = near_m.value_or(hanging_m_);
   }
@@ -251,9 +251,9 @@ FaultSign SensorCheck::sees_robot(const Frame& frame) {
 
 /// How near the thing is that the same beams end at in two scans and that the robot is not known to
 /// have; nothing where there is none.
-std::optional<double> SensorCheck::hangs_in_both(const std::vector<double>& then_m,
-                                                 const std::vector<double>& now_m,
+std::optional<double> SensorCheck::hangs_in_both(const Scan& then, const Scan& now,
                                                  const Frame& frame) {
+  const std::vector<double>&then_m = then.beams_m, &now_m = now.beams_m;
   const bool knows_itself = static_cast<bool>(self_.pose(frame));
   Eigen::Vector3d below = frame.T_world_camera.translation();
   below.z() = floor_z_m_.value_or(0.0);
@@ -264,7 +264,11 @@ std::optional<double> SensorCheck::hangs_in_both(const std::vector<double>& then
       is_known |= knows_itself && self_.contains(samples_[end].p_m + below);
     }
     const auto near_m = nearness_of(now_m, first, end), before_m = nearness_of(then_m, first, end);
-    if (!is_known && near_m && before_m && std::abs(*near_m - *before_m) < kSame_m) return near_m;
+    if (is_known || !near_m || !before_m || std::abs(*near_m - *before_m) > kSame_m) continue;
+    // A laser that goes around a thing and turns with it has it where it was, too.
+    const Eigen::Vector3d p_now = samples_[(first + end) / 2].p_m + below;
+    const Eigen::Vector3d p_then = then.T_world_laser * (now.T_world_laser.inverse() * p_now);
+    if ((p_now - p_then).norm() >= kSame_m) return near_m;
   }
   return std::nullopt;
 }

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include <gmock/gmock.h>
@@ -214,19 +215,19 @@ TEST_F(SensorFaults, OfFramesThatAreUnusableAreNotItsTask) {
 /// A laser 0.2 m above the floor in a corridor along x, 1.2 m wide, with a pole in it.
 class LaserFaults : public ::testing::Test {
  protected:
-  Frame scan(double time_s, double x_m, double yaw_rad) {
+  Frame scan(double time_s, double x_m, double yaw_rad, double y_m = 0.0) {
     Frame made;
     made.stamp = Stamp::from_seconds(time_s);
-    made.T_world_camera = transform_from_xyz_rpy({x_m, 0.0, 0.2}, {0.0, 0.0, yaw_rad});
+    made.T_world_camera = transform_from_xyz_rpy({x_m, y_m, 0.2}, {0.0, 0.0, yaw_rad});
     PointCloud points;
     for (int i = 0; i < 721; ++i) {
       const double angle = -2.35619 + 4.71239 * i / 720.0;
       const Eigen::Vector2d ray(std::cos(angle + yaw_rad), std::sin(angle + yaw_rad));
       double range_m = 8.0;
       for (const double wall : {-0.35, 0.85}) {
-        if (ray.y() / wall > 0.0) range_m = std::min(range_m, wall / ray.y());
+        if ((wall - y_m) / ray.y() > 0.0) range_m = std::min(range_m, (wall - y_m) / ray.y());
       }
-      const Eigen::Vector2d to_pole = pole_m_ - Eigen::Vector2d(x_m, 0.0);
+      const Eigen::Vector2d to_pole = pole_m_ - Eigen::Vector2d(x_m, y_m);
       const double along = to_pole.dot(ray), beside2 = to_pole.squaredNorm() - along * along;
       if (along > 0.0 && beside2 < 0.0016) {
         range_m = std::min(range_m, along - std::sqrt(0.0016 - beside2));
@@ -262,6 +263,19 @@ TEST_F(LaserFaults, AreNoneInACorridorWithAPole) {
   for (const double speed_mps : {0.0, 0.12, 0.5}) {
     for (const double turn_radps : {0.0, 0.3, -1.0}) {
       EXPECT_EQ(noticed(speed_mps, turn_radps).second, "") << speed_mps << ", " << turn_radps;
+    }
+  }
+}
+
+TEST_F(LaserFaults, AreNoneOfAPoleThatItGoesAround) {
+  for (const double radius_m : {0.25, 0.4, 0.48}) {
+    SensorCheck check(0.0);
+    for (int i = 0; i < 60; ++i) {
+      const double bearing_rad = 2.2 + 0.4 * 0.1 * i;
+      const Eigen::Vector2d at_m =
+          pole_m_ + radius_m * Eigen::Vector2d(std::cos(bearing_rad), std::sin(bearing_rad));
+      EXPECT_TRUE(check.check(scan(0.1 * i, at_m.x(), bearing_rad + std::numbers::pi, at_m.y())))
+          << radius_m << ", frame " << i;
     }
   }
 }

@@ -64,8 +64,7 @@ class SIDESTEP_EXPORT SensorCheck {
   [[nodiscard]] bool is_noise() const;
   [[nodiscard]] FaultSign is_blind(const Frame& frame, const DepthImage& image);
   [[nodiscard]] FaultSign sees_robot(const Frame& frame);
-  [[nodiscard]] std::optional<double> hangs_in_both(const std::vector<double>& then_m,
-                                                    const std::vector<double>& now_m,
+  [[nodiscard]] std::optional<double> hangs_in_both(const Scan& then, const Scan& now,
                                                     const Frame& frame);
   [[nodiscard]] static std::optional<double> nearness_of(const std::vector<double>& scan_m,
                                                          std::size_t first, std::size_t end);
