@@ -18,6 +18,7 @@ using State = GoalReport::State;
 struct DeploySettings : ReplanSettings {
   int goals = 0;
   double feedback_period_s = 0.2;
+  std::optional<PostureCostEntry> posture_cost;
 
   DeploySettings() { clock = "wall"; }
 
@@ -45,6 +46,8 @@ struct DeploySettings : ReplanSettings {
         .add("start", &S::start,
              "Where the robot starts, for an executor that can be told; a real one knows better.",
              {.required = true})
+        .add("posture_cost", &S::posture_cost,
+             "A posture that is preferred along the way to each goal.")
         .add("pictures", &S::pictures, "Pictures from above of the way to a goal.",
              {.min = 0, .max = 24});
   }
@@ -53,6 +56,7 @@ struct DeploySettings : ReplanSettings {
 /// All that a configuration says of a deploy experiment; goal and task are those of each request.
 struct DeployConfiguration {
   DeploySettings deploy;
+  std::vector<CostTerm> always;  ///< Of each task, besides its own.
   ReplanConfiguration loop;
 };
 
@@ -77,14 +81,15 @@ struct GoalEntry : TaskEntry {
 
 /// As read_replan_configuration().
 DeployConfiguration read_deploy_configuration(const Configuration& configuration,
-                                              const RobotDescription& robot,
+                                              const std::shared_ptr<const RobotModel>& robot,
                                               std::vector<Error>& errors) {
   DeployConfiguration read;
   read_loop_blocks(configuration, read.loop, errors);
   const Node& experiment = block_of(configuration, "experiment");
   if (!read_entry(experiment, read.deploy)) return read;
   read.loop.experiment = read.deploy;
-  read.loop.q_start = read_robot_state(*experiment.find("start"), robot, errors);
+  read.loop.q_start = read_robot_state(*experiment.find("start"), robot->description(), errors);
+  read.always = read_task(experiment, robot, errors).terms;
   read.loop.q_goal = read.loop.q_start;
   return read;
 }
@@ -214,7 +219,8 @@ class Deployment {
     const auto q_now = measured();
     if (q_now) world_.q_start = *q_now;
     world_.q_goal = goal.q;
-    settings_.loop.task = goal.task;
+    Task& task = settings_.loop.task = goal.task;
+    task.terms.insert(task.terms.end(), settings_.always.begin(), settings_.always.end());
     report(goal.id, State::kAccepted, "");
     const std::string under_way = "on the way to goal " + goal.id;
     show_progress(under_way);
@@ -295,15 +301,14 @@ class DeployExperiment final : public LoopExperiment {
              std::vector<Error>& errors) const override {
     const auto robot = checked_robot(configuration, host, errors);
     if (robot == nullptr) return;
-    (void)read_deploy_configuration(configuration, robot->description(), errors);
+    (void)read_deploy_configuration(configuration, robot, errors);
     check_loop_names(configuration, robot->description(), errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
     const std::shared_ptr<const RobotModel> robot =
         SIDESTEP_TRY(context.host.create<RobotModel>(block_of(context.configuration, "robot")));
     std::vector<Error> errors;
-    DeployConfiguration settings =
-        read_deploy_configuration(context.configuration, robot->description(), errors);
+    DeployConfiguration settings = read_deploy_configuration(context.configuration, robot, errors);
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
     stand_on_floor(settings.loop.planning, *robot);
     auto world = SIDESTEP_TRY(make_replan_world(context, settings.loop, robot, 0));
