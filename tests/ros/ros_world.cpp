@@ -51,9 +51,9 @@ void RosWorld::start_master() {
 }
 
 void RosWorld::start_fake(const std::string& scene, const std::vector<std::string>& options) {
-  std::vector<std::string> command{FAKE_HSR,  scene, "--camera-rate", "10",
-                                   "--width", "160", "--height",      "120",
-                                   "--focal", "100", "--summary",     folder_.path() / "fake.json"};
+  std::vector<std::string> command{
+      FAKE_HSR,   scene, "--camera-rate", "10",    "--width",   "160",
+      "--height", "120", "--focal",       "138.6", "--summary", folder_.path() / "fake.json"};
   command.insert(command.end(), options.begin(), options.end());
   fake_ = std::make_unique<ChildProcess>(command, environment(), folder_.path() / "fake.log");
   if (!fake_->says("fake_hsr: up", kStartPatience_s)) {

@@ -25,6 +25,10 @@ using ros1_node::ros_now;
 /// Between two poses that are judged: 125 Hz.
 constexpr std::int64_t kTruthPeriod_ns = 8'000'000;
 constexpr std::uint32_t kQueueLength = 10;
+/// Of the drives: when they act, and the lag with which they see a trajectory.
+constexpr double kDelay_s = 0.05, kLag_s = 0.08;
+/// Of odometry: of the way, and of each metre.
+constexpr double kDriftShare = 0.01, kDrift_radpm = 0.01745;
 constexpr double kServe_s = 0.002;
 /// Slower than this, m/s or rad/s, a robot stands.
 constexpr double kStanding = 1e-3;
@@ -87,6 +91,10 @@ Result<std::unique_ptr<FakeHsr>> FakeHsr::create(const Settings& settings) {
   const auto drawn = SIDESTEP_TRY(scene.drawn(static_cast<std::uint64_t>(settings.seed)));
   std::unique_ptr<FakeHsr> fake(
       new FakeHsr(settings, robot, std::make_shared<const Scene>(walked(drawn)), q));
+  if (!settings.is_ideal) {
+    fake->drift_ = SIDESTEP_TRY(simulated::Drift::create(
+        kDriftShare, kDrift_radpm, *robot, static_cast<std::uint64_t>(settings.seed)));
+  }
   for (const std::string& text : settings.silences) {
     fake->silences_.push_back(SIDESTEP_TRY(parse_silence(text)));
   }
@@ -112,9 +120,11 @@ FakeHsr::FakeHsr(const Settings& settings, std::shared_ptr<const KinematicTree> 
       T_world_link_(robot_->description().links.size()) {
   node_.setCallbackQueue(&queue_);
   const RobotDescription& description = robot_->description();
+  const double delay_s = settings.is_ideal ? 0.0 : kDelay_s;
+  const double lag_s = settings.is_ideal ? 0.0 : kLag_s;
   const auto add = [&](const char* name, const std::vector<std::string>& joints) {
     controllers_.push_back(std::unique_ptr<Controller>(
-        new Controller{name, JointGroup(description, joints, q, begin_), {}, {}}));
+        new Controller{name, JointGroup(description, joints, q, begin_, delay_s, lag_s), {}, {}}));
   };
   add("omni_base_controller", kBaseJoints);
   add("arm_trajectory_controller", kArmJoints);
@@ -197,13 +207,19 @@ void FakeHsr::advance(Stamp now) {
   const Stamp last = motion_->newest().value_or(begin_);
   for (Stamp at{std::min(last.ns + kStep_ns, now.ns)};;
        at.ns = std::min(at.ns + kStep_ns, now.ns)) {
+    const Eigen::VectorXd before = state_.q;
     for (const auto& controller : controllers_) controller->group.advance(at, state_);
+    drift_.step(before, state_.q);
+    const RobotState truth = drift_.truth(state_);
+    motion_->record_truth(truth, at);
     motion_->record(state_, at);
-    const double speed = state_.qdot.cwiseAbs().maxCoeff();
+    // A head that looks around is no robot that moves.
+    const double speed =
+        state_.qdot.head(state_.qdot.size() - std::ssize(kHeadJoints)).cwiseAbs().maxCoeff();
     note_motion(speed > kStanding, at);
     if (at >= next_truth_) {
       if (first_command_ns_ != 0 || poses_.empty()) {
-        poses_.push_back({scene_time_s(at), state_.q});
+        poses_.push_back({scene_time_s(at), truth.q});
         speeds_.push_back(speed);
       }
       next_truth_ = {at.ns + kTruthPeriod_ns};
@@ -324,16 +340,16 @@ std::string FakeHsr::silences_json() const {
 
 std::string FakeHsr::end_json() const {
   const RobotDescription& robot = robot_->description();
+  const RobotState truth = drift_.truth(state_);
   nlohmann::ordered_json json;
   for (int j = 0; j < robot.dof(); ++j) {
     const std::string& name = robot.joints[idx(j)].name;
-    json["joints"][name] = state_.q[j];
-    json["speeds"][name] = state_.qdot[j];
+    json["joints"][name] = truth.q[j];
+    json["speeds"][name] = truth.qdot[j];
   }
   std::vector<Transform> T_world_link(robot.links.size());
   Scratch scratch;
-  robot_->link_poses({state_.q.data(), static_cast<std::size_t>(state_.q.size())}, T_world_link,
-                     scratch);
+  robot_->link_poses(as_span(truth.q), T_world_link, scratch);
   for (std::size_t i = 0; i < T_world_link.size(); ++i) {
     const Eigen::Vector3d p_m = T_world_link[i].translation();
     json["links_m"][robot.links[i].name] = {p_m.x(), p_m.y(), p_m.z()};

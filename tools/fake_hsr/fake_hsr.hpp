@@ -12,6 +12,7 @@
 
 #include <sidestep/runtime/truth_check.hpp>
 
+#include "drift.hpp"
 #include "robot_body.hpp"
 #include "sensors.hpp"
 #include "settings.hpp"
@@ -67,7 +68,8 @@ class FakeHsr {
   std::shared_ptr<const KinematicTree> robot_;
   std::shared_ptr<const Scene> scene_;
   std::shared_ptr<RobotMotion> motion_;
-  RobotState state_;
+  RobotState state_;  ///< As it is measured.
+  simulated::Drift drift_;
   Stamp begin_;
   std::atomic<std::int64_t> first_command_ns_{0};  ///< 0: none yet.
   Stamp next_truth_;

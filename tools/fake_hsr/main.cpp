@@ -45,6 +45,8 @@ void declare(CLI::App& app, fake_hsr::Settings& settings) {
   app.add_option("--range", settings.range_max_m, "Of the camera, in m")
       ->check(number_range(0.01, 1000.0))
       ->capture_default_str();
+  app.add_flag("--ideal", settings.is_ideal,
+               "Exact depth at once, drives that do as they are told, odometry that is true");
   app.add_flag("!--scene-runs", settings.scene_waits,
                "The scene moves from the start, not from the first command on");
   app.add_option(

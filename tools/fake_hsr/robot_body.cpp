@@ -59,10 +59,11 @@ Result<std::shared_ptr<const KinematicTree>> with_joints(const KinematicTree& tr
 }
 
 JointGroup::JointGroup(const RobotDescription& robot, const std::vector<std::string>& joints,
-                       const Eigen::VectorXd& q, Stamp now)
+                       const Eigen::VectorXd& q, Stamp now, double delay_s, double lag_s)
     : names_(joints),
       indices_(indices_of(robot, joints)),
-      robot_(limits_of(robot, indices_), 0.0, part(q, indices_), now) {}
+      delay_ns_(Stamp::from_seconds(delay_s).ns),
+      robot_(limits_of(robot, indices_), lag_s, part(q, indices_), now) {}
 
 Result<Command> JointGroup::read(const ros_messages::JointTrajectory& message, Stamp now) const {
   const auto bad = [](std::string what) { return invalid(std::move(what)); };
@@ -97,11 +98,11 @@ Result<Command> JointGroup::read(const ros_messages::JointTrajectory& message, S
 Result<void> JointGroup::follow(const ros_messages::JointTrajectory& message, Stamp now) {
   auto command = SIDESTEP_TRY(read(message, now));
   if (command.trajectory.size() == 0) {
-    robot_.brake(now);
+    brake(now);
     return {};
   }
   robot_.follow(std::make_shared<const Trajectory>(std::move(command.trajectory)), command.start,
-                now);
+                later(now));
   return {};
 }
 

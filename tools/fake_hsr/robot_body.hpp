@@ -28,12 +28,13 @@ struct Command {
 /// Joints that one controller moves, each within its limits. Stamps are ROS's.
 class JointGroup {
  public:
+  /// Commands are taken over `delay_s` after they came; `lag_s`: see SimulatedRobot.
   JointGroup(const RobotDescription& robot, const std::vector<std::string>& joints,
-             const Eigen::VectorXd& q, Stamp now);
+             const Eigen::VectorXd& q, Stamp now, double delay_s = 0.0, double lag_s = 0.0);
 
-  /// Takes a command over at once. Fails with kInvalidArgument, saying what is wrong with it.
+  /// Fails with kInvalidArgument, saying what is wrong with the command.
   [[nodiscard]] Result<void> follow(const ros_messages::JointTrajectory& message, Stamp now);
-  void brake(Stamp now) { robot_.brake(now); }
+  void brake(Stamp now) { robot_.brake(later(now)); }
   /// Moves until the last whole millisecond before `now`, and writes positions and velocities to
   /// their places in the robot's order.
   void advance(Stamp now, RobotState& into);
@@ -44,8 +45,11 @@ class JointGroup {
  private:
   [[nodiscard]] Result<Command> read(const ros_messages::JointTrajectory& message, Stamp now) const;
 
+  [[nodiscard]] Stamp later(Stamp now) const { return {now.ns + delay_ns_}; }
+
   std::vector<std::string> names_;
   std::vector<int> indices_;
+  std::int64_t delay_ns_;
   simulated::SimulatedRobot robot_;
 };
 

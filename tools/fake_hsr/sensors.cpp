@@ -16,7 +16,14 @@ constexpr auto kPoll = std::chrono::milliseconds(1);
 
 const simulator::LaserOptions kLaser;
 constexpr simulator::Range kLaserRange{0.05, 20.0};
-constexpr double kCameraNear_m = 0.3;
+constexpr double kCameraNear_m = 0.35;
+constexpr double kCameraLatency_s = 0.04;  // from exposure to topic
+
+simulator::NoiseOptions noise_of(const Settings& settings) {
+  simulator::NoiseOptions noise;
+  if (!settings.is_ideal) noise.model = "kinect";
+  return noise;
+}
 
 /// What has a return, in the camera's optical frame.
 PointCloud points_of(const DepthImage& image) {
@@ -82,7 +89,7 @@ Sensors::Sensors(World world, const Settings& settings, int camera_link, int las
       workers_(1),
       camera_(world_, camera_link),
       laser_(world_, laser_link),
-      sensor_(settings.camera(), {kCameraNear_m, settings.range_max_m}, {},
+      sensor_(settings.camera(), {kCameraNear_m, settings.range_max_m}, noise_of(settings),
               static_cast<std::uint64_t>(settings.seed)),
       renderer_(settings.camera(), sensor_.needs_incidence()),
       scanner_(kLaser, kLaserRange, static_cast<std::uint64_t>(settings.seed)),
@@ -124,6 +131,10 @@ void Sensors::take_image(Stamp stamp, std::int64_t number) {
   sensor_.measure(exact_, number, workers_, image.depth_m);
   const auto encoding = settings_.encoding == "16UC1" ? ros_messages::DepthEncoding::k16UC1
                                                       : ros_messages::DepthEncoding::k32FC1;
+  const double early_s = stamp.seconds() + kCameraLatency_s - ros1_node::ros_now().seconds();
+  if (!settings_.is_ideal && early_s > 0.0) {
+    std::this_thread::sleep_for(std::chrono::duration<double>(early_s));
+  }
   publishers_.info.publish(ros_messages::to_camera_info(image.camera, stamp, kCameraFrame));
   publishers_.image.publish(ros_messages::to_image(image, encoding, stamp, kCameraFrame));
   if (!publishers_.cloud) return;

@@ -39,10 +39,11 @@ struct Settings {
   double camera_rate_hz = 15.0;
   int width_px = 320;
   int height_px = 240;
-  double focal_px = 200.0;
+  double focal_px = 277.0;  ///< 60 x 47 degrees.
   std::string encoding = "16UC1";
   bool clouds = false;  ///< Point clouds beside the images.
   double range_max_m = 5.0;
+  bool is_ideal = false;    ///< Exact depth at once, drives that do as told, odometry that is true.
   bool scene_waits = true;  ///< The scene moves from the first command on.
   std::vector<std::string> silences;
   std::vector<std::string> allowed{"base_link:floor"};

@@ -20,11 +20,11 @@
 #include <sidestep/core/node.hpp>
 #include <sidestep/core/time.hpp>
 #include <sidestep/planning/goal_source.hpp>
-#include <sidestep/robot/base_joints.hpp>
 #include <sidestep/robot/robot_model.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
+#include "drift.hpp"
 #include "simulated_robot.hpp"
 
 namespace sidestep::simulated {
@@ -43,22 +43,12 @@ class MeasurementNoise {
   std::uint64_t seed_;
 };
 
-std::uint64_t mix(std::uint64_t value) {  // SplitMix64
-  value += 0x9e3779b97f4a7c15ULL;
-  value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  value = (value ^ (value >> 27)) * 0x94d049bb133111ebULL;
-  return value ^ (value >> 31);
-}
-
-/// In (0, 1).
-double uniform(std::uint64_t& state) {
-  state = mix(state);
-  return (static_cast<double>(state >> 11) + 0.5) * 0x1p-53;
-}
-
 Eigen::VectorXd MeasurementNoise::measured(const Eigen::VectorXd& q, std::int64_t step) const {
   if (sigma_ == 0.0) return q;
-  std::uint64_t state = mix(seed_ ^ mix(static_cast<std::uint64_t>(step)));
+  auto of_step = static_cast<std::uint64_t>(step);
+  (void)uniform(of_step);
+  std::uint64_t state = seed_ ^ of_step;
+  (void)uniform(state);
   Eigen::VectorXd noisy = q;
   for (double& value : noisy) {  // Box and Muller 1958
     const double radius = std::sqrt(-2.0 * std::log(uniform(state)));
@@ -66,49 +56,6 @@ Eigen::VectorXd MeasurementNoise::measured(const Eigen::VectorXd& q, std::int64_
   }
   return noisy;
 }
-
-/// Where a base truly is that measures its way by its wheels: a share of it longer or shorter, and
-/// turned a little with each metre.
-class Drift {
- public:
-  /// Fails with kUnsupported where the robot is to drift, and has no such base.
-  [[nodiscard]] static Result<Drift> create(const Options& options, const HostContext& context) {
-    Drift drift;
-    if (options.drift_share == 0.0 && options.drift_rad_per_m == 0.0) return drift;
-    drift.base_ = SIDESTEP_TRY(BaseJoints::of(*context.robot));
-    std::uint64_t state = context.seed;
-    drift.share_ = std::copysign(options.drift_share, uniform(state) - 0.5);
-    drift.rad_per_m_ = std::copysign(options.drift_rad_per_m, uniform(state) - 0.5);
-    return drift;
-  }
-
-  /// By one step of what is measured.
-  void step(const Eigen::VectorXd& from, const Eigen::VectorXd& to) {
-    if (!base_) return;
-    const Eigen::Vector3d p(from[base_->x()], from[base_->y()], 0.0);
-    const Eigen::Vector3d way = Eigen::Vector3d(to[base_->x()], to[base_->y()], 0.0) - p;
-    const double yaw_rad =
-        rad_per_m_ * way.norm() + share_ * (to[base_->yaw()] - from[base_->yaw()]);
-    // Where it measures `to`, it truly is at T_world_odom_ of that.
-    const Eigen::Vector3d truly = T_world_odom_ * p + T_world_odom_.linear() * way * (1.0 + share_);
-    T_world_odom_.linear() =
-        Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()) * T_world_odom_.linear();
-    T_world_odom_.translation() = truly - T_world_odom_.linear() * (p + way);
-  }
-
-  [[nodiscard]] RobotState truth(RobotState measured) const {
-    if (!base_) return measured;
-    base_->move(T_world_odom_, as_span(measured.q));
-    base_->turn(T_world_odom_, as_span(measured.qdot));
-    return measured;
-  }
-
- private:
-  std::optional<BaseJoints> base_;
-  double share_ = 0.0;
-  double rad_per_m_ = 0.0;
-  Transform T_world_odom_ = Transform::Identity();
-};
 
 /// Goals that come at times fixed beforehand.
 class ScheduledGoals {
@@ -409,7 +356,8 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   }
   auto start = SIDESTEP_TRY(read_start(options.start, context.robot->description()));
   auto goals = SIDESTEP_TRY(ScheduledGoals::read(options.goals));
-  auto drift = SIDESTEP_TRY(Drift::create(options, context));
+  auto drift = SIDESTEP_TRY(
+      Drift::create(options.drift_share, options.drift_rad_per_m, *context.robot, context.seed));
   return std::unique_ptr<Executor>(std::make_unique<SimulatedExecutor>(
       options, context, std::move(start), std::move(goals), std::move(drift)));
 }
