@@ -62,7 +62,7 @@ struct Fault {
   const char* name;
   std::vector<std::string> sets;
   const char* words;
-  double from_s = 10.0;
+  double from_s = 20.0;  ///< It drives at 0.15 m/s.
 };
 void PrintTo(const Fault& fault, std::ostream* out) { *out << fault.name; }
 
@@ -104,7 +104,8 @@ TEST_P(SensorFault, IsNamedAndTheRobotStopsInTimeAndGoesOn) {
     ASSERT_TRUE(map_stamp_s && *map_stamp_s);
     RecordProperty("mapped_after_ms", static_cast<int>(1e3 * (**map_stamp_s - from_s)));
     RecordProperty("stops_after_ms", static_cast<int>(1e3 * ((*times_s)[i] - from_s)));
-    EXPECT_LT(**map_stamp_s, from_s + 0.9);  // the newest frame that was believed
+    // The newest frame that was believed, of ten a second: the next one tells.
+    EXPECT_LE(**map_stamp_s, from_s + 0.9 + 1e-6);
     EXPECT_LT((*times_s)[i], from_s + 1.6);
     return;
   }
@@ -115,7 +116,7 @@ INSTANTIATE_TEST_SUITE_P(
     Replan, SensorFault,
     ::testing::Values(Fault{"frozen", {"source.fault.kind=frozen"}, "frozen"},
                       Fault{"blind", {"source.fault.kind=blind"}, "blind"},
-                      Fault{"lens", {"source.fault.kind=lens"}, "its lens"},
+                      Fault{"lens", {"source.fault.kind=lens"}, "its lens", 10.0},
                       Fault{"pitched", {"source.fault.kind=mount"}, "not mounted"},
                       Fault{"rolled",
                             {"source.fault.kind=mount", "source.fault.turn_rad=[0, 0, 0.0873]"},
@@ -129,11 +130,10 @@ INSTANTIATE_TEST_SUITE_P(
                       Fault{"laser_silent",
                             {"sources.base_laser.fault.kind=silent"},
                             "no map without base_laser, which has given no frame since that of"},
-                      // While it drives: who stands learns nothing of it.
+                      // Who stands learns nothing of it.
                       Fault{"laser_obstructed",
                             {"sources.base_laser.fault.kind=obstructed"},
-                            "no map without base_laser: the laser sees its own robot",
-                            30.0}),
+                            "no map without base_laser: the laser sees its own robot"}),
     [](const auto& fault) { return std::string(fault.param.name); });
 
 /// A mount that is turned about the vertical: what camera and laser both see tells of it.
@@ -141,7 +141,7 @@ TEST_F(HeadFault, OfACameraThatDoesNotAgreeWithTheLaserIsNamed) {
   const Finished finished =
       drive({"source.fault.kind=mount", "source.fault.turn_rad=[0, 0.0873, 0]",
              "source.fault.from_s=5", "experiment.duration_s=9"},
-            "sudden/kitchen");
+            "sudden/living_room");
   EXPECT_NE(finished.error.find("camera and laser do not agree"), std::string::npos)
       << finished.error;
 }

@@ -11,6 +11,7 @@ namespace {
 
 std::vector<int> indices_of(const RobotDescription& robot, const std::vector<std::string>& names) {
   std::vector<int> indices;
+  indices.reserve(names.size());
   for (const std::string& name : names) indices.push_back(robot.joint_index(name).value());
   return indices;
 }

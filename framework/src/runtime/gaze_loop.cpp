@@ -21,6 +21,8 @@ constexpr double kSame_rad = 0.01;
 /// A head that has stood for so long farther than this from where it was told to be is stuck.
 constexpr std::int64_t kStuck_ns = 500'000'000;
 constexpr double kOff_rad = 0.05;
+/// Beyond this, nothing that a gaze sees comes into the map.
+constexpr double kOldMap_s = 1.0;
 /// A head that turns goes on for about so long at its speed until it is at rest.
 constexpr double kStop_s = 0.4;
 /// A head that is in the way of a motion rests for so long: for the next searches.
@@ -79,6 +81,9 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
 Result<HeadAngles> GazeLoop::ask(Stamp now, const RobotState& measured, const Replanner::Way& way,
                                  const HeadAngles& at, const HeadAngles& stop) {
   const MapSnapshot map = parts_.slot.snapshot();
+  // Only the floor may show that a camera is sound again whose frames are left out.
+  const bool is_old = map.field && now.seconds() - map.field->info().stamp.seconds() > kOldMap_s;
+  if (is_old) return head_.rest();
   GazeRequest request{now, *parts_.robot, measured, T_world_link_, head_, at};
   request.may_turn = [&](const HeadAngles& to) {
     return guard_->is_clear({at, stop, to}) || is_clear_by_rest(at, stop, to);
