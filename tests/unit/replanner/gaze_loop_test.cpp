@@ -81,23 +81,39 @@ TEST_F(Loop, AsksTenTimesASecondAndTurnsTheHeadWithinItsLimits) {
   EXPECT_EQ(executor_.turned[0].tilt_rad, -0.4);
 }
 
+/// Whose frames are not believed sees the floor from there.
+TEST_F(Loop, RestsTheHeadWhileNoFrameComesIntoTheMap) {
+  auto loop = make(executor_);
+  MapSnapshot map;
+  map.field = std::make_shared<conformance::BallField>(std::vector<conformance::Ball>{});
+  slot_.publish(map);
+  const double stamp_s = map.field->info().stamp.seconds();
+  step(*loop, stamp_s + 0.5);
+  ASSERT_FALSE(executor_.turned.empty());
+  EXPECT_EQ(executor_.turned.back().pan_rad, 0.5);
+  step(*loop, stamp_s + 1.5);
+  const HeadAngles rest = Head::create(robot_)->rest();
+  EXPECT_EQ(executor_.turned.back().pan_rad, rest.pan_rad);
+  EXPECT_EQ(executor_.turned.back().tilt_rad, rest.tilt_rad);
+}
+
 TEST_F(Loop, SaysWhereTheHeadIsWhatTheWayIsAndWhereTheMapWasSeenFrom) {
   auto loop = make(executor_);
-  step(*loop, 1.0);
+  step(*loop, 0.1);
   EXPECT_EQ(gaze_.at.pan_rad, 0.0);  // nobody has told: it rests
   EXPECT_EQ(gaze_.seen->way, nullptr);
   EXPECT_EQ(gaze_.seen->field, nullptr);
   EXPECT_EQ(gaze_.camera_stamp_s, -1.0);
 
-  motion_.record_head({0.2, -0.1}, Stamp::from_seconds(1.9));
+  motion_.record_head({0.2, -0.1}, Stamp::from_seconds(0.7));
   MapSnapshot map;
   map.field = std::make_shared<conformance::BallField>(std::vector<conformance::Ball>{});
-  map.camera = CameraView{1.8, Transform::Identity(), {}};
+  map.camera = CameraView{0.6, Transform::Identity(), {}};
   const Trajectory way = make_trajectory(2, 3, 1.0);
   map.tracks = std::make_shared<const Tracks>();
   map.moving = std::make_shared<const MovingObstacles>();
   slot_.publish(map);
-  step(*loop, 2.0, {&way, 0.7, 1.5});
+  step(*loop, 0.8, {&way, 0.7, 1.5});
   EXPECT_EQ(gaze_.seen->tracks, map.tracks.get());
   EXPECT_EQ(gaze_.seen->moving, map.moving.get());
   EXPECT_EQ(gaze_.seen->way_blocked_s, 1.5);
@@ -105,7 +121,7 @@ TEST_F(Loop, SaysWhereTheHeadIsWhatTheWayIsAndWhereTheMapWasSeenFrom) {
   EXPECT_EQ(gaze_.seen->way, &way);
   EXPECT_EQ(gaze_.seen->way_from_s, 0.7);
   EXPECT_EQ(gaze_.seen->field, map.field.get());
-  EXPECT_EQ(gaze_.camera_stamp_s, 1.8);
+  EXPECT_EQ(gaze_.camera_stamp_s, 0.6);
 }
 
 TEST_F(Loop, TellsTheHeadAgainOnceASecondWhereItWasTold) {
