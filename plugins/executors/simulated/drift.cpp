@@ -8,11 +8,15 @@
 
 namespace sidestep::simulated {
 
+std::uint64_t mix(std::uint64_t value) {
+  value += 0x9e3779b97f4a7c15ULL;
+  value = (value ^ (value >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  value = (value ^ (value >> 27)) * 0x94d049bb133111ebULL;
+  return value ^ (value >> 31);
+}
+
 double uniform(std::uint64_t& state) {
-  state += 0x9e3779b97f4a7c15ULL;
-  state = (state ^ (state >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  state = (state ^ (state >> 27)) * 0x94d049bb133111ebULL;
-  state ^= state >> 31;
+  state = mix(state);
   return (static_cast<double>(state >> 11) + 0.5) * 0x1p-53;
 }
 

@@ -9,7 +9,9 @@
 
 namespace sidestep::simulated {
 
-/// The next random number in (0, 1), after SplitMix64.
+/// A step of SplitMix64.
+[[nodiscard]] std::uint64_t mix(std::uint64_t value);
+/// The next random number in (0, 1).
 [[nodiscard]] double uniform(std::uint64_t& state);
 
 /// Where a base truly is that measures its way by its wheels: a share of it longer or shorter, and

@@ -45,10 +45,7 @@ class MeasurementNoise {
 
 Eigen::VectorXd MeasurementNoise::measured(const Eigen::VectorXd& q, std::int64_t step) const {
   if (sigma_ == 0.0) return q;
-  auto of_step = static_cast<std::uint64_t>(step);
-  (void)uniform(of_step);
-  std::uint64_t state = seed_ ^ of_step;
-  (void)uniform(state);
+  std::uint64_t state = mix(seed_ ^ mix(static_cast<std::uint64_t>(step)));
   Eigen::VectorXd noisy = q;
   for (double& value : noisy) {  // Box and Muller 1958
     const double radius = std::sqrt(-2.0 * std::log(uniform(state)));
