@@ -69,7 +69,7 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   const HeadAngles at = head_at(now);
   const HeadAngles stop = head_stop(now);
   watch_head(now, at);
-  guard_->see(as_span(measured.q), way.trajectory, way.from_s);
+  guard_->see(as_span(measured.q), way.followed, way.followed_s);
   const auto asked = ask(now, measured, way, at, stop);
   const HeadAngles stay = told_.value_or(at);
   const HeadAngles wanted = apart(now, at, stop, asked.value_or(stay));

@@ -101,18 +101,26 @@ Stamp Replanner::followed_start() const noexcept {
   return motion != nullptr ? motion->start : impl_->last_start;
 }
 Replanner::Way Replanner::way() const {
+  Way way;
+  if (const Impl::Motion* motion = impl_->motion(); motion != nullptr) {
+    way.followed = &motion->trajectory;
+    way.followed_s = motion->time_s(impl_->now);
+  }
   const auto* driving = std::get_if<Impl::Driving>(&impl_->phase);
   if (driving != nullptr && !driving->is_aside) {
-    Way way{&driving->trajectory, driving->time_s(impl_->now), {}};
+    way.trajectory = way.followed;
+    way.from_s = way.followed_s;
     if (driving->blocked) way.blocked_s = driving->blocked->begin_s;
     return way;
   }
   const Eigen::VectorXd& q = impl_->measured_state.q;
   const bool is_refused = impl_->refused != nullptr;
   const Trajectory* found = is_refused ? impl_->refused.get() : &impl_->unfinished;
-  if (found->size() == 0 || q.size() != found->dof) return {};
-  return {found, nearest_state(*found, as_span(q)).time_s,
-          is_refused ? impl_->refused_free_s : std::nullopt};
+  if (found->size() == 0 || q.size() != found->dof) return way;
+  way.trajectory = found;
+  way.from_s = nearest_state(*found, as_span(q)).time_s;
+  if (is_refused) way.blocked_s = impl_->refused_free_s;
+  return way;
 }
 const Eigen::VectorXd& Replanner::goal() const noexcept { return impl_->parts.goal.q; }
 std::shared_ptr<const Prediction> Replanner::prediction() const noexcept {

@@ -18,6 +18,7 @@ using namespace sidestep;
 struct Options : ViewOptions {
   double haste_s = 4.0;
   double track_weight = 100.0;
+  double block_weight = 200.0;
   double around_weight = 2.0;
 
   static Parameters<Options> parameters() {
@@ -27,6 +28,9 @@ struct Options : ViewOptions {
              {.unit = "s", .min = 0.1, .max = 60.0})
         .add("track_weight", &O::track_weight,
              "Of a tracked person beside the robot, in places of 0.1 m on its way.",
+             {.min = 0.0, .max = 1000.0})
+        .add("block_weight", &O::block_weight,
+             "Of all that stands beside the robot where its way is blocked, likewise.",
              {.min = 0.0, .max = 1000.0})
         .add("around_weight", &O::around_weight,
              "Of each of 24 places around the robot from where somebody may come, likewise.",
@@ -40,6 +44,8 @@ constexpr double kDwell_s = 0.15;
 constexpr double kVain_s = 1.5;
 /// What the robot sweeps so long after something blocks its way may be blocked, too.
 constexpr double kBlock_s = 1.0;
+/// What is farther than this beside the robot does not block its way.
+constexpr double kBeside_m = 0.1;
 /// How far off somebody who is tracked counts 1/e as much.
 constexpr double kNear_m = 1.5;
 constexpr double kTrackStale_s = 0.4;
@@ -78,6 +84,7 @@ class Foresight final : public Gaze {
       const double haste = std::exp(-std::min(place.time_s, off_s) / options_.haste_s);
       worths_.push_back(static_cast<float>(haste * doubt(place.p_m, request.now, sight)));
     }
+    if (request.way_blocked_s) add_what_blocks(request, sight);
     if (request.tracks != nullptr) add_people(*request.tracks, request.now, eye_m);
     if (request.moving != nullptr) add_moving(*request.moving, request.now, eye_m);
     add_surroundings(request, eye_m);
@@ -90,6 +97,31 @@ class Foresight final : public Gaze {
   [[nodiscard]] double doubt(const Eigen::Vector3d& p_m, Stamp now, const Sight& sight) const {
     const double age_s = looked_at_.age_s(p_m, now);
     return -std::expm1(-age_s / (sight.knows(p_m) ? options_.stale_s : kVain_s));
+  }
+
+  /// What of the map is so near to the robot where its way is blocked that it may be what blocks
+  /// it: together as much as `block_weight`.
+  void add_what_blocks(const GazeRequest& request, const Sight& sight) {
+    const Trajectory& way = *request.way;
+    const std::vector<CollisionSphere>& spheres = request.robot.description().spheres;
+    std::vector<double> q(idx(way.dof));
+    way.sample(*request.way_blocked_s, q, {});
+    std::vector<Eigen::Vector3d> points_m(spheres.size());
+    std::vector<Eigen::Vector3d> gradients(spheres.size());
+    std::vector<double> distances_m(spheres.size());
+    Scratch scratch;
+    request.robot.sphere_centres(q, points_m, scratch);
+    request.field->query(points_m, distances_m, gradients, {});
+    std::size_t near = 0;
+    for (std::size_t i = 0; i < spheres.size(); ++i) {
+      if (!(distances_m[i] < spheres[i].radius_m + kBeside_m)) continue;
+      points_m[near++] = points_m[i] - distances_m[i] * gradients[i].stableNormalized();
+    }
+    for (const Eigen::Vector3d& p_m : std::span(points_m).first(near)) {
+      const double weight = options_.block_weight / static_cast<double>(near);
+      places_.push_back({p_m});
+      worths_.push_back(static_cast<float>(weight * doubt(p_m, request.now, sight)));
+    }
   }
 
   void add_people(const Tracks& tracks, Stamp now, const Eigen::Vector3d& eye_m) {
@@ -114,7 +146,7 @@ class Foresight final : public Gaze {
   void add_somebody(const Eigen::Vector3d& p_m, double weight, double unseen_s,
                     const Eigen::Vector3d& eye_m) {
     const double nearness = std::exp(-(p_m - eye_m).head<2>().norm() / kNear_m);
-    places_.push_back({p_m, 0.0});
+    places_.push_back({p_m});
     worths_.push_back(static_cast<float>(-weight * nearness *
                                          std::expm1(-std::max(0.0, unseen_s) / kTrackStale_s)));
   }
@@ -127,7 +159,7 @@ class Foresight final : public Gaze {
         const double bearing_rad = 2.0 * std::numbers::pi * i / kBearings;
         const Eigen::Vector3d p_m(eye_m.x() + away_m * std::cos(bearing_rad),
                                   eye_m.y() + away_m * std::sin(bearing_rad), kHip_m);
-        places_.push_back({p_m, 0.0});
+        places_.push_back({p_m});
         const double age_s = looked_at_.age_s(p_m, request.now);
         worths_.push_back(
             static_cast<float>(-options_.around_weight * std::expm1(-age_s / kAroundStale_s)));

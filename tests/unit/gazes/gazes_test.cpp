@@ -206,6 +206,25 @@ TEST_F(Gazes, ForesightLooksAtWhatBlocksTheWayLaterOn) {
   EXPECT_FALSE(looks_there(false));
 }
 
+TEST_F(Gazes, ForesightLooksAtWhatStandsBesideTheRobotWhereItsWayIsBlocked) {
+  // A post to its left; the way leads straight on.
+  const auto looks_there = [&](bool is_blocked) {
+    looker_ = Looker();
+    looker_.field = hall({{{-0.1, 0.25, 0.0}, {0.1, 0.45, 0.5}}}, {});
+    const auto gaze = load("{plugin: foresight, around_weight: 0.0}", looker_.robot());
+    looker_.drive_to(Eigen::Vector2d(2.5, 0.0), 10.0);
+    if (is_blocked) looker_.blocked_s = 0.0;
+    looker_.take_frame();
+    for (int i = 0; i < 20; ++i) {
+      follow(*gaze, 0.1);
+      if (sees(looker_.at, {0.0, 0.3, 0.4})) return true;
+    }
+    return false;
+  };
+  EXPECT_TRUE(looks_there(true));
+  EXPECT_FALSE(looks_there(false));
+}
+
 TEST_F(Gazes, ForesightLooksAroundWhileNothingElseIsToBeSeen) {
   looker_.field = hall({}, {});
   const auto gaze = load("{plugin: foresight}", looker_.robot());

@@ -145,6 +145,8 @@ TEST(Replanner, TellsTheWayToItsGoalAlsoWhileItStandsBeforeAWall) {
   };
   loop.run(0.9);
   expect_way();
+  EXPECT_EQ(loop.replanner->way().followed, &loop.replanner->followed());
+  EXPECT_EQ(loop.replanner->way().followed_s, loop.replanner->way().from_s);
   loop.planner.misbehave = [](const Problem&, const Trajectory&,
                               const Deadline&) -> std::optional<Result<Solution>> {
     Solution none;
@@ -156,6 +158,7 @@ TEST(Replanner, TellsTheWayToItsGoalAlsoWhileItStandsBeforeAWall) {
   loop.run(9.0);
   EXPECT_EQ(loop.executor.state().qdot.norm(), 0.0);
   expect_way();
+  EXPECT_EQ(loop.replanner->way().followed, nullptr);
 }
 
 TEST(Replanner, DoesNotStopLongBeforeItMust) {

@@ -139,11 +139,12 @@ class Down final : public Gaze {
 /// A loop whose head is where it was told to be.
 class HsrsGazeLoop : public HsrsHeadGuard {
  protected:
-  void look(double time_s, const Eigen::VectorXd& q, const Trajectory* way = nullptr) {
+  void look(double time_s, const Eigen::VectorXd& q, const Trajectory* followed = nullptr,
+            const Trajectory* way = nullptr) {
     const Stamp now = Stamp::from_seconds(time_s);
     motion_.record_head(executor_.told.value_or(head_.rest()), {now.ns - 50'000'000});
     motion_.record_head(executor_.told.value_or(head_.rest()), now);
-    loop_->look(now, {q, Eigen::VectorXd::Zero(q.size())}, {way, 0.0, {}});
+    loop_->look(now, {q, Eigen::VectorXd::Zero(q.size())}, {way, 0.0, {}, followed, 0.0});
   }
   [[nodiscard]] Trajectory from_to(const Eigen::VectorXd& from, const Eigen::VectorXd& to,
                                    double in_s) const {
@@ -186,6 +187,13 @@ TEST_F(HsrsGazeLoop, TurnsTheHeadToItsRestBeforeTheArmComesWhateverTheGazeSays) 
     look(fails ? 4.0 : 2.0, drive, &way);
     EXPECT_TRUE(is_told(head_.rest()));
   }
+}
+
+TEST_F(HsrsGazeLoop, LooksFreelyWhileTheRobotStandsBeforeABlockedWay) {
+  const Eigen::VectorXd drive = pose("drive");
+  const Trajectory way = from_to(drive, pose("go"), 3.0);
+  look(1.0, drive, nullptr, &way);
+  EXPECT_TRUE(is_told(gaze_.wanted));
 }
 
 TEST_F(HsrsGazeLoop, ObjectsToAMotionUntilTheHeadRests) {

@@ -216,8 +216,10 @@ class Replanner {
   [[nodiscard]] const Eigen::VectorXd& goal() const noexcept;
   struct Way {
     const Trajectory* trajectory = nullptr;
-    double from_s = 0.0;              ///< The time of it at which the robot is on it.
-    std::optional<double> blocked_s;  ///< The time of it from which an obstacle blocks it.
+    double from_s = 0.0;                   ///< The time of it at which the robot is on it.
+    std::optional<double> blocked_s;       ///< The time of it from which an obstacle blocks it.
+    const Trajectory* followed = nullptr;  ///< What the robot follows, or a stop; null at rest.
+    double followed_s = 0.0;               ///< The time of that at which the robot is.
   };
   /// The way to the goal: what is followed, or, while the robot stands, brakes or steps aside, the
   /// last that was found, be it blocked; null where there is none. Holds until the next step().
