@@ -52,6 +52,7 @@ enum class ExitCode {
   kConfiguration = 2,
   kPlugin = 3,
   kFault = 4,
+  kUndecided = 5,
 };
 /// Of an error at run time.
 [[nodiscard]] ExitCode exit_code(const Error& error) noexcept;
@@ -175,5 +176,16 @@ struct RobotOptions {
 /// Says what a robot profile has, fits spheres to it, serves the sphere editor until a signal
 /// comes, or holds the profile against a URDF.
 [[nodiscard]] ExitCode robot_command(const RobotOptions& options);
+
+struct CertifyOptions {
+  std::filesystem::path motion;
+  std::string robot;            ///< A profile.
+  std::filesystem::path scene;  ///< A file.
+  double margin_m = 0.0;
+  std::optional<std::filesystem::path> out;  ///< For the certificate of a motion that is proven.
+  bool json = false;
+};
+/// Proves that a robot keeps apart from a scene on a motion, or refutes it.
+[[nodiscard]] ExitCode certify_command(const CertifyOptions& options);
 
 }  // namespace sidestep

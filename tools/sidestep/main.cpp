@@ -29,6 +29,7 @@ struct CommandLine {
   std::filesystem::path merged = "merged";
   std::filesystem::path recording;
   RobotOptions robot;
+  CertifyOptions certify;
 };
 
 void add_configurations(CLI::App& command, CommandLine& line) {
@@ -41,6 +42,23 @@ void add_configurations(CLI::App& command, CommandLine& line) {
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->allow_extra_args(false);  // after the policy, which allows them
+}
+
+void add_certify_command(CLI::App& app, CertifyOptions& certify) {
+  CLI::App* command = app.add_subcommand(
+      "certify", "Prove that a robot keeps apart from a scene on a motion, whoever planned it");
+  command->add_option("MOTION", certify.motion, "CSV: time_s and the joints, a line an instant")
+      ->required();
+  command->add_option("--robot", certify.robot, "The robot's name, or its profile")->required();
+  command->add_option("--scene", certify.scene, "The scene's file")->required();
+  command->add_option("--margin_m", certify.margin_m, "How far apart all is to be, at least")
+      ->check(CLI::Range(0.0, 10.0))
+      ->capture_default_str();
+  command
+      ->add_option("--out", certify.out,
+                   "Write the certificate of a motion that is proven, for sidestep_recheck")
+      ->type_name("FILE");
+  command->add_flag("--json", certify.json, "Print as JSON");
 }
 
 /// Of a command that serves the viewer.
@@ -162,6 +180,7 @@ void add_commands(CLI::App& app, CommandLine& line) {
   add_view_options(*view, line.run.view);
 
   add_robot_command(app, line.robot);
+  add_certify_command(app, line.certify);
 
   CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
   add_configurations(*check, line);
@@ -206,6 +225,7 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
     return report_command(line.report_runs, line.comparison, line.merged);
   }
   if (app.got_subcommand("robot")) return robot_command(line.robot);
+  if (app.got_subcommand("certify")) return certify_command(line.certify);
   if (app.got_subcommand("view")) return view_command(line.recording, line.run.view);
   std::printf("%s", app.help().c_str());
   return ExitCode::kSuccess;

@@ -1,0 +1,197 @@
+#include <cmath>
+
+#include <gmock/gmock.h>
+
+#include <sidestep/core/index.hpp>
+
+#include "certify_testing.hpp"
+#include "robot_testing.hpp"
+#include "shape_collider.hpp"
+
+namespace sidestep {
+namespace {
+
+using ::testing::HasSubstr;
+using testing_certify::crane;
+using testing_certify::object;
+using testing_certify::random_scene;
+using testing_certify::straight;
+using Outcome = Certification::Outcome;
+
+Certification certified(const KinematicTree& robot, const Scene& scene,
+                        const PolynomialMotion& motion, const CertifySettings& settings = {}) {
+  auto found = certify(robot, scene, motion, settings);
+  if (!found) throw std::runtime_error(found.error().describe());
+  return std::move(*found);
+}
+
+class PandasCertificates : public ::testing::Test {
+ protected:
+  [[nodiscard]] std::vector<double> configuration(const PolynomialMotion& motion,
+                                                  double time_s) const {
+    std::vector<double> q;
+    for (const PolynomialPiece& piece : motion.pieces) {
+      if (time_s > piece.end_s && &piece != &motion.pieces.back()) continue;
+      for (const auto& c : piece.coefficients) q.push_back(c[0] + c[1] * (time_s - piece.begin_s));
+      break;
+    }
+    return q;
+  }
+  /// The least clearance that FCL finds at one instant.
+  [[nodiscard]] double clearance_m(const ShapeCollider& collider, const std::vector<double>& q) {
+    std::vector<Transform> links(robot_->description().links.size());
+    robot_->link_poses(q, links, scratch_);
+    const auto pose = collider.make_pose();
+    collider.place(*pose, links, 0.0);
+    double least_m = 1.0;
+    for (int s = 0; s < collider.shape_count(); ++s) {
+      const int link = robot_->description().shapes[idx(s)].link;
+      if (link == 0) continue;  // no joint moves it
+      least_m = std::min(least_m, collider.to_obstacles(s, *pose, least_m).clearance_m);
+    }
+    for (int p = 0; p < collider.pair_count(); ++p) {
+      least_m = std::min(least_m, collider.between_pair(p, *pose, least_m));
+    }
+    return least_m;
+  }
+
+  testing_robot::Loader loader_;
+  std::shared_ptr<const KinematicTree> robot_{loader_.load_or_fail("{profile: panda}")};
+  Scratch scratch_;
+};
+
+/// FCL at many instants of random motions, which it alone does not prove.
+TEST_F(PandasCertificates, AgreeWithFclAtManyInstants) {
+  std::mt19937_64 random(3);
+  const auto& joints = robot_->description().joints;
+  int proven = 0, refuted = 0, undecided = 0;
+  for (int k = 0; k < 60; ++k) {
+    const Scene scene = random_scene(random, 8);
+    std::vector<std::vector<double>> waypoints(2);
+    for (auto& q : waypoints) {
+      for (const Joint& joint : joints) {
+        const double middle = 0.5 * (joint.lower + joint.upper);
+        q.push_back(middle + std::uniform_real_distribution(-0.35, 0.35)(random) *
+                                 (joint.upper - joint.lower));
+      }
+    }
+    const PolynomialMotion motion = straight(waypoints, 5.0);
+    const Certification found = certified(*robot_, scene, motion);
+    ShapeObstacles obstacles;
+    obstacles.scene = std::make_shared<const Scene>(scene);
+    const ShapeCollider collider(robot_->description(), obstacles, {});
+    if (const auto& witness = found.witness) {
+      ++refuted;
+      EXPECT_LE(clearance_m(collider, configuration(motion, witness->time_s)), 2e-5) << k;
+      continue;
+    }
+    ASSERT_EQ(found.broken_limit, "") << k;
+    proven += found.outcome == Outcome::kProven ? 1 : 0;
+    undecided += found.outcome == Outcome::kUndecided ? 1 : 0;
+    for (int i = 0; i <= 400 && found.outcome == Outcome::kProven; ++i) {
+      EXPECT_GT(clearance_m(collider, configuration(motion, 5.0 * i / 400)), -1e-6) << k;
+    }
+  }
+  EXPECT_GT(proven, 10);
+  EXPECT_GT(refuted, 10);
+  EXPECT_EQ(undecided, 0);
+}
+
+/// A ball at the end of an arm swings past another one, at a distance that is known.
+class Swing {
+ public:
+  Swing(std::mt19937_64& random, double gap_m) {
+    const auto draw = [&](double lower, double upper) {
+      return std::uniform_real_distribution(lower, upper)(random);
+    };
+    const double arm_m = draw(0.2, 2.0), ball_m = draw(0.02, 0.15), other_m = draw(0.02, 0.3);
+    const double at_rad = draw(-2.0, 2.0), away_m = arm_m + ball_m + other_m + gap_m;
+    robot = crane(ball_m);
+    scene = Scene({object("ball", Sphere{other_m},
+                          {away_m * std::cos(at_rad), away_m * std::sin(at_rad), 0.0})});
+    // In 0.1 to 10 s, wherever in the motion that is.
+    motion = straight({{at_rad - draw(0.01, 1.5), arm_m}, {at_rad + draw(0.01, 1.5), arm_m}},
+                      std::pow(10.0, draw(-1.0, 1.0)));
+  }
+  std::shared_ptr<const KinematicTree> robot;
+  Scene scene;
+  PolynomialMotion motion;
+};
+
+TEST(Certificates, NeverProveAGraze) {
+  std::mt19937_64 random(5);
+  int refuted = 0;
+  constexpr int kCount = 10000;
+  for (int k = 0; k < kCount; ++k) {
+    const double depth_m = std::pow(10.0, std::uniform_real_distribution(-5.0, -2.0)(random));
+    const Swing swing(random, -depth_m);
+    const Certification found = certified(*swing.robot, swing.scene, swing.motion);
+    ASSERT_NE(found.outcome, Outcome::kProven) << k << ": " << depth_m;
+    if (found.outcome == Outcome::kRefuted) ++refuted;
+  }
+  EXPECT_GT(refuted, 0.99 * kCount);
+}
+
+TEST(Certificates, ProveAGap) {
+  std::mt19937_64 random(6);
+  for (const double gap_m : {1e-4, 1e-3, 1e-2}) {
+    int proven = 0;
+    constexpr int kCount = 3333;
+    for (int k = 0; k < kCount; ++k) {
+      const Swing swing(random, gap_m);
+      const Certification found = certified(*swing.robot, swing.scene, swing.motion);
+      ASSERT_NE(found.outcome, Outcome::kRefuted) << k << ": " << gap_m;
+      if (found.outcome == Outcome::kProven) ++proven;
+    }
+    EXPECT_GT(proven, 0.99 * kCount) << gap_m;
+  }
+}
+
+TEST(Certificates, KeepTheMargin) {
+  std::mt19937_64 random(7);
+  for (int k = 0; k < 300; ++k) {
+    const Swing swing(random, 0.01);
+    EXPECT_EQ(certified(*swing.robot, swing.scene, swing.motion, {.margin_m = 0.0099}).outcome,
+              Outcome::kProven);
+    const auto found = certified(*swing.robot, swing.scene, swing.motion, {.margin_m = 0.0101});
+    ASSERT_EQ(found.outcome, Outcome::kRefuted);
+    EXPECT_NEAR(found.witness->distance_m, 0.01, 1.1e-4);
+    EXPECT_NEAR((found.witness->p_a - found.witness->p_b).norm(), found.witness->distance_m, 1e-9);
+  }
+}
+
+TEST(Certificates, NameALimitThatIsBrokenBetweenWaypoints) {
+  const auto robot = crane(0.05);
+  PolynomialMotion motion;
+  motion.pieces = {{0.0, 2.0, {{3.9, 0.4, -0.2}, {0.5}}}};  // 4.1 at 1 s, 3.9 at both ends
+  EXPECT_THAT(certified(*robot, Scene(), motion).broken_limit,
+              HasSubstr("turn breaks its upper limit at"));
+  motion.pieces[0].coefficients[0] = {3.7, 0.4, -0.2};
+  EXPECT_EQ(certified(*robot, Scene(), motion).outcome, Outcome::kProven);
+}
+
+TEST(Certificates, AreOfNothingThatMovesOrHasNoShapes) {
+  const auto robot = crane(0.05);
+  const auto motion = straight({{0.0, 0.5}, {0.5, 0.5}});
+  SceneObject walker = object("walker", Sphere{0.1}, {2.0, 0.0, 0.0});
+  walker.waypoints.push_back({1.0, Transform::Identity()});
+  const auto moving = certify(*robot, Scene({walker}), motion, {});
+  ASSERT_FALSE(moving);
+  EXPECT_THAT(moving.error().describe(), HasSubstr("object 'walker' moves"));
+}
+
+/// A hull that is met is not yet the mesh.
+TEST(Certificates, LeaveAMetHullUndecided) {
+  auto mesh = std::make_shared<Mesh>();
+  mesh->vertices_m = {{0.4, -1, -1}, {0.4, 1, -1}, {0.4, 0, 1}, {0.9, 0, 0}};
+  const Scene scene({object("hull", std::shared_ptr<const Mesh>(mesh), {0, 0, 0})});
+  const auto found = certified(*crane(0.05), scene, straight({{-0.5, 0.6}, {0.5, 0.6}}));
+  EXPECT_EQ(found.outcome, Outcome::kUndecided);
+  ASSERT_EQ(found.undecided.size(), 1U);
+  EXPECT_EQ(found.undecided[0].b, "hull");
+  EXPECT_EQ(certified(*crane(0.05), scene, straight({{-0.5, 0.2}, {0.5, 0.2}})).outcome,
+            Outcome::kProven);
+}
+
+}  // namespace
+}  // namespace sidestep

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include <sidestep/core/error.hpp>
+#include <sidestep/geometry/scene.hpp>
+#include <sidestep/robot/kinematic_tree.hpp>
+
+namespace sidestep {
+
+/// All joints from one time to the next: joint j is at the sum of coefficients[j][k] s^k, s seconds
+/// after begin_s.
+struct PolynomialPiece {
+  static constexpr std::size_t kTerms = 6;
+  double begin_s = 0.0;
+  double end_s = 0.0;
+  std::vector<std::array<double, kTerms>> coefficients;
+};
+
+/// A motion as polynomials, one piece after the other, from time 0. Plain data.
+struct PolynomialMotion {
+  std::vector<PolynomialPiece> pieces;
+  bool has_times = true;  ///< False: waypoints without times; their speed says nothing.
+
+  [[nodiscard]] double duration_s() const { return pieces.empty() ? 0.0 : pieces.back().end_s; }
+};
+
+/// Reads a motion: CSV with a header `time_s,JOINT,...`, joined linearly; with a column
+/// `JOINT.velocity` for each joint, by cubics. Without `time_s` the lines are waypoints. Columns in
+/// any order; joints by the names of the robot, all of them, and no others. Fails with kConfig or
+/// kIo, naming file and line.
+[[nodiscard]] Result<PolynomialMotion> read_motion(const std::string& file,
+                                                   const RobotDescription& robot);
+
+/// An instant at which two things are nearer than the margin, or overlap: a point of each, in the
+/// world.
+struct Witness {
+  double time_s = 0.0;
+  std::string a, b;  ///< A link, and a link or an object.
+  Eigen::Vector3d p_a = Eigen::Vector3d::Zero();
+  Eigen::Vector3d p_b = Eigen::Vector3d::Zero();
+  double distance_m = 0.0;  ///< Between the points; 0 where the two overlap.
+};
+
+/// What could not be told.
+struct Undecided {
+  std::string a, b;
+  double from_s = 0.0;
+  double to_s = 0.0;
+};
+
+struct CertifySettings {
+  double margin_m = 0.0;    ///< All that is not left out is to be more than this apart.
+  int most_parts = 100000;  ///< Looked at for one pair of shapes; then it is undecided.
+};
+
+struct Certification {
+  enum class Outcome { kProven, kRefuted, kUndecided };
+  Outcome outcome = Outcome::kUndecided;
+  std::optional<Witness> witness;    ///< Of a refuted motion, if it is not a limit that it breaks.
+  std::string broken_limit;          ///< The limit that a refuted motion breaks.
+  std::vector<Undecided> undecided;  ///< The first of each pair of shapes.
+  nlohmann::ordered_json certificate;  ///< Of a proven motion (docs/reference/certificates.md).
+  std::size_t pairs = 0;               ///< Of shapes that were looked at.
+  std::size_t parts = 0;               ///< Of the certificate.
+};
+
+/// Proves over continuous time that a robot's collision shapes keep apart from those of a scene
+/// that stands still, and from each other (RobotDescription::self_collision_pairs), and that joints
+/// keep their limits; or refutes it at an instant. Meshes are taken for their convex hulls: where
+/// only a hull is met the motion is undecided. What no joint moves is not held against the scene.
+///
+/// Each pair is shown apart in parts of the motion: at the middle of a part, along a direction, the
+/// two are apart by more than either moves within the part. A direction is all that anyone needs to
+/// see it again. Fails with kInvalidArgument for a robot without collision shapes, an object that
+/// moves, and a motion that is not the robot's. [any]; allocates.
+[[nodiscard]] Result<Certification> certify(const KinematicTree& robot, const Scene& scene,
+                                            const PolynomialMotion& motion,
+                                            const CertifySettings& settings);
+
+}  // namespace sidestep

@@ -1,0 +1,512 @@
+// Looks again at a certificate of `sidestep certify` (docs/reference/certificates.md), with plain
+// loops, and accepts or refuses it. Shares no code with what wrote it: read this file to know what
+// a certificate is worth.
+//
+// A certificate holds a robot, objects, a motion, and for each two shapes parts of the motion with
+// a direction each. In the middle of a part the two shapes lie on two sides of a gap across that
+// direction; from there neither moves farther, in that part, than the gap is wide. The parts are
+// halves of halves of the motion, so that nothing is left between them.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <nlohmann/json.hpp>
+
+namespace {
+
+using Json = nlohmann::json;
+using Vec = Eigen::Vector3d;
+using Mat = Eigen::Matrix3d;
+
+/// For the rounding of coordinates below 1000 m.
+constexpr double kRounding_m = 1e-9;
+constexpr double kMost = 1e3;
+constexpr double kLimitTolerance = 1e-6;
+constexpr int kDeepest = 40;
+
+struct Refused : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+[[noreturn]] void refuse(const std::string& why) { throw Refused(why); }
+
+double number(const Json& json) {
+  const double x = json.get<double>();
+  if (!std::isfinite(x) || std::abs(x) > 1e12) refuse("a number is out of bounds");
+  return x;
+}
+double length(const Json& json) {
+  const double x = number(json);
+  if (x < 0.0 || x > kMost) refuse("a length is out of bounds");
+  return x;
+}
+Vec vector(const Json& json) {
+  if (json.size() != 3) refuse("a vector has not three numbers");
+  const Vec v(number(json[0]), number(json[1]), number(json[2]));
+  if (v.cwiseAbs().maxCoeff() > kMost) refuse("a coordinate is out of bounds");
+  return v;
+}
+
+struct Pose {
+  Mat R = Mat::Identity();
+  Vec p = Vec::Zero();
+  Pose operator*(const Pose& after) const { return {R * after.R, R * after.p + p}; }
+};
+Pose pose(const Json& json) {
+  if (json.size() != 12) refuse("a pose has not twelve numbers");
+  Pose T;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) T.R(row, column) = number(json[4 * row + column]);
+    T.p[row] = number(json[4 * row + 3]);
+  }
+  const bool is_rotation =
+      (T.R * T.R.transpose() - Mat::Identity()).cwiseAbs().maxCoeff() < 1e-12 &&
+      T.R.determinant() > 0.0;
+  if (!is_rotation || T.p.cwiseAbs().maxCoeff() > kMost) refuse("a pose is none");
+  return T;
+}
+
+/// A convex body. How far it reaches in a direction is all that is asked of it.
+struct Body {
+  enum class Kind { kBox, kSphere, kCylinder, kCapsule, kHull, kHalfSpace };
+  Kind kind = Kind::kSphere;
+  Vec half = Vec::Zero();  // of a box
+  double radius = 0.0;
+  double half_length = 0.0;
+  std::vector<Vec> points;
+  Pose at;  // in its link, or in the world
+  int link = -1;
+
+  /// The greatest n . x of all its points x, less n . (its origin).
+  [[nodiscard]] double reach(const Vec& n) const {
+    switch (kind) {
+      case Kind::kBox: return n.cwiseAbs().dot(half);
+      case Kind::kSphere: return radius * n.norm();
+      case Kind::kCylinder:
+        return radius * std::hypot(n.x(), n.y()) + half_length * std::abs(n.z());
+      case Kind::kCapsule: return radius * n.norm() + half_length * std::abs(n.z());
+      case Kind::kHull: {
+        double most = -1e300;
+        for (const Vec& p : points) most = std::max(most, n.dot(p));
+        return most;
+      }
+      case Kind::kHalfSpace: break;
+    }
+    refuse("a half-space has no end");
+  }
+  /// How far its points are from its origin, at most.
+  [[nodiscard]] double ball() const {
+    switch (kind) {
+      case Kind::kBox: return half.norm();
+      case Kind::kSphere: return radius;
+      case Kind::kCylinder: return std::hypot(radius, half_length);
+      case Kind::kCapsule: return radius + half_length;
+      case Kind::kHull: {
+        double most = 0.0;
+        for (const Vec& p : points) most = std::max(most, p.norm());
+        return most;
+      }
+      case Kind::kHalfSpace: break;
+    }
+    refuse("a half-space has no end");
+  }
+};
+
+Body body(const Json& json) {
+  Body body;
+  body.at = pose(json.at("pose"));
+  int kinds = 0;
+  for (const auto& [key, value] : json.items()) {
+    if (key == "pose" || key == "name" || key == "link") continue;
+    ++kinds;
+    if (key == "box") {
+      body.kind = Body::Kind::kBox;
+      body.half = 0.5 * vector(value);
+      if (body.half.minCoeff() < 0.0) refuse("a box has a negative side");
+    } else if (key == "sphere") {
+      body.kind = Body::Kind::kSphere;
+      body.radius = length(value);
+    } else if (key == "cylinder" || key == "capsule") {
+      body.kind = key == "cylinder" ? Body::Kind::kCylinder : Body::Kind::kCapsule;
+      if (value.size() != 2) refuse("a " + key + " has a radius and a length");
+      body.radius = length(value[0]);
+      body.half_length = 0.5 * length(value[1]);
+    } else if (key == "hull") {
+      body.kind = Body::Kind::kHull;
+      for (const Json& p : value) body.points.push_back(vector(p));
+      if (body.points.empty()) refuse("a hull has no points");
+    } else if (key == "half_space") {
+      body.kind = Body::Kind::kHalfSpace;
+    } else {
+      refuse("'" + key + "' is no shape");
+    }
+  }
+  if (kinds != 1) refuse("a body has one shape");
+  return body;
+}
+
+struct Link {
+  int parent = -1;
+  Pose at;  // against its parent, where its joint is at zero
+  enum class Motion { kFixed, kTurn, kShift } motion = Motion::kFixed;
+  Vec axis = Vec::UnitZ();
+  int joint = -1;  // none: it stays at its offset
+  double multiplier = 1.0, offset = 0.0;
+  [[nodiscard]] bool moves() const { return motion != Motion::kFixed && joint >= 0; }
+};
+
+using Terms = std::array<double, 6>;
+struct Piece {
+  double begin = 0.0, end = 0.0;
+  std::vector<Terms> joints;
+};
+
+double at(const Terms& c, double s) {
+  double sum = 0.0;
+  for (int k = 5; k >= 0; --k) sum = sum * s + c[k];
+  return sum;
+}
+
+/// The greatest |c(s + u) - c(s)| for |u| <= half, or more: by the terms of Taylor's series.
+double most_change(const Terms& c, double s, double half) {
+  static constexpr double kBinomial[6][6] = {{1, 0, 0, 0, 0, 0}, {1, 1, 0, 0, 0, 0},
+                                             {1, 2, 1, 0, 0, 0}, {1, 3, 3, 1, 0, 0},
+                                             {1, 4, 6, 4, 1, 0}, {1, 5, 10, 10, 5, 1}};
+  double sum = 0.0;
+  for (int k = 1; k < 6; ++k) {
+    double term = 0.0;
+    for (int i = k; i < 6; ++i) term += c[i] * kBinomial[i][k] * std::pow(s, i - k);
+    sum += std::abs(term) * std::pow(half, k);
+  }
+  return sum;
+}
+
+/// Whether a polynomial stays below a limit from a to b.
+bool stays_below(const Terms& c, double a, double b, double limit, int depth = 0) {
+  const double middle = 0.5 * (a + b);
+  const double there = at(c, middle);
+  if (there > limit + kLimitTolerance) return false;
+  if (there + most_change(c, middle, 0.5 * (b - a)) <= limit + kLimitTolerance) return true;
+  if (depth == kDeepest) return true;  // by less than 2^-40 of the piece
+  return stays_below(c, a, middle, limit, depth + 1) && stays_below(c, middle, b, limit, depth + 1);
+}
+
+class Recheck {
+ public:
+  explicit Recheck(const Json& json) : margin_(length(json.at("margin_m"))) {
+    if (json.at("format") != "sidestep-certificate-1") refuse("its format is not known");
+    read_robot(json.at("robot"));
+    for (const Json& object : json.at("objects")) objects_.push_back(body(object));
+    read_motion(json.at("motion"));
+    check_limits(json.at("robot").at("joints"));
+    check_claims(json.at("claims"));
+  }
+  [[nodiscard]] std::size_t pairs() const { return pairs_; }
+  [[nodiscard]] std::size_t parts() const { return parts_; }
+
+ private:
+  void read_robot(const Json& robot) {
+    dof_ = static_cast<int>(robot.at("joints").size());
+    for (const Json& json : robot.at("links")) {
+      Link link;
+      link.parent = json.at("parent").get<int>();
+      if (link.parent >= static_cast<int>(links_.size()) || link.parent < -1) {
+        refuse("a link stands before its parent");
+      }
+      link.at = pose(json.at("pose"));
+      const auto motion = json.at("motion").get<std::string>();
+      if (motion == "turn")
+        link.motion = Link::Motion::kTurn;
+      else if (motion == "shift")
+        link.motion = Link::Motion::kShift;
+      else if (motion != "fixed")
+        refuse("a link moves in no known way");
+      link.axis = vector(json.at("axis"));
+      if (std::abs(link.axis.norm() - 1.0) > 1e-12) refuse("an axis has not the length 1");
+      link.joint = json.at("joint").get<int>();
+      if (link.joint < -1 || link.joint >= dof_) refuse("there is no such joint");
+      link.multiplier = number(json.at("multiplier"));
+      link.offset = number(json.at("offset"));
+      if (std::abs(link.multiplier) > kMost || std::abs(link.offset) > kMost) {
+        refuse("a mimic joint is out of bounds");
+      }
+      links_.push_back(link);
+    }
+    const int links = static_cast<int>(links_.size());
+    for (const Json& json : robot.at("shapes")) {
+      Body shape = body(json);
+      shape.link = json.at("link").get<int>();
+      if (shape.link < 0 || shape.link >= links) refuse("a shape has no link");
+      if (shape.kind == Body::Kind::kHalfSpace) refuse("a link cannot be a half-space");
+      shapes_.push_back(std::move(shape));
+    }
+    if (shapes_.empty()) refuse("the robot has no shapes");
+    for (const Json& json : robot.at("pairs")) {
+      if (json.size() != 2) refuse("a pair has two links");
+      const int a = json[0].get<int>(), b = json[1].get<int>();
+      if (a < 0 || b < 0 || a >= links || b >= links || a == b) refuse("a pair is none");
+      link_pairs_.emplace_back(a, b);
+    }
+  }
+
+  void read_motion(const Json& motion) {
+    for (const Json& json : motion) {
+      Piece piece;
+      piece.begin = pieces_.empty() ? 0.0 : pieces_.back().end;
+      piece.end = number(json.at("end_s"));
+      const double span = piece.end - piece.begin;
+      if (!(span > 0.0)) refuse("time does not go on");
+      for (const Json& terms : json.at("joints")) {
+        if (terms.size() != 6) refuse("a polynomial has not six terms");
+        Terms c;
+        for (std::size_t k = 0; k < 6; ++k) c[k] = number(terms[k]);
+        if (!(std::abs(at(c, 0.5 * span)) + most_change(c, 0.5 * span, 0.5 * span) < kMost)) {
+          refuse("a joint is out of bounds");
+        }
+        piece.joints.push_back(c);
+      }
+      if (static_cast<int>(piece.joints.size()) != dof_) refuse("a joint has no motion");
+      if (!pieces_.empty()) {
+        const Piece& before = pieces_.back();
+        for (int j = 0; j < dof_; ++j) {
+          const double jump = piece.joints[j][0] - at(before.joints[j], before.end - before.begin);
+          if (std::abs(jump) > 1e-9) refuse("the motion jumps");
+        }
+      }
+      pieces_.push_back(std::move(piece));
+    }
+    if (pieces_.empty()) refuse("there is no motion");
+  }
+
+  void check_limits(const Json& joints) const {
+    for (int j = 0; j < dof_; ++j) {
+      const Json& joint = joints[j];
+      for (const Piece& piece : pieces_) {
+        const Terms& q = piece.joints[j];
+        Terms speed{}, minus_q{}, minus_speed{};
+        for (int k = 1; k < 6; ++k) speed[k - 1] = k * q[k];
+        for (int k = 0; k < 6; ++k) minus_q[k] = -q[k], minus_speed[k] = -speed[k];
+        const auto below = [&](const Terms& c, double limit) {
+          return stays_below(c, 0.0, piece.end - piece.begin, limit);
+        };
+        const Json &lower = joint.at("lower"), &upper = joint.at("upper"),
+                   &velocity = joint.at("velocity");
+        const bool holds = (upper.is_null() || below(q, number(upper))) &&
+                           (lower.is_null() || below(minus_q, -number(lower))) &&
+                           (velocity.is_null() || (below(speed, number(velocity)) &&
+                                                   below(minus_speed, number(velocity))));
+        if (!holds) refuse("joint " + joint.at("name").get<std::string>() + " breaks a limit");
+      }
+    }
+  }
+
+  /// The links from one up to an ancestor, without that, that joints move: the last first.
+  [[nodiscard]] std::vector<int> movers(int link, int ancestor) const {
+    std::vector<int> found;
+    for (; link != ancestor; link = links_[link].parent) {
+      if (link < 0) refuse("a link is none of its ancestor's");
+      if (links_[link].moves()) found.push_back(link);
+    }
+    return found;
+  }
+  [[nodiscard]] int common_ancestor(int a, int b) const {
+    std::vector<bool> is_above(links_.size());
+    for (; a >= 0; a = links_[a].parent) is_above[a] = true;
+    while (b >= 0 && !is_above[b]) b = links_[b].parent;
+    return b;
+  }
+
+  /// The claims are there for all that has to be apart, once each, and hold.
+  void check_claims(const Json& claims) {
+    std::map<std::pair<std::size_t, std::size_t>, const Json*> to_object, to_shape;
+    for (const Json& claim : claims) {
+      const bool is_own = claim.contains("other");
+      const auto a = claim.at("shape").get<std::size_t>();
+      const auto b = claim.at(is_own ? "other" : "object").get<std::size_t>();
+      if (!(is_own ? to_shape : to_object).emplace(std::pair(a, b), &claim.at("parts")).second) {
+        refuse("a claim stands twice");
+      }
+    }
+    const auto claimed = [](const auto& of, std::size_t a, std::size_t b) -> const Json& {
+      const auto found = of.find(std::pair(a, b));
+      if (found == of.end()) refuse("nothing is claimed of two shapes");
+      return *found->second;
+    };
+    for (std::size_t s = 0; s < shapes_.size(); ++s) {
+      const std::vector<int> moves = movers(shapes_[s].link, -1);
+      if (moves.empty()) continue;  // what no joint moves
+      for (std::size_t o = 0; o < objects_.size(); ++o) {
+        check_pair(shapes_[s], objects_[o], moves, {}, claimed(to_object, s, o));
+      }
+    }
+    for (const auto& [a, b] : link_pairs_) {
+      const int ancestor = common_ancestor(a, b);
+      for (std::size_t s = 0; s < shapes_.size(); ++s) {
+        for (std::size_t t = 0; t < shapes_.size(); ++t) {
+          if (shapes_[s].link != a || shapes_[t].link != b) continue;
+          check_pair(shapes_[s], shapes_[t], movers(a, ancestor), movers(b, ancestor),
+                     claimed(to_shape, s, t));
+        }
+      }
+    }
+  }
+
+  void check_pair(const Body& a, const Body& b, const std::vector<int>& moves_a,
+                  const std::vector<int>& moves_b, const Json& parts) {
+    ++pairs_;
+    // How much of the motion is shown, in 2^-kDeepest of it.
+    std::int64_t shown = 0;
+    for (const Json& part : parts) {
+      ++parts_;
+      if (part.size() != 5) refuse("a part has five numbers");
+      const int level = part[0].get<int>();
+      const auto index = part[1].get<std::int64_t>();
+      if (level < 0 || level > kDeepest || index < 0 || index >= std::int64_t{1} << level) {
+        refuse("a part is none of the motion");
+      }
+      if (index << (kDeepest - level) != shown) refuse("a part of the motion is left out");
+      shown += std::int64_t{1} << (kDeepest - level);
+      const Vec direction(part[2].get<int>(), part[3].get<int>(), part[4].get<int>());
+      const double spare = gap(a, b, moves_a, moves_b, level, index, direction) - margin_;
+      if (!(spare > kRounding_m)) refuse("two shapes are not shown apart");
+    }
+    if (shown != std::int64_t{1} << kDeepest) refuse("a part of the motion is left out");
+  }
+
+  /// How far apart two shapes stay in a part of the motion, at least.
+  [[nodiscard]] double gap(const Body& a, const Body& b, const std::vector<int>& moves_a,
+                           const std::vector<int>& moves_b, int level, std::int64_t index,
+                           const Vec& direction) {
+    const State& state = this->state(level, index);
+    const Pose at_a = state.links[a.link] * a.at;
+    const Pose at_b = b.link >= 0 ? state.links[b.link] * b.at : b.at;
+    const double ways = way(state, a, at_a, moves_a) + way(state, b, at_b, moves_b);
+    if (b.kind == Body::Kind::kHalfSpace) {
+      const Vec up = at_b.R.col(2);
+      return up.dot(at_a.p - at_b.p) - a.reach(at_a.R.transpose() * -up) - ways;
+    }
+    const double norm = direction.norm();
+    if (!(norm > 0.0)) refuse("a direction is none");
+    const Vec n = direction / norm;
+    return n.dot(at_b.p - at_a.p) - a.reach(at_a.R.transpose() * n) -
+           b.reach(at_b.R.transpose() * -n) - ways;
+  }
+
+  /// The robot in the middle of a part, and how far each joint goes from there in that part.
+  struct State {
+    std::vector<Pose> links;
+    std::vector<double> changes;
+  };
+
+  const State& state(int level, std::int64_t index) {
+    const auto [found, is_new] = states_.try_emplace({level, index});
+    State& state = found->second;
+    if (!is_new) return state;
+    const double step = std::ldexp(pieces_.back().end, -level);
+    const double from = step * static_cast<double>(index), to = from + step;
+    const double middle = 0.5 * (from + to);
+    std::size_t here = 0;
+    while (here + 1 < pieces_.size() && pieces_[here].end <= middle) ++here;
+    std::vector<double> q(dof_);
+    for (int j = 0; j < dof_; ++j) {
+      q[j] = at(pieces_[here].joints[j], middle - pieces_[here].begin);
+    }
+    state.changes.assign(dof_, 0.0);
+    // Times are rounded, too: what is next to a part counts with it.
+    const double more = 1e-14 * pieces_.back().end;
+    for (const Piece& piece : pieces_) {
+      const double a = std::max(from - more, piece.begin) - piece.begin;
+      const double b = std::min(to + more, piece.end) - piece.begin;
+      if (a > b) continue;
+      for (int j = 0; j < dof_; ++j) {
+        const Terms& c = piece.joints[j];
+        const double s = 0.5 * (a + b);
+        const double change = std::abs(at(c, s) - q[j]) + most_change(c, s, 0.5 * (b - a));
+        state.changes[j] = std::max(state.changes[j], change);
+      }
+    }
+    for (const Link& link : links_) {
+      Pose T = link.parent >= 0 ? state.links[link.parent] * link.at : link.at;
+      const double value =
+          link.joint >= 0 ? link.multiplier * q[link.joint] + link.offset : link.offset;
+      if (link.motion == Link::Motion::kTurn) T = T * Pose{turn(link.axis, value), Vec::Zero()};
+      if (link.motion == Link::Motion::kShift) T = T * Pose{Mat::Identity(), value * link.axis};
+      state.links.push_back(T);
+    }
+    return state;
+  }
+
+  /// Rodrigues' formula.
+  static Mat turn(const Vec& axis, double angle) {
+    Mat K;
+    K << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
+    return Mat::Identity() + std::sin(angle) * K + (1.0 - std::cos(angle)) * K * K;
+  }
+
+  /// How far any point of a body comes from where it is in the middle of a part. From the body
+  /// inwards: a joint that turns by no more than `change` moves a point that has come `sum` from
+  /// its place by no more than change * (its distance + sum).
+  [[nodiscard]] double way(const State& state, const Body& body, const Pose& at,
+                           const std::vector<int>& movers) const {
+    double sum = 0.0;
+    for (const int number : movers) {
+      const Link& link = links_[number];
+      const double change = std::abs(link.multiplier) * state.changes[link.joint];
+      const double arm = (at.p - state.links[number].p).norm() + body.ball() + sum;
+      sum += link.motion == Link::Motion::kTurn ? change * arm : change;
+    }
+    return sum;
+  }
+
+  double margin_;
+  int dof_ = 0;
+  std::vector<Link> links_;
+  std::vector<Body> shapes_, objects_;
+  std::vector<std::pair<int, int>> link_pairs_;
+  std::vector<Piece> pieces_;
+  std::map<std::pair<int, std::int64_t>, State> states_;
+  std::size_t pairs_ = 0, parts_ = 0;
+};
+
+int recheck(const char* file) {
+  std::ifstream in(file);
+  if (!in) {
+    std::fprintf(stderr, "%s: cannot be read\n", file);
+    return 4;
+  }
+  try {
+    const Recheck found(Json::parse(in));
+    std::printf("%s: accepted (%zu pairs of shapes, %zu parts)\n", file, found.pairs(),
+                found.parts());
+    return 0;
+  } catch (const std::exception& error) {
+    std::printf("%s: refused: %s\n", file, error.what());
+    return 1;
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 2 || std::string(argv[1]) == "--help") {
+    std::printf(
+        "sidestep_recheck CERTIFICATE...\n"
+        "Accepts or refuses certificates of `sidestep certify --out`. Exit code 0: all are "
+        "accepted; 1: not; 4: one cannot be read.\n");
+    return argc < 2 ? 2 : 0;
+  }
+  int worst = 0;
+  for (int i = 1; i < argc; ++i) worst = std::max(worst, recheck(argv[i]));
+  return worst;
+}
