@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +13,9 @@
 #include <sidestep/robot/kinematic_tree.hpp>
 
 namespace sidestep {
+
+/// What a robot does between two states that are given.
+enum class Joining { kLinear, kCubic, kQuintic };
 
 /// All joints from one time to the next: joint j is at the sum of coefficients[j][k] s^k, s seconds
 /// after begin_s.
@@ -26,16 +30,28 @@ struct PolynomialPiece {
 struct PolynomialMotion {
   std::vector<PolynomialPiece> pieces;
   bool has_times = true;  ///< False: waypoints without times; their speed says nothing.
+  Joining joining = Joining::kLinear;
 
   [[nodiscard]] double duration_s() const { return pieces.empty() ? 0.0 : pieces.back().end_s; }
 };
 
-/// Reads a motion: CSV with a header `time_s,JOINT,...`, joined linearly; with a column
-/// `JOINT.velocity` for each joint, by cubics. Without `time_s` the lines are waypoints. Columns in
-/// any order; joints by the names of the robot, all of them, and no others. Fails with kConfig or
-/// kIo, naming file and line.
-[[nodiscard]] Result<PolynomialMotion> read_motion(const std::string& file,
-                                                   const RobotDescription& robot);
+/// Reads a motion by the names of the robot's joints, all of them and no others, in any order:
+/// - CSV with a header: `time_s`, JOINT, JOINT.velocity, JOINT.acceleration. Without `time_s` the
+///   lines are waypoints;
+/// - YAML, as `rostopic echo -n 1` and `ros2 topic echo --once` print it: a RobotTrajectory or
+///   DisplayTrajectory of MoveIt, or a JointTrajectory.
+/// Joined as is said; else as a joint_trajectory_controller does: by quintics where there are
+/// velocities and accelerations, by cubics where there are velocities, else linearly. Fails with
+/// kConfig or kIo, naming file and line.
+[[nodiscard]] Result<PolynomialMotion> read_motion(const std::filesystem::path& file,
+                                                   const RobotDescription& robot,
+                                                   std::optional<Joining> joining = {});
+
+/// Reads a scene: YAML of this project (docs/reference/scenes.md), or a PlanningScene of MoveIt, in
+/// the frame of a link of the robot that no joint moves. Fails with kConfig or kIo, naming file and
+/// line; also for what would be left out: octomaps, attached objects, cones, planes.
+[[nodiscard]] Result<Scene> read_certified_scene(const std::filesystem::path& file,
+                                                 const KinematicTree& robot);
 
 /// An instant at which two things are nearer than the margin, or overlap: a point of each, in the
 /// world.

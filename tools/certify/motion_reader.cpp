@@ -1,17 +1,18 @@
+#include "motion_reader.hpp"
+
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <fstream>
 #include <string_view>
 
 #include <sidestep/core/index.hpp>
-
-#include "certify.hpp"
+#include <sidestep/runtime/yaml_document.hpp>
 
 namespace sidestep {
 namespace {
 
 constexpr std::string_view kTime = "time_s";
-constexpr std::string_view kVelocity = ".velocity";
 /// Of waypoints without times.
 constexpr double kStep_s = 1.0;
 
@@ -27,60 +28,68 @@ std::vector<std::string> fields_of(const std::string& line) {
   return fields;
 }
 
-class MotionTable {
+class CsvMotion {
  public:
-  MotionTable(const std::string& file, const RobotDescription& robot)
+  CsvMotion(const std::filesystem::path& file, const RobotDescription& robot)
       : file_(file), robot_(robot) {}
 
-  [[nodiscard]] Result<PolynomialMotion> read() {
+  [[nodiscard]] Result<MotionSamples> read() {
     std::ifstream in(file_);
-    if (!in) return fail(ErrorCode::kIo, "cannot be read", file_);
+    if (!in) return fail(ErrorCode::kIo, "cannot be read", file_.string());
     for (std::string text; std::getline(in, text);) {
       ++line_;
       if (text.find_first_not_of(" \t\r") == std::string::npos || text[0] == '#') continue;
       SIDESTEP_TRY(columns_.empty() ? read_header(fields_of(text)) : read_row(fields_of(text)));
     }
-    if (rows_ < 2) return wrong("a motion has two lines of numbers at least");
-    return motion();
+    if (samples_.times_s.size() < 2) return wrong("a motion has two lines of numbers at least");
+    return std::move(samples_);
   }
 
  private:
+  enum Kind { kPosition, kVelocity, kAcceleration };
+  static constexpr std::array<std::string_view, 3> kSuffixes{"", ".velocity", ".acceleration"};
   struct Column {
-    bool is_time = false, is_velocity = false;
+    bool is_time = false;
+    Kind kind = kPosition;
     std::size_t joint = 0;
   };
 
   [[nodiscard]] tl::unexpected<Error> wrong(const std::string& what) const {
-    return fail(ErrorCode::kConfig, what, file_ + ":" + std::to_string(line_));
+    return fail(ErrorCode::kConfig, what, file_.string() + ":" + std::to_string(line_));
   }
 
   [[nodiscard]] Result<void> read_header(const std::vector<std::string>& names) {
     const std::size_t dof = robot_.joints.size();
-    std::vector<int> positions(dof), velocities(dof);
+    std::array<std::vector<int>, 3> found;
+    for (auto& of : found) of.resize(dof);
+    samples_.has_times = false;
     for (const std::string& name : names) {
       if (name == kTime) {
-        if (has_times_) return wrong("column time_s stands twice");
-        has_times_ = true;
+        if (samples_.has_times) return wrong("column time_s stands twice");
+        samples_.has_times = true;
         columns_.push_back({.is_time = true});
         continue;
       }
-      const bool is_velocity = name.ends_with(kVelocity);
-      const auto joint =
-          robot_.joint_index(is_velocity ? name.substr(0, name.size() - kVelocity.size()) : name);
+      const Kind kind = name.ends_with(kSuffixes[kVelocity])       ? kVelocity
+                        : name.ends_with(kSuffixes[kAcceleration]) ? kAcceleration
+                                                                   : kPosition;
+      const auto joint = robot_.joint_index(name.substr(0, name.size() - kSuffixes[kind].size()));
       if (!joint) return wrong("robot '" + robot_.name + "' has no joint '" + name + "'");
-      if (++(is_velocity ? velocities : positions)[idx(*joint)] > 1) {
-        return wrong("column " + name + " stands twice");
-      }
-      columns_.push_back({.is_velocity = is_velocity, .joint = idx(*joint)});
+      if (++found[kind][idx(*joint)] > 1) return wrong("column " + name + " stands twice");
+      columns_.push_back({.kind = kind, .joint = idx(*joint)});
     }
-    has_velocities_ = std::ranges::count(velocities, 1) > 0;
+    samples_.has_velocities = std::ranges::count(found[kVelocity], 1) > 0;
+    samples_.has_accelerations = std::ranges::count(found[kAcceleration], 1) > 0;
+    const std::array wanted{true, samples_.has_velocities, samples_.has_accelerations};
     for (std::size_t j = 0; j < dof; ++j) {
-      const std::string& name = robot_.joints[j].name;
-      if (positions[j] == 0) return wrong("there is no column for joint '" + name + "'");
-      if (has_velocities_ && velocities[j] == 0)
-        return wrong("there is no column " + name + ".velocity");
+      for (const Kind kind : {kPosition, kVelocity, kAcceleration}) {
+        if (!wanted[kind] || found[kind][j] > 0) continue;
+        return wrong("there is no column " + robot_.joints[j].name + std::string(kSuffixes[kind]));
+      }
     }
-    if (has_velocities_ && !has_times_) return wrong("velocities need a column time_s");
+    if (samples_.has_velocities && !samples_.has_times) {
+      return wrong("velocities need a column time_s");
+    }
     return {};
   }
 
@@ -89,10 +98,8 @@ class MotionTable {
       return wrong(std::to_string(fields.size()) + " fields where the header has " +
                    std::to_string(columns_.size()));
     }
-    const std::size_t dof = robot_.joints.size();
-    double time_s = kStep_s * static_cast<double>(rows_);
-    positions_.resize(positions_.size() + dof);
-    velocities_.resize(positions_.size());
+    double time_s = kStep_s * static_cast<double>(samples_.times_s.size());
+    MotionSamples::State state(robot_.joints.size());
     for (std::size_t i = 0; i < fields.size(); ++i) {
       double number = 0.0;
       const char* const end = fields[i].data() + fields[i].size();
@@ -101,54 +108,78 @@ class MotionTable {
         return wrong("'" + fields[i] + "' is not a number");
       }
       const Column& column = columns_[i];
-      if (column.is_time)
-        time_s = number;
-      else
-        (column.is_velocity ? velocities_ : positions_)[rows_ * dof + column.joint] = number;
+      (column.is_time ? time_s : state[column.joint][column.kind]) = number;
     }
-    if (rows_ == 0) first_s_ = time_s;
-    if (rows_ > 0 && !(time_s - first_s_ > times_s_.back())) {
-      return wrong("time does not go on");
-    }
-    times_s_.push_back(time_s - first_s_);
-    ++rows_;
+    if (!samples_.add(time_s, std::move(state))) return wrong("time does not go on");
     return {};
   }
 
-  [[nodiscard]] PolynomialMotion motion() const {
-    const std::size_t dof = robot_.joints.size();
-    PolynomialMotion motion;
-    motion.has_times = has_times_;
-    for (std::size_t row = 0; row + 1 < rows_; ++row) {
-      PolynomialPiece piece{times_s_[row], times_s_[row + 1], {}};
-      const double h = piece.end_s - piece.begin_s;
-      for (std::size_t j = 0; j < dof; ++j) {
-        const double q0 = positions_[row * dof + j];
-        const double slope = (positions_[(row + 1) * dof + j] - q0) / h;
-        const double v0 = has_velocities_ ? velocities_[row * dof + j] : slope;
-        const double v1 = has_velocities_ ? velocities_[(row + 1) * dof + j] : slope;
-        piece.coefficients.push_back({q0, v0, (3.0 * slope - 2.0 * v0 - v1) / h,
-                                      (v0 + v1 - 2.0 * slope) / (h * h), 0.0, 0.0});
-      }
-      motion.pieces.push_back(std::move(piece));
-    }
-    return motion;
-  }
-
-  const std::string& file_;
+  const std::filesystem::path& file_;
   const RobotDescription& robot_;
   int line_ = 0;
   std::vector<Column> columns_;
-  bool has_times_ = false, has_velocities_ = false;
-  std::size_t rows_ = 0;
-  double first_s_ = 0.0;
-  std::vector<double> times_s_, positions_, velocities_;
+  MotionSamples samples_;
 };
+
+/// The coefficients from one state of a joint to the next, h seconds later.
+std::array<double, PolynomialPiece::kTerms> between(const std::array<double, 3>& from,
+                                                    const std::array<double, 3>& to, double h,
+                                                    Joining joining) {
+  const auto [q0, v0, a0] = from;
+  const auto [q1, v1, a1] = to;
+  const double way = q1 - q0;
+  switch (joining) {
+    case Joining::kLinear: return {q0, way / h};
+    case Joining::kCubic:
+      return {q0, v0, (3.0 * way / h - 2.0 * v0 - v1) / h, (v0 + v1 - 2.0 * way / h) / (h * h)};
+    case Joining::kQuintic: break;
+  }
+  const double h2 = h * h;
+  return {
+      q0,
+      v0,
+      0.5 * a0,
+      (20.0 * way - (8.0 * v1 + 12.0 * v0) * h - (3.0 * a0 - a1) * h2) / (2.0 * h2 * h),
+      (-30.0 * way + (14.0 * v1 + 16.0 * v0) * h + (3.0 * a0 - 2.0 * a1) * h2) / (2.0 * h2 * h2),
+      (12.0 * way - 6.0 * (v1 + v0) * h - (a0 - a1) * h2) / (2.0 * h2 * h2 * h)};
+}
 
 }  // namespace
 
-Result<PolynomialMotion> read_motion(const std::string& file, const RobotDescription& robot) {
-  return MotionTable(file, robot).read();
+bool MotionSamples::add(double time_s, State state) {
+  if (times_s.empty()) first_s = time_s;
+  if (!times_s.empty() && !(time_s - first_s > times_s.back())) return false;
+  times_s.push_back(time_s - first_s);
+  states.push_back(std::move(state));
+  return true;
+}
+
+Result<PolynomialMotion> read_motion(const std::filesystem::path& file,
+                                     const RobotDescription& robot,
+                                     std::optional<Joining> joining) {
+  const bool is_csv = file.extension() == ".csv";
+  const auto samples =
+      SIDESTEP_TRY(is_csv ? CsvMotion(file, robot).read() : read_moveit_motion(file, robot));
+  PolynomialMotion motion;
+  motion.has_times = samples.has_times;
+  motion.joining = joining.value_or(!samples.has_velocities     ? Joining::kLinear
+                                    : samples.has_accelerations ? Joining::kQuintic
+                                                                : Joining::kCubic);
+  const bool lacks = (motion.joining != Joining::kLinear && !samples.has_velocities) ||
+                     (motion.joining == Joining::kQuintic && !samples.has_accelerations);
+  if (lacks) {
+    return fail(ErrorCode::kConfig, "has no velocities, or accelerations, to be joined by",
+                file.string());
+  }
+  for (std::size_t k = 0; k + 1 < samples.times_s.size(); ++k) {
+    PolynomialPiece piece{samples.times_s[k], samples.times_s[k + 1], {}};
+    for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+      piece.coefficients.push_back(between(samples.states[k][j], samples.states[k + 1][j],
+                                           piece.end_s - piece.begin_s, motion.joining));
+    }
+    motion.pieces.push_back(std::move(piece));
+  }
+  return motion;
 }
 
 }  // namespace sidestep

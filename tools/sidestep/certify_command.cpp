@@ -16,16 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Result<Scene> read_scene_file(const std::filesystem::path& file, const DocumentReader& documents) {
-  std::vector<Error> errors;
-  const auto document = SIDESTEP_TRY(documents.read_leniently(file, errors));
-  SceneReading reading = read_scene(document);
-  errors.insert(errors.end(), reading.errors.begin(), reading.errors.end());
-  if (errors.empty()) return std::move(reading.scene);
-  print_errors({errors.begin(), errors.end() - 1});
-  return tl::make_unexpected(errors.back());
-}
-
 const char* name_of(Certification::Outcome outcome) noexcept {
   switch (outcome) {
     case Certification::Outcome::kProven: return "proven";
@@ -37,8 +27,18 @@ const char* name_of(Certification::Outcome outcome) noexcept {
 
 Json point(const Eigen::Vector3d& p) { return Json::array({p.x(), p.y(), p.z()}); }
 
-Json verdict_json(const Certification& found, double margin_m) {
+const char* name_of(Joining joining) noexcept {
+  switch (joining) {
+    case Joining::kLinear: return "linear";
+    case Joining::kCubic: return "cubic";
+    case Joining::kQuintic: return "quintic";
+  }
+  return "";
+}
+
+Json verdict_json(const Certification& found, double margin_m, Joining joining) {
   Json json = {{"verdict", name_of(found.outcome)},
+               {"joined", name_of(joining)},
                {"margin_m", margin_m},
                {"pairs", found.pairs},
                {"parts", found.parts}};
@@ -58,7 +58,7 @@ Json verdict_json(const Certification& found, double margin_m) {
   return json;
 }
 
-std::string verdict_text(const Certification& found, double margin_m) {
+std::string verdict_text(const Certification& found, double margin_m, Joining joining) {
   if (!found.broken_limit.empty()) return "refuted: " + found.broken_limit;
   if (const auto& witness = found.witness) {
     const Eigen::Vector3d p = 0.5 * (witness->p_a + witness->p_b);
@@ -74,8 +74,10 @@ std::string verdict_text(const Certification& found, double margin_m) {
            " and " + first.b + format(" from %.6f", first.from_s) +
            format(" to %.6f s", first.to_s);
   }
-  return format("proven: more than %g m clear over all of its time, limits held", margin_m) +
-         format(" (%zu pairs of shapes, ", found.pairs) + format("%zu parts)", found.parts);
+  return format("proven: more than %g m clear over all of its time, limits held (joined: ",
+                margin_m) +
+         name_of(joining) + format("; %zu pairs of shapes, ", found.pairs) +
+         format("%zu parts)", found.parts);
 }
 
 Result<void> save(const std::filesystem::path& file, const Json& certificate) {
@@ -101,9 +103,9 @@ ExitCode certify_command(const CertifyOptions& options) {
   const auto profile = SphereProfile::open(options.robot, std::nullopt, context);
   if (!profile) return refused(profile.error());
   const KinematicTree& robot = *profile->robot();
-  const auto scene = read_scene_file(options.scene, documents);
+  const auto scene = read_certified_scene(options.scene, robot);
   if (!scene) return refused(scene.error());
-  const auto motion = read_motion(options.motion.string(), robot.description());
+  const auto motion = read_motion(options.motion, robot.description(), options.joining);
   if (!motion) return refused(motion.error());
   const auto found = certify(robot, *scene, *motion, {.margin_m = options.margin_m});
   if (!found) return wrong_input(found.error());
@@ -114,8 +116,9 @@ ExitCode certify_command(const CertifyOptions& options) {
       return refused(saved.error());
     }
   }
-  const std::string text = options.json ? verdict_json(*found, options.margin_m).dump(2)
-                                        : verdict_text(*found, options.margin_m);
+  const std::string text = options.json
+                               ? verdict_json(*found, options.margin_m, motion->joining).dump(2)
+                               : verdict_text(*found, options.margin_m, motion->joining);
   std::printf("%s\n", text.c_str());
   if (is_proven) return ExitCode::kSuccess;
   return found->outcome == Certification::Outcome::kRefuted ? ExitCode::kTaskFailed

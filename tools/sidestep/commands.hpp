@@ -17,6 +17,7 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/session.hpp>
 
+#include "certify.hpp"
 #include "view_server.hpp"
 
 namespace sidestep {
@@ -179,6 +180,7 @@ struct RobotOptions {
 
 struct CertifyOptions {
   std::filesystem::path motion;
+  std::optional<Joining> joining;
   std::string robot;            ///< A profile.
   std::filesystem::path scene;  ///< A file.
   double margin_m = 0.0;

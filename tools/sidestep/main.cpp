@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <exception>
+#include <map>
 
 #include <CLI/CLI.hpp>
 
@@ -47,10 +48,23 @@ void add_configurations(CLI::App& command, CommandLine& line) {
 void add_certify_command(CLI::App& app, CertifyOptions& certify) {
   CLI::App* command = app.add_subcommand(
       "certify", "Prove that a robot keeps apart from a scene on a motion, whoever planned it");
-  command->add_option("MOTION", certify.motion, "CSV: time_s and the joints, a line an instant")
+  command
+      ->add_option(
+          "MOTION", certify.motion,
+          "CSV (time_s and the joints, a line an instant), or a trajectory of MoveIt as YAML")
       ->required();
   command->add_option("--robot", certify.robot, "The robot's name, or its profile")->required();
-  command->add_option("--scene", certify.scene, "The scene's file")->required();
+  command->add_option("--scene", certify.scene, "A scene, or a planning scene of MoveIt, as YAML")
+      ->required();
+  command
+      ->add_option("--joined", certify.joining,
+                   "What the robot does between two states (default: by what they hold)")
+      ->transform(
+          CLI::CheckedTransformer(std::map<std::string, Joining>{{"linear", Joining::kLinear},
+                                                                 {"cubic", Joining::kCubic},
+                                                                 {"quintic", Joining::kQuintic}})
+              .description(""))
+      ->type_name("linear|cubic|quintic");
   command->add_option("--margin_m", certify.margin_m, "How far apart all is to be, at least")
       ->check(CLI::Range(0.0, 10.0))
       ->capture_default_str();

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -11,6 +12,16 @@ using ::testing::HasSubstr;
 
 class Motions : public ::testing::Test {
  protected:
+  [[nodiscard]] Result<PolynomialMotion> read_message(const std::string& text) const {
+    const std::string file = ::testing::TempDir() + "sidestep_motion.yaml";
+    std::ofstream(file) << text;
+    return read_motion(file, testing_certify::crane(0.1)->description());
+  }
+  [[nodiscard]] Result<Scene> read_scene(const std::string& text) const {
+    const std::string file = ::testing::TempDir() + "sidestep_scene.yaml";
+    std::ofstream(file) << text;
+    return read_certified_scene(file, *testing_certify::crane(0.1));
+  }
   [[nodiscard]] Result<PolynomialMotion> read(const std::string& text) const {
     std::ofstream(file_) << text;
     return read_motion(file_, testing_certify::crane(0.1)->description());
@@ -51,7 +62,7 @@ TEST_F(Motions, WithoutTimesAreWaypoints) {
 }
 
 TEST_F(Motions, NameFileAndLineOfWhatIsWrong) {
-  EXPECT_THAT(mistake("time_s,turn\n0,0\n1,1\n"), HasSubstr("no column for joint 'slide'"));
+  EXPECT_THAT(mistake("time_s,turn\n0,0\n1,1\n"), HasSubstr("there is no column slide"));
   EXPECT_THAT(mistake("time_s,turn,slide,elbow\n"), HasSubstr("has no joint 'elbow'"));
   EXPECT_THAT(mistake("turn,turn,slide\n"), HasSubstr("column turn stands twice"));
   EXPECT_THAT(mistake("time_s,turn,slide\n0,0,0.5\n0,1,0.5\n"),
@@ -62,6 +73,117 @@ TEST_F(Motions, NameFileAndLineOfWhatIsWrong) {
   EXPECT_THAT(mistake("time_s,turn,slide\n0,0,0.5\n"), HasSubstr("two lines"));
   EXPECT_THAT(mistake("turn,slide,turn.velocity\n"), HasSubstr("no column slide.velocity"));
   EXPECT_THAT(mistake(""), HasSubstr("two lines"));
+}
+
+constexpr const char* kTrajectory = R"(joint_trajectory:
+  header: {seq: 0, stamp: {secs: 0, nsecs: 0}, frame_id: base}
+  joint_names: [slide, turn]
+  points:
+    - positions: [0.5, 0.0]
+      velocities: [0.0, 0.0]
+      accelerations: [0.0, 0.3]
+      effort: []
+      time_from_start: {secs: 0, nsecs: 0}
+    - positions: [0.7, 1.0]
+      velocities: [0.0, 0.5]
+      accelerations: [0.0, -0.1]
+      effort: []
+      time_from_start: {secs: 1, nsecs: 500000000}
+multi_dof_joint_trajectory:
+  joint_names: []
+  points: []
+---
+)";
+
+TEST_F(Motions, OfMoveItGoThroughTheirStates) {
+  const auto motion = read_message(kTrajectory);
+  ASSERT_TRUE(motion) << motion.error().describe();
+  EXPECT_EQ(motion->joining, Joining::kQuintic);
+  ASSERT_EQ(motion->pieces.size(), 1U);
+  EXPECT_EQ(motion->duration_s(), 1.5);
+  const auto& c = motion->pieces[0].coefficients[0];
+  double q = 0.0, v = 0.0, a = 0.0;
+  for (int k = 0; k < 6; ++k) {
+    q += c[k] * std::pow(1.5, k);
+    if (k > 0) v += k * c[k] * std::pow(1.5, k - 1);
+    if (k > 1) a += k * (k - 1) * c[k] * std::pow(1.5, k - 2);
+  }
+  EXPECT_NEAR(q, 1.0, 1e-12);
+  EXPECT_NEAR(v, 0.5, 1e-12);
+  EXPECT_NEAR(a, -0.1, 1e-12);
+  EXPECT_EQ(c[0], 0.0);
+  EXPECT_EQ(c[1], 0.0);
+  EXPECT_EQ(c[2], 0.15);
+}
+
+TEST_F(Motions, OfMoveItAreReadInRos2sWordsAndAsDisplayed) {
+  std::string text = kTrajectory;
+  for (const auto& [ros1, ros2] : {std::pair("nsecs", "nanosec"), std::pair("secs", "sec")}) {
+    for (auto at = text.find(ros1); at != std::string::npos; at = text.find(ros1)) {
+      text.replace(at, std::string(ros1).size(), ros2);
+    }
+  }
+  EXPECT_TRUE(read_message(text));
+  std::string shown = "model_id: crane\ntrajectory:\n  - ";
+  for (const char c : text.substr(0, text.find("---"))) {
+    shown += c;
+    if (c == '\n') shown += "    ";
+  }
+  const auto displayed = read_message(shown);
+  EXPECT_TRUE(displayed) << displayed.error().describe();
+}
+
+TEST_F(Motions, OfMoveItNameWhatIsWrong) {
+  std::string other = kTrajectory;
+  other.replace(other.find("turn"), 4, "lift");
+  EXPECT_THAT(read_message(other).error().describe(),
+              HasSubstr("sidestep_motion.yaml:3:24: robot 'crane' has no joint 'lift'"));
+  std::string stands = kTrajectory;
+  stands.replace(stands.find("secs: 1, nsecs: 500000000"), 25, "secs: 0, nsecs: 0");
+  EXPECT_THAT(read_message(stands).error().describe(), HasSubstr("time does not go on"));
+}
+
+constexpr const char* kScene = R"(name: ""
+robot_state: {attached_collision_objects: []}
+world:
+  collision_objects:
+    - header: {frame_id: base}
+      pose: {position: {x: 1, y: 0, z: 0}, orientation: {x: 0, y: 0, z: 0.7071067811865476, w: 0.7071067811865476}}
+      id: shelf
+      primitives: [{type: 1, dimensions: [0.1, 0.2, 0.3]}, {type: 3, dimensions: [0.5, 0.05]}]
+      primitive_poses:
+        - {position: {x: 0.5, y: 0, z: 0}, orientation: {x: 0, y: 0, z: 0, w: 1}}
+        - {position: {x: 0, y: 0, z: 1}, orientation: {x: 0, y: 0, z: 0, w: 1}}
+      meshes: []
+      planes: []
+  octomap: {octomap: {data: []}}
+)";
+
+TEST_F(Motions, PassScenesOfMoveIt) {
+  const auto scene = read_scene(kScene);
+  ASSERT_TRUE(scene) << scene.error().describe();
+  ASSERT_EQ(scene->objects().size(), 2U);
+  const Transform T = scene->objects()[0].T_world_object(0.0);
+  EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(1.0, 0.5, 0.0), 1e-12));
+  EXPECT_TRUE(T.linear().col(0).isApprox(Eigen::Vector3d::UnitY(), 1e-9));
+  const auto& cylinder = std::get<Cylinder>(scene->objects()[1].shape);
+  EXPECT_EQ(cylinder.length_m, 0.5);
+  EXPECT_EQ(cylinder.radius_m, 0.05);
+}
+
+TEST_F(Motions, RefuseScenesOfWhichSomethingWouldBeLeftOut) {
+  const auto mistake = [&](const std::string& old, const std::string& fresh) {
+    std::string text = kScene;
+    text.replace(text.find(old), old.size(), fresh);
+    const auto scene = read_scene(text);
+    return scene ? "" : scene.error().describe();
+  };
+  EXPECT_THAT(mistake("data: []", "data: [1]"), HasSubstr("an octomap is not read"));
+  EXPECT_THAT(mistake("objects: []", "objects: [{}]"), HasSubstr("attached objects are not read"));
+  EXPECT_THAT(mistake("type: 3", "type: 4"), HasSubstr("neither a box"));
+  EXPECT_THAT(mistake("frame_id: base", "frame_id: map"), HasSubstr("has no link 'map'"));
+  EXPECT_THAT(mistake("frame_id: base", "frame_id: tip"), HasSubstr("link 'tip' moves"));
+  EXPECT_THAT(mistake("planes: []", "planes: [{}]"), HasSubstr("a plane is not read"));
 }
 
 }  // namespace
