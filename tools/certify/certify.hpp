@@ -47,11 +47,10 @@ struct PolynomialMotion {
                                                    const RobotDescription& robot,
                                                    std::optional<Joining> joining = {});
 
-/// Reads a scene: YAML of this project (docs/reference/scenes.md), or a PlanningScene of MoveIt, in
-/// the frame of a link of the robot that no joint moves. Fails with kConfig or kIo, naming file and
-/// line; also for what would be left out: octomaps, attached objects, cones, planes.
+/// Reads a scene: YAML of this project (docs/reference/scenes.md), or a PlanningScene of MoveIt
+/// (read_moveit_scene()). Fails with kConfig or kIo, naming file and line.
 [[nodiscard]] Result<Scene> read_certified_scene(const std::filesystem::path& file,
-                                                 const KinematicTree& robot);
+                                                 const RobotDescription& robot);
 
 /// An instant at which two things are nearer than the margin, or overlap: a point of each, in the
 /// world.

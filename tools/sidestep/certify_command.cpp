@@ -103,7 +103,7 @@ ExitCode certify_command(const CertifyOptions& options) {
   const auto profile = SphereProfile::open(options.robot, std::nullopt, context);
   if (!profile) return refused(profile.error());
   const KinematicTree& robot = *profile->robot();
-  const auto scene = read_certified_scene(options.scene, robot);
+  const auto scene = read_certified_scene(options.scene, robot.description());
   if (!scene) return refused(scene.error());
   const auto motion = read_motion(options.motion, robot.description(), options.joining);
   if (!motion) return refused(motion.error());

@@ -337,6 +337,17 @@ Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& requ
 
 }  // namespace
 
+Result<Scene> read_moveit_scene(const Node& message, const fs::path& folder,
+                                const RobotDescription& robot) {
+  std::optional<Error> error;
+  const DocumentEntry scene(message, error);
+  Scene found(read_world(scene, robot, folder));
+  Positions ignored;
+  read_robot_state(scene, "robot_state", ignored);
+  if (error) return tl::make_unexpected(std::move(*error));
+  return found;
+}
+
 bool holds_moveit_problems(const fs::path& folder) {
   return !numbered_files(folder, kRequest).empty();
 }

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 
 #include <sidestep/core/error.hpp>
+#include <sidestep/core/node.hpp>
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/robot/robot_model.hpp>
 
@@ -41,5 +42,12 @@ struct SetProblem {
 /// [any]
 [[nodiscard]] Result<std::vector<SetProblem>> read_moveit_family(
     const std::filesystem::path& folder, const RobotDescription& robot);
+
+/// The objects of a moveit_msgs PlanningScene, as YAML, in the frame of the robot's root. `folder`:
+/// that its meshes are named from. Fails with kConfig naming file, line and entry, also for what
+/// would be left out: attached objects, cones, planes, octomaps. [any]
+[[nodiscard]] Result<Scene> read_moveit_scene(const Node& message,
+                                              const std::filesystem::path& folder,
+                                              const RobotDescription& robot);
 
 }  // namespace sidestep
