@@ -24,6 +24,8 @@ constexpr double kRounding_m = 2e-9;
 constexpr double kMost = 1e3;
 /// Directions are written with so many decimals.
 constexpr double kDirection = 1e4;
+/// Shapes that may be nearer than this are looked at more closely: they may touch.
+constexpr double kNear_m = 0.005;
 /// A part is no shorter than 2^-kDeepest of the motion.
 constexpr int kDeepest = 40;
 /// Of joints, in their units.
@@ -340,7 +342,7 @@ class Certifier {
   /// Shows a pair apart over the whole motion, or finds where it is not.
   void show(const Pair& pair, Json claim) {
     ++found_.pairs;
-    Json parts = Json::array();
+    std::vector<std::array<std::int64_t, 5>> parts;
     struct Open {
       Part part;
       Eigen::Vector3d direction;
@@ -356,14 +358,16 @@ class Certifier {
       const double wanted_m = settings_.margin_m + look.way_m + kRounding_m;
       const auto is_apart = [&](const Eigen::Vector3d& direction) {
         if (direction.isZero() || !(gap_m(look.a, look.b, direction) > wanted_m)) return false;
-        parts.push_back({part.level, part.index, static_cast<int>(direction.x()),
-                         static_cast<int>(direction.y()), static_cast<int>(direction.z())});
+        const auto whole = [](double x) { return static_cast<std::int64_t>(x); };
+        parts.push_back({part.level, part.index, whole(direction.x()), whole(direction.y()),
+                         whole(direction.z())});
         return true;
       };
       const Eigen::Vector3d between =
           look.b.T_world_shape.translation() - look.a.T_world_shape.translation();
       if (is_apart(before) || is_apart(written(between))) continue;
-      const NearestPoints nearest = nearest_points(look.a, look.b);
+      const NearestPoints nearest =
+          nearest_points(look.a, look.b, kNear_m + settings_.margin_m, wanted_m);
       const double distance_m = nearest.overlap ? 0.0 : (nearest.p_b - nearest.p_a).norm();
       const bool is_hull = std::holds_alternative<std::shared_ptr<const Mesh>>(*look.a.shape) ||
                            std::holds_alternative<std::shared_ptr<const Mesh>>(*look.b.shape);
@@ -386,8 +390,7 @@ class Certifier {
     }
     if (!is_shown) return;
     found_.parts += parts.size();
-    claim["parts"] = std::move(parts);
-    claims_.push_back(std::move(claim));
+    claims_.push_back({std::move(claim), std::move(parts)});
   }
 
   void conclude() {
@@ -396,12 +399,17 @@ class Certifier {
                      : found_.undecided.empty() ? Outcome::kProven
                                                 : Outcome::kUndecided;
     if (found_.outcome != Outcome::kProven) return;
+    Json claims = Json::array();
+    for (auto& [claim, parts] : claims_) {
+      claim["parts"] = parts;
+      claims.push_back(std::move(claim));
+    }
     found_.certificate = {{"format", "sidestep-certificate-1"},
                           {"margin_m", settings_.margin_m},
                           {"robot", robot_json()},
                           {"objects", objects_json()},
                           {"motion", motion_json()},
-                          {"claims", std::move(claims_)}};
+                          {"claims", std::move(claims)}};
   }
 
   [[nodiscard]] Json robot_json() const {
@@ -464,7 +472,8 @@ class Certifier {
   std::vector<bool> moves_;  ///< Links, against their parents.
   std::map<Part, Instant> instants_;
   Scratch scratch_;
-  Json claims_ = Json::array();
+  /// What is claimed of which shapes, and its parts.
+  std::vector<std::pair<Json, std::vector<std::array<std::int64_t, 5>>>> claims_;
   Certification found_;
 };
 

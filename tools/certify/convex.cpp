@@ -7,13 +7,15 @@
 #include <span>
 #include <variant>
 
-#include <Eigen/Dense>
+#include <Eigen/Geometry>
 
 namespace sidestep {
 namespace {
 
 constexpr double kOverlap_m = 1e-9;
 constexpr int kSteps = 60;
+/// What a direction may lose where it is rounded, of shapes of some metres.
+constexpr double kRoundedDirection = 1e-3;
 
 Eigen::Vector3d farthest_in(const Box& box, const Eigen::Vector3d& d) {
   return 0.5 *
@@ -68,6 +70,27 @@ struct Simplex {
   std::array<double, 4> weights{};
   int size = 0;
 
+  /// Sets the weights of the point of its plane (line, point) that is nearest to the origin; no
+  /// numbers where it is flat.
+  void weigh() {
+    const Eigen::Vector3d& p = points[0].p;
+    const auto edge = [&](int i) { return points[i].p - p; };
+    Eigen::Vector3d w = Eigen::Vector3d::Zero();
+    if (size == 2) {
+      w[0] = -edge(1).dot(p) / edge(1).squaredNorm();
+    } else if (size == 3) {
+      const double aa = edge(1).squaredNorm(), bb = edge(2).squaredNorm();
+      const double ab = edge(1).dot(edge(2)), det = aa * bb - ab * ab;
+      const double ap = -edge(1).dot(p), bp = -edge(2).dot(p);
+      w[0] = (bb * ap - ab * bp) / det;
+      w[1] = (aa * bp - ab * ap) / det;
+    } else if (size == 4) {
+      const Eigen::Vector3d bc = edge(2).cross(edge(3)), ca = edge(3).cross(edge(1));
+      const Eigen::Vector3d ab = edge(1).cross(edge(2));
+      w = -Eigen::Vector3d(bc.dot(p), ca.dot(p), ab.dot(p)) / edge(1).dot(bc);
+    }
+    weights = {1.0 - w.sum(), w[0], w[1], w[2]};
+  }
   [[nodiscard]] Eigen::Vector3d mean(Eigen::Vector3d Difference::*of) const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (int i = 0; i < size; ++i) sum += weights[i] * (points[i].*of);
@@ -85,16 +108,7 @@ Simplex nearest_part(const Simplex& simplex) {
     for (int i = 0; i < simplex.size; ++i) {
       if ((subset >> i & 1) != 0) part.points[part.size++] = simplex.points[i];
     }
-    const int n = part.size - 1;
-    part.weights[0] = 1.0;
-    if (n > 0) {
-      Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, 3> edges(3, n);
-      for (int i = 0; i < n; ++i) edges.col(i) = part.points[i + 1].p - part.points[0].p;
-      const Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 3, 1> w =
-          edges.colPivHouseholderQr().solve(-part.points[0].p);
-      part.weights[0] = 1.0 - w.sum();
-      for (int i = 0; i < n; ++i) part.weights[i + 1] = w[i];
-    }
+    part.weigh();
     const auto weights = std::span(part.weights).first(part.size);
     if (!std::ranges::all_of(weights, [](double w) { return w >= 0.0; })) continue;
     const double distance = part.mean(&Difference::p).squaredNorm();
@@ -126,7 +140,8 @@ double gap_m(const PlacedShape& a, const PlacedShape& b, const Eigen::Vector3d& 
   return n.dot(b.farthest(-n)) - n.dot(a.farthest(n));
 }
 
-NearestPoints nearest_points(const PlacedShape& a, const PlacedShape& b) {
+NearestPoints nearest_points(const PlacedShape& a, const PlacedShape& b, double near_m,
+                             double wanted_m) {
   if (std::holds_alternative<HalfSpace>(*b.shape)) {
     const Eigen::Vector3d up = b.T_world_shape.linear().col(2);
     const Eigen::Vector3d p = a.farthest(-up);
@@ -141,7 +156,9 @@ NearestPoints nearest_points(const PlacedShape& a, const PlacedShape& b) {
     const Eigen::Vector3d v = simplex.mean(&Difference::p);
     const double distance_m = v.norm();
     if (distance_m < kOverlap_m || simplex.size == 4) break;
+    if (distance_m > near_m && distance_m < wanted_m) break;  // they cannot be shown apart
     const Difference next = lowest(a, b, v);
+    if (v.dot(next.p) > (wanted_m + kRoundedDirection) * distance_m) break;  // and here they are
     if (v.dot(v - next.p) <= 1e-12 * distance_m) break;
     simplex.points[simplex.size++] = next;
     Simplex nearer = nearest_part(simplex);

@@ -22,12 +22,16 @@ struct PlacedShape {
 [[nodiscard]] double gap_m(const PlacedShape& a, const PlacedShape& b,
                            const Eigen::Vector3d& direction);
 
-/// Two points, one of each shape, that are as near as can be found.
+/// Two points, one of each shape.
 struct NearestPoints {
   Eigen::Vector3d p_a = Eigen::Vector3d::Zero();
   Eigen::Vector3d p_b = Eigen::Vector3d::Zero();
   bool overlap = false;  ///< The two points are the same, to 1e-9 m.
 };
-[[nodiscard]] NearestPoints nearest_points(const PlacedShape& a, const PlacedShape& b);
+/// As near as can be found, by the algorithm of Gilbert, Johnson and Keerthi (1988). Of shapes that
+/// are more than `near_m` apart it may end sooner, once it is known whether they are more than
+/// `wanted_m` apart.
+[[nodiscard]] NearestPoints nearest_points(const PlacedShape& a, const PlacedShape& b,
+                                           double near_m, double wanted_m);
 
 }  // namespace sidestep

@@ -363,9 +363,10 @@ class EpisodeRun {
 
   /// What a robot takes for its goal is off by what it takes its place for.
   void note_goal_error() {
-    if (!record_.reached || !world_.base || record_.poses.empty()) return;
+    const auto base = BaseJoints::of(*world_.robot);
+    if (!record_.reached || !base || record_.poses.empty()) return;
     const Eigen::VectorXd off = record_.poses.back().q - record_.q_goal;
-    record_.goal_error_m = std::hypot(off[world_.base->x()], off[world_.base->y()]);
+    record_.goal_error_m = std::hypot(off[base->x()], off[base->y()]);
   }
 
   void note_truth(Stamp now, bool always) {

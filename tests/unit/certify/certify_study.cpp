@@ -1,0 +1,183 @@
+// Paths of a plain driver of OMPL, certified (docs/studies/certify.md): RRT-Connect whose motions
+// are looked at where OMPL's defaults look, by FCL among the true shapes. Each verdict is held
+// against FCL at instants 1e-3 rad of the fastest joint apart.
+//
+//   certify_study PROBLEMS [COUNT]
+#include <ompl/base/spaces/RealVectorStateSpace.h>
+#include <ompl/geometric/SimpleSetup.h>
+#include <ompl/geometric/planners/rrt/RRTConnect.h>
+#include <ompl/util/Console.h>
+#include <ompl/util/RandomNumbers.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/problems/problem_set.hpp>
+
+#include "certify_testing.hpp"
+#include "robot_testing.hpp"
+#include "shape_collider.hpp"
+
+namespace sidestep {
+namespace {
+
+namespace ob = ompl::base;
+namespace og = ompl::geometric;
+using Configuration = std::vector<double>;
+
+constexpr double kInstant_rad = 1e-3;
+
+double now_ms() {
+  return std::chrono::duration<double, std::milli>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+/// Whether FCL finds a contact at an instant.
+class Fcl {
+ public:
+  Fcl(const KinematicTree& robot, const Scene& scene)
+      : robot_(robot), links_(robot.description().links.size()) {
+    ShapeObstacles obstacles;
+    obstacles.scene = std::make_shared<const Scene>(scene);
+    collider_ = std::make_unique<ShapeCollider>(robot.description(), obstacles,
+                                                std::vector<AllowedContact>{});
+    pose_ = collider_->make_pose();
+  }
+  [[nodiscard]] bool touches(std::span<const double> q) {
+    robot_.link_poses(q, links_, scratch_);
+    collider_->place(*pose_, links_, 0.0);
+    for (int s = 0; s < collider_->shape_count(); ++s) {
+      if (robot_.description().shapes[idx(s)].link == 0) continue;  // no joint moves it
+      if (collider_->gap_to_obstacles_m(s, *pose_, 1e-3) <= 0.0) return true;
+    }
+    for (int p = 0; p < collider_->pair_count(); ++p) {
+      if (collider_->gap_between_pair_m(p, *pose_, 1e-3) <= 0.0) return true;
+    }
+    return false;
+  }
+
+ private:
+  const KinematicTree& robot_;
+  std::unique_ptr<ShapeCollider> collider_;
+  ShapeCollider::PosePtr pose_;
+  std::vector<Transform> links_;
+  Scratch scratch_;
+};
+
+std::vector<Configuration> plan(const RobotDescription& robot, const SetProblem& problem,
+                                Fcl& fcl) {
+  const auto space = std::make_shared<ob::RealVectorStateSpace>(robot.joints.size());
+  ob::RealVectorBounds bounds(static_cast<unsigned>(robot.joints.size()));
+  for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    bounds.setLow(static_cast<unsigned>(j), robot.joints[j].lower);
+    bounds.setHigh(static_cast<unsigned>(j), robot.joints[j].upper);
+  }
+  space->setBounds(bounds);
+  og::SimpleSetup setup(space);
+  setup.setStateValidityChecker([&](const ob::State* state) {
+    const double* const q = state->as<ob::RealVectorStateSpace::StateType>()->values;
+    return space->satisfiesBounds(state) && !fcl.touches({q, robot.joints.size()});
+  });
+  ob::ScopedState<> start(space), goal(space);
+  for (unsigned j = 0; j < robot.joints.size(); ++j) {
+    start[j] = problem.q_start[j];
+    goal[j] = problem.q_goal[j];
+  }
+  setup.setStartAndGoalStates(start, goal);
+  setup.setPlanner(std::make_shared<og::RRTConnect>(setup.getSpaceInformation()));
+  if (setup.solve(10.0) != ob::PlannerStatus::EXACT_SOLUTION) return {};
+  setup.simplifySolution(1.0);
+  std::vector<Configuration> path;
+  for (const ob::State* state : setup.getSolutionPath().getStates()) {
+    const double* const q = state->as<ob::RealVectorStateSpace::StateType>()->values;
+    path.emplace_back(q, q + robot.joints.size());
+  }
+  return path;
+}
+
+bool touches(const std::vector<Configuration>& path, Fcl& fcl) {
+  for (std::size_t k = 0; k + 1 < path.size(); ++k) {
+    double longest = 0.0;
+    for (std::size_t j = 0; j < path[k].size(); ++j) {
+      longest = std::max(longest, std::abs(path[k + 1][j] - path[k][j]));
+    }
+    const int steps = std::max(1, static_cast<int>(std::ceil(longest / kInstant_rad)));
+    for (int i = 0; i <= steps; ++i) {
+      Configuration q = path[k];
+      for (std::size_t j = 0; j < q.size(); ++j) {
+        q[j] += static_cast<double>(i) / steps * (path[k + 1][j] - q[j]);
+      }
+      if (fcl.touches(q)) return true;
+    }
+  }
+  return false;
+}
+
+int study(const char* problems_folder, std::size_t most) {
+  testing_robot::Loader loader;
+  const auto robot = loader.load_or_fail(
+      "{profile: panda, fixed_joints: {panda_finger_joint1: 0.04}, joint_limits: {panda_joint1: "
+      "{lower: -2.9671, upper: 2.9671}, panda_joint2: {lower: -1.8326, upper: 1.8326}, "
+      "panda_joint3: {lower: -2.9671, upper: 2.9671}, panda_joint4: {lower: -3.1416, upper: "
+      "0.0873}, panda_joint5: {lower: -2.9671, upper: 2.9671}, panda_joint6: {lower: -0.0873, "
+      "upper: 3.8223}, panda_joint7: {lower: -2.9671, upper: 2.9671}}}");
+  const auto problems = read_problem_set(problems_folder, robot->description());
+  if (!problems) {
+    std::fprintf(stderr, "%s\n", problems.error().describe().c_str());
+    return 2;
+  }
+  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  ompl::RNG::setSeed(1);
+  using Outcome = Certification::Outcome;
+  std::size_t parts = 0, pairs = 0;
+  int paths = 0, proven = 0, refuted = 0, undecided = 0, missed = 0, only_proof = 0;
+  std::vector<double> times_ms;
+  for (std::size_t i = 0; i < problems->size() && i < most; ++i) {
+    const SetProblem& problem = (*problems)[i];
+    Fcl fcl(*robot, *problem.scene);
+    const auto path = plan(robot->description(), problem, fcl);
+    if (path.size() < 2) continue;
+    ++paths;
+    PolynomialMotion motion = testing_certify::straight(path);
+    motion.has_times = false;
+    const double begin_ms = now_ms();
+    const auto found = certify(*robot, *problem.scene, motion, {});
+    times_ms.push_back(now_ms() - begin_ms);
+    if (!found) {
+      std::fprintf(stderr, "%s\n", found.error().describe().c_str());
+      return 1;
+    }
+    parts += found->parts;
+    pairs += found->pairs;
+    proven += found->outcome == Outcome::kProven ? 1 : 0;
+    refuted += found->outcome == Outcome::kRefuted ? 1 : 0;
+    undecided += found->outcome == Outcome::kUndecided ? 1 : 0;
+    const bool is_touching = touches(path, fcl);
+    missed += is_touching && found->outcome == Outcome::kProven ? 1 : 0;
+    only_proof += !is_touching && found->outcome == Outcome::kRefuted ? 1 : 0;
+    if (!found->broken_limit.empty()) std::printf("%s\n", found->broken_limit.c_str());
+  }
+  std::ranges::sort(times_ms);
+  const auto at = [&](double share) {
+    return times_ms.empty() ? 0.0
+                            : times_ms[static_cast<std::size_t>(share * (times_ms.size() - 1))];
+  };
+  std::printf("%d paths: %d proven, %d refuted, %d undecided\n", paths, proven, refuted, undecided);
+  std::printf("FCL finds a contact in %d that are proven, and none in %d that are refuted\n",
+              missed, only_proof);
+  std::printf("%.1f parts a pair of shapes\n",
+              static_cast<double>(parts) / static_cast<double>(pairs));
+  std::printf("time: p50 %.2f ms, p95 %.2f ms, most %.2f ms\n", at(0.5), at(0.95), at(1.0));
+  return missed == 0 ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace sidestep
+
+int main(int argc, char** argv) {
+  if (argc < 2) return 2;
+  return sidestep::study(argv[1], argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 100000);
+}
