@@ -351,7 +351,8 @@ class Certifier {
     int looked = 0;
     bool is_shown = true;
     while (!open.empty()) {
-      const auto [part, before] = open.back();
+      const Part part = open.back().part;
+      const Eigen::Vector3d before = open.back().direction;
       open.pop_back();
       const Instant& at = instant(part);
       const Look look = this->look(pair, at);

@@ -53,7 +53,7 @@ double length(const Json& json) {
 }
 Vec vector(const Json& json) {
   if (json.size() != 3) refuse("a vector has not three numbers");
-  const Vec v(number(json[0]), number(json[1]), number(json[2]));
+  Vec v(number(json[0]), number(json[1]), number(json[2]));
   if (v.cwiseAbs().maxCoeff() > kMost) refuse("a coordinate is out of bounds");
   return v;
 }
