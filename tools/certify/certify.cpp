@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <map>
+#include <memory>
 #include <span>
 #include <utility>
 
@@ -10,6 +12,7 @@
 #include <sidestep/core/index.hpp>
 
 #include "convex.hpp"
+#include "shape_collider.hpp"
 
 namespace sidestep {
 namespace {
@@ -26,6 +29,8 @@ constexpr double kMost = 1e3;
 constexpr double kDirection = 1e4;
 /// Shapes that may be nearer than this are looked at more closely: they may touch.
 constexpr double kNear_m = 0.005;
+/// Where the hull of a mesh is met, parts in which less than this moves are not looked into.
+constexpr double kSmallest_m = 1e-5;
 /// A part is no shorter than 2^-kDeepest of the motion.
 constexpr int kDeepest = 40;
 /// Of joints, in their units.
@@ -187,7 +192,20 @@ class Certifier {
                     "object '" + object.name + "' moves, and a scene that stands still is wanted");
       }
     }
+    const auto is_empty = [](const Shape& shape) {
+      const auto* const mesh = std::get_if<std::shared_ptr<const Mesh>>(&shape);
+      return mesh != nullptr && (*mesh)->triangles.empty();
+    };
+    for (const SceneObject& object : scene_.objects()) {
+      if (!is_empty(object.shape)) continue;
+      return fail(ErrorCode::kInvalidArgument, "the mesh of " + object.name + " has no triangles");
+    }
     for (const CollisionShape& shape : description_.shapes) {
+      if (is_empty(shape.shape)) {
+        return fail(
+            ErrorCode::kInvalidArgument,
+            "a mesh of link " + description_.links[idx(shape.link)].name + " has no triangles");
+      }
       if (!std::holds_alternative<HalfSpace>(shape.shape)) continue;
       return fail(ErrorCode::kInvalidArgument, "a link cannot be a half-space");
     }
@@ -339,6 +357,33 @@ class Certifier {
     return (direction.normalized() * kDirection).array().round().matrix();
   }
 
+  static bool has_hull(const Look& look) {
+    return std::holds_alternative<std::shared_ptr<const Mesh>>(*look.a.shape) ||
+           std::holds_alternative<std::shared_ptr<const Mesh>>(*look.b.shape);
+  }
+  /// Whether FCL finds the two nearer than the margin, triangle by triangle.
+  [[nodiscard]] bool touches(const Pair& pair, const Instant& at) {
+    if (!collider_) {
+      ShapeObstacles obstacles;
+      obstacles.scene = std::make_shared<const Scene>(scene_);
+      collider_ =
+          std::make_unique<ShapeCollider>(description_, obstacles, std::vector<AllowedContact>{});
+      pose_ = collider_->make_pose();
+    }
+    collider_->place(*pose_, at.links, 0.0);
+    const double bound_m = settings_.margin_m + kNear_m;
+    if (!pair.b) {
+      return collider_->to_obstacles(static_cast<int>(pair.a), *pose_, bound_m).clearance_m <
+             settings_.margin_m;
+    }
+    const std::pair links(description_.shapes[pair.a].link, description_.shapes[*pair.b].link);
+    for (int p = 0; p < collider_->pair_count(); ++p) {
+      if (collider_->pair_links(p) != links) continue;
+      if (collider_->between_pair(p, *pose_, bound_m) < settings_.margin_m) return true;
+    }
+    return false;
+  }
+
   /// Shows a pair apart over the whole motion, or finds where it is not.
   void show(const Pair& pair, Json claim) {
     ++found_.pairs;
@@ -347,13 +392,14 @@ class Certifier {
       Part part;
       Eigen::Vector3d direction;
     };
-    std::vector<Open> open{{{}, Eigen::Vector3d::Zero()}};
+    // The longest first: so a contact that lasts is found soon.
+    std::deque<Open> open{{{}, Eigen::Vector3d::Zero()}};
     int looked = 0;
     bool is_shown = true;
     while (!open.empty()) {
-      const Part part = open.back().part;
-      const Eigen::Vector3d before = open.back().direction;
-      open.pop_back();
+      const Part part = open.front().part;
+      const Eigen::Vector3d before = open.front().direction;
+      open.pop_front();
       const Instant& at = instant(part);
       const Look look = this->look(pair, at);
       const double wanted_m = settings_.margin_m + look.way_m + kRounding_m;
@@ -370,9 +416,8 @@ class Certifier {
       const NearestPoints nearest =
           nearest_points(look.a, look.b, kNear_m + settings_.margin_m, wanted_m);
       const double distance_m = nearest.overlap ? 0.0 : (nearest.p_b - nearest.p_a).norm();
-      const bool is_hull = std::holds_alternative<std::shared_ptr<const Mesh>>(*look.a.shape) ||
-                           std::holds_alternative<std::shared_ptr<const Mesh>>(*look.b.shape);
-      if (!is_hull && distance_m < std::max(settings_.margin_m, kRounding_m)) {
+      const bool is_near = distance_m < std::max(settings_.margin_m, kRounding_m);
+      if (is_near && (!has_hull(look) || touches(pair, at))) {
         found_.witness =
             Witness{at.time_s, pair.name_a, pair.name_b, nearest.p_a, nearest.p_b, distance_m};
         return;
@@ -380,16 +425,21 @@ class Certifier {
       const Eigen::Vector3d direction =
           nearest.overlap ? before : written(nearest.p_b - nearest.p_a);
       if (is_apart(direction)) continue;
-      if (part.level == kDeepest || ++looked > settings_.most_parts) {
+      const bool is_end =
+          part.level == kDeepest || (is_near && has_hull(look) && look.way_m < kSmallest_m);
+      if (is_end || ++looked > settings_.most_parts) {
         const auto [from_s, to_s] = span_s(part);
         found_.undecided.push_back({pair.name_a, pair.name_b, from_s, to_s});
         is_shown = false;
         break;
       }
-      open.push_back({{part.level + 1, 2 * part.index + 1}, direction});
       open.push_back({{part.level + 1, 2 * part.index}, direction});
+      open.push_back({{part.level + 1, 2 * part.index + 1}, direction});
     }
     if (!is_shown) return;
+    std::ranges::sort(parts, {}, [](const auto& part) {
+      return part[1] << (kDeepest - static_cast<int>(part[0]));
+    });
     found_.parts += parts.size();
     claims_.push_back({std::move(claim), std::move(parts)});
   }
@@ -473,6 +523,8 @@ class Certifier {
   std::vector<bool> moves_;  ///< Links, against their parents.
   std::map<Part, Instant> instants_;
   Scratch scratch_;
+  std::unique_ptr<ShapeCollider> collider_;  ///< Once a hull has been met.
+  ShapeCollider::PosePtr pose_;
   /// What is claimed of which shapes, and its parts.
   std::vector<std::pair<Json, std::vector<std::array<std::int64_t, 5>>>> claims_;
   Certification found_;

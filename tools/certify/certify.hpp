@@ -88,7 +88,8 @@ struct Certification {
 /// Proves over continuous time that a robot's collision shapes keep apart from those of a scene
 /// that stands still, and from each other (RobotDescription::self_collision_pairs), and that joints
 /// keep their limits; or refutes it at an instant. Meshes are taken for their convex hulls: where
-/// only a hull is met the motion is undecided. What no joint moves is not held against the scene.
+/// those meet, FCL looks at the triangles, and where it finds no contact the motion is undecided.
+/// What no joint moves is not held against the scene.
 ///
 /// Each pair is shown apart in parts of the motion: at the middle of a part, along a direction, the
 /// two are apart by more than either moves within the part. A direction is all that anyone needs to

@@ -119,8 +119,9 @@ bool touches(const std::vector<Configuration>& path, Fcl& fcl) {
 int study(const char* problems_folder, std::size_t most) {
   testing_robot::Loader loader;
   const auto robot = loader.load_or_fail(
-      "{profile: panda, fixed_joints: {panda_finger_joint1: 0.04}, joint_limits: {panda_joint1: "
-      "{lower: -2.9671, upper: 2.9671}, panda_joint2: {lower: -1.8326, upper: 1.8326}, "
+      "{profile: panda, fixed_joints: {panda_finger_joint1: 0.065}, joint_limits: "
+      "{panda_finger_joint1: {upper: 0.065}, panda_joint1: {lower: -2.9671, upper: 2.9671}, "
+      "panda_joint2: {lower: -1.8326, upper: 1.8326}, "
       "panda_joint3: {lower: -2.9671, upper: 2.9671}, panda_joint4: {lower: -3.1416, upper: "
       "0.0873}, panda_joint5: {lower: -2.9671, upper: 2.9671}, panda_joint6: {lower: -0.0873, "
       "upper: 3.8223}, panda_joint7: {lower: -2.9671, upper: 2.9671}}}");
@@ -159,6 +160,10 @@ int study(const char* problems_folder, std::size_t most) {
     missed += is_touching && found->outcome == Outcome::kProven ? 1 : 0;
     only_proof += !is_touching && found->outcome == Outcome::kRefuted ? 1 : 0;
     if (!found->broken_limit.empty()) std::printf("%s\n", found->broken_limit.c_str());
+    for (const Undecided& one : found->undecided) {
+      std::printf("undecided: %s %d: %s and %s from %.9f to %.9f s\n", problem.family.c_str(),
+                  problem.index, one.a.c_str(), one.b.c_str(), one.from_s, one.to_s);
+    }
   }
   std::ranges::sort(times_ms);
   const auto at = [&](double share) {

@@ -180,17 +180,29 @@ TEST(Certificates, AreOfNothingThatMovesOrHasNoShapes) {
   EXPECT_THAT(moving.error().describe(), HasSubstr("object 'walker' moves"));
 }
 
-/// A hull that is met is not yet the mesh.
-TEST(Certificates, LeaveAMetHullUndecided) {
+/// Two triangles face each other: who goes between them meets their hull.
+TEST(Certificates, LookAtTheTrianglesWhereAHullIsMet) {
   auto mesh = std::make_shared<Mesh>();
-  mesh->vertices_m = {{0.4, -1, -1}, {0.4, 1, -1}, {0.4, 0, 1}, {0.9, 0, 0}};
-  const Scene scene({object("hull", std::shared_ptr<const Mesh>(mesh), {0, 0, 0})});
-  const auto found = certified(*crane(0.05), scene, straight({{-0.5, 0.6}, {0.5, 0.6}}));
+  mesh->vertices_m = {{0.4, -1, -1}, {0.9, -1, -1}, {0.6, -1, 1},
+                      {0.4, 1, -1},  {0.9, 1, -1},  {0.6, 1, 1}};
+  mesh->triangles = {{0, 1, 2}, {3, 4, 5}};
+  const auto scene = [&] {
+    return Scene(
+        {object("gate", std::shared_ptr<const Mesh>(std::make_shared<Mesh>(*mesh)), {0, 0, 0})});
+  };
+  const auto found = certified(*crane(0.05), scene(), straight({{-0.5, 0.6}, {0.5, 0.6}}));
   EXPECT_EQ(found.outcome, Outcome::kUndecided);
   ASSERT_EQ(found.undecided.size(), 1U);
-  EXPECT_EQ(found.undecided[0].b, "hull");
-  EXPECT_EQ(certified(*crane(0.05), scene, straight({{-0.5, 0.2}, {0.5, 0.2}})).outcome,
+  EXPECT_EQ(found.undecided[0].b, "gate");
+  EXPECT_EQ(certified(*crane(0.05), scene(), straight({{-0.5, 0.2}, {0.5, 0.2}})).outcome,
             Outcome::kProven);
+  mesh->triangles.push_back({0, 4, 5});  // across the gate
+  const auto met = certified(*crane(0.05), scene(), straight({{-0.5, 0.6}, {0.5, 0.6}}));
+  EXPECT_EQ(met.outcome, Outcome::kRefuted);
+  mesh->triangles.clear();
+  const auto none = certify(*crane(0.05), scene(), straight({{0.0, 0.6}, {0.5, 0.6}}), {});
+  ASSERT_FALSE(none);
+  EXPECT_THAT(none.error().describe(), HasSubstr("the mesh of gate has no triangles"));
 }
 
 }  // namespace

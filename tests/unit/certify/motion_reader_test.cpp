@@ -1,9 +1,9 @@
 #include <cmath>
-#include <fstream>
 
 #include <gmock/gmock.h>
 
 #include "certify_testing.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep {
 namespace {
@@ -13,24 +13,22 @@ using ::testing::HasSubstr;
 class Motions : public ::testing::Test {
  protected:
   [[nodiscard]] Result<PolynomialMotion> read_message(const std::string& text) const {
-    const std::string file = ::testing::TempDir() + "sidestep_motion.yaml";
-    std::ofstream(file) << text;
-    return read_motion(file, testing_certify::crane(0.1)->description());
+    return read_motion(folder_.write("motion.yaml", text),
+                       testing_certify::crane(0.1)->description());
   }
   [[nodiscard]] Result<Scene> read_scene(const std::string& text) const {
-    const std::string file = ::testing::TempDir() + "sidestep_scene.yaml";
-    std::ofstream(file) << text;
-    return read_certified_scene(file, testing_certify::crane(0.1)->description());
+    return read_certified_scene(folder_.write("scene.yaml", text),
+                                testing_certify::crane(0.1)->description());
   }
   [[nodiscard]] Result<PolynomialMotion> read(const std::string& text) const {
-    std::ofstream(file_) << text;
-    return read_motion(file_, testing_certify::crane(0.1)->description());
+    return read_motion(folder_.write("motion.csv", text),
+                       testing_certify::crane(0.1)->description());
   }
   [[nodiscard]] std::string mistake(const std::string& text) const {
     const auto motion = read(text);
     return motion ? "" : motion.error().describe();
   }
-  std::string file_ = ::testing::TempDir() + "sidestep_motion.csv";
+  testing_support::TemporaryFolder folder_;
 };
 
 TEST_F(Motions, AreJoinedLinearlyInWhateverOrderTheColumnsStand) {
@@ -137,7 +135,7 @@ TEST_F(Motions, OfMoveItNameWhatIsWrong) {
   std::string other = kTrajectory;
   other.replace(other.find("turn"), 4, "lift");
   EXPECT_THAT(read_message(other).error().describe(),
-              HasSubstr("sidestep_motion.yaml:3:24: robot 'crane' has no joint 'lift'"));
+              HasSubstr("motion.yaml:3:24: robot 'crane' has no joint 'lift'"));
   std::string stands = kTrajectory;
   stands.replace(stands.find("secs: 1, nsecs: 500000000"), 25, "secs: 0, nsecs: 0");
   EXPECT_THAT(read_message(stands).error().describe(), HasSubstr("time does not go on"));

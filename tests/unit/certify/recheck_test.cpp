@@ -1,12 +1,12 @@
 #include <array>
 #include <cstdio>
-#include <fstream>
 #include <functional>
 
 #include <gmock/gmock.h>
 
 #include "certify_testing.hpp"
 #include "robot_testing.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep {
 namespace {
@@ -35,8 +35,7 @@ class Recheck : public ::testing::Test {
 
   /// What the program says.
   [[nodiscard]] std::string recheck(const Json& certificate) const {
-    const std::string file = ::testing::TempDir() + "sidestep_certificate.json";
-    std::ofstream(file) << certificate.dump();
+    const std::string file = folder_.write("certificate.json", certificate.dump()).string();
     std::string said;
     FILE* const pipe = popen((std::string(RECHECK) + " " + file + " 2>&1").c_str(), "r");
     std::array<char, 512> buffer{};
@@ -48,6 +47,7 @@ class Recheck : public ::testing::Test {
     return said;
   }
 
+  testing_support::TemporaryFolder folder_;
   testing_robot::Loader loader_;
   std::unique_ptr<KinematicTree> robot_ = loader_.load_or_fail("{profile: panda}");
   Json certificate_;
