@@ -11,6 +11,7 @@
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 
+#include "certificate.hpp"
 #include "convex.hpp"
 #include "shape_collider.hpp"
 
@@ -76,36 +77,6 @@ double time_beyond(const Coefficients& c, double from, double to, double limit, 
 Coefficients negative(Coefficients c) {
   for (double& one : c) one = -one;
   return c;
-}
-
-Json numbers(const auto& values) {
-  Json list = Json::array();
-  for (const double one : values) list.push_back(one);
-  return list;
-}
-Json pose_json(const Transform& T) {
-  const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> rows = T.matrix().topRows<3>();
-  return numbers(std::span(rows.data(), 12));
-}
-
-Json shape_json(const Shape& shape) {
-  struct Write {
-    Json operator()(const Box& box) const { return {{"box", numbers(box.size_m)}}; }
-    Json operator()(const Sphere& ball) const { return {{"sphere", ball.radius_m}}; }
-    Json operator()(const Cylinder& c) const {
-      return {{"cylinder", numbers(std::array{c.radius_m, c.length_m})}};
-    }
-    Json operator()(const Capsule& c) const {
-      return {{"capsule", numbers(std::array{c.radius_m, c.length_m})}};
-    }
-    Json operator()(const HalfSpace&) const { return {{"half_space", true}}; }
-    Json operator()(const std::shared_ptr<const Mesh>& mesh) const {
-      Json points = Json::array();
-      for (const Eigen::Vector3d& p : mesh->vertices_m) points.push_back(numbers(p));
-      return {{"hull", std::move(points)}};
-    }
-  };
-  return std::visit(Write{}, shape);
 }
 
 class Certifier {
@@ -455,64 +426,8 @@ class Certifier {
       claim["parts"] = parts;
       claims.push_back(std::move(claim));
     }
-    found_.certificate = {{"format", "sidestep-certificate-1"},
-                          {"margin_m", settings_.margin_m},
-                          {"robot", robot_json()},
-                          {"objects", objects_json()},
-                          {"motion", motion_json()},
-                          {"claims", std::move(claims)}};
-  }
-
-  [[nodiscard]] Json robot_json() const {
-    Json joints = Json::array(), links = Json::array(), shapes = Json::array();
-    for (const Joint& joint : description_.joints) {
-      const bool is_bounded = joint.type != Joint::Type::kContinuous;
-      const bool has_speed = motion_.has_times && std::isfinite(joint.max_velocity);
-      joints.push_back({{"name", joint.name},
-                        {"lower", is_bounded ? Json(joint.lower) : Json()},
-                        {"upper", is_bounded ? Json(joint.upper) : Json()},
-                        {"velocity", has_speed ? Json(joint.max_velocity) : Json()}});
-    }
-    for (std::size_t k = 0; k < description_.links.size(); ++k) {
-      const TreeJoint& joint = robot_.tree_joints()[k];
-      static constexpr const char* kMotions[] = {"fixed", "turn", "shift"};
-      links.push_back({{"name", description_.links[k].name},
-                       {"parent", description_.links[k].parent},
-                       {"pose", pose_json(joint.T_parent_joint)},
-                       {"motion", kMotions[static_cast<int>(joint.motion)]},
-                       {"axis", numbers(joint.axis)},
-                       {"joint", joint.joint},
-                       {"multiplier", joint.multiplier},
-                       {"offset", joint.offset}});
-    }
-    for (const CollisionShape& shape : description_.shapes) {
-      Json one = {{"link", shape.link}, {"pose", pose_json(shape.T_link_shape)}};
-      one.update(shape_json(shape.shape));
-      shapes.push_back(std::move(one));
-    }
-    return {{"name", description_.name},
-            {"joints", std::move(joints)},
-            {"links", std::move(links)},
-            {"shapes", std::move(shapes)},
-            {"pairs", description_.self_collision_pairs}};
-  }
-  [[nodiscard]] Json objects_json() const {
-    Json objects = Json::array();
-    for (const SceneObject& object : scene_.objects()) {
-      Json one = {{"name", object.name}, {"pose", pose_json(object.T_world_object(0.0))}};
-      one.update(shape_json(object.shape));
-      objects.push_back(std::move(one));
-    }
-    return objects;
-  }
-  [[nodiscard]] Json motion_json() const {
-    Json pieces = Json::array();
-    for (const PolynomialPiece& piece : motion_.pieces) {
-      Json joints = Json::array();
-      for (const Coefficients& c : piece.coefficients) joints.push_back(numbers(c));
-      pieces.push_back({{"end_s", piece.end_s}, {"joints", std::move(joints)}});
-    }
-    return pieces;
+    found_.certificate = claimed(robot_, scene_, motion_, settings_.margin_m);
+    found_.certificate["claims"] = std::move(claims);
   }
 
   const KinematicTree& robot_;
