@@ -21,8 +21,19 @@ Json pose_json(const Transform& T) {
   return numbers(std::span(rows.data(), 12));
 }
 
-Json shape_json(const Shape& shape) {
+Json mesh_json(const Mesh& mesh, const Body& body) {
+  Json points = Json::array(), triangles = Json::array();
+  for (const Eigen::Vector3d& p : mesh.vertices_m) points.push_back(numbers(p));
+  for (const Eigen::Vector3i& t : body.triangles()) triangles.push_back({t[0], t[1], t[2]});
+  return {{"mesh",
+           {{"points", std::move(points)},
+            {"triangles", std::move(triangles)},
+            {"closed", body.is_closed_mesh()}}}};
+}
+
+Json shape_json(const Body& body) {
   struct Write {
+    const Body& body;
     Json operator()(const Box& box) const { return {{"box", numbers(box.size_m)}}; }
     Json operator()(const Sphere& ball) const { return {{"sphere", ball.radius_m}}; }
     Json operator()(const Cylinder& c) const {
@@ -33,15 +44,20 @@ Json shape_json(const Shape& shape) {
     }
     Json operator()(const HalfSpace&) const { return {{"half_space", true}}; }
     Json operator()(const std::shared_ptr<const Mesh>& mesh) const {
-      Json points = Json::array();
-      for (const Eigen::Vector3d& p : mesh->vertices_m) points.push_back(numbers(p));
-      return {{"hull", std::move(points)}};
+      return mesh_json(*mesh, body);
     }
   };
-  return std::visit(Write{}, shape);
+  if (body.members().empty()) return std::visit(Write{body}, body.shape());
+  Json members = Json::array();
+  for (const Swarm::Member& one : body.members()) {
+    const Eigen::Vector3d& p = one.centre_m;
+    members.push_back({p.x(), p.y(), p.z(), one.size_m});
+  }
+  return {{body.kind() == Swarm::Kind::kCubes ? "cubes" : "balls", std::move(members)}};
 }
 
-Json robot_json(const KinematicTree& robot, const PolynomialMotion& motion) {
+Json robot_json(const KinematicTree& robot, const std::vector<Body>& bodies,
+                const PolynomialMotion& motion) {
   const RobotDescription& description = robot.description();
   Json joints = Json::array(), links = Json::array(), shapes = Json::array();
   for (const Joint& joint : description.joints) {
@@ -64,9 +80,10 @@ Json robot_json(const KinematicTree& robot, const PolynomialMotion& motion) {
                      {"multiplier", joint.multiplier},
                      {"offset", joint.offset}});
   }
-  for (const CollisionShape& shape : description.shapes) {
+  for (std::size_t s = 0; s < bodies.size(); ++s) {
+    const CollisionShape& shape = description.shapes[s];
     Json one = {{"link", shape.link}, {"pose", pose_json(shape.T_link_shape)}};
-    one.update(shape_json(shape.shape));
+    one.update(shape_json(bodies[s]));
     shapes.push_back(std::move(one));
   }
   return {{"name", description.name},
@@ -75,14 +92,14 @@ Json robot_json(const KinematicTree& robot, const PolynomialMotion& motion) {
           {"shapes", std::move(shapes)},
           {"pairs", description.self_collision_pairs}};
 }
-Json objects_json(const Scene& scene) {
-  Json objects = Json::array();
-  for (const SceneObject& object : scene.objects()) {
-    Json one = {{"name", object.name}, {"pose", pose_json(object.T_world_object(0.0))}};
-    one.update(shape_json(object.shape));
-    objects.push_back(std::move(one));
+Json objects_json(const std::vector<CertifiedObject>& objects) {
+  Json list = Json::array();
+  for (const CertifiedObject& object : objects) {
+    Json one = {{"name", object.name}, {"pose", pose_json(object.T_world_body)}};
+    one.update(shape_json(object.body));
+    list.push_back(std::move(one));
   }
-  return objects;
+  return list;
 }
 Json motion_json(const PolynomialMotion& motion) {
   Json pieces = Json::array();
@@ -96,12 +113,13 @@ Json motion_json(const PolynomialMotion& motion) {
 
 }  // namespace
 
-Json claimed(const KinematicTree& robot, const Scene& scene, const PolynomialMotion& motion,
+Json claimed(const KinematicTree& robot, const std::vector<Body>& shapes,
+             const std::vector<CertifiedObject>& objects, const PolynomialMotion& motion,
              double margin_m) {
-  return {{"format", "sidestep-certificate-1"},
+  return {{"format", "sidestep-certificate-2"},
           {"margin_m", margin_m},
-          {"robot", robot_json(robot, motion)},
-          {"objects", objects_json(scene)},
+          {"robot", robot_json(robot, shapes, motion)},
+          {"objects", objects_json(objects)},
           {"motion", motion_json(motion)}};
 }
 

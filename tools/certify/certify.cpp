@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <map>
-#include <memory>
-#include <span>
 #include <utility>
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 
 #include "certificate.hpp"
-#include "convex.hpp"
-#include "shape_collider.hpp"
 
 namespace sidestep {
 namespace {
@@ -26,12 +21,12 @@ using Coefficients = std::array<double, PolynomialPiece::kTerms>;
 constexpr double kRounding_m = 2e-9;
 /// So that rounding stays below that; of joints, in their units.
 constexpr double kMost = 1e3;
-/// Directions are written with so many decimals.
+/// Directions are written in whole numbers of this length: short ones, and, where their rounding
+/// would lose a gap, long ones.
 constexpr double kDirection = 1e4;
+constexpr double kLongDirection = 1e9;
 /// Shapes that may be nearer than this are looked at more closely: they may touch.
 constexpr double kNear_m = 0.005;
-/// Where the hull of a mesh is met, parts in which less than this moves are not looked into.
-constexpr double kSmallest_m = 1e-5;
 /// A part is no shorter than 2^-kDeepest of the motion.
 constexpr int kDeepest = 40;
 /// Of joints, in their units.
@@ -81,7 +76,7 @@ Coefficients negative(Coefficients c) {
 
 class Certifier {
  public:
-  Certifier(const KinematicTree& robot, const Scene& scene, const PolynomialMotion& motion,
+  Certifier(const KinematicTree& robot, const CertifiedScene& scene, const PolynomialMotion& motion,
             const CertifySettings& settings)
       : robot_(robot),
         description_(robot.description()),
@@ -93,49 +88,23 @@ class Certifier {
     SIDESTEP_TRY(check_input());
     find_movers();
     if (breaks_limit()) return std::move(found_);
-    const auto& shapes = description_.shapes;
-    for (std::size_t s = 0; s < shapes.size() && !found_.witness; ++s) {
-      if (movers_of(shapes[s].link, -1).empty()) continue;  // what no joint moves
-      for (std::size_t o = 0; o < scene_.objects().size() && !found_.witness; ++o) {
-        const SceneObject& object = scene_.objects()[o];
-        show({description_.links[idx(shapes[s].link)].name,
-              object.name,
-              s,
-              std::nullopt,
-              {&object.shape, object.T_world_object(0.0)},
-              movers_of(shapes[s].link, -1),
-              {}},
-             {{"shape", s}, {"object", o}});
-      }
+    for (const CollisionShape& shape : description_.shapes) shapes_.emplace_back(shape.shape);
+    for (const SceneObject& object : scene_.scene.objects()) {
+      objects_.push_back({object.name, Body(object.shape), object.T_world_object(0.0)});
     }
-    for (const auto& [a, b] : description_.self_collision_pairs) {
-      const int common = common_ancestor(a, b);
-      for (std::size_t s = 0; s < shapes.size(); ++s) {
-        for (std::size_t t = 0; t < shapes.size() && !found_.witness; ++t) {
-          if (shapes[s].link != a || shapes[t].link != b) continue;
-          show({description_.links[idx(a)].name,
-                description_.links[idx(b)].name,
-                s,
-                t,
-                {&shapes[t].shape, Transform::Identity()},
-                movers_of(a, common),
-                movers_of(b, common)},
-               {{"shape", s}, {"other", t}});
-        }
-      }
-    }
+    for (const Swarm& swarm : scene_.swarms) objects_.push_back({swarm.name, Body(swarm)});
+    show_all();
     conclude();
     return std::move(found_);
   }
 
  private:
-  /// Two shapes, and the links between each and the last one that carries both (none: the world)
+  /// Two bodies, and the links between each and the last one that carries both (none: the world)
   /// that joints move, the farthest out first.
   struct Pair {
-    std::string name_a, name_b;
-    std::size_t a;
-    std::optional<std::size_t> b;  ///< Of the robot; else `fixed` is it.
-    PlacedShape fixed;
+    std::size_t a = 0;             ///< A shape.
+    std::optional<std::size_t> b;  ///< Another one; else `object` is it.
+    const CertifiedObject* object = nullptr;
     std::vector<int> movers_a, movers_b;
   };
   /// A part of the motion: from index / 2^level of it on.
@@ -157,7 +126,7 @@ class Certifier {
                   "robot '" + description_.name + "' has no collision shapes: nothing to prove");
     }
     if (motion_.pieces.empty()) return fail(ErrorCode::kInvalidArgument, "the motion is empty");
-    for (const SceneObject& object : scene_.objects()) {
+    for (const SceneObject& object : scene_.scene.objects()) {
       if (object.moves() || object.person >= 0 || object.random) {
         return fail(ErrorCode::kInvalidArgument,
                     "object '" + object.name + "' moves, and a scene that stands still is wanted");
@@ -167,9 +136,13 @@ class Certifier {
       const auto* const mesh = std::get_if<std::shared_ptr<const Mesh>>(&shape);
       return mesh != nullptr && (*mesh)->triangles.empty();
     };
-    for (const SceneObject& object : scene_.objects()) {
+    for (const SceneObject& object : scene_.scene.objects()) {
       if (!is_empty(object.shape)) continue;
       return fail(ErrorCode::kInvalidArgument, "the mesh of " + object.name + " has no triangles");
+    }
+    for (const Swarm& swarm : scene_.swarms) {
+      if (!swarm.members.empty()) continue;
+      return fail(ErrorCode::kInvalidArgument, swarm.name + " is empty");
     }
     for (const CollisionShape& shape : description_.shapes) {
       if (is_empty(shape.shape)) {
@@ -306,113 +279,204 @@ class Certifier {
     return sum_m;
   }
 
-  struct Look {
-    PlacedShape a, b;
-    double way_m;
+  void show_all() {
+    for (std::size_t s = 0; s < shapes_.size(); ++s) {
+      const std::vector<int> movers = movers_of(description_.shapes[s].link, -1);
+      if (movers.empty()) continue;  // what no joint moves
+      for (std::size_t o = 0; o < objects_.size() && !found_.witness; ++o) {
+        show({.a = s, .object = &objects_[o], .movers_a = movers});
+      }
+    }
+    for (const auto& [a, b] : description_.self_collision_pairs) {
+      const int common = common_ancestor(a, b);
+      for (std::size_t s = 0; s < shapes_.size(); ++s) {
+        for (std::size_t t = 0; t < shapes_.size() && !found_.witness; ++t) {
+          if (description_.shapes[s].link != a || description_.shapes[t].link != b) continue;
+          show(
+              {.a = s, .b = t, .movers_a = movers_of(a, common), .movers_b = movers_of(b, common)});
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] const std::string& link_name(std::size_t shape) const {
+    return description_.links[idx(description_.shapes[shape].link)].name;
+  }
+  [[nodiscard]] const std::string& name_a(const Pair& pair) const { return link_name(pair.a); }
+  [[nodiscard]] const std::string& name_b(const Pair& pair) const {
+    return pair.b ? link_name(*pair.b) : pair.object->name;
+  }
+  [[nodiscard]] PlacedBody place(std::size_t shape, const Instant& at) const {
+    const CollisionShape& of = description_.shapes[shape];
+    return {&shapes_[shape], shapes_[shape].all(), at.links[idx(of.link)] * of.T_link_shape};
+  }
+  [[nodiscard]] std::pair<PlacedBody, PlacedBody> place(const Pair& pair, const Instant& at) const {
+    const CertifiedObject* const object = pair.object;
+    return {place(pair.a, at),
+            pair.b ? place(*pair.b, at)
+                   : PlacedBody{&object->body, object->body.all(), object->T_world_body}};
+  }
+
+  static Eigen::Vector3i written(const Eigen::Vector3d& direction, double length = kDirection) {
+    return (direction.normalized() * length).array().round().matrix().cast<int>();
+  }
+
+  /// Where the two are nearer than the margin, or in each other.
+  [[nodiscard]] std::optional<NearestPoints> contact(const PlacedBody& a,
+                                                     const PlacedBody& b) const {
+    const double near_m = std::max(settings_.margin_m, kRounding_m);
+    const NearestPoints nearest =
+        nearest_points(a, b, std::numeric_limits<double>::infinity(), near_m);
+    if (!(nearest.distance_m() < near_m)) return {};
+    if (a.share.is_single() && b.share.is_single()) return nearest;
+    const bool is_of_a = a.body->extent_m(a.share) > b.body->extent_m(b.share);
+    for (const Share& half : (is_of_a ? a : b).share.halves()) {
+      PlacedBody of_a = a, of_b = b;
+      (is_of_a ? of_a : of_b).share = half;
+      if (auto found = contact(of_a, of_b)) return found;
+    }
+    return {};
+  }
+
+  /// A point of `other` that is inside a mesh; those of its triangles are looked at elsewhere.
+  [[nodiscard]] static std::optional<Eigen::Vector3d> inside(const PlacedBody& mesh,
+                                                             const PlacedBody& other) {
+    if (!mesh.body->is_closed_mesh() || other.body->is_half_space()) return {};
+    const Transform T_mesh_other = mesh.T_world_body.inverse() * other.T_world_body;
+    for (const Eigen::Vector3d& p : other.body->points()) {
+      const Eigen::Vector3d p_mesh = T_mesh_other * p;
+      if (!mesh.body->may_hold(p_mesh)) continue;
+      if (signed_distance_m(mesh.body->shape(), p_mesh) < 0.0) return other.T_world_body * p;
+    }
+    return {};
+  }
+
+  /// A part of the motion, and shares of two bodies, in the tree of what is to be shown.
+  struct Open {
+    enum class Kind { kApart, kTime, kShareOfA, kShareOfB };
+    Kind kind = Kind::kApart;
+    Part part;
+    Share a, b;
+    Eigen::Vector3i direction = Eigen::Vector3i::Zero();
+    bool is_looked_at = false;  ///< No contact in the middle of the part.
+    std::size_t halves = 0;     ///< The first of them; the other one follows.
   };
-  [[nodiscard]] Look look(const Pair& pair, const Instant& instant) const {
-    const auto place = [&](std::size_t shape) {
-      const CollisionShape& of = description_.shapes[shape];
-      return PlacedShape{&of.shape, instant.links[idx(of.link)] * of.T_link_shape};
-    };
-    const auto way = [&](const PlacedShape& of, const std::vector<int>& movers) {
+
+  /// Shows a pair apart over the whole motion, or finds where it is not.
+  void show(const Pair& pair) {
+    ++found_.pairs;
+    if (starts_inside(pair)) return;
+    // The longest parts first: so a contact that lasts is found soon.
+    std::vector<Open>& tree = tree_;
+    tree.assign(1, {});
+    std::tie(tree[0].a, tree[0].b) =
+        std::pair(shapes_[pair.a].all(), pair.b ? shapes_[*pair.b].all() : pair.object->body.all());
+    for (std::size_t i = 0; i < tree.size(); ++i) {
+      if (show(pair, tree[i])) continue;
+      if (found_.witness) return;
+      const Open& open = tree[i];
+      const bool is_last = open.kind == Open::Kind::kTime && open.part.level == kDeepest;
+      if (is_last || tree.size() > idx(2 * settings_.most_parts)) {
+        const auto [from_s, to_s] = span_s(open.part);
+        found_.undecided.push_back({name_a(pair), name_b(pair), from_s, to_s});
+        return;
+      }
+      tree[i].halves = tree.size();
+      for (const int half : {0, 1}) {
+        Open next = tree[i];
+        switch (next.kind) {
+          case Open::Kind::kApart: break;
+          case Open::Kind::kTime:
+            next.part = {next.part.level + 1, 2 * next.part.index + half};
+            next.is_looked_at = false;
+            break;
+          case Open::Kind::kShareOfA: next.a = next.a.halves()[idx(half)]; break;
+          case Open::Kind::kShareOfB: next.b = next.b.halves()[idx(half)]; break;
+        }
+        tree.push_back(next);
+      }
+    }
+    found_.parts += (tree.size() + 1) / 2;
+    if (!settings_.wants_certificate) return;
+    Json claim = {{"shape", pair.a}};
+    if (pair.b) {
+      claim["other"] = *pair.b;
+    } else {
+      claim["object"] = pair.object - objects_.data();
+    }
+    claim["parts"] = written(tree, 0);
+    claims_.push_back(std::move(claim));
+  }
+
+  bool starts_inside(const Pair& pair) {
+    const Instant& at = instant({kDeepest, 0});
+    const auto [a, b] = place(pair, at);
+    auto p = inside(a, b);
+    if (!p) p = inside(b, a);
+    if (p) found_.witness = Witness{at.time_s, name_a(pair), name_b(pair), *p, *p, 0.0};
+    return p.has_value();
+  }
+
+  /// Shows two shares apart in a part; else says by what they are to be halved, or has found a
+  /// contact.
+  bool show(const Pair& pair, Open& open) {
+    const Instant& at = instant(open.part);
+    auto [a, b] = place(pair, at);
+    a.share = open.a;
+    b.share = open.b;
+    const auto way = [&](const PlacedBody& of, const std::vector<int>& movers) {
       if (movers.empty()) return 0.0;
-      return way_m(instant, movers, of.T_world_shape.translation(), reach_m(*of.shape));
+      return way_m(at, movers, of.T_world_body.translation(), of.body->reach_m());
     };
-    Look look{place(pair.a), pair.b ? place(*pair.b) : pair.fixed, 0.0};
-    look.way_m = way(look.a, pair.movers_a) + way(look.b, pair.movers_b);
-    return look;
-  }
-
-  static Eigen::Vector3d written(const Eigen::Vector3d& direction) {
-    return (direction.normalized() * kDirection).array().round().matrix();
-  }
-
-  static bool has_hull(const Look& look) {
-    return std::holds_alternative<std::shared_ptr<const Mesh>>(*look.a.shape) ||
-           std::holds_alternative<std::shared_ptr<const Mesh>>(*look.b.shape);
-  }
-  /// Whether FCL finds the two nearer than the margin, triangle by triangle.
-  [[nodiscard]] bool touches(const Pair& pair, const Instant& at) {
-    if (!collider_) {
-      ShapeObstacles obstacles;
-      obstacles.scene = std::make_shared<const Scene>(scene_);
-      collider_ =
-          std::make_unique<ShapeCollider>(description_, obstacles, std::vector<AllowedContact>{});
-      pose_ = collider_->make_pose();
+    const double ways_m = way(a, pair.movers_a) + way(b, pair.movers_b);
+    const double wanted_m = settings_.margin_m + ways_m + kRounding_m;
+    const auto is_apart = [&](const Eigen::Vector3i& direction) {
+      if (direction.isZero() || !(gap_m(a, b, direction.cast<double>()) > wanted_m)) return false;
+      open.direction = direction;
+      open.kind = Open::Kind::kApart;
+      return true;
+    };
+    if (is_apart(open.direction) || is_apart(written(b.centre() - a.centre()))) return true;
+    const NearestPoints nearest = nearest_points(a, b, kNear_m + settings_.margin_m, wanted_m);
+    const bool is_near = nearest.distance_m() < std::max(settings_.margin_m, kRounding_m);
+    if (is_near && !open.is_looked_at) {
+      if (const auto met = contact(a, b)) {
+        found_.witness =
+            Witness{at.time_s, name_a(pair), name_b(pair), met->p_a, met->p_b, met->distance_m()};
+        return false;
+      }
+      open.is_looked_at = true;
     }
-    collider_->place(*pose_, at.links, 0.0);
-    const double bound_m = settings_.margin_m + kNear_m;
-    if (!pair.b) {
-      return collider_->to_obstacles(static_cast<int>(pair.a), *pose_, bound_m).clearance_m <
-             settings_.margin_m;
+    if (!nearest.overlap) {
+      const Eigen::Vector3d direction = nearest.p_b - nearest.p_a;
+      open.direction = written(direction);
+      if (is_apart(open.direction) || is_apart(written(direction, kLongDirection))) return true;
     }
-    const std::pair links(description_.shapes[pair.a].link, description_.shapes[*pair.b].link);
-    for (int p = 0; p < collider_->pair_count(); ++p) {
-      if (collider_->pair_links(p) != links) continue;
-      if (collider_->between_pair(p, *pose_, bound_m) < settings_.margin_m) return true;
-    }
+    const double extent_a_m = a.body->extent_m(a.share), extent_b_m = b.body->extent_m(b.share);
+    // What is larger is halved; time, too, where that is likely to be enough.
+    const double of_time_m = open.part.level == kDeepest               ? 0.0
+                             : nearest.distance_m() > 0.5 * (wanted_m) ? kMost
+                                                                       : ways_m;
+    const bool is_of_shares = std::max(extent_a_m, extent_b_m) > of_time_m;
+    open.kind = !is_of_shares             ? Open::Kind::kTime
+                : extent_a_m > extent_b_m ? Open::Kind::kShareOfA
+                                          : Open::Kind::kShareOfB;
     return false;
   }
 
-  /// Shows a pair apart over the whole motion, or finds where it is not.
-  void show(const Pair& pair, Json claim) {
-    ++found_.pairs;
-    std::vector<std::array<std::int64_t, 5>> parts;
-    struct Open {
-      Part part;
-      Eigen::Vector3d direction;
+  static Json written(const std::vector<Open>& tree, std::size_t i) {
+    const Open& open = tree[i];
+    const Eigen::Vector3i& n = open.direction;
+    const auto halved = [&](const char* what) {
+      return Json::array({what, written(tree, open.halves), written(tree, open.halves + 1)});
     };
-    // The longest first: so a contact that lasts is found soon.
-    std::deque<Open> open{{{}, Eigen::Vector3d::Zero()}};
-    int looked = 0;
-    bool is_shown = true;
-    while (!open.empty()) {
-      const Part part = open.front().part;
-      const Eigen::Vector3d before = open.front().direction;
-      open.pop_front();
-      const Instant& at = instant(part);
-      const Look look = this->look(pair, at);
-      const double wanted_m = settings_.margin_m + look.way_m + kRounding_m;
-      const auto is_apart = [&](const Eigen::Vector3d& direction) {
-        if (direction.isZero() || !(gap_m(look.a, look.b, direction) > wanted_m)) return false;
-        const auto whole = [](double x) { return static_cast<std::int64_t>(x); };
-        parts.push_back({part.level, part.index, whole(direction.x()), whole(direction.y()),
-                         whole(direction.z())});
-        return true;
-      };
-      const Eigen::Vector3d between =
-          look.b.T_world_shape.translation() - look.a.T_world_shape.translation();
-      if (is_apart(before) || is_apart(written(between))) continue;
-      const NearestPoints nearest =
-          nearest_points(look.a, look.b, kNear_m + settings_.margin_m, wanted_m);
-      const double distance_m = nearest.overlap ? 0.0 : (nearest.p_b - nearest.p_a).norm();
-      const bool is_near = distance_m < std::max(settings_.margin_m, kRounding_m);
-      if (is_near && (!has_hull(look) || touches(pair, at))) {
-        found_.witness =
-            Witness{at.time_s, pair.name_a, pair.name_b, nearest.p_a, nearest.p_b, distance_m};
-        return;
-      }
-      const Eigen::Vector3d direction =
-          nearest.overlap ? before : written(nearest.p_b - nearest.p_a);
-      if (is_apart(direction)) continue;
-      const bool is_end =
-          part.level == kDeepest || (is_near && has_hull(look) && look.way_m < kSmallest_m);
-      if (is_end || ++looked > settings_.most_parts) {
-        const auto [from_s, to_s] = span_s(part);
-        found_.undecided.push_back({pair.name_a, pair.name_b, from_s, to_s});
-        is_shown = false;
-        break;
-      }
-      open.push_back({{part.level + 1, 2 * part.index}, direction});
-      open.push_back({{part.level + 1, 2 * part.index + 1}, direction});
+    switch (open.kind) {
+      case Open::Kind::kApart: return Json::array({n.x(), n.y(), n.z()});
+      case Open::Kind::kTime: return halved("time");
+      case Open::Kind::kShareOfA: return halved("first");
+      case Open::Kind::kShareOfB: return halved("second");
     }
-    if (!is_shown) return;
-    std::ranges::sort(parts, {}, [](const auto& part) {
-      return part[1] << (kDeepest - static_cast<int>(part[0]));
-    });
-    found_.parts += parts.size();
-    claims_.push_back({std::move(claim), std::move(parts)});
+    return {};
   }
 
   void conclude() {
@@ -420,34 +484,29 @@ class Certifier {
     found_.outcome = found_.witness             ? Outcome::kRefuted
                      : found_.undecided.empty() ? Outcome::kProven
                                                 : Outcome::kUndecided;
-    if (found_.outcome != Outcome::kProven) return;
-    Json claims = Json::array();
-    for (auto& [claim, parts] : claims_) {
-      claim["parts"] = parts;
-      claims.push_back(std::move(claim));
-    }
-    found_.certificate = claimed(robot_, scene_, motion_, settings_.margin_m);
-    found_.certificate["claims"] = std::move(claims);
+    if (found_.outcome != Outcome::kProven || !settings_.wants_certificate) return;
+    found_.certificate = claimed(robot_, shapes_, objects_, motion_, settings_.margin_m);
+    found_.certificate["claims"] = std::move(claims_);
   }
 
   const KinematicTree& robot_;
   const RobotDescription& description_;
-  const Scene& scene_;
+  const CertifiedScene& scene_;
   const PolynomialMotion& motion_;
   const CertifySettings& settings_;
   std::vector<bool> moves_;  ///< Links, against their parents.
   std::map<Part, Instant> instants_;
   Scratch scratch_;
-  std::unique_ptr<ShapeCollider> collider_;  ///< Once a hull has been met.
-  ShapeCollider::PosePtr pose_;
-  /// What is claimed of which shapes, and its parts.
-  std::vector<std::pair<Json, std::vector<std::array<std::int64_t, 5>>>> claims_;
+  std::vector<Body> shapes_;
+  std::vector<CertifiedObject> objects_;
+  std::vector<Open> tree_;  ///< Of the pair that is looked at.
+  Json claims_ = Json::array();
   Certification found_;
 };
 
 }  // namespace
 
-Result<Certification> certify(const KinematicTree& robot, const Scene& scene,
+Result<Certification> certify(const KinematicTree& robot, const CertifiedScene& scene,
                               const PolynomialMotion& motion, const CertifySettings& settings) {
   return Certifier(robot, scene, motion, settings).run();
 }

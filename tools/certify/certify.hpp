@@ -12,6 +12,8 @@
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
+#include "body.hpp"
+
 namespace sidestep {
 
 /// What a robot does between two states that are given.
@@ -47,10 +49,16 @@ struct PolynomialMotion {
                                                    const RobotDescription& robot,
                                                    std::optional<Joining> joining = {});
 
+/// What a robot is to keep apart from: a scene that stands still, and swarms in it.
+struct CertifiedScene {
+  Scene scene;
+  std::vector<Swarm> swarms;
+};
+
 /// Reads a scene: YAML of this project (docs/reference/scenes.md), or a PlanningScene of MoveIt
 /// (read_moveit_scene()). Fails with kConfig or kIo, naming file and line.
-[[nodiscard]] Result<Scene> read_certified_scene(const std::filesystem::path& file,
-                                                 const RobotDescription& robot);
+[[nodiscard]] Result<CertifiedScene> read_certified_scene(const std::filesystem::path& file,
+                                                          const RobotDescription& robot);
 
 /// An instant at which two things are nearer than the margin, or overlap: a point of each, in the
 /// world.
@@ -72,6 +80,7 @@ struct Undecided {
 struct CertifySettings {
   double margin_m = 0.0;    ///< All that is not left out is to be more than this apart.
   int most_parts = 100000;  ///< Looked at for one pair of shapes; then it is undecided.
+  bool wants_certificate = false;
 };
 
 struct Certification {
@@ -80,22 +89,24 @@ struct Certification {
   std::optional<Witness> witness;    ///< Of a refuted motion, if it is not a limit that it breaks.
   std::string broken_limit;          ///< The limit that a refuted motion breaks.
   std::vector<Undecided> undecided;  ///< The first of each pair of shapes.
-  nlohmann::ordered_json certificate;  ///< Of a proven motion (docs/reference/certificates.md).
+  nlohmann::ordered_json certificate;  ///< Of a proven motion, if wanted.
   std::size_t pairs = 0;               ///< Of shapes that were looked at.
   std::size_t parts = 0;               ///< Of the certificate.
 };
 
 /// Proves over continuous time that a robot's collision shapes keep apart from those of a scene
 /// that stands still, and from each other (RobotDescription::self_collision_pairs), and that joints
-/// keep their limits; or refutes it at an instant. Meshes are taken for their convex hulls: where
-/// those meet, FCL looks at the triangles, and where it finds no contact the motion is undecided.
-/// What no joint moves is not held against the scene.
+/// keep their limits; or refutes it at an instant. Of a mesh its triangles are held against
+/// others, and, where it is closed, what starts inside is in it. What no joint moves is not held
+/// against the scene.
 ///
 /// Each pair is shown apart in parts of the motion: at the middle of a part, along a direction, the
 /// two are apart by more than either moves within the part. A direction is all that anyone needs to
-/// see it again. Fails with kInvalidArgument for a robot without collision shapes, an object that
-/// moves, and a motion that is not the robot's. [any]; allocates.
-[[nodiscard]] Result<Certification> certify(const KinematicTree& robot, const Scene& scene,
+/// see it again. Of meshes and swarms halves of halves are shown apart.
+///
+/// Fails with kInvalidArgument for a robot without collision shapes, an object that moves, and a
+/// motion that is not the robot's. [any]; allocates.
+[[nodiscard]] Result<Certification> certify(const KinematicTree& robot, const CertifiedScene& scene,
                                             const PolynomialMotion& motion,
                                             const CertifySettings& settings);
 

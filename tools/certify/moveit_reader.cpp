@@ -122,15 +122,15 @@ Result<MotionSamples> read_moveit_motion(const std::filesystem::path& file,
   return MoveItMotion(message, robot).read();
 }
 
-Result<Scene> read_certified_scene(const std::filesystem::path& file,
-                                   const RobotDescription& robot) {
+Result<CertifiedScene> read_certified_scene(const std::filesystem::path& file,
+                                            const RobotDescription& robot) {
   const auto message = SIDESTEP_TRY(read_message(file));
   if (message.find("world") != nullptr) {
-    return read_moveit_scene(message, file.parent_path(), robot);
+    return CertifiedScene{SIDESTEP_TRY(read_moveit_scene(message, file.parent_path(), robot)), {}};
   }
   SceneReading reading = read_scene(message);
   if (!reading.errors.empty()) return tl::make_unexpected(reading.errors.front());
-  return std::move(reading.scene);
+  return CertifiedScene{std::move(reading.scene), {}};
 }
 
 }  // namespace sidestep

@@ -2,10 +2,11 @@
 // loops, and accepts or refuses it. Shares no code with what wrote it: read this file to know what
 // a certificate is worth.
 //
-// A certificate holds a robot, objects, a motion, and for each two shapes parts of the motion with
-// a direction each. In the middle of a part the two shapes lie on two sides of a gap across that
-// direction; from there neither moves farther, in that part, than the gap is wide. The parts are
-// halves of halves of the motion, so that nothing is left between them.
+// A certificate holds a robot, objects, a motion, and for each two bodies a tree: of halves of
+// halves of the motion and of the items that a body is made of (the triangles of a mesh, the cubes
+// of a map), with a direction at each end. In the middle of such a part of the motion the two lie
+// on two sides of a gap across that direction; from there neither moves farther, in that part, than
+// the gap is wide.
 
 #include <algorithm>
 #include <array>
@@ -35,11 +36,7 @@ constexpr double kMost = 1e3;
 constexpr double kLimitTolerance = 1e-6;
 constexpr int kDeepest = 40;
 
-struct Refused : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-[[noreturn]] void refuse(const std::string& why) { throw Refused(why); }
+[[noreturn]] void refuse(const std::string& why) { throw std::runtime_error(why); }
 
 double number(const Json& json) {
   const double x = json.get<double>();
@@ -77,82 +74,133 @@ Pose pose(const Json& json) {
   return T;
 }
 
-/// A convex body. How far it reaches in a direction is all that is asked of it.
+/// Items of a body: from the first on, before the last.
+struct Share {
+  std::size_t first = 0, last = 1;
+};
+
+/// Convex items: one, or many. How far they reach in a direction is all that is asked of them.
 struct Body {
-  enum class Kind { kBox, kSphere, kCylinder, kCapsule, kHull, kHalfSpace };
-  Kind kind = Kind::kSphere;
-  Vec half = Vec::Zero();  // of a box
+  enum class Kind { kBox, kCylinder, kCapsule, kHalfSpace, kMesh, kCubes, kBalls };
+  Kind kind = Kind::kCapsule;  // of no length: a sphere
+  Vec half = Vec::Zero();      // of a box
   double radius = 0.0;
   double half_length = 0.0;
-  std::vector<Vec> points;
-  Pose at;  // in its link, or in the world
+  std::vector<Vec> points;  // of a mesh; else centres
+  std::vector<std::array<std::size_t, 3>> triangles;
+  bool is_closed = false;     // a mesh: what is inside is in it
+  std::vector<double> sizes;  // edges of cubes, radii of balls
+  Pose at;                    // in its link, or in the world
   int link = -1;
 
-  /// The greatest n . x of all its points x, less n . (its origin).
-  [[nodiscard]] double reach(const Vec& n) const {
+  [[nodiscard]] Share all() const {
+    return {0, kind == Kind::kMesh ? triangles.size() : sizes.empty() ? 1 : sizes.size()};
+  }
+  /// The greatest n . x of all points x of some items, less n . (the body's origin).
+  [[nodiscard]] double reach(const Vec& n, const Share& share) const {
+    double most = -1e300;
+    for (std::size_t i = share.first; i < share.last; ++i) most = std::max(most, reach(n, i));
+    return most;
+  }
+  [[nodiscard]] double reach(const Vec& n, std::size_t item) const {
     switch (kind) {
       case Kind::kBox: return n.cwiseAbs().dot(half);
-      case Kind::kSphere: return radius * n.norm();
       case Kind::kCylinder:
         return radius * std::hypot(n.x(), n.y()) + half_length * std::abs(n.z());
       case Kind::kCapsule: return radius * n.norm() + half_length * std::abs(n.z());
-      case Kind::kHull: {
-        double most = -1e300;
-        for (const Vec& p : points) most = std::max(most, n.dot(p));
-        return most;
+      case Kind::kMesh: {
+        const auto& [a, b, c] = triangles[item];
+        return std::max({n.dot(points[a]), n.dot(points[b]), n.dot(points[c])});
       }
+      case Kind::kCubes: return n.dot(points[item]) + 0.5 * sizes[item] * n.cwiseAbs().sum();
+      case Kind::kBalls: return n.dot(points[item]) + sizes[item] * n.norm();
       case Kind::kHalfSpace: break;
     }
     refuse("a half-space has no end");
   }
-  /// How far its points are from its origin, at most.
+  /// How far its points are from its origin, at most, on a link.
   [[nodiscard]] double ball() const {
     switch (kind) {
       case Kind::kBox: return half.norm();
-      case Kind::kSphere: return radius;
       case Kind::kCylinder: return std::hypot(radius, half_length);
       case Kind::kCapsule: return radius + half_length;
-      case Kind::kHull: {
-        double most = 0.0;
-        for (const Vec& p : points) most = std::max(most, p.norm());
-        return most;
-      }
-      case Kind::kHalfSpace: break;
+      default: break;
     }
-    refuse("a half-space has no end");
+    double most = 0.0;
+    for (const Vec& p : points) most = std::max(most, p.norm());
+    return most;
+  }
+  [[nodiscard]] Vec point_of(std::size_t item) const {
+    if (kind == Kind::kMesh) return points[triangles[item][0]];
+    return points.empty() ? Vec::Zero() : points[item];
+  }
+  /// How often a mesh goes round a point, by the solid angles of its triangles (Van Oosterom and
+  /// Strackee 1983).
+  [[nodiscard]] double winding(const Vec& p) const {
+    double sum = 0.0;
+    for (const auto& [i, j, k] : triangles) {
+      const Vec a = points[i] - p, b = points[j] - p, c = points[k] - p;
+      const double la = a.norm(), lb = b.norm(), lc = c.norm();
+      const Mat m = (Mat() << a, b, c).finished();
+      sum += 2.0 * std::atan2(m.determinant(),
+                              la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+    }
+    return sum / (4.0 * EIGEN_PI);
   }
 };
+
+void read_mesh(const Json& json, Body& body) {
+  body.kind = Body::Kind::kMesh;
+  for (const Json& p : json.at("points")) body.points.push_back(vector(p));
+  for (const Json& t : json.at("triangles")) {
+    std::array<std::size_t, 3> corners{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      corners[k] = t.at(k).get<std::size_t>();
+      if (corners[k] >= body.points.size()) refuse("a triangle has no such corner");
+    }
+    body.triangles.push_back(corners);
+  }
+  if (body.triangles.empty()) refuse("a mesh has no triangles");
+  body.is_closed = json.at("closed").get<bool>();
+}
+
+void read_many(const Json& json, Body& body) {
+  for (const Json& one : json) {
+    body.points.push_back(vector({one.at(0), one.at(1), one.at(2)}));
+    body.sizes.push_back(length(one.at(3)));
+  }
+  if (body.sizes.empty()) refuse("there are none of many");
+}
 
 Body body(const Json& json) {
   Body body;
   body.at = pose(json.at("pose"));
-  int kinds = 0;
+  std::string kind;
   for (const auto& [key, value] : json.items()) {
     if (key == "pose" || key == "name" || key == "link") continue;
-    ++kinds;
+    if (!std::exchange(kind, key).empty()) refuse("a body has one shape");
     if (key == "box") {
       body.kind = Body::Kind::kBox;
       body.half = 0.5 * vector(value);
       if (body.half.minCoeff() < 0.0) refuse("a box has a negative side");
     } else if (key == "sphere") {
-      body.kind = Body::Kind::kSphere;
       body.radius = length(value);
     } else if (key == "cylinder" || key == "capsule") {
       body.kind = key == "cylinder" ? Body::Kind::kCylinder : Body::Kind::kCapsule;
-      if (value.size() != 2) refuse("a " + key + " has a radius and a length");
-      body.radius = length(value[0]);
-      body.half_length = 0.5 * length(value[1]);
-    } else if (key == "hull") {
-      body.kind = Body::Kind::kHull;
-      for (const Json& p : value) body.points.push_back(vector(p));
-      if (body.points.empty()) refuse("a hull has no points");
+      body.radius = length(value.at(0));
+      body.half_length = 0.5 * length(value.at(1));
+    } else if (key == "mesh") {
+      read_mesh(value, body);
+    } else if (key == "cubes" || key == "balls") {
+      body.kind = key == "cubes" ? Body::Kind::kCubes : Body::Kind::kBalls;
+      read_many(value, body);
     } else if (key == "half_space") {
       body.kind = Body::Kind::kHalfSpace;
     } else {
       refuse("'" + key + "' is no shape");
     }
   }
-  if (kinds != 1) refuse("a body has one shape");
+  if (kind.empty()) refuse("a body has no shape");
   return body;
 }
 
@@ -205,7 +253,7 @@ bool stays_below(const Terms& c, double a, double b, double limit, int depth = 0
 class Recheck {
  public:
   explicit Recheck(const Json& json) : margin_(length(json.at("margin_m"))) {
-    if (json.at("format") != "sidestep-certificate-1") refuse("its format is not known");
+    if (json.at("format") != "sidestep-certificate-2") refuse("its format is not known");
     read_robot(json.at("robot"));
     for (const Json& object : json.at("objects")) objects_.push_back(body(object));
     read_motion(json.at("motion"));
@@ -248,13 +296,12 @@ class Recheck {
       Body shape = body(json);
       shape.link = json.at("link").get<int>();
       if (shape.link < 0 || shape.link >= links) refuse("a shape has no link");
-      if (shape.kind == Body::Kind::kHalfSpace) refuse("a link cannot be a half-space");
+      if (shape.kind == Body::Kind::kHalfSpace || !shape.sizes.empty()) refuse("a link is none");
       shapes_.push_back(std::move(shape));
     }
     if (shapes_.empty()) refuse("the robot has no shapes");
     for (const Json& json : robot.at("pairs")) {
-      if (json.size() != 2) refuse("a pair has two links");
-      const int a = json[0].get<int>(), b = json[1].get<int>();
+      const int a = json.at(0).get<int>(), b = json.at(1).get<int>();
       if (a < 0 || b < 0 || a >= links || b >= links || a == b) refuse("a pair is none");
       link_pairs_.emplace_back(a, b);
     }
@@ -329,7 +376,7 @@ class Recheck {
 
   /// The claims are there for all that has to be apart, once each, and hold.
   void check_claims(const Json& claims) {
-    std::map<std::pair<std::size_t, std::size_t>, const Json*> to_object, to_shape;
+    std::map<std::pair<std::size_t, std::size_t>, const Json*> to_object, to_shape;  // their parts
     for (const Json& claim : claims) {
       const bool is_own = claim.contains("other");
       const auto a = claim.at("shape").get<std::size_t>();
@@ -362,52 +409,92 @@ class Recheck {
     }
   }
 
-  void check_pair(const Body& a, const Body& b, const std::vector<int>& moves_a,
-                  const std::vector<int>& moves_b, const Json& parts) {
-    ++pairs_;
-    // How much of the motion is shown, in 2^-kDeepest of it.
-    std::int64_t shown = 0;
-    for (const Json& part : parts) {
-      ++parts_;
-      if (part.size() != 5) refuse("a part has five numbers");
-      const int level = part[0].get<int>();
-      const auto index = part[1].get<std::int64_t>();
-      if (level < 0 || level > kDeepest || index < 0 || index >= std::int64_t{1} << level) {
-        refuse("a part is none of the motion");
-      }
-      if (index << (kDeepest - level) != shown) refuse("a part of the motion is left out");
-      shown += std::int64_t{1} << (kDeepest - level);
-      const Vec direction(part[2].get<int>(), part[3].get<int>(), part[4].get<int>());
-      const double spare = gap(a, b, moves_a, moves_b, level, index, direction) - margin_;
-      if (!(spare > kRounding_m)) refuse("two shapes are not shown apart");
-    }
-    if (shown != std::int64_t{1} << kDeepest) refuse("a part of the motion is left out");
-  }
-
-  /// How far apart two shapes stay in a part of the motion, at least.
-  [[nodiscard]] double gap(const Body& a, const Body& b, const std::vector<int>& moves_a,
-                           const std::vector<int>& moves_b, int level, std::int64_t index,
-                           const Vec& direction) {
-    const State& state = this->state(level, index);
-    const Pose at_a = state.links[a.link] * a.at;
-    const Pose at_b = b.link >= 0 ? state.links[b.link] * b.at : b.at;
-    const double ways = way(state, a, at_a, moves_a) + way(state, b, at_b, moves_b);
-    if (b.kind == Body::Kind::kHalfSpace) {
-      const Vec up = at_b.R.col(2);
-      return up.dot(at_a.p - at_b.p) - a.reach(at_a.R.transpose() * -up) - ways;
-    }
-    const double norm = direction.norm();
-    if (!(norm > 0.0)) refuse("a direction is none");
-    const Vec n = direction / norm;
-    return n.dot(at_b.p - at_a.p) - a.reach(at_a.R.transpose() * n) -
-           b.reach(at_b.R.transpose() * -n) - ways;
-  }
-
   /// The robot in the middle of a part, and how far each joint goes from there in that part.
   struct State {
     std::vector<Pose> links;
     std::vector<double> changes;
   };
+
+  /// Two bodies, the links that move them, and of each the items that are looked at.
+  struct Pair {
+    const Body &a, &b;
+    const std::vector<int>&moves_a, &moves_b;
+    Share of_a, of_b;
+  };
+
+  void check_pair(const Body& a, const Body& b, const std::vector<int>& moves_a,
+                  const std::vector<int>& moves_b, const Json& parts) {
+    ++pairs_;
+    check_outside(a, b);
+    check_outside(b, a);
+    check(Pair{a, b, moves_a, moves_b, a.all(), b.all()}, 0, 0, parts);
+  }
+
+  [[nodiscard]] static Pose placed(const Body& body, const State& state) {
+    return body.link >= 0 ? state.links[body.link] * body.at : body.at;
+  }
+
+  /// In the beginning nothing is inside of a mesh; that it does not come there, its triangles show.
+  void check_outside(const Body& mesh, const Body& other) {
+    if (!mesh.is_closed || other.kind == Body::Kind::kHalfSpace) return;
+    Vec lower = mesh.points[0], upper = lower;
+    for (const Vec& p : mesh.points) lower = lower.cwiseMin(p), upper = upper.cwiseMax(p);
+    const State& state = this->state(kDeepest, 0);
+    const Pose at_mesh = placed(mesh, state), at_other = placed(other, state);
+    for (std::size_t i = 0; i < other.all().last; ++i) {
+      const Vec world = at_other.R * other.point_of(i) + at_other.p;
+      const Vec p = at_mesh.R.transpose() * (world - at_mesh.p);
+      const bool is_beside = (p.array() < lower.array()).any() || (p.array() > upper.array()).any();
+      if (!is_beside && std::abs(mesh.winding(p)) > 0.5) refuse("a body is inside of a mesh");
+    }
+  }
+
+  /// Two bodies are apart in a part of the motion, as a tree shows it: a direction, or two trees
+  /// for the halves of the time, or of the items of the first or of the second body.
+  void check(const Pair& pair, int level, std::int64_t index, const Json& tree) {
+    if (tree.size() != 3) refuse("a tree has three numbers, or two halves");
+    if (!tree[0].is_string()) {
+      ++parts_;
+      const Vec direction(tree[0].get<int>(), tree[1].get<int>(), tree[2].get<int>());
+      const double spare = gap(pair, level, index, direction) - margin_;
+      if (!(spare > kRounding_m)) refuse("two shapes are not shown apart");
+      return;
+    }
+    const auto& halved = tree[0].get_ref<const std::string&>();
+    if (halved == "time") {
+      if (level == kDeepest) refuse("a part of the motion is too short");
+      check(pair, level + 1, 2 * index, tree[1]);
+      check(pair, level + 1, 2 * index + 1, tree[2]);
+      return;
+    }
+    if (halved != "first" && halved != "second") refuse("'" + halved + "' cannot be halved");
+    Pair before = pair, after = pair;
+    const bool is_of_a = halved == "first";
+    const Share& share = is_of_a ? pair.of_a : pair.of_b;
+    const std::size_t middle = (share.first + share.last) / 2;
+    if (middle == share.first) refuse("one item cannot be halved");
+    (is_of_a ? before.of_a : before.of_b).last = middle;
+    (is_of_a ? after.of_a : after.of_b).first = middle;
+    check(before, level, index, tree[1]);
+    check(after, level, index, tree[2]);
+  }
+
+  /// How far apart two bodies stay in a part of the motion, at least.
+  [[nodiscard]] double gap(const Pair& pair, int level, std::int64_t index, const Vec& direction) {
+    const auto& [a, b, moves_a, moves_b, of_a, of_b] = pair;
+    const State& state = this->state(level, index);
+    const Pose at_a = placed(a, state), at_b = placed(b, state);
+    const double ways = way(state, a, at_a, moves_a) + way(state, b, at_b, moves_b);
+    if (b.kind == Body::Kind::kHalfSpace) {
+      const Vec up = at_b.R.col(2);
+      return up.dot(at_a.p - at_b.p) - a.reach(at_a.R.transpose() * -up, of_a) - ways;
+    }
+    const double norm = direction.norm();
+    if (!(norm > 0.0)) refuse("a direction is none");
+    const Vec n = direction / norm;
+    return n.dot(at_b.p - at_a.p) - a.reach(at_a.R.transpose() * n, of_a) -
+           b.reach(at_b.R.transpose() * -n, of_b) - ways;
+  }
 
   const State& state(int level, std::int64_t index) {
     const auto [found, is_new] = states_.try_emplace({level, index});

@@ -107,7 +107,9 @@ ExitCode certify_command(const CertifyOptions& options) {
   if (!scene) return refused(scene.error());
   const auto motion = read_motion(options.motion, robot.description(), options.joining);
   if (!motion) return refused(motion.error());
-  const auto found = certify(robot, *scene, *motion, {.margin_m = options.margin_m});
+  const auto found =
+      certify(robot, *scene, *motion,
+              {.margin_m = options.margin_m, .wants_certificate = options.out.has_value()});
   if (!found) return wrong_input(found.error());
 
   const bool is_proven = found->outcome == Certification::Outcome::kProven;

@@ -18,7 +18,7 @@ using testing_certify::random_scene;
 using testing_certify::straight;
 using Outcome = Certification::Outcome;
 
-Certification certified(const KinematicTree& robot, const Scene& scene,
+Certification certified(const KinematicTree& robot, const CertifiedScene& scene,
                         const PolynomialMotion& motion, const CertifySettings& settings = {}) {
   auto found = certify(robot, scene, motion, settings);
   if (!found) throw std::runtime_error(found.error().describe());
@@ -76,7 +76,7 @@ TEST_F(PandasCertificates, AgreeWithFclAtManyInstants) {
       }
     }
     const PolynomialMotion motion = straight(waypoints, 5.0);
-    const Certification found = certified(*robot_, scene, motion);
+    const Certification found = certified(*robot_, {scene, {}}, motion);
     ShapeObstacles obstacles;
     obstacles.scene = std::make_shared<const Scene>(scene);
     const ShapeCollider collider(robot_->description(), obstacles, {});
@@ -125,7 +125,7 @@ TEST(Certificates, NeverProveAGraze) {
   for (int k = 0; k < kCount; ++k) {
     const double depth_m = std::pow(10.0, std::uniform_real_distribution(-5.0, -2.0)(random));
     const Swing swing(random, -depth_m);
-    const Certification found = certified(*swing.robot, swing.scene, swing.motion);
+    const Certification found = certified(*swing.robot, {swing.scene, {}}, swing.motion);
     ASSERT_NE(found.outcome, Outcome::kProven) << k << ": " << depth_m;
     if (found.outcome == Outcome::kRefuted) ++refuted;
   }
@@ -139,7 +139,7 @@ TEST(Certificates, ProveAGap) {
     constexpr int kCount = 3333;
     for (int k = 0; k < kCount; ++k) {
       const Swing swing(random, gap_m);
-      const Certification found = certified(*swing.robot, swing.scene, swing.motion);
+      const Certification found = certified(*swing.robot, {swing.scene, {}}, swing.motion);
       ASSERT_NE(found.outcome, Outcome::kRefuted) << k << ": " << gap_m;
       if (found.outcome == Outcome::kProven) ++proven;
     }
@@ -151,9 +151,11 @@ TEST(Certificates, KeepTheMargin) {
   std::mt19937_64 random(7);
   for (int k = 0; k < 300; ++k) {
     const Swing swing(random, 0.01);
-    EXPECT_EQ(certified(*swing.robot, swing.scene, swing.motion, {.margin_m = 0.0099}).outcome,
-              Outcome::kProven);
-    const auto found = certified(*swing.robot, swing.scene, swing.motion, {.margin_m = 0.0101});
+    EXPECT_EQ(
+        certified(*swing.robot, {swing.scene, {}}, swing.motion, {.margin_m = 0.0099}).outcome,
+        Outcome::kProven);
+    const auto found =
+        certified(*swing.robot, {swing.scene, {}}, swing.motion, {.margin_m = 0.0101});
     ASSERT_EQ(found.outcome, Outcome::kRefuted);
     EXPECT_NEAR(found.witness->distance_m, 0.01, 1.1e-4);
     EXPECT_NEAR((found.witness->p_a - found.witness->p_b).norm(), found.witness->distance_m, 1e-9);
@@ -164,10 +166,10 @@ TEST(Certificates, NameALimitThatIsBrokenBetweenWaypoints) {
   const auto robot = crane(0.05);
   PolynomialMotion motion;
   motion.pieces = {{0.0, 2.0, {{3.9, 0.4, -0.2}, {0.5}}}};  // 4.1 at 1 s, 3.9 at both ends
-  EXPECT_THAT(certified(*robot, Scene(), motion).broken_limit,
+  EXPECT_THAT(certified(*robot, {}, motion).broken_limit,
               HasSubstr("turn breaks its upper limit at"));
   motion.pieces[0].coefficients[0] = {3.7, 0.4, -0.2};
-  EXPECT_EQ(certified(*robot, Scene(), motion).outcome, Outcome::kProven);
+  EXPECT_EQ(certified(*robot, {}, motion).outcome, Outcome::kProven);
 }
 
 TEST(Certificates, AreOfNothingThatMovesOrHasNoShapes) {
@@ -175,34 +177,90 @@ TEST(Certificates, AreOfNothingThatMovesOrHasNoShapes) {
   const auto motion = straight({{0.0, 0.5}, {0.5, 0.5}});
   SceneObject walker = object("walker", Sphere{0.1}, {2.0, 0.0, 0.0});
   walker.waypoints.push_back({1.0, Transform::Identity()});
-  const auto moving = certify(*robot, Scene({walker}), motion, {});
+  const auto moving = certify(*robot, {Scene({walker}), {}}, motion, {});
   ASSERT_FALSE(moving);
   EXPECT_THAT(moving.error().describe(), HasSubstr("object 'walker' moves"));
 }
 
-/// Two triangles face each other: who goes between them meets their hull.
-TEST(Certificates, LookAtTheTrianglesWhereAHullIsMet) {
+/// Two triangles face each other: who goes between them is in their hull, and touches neither.
+TEST(Certificates, GoBetweenTheTrianglesOfAMesh) {
   auto mesh = std::make_shared<Mesh>();
   mesh->vertices_m = {{0.4, -1, -1}, {0.9, -1, -1}, {0.6, -1, 1},
                       {0.4, 1, -1},  {0.9, 1, -1},  {0.6, 1, 1}};
   mesh->triangles = {{0, 1, 2}, {3, 4, 5}};
   const auto scene = [&] {
-    return Scene(
-        {object("gate", std::shared_ptr<const Mesh>(std::make_shared<Mesh>(*mesh)), {0, 0, 0})});
+    return CertifiedScene{
+        Scene({object("gate", std::shared_ptr<const Mesh>(std::make_shared<Mesh>(*mesh)), {})}),
+        {}};
   };
-  const auto found = certified(*crane(0.05), scene(), straight({{-0.5, 0.6}, {0.5, 0.6}}));
-  EXPECT_EQ(found.outcome, Outcome::kUndecided);
-  ASSERT_EQ(found.undecided.size(), 1U);
-  EXPECT_EQ(found.undecided[0].b, "gate");
-  EXPECT_EQ(certified(*crane(0.05), scene(), straight({{-0.5, 0.2}, {0.5, 0.2}})).outcome,
-            Outcome::kProven);
+  const PolynomialMotion through = straight({{-0.5, 0.6}, {0.5, 0.6}});
+  EXPECT_EQ(certified(*crane(0.05), scene(), through).outcome, Outcome::kProven);
   mesh->triangles.push_back({0, 4, 5});  // across the gate
-  const auto met = certified(*crane(0.05), scene(), straight({{-0.5, 0.6}, {0.5, 0.6}}));
-  EXPECT_EQ(met.outcome, Outcome::kRefuted);
+  const auto met = certified(*crane(0.05), scene(), through);
+  ASSERT_EQ(met.outcome, Outcome::kRefuted);
+  EXPECT_NEAR(met.witness->distance_m, 0.0, 1e-9);
   mesh->triangles.clear();
-  const auto none = certify(*crane(0.05), scene(), straight({{0.0, 0.6}, {0.5, 0.6}}), {});
+  const auto none = certify(*crane(0.05), scene(), through, {});
   ASSERT_FALSE(none);
   EXPECT_THAT(none.error().describe(), HasSubstr("the mesh of gate has no triangles"));
+}
+
+/// A ball that swings within a box touches none of its triangles; the box has an inside as long as
+/// none of them is missing.
+TEST(Certificates, KnowWhatIsInsideOfAClosedMesh) {
+  Mesh mesh = triangulate(Box{{4.0, 4.0, 4.0}});
+  const auto scene = [&] {
+    return CertifiedScene{
+        Scene({object("room", std::make_shared<const Mesh>(mesh), {0.1, 0.2, 0.3})}), {}};
+  };
+  const PolynomialMotion motion = straight({{-0.5, 0.6}, {0.5, 0.6}});
+  const auto inside = certified(*crane(0.05), scene(), motion);
+  ASSERT_EQ(inside.outcome, Outcome::kRefuted);
+  EXPECT_NEAR(inside.witness->time_s, 0.0, 1e-9);
+  mesh.triangles.pop_back();
+  EXPECT_EQ(certified(*crane(0.05), scene(), motion).outcome, Outcome::kProven);
+}
+
+/// The cubes of a map, and balls about points, are held against a robot as one object; FCL has them
+/// as objects of their own.
+TEST_F(PandasCertificates, OfSwarmsAreThoseOfTheirMembers) {
+  std::mt19937_64 random(11);
+  const auto draw = [&](double lower, double upper) {
+    return std::uniform_real_distribution(lower, upper)(random);
+  };
+  int proven = 0, refuted = 0;
+  for (int k = 0; k < 40; ++k) {
+    Swarm swarm{"map", k % 2 == 0 ? Swarm::Kind::kCubes : Swarm::Kind::kBalls, {}};
+    std::vector<SceneObject> objects;
+    for (int i = 0; i < 300; ++i) {
+      const double bearing = draw(-3.1, 3.1), away = draw(0.4, 1.2), size_m = draw(0.01, 0.05);
+      const Eigen::Vector3d p(away * std::cos(bearing), away * std::sin(bearing), draw(-0.2, 1.2));
+      swarm.members.push_back({p, size_m});
+      const Shape shape =
+          k % 2 == 0 ? Shape(Box{Eigen::Vector3d::Constant(size_m)}) : Shape(Sphere{size_m});
+      objects.push_back(object("o" + std::to_string(i), shape, p));
+    }
+    const std::vector<double> start{0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785};
+    std::vector<double> end = start;
+    for (double& q : end) q += draw(-1.0, 1.0);
+    const PolynomialMotion motion = straight({start, end});
+    const Certification as_one = certified(*robot_, {{}, {swarm}}, motion);
+    const Certification one_by_one = certified(*robot_, {Scene(objects), {}}, motion);
+    EXPECT_EQ(as_one.outcome, one_by_one.outcome) << k;
+    proven += as_one.outcome == Outcome::kProven ? 1 : 0;
+    refuted += as_one.outcome == Outcome::kRefuted ? 1 : 0;
+    ShapeObstacles obstacles;
+    obstacles.scene = std::make_shared<const Scene>(objects);
+    const ShapeCollider collider(robot_->description(), obstacles, {});
+    if (const auto& witness = as_one.witness) {
+      EXPECT_LE(clearance_m(collider, configuration(motion, witness->time_s)), 2e-5) << k;
+    }
+    for (int i = 0; i <= 100 && as_one.outcome == Outcome::kProven; ++i) {
+      EXPECT_GT(clearance_m(collider, configuration(motion, i / 100.0)), -1e-6) << k;
+    }
+  }
+  EXPECT_GT(proven, 5);
+  EXPECT_GT(refuted, 5);
 }
 
 }  // namespace

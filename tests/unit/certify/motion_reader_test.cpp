@@ -16,7 +16,7 @@ class Motions : public ::testing::Test {
     return read_motion(folder_.write("motion.yaml", text),
                        testing_certify::crane(0.1)->description());
   }
-  [[nodiscard]] Result<Scene> read_scene(const std::string& text) const {
+  [[nodiscard]] Result<CertifiedScene> read_scene(const std::string& text) const {
     return read_certified_scene(folder_.write("scene.yaml", text),
                                 testing_certify::crane(0.1)->description());
   }
@@ -160,11 +160,11 @@ world:
 TEST_F(Motions, PassScenesOfMoveIt) {
   const auto scene = read_scene(kScene);
   ASSERT_TRUE(scene) << scene.error().describe();
-  ASSERT_EQ(scene->objects().size(), 2U);
-  const Transform T = scene->objects()[0].T_world_object(0.0);
+  ASSERT_EQ(scene->scene.objects().size(), 2U);
+  const Transform T = scene->scene.objects()[0].T_world_object(0.0);
   EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(1.0, 0.5, 0.0), 1e-12));
   EXPECT_TRUE(T.linear().col(0).isApprox(Eigen::Vector3d::UnitY(), 1e-9));
-  const auto& cylinder = std::get<Cylinder>(scene->objects()[1].shape);
+  const auto& cylinder = std::get<Cylinder>(scene->scene.objects()[1].shape);
   EXPECT_EQ(cylinder.length_m, 0.5);
   EXPECT_EQ(cylinder.radius_m, 0.05);
 }

@@ -21,16 +21,35 @@ class Recheck : public ::testing::Test {
   Recheck() {
     const Scene scene({object("table", Box{{1.0, 1.6, 0.05}}, {0.7, 0.0, 0.0}),
                        object("post", Cylinder{0.05, 0.8}, {0.5, 0.6, 0.4}),
-                       object("floor", HalfSpace{}, {0.0, 0.0, -0.3})});
-    const auto found = certify(*robot_, scene,
+                       object("floor", HalfSpace{}, {0.0, 0.0, -0.3}),
+                       object("gate", gate(), {0.0, 0.0, 0.0})});
+    const auto found = certify(*robot_, {scene, {ring()}},
                                straight({{0, -0.785, 0, -2.356, 0, 1.571, 0.785},
                                          {-1.0, -0.3, 0, -2.0, 0, 1.571, 0.785},
                                          {-1.2, 0.2, 0, -1.8, 0, 1.8, 0.785}},
                                         2.0),
-                               {.margin_m = 0.005});
+                               {.margin_m = 0.005, .wants_certificate = true});
     if (!found) throw std::runtime_error(found.error().describe());
     if (found->outcome != Certification::Outcome::kProven) throw std::runtime_error("not proven");
     certificate_ = found->certificate;
+  }
+
+  /// Two triangles beside the arm, which is in their hull.
+  static std::shared_ptr<const Mesh> gate() {
+    Mesh mesh;
+    mesh.vertices_m = {{-1, -1.2, 0}, {1, -1.2, 0}, {0, -1.2, 1},
+                       {-1, 1.2, 0},  {1, 1.2, 0},  {0, 1.2, 1}};
+    mesh.triangles = {{0, 1, 2}, {3, 4, 5}};
+    return std::make_shared<const Mesh>(std::move(mesh));
+  }
+  /// Cubes around the arm.
+  static Swarm ring() {
+    Swarm swarm{"ring", Swarm::Kind::kCubes, {}};
+    for (int k = 0; k < 60; ++k) {
+      const double bearing = 0.1 * k;
+      swarm.members.push_back({{1.3 * std::cos(bearing), 1.3 * std::sin(bearing), 0.02 * k}, 0.05});
+    }
+    return swarm;
   }
 
   /// What the program says.
@@ -53,7 +72,29 @@ class Recheck : public ::testing::Test {
   Json certificate_;
 };
 
-TEST_F(Recheck, AcceptsWhatIsProven) { EXPECT_THAT(recheck(certificate_), HasSubstr("accepted")); }
+/// All nodes of a tree of parts, and of the trees in it, that are halved; else, that are not.
+void collect(Json& tree, bool is_halved, std::vector<Json*>& found) {
+  if (tree[0].is_string() == is_halved) found.push_back(&tree);
+  if (!tree[0].is_string()) return;
+  collect(tree[1], is_halved, found);
+  collect(tree[2], is_halved, found);
+}
+
+TEST_F(Recheck, AcceptsWhatIsProven) {
+  EXPECT_THAT(recheck(certificate_), HasSubstr("accepted"));
+  const std::string text = certificate_.dump();
+  for (const char* halved : {"\"time\"", "\"second\""}) EXPECT_THAT(text, HasSubstr(halved));
+}
+
+TEST_F(Recheck, RefusesWhatStartsInsideOfAClosedMesh) {
+  Json changed = certificate_;
+  const Mesh mesh = triangulate(Box{{6.0, 6.0, 6.0}});
+  Json points = Json::array(), triangles = Json::array();
+  for (const Eigen::Vector3d& p : mesh.vertices_m) points.push_back({p.x(), p.y(), p.z()});
+  for (const Eigen::Vector3i& t : mesh.triangles) triangles.push_back({t[0], t[1], t[2]});
+  changed["objects"][3]["mesh"] = {{"points", points}, {"triangles", triangles}, {"closed", true}};
+  EXPECT_THAT(recheck(changed), HasSubstr("inside of a mesh"));
+}
 
 /// Changes after which nobody has shown what is claimed, each drawn many times.
 TEST_F(Recheck, RefusesWhatIsNotShown) {
@@ -64,8 +105,14 @@ TEST_F(Recheck, RefusesWhatIsNotShown) {
   const auto draw = [&](double lower, double upper) {
     return std::uniform_real_distribution(lower, upper)(random);
   };
+  /// Of some claim.
+  const auto node = [&](Json& c, bool is_halved) -> Json& {
+    std::vector<Json*> found;
+    while (found.empty()) collect(pick(c["claims"])["parts"], is_halved, found);
+    return *found[std::uniform_int_distribution<std::size_t>(0, found.size() - 1)(random)];
+  };
   const auto shape_of = [&](Json& body) -> Json& {
-    for (const char* kind : {"box", "cylinder", "capsule", "sphere", "hull"}) {
+    for (const char* kind : {"box", "cylinder", "capsule", "sphere"}) {
       if (body.contains(kind)) return body[kind];
     }
     throw std::runtime_error("no shape");
@@ -80,28 +127,38 @@ TEST_F(Recheck, RefusesWhatIsNotShown) {
          Json& claims = c["claims"];
          claims.erase(std::uniform_int_distribution<std::size_t>(0, claims.size() - 1)(random));
        }},
-      {"a part is gone",
+      {"a half is gone",
        [&](Json& c) {
-         Json& parts = pick(c["claims"])["parts"];
-         parts.erase(std::uniform_int_distribution<std::size_t>(0, parts.size() - 1)(random));
+         Json& tree = node(c, true);
+         tree.erase(draw(0, 1) < 0.5 ? 1 : 2);
        }},
       {"a claim is of other shapes",
        [&](Json& c) { pick(c["claims"])["shape"] = 1000 + static_cast<int>(draw(0, 1000)); }},
       {"a direction is turned round",
        [&](Json& c) {
-         Json& claim = pick(c["claims"]);
-         while (claim.value("object", -1) == 2) claim = c["claims"][0];  // a half-space has its own
-         Json& part = pick(claim["parts"]);
-         for (int k = 2; k < 5; ++k) part[k] = -part[k].get<int>();
-       }},
-      {"a part claims the time of two",
-       [&](Json& c) {
-         Json* part = nullptr;
+         Json* claim = nullptr;
          do {
-           part = &pick(pick(c["claims"])["parts"]);
-         } while ((*part)[0].get<int>() == 0);
-         (*part)[0] = (*part)[0].get<int>() - 1;
-         (*part)[1] = (*part)[1].get<int>() / 2;
+           claim = &pick(c["claims"]);
+         } while (claim->value("object", -1) == 2);  // a half-space has its own
+         std::vector<Json*> found;
+         collect((*claim)["parts"], false, found);
+         for (Json& k : *found[static_cast<std::size_t>(draw(0, 0.999) * found.size())]) {
+           k = -k.get<int>();
+         }
+       }},
+      {"cubes are halved more often than there are",
+       [&](Json& c) {
+         Json& tree = node(c, false);
+         for (int k = 0; k < 7; ++k) tree = Json::array({"second", tree, tree});
+       }},
+      {"a triangle crosses the gate",
+       [&](Json& c) {
+         Json& triangles = c["objects"][3]["mesh"]["triangles"];
+         triangles[static_cast<std::size_t>(draw(0, 1.999))] = {0, 4, draw(0, 1) < 0.5 ? 5 : 2};
+       }},
+      {"a cube stands in the arm",
+       [&](Json& c) {
+         pick(c["objects"][4]["cubes"]) = {0.0, 0.0, draw(0.2, 0.4), 0.05};
        }},
       {"the margin is greater", [&](Json& c) { c["margin_m"] = draw(0.5, 2.0); }},
       {"an object stands in the arm",
@@ -143,7 +200,7 @@ TEST_F(Recheck, RefusesWhatIsNotShown) {
        [&](Json& c) {
          pick(c["robot"]["links"])["axis"] = {1.0, draw(1, 2), 0};
        }},
-      {"the format is another one", [&](Json& c) { c["format"] = "sidestep-certificate-2"; }},
+      {"the format is another one", [&](Json& c) { c["format"] = "sidestep-certificate-1"; }},
       {"the robot has no pair", [&](Json& c) { c["robot"].erase("pairs"); }},
       {"time stands still", [&](Json& c) { c["motion"][0]["end_s"] = -draw(0.0, 1.0); }}};
   for (const auto& [what, make] : changes) {
