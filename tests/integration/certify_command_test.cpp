@@ -1,3 +1,4 @@
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -62,6 +63,55 @@ TEST_F(CertifyCommand, NamesWhereItCollides) {
   const double x = json["witness"]["p_b_m"][0], y = json["witness"]["p_b_m"][1];
   EXPECT_LE(std::hypot(x - 0.5, y - 0.5), 0.05 + 1e-6);  // it is in the post
   EXPECT_FALSE(std::filesystem::exists(file));
+}
+
+/// Side by side, in the order in which they are named, whatever the number of threads.
+TEST_F(CertifyCommand, TakesManyMotions) {
+  const std::string header = "time_s," + std::string(kJoints) + "\n";
+  std::vector<std::string> arguments{"certify"};
+  for (int k = 0; k < 12; ++k) {
+    const std::string end =
+        k == 5 ? "1.5,0.2,0,-1.8" : "-" + std::to_string(0.1 * k) + ",-0.3,0,-2";
+    const std::string rows =
+        header + (k == 5 ? "0,0,0.2,0,-1.8,0,1.8,0.785\n" : "0,0,-0.785,0,-2.356,0,1.571,0.785\n");
+    const std::string name = "m" + std::to_string(k) + ".csv";
+    arguments.push_back(folder_.write(name, rows + "2," + end + ",0,1.8,0.785\n").string());
+  }
+  for (const char* more : {"--robot", "panda", "--scene"}) arguments.emplace_back(more);
+  arguments.push_back((folder_.path() / "scene.yaml").string());
+  std::array<std::string, 2> said;
+  for (const int threads : {1, 2}) {
+    auto with = arguments;
+    const std::string out = (folder_.path() / ("proofs" + std::to_string(threads))).string();
+    for (const std::string& more :
+         {std::string("--threads"), std::to_string(threads), std::string("--out"), out}) {
+      with.push_back(more);
+    }
+    const Finished done = run(with);
+    EXPECT_EQ(done.exit_code, 1) << done.error;
+    said[static_cast<std::size_t>(threads - 1)] = done.out;
+  }
+  EXPECT_EQ(said[0], said[1]);
+  EXPECT_THAT(said[0], HasSubstr("m4.csv: proven"));
+  EXPECT_THAT(said[0], HasSubstr("m5.csv: refuted: at "));
+  EXPECT_LT(said[0].find("m5.csv"), said[0].find("m10.csv"));
+  const auto certificate = [&](const char* folder, const std::string& name) {
+    std::ifstream in(folder_.path() / folder / name);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  EXPECT_EQ(certificate("proofs1", "m5.csv.json"), "");
+  for (const std::string name : {"m0.csv.json", "m11.csv.json"}) {
+    EXPECT_GT(certificate("proofs1", name).size(), 1000U);
+    EXPECT_EQ(certificate("proofs1", name), certificate("proofs2", name));
+    const std::string file = (folder_.path() / "proofs2" / name).string();
+    EXPECT_EQ(std::system((std::string(RECHECK) + " " + file + " > /dev/null").c_str()), 0);
+  }
+  // A file that is wrong is named; the others have their verdicts.
+  arguments[1] = folder_.write("m0.csv", header + "0,0,0\n").string();
+  const Finished wrong = run(arguments);
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.error, HasSubstr("m0.csv:2: 3 fields where the header has 8"));
+  EXPECT_THAT(wrong.out, HasSubstr("m11.csv: proven"));
 }
 
 TEST_F(CertifyCommand, NamesWhatIsWrong) {

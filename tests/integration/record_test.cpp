@@ -10,6 +10,7 @@
 
 #include "bag_reader.hpp"
 #include "command_line.hpp"
+#include "inputs.hpp"
 #include "run_recorder.hpp"
 #include "support/host_fixture.hpp"
 #include "support/temporary_folder.hpp"
@@ -229,6 +230,30 @@ TEST_F(RecordTest, TheLastCubesAreTheVoxelsThatTheLastFieldHasAsOccupied) {
   ASSERT_GT(occupied, 100U);
   const auto maps = all<ros::MarkerArray>(topics::kMap);
   EXPECT_EQ(maps.back().markers.at(1).points.size(), occupied);
+}
+
+TEST_F(RecordTest, ItsMotionsAndItsMapCanBeCertified) {
+  ASSERT_NO_FATAL_FAILURE(record("tiny_replan.yaml"));
+  const RobotDescription& robot = relay_->worlds[0].robot->description();
+  const auto motions = read_motions(folder_.path() / "run.bag", robot, {});
+  ASSERT_TRUE(motions) << motions.error().describe();
+  std::size_t next = 0;
+  for_each_of(relay_->events, [&](const ObservedEvent& event, Stamp) {
+    if (event.followed == nullptr || event.followed->size() < 2) return;
+    ASSERT_LT(next, motions->size());
+    const PolynomialMotion& motion = (*motions)[next++].motion;
+    EXPECT_EQ(motion.joining, Joining::kCubic);
+    EXPECT_NEAR(motion.duration_s(), event.followed->times_s.back(), 2e-9);
+    EXPECT_NEAR(motion.pieces[0].coefficients[1][1], event.followed->qdot(0)[1], 1e-12);
+  });
+  EXPECT_EQ(next, motions->size());
+  const auto map = read_certified_scene(folder_.path() / "run.bag", robot, {});
+  ASSERT_TRUE(map) << map.error().describe();
+  EXPECT_EQ(map->apart_from.swarms.at(0).members.size(),
+            all<ros::MarkerArray>(topics::kMap).back().markers.at(1).points.size());
+  EXPECT_THAT(
+      read_certified_scene(folder_.write("cut.bag", "#ROSBAG"), robot, {}).error().describe(),
+      HasSubstr("cut.bag"));
 }
 
 TEST_F(RecordTest, APlanExperimentHasItsMapAndItsPlans) {

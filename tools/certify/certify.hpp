@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,28 +36,11 @@ struct PolynomialMotion {
   [[nodiscard]] double duration_s() const { return pieces.empty() ? 0.0 : pieces.back().end_s; }
 };
 
-/// Reads a motion by the names of the robot's joints, all of them and no others, in any order:
-/// - CSV with a header: `time_s`, JOINT, JOINT.velocity, JOINT.acceleration. Without `time_s` the
-///   lines are waypoints;
-/// - YAML, as `rostopic echo -n 1` and `ros2 topic echo --once` print it: a RobotTrajectory or
-///   DisplayTrajectory of MoveIt, or a JointTrajectory.
-/// Joined as is said; else as a joint_trajectory_controller does: by quintics where there are
-/// velocities and accelerations, by cubics where there are velocities, else linearly. Fails with
-/// kConfig or kIo, naming file and line.
-[[nodiscard]] Result<PolynomialMotion> read_motion(const std::filesystem::path& file,
-                                                   const RobotDescription& robot,
-                                                   std::optional<Joining> joining = {});
-
 /// What a robot is to keep apart from: a scene that stands still, and swarms in it.
 struct CertifiedScene {
   Scene scene;
   std::vector<Swarm> swarms;
 };
-
-/// Reads a scene: YAML of this project (docs/reference/scenes.md), or a PlanningScene of MoveIt
-/// (read_moveit_scene()). Fails with kConfig or kIo, naming file and line.
-[[nodiscard]] Result<CertifiedScene> read_certified_scene(const std::filesystem::path& file,
-                                                          const RobotDescription& robot);
 
 /// An instant at which two things are nearer than the margin, or overlap: a point of each, in the
 /// world.

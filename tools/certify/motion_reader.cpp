@@ -154,12 +154,10 @@ bool MotionSamples::add(double time_s, State state) {
   return true;
 }
 
-Result<PolynomialMotion> read_motion(const std::filesystem::path& file,
-                                     const RobotDescription& robot,
-                                     std::optional<Joining> joining) {
-  const bool is_csv = file.extension() == ".csv";
-  const auto samples =
-      SIDESTEP_TRY(is_csv ? CsvMotion(file, robot).read() : read_moveit_motion(file, robot));
+namespace {
+
+Result<PolynomialMotion> joined(const MotionSamples& samples, std::optional<Joining> joining,
+                                const std::string& where) {
   PolynomialMotion motion;
   motion.has_times = samples.has_times;
   motion.joining = joining.value_or(!samples.has_velocities     ? Joining::kLinear
@@ -168,18 +166,45 @@ Result<PolynomialMotion> read_motion(const std::filesystem::path& file,
   const bool lacks = (motion.joining != Joining::kLinear && !samples.has_velocities) ||
                      (motion.joining == Joining::kQuintic && !samples.has_accelerations);
   if (lacks) {
-    return fail(ErrorCode::kConfig, "has no velocities, or accelerations, to be joined by",
-                file.string());
+    return fail(ErrorCode::kConfig, "has no velocities, or accelerations, to be joined by", where);
   }
   for (std::size_t k = 0; k + 1 < samples.times_s.size(); ++k) {
     PolynomialPiece piece{samples.times_s[k], samples.times_s[k + 1], {}};
-    for (std::size_t j = 0; j < robot.joints.size(); ++j) {
+    for (std::size_t j = 0; j < samples.states[k].size(); ++j) {
       piece.coefficients.push_back(between(samples.states[k][j], samples.states[k + 1][j],
                                            piece.end_s - piece.begin_s, motion.joining));
     }
     motion.pieces.push_back(std::move(piece));
   }
   return motion;
+}
+
+Result<std::vector<NamedSamples>> read_samples(const std::filesystem::path& file,
+                                               const RobotDescription& robot,
+                                               const MotionFormat& format) {
+  const std::string kind = file.extension().string();
+  if (kind == ".bag") return read_recorded_motions(file, robot);
+  if (kind == ".db") {
+    return fail(ErrorCode::kConfig, "the database of a benchmark of OMPL holds no paths",
+                file.string(), "have each run print its path, with printAsMatrix(), into a .txt");
+  }
+  auto samples = kind == ".csv"                     ? CsvMotion(file, robot).read()
+                 : kind == ".npy" || kind == ".txt" ? read_rows(file, robot, format)
+                                                    : read_moveit_motion(file, robot);
+  if (!samples) return tl::make_unexpected(std::move(samples.error()));
+  return std::vector{NamedSamples{file.string(), std::move(*samples)}};
+}
+
+}  // namespace
+
+Result<std::vector<NamedMotion>> read_motions(const std::filesystem::path& file,
+                                              const RobotDescription& robot,
+                                              const MotionFormat& format) {
+  std::vector<NamedMotion> motions;
+  for (const auto& [name, samples] : SIDESTEP_TRY(read_samples(file, robot, format))) {
+    motions.push_back({name, SIDESTEP_TRY(joined(samples, format.joining, name))});
+  }
+  return motions;
 }
 
 }  // namespace sidestep

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "certify.hpp"
+#include "inputs.hpp"
 
 namespace sidestep {
 
@@ -19,8 +19,32 @@ struct MotionSamples {
   [[nodiscard]] bool add(double time_s, State state);
 };
 
+/// One message as YAML: what `topic echo` prints ends with "---". Fails with kConfig or kIo.
+[[nodiscard]] Result<Node> read_message(const std::filesystem::path& file);
+
 /// Of a RobotTrajectory, DisplayTrajectory or JointTrajectory as YAML.
 [[nodiscard]] Result<MotionSamples> read_moveit_motion(const std::filesystem::path& file,
                                                        const RobotDescription& robot);
+
+/// Where in a robot's joints those with these names are: all of them, each once. `where`: for
+/// messages.
+[[nodiscard]] Result<std::vector<std::size_t>> joint_order(const std::vector<std::string>& names,
+                                                           const RobotDescription& robot,
+                                                           const std::string& where);
+
+/// Of rows of positions, in a .npy of NumPy or a path that OMPL has printed.
+[[nodiscard]] Result<MotionSamples> read_rows(const std::filesystem::path& file,
+                                              const RobotDescription& robot,
+                                              const MotionFormat& format);
+
+struct NamedSamples {
+  std::string name;
+  MotionSamples samples;
+};
+/// The trajectories of a recorded run.
+[[nodiscard]] Result<std::vector<NamedSamples>> read_recorded_motions(
+    const std::filesystem::path& file, const RobotDescription& robot);
+/// The last map of a recorded run.
+[[nodiscard]] Result<Swarm> read_recorded_map(const std::filesystem::path& file);
 
 }  // namespace sidestep

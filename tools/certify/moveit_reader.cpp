@@ -3,30 +3,12 @@
 #include <sstream>
 
 #include <sidestep/core/index.hpp>
-#include <sidestep/problems/problem_set.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
 #include "motion_reader.hpp"
 
 namespace sidestep {
 namespace {
-
-/// One message: what `topic echo` prints ends with "---".
-Result<Node> read_message(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (!in) return fail(ErrorCode::kIo, "cannot be read", file.string());
-  std::string message = text.str();
-  while (!message.empty() &&
-         std::string_view("-.\n\r ").find(message.back()) != std::string::npos) {
-    message.pop_back();
-  }
-  std::vector<Error> errors;
-  auto document = SIDESTEP_TRY(parse_yaml(message, file.string(), errors));
-  if (!errors.empty()) return tl::make_unexpected(errors.front());
-  return document;
-}
 
 tl::unexpected<Error> wrong(const Node& node, const std::string& what) {
   return tl::make_unexpected(node.error(what));
@@ -116,21 +98,26 @@ class MoveItMotion {
 
 }  // namespace
 
+Result<Node> read_message(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  std::ostringstream text;
+  text << in.rdbuf();
+  if (!in) return fail(ErrorCode::kIo, "cannot be read", file.string());
+  std::string message = text.str();
+  while (!message.empty() &&
+         std::string_view("-.\n\r ").find(message.back()) != std::string::npos) {
+    message.pop_back();
+  }
+  std::vector<Error> errors;
+  auto document = SIDESTEP_TRY(parse_yaml(message, file.string(), errors));
+  if (!errors.empty()) return tl::make_unexpected(errors.front());
+  return document;
+}
+
 Result<MotionSamples> read_moveit_motion(const std::filesystem::path& file,
                                          const RobotDescription& robot) {
   const auto message = SIDESTEP_TRY(read_message(file));
   return MoveItMotion(message, robot).read();
-}
-
-Result<CertifiedScene> read_certified_scene(const std::filesystem::path& file,
-                                            const RobotDescription& robot) {
-  const auto message = SIDESTEP_TRY(read_message(file));
-  if (message.find("world") != nullptr) {
-    return CertifiedScene{SIDESTEP_TRY(read_moveit_scene(message, file.parent_path(), robot)), {}};
-  }
-  SceneReading reading = read_scene(message);
-  if (!reading.errors.empty()) return tl::make_unexpected(reading.errors.front());
-  return CertifiedScene{std::move(reading.scene), {}};
 }
 
 }  // namespace sidestep

@@ -1,15 +1,18 @@
 #include <cstdio>
 #include <fstream>
+#include <mutex>
+#include <set>
+#include <thread>
 
 #include <nlohmann/json.hpp>
 
 #include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
 #include <sidestep/runtime/install_layout.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 
-#include "certify.hpp"
 #include "commands.hpp"
-#include "sphere_profile.hpp"
+#include "inputs.hpp"
 
 namespace sidestep {
 namespace {
@@ -36,12 +39,11 @@ const char* name_of(Joining joining) noexcept {
   return "";
 }
 
-Json verdict_json(const Certification& found, double margin_m, Joining joining) {
-  Json json = {{"verdict", name_of(found.outcome)},
-               {"joined", name_of(joining)},
-               {"margin_m", margin_m},
-               {"pairs", found.pairs},
-               {"parts", found.parts}};
+Json verdict_json(const std::string& motion, const Certification& found, double margin_m,
+                  Joining joining) {
+  Json json = {{"motion", motion},           {"verdict", name_of(found.outcome)},
+               {"joined", name_of(joining)}, {"margin_m", margin_m},
+               {"pairs", found.pairs},       {"parts", found.parts}};
   if (!found.broken_limit.empty()) json["limit"] = found.broken_limit;
   if (const auto& witness = found.witness) {
     json["witness"] = {{"time_s", witness->time_s},
@@ -87,12 +89,116 @@ Result<void> save(const std::filesystem::path& file, const Json& certificate) {
   return fail(ErrorCode::kIo, "cannot be written", file.string());
 }
 
+/// Motions that are certified side by side, each with its verdict.
+class Batch {
+ public:
+  Batch(const CertifyOptions& options, const KinematicTree& robot, const CertifiedScene& scene,
+        std::vector<NamedMotion> motions)
+      : options_(options),
+        robot_(robot),
+        scene_(scene),
+        motions_(std::move(motions)),
+        found_(motions_.size()) {}
+
+  void run(WorkerPool& workers, Console& console) {
+    const CertifySettings settings{.margin_m = options_.margin_m,
+                                   .wants_certificate = options_.out.has_value()};
+    std::mutex mutex;
+    std::int64_t done = 0;
+    const auto count = static_cast<int>(motions_.size());
+    workers.run(count, [&](int i) {
+      found_[idx(i)] = certify(robot_, scene_, motions_[idx(i)].motion, settings);
+      const std::lock_guard lock(mutex);
+      if (count > 1) console.progress(++done, count, "motions");
+    });
+    console.end_progress();
+  }
+
+  /// Prints the verdicts and leaves certificates.
+  [[nodiscard]] ExitCode conclude() {
+    ExitCode worst = ExitCode::kSuccess;
+    Json all = Json::array();
+    for (std::size_t i = 0; i < motions_.size(); ++i) {
+      const auto& [name, motion] = motions_[i];
+      const auto& found = found_[i];
+      if (!found) {
+        Error error = found.error();
+        if (error.where.empty()) error.where = name;
+        worst = worse_verdict(worst, wrong_input(error));
+        continue;
+      }
+      worst = worse_verdict(worst, exit_code_of(found->outcome));
+      if (options_.out && found->outcome == Certification::Outcome::kProven) {
+        if (const auto saved = save(certificate_file(name), found->certificate); !saved) {
+          print_errors({saved.error()});
+          return exit_code(saved.error());
+        }
+      }
+      if (options_.json) {
+        all.push_back(verdict_json(name, *found, options_.margin_m, motion.joining));
+      } else {
+        const std::string prefix = motions_.size() > 1 ? name + ": " : "";
+        std::printf("%s%s\n", prefix.c_str(),
+                    verdict_text(*found, options_.margin_m, motion.joining).c_str());
+      }
+    }
+    if (options_.json) std::printf("%s\n", (all.size() == 1 ? all[0] : all).dump(2).c_str());
+    return worst;
+  }
+
+  /// What a command ends with that has both: wrong input before a refutation, that before what is
+  /// undecided.
+  static ExitCode worse_verdict(ExitCode a, ExitCode b) {
+    const auto rank = [](ExitCode code) {
+      return code == ExitCode::kUndecided ? 0.5 : static_cast<double>(code);
+    };
+    return rank(a) < rank(b) ? b : a;
+  }
+
+ private:
+  static ExitCode exit_code_of(Certification::Outcome outcome) {
+    switch (outcome) {
+      case Certification::Outcome::kProven: return ExitCode::kSuccess;
+      case Certification::Outcome::kRefuted: return ExitCode::kTaskFailed;
+      case Certification::Outcome::kUndecided: break;
+    }
+    return ExitCode::kUndecided;
+  }
+  /// The file itself for one motion; for several one in that folder.
+  [[nodiscard]] std::filesystem::path certificate_file(const std::string& name) const {
+    if (motions_.size() == 1) return *options_.out;
+    return *options_.out / (std::filesystem::path(name).filename().string() + ".json");
+  }
+
+  const CertifyOptions& options_;
+  const KinematicTree& robot_;
+  const CertifiedScene& scene_;
+  std::vector<NamedMotion> motions_;
+  std::vector<Result<Certification>> found_;
+};
+
+/// All scenes as one.
+Result<SceneInput> read_scenes(const CertifyOptions& options, const RobotDescription& robot) {
+  SceneInput all;
+  std::vector<SceneObject> objects;
+  for (const auto& file : options.scenes) {
+    auto one = SIDESTEP_TRY(read_certified_scene(file, robot, options.point_radius_m));
+    const auto& more = one.apart_from.scene.objects();
+    objects.insert(objects.end(), more.begin(), more.end());
+    std::ranges::move(one.apart_from.swarms, std::back_inserter(all.apart_from.swarms));
+    std::ranges::move(one.attached, std::back_inserter(all.attached));
+  }
+  all.apart_from.scene = Scene(std::move(objects));
+  return all;
+}
+
 }  // namespace
 
 ExitCode certify_command(const CertifyOptions& options) {
   Console console;
   const SteadyWallClock clock;
-  WorkerPool workers(1);
+  WorkerPool workers(
+      options.threads.value_or(std::max(1, static_cast<int>(std::thread::hardware_concurrency()))));
   const YamlDocumentReader documents;
   const HostContext context{console, clock, workers, documents, 0, {install_layout().robots},
                             {},      {}};
@@ -100,31 +206,46 @@ ExitCode certify_command(const CertifyOptions& options) {
     print_errors({error});
     return exit_code(error);
   };
-  const auto profile = SphereProfile::open(options.robot, std::nullopt, context);
-  if (!profile) return refused(profile.error());
-  const KinematicTree& robot = *profile->robot();
-  const auto scene = read_certified_scene(options.scene, robot.description());
+  auto robot = read_certified_robot(options.robot, context);
+  if (!robot) return refused(robot.error());
+  const auto scene = read_scenes(options, (*robot)->description());
   if (!scene) return refused(scene.error());
-  const auto motion = read_motion(options.motion, robot.description(), options.joining);
-  if (!motion) return refused(motion.error());
-  const auto found =
-      certify(robot, *scene, *motion,
-              {.margin_m = options.margin_m, .wants_certificate = options.out.has_value()});
-  if (!found) return wrong_input(found.error());
-
-  const bool is_proven = found->outcome == Certification::Outcome::kProven;
-  if (options.out && is_proven) {
-    if (const auto saved = save(*options.out, found->certificate); !saved) {
-      return refused(saved.error());
+  if (!scene->attached.empty()) {
+    robot = carrying(**robot, scene->attached, options.scenes.front().string());
+    if (!robot) return refused(robot.error());
+  }
+  ExitCode worst = ExitCode::kSuccess;
+  std::vector<NamedMotion> motions;
+  for (const auto& file : options.motions) {
+    auto read = read_motions(file, (*robot)->description(), options.format);
+    if (read) {
+      std::ranges::move(*read, std::back_inserter(motions));
+    } else {
+      worst = Batch::worse_verdict(worst, refused(read.error()));
     }
   }
-  const std::string text = options.json
-                               ? verdict_json(*found, options.margin_m, motion->joining).dump(2)
-                               : verdict_text(*found, options.margin_m, motion->joining);
-  std::printf("%s\n", text.c_str());
-  if (is_proven) return ExitCode::kSuccess;
-  return found->outcome == Certification::Outcome::kRefuted ? ExitCode::kTaskFailed
-                                                            : ExitCode::kUndecided;
+  if (options.out && motions.size() > 1) {
+    std::set<std::filesystem::path> names;
+    for (const NamedMotion& one : motions) {
+      if (names.insert(std::filesystem::path(one.name).filename()).second) continue;
+      return refused({ErrorCode::kConfig,
+                      "another motion has a file of this name, and certificates "
+                      "are called after them",
+                      one.name,
+                      {}});
+    }
+    std::error_code failed;
+    std::filesystem::create_directories(*options.out, failed);
+    if (failed) {
+      return refused({ErrorCode::kIo,
+                      "cannot be made a folder for certificates: " + failed.message(),
+                      options.out->string(),
+                      {}});
+    }
+  }
+  Batch batch(options, **robot, scene->apart_from, std::move(motions));
+  batch.run(workers, console);
+  return Batch::worse_verdict(worst, batch.conclude());
 }
 
 }  // namespace sidestep

@@ -17,7 +17,7 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/session.hpp>
 
-#include "certify.hpp"
+#include "inputs.hpp"
 #include "view_server.hpp"
 
 namespace sidestep {
@@ -179,15 +179,18 @@ struct RobotOptions {
 [[nodiscard]] ExitCode robot_command(const RobotOptions& options);
 
 struct CertifyOptions {
-  std::filesystem::path motion;
-  std::optional<Joining> joining;
-  std::string robot;            ///< A profile.
-  std::filesystem::path scene;  ///< A file.
+  std::vector<std::filesystem::path> motions;
+  MotionFormat format;
+  RobotInput robot;
+  std::vector<std::filesystem::path> scenes;
+  std::optional<double> point_radius_m;  ///< Of the points of a cloud.
   double margin_m = 0.0;
-  std::optional<std::filesystem::path> out;  ///< For the certificate of a motion that is proven.
+  /// For the certificate of a motion that is proven; a folder for those of several.
+  std::optional<std::filesystem::path> out;
+  std::optional<int> threads;
   bool json = false;
 };
-/// Proves that a robot keeps apart from a scene on a motion, or refutes it.
+/// Proves that a robot keeps apart from a scene on motions, or refutes it.
 [[nodiscard]] ExitCode certify_command(const CertifyOptions& options);
 
 }  // namespace sidestep

@@ -47,17 +47,54 @@ void add_configurations(CLI::App& command, CommandLine& line) {
 
 void add_certify_command(CLI::App& app, CertifyOptions& certify) {
   CLI::App* command = app.add_subcommand(
-      "certify", "Prove that a robot keeps apart from a scene on a motion, whoever planned it");
+      "certify", "Prove that a robot keeps apart from a scene on motions, whoever planned them");
   command
       ->add_option(
-          "MOTION", certify.motion,
-          "CSV (time_s and the joints, a line an instant), or a trajectory of MoveIt as YAML")
+          "MOTION", certify.motions,
+          "CSV (time_s and the joints, a line an instant), a trajectory of MoveIt as YAML, "
+          ".npy of NumPy, .txt as OMPL prints a path, .bag of a recorded run")
       ->required();
-  command->add_option("--robot", certify.robot, "The robot's name, or its profile")->required();
-  command->add_option("--scene", certify.scene, "A scene, or a planning scene of MoveIt, as YAML")
+  command->add_option("--robot", certify.robot.robot, "The robot's name, its profile, or its URDF")
       ->required();
   command
-      ->add_option("--joined", certify.joining,
+      ->add_option("--srdf", certify.robot.srdf,
+                   "All links are held against each other but those that this SRDF disables")
+      ->type_name("FILE");
+  command
+      ->add_option("--fixed", certify.robot.fixed,
+                   "A joint that is not in the motions, and where it stays [m, rad]")
+      ->type_name("JOINT=VALUE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->allow_extra_args(false);
+  command
+      ->add_option("--package-path", certify.robot.package_paths,
+                   "A folder for package://NAME/... of a URDF")
+      ->type_name("FOLDER")
+      ->allow_extra_args(false);
+  command
+      ->add_option(
+          "--scene", certify.scenes,
+          "A scene, or a planning scene of MoveIt, as YAML; .bt or .ot of OctoMap, a .pcd, "
+          "the last map of a .bag; may be given several times")
+      ->type_name("FILE")
+      ->required()
+      ->allow_extra_args(false);
+  command->add_option("--point_radius_m", certify.point_radius_m, "Of the points of a .pcd")
+      ->check(number_range(0.0, 10.0));
+  command
+      ->add_option("--joints", certify.format.joints, "Of the columns of .npy and .txt, in order")
+      ->type_name("A,B,...")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command
+      ->add_option("--step_s", certify.format.step_s,
+                   "Between the rows of .npy and .txt (default: waypoints without times)")
+      ->check(number_range(1e-9, 1e6));
+  command->add_option("--threads", certify.threads, "Default: all cores")
+      ->check(CLI::Range(1, 1024));
+  command
+      ->add_option("--joined", certify.format.joining,
                    "What the robot does between two states (default: by what they hold)")
       ->transform(
           CLI::CheckedTransformer(std::map<std::string, Joining>{{"linear", Joining::kLinear},
@@ -66,11 +103,13 @@ void add_certify_command(CLI::App& app, CertifyOptions& certify) {
               .description(""))
       ->type_name("linear|cubic|quintic");
   command->add_option("--margin_m", certify.margin_m, "How far apart all is to be, at least")
-      ->check(CLI::Range(0.0, 10.0))
+      ->check(number_range(0.0, 10.0))
       ->capture_default_str();
   command
-      ->add_option("--out", certify.out,
-                   "Write the certificate of a motion that is proven, for sidestep_recheck")
+      ->add_option(
+          "--out", certify.out,
+          "Write the certificate of a motion that is proven, for sidestep_recheck; of several "
+          "motions into this folder")
       ->type_name("FILE");
   command->add_flag("--json", certify.json, "Print as JSON");
 }

@@ -208,11 +208,11 @@ Shape read_mesh_entry(const DocumentEntry& entry, const fs::path& folder) {
   return indexed_mesh(std::move(mesh));
 }
 
-/// A moveit_msgs CollisionObject: one object of ours for each of its shapes.
-void read_object(const DocumentEntry& object, const Frames& frames, const fs::path& folder,
+/// A moveit_msgs CollisionObject: one object of ours for each of its shapes. T_root_object: of the
+/// frame that it is given in.
+void read_object(const DocumentEntry& object, Transform T_root_object, const fs::path& folder,
                  std::vector<SceneObject>& into) {
   if (object.has("planes")) object["planes"].complain("planes are not supported");
-  Transform T_root_object = frames.T_root_frame(object);
   if (object.has("pose")) T_root_object = T_root_object * read_pose(object["pose"]);
   const std::string id = object["id"].text();
   const std::size_t first = into.size();
@@ -239,6 +239,28 @@ void read_object(const DocumentEntry& object, const Frames& frames, const fs::pa
   for (std::size_t i = first; i < into.size(); ++i) {
     into[i].name = into.size() == first + 1 ? id : id + "/" + std::to_string(i - first);
   }
+}
+
+/// A moveit_msgs AttachedCollisionObject.
+AttachedObject read_attached(const DocumentEntry& entry, const fs::path& folder) {
+  const DocumentEntry object = entry["object"];
+  AttachedObject attached{object["id"].text(), entry["link_name"].text(), {}, {}};
+  const std::string frame = object["header"]["frame_id"].text();
+  if (!frame.empty() && frame != attached.link) {
+    object["header"]["frame_id"].complain("object '" + attached.name + "' is attached to '" +
+                                          attached.link + "' and in the frame '" + frame + "'");
+  }
+  if (entry.has("touch_links")) {
+    for (const DocumentEntry& link : entry["touch_links"].items()) {
+      attached.touch_links.push_back(link.text());
+    }
+  }
+  std::vector<SceneObject> parts;
+  read_object(object, Transform::Identity(), folder, parts);
+  for (const SceneObject& part : parts) {
+    attached.shapes.push_back({0, part.shape, part.T_world_object(0.0)});
+  }
+  return attached;
 }
 
 /// A sensor_msgs JointState: what it says comes before what was said.
@@ -312,7 +334,7 @@ std::vector<SceneObject> read_world(const DocumentEntry& scene, const RobotDescr
   }
   if (!world.has("collision_objects")) return objects;
   for (const DocumentEntry& object : world["collision_objects"].items()) {
-    read_object(object, frames, folder, objects);
+    read_object(object, frames.T_root_frame(object), folder, objects);
   }
   return objects;
 }
@@ -337,13 +359,16 @@ Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& requ
 
 }  // namespace
 
-Result<Scene> read_moveit_scene(const Node& message, const fs::path& folder,
-                                const RobotDescription& robot) {
+Result<PlanningScene> read_moveit_scene(const Node& message, const fs::path& folder,
+                                        const RobotDescription& robot) {
   std::optional<Error> error;
   const DocumentEntry scene(message, error);
-  Scene found(read_world(scene, robot, folder));
-  Positions ignored;
-  read_robot_state(scene, "robot_state", ignored);
+  PlanningScene found{Scene(read_world(scene, robot, folder)), {}};
+  if (scene.has("robot_state") && scene["robot_state"].has("attached_collision_objects")) {
+    for (const DocumentEntry& entry : scene["robot_state"]["attached_collision_objects"].items()) {
+      found.attached.push_back(read_attached(entry, folder));
+    }
+  }
   if (error) return tl::make_unexpected(std::move(*error));
   return found;
 }

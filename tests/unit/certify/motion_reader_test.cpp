@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "certify_testing.hpp"
+#include "inputs.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace sidestep {
@@ -12,17 +13,23 @@ using ::testing::HasSubstr;
 
 class Motions : public ::testing::Test {
  protected:
-  [[nodiscard]] Result<PolynomialMotion> read_message(const std::string& text) const {
-    return read_motion(folder_.write("motion.yaml", text),
-                       testing_certify::crane(0.1)->description());
+  /// The only motion of a file.
+  [[nodiscard]] static Result<PolynomialMotion> only(const std::filesystem::path& file,
+                                                     const MotionFormat& format = {}) {
+    auto motions = read_motions(file, testing_certify::crane(0.1)->description(), format);
+    if (!motions) return tl::make_unexpected(motions.error());
+    EXPECT_EQ(motions->size(), 1U);
+    return std::move(motions->front().motion);
   }
-  [[nodiscard]] Result<CertifiedScene> read_scene(const std::string& text) const {
+  [[nodiscard]] Result<PolynomialMotion> read_message(const std::string& text) const {
+    return only(folder_.write("motion.yaml", text));
+  }
+  [[nodiscard]] Result<SceneInput> read_scene(const std::string& text) const {
     return read_certified_scene(folder_.write("scene.yaml", text),
-                                testing_certify::crane(0.1)->description());
+                                testing_certify::crane(0.1)->description(), {});
   }
   [[nodiscard]] Result<PolynomialMotion> read(const std::string& text) const {
-    return read_motion(folder_.write("motion.csv", text),
-                       testing_certify::crane(0.1)->description());
+    return only(folder_.write("motion.csv", text));
   }
   [[nodiscard]] std::string mistake(const std::string& text) const {
     const auto motion = read(text);
@@ -160,11 +167,11 @@ world:
 TEST_F(Motions, PassScenesOfMoveIt) {
   const auto scene = read_scene(kScene);
   ASSERT_TRUE(scene) << scene.error().describe();
-  ASSERT_EQ(scene->scene.objects().size(), 2U);
-  const Transform T = scene->scene.objects()[0].T_world_object(0.0);
+  ASSERT_EQ(scene->apart_from.scene.objects().size(), 2U);
+  const Transform T = scene->apart_from.scene.objects()[0].T_world_object(0.0);
   EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(1.0, 0.5, 0.0), 1e-12));
   EXPECT_TRUE(T.linear().col(0).isApprox(Eigen::Vector3d::UnitY(), 1e-9));
-  const auto& cylinder = std::get<Cylinder>(scene->scene.objects()[1].shape);
+  const auto& cylinder = std::get<Cylinder>(scene->apart_from.scene.objects()[1].shape);
   EXPECT_EQ(cylinder.length_m, 0.5);
   EXPECT_EQ(cylinder.radius_m, 0.05);
 }
@@ -177,7 +184,7 @@ TEST_F(Motions, RefuseScenesOfWhichSomethingWouldBeLeftOut) {
     return scene ? "" : scene.error().describe();
   };
   EXPECT_THAT(mistake("data: []", "data: [1]"), HasSubstr("octomaps are not supported"));
-  EXPECT_THAT(mistake("objects: []", "objects: [{}]"), HasSubstr("attached objects"));
+  EXPECT_THAT(mistake("objects: []", "objects: [{}]"), HasSubstr("there is no `object`"));
   EXPECT_THAT(mistake("type: 3", "type: 4"), HasSubstr("expected box, cylinder or sphere"));
   EXPECT_THAT(mistake("frame_id: base", "frame_id: map"), HasSubstr("'map' is neither"));
   EXPECT_THAT(mistake("planes: []", "planes: [{}]"), HasSubstr("planes are not supported"));

@@ -43,11 +43,24 @@ struct SetProblem {
 [[nodiscard]] Result<std::vector<SetProblem>> read_moveit_family(
     const std::filesystem::path& folder, const RobotDescription& robot);
 
-/// The objects of a moveit_msgs PlanningScene, as YAML, in the frame of the robot's root. `folder`:
-/// that its meshes are named from. Fails with kConfig naming file, line and entry, also for what
-/// would be left out: attached objects, cones, planes, octomaps. [any]
-[[nodiscard]] Result<Scene> read_moveit_scene(const Node& message,
-                                              const std::filesystem::path& folder,
-                                              const RobotDescription& robot);
+/// What a robot carries, fixed to a link.
+struct AttachedObject {
+  std::string name;
+  std::string link;
+  std::vector<std::string> touch_links;  ///< That it may touch, besides its own.
+  std::vector<CollisionShape> shapes;    ///< In the link's frame; their `link` says nothing.
+};
+
+struct PlanningScene {
+  Scene world;
+  std::vector<AttachedObject> attached;
+};
+
+/// A moveit_msgs PlanningScene, as YAML, in the frame of the robot's root. `folder`: that its
+/// meshes are named from. Fails with kConfig naming file, line and entry, also for what would be
+/// left out: cones, planes, octomaps, attached objects that are not in their link's frame. [any]
+[[nodiscard]] Result<PlanningScene> read_moveit_scene(const Node& message,
+                                                      const std::filesystem::path& folder,
+                                                      const RobotDescription& robot);
 
 }  // namespace sidestep

@@ -1,0 +1,164 @@
+#include <tinyxml.h>
+
+#include <algorithm>
+#include <set>
+
+#include <sidestep/core/format.hpp>
+#include <sidestep/core/index.hpp>
+
+#include "inputs.hpp"
+#include "load_robot.hpp"
+
+namespace sidestep {
+namespace {
+
+using LinkPairs = std::set<std::pair<int, int>>;
+
+Node said(const std::string& text) {
+  return Node(Node::Scalar{text, true}, SourceMark{"command line"});
+}
+
+/// How many joints move two links against each other.
+int joints_between(const KinematicTree& robot, int a, int b) {
+  int count = 0;
+  while (a != b) {  // parents come before their children
+    int& later = a > b ? a : b;
+    if (robot.tree_joints()[idx(later)].joint >= 0) ++count;
+    later = robot.description().links[idx(later)].parent;
+  }
+  return count;
+}
+
+/// All pairs of links with shapes that so many joints or more move against each other, but these.
+std::vector<std::pair<int, int>> pairs_but(const KinematicTree& robot, const LinkPairs& left_out,
+                                           int least_joints) {
+  std::set<int> links;
+  for (const CollisionShape& shape : robot.description().shapes) links.insert(shape.link);
+  std::vector<std::pair<int, int>> pairs;
+  for (const int a : links) {
+    for (const int b : links) {
+      if (a >= b || left_out.contains({a, b})) continue;
+      if (joints_between(robot, a, b) >= least_joints) pairs.emplace_back(a, b);
+    }
+  }
+  return pairs;
+}
+
+/// The pairs that an SRDF disables. Links that the robot does not have are those of other parts.
+Result<LinkPairs> disabled_pairs(const std::filesystem::path& file, const RobotDescription& robot) {
+  TiXmlDocument document;
+  if (!document.LoadFile(file.string())) {
+    const bool is_read = document.ErrorRow() > 0;
+    return fail(is_read ? ErrorCode::kConfig : ErrorCode::kIo,
+                is_read ? document.ErrorDesc() : "cannot be read",
+                is_read ? format("%s:%d", file.c_str(), document.ErrorRow()) : file.string());
+  }
+  const TiXmlElement* const root = document.RootElement();
+  if (root == nullptr || root->ValueStr() != "robot" ||
+      root->FirstChildElement("link") != nullptr) {
+    return fail(ErrorCode::kConfig, "expected an SRDF", file.string());
+  }
+  LinkPairs pairs;
+  for (const TiXmlElement* element = root->FirstChildElement("disable_collisions");
+       element != nullptr; element = element->NextSiblingElement("disable_collisions")) {
+    const char* const first = element->Attribute("link1");
+    const char* const second = element->Attribute("link2");
+    if (first == nullptr || second == nullptr) {
+      return fail(ErrorCode::kConfig, "disable_collisions names two links, link1 and link2",
+                  format("%s:%d", file.c_str(), element->Row()));
+    }
+    const auto a = robot.link_index(first), b = robot.link_index(second);
+    if (a && b) pairs.insert(std::minmax(*a, *b));
+  }
+  return pairs;
+}
+
+Result<std::shared_ptr<const KinematicTree>> with_pairs(const KinematicTree& robot,
+                                                        std::vector<std::pair<int, int>> pairs) {
+  RobotDescription description = robot.description();
+  description.self_collision_pairs = std::move(pairs);
+  return std::shared_ptr<const KinematicTree>(
+      SIDESTEP_TRY(KinematicTree::create(std::move(description), robot.tree_joints())));
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInput& input,
+                                                                  const HostContext& context) {
+  const bool is_urdf = std::filesystem::path(input.robot).extension() == ".urdf";
+  urdf_robot::Options options;
+  if (is_urdf) {
+    options.urdf = input.robot;
+  } else {
+    options.profile = said(input.robot);
+  }
+  Node::Map fixed;
+  for (const std::string& text : input.fixed) {
+    const auto equals = text.find('=');
+    if (equals == std::string::npos) {
+      return fail(ErrorCode::kConfig, "'" + text + "' is not JOINT=VALUE", "--fixed");
+    }
+    const SourceMark mark{"--fixed " + text};
+    fixed.push_back(
+        {text.substr(0, equals), mark, Node(Node::Scalar{text.substr(equals + 1), false}, mark)});
+  }
+  if (!fixed.empty()) options.fixed_joints = Node(std::move(fixed), SourceMark{"command line"});
+  Node::List packages;
+  for (const auto& folder : input.package_paths) packages.push_back(said(folder.string()));
+  if (!packages.empty()) {
+    options.package_paths = Node(std::move(packages), SourceMark{"command line"});
+  }
+  std::shared_ptr<const KinematicTree> robot =
+      SIDESTEP_TRY(urdf_robot::load_robot(options, context));
+  if (!input.srdf && !is_urdf) return robot;
+  if (!input.srdf) return with_pairs(*robot, pairs_but(*robot, {}, 2));
+  const auto disabled = SIDESTEP_TRY(disabled_pairs(*input.srdf, robot->description()));
+  return with_pairs(*robot, pairs_but(*robot, disabled, 1));
+}
+
+Result<std::shared_ptr<const KinematicTree>> carrying(const KinematicTree& robot,
+                                                      std::span<const AttachedObject> objects,
+                                                      const std::string& where) {
+  RobotDescription description = robot.description();
+  std::vector<TreeJoint> joints = robot.tree_joints();
+  const std::size_t links = description.links.size();
+  for (const AttachedObject& object : objects) {
+    std::set<int> may_touch;
+    const auto find = [&](const std::string& name) -> Result<int> {
+      if (const auto link = robot.description().link_index(name)) return *link;
+      return fail(ErrorCode::kConfig,
+                  "'" + object.name + "' is attached to, or may touch, '" + name +
+                      "', which is no link of robot '" + description.name + "'",
+                  where);
+    };
+    const int parent = SIDESTEP_TRY(find(object.link));
+    may_touch.insert(parent);
+    for (const std::string& link : object.touch_links) {
+      may_touch.insert(SIDESTEP_TRY(find(link)));
+    }
+    const int number = static_cast<int>(description.links.size());
+    if (description.link_index(object.name)) {
+      return fail(ErrorCode::kConfig,
+                  "an object is attached that is called '" + object.name + "', as a link is",
+                  where);
+    }
+    description.links.push_back({object.name, parent});
+    joints.push_back({object.name});
+    for (CollisionShape shape : object.shapes) {
+      shape.link = number;
+      description.shapes.push_back(std::move(shape));
+    }
+    std::set<int> others;
+    for (const CollisionShape& shape : description.shapes) others.insert(shape.link);
+    for (const int other : others) {
+      const int carrier = idx(other) < links ? other : description.links[idx(other)].parent;
+      if (other == number || may_touch.contains(other)) continue;
+      if (joints_between(robot, parent, carrier) == 0) continue;
+      description.self_collision_pairs.emplace_back(other, number);
+    }
+  }
+  return std::shared_ptr<const KinematicTree>(
+      SIDESTEP_TRY(KinematicTree::create(std::move(description), std::move(joints))));
+}
+
+}  // namespace sidestep
