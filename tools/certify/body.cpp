@@ -286,18 +286,24 @@ NearestPoints nearest_points(const PlacedBody& a, const PlacedBody& b, double ne
     const Eigen::Vector3d up = b.T_world_body.linear().col(2);
     const Eigen::Vector3d p = a.farthest(-up);
     const double height_m = up.dot(p - b.T_world_body.translation());
-    return {p, p - std::max(0.0, height_m) * up, height_m <= 0.0};
+    return {p, p - std::max(0.0, height_m) * up, height_m <= 0.0, -up};
   }
   Simplex simplex;
   simplex.points[0] = lowest(a, b, b.centre() - a.centre());
   simplex.size = 1;
   simplex.weights[0] = 1.0;
+  Eigen::Vector3d direction = Eigen::Vector3d::Zero();
+  double most_m = 0.0;
   for (int step = 0; step < kSteps; ++step) {
     const Eigen::Vector3d v = simplex.mean(&Difference::p);
     const double distance_m = v.norm();
     if (distance_m < kOverlap_m || simplex.size == 4) break;
     if (distance_m > near_m && distance_m < wanted_m) break;  // they cannot be shown apart
     const Difference next = lowest(a, b, v);
+    if (v.dot(next.p) > most_m * distance_m) {
+      most_m = v.dot(next.p) / distance_m;
+      direction = v;
+    }
     if (v.dot(next.p) > (wanted_m + kRoundedDirection) * distance_m) break;  // and here they are
     if (v.dot(v - next.p) <= 1e-12 * distance_m) break;
     simplex.points[simplex.size++] = next;
@@ -310,7 +316,7 @@ NearestPoints nearest_points(const PlacedBody& a, const PlacedBody& b, double ne
   }
   const Eigen::Vector3d p_a = simplex.mean(&Difference::of_a);
   const Eigen::Vector3d p_b = simplex.mean(&Difference::of_b);
-  return {p_a, p_b, (p_b - p_a).norm() < kOverlap_m};
+  return {p_a, p_b, (p_b - p_a).norm() < kOverlap_m, direction};
 }
 
 }  // namespace sidestep

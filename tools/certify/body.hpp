@@ -112,6 +112,9 @@ struct NearestPoints {
   Eigen::Vector3d p_a = Eigen::Vector3d::Zero();
   Eigen::Vector3d p_b = Eigen::Vector3d::Zero();
   bool overlap = false;  ///< The two points are the same, to 1e-9 m.
+  /// From `a` to `b`: that along which they were seen farthest apart, if they were at all. Rounding
+  /// may keep the line between the points from being that.
+  Eigen::Vector3d direction = Eigen::Vector3d::Zero();
 
   [[nodiscard]] double distance_m() const { return overlap ? 0.0 : (p_b - p_a).norm(); }
 };

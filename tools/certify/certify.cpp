@@ -447,10 +447,11 @@ class Certifier {
       }
       open.is_looked_at = true;
     }
-    if (!nearest.overlap) {
-      const Eigen::Vector3d direction = nearest.p_b - nearest.p_a;
-      open.direction = written(direction);
-      if (is_apart(open.direction) || is_apart(written(direction, kLongDirection))) return true;
+    if (!nearest.direction.isZero()) {
+      open.direction = written(nearest.direction);
+      if (is_apart(open.direction) || is_apart(written(nearest.direction, kLongDirection))) {
+        return true;
+      }
     }
     const double extent_a_m = a.body->extent_m(a.share), extent_b_m = b.body->extent_m(b.share);
     // What is larger is halved; time, too, where that is likely to be enough.
