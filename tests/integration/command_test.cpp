@@ -88,6 +88,15 @@ TEST_F(CommandTest, PlansAroundAPillar) {
   EXPECT_TRUE(plan.at("explanation").is_null());
 }
 
+TEST_F(CommandTest, LeavesTheCertificateOfAPlan) {
+  const Finished finished = run_tiny({"--set", "check.certificate=file"});
+  const std::string file = "certificates/around.json";
+  ASSERT_EQ(summary().at("/plans/0/certificate"_json_pointer), "proven") << finished.error;
+  EXPECT_EQ(std::system((RECHECK " " + (folder_ / "run" / file).string() + " >/dev/null").c_str()),
+            0);
+  EXPECT_THAT(read_file(folder_ / "run" / "report.html"), HasSubstr("href=\"" + file + "\""));
+}
+
 TEST_F(CommandTest, ReachesAnEndEffectorGoal) {
   // The configuration named as the goal is short of where the link is to be.
   const std::vector<std::string> options = {

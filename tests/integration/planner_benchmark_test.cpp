@@ -127,6 +127,19 @@ TEST_F(PlannerBenchmarkTest, TellsWhoSolvesWhat) {
   EXPECT_THAT(read_file(out_ / "report.html"), HasSubstr("raced"));
 }
 
+TEST_F(PlannerBenchmarkTest, LeavesCertificatesOfItsAnswers) {
+  EXPECT_TRUE(run_it(problems()).exit_code == 0 && planner("line")["certified_share"].is_null());
+  const Finished finished = run_it(problems(), {"--set", "check.certificate=file"});
+  ASSERT_EQ(finished.exit_code, 0) << finished.error << finished.out;
+  EXPECT_EQ(planner("sampling")["certified_share"], 1.0);
+  std::string files;
+  for (const auto& entry : fs::directory_iterator(out_ / "certificates" / "sampling")) {
+    files += " " + entry.path().string();
+  }
+  ASSERT_FALSE(files.empty());
+  EXPECT_EQ(std::system((std::string(RECHECK) + files + " > /dev/null").c_str()), 0);
+}
+
 TEST_F(PlannerBenchmarkTest, NamesTheMistakeInAProblemSet) {
   Json content = problems();
   content["problems"][1]["obstacles"][0]["type"] = "cone";

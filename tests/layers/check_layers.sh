@@ -15,7 +15,7 @@ set -euo pipefail
 cd "$1"
 
 sdk="core geometry sensing field robot mapping trajectory planning plugin"
-lab="runtime results report measures problems experiments"
+lab="certificates runtime results report measures problems experiments"
 allowed() {
   case $1 in
     core) echo "core" ;;
@@ -25,9 +25,10 @@ allowed() {
     planning) echo "core geometry sensing field robot mapping trajectory planning" ;;
     plugin | plugins) echo "$sdk" ;;
     shapes) echo "$sdk" ;;
-    runtime | results) echo "$sdk runtime $1" ;;
-    report | measures) echo "$sdk runtime results $1" ;;
-    problems) echo "$sdk runtime results measures problems" ;;
+    certificates) echo "$sdk certificates" ;;
+    runtime | results) echo "$sdk certificates runtime $1" ;;
+    report | measures) echo "$sdk certificates runtime results $1" ;;
+    problems) echo "$sdk certificates runtime results measures problems" ;;
     experiments) echo "$sdk $lab" ;;
     protocol) echo "$sdk ${lab% experiments}" ;;
   esac

@@ -7,10 +7,9 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/certificates/certify.hpp>
 #include <sidestep/plugin/context.hpp>
 #include <sidestep/problems/problem_set.hpp>
-
-#include "certify.hpp"
 
 namespace sidestep {
 

@@ -130,8 +130,7 @@ std::array<double, PolynomialPiece::kTerms> between(const std::array<double, 3>&
   const double way = q1 - q0;
   switch (joining) {
     case Joining::kLinear: return {q0, way / h};
-    case Joining::kCubic:
-      return {q0, v0, (3.0 * way / h - 2.0 * v0 - v1) / h, (v0 + v1 - 2.0 * way / h) / (h * h)};
+    case Joining::kCubic: return cubic(q0, v0, q1, v1, h);
     case Joining::kQuintic: break;
   }
   const double h2 = h * h;

@@ -2,6 +2,7 @@
 #include <charconv>
 #include <cstring>
 #include <fstream>
+#include <ranges>
 #include <regex>
 #include <sstream>
 

@@ -19,15 +19,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-const char* name_of(Certification::Outcome outcome) noexcept {
-  switch (outcome) {
-    case Certification::Outcome::kProven: return "proven";
-    case Certification::Outcome::kRefuted: return "refuted";
-    case Certification::Outcome::kUndecided: return "undecided";
-  }
-  return "";
-}
-
 Json point(const Eigen::Vector3d& p) { return Json::array({p.x(), p.y(), p.z()}); }
 
 const char* name_of(Joining joining) noexcept {
@@ -82,9 +73,9 @@ std::string verdict_text(const Certification& found, double margin_m, Joining jo
          format("%zu parts)", found.parts);
 }
 
-Result<void> save(const std::filesystem::path& file, const Json& certificate) {
+Result<void> save(const std::filesystem::path& file, const std::string& certificate) {
   std::ofstream out(file);
-  out << certificate.dump() << "\n";
+  out << certificate << "\n";
   if (out.flush()) return {};
   return fail(ErrorCode::kIo, "cannot be written", file.string());
 }

@@ -224,7 +224,12 @@ Parameters<CheckSettings> CheckSettings::parameters() {
            {.min = 0.01, .max = 1.0})
       .add("allowed_contacts", &S::allowed_contacts,
            "Links that may touch an object of the true scene, as a robot's foot the floor that it "
-           "stands on; where the scene is not known they say nothing.");
+           "stands on; where the scene is not known they say nothing.")
+      .add(
+          "certificate", &S::certificate,
+          "Whether each plan that passes leaves a certificate, for sidestep_recheck: `file` in the "
+          "run's folder `certificates`.",
+          {.choices = {"none", "file"}});
 }
 
 Parameters<AllowedContactEntry> AllowedContactEntry::parameters() {

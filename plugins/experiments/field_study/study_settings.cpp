@@ -169,6 +169,13 @@ FieldStudy read_field_study(const Configuration& configuration, std::vector<Erro
   const Node& check = block_of(configuration, "check");  // may be left out
   if (!read_entry(experiment, study.settings, errors)) return study;
   if (!check.is_null() && !read_entry(check, study.check, errors)) return study;
+  if (study.check.wants_certificate()) {
+    errors.push_back(
+        check.find("certificate")
+            ->error(
+                "'certificate' is for plans among shapes, and without effect among random fields",
+                "leave it out"));
+  }
   refuse_floor(block_of(configuration, "planning"), errors);
   const Node& list = *experiment.find("robots");
   if (list.items().empty()) errors.push_back(list.error("there is no robot to study"));

@@ -3,6 +3,7 @@
 #include <numeric>
 #include <set>
 
+#include <sidestep/certificates/leave_certificate.hpp>
 #include <sidestep/measures/source_facts.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/results/summary.hpp>
@@ -249,6 +250,11 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
     }
     auto made = SIDESTEP_TRY(make_plan(*shared, parts.optimiser, std::move(request), context.seed,
                                        context.log, context.stop));
+    if (settings.check.wants_certificate() && made.success()) {
+      made.certified = name_of(SIDESTEP_TRY(
+          leave_certificate(*shared->robot, shared->obstacles, shared->allowed,
+                            made.solution.trajectory, context.out / certificate_of(made.name))));
+    }
     record_plan(made, index, *shared, settings.experiment.slice_heights_m, recorder);
     show.show(made);
     plans.push_back(std::move(made));

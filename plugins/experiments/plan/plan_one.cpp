@@ -117,8 +117,10 @@ Result<PlanningContext> make_planning_context(std::shared_ptr<const RobotModel> 
   voxels.resolution_m = occupancy.occupancy_grid().resolution_m;
   voxels.occupied_centres_m = occupied_centres(occupancy);
   if (context.planning.floor) voxels.floor = *context.planning.floor;
+  context.obstacles = voxels;
   context.voxel_check = SIDESTEP_TRY(make_shape_check(context.robot, std::move(voxels), shapes));
   if (!scene) return context;
+  context.obstacles.scene = scene;
   ShapeObstacles truth;
   truth.scene = std::move(scene);
   truth.scene_time_s = scene_time_s;
@@ -126,6 +128,7 @@ Result<PlanningContext> make_planning_context(std::shared_ptr<const RobotModel> 
     const bool is_here = context.robot->description().link_index(contact.link).has_value();
     if (is_here) shapes.allowed_contacts.push_back(contact);  // else attached in another plan
   }
+  context.allowed = shapes.allowed_contacts;
   context.scene_check = SIDESTEP_TRY(make_shape_check(context.robot, std::move(truth), shapes));
   return context;
 }

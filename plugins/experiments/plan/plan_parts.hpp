@@ -11,6 +11,7 @@
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/measures/point_survey.hpp>
+#include <sidestep/planning/shape_obstacles.hpp>
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/report/canvas.hpp>
 #include <sidestep/report/result_columns.hpp>
@@ -115,6 +116,7 @@ struct PlanRecord {
   std::optional<Verdict> field_verdict;  ///< Spheres against the field that was planned in.
   std::optional<Verdict> voxel_verdict;  ///< Shapes against the occupied voxels.
   std::optional<Verdict> scene_verdict;  ///< Shapes against the true scene, where it is known.
+  std::string certified;                 ///< By leave_certificate(), where that was asked for.
   std::string reason;                    ///< Why it is not a success; empty if it is.
   bool interrupted = false;
 
@@ -141,7 +143,13 @@ struct PlanningContext {
   std::unique_ptr<ValidityCheck> field_check = nullptr;
   std::unique_ptr<ValidityCheck> voxel_check = nullptr;
   std::unique_ptr<ValidityCheck> scene_check = nullptr;  ///< Null where no scene is known.
+  /// All that is checked against, and who may touch what of the scene; for certificates.
+  ShapeObstacles obstacles = {};
+  std::vector<AllowedContact> allowed = {};
 };
+
+/// The certificate of a plan, from the run's folder on.
+[[nodiscard]] std::string certificate_of(const std::string& plan);
 
 /// `scene` may be null; `scene_time_s` is the scene's time when a plan starts.
 [[nodiscard]] Result<PlanningContext> make_planning_context(

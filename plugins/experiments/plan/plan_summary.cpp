@@ -107,6 +107,7 @@ Json plan_json(const PlanRecord& plan) {
           {"explanation", explanation_json(solution.explanation)},
           {"status", plan.attempts > 0 ? Json(to_string(solution.status)) : Json(nullptr)},
           {"attempts", plan.attempts},
+          {"certificate", plan.certified.empty() ? Json() : Json(plan.certified)},
           {"unknown_share", field ? Json(field->unknown_share) : Json(nullptr)},
           {"most_unknown_share", field ? Json(field->most_unknown_share) : Json(nullptr)},
           {"most_unknown_link", field ? Json(field->most_unknown_link) : Json(nullptr)},
@@ -200,6 +201,9 @@ const ResultColumns& plan_columns() {
     columns.declare("cost", "Its final cost.",
                     {.heading = "cost", .pattern = "%.4g", .page_only = true});
     columns.declare("attempts", "First guesses that were tried.", {.heading = "attempts"});
+    columns.declare("certificate",
+                    "`proven`: its certificate is in the run's folder `certificates`; `refuted`, "
+                    "`undecided`: it has none. Null where none was asked for.");
     columns.declare("status", "How the optimiser ended.");
     columns.declare("reason", "Why the plan did not succeed.");
     columns.declare("unknown_share",
@@ -299,6 +303,14 @@ Result<std::string> plan_body(const Json& summary, ResultsReader& results,
     }
     html += explanation_section(plan);
     html += checks_table(plan);
+    if (const Json certified = at(plan, "/certificate"); certified == Json("proven")) {
+      const std::string file = escape_html(certificate_of(name));
+      html += "<p>Proven over all of its time: <a href=\"" + file + "\">" + file +
+              "</a>, for <code>sidestep_recheck</code>.</p>\n";
+    } else if (certified.is_string()) {
+      html += "<p class=\"verdict failure\">Not proven over all of its time: " +
+              escape_html(cell(certified)) + ".</p>\n";
+    }
     html += SIDESTEP_TRY(figure_section(SIDESTEP_TRY(plan_figures(results, item++, name)), run));
   }
   html += map_section(summary);
@@ -312,6 +324,12 @@ Json plans_of(const Json& summary) {
 }
 
 }  // namespace
+
+std::string certificate_of(const std::string& plan) {
+  std::string name = plan;
+  std::ranges::replace(name, '/', '_');
+  return "certificates/" + name + ".json";
+}
 
 std::optional<double> PlanRecord::min_clearance_m() const noexcept {
   std::optional<double> least;

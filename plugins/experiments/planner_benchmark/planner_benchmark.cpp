@@ -156,6 +156,10 @@ struct BenchmarkRun {
     if (left.empty() || context.stop.stop_requested()) return {};
     const std::uint64_t run_seed = context.seed + static_cast<std::uint64_t>(seed);
     auto race = SIDESTEP_TRY(make_race(entry, run_seed));
+    if (bench.check.wants_certificate()) {
+      bench.certificates = context.out / "certificates" /
+                           (entry.name + (seed == 0 ? "" : "-" + std::to_string(seed)));
+    }
     const auto solve_one = [&](std::int64_t problem) {
       return catch_all("planning", [&] {
         return solve_set_problem(race, problems[static_cast<std::size_t>(problem)], run_seed, bench,

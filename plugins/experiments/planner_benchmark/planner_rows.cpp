@@ -74,6 +74,7 @@ const StoredRow<SetSolve>& stored_solve() {
                                  .add("refusal", &Solve::refusal)
                                  .add("reason", &Solve::reason)
                                  .add("guess", &Solve::guess)
+                                 .add("certified", &Solve::certified)
                                  .add("answers", &answers_of, &set_answers);
   return kSolve;
 }

@@ -45,6 +45,7 @@ struct SetSolve : ProblemName {
   std::string refusal;              ///< Why the independent check refuses an answer, if it does.
   std::string reason;               ///< Why there is none.
   std::string guess;                ///< The first guess that led there.
+  std::string certified;            ///< By leave_certificate(), where that was asked for.
 
   [[nodiscard]] bool is_found() const noexcept { return !answers.empty(); }
   [[nodiscard]] bool is_solved() const noexcept { return is_found() && refusal.empty(); }
@@ -117,6 +118,8 @@ struct SetBench {
   double reach_m = 0.0;  ///< How far the known world reaches from the robot's foot.
   double deadline_s = 0.0;
   std::stop_token stop;
+  /// For the certificates of answers that are accepted, FAMILY-INDEX.json; empty: none.
+  std::filesystem::path certificates = {};
 };
 
 /// Poses a problem, has it raced for, and holds every answer against the shapes, independently.

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include <sidestep/certificates/leave_certificate.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/field/scene_field.hpp>
 #include <sidestep/planning/goal.hpp>
@@ -139,6 +140,13 @@ Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, 
   solve.guess = answer.seed;
   if (answer.trajectory.size() == 0) return solve;
   SIDESTEP_TRY(judge(posed, answer, bench, solve));
+  if (!bench.certificates.empty() && solve.is_solved()) {
+    ShapeObstacles truth;
+    truth.scene = posed.scene;
+    const std::string name = posed.family + "-" + std::to_string(posed.index) + ".json";
+    solve.certified = name_of(SIDESTEP_TRY(
+        leave_certificate(*bench.robot, truth, {}, answer.trajectory, bench.certificates / name)));
+  }
   return solve;
 }
 

@@ -85,6 +85,16 @@ const report::ResultColumnsOf<PlannerRow>& planner_rows() {
                },
                "Answers that the independent check refuses.",
                {.heading = "refused", .pattern = "%.0f", .compared = true})
+          .add("certified_share",
+               [](const R& r) -> Json {
+                 const auto asked =
+                     those_of(r.solved, [](const S& s) { return !s.certified.empty(); });
+                 if (asked.empty()) return nullptr;
+                 return share_of(asked, [](const S& s) { return s.certified == "proven"; });
+               },
+               "Share of the solved that is proven over all of its time, with certificates in the "
+               "run's folder `certificates`; null where none was asked for.",
+               {.heading = "proven", .pattern = "%.4f"})
           .table(
               "Motions",
               "Medians over what was solved. Acceleration: squared, over all joints and the whole "

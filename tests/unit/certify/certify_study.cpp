@@ -143,7 +143,7 @@ int study(const char* problems_folder, std::size_t most, double instant_rad) {
     PolynomialMotion motion = testing_certify::straight(path);
     motion.has_times = false;
     const double begin_ms = now_ms();
-    const auto found = certify(*robot, {*problem.scene, {}}, motion, {});
+    const auto found = certify(*robot, {*problem.scene, {}, {}}, motion, {});
     times_ms.push_back(now_ms() - begin_ms);
     if (!found) {
       std::fprintf(stderr, "%s\n", found.error().describe().c_str());

@@ -76,7 +76,7 @@ TEST_F(PandasCertificates, AgreeWithFclAtManyInstants) {
       }
     }
     const PolynomialMotion motion = straight(waypoints, 5.0);
-    const Certification found = certified(*robot_, {scene, {}}, motion);
+    const Certification found = certified(*robot_, {scene, {}, {}}, motion);
     ShapeObstacles obstacles;
     obstacles.scene = std::make_shared<const Scene>(scene);
     const ShapeCollider collider(robot_->description(), obstacles, {});
@@ -177,7 +177,7 @@ TEST(Certificates, AreOfNothingThatMovesOrHasNoShapes) {
   const auto motion = straight({{0.0, 0.5}, {0.5, 0.5}});
   SceneObject walker = object("walker", Sphere{0.1}, {2.0, 0.0, 0.0});
   walker.waypoints.push_back({1.0, Transform::Identity()});
-  const auto moving = certify(*robot, {Scene({walker}), {}}, motion, {});
+  const auto moving = certify(*robot, {Scene({walker}), {}, {}}, motion, {});
   ASSERT_FALSE(moving);
   EXPECT_THAT(moving.error().describe(), HasSubstr("object 'walker' moves"));
 }
@@ -245,7 +245,7 @@ TEST_F(PandasCertificates, OfSwarmsAreThoseOfTheirMembers) {
     for (double& q : end) q += draw(-1.0, 1.0);
     const PolynomialMotion motion = straight({start, end});
     const Certification as_one = certified(*robot_, {{}, {swarm}}, motion);
-    const Certification one_by_one = certified(*robot_, {Scene(objects), {}}, motion);
+    const Certification one_by_one = certified(*robot_, {Scene(objects), {}, {}}, motion);
     EXPECT_EQ(as_one.outcome, one_by_one.outcome) << k;
     proven += as_one.outcome == Outcome::kProven ? 1 : 0;
     refuted += as_one.outcome == Outcome::kRefuted ? 1 : 0;

@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "certify.hpp"
+#include <sidestep/certificates/certify.hpp>
 
 namespace sidestep::testing_certify {
 

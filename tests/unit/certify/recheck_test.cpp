@@ -1,8 +1,13 @@
 #include <array>
+#include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <functional>
 
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include <sidestep/certificates/leave_certificate.hpp>
 
 #include "certify_testing.hpp"
 #include "robot_testing.hpp"
@@ -31,7 +36,7 @@ class Recheck : public ::testing::Test {
                                {.margin_m = 0.005, .wants_certificate = true});
     if (!found) throw std::runtime_error(found.error().describe());
     if (found->outcome != Certification::Outcome::kProven) throw std::runtime_error("not proven");
-    certificate_ = found->certificate;
+    certificate_ = Json::parse(found->certificate);
   }
 
   /// Two triangles beside the arm, which is in their hull.
@@ -94,6 +99,36 @@ TEST_F(Recheck, RefusesWhatStartsInsideOfAClosedMesh) {
   for (const Eigen::Vector3i& t : mesh.triangles) triangles.push_back({t[0], t[1], t[2]});
   changed["objects"][3]["mesh"] = {{"points", points}, {"triangles", triangles}, {"closed", true}};
   EXPECT_THAT(recheck(changed), HasSubstr("inside of a mesh"));
+}
+
+/// A plan among what it is checked against: voxels, a floor that a link may stand on, a scene.
+TEST_F(Recheck, AcceptsWhatAPlanLeaves) {
+  const auto robot = testing_certify::crane(0.1);
+  const Trajectory plan{2, {0.0, 2.0, 4.0}, {0.0, 0.6, 0.3, 0.6, 0.6, 0.6}, {0, 0, 0.2, 0, 0, 0}};
+  ShapeObstacles obstacles;
+  obstacles.resolution_m = 0.05;
+  for (int k = 0; k < 50; ++k) {
+    obstacles.occupied_centres_m.emplace_back(0.8 * std::cos(0.1 * k), 0.8 * std::sin(0.1 * k), 0);
+  }
+  obstacles.floor = Floor{.height_m = -0.05, .except_links = {"tip"}};
+  obstacles.scene = std::make_shared<const Scene>(std::vector{
+      object("rail", Sphere{0.1}, {0.6, 0.0, 0.1}), object("far", Sphere{0.1}, {0, -0.9, 0})});
+  const auto file = folder_.path() / "certificates" / "plan.json";
+  const auto left = [&](std::vector<AllowedContact> allowed) {
+    const auto outcome = leave_certificate(*robot, obstacles, std::move(allowed), plan, file);
+    return outcome ? std::string(name_of(*outcome)) : outcome.error().describe();
+  };
+  EXPECT_EQ(left({}), "refuted");
+  EXPECT_EQ(left({{"tip", "far"}}), "refuted");
+  EXPECT_FALSE(std::filesystem::exists(file));
+  EXPECT_EQ(left({{"tip", "rail"}}), "proven");
+  std::ifstream in(file);
+  Json certificate = Json::parse(in);
+  EXPECT_THAT(recheck(certificate), HasSubstr("accepted"));
+  for (Json& one : certificate["objects"]) one.erase("may_touch");
+  EXPECT_THAT(recheck(certificate), HasSubstr("nothing is claimed of two shapes"));
+  obstacles.floor->except_links.clear();
+  EXPECT_EQ(left({{"tip", "rail"}}), "refuted");
 }
 
 /// Changes after which nobody has shown what is claimed, each drawn many times.

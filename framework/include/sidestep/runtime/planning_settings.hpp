@@ -57,7 +57,9 @@ struct CheckSettings {
   double speed_fraction = 1.0;
   double acceleration_fraction = 1.0;
   std::vector<AllowedContactEntry> allowed_contacts;
+  std::string certificate = "none";
 
+  [[nodiscard]] bool wants_certificate() const { return certificate != "none"; }
   static Parameters<CheckSettings> parameters();
   [[nodiscard]] FieldCheckSettings of_field() const;
   /// Without the allowed contacts, which are the true scene's.

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/core/export.hpp>
 #include <sidestep/geometry/shape.hpp>
 #include <sidestep/geometry/transform.hpp>
 
@@ -39,7 +40,7 @@ struct Share {
 /// What may touch: a convex shape (one item), the triangles of a mesh, or the members of a swarm.
 /// Items are so ordered that the halves of halves of them lie close together. What is asked of a
 /// share of them is asked of its convex hull.
-class Body {
+class SIDESTEP_EXPORT Body {
  public:
   explicit Body(const Shape& shape);
   explicit Body(const Swarm& swarm);

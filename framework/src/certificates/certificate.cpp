@@ -97,6 +97,7 @@ Json objects_json(const std::vector<CertifiedObject>& objects) {
   for (const CertifiedObject& object : objects) {
     Json one = {{"name", object.name}, {"pose", pose_json(object.T_world_body)}};
     one.update(shape_json(object.body));
+    if (!object.may_touch.empty()) one["may_touch"] = object.may_touch;
     list.push_back(std::move(one));
   }
   return list;

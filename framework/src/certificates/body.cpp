@@ -1,4 +1,4 @@
-#include "body.hpp"
+#include <sidestep/certificates/body.hpp>
 
 #include <algorithm>
 #include <array>

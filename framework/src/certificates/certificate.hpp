@@ -1,6 +1,8 @@
 #pragma once
 
-#include "certify.hpp"
+#include <nlohmann/json.hpp>
+
+#include <sidestep/certificates/certify.hpp>
 
 namespace sidestep {
 
@@ -9,6 +11,7 @@ struct CertifiedObject {
   std::string name;
   Body body;
   Transform T_world_body = Transform::Identity();
+  std::vector<int> may_touch;  ///< Links that are not held against it.
 };
 
 /// A certificate of a robot, its shapes, objects and a motion (docs/reference/certificates.md),

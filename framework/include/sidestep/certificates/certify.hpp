@@ -1,45 +1,25 @@
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include <sidestep/certificates/body.hpp>
+#include <sidestep/certificates/polynomial_motion.hpp>
 #include <sidestep/core/error.hpp>
+#include <sidestep/core/export.hpp>
 #include <sidestep/geometry/scene.hpp>
+#include <sidestep/planning/shape_obstacles.hpp>
 #include <sidestep/robot/kinematic_tree.hpp>
 
-#include "body.hpp"
-
 namespace sidestep {
-
-/// What a robot does between two states that are given.
-enum class Joining { kLinear, kCubic, kQuintic };
-
-/// All joints from one time to the next: joint j is at the sum of coefficients[j][k] s^k, s seconds
-/// after begin_s.
-struct PolynomialPiece {
-  static constexpr std::size_t kTerms = 6;
-  double begin_s = 0.0;
-  double end_s = 0.0;
-  std::vector<std::array<double, kTerms>> coefficients;
-};
-
-/// A motion as polynomials, one piece after the other, from time 0. Plain data.
-struct PolynomialMotion {
-  std::vector<PolynomialPiece> pieces;
-  bool has_times = true;  ///< False: waypoints without times; their speed says nothing.
-  Joining joining = Joining::kLinear;
-
-  [[nodiscard]] double duration_s() const { return pieces.empty() ? 0.0 : pieces.back().end_s; }
-};
 
 /// What a robot is to keep apart from: a scene that stands still, and swarms in it.
 struct CertifiedScene {
   Scene scene;
   std::vector<Swarm> swarms;
+  std::vector<AllowedContact> allowed;  ///< Links that are not held against an object.
 };
 
 /// An instant at which two things are nearer than the margin, or overlap: a point of each, in the
@@ -71,9 +51,9 @@ struct Certification {
   std::optional<Witness> witness;    ///< Of a refuted motion, if it is not a limit that it breaks.
   std::string broken_limit;          ///< The limit that a refuted motion breaks.
   std::vector<Undecided> undecided;  ///< The first of each pair of shapes.
-  nlohmann::ordered_json certificate;  ///< Of a proven motion, if wanted.
-  std::size_t pairs = 0;               ///< Of shapes that were looked at.
-  std::size_t parts = 0;               ///< Of the certificate.
+  std::string certificate;           ///< Of a proven motion, if wanted.
+  std::size_t pairs = 0;             ///< Of shapes that were looked at.
+  std::size_t parts = 0;             ///< Of the certificate.
 };
 
 /// Proves over continuous time that a robot's collision shapes keep apart from those of a scene
@@ -88,8 +68,12 @@ struct Certification {
 ///
 /// Fails with kInvalidArgument for a robot without collision shapes, an object that moves, and a
 /// motion that is not the robot's. [any]; allocates.
-[[nodiscard]] Result<Certification> certify(const KinematicTree& robot, const CertifiedScene& scene,
-                                            const PolynomialMotion& motion,
-                                            const CertifySettings& settings);
+[[nodiscard]] SIDESTEP_EXPORT Result<Certification> certify(const KinematicTree& robot,
+                                                            const CertifiedScene& scene,
+                                                            const PolynomialMotion& motion,
+                                                            const CertifySettings& settings);
+
+/// "proven", "refuted" or "undecided".
+[[nodiscard]] SIDESTEP_EXPORT std::string_view name_of(Certification::Outcome outcome) noexcept;
 
 }  // namespace sidestep

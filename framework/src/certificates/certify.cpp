@@ -1,4 +1,4 @@
-#include "certify.hpp"
+#include <sidestep/certificates/certify.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -9,12 +9,18 @@
 #include <sidestep/core/index.hpp>
 
 #include "certificate.hpp"
+#include "polynomials.hpp"
 
 namespace sidestep {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using Coefficients = std::array<double, PolynomialPiece::kTerms>;
+using polynomials::Coefficients;
+using polynomials::derivative;
+using polynomials::negative;
+using polynomials::time_beyond;
+using polynomials::value;
+using polynomials::way;
 
 /// For the rounding of coordinates: what is proven is more than this better than what is claimed,
 /// twice what whoever looks again has to allow.
@@ -27,52 +33,6 @@ constexpr double kDirection = 1e4;
 constexpr double kLongDirection = 1e9;
 /// Shapes that may be nearer than this are looked at more closely: they may touch.
 constexpr double kNear_m = 0.005;
-/// A part is no shorter than 2^-kDeepest of the motion.
-constexpr int kDeepest = 40;
-/// Of joints, in their units.
-constexpr double kLimit = 1e-6;
-
-double value(const Coefficients& c, double s) {
-  double sum = 0.0;
-  for (std::size_t k = c.size(); k-- > 0;) sum = sum * s + c[k];
-  return sum;
-}
-
-/// The coefficients about s, and those of the derivative.
-Coefficients about(Coefficients c, double s) {
-  for (std::size_t first = 0; first + 1 < c.size(); ++first) {
-    for (std::size_t k = c.size() - 1; k-- > first;) c[k] += s * c[k + 1];
-  }
-  return c;
-}
-Coefficients derivative(const Coefficients& c) {
-  Coefficients d{};
-  for (std::size_t k = 1; k < c.size(); ++k) d[k - 1] = static_cast<double>(k) * c[k];
-  return d;
-}
-
-/// How far a polynomial goes from where it is at s, at most, within `half` to either side.
-double way(const Coefficients& c, double s, double half) {
-  const Coefficients near = about(c, s);
-  double sum = 0.0, power = 1.0;
-  for (std::size_t k = 1; k < near.size(); ++k) sum += std::abs(near[k]) * (power *= half);
-  return sum;
-}
-
-/// A time in [from, to] at which a polynomial is beyond a limit; NaN: it never is.
-double time_beyond(const Coefficients& c, double from, double to, double limit, int depth = 0) {
-  const double middle = 0.5 * (from + to);
-  if (value(c, middle) > limit + kLimit) return middle;
-  const double most = value(c, middle) + way(c, middle, 0.5 * (to - from));
-  if (most <= limit + kLimit || depth == kDeepest) return std::nan("");
-  const double before = time_beyond(c, from, middle, limit, depth + 1);
-  return std::isnan(before) ? time_beyond(c, middle, to, limit, depth + 1) : before;
-}
-
-Coefficients negative(Coefficients c) {
-  for (double& one : c) one = -one;
-  return c;
-}
 
 class Certifier {
  public:
@@ -90,9 +50,17 @@ class Certifier {
     if (breaks_limit()) return std::move(found_);
     for (const CollisionShape& shape : description_.shapes) shapes_.emplace_back(shape.shape);
     for (const SceneObject& object : scene_.scene.objects()) {
-      objects_.push_back({object.name, Body(object.shape), object.T_world_object(0.0)});
+      objects_.push_back({object.name, Body(object.shape), object.T_world_object(0.0), {}});
     }
-    for (const Swarm& swarm : scene_.swarms) objects_.push_back({swarm.name, Body(swarm)});
+    for (const Swarm& swarm : scene_.swarms) {
+      objects_.push_back({swarm.name, Body(swarm), Transform::Identity(), {}});
+    }
+    for (const AllowedContact& allowed : scene_.allowed) {
+      const auto link = description_.link_index(allowed.link);
+      for (CertifiedObject& object : objects_) {
+        if (link && object.name == allowed.object) object.may_touch.push_back(*link);
+      }
+    }
     show_all();
     conclude();
     return std::move(found_);
@@ -284,6 +252,7 @@ class Certifier {
       const std::vector<int> movers = movers_of(description_.shapes[s].link, -1);
       if (movers.empty()) continue;  // what no joint moves
       for (std::size_t o = 0; o < objects_.size() && !found_.witness; ++o) {
+        if (std::ranges::count(objects_[o].may_touch, description_.shapes[s].link) > 0) continue;
         show({.a = s, .object = &objects_[o], .movers_a = movers});
       }
     }
@@ -486,8 +455,9 @@ class Certifier {
                      : found_.undecided.empty() ? Outcome::kProven
                                                 : Outcome::kUndecided;
     if (found_.outcome != Outcome::kProven || !settings_.wants_certificate) return;
-    found_.certificate = claimed(robot_, shapes_, objects_, motion_, settings_.margin_m);
-    found_.certificate["claims"] = std::move(claims_);
+    Json certificate = claimed(robot_, shapes_, objects_, motion_, settings_.margin_m);
+    certificate["claims"] = std::move(claims_);
+    found_.certificate = certificate.dump();
   }
 
   const KinematicTree& robot_;
@@ -506,6 +476,15 @@ class Certifier {
 };
 
 }  // namespace
+
+std::string_view name_of(Certification::Outcome outcome) noexcept {
+  switch (outcome) {
+    case Certification::Outcome::kProven: return "proven";
+    case Certification::Outcome::kRefuted: return "refuted";
+    case Certification::Outcome::kUndecided: break;
+  }
+  return "undecided";
+}
 
 Result<Certification> certify(const KinematicTree& robot, const CertifiedScene& scene,
                               const PolynomialMotion& motion, const CertifySettings& settings) {
