@@ -101,15 +101,17 @@ struct Simplex {
 };
 
 /// The part of a simplex that has its point nearest to the origin inside, with that point's
-/// weights.
+/// weights. Its last point is in it, as it is nearer than the part without was.
 Simplex nearest_part(const Simplex& simplex) {
   Simplex best;
   double least = std::numeric_limits<double>::infinity();
-  for (int subset = 1; subset < 1 << simplex.size; ++subset) {
+  const int others = simplex.size - 1;
+  for (int subset = 0; subset < 1 << others; ++subset) {
     Simplex part;
-    for (int i = 0; i < simplex.size; ++i) {
+    for (int i = 0; i < others; ++i) {
       if ((subset >> i & 1) != 0) part.points[part.size++] = simplex.points[i];
     }
+    part.points[part.size++] = simplex.points[others];
     part.weigh();
     const auto weights = std::span(part.weights).first(part.size);
     if (!std::ranges::all_of(weights, [](double w) { return w >= 0.0; })) continue;
