@@ -2,7 +2,7 @@
 // are looked at where OMPL's defaults look, by FCL among the true shapes. Each proof is held
 // against FCL at instants so many rad of the fastest joint apart, each witness at its instant.
 //
-//   certify_study PROBLEMS [COUNT [INSTANT_RAD]]
+//   certify_study PROBLEMS|random [COUNT [INSTANT_RAD]]
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/geometric/SimpleSetup.h>
 #include <ompl/geometric/planners/rrt/RRTConnect.h>
@@ -10,6 +10,7 @@
 #include <ompl/util/RandomNumbers.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 
@@ -114,7 +115,111 @@ bool touches(const std::vector<Configuration>& path, double instant_rad, Fcl& fc
   return false;
 }
 
-int study(const char* problems_folder, std::size_t most, double instant_rad) {
+/// Verdicts on paths, each held against FCL.
+class Tally {
+ public:
+  Tally(const KinematicTree& robot, double instant_rad)
+      : robot_(robot), instant_rad_(instant_rad) {}
+
+  void add(const std::string& name, const Scene& scene, const std::vector<Configuration>& path,
+           Fcl& fcl) {
+    PolynomialMotion motion = testing_certify::straight(path);
+    motion.has_times = false;
+    const double begin_ms = now_ms();
+    const auto found = certify(robot_, {scene, {}, {}}, motion, {});
+    times_ms_.push_back(now_ms() - begin_ms);
+    if (!found) throw std::runtime_error(found.error().describe());
+    parts_ += found->parts;
+    pairs_ += found->pairs;
+    ++counts_[static_cast<std::size_t>(found->outcome)];
+    if (const auto& witness = found->witness) {
+      const auto k = std::min(static_cast<std::size_t>(witness->time_s), path.size() - 2);
+      Configuration q = path[k];
+      for (std::size_t j = 0; j < q.size(); ++j) {
+        q[j] += (witness->time_s - static_cast<double>(k)) * (path[k + 1][j] - path[k][j]);
+      }
+      unconfirmed_ += fcl.touches(q) ? 0 : 1;
+    } else {
+      missed_ += touches(path, instant_rad_, fcl) ? 1 : 0;
+    }
+    for (const Undecided& one : found->undecided) {
+      std::printf("undecided: %s: %s and %s from %.9f to %.9f s\n", name.c_str(), one.a.c_str(),
+                  one.b.c_str(), one.from_s, one.to_s);
+    }
+  }
+
+  [[nodiscard]] int conclude() {
+    std::ranges::sort(times_ms_);
+    if (times_ms_.empty()) return 1;
+    const auto at = [&](double share) {
+      return times_ms_[static_cast<std::size_t>(share * static_cast<double>(times_ms_.size() - 1))];
+    };
+    const auto count = [&](Certification::Outcome outcome) {
+      return counts_[static_cast<std::size_t>(outcome)];
+    };
+    std::printf("%zu paths: %d proven, %d refuted, %d undecided\n", times_ms_.size(),
+                count(Certification::Outcome::kProven), count(Certification::Outcome::kRefuted),
+                count(Certification::Outcome::kUndecided));
+    std::printf(
+        "FCL finds a contact in %d that are not refuted, and confirms all but %d witnesses\n",
+        missed_, unconfirmed_);
+    std::printf("%.1f parts a pair of shapes\n",
+                static_cast<double>(parts_) / static_cast<double>(pairs_));
+    std::printf("time: p50 %.2f ms, p95 %.2f ms, most %.2f ms\n", at(0.5), at(0.95), at(1.0));
+    return missed_ + unconfirmed_ == 0 ? 0 : 1;
+  }
+
+ private:
+  const KinematicTree& robot_;
+  double instant_rad_;
+  std::size_t parts_ = 0, pairs_ = 0;
+  std::array<int, 3> counts_{};
+  int missed_ = 0, unconfirmed_ = 0;
+  std::vector<double> times_ms_;
+};
+
+/// Straight motions through worlds of 10 to 40 boxes with sides of 2 to 20 cm, between
+/// configurations that are clear.
+int study_random(const KinematicTree& robot, Tally& tally) {
+  std::mt19937_64 random(1);
+  const auto draw = [&](double lower, double upper) {
+    return std::uniform_real_distribution(lower, upper)(random);
+  };
+  for (int world = 0; world < 100; ++world) {
+    std::vector<SceneObject> objects;
+    for (int i = 0; i < 10 * (1 << world % 3); ++i) {
+      const Eigen::Vector3d p(draw(-0.9, 0.9), draw(-0.9, 0.9), draw(0.0, 1.1));
+      const Box box{{draw(0.02, 0.2), draw(0.02, 0.2), draw(0.02, 0.2)}};
+      if (p.head<2>().norm() < 0.25) continue;  // where it stands
+      objects.push_back(testing_certify::object("box" + std::to_string(i), box, p));
+    }
+    const Scene scene(objects);
+    Fcl fcl(robot, scene);
+    const auto clear = [&] {
+      Configuration q;
+      do {
+        q.clear();
+        for (const Joint& joint : robot.description().joints) {
+          q.push_back(draw(joint.lower, joint.upper));
+        }
+      } while (fcl.touches(q));
+      return q;
+    };
+    const Configuration from = clear();
+    // As far as a planner with a receding horizon goes at once.
+    Configuration to = from;
+    do {
+      for (std::size_t j = 0; j < to.size(); ++j) {
+        const Joint& joint = robot.description().joints[j];
+        to[j] = std::clamp(from[j] + draw(-0.6, 0.6), joint.lower, joint.upper);
+      }
+    } while (fcl.touches(to));
+    tally.add("world " + std::to_string(world), scene, {from, to}, fcl);
+  }
+  return tally.conclude();
+}
+
+int study(const std::string& problems_folder, std::size_t most, double instant_rad) {
   testing_robot::Loader loader;
   const auto robot = loader.load_or_fail(
       "{profile: panda, fixed_joints: {panda_finger_joint1: 0.065}, joint_limits: "
@@ -123,6 +228,8 @@ int study(const char* problems_folder, std::size_t most, double instant_rad) {
       "panda_joint3: {lower: -2.9671, upper: 2.9671}, panda_joint4: {lower: -3.1416, upper: "
       "0.0873}, panda_joint5: {lower: -2.9671, upper: 2.9671}, panda_joint6: {lower: -0.0873, "
       "upper: 3.8223}, panda_joint7: {lower: -2.9671, upper: 2.9671}}}");
+  Tally tally(*robot, instant_rad);
+  if (problems_folder == "random") return study_random(*robot, tally);
   const auto problems = read_problem_set(problems_folder, robot->description());
   if (!problems) {
     std::fprintf(stderr, "%s\n", problems.error().describe().c_str());
@@ -130,58 +237,14 @@ int study(const char* problems_folder, std::size_t most, double instant_rad) {
   }
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
   ompl::RNG::setSeed(1);
-  using Outcome = Certification::Outcome;
-  std::size_t parts = 0, pairs = 0;
-  int paths = 0, proven = 0, refuted = 0, undecided = 0, missed = 0, unconfirmed = 0;
-  std::vector<double> times_ms;
   for (std::size_t i = 0; i < problems->size() && i < most; ++i) {
     const SetProblem& problem = (*problems)[i];
     Fcl fcl(*robot, *problem.scene);
     const auto path = plan(robot->description(), problem, fcl);
     if (path.size() < 2) continue;
-    ++paths;
-    PolynomialMotion motion = testing_certify::straight(path);
-    motion.has_times = false;
-    const double begin_ms = now_ms();
-    const auto found = certify(*robot, {*problem.scene, {}, {}}, motion, {});
-    times_ms.push_back(now_ms() - begin_ms);
-    if (!found) {
-      std::fprintf(stderr, "%s\n", found.error().describe().c_str());
-      return 1;
-    }
-    parts += found->parts;
-    pairs += found->pairs;
-    proven += found->outcome == Outcome::kProven ? 1 : 0;
-    refuted += found->outcome == Outcome::kRefuted ? 1 : 0;
-    undecided += found->outcome == Outcome::kUndecided ? 1 : 0;
-    if (const auto& witness = found->witness) {
-      const auto k = std::min(static_cast<std::size_t>(witness->time_s), path.size() - 2);
-      Configuration q = path[k];
-      for (std::size_t j = 0; j < q.size(); ++j) {
-        q[j] += (witness->time_s - static_cast<double>(k)) * (path[k + 1][j] - path[k][j]);
-      }
-      unconfirmed += fcl.touches(q) ? 0 : 1;
-    } else {
-      missed += touches(path, instant_rad, fcl) ? 1 : 0;
-    }
-    if (!found->broken_limit.empty()) std::printf("%s\n", found->broken_limit.c_str());
-    for (const Undecided& one : found->undecided) {
-      std::printf("undecided: %s %d: %s and %s from %.9f to %.9f s\n", problem.family.c_str(),
-                  problem.index, one.a.c_str(), one.b.c_str(), one.from_s, one.to_s);
-    }
+    tally.add(problem.family + " " + std::to_string(problem.index), *problem.scene, path, fcl);
   }
-  std::ranges::sort(times_ms);
-  const auto at = [&](double share) {
-    return times_ms.empty() ? 0.0
-                            : times_ms[static_cast<std::size_t>(share * (times_ms.size() - 1))];
-  };
-  std::printf("%d paths: %d proven, %d refuted, %d undecided\n", paths, proven, refuted, undecided);
-  std::printf("FCL finds a contact in %d that are not refuted, and confirms all but %d witnesses\n",
-              missed, unconfirmed);
-  std::printf("%.1f parts a pair of shapes\n",
-              static_cast<double>(parts) / static_cast<double>(pairs));
-  std::printf("time: p50 %.2f ms, p95 %.2f ms, most %.2f ms\n", at(0.5), at(0.95), at(1.0));
-  return missed + unconfirmed == 0 ? 0 : 1;
+  return tally.conclude();
 }
 
 }  // namespace

@@ -112,6 +112,18 @@ class Swing {
     // In 0.1 to 10 s, wherever in the motion that is.
     motion = straight({{at_rad - draw(0.01, 1.5), arm_m}, {at_rad + draw(0.01, 1.5), arm_m}},
                       std::pow(10.0, draw(-1.0, 1.0)));
+    // Straight, or by a cubic or a quintic from rest to rest.
+    auto& [a0, a1, a2, a3, a4, a5] = motion.pieces[0].coefficients[0];
+    const double h = motion.duration_s(), way = a1 * h, kind = draw(0.0, 3.0);
+    if (kind > 1.0) a1 = 0.0;
+    if (kind > 2.0) {
+      a3 = 10.0 * way / std::pow(h, 3);
+      a4 = -15.0 * way / std::pow(h, 4);
+      a5 = 6.0 * way / std::pow(h, 5);
+    } else if (kind > 1.0) {
+      a2 = 3.0 * way / std::pow(h, 2);
+      a3 = -2.0 * way / std::pow(h, 3);
+    }
   }
   std::shared_ptr<const KinematicTree> robot;
   Scene scene;
