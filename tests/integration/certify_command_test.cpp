@@ -53,7 +53,8 @@ TEST_F(CertifyCommand, LeavesACertificateThatIsAccepted) {
 }
 
 TEST_F(CertifyCommand, NamesWhereItCollides) {
-  const std::string file = (folder_.path() / "proof.json").string();
+  // What an earlier motion has left is not this one's.
+  const std::string file = folder_.write("proof.json", "{}").string();
   const Finished done = certify("0,0,0.2,0,-1.8,0,1.8,0.785\n2,1.5,0.2,0,-1.8,0,1.8,0.785\n",
                                 {"--json", "--out", file});
   EXPECT_EQ(done.exit_code, 1) << done.error;

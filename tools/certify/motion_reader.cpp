@@ -30,8 +30,9 @@ std::vector<std::string> fields_of(const std::string& line) {
 
 class CsvMotion {
  public:
-  CsvMotion(const std::filesystem::path& file, const RobotDescription& robot)
-      : file_(file), robot_(robot) {}
+  CsvMotion(const std::filesystem::path& file, const RobotDescription& robot,
+            std::optional<double> step_s)
+      : file_(file), robot_(robot), step_s_(step_s) {}
 
   [[nodiscard]] Result<MotionSamples> read() {
     std::ifstream in(file_);
@@ -78,6 +79,8 @@ class CsvMotion {
       if (++found[kind][idx(*joint)] > 1) return wrong("column " + name + " stands twice");
       columns_.push_back({.kind = kind, .joint = idx(*joint)});
     }
+    if (samples_.has_times && step_s_) return wrong("has times, and --step_s says others");
+    samples_.has_times = samples_.has_times || step_s_;
     samples_.has_velocities = std::ranges::count(found[kVelocity], 1) > 0;
     samples_.has_accelerations = std::ranges::count(found[kAcceleration], 1) > 0;
     const std::array wanted{true, samples_.has_velocities, samples_.has_accelerations};
@@ -98,7 +101,7 @@ class CsvMotion {
       return wrong(std::to_string(fields.size()) + " fields where the header has " +
                    std::to_string(columns_.size()));
     }
-    double time_s = kStep_s * static_cast<double>(samples_.times_s.size());
+    double time_s = step_s_.value_or(kStep_s) * static_cast<double>(samples_.times_s.size());
     MotionSamples::State state(robot_.joints.size());
     for (std::size_t i = 0; i < fields.size(); ++i) {
       double number = 0.0;
@@ -116,6 +119,7 @@ class CsvMotion {
 
   const std::filesystem::path& file_;
   const RobotDescription& robot_;
+  std::optional<double> step_s_;
   int line_ = 0;
   std::vector<Column> columns_;
   MotionSamples samples_;
@@ -187,7 +191,7 @@ Result<std::vector<NamedSamples>> read_samples(const std::filesystem::path& file
     return fail(ErrorCode::kConfig, "the database of a benchmark of OMPL holds no paths",
                 file.string(), "have each run print its path, with printAsMatrix(), into a .txt");
   }
-  auto samples = kind == ".csv"                     ? CsvMotion(file, robot).read()
+  auto samples = kind == ".csv"                     ? CsvMotion(file, robot, format.step_s).read()
                  : kind == ".npy" || kind == ".txt" ? read_rows(file, robot, format)
                                                     : read_moveit_motion(file, robot);
   if (!samples) return tl::make_unexpected(std::move(samples.error()));

@@ -35,6 +35,11 @@ class MoveItMotion {
 
   [[nodiscard]] Result<MotionSamples> read() {
     const Node* trajectory = &message_;
+    if (const Node* const start = message_.find("trajectory_start");
+        start != nullptr && has_items(*start, "attached_collision_objects")) {
+      return wrong(*start->find("attached_collision_objects"),
+                   "what the robot carries is read from the scene alone, and would be left out");
+    }
     if (const Node* const shown = trajectory->find("trajectory"); shown && shown->is_list()) {
       if (shown->items().size() != 1) return wrong(*shown, "one trajectory is wanted");
       trajectory = &shown->items().front();
@@ -99,11 +104,18 @@ class MoveItMotion {
 }  // namespace
 
 Result<Node> read_message(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(file, ignored)) {
+    return fail(ErrorCode::kConfig, "is a folder, and a file is wanted", file.string());
+  }
   std::ifstream in(file);
   std::ostringstream text;
   text << in.rdbuf();
   if (!in) return fail(ErrorCode::kIo, "cannot be read", file.string());
   std::string message = text.str();
+  if (message.find_first_not_of(" \n\r\t") == std::string::npos) {
+    return fail(ErrorCode::kConfig, "is empty", file.string());
+  }
   while (!message.empty() &&
          std::string_view("-.\n\r ").find(message.back()) != std::string::npos) {
     message.pop_back();

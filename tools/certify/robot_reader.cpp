@@ -44,8 +44,10 @@ std::vector<std::pair<int, int>> pairs_but(const KinematicTree& robot, const Lin
   return pairs;
 }
 
-/// The pairs that an SRDF disables. Links that the robot does not have are those of other parts.
-Result<LinkPairs> disabled_pairs(const std::filesystem::path& file, const RobotDescription& robot) {
+/// The pairs that an SRDF disables. Of a profile, which may have a part of the URDF alone, links
+/// may be missing.
+Result<LinkPairs> disabled_pairs(const std::filesystem::path& file, const RobotDescription& robot,
+                                 bool is_whole) {
   TiXmlDocument document;
   if (!document.LoadFile(file.string())) {
     const bool is_read = document.ErrorRow() > 0;
@@ -69,8 +71,15 @@ Result<LinkPairs> disabled_pairs(const std::filesystem::path& file, const RobotD
     }
     const auto a = robot.link_index(first), b = robot.link_index(second);
     if (a && b) pairs.insert(std::minmax(*a, *b));
+    if (is_whole && !(a && b)) {
+      return fail(ErrorCode::kConfig,
+                  std::string("the robot has no link '") + (a ? second : first) + "'",
+                  format("%s:%d", file.c_str(), element->Row()));
+    }
   }
-  return pairs;
+  if (!pairs.empty()) return pairs;
+  return fail(ErrorCode::kConfig, "disables no two links of robot '" + robot.name + "'",
+              file.string());
 }
 
 Result<std::shared_ptr<const KinematicTree>> with_pairs(const KinematicTree& robot,
@@ -112,7 +121,7 @@ Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInp
       SIDESTEP_TRY(urdf_robot::load_robot(options, context));
   if (!input.srdf && !is_urdf) return robot;
   if (!input.srdf) return with_pairs(*robot, pairs_but(*robot, {}, 2));
-  const auto disabled = SIDESTEP_TRY(disabled_pairs(*input.srdf, robot->description()));
+  const auto disabled = SIDESTEP_TRY(disabled_pairs(*input.srdf, robot->description(), is_urdf));
   return with_pairs(*robot, pairs_but(*robot, disabled, 1));
 }
 

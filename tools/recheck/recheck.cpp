@@ -570,14 +570,13 @@ class Recheck {
 
 int recheck(const char* file) {
   std::ifstream in(file);
-  if (!in) {
-    std::fprintf(stderr, "%s: cannot be read\n", file);
-    return 4;
-  }
   try {
     const Recheck found(Json::parse(in));
     std::printf("%s: accepted (%zu pairs of shapes, %zu parts)\n", file, found.pairs, found.ends);
     return 0;
+  } catch (const Json::parse_error&) {
+    std::fprintf(stderr, "%s: cannot be read as JSON\n", file);
+    return 4;
   } catch (const std::exception& error) {
     std::printf("%s: refused: %s\n", file, error.what());
     return 1;

@@ -51,7 +51,8 @@ Json verdict_json(const std::string& motion, const Certification& found, double 
   return json;
 }
 
-std::string verdict_text(const Certification& found, double margin_m, Joining joining) {
+std::string verdict_text(const Certification& found, double margin_m,
+                         const PolynomialMotion& motion) {
   if (!found.broken_limit.empty()) return "refuted: " + found.broken_limit;
   if (const auto& witness = found.witness) {
     const Eigen::Vector3d p = 0.5 * (witness->p_a + witness->p_b);
@@ -67,9 +68,9 @@ std::string verdict_text(const Certification& found, double margin_m, Joining jo
            " and " + first.b + format(" from %.6f", first.from_s) +
            format(" to %.6f s", first.to_s);
   }
-  return format("proven: more than %g m clear over all of its time, limits held (joined: ",
-                margin_m) +
-         name_of(joining) + format("; %zu pairs of shapes, ", found.pairs) +
+  return format("proven: more than %g m clear over all of its ", margin_m) +
+         (motion.has_times ? "time, limits held" : "way, limits of position held") +
+         " (joined: " + name_of(motion.joining) + format("; %zu pairs of shapes, ", found.pairs) +
          format("%zu parts)", found.parts);
 }
 
@@ -119,6 +120,10 @@ class Batch {
         continue;
       }
       worst = worse_verdict(worst, exit_code_of(found->outcome));
+      if (options_.out) {  // an earlier certificate is not of this motion
+        std::error_code ignored;
+        std::filesystem::remove(certificate_file(name), ignored);
+      }
       if (options_.out && found->outcome == Certification::Outcome::kProven) {
         if (const auto saved = save(certificate_file(name), found->certificate); !saved) {
           print_errors({saved.error()});
@@ -128,9 +133,9 @@ class Batch {
       if (options_.json) {
         all.push_back(verdict_json(name, *found, options_.margin_m, motion.joining));
       } else {
-        const std::string prefix = motions_.size() > 1 ? name + ": " : "";
+        const std::string prefix = are_several() ? name + ": " : "";
         std::printf("%s%s\n", prefix.c_str(),
-                    verdict_text(*found, options_.margin_m, motion.joining).c_str());
+                    verdict_text(*found, options_.margin_m, motion).c_str());
       }
     }
     if (options_.json) std::printf("%s\n", (all.size() == 1 ? all[0] : all).dump(2).c_str());
@@ -155,9 +160,12 @@ class Batch {
     }
     return ExitCode::kUndecided;
   }
+  [[nodiscard]] bool are_several() const {
+    return options_.motions.size() > 1 || motions_.size() > 1;
+  }
   /// The file itself for one motion; for several one in that folder.
   [[nodiscard]] std::filesystem::path certificate_file(const std::string& name) const {
-    if (motions_.size() == 1) return *options_.out;
+    if (!are_several()) return *options_.out;
     return *options_.out / (std::filesystem::path(name).filename().string() + ".json");
   }
 
@@ -215,7 +223,7 @@ ExitCode certify_command(const CertifyOptions& options) {
       worst = Batch::worse_verdict(worst, refused(read.error()));
     }
   }
-  if (options.out && motions.size() > 1) {
+  if (options.out && (options.motions.size() > 1 || motions.size() > 1)) {
     std::set<std::filesystem::path> names;
     for (const NamedMotion& one : motions) {
       if (names.insert(std::filesystem::path(one.name).filename()).second) continue;

@@ -82,8 +82,12 @@ class Frames {
  public:
   Frames(const DocumentEntry& scene, const RobotDescription& robot)
       : root_(robot.links.empty() ? "" : robot.links.front().name) {
-    T_planning_frame_ = {{"", Transform::Identity()}, {"world", Transform::Identity()}};
-    if (scene.has("fixed_frame_transforms")) add(scene["fixed_frame_transforms"].items());
+    T_planning_frame_ = {{"", Transform::Identity()}};
+    if (scene.has("fixed_frame_transforms")) {
+      add(scene["fixed_frame_transforms"].items());
+    } else {
+      T_planning_frame_["world"] = Transform::Identity();
+    }
     T_planning_frame_.emplace(root_, Transform::Identity());
   }
 
@@ -100,28 +104,19 @@ class Frames {
   }
 
  private:
-  /// Transforms in any order; the frame that is nobody's child is the planning frame.
-  void add(std::vector<DocumentEntry> transforms) {
-    std::set<std::string> children, parents;
-    for (const DocumentEntry& one : transforms) children.insert(one["child_frame_id"].text());
+  /// As moveit::core::Transforms writes them, which is not tf's way: `child_frame_id` is the
+  /// planning frame, the same in all, and the transform is the pose of `header.frame_id` in it.
+  void add(const std::vector<DocumentEntry>& transforms) {
+    const std::string planning = transforms.front()["child_frame_id"].text();
+    T_planning_frame_[planning] = Transform::Identity();
     for (const DocumentEntry& one : transforms) {
-      const DocumentEntry parent = one["header"]["frame_id"];
-      if (children.contains(parent.text())) continue;
-      parents.insert(parent.text());
-      if (parents.size() > 1) parent.complain("there is another planning frame before this one");
-      T_planning_frame_[parent.text()] = Transform::Identity();
-    }
-    const auto is_placed = [&](const DocumentEntry& one) {
-      const auto parent = T_planning_frame_.find(one["header"]["frame_id"].text());
-      if (parent == T_planning_frame_.end()) return false;
-      T_planning_frame_[one["child_frame_id"].text()] =
-          parent->second * read_pose(one["transform"], "translation", "rotation");
-      return true;
-    };
-    while (std::erase_if(transforms, is_placed) > 0) {
-    }
-    if (!transforms.empty()) {
-      transforms.front()["child_frame_id"].complain("this frame hangs on no planning frame");
+      if (one["child_frame_id"].text() != planning) {
+        one["child_frame_id"].complain(
+            "MoveIt has every frame in its planning frame, the child_frame_id of all, and here '" +
+            planning + "' was that before");
+      }
+      T_planning_frame_[one["header"]["frame_id"].text()] =
+          read_pose(one["transform"], "translation", "rotation");
     }
   }
 
@@ -357,12 +352,39 @@ Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& requ
   return problem;
 }
 
+/// Complains about what a scene says and nobody would hear.
+void check_whole(const DocumentEntry& scene) {
+  if (scene.has("is_diff") && scene["is_diff"].text() == "true") {
+    scene["is_diff"].complain("this is only what changes a scene",
+                              "call /get_planning_scene for the whole one");
+  }
+  for (const char* key : {"link_padding", "link_scale"}) {
+    if (!scene.has(key)) continue;
+    const double usual = std::string_view(key) == "link_scale" ? 1.0 : 0.0;
+    const char* const value = std::string_view(key) == "link_scale" ? "scale" : "padding";
+    for (const DocumentEntry& one : scene[key].items()) {
+      if (one[value].number() == usual) continue;
+      one[value].complain("links are taken as they are", "ask for a margin instead");
+    }
+  }
+  if (!scene.has("robot_state")) return;
+  const DocumentEntry state = scene["robot_state"];
+  if (!state.has("multi_dof_joint_state")) return;
+  if (!state["multi_dof_joint_state"].has("transforms")) return;
+  for (const DocumentEntry& one : state["multi_dof_joint_state"]["transforms"].items()) {
+    if (read_pose(one, "translation", "rotation").isApprox(Transform::Identity(), 1e-9)) continue;
+    one.complain("the robot's root is not where the planning frame is",
+                 "give the scene in the frame of the robot's root");
+  }
+}
+
 }  // namespace
 
 Result<PlanningScene> read_moveit_scene(const Node& message, const fs::path& folder,
                                         const RobotDescription& robot) {
   std::optional<Error> error;
   const DocumentEntry scene(message, error);
+  check_whole(scene);
   PlanningScene found{Scene(read_world(scene, robot, folder)), {}};
   if (scene.has("robot_state") && scene["robot_state"].has("attached_collision_objects")) {
     for (const DocumentEntry& entry : scene["robot_state"]["attached_collision_objects"].items()) {

@@ -60,6 +60,16 @@ TEST_F(Motions, WithVelocitiesAreCubics) {
   EXPECT_EQ(c[1], 1.0);
 }
 
+TEST_F(Motions, WithoutTimesTakeThoseOfTheCommand) {
+  const auto file = folder_.write("motion.csv", "turn,slide\n0,0.5\n1,0.5\n2,0.5\n");
+  const auto motion = only(file, {{}, {}, 0.25});
+  ASSERT_TRUE(motion) << motion.error().describe();
+  EXPECT_TRUE(motion->has_times);
+  EXPECT_EQ(motion->duration_s(), 0.5);
+  const auto twice = folder_.write("motion.csv", "time_s,turn,slide\n0,0,0.5\n1,1,0.5\n");
+  EXPECT_THAT(only(twice, {{}, {}, 0.25}).error().describe(), HasSubstr("--step_s says others"));
+}
+
 TEST_F(Motions, WithoutTimesAreWaypoints) {
   const auto motion = read("turn,slide\n0,0.5\n3.5,0.5\n");
   ASSERT_TRUE(motion) << motion.error().describe();
@@ -139,6 +149,11 @@ TEST_F(Motions, OfMoveItAreReadInRos2sWordsAndAsDisplayed) {
 }
 
 TEST_F(Motions, OfMoveItNameWhatIsWrong) {
+  EXPECT_THAT(read_message("trajectory_start: {attached_collision_objects: [{link_name: tip}]}\n" +
+                           std::string(kTrajectory))
+                  .error()
+                  .describe(),
+              HasSubstr("motion.yaml:1:"));
   std::string other = kTrajectory;
   other.replace(other.find("turn"), 4, "lift");
   EXPECT_THAT(read_message(other).error().describe(),
@@ -188,6 +203,19 @@ TEST_F(Motions, RefuseScenesOfWhichSomethingWouldBeLeftOut) {
   EXPECT_THAT(mistake("type: 3", "type: 4"), HasSubstr("expected box, cylinder or sphere"));
   EXPECT_THAT(mistake("frame_id: base", "frame_id: map"), HasSubstr("'map' is neither"));
   EXPECT_THAT(mistake("planes: []", "planes: [{}]"), HasSubstr("planes are not supported"));
+  EXPECT_THAT(mistake("name: \"\"", "is_diff: true"), HasSubstr("only what changes a scene"));
+  EXPECT_THAT(mistake("name: \"\"", "link_padding: [{link_name: arm, padding: 0.01}]"),
+              HasSubstr("scene.yaml:1:42: `link_padding[0].padding`: links are taken as they are"));
+  const std::string base =
+      "{translation: {x: 0, y: 0, z: 0.5}, rotation: {x: 0, y: 0, z: 0, w: 1}}";
+  EXPECT_THAT(mistake("attached_collision_objects: []",
+                      "multi_dof_joint_state: {transforms: [" + base + "]}"),
+              HasSubstr("root is not where the planning frame is"));
+  EXPECT_THAT(read_scene(" \n").error().describe(), HasSubstr("scene.yaml: is empty"));
+  EXPECT_THAT(read_certified_scene(folder_.path(), testing_certify::crane(0.1)->description(), {})
+                  .error()
+                  .describe(),
+              HasSubstr("is a folder"));
 }
 
 }  // namespace
