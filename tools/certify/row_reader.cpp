@@ -2,7 +2,6 @@
 #include <charconv>
 #include <cstring>
 #include <fstream>
-#include <ranges>
 #include <regex>
 #include <sstream>
 
@@ -62,15 +61,17 @@ Result<Rows> read_npy(const fs::path& file, const std::string& bytes) {
   }
   Rows rows(count, std::vector<double>(columns));
   const char* at = bytes.data() + begin + length;
-  for (double& number : rows | std::views::join) {
-    float single = 0.0F;
-    if (width == 4) {
-      std::memcpy(&single, at, width);
-      number = single;
-    } else {
-      std::memcpy(&number, at, width);
+  for (std::vector<double>& row : rows) {
+    for (double& number : row) {
+      if (width == 4) {
+        float single = 0.0F;
+        std::memcpy(&single, at, width);
+        number = single;
+      } else {
+        std::memcpy(&number, at, width);
+      }
+      at += width;
     }
-    at += width;
   }
   return rows;
 }

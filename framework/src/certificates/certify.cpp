@@ -390,7 +390,9 @@ class Certifier {
   /// contact.
   bool show(const Pair& pair, Open& open) {
     const Instant& at = instant(open.part);
-    auto [a, b] = place(pair, at);
+    auto placed = place(pair, at);
+    auto& a = placed.first;
+    auto& b = placed.second;
     a.share = open.a;
     b.share = open.b;
     const auto way = [&](const PlacedBody& of, const std::vector<int>& movers) {

@@ -131,7 +131,7 @@ Shape read_primitive(const DocumentEntry& primitive) {
   std::ranges::transform(type, type.begin(), [](unsigned char c) { return std::tolower(c); });
   const DocumentEntry dimensions = primitive["dimensions"];
   const auto positive = [&](std::size_t count) {
-    const Eigen::VectorXd values = dimensions.numbers(count);
+    Eigen::VectorXd values = dimensions.numbers(count);
     if (!(values.array() > 0.0).all()) dimensions.complain("dimensions must be greater than 0");
     return values;
   };
