@@ -45,7 +45,7 @@ GazeLoop::GazeLoop(Parts parts, Head head, HeadTurner& turner)
     : parts_(std::move(parts)),
       head_(std::move(head)),
       turner_(&turner),
-      guard_(std::make_unique<HeadGuard>(parts_.robot, head_)),
+      guard_(std::make_unique<HeadGuard>(parts_.robot, head_, parts_.margin_m)),
       T_world_link_(parts_.robot->description().links.size()) {}
 
 GazeLoop::GazeLoop(GazeLoop&&) noexcept = default;
@@ -69,7 +69,7 @@ Result<void> GazeLoop::turn(Stamp now, const RobotState& measured, const Replann
   const HeadAngles at = head_at(now);
   const HeadAngles stop = head_stop(now);
   watch_head(now, at);
-  guard_->see(as_span(measured.q), way.followed, way.followed_s);
+  guard_->see(as_span(measured.q), way.followed, way.followed_s, parts_.slot.snapshot().field);
   const auto asked = ask(now, measured, way, at, stop);
   const HeadAngles stay = told_.value_or(at);
   const HeadAngles wanted = apart(now, at, stop, asked.value_or(stay));
@@ -162,7 +162,7 @@ std::string GazeLoop::objection(Stamp now, const Trajectory& motion) {
     return apart_rad(angles, head_.rest()) < kOff_rad;
   };
   if (is_at_rest(at) && is_at_rest(stop) && is_at_rest(told)) return {};  // as it was planned
-  guard_->see(motion.q(0), &motion, 0.0);
+  guard_->see(motion.q(0), &motion, 0.0, parts_.slot.snapshot().field);
   if (guard_->is_clear({at, stop, told})) return {};
   rests_until_ = {now.ns + kRest_ns};
   return is_stuck_ ? "the head is in its way, and does not move"

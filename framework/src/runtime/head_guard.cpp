@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <sidestep/core/index.hpp>
 
@@ -23,11 +24,12 @@ HeadAngles angles_of(const std::pair<int, int>& place) {
 
 }  // namespace
 
-HeadGuard::HeadGuard(std::shared_ptr<const RobotModel> robot, const Head& head)
+HeadGuard::HeadGuard(std::shared_ptr<const RobotModel> robot, const Head& head, double margin_m)
     : robot_(std::move(robot)),
       head_(head),
       collider_(robot_->description(), {}, {}),
-      pose_(collider_.make_pose()) {
+      pose_(collider_.make_pose()),
+      margin_m_(margin_m) {
   const auto farthest_s = [](const Joint& joint, double rest_rad) {
     return std::max(joint.upper - rest_rad, rest_rad - joint.lower) / joint.max_velocity;
   };
@@ -42,17 +44,31 @@ HeadGuard::HeadGuard(std::shared_ptr<const RobotModel> robot, const Head& head)
     is_paired[idx(one)] = is_paired[idx(other)] = true;
   }
   for (const CollisionSphere& sphere : robot_->description().spheres) {
-    if (!is_paired[idx(sphere.link)]) continue;
-    (head_.carries(sphere.link) ? head_spheres_ : body_spheres_).push_back(sphere);
+    if (head_.carries(sphere.link)) {
+      head_spheres_.push_back(sphere);
+    } else if (is_paired[idx(sphere.link)]) {
+      body_spheres_.push_back(sphere);
+    }
+  }
+  poses_ = body(std::vector<double>(idx(robot_->description().dof()), 0.0)).poses;
+  rest_ = turned(head_.rest());
+  const Eigen::Vector3d pans_m = poses_[idx(joints.pan.link)].translation();
+  const Eigen::Vector3d tilts_m = poses_[idx(joints.tilt.link)].translation();
+  for (const CollisionSphere& sphere : head_spheres_) {
+    const Eigen::Vector3d centre_m = poses_[idx(sphere.link)] * sphere.centre_link_m;
+    const double from_m = std::max((centre_m - pans_m).norm(),
+                                   (centre_m - tilts_m).norm() + (tilts_m - pans_m).norm());
+    reach_m_ = std::max(reach_m_, from_m + sphere.radius_m);
   }
 }
 
 HeadGuard::Body HeadGuard::body(std::span<const double> q) {
   const auto& links = robot_->description().links;
-  Body body{std::vector<Transform>(links.size()), {}};
+  Body body{std::vector<Transform>(links.size()), {}, {}};
   robot_->link_poses(q, body.poses, scratch_);
   const int carrier = links[idx(head_.description().pan.link)].parent;
-  const Transform T_carrier_world = body.poses[idx(carrier)].inverse();
+  body.T_world_carrier = body.poses[idx(carrier)];
+  const Transform T_carrier_world = body.T_world_carrier.inverse();
   for (Transform& pose : body.poses) pose = T_carrier_world * pose;
   for (const CollisionSphere& sphere : body_spheres_) {
     body.centres_m.emplace_back(body.poses[idx(sphere.link)] * sphere.centre_link_m);
@@ -60,7 +76,8 @@ HeadGuard::Body HeadGuard::body(std::span<const double> q) {
   return body;
 }
 
-void HeadGuard::see(std::span<const double> q, const Trajectory* way, double from_s) {
+void HeadGuard::see(std::span<const double> q, const Trajectory* way, double from_s,
+                    std::shared_ptr<const DistanceField> field) {
   const auto is_same = [](const Body& a, const Body& b) {
     return std::ranges::equal(a.poses, b.poses, [](const Transform& one, const Transform& other) {
       return (one.translation() - other.translation()).norm() < kSameBody_m &&
@@ -69,16 +86,52 @@ void HeadGuard::see(std::span<const double> q, const Trajectory* way, double fro
   };
   std::vector<Body> bodies;
   bodies.push_back(body(q));
+  field_ = std::move(field);
+  spots_.clear();
+  clear_.clear();
+  see_spot(bodies.back().T_world_carrier);
   std::vector<double> q_later(q.begin(), q.end());
   for (double ahead_s = kAheadStep_s; way != nullptr && ahead_s <= ahead_s_;
        ahead_s += kAheadStep_s) {
     way->sample(from_s + ahead_s, q_later, {});
     Body later = body(q_later);
+    see_spot(later.T_world_carrier);
     if (!is_same(later, bodies.back())) bodies.push_back(std::move(later));
   }
   if (std::ranges::equal(bodies, bodies_, is_same)) return;
   bodies_ = std::move(bodies);
   known_.clear();
+}
+
+void HeadGuard::see_spot(const Transform& T_world_carrier) {
+  if (!field_) return;
+  const auto pan = idx(head_.description().pan.link);
+  centres_m_.assign(1, T_world_carrier * poses_[pan].translation());
+  distances_m_.resize(1);
+  field_->query(centres_m_, distances_m_, {}, {});
+  if (distances_m_[0] >= reach_m_ + margin_m_) return;
+  spots_.push_back({T_world_carrier, std::min(margin_m_, clearance_m(rest_, T_world_carrier))});
+}
+
+double HeadGuard::clearance_m(const Turned& head, const Transform& T_world_carrier) {
+  centres_m_.clear();
+  for (const Eigen::Vector3d& centre : head.centres_m) {
+    centres_m_.push_back(T_world_carrier * centre);
+  }
+  distances_m_.resize(centres_m_.size());
+  field_->query(centres_m_, distances_m_, {}, {});
+  double least_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < distances_m_.size(); ++i) {
+    least_m = std::min(least_m, distances_m_[i] - head_spheres_[i].radius_m);
+  }
+  return least_m;
+}
+
+/// As far as it is at rest.
+bool HeadGuard::is_clear_of_obstacles(const Turned& head) {
+  return std::ranges::all_of(spots_, [&](const Spot& spot) {
+    return clearance_m(head, spot.T_world_carrier) >= spot.margin_m;
+  });
 }
 
 bool HeadGuard::is_clear(std::initializer_list<HeadAngles> between) {
@@ -102,7 +155,7 @@ bool HeadGuard::is_clear(std::initializer_list<HeadAngles> between) {
 }
 
 HeadGuard::Turned HeadGuard::turned(const HeadAngles& angles) const {
-  std::vector<Transform> poses = bodies_.front().poses;
+  std::vector<Transform> poses = poses_;
   head_.place(angles, poses);
   Turned head;
   head.middle_m.setZero();
@@ -118,13 +171,17 @@ HeadGuard::Turned HeadGuard::turned(const HeadAngles& angles) const {
 }
 
 bool HeadGuard::is_apart(const Place& place) {
-  const auto [known, is_new] = known_.emplace(place, true);
-  if (!is_new) return known->second;
   const HeadAngles angles = angles_of(place);
   auto head = heads_.find(place);
   if (head == heads_.end()) head = heads_.emplace(place, turned(angles)).first;
-  known->second = std::ranges::all_of(
-      bodies_, [&](const Body& body) { return is_apart(angles, head->second, body); });
+  const auto [clear, is_new_place] = clear_.emplace(place, true);
+  if (is_new_place) clear->second = is_clear_of_obstacles(head->second);
+  if (!clear->second) return false;
+  const auto [known, is_new] = known_.emplace(place, true);
+  if (is_new) {
+    known->second = std::ranges::all_of(
+        bodies_, [&](const Body& body) { return is_apart(angles, head->second, body); });
+  }
   return known->second;
 }
 

@@ -27,6 +27,7 @@ constexpr double kStartTolerance = 0.01;  // m, rad
 constexpr double kStartVelocityTolerance = 0.01;  // m/s, rad/s
 constexpr std::string_view kAfterStop = "after_stop";
 constexpr std::string_view kRetimed = "retimed";
+constexpr std::string_view kBasePath = "base_path";
 constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
 
@@ -48,6 +49,14 @@ Trajectory sampled_anew(const Problem& problem, const Trajectory& trajectory, do
   return guess;
 }
 
+/// When a motion that is blocked at `blocked_s` may be expected at its end, of which `rest_s` is
+/// left there: nobody knows for how long it stays blocked. A long way round that comes hardly
+/// nearer is not worth it.
+double expected_arrival_s(double blocked_s, double rest_s) {
+  constexpr double kBlockedRest = 3.0;
+  return blocked_s + kBlockedRest * rest_s;
+}
+
 }  // namespace
 
 double least_rest_s(const Trajectory& motion, double from_s, const MotionLimits& limits) {
@@ -56,17 +65,12 @@ double least_rest_s(const Trajectory& motion, double from_s, const MotionLimits&
   return least_time_s(limits, q, motion.q(motion.size() - 1));
 }
 
-double expected_arrival_s(double blocked_s, double rest_s) {
-  constexpr double kBlockedRest = 3.0;
-  return blocked_s + kBlockedRest * rest_s;
-}
-
 struct PlanSearch::Task {
   const Request& request;
   Departure departure = {};
   RobotState start = {};  ///< The end of its lead.
   Problem problem = {};
-  bool is_after_stop = false;  ///< The lead ends at rest, where the request's does not.
+  bool is_posed_anew = false;  ///< Not as the request's departure has it.
   Deadline deadline = {};
   Stopwatch watch = {};
   SearchResult result = {};
@@ -76,6 +80,7 @@ struct PlanSearch::Task {
   double cost = 0.0;         ///< Of its solution, as the optimiser states it.
   /// A path that needs no optimiser where all else fails.
   std::optional<Trajectory> sampled = {};
+  std::optional<BaseWays> ways = {};  ///< Once they are wanted.
   /// Of the plans that are not free all the way the one that arrives first, and its guess.
   std::optional<FoundPlan> stopgap = {};
   std::size_t stopgap_guess = 0;
@@ -171,7 +176,7 @@ void PlanSearch::attempt(std::size_t guess, Task& task) {
 
 /// Nothing, and no failure, where the guess does not fit the situation.
 std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& task) {
-  if (std::exchange(task.is_after_stop, false) && !depart(task.request.departure, task)) {
+  if (std::exchange(task.is_posed_anew, false) && !depart(task.request.departure, task)) {
     return std::nullopt;
   }
   if (name == kAfterStop && !depart_after_stop(task)) return std::nullopt;
@@ -199,6 +204,18 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
     const int bend = bends_++;
     return initial_guess(problem, 1 + bend % kMostBends,
                          settings_.seed + static_cast<std::uint64_t>(bend / kMostBends));
+  }
+  if (name == kBasePath) {
+    if (!parts_.robot->description().planar_base()) return std::nullopt;
+    if (task.request.to_beat) return std::nullopt;  // of what is posed, in as much time
+    if (base_ways(task).empty()) {
+      task.failure = "it finds no way for the base";
+      return std::nullopt;
+    }
+    task.sampled = base_ways(task).first_guess(problem);
+    task.problem.support_states = task.sampled->size();
+    task.is_posed_anew = true;
+    return task.sampled;
   }
   const Trajectory line = straight_line(problem);
   if (name != "sampled") return line;
@@ -237,7 +254,7 @@ bool PlanSearch::depart_after_stop(Task& task) const {
   departure.lead = joined(departure.lead, *stop);
   departure.followed = nullptr;
   departure.is_moving = false;
-  task.is_after_stop = true;
+  task.is_posed_anew = true;
   return depart(std::move(departure), task);
 }
 
@@ -376,7 +393,7 @@ std::optional<FoundPlan> PlanSearch::checked(FoundPlan plan, Task& task) const {
   plan.unknown_share = verdict->unknown_share;
   if (verdict->valid()) return plan;
   plan.free_until_s = verdict->first_violation_s;
-  plan.rest_s = least_rest_s(plan.trajectory, plan.free_until_s, parts_.limits);
+  plan.rest_s = rest_s(plan.trajectory, plan.free_until_s, task);
   task.failure = "it is " + verdict->describe();
   task.result.refused = std::make_shared<const Trajectory>(plan.trajectory);
   task.result.refused_free_s = plan.free_until_s;
@@ -387,8 +404,41 @@ std::optional<FoundPlan> PlanSearch::checked(FoundPlan plan, Task& task) const {
   });
   const double arrival_s = expected_arrival_s(plan.free_until_s, plan.rest_s);
   const bool is_worth_it =
-      plan.free_until_s >= task.request.least_free_s && arrival_s < task.request.to_arrive_before_s;
+      plan.free_until_s >= task.request.least_free_s && arrival_s < to_arrive_before_s(task);
   return may_go && is_worth_it ? std::optional(std::move(plan)) : std::nullopt;
+}
+
+/// The ways of the base to the goal in the map that is searched in.
+const BaseWays& PlanSearch::base_ways(Task& task) const {
+  if (!task.ways) task.ways.emplace(task.problem, task.deadline);
+  return *task.ways;
+}
+
+/// The least time from a motion's state at `from_s` to its end; where the base has to go around
+/// something, around it.
+double PlanSearch::rest_s(const Trajectory& motion, double from_s, Task& task) const {
+  const double straight_s = least_rest_s(motion, from_s, parts_.limits);
+  if (std::ranges::find(settings_.escalation, kBasePath) == settings_.escalation.end()) {
+    return straight_s;
+  }
+  std::vector<double> q(idx(motion.dof));
+  motion.sample(std::min(from_s, motion.duration_s()), q, {});
+  const auto length_m = base_ways(task).length_m(q);
+  const auto base = parts_.robot->description().planar_base();
+  if (!length_m || !base) return straight_s;
+  const double speed_mps =
+      std::min(parts_.limits.velocity[idx((*base)[0])], parts_.limits.velocity[idx((*base)[1])]);
+  return std::max(straight_s, *length_m / speed_mps);
+}
+
+/// When a plan that is not free all the way must be expected at its end, from now on, to be worth
+/// more than what is followed.
+double PlanSearch::to_arrive_before_s(Task& task) const {
+  constexpr double kWorth_s = 1.0;
+  const auto& blocked = task.request.blocked;
+  if (!blocked) return std::numeric_limits<double>::infinity();
+  const double left_s = rest_s(blocked->motion, blocked->begin_s, task);
+  return expected_arrival_s(blocked->in_s, left_s) - kWorth_s;
 }
 
 /// The sooner of two motions that are clear of what is predicted: the plan, slowed down where it

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/planning/base_ways.hpp>
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/replanner.hpp>
 
@@ -49,14 +50,16 @@ struct SearchResult {
   std::optional<double> refused_free_s;       ///< Until when that is free of obstacles, if not all.
 };
 
+/// What is followed, and is not free all the way.
+struct BlockedMotion {
+  const Trajectory& motion;
+  double begin_s;  ///< Of what blocks it, on its clock,
+  double in_s;     ///< and from now on.
+};
+
 /// The least time from a motion's state at `from_s` to its end, each joint by itself, from rest.
 [[nodiscard]] double least_rest_s(const Trajectory& motion, double from_s,
                                   const MotionLimits& limits);
-
-/// When a motion that is blocked at `blocked_s` may be expected at its end, of which `rest_s` is
-/// left there: nobody knows for how long it stays blocked. A long way round that comes hardly
-/// nearer is not worth it.
-[[nodiscard]] double expected_arrival_s(double blocked_s, double rest_s);
 
 /// Looks for a valid trajectory by one first guess after the other.
 class PlanSearch {
@@ -74,10 +77,10 @@ class PlanSearch {
     /// What the new trajectory must cost less than, by the problem's terms.
     std::optional<double> to_beat;
     std::optional<double> to_end_before_s;  ///< From now on.
-    /// A blocked one must be free for at least so long,
+    /// What is not free all the way must be so for at least so long,
     double least_free_s = 0.0;
-    /// and expected at its end before this, by expected_arrival_s(), from now on.
-    double to_arrive_before_s = std::numeric_limits<double>::infinity();
+    /// and be expected at the goal before what is followed, if that is blocked, too.
+    std::optional<BlockedMotion> blocked = std::nullopt;
   };
   /// Throws what the problem's poser, the robot and the field throw.
   [[nodiscard]] SearchResult run(const Request& request);
@@ -106,6 +109,9 @@ class PlanSearch {
   [[nodiscard]] std::optional<FoundPlan> accept(Trajectory proposal, Task& task) const;
   [[nodiscard]] std::optional<FoundPlan> timed(Trajectory proposal, Task& task) const;
   [[nodiscard]] std::optional<FoundPlan> checked(FoundPlan plan, Task& task) const;
+  [[nodiscard]] const BaseWays& base_ways(Task& task) const;
+  [[nodiscard]] double rest_s(const Trajectory& motion, double from_s, Task& task) const;
+  [[nodiscard]] double to_arrive_before_s(Task& task) const;
   [[nodiscard]] double soonest_s(const FoundPlan& plan, const Task& task) const;
   [[nodiscard]] std::optional<Trajectory> among_predicted(const FoundPlan& plan,
                                                           const Trajectory& proposal,

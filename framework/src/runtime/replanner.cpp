@@ -321,21 +321,17 @@ bool Replanner::Impl::replan(detail::Departure departure, Reason reason, const s
   last_replan = now;
   searched_in = field;
   double least_free_s = settings.takeover_s + settings.horizon_s;
-  double to_arrive_before_s = std::numeric_limits<double>::infinity();
+  std::optional<detail::BlockedMotion> blocked;
   const auto* driving = std::get_if<Driving>(&phase);
   if (to_beat || to_end_before_s) {
     least_free_s = std::numeric_limits<double>::infinity();  // what is followed is free all the way
   } else if (driving && driving->blocked && !driving->is_aside) {
-    // So much sooner than what is followed is worth going on with.
-    constexpr double kWorth_s = 1.0;
     const double begin_s = std::max(driving->blocked->begin_s, driving->time_s(now));
-    const double rest_s = detail::least_rest_s(driving->trajectory, begin_s, parts.limits);
-    to_arrive_before_s =
-        detail::expected_arrival_s(begin_s - driving->time_s(now), rest_s) - kWorth_s;
+    blocked.emplace(driving->trajectory, begin_s, begin_s - driving->time_s(now));
   }
-  detail::SearchResult found = search.run({field, *full_check, reach, prediction_check,
-                                           predicted_from(now), std::move(departure), now, to_beat,
-                                           to_end_before_s, least_free_s, to_arrive_before_s});
+  detail::SearchResult found =
+      search.run({field, *full_check, reach, prediction_check, predicted_from(now),
+                  std::move(departure), now, to_beat, to_end_before_s, least_free_s, blocked});
   if (found.plan && !is_in_time()) {
     found.plan.reset();
     found.failure =

@@ -96,7 +96,7 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
            {.min = 0.0, .max = 1.0})
       .add("escalation", &S::escalation,
            "First guesses of a replan, in order: retimed (which needs a `predictor`), refit, "
-           "straight_line, perturbed, sampled (which needs a `sampler`), after_stop.");
+           "straight_line, base_path, perturbed, sampled (which needs a `sampler`), after_stop.");
 }
 
 }  // namespace sidestep

@@ -190,9 +190,9 @@ class EpisodeRun {
 
   [[nodiscard]] Result<void> make_gaze() {
     if (!world_.gaze) return {};
-    gaze_.emplace(SIDESTEP_TRY(
-        GazeLoop::create({world_.robot, *world_.gaze, *world_.executor, *world_.motion, slot_,
-                          context_.log, plugin_of(world_.gaze), plugin_of(world_.executor)})));
+    gaze_.emplace(SIDESTEP_TRY(GazeLoop::create(
+        {world_.robot, *world_.gaze, *world_.executor, *world_.motion, slot_, context_.log,
+         plugin_of(world_.gaze), plugin_of(world_.executor), settings_.replanner.margin_m})));
     return {};
   }
 

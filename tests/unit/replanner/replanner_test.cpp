@@ -316,8 +316,8 @@ TEST(Replanner, TakesWhatIsFreeForAWhileOnceASearchHasTakenLong) {
     ASSERT_NE(first, nullptr) << loop.story();
     EXPECT_GT(loop.executor.state().q.x(), 0.05);
     const bool is_cut = stopgap_after_s < 1.0;
-    const std::vector<std::string> both{"straight_line", "perturbed"};
-    EXPECT_EQ(first->tried, is_cut ? std::vector<std::string>{"straight_line"} : both);
+    const std::vector<std::string> all{"straight_line", "base_path", "perturbed"};
+    EXPECT_EQ(first->tried, is_cut ? std::vector<std::string>{"straight_line"} : all);
     // What was not tried then is tried next.
     for (const auto& count : loop.replanner->guess_counts())
       EXPECT_GT(count.tried, 0) << count.guess;
@@ -344,6 +344,31 @@ TEST(Replanner, GoesNoLongWayRoundToAGoalOnWhichSomethingStands) {
   loop.run(5.0);
   for (const Eigen::Vector3d& p : loop.path) ASSERT_GT(p.x(), -0.01) << loop.story();
   EXPECT_GT(loop.path.back().x(), 2.0) << loop.story();
+}
+
+/// A wall that is bent around the start. The optimiser makes nothing of any guess.
+TEST(Replanner, LeavesADeadEndByTheWayOfItsBase) {
+  for (const bool knows_ways : {true, false}) {
+    ReplannerSettings settings = ClosedLoop::defaults();
+    settings.escalation = {"refit", "straight_line", knows_ways ? "base_path" : "after_stop"};
+    ClosedLoop loop(settings);
+    for (int i = -8; i <= 8; ++i) loop.obstacles.push_back({{2.0, 0.25 * i, 0.0}, 0.2});
+    for (int i = 1; i <= 8; ++i) {
+      for (const double side : {-2.0, 2.0}) {
+        loop.obstacles.push_back({{2.0 - 0.25 * i, side, 0.0}, 0.2});
+      }
+    }
+    loop.planner.misbehave = [](const Problem&, const Trajectory& initial,
+                                const Deadline&) -> std::optional<Result<Solution>> {
+      Solution same;
+      same.status = SolveStatus::kConverged;
+      same.trajectory = initial;
+      return same;
+    };
+    loop.run(60.0);
+    EXPECT_GT(loop.least_clearance_m, 0.0);
+    EXPECT_EQ(loop.status == Status::kReached, knows_ways) << loop.story();
+  }
 }
 
 TEST(Replanner, ChecksEachMapOnce) {

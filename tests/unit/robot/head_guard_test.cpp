@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <sidestep/core/index.hpp>
+#include <sidestep/field/scene_field.hpp>
 #include <sidestep/runtime/gaze_loop.hpp>
 #include <sidestep/runtime/truth_check.hpp>
 
@@ -49,7 +50,7 @@ class HsrsHeadGuard : public ::testing::Test {
   testing_robot::Loader loader_;
   std::shared_ptr<const RobotModel> robot_{loader_.load_or_fail("{profile: hsr}")};
   Head head_ = *Head::create(robot_);
-  HeadGuard guard_{robot_, head_};
+  HeadGuard guard_{robot_, head_, 0.02};
 };
 
 TEST_F(HsrsHeadGuard, LetsTheHeadTurnAnywhereWhereTheArmIsOutOfItsWay) {
@@ -99,6 +100,47 @@ TEST_F(HsrsHeadGuard, LetsNothingPassThatTouches) {
   }
   EXPECT_GT(clear, 20);
   EXPECT_GT(touching, 20);
+}
+
+/// The same with the edge of a board beside the head, which stays clear of it at its rest.
+TEST_F(HsrsHeadGuard, LetsNothingPassThatTouchesAnObstacle) {
+  const Eigen::VectorXd drive = pose("drive");
+  std::vector<Transform> links(robot_->description().links.size());
+  Scratch scratch;
+  robot_->link_poses(as_span(drive), links, scratch);
+  const Eigen::Vector3d pans_m = links[idx(head_.description().pan.link)].translation();
+  std::mt19937 random(12);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int clear = 0, touching = 0;
+  for (int i = 0; i < 600; ++i) {
+    const double side_rad = uniform(-3.1, 3.1), away_m = uniform(0.1, 0.25);
+    const Eigen::Vector3d middle_m((away_m + 0.15) * std::cos(side_rad),
+                                   (away_m + 0.15) * std::sin(side_rad), uniform(-0.1, 0.25));
+    const Transform pose = transform_from_xyz_rpy(pans_m + middle_m, {0.0, 0.0, side_rad});
+    const auto scene = std::make_shared<const Scene>(std::vector<SceneObject>{
+        {.name = "board", .shape = Box{{0.3, 0.3, 0.04}}, .waypoints = {{0.0, pose}}}});
+    const auto touches = [&](const std::vector<TruePose>& poses) {
+      const auto motion = check_true_motion(robot_, scene, poses, {});
+      EXPECT_TRUE(motion) << motion.error().describe();
+      return !motion->contacts.empty();
+    };
+    if (touches({{0.0, drive, head_.rest()}})) continue;
+    const HeadAngles to{uniform(-3.8, 1.7), uniform(-1.5, 0.5)};
+    guard_.see(
+        as_span(drive), nullptr, 0.0,
+        std::make_shared<const SceneField>(
+            *scene, Stamp{},
+            Eigen::AlignedBox3d(Eigen::Vector3d::Constant(-3.0), Eigen::Vector3d::Constant(3.0))));
+    const bool does = touches(turns_home(drive, to));
+    touching += does ? 1 : 0;
+    if (!guard_.is_clear({to})) continue;
+    ++clear;
+    EXPECT_FALSE(does) << away_m << " m, " << side_rad << "; " << to.pan_rad << ", " << to.tilt_rad;
+  }
+  EXPECT_GT(clear, 50);
+  EXPECT_GT(touching, 50);
 }
 
 TEST_F(HsrsHeadGuard, IsJudgedWithTheHeadWhereItWas) {

@@ -20,9 +20,9 @@ class HeadGuard;
 /// what is not a number the head stays, and it is named in the log, again only after it did well. A
 /// head that does not move where it is told to is named, too.
 ///
-/// Plans have the head at rest. It is not turned where it would come near to the rest of the robot,
-/// as that is and goes on, and goes to rest in time where that comes near to it. A motion that
-/// leaves no time for that must not begin. [planning]
+/// Plans have the head at rest. It is not turned where it would come near to the rest of the robot
+/// or to obstacles, as the robot is and goes on, and goes to rest in time where they come near. A
+/// motion that leaves no time for that must not begin. [planning]
 class GazeLoop {
  public:
   struct Parts {
@@ -34,6 +34,7 @@ class GazeLoop {
     Log& log;
     std::string gaze_name;  ///< For messages: kind and name, as the next.
     std::string executor_name;
+    double margin_m = 0.0;  ///< Of the head from obstacles, as of what plans move.
   };
   /// Fails with kUnsupported where the robot has no head (RobotDescription::head), or the executor
   /// turns none.

@@ -22,11 +22,12 @@
 namespace sidestep {
 
 /// First guesses of a replan: the rest of the path that is followed, at speeds of its own among
-/// what is predicted, without an optimiser; that rest, resampled; a straight line; one bent by
-/// seeded waves, other ones at every try; the path of the sampling planner; a straight line from
-/// where a stop would end, which the robot then makes first.
-inline constexpr std::array<std::string_view, 6> kReplanGuesses{
-    "retimed", "refit", "straight_line", "perturbed", "sampled", "after_stop"};
+/// what is predicted, without an optimiser; that rest, resampled; a straight line; a short way of
+/// the base that keeps clear (BaseWays); a line bent by seeded waves, other ones at every try;
+/// the path of the sampling planner; a straight line from where a stop would end, which the robot
+/// then makes first.
+inline constexpr std::array<std::string_view, 7> kReplanGuesses{
+    "retimed", "refit", "straight_line", "base_path", "perturbed", "sampled", "after_stop"};
 
 /// How a replanner behaves, the block `replanner`. Times on the run's clock.
 struct ReplannerSettings {
@@ -77,7 +78,8 @@ struct ReplannerSettings {
   /// Share by which a new trajectory must then be cheaper to be taken.
   double hysteresis = 0.1;
   /// First guesses of a replan, in order, of kReplanGuesses; others are passed over.
-  std::vector<std::string> escalation = {"refit", "straight_line", "perturbed", "after_stop"};
+  std::vector<std::string> escalation = {"refit", "straight_line", "base_path", "perturbed",
+                                         "after_stop"};
   std::uint64_t seed = 0;  ///< Of "perturbed".
   /// Whether time passes during step(), as on a wall clock: solves get deadlines, and what they
   /// take beyond them counts. False on a clock that stands still meanwhile: solves end by their own

@@ -1,0 +1,241 @@
+#include <sidestep/planning/base_ways.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <queue>
+#include <utility>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/core/scratch.hpp>
+#include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/initial_guess.hpp>
+
+namespace sidestep {
+namespace {
+
+constexpr double kUnreached_m = std::numeric_limits<double>::infinity();
+constexpr double kLeastCell_m = 0.05;
+constexpr double kMostCells = 200.0;  ///< Along the longer side of the field.
+constexpr double kFarther = 2.0;      ///< Than the start: nothing beyond is looked at.
+/// A step where the robot touches something costs as much as so many in the open.
+constexpr double kTightness = 4.0;
+constexpr double kOpen_m = 0.3;  ///< Clearance from which on more is worth nothing.
+/// Within so many cells of a position nobody looked at, or that is too near to obstacles, one is
+/// looked for that has a way.
+constexpr int kBeside = 4;
+
+double price(double clearance_m) {
+  const double lacks = std::clamp((kOpen_m - clearance_m) / kOpen_m, 0.0, 1.0);
+  return 1.0 + (kTightness - 1.0) * lacks;
+}
+
+}  // namespace
+
+/// Dijkstra's algorithm, and the clearance of the positions that it comes to.
+class BaseWays::Search {
+ public:
+  Search(const Problem& problem, BaseWays& ways)
+      : problem_(problem),
+        ways_(ways),
+        start_m_(ways.at(as_span(problem.start.q))),
+        clearances_m_(ways.positions_.size(), std::numeric_limits<double>::quiet_NaN()) {}
+
+  void run(const Deadline& deadline) {
+    const double start_m = clearances_of(problem_.start.q).front();
+    const double margin_m = std::min(problem_.collision_margin_m, start_m);
+    for (const double short_m : {0.0, 0.5 * ways_.cell_m_}) {
+      spread(margin_m - short_m, deadline);
+      if (!ways_.empty()) return;
+    }
+  }
+
+ private:
+  void spread(double margin_m, const Deadline& deadline) {
+    std::ranges::fill(ways_.positions_, Position{kUnreached_m});
+    std::vector<bool> is_settled(ways_.positions_.size());
+    using Entry = std::pair<double, std::int32_t>;
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+    const std::int32_t goal = ways_.nearest(ways_.goal_m_);
+    ways_.positions_[idx(goal)].cost_m = 0.0;
+    clearances_m_[idx(goal)] = kUnreached_m;
+    open.emplace(0.0, goal);
+    double most_m = kUnreached_m;
+    std::vector<std::int32_t> around;
+    while (!open.empty() && open.top().first < most_m) {
+      if (deadline.expired()) {
+        ways_.first_ = -1;
+        return;
+      }
+      const std::int32_t current = open.top().second;
+      open.pop();
+      if (is_settled[idx(current)]) continue;
+      is_settled[idx(current)] = true;
+      const double so_far_m = ways_.positions_[idx(current)].cost_m;
+      if (ways_.empty() && (ways_.position_m(current) - start_m_).norm() < ways_.cell_m_) {
+        ways_.first_ = current;
+        most_m = kFarther * so_far_m;
+      }
+      find_neighbours(current, around);
+      look(around);
+      for (const std::int32_t next : around) {
+        const double clearance_m = clearances_m_[idx(next)];
+        if (is_settled[idx(next)] || !(clearance_m >= margin_m)) continue;
+        const double step_m = (ways_.position_m(next) - ways_.position_m(current)).norm();
+        const double cost_m = so_far_m + price(clearance_m) * step_m;
+        Position& position = ways_.positions_[idx(next)];
+        if (!(cost_m < position.cost_m)) continue;
+        position = {cost_m, current};
+        open.emplace(cost_m, next);
+      }
+    }
+  }
+
+  void find_neighbours(std::int32_t node, std::vector<std::int32_t>& around) const {
+    around.clear();
+    const int width = 2 * ways_.half_.x() + 1, height = 2 * ways_.half_.y() + 1;
+    const int column = node % width, row = node / width;
+    for (int y = std::max(0, row - 1); y <= std::min(height - 1, row + 1); ++y) {
+      for (int x = std::max(0, column - 1); x <= std::min(width - 1, column + 1); ++x) {
+        around.push_back(y * width + x);
+      }
+    }
+  }
+
+  [[nodiscard]] Eigen::VectorXd configuration(std::int32_t node) const {
+    const Eigen::Vector2d p_m = ways_.position_m(node);
+    const double gone_m = (p_m - start_m_).norm(), left_m = (p_m - ways_.goal_m_).norm();
+    const double share = gone_m > 0.0 ? gone_m / (gone_m + left_m) : 0.0;
+    Eigen::VectorXd q = problem_.start.q + share * (problem_.goal.q - problem_.start.q);
+    q[ways_.x_] = p_m.x();
+    q[ways_.y_] = p_m.y();
+    return q;
+  }
+
+  /// Finds the clearance of those that have none yet.
+  void look(std::span<const std::int32_t> nodes) {
+    fresh_.clear();
+    q_.clear();
+    const std::vector<Joint>& joints = problem_.robot->description().joints;
+    for (const std::int32_t node : nodes) {
+      if (!std::isnan(clearances_m_[idx(node)])) continue;
+      const Eigen::VectorXd q = configuration(node);
+      clearances_m_[idx(node)] = -kUnreached_m;
+      const bool is_within = std::ranges::all_of(std::array{ways_.x_, ways_.y_}, [&](int j) {
+        return q[j] >= joints[idx(j)].lower && q[j] <= joints[idx(j)].upper;
+      });
+      if (!is_within) continue;
+      fresh_.push_back(node);
+      q_.insert(q_.end(), q.begin(), q.end());
+    }
+    const std::vector<double>& found_m = clearances_of(q_);
+    for (std::size_t i = 0; i < fresh_.size(); ++i) clearances_m_[idx(fresh_[i])] = found_m[i];
+  }
+
+  template <class Rows>
+  const std::vector<double>& clearances_of(const Rows& q) {
+    const RobotDescription& robot = problem_.robot->description();
+    const std::size_t spheres = robot.spheres.size();
+    const std::size_t rows = static_cast<std::size_t>(q.size()) / idx(robot.dof());
+    centres_m_.resize(rows * spheres);
+    distances_m_.resize(rows * spheres);
+    statuses_.resize(rows * spheres);
+    problem_.robot->sphere_centres(std::span(q.data(), static_cast<std::size_t>(q.size())),
+                                   centres_m_, scratch_);
+    query_with_policy(*problem_.field, problem_.space, centres_m_, distances_m_, {}, statuses_);
+    rows_m_.assign(rows, kUnreached_m);
+    for (std::size_t i = 0; i < rows * spheres; ++i) {
+      double& clearance_m = rows_m_[i / spheres];
+      clearance_m = std::min(clearance_m, distances_m_[i] - robot.spheres[i % spheres].radius_m);
+    }
+    return rows_m_;
+  }
+
+  const Problem& problem_;
+  BaseWays& ways_;
+  Eigen::Vector2d start_m_;
+  std::vector<double> clearances_m_;  ///< Of positions; NaN: not looked at.
+  std::vector<std::int32_t> fresh_;
+  std::vector<double> q_;
+  Scratch scratch_;
+  std::vector<Eigen::Vector3d> centres_m_;
+  std::vector<double> distances_m_;
+  std::vector<FieldStatus> statuses_;
+  std::vector<double> rows_m_;
+};
+
+BaseWays::BaseWays(const Problem& problem, const Deadline& deadline) {
+  const auto base = problem.robot->description().planar_base();
+  if (!base || !problem.field) return;
+  std::tie(x_, y_) = std::pair((*base)[0], (*base)[1]);
+  const GridSpec& grid = problem.field->info().grid;
+  const Eigen::Vector2d size_m = (grid.upper_m() - grid.origin_m).head<2>();
+  cell_m_ = std::max({kLeastCell_m, grid.resolution_m, size_m.maxCoeff() / kMostCells});
+  goal_m_ = at(as_span(problem.goal.q));
+  // The field's size either way: where a base's joints are zero is its own affair.
+  half_ = (size_m / cell_m_).array().ceil().cast<int>();
+  positions_.resize(idx(2 * half_.x() + 1) * idx(2 * half_.y() + 1));
+  Search(problem, *this).run(deadline);
+}
+
+Eigen::Vector2d BaseWays::at(std::span<const double> q) const { return {q[idx(x_)], q[idx(y_)]}; }
+
+Eigen::Vector2d BaseWays::position_m(std::int32_t node) const {
+  const int width = 2 * half_.x() + 1;
+  return goal_m_ + cell_m_ * Eigen::Vector2d(node % width - half_.x(), node / width - half_.y());
+}
+
+std::int32_t BaseWays::nearest(const Eigen::Vector2d& p_m) const {
+  const Eigen::Vector2i cell = ((p_m - goal_m_) / cell_m_).array().round().cast<int>();
+  const Eigen::Vector2i inside = cell.cwiseMax(-half_).cwiseMin(half_) + half_;
+  return inside.y() * (2 * half_.x() + 1) + inside.x();
+}
+
+std::optional<double> BaseWays::length_m(std::span<const double> q) const {
+  if (empty()) return std::nullopt;
+  double least_m = kUnreached_m;
+  for (int dy = -kBeside; dy <= kBeside; ++dy) {
+    for (int dx = -kBeside; dx <= kBeside; ++dx) {
+      const std::int32_t node = nearest(at(q) + cell_m_ * Eigen::Vector2d(dx, dy));
+      const double cost_m = positions_[idx(node)].cost_m;
+      least_m = std::min(least_m, cost_m + (position_m(node) - at(q)).norm());
+    }
+  }
+  return std::isfinite(least_m) ? std::optional(least_m) : std::nullopt;
+}
+
+Trajectory BaseWays::first_guess(const Problem& problem) const {
+  std::vector<Eigen::Vector2d> way_m{at(as_span(problem.start.q))};
+  for (std::int32_t node = first_; node >= 0; node = positions_[idx(node)].next) {
+    way_m.push_back(position_m(node));
+  }
+  std::vector<double> gone_m{0.0};
+  for (std::size_t i = 1; i < way_m.size(); ++i) {
+    gone_m.push_back(gone_m.back() + (way_m[i] - way_m[i - 1]).norm());
+  }
+  const double straight_m = (way_m.back() - way_m.front()).norm();
+  const double longer = straight_m > 0.0 ? std::max(1.0, gone_m.back() / straight_m) : 1.0;
+  const int last = static_cast<int>(std::ceil(longer * (problem.support_states - 1) - 1e-9));
+  Trajectory guess = straight_line(problem.start, problem.goal, last + 1, problem.dt_s);
+  for (int i = 1; i < last; ++i) {
+    const double at_m = gone_m.back() * i / last;
+    const auto after = std::ranges::upper_bound(gone_m, at_m);
+    const auto k = std::clamp<std::ptrdiff_t>(after - gone_m.begin(), 1, std::ssize(gone_m) - 1);
+    const std::size_t to = static_cast<std::size_t>(k), from = to - 1;
+    const double length_m = gone_m[to] - gone_m[from];
+    const double share = length_m > 0.0 ? (at_m - gone_m[from]) / length_m : 1.0;
+    const Eigen::Vector2d p_m = way_m[from] + share * (way_m[to] - way_m[from]);
+    guess.q(i)[idx(x_)] = p_m.x();
+    guess.q(i)[idx(y_)] = p_m.y();
+  }
+  for (int i = 1; i < last; ++i) {
+    for (const std::size_t j : {idx(x_), idx(y_)}) {
+      guess.qdot(i)[j] = (guess.q(i + 1)[j] - guess.q(i - 1)[j]) / (2.0 * problem.dt_s);
+    }
+  }
+  return guess;
+}
+
+}  // namespace sidestep

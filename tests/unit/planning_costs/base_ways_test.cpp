@@ -1,0 +1,153 @@
+#include <sidestep/planning/base_ways.hpp>
+
+#include <cmath>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include <sidestep/core/index.hpp>
+#include <sidestep/field/scene_field.hpp>
+
+#include "support/ball_robot.hpp"
+
+namespace sidestep {
+namespace {
+
+constexpr double kBall_m = 0.2;
+constexpr double kApart_m = 0.05;
+
+/// Walls of a plan: from corner to corner, as high as the robot.
+struct Wall {
+  Eigen::Vector2d low_m, high_m;
+
+  [[nodiscard]] double distance_m(const Eigen::Vector2d& p_m) const {
+    return (p_m - p_m.cwiseMax(low_m).cwiseMin(high_m)).norm();
+  }
+};
+
+/// A ball that goes from the origin to (4, 0, 0).
+class BaseWaysTest : public ::testing::Test {
+ protected:
+  [[nodiscard]] static Problem among(const std::vector<Wall>& walls) {
+    std::vector<SceneObject> objects;
+    for (const Wall& wall : walls) {
+      const Eigen::Vector2d middle_m = 0.5 * (wall.low_m + wall.high_m);
+      const Eigen::Vector2d size_m = wall.high_m - wall.low_m;
+      objects.push_back({.name = "wall",
+                         .shape = Box{{size_m.x(), size_m.y(), 2.0}},
+                         .waypoints = {{0.0, transform_from_xyz_rpy(
+                                                 {middle_m.x(), middle_m.y(), 0.0}, {0, 0, 0})}}});
+    }
+    Problem problem;
+    problem.robot = std::make_shared<testing_support::BallRobot>(kBall_m);
+    problem.field = std::make_shared<const SceneField>(
+        Scene(objects), Stamp{},
+        Eigen::AlignedBox3d(Eigen::Vector3d(-2, -4, -1), Eigen::Vector3d(6, 4, 1)));
+    problem.space = {Space::kFree, Space::kOccupied};
+    problem.collision_margin_m = kApart_m;
+    problem.start = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+    problem.goal = {Eigen::Vector3d(4, 0, 0), Eigen::Vector3d::Zero()};
+    problem.support_states = 21;
+    problem.dt_s = 0.4;
+    problem.qc = Eigen::Vector3d::Ones();
+    return problem;
+  }
+
+  /// Of all that lies between the states of a guess, by a look every centimetre.
+  [[nodiscard]] static double clearance_m(const Trajectory& guess, const std::vector<Wall>& walls) {
+    double least_m = std::numeric_limits<double>::infinity();
+    for (int i = 0; i + 1 < guess.size(); ++i) {
+      const Eigen::Vector2d from_m(guess.q(i)[0], guess.q(i)[1]);
+      const Eigen::Vector2d to_m(guess.q(i + 1)[0], guess.q(i + 1)[1]);
+      const int steps = 1 + static_cast<int>((to_m - from_m).norm() / 0.01);
+      for (int k = 0; k <= steps; ++k) {
+        const Eigen::Vector2d p_m = from_m + (to_m - from_m) * k / steps;
+        for (const Wall& wall : walls) {
+          least_m = std::min(least_m, wall.distance_m(p_m) - kBall_m);
+        }
+      }
+    }
+    return least_m;
+  }
+  [[nodiscard]] static double length_of(const Trajectory& guess) {
+    double length_m = 0.0;
+    for (int i = 0; i + 1 < guess.size(); ++i) {
+      length_m += std::hypot(guess.q(i + 1)[0] - guess.q(i)[0], guess.q(i + 1)[1] - guess.q(i)[1]);
+    }
+    return length_m;
+  }
+};
+
+/// A wall that is bent around the start; below it the shorter way.
+const std::vector<Wall> kDeadEnd{
+    {{1.5, -1.2}, {1.7, 1.8}}, {{0.0, -1.2}, {1.7, -1.0}}, {{-1.0, 1.6}, {1.7, 1.8}}};
+
+TEST_F(BaseWaysTest, LeadOutOfADeadEnd) {
+  const Problem problem = among(kDeadEnd);
+  const BaseWays ways(problem, {});
+  ASSERT_FALSE(ways.empty());
+  const Trajectory guess = ways.first_guess(problem);
+  EXPECT_EQ(guess.q(0)[0], 0.0);
+  EXPECT_EQ(guess.q(guess.size() - 1)[0], 4.0);
+  // Between two states it is cut short.
+  EXPECT_GT(clearance_m(guess, kDeadEnd), kApart_m - 0.05);
+  // The taut string around the two lower corners, the robot touching them.
+  const double apart_m = kBall_m + kApart_m;
+  const Eigen::Vector2d first(-apart_m, -1.2), second(1.7, -1.2 - apart_m), goal(4.0, 0.0);
+  const double taut_m = first.norm() + (second - first).norm() + (goal - second).norm();
+  EXPECT_GT(length_of(guess), 0.95 * taut_m);
+  EXPECT_LT(length_of(guess), 1.25 * taut_m);
+  EXPECT_NEAR(guess.size() - 1, 20 * length_of(guess) / 4.0, 1.5);
+  for (int i = 1; i + 1 < guess.size(); ++i) {
+    const double speed_mps = std::hypot(guess.qdot(i)[0], guess.qdot(i)[1]);
+    EXPECT_LE(speed_mps, 1.02 * length_of(guess) / guess.duration_s()) << i;
+  }
+}
+
+TEST_F(BaseWaysTest, TellHowFarItIsFromADeadEnd) {
+  const BaseWays ways(among(kDeadEnd), {});
+  const Eigen::Vector3d end(1.2, 0.3, 0.0), outside(2.2, 0.3, 0.0);
+  const auto inside_m = ways.length_m(as_span(Eigen::VectorXd(end)));
+  const auto outside_m = ways.length_m(as_span(Eigen::VectorXd(outside)));
+  ASSERT_TRUE(inside_m && outside_m);
+  EXPECT_GT(*inside_m, 5.0);
+  EXPECT_GE(*outside_m, 1.8);
+  EXPECT_LT(*outside_m, 2.5);
+}
+
+TEST_F(BaseWaysTest, PreferTheOpen) {
+  // Straight on through a gap that is just wide enough, or around: 0.2 m longer.
+  const std::vector<Wall> gap{{{1.8, 0.27}, {2.2, 0.5}}, {{1.8, -0.5}, {2.2, -0.27}}};
+  const Problem problem = among(gap);
+  EXPECT_GT(clearance_m(BaseWays(problem, {}).first_guess(problem), gap), 0.1);
+}
+
+TEST_F(BaseWaysTest, GoThroughWhatIsWideEnoughBetweenThePositions) {
+  const std::vector<Wall> gap{{{1.8, 0.287}, {2.2, 5.0}}, {{1.8, -5.0}, {2.2, -0.235}}};
+  EXPECT_FALSE(BaseWays(among(gap), {}).empty());
+  const std::vector<Wall> less{{{1.8, 0.207}, {2.2, 5.0}}, {{1.8, -5.0}, {2.2, -0.207}}};
+  EXPECT_TRUE(BaseWays(among(less), {}).empty());
+}
+
+TEST_F(BaseWaysTest, SetOutFromWhereTheRobotStandsTooNear) {
+  const std::vector<Wall> beside{{{-0.4, 0.22}, {0.4, 0.4}}};
+  EXPECT_FALSE(BaseWays(among(beside), {}).empty());
+}
+
+TEST_F(BaseWaysTest, AreEmptyWhereThereIsNone) {
+  const std::vector<Wall> ring{{{3.0, -1.0}, {3.1, 1.0}},
+                               {{4.9, -1.0}, {5.0, 1.0}},
+                               {{3.0, -1.0}, {5.0, -0.9}},
+                               {{3.0, 0.9}, {5.0, 1.0}}};
+  const BaseWays ways(among(ring), {});
+  EXPECT_TRUE(ways.empty());
+  EXPECT_FALSE(ways.length_m(as_span(Eigen::VectorXd(Eigen::Vector3d::Zero()))));
+  Problem mapless = among({});
+  mapless.field = nullptr;
+  EXPECT_TRUE(BaseWays(mapless, {}).empty());
+  EXPECT_TRUE(BaseWays(among({}), Deadline::after_s(-1.0)).empty());
+  EXPECT_FALSE(BaseWays(among({}), {}).empty());
+}
+
+}  // namespace
+}  // namespace sidestep
