@@ -20,7 +20,7 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <nlohmann/json.hpp>
 
@@ -546,14 +546,15 @@ class Recheck {
 
   /// How far any point of a body comes from where it is in the middle of a part. From the body
   /// inwards: a joint that turns by no more than `change` moves a point that has come `sum` from
-  /// its place by no more than change * (its distance + sum).
+  /// its place by no more than change * (its distance from the axis + sum).
   [[nodiscard]] double way(const State& state, const Body& body, const Pose& at,
                            const std::vector<int>& movers) const {
     double sum = 0.0;
     for (const int number : movers) {
       const Link& link = links_[number];
       const double change = std::abs(link.multiplier) * state.changes[link.joint];
-      const double arm = (at.p - state.links[number].p).norm() + body.ball() + sum;
+      const Pose& T = state.links[number];
+      const double arm = (at.p - T.p).cross(T.R * link.axis).norm() + body.ball() + sum;
       sum += link.motion == Link::Motion::kTurn ? change * arm : change;
     }
     return sum;

@@ -283,15 +283,15 @@ double gap_m(const PlacedBody& a, const PlacedBody& b, const Eigen::Vector3d& di
 }
 
 NearestPoints nearest_points(const PlacedBody& a, const PlacedBody& b, double near_m,
-                             double wanted_m) {
+                             double wanted_m, const Eigen::Vector3d& along) {
   if (b.body->is_half_space()) {
     const Eigen::Vector3d up = b.T_world_body.linear().col(2);
     const Eigen::Vector3d p = a.farthest(-up);
     const double height_m = up.dot(p - b.T_world_body.translation());
-    return {p, p - std::max(0.0, height_m) * up, height_m <= 0.0, -up};
+    return {p, p - std::max(0.0, height_m) * up, height_m <= 0.0, -up, std::max(0.0, height_m)};
   }
   Simplex simplex;
-  simplex.points[0] = lowest(a, b, b.centre() - a.centre());
+  simplex.points[0] = lowest(a, b, along);
   simplex.size = 1;
   simplex.weights[0] = 1.0;
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
@@ -318,7 +318,7 @@ NearestPoints nearest_points(const PlacedBody& a, const PlacedBody& b, double ne
   }
   const Eigen::Vector3d p_a = simplex.mean(&Difference::of_a);
   const Eigen::Vector3d p_b = simplex.mean(&Difference::of_b);
-  return {p_a, p_b, (p_b - p_a).norm() < kOverlap_m, direction};
+  return {p_a, p_b, (p_b - p_a).norm() < kOverlap_m, direction, most_m};
 }
 
 }  // namespace sidestep

@@ -239,10 +239,13 @@ class Certifier {
     for (const int link : movers) {
       const TreeJoint& joint = robot_.tree_joints()[idx(link)];
       const double turn = std::abs(joint.multiplier) * instant.ways[idx(joint.joint)];
-      const bool is_turn = joint.motion == TreeJoint::Motion::kRotation;
-      const double arm_m =
-          (centre_m - instant.links[idx(link)].translation()).norm() + radius_m + sum_m;
-      sum_m += is_turn ? turn * arm_m : turn;
+      if (joint.motion != TreeJoint::Motion::kRotation) {
+        sum_m += turn;
+        continue;
+      }
+      const Transform& T = instant.links[idx(link)];
+      const Eigen::Vector3d axis = T.linear() * joint.axis;
+      sum_m += turn * ((centre_m - T.translation()).cross(axis).norm() + radius_m + sum_m);
     }
     return sum_m;
   }
@@ -294,8 +297,8 @@ class Certifier {
   [[nodiscard]] std::optional<NearestPoints> contact(const PlacedBody& a,
                                                      const PlacedBody& b) const {
     const double near_m = std::max(settings_.margin_m, kRounding_m);
-    const NearestPoints nearest =
-        nearest_points(a, b, std::numeric_limits<double>::infinity(), near_m);
+    const NearestPoints nearest = nearest_points(a, b, std::numeric_limits<double>::infinity(),
+                                                 near_m, b.centre() - a.centre());
     if (!(nearest.distance_m() < near_m)) return {};
     if (a.share.is_single() && b.share.is_single()) return nearest;
     const bool is_of_a = a.body->extent_m(a.share) > b.body->extent_m(b.share);
@@ -407,8 +410,10 @@ class Certifier {
       open.kind = Open::Kind::kApart;
       return true;
     };
-    if (is_apart(open.direction) || is_apart(written(b.centre() - a.centre()))) return true;
-    const NearestPoints nearest = nearest_points(a, b, kNear_m + settings_.margin_m, wanted_m);
+    if (open.direction.isZero()) open.direction = written(b.centre() - a.centre());
+    if (is_apart(open.direction)) return true;
+    const NearestPoints nearest =
+        nearest_points(a, b, kNear_m + settings_.margin_m, wanted_m, open.direction.cast<double>());
     const bool is_near = nearest.distance_m() < std::max(settings_.margin_m, kRounding_m);
     if (is_near && !open.is_looked_at) {
       if (const auto met = contact(a, b)) {
@@ -426,9 +431,9 @@ class Certifier {
     }
     const double extent_a_m = a.body->extent_m(a.share), extent_b_m = b.body->extent_m(b.share);
     // What is larger is halved; time, too, where that is likely to be enough.
-    const double of_time_m = open.part.level == kDeepest               ? 0.0
-                             : nearest.distance_m() > 0.5 * (wanted_m) ? kMost
-                                                                       : ways_m;
+    const double of_time_m = open.part.level == kDeepest        ? 0.0
+                             : nearest.apart_m > 0.5 * wanted_m ? kMost
+                                                                : ways_m;
     const bool is_of_shares = std::max(extent_a_m, extent_b_m) > of_time_m;
     open.kind = !is_of_shares             ? Open::Kind::kTime
                 : extent_a_m > extent_b_m ? Open::Kind::kShareOfA

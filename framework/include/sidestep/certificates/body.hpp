@@ -116,13 +116,14 @@ struct NearestPoints {
   /// From `a` to `b`: that along which they were seen farthest apart, if they were at all. Rounding
   /// may keep the line between the points from being that.
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
+  double apart_m = 0.0;  ///< Along that.
 
   [[nodiscard]] double distance_m() const { return overlap ? 0.0 : (p_b - p_a).norm(); }
 };
 /// As near as can be found, by the algorithm of Gilbert, Johnson and Keerthi (1988). Of two that
 /// are more than `near_m` apart it may end sooner, once it is known whether they are more than
-/// `wanted_m` apart.
+/// `wanted_m` apart. It begins along a direction from `a` to `b`.
 [[nodiscard]] NearestPoints nearest_points(const PlacedBody& a, const PlacedBody& b, double near_m,
-                                           double wanted_m);
+                                           double wanted_m, const Eigen::Vector3d& along);
 
 }  // namespace sidestep
