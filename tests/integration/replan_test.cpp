@@ -99,6 +99,23 @@ TEST_F(ReplanTest, SaysWhatItsMotionsAndItsStopsKeep) {
   EXPECT_EQ(summary("run")["limits"], (Json{{"x", limits}, {"y", limits}}));
 }
 
+TEST_F(ReplanTest, LeavesTheCertificatesOfWhatItFollows) {
+  const Finished finished = run_it("run", {"check.certificate=file", "experiment.episodes=1"});
+  const Json of = summary("run");
+  ASSERT_TRUE(of["certified_share"].is_number()) << finished.error << finished.out;
+  std::size_t certificates = 0;
+  const auto folder = folder_.path() / "run" / "certificates" / "episode-0";
+  for (const auto& file : std::filesystem::directory_iterator(folder)) {
+    EXPECT_EQ(std::system((RECHECK " " + file.path().string() + " >/dev/null").c_str()), 0);
+    ++certificates;
+  }
+  const int motions = of["replans"].get<int>() + 1;  // and stops
+  EXPECT_GE(static_cast<int>(certificates), 1);
+  EXPECT_GE(static_cast<double>(certificates), of["certified_share"].get<double>() * motions);
+  EXPECT_EQ(of["certified_share"], 1.0) << "the scene is known, and walkers are not in the map";
+  EXPECT_THAT(read_file(folder_.path() / "run" / "report.html"), HasSubstr("href=\"certificates"));
+}
+
 TEST_F(ReplanTest, RefusesWhatOnlyPlansUse) {
   const auto check_with = [](const std::string& set) {
     return run({"check", kConfig, "--set", set});

@@ -227,8 +227,8 @@ Parameters<CheckSettings> CheckSettings::parameters() {
            "stands on; where the scene is not known they say nothing.")
       .add(
           "certificate", &S::certificate,
-          "Whether each plan that passes leaves a certificate, for sidestep_recheck: `file` in the "
-          "run's folder `certificates`.",
+          "Whether each plan that passes, and each motion that a closed loop follows, leaves a "
+          "certificate, for sidestep_recheck: `file` in the run's folder `certificates`.",
           {.choices = {"none", "file"}});
 }
 

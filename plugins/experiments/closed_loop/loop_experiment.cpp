@@ -44,23 +44,26 @@ Json nearest_json(const EpisodeRow* closest) {
 }
 
 /// Over the episodes in which it was measured.
-std::optional<std::int64_t> sum_of_vox(const ReplanRows& rows,
-                                       std::optional<std::int64_t> EpisodeRow::*vox) {
+std::optional<std::int64_t> sum_of(const ReplanRows& rows,
+                                   std::optional<std::int64_t> EpisodeRow::*count) {
   std::optional<std::int64_t> sum;
   for (const EpisodeRow& episode : rows.episodes) {
-    if (episode.*vox) sum = sum.value_or(0) + *(episode.*vox);
+    if (episode.*count) sum = sum.value_or(0) + *(episode.*count);
   }
   return sum;
 }
 Json ghost_vox(const ReplanRows& rows) {
-  const auto sum = sum_of_vox(rows, &EpisodeRow::ghost_vox);
+  const auto sum = sum_of(rows, &EpisodeRow::ghost_vox);
   return sum ? Json(*sum) : Json(nullptr);
 }
-Json seen_share(const ReplanRows& rows) {
-  const auto entered = sum_of_vox(rows, &EpisodeRow::entered_vox);
-  if (entered.value_or(0) == 0) return nullptr;
-  return static_cast<double>(sum_of_vox(rows, &EpisodeRow::seen_vox).value_or(0)) /
-         static_cast<double>(*entered);
+/// Of all that was counted.
+auto share_of(std::optional<std::int64_t> EpisodeRow::*part,
+              std::optional<std::int64_t> EpisodeRow::*all) {
+  return [part, all](const ReplanRows& rows) -> Json {
+    const auto whole = sum_of(rows, all);
+    if (whole.value_or(0) == 0) return nullptr;
+    return static_cast<double>(sum_of(rows, part).value_or(0)) / static_cast<double>(*whole);
+  };
 }
 
 /// The values of every episode in which tracks were measured.
@@ -307,9 +310,14 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                   "How far the base truly stands from its goal then [m].", spread)
           .spread("head_way_rad.", of_reached(&E::head_way_rad),
                   "Way of the head's pan and tilt together until then [rad].", spread)
-          .add("seen_share", &seen_share,
+          .add("seen_share", share_of(&E::seen_vox, &E::entered_vox),
                "Share of the voxels that the robot entered that a frame had seen before.",
                {.heading = "seen before", .pattern = report::kPercent, .only_measured = true})
+          .add("certified_share", share_of(&E::proven_motions, &E::motions),
+               "Share of the motions that were followed that is proven to be clear of what the map "
+               "held as they began, with certificates in the run's folder `certificates`; null "
+               "where none were asked for.",
+               {.heading = "certified", .pattern = report::kPercent, .only_measured = true})
           .add("replans", sum(&E::replans), "Trajectories replaced on the way.",
                {.heading = "replans", .compared = true})
           .add("guesses", &guesses_of, "First guesses: how often tried, and how often one led.")

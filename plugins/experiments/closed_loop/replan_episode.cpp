@@ -83,6 +83,9 @@ class EpisodeRun {
     record_.frames_dropped = mapped.dropped;
     record_.following = mapping_.following();
     SIDESTEP_TRY(find_truth());
+    if (!parts_.certificates.empty()) {
+      SIDESTEP_TRY(certify_motions(settings_, *world_.robot, parts_.certificates, record_));
+    }
     judge();
     if (observer_ != nullptr) {
       mapping_.show(false);
@@ -307,6 +310,10 @@ class EpisodeRun {
   void note_events(Stamp now, std::size_t first) {
     for (std::size_t i = first; i < events_.size(); ++i) {
       EpisodeEvent event{events_[i]};
+      if (!parts_.certificates.empty() && begins_motion(event.kind)) {
+        record_.moved.push_back(
+            {replanner_->followed_start().seconds(), replanner_->followed(), slot_.pin()});
+      }
       if (event.kind == ReplannerEvent::Kind::kPlanned ||
           event.kind == ReplannerEvent::Kind::kReplanned) {
         const auto since_map_ms = [&](Stamp stamp) {
@@ -336,12 +343,16 @@ class EpisodeRun {
     observer_->stepped(step);
   }
 
+  [[nodiscard]] static bool begins_motion(ReplannerEvent::Kind kind) {
+    using Kind = ReplannerEvent::Kind;
+    const std::array follow = {Kind::kPlanned, Kind::kReplanned, Kind::kStopped, Kind::kSlowed};
+    return std::ranges::count(follow, kind) > 0;
+  }
+
   /// A stop is followed, too: every event is shown with what is followed after it.
   void show_event(const EpisodeEvent& event) {
-    using Kind = ReplannerEvent::Kind;
     ObservedEvent shown{event, event.stamp_to_trajectory_ms, nullptr, {}};
-    const std::array follow = {Kind::kPlanned, Kind::kReplanned, Kind::kStopped, Kind::kSlowed};
-    if (std::ranges::count(follow, event.kind) > 0) {
+    if (begins_motion(event.kind)) {
       shown.followed = std::make_shared<const Trajectory>(replanner_->followed());
       shown.followed_start = replanner_->followed_start();
     }

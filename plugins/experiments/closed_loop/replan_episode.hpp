@@ -143,6 +143,8 @@ struct EpisodeParts {
   EpisodeMapping& mapping;         ///< Attached.
   EpisodeWatch watch;              ///< May be empty.
   EpisodeProgress::Tell progress;  ///< May be empty.
+  /// For the certificates of what is followed, MOTION.json; empty: none.
+  std::filesystem::path certificates = {};
 };
 
 /// Runs one episode: the closed loop of Finean 2021, Algorithm 1, by the clock that the settings
@@ -151,5 +153,18 @@ struct EpisodeParts {
 /// reason; an error is one that leaves nothing to measure. [main]
 [[nodiscard]] Result<EpisodeRecord> run_episode(ExperimentContext& context,
                                                 const EpisodeParts& parts, std::int64_t episode);
+
+/// Where an episode leaves certificates, in the run's folder; empty where none are asked for.
+[[nodiscard]] std::filesystem::path certificates_of(const ReplanConfiguration& settings,
+                                                    const std::filesystem::path& run,
+                                                    std::int64_t episode);
+
+/// Certifies the motions of an episode, each for as long as it was followed, among what the map
+/// held as it began, counts them, and leaves the certificates of those that are proven in a folder,
+/// MOTION.json. Fails as leave_certificate() does.
+[[nodiscard]] Result<void> certify_motions(const ReplanConfiguration& settings,
+                                           const RobotModel& robot,
+                                           const std::filesystem::path& folder,
+                                           EpisodeRecord& episode);
 
 }  // namespace sidestep

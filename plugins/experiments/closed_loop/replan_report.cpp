@@ -363,11 +363,20 @@ Result<std::string> events_section(ResultsReader& results, std::int64_t episode)
          "</details>\n";
 }
 
+std::string certificates_section(const Json& summary) {
+  const Json share = at(summary, "/certified_share");
+  if (!share.is_number()) return "";
+  return "<p>Of the motions that were followed " + cell(share, report::kPercent) +
+         " are proven to be clear of what the map held as they began, for as long as they were "
+         "followed: <a href=\"certificates\">certificates</a>, for "
+         "<code>sidestep_recheck</code>.</p>\n";
+}
+
 Result<std::string> replan_body(const Json& summary, ResultsReader& results,
                                 const std::filesystem::path& run) {
   std::string html = replan_metrics().html(replan_metrics().rows_of(summary)) +
                      comparison_section(summary) + collisions_section(summary) +
-                     failures_section(at(summary, "/failures"));
+                     certificates_section(summary) + failures_section(at(summary, "/failures"));
   if (!at(summary, "/episodes").is_number_integer()) return html;
   html += SIDESTEP_TRY(spread_section(results, run));
   const auto chosen = SIDESTEP_TRY(chosen_episodes(summary, results));

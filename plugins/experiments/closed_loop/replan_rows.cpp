@@ -246,6 +246,8 @@ const StoredRow<EpisodeRow>& stored_episode() {
                    .add("path_length", &E::path_length)
                    .add("head_way_rad", &E::head_way_rad)
                    .add("goal_error_m", &E::goal_error_m)
+                   .add("motions", &E::motions)
+                   .add("proven_motions", &E::proven_motions)
                    .add("collisions", &E::collisions)
                    .add("steps", &E::steps)
                    .add("checks", &E::checks)

@@ -37,6 +37,7 @@ struct MappingRecord {
 struct FollowedPath {
   double start_s = 0.0;
   Trajectory trajectory;
+  std::shared_ptr<const DistanceField> field = nullptr;  ///< Of then; null where nobody wants it.
 };
 
 /// An event, and what is known of it beyond what the replanner says.
@@ -76,6 +77,10 @@ struct EpisodeFigures {
   std::optional<double> free_run_s = {};  ///< What the same took without people.
   /// How far the base of one that reached its goal truly stands from where it was to stand.
   std::optional<double> goal_error_m = {};
+  /// Motions that it followed, stops included, and those of them that are proven to be clear of
+  /// what the map held as they began; nothing where no certificates were asked for.
+  std::optional<std::int64_t> motions = {};
+  std::optional<std::int64_t> proven_motions = {};
 };
 
 /// Result of one episode.
@@ -89,7 +94,8 @@ struct EpisodeRecord : EpisodeFigures {
   std::vector<Replanner::GuessCount> guesses;
   std::vector<MappedFrame> mapping;
   std::vector<CameraView> views;
-  std::vector<FollowedPath> followed;
+  std::vector<FollowedPath> followed;  ///< Without stops,
+  std::vector<FollowedPath> moved;     ///< and with them, for certificates.
   std::vector<TruePose> poses;
   TrueMotion truth;
   std::optional<MapFollowing> following;

@@ -92,11 +92,6 @@ void check_for_plans_only(const Node& block, const CheckSettings& settings,
          "set planning.speed_fraction");
   refuse("acceleration_fraction", settings.acceleration_fraction, usual.acceleration_fraction,
          "set planning.acceleration_fraction");
-  if (settings.wants_certificate()) {
-    errors.push_back(block.find("certificate")
-                         ->error("'certificate' is for plans, and without effect in a closed loop",
-                                 "record the loop, and certify the recording: --record run.bag"));
-  }
 }
 
 /// Start and goal of the world's episode: what is random is drawn until it is free of itself and of

@@ -229,7 +229,8 @@ class Deployment {
         context_,
         {settings_.loop, world_, mapping_,
          [&](Stamp now, const Replanner&) { return watch(now, goal); },
-         [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); }},
+         [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); },
+         certificates_of(settings_.loop, context_.out, episode_)},
         episode_);
     if (!done) {
       report(goal.id, State::kFailed, done.error().describe());

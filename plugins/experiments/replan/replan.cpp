@@ -59,7 +59,10 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     EpisodeMapping mapping(world, settings, context.log, context.observer);
     SIDESTEP_TRY(mapping.attach());
     const auto tell = [&](const std::string& how_far) { show(name + " (" + how_far + ")"); };
-    auto done = SIDESTEP_TRY(run_episode(context, {settings, world, mapping, {}, tell}, episode));
+    auto done = SIDESTEP_TRY(run_episode(
+        context,
+        {settings, world, mapping, {}, tell, certificates_of(settings, context.out, episode)},
+        episode));
     if (done.interrupted) break;
     if (settings.experiment.free_run) {
       show(name + " without people");

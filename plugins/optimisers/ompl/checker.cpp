@@ -65,31 +65,6 @@ void add_floor_object(const Floor& floor, ShapeWorld& world) {
   world.obstacles.scene = std::make_shared<const Scene>(std::move(objects));
 }
 
-/// Centres of the voxels in which a map says that there is something: where an obstacle is nearer
-/// than half a voxel, for those that are free are a whole one away, and where nothing is known if
-/// that counts as occupied.
-std::vector<Eigen::Vector3d> centres_of_taken_voxels(const DistanceField& field, Space unknown) {
-  const GridSpec& grid = field.info().grid;
-  const double half_m = 0.5 * grid.resolution_m;
-  const auto count = static_cast<std::size_t>(grid.size_vox.x());
-  std::vector<Eigen::Vector3d> row(count);
-  std::vector<double> distances_m(count);
-  std::vector<FieldStatus> statuses(count);
-  std::vector<Eigen::Vector3d> centres;
-  for (int k = 0; k < grid.size_vox.z(); ++k) {
-    for (int j = 0; j < grid.size_vox.y(); ++j) {
-      for (std::size_t i = 0; i < count; ++i) row[i] = grid.centre_m({static_cast<int>(i), j, k});
-      field.query(row, distances_m, {}, statuses);
-      for (std::size_t i = 0; i < count; ++i) {
-        const bool is_occupied = statuses[i] == FieldStatus::kUnknown ? unknown == Space::kOccupied
-                                                                      : distances_m[i] < half_m;
-        if (is_occupied) centres.push_back(row[i]);
-      }
-    }
-  }
-  return centres;
-}
-
 bool is_same(const SpacePolicy& a, const SpacePolicy& b) {
   if (a.unknown != b.unknown || a.outside != b.outside) return false;
   if (!a.floor || !b.floor) return a.floor.has_value() == b.floor.has_value();
@@ -155,8 +130,7 @@ class ShapeChecker final : public Checker {
     }
     world.obstacles.voxels_in_octree = true;
     world.obstacles.resolution_m = problem.field->info().grid.resolution_m;
-    world.obstacles.occupied_centres_m =
-        centres_of_taken_voxels(*problem.field, problem.space.unknown);
+    world.obstacles.occupied_centres_m = occupied_centres(*problem.field, problem.space.unknown);
     return {};
   }
 

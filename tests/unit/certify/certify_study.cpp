@@ -2,7 +2,10 @@
 // are looked at where OMPL's defaults look, by FCL among the true shapes. Each proof is held
 // against FCL at instants so many rad of the fastest joint apart, each witness at its instant.
 //
-//   certify_study PROBLEMS|random [COUNT [INSTANT_RAD]]
+//   certify_study PROBLEMS|random|ROBOT.urdf [COUNT [INSTANT_RAD]]
+//
+// With a URDF: its own robot, whose shapes are mostly meshes, in random worlds, and beside it what
+// FCL's continuous collision takes for the same motions, a rigid one for each 0.05 rad of them.
 #include <ompl/base/spaces/RealVectorStateSpace.h>
 #include <ompl/geometric/SimpleSetup.h>
 #include <ompl/geometric/planners/rrt/RRTConnect.h>
@@ -13,6 +16,10 @@
 #include <array>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
+
+#include <fcl/geometry/geometric_shape_to_BVH_model.h>
+#include <fcl/narrowphase/continuous_collision.h>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/problems/problem_set.hpp>
@@ -44,12 +51,20 @@ class Fcl {
     collider_ = std::make_unique<ShapeCollider>(robot.description(), obstacles,
                                                 std::vector<AllowedContact>{});
     pose_ = collider_->make_pose();
+    const auto place = [&](double q) {
+      robot.link_poses(Configuration(robot.description().joints.size(), q), links_, scratch_);
+      return links_;
+    };
+    const auto before = place(0.1), after = place(0.4);
+    for (const CollisionShape& shape : robot.description().shapes) {
+      moves_.push_back(!before[idx(shape.link)].isApprox(after[idx(shape.link)], 1e-9));
+    }
   }
   [[nodiscard]] bool touches(std::span<const double> q) {
     robot_.link_poses(q, links_, scratch_);
     collider_->place(*pose_, links_, 0.0);
     for (int s = 0; s < collider_->shape_count(); ++s) {
-      if (robot_.description().shapes[idx(s)].link == 0) continue;  // no joint moves it
+      if (!moves_[idx(s)]) continue;
       if (collider_->gap_to_obstacles_m(s, *pose_, 1e-3) <= 0.0) return true;
     }
     for (int p = 0; p < collider_->pair_count(); ++p) {
@@ -63,6 +78,85 @@ class Fcl {
   std::unique_ptr<ShapeCollider> collider_;
   ShapeCollider::PosePtr pose_;
   std::vector<Transform> links_;
+  std::vector<bool> moves_;  ///< Shapes.
+  Scratch scratch_;
+};
+
+/// FCL's conservative advancement of each shape against each object of a scene.
+class FclContinuous {
+ public:
+  FclContinuous(const KinematicTree& robot, const Scene& scene) : robot_(robot) {
+    for (const CollisionShape& shape : robot.description().shapes) {
+      links_.push_back(mesh_of(shape.shape));
+    }
+    for (const SceneObject& object : scene.objects()) {
+      objects_.emplace_back(mesh_of(object.shape), object.T_world_object(0.0));
+    }
+  }
+  /// How long it looks at a straight motion, and whether it finds a contact.
+  [[nodiscard]] std::pair<double, bool> look(const Configuration& from, const Configuration& to) {
+    const double begin_ms = now_ms();
+    double longest_rad = 0.0;
+    for (std::size_t j = 0; j < from.size(); ++j) {
+      longest_rad = std::max(longest_rad, std::abs(to[j] - from[j]));
+    }
+    const int steps = std::max(1, static_cast<int>(std::ceil(longest_rad / 0.05)));
+    std::vector<Transform> before = poses(from, to, 0.0);
+    for (int i = 1; i <= steps; ++i) {
+      const std::vector<Transform> after = poses(from, to, static_cast<double>(i) / steps);
+      for (std::size_t s = 0; s < links_.size(); ++s) {
+        if (before[s].isApprox(after[s], 1e-12)) continue;
+        for (const auto& [object, T_world_object] : objects_) {
+          fcl::ContinuousCollisionRequestd request(20, 1e-4, fcl::CCDM_LINEAR, fcl::GST_LIBCCD,
+                                                   fcl::CCDC_CONSERVATIVE_ADVANCEMENT);
+          fcl::ContinuousCollisionResultd result;
+          fcl::continuousCollide(links_[s].get(), fcl::Transform3d(before[s].matrix()),
+                                 fcl::Transform3d(after[s].matrix()), object.get(),
+                                 fcl::Transform3d(T_world_object.matrix()),
+                                 fcl::Transform3d(T_world_object.matrix()), request, result);
+          if (result.is_collide) return {now_ms() - begin_ms, true};
+        }
+      }
+      before = after;
+    }
+    return {now_ms() - begin_ms, false};
+  }
+
+ private:
+  using BvhModel = fcl::BVHModel<fcl::OBBRSSd>;
+
+  [[nodiscard]] std::vector<Transform> poses(const Configuration& from, const Configuration& to,
+                                             double share) {
+    Configuration q = from;
+    for (std::size_t j = 0; j < q.size(); ++j) q[j] += share * (to[j] - from[j]);
+    std::vector<Transform> links(robot_.description().links.size()), shapes;
+    robot_.link_poses(q, links, scratch_);
+    for (const CollisionShape& shape : robot_.description().shapes) {
+      shapes.push_back(links[idx(shape.link)] * shape.T_link_shape);
+    }
+    return shapes;
+  }
+  /// Of meshes and boxes.
+  static std::shared_ptr<BvhModel> mesh_of(const Shape& shape) {
+    auto model = std::make_shared<BvhModel>();
+    if (const auto* const box = std::get_if<Box>(&shape)) {
+      fcl::generateBVHModel(*model, fcl::Boxd(box->size_m), fcl::Transform3d::Identity());
+      return model;
+    }
+    const Mesh& mesh = *std::get<std::shared_ptr<const Mesh>>(shape);
+    std::vector<fcl::Triangle> triangles;
+    for (const Eigen::Vector3i& t : mesh.triangles) {
+      triangles.emplace_back(idx(t[0]), idx(t[1]), idx(t[2]));
+    }
+    model->beginModel();
+    model->addSubModel({mesh.vertices_m.begin(), mesh.vertices_m.end()}, triangles);
+    model->endModel();
+    return model;
+  }
+
+  const KinematicTree& robot_;
+  std::vector<std::shared_ptr<BvhModel>> links_;
+  std::vector<std::pair<std::shared_ptr<BvhModel>, Transform>> objects_;
   Scratch scratch_;
 };
 
@@ -148,11 +242,19 @@ class Tally {
     }
   }
 
+  void add_continuous(double time_ms, bool touches) {
+    continuous_ms_.push_back(time_ms);
+    continuous_touches_ += touches ? 1 : 0;
+  }
+
   [[nodiscard]] int conclude() {
-    std::ranges::sort(times_ms_);
     if (times_ms_.empty()) return 1;
-    const auto at = [&](double share) {
-      return times_ms_[static_cast<std::size_t>(share * static_cast<double>(times_ms_.size() - 1))];
+    const auto print_times = [](const char* what, std::vector<double>& ms) {
+      std::ranges::sort(ms);
+      const auto at = [&](double share) {
+        return ms[static_cast<std::size_t>(share * static_cast<double>(ms.size() - 1))];
+      };
+      std::printf("%s: p50 %.2f ms, p95 %.2f ms, most %.2f ms\n", what, at(0.5), at(0.95), at(1.0));
     };
     const auto count = [&](Certification::Outcome outcome) {
       return counts_[static_cast<std::size_t>(outcome)];
@@ -165,7 +267,11 @@ class Tally {
         missed_, unconfirmed_);
     std::printf("%.1f parts a pair of shapes\n",
                 static_cast<double>(parts_) / static_cast<double>(pairs_));
-    std::printf("time: p50 %.2f ms, p95 %.2f ms, most %.2f ms\n", at(0.5), at(0.95), at(1.0));
+    print_times("time", times_ms_);
+    if (!continuous_ms_.empty()) {
+      print_times("FCL's continuous collision", continuous_ms_);
+      std::printf("which finds a contact in %d\n", continuous_touches_);
+    }
     return missed_ + unconfirmed_ == 0 ? 0 : 1;
   }
 
@@ -175,17 +281,18 @@ class Tally {
   std::size_t parts_ = 0, pairs_ = 0;
   std::array<int, 3> counts_{};
   int missed_ = 0, unconfirmed_ = 0;
-  std::vector<double> times_ms_;
+  std::vector<double> times_ms_, continuous_ms_;
+  int continuous_touches_ = 0;
 };
 
 /// Straight motions through worlds of 10 to 40 boxes with sides of 2 to 20 cm, between
 /// configurations that are clear.
-int study_random(const KinematicTree& robot, Tally& tally) {
+int study_random(const KinematicTree& robot, int worlds, bool with_continuous, Tally& tally) {
   std::mt19937_64 random(1);
   const auto draw = [&](double lower, double upper) {
     return std::uniform_real_distribution(lower, upper)(random);
   };
-  for (int world = 0; world < 100; ++world) {
+  for (int world = 0; world < worlds; ++world) {
     std::vector<SceneObject> objects;
     for (int i = 0; i < 10 * (1 << world % 3); ++i) {
       const Eigen::Vector3d p(draw(-0.9, 0.9), draw(-0.9, 0.9), draw(0.0, 1.1));
@@ -215,12 +322,23 @@ int study_random(const KinematicTree& robot, Tally& tally) {
       }
     } while (fcl.touches(to));
     tally.add("world " + std::to_string(world), scene, {from, to}, fcl);
+    if (!with_continuous) continue;
+    const auto [time_ms, touches] = FclContinuous(robot, scene).look(from, to);
+    tally.add_continuous(time_ms, touches);
   }
   return tally.conclude();
 }
 
 int study(const std::string& problems_folder, std::size_t most, double instant_rad) {
   testing_robot::Loader loader;
+  if (problems_folder.ends_with(".urdf")) {
+    const auto folder = std::filesystem::path(problems_folder).parent_path().string();
+    const auto robot = loader.load_or_fail(
+        "{urdf: " + problems_folder + ", base: fixed, tip_link: wrist_3_link, package_paths: [" +
+        folder + "]}");
+    Tally tally(*robot, instant_rad);
+    return study_random(*robot, static_cast<int>(most), true, tally);
+  }
   const auto robot = loader.load_or_fail(
       "{profile: panda, fixed_joints: {panda_finger_joint1: 0.065}, joint_limits: "
       "{panda_finger_joint1: {upper: 0.065}, panda_joint1: {lower: -2.9671, upper: 2.9671}, "
@@ -229,7 +347,7 @@ int study(const std::string& problems_folder, std::size_t most, double instant_r
       "0.0873}, panda_joint5: {lower: -2.9671, upper: 2.9671}, panda_joint6: {lower: -0.0873, "
       "upper: 3.8223}, panda_joint7: {lower: -2.9671, upper: 2.9671}}}");
   Tally tally(*robot, instant_rad);
-  if (problems_folder == "random") return study_random(*robot, tally);
+  if (problems_folder == "random") return study_random(*robot, 100, false, tally);
   const auto problems = read_problem_set(problems_folder, robot->description());
   if (!problems) {
     std::fprintf(stderr, "%s\n", problems.error().describe().c_str());

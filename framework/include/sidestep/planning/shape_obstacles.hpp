@@ -23,6 +23,12 @@ struct ShapeObstacles {
   std::optional<Floor> floor;          ///< That the robot stands on, if any.
 };
 
+/// Centres of the voxels in which a map says that there is something: where an obstacle is nearer
+/// than half a voxel, for those that are free are a whole one away, and where nothing is known if
+/// that counts as occupied. [any]; allocates.
+[[nodiscard]] SIDESTEP_EXPORT std::vector<Eigen::Vector3d> occupied_centres(
+    const DistanceField& field, Space unknown);
+
 /// A link that may touch an object of the scene, e.g. a wheel the floor.
 struct AllowedContact {
   std::string link;
