@@ -225,11 +225,10 @@ Parameters<CheckSettings> CheckSettings::parameters() {
       .add("allowed_contacts", &S::allowed_contacts,
            "Links that may touch an object of the true scene, as a robot's foot the floor that it "
            "stands on; where the scene is not known they say nothing.")
-      .add(
-          "certificate", &S::certificate,
-          "Whether each plan that passes, and each motion that a closed loop follows, leaves a "
-          "certificate, for sidestep_recheck: `file` in the run's folder `certificates`.",
-          {.choices = {"none", "file"}});
+      .add("certificate", &S::certificate,
+           "Whether each plan that passes, and each motion that a closed loop follows, leaves a "
+           "certificate, for sidestep_recheck: `file` in the run's folder `certificates`.",
+           {.choices = {"none", "file"}});
 }
 
 Parameters<AllowedContactEntry> AllowedContactEntry::parameters() {
