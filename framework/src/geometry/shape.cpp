@@ -69,7 +69,7 @@ constexpr double kFullSphere = 4.0 * std::numbers::pi;
 
 double with_sign(double squared_distance_m2, double winding) {
   const double distance_m = std::sqrt(squared_distance_m2);
-  return winding > 0.5 ? -distance_m : distance_m;
+  return std::abs(winding) > 0.5 ? -distance_m : distance_m;  // whichever way it is wound
 }
 
 /// Distance to the triangles signed by the generalised winding number, visiting all of them.

@@ -229,6 +229,8 @@ TEST(Certificates, KnowWhatIsInsideOfAClosedMesh) {
   const auto inside = certified(*crane(0.05), scene(), motion);
   ASSERT_EQ(inside.outcome, Outcome::kRefuted);
   EXPECT_NEAR(inside.witness->time_s, 0.0, 1e-9);
+  for (Eigen::Vector3i& triangle : mesh.triangles) std::swap(triangle[0], triangle[1]);
+  EXPECT_EQ(certified(*crane(0.05), scene(), motion).outcome, Outcome::kRefuted);
   mesh.triangles.pop_back();
   EXPECT_EQ(certified(*crane(0.05), scene(), motion).outcome, Outcome::kProven);
 }

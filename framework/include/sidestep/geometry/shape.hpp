@@ -48,7 +48,8 @@ using Shape = std::variant<Box, Sphere, Cylinder, Capsule, HalfSpace, std::share
 [[nodiscard]] std::string_view shape_name(const Shape& shape) noexcept;
 
 /// Exact signed Euclidean distance from a point in the shape's frame to its surface: negative
-/// inside. A mesh gives the distance to its triangles, signed by the winding number. [any]
+/// inside. A mesh gives the distance to its triangles, signed by the winding number,
+/// whichever way they are wound. [any]
 [[nodiscard]] double signed_distance_m(const Shape& shape, const Eigen::Vector3d& p_shape);
 
 /// A mesh with the tree that signed_distance_m() searches. Scale and move vertices before.
