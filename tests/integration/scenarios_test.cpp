@@ -141,7 +141,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST_F(HeadFault, OfACameraThatDoesNotAgreeWithTheLaserIsNamed) {
   const Finished finished =
       drive({"source.fault.kind=mount", "source.fault.turn_rad=[0, 0.0873, 0]",
-             "source.fault.from_s=5", "experiment.duration_s=12.5"},
+             "source.fault.from_s=10", "experiment.duration_s=14"},
             "sudden/living_room");
   EXPECT_NE(finished.error.find("camera and laser do not agree"), std::string::npos)
       << finished.error;
