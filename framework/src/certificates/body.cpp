@@ -72,27 +72,6 @@ struct Simplex {
   std::array<double, 4> weights{};
   int size = 0;
 
-  /// Sets the weights of the point of its plane (line, point) that is nearest to the origin; no
-  /// numbers where it is flat.
-  void weigh() {
-    const Eigen::Vector3d& p = points[0].p;
-    const auto edge = [&](int i) { return points[i].p - p; };
-    Eigen::Vector3d w = Eigen::Vector3d::Zero();
-    if (size == 2) {
-      w[0] = -edge(1).dot(p) / edge(1).squaredNorm();
-    } else if (size == 3) {
-      const double aa = edge(1).squaredNorm(), bb = edge(2).squaredNorm();
-      const double ab = edge(1).dot(edge(2)), det = aa * bb - ab * ab;
-      const double ap = -edge(1).dot(p), bp = -edge(2).dot(p);
-      w[0] = (bb * ap - ab * bp) / det;
-      w[1] = (aa * bp - ab * ap) / det;
-    } else if (size == 4) {
-      const Eigen::Vector3d bc = edge(2).cross(edge(3)), ca = edge(3).cross(edge(1));
-      const Eigen::Vector3d ab = edge(1).cross(edge(2));
-      w = -Eigen::Vector3d(bc.dot(p), ca.dot(p), ab.dot(p)) / edge(1).dot(bc);
-    }
-    weights = {1.0 - w.sum(), w[0], w[1], w[2]};
-  }
   [[nodiscard]] Eigen::Vector3d mean(Eigen::Vector3d Difference::*of) const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (int i = 0; i < size; ++i) sum += weights[i] * (points[i].*of);
@@ -101,26 +80,56 @@ struct Simplex {
 };
 
 /// The part of a simplex that has its point nearest to the origin inside, with that point's
-/// weights. Its last point is in it, as it is nearer than the part without was.
+/// weights; empty where all that have one are flat. Its last point is in it, as it is nearer than
+/// the part without was.
 Simplex nearest_part(const Simplex& simplex) {
-  Simplex best;
-  double least = std::numeric_limits<double>::infinity();
   const int others = simplex.size - 1;
-  for (int subset = 0; subset < 1 << others; ++subset) {
-    Simplex part;
-    for (int i = 0; i < others; ++i) {
-      if ((subset >> i & 1) != 0) part.points[part.size++] = simplex.points[i];
-    }
-    part.points[part.size++] = simplex.points[others];
-    part.weigh();
-    const auto weights = std::span(part.weights).first(part.size);
-    if (!std::ranges::all_of(weights, [](double w) { return w >= 0.0; })) continue;
-    const double distance = part.mean(&Difference::p).squaredNorm();
-    if (distance >= least) continue;
-    least = distance;
-    best = part;
+  const Eigen::Vector3d& last = simplex.points[others].p;
+  std::array<Eigen::Vector3d, 3> edges;
+  std::array<double, 3> back{};
+  std::array<std::array<double, 3>, 3> dots{};
+  for (int i = 0; i < others; ++i) {
+    edges[i] = simplex.points[i].p - last;
+    back[i] = -edges[i].dot(last);
+    for (int j = 0; j <= i; ++j) dots[j][i] = edges[i].dot(edges[j]);
   }
-  return best;
+  int best = -1;
+  std::array<double, 3> best_weights{};
+  double least = std::numeric_limits<double>::infinity();
+  for (int subset = 0; subset < 1 << others; ++subset) {
+    std::array<double, 3> w{};
+    if (subset == 7) {
+      const Eigen::Vector3d bc = edges[1].cross(edges[2]), ca = edges[2].cross(edges[0]);
+      const Eigen::Vector3d ab = edges[0].cross(edges[1]);
+      const double volume = -edges[0].dot(bc);
+      w = {bc.dot(last) / volume, ca.dot(last) / volume, ab.dot(last) / volume};
+    } else if (subset == 1 || subset == 2 || subset == 4) {
+      const int i = subset / 2;
+      w[i] = back[i] / dots[i][i];
+    } else if (subset != 0) {
+      const int i = subset == 6 ? 1 : 0, j = subset == 3 ? 1 : 2;
+      const double ii = dots[i][i], jj = dots[j][j], ij = dots[i][j], det = ii * jj - ij * ij;
+      w[i] = (jj * back[i] - ij * back[j]) / det;
+      w[j] = (ii * back[j] - ij * back[i]) / det;
+    }
+    if (!(w[0] >= 0.0 && w[1] >= 0.0 && w[2] >= 0.0 && w[0] + w[1] + w[2] <= 1.0)) continue;
+    Eigen::Vector3d p = last;
+    for (int i = 0; i < others; ++i) p += w[i] * edges[i];
+    if (!(p.squaredNorm() < least)) continue;
+    least = p.squaredNorm();
+    best = subset;
+    best_weights = w;
+  }
+  Simplex part;
+  if (best < 0) return part;
+  for (int i = 0; i < others; ++i) {
+    if ((best >> i & 1) == 0) continue;
+    part.points[part.size] = simplex.points[i];
+    part.weights[part.size++] = best_weights[i];
+  }
+  part.points[part.size] = simplex.points[others];
+  part.weights[part.size++] = 1.0 - best_weights[0] - best_weights[1] - best_weights[2];
+  return part;
 }
 
 double along_half(const Eigen::Vector3d& along, const Eigen::Vector3d& half) {
@@ -291,11 +300,16 @@ NearestPoints nearest_points(const PlacedBody& a, const PlacedBody& b, double ne
     return {p, p - std::max(0.0, height_m) * up, height_m <= 0.0, -up, std::max(0.0, height_m)};
   }
   Simplex simplex;
-  simplex.points[0] = lowest(a, b, along);
+  const Difference& first = simplex.points[0] = lowest(a, b, along);
   simplex.size = 1;
   simplex.weights[0] = 1.0;
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
   double most_m = 0.0;
+  if (const double apart_m = along.dot(first.p) / along.norm(); apart_m > 0.0) {
+    most_m = apart_m;
+    direction = along;
+    if (apart_m > wanted_m) return {first.of_a, first.of_b, false, direction, most_m};
+  }
   for (int step = 0; step < kSteps; ++step) {
     const Eigen::Vector3d v = simplex.mean(&Difference::p);
     const double distance_m = v.norm();

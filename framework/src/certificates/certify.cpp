@@ -404,16 +404,18 @@ class Certifier {
     };
     const double ways_m = way(a, pair.movers_a) + way(b, pair.movers_b);
     const double wanted_m = settings_.margin_m + ways_m + kRounding_m;
-    const auto is_apart = [&](const Eigen::Vector3i& direction) {
-      if (direction.isZero() || !(gap_m(a, b, direction.cast<double>()) > wanted_m)) return false;
-      open.direction = direction;
-      open.kind = Open::Kind::kApart;
-      return true;
-    };
     if (open.direction.isZero()) open.direction = written(b.centre() - a.centre());
-    if (is_apart(open.direction)) return true;
+    const Eigen::Vector3d along = open.direction.cast<double>();
     const NearestPoints nearest =
-        nearest_points(a, b, kNear_m + settings_.margin_m, wanted_m, open.direction.cast<double>());
+        nearest_points(a, b, kNear_m + settings_.margin_m, wanted_m, along);
+    if (nearest.apart_m > wanted_m) {
+      open.kind = Open::Kind::kApart;
+      if (nearest.direction == along) return true;
+      for (const double length : {kDirection, kLongDirection}) {
+        open.direction = written(nearest.direction, length);
+        if (gap_m(a, b, open.direction.cast<double>()) > wanted_m) return true;
+      }
+    }
     const bool is_near = nearest.distance_m() < std::max(settings_.margin_m, kRounding_m);
     if (is_near && !open.is_looked_at) {
       if (const auto met = contact(a, b)) {
@@ -423,12 +425,7 @@ class Certifier {
       }
       open.is_looked_at = true;
     }
-    if (!nearest.direction.isZero()) {
-      open.direction = written(nearest.direction);
-      if (is_apart(open.direction) || is_apart(written(nearest.direction, kLongDirection))) {
-        return true;
-      }
-    }
+    if (!nearest.direction.isZero()) open.direction = written(nearest.direction);
     const double extent_a_m = a.body->extent_m(a.share), extent_b_m = b.body->extent_m(b.share);
     // What is larger is halved; time, too, where that is likely to be enough.
     const double of_time_m = open.part.level == kDeepest        ? 0.0
