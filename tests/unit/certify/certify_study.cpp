@@ -2,7 +2,7 @@
 // are looked at where OMPL's defaults look, by FCL among the true shapes. Each proof is held
 // against FCL at instants so many rad of the fastest joint apart, each witness at its instant.
 //
-//   certify_study PROBLEMS|random|ROBOT.urdf [COUNT [INSTANT_RAD]]
+//   certify_study PROBLEMS|random|hard|ROBOT.urdf [COUNT [INSTANT_RAD]]
 //
 // With a URDF: its own robot, whose shapes are mostly meshes, in random worlds, and beside it what
 // FCL's continuous collision takes for the same motions, a rigid one for each 0.05 rad of them.
@@ -160,8 +160,9 @@ class FclContinuous {
   Scratch scratch_;
 };
 
-std::vector<Configuration> plan(const RobotDescription& robot, const SetProblem& problem,
-                                Fcl& fcl) {
+/// Simplified; empty where there is none within 10 s.
+std::vector<Configuration> plan(const RobotDescription& robot, const Eigen::VectorXd& q_start,
+                                const Eigen::VectorXd& q_goal, Fcl& fcl) {
   const auto space = std::make_shared<ob::RealVectorStateSpace>(robot.joints.size());
   ob::RealVectorBounds bounds(static_cast<unsigned>(robot.joints.size()));
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
@@ -176,8 +177,8 @@ std::vector<Configuration> plan(const RobotDescription& robot, const SetProblem&
   });
   ob::ScopedState<> start(space), goal(space);
   for (unsigned j = 0; j < robot.joints.size(); ++j) {
-    start[j] = problem.q_start[j];
-    goal[j] = problem.q_goal[j];
+    start[j] = q_start[j];
+    goal[j] = q_goal[j];
   }
   setup.setStartAndGoalStates(start, goal);
   setup.setPlanner(std::make_shared<og::RRTConnect>(setup.getSpaceInformation()));
@@ -215,8 +216,8 @@ class Tally {
   Tally(const KinematicTree& robot, double instant_rad)
       : robot_(robot), instant_rad_(instant_rad) {}
 
-  void add(const std::string& name, const Scene& scene, const std::vector<Configuration>& path,
-           Fcl& fcl) {
+  std::string_view add(const std::string& name, const Scene& scene,
+                       const std::vector<Configuration>& path, Fcl& fcl) {
     PolynomialMotion motion = testing_certify::straight(path);
     motion.has_times = false;
     const double begin_ms = now_ms();
@@ -240,6 +241,7 @@ class Tally {
       std::printf("undecided: %s: %s and %s from %.9f to %.9f s\n", name.c_str(), one.a.c_str(),
                   one.b.c_str(), one.from_s, one.to_s);
     }
+    return name_of(found->outcome);
   }
 
   void add_continuous(double time_ms, bool touches) {
@@ -284,6 +286,95 @@ class Tally {
   std::vector<double> times_ms_, continuous_ms_;
   int continuous_touches_ = 0;
 };
+
+/// What a hand has to be brought out of and into.
+struct HardWorld {
+  struct Slab {
+    Eigen::Vector3d middle_m, size_m;
+  };
+  const char* name = "";
+  std::vector<Slab> slabs;
+  Eigen::Vector3d from_m, to_m;  ///< The middles of cubes of 0.2 m.
+};
+
+/// Seven before an arm at the origin, as those are that ARMOUR and SPARROWS call hard. `open_m`:
+/// half of what is left open.
+std::vector<HardWorld> hard_worlds(double open_m) {
+  const double w = open_m, t = 0.04;
+  const auto bin = [&](double y) {
+    return std::vector<HardWorld::Slab>{{{0.5 - w, y, 0.15}, {t, 2 * w, 0.3}},
+                                        {{0.5 + w, y, 0.15}, {t, 2 * w, 0.3}},
+                                        {{0.5, y - w, 0.15}, {2 * w, t, 0.3}},
+                                        {{0.5, y + w, 0.15}, {2 * w, t, 0.3}}};
+  };
+  std::vector<HardWorld::Slab> bins = bin(-0.3), posts, shelves{{{0.8, 0, 0.5}, {t, 1, 1}}};
+  for (const HardWorld::Slab& side : bin(0.3)) bins.push_back(side);
+  for (const double y : {-3 * w, -w, w, 3 * w}) {
+    posts.push_back({{0.5, y, 0.5}, {t, t, 1.0}});
+  }
+  for (const double side : {-1.0, 1.0}) {
+    shelves.push_back({{0.65, side * 0.5, 0.5}, {0.3, t, 1.0}});
+    shelves.push_back({{0.65, 0.0, 0.5 + side * 2 * w}, {0.3, 1.0, t}});
+  }
+  shelves.push_back({{0.65, 0.0, 0.5}, {0.3, 1.0, t}});
+  return {
+      {"table", {{{0.6, 0, 0.35}, {0.6, 2 * w + 0.6, t}}}, {0.5, 0, 0.15}, {0.5, 0, 0.6}},
+      {"wall", {{{0.6, 0, 0.3}, {0.6, t, 0.9 - w}}}, {0.5, -0.3, 0.3}, {0.5, 0.3, 0.3}},
+      {"shelves", shelves, {0.55, 0, 0.5 - w}, {0.55, 0, 0.5 + w}},
+      {"posts", posts, {0.55, -2 * w, 0.5}, {0.55, 2 * w, 0.5}},
+      {"bins", bins, {0.5, -0.3, 0.25}, {0.5, 0.3, 0.25}},
+      {"window",
+       {{{0.5, 0.5 + w, 0.5}, {t, 1, 1}},
+        {{0.5, -0.5 - w, 0.5}, {t, 1, 1}},
+        {{0.5, 0, 0.25 - 0.5 * w}, {t, 2 * w, 0.5 - w}},
+        {{0.5, 0, 0.75 + 0.5 * w}, {t, 2 * w, 0.5 - w}}},
+       {0.35, 0.1, 0.5},
+       {0.6, 0, 0.5}},
+      {"slot",
+       {{{0.6, 0, 0.4 - w}, {0.6, 0.5, t}}, {{0.6, 0, 0.4 + w}, {0.6, 0.5, t}}},
+       {0.5, 0, 0.4},
+       {0.4, 0.45, 0.6}},
+  };
+}
+
+/// Paths of OMPL through 14 of them.
+int study_hard(const KinematicTree& robot, Tally& tally) {
+  std::mt19937_64 random(1);
+  Scratch scratch;
+  std::vector<Transform> links(robot.description().links.size());
+  const int hand = robot.description().link_index("panda_hand").value();
+  for (const double open_m : {0.2, 0.16}) {
+    for (const HardWorld& world : hard_worlds(open_m)) {
+      std::vector<SceneObject> objects;
+      for (const auto& [middle_m, size_m] : world.slabs) {
+        objects.push_back(testing_certify::object("slab", Box{size_m}, middle_m));
+      }
+      const Scene scene(objects);
+      Fcl fcl(robot, scene);
+      const auto clear_at = [&](const Eigen::Vector3d& middle_m) {
+        Eigen::VectorXd q(robot.description().dof());
+        do {
+          for (Eigen::Index j = 0; j < q.size(); ++j) {
+            const Joint& joint = robot.description().joints[idx(j)];
+            q[j] = std::uniform_real_distribution(joint.lower, joint.upper)(random);
+          }
+          robot.link_poses({q.data(), idx(q.size())}, links, scratch);
+        } while ((links[idx(hand)].translation() - middle_m).cwiseAbs().maxCoeff() > 0.1 ||
+                 fcl.touches({q.data(), idx(q.size())}));
+        return q;
+      };
+      const Eigen::VectorXd from = clear_at(world.from_m);
+      const auto path = plan(robot.description(), from, clear_at(world.to_m), fcl);
+      std::printf("%s, %.2f m open: ", world.name, 2 * open_m);
+      if (path.size() < 2) {
+        std::printf("no path\n");
+        continue;
+      }
+      std::printf("%s\n", tally.add(world.name, scene, path, fcl).data());
+    }
+  }
+  return tally.conclude();
+}
 
 /// Straight motions through worlds of 10 to 40 boxes with sides of 2 to 20 cm, between
 /// configurations that are clear.
@@ -347,18 +438,19 @@ int study(const std::string& problems_folder, std::size_t most, double instant_r
       "0.0873}, panda_joint5: {lower: -2.9671, upper: 2.9671}, panda_joint6: {lower: -0.0873, "
       "upper: 3.8223}, panda_joint7: {lower: -2.9671, upper: 2.9671}}}");
   Tally tally(*robot, instant_rad);
+  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  ompl::RNG::setSeed(1);
+  if (problems_folder == "hard") return study_hard(*robot, tally);
   if (problems_folder == "random") return study_random(*robot, 100, false, tally);
   const auto problems = read_problem_set(problems_folder, robot->description());
   if (!problems) {
     std::fprintf(stderr, "%s\n", problems.error().describe().c_str());
     return 2;
   }
-  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
-  ompl::RNG::setSeed(1);
   for (std::size_t i = 0; i < problems->size() && i < most; ++i) {
     const SetProblem& problem = (*problems)[i];
     Fcl fcl(*robot, *problem.scene);
-    const auto path = plan(robot->description(), problem, fcl);
+    const auto path = plan(robot->description(), problem.q_start, problem.q_goal, fcl);
     if (path.size() < 2) continue;
     tally.add(problem.family + " " + std::to_string(problem.index), *problem.scene, path, fcl);
   }
