@@ -38,11 +38,13 @@ class CsvMotion {
     std::ifstream in(file_);
     if (!in) return fail(ErrorCode::kIo, "cannot be read", file_.string());
     for (std::string text; std::getline(in, text);) {
-      ++line_;
+      if (++line_ == 1 && text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // a mark of UTF-8
       if (text.find_first_not_of(" \t\r") == std::string::npos || text[0] == '#') continue;
       SIDESTEP_TRY(columns_.empty() ? read_header(fields_of(text)) : read_row(fields_of(text)));
     }
-    if (samples_.times_s.size() < 2) return wrong("a motion has two lines of numbers at least");
+    if (samples_.times_s.size() < 2) {
+      return fail(ErrorCode::kConfig, "a motion has two lines of numbers at least", file_.string());
+    }
     return std::move(samples_);
   }
 
@@ -55,8 +57,9 @@ class CsvMotion {
     std::size_t joint = 0;
   };
 
-  [[nodiscard]] tl::unexpected<Error> wrong(const std::string& what) const {
-    return fail(ErrorCode::kConfig, what, file_.string() + ":" + std::to_string(line_));
+  [[nodiscard]] tl::unexpected<Error> wrong(const std::string& what,
+                                            const std::string& hint = "") const {
+    return fail(ErrorCode::kConfig, what, file_.string() + ":" + std::to_string(line_), hint);
   }
 
   [[nodiscard]] Result<void> read_header(const std::vector<std::string>& names) {
@@ -87,7 +90,8 @@ class CsvMotion {
     for (std::size_t j = 0; j < dof; ++j) {
       for (const Kind kind : {kPosition, kVelocity, kAcceleration}) {
         if (!wanted[kind] || found[kind][j] > 0) continue;
-        return wrong("there is no column " + robot_.joints[j].name + std::string(kSuffixes[kind]));
+        return wrong("there is no column " + robot_.joints[j].name + std::string(kSuffixes[kind]),
+                     kind == kPosition ? hint_to_hold(robot_.joints[j].name) : "");
       }
     }
     if (samples_.has_velocities && !samples_.has_times) {
@@ -108,7 +112,7 @@ class CsvMotion {
       const char* const end = fields[i].data() + fields[i].size();
       const auto read = std::from_chars(fields[i].data(), end, number);
       if (read.ec != std::errc() || read.ptr != end || !std::isfinite(number)) {
-        return wrong("'" + fields[i] + "' is not a number");
+        return wrong("field " + std::to_string(i + 1) + ", '" + fields[i] + "', is not a number");
       }
       const Column& column = columns_[i];
       (column.is_time ? time_s : state[column.joint][column.kind]) = number;
@@ -191,9 +195,14 @@ Result<std::vector<NamedSamples>> read_samples(const std::filesystem::path& file
     return fail(ErrorCode::kConfig, "the database of a benchmark of OMPL holds no paths",
                 file.string(), "have each run print its path, with printAsMatrix(), into a .txt");
   }
-  auto samples = kind == ".csv"                     ? CsvMotion(file, robot, format.step_s).read()
-                 : kind == ".npy" || kind == ".txt" ? read_rows(file, robot, format)
-                                                    : read_moveit_motion(file, robot);
+  const bool is_message = kind == ".yaml" || kind == ".yml" || kind == ".json";
+  if (!is_message && kind != ".csv" && kind != ".npy" && kind != ".txt") {
+    return fail(ErrorCode::kConfig, "a motion is .csv, .npy, .txt, .bag, or a message in .yaml",
+                file.string());
+  }
+  auto samples = kind == ".csv" ? CsvMotion(file, robot, format.step_s).read()
+                 : is_message   ? read_moveit_motion(file, robot)
+                                : read_rows(file, robot, format);
   if (!samples) return tl::make_unexpected(std::move(samples.error()));
   return std::vector{NamedSamples{file.string(), std::move(*samples)}};
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+
 #include "inputs.hpp"
 
 namespace sidestep {
@@ -26,11 +28,16 @@ struct MotionSamples {
 [[nodiscard]] Result<MotionSamples> read_moveit_motion(const std::filesystem::path& file,
                                                        const RobotDescription& robot);
 
-/// Where in a robot's joints those with these names are: all of them, each once. `where`: for
-/// messages.
-[[nodiscard]] Result<std::vector<std::size_t>> joint_order(const std::vector<std::string>& names,
-                                                           const RobotDescription& robot,
-                                                           const std::string& where);
+/// What to do where a motion leaves a joint out.
+[[nodiscard]] inline std::string hint_to_hold(const std::string& joint) {
+  return "where it does not move, say where it stays: --fixed " + joint + "=VALUE";
+}
+
+/// Where in a robot's joints those with these names are: all of them, each once. `where`: a name
+/// stands, by its number; all of them, without.
+[[nodiscard]] Result<std::vector<std::size_t>> joint_order(
+    const std::vector<std::string>& names, const RobotDescription& robot,
+    const std::function<std::string(std::optional<std::size_t>)>& where);
 
 /// Of rows of positions, in a .npy of NumPy or a path that OMPL has printed.
 [[nodiscard]] Result<MotionSamples> read_rows(const std::filesystem::path& file,

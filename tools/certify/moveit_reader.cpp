@@ -49,7 +49,12 @@ class MoveItMotion {
         return wrong(*many, "joints of several degrees of freedom are not read");
     }
     if (const Node* const joints = trajectory->find("joint_trajectory")) trajectory = joints;
-    SIDESTEP_TRY(read_names(*SIDESTEP_TRY(entry(*trajectory, "joint_names"))));
+    const Node& names = *SIDESTEP_TRY(entry(*trajectory, "joint_names"));
+    std::vector<std::string> listed;
+    for (const Node& name : names.items()) listed.push_back(name.text());
+    order_ = SIDESTEP_TRY(joint_order(listed, robot_, [&](std::optional<std::size_t> i) {
+      return (i ? names.items()[*i] : names).error("").where;
+    }));
     const Node& points = *SIDESTEP_TRY(entry(*trajectory, "points"));
     if (points.items().size() < 2) return wrong(points, "a motion has two points at least");
     const Node& first = points.items().front();
@@ -60,22 +65,6 @@ class MoveItMotion {
   }
 
  private:
-  [[nodiscard]] Result<void> read_names(const Node& names) {
-    for (const Node& name : names.items()) {
-      const auto joint = robot_.joint_index(name.text());
-      if (!joint)
-        return wrong(name, "robot '" + robot_.name + "' has no joint '" + name.text() + "'");
-      if (std::ranges::count(order_, idx(*joint)) > 0)
-        return wrong(name, "joint '" + name.text() + "' stands twice");
-      order_.push_back(idx(*joint));
-    }
-    for (std::size_t j = 0; j < robot_.joints.size(); ++j) {
-      if (std::ranges::count(order_, j) == 0)
-        return wrong(names, "joint '" + robot_.joints[j].name + "' is not among them");
-    }
-    return {};
-  }
-
   [[nodiscard]] Result<void> read_point(const Node& point) {
     MotionSamples::State state(order_.size());
     const auto read = [&](std::string_view key, std::size_t kind) -> Result<void> {

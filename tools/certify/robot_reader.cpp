@@ -90,6 +90,25 @@ Result<std::shared_ptr<const KinematicTree>> with_pairs(const KinematicTree& rob
       SIDESTEP_TRY(KinematicTree::create(std::move(description), robot.tree_joints())));
 }
 
+/// A robot that no longer plans for a joint, which stays where it is.
+Result<std::shared_ptr<const KinematicTree>> with_held(const KinematicTree& robot, int held,
+                                                       double value) {
+  RobotDescription description = robot.description();
+  description.joints.erase(description.joints.begin() + held);
+  description.poses.clear();
+  std::vector<TreeJoint> joints = robot.tree_joints();
+  for (TreeJoint& joint : joints) {
+    if (joint.joint == held) {
+      joint.joint = -1;
+      joint.offset += joint.multiplier * value;
+    } else if (joint.joint > held) {
+      --joint.joint;
+    }
+  }
+  return std::shared_ptr<const KinematicTree>(
+      SIDESTEP_TRY(KinematicTree::create(std::move(description), std::move(joints))));
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInput& input,
@@ -111,14 +130,31 @@ Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInp
     fixed.push_back(
         {text.substr(0, equals), mark, Node(Node::Scalar{text.substr(equals + 1), false}, mark)});
   }
-  if (!fixed.empty()) options.fixed_joints = Node(std::move(fixed), SourceMark{"command line"});
   Node::List packages;
   for (const auto& folder : input.package_paths) packages.push_back(said(folder.string()));
   if (!packages.empty()) {
     options.package_paths = Node(std::move(packages), SourceMark{"command line"});
   }
-  std::shared_ptr<const KinematicTree> robot =
-      SIDESTEP_TRY(urdf_robot::load_robot(options, context));
+  std::shared_ptr<const KinematicTree> robot;
+  // What a profile plans for is held afterwards, as the rest of it speaks of these joints.
+  Node::Map held;
+  if (!is_urdf) {
+    robot = SIDESTEP_TRY(urdf_robot::load_robot(options, context));
+    const auto others = std::ranges::stable_partition(fixed, [&](const Node::Entry& entry) {
+      return robot->description().joint_index(entry.key).has_value();
+    });
+    held.assign(fixed.begin(), others.begin());
+    fixed.erase(fixed.begin(), others.begin());
+  }
+  if (robot == nullptr || !fixed.empty()) {
+    if (!fixed.empty()) options.fixed_joints = Node(std::move(fixed), SourceMark{"command line"});
+    robot = SIDESTEP_TRY(urdf_robot::load_robot(options, context));
+  }
+  for (const auto& entry : held) {
+    const auto joint = robot->description().joint_index(entry.key);
+    if (!joint) return tl::make_unexpected(entry.value.error("stands twice"));
+    robot = SIDESTEP_TRY(with_held(*robot, *joint, SIDESTEP_TRY(entry.value.as_double())));
+  }
   if (!input.srdf && !is_urdf) return robot;
   if (!input.srdf) return with_pairs(*robot, pairs_but(*robot, {}, 2));
   const auto disabled = SIDESTEP_TRY(disabled_pairs(*input.srdf, robot->description(), is_urdf));

@@ -125,26 +125,25 @@ Result<Rows> read_printed(const fs::path& file, const std::string& text) {
 
 }  // namespace
 
-Result<std::vector<std::size_t>> joint_order(const std::vector<std::string>& names,
-                                             const RobotDescription& robot,
-                                             const std::string& where) {
+Result<std::vector<std::size_t>> joint_order(
+    const std::vector<std::string>& names, const RobotDescription& robot,
+    const std::function<std::string(std::optional<std::size_t>)>& where) {
   std::vector<std::size_t> order;
-  for (const std::string& name : names) {
-    const auto joint = robot.joint_index(name);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto joint = robot.joint_index(names[i]);
     if (!joint) {
-      return fail(ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + name + "'",
-                  where);
+      return fail(ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + names[i] + "'",
+                  where(i));
     }
     if (std::ranges::count(order, idx(*joint)) > 0) {
-      return fail(ErrorCode::kConfig, "joint '" + name + "' stands twice", where);
+      return fail(ErrorCode::kConfig, "joint '" + names[i] + "' stands twice", where(i));
     }
     order.push_back(idx(*joint));
   }
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     if (std::ranges::count(order, j) > 0) continue;
-    return fail(
-        ErrorCode::kConfig, "joint '" + robot.joints[j].name + "' is not among them", where,
-        "where it does not move, say where it stays: --fixed " + robot.joints[j].name + "=VALUE");
+    return fail(ErrorCode::kConfig, "joint '" + robot.joints[j].name + "' is not among them",
+                where({}), hint_to_hold(robot.joints[j].name));
   }
   return order;
 }
@@ -164,7 +163,8 @@ Result<MotionSamples> read_rows(const fs::path& file, const RobotDescription& ro
     return fail(ErrorCode::kConfig, "its columns have no names: say which joints they are",
                 file.string(), "--joints " + names);
   }
-  const auto order = SIDESTEP_TRY(joint_order(format.joints, robot, "--joints"));
+  const auto order =
+      SIDESTEP_TRY(joint_order(format.joints, robot, [](auto) { return "--joints"; }));
   MotionSamples samples;
   samples.has_times = format.step_s.has_value();
   for (const std::vector<double>& row : rows) {
@@ -175,8 +175,8 @@ Result<MotionSamples> read_rows(const fs::path& file, const RobotDescription& ro
     MotionSamples::State state(order.size());
     for (std::size_t i = 0; i < row.size(); ++i) {
       if (!std::isfinite(row[i])) {
-        return wrong(file, "row " + std::to_string(samples.states.size() + 1) +
-                               " holds a number that is not finite");
+        return wrong(file, ::sidestep::format("row %zu, column %zu is not a finite number",
+                                              samples.states.size() + 1, i + 1));
       }
       state[order[i]][0] = row[i];
     }

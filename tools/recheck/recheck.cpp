@@ -571,6 +571,7 @@ class Recheck {
 
 int recheck(const char* file) {
   std::ifstream in(file);
+  if (in.peek() == EOF) in.close();  // a folder
   try {
     const Recheck found(Json::parse(in));
     std::printf("%s: accepted (%zu pairs of shapes, %zu parts)\n", file, found.pairs, found.ends);
@@ -590,8 +591,7 @@ int main(int argc, char** argv) {
   if (argc < 2 || std::string(argv[1]) == "--help") {
     std::printf(
         "sidestep_recheck CERTIFICATE...\n"
-        "Accepts or refuses certificates of `sidestep certify --out`. Exit code 0: all are "
-        "accepted; 1: not; 4: one cannot be read.\n");
+        "Exit code 0: all certificates are accepted; 1: not; 4: one cannot be read.\n");
     return argc < 2 ? 2 : 0;
   }
   int worst = 0;

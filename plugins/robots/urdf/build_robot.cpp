@@ -47,7 +47,7 @@ Result<std::shared_ptr<const Mesh>> MeshFinder::load(const std::string& uri,
     std::string tried;
     for (const auto& file : files) tried += (tried.empty() ? "tried " : ", ") + file.string();
     return fail(ErrorCode::kNotFound, "the mesh '" + uri + "' is not there", mark.to_string(),
-                "name the folder of its package under 'package_paths'; " + tried);
+                "name the folder of its package, by 'package_paths' or --package-path; " + tried);
   }
   auto mesh = SIDESTEP_TRY(read_mesh(found->string()));
   for (Eigen::Vector3d& vertex : mesh.vertices_m) vertex = vertex.cwiseProduct(scale);

@@ -100,7 +100,7 @@ TEST_F(Inputs, ArraysThatAreNotRowsAreRefused) {
   EXPECT_THAT(mistake(rows("d.npy", "nothing of the kind")), HasSubstr("is no array of NumPy"));
   const std::string whole = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }",
                                 std::vector<double>{0.5, 0.0, std::nan(""), 1.0});
-  EXPECT_THAT(mistake(rows("e.npy", whole)), HasSubstr("row 2 holds a number that is not finite"));
+  EXPECT_THAT(mistake(rows("e.npy", whole)), HasSubstr("row 2, column 1 is not a finite number"));
   for (std::size_t length = 0; length < whole.size(); length += 3) {
     EXPECT_FALSE(rows("f.npy", whole.substr(0, length))) << length;
   }
@@ -294,6 +294,21 @@ TEST_F(Inputs, JointsStayWhereTheCommandSays) {
   const auto robot = read_certified_robot({urdf, {}, {"second=0.5"}, {}}, loader.context);
   ASSERT_TRUE(robot) << robot.error().describe();
   EXPECT_EQ((*robot)->description().dof(), 1);
+  // Of a profile also what it plans for: all links are where they are with the joint.
+  const auto whole = read_certified_robot({"panda", {}, {}, {}}, loader.context);
+  const auto held = read_certified_robot(
+      {"panda", {}, {"panda_joint4=-1.7", "panda_finger_joint1=0.01"}, {}}, loader.context);
+  const auto closed =
+      read_certified_robot({"panda", {}, {"panda_finger_joint1=0.01"}, {}}, loader.context);
+  ASSERT_TRUE(whole && held && closed) << mistake(held);
+  EXPECT_EQ((*held)->description().dof(), (*whole)->description().dof() - 1);
+  Scratch scratch;
+  std::vector<Transform> links((*held)->description().links.size()), same = links;
+  (*held)->link_poses(std::vector{0.1, 0.2, 0.3, 0.5, 0.6, 0.7}, links, scratch);
+  (*closed)->link_poses(std::vector{0.1, 0.2, 0.3, -1.7, 0.5, 0.6, 0.7}, same, scratch);
+  for (std::size_t i = 0; i < links.size(); ++i) EXPECT_TRUE(links[i].isApprox(same[i], 1e-12));
+  EXPECT_THAT(mistake(read_certified_robot({"panda", {}, {"panda_joint4=x"}, {}}, loader.context)),
+              HasSubstr("--fixed panda_joint4=x"));
   EXPECT_THAT(mistake(read_certified_robot({urdf, {}, {"second"}, {}}, loader.context)),
               HasSubstr("'second' is not JOINT=VALUE"));
   EXPECT_THAT(mistake(read_certified_robot({urdf, {}, {"third=1"}, {}}, loader.context)),

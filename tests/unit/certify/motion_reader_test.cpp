@@ -9,6 +9,7 @@
 namespace sidestep {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 class Motions : public ::testing::Test {
@@ -50,6 +51,10 @@ TEST_F(Motions, AreJoinedLinearlyInWhateverOrderTheColumnsStand) {
   EXPECT_TRUE(motion->has_times);
 }
 
+TEST_F(Motions, MayBeginWithAMarkOfUtf8) {
+  EXPECT_TRUE(read("\xEF\xBB\xBFtime_s,turn,slide\n0,0,0.5\n1,1,0.5\n"));
+}
+
 TEST_F(Motions, WithVelocitiesAreCubics) {
   const auto motion =
       read("time_s,turn,slide,turn.velocity,slide.velocity\n0,0,0.5,1,0\n2,1,0.5,0,0\n");
@@ -77,17 +82,20 @@ TEST_F(Motions, WithoutTimesAreWaypoints) {
 }
 
 TEST_F(Motions, NameFileAndLineOfWhatIsWrong) {
-  EXPECT_THAT(mistake("time_s,turn\n0,0\n1,1\n"), HasSubstr("there is no column slide"));
+  EXPECT_THAT(mistake("time_s,turn\n0,0\n1,1\n"),
+              AllOf(HasSubstr("there is no column slide"), HasSubstr("--fixed slide=VALUE")));
   EXPECT_THAT(mistake("time_s,turn,slide,elbow\n"), HasSubstr("has no joint 'elbow'"));
   EXPECT_THAT(mistake("turn,turn,slide\n"), HasSubstr("column turn stands twice"));
   EXPECT_THAT(mistake("time_s,turn,slide\n0,0,0.5\n0,1,0.5\n"),
               HasSubstr("motion.csv:3: time does not go on"));
   EXPECT_THAT(mistake("time_s,turn,slide\n0,0,0.5\n1,nan,0.5\n"),
-              HasSubstr("'nan' is not a number"));
+              HasSubstr("field 2, 'nan', is not a number"));
   EXPECT_THAT(mistake("time_s,turn,slide\n0,0,0.5\n1,1\n"), HasSubstr("2 fields where"));
   EXPECT_THAT(mistake("time_s,turn,slide\n0,0,0.5\n"), HasSubstr("two lines"));
   EXPECT_THAT(mistake("turn,slide,turn.velocity\n"), HasSubstr("no column slide.velocity"));
-  EXPECT_THAT(mistake(""), HasSubstr("two lines"));
+  EXPECT_THAT(mistake(""), HasSubstr("motion.csv: a motion has two lines"));
+  EXPECT_THAT(only(folder_.write("motion.xyz", "1 2 3")).error().describe(),
+              HasSubstr("a motion is .csv, "));
 }
 
 constexpr const char* kTrajectory = R"(joint_trajectory:
