@@ -1,6 +1,8 @@
 #include <sidestep/certificates/certify.hpp>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -14,7 +16,6 @@
 namespace sidestep {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using polynomials::Coefficients;
 using polynomials::derivative;
 using polynomials::negative;
@@ -370,14 +371,12 @@ class Certifier {
     }
     found_.parts += (tree.size() + 1) / 2;
     if (!settings_.wants_certificate) return;
-    Json claim = {{"shape", pair.a}};
-    if (pair.b) {
-      claim["other"] = *pair.b;
-    } else {
-      claim["object"] = pair.object - objects_.data();
-    }
-    claim["parts"] = written(tree, 0);
-    claims_.push_back(std::move(claim));
+    claims_ += claims_.empty() ? "{\"shape\":" : ",{\"shape\":";
+    claims_ += std::to_string(pair.a) + (pair.b ? ",\"other\":" : ",\"object\":");
+    claims_ += std::to_string(pair.b ? *pair.b : idx(pair.object - objects_.data()));
+    claims_ += ",\"parts\":";
+    write(tree, 0);
+    claims_ += '}';
   }
 
   bool starts_inside(const Pair& pair) {
@@ -438,19 +437,25 @@ class Certifier {
     return false;
   }
 
-  static Json written(const std::vector<Open>& tree, std::size_t i) {
+  /// Of a tree, as JSON.
+  void write(const std::vector<Open>& tree, std::size_t i) {
     const Open& open = tree[i];
-    const Eigen::Vector3i& n = open.direction;
-    const auto halved = [&](const char* what) {
-      return Json::array({what, written(tree, open.halves), written(tree, open.halves + 1)});
-    };
-    switch (open.kind) {
-      case Open::Kind::kApart: return Json::array({n.x(), n.y(), n.z()});
-      case Open::Kind::kTime: return halved("time");
-      case Open::Kind::kShareOfA: return halved("first");
-      case Open::Kind::kShareOfB: return halved("second");
+    if (open.kind == Open::Kind::kApart) {
+      for (const int k : {0, 1, 2}) {
+        claims_ += k == 0 ? '[' : ',';
+        std::array<char, 16> digits;
+        const auto end = std::to_chars(digits.begin(), digits.end(), open.direction[k]);
+        claims_.append(digits.data(), end.ptr);
+      }
+    } else {
+      claims_ += open.kind == Open::Kind::kTime       ? "[\"time\","
+                 : open.kind == Open::Kind::kShareOfA ? "[\"first\","
+                                                      : "[\"second\",";
+      write(tree, open.halves);
+      claims_ += ',';
+      write(tree, open.halves + 1);
     }
-    return {};
+    claims_ += ']';
   }
 
   void conclude() {
@@ -459,9 +464,9 @@ class Certifier {
                      : found_.undecided.empty() ? Outcome::kProven
                                                 : Outcome::kUndecided;
     if (found_.outcome != Outcome::kProven || !settings_.wants_certificate) return;
-    Json certificate = claimed(robot_, shapes_, objects_, motion_, settings_.margin_m);
-    certificate["claims"] = std::move(claims_);
-    found_.certificate = certificate.dump();
+    found_.certificate = claimed(robot_, shapes_, objects_, motion_, settings_.margin_m).dump();
+    found_.certificate.back() = ',';
+    found_.certificate += "\"claims\":[" + claims_ + "]}";
   }
 
   const KinematicTree& robot_;
@@ -475,7 +480,7 @@ class Certifier {
   std::vector<Body> shapes_;
   std::vector<CertifiedObject> objects_;
   std::vector<Open> tree_;  ///< Of the pair that is looked at.
-  Json claims_ = Json::array();
+  std::string claims_;
   Certification found_;
 };
 

@@ -2,7 +2,9 @@
 // are looked at where OMPL's defaults look, by FCL among the true shapes. Each proof is held
 // against FCL at instants so many rad of the fastest joint apart, each witness at its instant.
 //
-//   certify_study PROBLEMS|random|hard|ROBOT.urdf [COUNT [INSTANT_RAD]]
+//   certify_study PROBLEMS|random|hard|ROBOT.urdf [COUNT [INSTANT_RAD [FOLDER]]]
+//
+// FOLDER, which must be there, is left the certificates. Times are with them.
 //
 // With a URDF: its own robot, whose shapes are mostly meshes, in random worlds, and beside it what
 // FCL's continuous collision takes for the same motions, a rigid one for each 0.05 rad of them.
@@ -17,10 +19,12 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 
 #include <fcl/geometry/geometric_shape_to_BVH_model.h>
 #include <fcl/narrowphase/continuous_collision.h>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 #include <sidestep/problems/problem_set.hpp>
 
@@ -213,20 +217,24 @@ bool touches(const std::vector<Configuration>& path, double instant_rad, Fcl& fc
 /// Verdicts on paths, each held against FCL.
 class Tally {
  public:
-  Tally(const KinematicTree& robot, double instant_rad)
-      : robot_(robot), instant_rad_(instant_rad) {}
+  Tally(const KinematicTree& robot, double instant_rad, std::string folder)
+      : robot_(robot), instant_rad_(instant_rad), folder_(std::move(folder)) {}
 
   std::string_view add(const std::string& name, const Scene& scene,
                        const std::vector<Configuration>& path, Fcl& fcl) {
     PolynomialMotion motion = testing_certify::straight(path);
     motion.has_times = false;
     const double begin_ms = now_ms();
-    const auto found = certify(robot_, {scene, {}, {}}, motion, {});
+    const auto found = certify(robot_, {scene, {}, {}}, motion, {.wants_certificate = true});
     times_ms_.push_back(now_ms() - begin_ms);
     if (!found) throw std::runtime_error(found.error().describe());
     parts_ += found->parts;
     pairs_ += found->pairs;
     ++counts_[static_cast<std::size_t>(found->outcome)];
+    if (!folder_.empty() && !found->certificate.empty()) {
+      std::ofstream(folder_ + format("/%zu ", times_ms_.size()) + name + ".json")
+          << found->certificate;
+    }
     if (const auto& witness = found->witness) {
       const auto k = std::min(static_cast<std::size_t>(witness->time_s), path.size() - 2);
       Configuration q = path[k];
@@ -280,6 +288,7 @@ class Tally {
  private:
   const KinematicTree& robot_;
   double instant_rad_;
+  std::string folder_;  ///< For certificates; empty: none.
   std::size_t parts_ = 0, pairs_ = 0;
   std::array<int, 3> counts_{};
   int missed_ = 0, unconfirmed_ = 0;
@@ -420,14 +429,15 @@ int study_random(const KinematicTree& robot, int worlds, bool with_continuous, T
   return tally.conclude();
 }
 
-int study(const std::string& problems_folder, std::size_t most, double instant_rad) {
+int study(const std::string& problems_folder, std::size_t most, double instant_rad,
+          const std::string& certificates) {
   testing_robot::Loader loader;
   if (problems_folder.ends_with(".urdf")) {
     const auto folder = std::filesystem::path(problems_folder).parent_path().string();
     const auto robot = loader.load_or_fail(
         "{urdf: " + problems_folder + ", base: fixed, tip_link: wrist_3_link, package_paths: [" +
         folder + "]}");
-    Tally tally(*robot, instant_rad);
+    Tally tally(*robot, instant_rad, certificates);
     return study_random(*robot, static_cast<int>(most), true, tally);
   }
   const auto robot = loader.load_or_fail(
@@ -437,7 +447,7 @@ int study(const std::string& problems_folder, std::size_t most, double instant_r
       "panda_joint3: {lower: -2.9671, upper: 2.9671}, panda_joint4: {lower: -3.1416, upper: "
       "0.0873}, panda_joint5: {lower: -2.9671, upper: 2.9671}, panda_joint6: {lower: -0.0873, "
       "upper: 3.8223}, panda_joint7: {lower: -2.9671, upper: 2.9671}}}");
-  Tally tally(*robot, instant_rad);
+  Tally tally(*robot, instant_rad, certificates);
   ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
   ompl::RNG::setSeed(1);
   if (problems_folder == "hard") return study_hard(*robot, tally);
@@ -463,5 +473,6 @@ int study(const std::string& problems_folder, std::size_t most, double instant_r
 int main(int argc, char** argv) {
   if (argc < 2) return 2;
   const std::size_t most = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 100000;
-  return sidestep::study(argv[1], most, argc > 3 ? std::strtod(argv[3], nullptr) : 1e-3);
+  return sidestep::study(argv[1], most, argc > 3 ? std::strtod(argv[3], nullptr) : 1e-3,
+                         argc > 4 ? argv[4] : "");
 }
