@@ -49,7 +49,10 @@ class Certifier {
     SIDESTEP_TRY(check_input());
     find_movers();
     if (breaks_limit()) return std::move(found_);
-    for (const CollisionShape& shape : description_.shapes) shapes_.emplace_back(shape.shape);
+    for (const CollisionShape& shape : description_.shapes) {
+      shapes_.emplace_back(shape.shape);
+      carriers_.push_back(carriers_of(shape));
+    }
     for (const SceneObject& object : scene_.scene.objects()) {
       objects_.push_back({object.name, Body(object.shape), object.T_world_object(0.0), {}});
     }
@@ -68,13 +71,12 @@ class Certifier {
   }
 
  private:
-  /// Two bodies, and the links between each and the last one that carries both (none: the world)
-  /// that joints move, the farthest out first.
+  /// Two bodies, and how many of what carries each do not carry both.
   struct Pair {
     std::size_t a = 0;             ///< A shape.
     std::optional<std::size_t> b;  ///< Another one; else `object` is it.
     const CertifiedObject* object = nullptr;
-    std::vector<int> movers_a, movers_b;
+    std::size_t carriers_a = 0, carriers_b = 0;
   };
   /// A part of the motion: from index / 2^level of it on.
   struct Part {
@@ -87,6 +89,9 @@ class Certifier {
     double time_s = 0.0;
     std::vector<Transform> links;
     std::vector<double> ways;
+    /// How far any point of a shape may come within the part by the first of its carriers, by the
+    /// first two, and so on; empty until it is asked for.
+    std::vector<std::vector<double>> ways_m;
   };
 
   [[nodiscard]] Result<void> check_input() const {
@@ -146,12 +151,16 @@ class Certifier {
       moves_.push_back(joints[k].motion != TreeJoint::Motion::kFixed && joints[k].joint >= 0);
     }
   }
-  [[nodiscard]] std::vector<int> movers_of(int link, int end) const {
-    std::vector<int> movers;
-    for (; link != end && link >= 0; link = description_.links[idx(link)].parent) {
-      if (moves_[idx(link)]) movers.push_back(link);
+  /// The links that joints move, from that of a shape inwards.
+  [[nodiscard]] std::vector<int> carriers_of(const CollisionShape& shape) const {
+    std::vector<int> carriers;
+    for (int link = shape.link; link >= 0; link = description_.links[idx(link)].parent) {
+      if (moves_[idx(link)]) carriers.push_back(link);
     }
-    return movers;
+    return carriers;
+  }
+  [[nodiscard]] std::size_t count_beyond(int link, std::size_t shape) const {
+    return idx(std::ranges::count_if(carriers_[shape], [=](int one) { return one > link; }));
   }
   [[nodiscard]] int common_ancestor(int a, int b) const {
     while (a != b) {  // parents come before their children
@@ -197,7 +206,7 @@ class Certifier {
     return {length_s * index, length_s * (index + 1.0)};
   }
 
-  const Instant& instant(const Part& part) {
+  Instant& instant(const Part& part) {
     const auto [known, is_new] = instants_.try_emplace(part);
     Instant& instant = known->second;
     if (!is_new) return instant;
@@ -216,6 +225,7 @@ class Certifier {
     }
     instant.links.resize(description_.links.size());
     robot_.link_poses(q, instant.links, scratch_);
+    instant.ways_m.resize(shapes_.size());
     instant.ways.assign(q.size(), 0.0);
     auto piece = std::upper_bound(pieces.begin(), pieces.end(), from_s, after);
     for (; piece != pieces.end() && piece->begin_s <= to_s; ++piece) {
@@ -233,31 +243,31 @@ class Certifier {
     return instant;
   }
 
-  /// How far any point of a ball fixed to the first of `movers` may come within a part.
-  [[nodiscard]] double way_m(const Instant& instant, const std::vector<int>& movers,
-                             const Eigen::Vector3d& centre_m, double radius_m) const {
+  const std::vector<double>& ways_m(Instant& instant, std::size_t shape) {
+    std::vector<double>& ways_m = instant.ways_m[shape];
+    if (!ways_m.empty()) return ways_m;
+    const CollisionShape& of = description_.shapes[shape];
+    const Eigen::Vector3d centre_m = instant.links[idx(of.link)] * of.T_link_shape.translation();
     double sum_m = 0.0;
-    for (const int link : movers) {
+    for (const int link : carriers_[shape]) {
       const TreeJoint& joint = robot_.tree_joints()[idx(link)];
       const double turn = std::abs(joint.multiplier) * instant.ways[idx(joint.joint)];
-      if (joint.motion != TreeJoint::Motion::kRotation) {
-        sum_m += turn;
-        continue;
-      }
       const Transform& T = instant.links[idx(link)];
       const Eigen::Vector3d axis = T.linear() * joint.axis;
-      sum_m += turn * ((centre_m - T.translation()).cross(axis).norm() + radius_m + sum_m);
+      const double arm_m = (centre_m - T.translation()).cross(axis).norm();
+      const bool is_turn = joint.motion == TreeJoint::Motion::kRotation;
+      sum_m += is_turn ? turn * (arm_m + shapes_[shape].reach_m() + sum_m) : turn;
+      ways_m.push_back(sum_m);
     }
-    return sum_m;
+    return ways_m;
   }
 
   void show_all() {
     for (std::size_t s = 0; s < shapes_.size(); ++s) {
-      const std::vector<int> movers = movers_of(description_.shapes[s].link, -1);
-      if (movers.empty()) continue;  // what no joint moves
+      if (carriers_[s].empty()) continue;  // what no joint moves
       for (std::size_t o = 0; o < objects_.size() && !found_.witness; ++o) {
         if (std::ranges::count(objects_[o].may_touch, description_.shapes[s].link) > 0) continue;
-        show({.a = s, .object = &objects_[o], .movers_a = movers});
+        show({.a = s, .object = &objects_[o], .carriers_a = carriers_[s].size()});
       }
     }
     for (const auto& [a, b] : description_.self_collision_pairs) {
@@ -265,8 +275,10 @@ class Certifier {
       for (std::size_t s = 0; s < shapes_.size(); ++s) {
         for (std::size_t t = 0; t < shapes_.size() && !found_.witness; ++t) {
           if (description_.shapes[s].link != a || description_.shapes[t].link != b) continue;
-          show(
-              {.a = s, .b = t, .movers_a = movers_of(a, common), .movers_b = movers_of(b, common)});
+          show({.a = s,
+                .b = t,
+                .carriers_a = count_beyond(common, s),
+                .carriers_b = count_beyond(common, t)});
         }
       }
     }
@@ -391,18 +403,15 @@ class Certifier {
   /// Shows two shares apart in a part; else says by what they are to be halved, or has found a
   /// contact.
   bool show(const Pair& pair, Open& open) {
-    const Instant& at = instant(open.part);
+    Instant& at = instant(open.part);
     auto placed = place(pair, at);
     auto& a = placed.first;
     auto& b = placed.second;
     a.share = open.a;
     b.share = open.b;
-    const auto way = [&](const PlacedBody& of, const std::vector<int>& movers) {
-      if (movers.empty()) return 0.0;
-      return way_m(at, movers, of.T_world_body.translation(), of.body->reach_m());
-    };
-    const double ways_m = way(a, pair.movers_a) + way(b, pair.movers_b);
-    const double wanted_m = settings_.margin_m + ways_m + kRounding_m;
+    double way_m = pair.carriers_a > 0 ? ways_m(at, pair.a)[pair.carriers_a - 1] : 0.0;
+    if (pair.carriers_b > 0) way_m += ways_m(at, *pair.b)[pair.carriers_b - 1];
+    const double wanted_m = settings_.margin_m + way_m + kRounding_m;
     if (open.direction.isZero()) open.direction = written(b.centre() - a.centre());
     const Eigen::Vector3d along = open.direction.cast<double>();
     const NearestPoints nearest =
@@ -429,7 +438,7 @@ class Certifier {
     // What is larger is halved; time, too, where that is likely to be enough.
     const double of_time_m = open.part.level == kDeepest        ? 0.0
                              : nearest.apart_m > 0.5 * wanted_m ? kMost
-                                                                : ways_m;
+                                                                : way_m;
     const bool is_of_shares = std::max(extent_a_m, extent_b_m) > of_time_m;
     open.kind = !is_of_shares             ? Open::Kind::kTime
                 : extent_a_m > extent_b_m ? Open::Kind::kShareOfA
@@ -478,6 +487,7 @@ class Certifier {
   std::map<Part, Instant> instants_;
   Scratch scratch_;
   std::vector<Body> shapes_;
+  std::vector<std::vector<int>> carriers_;  ///< Of each shape.
   std::vector<CertifiedObject> objects_;
   std::vector<Open> tree_;  ///< Of the pair that is looked at.
   std::string claims_;
