@@ -79,10 +79,10 @@ struct Simplex {
   }
 };
 
-/// The part of a simplex that has its point nearest to the origin inside, with that point's
-/// weights; empty where all that have one are flat. Its last point is in it, as it is nearer than
-/// the part without was.
-Simplex nearest_part(const Simplex& simplex) {
+/// Leaves of a simplex the part that has its point nearest to the origin inside, with that point's
+/// weights. Its last point is in it, as it is nearer than the part without was. False where no part
+/// comes nearer than `distance`.
+bool keep_nearest_part(Simplex& simplex, double distance) {
   const int others = simplex.size - 1;
   const Eigen::Vector3d& last = simplex.points[others].p;
   std::array<Eigen::Vector3d, 3> edges;
@@ -95,7 +95,7 @@ Simplex nearest_part(const Simplex& simplex) {
   }
   int best = -1;
   std::array<double, 3> best_weights{};
-  double least = std::numeric_limits<double>::infinity();
+  double least = distance * distance;
   for (int subset = 0; subset < 1 << others; ++subset) {
     std::array<double, 3> w{};
     if (subset == 7) {
@@ -120,16 +120,15 @@ Simplex nearest_part(const Simplex& simplex) {
     best = subset;
     best_weights = w;
   }
-  Simplex part;
-  if (best < 0) return part;
-  for (int i = 0; i < others; ++i) {
-    if ((best >> i & 1) == 0) continue;
-    part.points[part.size] = simplex.points[i];
-    part.weights[part.size++] = best_weights[i];
+  if (best < 0) return false;
+  simplex.size = 0;
+  for (int i = 0; i <= others; ++i) {
+    if (i < others && (best >> i & 1) == 0) continue;
+    if (i != simplex.size) simplex.points[simplex.size] = simplex.points[i];
+    simplex.weights[simplex.size++] =
+        i < others ? best_weights[i] : 1.0 - best_weights[0] - best_weights[1] - best_weights[2];
   }
-  part.points[part.size] = simplex.points[others];
-  part.weights[part.size++] = 1.0 - best_weights[0] - best_weights[1] - best_weights[2];
-  return part;
+  return true;
 }
 
 double along_half(const Eigen::Vector3d& along, const Eigen::Vector3d& half) {
@@ -323,12 +322,10 @@ NearestPoints nearest_points(const PlacedBody& a, const PlacedBody& b, double ne
     if (v.dot(next.p) > (wanted_m + kRoundedDirection) * distance_m) break;  // and here they are
     if (v.dot(v - next.p) <= 1e-12 * distance_m) break;
     simplex.points[simplex.size++] = next;
-    Simplex nearer = nearest_part(simplex);
-    if (nearer.size == 0 || !(nearer.mean(&Difference::p).norm() < distance_m)) {
+    if (!keep_nearest_part(simplex, distance_m)) {
       --simplex.size;
       break;
     }
-    simplex = nearer;
   }
   const Eigen::Vector3d p_a = simplex.mean(&Difference::of_a);
   const Eigen::Vector3d p_b = simplex.mean(&Difference::of_b);
