@@ -124,7 +124,24 @@ TEST_F(CertifyCommand, NamesWhatIsWrong) {
   EXPECT_THAT(jumps.error, HasSubstr("motion.csv:3: time does not go on"));
   const Finished fast = certify("0,0,0,0,-1,0,1,0\n0.01,1,0,0,-1,0,1,0\n");
   EXPECT_EQ(fast.exit_code, 1);
-  EXPECT_THAT(fast.out, HasSubstr("refuted: panda_joint1 breaks its velocity limit at"));
+  EXPECT_THAT(fast.out, HasSubstr("refuted: panda_joint1 breaks its velocity limit of 2.175 at"));
+  const Finished json = certify("0,0,0,0,-1,0,1,0\n0,1,0,0,-1,0,1,0\n", {"--json"});
+  EXPECT_THAT(Json::parse(json.out)["error"].get<std::string>(), HasSubstr("motion.csv:3"));
+}
+
+/// Whatever is asked for: no input is written over, and no earlier certificate stays.
+TEST_F(CertifyCommand, LosesNothingAndLeavesNothingOld) {
+  const std::string rows = "0,0,-0.785,0,-2.356,0,1.571,0.785\n2,-1,-0.3,0,-2,0,1.571,0.785\n";
+  for (const char* input : {"motion.csv", "scene.yaml"}) {
+    const Finished done = certify(rows, {"--out", (folder_.path() / input).string()});
+    EXPECT_EQ(done.exit_code, 2);
+    EXPECT_THAT(done.error, HasSubstr("is read, and --out would overwrite it"));
+    EXPECT_GT(std::filesystem::file_size(folder_.path() / input), 50U);
+  }
+  EXPECT_EQ(certify(rows, {"--out", folder_.path().string()}).exit_code, 2);
+  const std::string old = folder_.write("old.json", "{}").string();
+  EXPECT_EQ(certify("0,0,nan,0,-1,0,1,0\n", {"--out", old}).exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(old));
 }
 
 }  // namespace

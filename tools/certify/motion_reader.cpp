@@ -78,7 +78,7 @@ class CsvMotion {
                         : name.ends_with(kSuffixes[kAcceleration]) ? kAcceleration
                                                                    : kPosition;
       const auto joint = robot_.joint_index(name.substr(0, name.size() - kSuffixes[kind].size()));
-      if (!joint) return wrong("robot '" + robot_.name + "' has no joint '" + name + "'");
+      if (!joint) return wrong(no_such_joint(robot_, name), hint_of_joints(robot_));
       if (++found[kind][idx(*joint)] > 1) return wrong("column " + name + " stands twice");
       columns_.push_back({.kind = kind, .joint = idx(*joint)});
     }

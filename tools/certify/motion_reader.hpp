@@ -28,6 +28,18 @@ struct MotionSamples {
 [[nodiscard]] Result<MotionSamples> read_moveit_motion(const std::filesystem::path& file,
                                                        const RobotDescription& robot);
 
+[[nodiscard]] inline std::string listed_joints(const RobotDescription& robot) {
+  std::string names;
+  for (const Joint& joint : robot.joints) names += (names.empty() ? "" : ",") + joint.name;
+  return names;
+}
+[[nodiscard]] inline std::string no_such_joint(const RobotDescription& robot,
+                                               const std::string& name) {
+  return "robot '" + robot.name + "' moves no joint '" + name + "'";
+}
+[[nodiscard]] inline std::string hint_of_joints(const RobotDescription& robot) {
+  return "it moves " + listed_joints(robot) + "; its profile or --fixed holds the others";
+}
 /// What to do where a motion leaves a joint out.
 [[nodiscard]] inline std::string hint_to_hold(const std::string& joint) {
   return "where it does not move, say where it stays: --fixed " + joint + "=VALUE";

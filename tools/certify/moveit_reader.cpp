@@ -35,10 +35,14 @@ class MoveItMotion {
 
   [[nodiscard]] Result<MotionSamples> read() {
     const Node* trajectory = &message_;
-    if (const Node* const start = message_.find("trajectory_start");
-        start != nullptr && has_items(*start, "attached_collision_objects")) {
-      return wrong(*start->find("attached_collision_objects"),
-                   "what the robot carries is read from the scene alone, and would be left out");
+    const Node* const start = message_.find("trajectory_start");
+    if (start != nullptr && has_items(*start, "attached_collision_objects")) {
+      for (const Node& attached : start->find("attached_collision_objects")->items()) {
+        const Node* const object = attached.find("object");
+        const Node* const id = object != nullptr ? object->find("id") : nullptr;
+        if (id != nullptr && robot_.link_index(id->text())) continue;
+        return wrong(attached, "what the robot carries is read from the scene, which lacks this");
+      }
     }
     if (const Node* const shown = trajectory->find("trajectory"); shown && shown->is_list()) {
       if (shown->items().size() != 1) return wrong(*shown, "one trajectory is wanted");

@@ -94,15 +94,19 @@ Result<std::shared_ptr<const KinematicTree>> with_pairs(const KinematicTree& rob
 Result<std::shared_ptr<const KinematicTree>> with_held(const KinematicTree& robot, int held,
                                                        double value) {
   RobotDescription description = robot.description();
+  const Joint& joint = description.joints[idx(held)];
+  if (joint.type != Joint::Type::kContinuous && !(value >= joint.lower && value <= joint.upper)) {
+    return fail(ErrorCode::kConfig, joint.name + " would stay outside of its limits", "--fixed");
+  }
   description.joints.erase(description.joints.begin() + held);
   description.poses.clear();
   std::vector<TreeJoint> joints = robot.tree_joints();
-  for (TreeJoint& joint : joints) {
-    if (joint.joint == held) {
-      joint.joint = -1;
-      joint.offset += joint.multiplier * value;
-    } else if (joint.joint > held) {
-      --joint.joint;
+  for (TreeJoint& of_link : joints) {
+    if (of_link.joint == held) {
+      of_link.joint = -1;
+      of_link.offset += of_link.multiplier * value;
+    } else if (of_link.joint > held) {
+      --of_link.joint;
     }
   }
   return std::shared_ptr<const KinematicTree>(
@@ -158,7 +162,7 @@ Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInp
   if (!input.srdf && !is_urdf) return robot;
   if (!input.srdf) return with_pairs(*robot, pairs_but(*robot, {}, 2));
   const auto disabled = SIDESTEP_TRY(disabled_pairs(*input.srdf, robot->description(), is_urdf));
-  return with_pairs(*robot, pairs_but(*robot, disabled, 1));
+  return with_pairs(*robot, pairs_but(*robot, disabled, 0));
 }
 
 Result<std::shared_ptr<const KinematicTree>> carrying(const KinematicTree& robot,
@@ -196,9 +200,9 @@ Result<std::shared_ptr<const KinematicTree>> carrying(const KinematicTree& robot
     std::set<int> others;
     for (const CollisionShape& shape : description.shapes) others.insert(shape.link);
     for (const int other : others) {
-      const int carrier = idx(other) < links ? other : description.links[idx(other)].parent;
       if (other == number || may_touch.contains(other)) continue;
-      if (joints_between(robot, parent, carrier) == 0) continue;
+      // What the same link carries is not held against each other, as in MoveIt.
+      if (idx(other) >= links && description.links[idx(other)].parent == parent) continue;
       description.self_collision_pairs.emplace_back(other, number);
     }
   }

@@ -41,8 +41,11 @@ Result<Rows> read_npy(const fs::path& file, const std::string& bytes) {
                         std::regex_search(header, order, std::regex("'fortran_order': *False")) &&
                         std::regex_search(header, shape, std::regex("'shape': *\\(([0-9, ]+)\\)"));
   if (!is_known) {
-    return wrong(file, "floats of 4 or 8 bytes are wanted, little-endian, row by row; it has " +
-                           header.substr(0, header.find('\n')));
+    return wrong(
+        file,
+        "floats of 4 or 8 bytes are wanted, little-endian, row by row (numpy.ascontiguousarray); "
+        "it has " +
+            header.substr(0, header.find('\n')));
   }
   std::vector<std::size_t> sizes;
   std::stringstream listed(shape[1].str());
@@ -132,8 +135,8 @@ Result<std::vector<std::size_t>> joint_order(
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto joint = robot.joint_index(names[i]);
     if (!joint) {
-      return fail(ErrorCode::kConfig, "robot '" + robot.name + "' has no joint '" + names[i] + "'",
-                  where(i));
+      return fail(ErrorCode::kConfig, no_such_joint(robot, names[i]), where(i),
+                  hint_of_joints(robot));
     }
     if (std::ranges::count(order, idx(*joint)) > 0) {
       return fail(ErrorCode::kConfig, "joint '" + names[i] + "' stands twice", where(i));
@@ -158,10 +161,8 @@ Result<MotionSamples> read_rows(const fs::path& file, const RobotDescription& ro
                                                             : read_printed(file, text.str()));
   if (rows.size() < 2) return wrong(file, "a motion has two rows of numbers at least");
   if (format.joints.empty()) {
-    std::string names;
-    for (const Joint& joint : robot.joints) names += (names.empty() ? "" : ",") + joint.name;
     return fail(ErrorCode::kConfig, "its columns have no names: say which joints they are",
-                file.string(), "--joints " + names);
+                file.string(), "--joints " + listed_joints(robot));
   }
   const auto order =
       SIDESTEP_TRY(joint_order(format.joints, robot, [](auto) { return "--joints"; }));

@@ -89,13 +89,24 @@ Result<SceneInput> read_certified_scene(const fs::path& file, const RobotDescrip
   if (kind == ".pcd") return of_swarm(read_cloud(file, point_radius_m), file);
   if (kind == ".bag") return of_swarm(read_recorded_map(file), file);
   if (kind.starts_with(".json#")) return read_problem_scene(file.string(), robot);
-  const auto message = SIDESTEP_TRY(read_message(file));
+  if (kind != ".yaml" && kind != ".yml" && kind != ".json") {
+    return fail(ErrorCode::kConfig, "a scene is .yaml, .bt, .ot, .pcd, .bag, or FAMILY.json#NUMBER",
+                file.string());
+  }
+  const auto document = SIDESTEP_TRY(read_message(file));
+  const Node* const answer = document.find("scene");  // of the service /get_planning_scene
+  const Node& message = answer != nullptr ? *answer : document;
   if (message.find("world") != nullptr) {
     auto scene = SIDESTEP_TRY(read_moveit_scene(message, file.parent_path(), robot));
     return SceneInput{{std::move(scene.world), {}}, std::move(scene.attached)};
   }
   SceneReading reading = read_scene(message);
   if (!reading.errors.empty()) return tl::make_unexpected(reading.errors.front());
+  const auto stands = [](const SceneObject& object) { return !object.moves() && !object.random; };
+  if (message.find("people") != nullptr || !std::ranges::all_of(reading.scene.objects(), stands)) {
+    return fail(ErrorCode::kConfig, "people and objects that move, or are drawn, are not certified",
+                file.string());
+  }
   return SceneInput{{std::move(reading.scene), {}}, {}};
 }
 

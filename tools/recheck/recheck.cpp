@@ -43,16 +43,23 @@ double number(const Json& json) {
   if (!std::isfinite(x) || std::abs(x) > 1e12) refuse("a number is out of bounds");
   return x;
 }
-double length(const Json& json) {
+double coordinate(const Json& json) {
   const double x = number(json);
-  if (x < 0.0 || x > kMost) refuse("a length is out of bounds");
+  if (std::abs(x) > kMost) refuse("a coordinate is out of bounds");
   return x;
+}
+double length(const Json& json) {
+  const double x = coordinate(json);
+  if (x < 0.0) refuse("a length is negative");
+  return x;
+}
+int whole(const Json& json) {
+  const bool is_whole = json.is_number_integer() && std::abs(json.get<double>()) < 2e9;
+  return is_whole ? json.get<int>() : (refuse("a whole number is wanted"), 0);
 }
 Vec vector(const Json& json) {
   if (json.size() != 3) refuse("a vector has not three numbers");
-  Vec v(number(json[0]), number(json[1]), number(json[2]));
-  if (v.cwiseAbs().maxCoeff() > kMost) refuse("a coordinate is out of bounds");
-  return v;
+  return {coordinate(json[0]), coordinate(json[1]), coordinate(json[2])};
 }
 
 struct Pose {
@@ -65,12 +72,9 @@ Pose pose(const Json& json) {
   Pose T;
   for (int row = 0; row < 3; ++row) {
     for (int column = 0; column < 3; ++column) T.R(row, column) = number(json[4 * row + column]);
-    T.p[row] = number(json[4 * row + 3]);
+    T.p[row] = coordinate(json[4 * row + 3]);
   }
-  const bool is_rotation =
-      (T.R * T.R.transpose() - Mat::Identity()).cwiseAbs().maxCoeff() < 1e-12 &&
-      T.R.determinant() > 0.0;
-  if (!is_rotation || T.p.cwiseAbs().maxCoeff() > kMost) refuse("a pose is none");
+  if (!T.R.isUnitary(1e-12) || !(T.R.determinant() > 0.0)) refuse("a pose does not turn");
   return T;
 }
 
@@ -87,7 +91,6 @@ struct Body {
   double half_length = 0.0;
   std::vector<Vec> points;  // of a mesh; else centres
   std::vector<std::array<std::size_t, 3>> triangles;
-  bool is_closed = false;     // a mesh: what is inside is in it
   std::vector<double> sizes;  // edges of cubes, radii of balls
   Pose at;                    // in its link, or in the world
   int link = -1;
@@ -120,12 +123,9 @@ struct Body {
   }
   /// How far its points are from its origin, at most, on a link.
   [[nodiscard]] double ball() const {
-    switch (kind) {
-      case Kind::kBox: return half.norm();
-      case Kind::kCylinder: return std::hypot(radius, half_length);
-      case Kind::kCapsule: return radius + half_length;
-      default: break;
-    }
+    if (kind == Kind::kBox) return half.norm();
+    if (kind == Kind::kCylinder) return std::hypot(radius, half_length);
+    if (kind == Kind::kCapsule) return radius + half_length;
     double most = 0.0;
     for (const Vec& p : points) most = std::max(most, p.norm());
     return most;
@@ -134,6 +134,19 @@ struct Body {
     if (kind == Kind::kMesh) return points[triangles[item][0]];
     return points.empty() ? Vec::Zero() : points[item];
   }
+  /// Whether a mesh has an inside: each side of a triangle is another one's, the other way round.
+  [[nodiscard]] bool is_closed() const {
+    std::map<std::array<double, 6>, int> sides;
+    const auto um = [](double x) { return std::round(1e6 * x); };  // to 1e-6 m
+    for (const auto& t : triangles) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const Vec &p = points[t[c]], &q = points[t[(c + 1) % 3]];
+        ++sides[{um(p.x()), um(p.y()), um(p.z()), um(q.x()), um(q.y()), um(q.z())}];
+        --sides[{um(q.x()), um(q.y()), um(q.z()), um(p.x()), um(p.y()), um(p.z())}];
+      }
+    }
+    return std::ranges::all_of(sides, [](const auto& side) { return side.second == 0; });
+  }
   /// How often a mesh goes round a point, by the solid angles of its triangles (Van Oosterom and
   /// Strackee 1983).
   [[nodiscard]] double winding(const Vec& p) const {
@@ -141,8 +154,7 @@ struct Body {
     for (const auto& [i, j, k] : triangles) {
       const Vec a = points[i] - p, b = points[j] - p, c = points[k] - p;
       const double la = a.norm(), lb = b.norm(), lc = c.norm();
-      const Mat m = (Mat() << a, b, c).finished();
-      sum += 2.0 * std::atan2(m.determinant(),
+      sum += 2.0 * std::atan2(a.dot(b.cross(c)),
                               la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
     }
     return sum / (4.0 * EIGEN_PI);
@@ -155,13 +167,12 @@ void read_mesh(const Json& json, Body& body) {
   for (const Json& t : json.at("triangles")) {
     std::array<std::size_t, 3> corners{};
     for (std::size_t k = 0; k < 3; ++k) {
-      corners[k] = t.at(k).get<std::size_t>();
+      corners[k] = static_cast<std::size_t>(whole(t.at(k)));  // a negative one is too large
       if (corners[k] >= body.points.size()) refuse("a triangle has no such corner");
     }
     body.triangles.push_back(corners);
   }
   if (body.triangles.empty()) refuse("a mesh has no triangles");
-  body.is_closed = json.at("closed").get<bool>();
 }
 
 void read_many(const Json& json, Body& body) {
@@ -227,16 +238,12 @@ double at(const Terms& c, double s) {
 }
 
 /// The greatest |c(s + u) - c(s)| for |u| <= half, or more: by the terms of Taylor's series.
-double most_change(const Terms& c, double s, double half) {
-  static constexpr double kBinomial[6][6] = {{1, 0, 0, 0, 0, 0}, {1, 1, 0, 0, 0, 0},
-                                             {1, 2, 1, 0, 0, 0}, {1, 3, 3, 1, 0, 0},
-                                             {1, 4, 6, 4, 1, 0}, {1, 5, 10, 10, 5, 1}};
-  double sum = 0.0;
-  for (int k = 1; k < 6; ++k) {
-    double term = 0.0;
-    for (int i = k; i < 6; ++i) term += c[i] * kBinomial[i][k] * std::pow(s, i - k);
-    sum += std::abs(term) * std::pow(half, k);
+double most_change(Terms c, double s, double half) {
+  for (int k = 0; k < 5; ++k) {  // by and by those about s
+    for (int i = 4; i >= k; --i) c[i] += s * c[i + 1];
   }
+  double sum = 0.0;
+  for (int k = 1; k < 6; ++k) sum += std::abs(c[k]) * std::pow(half, k);
   return sum;
 }
 
@@ -253,57 +260,56 @@ bool stays_below(const Terms& c, double a, double b, double limit, int depth = 0
 class Recheck {
  public:
   explicit Recheck(const Json& json) : margin_(length(json.at("margin_m"))) {
-    if (json.at("format") != "sidestep-certificate-2") refuse("its format is not known");
+    if (json.at("format") != "sidestep-certificate-3") refuse("its format is not known");
     read_robot(json.at("robot"));
     for (const Json& object : json.at("objects")) {
       objects_.push_back(body(object));
-      objects_.back().may_touch = object.value("may_touch", std::vector<int>());
+      for (const Json& link : object.value("may_touch", Json::array())) {
+        objects_.back().may_touch.push_back(whole(link));
+      }
     }
     read_motion(json.at("motion"));
     check_limits(json.at("robot").at("joints"));
     check_claims(json.at("claims"));
   }
-  std::size_t pairs = 0, ends = 0;  ///< That were looked at; of trees.
+  void print(const char* file) const {
+    std::printf("%s: accepted (%zu shapes, %zu objects, %zu pairs, %g s, margin %g m)\n", file,
+                shapes_.size(), objects_.size(), pairs_, pieces_.back().end, margin_);
+  }
 
  private:
   void read_robot(const Json& robot) {
     dof_ = static_cast<int>(robot.at("joints").size());
     for (const Json& json : robot.at("links")) {
       Link link;
-      link.parent = json.at("parent").get<int>();
+      link.parent = whole(json.at("parent"));
       if (link.parent >= static_cast<int>(links_.size()) || link.parent < -1) {
         refuse("a link stands before its parent");
       }
       link.at = pose(json.at("pose"));
-      const auto motion = json.at("motion").get<std::string>();
-      if (motion == "turn")
-        link.motion = Link::Motion::kTurn;
-      else if (motion == "shift")
-        link.motion = Link::Motion::kShift;
-      else if (motion != "fixed")
-        refuse("a link moves in no known way");
+      static const std::map<std::string, Link::Motion> kMotions{{"fixed", Link::Motion::kFixed},
+                                                                {"turn", Link::Motion::kTurn},
+                                                                {"shift", Link::Motion::kShift}};
+      link.motion = kMotions.at(json.at("motion"));
       link.axis = vector(json.at("axis"));
       if (std::abs(link.axis.norm() - 1.0) > 1e-12) refuse("an axis has not the length 1");
-      link.joint = json.at("joint").get<int>();
+      link.joint = whole(json.at("joint"));
       if (link.joint < -1 || link.joint >= dof_) refuse("there is no such joint");
-      link.multiplier = number(json.at("multiplier"));
-      link.offset = number(json.at("offset"));
-      if (std::abs(link.multiplier) > kMost || std::abs(link.offset) > kMost) {
-        refuse("a mimic joint is out of bounds");
-      }
+      link.multiplier = coordinate(json.at("multiplier"));
+      link.offset = coordinate(json.at("offset"));
       links_.push_back(link);
     }
     const int links = static_cast<int>(links_.size());
     for (const Json& json : robot.at("shapes")) {
       Body shape = body(json);
-      shape.link = json.at("link").get<int>();
+      shape.link = whole(json.at("link"));
       if (shape.link < 0 || shape.link >= links) refuse("a shape has no link");
       if (shape.kind == Body::Kind::kHalfSpace || !shape.sizes.empty()) refuse("a link is none");
       shapes_.push_back(std::move(shape));
     }
     if (shapes_.empty()) refuse("the robot has no shapes");
     for (const Json& json : robot.at("pairs")) {
-      const int a = json.at(0).get<int>(), b = json.at(1).get<int>();
+      const int a = whole(json.at(0)), b = whole(json.at(1));
       if (a < 0 || b < 0 || a >= links || b >= links || a == b) refuse("a pair is none");
       link_pairs_.emplace_back(a, b);
     }
@@ -318,8 +324,7 @@ class Recheck {
       if (!(span > 0.0)) refuse("time does not go on");
       for (const Json& terms : json.at("joints")) {
         if (terms.size() != 6) refuse("a polynomial has not six terms");
-        Terms c;
-        for (std::size_t k = 0; k < 6; ++k) c[k] = number(terms[k]);
+        const auto c = terms.get<Terms>();
         if (!(std::abs(at(c, 0.5 * span)) + most_change(c, 0.5 * span, 0.5 * span) < kMost)) {
           refuse("a joint is out of bounds");
         }
@@ -340,22 +345,21 @@ class Recheck {
 
   void check_limits(const Json& joints) const {
     for (int j = 0; j < dof_; ++j) {
-      const Json& joint = joints[j];
+      const Json &joint = joints[j], &velocity = joint.at("velocity");
+      const auto breaks = [](const Terms& c, double span, const Json& limit, double sign) {
+        return !limit.is_null() && !stays_below(c, 0.0, span, sign * number(limit));
+      };
       for (const Piece& piece : pieces_) {
-        const Terms& q = piece.joints[j];
-        Terms speed{}, minus_q{}, minus_speed{};
-        for (int k = 1; k < 6; ++k) speed[k - 1] = k * q[k];
-        for (int k = 0; k < 6; ++k) minus_q[k] = -q[k], minus_speed[k] = -speed[k];
-        const auto below = [&](const Terms& c, double limit) {
-          return stays_below(c, 0.0, piece.end - piece.begin, limit);
-        };
-        const Json &lower = joint.at("lower"), &upper = joint.at("upper"),
-                   &velocity = joint.at("velocity");
-        const bool holds = (upper.is_null() || below(q, number(upper))) &&
-                           (lower.is_null() || below(minus_q, -number(lower))) &&
-                           (velocity.is_null() || (below(speed, number(velocity)) &&
-                                                   below(minus_speed, number(velocity))));
-        if (!holds) refuse("joint " + joint.at("name").get<std::string>() + " breaks a limit");
+        for (const double sign : {-1.0, 1.0}) {
+          Terms q{}, speed{};
+          for (int k = 0; k < 6; ++k) q[k] = sign * piece.joints[j][k];
+          for (int k = 1; k < 6; ++k) speed[k - 1] = k * q[k];
+          const double span = piece.end - piece.begin;
+          if (breaks(q, span, joint.at(sign < 0.0 ? "lower" : "upper"), sign) ||
+              breaks(speed, span, velocity, 1.0)) {
+            refuse("joint " + joint.at("name").get<std::string>() + " breaks a limit");
+          }
+        }
       }
     }
   }
@@ -370,26 +374,22 @@ class Recheck {
     return found;
   }
   [[nodiscard]] int common_ancestor(int a, int b) const {
-    std::vector<bool> is_above(links_.size());
-    for (; a >= 0; a = links_[a].parent) is_above[a] = true;
-    while (b >= 0 && !is_above[b]) b = links_[b].parent;
-    return b;
+    while (a != b) (a > b ? a : b) = links_[std::max(a, b)].parent;  // which stand before them
+    return a;
   }
 
   /// The claims are there for all that has to be apart, once each, and hold.
   void check_claims(const Json& claims) {
-    std::map<std::pair<std::size_t, std::size_t>, const Json*> to_object, to_shape;  // their parts
+    std::map<std::array<int, 3>, const Json*> parts;  // of what: own or not, a shape, the other one
     for (const Json& claim : claims) {
-      const bool is_own = claim.contains("other");
-      const auto a = claim.at("shape").get<std::size_t>();
-      const auto b = claim.at(is_own ? "other" : "object").get<std::size_t>();
-      if (!(is_own ? to_shape : to_object).emplace(std::pair(a, b), &claim.at("parts")).second) {
-        refuse("a claim stands twice");
-      }
+      const int is_own = claim.contains("other") ? 1 : 0;
+      const int other = whole(claim.at(is_own != 0 ? "other" : "object"));
+      const std::array of{is_own, whole(claim.at("shape")), other};
+      if (!parts.emplace(of, &claim.at("parts")).second) refuse("a claim stands twice");
     }
-    const auto claimed = [](const auto& of, std::size_t a, std::size_t b) -> const Json& {
-      const auto found = of.find(std::pair(a, b));
-      if (found == of.end()) refuse("nothing is claimed of two shapes");
+    const auto claimed = [&](int is_own, std::size_t a, std::size_t b) -> const Json& {
+      const auto found = parts.find({is_own, static_cast<int>(a), static_cast<int>(b)});
+      if (found == parts.end()) refuse("nothing is claimed of two shapes");
       return *found->second;
     };
     for (std::size_t s = 0; s < shapes_.size(); ++s) {
@@ -397,7 +397,7 @@ class Recheck {
       if (moves.empty()) continue;  // what no joint moves
       for (std::size_t o = 0; o < objects_.size(); ++o) {
         if (std::ranges::count(objects_[o].may_touch, shapes_[s].link) > 0) continue;
-        check_pair(shapes_[s], objects_[o], moves, {}, claimed(to_object, s, o));
+        check_pair(shapes_[s], objects_[o], moves, {}, claimed(0, s, o));
       }
     }
     for (const auto& [a, b] : link_pairs_) {
@@ -406,10 +406,11 @@ class Recheck {
         for (std::size_t t = 0; t < shapes_.size(); ++t) {
           if (shapes_[s].link != a || shapes_[t].link != b) continue;
           check_pair(shapes_[s], shapes_[t], movers(a, ancestor), movers(b, ancestor),
-                     claimed(to_shape, s, t));
+                     claimed(1, s, t));
         }
       }
     }
+    if (pairs_ != claims.size()) refuse("something is claimed of shapes that are not");
   }
 
   /// The robot in the middle of a part, and how far each joint goes from there in that part.
@@ -427,7 +428,7 @@ class Recheck {
 
   void check_pair(const Body& a, const Body& b, const std::vector<int>& moves_a,
                   const std::vector<int>& moves_b, const Json& parts) {
-    ++pairs;
+    ++pairs_;
     check_outside(a, b);
     check_outside(b, a);
     check(Pair{a, b, moves_a, moves_b, a.all(), b.all()}, 0, 0, parts);
@@ -439,16 +440,15 @@ class Recheck {
 
   /// In the beginning nothing is inside of a mesh; that it does not come there, its triangles show.
   void check_outside(const Body& mesh, const Body& other) {
-    if (!mesh.is_closed || other.kind == Body::Kind::kHalfSpace) return;
-    Vec lower = mesh.points[0], upper = lower;
-    for (const Vec& p : mesh.points) lower = lower.cwiseMin(p), upper = upper.cwiseMax(p);
+    if (mesh.triangles.empty() || !mesh.is_closed() || other.kind == Body::Kind::kHalfSpace) return;
+    Eigen::AlignedBox3d bounds;
+    for (const Vec& p : mesh.points) bounds.extend(p);
     const State& state = this->state(kDeepest, 0);
     const Pose at_mesh = placed(mesh, state), at_other = placed(other, state);
     for (std::size_t i = 0; i < other.all().last; ++i) {
       const Vec world = at_other.R * other.point_of(i) + at_other.p;
       const Vec p = at_mesh.R.transpose() * (world - at_mesh.p);
-      const bool is_beside = (p.array() < lower.array()).any() || (p.array() > upper.array()).any();
-      if (!is_beside && std::abs(mesh.winding(p)) > 0.5) refuse("a body is inside of a mesh");
+      if (bounds.contains(p) && std::abs(mesh.winding(p)) > 0.5) refuse("a body is in a mesh");
     }
   }
 
@@ -457,8 +457,7 @@ class Recheck {
   void check(const Pair& pair, int level, std::int64_t index, const Json& tree) {
     if (tree.size() != 3) refuse("a tree has three numbers, or two halves");
     if (!tree[0].is_string()) {
-      ++ends;
-      const Vec direction(tree[0].get<int>(), tree[1].get<int>(), tree[2].get<int>());
+      const Vec direction(whole(tree[0]), whole(tree[1]), whole(tree[2]));
       const double spare = gap(pair, level, index, direction) - margin_;
       if (!(spare > kRounding_m)) refuse("two shapes are not shown apart");
       return;
@@ -561,6 +560,7 @@ class Recheck {
   }
 
   double margin_;
+  std::size_t pairs_ = 0;  ///< That were looked at.
   int dof_ = 0;
   std::vector<Link> links_;
   std::vector<Body> shapes_, objects_;
@@ -573,8 +573,7 @@ int recheck(const char* file) {
   std::ifstream in(file);
   if (in.peek() == EOF) in.close();  // a folder
   try {
-    const Recheck found(Json::parse(in));
-    std::printf("%s: accepted (%zu pairs of shapes, %zu parts)\n", file, found.pairs, found.ends);
+    Recheck(Json::parse(in)).print(file);
     return 0;
   } catch (const Json::parse_error&) {
     std::fprintf(stderr, "%s: cannot be read as JSON\n", file);

@@ -30,12 +30,14 @@ const char* name_of(Joining joining) noexcept {
   return "";
 }
 
-Json verdict_json(const std::string& motion, const Certification& found, double margin_m,
-                  Joining joining) {
+Json verdict_json(const std::string& motion, const Certification& found, std::size_t objects,
+                  double margin_m, Joining joining) {
   Json json = {{"motion", motion},           {"verdict", name_of(found.outcome)},
                {"joined", name_of(joining)}, {"margin_m", margin_m},
-               {"pairs", found.pairs},       {"parts", found.parts}};
+               {"objects", objects},         {"pairs", found.pairs},
+               {"parts", found.parts}};
   if (!found.broken_limit.empty()) json["limit"] = found.broken_limit;
+  if (!found.surfaces.empty()) json["surfaces"] = found.surfaces;
   if (const auto& witness = found.witness) {
     json["witness"] = {{"time_s", witness->time_s},
                        {"a", witness->a},
@@ -51,12 +53,20 @@ Json verdict_json(const std::string& motion, const Certification& found, double 
   return json;
 }
 
-std::string verdict_text(const Certification& found, double margin_m,
+/// An instant; of waypoints without times the two that it is between, which count from 1.
+std::string instant(double time_s, const PolynomialMotion& motion) {
+  if (motion.has_times) return format("%.6f s", time_s);
+  const double before = std::min(std::floor(time_s), motion.duration_s() - 1.0);
+  return format("%.6f of the way from waypoint %.0f to %.0f", time_s - before, before + 1.0,
+                before + 2.0);
+}
+
+std::string verdict_text(const Certification& found, std::size_t objects, double margin_m,
                          const PolynomialMotion& motion) {
   if (!found.broken_limit.empty()) return "refuted: " + found.broken_limit;
   if (const auto& witness = found.witness) {
     const Eigen::Vector3d p = 0.5 * (witness->p_a + witness->p_b);
-    return "refuted: at " + format("%.6f s ", witness->time_s) + witness->a +
+    return "refuted: at " + instant(witness->time_s, motion) + " " + witness->a +
            (witness->distance_m == 0.0 ? " is in "
                                        : format(" is %.6f m from ", witness->distance_m)) +
            witness->b + format(" at (%.4f, ", p.x()) + format("%.4f, ", p.y()) +
@@ -65,13 +75,18 @@ std::string verdict_text(const Certification& found, double margin_m,
   if (!found.undecided.empty()) {
     const Undecided& first = found.undecided.front();
     return format("undecided: %zu pairs of shapes, first ", found.undecided.size()) + first.a +
-           " and " + first.b + format(" from %.6f", first.from_s) +
-           format(" to %.6f s", first.to_s);
+           " and " + first.b + " from " + instant(first.from_s, motion) + " on, to " +
+           instant(first.to_s, motion);
   }
+  std::string surfaces;
+  for (const std::string& one : found.surfaces) surfaces += (surfaces.empty() ? "" : ", ") + one;
+  if (!surfaces.empty()) surfaces = "; meshes that are not closed, and have no inside: " + surfaces;
   return format("proven: more than %g m clear over all of its ", margin_m) +
          (motion.has_times ? "time, limits held" : "way, limits of position held") +
-         " (joined: " + name_of(motion.joining) + format("; %zu pairs of shapes, ", found.pairs) +
-         format("%zu parts)", found.parts);
+         " (joined: " + name_of(motion.joining) +
+         format("; %zu objects, %zu pairs of shapes, %zu parts)", objects, found.pairs,
+                found.parts) +
+         surfaces;
 }
 
 Result<void> save(const std::filesystem::path& file, const std::string& certificate) {
@@ -106,10 +121,10 @@ class Batch {
     console.end_progress();
   }
 
-  /// Prints the verdicts and leaves certificates.
-  [[nodiscard]] ExitCode conclude() {
+  /// Prints the verdicts and leaves certificates. `all`: what is to be printed before, as JSON.
+  [[nodiscard]] ExitCode conclude(Json all) {
     ExitCode worst = ExitCode::kSuccess;
-    Json all = Json::array();
+    const std::size_t objects = scene_.scene.objects().size() + scene_.swarms.size();
     for (std::size_t i = 0; i < motions_.size(); ++i) {
       const auto& [name, motion] = motions_[i];
       const auto& found = found_[i];
@@ -117,13 +132,10 @@ class Batch {
         Error error = found.error();
         if (error.where.empty()) error.where = name;
         worst = worse_verdict(worst, wrong_input(error));
+        all.push_back({{"motion", name}, {"error", error.describe()}});
         continue;
       }
       worst = worse_verdict(worst, exit_code_of(found->outcome));
-      if (options_.out) {  // an earlier certificate is not of this motion
-        std::error_code ignored;
-        std::filesystem::remove(certificate_file(name), ignored);
-      }
       if (options_.out && found->outcome == Certification::Outcome::kProven) {
         if (const auto saved = save(certificate_file(name), found->certificate); !saved) {
           print_errors({saved.error()});
@@ -131,11 +143,11 @@ class Batch {
         }
       }
       if (options_.json) {
-        all.push_back(verdict_json(name, *found, options_.margin_m, motion.joining));
+        all.push_back(verdict_json(name, *found, objects, options_.margin_m, motion.joining));
       } else {
         const std::string prefix = are_several() ? name + ": " : "";
         std::printf("%s%s\n", prefix.c_str(),
-                    verdict_text(*found, options_.margin_m, motion).c_str());
+                    verdict_text(*found, objects, options_.margin_m, motion).c_str());
       }
     }
     if (options_.json) std::printf("%s\n", (all.size() == 1 ? all[0] : all).dump(2).c_str());
@@ -176,13 +188,46 @@ class Batch {
   std::vector<Result<Certification>> found_;
 };
 
+/// Removes earlier certificates: whatever comes of it now, they are not of these motions. Fails
+/// where that, or writing them, would lose an input.
+Result<void> remove_earlier(const CertifyOptions& options) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const bool is_folder = options.motions.size() > 1 || fs::is_directory(*options.out, ignored);
+  if (is_folder && options.motions.size() == 1 && options.motions.front().extension() != ".bag") {
+    return fail(ErrorCode::kConfig, "is a folder, and a motion's certificate is a file",
+                options.out->string());
+  }
+  std::vector<fs::path> inputs = options.motions;
+  inputs.insert(inputs.end(), options.scenes.begin(), options.scenes.end());
+  inputs.emplace_back(options.robot.robot);
+  if (options.robot.srdf) inputs.push_back(*options.robot.srdf);
+  for (const fs::path& motion : options.motions) {
+    const fs::path file =
+        is_folder ? *options.out / (motion.filename().string() + ".json") : *options.out;
+    for (const fs::path& input : inputs) {
+      if (!fs::equivalent(file, input, ignored)) continue;
+      return fail(ErrorCode::kConfig, "is read, and --out would overwrite it", input.string());
+    }
+    fs::remove(file, ignored);
+  }
+  return {};
+}
+
 /// All scenes as one.
 Result<SceneInput> read_scenes(const CertifyOptions& options, const RobotDescription& robot) {
   SceneInput all;
   std::vector<SceneObject> objects;
+  std::set<std::string> names;
   for (const auto& file : options.scenes) {
     auto one = SIDESTEP_TRY(read_certified_scene(file, robot, options.point_radius_m));
     const auto& more = one.apart_from.scene.objects();
+    for (const SceneObject& object : more) {
+      if (!names.contains(object.name)) continue;
+      return fail(ErrorCode::kConfig, "another scene has an object '" + object.name + "', too",
+                  file.string());
+    }
+    for (const SceneObject& object : more) names.insert(object.name);
     objects.insert(objects.end(), more.begin(), more.end());
     std::ranges::move(one.apart_from.swarms, std::back_inserter(all.apart_from.swarms));
     std::ranges::move(one.attached, std::back_inserter(all.attached));
@@ -205,6 +250,9 @@ ExitCode certify_command(const CertifyOptions& options) {
     print_errors({error});
     return exit_code(error);
   };
+  if (options.out) {
+    if (const auto removed = remove_earlier(options); !removed) return refused(removed.error());
+  }
   auto robot = read_certified_robot(options.robot, context);
   if (!robot) return refused(robot.error());
   const auto scene = read_scenes(options, (*robot)->description());
@@ -215,12 +263,14 @@ ExitCode certify_command(const CertifyOptions& options) {
   }
   ExitCode worst = ExitCode::kSuccess;
   std::vector<NamedMotion> motions;
+  Json unread = Json::array();
   for (const auto& file : options.motions) {
     auto read = read_motions(file, (*robot)->description(), options.format);
     if (read) {
       std::ranges::move(*read, std::back_inserter(motions));
     } else {
       worst = Batch::worse_verdict(worst, refused(read.error()));
+      unread.push_back({{"motion", file.string()}, {"error", read.error().describe()}});
     }
   }
   if (options.out && (options.motions.size() > 1 || motions.size() > 1)) {
@@ -244,7 +294,7 @@ ExitCode certify_command(const CertifyOptions& options) {
   }
   Batch batch(options, **robot, scene->apart_from, std::move(motions));
   batch.run(workers, console);
-  return Batch::worse_verdict(worst, batch.conclude());
+  return Batch::worse_verdict(worst, batch.conclude(std::move(unread)));
 }
 
 }  // namespace sidestep

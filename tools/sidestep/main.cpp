@@ -70,6 +70,7 @@ void add_certify_command(CLI::App& app, CertifyOptions& certify) {
   command
       ->add_option("--package-path", certify.robot.package_paths,
                    "A folder for package://NAME/... of a URDF")
+      ->check(CLI::ExistingDirectory)
       ->type_name("FOLDER")
       ->allow_extra_args(false);
   command

@@ -135,26 +135,23 @@ double along_half(const Eigen::Vector3d& along, const Eigen::Vector3d& half) {
   return along.cwiseAbs().dot(half);
 }
 
-/// Whether each edge is one of two triangles, once in each direction. Corners are one where they
-/// are in one place.
+/// Whether each side of a triangle is another one's, the other way round. Corners are one where
+/// they are to 1e-6 m.
 bool is_closed(const Mesh& mesh) {
-  const auto less = [](const Eigen::Vector3d& p, const Eigen::Vector3d& q) {
-    return std::ranges::lexicographical_compare(p, q);
-  };
-  std::map<Eigen::Vector3d, int, decltype(less)> places(less);
-  std::map<std::pair<int, int>, int> edges;
+  using Place = std::array<double, 3>;
   const auto place = [&](int vertex) {
-    return places.try_emplace(mesh.vertices_m[idx(vertex)], static_cast<int>(places.size()))
-        .first->second;
+    const Eigen::Vector3d p = (1e6 * mesh.vertices_m[idx(vertex)]).array().round();
+    return Place{p.x(), p.y(), p.z()};
   };
+  std::map<std::pair<Place, Place>, int> sides;
   for (const Eigen::Vector3i& triangle : mesh.triangles) {
-    const std::array corners{place(triangle[0]), place(triangle[1]), place(triangle[2])};
-    for (std::size_t k = 0; k < 3; ++k) ++edges[{corners[k], corners[(k + 1) % 3]}];
+    for (int k = 0; k < 3; ++k) {
+      const Place from = place(triangle[k]), to = place(triangle[(k + 1) % 3]);
+      ++sides[{from, to}];
+      --sides[{to, from}];
+    }
   }
-  return std::ranges::all_of(edges, [&](const auto& edge) {
-    const auto back = edges.find({edge.first.second, edge.first.first});
-    return edge.second == 1 && back != edges.end() && back->second == 1;
-  });
+  return std::ranges::all_of(sides, [](const auto& side) { return side.second == 0; });
 }
 
 }  // namespace

@@ -25,10 +25,7 @@ Json mesh_json(const Mesh& mesh, const Body& body) {
   Json points = Json::array(), triangles = Json::array();
   for (const Eigen::Vector3d& p : mesh.vertices_m) points.push_back(numbers(p));
   for (const Eigen::Vector3i& t : body.triangles()) triangles.push_back({t[0], t[1], t[2]});
-  return {{"mesh",
-           {{"points", std::move(points)},
-            {"triangles", std::move(triangles)},
-            {"closed", body.is_closed_mesh()}}}};
+  return {{"mesh", {{"points", std::move(points)}, {"triangles", std::move(triangles)}}}};
 }
 
 Json shape_json(const Body& body) {
@@ -117,7 +114,7 @@ Json motion_json(const PolynomialMotion& motion) {
 Json claimed(const KinematicTree& robot, const std::vector<Body>& shapes,
              const std::vector<CertifiedObject>& objects, const PolynomialMotion& motion,
              double margin_m) {
-  return {{"format", "sidestep-certificate-2"},
+  return {{"format", "sidestep-certificate-3"},
           {"margin_m", margin_m},
           {"robot", robot_json(robot, shapes, motion)},
           {"objects", objects_json(objects)},

@@ -65,6 +65,7 @@ class Certifier {
         if (link && object.name == allowed.object) object.may_touch.push_back(*link);
       }
     }
+    SIDESTEP_TRY(check_extent());
     show_all();
     conclude();
     return std::move(found_);
@@ -100,11 +101,16 @@ class Certifier {
                   "robot '" + description_.name + "' has no collision shapes: nothing to prove");
     }
     if (motion_.pieces.empty()) return fail(ErrorCode::kInvalidArgument, "the motion is empty");
-    for (const SceneObject& object : scene_.scene.objects()) {
-      if (object.moves() || object.person >= 0 || object.random) {
-        return fail(ErrorCode::kInvalidArgument,
-                    "object '" + object.name + "' moves, and a scene that stands still is wanted");
-      }
+    const auto moves = [](const SceneObject& object) {
+      return object.moves() || object.person >= 0 || object.random;
+    };
+    const auto& objects = scene_.scene.objects();
+    const People& people = scene_.scene.people();
+    const auto one = std::ranges::find_if(objects, moves);
+    if (one != objects.end() || !people.groups.empty() || !people.persons.empty()) {
+      return fail(ErrorCode::kInvalidArgument,
+                  "it moves, or is drawn, and a scene that stands still is wanted",
+                  one != objects.end() ? one->name : "people");
     }
     const auto is_empty = [](const Shape& shape) {
       const auto* const mesh = std::get_if<std::shared_ptr<const Mesh>>(&shape);
@@ -145,6 +151,28 @@ class Certifier {
     return {};
   }
 
+  /// Bodies are near enough for coordinates to be as exact as is claimed. Names those that have no
+  /// inside.
+  [[nodiscard]] Result<void> check_extent() {
+    const auto check = [&](const std::string& name, const Body& body,
+                           const Transform& T) -> Result<void> {
+      if (!body.triangles().empty() && !body.is_closed_mesh()) found_.surfaces.push_back(name);
+      const bool is_far = T.translation().cwiseAbs().maxCoeff() > 0.5 * kMost ||
+                          body.centre(body.all()).norm() > 0.5 * kMost ||
+                          body.extent_m(body.all()) > 0.5 * kMost ||
+                          (body.reach_m() > 0.5 * kMost && !body.is_half_space());
+      if (!is_far) return {};
+      return fail(ErrorCode::kInvalidArgument, "reaches beyond 500 m", name);
+    };
+    for (std::size_t s = 0; s < shapes_.size(); ++s) {
+      SIDESTEP_TRY(check(link_name(s), shapes_[s], description_.shapes[s].T_link_shape));
+    }
+    for (const CertifiedObject& object : objects_) {
+      SIDESTEP_TRY(check(object.name, object.body, object.T_world_body));
+    }
+    return {};
+  }
+
   void find_movers() {
     const auto& joints = robot_.tree_joints();
     for (std::size_t k = 0; k < joints.size(); ++k) {
@@ -176,23 +204,26 @@ class Certifier {
         const Joint& joint = description_.joints[j];
         const double end_s = piece.end_s - piece.begin_s;
         const Coefficients& q = piece.coefficients[j];
-        const auto breaks = [&](const Coefficients& of, double limit, const char* what) {
-          const double time_s = time_beyond(of, 0.0, end_s, limit);
+        const auto breaks = [&](const Coefficients& of, double sign, double limit,
+                                const char* what) {
+          const double time_s =
+              time_beyond(sign < 0.0 ? negative(of) : of, 0.0, end_s, sign * limit);
           if (std::isnan(time_s)) return false;
-          found_.broken_limit = joint.name + " breaks its " + what + " at " +
-                                format("%.4f s", piece.begin_s + time_s);
+          found_.broken_limit = joint.name + " breaks its " + what +
+                                format(" of %g at %.4f s: it is %g", limit, piece.begin_s + time_s,
+                                       value(of, time_s));
           found_.outcome = Certification::Outcome::kRefuted;
           return true;
         };
         const bool is_bounded = joint.type != Joint::Type::kContinuous;
-        if (is_bounded && (breaks(q, joint.upper, "upper limit") ||
-                           breaks(negative(q), -joint.lower, "lower limit"))) {
+        if (is_bounded && (breaks(q, 1.0, joint.upper, "upper limit") ||
+                           breaks(q, -1.0, joint.lower, "lower limit"))) {
           return true;
         }
         if (!motion_.has_times || !std::isfinite(joint.max_velocity)) continue;
         const Coefficients v = derivative(q);
-        if (breaks(v, joint.max_velocity, "velocity limit") ||
-            breaks(negative(v), joint.max_velocity, "velocity limit")) {
+        if (breaks(v, 1.0, joint.max_velocity, "velocity limit") ||
+            breaks(v, -1.0, -joint.max_velocity, "velocity limit")) {
           return true;
         }
       }

@@ -230,6 +230,12 @@ void read_object(const DocumentEntry& object, Transform T_root_object, const fs:
       into.push_back(std::move(part));
     }
   }
+  const std::string operation = object.has("operation") ? object["operation"].text() : "0";
+  if (operation == "1" || operation == "2" || operation == "3") {
+    object["operation"].complain("object '" + id +
+                                 "' is removed, appended to or moved here, and "
+                                 "only whole objects are read");
+  }
   if (into.size() == first) object.complain("object '" + id + "' has no shape");
   for (std::size_t i = first; i < into.size(); ++i) {
     into[i].name = into.size() == first + 1 ? id : id + "/" + std::to_string(i - first);
@@ -325,7 +331,7 @@ std::vector<SceneObject> read_world(const DocumentEntry& scene, const RobotDescr
   const DocumentEntry world = scene["world"];
   if (world.has("octomap") && world["octomap"].has("octomap") &&
       world["octomap"]["octomap"].has("data")) {
-    world["octomap"].complain("octomaps are not supported");
+    world["octomap"].complain("octomaps are not supported", "certify takes one as a .bt");
   }
   if (!world.has("collision_objects")) return objects;
   for (const DocumentEntry& object : world["collision_objects"].items()) {

@@ -179,7 +179,7 @@ TEST(Certificates, NameALimitThatIsBrokenBetweenWaypoints) {
   PolynomialMotion motion;
   motion.pieces = {{0.0, 2.0, {{3.9, 0.4, -0.2}, {0.5}}}};  // 4.1 at 1 s, 3.9 at both ends
   EXPECT_THAT(certified(*robot, {}, motion).broken_limit,
-              HasSubstr("turn breaks its upper limit at"));
+              HasSubstr("turn breaks its upper limit of 4 at 1.0000 s: it is 4.1"));
   motion.pieces[0].coefficients[0] = {3.7, 0.4, -0.2};
   EXPECT_EQ(certified(*robot, {}, motion).outcome, Outcome::kProven);
 }
@@ -191,7 +191,11 @@ TEST(Certificates, AreOfNothingThatMovesOrHasNoShapes) {
   walker.waypoints.push_back({1.0, Transform::Identity()});
   const auto moving = certify(*robot, {Scene({walker}), {}, {}}, motion, {});
   ASSERT_FALSE(moving);
-  EXPECT_THAT(moving.error().describe(), HasSubstr("object 'walker' moves"));
+  EXPECT_THAT(moving.error().describe(), HasSubstr("walker: it moves"));
+  const auto far =
+      certify(*robot, {Scene({object("far", Sphere{0.1}, {1500.0, 0, 0})})}, motion, {});
+  ASSERT_FALSE(far);
+  EXPECT_THAT(far.error().describe(), HasSubstr("far: reaches beyond 500 m"));
 }
 
 /// Two triangles face each other: who goes between them is in their hull, and touches neither.
@@ -231,8 +235,24 @@ TEST(Certificates, KnowWhatIsInsideOfAClosedMesh) {
   EXPECT_NEAR(inside.witness->time_s, 0.0, 1e-9);
   for (Eigen::Vector3i& triangle : mesh.triangles) std::swap(triangle[0], triangle[1]);
   EXPECT_EQ(certified(*crane(0.05), scene(), motion).outcome, Outcome::kRefuted);
+  // What the same corner is, need not be that to the last digit; a triangle may be none.
+  Mesh soup;
+  for (const Eigen::Vector3i& triangle : mesh.triangles) {
+    for (const int vertex : triangle) {
+      const double off = 1e-7 * static_cast<double>(soup.vertices_m.size() % 3);
+      soup.vertices_m.emplace_back(mesh.vertices_m[idx(vertex)].array() + off);
+    }
+    const int last = static_cast<int>(soup.vertices_m.size());
+    soup.triangles.emplace_back(last - 3, last - 2, last - 1);
+  }
+  soup.triangles.emplace_back(0, 0, 1);
+  std::swap(mesh, soup);
+  EXPECT_EQ(certified(*crane(0.05), scene(), motion).outcome, Outcome::kRefuted);
+  std::swap(mesh, soup);
   mesh.triangles.pop_back();
-  EXPECT_EQ(certified(*crane(0.05), scene(), motion).outcome, Outcome::kProven);
+  const auto open = certified(*crane(0.05), scene(), motion);
+  EXPECT_EQ(open.outcome, Outcome::kProven);
+  EXPECT_EQ(open.surfaces, std::vector<std::string>{"room"});
 }
 
 /// The cubes of a map, and balls about points, are held against a robot as one object; FCL has them

@@ -22,6 +22,7 @@ namespace {
 namespace ob = ompl::base;
 namespace og = ompl::geometric;
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using Outcome = Certification::Outcome;
 
@@ -124,7 +125,7 @@ TEST_F(Inputs, PathsAreReadAsOmplPrintsThem) {
   expect_ways(rows("printed.txt", printed.str()), {-1.0, 0.5}, {1.5, 0.75});
   EXPECT_THAT(mistake(rows("matrix.txt", matrix.str(), {})), HasSubstr("--joints turn,slide"));
   EXPECT_THAT(mistake(rows("matrix.txt", matrix.str(), {"turn", "lift"})),
-              HasSubstr("has no joint 'lift'"));
+              HasSubstr("moves no joint 'lift'"));
   EXPECT_THAT(mistake(rows("matrix.txt", matrix.str(), {"turn"})),
               HasSubstr("joint 'slide' is not among them"));
   EXPECT_THAT(mistake(rows("matrix.txt", "1 2\n3 four\n")), HasSubstr("matrix.txt:2: '3 four'"));
@@ -235,7 +236,16 @@ TEST_F(Inputs, WhatARobotCarriesMovesWithItsLink) {
   ASSERT_TRUE(with && with->witness);
   EXPECT_EQ(with->witness->a, "rod");
   EXPECT_EQ(with->witness->b, "lamp");
+  // It is held against links that it does not turn against, too: those that it may not touch.
   std::string text = kCarrying;
+  text.replace(text.find("link_name: tip"), 14, "link_name: arm");
+  text.replace(text.find("touch_links: [arm]"), 18, "touch_links: []");
+  text.replace(text.find("frame_id: tip"), 13, "frame_id: arm");
+  const auto beside = scene("scene.yaml", text);
+  ASSERT_TRUE(beside) << beside.error().describe();
+  const auto touching = carrying(*crane_, beside->attached, "scene.yaml");
+  EXPECT_THAT((*touching)->description().self_collision_pairs, ElementsAre(std::pair(2, 3)));
+  text = kCarrying;
   text.replace(text.find("touch_links: [arm]"), 18, "touch_links: [leg]");
   const auto wrong = scene("scene.yaml", text);
   EXPECT_THAT(mistake(carrying(*crane_, wrong->attached, "scene.yaml")),
@@ -280,12 +290,32 @@ TEST_F(Inputs, LinksOfAUrdfAreHeldAgainstEachOtherButThoseThatItsSrdfDisables) {
   EXPECT_EQ(outcome({urdf, srdf(lower), {}, {}}).first, Outcome::kRefuted);
   EXPECT_EQ(outcome({urdf, srdf(adjacent + lower), {}, {}}).second, "root/fore");
   EXPECT_EQ(outcome({urdf, srdf(adjacent + other), {}, {}}).first, Outcome::kProven);
+  // Links that no joint moves against each other are held, too, as they are in MoveIt.
+  std::string rigid = kUrdf;
+  rigid.replace(rigid.find("\"second\" type=\"revolute\""), 24, "\"second\" type=\"fixed\"");
+  const auto stiff = read_certified_robot(
+      {folder_.write("stiff.urdf", rigid).string(), srdf(lower + other), {}, {}}, loader.context);
+  ASSERT_TRUE(stiff) << stiff.error().describe();
+  EXPECT_EQ((*stiff)->description().self_collision_pairs.size(), 1U);
   EXPECT_THAT(mistake(read_certified_robot({urdf, urdf, {}, {}}, loader.context)),
               HasSubstr("expected an SRDF"));
   const auto half =
       folder_.write("half.srdf", "<robot>\n<disable_collisions link1=\"a\"/></robot>");
   EXPECT_THAT(mistake(read_certified_robot({urdf, half, {}, {}}, loader.context)),
               HasSubstr("half.srdf:2"));
+}
+
+/// Nothing that moves is left out of what a robot is held against.
+TEST_F(Inputs, ScenesStandStill) {
+  EXPECT_THAT(mistake(scene("s.yaml",
+                            "objects: []\npeople: {groups: [{name: g, policy: waypoints, route_m: "
+                            "[[0.5, -0.1], [0.5, 0.1]]}]}\n")),
+              HasSubstr("s.yaml: people and objects that move"));
+  EXPECT_THAT(mistake(scene("s.yaml",
+                            "objects:\n  - {name: a, shape: {sphere: {radius_m: 0.1}}, waypoints: "
+                            "[{time_s: 0, xyz_m: [1, 0, 0]}, {time_s: 1, xyz_m: [2, 0, 0]}]}\n")),
+              HasSubstr("s.yaml: people and objects that move"));
+  EXPECT_THAT(mistake(scene("s.txt", "objects: []")), HasSubstr("a scene is .yaml"));
 }
 
 TEST_F(Inputs, JointsStayWhereTheCommandSays) {
@@ -309,6 +339,8 @@ TEST_F(Inputs, JointsStayWhereTheCommandSays) {
   for (std::size_t i = 0; i < links.size(); ++i) EXPECT_TRUE(links[i].isApprox(same[i], 1e-12));
   EXPECT_THAT(mistake(read_certified_robot({"panda", {}, {"panda_joint4=x"}, {}}, loader.context)),
               HasSubstr("--fixed panda_joint4=x"));
+  EXPECT_THAT(mistake(read_certified_robot({"panda", {}, {"panda_joint4=9"}, {}}, loader.context)),
+              HasSubstr("panda_joint4 would stay outside of its limits"));
   EXPECT_THAT(mistake(read_certified_robot({urdf, {}, {"second"}, {}}, loader.context)),
               HasSubstr("'second' is not JOINT=VALUE"));
   EXPECT_THAT(mistake(read_certified_robot({urdf, {}, {"third=1"}, {}}, loader.context)),

@@ -84,7 +84,7 @@ TEST_F(Motions, WithoutTimesAreWaypoints) {
 TEST_F(Motions, NameFileAndLineOfWhatIsWrong) {
   EXPECT_THAT(mistake("time_s,turn\n0,0\n1,1\n"),
               AllOf(HasSubstr("there is no column slide"), HasSubstr("--fixed slide=VALUE")));
-  EXPECT_THAT(mistake("time_s,turn,slide,elbow\n"), HasSubstr("has no joint 'elbow'"));
+  EXPECT_THAT(mistake("time_s,turn,slide,elbow\n"), HasSubstr("moves no joint 'elbow'"));
   EXPECT_THAT(mistake("turn,turn,slide\n"), HasSubstr("column turn stands twice"));
   EXPECT_THAT(mistake("time_s,turn,slide\n0,0,0.5\n0,1,0.5\n"),
               HasSubstr("motion.csv:3: time does not go on"));
@@ -162,10 +162,14 @@ TEST_F(Motions, OfMoveItNameWhatIsWrong) {
                   .error()
                   .describe(),
               HasSubstr("motion.yaml:1:"));
+  // What the scene has attached is a link.
+  EXPECT_TRUE(read_message(
+      "trajectory_start: {attached_collision_objects: [{link_name: arm, object: {id: tip}}]}\n" +
+      std::string(kTrajectory)));
   std::string other = kTrajectory;
   other.replace(other.find("turn"), 4, "lift");
   EXPECT_THAT(read_message(other).error().describe(),
-              HasSubstr("motion.yaml:3:24: robot 'crane' has no joint 'lift'"));
+              HasSubstr("motion.yaml:3:24: robot 'crane' moves no joint 'lift'"));
   std::string stands = kTrajectory;
   stands.replace(stands.find("secs: 1, nsecs: 500000000"), 25, "secs: 0, nsecs: 0");
   EXPECT_THAT(read_message(stands).error().describe(), HasSubstr("time does not go on"));
@@ -199,6 +203,16 @@ TEST_F(Motions, PassScenesOfMoveIt) {
   EXPECT_EQ(cylinder.radius_m, 0.05);
 }
 
+/// As the service /get_planning_scene answers.
+TEST_F(Motions, PassScenesThatServicesAnswerWith) {
+  std::stringstream lines(kScene);
+  std::string answer = "scene:\n";
+  for (std::string line; std::getline(lines, line);) answer += "  " + line + "\n";
+  const auto scene = read_scene(answer);
+  ASSERT_TRUE(scene) << scene.error().describe();
+  EXPECT_EQ(scene->apart_from.scene.objects().size(), 2U);
+}
+
 TEST_F(Motions, RefuseScenesOfWhichSomethingWouldBeLeftOut) {
   const auto mistake = [&](const std::string& old, const std::string& fresh) {
     std::string text = kScene;
@@ -223,7 +237,8 @@ TEST_F(Motions, RefuseScenesOfWhichSomethingWouldBeLeftOut) {
   EXPECT_THAT(read_certified_scene(folder_.path(), testing_certify::crane(0.1)->description(), {})
                   .error()
                   .describe(),
-              HasSubstr("is a folder"));
+              HasSubstr("a scene is .yaml"));
+  EXPECT_THAT(mistake("id: shelf", "id: shelf\n      operation: 1"), HasSubstr("is removed"));
 }
 
 }  // namespace

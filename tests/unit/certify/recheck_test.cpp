@@ -97,8 +97,8 @@ TEST_F(Recheck, RefusesWhatStartsInsideOfAClosedMesh) {
   Json points = Json::array(), triangles = Json::array();
   for (const Eigen::Vector3d& p : mesh.vertices_m) points.push_back({p.x(), p.y(), p.z()});
   for (const Eigen::Vector3i& t : mesh.triangles) triangles.push_back({t[0], t[1], t[2]});
-  changed["objects"][3]["mesh"] = {{"points", points}, {"triangles", triangles}, {"closed", true}};
-  EXPECT_THAT(recheck(changed), HasSubstr("inside of a mesh"));
+  changed["objects"][3]["mesh"] = {{"points", points}, {"triangles", triangles}};
+  EXPECT_THAT(recheck(changed), HasSubstr("a body is in a mesh"));
 }
 
 /// A plan among what it is checked against: voxels, a floor that a link may stand on, a scene.
@@ -234,6 +234,13 @@ TEST_F(Recheck, RefusesWhatIsNotShown) {
       {"an axis is longer",
        [&](Json& c) {
          pick(c["robot"]["links"])["axis"] = {1.0, draw(1, 2), 0};
+       }},
+      {"a joint is no whole number",
+       [&](Json& c) { pick(c["robot"]["links"])["joint"] = draw(0.01, 5.99); }},
+      {"something is claimed of what is not",
+       [&](Json& c) {
+         c["claims"].push_back(pick(c["claims"]));
+         c["claims"].back()["shape"] = 1000;
        }},
       {"the format is another one", [&](Json& c) { c["format"] = "sidestep-certificate-1"; }},
       {"the robot has no pair", [&](Json& c) { c["robot"].erase("pairs"); }},

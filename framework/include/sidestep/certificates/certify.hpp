@@ -51,9 +51,11 @@ struct Certification {
   std::optional<Witness> witness;    ///< Of a refuted motion, if it is not a limit that it breaks.
   std::string broken_limit;          ///< The limit that a refuted motion breaks.
   std::vector<Undecided> undecided;  ///< The first of each pair of shapes.
-  std::string certificate;           ///< Of a proven motion, if wanted.
-  std::size_t pairs = 0;             ///< Of shapes that were looked at.
-  std::size_t parts = 0;             ///< Of the certificate.
+  /// Links and objects of meshes that are not closed: they have no inside, where others might be.
+  std::vector<std::string> surfaces;
+  std::string certificate;  ///< Of a proven motion, if wanted.
+  std::size_t pairs = 0;    ///< Of shapes that were looked at.
+  std::size_t parts = 0;    ///< Of the certificate.
 };
 
 /// Proves over continuous time that a robot's collision shapes keep apart from those of a scene
