@@ -117,9 +117,9 @@ struct Body {
       }
       case Kind::kCubes: return n.dot(points[item]) + 0.5 * sizes[item] * n.cwiseAbs().sum();
       case Kind::kBalls: return n.dot(points[item]) + sizes[item] * n.norm();
-      case Kind::kHalfSpace: break;
+      case Kind::kHalfSpace: break;  // along its normal, which is all that is asked of it
     }
-    refuse("a half-space has no end");
+    return 0.0;
   }
   /// How far its points are from its origin, at most, on a link.
   [[nodiscard]] double ball() const {
@@ -486,16 +486,12 @@ class Recheck {
     const auto& [a, b, moves_a, moves_b, of_a, of_b] = pair;
     const State& state = this->state(level, index);
     const Pose at_a = placed(a, state), at_b = placed(b, state);
-    const double ways = way(state, a, at_a, moves_a) + way(state, b, at_b, moves_b);
-    if (b.kind == Body::Kind::kHalfSpace) {
-      const Vec up = at_b.R.col(2);
-      return up.dot(at_a.p - at_b.p) - a.reach(at_a.R.transpose() * -up, of_a) - ways;
-    }
-    const double norm = direction.norm();
-    if (!(norm > 0.0)) refuse("a direction is none");
-    const Vec n = direction / norm;
+    const Vec n =
+        b.kind == Body::Kind::kHalfSpace ? Vec(-at_b.R.col(2)) : Vec(direction.normalized());
+    if (!(n.norm() > 0.5)) refuse("a direction is none");
     return n.dot(at_b.p - at_a.p) - a.reach(at_a.R.transpose() * n, of_a) -
-           b.reach(at_b.R.transpose() * -n, of_b) - ways;
+           b.reach(at_b.R.transpose() * -n, of_b) - way(state, a, at_a, moves_a, n) -
+           way(state, b, at_b, moves_b, n);
   }
 
   const State& state(int level, std::int64_t index) {
@@ -543,20 +539,25 @@ class Recheck {
     return Mat::Identity() + std::sin(angle) * K + (1.0 - std::cos(angle)) * K * K;
   }
 
-  /// How far any point of a body comes from where it is in the middle of a part. From the body
-  /// inwards: a joint that turns by no more than `change` moves a point that has come `sum` from
-  /// its place by no more than change * (its distance from the axis + sum).
+  /// How far any point of a body comes along n from where it is in the middle of a part. From the
+  /// body inwards: a joint that turns by no more than `change` moves a point that has come `sum`
+  /// from its place by no more than change * (its distance from the axis + sum).
   [[nodiscard]] double way(const State& state, const Body& body, const Pose& at,
-                           const std::vector<int>& movers) const {
-    double sum = 0.0;
+                           const std::vector<int>& movers, const Vec& n) const {
+    const double ball = movers.empty() ? 0.0 : body.ball();
+    double sum = 0.0, along = 0.0;
     for (const int number : movers) {
       const Link& link = links_[number];
       const double change = std::abs(link.multiplier) * state.changes[link.joint];
       const Pose& T = state.links[number];
-      const double arm = (at.p - T.p).cross(T.R * link.axis).norm() + body.ball() + sum;
-      sum += link.motion == Link::Motion::kTurn ? change * arm : change;
+      const bool is_turn = link.motion == Link::Motion::kTurn;
+      const Vec axis = T.R * link.axis, turn = is_turn ? axis.cross(at.p - T.p) : axis;
+      const double more = is_turn ? ball + sum : 0.0, way = change * (turn.norm() + more);
+      // |sin x| <= |x|, 1 - cos x <= x^2 / 2
+      along += change * (std::abs(n.dot(turn)) + more) + (is_turn ? 0.5 * change * way : 0.0);
+      sum += way;
     }
-    return sum;
+    return std::min(sum, along);
   }
 
   double margin_;

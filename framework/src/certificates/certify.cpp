@@ -85,14 +85,20 @@ class Certifier {
     std::int64_t index = 0;
     friend auto operator<=>(const Part&, const Part&) = default;
   };
+  /// How far a point of a shape may come within a part by its carriers up to this one: no farther
+  /// than `way_m`, and along n no farther than the sum of their |n . turn_m| and `more_m`.
+  struct Carried {
+    double way_m = 0.0;
+    double more_m = 0.0;
+    Eigen::Vector3d turn_m = Eigen::Vector3d::Zero();  ///< Of this one alone.
+  };
   /// The robot in the middle of a part, and how far each joint goes from there.
   struct Instant {
     double time_s = 0.0;
     std::vector<Transform> links;
     std::vector<double> ways;
-    /// How far any point of a shape may come within the part by the first of its carriers, by the
-    /// first two, and so on; empty until it is asked for.
-    std::vector<std::vector<double>> ways_m;
+    /// Of each shape and each of its carriers; empty until it is asked for.
+    std::vector<std::vector<Carried>> carried;
   };
 
   [[nodiscard]] Result<void> check_input() const {
@@ -256,7 +262,7 @@ class Certifier {
     }
     instant.links.resize(description_.links.size());
     robot_.link_poses(q, instant.links, scratch_);
-    instant.ways_m.resize(shapes_.size());
+    instant.carried.resize(shapes_.size());
     instant.ways.assign(q.size(), 0.0);
     auto piece = std::upper_bound(pieces.begin(), pieces.end(), from_s, after);
     for (; piece != pieces.end() && piece->begin_s <= to_s; ++piece) {
@@ -274,23 +280,30 @@ class Certifier {
     return instant;
   }
 
-  const std::vector<double>& ways_m(Instant& instant, std::size_t shape) {
-    std::vector<double>& ways_m = instant.ways_m[shape];
-    if (!ways_m.empty()) return ways_m;
+  std::span<const Carried> carried(Instant& instant, std::size_t shape, std::size_t carriers) {
+    std::vector<Carried>& carried = instant.carried[shape];
+    if (!carried.empty() || carriers == 0) return std::span(carried).first(carriers);
+    carried.reserve(carriers_[shape].size());
     const CollisionShape& of = description_.shapes[shape];
     const Eigen::Vector3d centre_m = instant.links[idx(of.link)] * of.T_link_shape.translation();
-    double sum_m = 0.0;
+    Carried by;
     for (const int link : carriers_[shape]) {
       const TreeJoint& joint = robot_.tree_joints()[idx(link)];
       const double turn = std::abs(joint.multiplier) * instant.ways[idx(joint.joint)];
       const Transform& T = instant.links[idx(link)];
       const Eigen::Vector3d axis = T.linear() * joint.axis;
-      const double arm_m = (centre_m - T.translation()).cross(axis).norm();
-      const bool is_turn = joint.motion == TreeJoint::Motion::kRotation;
-      sum_m += is_turn ? turn * (arm_m + shapes_[shape].reach_m() + sum_m) : turn;
-      ways_m.push_back(sum_m);
+      by.turn_m = turn * axis;
+      double way_m = turn;
+      if (joint.motion == TreeJoint::Motion::kRotation) {
+        by.turn_m = turn * axis.cross(centre_m - T.translation());
+        const double reach_m = turn * (shapes_[shape].reach_m() + by.way_m);
+        way_m = by.turn_m.norm() + reach_m;
+        by.more_m += reach_m + 0.5 * turn * way_m;
+      }
+      by.way_m += way_m;
+      carried.push_back(by);
     }
-    return ways_m;
+    return std::span(carried).first(carriers);
   }
 
   void show_all() {
@@ -435,24 +448,39 @@ class Certifier {
   /// contact.
   bool show(const Pair& pair, Open& open) {
     Instant& at = instant(open.part);
-    auto placed = place(pair, at);
-    auto& a = placed.first;
-    auto& b = placed.second;
+    auto [a, b] = place(pair, at);
     a.share = open.a;
     b.share = open.b;
-    double way_m = pair.carriers_a > 0 ? ways_m(at, pair.a)[pair.carriers_a - 1] : 0.0;
-    if (pair.carriers_b > 0) way_m += ways_m(at, *pair.b)[pair.carriers_b - 1];
-    const double wanted_m = settings_.margin_m + way_m + kRounding_m;
+    const std::array carried{
+        this->carried(at, pair.a, pair.carriers_a),
+        pair.b ? this->carried(at, *pair.b, pair.carriers_b) : std::span<const Carried>()};
+    double way_m = 0.0;
+    for (const auto& by : carried) way_m += by.empty() ? 0.0 : by.back().way_m;
+    const auto wanted = [&](const Eigen::Vector3d& direction) {
+      const Eigen::Vector3d n =
+          b.body->is_half_space() ? b.T_world_body.linear().col(2) : direction.normalized();
+      double along_m = 0.0;
+      for (const auto& bys : carried) {
+        for (const Carried& by : bys) along_m += std::abs(n.dot(by.turn_m));
+        if (!bys.empty()) along_m += bys.back().more_m;
+      }
+      return settings_.margin_m + std::min(way_m, along_m) + kRounding_m;
+    };
     if (open.direction.isZero()) open.direction = written(b.centre() - a.centre());
     const Eigen::Vector3d along = open.direction.cast<double>();
+    const double wanted_m = wanted(along);
     const NearestPoints nearest =
         nearest_points(a, b, kNear_m + settings_.margin_m, wanted_m, along);
-    if (nearest.apart_m > wanted_m) {
+    if (nearest.apart_m > wanted_m && nearest.direction == along) {
       open.kind = Open::Kind::kApart;
-      if (nearest.direction == along) return true;
+      return true;
+    }
+    if (nearest.direction != along && nearest.apart_m > wanted(nearest.direction)) {
+      open.kind = Open::Kind::kApart;
       for (const double length : {kDirection, kLongDirection}) {
         open.direction = written(nearest.direction, length);
-        if (gap_m(a, b, open.direction.cast<double>()) > wanted_m) return true;
+        const Eigen::Vector3d n = open.direction.cast<double>();
+        if (gap_m(a, b, n) > wanted(n)) return true;
       }
     }
     const bool is_near = nearest.distance_m() < std::max(settings_.margin_m, kRounding_m);
