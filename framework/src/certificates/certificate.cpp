@@ -1,124 +1,124 @@
 #include "certificate.hpp"
 
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <span>
-#include <utility>
+
+#include <nlohmann/json.hpp>
 
 #include <sidestep/core/index.hpp>
 
 namespace sidestep {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-Json numbers(const auto& values) {
-  Json list = Json::array();
-  for (const double one : values) list.push_back(one);
-  return list;
+std::string number(auto x) {
+  std::array<char, 32> digits;
+  return {digits.begin(), std::to_chars(digits.begin(), digits.end(), x).ptr};
 }
-Json pose_json(const Transform& T) {
+std::string limit(bool is_there, double x) {
+  return is_there && std::isfinite(x) ? number(x) : "null";
+}
+std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
+std::string listed(const auto& items, const auto& write) {
+  std::string list = "[";
+  for (const auto& item : items) list += (list.size() == 1 ? "" : ",") + write(item);
+  return list + "]";
+}
+std::string numbers(const auto& values) {
+  return listed(values, [](auto x) { return number(x); });
+}
+std::string pose(const Transform& T) {
   const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> rows = T.matrix().topRows<3>();
   return numbers(std::span(rows.data(), 12));
 }
 
-Json mesh_json(const Mesh& mesh, const Body& body) {
-  Json points = Json::array(), triangles = Json::array();
-  for (const Eigen::Vector3d& p : mesh.vertices_m) points.push_back(numbers(p));
-  for (const Eigen::Vector3i& t : body.triangles()) triangles.push_back({t[0], t[1], t[2]});
-  return {{"mesh", {{"points", std::move(points)}, {"triangles", std::move(triangles)}}}};
-}
-
-Json shape_json(const Body& body) {
+/// Key and value of a body's shape.
+std::string shape(const Body& body) {
   struct Write {
     const Body& body;
-    Json operator()(const Box& box) const { return {{"box", numbers(box.size_m)}}; }
-    Json operator()(const Sphere& ball) const { return {{"sphere", ball.radius_m}}; }
-    Json operator()(const Cylinder& c) const {
-      return {{"cylinder", numbers(std::array{c.radius_m, c.length_m})}};
+    std::string operator()(const Box& box) const { return "\"box\":" + numbers(box.size_m); }
+    std::string operator()(const Sphere& ball) const {
+      return "\"sphere\":" + number(ball.radius_m);
     }
-    Json operator()(const Capsule& c) const {
-      return {{"capsule", numbers(std::array{c.radius_m, c.length_m})}};
+    std::string operator()(const Cylinder& c) const {
+      return "\"cylinder\":" + numbers(std::array{c.radius_m, c.length_m});
     }
-    Json operator()(const HalfSpace&) const { return {{"half_space", true}}; }
-    Json operator()(const std::shared_ptr<const Mesh>& mesh) const {
-      return mesh_json(*mesh, body);
+    std::string operator()(const Capsule& c) const {
+      return "\"capsule\":" + numbers(std::array{c.radius_m, c.length_m});
+    }
+    std::string operator()(const HalfSpace&) const { return "\"half_space\":true"; }
+    std::string operator()(const std::shared_ptr<const Mesh>& mesh) const {
+      const auto list = [](const auto& vector) { return numbers(vector); };
+      return "\"mesh\":{\"points\":" + listed(mesh->vertices_m, list) +
+             ",\"triangles\":" + listed(body.triangles(), list) + "}";
     }
   };
   if (body.members().empty()) return std::visit(Write{body}, body.shape());
-  Json members = Json::array();
-  for (const Swarm::Member& one : body.members()) {
-    const Eigen::Vector3d& p = one.centre_m;
-    members.push_back({p.x(), p.y(), p.z(), one.size_m});
-  }
-  return {{body.kind() == Swarm::Kind::kCubes ? "cubes" : "balls", std::move(members)}};
+  return (body.kind() == Swarm::Kind::kCubes ? "\"cubes\":" : "\"balls\":") +
+         listed(body.members(), [](const Swarm::Member& one) {
+           const Eigen::Vector3d& p = one.centre_m;
+           return numbers(std::array{p.x(), p.y(), p.z(), one.size_m});
+         });
 }
 
-Json robot_json(const KinematicTree& robot, const std::vector<Body>& bodies,
-                const PolynomialMotion& motion) {
-  const RobotDescription& description = robot.description();
-  Json joints = Json::array(), links = Json::array(), shapes = Json::array();
-  for (const Joint& joint : description.joints) {
-    const bool is_bounded = joint.type != Joint::Type::kContinuous;
-    const bool has_speed = motion.has_times && std::isfinite(joint.max_velocity);
-    joints.push_back({{"name", joint.name},
-                      {"lower", is_bounded ? Json(joint.lower) : Json()},
-                      {"upper", is_bounded ? Json(joint.upper) : Json()},
-                      {"velocity", has_speed ? Json(joint.max_velocity) : Json()}});
-  }
-  for (std::size_t k = 0; k < description.links.size(); ++k) {
-    const TreeJoint& joint = robot.tree_joints()[k];
-    static constexpr const char* kMotions[] = {"fixed", "turn", "shift"};
-    links.push_back({{"name", description.links[k].name},
-                     {"parent", description.links[k].parent},
-                     {"pose", pose_json(joint.T_parent_joint)},
-                     {"motion", kMotions[static_cast<int>(joint.motion)]},
-                     {"axis", numbers(joint.axis)},
-                     {"joint", joint.joint},
-                     {"multiplier", joint.multiplier},
-                     {"offset", joint.offset}});
-  }
-  for (std::size_t s = 0; s < bodies.size(); ++s) {
-    const CollisionShape& shape = description.shapes[s];
-    Json one = {{"link", shape.link}, {"pose", pose_json(shape.T_link_shape)}};
-    one.update(shape_json(bodies[s]));
-    shapes.push_back(std::move(one));
-  }
-  return {{"name", description.name},
-          {"joints", std::move(joints)},
-          {"links", std::move(links)},
-          {"shapes", std::move(shapes)},
-          {"pairs", description.self_collision_pairs}};
+std::string joint(const Joint& joint, bool has_times) {
+  const bool is_bounded = joint.type != Joint::Type::kContinuous;
+  return "{\"name\":" + quoted(joint.name) + ",\"lower\":" + limit(is_bounded, joint.lower) +
+         ",\"upper\":" + limit(is_bounded, joint.upper) +
+         ",\"velocity\":" + limit(has_times, joint.max_velocity) + "}";
 }
-Json objects_json(const std::vector<CertifiedObject>& objects) {
-  Json list = Json::array();
-  for (const CertifiedObject& object : objects) {
-    Json one = {{"name", object.name}, {"pose", pose_json(object.T_world_body)}};
-    one.update(shape_json(object.body));
-    if (!object.may_touch.empty()) one["may_touch"] = object.may_touch;
-    list.push_back(std::move(one));
-  }
-  return list;
+std::string link(const Link& link, const TreeJoint& joint) {
+  static constexpr const char* kMotions[] = {"fixed", "turn", "shift"};
+  return "{\"name\":" + quoted(link.name) + ",\"parent\":" + number(link.parent) +
+         ",\"pose\":" + pose(joint.T_parent_joint) + ",\"motion\":\"" +
+         kMotions[static_cast<int>(joint.motion)] + "\",\"axis\":" + numbers(joint.axis) +
+         ",\"joint\":" + number(joint.joint) + ",\"multiplier\":" + number(joint.multiplier) +
+         ",\"offset\":" + number(joint.offset) + "}";
 }
-Json motion_json(const PolynomialMotion& motion) {
-  Json pieces = Json::array();
-  for (const PolynomialPiece& piece : motion.pieces) {
-    Json joints = Json::array();
-    for (const auto& c : piece.coefficients) joints.push_back(numbers(c));
-    pieces.push_back({{"end_s", piece.end_s}, {"joints", std::move(joints)}});
-  }
-  return pieces;
+std::string robot_text(const KinematicTree& robot, const std::vector<Body>& bodies,
+                       bool has_times) {
+  const RobotDescription& of = robot.description();
+  std::size_t links = 0, shapes = 0;
+  return "{\"name\":" + quoted(of.name) + ",\"joints\":" +
+         listed(of.joints, [&](const Joint& one) { return joint(one, has_times); }) +
+         ",\"links\":" +
+         listed(of.links,
+                [&](const Link& one) { return link(one, robot.tree_joints()[links++]); }) +
+         ",\"shapes\":" +
+         listed(of.shapes,
+                [&](const CollisionShape& one) {
+                  return "{\"link\":" + number(one.link) + ",\"pose\":" + pose(one.T_link_shape) +
+                         "," + shape(bodies[shapes++]) + "}";
+                }) +
+         ",\"pairs\":" +
+         listed(of.self_collision_pairs,
+                [](const auto& pair) {
+                  return numbers(std::array{pair.first, pair.second});
+                }) +
+         "}";
+}
+std::string object_text(const CertifiedObject& object) {
+  return "{\"name\":" + quoted(object.name) + ",\"pose\":" + pose(object.T_world_body) + "," +
+         shape(object.body) +
+         (object.may_touch.empty() ? "" : ",\"may_touch\":" + numbers(object.may_touch)) + "}";
+}
+std::string piece_text(const PolynomialPiece& piece) {
+  return "{\"end_s\":" + number(piece.end_s) +
+         ",\"joints\":" + listed(piece.coefficients, [](const auto& c) { return numbers(c); }) +
+         "}";
 }
 
 }  // namespace
 
-Json claimed(const KinematicTree& robot, const std::vector<Body>& shapes,
-             const std::vector<CertifiedObject>& objects, const PolynomialMotion& motion,
-             double margin_m) {
-  return {{"format", "sidestep-certificate-3"},
-          {"margin_m", margin_m},
-          {"robot", robot_json(robot, shapes, motion)},
-          {"objects", objects_json(objects)},
-          {"motion", motion_json(motion)}};
+std::string certificate_text(const KinematicTree& robot, const std::vector<Body>& shapes,
+                             const std::vector<CertifiedObject>& objects,
+                             const PolynomialMotion& motion, double margin_m,
+                             const std::string& claims) {
+  return "{\"format\":\"sidestep-certificate-3\",\"margin_m\":" + number(margin_m) +
+         ",\"robot\":" + robot_text(robot, shapes, motion.has_times) +
+         ",\"objects\":" + listed(objects, object_text) +
+         ",\"motion\":" + listed(motion.pieces, piece_text) + ",\"claims\":[" + claims + "]}";
 }
 
 }  // namespace sidestep

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <nlohmann/json.hpp>
-
 #include <sidestep/certificates/certify.hpp>
 
 namespace sidestep {
@@ -14,11 +12,12 @@ struct CertifiedObject {
   std::vector<int> may_touch;  ///< Links that are not held against it.
 };
 
-/// A certificate of a robot, its shapes, objects and a motion (docs/reference/certificates.md),
-/// without claims.
-[[nodiscard]] nlohmann::ordered_json claimed(const KinematicTree& robot,
-                                             const std::vector<Body>& shapes,
-                                             const std::vector<CertifiedObject>& objects,
-                                             const PolynomialMotion& motion, double margin_m);
+/// A certificate of a robot, its shapes, objects and a motion (docs/reference/certificates.md).
+/// `claims`: as JSON, without brackets.
+[[nodiscard]] std::string certificate_text(const KinematicTree& robot,
+                                           const std::vector<Body>& shapes,
+                                           const std::vector<CertifiedObject>& objects,
+                                           const PolynomialMotion& motion, double margin_m,
+                                           const std::string& claims);
 
 }  // namespace sidestep

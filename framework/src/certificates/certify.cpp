@@ -532,9 +532,8 @@ class Certifier {
                      : found_.undecided.empty() ? Outcome::kProven
                                                 : Outcome::kUndecided;
     if (found_.outcome != Outcome::kProven || !settings_.wants_certificate) return;
-    found_.certificate = claimed(robot_, shapes_, objects_, motion_, settings_.margin_m).dump();
-    found_.certificate.back() = ',';
-    found_.certificate += "\"claims\":[" + claims_ + "]}";
+    found_.certificate =
+        certificate_text(robot_, shapes_, objects_, motion_, settings_.margin_m, claims_);
   }
 
   const KinematicTree& robot_;
