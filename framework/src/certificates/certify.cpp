@@ -4,13 +4,14 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <map>
+#include <optional>
 #include <utility>
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 
 #include "certificate.hpp"
+#include "parted_motion.hpp"
 #include "polynomials.hpp"
 
 namespace sidestep {
@@ -47,11 +48,9 @@ class Certifier {
 
   [[nodiscard]] Result<Certification> run() {
     SIDESTEP_TRY(check_input());
-    find_movers();
     if (breaks_limit()) return std::move(found_);
     for (const CollisionShape& shape : description_.shapes) {
       shapes_.emplace_back(shape.shape);
-      carriers_.push_back(carriers_of(shape));
     }
     for (const SceneObject& object : scene_.scene.objects()) {
       objects_.push_back({object.name, Body(object.shape), object.T_world_object(0.0), {}});
@@ -66,12 +65,16 @@ class Certifier {
       }
     }
     SIDESTEP_TRY(check_extent());
+    parts_.emplace(robot_, motion_, shapes_);
     show_all();
     conclude();
     return std::move(found_);
   }
 
  private:
+  using Instant = PartedMotion::Instant;
+  using Carried = PartedMotion::Carried;
+
   /// Two bodies, and how many of what carries each do not carry both.
   struct Pair {
     std::size_t a = 0;             ///< A shape.
@@ -79,28 +82,6 @@ class Certifier {
     const CertifiedObject* object = nullptr;
     std::size_t carriers_a = 0, carriers_b = 0;
   };
-  /// A part of the motion: from index / 2^level of it on.
-  struct Part {
-    int level = 0;
-    std::int64_t index = 0;
-    friend auto operator<=>(const Part&, const Part&) = default;
-  };
-  /// How far a point of a shape may come within a part by its carriers up to this one: no farther
-  /// than `way_m`, and along n no farther than the sum of their |n . turn_m| and `more_m`.
-  struct Carried {
-    double way_m = 0.0;
-    double more_m = 0.0;
-    Eigen::Vector3d turn_m = Eigen::Vector3d::Zero();  ///< Of this one alone.
-  };
-  /// The robot in the middle of a part, and how far each joint goes from there.
-  struct Instant {
-    double time_s = 0.0;
-    std::vector<Transform> links;
-    std::vector<double> ways;
-    /// Of each shape and each of its carriers; empty until it is asked for.
-    std::vector<std::vector<Carried>> carried;
-  };
-
   [[nodiscard]] Result<void> check_input() const {
     if (description_.shapes.empty()) {
       return fail(ErrorCode::kInvalidArgument,
@@ -179,23 +160,6 @@ class Certifier {
     return {};
   }
 
-  void find_movers() {
-    const auto& joints = robot_.tree_joints();
-    for (std::size_t k = 0; k < joints.size(); ++k) {
-      moves_.push_back(joints[k].motion != TreeJoint::Motion::kFixed && joints[k].joint >= 0);
-    }
-  }
-  /// The links that joints move, from that of a shape inwards.
-  [[nodiscard]] std::vector<int> carriers_of(const CollisionShape& shape) const {
-    std::vector<int> carriers;
-    for (int link = shape.link; link >= 0; link = description_.links[idx(link)].parent) {
-      if (moves_[idx(link)]) carriers.push_back(link);
-    }
-    return carriers;
-  }
-  [[nodiscard]] std::size_t count_beyond(int link, std::size_t shape) const {
-    return idx(std::ranges::count_if(carriers_[shape], [=](int one) { return one > link; }));
-  }
   [[nodiscard]] int common_ancestor(int a, int b) const {
     while (a != b) {  // parents come before their children
       int& later = a > b ? a : b;
@@ -237,81 +201,13 @@ class Certifier {
     return false;
   }
 
-  [[nodiscard]] std::pair<double, double> span_s(const Part& part) const {
-    const double length_s = std::ldexp(motion_.duration_s(), -part.level);
-    const auto index = static_cast<double>(part.index);
-    return {length_s * index, length_s * (index + 1.0)};
-  }
-
-  Instant& instant(const Part& part) {
-    const auto [known, is_new] = instants_.try_emplace(part);
-    Instant& instant = known->second;
-    if (!is_new) return instant;
-    const auto [from_s, to_s] = span_s(part);
-    instant.time_s = 0.5 * (from_s + to_s);
-    const auto after = [](double time_s, const PolynomialPiece& piece) {
-      return time_s < piece.end_s;
-    };
-    const auto& pieces = motion_.pieces;
-    const auto at =
-        std::min(std::ranges::upper_bound(pieces, instant.time_s, {}, &PolynomialPiece::end_s),
-                 pieces.end() - 1);
-    std::vector<double> q(description_.joints.size());
-    for (std::size_t j = 0; j < q.size(); ++j) {
-      q[j] = value(at->coefficients[j], instant.time_s - at->begin_s);
-    }
-    instant.links.resize(description_.links.size());
-    robot_.link_poses(q, instant.links, scratch_);
-    instant.carried.resize(shapes_.size());
-    instant.ways.assign(q.size(), 0.0);
-    auto piece = std::upper_bound(pieces.begin(), pieces.end(), from_s, after);
-    for (; piece != pieces.end() && piece->begin_s <= to_s; ++piece) {
-      const double a = std::max(from_s, piece->begin_s) - piece->begin_s;
-      const double b = std::min(to_s, piece->end_s) - piece->begin_s;
-      for (std::size_t j = 0; j < q.size(); ++j) {
-        const Coefficients& c = piece->coefficients[j];
-        // A little longer, for the rounding of times.
-        const double half = 0.5 * (b - a) * (1.0 + 1e-12) + 1e-15 * to_s;
-        const double middle = 0.5 * (a + b);
-        const double off = std::abs(value(c, middle) - q[j]) + way(c, middle, half);
-        instant.ways[j] = std::max(instant.ways[j], off);
-      }
-    }
-    return instant;
-  }
-
-  std::span<const Carried> carried(Instant& instant, std::size_t shape, std::size_t carriers) {
-    std::vector<Carried>& carried = instant.carried[shape];
-    if (!carried.empty() || carriers == 0) return std::span(carried).first(carriers);
-    carried.reserve(carriers_[shape].size());
-    const CollisionShape& of = description_.shapes[shape];
-    const Eigen::Vector3d centre_m = instant.links[idx(of.link)] * of.T_link_shape.translation();
-    Carried by;
-    for (const int link : carriers_[shape]) {
-      const TreeJoint& joint = robot_.tree_joints()[idx(link)];
-      const double turn = std::abs(joint.multiplier) * instant.ways[idx(joint.joint)];
-      const Transform& T = instant.links[idx(link)];
-      const Eigen::Vector3d axis = T.linear() * joint.axis;
-      by.turn_m = turn * axis;
-      double way_m = turn;
-      if (joint.motion == TreeJoint::Motion::kRotation) {
-        by.turn_m = turn * axis.cross(centre_m - T.translation());
-        const double reach_m = turn * (shapes_[shape].reach_m() + by.way_m);
-        way_m = by.turn_m.norm() + reach_m;
-        by.more_m += reach_m + 0.5 * turn * way_m;
-      }
-      by.way_m += way_m;
-      carried.push_back(by);
-    }
-    return std::span(carried).first(carriers);
-  }
-
   void show_all() {
     for (std::size_t s = 0; s < shapes_.size(); ++s) {
-      if (carriers_[s].empty()) continue;  // what no joint moves
+      const std::size_t carriers = parts_->carriers_beyond(-1, s);
+      if (carriers == 0) continue;  // what no joint moves
       for (std::size_t o = 0; o < objects_.size() && !found_.witness; ++o) {
         if (std::ranges::count(objects_[o].may_touch, description_.shapes[s].link) > 0) continue;
-        show({.a = s, .object = &objects_[o], .carriers_a = carriers_[s].size()});
+        show({.a = s, .object = &objects_[o], .carriers_a = carriers});
       }
     }
     for (const auto& [a, b] : description_.self_collision_pairs) {
@@ -321,8 +217,8 @@ class Certifier {
           if (description_.shapes[s].link != a || description_.shapes[t].link != b) continue;
           show({.a = s,
                 .b = t,
-                .carriers_a = count_beyond(common, s),
-                .carriers_b = count_beyond(common, t)});
+                .carriers_a = parts_->carriers_beyond(common, s),
+                .carriers_b = parts_->carriers_beyond(common, t)});
         }
       }
     }
@@ -384,7 +280,7 @@ class Certifier {
   struct Open {
     enum class Kind { kApart, kTime, kShareOfA, kShareOfB };
     Kind kind = Kind::kApart;
-    Part part;
+    MotionPart part;
     Share a, b;
     Eigen::Vector3i direction = Eigen::Vector3i::Zero();
     bool is_looked_at = false;  ///< No contact in the middle of the part.
@@ -406,7 +302,7 @@ class Certifier {
       const Open& open = tree[i];
       const bool is_last = open.kind == Open::Kind::kTime && open.part.level == kDeepest;
       if (is_last || tree.size() > idx(2 * settings_.most_parts)) {
-        const auto [from_s, to_s] = span_s(open.part);
+        const auto [from_s, to_s] = parts_->span_s(open.part);
         found_.undecided.push_back({name_a(pair), name_b(pair), from_s, to_s});
         return;
       }
@@ -436,7 +332,7 @@ class Certifier {
   }
 
   bool starts_inside(const Pair& pair) {
-    const Instant& at = instant({kDeepest, 0});
+    const Instant& at = parts_->at({kDeepest, 0});
     const auto [a, b] = place(pair, at);
     auto p = inside(a, b);
     if (!p) p = inside(b, a);
@@ -447,13 +343,13 @@ class Certifier {
   /// Shows two shares apart in a part; else says by what they are to be halved, or has found a
   /// contact.
   bool show(const Pair& pair, Open& open) {
-    Instant& at = instant(open.part);
+    Instant& at = parts_->at(open.part);
     auto [a, b] = place(pair, at);
     a.share = open.a;
     b.share = open.b;
     const std::array carried{
-        this->carried(at, pair.a, pair.carriers_a),
-        pair.b ? this->carried(at, *pair.b, pair.carriers_b) : std::span<const Carried>()};
+        parts_->carried(at, pair.a, pair.carriers_a),
+        pair.b ? parts_->carried(at, *pair.b, pair.carriers_b) : std::span<const Carried>()};
     double way_m = 0.0;
     for (const auto& by : carried) way_m += by.empty() ? 0.0 : by.back().way_m;
     const auto wanted = [&](const Eigen::Vector3d& direction) {
@@ -541,12 +437,9 @@ class Certifier {
   const CertifiedScene& scene_;
   const PolynomialMotion& motion_;
   const CertifySettings& settings_;
-  std::vector<bool> moves_;  ///< Links, against their parents.
-  std::map<Part, Instant> instants_;
-  Scratch scratch_;
   std::vector<Body> shapes_;
-  std::vector<std::vector<int>> carriers_;  ///< Of each shape.
   std::vector<CertifiedObject> objects_;
+  std::optional<PartedMotion> parts_;
   std::vector<Open> tree_;  ///< Of the pair that is looked at.
   std::string claims_;
   Certification found_;
