@@ -36,8 +36,8 @@ Result<std::vector<NamedSamples>> read_recorded_motions(const std::filesystem::p
     const std::string where =
         motion.name + format(" at %.3f s", seconds(message.header.stamp) -
                                                1e-9 * static_cast<double>(kRosEpoch.ns));
-    const auto order =
-        SIDESTEP_TRY(joint_order(message.joint_names, robot, [&](auto) { return where; }));
+    const auto order = SIDESTEP_TRY(
+        joint_order(message.joint_names, robot, [&](auto) { return std::string(where); }));
     motion.samples.has_velocities = true;
     for (const ros::JointTrajectoryPoint& point : message.points) {
       if (point.positions.size() != order.size() || point.velocities.size() != order.size()) {

@@ -144,11 +144,11 @@ Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInp
   Node::Map held;
   if (!is_urdf) {
     robot = SIDESTEP_TRY(urdf_robot::load_robot(options, context));
-    const auto others = std::ranges::stable_partition(fixed, [&](const Node::Entry& entry) {
+    const auto others = std::stable_partition(fixed.begin(), fixed.end(), [&](const auto& entry) {
       return robot->description().joint_index(entry.key).has_value();
     });
-    held.assign(fixed.begin(), others.begin());
-    fixed.erase(fixed.begin(), others.begin());
+    held.assign(fixed.begin(), others);
+    fixed.erase(fixed.begin(), others);
   }
   if (robot == nullptr || !fixed.empty()) {
     if (!fixed.empty()) options.fixed_joints = Node(std::move(fixed), SourceMark{"command line"});

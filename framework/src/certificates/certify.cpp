@@ -344,7 +344,9 @@ class Certifier {
   /// contact.
   bool show(const Pair& pair, Open& open) {
     Instant& at = parts_->at(open.part);
-    auto [a, b] = place(pair, at);
+    auto placed = place(pair, at);
+    auto& a = placed.first;
+    auto& b = placed.second;
     a.share = open.a;
     b.share = open.b;
     const std::array carried{
