@@ -73,7 +73,7 @@ INSTANTIATE_TEST_SUITE_P(OfEachParticipant, PassingFaults,
                              PassingFault{"camera", "has given no frame since", 0.5},
                              PassingFault{"joint_states", "the newest joint state of joint", 0.2},
                              PassingFault{"odom", "the newest odometry of joint", 0.2},
-                             PassingFault{"tf", "source ros1: dropped", 0.6},
+                             PassingFault{"tf", ": dropped", 0.6},
                              PassingFault{"controller",
                                           "/hsrb/omni_base_controller/state has been silent", 0.5}),
                          [](const auto& tested) { return tested.param.part; });

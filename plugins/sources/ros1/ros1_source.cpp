@@ -21,7 +21,6 @@ namespace {
 using ros1_node::ros_now;
 using ros_messages::LookupFault;
 
-constexpr const char* kWhere = "source ros1";
 /// tf is many small messages; those of a second must not be lost while a frame is mapped.
 constexpr std::uint32_t kTfQueue = 1000;
 constexpr std::uint32_t kStateQueue = 200;
@@ -64,15 +63,16 @@ class Ros1Source final : public Source {
         log_(context.log),
         time_(options.clock_tolerance_s),
         feed_(std::move(feed)),
-        drops_(context.log, [] { return ros_now().seconds(); }) {
+        where_("source ros1 " + options.topic),
+        drops_(context.log, where_, [] { return ros_now().seconds(); }) {
     node_.setCallbackQueue(&queue_);
     subscribe_all();
   }
 
   ~Ros1Source() override {
-    log_.info("source ros1: " + std::to_string(sync_s_.size()) +
-              " frames; synchronisation with tf " + spread_text(sync_s_) +
-              "; age when handed over " + spread_text(age_s_) + "; " + drops_.describe());
+    log_.info(where_ + ": " + std::to_string(sync_s_.size()) + " frames; synchronisation with tf " +
+              spread_text(sync_s_) + "; age when handed over " + spread_text(age_s_) + "; " +
+              drops_.describe());
   }
 
   /// Waits for what a first frame needs.
@@ -101,6 +101,7 @@ class Ros1Source final : public Source {
   Log& log_;
   ros1_node::RunTime time_;
   ViewpointFeed feed_;
+  std::string where_;  ///< For messages: several sensors may be of this kind.
   FrameDrops drops_;
   std::optional<ros_messages::CameraInfo> info_;
   std::optional<Arrival> arrived_;  ///< The newest.
@@ -192,7 +193,7 @@ Result<void> Ros1Source::connect() {
     return error_of(first);
   }
   const bool is_bad = first.error().code == ErrorCode::kBadFrame;
-  return fail(ErrorCode::kNotFound, is_bad ? first.error().message : missing(), kWhere,
+  return fail(ErrorCode::kNotFound, is_bad ? first.error().message : missing(), where_,
               "is the camera up, and are topics and frames its own? (rostopic hz TOPIC, "
               "rosrun tf tf_echo WORLD CAMERA)");
 }
@@ -210,7 +211,7 @@ Result<std::optional<Frame>> Ros1Source::next(const Deadline& deadline) {
       auto frame = synchronise();
       if (!frame || *frame) return frame;
     }
-    if (deadline.expired()) return fail(ErrorCode::kDeadlineExceeded, missing(), kWhere);
+    if (deadline.expired()) return fail(ErrorCode::kDeadlineExceeded, missing(), where_);
   }
 }
 
@@ -307,7 +308,7 @@ Result<void> Ros1Source::measure(const Arrival& arrival, Frame& frame) {
   const auto camera = ros_messages::intrinsics(*info_);
   if (!camera) return named(camera.error());
   if (ros_messages::is_distorted(*info_) && !std::exchange(told_distorted_, true)) {
-    log_.warn("source ros1: " + options_.camera_info_topic +
+    log_.warn(where_ + ": " + options_.camera_info_topic +
               " tells of distortion and of no projection: is the depth image rectified?");
   }
   auto image = ros_messages::depth_image(*arrival.image, *camera,
@@ -403,7 +404,7 @@ void FrameDrops::add(const std::string& kind, const std::string& reason) {
   ++untold_;
   const double now_s = time_s_();
   if (told_s_ && now_s - *told_s_ < 1.0) return;
-  log_.warn("source ros1: dropped " + std::to_string(untold_) +
+  log_.warn(where_ + ": dropped " + std::to_string(untold_) +
             (untold_ == 1 ? " frame: " : " frames, the last: ") + reason);
   untold_ = 0;
   told_s_ = now_s;

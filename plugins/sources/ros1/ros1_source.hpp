@@ -59,8 +59,9 @@ struct Options {
 /// Counts frames that are dropped, and says why, once a second at most. One thread at a time.
 class FrameDrops {
  public:
-  /// `time_s` tells any clock that goes on.
-  FrameDrops(Log& log, std::function<double()> time_s) : log_(log), time_s_(std::move(time_s)) {}
+  /// `where` stands before what is logged; `time_s` tells any clock that goes on.
+  FrameDrops(Log& log, std::string where, std::function<double()> time_s)
+      : log_(log), where_(std::move(where)), time_s_(std::move(time_s)) {}
 
   /// `kind` in a word or two, to count by; `reason` in a sentence without full stop.
   void add(const std::string& kind, const std::string& reason);
@@ -71,6 +72,7 @@ class FrameDrops {
 
  private:
   Log& log_;
+  std::string where_;
   std::function<double()> time_s_;
   std::map<std::string, std::int64_t> counts_;
   std::int64_t total_ = 0;

@@ -108,7 +108,7 @@ class KeptLog final : public Log {
 TEST(FrameDrops, AreAllCountedAndToldOnceASecond) {
   KeptLog log;
   double now_s = 100.0;
-  FrameDrops drops(log, [&] { return now_s; });
+  FrameDrops drops(log, "source ros1 /depth", [&] { return now_s; });
   drops.add("tf late", "tf ends earlier");
   for (int i = 0; i < 9; ++i) {
     now_s += 0.1;
@@ -116,9 +116,9 @@ TEST(FrameDrops, AreAllCountedAndToldOnceASecond) {
   }
   now_s = 101.05;
   drops.add("tf jumped", "tf jumped by a metre");
-  EXPECT_THAT(log.lines, ElementsAre("source ros1: dropped 1 frame: tf ends earlier",
-                                     "source ros1: dropped 10 frames, the last: tf jumped by a "
-                                     "metre"));
+  EXPECT_THAT(log.lines, ElementsAre("source ros1 /depth: dropped 1 frame: tf ends earlier",
+                                     "source ros1 /depth: dropped 10 frames, the last: tf jumped "
+                                     "by a metre"));
   EXPECT_EQ(drops.total(), 11);
   EXPECT_EQ(drops.describe(), "11 frames dropped: 1 tf jumped, 10 tf late");
 }
