@@ -31,8 +31,7 @@ using Vec = Eigen::Vector3d;
 using Mat = Eigen::Matrix3d;
 
 /// For the rounding of coordinates below 1000 m.
-constexpr double kRounding_m = 1e-9;
-constexpr double kMost = 1e3;
+constexpr double kRounding_m = 1e-9, kMost = 1e3;
 constexpr double kLimitTolerance = 1e-6;
 constexpr int kDeepest = 40;
 
@@ -70,9 +69,8 @@ struct Pose {
 Pose pose(const Json& json) {
   if (json.size() != 12) refuse("a pose has not twelve numbers");
   Pose T;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) T.R(row, column) = number(json[4 * row + column]);
-    T.p[row] = coordinate(json[4 * row + 3]);
+  for (int i = 0; i < 12; ++i) {
+    (i % 4 == 3 ? T.p[i / 4] : T.R(i / 4, i % 4)) = coordinate(json[i]);
   }
   if (!T.R.isUnitary(1e-12) || !(T.R.determinant() > 0.0)) refuse("a pose does not turn");
   return T;
@@ -87,10 +85,10 @@ struct Body {
   enum class Kind { kBox, kCylinder, kCapsule, kHalfSpace, kMesh, kCubes, kBalls };
   Kind kind = Kind::kCapsule;  // of no length: a sphere
   Vec half = Vec::Zero();      // of a box
-  double radius = 0.0;
-  double half_length = 0.0;
+  double radius = 0.0, half_length = 0.0;
   std::vector<Vec> points;  // of a mesh; else centres
   std::vector<std::array<std::size_t, 3>> triangles;
+  bool is_surface = false;    // a mesh without an inside
   std::vector<double> sizes;  // edges of cubes, radii of balls
   Pose at;                    // in its link, or in the world
   int link = -1;
@@ -134,18 +132,22 @@ struct Body {
     if (kind == Kind::kMesh) return points[triangles[item][0]];
     return points.empty() ? Vec::Zero() : points[item];
   }
-  /// Whether a mesh has an inside: each side of a triangle is another one's, the other way round.
+  /// Whether a mesh has an inside: each side of a triangle is one other's, the other way round.
   [[nodiscard]] bool is_closed() const {
-    std::map<std::array<double, 6>, int> sides;
-    const auto um = [](double x) { return std::round(1e6 * x); };  // to 1e-6 m
-    for (const auto& t : triangles) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        const Vec &p = points[t[c]], &q = points[t[(c + 1) % 3]];
-        ++sides[{um(p.x()), um(p.y()), um(p.z()), um(q.x()), um(q.y()), um(q.z())}];
-        --sides[{um(q.x()), um(q.y()), um(q.z()), um(p.x()), um(p.y()), um(p.z())}];
-      }
+    using Place = std::array<double, 3>;
+    const auto place = [&](std::size_t i) {  // on a grid of 1e-6 m
+      const Vec p = (1e6 * points[i]).array().round();
+      return Place{p.x(), p.y(), p.z()};
+    };
+    std::map<std::pair<Place, Place>, int> sides;
+    for (const auto& [i, j, k] : triangles) {
+      const std::array p{place(i), place(j), place(k), place(i)};
+      if (p[0] == p[1] || p[1] == p[2] || p[2] == p[0]) continue;
+      for (std::size_t c = 0; c < 3; ++c) ++sides[{p[c], p[c + 1]}];
     }
-    return std::ranges::all_of(sides, [](const auto& side) { return side.second == 0; });
+    return std::ranges::all_of(sides, [&](const auto& side) {
+      return side.second == 1 && sides.contains({side.first.second, side.first.first});
+    });
   }
   /// How often a mesh goes round a point, by the solid angles of its triangles (Van Oosterom and
   /// Strackee 1983).
@@ -168,16 +170,18 @@ void read_mesh(const Json& json, Body& body) {
     std::array<std::size_t, 3> corners{};
     for (std::size_t k = 0; k < 3; ++k) {
       corners[k] = static_cast<std::size_t>(whole(t.at(k)));  // a negative one is too large
-      if (corners[k] >= body.points.size()) refuse("a triangle has no such corner");
+      if (corners[k] >= body.points.size() || t.size() != 3) refuse("a triangle is none");
     }
     body.triangles.push_back(corners);
   }
   if (body.triangles.empty()) refuse("a mesh has no triangles");
+  body.is_surface = !body.is_closed();
 }
 
 void read_many(const Json& json, Body& body) {
   for (const Json& one : json) {
-    body.points.push_back(vector({one.at(0), one.at(1), one.at(2)}));
+    if (one.size() != 4) refuse("one of many has not four numbers");
+    body.points.push_back(vector({one[0], one[1], one[2]}));
     body.sizes.push_back(length(one.at(3)));
   }
   if (body.sizes.empty()) refuse("there are none of many");
@@ -218,11 +222,11 @@ Body body(const Json& json) {
 struct Link {
   int parent = -1;
   Pose at;  // against its parent, where its joint is at zero
-  enum class Motion { kFixed, kTurn, kShift } motion = Motion::kFixed;
+  bool turns = false, shifts = false;
   Vec axis = Vec::UnitZ();
   int joint = -1;  // none: it stays at its offset
   double multiplier = 1.0, offset = 0.0;
-  [[nodiscard]] bool moves() const { return motion != Motion::kFixed && joint >= 0; }
+  [[nodiscard]] bool moves() const { return (turns || shifts) && joint >= 0; }
 };
 
 using Terms = std::array<double, 6>;
@@ -264,6 +268,7 @@ class Recheck {
     read_robot(json.at("robot"));
     for (const Json& object : json.at("objects")) {
       objects_.push_back(body(object));
+      surfaces_ += objects_.back().is_surface ? 1 : 0;
       for (const Json& link : object.value("may_touch", Json::array())) {
         objects_.back().may_touch.push_back(whole(link));
       }
@@ -273,8 +278,11 @@ class Recheck {
     check_claims(json.at("claims"));
   }
   void print(const char* file) const {
-    std::printf("%s: accepted (%zu shapes, %zu objects, %zu pairs, %g s, margin %g m)\n", file,
-                shapes_.size(), objects_.size(), pairs_, pieces_.back().end, margin_);
+    std::printf(
+        "%s: accepted (%zu shapes, %zu objects, %zu surfaces, %zu pairs, %zu may touch, "
+        "%g s, margin %g m)\n",
+        file, shapes_.size(), objects_.size(), surfaces_, pairs_, excused_, pieces_.back().end,
+        margin_);
   }
 
  private:
@@ -283,14 +291,13 @@ class Recheck {
     for (const Json& json : robot.at("links")) {
       Link link;
       link.parent = whole(json.at("parent"));
-      if (link.parent >= static_cast<int>(links_.size()) || link.parent < -1) {
-        refuse("a link stands before its parent");
-      }
+      const bool is_after = link.parent >= -1 && link.parent < std::ssize(links_);
+      if (!is_after) refuse("a link stands before its parent");
       link.at = pose(json.at("pose"));
-      static const std::map<std::string, Link::Motion> kMotions{{"fixed", Link::Motion::kFixed},
-                                                                {"turn", Link::Motion::kTurn},
-                                                                {"shift", Link::Motion::kShift}};
-      link.motion = kMotions.at(json.at("motion"));
+      const std::string motion = json.at("motion");
+      link.turns = motion == "turn";
+      link.shifts = motion == "shift";
+      if (!link.turns && !link.shifts && motion != "fixed") refuse("a link moves in no known way");
       link.axis = vector(json.at("axis"));
       if (std::abs(link.axis.norm() - 1.0) > 1e-12) refuse("an axis has not the length 1");
       link.joint = whole(json.at("joint"));
@@ -305,6 +312,7 @@ class Recheck {
       shape.link = whole(json.at("link"));
       if (shape.link < 0 || shape.link >= links) refuse("a shape has no link");
       if (shape.kind == Body::Kind::kHalfSpace || !shape.sizes.empty()) refuse("a link is none");
+      surfaces_ += shape.is_surface ? 1 : 0;
       shapes_.push_back(std::move(shape));
     }
     if (shapes_.empty()) refuse("the robot has no shapes");
@@ -321,10 +329,11 @@ class Recheck {
       piece.begin = pieces_.empty() ? 0.0 : pieces_.back().end;
       piece.end = number(json.at("end_s"));
       const double span = piece.end - piece.begin;
-      if (!(span > 0.0)) refuse("time does not go on");
+      if (!(span > 1e-9)) refuse("time does not go on");
       for (const Json& terms : json.at("joints")) {
         if (terms.size() != 6) refuse("a polynomial has not six terms");
-        const auto c = terms.get<Terms>();
+        Terms c;
+        for (std::size_t k = 0; k < 6; ++k) c[k] = number(terms[k]);
         if (!(std::abs(at(c, 0.5 * span)) + most_change(c, 0.5 * span, 0.5 * span) < kMost)) {
           refuse("a joint is out of bounds");
         }
@@ -388,16 +397,17 @@ class Recheck {
       if (!parts.emplace(of, &claim.at("parts")).second) refuse("a claim stands twice");
     }
     const auto claimed = [&](int is_own, std::size_t a, std::size_t b) -> const Json& {
-      const auto found = parts.find({is_own, static_cast<int>(a), static_cast<int>(b)});
-      if (found == parts.end()) refuse("nothing is claimed of two shapes");
-      return *found->second;
+      const auto found = parts.extract({is_own, static_cast<int>(a), static_cast<int>(b)});
+      if (found.empty()) refuse("nothing is claimed of two shapes");
+      return *found.mapped();
     };
     for (std::size_t s = 0; s < shapes_.size(); ++s) {
       const std::vector<int> moves = movers(shapes_[s].link, -1);
       if (moves.empty()) continue;  // what no joint moves
       for (std::size_t o = 0; o < objects_.size(); ++o) {
-        if (std::ranges::count(objects_[o].may_touch, shapes_[s].link) > 0) continue;
-        check_pair(shapes_[s], objects_[o], moves, {}, claimed(0, s, o));
+        const bool may_touch = std::ranges::count(objects_[o].may_touch, shapes_[s].link) > 0;
+        excused_ += may_touch ? 1 : 0;
+        if (!may_touch) check_pair(shapes_[s], objects_[o], moves, {}, claimed(0, s, o));
       }
     }
     for (const auto& [a, b] : link_pairs_) {
@@ -410,7 +420,7 @@ class Recheck {
         }
       }
     }
-    if (pairs_ != claims.size()) refuse("something is claimed of shapes that are not");
+    if (!parts.empty()) refuse("something is claimed that is not to be shown");
   }
 
   /// The robot in the middle of a part, and how far each joint goes from there in that part.
@@ -440,7 +450,7 @@ class Recheck {
 
   /// In the beginning nothing is inside of a mesh; that it does not come there, its triangles show.
   void check_outside(const Body& mesh, const Body& other) {
-    if (mesh.triangles.empty() || !mesh.is_closed() || other.kind == Body::Kind::kHalfSpace) return;
+    if (mesh.triangles.empty() || mesh.is_surface || other.kind == Body::Kind::kHalfSpace) return;
     Eigen::AlignedBox3d bounds;
     for (const Vec& p : mesh.points) bounds.extend(p);
     const State& state = this->state(kDeepest, 0);
@@ -523,20 +533,13 @@ class Recheck {
     }
     for (const Link& link : links_) {
       Pose T = link.parent >= 0 ? state.links[link.parent] * link.at : link.at;
-      const double value =
-          link.joint >= 0 ? link.multiplier * q[link.joint] + link.offset : link.offset;
-      if (link.motion == Link::Motion::kTurn) T = T * Pose{turn(link.axis, value), Vec::Zero()};
-      if (link.motion == Link::Motion::kShift) T = T * Pose{Mat::Identity(), value * link.axis};
+      const double value = link.offset + (link.joint >= 0 ? link.multiplier * q[link.joint] : 0.0);
+      if (!(T.p.norm() < kMost && std::abs(value) < kMost)) refuse("a link is out of bounds");
+      if (link.turns) T.R = T.R * Eigen::AngleAxisd(value, link.axis).toRotationMatrix();
+      if (link.shifts) T.p += value * (T.R * link.axis);
       state.links.push_back(T);
     }
     return state;
-  }
-
-  /// Rodrigues' formula.
-  static Mat turn(const Vec& axis, double angle) {
-    Mat K;
-    K << 0, -axis.z(), axis.y(), axis.z(), 0, -axis.x(), -axis.y(), axis.x(), 0;
-    return Mat::Identity() + std::sin(angle) * K + (1.0 - std::cos(angle)) * K * K;
   }
 
   /// How far any point of a body comes along n from where it is in the middle of a part. From the
@@ -550,18 +553,17 @@ class Recheck {
       const Link& link = links_[number];
       const double change = std::abs(link.multiplier) * state.changes[link.joint];
       const Pose& T = state.links[number];
-      const bool is_turn = link.motion == Link::Motion::kTurn;
-      const Vec axis = T.R * link.axis, turn = is_turn ? axis.cross(at.p - T.p) : axis;
-      const double more = is_turn ? ball + sum : 0.0, way = change * (turn.norm() + more);
+      const Vec axis = T.R * link.axis, turn = link.turns ? axis.cross(at.p - T.p) : axis;
+      const double more = link.turns ? ball + sum : 0.0, way = change * (turn.norm() + more);
       // |sin x| <= |x|, 1 - cos x <= x^2 / 2
-      along += change * (std::abs(n.dot(turn)) + more) + (is_turn ? 0.5 * change * way : 0.0);
+      along += change * (std::abs(n.dot(turn)) + more) + (link.turns ? 0.5 * change * way : 0.0);
       sum += way;
     }
     return std::min(sum, along);
   }
 
   double margin_;
-  std::size_t pairs_ = 0;  ///< That were looked at.
+  std::size_t pairs_ = 0, excused_ = 0, surfaces_ = 0;  ///< Looked at; may touch; open meshes.
   int dof_ = 0;
   std::vector<Link> links_;
   std::vector<Body> shapes_, objects_;
@@ -589,9 +591,7 @@ int recheck(const char* file) {
 
 int main(int argc, char** argv) {
   if (argc < 2 || std::string(argv[1]) == "--help") {
-    std::printf(
-        "sidestep_recheck CERTIFICATE...\n"
-        "Exit code 0: all certificates are accepted; 1: not; 4: one cannot be read.\n");
+    std::printf("sidestep_recheck CERTIFICATE...\n0: accepted; 1: refused; 4: cannot be read\n");
     return argc < 2 ? 2 : 0;
   }
   int worst = 0;

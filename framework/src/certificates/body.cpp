@@ -135,8 +135,8 @@ double along_half(const Eigen::Vector3d& along, const Eigen::Vector3d& half) {
   return along.cwiseAbs().dot(half);
 }
 
-/// Whether each side of a triangle is another one's, the other way round. Corners are one where
-/// they are to 1e-6 m.
+/// Whether each side of a triangle is one other's, the other way round. Corners are one that are so
+/// on a grid of 1e-6 m; triangles of which two are, are none.
 bool is_closed(const Mesh& mesh) {
   using Place = std::array<double, 3>;
   const auto place = [&](int vertex) {
@@ -145,13 +145,13 @@ bool is_closed(const Mesh& mesh) {
   };
   std::map<std::pair<Place, Place>, int> sides;
   for (const Eigen::Vector3i& triangle : mesh.triangles) {
-    for (int k = 0; k < 3; ++k) {
-      const Place from = place(triangle[k]), to = place(triangle[(k + 1) % 3]);
-      ++sides[{from, to}];
-      --sides[{to, from}];
-    }
+    const std::array at{place(triangle[0]), place(triangle[1]), place(triangle[2])};
+    if (at[0] == at[1] || at[1] == at[2] || at[2] == at[0]) continue;
+    for (std::size_t k = 0; k < 3; ++k) ++sides[{at[k], at[(k + 1) % 3]}];
   }
-  return std::ranges::all_of(sides, [](const auto& side) { return side.second == 0; });
+  return std::ranges::all_of(sides, [&](const auto& side) {
+    return side.second == 1 && sides.contains({side.first.second, side.first.first});
+  });
 }
 
 }  // namespace

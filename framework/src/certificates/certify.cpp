@@ -122,7 +122,7 @@ class Certifier {
     }
     double before_s = 0.0;
     for (const PolynomialPiece& piece : motion_.pieces) {
-      if (piece.begin_s != before_s || !(piece.end_s > piece.begin_s) ||
+      if (piece.begin_s != before_s || !(piece.end_s > piece.begin_s + 1e-9) ||
           piece.coefficients.size() != description_.joints.size()) {
         return fail(ErrorCode::kInvalidArgument, "the pieces of the motion do not fit together");
       }

@@ -249,6 +249,11 @@ TEST(Certificates, KnowWhatIsInsideOfAClosedMesh) {
   std::swap(mesh, soup);
   EXPECT_EQ(certified(*crane(0.05), scene(), motion).outcome, Outcome::kRefuted);
   std::swap(mesh, soup);
+  // Two sides of one sheet are no inside.
+  const std::vector<Eigen::Vector3i> once = mesh.triangles;
+  for (const Eigen::Vector3i& t : once) mesh.triangles.emplace_back(t[1], t[0], t[2]);
+  EXPECT_EQ(certified(*crane(0.05), scene(), motion).surfaces, std::vector<std::string>{"room"});
+  mesh.triangles = once;
   mesh.triangles.pop_back();
   const auto open = certified(*crane(0.05), scene(), motion);
   EXPECT_EQ(open.outcome, Outcome::kProven);

@@ -242,6 +242,10 @@ TEST_F(Recheck, RefusesWhatIsNotShown) {
          c["claims"].push_back(pick(c["claims"]));
          c["claims"].back()["shape"] = 1000;
        }},
+      {"a pair stands twice",
+       [&](Json& c) { c["robot"]["pairs"].push_back(pick(c["robot"]["pairs"])); }},
+      {"a triangle has four corners",
+       [&](Json& c) { pick(c["objects"][3]["mesh"]["triangles"]).push_back(0); }},
       {"the format is another one", [&](Json& c) { c["format"] = "sidestep-certificate-1"; }},
       {"the robot has no pair", [&](Json& c) { c["robot"].erase("pairs"); }},
       {"time stands still", [&](Json& c) { c["motion"][0]["end_s"] = -draw(0.0, 1.0); }}};

@@ -65,7 +65,7 @@ class SIDESTEP_EXPORT Body {
   /// Of a swarm, in the order of the items; else none.
   [[nodiscard]] const std::vector<Swarm::Member>& members() const { return members_; }
   [[nodiscard]] Swarm::Kind kind() const { return kind_; }
-  /// Whether it is a mesh that has an inside: each side of a triangle is another one's, the other
+  /// Whether it is a mesh that has an inside: each side of a triangle is one other's, the other
   /// way round.
   [[nodiscard]] bool is_closed_mesh() const { return is_closed_mesh_; }
 
