@@ -55,8 +55,6 @@ function(sidestep_kernels)
     INCLUDE_DIRECTORIES ${CMAKE_CURRENT_SOURCE_DIR} SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
 
-option(SIDESTEP_TEST_BATCHES "Compile the sources of each test together" ON)
-
 # sidestep_add_layer(NAME SOURCES ... [LINK library...])
 # One layer of the framework: an object library that becomes part of libsidestep_sdk or
 # libsidestep_runtime.
@@ -119,7 +117,9 @@ function(sidestep_add_test name)
   endif()
   cmake_parse_arguments(ARG "SERIAL" "" "SOURCES;LINK;LABELS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
-  # The headers of GoogleTest, Eigen and the SDK take most of the time: read once for all sources.
+  # The headers of GoogleTest, Eigen and the SDK take most of the time: read once for all sources,
+  # but where clang-tidy wants an entry for each.
+  option(SIDESTEP_TEST_BATCHES "Compile the sources of each test together" ON)
   set_target_properties(${name} PROPERTIES UNITY_BUILD ${SIDESTEP_TEST_BATCHES} UNITY_BUILD_BATCH_SIZE 0)
   target_link_libraries(${name} PRIVATE GTest::gtest_main GTest::gmock ${ARG_LINK})
   target_compile_definitions(${name} PRIVATE

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -408,10 +407,7 @@ class Certifier {
     const Open& open = tree[i];
     if (open.kind == Open::Kind::kApart) {
       for (const int k : {0, 1, 2}) {
-        claims_ += k == 0 ? '[' : ',';
-        std::array<char, 16> digits;
-        const auto end = std::to_chars(digits.begin(), digits.end(), open.direction[k]);
-        claims_.append(digits.data(), end.ptr);
+        claims_ += (k == 0 ? '[' : ',') + std::to_string(open.direction[k]);
       }
     } else {
       claims_ += open.kind == Open::Kind::kTime       ? "[\"time\","
