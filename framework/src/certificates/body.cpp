@@ -21,8 +21,9 @@ constexpr int kSteps = 60;
 constexpr double kRoundedDirection = 1e-3;
 
 Eigen::Vector3d farthest_in(const Box& box, const Eigen::Vector3d& d) {
-  return 0.5 *
-         box.size_m.cwiseProduct(d.unaryExpr([](double x) { return x < 0.0 ? -1.0 : 1.0; }).eval());
+  const Eigen::Vector3d half = 0.5 * box.size_m;
+  return {std::copysign(half.x(), d.x()), std::copysign(half.y(), d.y()),
+          std::copysign(half.z(), d.z())};
 }
 Eigen::Vector3d farthest_in(const Sphere& ball, const Eigen::Vector3d& d) {
   return ball.radius_m * d.stableNormalized();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -406,9 +407,13 @@ class Certifier {
   void write(const std::vector<Open>& tree, std::size_t i) {
     const Open& open = tree[i];
     if (open.kind == Open::Kind::kApart) {
+      std::array<char, 40> apart;  // three whole numbers
+      char* end = apart.data();
       for (const int k : {0, 1, 2}) {
-        claims_ += (k == 0 ? '[' : ',') + std::to_string(open.direction[k]);
+        *end++ = k == 0 ? '[' : ',';
+        end = std::to_chars(end, apart.end(), open.direction[k]).ptr;
       }
+      claims_.append(apart.data(), end);
     } else {
       claims_ += open.kind == Open::Kind::kTime       ? "[\"time\","
                  : open.kind == Open::Kind::kShareOfA ? "[\"first\","
