@@ -354,12 +354,12 @@ TEST_F(AgainstCommandTest, DoesNotPassOverWhatItCannotRead) {
   for (const char* word : {"link 'base'", "package://mine_meshes/base.stl", "--package-path"}) {
     EXPECT_THAT(missing.error, HasSubstr(word));
   }
-  folder_.write("mine_meshes/base.dae", "<COLLADA/>");
-  robot.base = collision(mesh("package://mine_meshes/base.dae"));
+  folder_.write("mine_meshes/base.ply", "ply");
+  robot.base = collision(mesh("package://mine_meshes/base.ply"));
   const Finished unknown = against(robot.text());
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.error,
-              HasSubstr("base.dae: link 'base': meshes are read from .stl and .obj"));
+              HasSubstr("base.ply: link 'base': meshes are read from .stl, .obj and .dae"));
   EXPECT_THAT(unknown.error, HasSubstr("assimp export"));
   EXPECT_EQ(against("<robot name=\"arm\">\n<link/>\n</robot>").exit_code, 2);
   EXPECT_EQ(run({"robot", (folder_.path() / "arm").string(), "--against", "none.urdf"}).exit_code,

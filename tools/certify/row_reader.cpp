@@ -145,7 +145,7 @@ Result<std::vector<std::size_t>> joint_order(
   }
   for (std::size_t j = 0; j < robot.joints.size(); ++j) {
     if (std::ranges::count(order, j) > 0) continue;
-    return fail(ErrorCode::kConfig, "joint '" + robot.joints[j].name + "' is not among them",
+    return fail(ErrorCode::kConfig, "joint '" + robot.joints[j].name + "' is not in the motion",
                 where({}), hint_to_hold(robot.joints[j].name));
   }
   return order;

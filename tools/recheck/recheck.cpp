@@ -83,6 +83,7 @@ struct Share {  // of a body's items: from the first on, before the last
 /// Convex items: one, or many. How far they reach in a direction is all that is asked of them.
 struct Body {
   enum class Kind { kBox, kCylinder, kCapsule, kHalfSpace, kMesh, kCubes, kBalls };
+  std::string name;            // by its place in the certificate
   Kind kind = Kind::kCapsule;  // of no length: a sphere
   Vec half = Vec::Zero();      // of a box
   double radius = 0.0, half_length = 0.0;
@@ -187,8 +188,8 @@ void read_many(const Json& json, Body& body) {
   if (body.sizes.empty()) refuse("there are none of many");
 }
 
-Body body(const Json& json) {
-  Body body;
+Body body(const Json& json, const std::string& name) {
+  Body body{.name = name};
   body.at = pose(json.at("pose"));
   std::string kind;
   for (const auto& [key, value] : json.items()) {
@@ -267,7 +268,7 @@ class Recheck {
     if (json.at("format") != "sidestep-certificate-3") refuse("its format is not known");
     read_robot(json.at("robot"));
     for (const Json& object : json.at("objects")) {
-      objects_.push_back(body(object));
+      objects_.push_back(body(object, "object " + std::to_string(objects_.size())));
       surfaces_ += objects_.back().is_surface ? 1 : 0;
       for (const Json& link : object.value("may_touch", Json::array())) {
         objects_.back().may_touch.push_back(whole(link));
@@ -308,7 +309,7 @@ class Recheck {
     }
     const int links = static_cast<int>(links_.size());
     for (const Json& json : robot.at("shapes")) {
-      Body shape = body(json);
+      Body shape = body(json, "shape " + std::to_string(shapes_.size()));
       shape.link = whole(json.at("link"));
       if (shape.link < 0 || shape.link >= links) refuse("a shape has no link");
       if (shape.kind == Body::Kind::kHalfSpace || !shape.sizes.empty()) refuse("a link is none");
@@ -389,25 +390,20 @@ class Recheck {
 
   /// The claims are there for all that has to be apart, once each, and hold.
   void check_claims(const Json& claims) {
-    std::map<std::array<int, 3>, const Json*> parts;  // of what: own or not, a shape, the other one
     for (const Json& claim : claims) {
-      const int is_own = claim.contains("other") ? 1 : 0;
-      const int other = whole(claim.at(is_own != 0 ? "other" : "object"));
-      const std::array of{is_own, whole(claim.at("shape")), other};
-      if (!parts.emplace(of, &claim.at("parts")).second) refuse("a claim stands twice");
+      const bool is_own = claim.contains("other");
+      const int other = whole(claim.at(is_own ? "other" : "object"));
+      const std::string of = "shape " + std::to_string(whole(claim.at("shape"))) + " and " +
+                             (is_own ? "shape " : "object ") + std::to_string(other);
+      if (!claims_.emplace(of, &claim.at("parts")).second) refuse("two claims are of " + of);
     }
-    const auto claimed = [&](int is_own, std::size_t a, std::size_t b) -> const Json& {
-      const auto found = parts.extract({is_own, static_cast<int>(a), static_cast<int>(b)});
-      if (found.empty()) refuse("nothing is claimed of two shapes");
-      return *found.mapped();
-    };
     for (std::size_t s = 0; s < shapes_.size(); ++s) {
       const std::vector<int> moves = movers(shapes_[s].link, -1);
       if (moves.empty()) continue;  // what no joint moves
       for (std::size_t o = 0; o < objects_.size(); ++o) {
         const bool may_touch = std::ranges::count(objects_[o].may_touch, shapes_[s].link) > 0;
         excused_ += may_touch ? 1 : 0;
-        if (!may_touch) check_pair(shapes_[s], objects_[o], moves, {}, claimed(0, s, o));
+        if (!may_touch) check_pair(shapes_[s], objects_[o], moves, {});
       }
     }
     for (const auto& [a, b] : link_pairs_) {
@@ -415,12 +411,11 @@ class Recheck {
       for (std::size_t s = 0; s < shapes_.size(); ++s) {
         for (std::size_t t = 0; t < shapes_.size(); ++t) {
           if (shapes_[s].link != a || shapes_[t].link != b) continue;
-          check_pair(shapes_[s], shapes_[t], movers(a, ancestor), movers(b, ancestor),
-                     claimed(1, s, t));
+          check_pair(shapes_[s], shapes_[t], movers(a, ancestor), movers(b, ancestor));
         }
       }
     }
-    if (!parts.empty()) refuse("something is claimed that is not to be shown");
+    if (!claims_.empty()) refuse("what is claimed is not to be shown: " + claims_.begin()->first);
   }
 
   /// The robot in the middle of a part, and how far each joint goes from there in that part.
@@ -437,11 +432,14 @@ class Recheck {
   };
 
   void check_pair(const Body& a, const Body& b, const std::vector<int>& moves_a,
-                  const std::vector<int>& moves_b, const Json& parts) {
+                  const std::vector<int>& moves_b) {
     ++pairs_;
+    const std::string of = a.name + " and " + b.name;
+    const auto claim = claims_.extract(of);
+    if (claim.empty()) refuse("nothing is claimed of " + of);
     check_outside(a, b);
     check_outside(b, a);
-    check(Pair{a, b, moves_a, moves_b, a.all(), b.all()}, 0, 0, parts);
+    check(Pair{a, b, moves_a, moves_b, a.all(), b.all()}, 0, 0, *claim.mapped());
   }
 
   [[nodiscard]] static Pose placed(const Body& body, const State& state) {
@@ -458,7 +456,8 @@ class Recheck {
     for (std::size_t i = 0; i < other.all().last; ++i) {
       const Vec world = at_other.R * other.point_of(i) + at_other.p;
       const Vec p = at_mesh.R.transpose() * (world - at_mesh.p);
-      if (bounds.contains(p) && std::abs(mesh.winding(p)) > 0.5) refuse("a body is in a mesh");
+      if (bounds.contains(p) && std::abs(mesh.winding(p)) > 0.5)
+        refuse(other.name + " is in " + mesh.name);
     }
   }
 
@@ -469,7 +468,7 @@ class Recheck {
     if (!tree[0].is_string()) {
       const Vec direction(whole(tree[0]), whole(tree[1]), whole(tree[2]));
       const double spare = gap(pair, level, index, direction) - margin_;
-      if (!(spare > kRounding_m)) refuse("two shapes are not shown apart");
+      if (!(spare > kRounding_m)) refuse(pair.a.name + " is not shown apart from " + pair.b.name);
       return;
     }
     const auto& halved = tree[0].get_ref<const std::string&>();
@@ -569,6 +568,7 @@ class Recheck {
   std::vector<Body> shapes_, objects_;
   std::vector<std::pair<int, int>> link_pairs_;
   std::vector<Piece> pieces_;
+  std::map<std::string, const Json*> claims_;  // by the two that they are of
   std::map<std::pair<int, std::int64_t>, State> states_;
 };
 
@@ -579,7 +579,7 @@ int recheck(const char* file) {
     Recheck(Json::parse(in)).print(file);
     return 0;
   } catch (const Json::parse_error&) {
-    std::fprintf(stderr, "%s: cannot be read as JSON\n", file);
+    std::fprintf(stderr, "%s: cannot be read, or is not JSON\n", file);
     return 4;
   } catch (const std::exception& error) {
     std::printf("%s: refused: %s\n", file, error.what());

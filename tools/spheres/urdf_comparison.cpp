@@ -122,18 +122,12 @@ std::string listed(const std::string& list, const std::string& item) {
 }
 
 /// Why a mesh cannot be read, in the command's words.
-Error mesh_error(Error error, const UrdfLink& link, const std::string& uri) {
+Error mesh_error(Error error, const UrdfLink& link) {
   error.message = "link '" + link.name + "': " + error.message;
-  std::string extension = fs::path(uri).extension().string();
-  std::ranges::transform(extension, extension.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (error.code == ErrorCode::kNotFound) {
     const std::size_t tried = error.hint.find("; tried");
     error.hint = "name the folder that its package is in with --package-path" +
                  (tried == std::string::npos ? std::string() : error.hint.substr(tried));
-  } else if (extension != ".stl" && extension != ".obj") {
-    error.hint = "convert it, e.g. with `assimp export FILE" + extension +
-                 " FILE.stl`, and name the result in a copy of the URDF";
   }
   return error;
 }
@@ -149,7 +143,7 @@ Result<void> load_meshes(UrdfModel& urdf, const std::vector<fs::path>& package_p
       if (mesh) {
         shape.shape = std::move(*mesh);
       } else {
-        errors.push_back(mesh_error(std::move(mesh.error()), link, shape.mesh_uri));
+        errors.push_back(mesh_error(std::move(mesh.error()), link));
       }
     }
   }

@@ -2,7 +2,6 @@
 #include <array>
 #include <bit>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -16,6 +15,9 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/geometry/shape.hpp>
 
+#include "collada.hpp"
+#include "mesh_text.hpp"
+
 namespace sidestep {
 namespace {
 
@@ -25,27 +27,6 @@ constexpr std::size_t kStlHeaderBytes = 84;
 constexpr std::size_t kStlFacetBytes = 50;
 
 using Words = std::vector<std::string_view>;
-
-Words split(std::string_view line) {
-  Words words;
-  std::size_t at = 0;
-  while (true) {
-    at = line.find_first_not_of(" \t\r\v\f", at);
-    if (at == std::string_view::npos) return words;
-    const std::size_t end = std::min(line.find_first_of(" \t\r\v\f", at), line.size());
-    words.push_back(line.substr(at, end - at));
-    at = end;
-  }
-}
-
-template <class T>
-std::optional<T> number(std::string_view word) {
-  if (word.starts_with('+')) word.remove_prefix(1);
-  T value{};
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc{} || end != word.data() + word.size()) return {};
-  return value;
-}
 
 std::optional<Eigen::Vector3d> point(const Words& words) {
   if (words.size() < 4) return {};
@@ -226,15 +207,18 @@ Result<Mesh> read_mesh(const std::string& file) {
   std::ranges::transform(extension, extension.begin(), [](char c) {
     return static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   });
-  if (extension != ".stl" && extension != ".obj") {
-    return fail(ErrorCode::kConfig, "meshes are read from .stl and .obj files only", file);
+  if (extension != ".stl" && extension != ".obj" && extension != ".dae") {
+    return fail(ErrorCode::kConfig, "meshes are read from .stl, .obj and .dae files only", file,
+                "convert it, e.g. by `assimp export FILE FILE.stl`");
   }
   std::ifstream stream(file, std::ios::binary);
   std::ostringstream content;
   content << stream.rdbuf();
   if (!stream) return fail(ErrorCode::kIo, "the mesh file cannot be read", file);
   const std::string bytes = std::move(content).str();
-  auto mesh = extension == ".stl" ? read_stl(file, bytes) : read_obj(file, bytes);
+  auto mesh = extension == ".stl"   ? read_stl(file, bytes)
+              : extension == ".obj" ? read_obj(file, bytes)
+                                    : read_collada(file, bytes);
   if (mesh && mesh->triangles.empty()) {
     return fail(ErrorCode::kConfig, "the mesh has no triangles", file);
   }

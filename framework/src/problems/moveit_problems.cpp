@@ -53,6 +53,11 @@ std::map<std::string, fs::path> numbered_files(const fs::path& folder, std::stri
   return files;
 }
 
+std::string lower_case(std::string text) {
+  std::ranges::transform(text, text.begin(), [](unsigned char c) { return std::tolower(c); });
+  return text;
+}
+
 /// Numbers written as [x, y, z] or as {x: ..., y: ..., z: ...}.
 Eigen::VectorXd coordinates(const DocumentEntry& entry, const std::vector<const char*>& names) {
   if (!entry.is_map()) return entry.numbers(names.size());
@@ -84,7 +89,7 @@ class Frames {
       : root_(robot.links.empty() ? "" : robot.links.front().name) {
     T_planning_frame_ = {{"", Transform::Identity()}};
     if (scene.has("fixed_frame_transforms")) {
-      add(scene["fixed_frame_transforms"].items());
+      add(scene["fixed_frame_transforms"].items(), robot);
     } else {
       T_planning_frame_["world"] = Transform::Identity();
     }
@@ -106,7 +111,7 @@ class Frames {
  private:
   /// As moveit::core::Transforms writes them, which is not tf's way: `child_frame_id` is the
   /// planning frame, the same in all, and the transform is the pose of `header.frame_id` in it.
-  void add(const std::vector<DocumentEntry>& transforms) {
+  void add(const std::vector<DocumentEntry>& transforms, const RobotDescription& robot) {
     const std::string planning = transforms.front()["child_frame_id"].text();
     T_planning_frame_[planning] = Transform::Identity();
     for (const DocumentEntry& one : transforms) {
@@ -118,6 +123,13 @@ class Frames {
       T_planning_frame_[one["header"]["frame_id"].text()] =
           read_pose(one["transform"], "translation", "rotation");
     }
+    if (!T_planning_frame_.contains(root_) && robot.link_index(planning)) {
+      transforms.front()["child_frame_id"].complain(
+          "the planning frame is '" + planning + "', a link of the robot, whose root is '" + root_ +
+              "'",
+          "MoveIt has the planning frame in child_frame_id, and in header.frame_id what stands in "
+          "it");
+    }
   }
 
   std::string root_;
@@ -127,8 +139,7 @@ class Frames {
 /// A shape_msgs SolidPrimitive.
 Shape read_primitive(const DocumentEntry& primitive) {
   // By name, or by the number of the message's constant.
-  std::string type = primitive["type"].text();
-  std::ranges::transform(type, type.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string type = lower_case(primitive["type"].text());
   const DocumentEntry dimensions = primitive["dimensions"];
   const auto positive = [&](std::size_t count) {
     Eigen::VectorXd values = dimensions.numbers(count);
@@ -360,7 +371,7 @@ Result<SetProblem> read_problem(const fs::path& scene_file, const fs::path& requ
 
 /// Complains about what a scene says and nobody would hear.
 void check_whole(const DocumentEntry& scene) {
-  if (scene.has("is_diff") && scene["is_diff"].text() == "true") {
+  if (scene.has("is_diff") && lower_case(scene["is_diff"].text()) != "false") {
     scene["is_diff"].complain("this is only what changes a scene",
                               "call /get_planning_scene for the whole one");
   }

@@ -218,7 +218,9 @@ bool touches(const std::vector<Configuration>& path, double instant_rad, Fcl& fc
 class Tally {
  public:
   Tally(const KinematicTree& robot, double instant_rad, std::string folder)
-      : robot_(robot), instant_rad_(instant_rad), folder_(std::move(folder)) {}
+      : robot_(robot), instant_rad_(instant_rad), folder_(std::move(folder)) {
+    if (!folder_.empty()) std::filesystem::create_directories(folder_);
+  }
 
   std::string_view add(const std::string& name, const Scene& scene,
                        const std::vector<Configuration>& path, Fcl& fcl) {

@@ -127,7 +127,7 @@ TEST_F(Inputs, PathsAreReadAsOmplPrintsThem) {
   EXPECT_THAT(mistake(rows("matrix.txt", matrix.str(), {"turn", "lift"})),
               HasSubstr("moves no joint 'lift'"));
   EXPECT_THAT(mistake(rows("matrix.txt", matrix.str(), {"turn"})),
-              HasSubstr("joint 'slide' is not among them"));
+              HasSubstr("joint 'slide' is not in the motion"));
   EXPECT_THAT(mistake(rows("matrix.txt", "1 2\n3 four\n")), HasSubstr("matrix.txt:2: '3 four'"));
   EXPECT_THAT(mistake(rows("matrix.txt", "1 2\n3\n")),
               HasSubstr("matrix.txt:2: 1 numbers where the first state has 2"));

@@ -225,7 +225,9 @@ TEST_F(Motions, RefuseScenesOfWhichSomethingWouldBeLeftOut) {
   EXPECT_THAT(mistake("type: 3", "type: 4"), HasSubstr("expected box, cylinder or sphere"));
   EXPECT_THAT(mistake("frame_id: base", "frame_id: map"), HasSubstr("'map' is neither"));
   EXPECT_THAT(mistake("planes: []", "planes: [{}]"), HasSubstr("planes are not supported"));
-  EXPECT_THAT(mistake("name: \"\"", "is_diff: true"), HasSubstr("only what changes a scene"));
+  for (const char* const is_diff : {"is_diff: true", "is_diff: True", "is_diff: 1"}) {
+    EXPECT_THAT(mistake("name: \"\"", is_diff), HasSubstr("only what changes a scene"));
+  }
   EXPECT_THAT(mistake("name: \"\"", "link_padding: [{link_name: arm, padding: 0.01}]"),
               HasSubstr("scene.yaml:1:42: `link_padding[0].padding`: links are taken as they are"));
   const std::string base =

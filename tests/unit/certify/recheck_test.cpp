@@ -98,7 +98,7 @@ TEST_F(Recheck, RefusesWhatStartsInsideOfAClosedMesh) {
   for (const Eigen::Vector3d& p : mesh.vertices_m) points.push_back({p.x(), p.y(), p.z()});
   for (const Eigen::Vector3i& t : mesh.triangles) triangles.push_back({t[0], t[1], t[2]});
   changed["objects"][3]["mesh"] = {{"points", points}, {"triangles", triangles}};
-  EXPECT_THAT(recheck(changed), HasSubstr("a body is in a mesh"));
+  EXPECT_THAT(recheck(changed), HasSubstr(" is in object "));
 }
 
 /// A plan among what it is checked against: voxels, a floor that a link may stand on, a scene.
@@ -126,7 +126,7 @@ TEST_F(Recheck, AcceptsWhatAPlanLeaves) {
   Json certificate = Json::parse(in);
   EXPECT_THAT(recheck(certificate), HasSubstr("accepted"));
   for (Json& one : certificate["objects"]) one.erase("may_touch");
-  EXPECT_THAT(recheck(certificate), HasSubstr("nothing is claimed of two shapes"));
+  EXPECT_THAT(recheck(certificate), HasSubstr("nothing is claimed of shape "));
   obstacles.floor->except_links.clear();
   EXPECT_EQ(left({{"tip", "rail"}}), "refuted");
 }

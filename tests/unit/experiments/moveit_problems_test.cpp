@@ -16,8 +16,7 @@ RobotDescription reacher() {
   robot.joints.resize(2);
   robot.joints[0].name = "shoulder";
   robot.joints[1].name = "elbow";
-  robot.links.resize(1);
-  robot.links[0].name = "pedestal";
+  robot.links = {{"pedestal", -1}, {"arm", 0}};
   return robot;
 }
 
@@ -130,6 +129,14 @@ fixed_frame_transforms:
                                "child_frame_id: table\n    transform: {translation: [2"),
                       kRequest),
               HasSubstr("'map' was that before"));
+  // As tf has them, the other way round: the planning frame would be a link that may move.
+  const std::string arm = R"(
+fixed_frame_transforms:
+  - header: {frame_id: world}
+    child_frame_id: arm
+    transform: {translation: [0, 0, 0.7], rotation: [0, 0, 0, 1]}
+)";
+  EXPECT_THAT(mistake(kScene + arm, kRequest), HasSubstr("the planning frame is 'arm', a link"));
   // Where frames are listed, `world` is one of them or none.
   EXPECT_THAT(mistake(kScene + table, kRequest), HasSubstr("'world' is neither"));
   EXPECT_THAT(mistake(replaced(kScene, "frame_id: world", "frame_id: tray"), kRequest),

@@ -85,6 +85,68 @@ TEST_F(ReadMesh, ReadsObjPolygonsAndEveryFormOfIndex) {
   EXPECT_EQ(mesh->triangles[1], Eigen::Vector3i(0, 2, 3));
 }
 
+/// A square of 1 x 1 in quads and triangles, used twice: lifted by 3 within a node turned by 90
+/// degrees about x, and mirrored in x by a node that stands elsewhere.
+const std::string kCollada = R"(<?xml version="1.0"?>
+<COLLADA version="1.4.1">
+<asset><unit name="centimetre" meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+<library_geometries>
+<geometry id="square"><mesh>
+<source id="corners"><float_array id="f" count="16">0 0 0 9 1 0 0 9
+ 1 1 0 9 0 1 0 9</float_array>
+<technique_common><accessor source="#f" count="4" stride="4"/></technique_common></source>
+<source id="up"><float_array id="g" count="3">0 0 1</float_array></source>
+<vertices id="v"><input semantic="POSITION" source="#corners"/></vertices>
+<lines count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1</p></lines>
+<polylist count="1"><input semantic="NORMAL" source="#up" offset="0"/>
+<input semantic="VERTEX" source="#v" offset="1"/><vcount>4</vcount><p>0 0 0 1 0 2 0 3</p></polylist>
+<triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 0 2 3</p></triangles>
+<polygons count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></polygons>
+</mesh></geometry>
+</library_geometries>
+<library_nodes><node id="mirrored"><matrix>-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>
+<instance_geometry url="#square"/></node></library_nodes>
+<library_visual_scenes><visual_scene id="s">
+<node><rotate>1 0 0 90</rotate><node><translate>0 0 3</translate><scale>2 1 1</scale>
+<instance_geometry url="#square"/></node></node>
+<node><instance_node url="#mirrored"/></node>
+</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>
+)";
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  return text.replace(text.find(what), what.size(), by);
+}
+
+TEST_F(ReadMesh, PlacesColladaInMetresByItsNodes) {
+  const auto mesh = read_mesh(write("squares.dae", kCollada));
+  ASSERT_TRUE(mesh) << mesh.error().describe();
+  ASSERT_EQ(mesh->triangles.size(), 10U);
+  const auto corners = [&](std::size_t t) {
+    std::array<Eigen::Vector3d, 3> out;
+    for (int k = 0; k < 3; ++k) {
+      out[static_cast<std::size_t>(k)] =
+          100.0 * mesh->vertices_m[static_cast<std::size_t>(mesh->triangles[t][k])];
+    }
+    return out;
+  };
+  // Turned about x: y is z now, z is -y. Stretched in x.
+  const std::array<Eigen::Vector3d, 3> turned{
+      {{0.0, -3.0, 0.0}, {2.0, -3.0, 1.0}, {0.0, -3.0, 1.0}}};
+  for (const std::size_t t : {1, 3}) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      EXPECT_TRUE(corners(t)[k].isApprox(turned[k], 1e-12)) << corners(t)[k].transpose();
+    }
+  }
+  // Mirrored, and the other way round with it.
+  for (std::size_t t = 5; t < 10; ++t) {
+    const auto [a, b, c] = corners(t);
+    EXPECT_GT((b - a).cross(c - a).z(), 0.0);
+    EXPECT_LE(std::max({a.x(), b.x(), c.x()}), 0.0);
+  }
+}
+
 struct BadMesh {
   std::string name;
   std::string content;
@@ -112,13 +174,39 @@ TEST_F(ReadMesh, NamesFileAndLineOfWhatIsWrong) {
       {"huge.obj", "v 0 0 0\nf 1 99999999999999999999 1\n", ErrorCode::kConfig, ":2: "},
       {"few.obj", "v 0 0 0\nv 1 0 0\nf 1 2\n", ErrorCode::kConfig, "at least 3"},
       {"short.obj", "v 0 0\n", ErrorCode::kConfig, ":1: "},
-      {"what.dae", "<xml/>", ErrorCode::kConfig, ".stl and .obj"},
+      {"what.ply", "ply", ErrorCode::kConfig, ".stl, .obj and .dae"},
+      {"what.dae", "<xml/>", ErrorCode::kConfig, "no COLLADA"},
+      {"open.dae", "<COLLADA>\n<scene>\n", ErrorCode::kConfig, "Error"},
+      {"unit.dae", replaced(kCollada, "0.01", "-1"), ErrorCode::kConfig, ":3: a unit has"},
+      {"scene.dae", replaced(kCollada, "<scene>", "<scenes>"), ErrorCode::kConfig, "Error"},
+      {"lost.dae", replaced(kCollada, "url=\"#square", "url=\"#circle"), ErrorCode::kConfig,
+       "'#circle' names no <geometry>"},
+      {"nan.dae", replaced(kCollada, "0 0 0 9", "0 nan 0 9"), ErrorCode::kConfig,
+       ":6: 'nan' is not a finite number"},
+      {"cut.dae", replaced(kCollada, "0 0 0 9", "0 0 9"), ErrorCode::kConfig,
+       ":6: <float_array> has 16 numbers, here 15"},
+      {"few.dae", replaced(kCollada, "stride=\"4\"", "stride=\"5\""), ErrorCode::kConfig, ":8: "},
+      {"range.dae", replaced(kCollada, "0 3</p>", "0 4</p>"), ErrorCode::kConfig,
+       "4 names no vertex"},
+      {"half.dae", replaced(kCollada, "0 1 2 0 2 3", "0 1 2 0 2"), ErrorCode::kConfig,
+       "whole faces"},
+      {"less.dae", replaced(kCollada, "count=\"2\"", "count=\"3\""), ErrorCode::kConfig,
+       ":14: its count"},
+      {"skin.dae", replaced(kCollada, "<instance_node", "<instance_controller"), ErrorCode::kConfig,
+       ":23: <instance_controller> is not read"},
+      {"strips.dae",
+       replaced(replaced(kCollada, "<polygons", "<tristrips"), "polygons>", "tristrips>"),
+       ErrorCode::kConfig, ":15: <tristrips> is not read"},
+      {"circle.dae",
+       replaced(kCollada, "<instance_geometry url=\"#square\"/></node></library",
+                "<instance_node url=\"#mirrored\"/></node></library"),
+       ErrorCode::kConfig, "within themselves"},
   };
   for (const BadMesh& bad : cases) {
     const auto mesh = read_mesh(write(bad.name, bad.content));
     ASSERT_FALSE(mesh) << bad.name;
     EXPECT_EQ(mesh.error().code, bad.code) << bad.name;
-    EXPECT_THAT(mesh.error().describe(), HasSubstr(bad.says));
+    EXPECT_THAT(mesh.error().describe(), HasSubstr(bad.says)) << bad.name;
     EXPECT_THAT(mesh.error().where, HasSubstr(bad.name));
   }
 }

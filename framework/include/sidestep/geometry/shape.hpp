@@ -55,8 +55,9 @@ using Shape = std::variant<Box, Sphere, Cylinder, Capsule, HalfSpace, std::share
 /// A mesh with the tree that signed_distance_m() searches. Scale and move vertices before.
 [[nodiscard]] std::shared_ptr<const Mesh> indexed_mesh(Mesh mesh);
 
-/// Reads a triangle mesh: STL (text and binary) and OBJ. Fails with kNotFound, kIo or
-/// kConfig, naming the file and, where it is text, the line.
+/// Reads a triangle mesh: STL (text and binary), OBJ and COLLADA (.dae; in metres by its unit, its
+/// up axis as it is). Fails with kNotFound, kIo or kConfig, naming the file and, where it is text,
+/// the line.
 [[nodiscard]] Result<Mesh> read_mesh(const std::string& file);
 
 /// Triangles that approximate a bounded shape, for ray casting and drawing. Curved surfaces
