@@ -1,9 +1,17 @@
 #include <algorithm>
+#include <cmath>
 #include <set>
 
-#include <sidestep/results/recorder.hpp>
+#include <sidestep/certificates/leave_certificate.hpp>
+#include <sidestep/core/seed.hpp>
+#include <sidestep/field/scene_field.hpp>
+#include <sidestep/planning/goal.hpp>
+#include <sidestep/problems/problem_set.hpp>
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
+#include <sidestep/runtime/planning_race.hpp>
+#include <sidestep/runtime/planning_settings.hpp>
+#include <sidestep/runtime/shape_check.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
 #include "planner_rows.hpp"
 
@@ -37,11 +45,6 @@ std::string checker_of(const PlannerEntry& entry) {
   const bool is_sampling = std::ranges::count(entry.seeds, "sampled") > 0;
   const Node* checker = is_sampling ? entry.sampler.find("checker") : nullptr;
   return checker != nullptr ? checker->text() : "field";
-}
-
-/// True for paths by FCL that nothing polishes: no check by spheres is to come after them.
-bool plans_by_shapes(const PlannerEntry& entry) {
-  return entry.optimiser.is_null() && checker_of(entry) == "primitives";
 }
 
 struct PlannerBenchmarkSettings : ExperimentSettings {
@@ -100,11 +103,126 @@ void check_planner(const Node& entry, std::vector<Error>& errors) {
   }
 }
 
+/// What every problem of a set is solved with.
+struct SetBench {
+  PlannerBenchmarkSettings settings;
+  std::shared_ptr<const RobotModel> robot;
+  PlanningSettings planning;
+  CheckSettings check;
+  std::stop_token stop;
+  /// For the certificates of answers that are accepted, FAMILY-INDEX.json; empty: none.
+  std::filesystem::path certificates = {};
+};
+
+/// Clearance that smooth motions keep beyond what is asked for, so that the independent check can
+/// show them clear, too: its steps near obstacles are up to 0.5 mm long and its distances err by
+/// 1e-5 m. Sampling planners keep such a distance themselves.
+constexpr double kSpareMargin_m = 3e-4;
+
+/// The independent check: the robot's shapes against the true scene.
+Result<std::unique_ptr<ValidityCheck>> true_check(const SetProblem& posed, const SetBench& bench) {
+  ShapeObstacles truth;
+  truth.scene = posed.scene;
+  return make_shape_check(bench.robot, truth, bench.check.of_shapes());
+}
+
+using CheckPtr = std::shared_ptr<const ValidityCheck>;
+
+/// What sampled and what smooth proposals are checked by in the race.
+Result<std::pair<CheckPtr, CheckPtr>> checks_of(const SetProblem& posed,
+                                                const std::shared_ptr<const DistanceField>& field,
+                                                const SetBench& bench, bool by_shapes) {
+  if (by_shapes) {
+    const CheckPtr shared = SIDESTEP_TRY(true_check(posed, bench));
+    return std::pair(shared, shared);
+  }
+  FieldCheckSettings settings = bench.check.of_field();
+  settings.first_violation_only = true;
+  const FieldChecks checks(bench.robot);
+  CheckPtr sampled = checks.make(field, bench.planning.space(), settings);
+  settings.margin_m += kSpareMargin_m;
+  return std::pair(std::move(sampled),
+                   CheckPtr(checks.make(field, bench.planning.space(), settings)));
+}
+
+/// Where a trajectory does not begin or end as it should; empty where it does.
+std::string miss_of(const Trajectory& trajectory, const SetProblem& posed,
+                    const RobotDescription& robot) {
+  for (std::size_t j = 0; j < trajectory.q(0).size(); ++j) {
+    const double off = trajectory.q(0)[j] - posed.q_start[static_cast<Eigen::Index>(j)];
+    if (!(std::abs(off) <= kGoalTolerance)) return "it starts where the robot is not";
+  }
+  const std::string by =
+      configuration_miss(robot, trajectory.q(trajectory.size() - 1), posed.q_goal);
+  return by.empty() ? "" : "it ends with " + by;
+}
+
+/// Holds answers against the true shapes; the last one is what the solve is about.
+Result<void> judge(const SetProblem& posed, const RaceResult& answer, const SetBench& bench,
+                   SetSolve& solve) {
+  const auto check = SIDESTEP_TRY(true_check(posed, bench));
+  const auto hear = [&](const Trajectory& trajectory, bool is_smooth,
+                        double time_ms) -> Result<void> {
+    solve.answers.push_back(
+        {static_cast<float>(time_ms), static_cast<float>(path_length(trajectory)), is_smooth});
+    solve.duration_s = trajectory.duration_s();
+    solve.acceleration_ratio = acceleration_ratio(trajectory);
+    const auto verdict = SIDESTEP_TRY(check->check(trajectory, 0.0, Deadline(bench.stop)));
+    solve.clearance_m = verdict.min_clearance_m;
+    if (!solve.refusal.empty()) return {};
+    solve.refusal = miss_of(trajectory, posed, bench.robot->description());
+    if (solve.refusal.empty() && !verdict.valid()) solve.refusal = verdict.describe();
+    return {};
+  };
+  for (const EarlierAnswer& earlier : answer.earlier) {
+    SIDESTEP_TRY(hear(earlier.trajectory, earlier.is_smooth, earlier.took_ms));
+  }
+  return hear(answer.trajectory, answer.is_smooth, answer.took_ms);
+}
+
+/// Poses a problem, has it raced for, and holds every answer against the shapes, independently.
+/// In the race proposals are checked by the robot's spheres, or, for what is planned `by_shapes`
+/// and may come nearer than they can, by its shapes. SetSolve::problem and seed are the caller's.
+/// Fails where a planner or a check does. [planning]
+Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed, std::uint64_t seed,
+                                   const SetBench& bench, bool by_shapes) {
+  SetSolve solve;
+  solve.family = posed.family;
+  solve.index = posed.index;
+  const Eigen::Vector3d reach_m = Eigen::Vector3d::Constant(bench.settings.reach_m);
+  const auto field = std::make_shared<const SceneField>(*posed.scene, Stamp(),
+                                                        Eigen::AlignedBox3d(-reach_m, reach_m));
+  const Problem problem =
+      make_problem(bench.robot, field, bench.planning, posed.q_start, posed.q_goal);
+  if (auto sound = problem.validate(); !sound) {
+    solve.reason = "the problem makes no sense: " + sound.error().describe();
+    return solve;
+  }
+  const auto [sampled, smooth] = SIDESTEP_TRY(checks_of(posed, field, bench, by_shapes));
+  const Stopwatch watch;
+  auto answer =
+      SIDESTEP_TRY(race.run(problem, {*sampled, *smooth},
+                            derive_seed(seed, posed.family + "/" + std::to_string(posed.index)),
+                            Deadline::after_s(bench.settings.deadline_s, bench.stop), bench.stop));
+  solve.spent_ms = watch.elapsed_ms();
+  solve.reason = answer.reason;
+  solve.guess = answer.seed;
+  if (answer.trajectory.size() == 0) return solve;
+  SIDESTEP_TRY(judge(posed, answer, bench, solve));
+  if (!bench.certificates.empty() && solve.is_solved()) {
+    ShapeObstacles truth;
+    truth.scene = posed.scene;
+    const std::string name = posed.family + "-" + std::to_string(posed.index) + ".json";
+    solve.certified = name_of(SIDESTEP_TRY(
+        leave_certificate(*bench.robot, truth, {}, answer.trajectory, bench.certificates / name)));
+  }
+  return solve;
+}
+
 /// A run of a benchmark: the problems of its shard that have no answer yet.
 struct BenchmarkRun {
-  const PlannerBenchmarkSettings& settings;
-  const std::vector<SetProblem>& problems;
   SetBench bench;
+  const std::vector<SetProblem>& problems;
   const PlannerBenchmarkRecord& record;  ///< Of earlier sessions.
   ExperimentContext& context;
   Recorder& recorder;
@@ -113,9 +231,9 @@ struct BenchmarkRun {
   std::int64_t done = record.solved();
 
   [[nodiscard]] Result<void> solve() {
-    for (std::size_t p = 0; p < settings.planners.size(); ++p) {
-      for (int seed = 0; seed < settings.seeds; ++seed) {
-        SIDESTEP_TRY(solve_with(settings.planners[p], record.planners[p], seed));
+    for (std::size_t p = 0; p < record.planners.size(); ++p) {
+      for (int seed = 0; seed < bench.settings.seeds; ++seed) {
+        SIDESTEP_TRY(solve_with(bench.settings.planners[p], record.planners[p], seed));
       }
     }
     record_session(clock.after(0), session, recorder);
@@ -160,10 +278,12 @@ struct BenchmarkRun {
       bench.certificates = context.out / "certificates" /
                            (entry.name + (seed == 0 ? "" : "-" + std::to_string(seed)));
     }
+    // Paths by FCL that nothing polishes: no check by spheres is to come after them.
+    const bool by_shapes = entry.optimiser.is_null() && checker_of(entry) == "primitives";
     const auto solve_one = [&](std::int64_t problem) {
       return catch_all("planning", [&] {
         return solve_set_problem(race, problems[static_cast<std::size_t>(problem)], run_seed, bench,
-                                 plans_by_shapes(entry));
+                                 by_shapes);
       });
     };
     (void)solve_one(left.front());  // does not count
@@ -183,14 +303,16 @@ struct BenchmarkRun {
   }
 };
 
-/// The benchmark before anything is solved.
-PlannerBenchmarkRecord new_record(const PlannerBenchmarkSettings& settings,
-                                  const std::vector<SetProblem>& problems, const RobotModel& robot,
-                                  const ExperimentContext& context) {
+/// The benchmark before anything is solved, or with what an earlier session has left, where this
+/// run goes on with it.
+Result<PlannerBenchmarkRecord> begun_record(const SetBench& bench,
+                                            const std::vector<SetProblem>& problems,
+                                            const ExperimentContext& context) {
+  const PlannerBenchmarkSettings& settings = bench.settings;
   PlannerBenchmarkRecord record;
   static_cast<DividedRun&>(record) = divided_run_of(context);
   record.problems = settings.problems.filename().string();
-  record.robot = robot.description().name;
+  record.robot = bench.robot->description().name;
   record.deadline_s = settings.deadline_s;
   record.seeds = settings.seeds;
   for (const SetProblem& problem : problems)
@@ -201,12 +323,6 @@ PlannerBenchmarkRecord new_record(const PlannerBenchmarkSettings& settings,
     const PlannerEntry& entry = settings.planners[p];
     record.planners.push_back({entry.name, checker_of(entry), to_yaml(entries[p], false), {}});
   }
-  return record;
-}
-
-/// The same with what an earlier session has left, where this run goes on with it.
-Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord record,
-                                                     const ExperimentContext& context) {
   if (!context.resume) return record;
   const auto file = context.out / "results.sqlite";
   auto earlier = SIDESTEP_TRY(read_planner_record(file));
@@ -218,26 +334,24 @@ Result<PlannerBenchmarkRecord> with_earlier_sessions(PlannerBenchmarkRecord reco
   return earlier;
 }
 
-Result<PlannerBenchmarkSettings> read_settings(const ExperimentContext& context, SetBench& bench) {
+Result<SetBench> read_bench(const ExperimentContext& context) {
   const Configuration& configuration = context.configuration;
-  auto settings = SIDESTEP_TRY(read_block<PlannerBenchmarkSettings>(configuration, "experiment"));
-  bench.planning = SIDESTEP_TRY(read_block<PlanningSettings>(configuration, "planning"));
-  bench.check = SIDESTEP_TRY(read_block<CheckSettings>(configuration, "check"));
-  if (settings.problems.empty()) {
+  SetBench bench{SIDESTEP_TRY(read_block<PlannerBenchmarkSettings>(configuration, "experiment")),
+                 nullptr, SIDESTEP_TRY(read_block<PlanningSettings>(configuration, "planning")),
+                 SIDESTEP_TRY(read_block<CheckSettings>(configuration, "check")), context.stop};
+  if (bench.settings.problems.empty()) {
     return fail(ErrorCode::kConfig, "experiment.problems does not say where the problems are", {},
                 "give it with --set experiment.problems=FOLDER");
   }
-  bench.reach_m = settings.reach_m;
-  bench.deadline_s = settings.deadline_s;
-  bench.stop = context.stop;
-  return settings;
+  bench.robot = SIDESTEP_TRY(context.host.create<RobotModel>(block_of(configuration, "robot")));
+  return bench;
 }
 
 /// Every problem of the set that the settings leave.
-Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& settings,
-                                            const ExperimentContext& context,
-                                            const RobotModel& robot) {
-  auto all = SIDESTEP_TRY(read_problem_set(settings.problems, robot.description()));
+Result<std::vector<SetProblem>> read_chosen(const SetBench& bench,
+                                            const ExperimentContext& context) {
+  const PlannerBenchmarkSettings& settings = bench.settings;
+  auto all = SIDESTEP_TRY(read_problem_set(settings.problems, bench.robot->description()));
   std::vector<SetProblem> problems;
   std::string family;
   std::int64_t seen = 0, taken = 0;
@@ -262,6 +376,14 @@ Result<std::vector<SetProblem>> read_chosen(const PlannerBenchmarkSettings& sett
                 settings.problems.string());
   }
   return problems;
+}
+
+/// What the store in `run` comes to, and OMPL's benchmark database beside it.
+Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run, bool interrupted,
+                                            const std::optional<Error>& fault) {
+  const auto record = SIDESTEP_TRY(read_planner_record(run / "results.sqlite"));
+  SIDESTEP_TRY(write_ompl_database(record, run / kOmplDatabase));
+  return summarise_planners(record, interrupted, fault);
 }
 
 class PlannerBenchmark final : public Experiment {
@@ -289,20 +411,15 @@ class PlannerBenchmark final : public Experiment {
     if (planners->items().empty()) errors.push_back(planners->error("there is no planner"));
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    SetBench bench;
-    const auto settings = SIDESTEP_TRY(read_settings(context, bench));
-    bench.robot =
-        SIDESTEP_TRY(context.host.create<RobotModel>(block_of(context.configuration, "robot")));
-    const auto problems = SIDESTEP_TRY(read_chosen(settings, context, *bench.robot));
-
-    const auto record = SIDESTEP_TRY(
-        with_earlier_sessions(new_record(settings, problems, *bench.robot, context), context));
+    auto bench = SIDESTEP_TRY(read_bench(context));
+    const auto problems = SIDESTEP_TRY(read_chosen(bench, context));
+    const auto record = SIDESTEP_TRY(begun_record(bench, problems, context));
     auto store = SIDESTEP_TRY(open_store(context, record.provenance));
     Recorder recorder(*store);
     if (!context.resume) record_planner_head(record, recorder);
     SIDESTEP_TRY(recorder.commit());
 
-    BenchmarkRun run{settings, problems, std::move(bench), record, context, recorder};
+    BenchmarkRun run{std::move(bench), problems, record, context, recorder};
     auto solved = run.solve();
     store.reset();
     if (context.progress) context.progress(0, 0, "summing up");
@@ -312,7 +429,14 @@ class PlannerBenchmark final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
                                                 const std::filesystem::path& out) const override {
-    return merge_planners(shards, out);
+    auto whole = SIDESTEP_TRY(merged_record(shards, &read_planner_record, &absorb_planners));
+    for (const std::filesystem::path& run : shards) {
+      const auto part = read_planner_record(run / "results.sqlite");
+      if (part && part->names == whole.names) continue;
+      return fail(ErrorCode::kConfig, "this shard is of other problems than the first",
+                  run.string());
+    }
+    return conclude_whole(whole, out, &record_planners, &conclude_planners);
   }
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include <sidestep/results/recorder.hpp>
 
@@ -79,21 +80,6 @@ const StoredRow<SetSolve>& stored_solve() {
   return kSolve;
 }
 
-/// What a planner has solved, problem by problem.
-Result<std::vector<SetSolve>> read_solves(ResultsReader& reader, const std::string& planner,
-                                          const std::vector<ProblemName>& names,
-                                          const std::string& file) {
-  auto rows = SIDESTEP_TRY(stored_solve().read_all(reader, series_of(planner), file));
-  std::vector<SetSolve> solves;
-  for (auto& [item, solve] : rows) {
-    solve.problem = item % std::ssize(names);
-    solve.seed = static_cast<int>(item / std::ssize(names));
-    static_cast<ProblemName&>(solve) = names[static_cast<std::size_t>(solve.problem)];
-    solves.push_back(std::move(solve));
-  }
-  return solves;
-}
-
 }  // namespace
 
 double SetSolve::first_ms() const noexcept { return is_found() ? answers.front().time_ms : 0.0; }
@@ -143,15 +129,20 @@ Result<PlannerBenchmarkRecord> read_planner_record(const std::filesystem::path& 
   auto head = SIDESTEP_TRY(read_run_head(*reader, kHead, file));
   auto record = SIDESTEP_TRY(stored_benchmark().read(*reader, kHead, 0, file));
   static_cast<DividedRun&>(record) = std::move(head);
-  for (std::size_t i = 0; i < record.names.size(); ++i) {
-    record.names[i] =
-        SIDESTEP_TRY(stored_name().read(*reader, "problem", static_cast<std::int64_t>(i), file));
+  std::int64_t item = 0;
+  for (ProblemName& name : record.names) {
+    name = SIDESTEP_TRY(stored_name().read(*reader, "problem", item++, file));
   }
-  for (std::size_t p = 0; p < record.planners.size(); ++p) {
-    auto planner =
-        SIDESTEP_TRY(stored_planner().read(*reader, "planner", static_cast<std::int64_t>(p), file));
-    planner.solves = SIDESTEP_TRY(read_solves(*reader, planner.name, record.names, file));
-    record.planners[p] = std::move(planner);
+  item = 0;
+  for (PlannerRecord& planner : record.planners) {
+    planner = SIDESTEP_TRY(stored_planner().read(*reader, "planner", item++, file));
+    auto solves = SIDESTEP_TRY(stored_solve().read_all(*reader, series_of(planner.name), file));
+    for (auto& [number, solve] : solves) {
+      solve.problem = number % std::ssize(record.names);
+      solve.seed = static_cast<int>(number / std::ssize(record.names));
+      static_cast<ProblemName&>(solve) = record.names[static_cast<std::size_t>(solve.problem)];
+      planner.solves.push_back(std::move(solve));
+    }
   }
   return record;
 }
@@ -164,6 +155,39 @@ void absorb_planners(PlannerBenchmarkRecord& whole, PlannerBenchmarkRecord part)
       return std::tie(a.seed, a.problem) < std::tie(b.seed, b.problem);
     });
   }
+}
+
+double path_length(const Trajectory& trajectory) {
+  double length = 0.0;
+  for (int i = 1; i < trajectory.size(); ++i) {
+    double squares = 0.0;
+    for (std::size_t j = 0; j < trajectory.q(i).size(); ++j) {
+      const double step = trajectory.q(i)[j] - trajectory.q(i - 1)[j];
+      squares += step * step;
+    }
+    length += std::sqrt(squares);
+  }
+  return length;
+}
+
+double acceleration_ratio(const Trajectory& trajectory) {
+  constexpr int kSteps = 1000;
+  const double length = path_length(trajectory);
+  if (!(length > 0.0)) return 0.0;
+  const auto dof = static_cast<std::size_t>(trajectory.dof);
+  const double duration_s = trajectory.duration_s();
+  const double step_s = duration_s / kSteps;
+  std::vector<double> q(dof), before(dof), now(dof);
+  trajectory.sample(0.0, q, before);
+  double integral = 0.0;
+  for (int step = 1; step <= kSteps; ++step) {
+    trajectory.sample(step_s * step, q, now);
+    for (std::size_t j = 0; j < dof; ++j) {
+      integral += (now[j] - before[j]) * (now[j] - before[j]) / step_s;
+    }
+    before.swap(now);
+  }
+  return integral * duration_s * duration_s * duration_s / (12.0 * length * length);
 }
 
 }  // namespace sidestep

@@ -2,18 +2,14 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <optional>
-#include <stop_token>
 #include <string>
 #include <vector>
 
-#include <sidestep/problems/problem_set.hpp>
 #include <sidestep/report/canvas.hpp>
 #include <sidestep/results/divided_run.hpp>
 #include <sidestep/runtime/experiment.hpp>
-#include <sidestep/runtime/planning_race.hpp>
-#include <sidestep/runtime/planning_settings.hpp>
+#include <sidestep/trajectory/trajectory.hpp>
 
 namespace sidestep {
 
@@ -110,39 +106,10 @@ void absorb_planners(PlannerBenchmarkRecord& whole, PlannerBenchmarkRecord part)
 /// error) counts by the change of velocity that it brings. 0 where nothing moves. [any]
 [[nodiscard]] double acceleration_ratio(const Trajectory& trajectory);
 
-/// What every problem of a set is solved with.
-struct SetBench {
-  std::shared_ptr<const RobotModel> robot;
-  PlanningSettings planning;
-  CheckSettings check;
-  double reach_m = 0.0;  ///< How far the known world reaches from the robot's foot.
-  double deadline_s = 0.0;
-  std::stop_token stop;
-  /// For the certificates of answers that are accepted, FAMILY-INDEX.json; empty: none.
-  std::filesystem::path certificates = {};
-};
-
-/// Poses a problem, has it raced for, and holds every answer against the shapes, independently.
-/// In the race proposals are checked by the robot's spheres, or, for what is planned `by_shapes`
-/// and may come nearer than they can, by its shapes. SetSolve::problem and seed are the caller's.
-/// Fails where a planner or a check does. [planning]
-[[nodiscard]] Result<SetSolve> solve_set_problem(PlanningRace& race, const SetProblem& posed,
-                                                 std::uint64_t seed, const SetBench& bench,
-                                                 bool by_shapes = false);
-
 /// Verdict, summary.json and tables of what a store holds.
 [[nodiscard]] ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record,
                                                    bool interrupted,
                                                    const std::optional<Error>& fault);
-
-/// The same of the store in `run`, and OMPL's benchmark database beside it.
-[[nodiscard]] Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run,
-                                                          bool interrupted,
-                                                          const std::optional<Error>& fault);
-
-/// Puts shards of one run together in the folder `out`.
-[[nodiscard]] Result<ExperimentOutcome> merge_planners(
-    const std::vector<std::filesystem::path>& runs, const std::filesystem::path& out);
 
 /// How such runs are shown.
 [[nodiscard]] const report::RunReport& planner_report();

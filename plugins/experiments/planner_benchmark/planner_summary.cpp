@@ -283,24 +283,6 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
   return outcome;
 }
 
-Result<ExperimentOutcome> conclude_planners(const std::filesystem::path& run, bool interrupted,
-                                            const std::optional<Error>& fault) {
-  const auto record = SIDESTEP_TRY(read_planner_record(run / "results.sqlite"));
-  SIDESTEP_TRY(write_ompl_database(record, run / kOmplDatabase));
-  return summarise_planners(record, interrupted, fault);
-}
-
-Result<ExperimentOutcome> merge_planners(const std::vector<std::filesystem::path>& runs,
-                                         const std::filesystem::path& out) {
-  auto whole = SIDESTEP_TRY(merged_record(runs, &read_planner_record, &absorb_planners));
-  for (const std::filesystem::path& run : runs) {
-    const auto part = read_planner_record(run / "results.sqlite");
-    if (part && part->names == whole.names) continue;
-    return fail(ErrorCode::kConfig, "this shard is of other problems than the first", run.string());
-  }
-  return conclude_whole(whole, out, &record_planners, &conclude_planners);
-}
-
 std::vector<Figure> planner_figures(const PlannerBenchmarkRecord& record) {
   std::vector<Figure> figures;
   if (record.solved() == 0) return figures;
