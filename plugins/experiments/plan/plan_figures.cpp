@@ -191,17 +191,11 @@ void draw_spheres(Canvas& canvas, const Axes& axes, const StoredArray& circles) 
   canvas.unclip();
 }
 
-void draw_path(Canvas& canvas, const Axes& axes, const StoredArray& path, const Stroke& stroke) {
+void draw_path(Axes& axes, const StoredArray& path, const Stroke& stroke) {
   if (path.rows < 2) return;
-  std::vector<Point> points;
-  for (int row = 0; row < path.rows; ++row) {
-    const auto i = static_cast<std::size_t>(row * path.columns);
-    points.push_back(axes.at(path.values[i], path.values[i + 1]));
-  }
-  canvas.clip(axes.plot());
-  canvas.line(points, {colour(0xFFFFFF), stroke.width + 2.0, {}});
-  canvas.line(points, stroke);
-  canvas.unclip();
+  const std::vector<double> u = column_of(path, 0), v = column_of(path, 1);
+  axes.line(u, v, {colour(0xFFFFFF), stroke.width + 2.0, {}});
+  axes.line(u, v, stroke);
 }
 
 Figure slice_figure(const FieldSlice& slice, std::string file) {
@@ -228,8 +222,8 @@ Figure slice_figure(const FieldSlice& slice, std::string file) {
   draw_spheres(canvas, axes, slice.circles);
   const Stroke base{palette::kBlack, 2.0, {}};
   const Stroke tip{palette::kVermilion, 2.0, {6.0, 4.0}};
-  draw_path(canvas, axes, slice.base_path, base);
-  draw_path(canvas, axes, slice.tip_path, tip);
+  draw_path(axes, slice.base_path, base);
+  draw_path(axes, slice.tip_path, tip);
   axes.finish();
   draw_colour_bar(canvas,
                   {plot_width + across + 8.0, axes.plot().y, kBar, std::min(plot_height, 320.0)},

@@ -4,11 +4,9 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <stop_token>
 #include <string>
 #include <vector>
 
-#include <sidestep/geometry/scene.hpp>
 #include <sidestep/mapping/occupancy_view.hpp>
 #include <sidestep/measures/point_survey.hpp>
 #include <sidestep/planning/shape_obstacles.hpp>
@@ -88,10 +86,14 @@ class FrameTap final : public Source {
   PointSurvey survey_;
 };
 
-/// Series "frame": times and counts of one frame.
-void record_frame(const MappingStep& step, std::int64_t item, Recorder& recorder);
 /// Series "depth": the kept depth images.
 [[nodiscard]] StoredRow<DepthPicture> stored_picture();
+
+/// Maps every frame of the source, and records what it took and what was seen; stops early on
+/// request or at a fault, with what there is.
+[[nodiscard]] Result<MapRecord> map_frames(MappingPipeline& pipeline, const FrameTap& source,
+                                           const OccupancyView& occupancy, SnapshotSlot& slot,
+                                           Recorder& recorder, ExperimentContext& context);
 
 // Planning.
 
@@ -150,19 +152,6 @@ struct PlanningContext {
 
 /// The certificate of a plan, from the run's folder on.
 [[nodiscard]] std::string certificate_of(const std::string& plan);
-
-/// `scene` may be null; `scene_time_s` is the scene's time when a plan starts.
-[[nodiscard]] Result<PlanningContext> make_planning_context(
-    std::shared_ptr<const RobotModel> robot, std::shared_ptr<const DistanceField> field,
-    const OccupancyView& occupancy, std::shared_ptr<const Scene> scene, double scene_time_s,
-    const PlanningSettings& planning, const CheckSettings& check);
-
-/// Solves and checks one plan, from other first guesses where the settings ask for it, until
-/// an attempt passes both checks. A plan that fails is a record with a reason; an error is a
-/// fault of the optimiser's or of a check's.
-[[nodiscard]] Result<PlanRecord> make_plan(const PlanningContext& context,
-                                           const PluginPtr<Optimiser>& optimiser, PlanRecord plan,
-                                           std::uint64_t seed, Log& log, std::stop_token stop);
 
 // Results.
 
