@@ -6,8 +6,9 @@
 
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/seed.hpp>
+#include <sidestep/geometry/people.hpp>
 #include <sidestep/runtime/yaml_document.hpp>
-#include "replan_settings.hpp"
+#include "closed_loop.hpp"
 
 namespace sidestep {
 namespace {

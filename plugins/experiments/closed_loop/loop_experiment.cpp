@@ -1,4 +1,4 @@
-#include "loop_experiment.hpp"
+#include "closed_loop.hpp"
 
 #include <algorithm>
 #include <iterator>
@@ -43,59 +43,56 @@ Json nearest_json(const EpisodeRow* closest) {
           {"object", closest->nearest_object.value_or("")}};
 }
 
-/// Over the episodes in which it was measured.
-std::optional<std::int64_t> sum_of(const ReplanRows& rows,
-                                   std::optional<std::int64_t> EpisodeRow::*count) {
+/// Over the episodes in which it was measured: `count(episode)`, which may be nothing.
+template <class Count>
+std::optional<std::int64_t> measured_total(const ReplanRows& rows, Count count) {
   std::optional<std::int64_t> sum;
   for (const EpisodeRow& episode : rows.episodes) {
-    if (episode.*count) sum = sum.value_or(0) + *(episode.*count);
+    const std::optional<std::int64_t> its = std::invoke(count, episode);
+    if (its) sum = sum.value_or(0) + *its;
   }
   return sum;
 }
-Json ghost_vox(const ReplanRows& rows) {
-  const auto sum = sum_of(rows, &EpisodeRow::ghost_vox);
-  return sum ? Json(*sum) : Json(nullptr);
-}
-/// Of all that was counted.
-auto share_of(std::optional<std::int64_t> EpisodeRow::*part,
-              std::optional<std::int64_t> EpisodeRow::*all) {
-  return [part, all](const ReplanRows& rows) -> Json {
-    const auto whole = sum_of(rows, all);
-    if (whole.value_or(0) == 0) return nullptr;
-    return static_cast<double>(sum_of(rows, part).value_or(0)) / static_cast<double>(*whole);
-  };
-}
-
-/// The values of every episode in which tracks were measured.
-template <class Value>
-auto of_tracks(std::vector<Value> TrackRecord::*part) {
-  return [part](const ReplanRows& rows) {
-    std::vector<Value> values;
-    for (const EpisodeRow& episode : rows.episodes) {
-      if (episode.tracks) std::ranges::copy((*episode.tracks).*part, std::back_inserter(values));
-    }
-    return values;
-  };
-}
-/// Their sum; nothing where none were.
-std::optional<std::int64_t> sum_of_tracks(const ReplanRows& rows, std::int64_t TrackRecord::*part) {
-  std::optional<std::int64_t> sum;
-  for (const EpisodeRow& episode : rows.episodes) {
-    if (episode.tracks) sum = sum.value_or(0) + (*episode.tracks).*part;
-  }
-  return sum;
-}
-auto of_tracks(std::int64_t TrackRecord::*part) {
-  return [part](const ReplanRows& rows) {
-    const auto sum = sum_of_tracks(rows, part);
+template <class Count>
+auto sum_measured(Count count) {
+  return [count](const ReplanRows& rows) {
+    const auto sum = measured_total(rows, count);
     return sum ? Json(*sum) : Json(nullptr);
   };
 }
-Json found_share(const ReplanRows& rows) {
-  const auto due = sum_of_tracks(rows, &TrackRecord::due_frames);
-  if (due.value_or(0) == 0) return nullptr;
-  return static_cast<double>(*sum_of_tracks(rows, &TrackRecord::found_frames)) /
-         static_cast<double>(*due);
+/// Of all that was counted.
+template <class Part, class All>
+auto share_measured(Part part, All all) {
+  return [part, all](const ReplanRows& rows) -> Json {
+    const auto whole = measured_total(rows, all);
+    if (whole.value_or(0) == 0) return nullptr;
+    return static_cast<double>(measured_total(rows, part).value_or(0)) /
+           static_cast<double>(*whole);
+  };
+}
+
+/// Something of an episode's tracks; nothing, or nothing in it, where they were not measured.
+auto of_tracks(std::int64_t TrackRecord::*part) {
+  return [part](const EpisodeRow& episode) {
+    return episode.tracks ? std::optional((*episode.tracks).*part) : std::nullopt;
+  };
+}
+auto of_tracks(std::vector<double> TrackRecord::*part) {
+  return [part](const EpisodeRow& episode) {
+    return episode.tracks ? (*episode.tracks).*part : std::vector<double>();
+  };
+}
+
+/// The values of every episode, one after the other.
+template <class Values>
+auto all_of(Values values_of) {
+  return [values_of](const ReplanRows& rows) {
+    std::vector<double> all;
+    for (const EpisodeRow& episode : rows.episodes) {
+      std::ranges::copy(std::invoke(values_of, episode), std::back_inserter(all));
+    }
+    return all;
+  };
 }
 
 Json guesses_of(const ReplanRows& rows) {
@@ -117,17 +114,14 @@ Json limits_of(const MotionLimits& limits) {
   return list;
 }
 
-/// Of every episode that reached its goal.
+/// Of every episode that reached its goal, as far as it is known.
 template <class Value>
 auto of_reached(Value value) {
-  return [value](const ReplanRows& rows) {
-    std::vector<double> values;
-    for (const EpisodeRow& episode : rows.episodes) {
-      if (!episode.reached) continue;
-      if (const std::optional<double> its = std::invoke(value, episode)) values.push_back(*its);
-    }
-    return values;
-  };
+  return all_of([value](const EpisodeRow& episode) -> std::vector<double> {
+    const std::optional<double> its = std::invoke(value, episode);
+    if (!episode.reached || !its) return {};
+    return {*its};
+  });
 }
 
 std::optional<double> free_run_ratio(const EpisodeRow& episode) {
@@ -182,6 +176,17 @@ void find_overrides(const Node& node, std::vector<std::string>& overrides) {
   }
   for (const Node& item : node.items()) find_overrides(item, overrides);
   for (const Node::Entry& entry : node.entries()) find_overrides(entry.value, overrides);
+}
+
+/// The command that runs a configuration again, overrides included.
+std::string command_again(const Configuration& configuration) {
+  std::vector<std::string> overrides;
+  find_overrides(configuration.root, overrides);
+  std::string command = "sidestep run " + configuration.file.string();
+  for (const std::string& override : overrides) {
+    command += " --set '" + override.substr(std::string("--set ").size()) + "'";
+  }
+  return command;
 }
 
 std::string table_text(const ReplanRows& rows) {
@@ -241,23 +246,19 @@ std::string verdict_text(const ReplanFacts& facts, const ReplanRows& rows, const
 
 const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
   using E = EpisodeRow;
+  using T = TrackRecord;
   using report::Shown;
   const auto sum = [](auto member) {
     return [member](const ReplanRows& rows) { return sum_of(rows.episodes, member); };
-  };
-  const auto all = [](auto member) {
-    return [member](const ReplanRows& rows) {
-      std::vector<double> values;
-      for (const E& episode : rows.episodes)
-        std::ranges::copy(episode.*member, std::back_inserter(values));
-      return values;
-    };
   };
   const std::vector<std::string> spread = {"p50", "p95", "max"};
   const std::vector<std::string> with_mean = {"p50", "p95", "max", "mean"};
   const std::vector<std::string> error = {"mean", "p95", "max"};
   const auto p95 = [](const char* heading, const char* pattern) {
     return Shown{.heading = heading, .pattern = pattern, .statistics = "p95"};
+  };
+  const auto measured = [](const char* heading, const char* pattern, const char* statistics = "") {
+    return Shown{heading, pattern, false, false, statistics, true};
   };
   static const auto kMetrics =
       report::ResultColumnsOf<ReplanRows>(report::kWholeSummary)
@@ -310,14 +311,14 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                   "How far the base truly stands from its goal then [m].", spread)
           .spread("head_way_rad.", of_reached(&E::head_way_rad),
                   "Way of the head's pan and tilt together until then [rad].", spread)
-          .add("seen_share", share_of(&E::seen_vox, &E::entered_vox),
+          .add("seen_share", share_measured(&E::seen_vox, &E::entered_vox),
                "Share of the voxels that the robot entered that a frame had seen before.",
-               {.heading = "seen before", .pattern = report::kPercent, .only_measured = true})
-          .add("certified_share", share_of(&E::proven_motions, &E::motions),
+               measured("seen before", report::kPercent))
+          .add("certified_share", share_measured(&E::proven_motions, &E::motions),
                "Share of the motions that were followed that is proven to be clear of what the map "
                "held as they began, with certificates in the run's folder `certificates`; null "
                "where none were asked for.",
-               {.heading = "certified", .pattern = report::kPercent, .only_measured = true})
+               measured("certified", report::kPercent))
           .add("replans", sum(&E::replans), "Trajectories replaced on the way.",
                {.heading = "replans", .compared = true})
           .add("guesses", &guesses_of, "First guesses: how often tried, and how often one led.")
@@ -332,19 +333,19 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
                {.heading = "largest velocity jump", .pattern = "%.2g"})
           .table("Times")
           .spread(
-              "solve_ms.", all(&E::solve_ms), "Wall time of a search that led to a trajectory.",
+              "solve_ms.", all_of(&E::solve_ms), "Wall time of a search that led to a trajectory.",
               spread,
               {.heading = "solve", .pattern = "%.2f ms", .compared = true, .statistics = "p50 p95"})
-          .spread("search_ms.", all(&E::search_ms), "Wall time of every search.", spread,
+          .spread("search_ms.", all_of(&E::search_ms), "Wall time of every search.", spread,
                   p95("all searches", "%.2f ms"))
-          .spread("stamp_to_trajectory_ms.", all(&E::stamp_to_trajectory_ms),
+          .spread("stamp_to_trajectory_ms.", all_of(&E::stamp_to_trajectory_ms),
                   "From a depth image's stamp to the trajectory that it led to.", spread,
                   {.heading = "stamp to trajectory", .pattern = "%.1f ms", .compared = true})
-          .spread("frame_to_trajectory_ms.", all(&E::frame_to_trajectory_ms),
+          .spread("frame_to_trajectory_ms.", all_of(&E::frame_to_trajectory_ms),
                   "The same from when the source handed the image over.", spread)
-          .spread("map_age_ms.", all(&E::map_age_ms), "Age of the map that a search began with.",
+          .spread("map_age_ms.", all_of(&E::map_age_ms), "Age of the map that a search began with.",
                   spread, p95("age of the map", "%.1f ms"))
-          .spread("unknown_share.", all(&E::unknown_share),
+          .spread("unknown_share.", all_of(&E::unknown_share),
                   "Share of a trajectory's checks in space that no frame had seen.", spread)
           .add("step_hz", rate_of(&E::steps), "Control steps a second.",
                {.heading = "steps", .pattern = "%.0f Hz"})
@@ -355,64 +356,33 @@ const report::ResultColumnsOf<ReplanRows>& replan_metrics() {
           .add("frames", sum(&E::frames), "Frames that were mapped.", {.heading = "frames"})
           .add("frames_dropped", sum(&E::frames_dropped), "Frames that were not.",
                {.heading = "dropped"})
-          .spread("appear_frames.", all(&E::appear_frames),
+          .spread("appear_frames.", all_of(&E::appear_frames),
                   "Frames from an object's entry into view until it was in the map.", spread)
-          .spread("clear_frames.", all(&E::clear_frames),
+          .spread("clear_frames.", all_of(&E::clear_frames),
                   "Frames that saw through a voxel until it was free again.", spread)
-          .add("ghost_vox", &ghost_vox, "Voxels that an object left and that stayed occupied.")
+          .add("ghost_vox", sum_measured(&E::ghost_vox),
+               "Voxels that an object left and that stayed occupied.")
           .table("Tracks")
-          .add("tracks.found_share", &found_share,
+          .add("tracks.found_share",
+               share_measured(of_tracks(&T::found_frames), of_tracks(&T::due_frames)),
                "Share of the frames that show a person-sized object, a second after it began to "
                "move in view or later, in which it is tracked.",
-               {.heading = "found", .pattern = report::kPercent, .only_measured = true})
-          .spread("tracks.delay_s.", of_tracks(&TrackRecord::delay_s),
+               measured("found", report::kPercent))
+          .spread("tracks.delay_s.", all_of(of_tracks(&T::delay_s)),
                   "From when an object is in view and moves until it is tracked [s].", spread,
-                  {.heading = "delay",
-                   .pattern = "%.2f s",
-                   .statistics = "p50 p95",
-                   .only_measured = true})
-          .add("tracks.switches", of_tracks(&TrackRecord::switches),
-               "Changes of an object's id while it was in view.",
-               {.heading = "switches", .only_measured = true})
-          .add("tracks.false", of_tracks(&TrackRecord::false_tracks),
+                  measured("delay", "%.2f s", "p50 p95"))
+          .add("tracks.switches", sum_measured(of_tracks(&T::switches)),
+               "Changes of an object's id while it was in view.", measured("switches", "%g"))
+          .add("tracks.false", sum_measured(of_tracks(&T::false_tracks)),
                "Tracks that never were within 0.5 m of an object that moves.",
-               {.heading = "false", .only_measured = true})
-          .spread("tracks.position_error_m.", of_tracks(&TrackRecord::position_error_m),
+               measured("false", "%g"))
+          .spread("tracks.position_error_m.", all_of(of_tracks(&T::position_error_m)),
                   "Distance of a track from the axis of its object, while in view [m].", error,
-                  {.heading = "position error",
-                   .pattern = "%.3f m",
-                   .statistics = "mean p95",
-                   .only_measured = true})
-          .spread("tracks.velocity_error_mps.", of_tracks(&TrackRecord::velocity_error_mps),
+                  measured("position error", "%.3f m", "mean p95"))
+          .spread("tracks.velocity_error_mps.", all_of(of_tracks(&T::velocity_error_mps)),
                   "The same of its velocity [m/s].", error,
-                  {.heading = "velocity error",
-                   .pattern = "%.3f m/s",
-                   .statistics = "mean p95",
-                   .only_measured = true});
+                  measured("velocity error", "%.3f m/s", "mean p95"));
   return kMetrics;
-}
-
-ReplanFacts facts_of(const ExperimentContext& context, const ReplanConfiguration& settings,
-                     const RobotDescription& robot) {
-  ReplanFacts facts;
-  facts.provenance = provenance_of(context);
-  facts.experiment = settings.experiment.type;
-  facts.about = {
-      {"clock", settings.experiment.clock},
-      {"robot", robot.name},
-      {"limits", limits_of(settings.planning.limits(robot))},
-      {"optimiser", block_of(context.configuration, "optimiser").find("plugin")->text()}};
-  return facts;
-}
-
-std::string command_again(const Configuration& configuration) {
-  std::vector<std::string> overrides;
-  find_overrides(configuration.root, overrides);
-  std::string command = "sidestep run " + configuration.file.string();
-  for (const std::string& override : overrides) {
-    command += " --set '" + override.substr(std::string("--set ").size()) + "'";
-  }
-  return command;
 }
 
 ExperimentOutcome summarise_replan(const ReplanFacts& facts, const ReplanRows& rows) {
@@ -449,9 +419,21 @@ void check_loop_names(const Configuration& configuration, const RobotDescription
   check_floor(block_of(configuration, "planning"), robot, errors);
 }
 
-Result<ExperimentOutcome> run_loop(const ExperimentContext& context, ReplanFacts facts,
+Result<ExperimentOutcome> run_loop(const ExperimentContext& context,
+                                   const ReplanConfiguration& settings,
+                                   const RobotDescription& robot, int planned_episodes,
                                    const std::string& identity,
                                    const std::function<Result<void>(Recorder& recorder)>& work) {
+  ReplanFacts facts;
+  facts.provenance = provenance_of(context);
+  facts.experiment = settings.experiment.type;
+  facts.about = {
+      {"clock", settings.experiment.clock},
+      {"robot", robot.name},
+      {"limits", limits_of(settings.planning.limits(robot))},
+      {"optimiser", block_of(context.configuration, "optimiser").find("plugin")->text()}};
+  facts.planned_episodes = planned_episodes;
+  if (!identity.empty()) facts.again = command_again(context.configuration);
   auto store = SIDESTEP_TRY(open_store(context, facts.provenance));
   Recorder recorder(*store);
   if (!context.resume) record_replan_run(identity, recorder);

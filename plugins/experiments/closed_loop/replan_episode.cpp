@@ -1,14 +1,17 @@
-#include "replan_episode.hpp"
+#include "closed_loop.hpp"
 
 #include <algorithm>
 #include <array>
 #include <random>
 
+#include <sidestep/certificates/leave_certificate.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
+#include <sidestep/planning/shape_obstacles.hpp>
 #include <sidestep/runtime/gaze_loop.hpp>
 #include <sidestep/runtime/step_watch.hpp>
+#include <sidestep/trajectory/splice.hpp>
 
 namespace sidestep {
 namespace {
@@ -42,7 +45,6 @@ class EpisodeRun {
   }
 
   Result<EpisodeRecord> run() {
-    record_.q_start = world_.q_start;
     record_.scene = world_.scene;
     const auto found_goal = find_goal();
     record_.q_goal = world_.q_goal;
@@ -51,7 +53,11 @@ class EpisodeRun {
       return std::move(record_);
     }
     make_replanner();
-    SIDESTEP_TRY(make_gaze());
+    if (world_.gaze) {
+      gaze_.emplace(SIDESTEP_TRY(GazeLoop::create(
+          {world_.robot, *world_.gaze, *world_.executor, *world_.motion, slot_, context_.log,
+           plugin_of(world_.gaze), plugin_of(world_.executor), settings_.replanner.margin_m})));
+    }
     if (observer_ != nullptr) {
       observer_->begin({context_.configuration.name, record_.episode, world_.robot, world_.scene,
                         world_.q_start, world_.q_goal});
@@ -75,17 +81,13 @@ class EpisodeRun {
     note_goal_error();
     record_.checks = replanner_->checks();
     record_.guesses = replanner_->guess_counts();
-    MappingRecord mapped = mapping_.take_record();
-    record_.mapping = std::move(mapped.frames);
+    static_cast<MappingRecord&>(record_) = mapping_.take_record();
     note_receipts();
-    record_.views = std::move(mapped.views);
-    record_.frames = static_cast<std::int64_t>(record_.mapping.size());
-    record_.frames_dropped = mapped.dropped;
+    record_.frames = std::ssize(record_.mapping);
+    record_.frames_dropped = record_.dropped;
     record_.following = mapping_.following();
     SIDESTEP_TRY(find_truth());
-    if (!parts_.certificates.empty()) {
-      SIDESTEP_TRY(certify_motions(settings_, *world_.robot, parts_.certificates, record_));
-    }
+    if (is_certified_) SIDESTEP_TRY(certify_motions());
     judge();
     if (observer_ != nullptr) {
       mapping_.show(false);
@@ -191,14 +193,6 @@ class EpisodeRun {
         settings);
   }
 
-  [[nodiscard]] Result<void> make_gaze() {
-    if (!world_.gaze) return {};
-    gaze_.emplace(SIDESTEP_TRY(GazeLoop::create(
-        {world_.robot, *world_.gaze, *world_.executor, *world_.motion, slot_, context_.log,
-         plugin_of(world_.gaze), plugin_of(world_.executor), settings_.replanner.margin_m})));
-    return {};
-  }
-
   [[nodiscard]] std::function<std::optional<Eigen::VectorXd>(std::shared_ptr<const DistanceField>)>
   other_goal() {
     if (!settings_.task.frees_goal) return {};
@@ -211,8 +205,7 @@ class EpisodeRun {
   }
 
   void run_lockstep() {
-    const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
-    for (Stamp now = begin_;; now.ns += step_ns) {
+    for (Stamp now = begin_;; now.ns += step_.count()) {
       world_.clock->set(now);
       // Brings the robot forward, so that a camera on it knows where it is; what fails, the
       // replanner meets, too.
@@ -223,8 +216,6 @@ class EpisodeRun {
   }
 
   void run_wall() {
-    const auto period =
-        std::chrono::nanoseconds(Stamp::from_seconds(settings_.experiment.step_s).ns);
     // A robot maps before it is sent anywhere.
     constexpr double kPatience_s = 1.0;
     if (slot_.pin() == nullptr) mapping_.map_first(Deadline::after_s(kPatience_s, context_.stop));
@@ -242,7 +233,7 @@ class EpisodeRun {
       watch.begin();
       goes_on = step(world_.clock->now());
       watch.end();
-      slot_.wait_for_newer(seen, begin + period);
+      slot_.wait_for_newer(seen, begin + step_);
     }
   }
 
@@ -277,13 +268,12 @@ class EpisodeRun {
     Stamp now = world_.clock->now();
     replanner_->stop(now, "the episode is over", events_);
     note_events(now, first);
-    const std::int64_t step_ns = Stamp::from_seconds(settings_.experiment.step_s).ns;
     const Stamp last{now.ns + Stamp::from_seconds(kLongestStop_s).ns};
     while (now < last && !is_at_rest()) {
       if (settings_.experiment.is_lockstep()) {
-        world_.clock->set(Stamp{now.ns + step_ns});
+        world_.clock->set(Stamp{now.ns + step_.count()});
       } else {
-        std::this_thread::sleep_for(std::chrono::nanoseconds(step_ns));
+        std::this_thread::sleep_for(step_);
       }
       now = world_.clock->now();
       note_truth(now, false);
@@ -310,7 +300,7 @@ class EpisodeRun {
   void note_events(Stamp now, std::size_t first) {
     for (std::size_t i = first; i < events_.size(); ++i) {
       EpisodeEvent event{events_[i]};
-      if (!parts_.certificates.empty() && begins_motion(event.kind)) {
+      if (is_certified_ && begins_motion(event.kind)) {
         record_.moved.push_back(
             {replanner_->followed_start().seconds(), replanner_->followed(), slot_.pin()});
       }
@@ -423,6 +413,34 @@ class EpisodeRun {
     return {};
   }
 
+  /// Certifies what was followed, each motion for as long as it was, among what the map held as it
+  /// began, counts them, and leaves the certificates of those that are proven in the run's folder,
+  /// certificates/episode-EPISODE/MOTION.json. Fails as leave_certificate() does.
+  [[nodiscard]] Result<void> certify_motions() {
+    constexpr double kLeast_s = 1e-3;
+    const auto folder =
+        context_.out / "certificates" / ("episode-" + std::to_string(record_.episode));
+    std::int64_t& motions = record_.motions.emplace(0);
+    std::int64_t& proven = record_.proven_motions.emplace(0);
+    for (std::size_t i = 0; i < record_.moved.size(); ++i) {
+      const FollowedPath& moved = record_.moved[i];
+      const bool is_last = i + 1 == record_.moved.size();
+      double end_s = moved.trajectory.duration_s();
+      if (!is_last) end_s = std::min(end_s, record_.moved[i + 1].start_s - moved.start_s);
+      if (end_s < kLeast_s || moved.field == nullptr) continue;
+      const SpacePolicy space = settings_.planning.space();
+      ShapeObstacles obstacles;
+      obstacles.resolution_m = moved.field->info().grid.resolution_m;
+      obstacles.occupied_centres_m = occupied_centres(*moved.field, space.unknown);
+      obstacles.floor = space.floor;
+      const auto outcome = SIDESTEP_TRY(
+          leave_certificate(*world_.robot, obstacles, {}, cut(moved.trajectory, 0.0, end_s),
+                            folder / (std::to_string(motions++) + ".json")));
+      proven += outcome == Certification::Outcome::kProven ? 1 : 0;
+    }
+    return {};
+  }
+
   /// Why the episode is no success, if it is none: what weighs most.
   void judge() {
     const auto own = std::ranges::find_if(record_.contacts, &TrueContact::is_by_robot);
@@ -451,6 +469,7 @@ class EpisodeRun {
   ExperimentContext& context_;
   const EpisodeParts& parts_;
   const ReplanConfiguration& settings_ = parts_.settings;
+  const bool is_certified_ = parts_.is_certified && settings_.check.wants_certificate();
   ReplanWorld& world_ = parts_.world;
   SnapshotSlot& slot_ = *parts_.world.slot;
   EpisodeMapping& mapping_ = parts_.mapping;
@@ -460,6 +479,7 @@ class EpisodeRun {
   Stamp begin_ = world_.clock->now();
   EpisodeProgress progress_{parts_.progress, begin_, settings_.experiment.duration_s};
   Stamp end_ = Stamp::from_seconds(begin_.seconds() + settings_.experiment.duration_s);
+  const std::chrono::nanoseconds step_{Stamp::from_seconds(settings_.experiment.step_s).ns};
   Stamp next_truth_ = begin_;
   std::vector<ReplannerEvent> events_;
   std::optional<Error> truth_fault_;  ///< After it, no truth is recorded.

@@ -1,7 +1,8 @@
 #include <algorithm>
 
 #include <sidestep/core/format.hpp>
-#include "replan_episode.hpp"
+#include <sidestep/measures/true_map.hpp>
+#include "closed_loop.hpp"
 
 namespace sidestep {
 namespace {
@@ -215,11 +216,9 @@ void EpisodeMapping::stop() {
 
 MappingRecord EpisodeMapping::take_record() {
   MappingRecord record;
-  record.frames = std::exchange(frames_, {});
+  record.mapping = std::exchange(frames_, {});
   record.views = sensors_.take_views();
-  record.dropped = truth_source_ != nullptr
-                       ? 0
-                       : sensors_.take_span() - static_cast<std::int64_t>(record.frames.size());
+  record.dropped = truth_source_ != nullptr ? 0 : sensors_.take_span() - std::ssize(record.mapping);
   return record;
 }
 

@@ -7,19 +7,12 @@
 #include <sidestep/report/chart.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/replanner.hpp>
-#include "course.hpp"
-#include "loop_experiment.hpp"
+#include "closed_loop.hpp"
 
 namespace sidestep {
 namespace {
 
 using namespace report;
-
-/// What was measured of one quantity.
-struct Spread {
-  std::string label;  ///< With its unit.
-  std::vector<double> values;
-};
 
 constexpr double kWidth = 900.0;
 constexpr int kColumns = 4;
@@ -159,6 +152,59 @@ Figure above_figure(const std::vector<View>& views, std::int64_t episode) {
   return figure;
 }
 
+/// What record_episode() stored of how near the robot came and how fast it went, with the contacts
+/// of the episode; nothing where nothing was stored.
+std::optional<Figure> course_figure(const StoredArray& course, std::int64_t episode,
+                                    const Json& collisions) {
+  if (course.rows < 2) return std::nullopt;
+  constexpr double kHeight = 150.0, kLegend = 30.0;
+  std::array<std::vector<double>, 4> columns;
+  for (std::size_t i = 0; i < course.values.size(); ++i) {
+    columns[i % 4].push_back(course.values[i]);
+  }
+  const auto& [time_s, clearance_m, base_mps, hand_mps] = columns;
+  const std::string name = std::to_string(episode);
+  Figure figure{
+      "episode-" + name + "-course",
+      "Episode " + name +
+          ": distance from what truly was nearest, the floor aside, and speed of base and "
+          "hand.",
+      Canvas(kWidth, 2.0 * kHeight + kLegend)};
+  const Range span{time_s.front(), time_s.back()};
+  Range distance{0.0, 0.1};
+  for (const double clearance : clearance_m) distance.include(clearance);
+  Range speed{0.0, 0.01};
+  for (const double mps : base_mps) speed.include(mps);
+  for (const double mps : hand_mps) speed.include(mps);
+  Axes above(figure.canvas, {90.0, 0.0, kWidth - 90.0, kHeight}, span, distance.padded(0.05),
+             {"", "", "distance [m]"});
+  Axes below(figure.canvas, {90.0, kHeight, kWidth - 90.0, kHeight}, span, speed.padded(0.05),
+             {"", "time [s]", "speed [m/s]"});
+  const Stroke own{palette::kVermilion, 1.4, {}}, others{palette::kOrange, 1.4, {}};
+  for (Axes* const axes : {&above, &below}) {
+    axes->grid();
+    for (const Json& contact : collisions) {
+      if (contact.at("episode") != episode) continue;
+      axes->vertical(contact.at("time_s"), contact.at("by") == "robot" ? own : others);
+    }
+  }
+  const Stroke nearest{palette::kGreen, 1.4, {}}, base{palette::kBlue, 1.4, {}},
+      hand{palette::kSky, 1.0, {}};
+  above.line(time_s, clearance_m, nearest);
+  below.line(time_s, hand_mps, hand);
+  below.line(time_s, base_mps, base);
+  above.finish();
+  below.finish();
+  using Mark = LegendEntry::Mark;
+  draw_legend(figure.canvas, {94.0, 2.0 * kHeight + 4.0}, kWidth - 94.0,
+              {{"distance", Mark::kLine, nearest},
+               {"base", Mark::kLine, base},
+               {"hand", Mark::kLine, hand},
+               {"contact by the robot", Mark::kLine, own},
+               {"contact by others", Mark::kLine, others}});
+  return figure;
+}
+
 Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
   constexpr double kTimes = 190.0, kLane = 20.0;
   using Kind = ReplannerEvent::Kind;
@@ -214,57 +260,6 @@ Result<Figure> timeline_figure(ResultsReader& results, std::int64_t episode) {
   return figure;
 }
 
-/// Cumulative shares of what was measured, side by side; nothing where there are not at least five
-/// values of anything.
-std::vector<Figure> spread_figures(const std::vector<Spread>& spreads) {
-  constexpr std::size_t kEnough = 5;
-  constexpr double kHeight = 260.0;
-  const auto shown =
-      those_of(spreads, [](const Spread& spread) { return spread.values.size() >= kEnough; });
-  if (shown.empty()) return {};
-  const double width = kWidth / static_cast<double>(shown.size());
-  Figure figure{"spread",
-                "How what was measured is spread: the share of measurements (up) that are at most "
-                "so large (right); dashed: p50 and p95.",
-                Canvas(kWidth, kHeight)};
-  for (std::size_t i = 0; i < shown.size(); ++i) {
-    std::vector<double> values = shown[i].values;
-    std::ranges::sort(values);
-    Range range{values.front(), values.back()};
-    Axes axes(figure.canvas, {static_cast<double>(i) * width, 0.0, width, kHeight},
-              range.padded(0.04), {0.0, 1.0}, {"", shown[i].label, i == 0 ? "share" : ""});
-    axes.grid();
-    std::vector<double> x{values.front()}, share{0.0};
-    for (std::size_t k = 0; k < values.size(); ++k) {
-      x.insert(x.end(), {values[k], values[k]});
-      share.push_back(share.back());
-      share.push_back(static_cast<double>(k + 1) / static_cast<double>(values.size()));
-    }
-    axes.line(x, share, {palette::kBlue, 1.6, {}});
-    for (const double quantile : {0.5, 0.95}) {
-      axes.vertical(percentile(values, quantile), {palette::kGrey, 1.0, {4.0, 3.0}});
-    }
-    axes.finish();
-  }
-  std::vector<Figure> figures;
-  figures.push_back(std::move(figure));
-  return figures;
-}
-
-/// The pictures of one episode of a closed loop, as far as they were recorded: from above, distance
-/// and speed, and over time.
-Result<std::vector<Figure>> replan_figures(ResultsReader& results, const Json& summary,
-                                           std::int64_t episode) {
-  std::vector<Figure> figures;
-  const auto views = SIDESTEP_TRY(read_views(results, episode));
-  if (!views.empty()) figures.push_back(above_figure(views, episode));
-  auto course = course_figure(array_of(results, "episode", episode, "course"), episode,
-                              at(summary, "/collisions"));
-  if (course) figures.push_back(*std::move(course));
-  figures.push_back(SIDESTEP_TRY(timeline_figure(results, episode)));
-  return figures;
-}
-
 constexpr std::size_t kPicturedEpisodes = 6;
 
 std::string collisions_section(const Json& summary) {
@@ -304,9 +299,12 @@ std::string comparison_section(const Json& summary) {
        {"solve p50", cell(at(summary, "/solve_ms/p50"), "%.2f ms"), "at most 100 ms (10 Hz)"}});
 }
 
-/// How what was measured is spread over the run; nothing where too little was.
+/// How what was measured is spread over the run: cumulative shares, side by side; nothing where
+/// there are not at least five values of anything.
 Result<std::string> spread_section(ResultsReader& results, const std::filesystem::path& run) {
-  std::vector<Spread> spreads;
+  constexpr std::size_t kEnough = 5;
+  constexpr double kHeight = 260.0;
+  std::vector<std::pair<std::string, std::vector<double>>> shown;  // labels, with units, and values
   for (const auto& [series, key, label] :
        {std::array{"event", "solve_ms", "solve, in vain or not [ms]"},
         std::array{"event", "stamp_to_trajectory_ms", "stamp to trajectory [ms]"},
@@ -315,9 +313,36 @@ Result<std::string> spread_section(ResultsReader& results, const std::filesystem
     auto values = SIDESTEP_TRY(results.column(series, key));
     // Events without a solve have 0.
     std::erase_if(values, [](double value) { return !std::isfinite(value) || value == 0.0; });
-    spreads.push_back({label, std::move(values)});
+    std::ranges::sort(values);
+    if (values.size() >= kEnough) shown.emplace_back(label, std::move(values));
   }
-  return figure_section(spread_figures(spreads), run);
+  if (shown.empty()) return "";
+  const double width = kWidth / static_cast<double>(shown.size());
+  Canvas canvas(kWidth, kHeight);
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    const auto& [label, values] = shown[i];
+    Axes axes(canvas, {static_cast<double>(i) * width, 0.0, width, kHeight},
+              Range{values.front(), values.back()}.padded(0.04), {0.0, 1.0},
+              {"", label, i == 0 ? "share" : ""});
+    axes.grid();
+    std::vector<double> x{values.front()}, share{0.0};
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      x.insert(x.end(), {values[k], values[k]});
+      share.push_back(share.back());
+      share.push_back(static_cast<double>(k + 1) / static_cast<double>(values.size()));
+    }
+    axes.line(x, share, {palette::kBlue, 1.6, {}});
+    for (const double quantile : {0.5, 0.95}) {
+      axes.vertical(percentile(values, quantile), {palette::kGrey, 1.0, {4.0, 3.0}});
+    }
+    axes.finish();
+  }
+  std::vector<Figure> figures;
+  figures.push_back({"spread",
+                     "How what was measured is spread: the share of measurements (up) that are at "
+                     "most so large (right); dashed: p50 and p95.",
+                     std::move(canvas)});
+  return figure_section(figures, run);
 }
 
 /// The first episode that was run, then those that failed, then the second.
@@ -381,9 +406,16 @@ Result<std::string> replan_body(const Json& summary, ResultsReader& results,
   html += SIDESTEP_TRY(spread_section(results, run));
   const auto chosen = SIDESTEP_TRY(chosen_episodes(summary, results));
   for (const std::int64_t episode : chosen) {
+    // As far as they were recorded: from above, distance and speed, and over time.
+    std::vector<Figure> figures;
+    const auto views = SIDESTEP_TRY(read_views(results, episode));
+    if (!views.empty()) figures.push_back(above_figure(views, episode));
+    auto course = course_figure(array_of(results, "episode", episode, "course"), episode,
+                                at(summary, "/collisions"));
+    if (course) figures.push_back(*std::move(course));
+    figures.push_back(SIDESTEP_TRY(timeline_figure(results, episode)));
     html += "<h2>Episode " + std::to_string(episode) + "</h2>\n";
-    html +=
-        SIDESTEP_TRY(figure_section(SIDESTEP_TRY(replan_figures(results, summary, episode)), run));
+    html += SIDESTEP_TRY(figure_section(figures, run));
     html += SIDESTEP_TRY(events_section(results, episode));
   }
   return html;

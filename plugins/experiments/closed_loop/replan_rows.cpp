@@ -6,7 +6,6 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/geometry/ray_caster.hpp>
-#include "course.hpp"
 
 namespace sidestep {
 namespace {
@@ -153,9 +152,7 @@ void record_pictures(const EpisodeRecord& episode, const RobotModel& robot, int 
       if (outline.empty()) continue;
       const std::string key = "object." + std::to_string(count++);
       StoredArray corners;
-      for (const Eigen::Vector2d& corner : outline) {
-        corners.add_row(std::array{corner.x(), corner.y()});
-      }
+      for (const Eigen::Vector2d& corner : outline) corners.add_row(corner);
       recorder.add(series, p, key, corners);
       recorder.add(series, p, key + ".moves", object.moves());
     }
@@ -288,12 +285,45 @@ StoredArray mapping_array(const std::vector<MappedFrame>& frames) {
 StoredArray motion_array(const std::vector<TruePose>& poses) {
   StoredArray array;
   for (std::size_t i = 0; i < poses.size(); i += kPathEvery) {
-    array.values.push_back(static_cast<float>(poses[i].time_s));
-    for (const double q : poses[i].q) array.values.push_back(static_cast<float>(q));
-    array.columns = static_cast<int>(poses[i].q.size()) + 1;
-    ++array.rows;
+    std::vector<double> row{poses[i].time_s};
+    row.insert(row.end(), poses[i].q.begin(), poses[i].q.end());
+    array.add_row(row);
   }
   return array;
+}
+
+/// Where the first and the last link are that a sphere is on.
+struct Ends {
+  Eigen::Vector3d base, hand;
+};
+
+Ends ends_at(const RobotModel& robot, const Eigen::VectorXd& q) {
+  const RobotDescription& described = robot.description();
+  const auto [first, last] = std::ranges::minmax(described.spheres, {}, &CollisionSphere::link);
+  std::vector<Transform> T_world_link(described.links.size());
+  Scratch scratch;
+  robot.link_poses(as_span(q), T_world_link, scratch);
+  return {T_world_link[idx(first.link)].translation(), T_world_link[idx(last.link)].translation()};
+}
+
+/// How near the robot came to anything over an episode, and how fast base and hand went: of each
+/// time its seconds, m, m/s and m/s; nothing where the truth is not known.
+StoredArray course_of(const EpisodeRecord& episode, const RobotModel& robot) {
+  StoredArray course;
+  if (!episode.scene || robot.description().spheres.empty()) return course;
+  std::optional<Ends> before;
+  double before_s = 0.0;
+  for (const auto& [time_s, clearance_m] : episode.truth.clearances) {
+    const auto pose = std::ranges::lower_bound(episode.poses, time_s, {}, &TruePose::time_s);
+    const Ends now = ends_at(robot, pose->q);
+    const auto speed = [&, dt_s = time_s - before_s](Eigen::Vector3d Ends::*end) {
+      return before ? (now.*end - (*before).*end).norm() / dt_s : 0.0;
+    };
+    course.add_row(std::array{time_s, clearance_m, speed(&Ends::base), speed(&Ends::hand)});
+    before = now;
+    before_s = time_s;
+  }
+  return course;
 }
 
 EpisodeRow row_of(const EpisodeRecord& episode) {

@@ -10,7 +10,6 @@
 #include <sidestep/geometry/scene.hpp>
 #include <sidestep/measures/track_truth.hpp>
 #include <sidestep/results/recorder.hpp>
-#include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/replanner.hpp>
 #include <sidestep/runtime/results_store.hpp>
 #include <sidestep/runtime/truth_check.hpp>
@@ -28,7 +27,7 @@ struct MappedFrame {
 
 /// What was mapped in some time.
 struct MappingRecord {
-  std::vector<MappedFrame> frames;
+  std::vector<MappedFrame> mapping;
   std::vector<CameraView> views;
   std::int64_t dropped = 0;  ///< Frames of the source that were not mapped.
 };
@@ -84,16 +83,13 @@ struct EpisodeFigures {
 };
 
 /// Result of one episode.
-struct EpisodeRecord : EpisodeFigures {
+struct EpisodeRecord : EpisodeFigures, MappingRecord {
   bool interrupted = false;
   std::string called_off;  ///< Why it was cancelled; empty unless it was.
-  Eigen::VectorXd q_start;
   Eigen::VectorXd q_goal;
   std::shared_ptr<const Scene> scene;
   std::vector<EpisodeEvent> events;
   std::vector<Replanner::GuessCount> guesses;
-  std::vector<MappedFrame> mapping;
-  std::vector<CameraView> views;
   std::vector<FollowedPath> followed;  ///< Without stops,
   std::vector<FollowedPath> moved;     ///< and with them, for certificates.
   std::vector<TruePose> poses;

@@ -1,4 +1,4 @@
-#include "replan_settings.hpp"
+#include "closed_loop.hpp"
 
 #include <algorithm>
 #include <random>
@@ -222,9 +222,7 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
   read.q_goal = read_robot_state(*experiment.find("goal"), description, errors);
   read.task = read_task(experiment, robot, errors);
   read.cases = CrowdCases::read(read.experiment, experiment, errors);
-  if (const auto base = description.planar_base()) {
-    read.base = *base;
-  } else if (read.cases) {
+  if (read.cases && !description.planar_base()) {
     errors.push_back(experiment.error("robot '" + description.name +
                                       "' has no base that moves in the "
                                       "plane, which the cases among people need"));
@@ -246,27 +244,6 @@ ReplanConfiguration read_replan_configuration(const Configuration& configuration
     read.goal_ranges = read_ranges(random->goal, description, errors);
   }
   return read;
-}
-
-Parameters<LatencyEntry> LatencyEntry::parameters() {
-  using E = LatencyEntry;
-  return Parameters<E>()
-      .add("sensor_s", &E::sensor_s, "From a frame's stamp to when mapping has it.",
-           {.unit = "s", .min = 0.0, .max = 60.0})
-      .add("mapping_s", &E::mapping_s,
-           "From there to its published field; no other frame is mapped meanwhile.",
-           {.unit = "s", .min = 0.0, .max = 60.0});
-}
-
-Parameters<RandomEntry> RandomEntry::parameters() {
-  using E = RandomEntry;
-  return Parameters<E>()
-      .add("start", &E::start, "Ranges of joints of the start, e.g. {odom_x: [-1.0, 1.0]}.")
-      .add("goal", &E::goal, "Ranges of joints of the goal.")
-      .add("clearance_m", &E::clearance_m,
-           "That a drawn start or goal keeps from everything in the true scene.",
-           {.unit = "m", .min = 0.0, .max = 10.0})
-      .add("draws", &E::draws, "How often to draw before giving up.", {.min = 1, .max = 1e6});
 }
 
 Parameters<ReplanSettings> ReplanSettings::parameters() {
@@ -307,9 +284,10 @@ Result<ReplanWorld> make_replan_world(ExperimentContext& context,
   Node people;
   if (settings.cases) {
     const CrowdCase its = settings.cases->of(episode, seed);
+    const std::array base = *robot->description().planar_base();  // it has one: that was checked
     people = its.people;
     for (const int axis : {0, 1}) {
-      const auto joint = settings.base[idx(axis)];
+      const auto joint = base[idx(axis)];
       world.q_start[joint] = its.start_m[axis];
       world.q_goal[joint] = its.goal_m[axis];
     }

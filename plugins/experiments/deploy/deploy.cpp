@@ -6,8 +6,7 @@
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/entry_reading.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
-#include "loop_experiment.hpp"
-#include "replan_episode.hpp"
+#include "closed_loop.hpp"
 
 namespace sidestep {
 namespace {
@@ -54,10 +53,9 @@ struct DeploySettings : ReplanSettings {
 };
 
 /// All that a configuration says of a deploy experiment; goal and task are those of each request.
-struct DeployConfiguration {
+struct DeployConfiguration : ReplanConfiguration {
   DeploySettings deploy;
   std::vector<CostTerm> always;  ///< Of each task, besides its own.
-  ReplanConfiguration loop;
 };
 
 /// A request that has been understood.
@@ -84,13 +82,13 @@ DeployConfiguration read_deploy_configuration(const Configuration& configuration
                                               const std::shared_ptr<const RobotModel>& robot,
                                               std::vector<Error>& errors) {
   DeployConfiguration read;
-  read_loop_blocks(configuration, read.loop, errors);
+  read_loop_blocks(configuration, read, errors);
   const Node& experiment = block_of(configuration, "experiment");
   if (!read_entry(experiment, read.deploy)) return read;
-  read.loop.experiment = read.deploy;
-  read.loop.q_start = read_robot_state(*experiment.find("start"), robot->description(), errors);
+  read.experiment = read.deploy;
+  read.q_start = read_robot_state(*experiment.find("start"), robot->description(), errors);
   read.always = read_task(experiment, robot, errors).terms;
-  read.loop.q_goal = read.loop.q_start;
+  read.q_goal = read.q_start;
   return read;
 }
 
@@ -181,7 +179,7 @@ class Deployment {
 
   /// Lets time pass; the map follows, so that it is there when a goal comes.
   void idle() {
-    if (settings_.loop.experiment.is_lockstep()) {
+    if (settings_.experiment.is_lockstep()) {
       const Stamp now{world_.clock->now().ns + std::chrono::nanoseconds(kIdle).count()};
       world_.clock->set(now);
       (void)measured();
@@ -207,9 +205,8 @@ class Deployment {
       return std::nullopt;
     }
     auto goal = read_goal(**request, world_.robot, *q_now);
-    const auto possible = goal
-                              ? check_possible(*goal, world_.robot, settings_.loop.planning.space())
-                              : Result<void>(error_of(goal));
+    const auto possible = goal ? check_possible(*goal, world_.robot, settings_.planning.space())
+                               : Result<void>(error_of(goal));
     if (possible) return std::move(*goal);
     report((*request)->id, State::kRefused, possible.error().describe());
     return std::nullopt;
@@ -219,7 +216,7 @@ class Deployment {
     const auto q_now = measured();
     if (q_now) world_.q_start = *q_now;
     world_.q_goal = goal.q;
-    Task& task = settings_.loop.task = goal.task;
+    Task& task = settings_.task = goal.task;
     task.terms.insert(task.terms.end(), settings_.always.begin(), settings_.always.end());
     report(goal.id, State::kAccepted, "");
     const std::string under_way = "on the way to goal " + goal.id;
@@ -227,10 +224,8 @@ class Deployment {
     next_feedback_ = world_.clock->now();
     auto done = run_episode(
         context_,
-        {settings_.loop, world_, mapping_,
-         [&](Stamp now, const Replanner&) { return watch(now, goal); },
-         [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); },
-         certificates_of(settings_.loop, context_.out, episode_)},
+        {settings_, world_, mapping_, [&](Stamp now, const Replanner&) { return watch(now, goal); },
+         [&](const std::string& how_far) { show_progress(under_way + " (" + how_far + ")"); }},
         episode_);
     if (!done) {
       report(goal.id, State::kFailed, done.error().describe());
@@ -290,7 +285,7 @@ class Deployment {
   DeployConfiguration& settings_;
   ReplanWorld& world_;
   GoalSource& goals_;
-  EpisodeMapping mapping_{world_, settings_.loop, context_.log, context_.observer};
+  EpisodeMapping mapping_{world_, settings_, context_.log, context_.observer};
   std::optional<Goal> waiting_;  ///< Came while the robot was on its way to another.
   Stamp next_feedback_;
   std::int64_t episode_ = 0;
@@ -311,19 +306,18 @@ class DeployExperiment final : public LoopExperiment {
     std::vector<Error> errors;
     DeployConfiguration settings = read_deploy_configuration(context.configuration, robot, errors);
     if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-    stand_on_floor(settings.loop.planning, *robot);
-    auto world = SIDESTEP_TRY(make_replan_world(context, settings.loop, robot, 0));
+    stand_on_floor(settings.planning, *robot);
+    auto world = SIDESTEP_TRY(make_replan_world(context, settings, robot, 0));
     auto* goals = dynamic_cast<GoalSource*>(world.executor.get());
     if (goals == nullptr) {
       return fail(ErrorCode::kConfig, plugin_of(world.executor) + " takes no goals while it runs",
                   block_of(context.configuration, "executor").mark().to_string(),
                   "an experiment of type replan has its goal in the configuration");
     }
-    ReplanFacts facts = facts_of(context, settings.loop, robot->description());
-    facts.planned_episodes = settings.deploy.goals;
-    return run_loop(context, std::move(facts), "", [&](Recorder& recorder) {
-      return Deployment(context, settings, world, *goals).run(recorder);
-    });
+    return run_loop(context, settings, robot->description(), settings.deploy.goals, "",
+                    [&](Recorder& recorder) {
+                      return Deployment(context, settings, world, *goals).run(recorder);
+                    });
   }
 };
 

@@ -4,8 +4,7 @@
 #include <sidestep/runtime/checked_robot.hpp>
 #include <sidestep/runtime/configuration.hpp>
 #include <sidestep/runtime/standing_floor.hpp>
-#include "loop_experiment.hpp"
-#include "replan_episode.hpp"
+#include "closed_loop.hpp"
 
 namespace sidestep {
 namespace {
@@ -35,8 +34,8 @@ Result<void> add_free_run(ExperimentContext& context, const ReplanConfiguration&
       SIDESTEP_TRY(make_replan_world(context, settings, world.robot, episode.episode, &world));
   EpisodeMapping mapping(alone, settings, context.log, nullptr);
   SIDESTEP_TRY(mapping.attach());
-  const auto done =
-      SIDESTEP_TRY(run_episode(context, {settings, alone, mapping, {}, {}}, episode.episode));
+  const auto done = SIDESTEP_TRY(
+      run_episode(context, {settings, alone, mapping, {}, {}, false}, episode.episode));
   if (done.reached) episode.free_run_s = done.duration_s;
   return {};
 }
@@ -59,10 +58,7 @@ Result<void> run_episodes(ExperimentContext& context, const ReplanConfiguration&
     EpisodeMapping mapping(world, settings, context.log, context.observer);
     SIDESTEP_TRY(mapping.attach());
     const auto tell = [&](const std::string& how_far) { show(name + " (" + how_far + ")"); };
-    auto done = SIDESTEP_TRY(run_episode(
-        context,
-        {settings, world, mapping, {}, tell, certificates_of(settings, context.out, episode)},
-        episode));
+    auto done = SIDESTEP_TRY(run_episode(context, {settings, world, mapping, {}, tell}, episode));
     if (done.interrupted) break;
     if (settings.experiment.free_run) {
       show(name + " without people");
@@ -102,13 +98,10 @@ class ReplanExperiment final : public LoopExperiment {
     // More episodes than before are the same experiment, gone on with.
     const std::string identity = identity_of(context, {"threads", "episodes", "first_episode"});
     const auto finished = SIDESTEP_TRY(finished_episodes(context, identity));
-    ReplanFacts facts = facts_of(context, settings, robot->description());
-    facts.planned_episodes = settings.experiment.episodes;
-    facts.again = command_again(context.configuration);
-
-    return run_loop(context, std::move(facts), identity, [&](Recorder& recorder) {
-      return run_episodes(context, settings, robot, finished, recorder);
-    });
+    return run_loop(context, settings, robot->description(), settings.experiment.episodes, identity,
+                    [&](Recorder& recorder) {
+                      return run_episodes(context, settings, robot, finished, recorder);
+                    });
   }
 };
 

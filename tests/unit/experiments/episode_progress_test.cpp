@@ -1,4 +1,4 @@
-#include "replan_episode.hpp"
+#include "closed_loop.hpp"
 
 #include <gtest/gtest.h>
 

@@ -11,7 +11,7 @@
 #include <sidestep/runtime/episode_clock.hpp>
 #include <sidestep/runtime/paced_frames.hpp>
 #include <sidestep/runtime/step_watch.hpp>
-#include "loop_experiment.hpp"
+#include "closed_loop.hpp"
 #include "replan_rows.hpp"
 #include "support/chain_robot.hpp"
 #include "support/host_fixture.hpp"
@@ -157,7 +157,6 @@ EpisodeRecord flight(std::int64_t episode) {
   record.checks = 25;
   record.frames = 20;
   record.frames_dropped = 1;
-  record.q_start = Eigen::Vector3d::Zero();
   record.q_goal = Eigen::Vector3d::UnitX();
   record.scene = std::make_shared<Scene>(std::vector<SceneObject>{
       {"floor", HalfSpace{}, {{0.0, Transform(Eigen::Translation3d(0, 0, -1))}}, false},
