@@ -22,76 +22,72 @@ Node block_of_text(const std::string& text, const std::filesystem::path& file) {
   return node ? *node : Node();
 }
 
+// What CrowdNav's cases have at a key; appends a mistake where they do not, and goes on with a
+// value that does no harm.
+
+const Node* needed_entry(const Node& map, const char* key, std::vector<Error>& errors) {
+  const Node* found = map.find(key);
+  if (found == nullptr) {
+    errors.push_back(map.error("cases of CrowdNav have the key '" + std::string(key) + "' here"));
+  }
+  return found;
+}
+
+double positive_number(const Node& map, const char* key, std::vector<Error>& errors) {
+  const Node* node = needed_entry(map, key, errors);
+  if (node == nullptr) return 1.0;
+  const auto value = node->as_double();
+  if (value && *value > 0.0) return *value;
+  errors.push_back(value ? node->error(std::string(key) + " must be greater than 0")
+                         : value.error());
+  return 1.0;
+}
+
+Eigen::Vector2d needed_place(const Node& map, const char* key, std::vector<Error>& errors) {
+  const Node* node = needed_entry(map, key, errors);
+  if (node == nullptr) return Eigen::Vector2d::Zero();
+  const auto values = node->as_doubles(2);
+  if (values) return {(*values)[0], (*values)[1]};
+  errors.push_back(values.error());
+  return Eigen::Vector2d::Zero();
+}
+
 /// Reads CrowdNav's cases.
-class CasesReader {
- public:
-  CasesReader(const std::filesystem::path& file, std::vector<Error>& errors)
-      : file_(file), errors_(errors) {}
-
-  std::vector<CrowdCase> read(const Node& document) {
-    std::vector<CrowdCase> cases;
-    const Node* robot = find(document, "robot");
-    const Node* people = find(document, "people");
-    const Node* list = find(document, "cases");
-    const double step_s = number(document, "time_step_s");
-    if (robot == nullptr || people == nullptr || list == nullptr || !list->is_list()) return cases;
-    CrowdCase common;
-    common.start_m = place(*robot, "start");
-    common.goal_m = place(*robot, "goal");
-    const std::string head = format("step_s: %.17g\nduration_s: %.17g\ngroups:\n", step_s,
-                                    number(document, "time_limit_s"));
-    const std::string walk =
-        format(", policy: orca, legs: false, radius_m: %.17g, speed_mps: %.17g",
-               number(*people, "radius_m"), number(*people, "preferred_speed_mps"));
-    for (const Node& one : list->items()) {
-      const Node* walkers = find(one, "people");
-      if (walkers == nullptr) return {};
-      std::string text = head;
-      int count = 0;
-      for (const Node& walker : walkers->items()) {
-        const Eigen::Vector2d from_m = place(walker, "start"), to_m = place(walker, "goal");
-        text += "  - {name: person_" + std::to_string(++count) + walk +
-                format(", route_m: [[%.9g, %.9g], [%.9g, %.9g]]}\n", from_m.x(), from_m.y(),
-                       to_m.x(), to_m.y());
-      }
-      if (count == 0) errors_.push_back(walkers->error("a case has no people"));
-      cases.push_back(common);
-      cases.back().people = block_of_text(text, file_);
+std::vector<CrowdCase> read_cases(const Node& document, const std::filesystem::path& file,
+                                  std::vector<Error>& errors) {
+  std::vector<CrowdCase> cases;
+  const Node* robot = needed_entry(document, "robot", errors);
+  const Node* people = needed_entry(document, "people", errors);
+  const Node* list = needed_entry(document, "cases", errors);
+  const double step_s = positive_number(document, "time_step_s", errors);
+  if (robot == nullptr || people == nullptr || list == nullptr || !list->is_list()) return cases;
+  CrowdCase common;
+  common.start_m = needed_place(*robot, "start", errors);
+  common.goal_m = needed_place(*robot, "goal", errors);
+  const std::string head = format("step_s: %.17g\nduration_s: %.17g\ngroups:\n", step_s,
+                                  positive_number(document, "time_limit_s", errors));
+  const std::string walk = format(", policy: orca, legs: false, radius_m: %.17g, speed_mps: %.17g",
+                                  positive_number(*people, "radius_m", errors),
+                                  positive_number(*people, "preferred_speed_mps", errors));
+  for (const Node& one : list->items()) {
+    const Node* walkers = needed_entry(one, "people", errors);
+    if (walkers == nullptr) return {};
+    std::string text = head;
+    int count = 0;
+    for (const Node& walker : walkers->items()) {
+      const Eigen::Vector2d from_m = needed_place(walker, "start", errors);
+      const Eigen::Vector2d to_m = needed_place(walker, "goal", errors);
+      text += "  - {name: person_" + std::to_string(++count) + walk +
+              format(", route_m: [[%.9g, %.9g], [%.9g, %.9g]]}\n", from_m.x(), from_m.y(), to_m.x(),
+                     to_m.y());
     }
-    if (cases.empty()) errors_.push_back(list->error("there are no cases"));
-    return cases;
+    if (count == 0) errors.push_back(walkers->error("a case has no people"));
+    cases.push_back(common);
+    cases.back().people = block_of_text(text, file);
   }
-
- private:
-  const Node* find(const Node& map, const char* key) {
-    const Node* found = map.find(key);
-    if (found == nullptr) {
-      errors_.push_back(
-          map.error("cases of CrowdNav have the key '" + std::string(key) + "' here"));
-    }
-    return found;
-  }
-  double number(const Node& map, const char* key) {
-    const Node* node = find(map, key);
-    if (node == nullptr) return 1.0;
-    const auto value = node->as_double();
-    if (value && *value > 0.0) return *value;
-    errors_.push_back(value ? node->error(std::string(key) + " must be greater than 0")
-                            : value.error());
-    return 1.0;
-  }
-  Eigen::Vector2d place(const Node& map, const char* key) {
-    const Node* node = find(map, key);
-    if (node == nullptr) return Eigen::Vector2d::Zero();
-    const auto values = node->as_doubles(2);
-    if (values) return {(*values)[0], (*values)[1]};
-    errors_.push_back(values.error());
-    return Eigen::Vector2d::Zero();
-  }
-
-  const std::filesystem::path& file_;
-  std::vector<Error>& errors_;
-};
+  if (cases.empty()) errors.push_back(list->error("there are no cases"));
+  return cases;
+}
 
 /// Whose recording begins in the middle of the place walks in: nobody comes out of nowhere.
 constexpr double kWalkIn_s = 10.0;
@@ -123,7 +119,7 @@ std::optional<CrowdCases> CrowdCases::read(const ReplanSettings& settings, const
       return read;
     }
     const std::size_t before = errors.size();
-    read.cases_ = CasesReader(*settings.cases, errors).read(*document);
+    read.cases_ = read_cases(*document, *settings.cases, errors);
     const std::int64_t wanted = std::int64_t{settings.first_episode} + settings.episodes;
     if (errors.size() == before && wanted > std::ssize(read.cases_)) {
       errors.push_back(experiment.error("there are " + std::to_string(read.cases_.size()) +
