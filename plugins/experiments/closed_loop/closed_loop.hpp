@@ -193,6 +193,10 @@ struct ReplanWorld {
   [[nodiscard]] Executor& mover() const {
     return localised ? static_cast<Executor&>(*localised) : *executor;
   }
+  /// Where the robot is, in the map's frame.
+  [[nodiscard]] Result<Executor::Measured> measured() const {
+    return call_plugin(plugin_of(executor), [&] { return mover().current(); });
+  }
 };
 
 /// The world of an episode: start and goal drawn, the robot at rest at its start, the clock at

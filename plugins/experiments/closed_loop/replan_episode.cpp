@@ -209,7 +209,7 @@ class EpisodeRun {
       world_.clock->set(now);
       // Brings the robot forward, so that a camera on it knows where it is; what fails, the
       // replanner meets, too.
-      (void)measured();
+      (void)world_.measured();
       mapping_.advance(now);
       if (!step(now)) return;
     }
@@ -280,13 +280,9 @@ class EpisodeRun {
     }
   }
 
-  [[nodiscard]] Result<Executor::Measured> measured() {
-    return call_plugin(plugin_of(world_.executor), [&] { return world_.mover().current(); });
-  }
-
-  /// The same where the localiser has lost the robot, too.
+  /// Where the robot is measured to be, or taken for where its localiser has lost it.
   [[nodiscard]] Result<Executor::Measured> believed() {
-    if (!world_.localised) return measured();
+    if (!world_.localised) return world_.measured();
     return call_plugin(plugin_of(world_.executor), [&] { return world_.localised->believed(); });
   }
 
@@ -327,7 +323,7 @@ class EpisodeRun {
     ObservedStep step{now, step_ms, status_, replanner_->checks(), {}, {}};
     step.tracks = slot_.snapshot().tracks;
     step.prediction = replanner_->prediction();
-    const auto current = measured();
+    const auto current = world_.measured();
     if (current) step.q = current->state.q;
     if (!record_.poses.empty()) step.q_true = record_.poses.back().q;
     observer_->stepped(step);

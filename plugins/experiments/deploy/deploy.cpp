@@ -182,7 +182,7 @@ class Deployment {
     if (settings_.experiment.is_lockstep()) {
       const Stamp now{world_.clock->now().ns + std::chrono::nanoseconds(kIdle).count()};
       world_.clock->set(now);
-      (void)measured();
+      (void)world_.measured();
       mapping_.advance(now);
       return;
     }
@@ -198,13 +198,13 @@ class Deployment {
         executor, [&]() -> Result<std::optional<GoalRequest>> { return goals_.next_goal(); });
     if (!request) context_.log.warn("no goal: " + request.error().describe());
     if (!request || !*request) return std::nullopt;
-    const auto q_now = measured();
-    if (!q_now) {
+    const auto now = world_.measured();
+    if (!now) {
       report((*request)->id, State::kRefused,
-             "where the robot is, is not known: " + q_now.error().describe());
+             "where the robot is, is not known: " + now.error().describe());
       return std::nullopt;
     }
-    auto goal = read_goal(**request, world_.robot, *q_now);
+    auto goal = read_goal(**request, world_.robot, now->state.q);
     const auto possible = goal ? check_possible(*goal, world_.robot, settings_.planning.space())
                                : Result<void>(error_of(goal));
     if (possible) return std::move(*goal);
@@ -213,8 +213,7 @@ class Deployment {
   }
 
   [[nodiscard]] Result<EpisodeRecord> go_to(const Goal& goal) {
-    const auto q_now = measured();
-    if (q_now) world_.q_start = *q_now;
+    if (const auto now = world_.measured()) world_.q_start = now->state.q;
     world_.q_goal = goal.q;
     Task& task = settings_.task = goal.task;
     task.terms.insert(task.terms.end(), settings_.always.begin(), settings_.always.end());
@@ -269,16 +268,10 @@ class Deployment {
     context_.progress(episode_, settings_.deploy.goals, what);
   }
 
-  [[nodiscard]] Result<Eigen::VectorXd> measured() {
-    auto current = SIDESTEP_TRY(
-        call_plugin(plugin_of(world_.executor), [&] { return world_.mover().current(); }));
-    return std::move(current.state.q);
-  }
-
   [[nodiscard]] double farthest_joint() {
-    const auto q = measured();
-    return q && q->size() == world_.q_goal.size() ? (world_.q_goal - *q).cwiseAbs().maxCoeff()
-                                                  : 0.0;
+    const auto now = world_.measured();
+    if (!now || now->state.q.size() != world_.q_goal.size()) return 0.0;
+    return (world_.q_goal - now->state.q).cwiseAbs().maxCoeff();
   }
 
   ExperimentContext& context_;
