@@ -161,39 +161,26 @@ void tell_assumed_accelerations(const RobotDescription& robot, const PlanningSet
            format("%g s", planning.assumed_ramp_s));
 }
 
-/// Shows plans to the observer back to back, from the last frame's stamp on.
-class PlanShow {
- public:
-  /// `observer` may be null.
-  PlanShow(RunObserver* observer, Stamp begin) : observer_(observer), time_(begin) {}
-
-  void show(const PlanRecord& plan) {
-    if (observer_ == nullptr || plan.solution.trajectory.size() == 0) return;
-    auto trajectory = std::make_shared<const Trajectory>(plan.solution.trajectory);
-    ObservedEvent shown;
-    shown.event.stamp = shown.event.takeover = time_;
-    shown.event.solve_ms = plan.solution.solve_ms;
-    shown.event.cost = plan.solution.cost;
-    shown.event.cause = plan.name;
-    if (plan.success()) {
-      shown.followed = trajectory;
-      shown.followed_start = time_;
-    } else {
-      shown.event.kind = ReplannerEvent::Kind::kReplanFailed;
-      shown.event.cause += ": " + plan.reason;
-      shown.event.refused = trajectory;
-    }
-    observer_->happened(shown);
-    time_.ns += Stamp::from_seconds(trajectory->duration_s()).ns;
+/// Shows a plan to an observer from a time on, which it moves to the plan's end.
+void show_plan(RunObserver& observer, const PlanRecord& plan, Stamp& time) {
+  if (!plan.has_trajectory()) return;
+  auto trajectory = std::make_shared<const Trajectory>(plan.solution.trajectory);
+  ObservedEvent shown;
+  shown.event.stamp = shown.event.takeover = time;
+  shown.event.solve_ms = plan.solution.solve_ms;
+  shown.event.cost = plan.solution.cost;
+  shown.event.cause = plan.name;
+  if (plan.success()) {
+    shown.followed = trajectory;
+    shown.followed_start = time;
+  } else {
+    shown.event.kind = ReplannerEvent::Kind::kReplanFailed;
+    shown.event.cause += ": " + plan.reason;
+    shown.event.refused = trajectory;
   }
-  void end(bool success, std::string verdict) {
-    if (observer_ != nullptr) observer_->end({time_, success, std::move(verdict)});
-  }
-
- private:
-  RunObserver* observer_;
-  Stamp time_;
-};
+  observer.happened(shown);
+  time.ns += Stamp::from_seconds(trajectory->duration_s()).ns;
+}
 
 /// Of a robot, what was mapped, and what the plans of a run share. The scene is checked as it is
 /// when a plan starts.
@@ -360,7 +347,7 @@ Result<PlanRecord> make_plan(const PlanningContext& context, const PluginPtr<Opt
 Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> requests,
                         const PlanSettings& settings, Recorder& recorder,
                         ExperimentContext& context, std::vector<PlanRecord>& plans,
-                        PlanShow& show) {
+                        Stamp& shown_until) {
   // One for all plans that the robot makes as it is; one for each plan that has it carry something.
   std::unique_ptr<const PlanningContext> shared;
   tell_assumed_accelerations(parts.robot->description(), settings.planning, context.log);
@@ -381,7 +368,7 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
                             made.solution.trajectory, context.out / certificate_of(made.name))));
     }
     record_plan(made, index, *shared, settings.experiment.slice_heights_m, recorder);
-    show.show(made);
+    if (context.observer != nullptr) show_plan(*context.observer, made, shown_until);
     plans.push_back(std::move(made));
     SIDESTEP_TRY(recorder.commit());
   }
@@ -447,19 +434,22 @@ class PlanExperiment final : public Experiment {
     auto map =
         SIDESTEP_TRY(map_frames(pipeline, source, *parts.occupancy, slot, recorder, context));
 
-    PlanShow show(context.observer, map.steps.empty() ? Stamp{} : map.steps.back().stamp);
+    // Plans are shown back to back, from the last frame on.
+    Stamp shown_until = map.steps.empty() ? Stamp{} : map.steps.back().stamp;
     std::vector<PlanRecord> plans;
     if (!map.steps.empty() && map.empty_reason.empty() && !map.interrupted && !map.fault) {
       // Held here, so that what was measured before a robot throws is kept.
       auto done = catch_all("planning", [&] {
         return make_plans(parts, map, std::move(requests), settings, recorder, context, plans,
-                          show);
+                          shown_until);
       });
       if (!done) map.fault = std::move(done.error());
       map.interrupted = context.stop.stop_requested();
     }
     auto outcome = summarise_plans(provenance, map, plans);
-    show.end(outcome.success, outcome.verdict);
+    if (context.observer != nullptr) {
+      context.observer->end({shown_until, outcome.success, outcome.verdict});
+    }
     return outcome;
   }
 };
