@@ -95,18 +95,13 @@ Canvas& Canvas::operator=(Canvas&&) noexcept = default;
 
 void Canvas::line(std::span<const Point> points, const Stroke& stroke) {
   cairo_t* context = impl_->context.get();
-  bool pen_down = false;
+  cairo_new_path(context);
   for (const Point& point : points) {
-    if (!std::isfinite(point.x) || !std::isfinite(point.y)) {
-      pen_down = false;
-      continue;
-    }
-    if (pen_down) {
+    if (std::isfinite(point.x) && std::isfinite(point.y)) {
       cairo_line_to(context, point.x, point.y);
     } else {
-      cairo_move_to(context, point.x, point.y);
+      cairo_new_sub_path(context);  // a gap
     }
-    pen_down = true;
   }
   impl_->draw(stroke);
 }

@@ -41,10 +41,7 @@ Colour sequential_colour(double share) {
 }
 
 Colour pale_colour(double share) {
-  constexpr double kWhite = 0.45;
-  const Colour full = sequential_colour(share);
-  const auto mix = [](double value) { return value + kWhite * (1.0 - value); };
-  return {mix(full.red), mix(full.green), mix(full.blue), 1.0};
+  return interpolate(std::array{sequential_colour(share), colour(0xFFFFFF)}, 0.45);
 }
 
 Colour warm_colour(double share) {

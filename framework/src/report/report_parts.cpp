@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 
 #include <sidestep/results/text_file.hpp>
 
@@ -75,15 +76,10 @@ std::string escape_html(std::string_view text) {
 }
 
 std::string html_page(std::string_view title, const std::string& body) {
-  std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
-  page += "<meta name=\"viewport\" content=\"width=device-width\">\n<title>";
-  page += escape_html(title);
-  page += "</title>\n<style>";
-  page += kStyle;
-  page += "</style>\n</head>\n<body>\n";
-  page += body;
-  page += "</body>\n</html>\n";
-  return page;
+  return "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+         "<meta name=\"viewport\" content=\"width=device-width\">\n<title>" +
+         escape_html(title) + "</title>\n<style>" + std::string(kStyle) +
+         "</style>\n</head>\n<body>\n" + body + "</body>\n</html>\n";
 }
 
 std::string TextTable::text() const {
@@ -104,9 +100,8 @@ std::string TextTable::text() const {
     text += '\n';
   };
   add_row(rows_.front());
-  std::size_t total = 2 * (widths.size() - 1);
-  for (const std::size_t width : widths) total += width;
-  text += std::string(total, '-') + "\n";
+  text += std::string(std::accumulate(widths.begin(), widths.end(), 2 * (widths.size() - 1)), '-');
+  text += '\n';
   for (std::size_t r = 1; r < rows_.size(); ++r) add_row(rows_[r]);
   return text;
 }

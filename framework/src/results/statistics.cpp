@@ -8,11 +8,8 @@
 #include <random>
 
 namespace sidestep {
-namespace {
 
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
 
 double percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0.0;
@@ -62,10 +59,10 @@ Interval wilson_interval(std::int64_t hits, std::int64_t trials, double confiden
 Interval bootstrap_ratio(std::span<const double> numerators, std::span<const double> denominators,
                          int samples, double confidence, std::uint64_t seed) {
   const std::size_t clusters = numerators.size();
+  if (clusters == 0) return {kNothing, kNothing};
   std::vector<double> ratios;
-  if (clusters > 0) ratios.reserve(static_cast<std::size_t>(samples));
   std::mt19937_64 random(seed);
-  for (int sample = 0; clusters > 0 && sample < samples; ++sample) {
+  for (int sample = 0; sample < samples; ++sample) {
     double numerator = 0.0, denominator = 0.0;
     for (std::size_t i = 0; i < clusters; ++i) {
       const std::size_t drawn = static_cast<std::size_t>(random() % clusters);

@@ -34,7 +34,13 @@ class Recorder {
     if (!array.values.empty()) add(series, item, key, array);
   }
   /// Commits; the first failure since the last call, if there was one.
-  [[nodiscard]] Result<void> commit();
+  [[nodiscard]] Result<void> commit() {
+    note(store_.commit());
+    if (auto error = std::exchange(error_, std::nullopt)) {
+      return tl::make_unexpected(*std::move(error));
+    }
+    return {};
+  }
 
  private:
   void note(Result<void> result) {
@@ -45,7 +51,11 @@ class Recorder {
 };
 
 /// Series "bad_frame": what was wrong with each frame that could not be used.
-void record_bad_frames(std::span<const Error> bad_frames, Recorder& recorder);
+inline void record_bad_frames(std::span<const Error> bad_frames, Recorder& recorder) {
+  std::int64_t item = 0;
+  for (const Error& error : bad_frames)
+    recorder.add("bad_frame", item++, "error", error.describe());
+}
 
 /// How rows of one type are stored: each value is declared once, recording and reading back follow.
 /// Numbers, truth values and enumerations are stored as numbers, strings as text, lists of numbers
@@ -72,11 +82,11 @@ class StoredRow {
   StoredRow& add(std::string key, Get get, Set set) {
     using Stored = std::remove_cvref_t<std::invoke_result_t<Get, const Row&>>;
     using Value = typename Inner<Stored>::Type;
-    Field field{std::move(key), std::is_same_v<Stored, Value>, {}, {}, {}, {}};
+    Field field{std::move(key), std::is_same_v<Stored, Value>};
     field.store = [get](const Row& row, const Place& place) { store(get(row), place); };
     if constexpr (std::is_arithmetic_v<Value> || std::is_enum_v<Value>) {
       field.set_number = [set](Row& row, double value) {
-        set(row, Stored(value_of<Value>(value)));
+        set(row, Stored(static_cast<Value>(value)));
       };
     } else if constexpr (std::is_convertible_v<Value, std::string>) {
       field.set_text = [set](Row& row, std::string text) { set(row, Stored(std::move(text))); };
@@ -94,11 +104,9 @@ class StoredRow {
   /// A value that follows from the others: stored for readers of the file, not read back.
   template <class Get>
   StoredRow& add_derived(std::string key, Get get) {
-    Field field{std::move(key), false, {}, {}, {}, {}};
-    field.store = [get](const Row& row, const Place& place) {
-      store(std::invoke(get, row), place);
-    };
-    fields_.push_back(std::move(field));
+    fields_.push_back(Field{std::move(key), false, [get](const Row& row, const Place& place) {
+                              store(std::invoke(get, row), place);
+                            }});
     return *this;
   }
 
@@ -160,12 +168,12 @@ class StoredRow {
   };
   struct Field {
     std::string key;
-    bool is_required;
-    std::function<void(const Row&, const Place&)> store;
+    bool is_required = false;
+    std::function<void(const Row&, const Place&)> store = {};
     // One of these; none where it is not read back.
-    std::function<void(Row&, double)> set_number;
-    std::function<void(Row&, std::string)> set_text;
-    std::function<void(Row&, const StoredArray&)> set_array;
+    std::function<void(Row&, double)> set_number = {};
+    std::function<void(Row&, std::string)> set_text = {};
+    std::function<void(Row&, const StoredArray&)> set_array = {};
   };
 
   /// Type: of what an optional holds; else of the value itself.
@@ -177,13 +185,6 @@ class StoredRow {
   struct Inner<std::optional<Value>> {
     using Type = Value;
   };
-
-  template <class Value>
-  static Value value_of(double number) {
-    if constexpr (std::is_same_v<Value, bool>) return number != 0.0;
-    if constexpr (std::is_enum_v<Value>) return static_cast<Value>(static_cast<int>(number));
-    return static_cast<Value>(number);
-  }
 
   template <class Value>
   static void store(const Value& value, const Place& place) {
@@ -210,17 +211,13 @@ class StoredRow {
   [[nodiscard]] Result<void> read_field(const Field& field, ResultsReader& reader,
                                         std::string_view series, std::int64_t item,
                                         const std::string& file, Row& row) const {
-    if (field.set_array) {
-      const auto array = SIDESTEP_TRY(reader.array(series, item, field.key));
-      if (array) field.set_array(row, *array);
-      return {};
-    }
     const auto take = [&](const auto& read, const auto& set) -> Result<void> {
       if (!read) return error_of(read);
-      if (!*read && field.is_required) return missing(series, field.key, file);
+      if (!*read && field.is_required && !field.set_array) return missing(series, field.key, file);
       if (*read) set(row, **read);
       return {};
     };
+    if (field.set_array) return take(reader.array(series, item, field.key), field.set_array);
     if (field.set_text) return take(reader.text(series, item, field.key), field.set_text);
     if (field.set_number) return take(reader.number(series, item, field.key), field.set_number);
     return {};
