@@ -62,31 +62,10 @@ struct ChangedSeries : RecordedRun {
   std::vector<ChangedSolve> problems;
 };
 
-/// Result of an incremental benchmark.
-struct IncrementalRecord {
-  RecordedFacts about;
-  std::vector<ChangedSeries> series;
-};
-
 constexpr const char* kGoal = "goal";
 constexpr const char* kObstacles = "obstacles";
 
 constexpr const char* kIncrementalKey = "incremental";
-
-/// What the experiment sets of the optimiser: the stopping rules of each recorded run, and
-/// `incremental`.
-std::vector<std::string> set_of_incremental_optimiser() {
-  std::vector<std::string> names = set_of_optimiser();
-  names.emplace_back(kIncrementalKey);
-  return names;
-}
-
-/// The optimiser's block with a recorded run's stopping rules, incremental or not.
-Node incremental_block(const Node& optimiser, const RecordedRun& run, bool is_incremental) {
-  const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
-  return with_entry(block_for(optimiser, run), kIncrementalKey,
-                    plain_scalar(is_incremental ? "true" : "false", mark));
-}
 
 std::mt19937_64 random_of(std::uint64_t seed, const std::string& part) {
   // What the experiment was called first: goals and boxes move as they did then.
@@ -205,12 +184,14 @@ Result<ChangedSeries> solve_series(const RecordedRun& run, const std::string& ch
                                    IncrementalBench& bench) {
   ExperimentContext& context = bench.context;
   const Node& block = *context.configuration.root.find("optimiser");
-  const auto make = [&](bool is_incremental) {
-    return context.host.create<Optimiser>(incremental_block(block, run, is_incremental),
-                                          bench.problems.robot);
+  const auto make = [&](const char* is_incremental) {
+    const SourceMark mark{"the experiment incremental_benchmark", 0, 0};
+    return context.host.create<Optimiser>(
+        with_entry(block_for(block, run), kIncrementalKey, plain_scalar(is_incremental, mark)),
+        bench.problems.robot);
   };
-  auto plain = SIDESTEP_TRY(make(false));
-  auto kept = SIDESTEP_TRY(make(true));
+  auto plain = SIDESTEP_TRY(make("false"));
+  auto kept = SIDESTEP_TRY(make("true"));
   const RecordedProblems& judged_in = change == kGoal ? bench.problems : bench.moved;
   const std::vector<ChangedProblem> posed = pose(run, change, bench);
   ChangedSeries series{run, change, {}};
@@ -267,7 +248,10 @@ struct WayRow {
   std::vector<ChangedSolve> solved = those_of(series.problems, &ChangedSolve::solved);
   std::vector<ChangedSolve> with_free_ends = those_of(series.problems, &ChangedSolve::ends_free);
 
-  [[nodiscard]] bool is_free(const ChangedSolve& solve) const { return solve.ways[way].is_free(); }
+  /// The share of those problems whose trajectory is free of collisions.
+  [[nodiscard]] Json share_free(const std::vector<ChangedSolve>& problems) const {
+    return share_of(problems, [&](const ChangedSolve& s) { return s.ways[way].is_free(); });
+  }
 };
 
 /// A number of each problem that is solved, in this way.
@@ -291,11 +275,8 @@ auto of_afresh(Value value) {
 
 Json ratio_of_mean_times(const WayRow& row) {
   if (row.solved.empty()) return nullptr;
-  const auto mean_ms = [&](std::size_t way) {
-    return statistics_of(values_of(row.solved, [&](const auto& s) { return s.ways[way].solve_ms; }))
-        .mean;
-  };
-  return mean_ms(row.way) / mean_ms(kAfresh);
+  const auto times_ms = of_way(&RecordedSolve::solve_ms);
+  return statistics_of(times_ms(row)).mean / statistics_of(times_ms({row.series, kAfresh})).mean;
 }
 
 Json share_no_costlier(const WayRow& row) {
@@ -342,32 +323,24 @@ const ResultColumnsOf<WayRow>& way_rows() {
           .add("cost_ratio.share_within_1pct", &share_no_costlier,
                "Share that costs at most 1 % more than afresh.",
                {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
-          .add("collision_free.share",
-               [](const R& r) {
-                 return share_of(r.series.problems,
-                                 [&](const ChangedSolve& s) { return r.is_free(s); });
-               },
+          .add("collision_free.share", [](const R& r) { return r.share_free(r.series.problems); },
                "Share of all problems with a trajectory free of collisions, by exact distances.",
                {.heading = "collision-free", .pattern = "%.4f", .compared = true})
           .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
                "Problems whose start and goal touch nothing.",
                {.heading = "ends free", .pattern = "%.0f"})
-          .add("free_ends.share",
-               [](const R& r) {
-                 return share_of(r.with_free_ends,
-                                 [&](const ChangedSolve& s) { return r.is_free(s); });
-               },
+          .add("free_ends.share", [](const R& r) { return r.share_free(r.with_free_ends); },
                "Share of these that is free of collisions.",
                {.heading = "of them free", .pattern = "%.4f"});
   return kColumns;
 }
 
-std::string verdict_text(const IncrementalRecord& record, const Json& rows,
-                         const SolveCount& count) {
-  std::string text = count.failure(record.about, "changed problems", "came to nothing in some way");
+std::string verdict_text(const std::string& optimiser, const Json& rows, const SolveCount& count) {
+  const std::string problems = "changed problems by " + optimiser;
+  std::string text = count.failure(problems, "came to nothing in some way");
   if (!text.empty()) return text;
-  text = "Success: " + std::to_string(count.problems) + " changed problems by " +
-         record.about.optimiser + ", each with a trajectory in every way.";
+  text = "Success: " + std::to_string(count.problems) + " " + problems +
+         ", each with a trajectory in every way.";
   for (const Json& row : rows) {
     if (at(row, "/way") != Json(kSolveWays[kIncremental])) continue;
     text += " " + cell(at(row, "/label")) + ", " + cell(at(row, "/field")) + ", other " +
@@ -386,12 +359,11 @@ Result<std::string> incremental_body(const Json& summary, ResultsReader&,
          way_rows().html(at(summary, "/rows"));
 }
 
-ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
+ExperimentOutcome summarise_incremental(const RecordedStart& start,
                                         const IncrementalSettings& settings,
-                                        const IncrementalRecord& record) {
+                                        const std::vector<ChangedSeries>& all, SolveCount count) {
   Json rows = Json::array();
-  SolveCount count;
-  for (const ChangedSeries& series : record.series) {
+  for (const ChangedSeries& series : all) {
     for (std::size_t way = 0; way < kSolveWays.size(); ++way)
       rows.push_back(way_rows().row({series, way}));
     for (const ChangedSolve& problem : series.problems) {
@@ -400,8 +372,8 @@ ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
       count.add(is_solved, is_solved ? "" : unsolved->reason);
     }
   }
-  return summarise_solves(provenance, settings.type, record.about, count,
-                          verdict_text(record, rows, count), way_rows(),
+  return summarise_solves(start, settings.type, count, verdict_text(start.optimiser, rows, count),
+                          way_rows(),
                           {{"repeats", settings.repeats},
                            {"goal_sd", settings.goal_sd},
                            {"obstacle_sd_m", settings.obstacle_sd_m},
@@ -412,7 +384,9 @@ ExperimentOutcome summarise_incremental(const RunProvenance& provenance,
 class IncrementalBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
-    return {.blocks = {"optimiser"}, .set_of_optimiser = set_of_incremental_optimiser()};
+    std::vector<std::string> set = kSetOfOptimiser;
+    set.emplace_back(kIncrementalKey);
+    return {.blocks = {"optimiser"}, .set_of_optimiser = set};
   }
   [[nodiscard]] const report::RunReport& report() const override {
     static const RunReport kReport = {.body = &incremental_body,
@@ -422,28 +396,25 @@ class IncrementalBenchmark final : public Experiment {
   }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_recorded<IncrementalSettings>(configuration, set_of_incremental_optimiser(), host,
-                                        errors);
+    check_recorded<IncrementalSettings>(configuration, facts().set_of_optimiser, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    const auto start = SIDESTEP_TRY(start_recorded<IncrementalSettings>(context));
-    const auto& [settings, problems, about, provenance, store] = start;
-    Recorder recorder(*store);
-
-    IncrementalRecord record{about, {}};
-    const RecordedProblems moved = with_moved_boxes(problems, settings.obstacle_sd_m, context.seed);
-    IncrementalBench bench{problems, moved, settings, context};
-    for (const RecordedRun& run : problems.runs) {
+    const auto settings =
+        SIDESTEP_TRY(read_block<IncrementalSettings>(context.configuration, "experiment"));
+    const auto start = SIDESTEP_TRY(start_recorded(context, settings));
+    Recorder recorder(*start.store);
+    std::vector<ChangedSeries> series;
+    const RecordedProblems moved =
+        with_moved_boxes(start.problems, settings.obstacle_sd_m, context.seed);
+    IncrementalBench bench{start.problems, moved, settings, context};
+    for (const RecordedRun& run : start.problems.runs) {
       for (const char* change : {kGoal, kObstacles}) {
         if (context.stop.stop_requested()) break;
         SIDESTEP_TRY(solve_part(
-            record.series, [&] { return solve_series(run, change, bench); }, &record_series,
-            recorder));
+            series, [&] { return solve_series(run, change, bench); }, &record_series, recorder));
       }
     }
-    record.about.interrupted = context.stop.stop_requested();
-
-    return summarise_incremental(provenance, settings, record);
+    return summarise_incremental(start, settings, series, {context.stop.stop_requested()});
   }
 };
 

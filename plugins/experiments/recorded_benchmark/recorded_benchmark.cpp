@@ -45,13 +45,6 @@ struct RecordedRunRecord : RecordedRun {
   std::vector<SolveRecord> solves;
 };
 
-/// Result of a benchmark on recorded problems.
-struct RecordedBenchmarkRecord {
-  RecordedFacts about;
-  bool costs_comparable = true;
-  std::vector<RecordedRunRecord> runs;
-};
-
 /// Series "run" (one item a run), and of the run with index `item`: "solve/ITEM", one item a
 /// problem.
 void record_run(const RecordedRunRecord& run, std::int64_t item, Recorder& recorder) {
@@ -95,29 +88,6 @@ struct PosedProblem {
   Trajectory initial;
 };
 
-std::vector<PosedProblem> pose(const RecordedRun& run, RecordedBench& bench) {
-  std::vector<PosedProblem> posed;
-  for (const RecordedOutcome& outcome : run.outcomes) {
-    PosedProblem one;
-    one.problem = recorded_problem(bench.problems, bench.fields.of(outcome.scene, run.is_signed),
-                                   outcome.pair);
-    one.initial = recorded_initial(bench.problems, one.problem);
-    posed.push_back(std::move(one));
-  }
-  return posed;
-}
-
-/// Holds a trajectory, which may be empty, against the obstacles.
-void judge(const Problem& problem, const Trajectory& trajectory, RecordedBench& bench,
-           SolveRecord& record) {
-  const int scene = record.peer.scene;
-  record.ends_free = are_ends_free(bench.problems, scene, problem);
-  if (!record.solved) return;
-  record.exact_clearance_m = exact_clearance_m(bench.problems, scene, trajectory);
-  record.clearance_at_checks_m =
-      clearance_at_checks_m(problem, *bench.fields.of(scene, true), trajectory);
-}
-
 /// Solves every problem of a run `repeats` times, one pass after the other, after one solve that
 /// does not count. Stops on request with those that all passes have reached.
 Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench) {
@@ -125,18 +95,24 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
   const Node block = block_for(*context.configuration.root.find("optimiser"), run);
   auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(block, bench.problems.robot));
   RecordedRunRecord record{run, {}};
-  const std::vector<PosedProblem> posed = pose(run, bench);
+  std::vector<PosedProblem> posed;
+  for (const RecordedOutcome& outcome : run.outcomes) {
+    Problem problem = recorded_problem(bench.problems,
+                                       bench.fields.of(outcome.scene, run.is_signed), outcome.pair);
+    Trajectory initial = recorded_initial(bench.problems, problem);
+    posed.push_back({std::move(problem), std::move(initial)});
+  }
   const std::string what = run.label + (run.is_signed ? ", signed" : ", unsigned");
   std::vector<Trajectory> trajectories(posed.size());
   record.solves.resize(posed.size());
-  const auto solve = [&](const PosedProblem& one) {
+  const auto solve_one = [&](const PosedProblem& one) {
     return solve_timed(optimiser, one.problem, one.initial, context);
   };
-  if (!posed.empty()) (void)solve(posed.front());
+  if (!posed.empty()) (void)solve_one(posed.front());
   std::size_t reached = posed.size();
   for (int repeat = 0; repeat < bench.settings.repeats; ++repeat) {
     for (std::size_t i = 0; i < reached; ++i) {
-      TimedSolve timed = solve(posed[i]);
+      TimedSolve timed = solve_one(posed[i]);
       if (context.stop.stop_requested()) {
         reached = repeat == 0 ? i : reached;
         break;
@@ -149,7 +125,13 @@ Result<RecordedRunRecord> solve_run(const RecordedRun& run, RecordedBench& bench
   }
   record.solves.resize(reached);
   for (std::size_t i = 0; i < reached; ++i) {
-    judge(posed[i].problem, trajectories[i], bench, record.solves[i]);
+    SolveRecord& solve = record.solves[i];
+    const int scene = solve.peer.scene;
+    solve.ends_free = are_ends_free(bench.problems, scene, posed[i].problem);
+    if (!solve.solved) continue;
+    solve.exact_clearance_m = exact_clearance_m(bench.problems, scene, trajectories[i]);
+    solve.clearance_at_checks_m =
+        clearance_at_checks_m(posed[i].problem, *bench.fields.of(scene, true), trajectories[i]);
   }
   return record;
 }
@@ -163,44 +145,29 @@ struct RunRow {
   /// Of which the recording counts the peer's iterations.
   std::vector<SolveRecord> counted =
       those_of(run.solves, [](const SolveRecord& s) { return s.peer.iterations >= 0; });
+  /// Where ours and the peer's costs are measured alike; nothing where they are not.
+  std::vector<SolveRecord> comparable = costs_comparable ? solved : std::vector<SolveRecord>();
+
+  [[nodiscard]] const std::vector<SolveRecord>& all() const { return run.solves; }
 };
 
-template <class Value>
-auto of_solved_problems(Value value) {
-  return [value](const RunRow& row) { return values_of(row.solved, value); };
+/// A number of each of some problems of a row.
+template <class Some, class Value>
+auto of_each(Some some, Value value) {
+  return [=](const RunRow& row) { return values_of(std::invoke(some, row), value); };
+}
+template <class Some, class Holds>
+auto share_among(Some some, Holds holds) {
+  return [=](const RunRow& row) { return share_of(std::invoke(some, row), holds); };
 }
 
-/// The same where ours and the peer's costs are measured alike; nothing where they are not.
-template <class Value>
-auto where_comparable(Value value) {
-  return [value](const RunRow& row) {
-    return row.costs_comparable ? of_solved_problems(value)(row) : std::vector<double>();
-  };
-}
-
-double peer_cost(const SolveRecord& s) { return s.peer.final_cost; }
 bool is_peer_free(const SolveRecord& s) { return s.peer.free_exactly; }
 
-template <class Holds>
-auto share_of_all(Holds holds) {
-  return [holds](const RunRow& row) { return share_of(row.run.solves, holds); };
-}
-template <class Holds>
-auto share_with_free_ends(Holds holds) {
-  return [holds](const RunRow& row) { return share_of(row.with_free_ends, holds); };
-}
-
 Json share_no_costlier(const RunRow& row) {
-  if (!row.costs_comparable || row.solved.empty()) return nullptr;
+  if (row.comparable.empty()) return nullptr;
   return share_of(row.run.solves, [](const SolveRecord& s) {
     return s.solved && s.cost <= kOnePercent * s.peer.final_cost;
   });
-}
-
-/// Of the peer's over the problems whose iterations are known.
-template <class Value>
-auto of_peer(Value value) {
-  return [value](const RunRow& row) { return values_of(row.counted, value); };
 }
 
 const ResultColumnsOf<RunRow>& recorded_runs() {
@@ -225,68 +192,71 @@ const ResultColumnsOf<RunRow>& recorded_runs() {
                {.heading = "problems", .pattern = "%.0f"})
           .add("solved", [](const R& r) { return r.solved.size(); }, "Problems with a trajectory.",
                {.heading = "solved", .pattern = "%.0f"})
-          .spread("lm_iteration_us.", of_solved_problems(&S::iteration_us),
+          .spread("lm_iteration_us.", of_each(&R::solved, &S::iteration_us),
                   "Wall time of an accepted iteration.", {"p50", "p95"},
                   {.heading = "iteration", .pattern = "%.1f us", .compared = true})
-          .spread("solve_ms.", of_solved_problems(&S::solve_ms), "Wall time of a solve.",
+          .spread("solve_ms.", of_each(&R::solved, &S::solve_ms), "Wall time of a solve.",
                   {"p50", "p95", "mean"},
                   {.heading = "solve", .pattern = "%.4f ms", .compared = true})
-          .spread("iterations.", of_solved_problems(&S::accepted_iterations),
+          .spread("iterations.", of_each(&R::solved, &S::accepted_iterations),
                   "Accepted iterations.", {"mean", "sd"},
                   {.heading = "iterations", .pattern = "%.2f", .compared = true})
-          .spread("peer.lm_iteration_us.", of_peer([](const S& s) {
-                    return 1e3 * s.peer.optimise_ms / std::max(1, s.peer.iterations);
-                  }),
+          .spread("peer.lm_iteration_us.",
+                  of_each(&R::counted,
+                          [](const S& s) {
+                            return 1e3 * s.peer.optimise_ms / std::max(1, s.peer.iterations);
+                          }),
                   "The peer's, as recorded.", {"p50", "p95"},
                   {.heading = "peer's iteration", .pattern = "%.0f us", .page_only = true})
-          .spread("peer.solve_ms.",
-                  [](const R& r) {
-                    return values_of(r.run.solves, [](const S& s) { return s.peer.total_ms; });
-                  },
+          .spread("peer.solve_ms.", of_each(&R::all, [](const S& s) { return s.peer.total_ms; }),
                   "The peer's, as recorded.", {"p50", "p95", "mean"},
                   {.heading = "peer's solve", .pattern = "%.2f ms", .page_only = true})
-          .spread("peer.iterations.", of_peer([](const S& s) { return s.peer.iterations; }),
+          .spread("peer.iterations.",
+                  of_each(&R::counted, [](const S& s) { return s.peer.iterations; }),
                   "The peer's, as recorded.", {"mean", "sd"},
                   {.heading = "peer's iterations", .pattern = "%.2f", .page_only = true})
           .table("Costs and collisions")
           .add("cost.share_within_1pct", &share_no_costlier,
                "Share of all problems that cost at most 1 % more than the peer's.",
                {.heading = "within 1 % or below", .pattern = "%.4f", .compared = true})
-          .spread("cost.", of_solved_problems(&S::cost), "Final cost.", {"mean", "median"},
+          .spread("cost.", of_each(&R::solved, &S::cost), "Final cost.", {"mean", "median"},
                   {.heading = "cost", .pattern = "%.6g"})
-          .spread("cost.peer_", where_comparable(&peer_cost), "The peer's, as recorded.",
-                  {"mean", "median"}, {.heading = "peer's cost", .pattern = "%.6g"})
-          .add("collision_free.share", share_of_all(&S::is_free),
+          .spread("cost.peer_",
+                  of_each(&R::comparable, [](const S& s) { return s.peer.final_cost; }),
+                  "The peer's, as recorded.", {"mean", "median"},
+                  {.heading = "peer's cost", .pattern = "%.6g"})
+          .add("collision_free.share", share_among(&R::all, &S::is_free),
                "Share of all problems with a trajectory free of collisions, by exact distances.",
                {.heading = "collision-free", .pattern = "%.4f", .compared = true})
-          .add("collision_free.peer_share", share_of_all(&is_peer_free), "The peer's.",
+          .add("collision_free.peer_share", share_among(&R::all, &is_peer_free), "The peer's.",
                {.heading = "peer's", .pattern = "%.4f"})
           .add("free_ends.problems", [](const R& r) { return r.with_free_ends.size(); },
                "Problems whose start and goal touch nothing.",
                {.heading = "ends free", .pattern = "%.0f"})
-          .add("free_ends.share", share_with_free_ends(&S::is_free),
+          .add("free_ends.share", share_among(&R::with_free_ends, &S::is_free),
                "Share of these that is free of collisions.",
                {.heading = "of them free", .pattern = "%.4f"})
-          .add("free_ends.peer_share", share_with_free_ends(&is_peer_free), "The peer's.",
-               {.heading = "peer's", .pattern = "%.4f"})
-          .add("free_at_checks.share", share_of_all(&S::free_at_checks),
+          .add("free_ends.peer_share", share_among(&R::with_free_ends, &is_peer_free),
+               "The peer's.", {.heading = "peer's", .pattern = "%.4f"})
+          .add("free_at_checks.share", share_among(&R::all, &S::free_at_checks),
                "Share that is free at the states that the peer checks.",
                {.heading = "free at the checked states", .pattern = "%.4f", .page_only = true})
           .add("free_at_checks.peer_share",
-               share_of_all([](const S& s) { return s.peer.free_at_checks; }), "The peer's.",
-               {.heading = "peer's", .pattern = "%.4f", .page_only = true});
+               share_among(&R::all, [](const S& s) { return s.peer.free_at_checks; }),
+               "The peer's.", {.heading = "peer's", .pattern = "%.4f", .page_only = true});
   return kColumns;
 }
 
-std::string verdict_text(const RecordedBenchmarkRecord& record, const SolveCount& count) {
-  const std::string failure = count.failure(record.about, "solves");
-  if (record.about.interrupted) return failure;
-  const std::string note = record.costs_comparable
-                               ? ""
-                               : " The peer's state is a Lie group here: costs are not comparable.";
+std::string verdict_text(const RecordedStart& start, const SolveCount& count) {
+  const std::string solves = "solves by " + start.optimiser;
+  const std::string failure = count.failure(solves);
+  if (count.interrupted) return failure;
+  const std::string note = start.problems.has_base
+                               ? " The peer's state is a Lie group here: costs are not comparable."
+                               : "";
   if (!failure.empty()) return failure + note;
-  return "Success: " + std::to_string(count.problems) + " solves by " + record.about.optimiser +
-         " on the problems of " + record.about.problems_file + ", each with a trajectory." + note;
+  return "Success: " + std::to_string(count.problems) + " " + solves + " on the problems of " +
+         start.problems.file.filename().string() + ", each with a trajectory." + note;
 }
 
 /// What the charts show of one run: decimal logarithms, one a problem.
@@ -402,20 +372,20 @@ Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
   return html + section;
 }
 
-ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
+ExperimentOutcome summarise_recorded(const RecordedStart& start,
                                      const RecordedBenchmarkSettings& settings,
-                                     const RecordedBenchmarkRecord& record) {
+                                     const std::vector<RecordedRunRecord>& records,
+                                     SolveCount count) {
+  const bool costs_comparable = !start.problems.has_base;
   Json runs = Json::array();
-  SolveCount count;
   std::size_t problems = 0;
-  for (const RecordedRunRecord& run : record.runs) {
-    runs.push_back(recorded_runs().row({run, record.costs_comparable}));
+  for (const RecordedRunRecord& run : records) {
+    runs.push_back(recorded_runs().row({run, costs_comparable}));
     problems = std::max(problems, run.solves.size());
     for (const SolveRecord& solve : run.solves) count.add(solve.solved, solve.reason);
   }
-  return summarise_solves(provenance, settings.type, record.about, count,
-                          verdict_text(record, count), recorded_runs(),
-                          {{"costs_comparable", record.costs_comparable},
+  return summarise_solves(start, settings.type, count, verdict_text(start, count), recorded_runs(),
+                          {{"costs_comparable", costs_comparable},
                            {"repeats", settings.repeats},
                            {"problems", problems},
                            {"runs", runs}});
@@ -424,7 +394,7 @@ ExperimentOutcome summarise_recorded(const RunProvenance& provenance,
 class RecordedBenchmark final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
-    return {.blocks = {"optimiser"}, .set_of_optimiser = set_of_optimiser()};
+    return {.blocks = {"optimiser"}, .set_of_optimiser = kSetOfOptimiser};
   }
   [[nodiscard]] const report::RunReport& report() const override {
     static const RunReport kReport = {
@@ -436,25 +406,21 @@ class RecordedBenchmark final : public Experiment {
   }
   void check(const Configuration& configuration, Host& host,
              std::vector<Error>& errors) const override {
-    check_recorded<RecordedBenchmarkSettings>(configuration, set_of_optimiser(), host, errors);
+    check_recorded<RecordedBenchmarkSettings>(configuration, kSetOfOptimiser, host, errors);
   }
   [[nodiscard]] Result<ExperimentOutcome> run(ExperimentContext& context) const override {
-    const auto start = SIDESTEP_TRY(start_recorded<RecordedBenchmarkSettings>(context));
-    const auto& [settings, problems, about, provenance, store] = start;
-    Recorder recorder(*store);
-
-    RecordedBenchmarkRecord record;
-    record.about = about;
-    record.costs_comparable = !problems.has_base;
-    RecordedBench bench{problems, settings, context};
-    for (const RecordedRun& run : problems.runs) {
+    const auto settings =
+        SIDESTEP_TRY(read_block<RecordedBenchmarkSettings>(context.configuration, "experiment"));
+    const auto start = SIDESTEP_TRY(start_recorded(context, settings));
+    Recorder recorder(*start.store);
+    std::vector<RecordedRunRecord> runs;
+    RecordedBench bench{start.problems, settings, context};
+    for (const RecordedRun& run : start.problems.runs) {
       if (context.stop.stop_requested()) break;
       SIDESTEP_TRY(solve_part(
-          record.runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
+          runs, [&] { return solve_run(run, bench); }, &record_run, recorder));
     }
-    record.about.interrupted = context.stop.stop_requested();
-
-    return summarise_recorded(provenance, settings, record);
+    return summarise_recorded(start, settings, runs, {context.stop.stop_requested()});
   }
 };
 

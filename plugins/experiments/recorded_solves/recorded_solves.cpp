@@ -10,16 +10,11 @@
 namespace sidestep {
 namespace {
 
-constexpr const char* kRelativeTolerance = "relative_tolerance";
-constexpr const char* kMaxIterations = "max_iterations";
-
 /// Leaves every n-th outcome, and of those as many as are wanted.
 void thin_out(std::vector<RecordedOutcome>& outcomes, const ProblemChoice& choice) {
-  const auto every = static_cast<std::size_t>(choice.every);
   std::vector<RecordedOutcome> kept;
-  for (std::size_t i = 0; i < outcomes.size(); i += every) kept.push_back(outcomes[i]);
-  if (choice.limit > 0 && std::ssize(kept) > choice.limit) {
-    kept.resize(static_cast<std::size_t>(choice.limit));
+  for (std::size_t i = 0; i < outcomes.size(); i += idx(choice.every)) {
+    if (choice.limit == 0 || std::ssize(kept) < choice.limit) kept.push_back(outcomes[i]);
   }
   outcomes = std::move(kept);
 }
@@ -29,8 +24,7 @@ void check_labels(const Node& experiment, const ProblemChoice& choice,
                   const RecordedProblems& problems, std::vector<Error>& errors) {
   std::vector<std::string> labels;
   for (const RecordedRun& run : problems.runs) {
-    if (std::ranges::find(labels, run.label) != labels.end()) continue;
-    labels.push_back(run.label);
+    if (std::ranges::find(labels, run.label) == labels.end()) labels.push_back(run.label);
   }
   const Node* written = experiment.find("runs");
   for (std::size_t i = 0; i < choice.runs.size(); ++i) {
@@ -44,22 +38,19 @@ void check_labels(const Node& experiment, const ProblemChoice& choice,
   }
 }
 
-constexpr std::int64_t kProgressEvery = 25;
-
 }  // namespace
-
-std::vector<std::string> set_of_optimiser() { return {kRelativeTolerance, kMaxIterations}; }
 
 Node block_for(const Node& optimiser, const RecordedRun& run) {
   const SourceMark mark{"recorded run " + run.label, 0, 0};
-  Node block = with_entry(optimiser, kRelativeTolerance,
+  Node block = with_entry(optimiser, "relative_tolerance",
                           plain_scalar(detail::number_text(run.relative_tolerance), mark));
-  return with_entry(std::move(block), kMaxIterations,
+  return with_entry(std::move(block), "max_iterations",
                     plain_scalar(std::to_string(run.max_iterations), mark));
 }
 
-void check_optimiser(const Node& optimiser, const std::vector<std::string>& names, Host& host,
-                     std::vector<Error>& errors) {
+void check_optimiser(const Configuration& configuration, const std::vector<std::string>& names,
+                     Host& host, std::vector<Error>& errors) {
+  const Node& optimiser = block_of(configuration, "optimiser");
   const auto plugin = host.find(PluginKind::kOptimiser, optimiser);
   if (!plugin) return;  // told of where plugins are checked
   for (const std::string& name : names) {
@@ -93,6 +84,23 @@ RecordedProblems read_chosen_problems(const Node& experiment, const ProblemChoic
       problems->runs, [](const RecordedRun& run) { return !run.outcomes.empty(); });
   if (!any) errors.push_back(experiment.error("there is no problem to solve"));
   return std::move(*problems);
+}
+
+Result<RecordedStart> start_recorded(const ExperimentContext& context,
+                                     const ProblemChoice& choice) {
+  const Node& experiment = block_of(context.configuration, "experiment");
+  if (choice.problems.empty()) {
+    return tl::make_unexpected(
+        experiment.error("there is no file of recorded problems",
+                         "say where they are: --set experiment.problems=FILE"));
+  }
+  std::vector<Error> errors;
+  auto problems = read_chosen_problems(experiment, choice, errors);
+  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
+  const RunProvenance provenance = provenance_of(context);
+  auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
+  const Node& optimiser = *block_of(context.configuration, "optimiser").find("plugin");
+  return RecordedStart{std::move(problems), optimiser.text(), provenance, std::move(store)};
 }
 
 TimedSolve solve_timed(PluginPtr<Optimiser>& optimiser, const Problem& problem,
@@ -142,31 +150,30 @@ bool are_ends_free(const RecordedProblems& problems, int scene, const Problem& p
   });
 }
 
-std::string SolveCount::failure(const RecordedFacts& about, const std::string& what,
-                                const char* came_to) const {
-  const std::string count = std::to_string(problems) + " " + what + " by " + about.optimiser;
-  if (about.interrupted) return "Interrupted after " + count + "; what was measured is saved.";
+std::string SolveCount::failure(const std::string& what, const char* came_to) const {
+  const std::string count = std::to_string(problems) + " " + what;
+  if (interrupted) return "Interrupted after " + count + "; what was measured is saved.";
   if (unsolved == 0) return "";
   return "Failed: " + std::to_string(unsolved) + " of " + count + " " + came_to +
          ", the first because: " + first_reason + ".";
 }
 
-ExperimentOutcome summarise_solves(const RunProvenance& provenance, const std::string& experiment,
-                                   const RecordedFacts& about, const SolveCount& count,
-                                   std::string verdict, const report::ResultColumns& columns,
+ExperimentOutcome summarise_solves(const RecordedStart& start, const std::string& experiment,
+                                   const SolveCount& count, std::string verdict,
+                                   const report::ResultColumns& columns,
                                    const nlohmann::ordered_json& particulars) {
   const nlohmann::ordered_json& rows = particulars.back();
   ExperimentOutcome outcome;
-  outcome.interrupted = about.interrupted;
-  outcome.success = !about.interrupted && count.problems > 0 && count.unsolved == 0;
+  outcome.interrupted = count.interrupted;
+  outcome.success = !count.interrupted && count.problems > 0 && count.unsolved == 0;
   outcome.verdict = std::move(verdict);
   outcome.table = columns.text(rows);
   outcome.table_csv = columns.csv(rows);
-  nlohmann::ordered_json all = {{"problems_file", about.problems_file},
-                                {"robot", about.robot},
-                                {"optimiser", about.optimiser}};
+  nlohmann::ordered_json all = {{"problems_file", start.problems.file.filename().string()},
+                                {"robot", start.problems.robot->description().name},
+                                {"optimiser", start.optimiser}};
   all.update(particulars);
-  outcome.summary_json = summary_text(provenance, experiment, outcome, all);
+  outcome.summary_json = summary_text(start.provenance, experiment, outcome, all);
   return outcome;
 }
 
@@ -176,20 +183,6 @@ std::string sentence_of(const nlohmann::ordered_json& summary) {
   };
   return "<p>" + text("/optimiser") + " on the problems of " + text("/problems_file") + ", robot " +
          text("/robot");
-}
-
-SolveProgress::SolveProgress(const ExperimentContext& context, const RecordedProblems& problems,
-                             std::int64_t times)
-    : context_(context) {
-  for (const RecordedRun& run : problems.runs) total_ += times * std::ssize(run.outcomes);
-  if (context.progress) context.progress(0, total_, "building fields");
-}
-
-void SolveProgress::advance(const std::string& what) {
-  ++done_;
-  if (context_.progress && (done_ % kProgressEvery == 0 || done_ == total_)) {
-    context_.progress(done_, total_, what);
-  }
 }
 
 }  // namespace sidestep

@@ -44,15 +44,15 @@ Parameters<Settings> declare_choice(Parameters<Settings> parameters) {
 }
 
 /// What the experiment sets of every optimiser: the stopping rules of each recorded run.
-[[nodiscard]] std::vector<std::string> set_of_optimiser();
+inline const std::vector<std::string> kSetOfOptimiser = {"relative_tolerance", "max_iterations"};
 
 /// The optimiser's block with a recorded run's stopping rules in it.
 [[nodiscard]] Node block_for(const Node& optimiser, const RecordedRun& run);
 
-/// Appends a mistake for each parameter that the experiment sets (`names`) and the block has, too,
-/// and for each that the plugin does not have.
-void check_optimiser(const Node& optimiser, const std::vector<std::string>& names, Host& host,
-                     std::vector<Error>& errors);
+/// Appends a mistake for each parameter that the experiment sets (`names`) and the block
+/// `optimiser` has, too, and for each that the plugin does not have.
+void check_optimiser(const Configuration& configuration, const std::vector<std::string>& names,
+                     Host& host, std::vector<Error>& errors);
 
 /// The recorded problems that an `experiment` block names, and of their runs those to be solved,
 /// each with the outcomes that `every` and `limit` leave. Appends every mistake at its position.
@@ -65,8 +65,7 @@ void check_optimiser(const Node& optimiser, const std::vector<std::string>& name
 template <class Settings>
 void check_recorded(const Configuration& configuration, const std::vector<std::string>& names,
                     Host& host, std::vector<Error>& errors) {
-  const Node* optimiser = configuration.root.find("optimiser");
-  if (optimiser != nullptr) check_optimiser(*optimiser, names, host, errors);
+  check_optimiser(configuration, names, host, errors);
   const Node& experiment = block_of(configuration, "experiment");
   Settings settings;
   if (!read_entry(experiment, settings, errors) || settings.problems.empty()) return;
@@ -88,14 +87,6 @@ class RecordedFields {
  private:
   const RecordedProblems& problems_;
   std::map<std::pair<int, bool>, std::shared_ptr<const DistanceField>> fields_;
-};
-
-/// What an experiment on recorded problems is about, and how far it came.
-struct RecordedFacts {
-  std::string problems_file;
-  std::string robot;
-  std::string optimiser;  ///< Name of the plugin.
-  bool interrupted = false;
 };
 
 /// What an optimiser made of a recorded problem.
@@ -128,35 +119,16 @@ void record_solve(const RecordedSolve& solve, std::string_view series, std::int6
                   Recorder& recorder);
 
 /// What an experiment on recorded problems begins with.
-template <class Settings>
 struct RecordedStart {
-  Settings settings;
   RecordedProblems problems;
-  RecordedFacts about;
+  std::string optimiser;  ///< Name of the plugin.
   RunProvenance provenance;
   std::unique_ptr<ResultsStore> store;
 };
 
-/// Reads settings and problems, and opens a new store.
-template <class Settings>
-[[nodiscard]] Result<RecordedStart<Settings>> start_recorded(const ExperimentContext& context) {
-  const Node& experiment = block_of(context.configuration, "experiment");
-  RecordedStart<Settings> start;
-  start.settings = SIDESTEP_TRY(read_block<Settings>(context.configuration, "experiment"));
-  if (start.settings.problems.empty()) {
-    return tl::make_unexpected(
-        experiment.error("there is no file of recorded problems",
-                         "say where they are: --set experiment.problems=FILE"));
-  }
-  std::vector<Error> errors;
-  start.problems = read_chosen_problems(experiment, start.settings, errors);
-  if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
-  start.about = {start.problems.file.filename().string(), start.problems.robot->description().name,
-                 block_of(context.configuration, "optimiser").find("plugin")->text()};
-  start.provenance = provenance_of(context);
-  start.store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", start.provenance));
-  return start;
-}
+/// Reads the problems, and opens a new store.
+[[nodiscard]] Result<RecordedStart> start_recorded(const ExperimentContext& context,
+                                                   const ProblemChoice& choice);
 
 /// Whether a problem's start and goal touch nothing in a scene.
 [[nodiscard]] bool are_ends_free(const RecordedProblems& problems, int scene,
@@ -164,23 +136,23 @@ template <class Settings>
 
 /// How many problems there are, how many of them came to nothing, and why the first did.
 struct SolveCount {
+  bool interrupted = false;  ///< There would have been more.
   std::size_t problems = 0, unsolved = 0;
-  std::string first_reason;
+  std::string first_reason = {};
 
   void add(bool solved, const std::string& reason) {
     ++problems;
     if (!solved && unsolved++ == 0) first_reason = reason;
   }
-  /// What a verdict says of a run that is no success; empty where it is one. `what`: the problems,
-  /// counted and named.
-  [[nodiscard]] std::string failure(const RecordedFacts& about, const std::string& what,
+  /// What a verdict says of a run that is no success; empty where it is one. `what`: the problems
+  /// and their optimiser, named.
+  [[nodiscard]] std::string failure(const std::string& what,
                                     const char* came_to = "came to nothing") const;
 };
 
 /// Outcome and summary.json of a run; `particulars` end with its rows, of which `columns` are.
-[[nodiscard]] ExperimentOutcome summarise_solves(const RunProvenance& provenance,
+[[nodiscard]] ExperimentOutcome summarise_solves(const RecordedStart& start,
                                                  const std::string& experiment,
-                                                 const RecordedFacts& about,
                                                  const SolveCount& count, std::string verdict,
                                                  const report::ResultColumns& columns,
                                                  const nlohmann::ordered_json& particulars);
@@ -192,10 +164,19 @@ struct SolveCount {
 class SolveProgress {
  public:
   SolveProgress(const ExperimentContext& context, const RecordedProblems& problems,
-                std::int64_t times);
-  void advance(const std::string& what);
+                std::int64_t times)
+      : context_(context) {
+    for (const RecordedRun& run : problems.runs) total_ += times * std::ssize(run.outcomes);
+    if (context.progress) context.progress(0, total_, "building fields");
+  }
+  void advance(const std::string& what) {
+    ++done_;
+    if (!context_.progress || (done_ % kEvery != 0 && done_ != total_)) return;
+    context_.progress(done_, total_, what);
+  }
 
  private:
+  static constexpr std::int64_t kEvery = 25;
   const ExperimentContext& context_;
   std::int64_t total_ = 0;
   std::int64_t done_ = 0;
