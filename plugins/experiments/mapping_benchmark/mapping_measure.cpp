@@ -129,21 +129,17 @@ void check_accuracy(const System& system, MeasureContext& context, bool unknown_
   ++clock.accuracy_checks;
 }
 
-/// The truth to hold the system's map against; nothing where there is none, or no occupancy.
-std::optional<MapTruth> make_truth(const System& system, const MeasureContext& context) {
-  const Scene* scene = context.feed.scene();
-  if (scene == nullptr || !context.settings.truth.measure || system.occupancy == nullptr) return {};
-  return std::optional<MapTruth>(std::in_place, *scene, system.occupancy->occupancy_grid(),
-                                 context.settings.truth);
-}
-
 /// As fast as possible over every frame; accuracy and truth are measured between the updates.
 /// Fails where frames cannot be had; a fault of the system goes into the record.
 Result<void> run_every_frame(System& system, double before_mib, CaseRecord& record,
                              MeasureContext& context) {
   ClockRecord& clock = record.every_frame.emplace();
   const double without_truth_mib = resident_mib(false);
-  std::optional<MapTruth> truth = make_truth(system, context);
+  std::optional<MapTruth> truth;
+  const Scene* scene = context.feed.scene();
+  if (scene != nullptr && context.settings.truth.measure && system.occupancy != nullptr) {
+    truth.emplace(*scene, system.occupancy->occupancy_grid(), context.settings.truth);
+  }
   before_mib += resident_mib(false) - without_truth_mib;  // not the system's
   const std::int64_t every = context.settings.accuracy_every;
   bool is_checked = true;
@@ -166,7 +162,7 @@ Result<void> run_every_frame(System& system, double before_mib, CaseRecord& reco
 
 /// Frames arrive when their stamps say and every update takes the time that it takes; which frames
 /// come too late follows from that without waiting for any.
-Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& context) {
+Result<void> run_real_time(System& system, double, CaseRecord& record, MeasureContext& context) {
   ClockRecord& clock = record.real_time.emplace();
   double now_s = 0.0, first_published_s = 0.0;
   while (!context.stop.stop_requested()) {
@@ -189,8 +185,9 @@ Result<void> run_real_time(System& system, CaseRecord& record, MeasureContext& c
 }
 
 /// One clock, with a system of its own.
-template <class Run>
-Result<void> with_system(CaseRecord& record, MeasureContext& context, Run&& run) {
+Result<void> with_system(CaseRecord& record, MeasureContext& context,
+                         Result<void> (*run)(System&, double before_mib, CaseRecord&,
+                                             MeasureContext&)) {
   SIDESTEP_TRY(context.feed.rewind());
   const double before_mib = resident_mib(true);
   auto system = make_system(record.what, context);
@@ -198,7 +195,7 @@ Result<void> with_system(CaseRecord& record, MeasureContext& context, Run&& run)
     record.error = system.error().describe();
     return {};
   }
-  return run(**system, before_mib);
+  return run(**system, before_mib, record, context);
 }
 
 }  // namespace
@@ -295,19 +292,12 @@ Result<FrameFeed::Taken> FrameFeed::next_newest(double now_s) {
 Result<CaseRecord> measure_case(const SystemCase& what, MeasureContext& context) {
   CaseRecord record;
   record.what = what;
-  Result<void> done;
   if (context.settings.on_every_frame()) {
-    done = with_system(record, context, [&](System& system, double before_mib) {
-      return run_every_frame(system, before_mib, record, context);
-    });
+    SIDESTEP_TRY(with_system(record, context, &run_every_frame));
   }
-  if (done && context.settings.in_real_time() && record.error.empty() &&
-      !context.stop.stop_requested()) {
-    done = with_system(record, context, [&](System& system, double) {
-      return run_real_time(system, record, context);
-    });
+  if (context.settings.in_real_time() && record.error.empty() && !context.stop.stop_requested()) {
+    SIDESTEP_TRY(with_system(record, context, &run_real_time));
   }
-  if (!done) return error_of(done);
   record.interrupted = context.stop.stop_requested();
   return record;
 }

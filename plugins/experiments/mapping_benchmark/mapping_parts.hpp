@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/core/log.hpp>
 #include <sidestep/measures/field_accuracy.hpp>
 #include <sidestep/measures/map_truth.hpp>
@@ -93,6 +94,11 @@ struct SystemCase {
   std::optional<double> published_ms;
   Node mapper_block;  ///< With everything that the experiment sets filled in.
   Node field_block;
+
+  /// For people; `has_sign`: its field is signed.
+  [[nodiscard]] std::string label(bool has_sign) const {
+    return name + (has_sign ? ", signed" : "") + format(" at %g m", resolution_m);
+  }
 };
 
 /// The cases of an `experiment` block that fits its schema: by system, then signed or not, then
@@ -232,8 +238,5 @@ struct MappingBenchmarkRecord {
 
 /// Of the rows `systems` of summary.json.
 [[nodiscard]] const report::ResultColumns& mapping_columns();
-
-/// How such runs are shown.
-[[nodiscard]] const report::RunReport& mapping_report();
 
 }  // namespace sidestep

@@ -1,7 +1,6 @@
 #include "mapping_parts.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <set>
 
@@ -11,8 +10,8 @@
 namespace sidestep {
 namespace {
 
-constexpr std::array kSetOfMapper = {"resolution_m", "size_vox", "origin_m"};
-constexpr std::array kSetOfField = {"max_distance_m", "signed"};
+const std::vector<std::string> kSetOfMapper = {"resolution_m", "size_vox", "origin_m"};
+const std::vector<std::string> kSetOfField = {"max_distance_m", "signed"};
 
 Node number_node(double value, const SourceMark& mark) {
   return plain_scalar(detail::number_text(value), mark);
@@ -38,9 +37,6 @@ struct Given {
     const Node* value = experiment.find(key);
     return value != nullptr ? value->mark() : experiment.mark();
   }
-  [[nodiscard]] SourceMark mark_of_resolution(std::size_t index) const {
-    return experiment.find("resolutions_m")->items()[index].mark();
-  }
 };
 
 Node mapper_block(const Given& given, const Node& written, std::size_t resolution) {
@@ -48,7 +44,8 @@ Node mapper_block(const Given& given, const Node& written, std::size_t resolutio
   const Eigen::Vector3d size_vox =
       (given.settings.extent_m.array() / resolution_m - 1e-6).ceil().max(1.0).matrix();
   Node block = written;
-  put(block, "resolution_m", number_node(resolution_m, given.mark_of_resolution(resolution)));
+  const Node& written_as = given.experiment.find("resolutions_m")->items()[resolution];
+  put(block, "resolution_m", number_node(resolution_m, written_as.mark()));
   put(block, "size_vox", list_of(size_vox, given.mark("extent_m")));
   put(block, "origin_m", list_of(given.settings.origin_m, given.mark("origin_m")));
   return block;
@@ -87,8 +84,7 @@ std::vector<std::optional<bool>> wanted_signs(const Node& node, std::vector<Erro
 }
 
 /// A key that the experiment sets must not stand in a plugin's block, too.
-template <std::size_t N>
-void refuse_set_keys(const Node& block, const std::array<const char*, N>& keys,
+void refuse_set_keys(const Node& block, const std::vector<std::string>& keys,
                      std::vector<Error>& errors) {
   for (const Node::Entry& entry : block.entries()) {
     if (std::ranges::find(keys, entry.key) == keys.end()) continue;
@@ -103,21 +99,17 @@ void refuse_set_keys(const Node& block, const std::array<const char*, N>& keys,
 
 void check_resolutions(const Node& experiment, const MappingBenchmarkSettings& settings,
                        std::vector<Error>& errors) {
-  const Node* list = experiment.find("resolutions_m");
-  if (list == nullptr) return;
-  if (list->items().empty()) errors.push_back(list->error("there is no resolution to measure at"));
-  const auto& values = settings.resolutions_m;
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (std::find(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(i), values[i]) !=
-        values.begin() + static_cast<std::ptrdiff_t>(i)) {
-      errors.push_back(
-          list->items()[i].error("'resolutions_m' names " + list->items()[i].text() + " twice"));
-    }
+  const Node& list = *experiment.find("resolutions_m");
+  if (list.items().empty()) errors.push_back(list.error("there is no resolution to measure at"));
+  std::set<double> named;
+  for (std::size_t i = 0; i < settings.resolutions_m.size(); ++i) {
+    if (named.insert(settings.resolutions_m[i]).second) continue;
+    const Node& item = list.items()[i];
+    errors.push_back(item.error("'resolutions_m' names " + item.text() + " twice"));
   }
-  if (const Node* extent = experiment.find("extent_m")) {
-    if (!(settings.extent_m.array() > 0.0).all()) {
-      errors.push_back(extent->error("'extent_m' must be above 0 along each axis"));
-    }
+  if (!(settings.extent_m.array() > 0.0).all()) {
+    const Node& extent = *experiment.find("extent_m");
+    errors.push_back(extent.error("'extent_m' must be above 0 along each axis"));
   }
 }
 
@@ -157,25 +149,19 @@ std::optional<double> published_ms(const MappingBenchmarkSettings& settings,
   return std::nullopt;
 }
 
-/// The plugin that a block of a system names; null after telling why not.
-std::optional<PluginInfo> plugin_of(PluginKind kind, const Node& block, Host& host,
-                                    std::vector<Error>& errors) {
-  auto plugin = host.find(kind, block);
-  if (plugin) return std::move(*plugin);
-  errors.push_back(std::move(plugin.error()));
-  return std::nullopt;
-}
-
 /// Appends the cases of one system.
 void add_cases(const Given& given, const SystemEntry& system, Host& host,
                std::vector<SystemCase>& cases, std::vector<Error>& errors) {
-  const auto mapper = plugin_of(PluginKind::kMapper, system.mapper, host, errors);
-  const auto field = plugin_of(PluginKind::kField, system.field, host, errors);
+  const auto mapper = host.find(PluginKind::kMapper, system.mapper);
+  const auto field = host.find(PluginKind::kField, system.field);
+  for (const auto* plugin : {&mapper, &field}) {
+    if (!*plugin) errors.push_back(plugin->error());
+  }
   const auto signs = wanted_signs(system.is_signed, errors);
   if (!mapper || !field) return;
   refuse_set_keys(system.mapper, kSetOfMapper, errors);
   refuse_set_keys(system.field, kSetOfField, errors);
-  for (const char* key : kSetOfMapper) {
+  for (const std::string& key : kSetOfMapper) {
     if (has_parameter(mapper->schema, key)) continue;
     errors.push_back(system.mapper.error("the mapper '" + mapper->name + "' has no parameter '" +
                                          key + "', which the experiment must set"));
@@ -246,14 +232,10 @@ Parameters<SystemEntry> SystemEntry::parameters() {
       .add("name", &S::name, "Name of the system in results.", {.required = true})
       .add("mapper", &S::mapper,
            "A mapper's plugin and parameters, without resolution_m, size_vox and origin_m.",
-           {.required = true,
-            .plugin = PluginKind::kMapper,
-            .set_by_owner = {kSetOfMapper.begin(), kSetOfMapper.end()}})
+           {.required = true, .plugin = PluginKind::kMapper, .set_by_owner = kSetOfMapper})
       .add("field", &S::field,
            "A field's plugin and parameters, without max_distance_m and signed.",
-           {.required = true,
-            .plugin = PluginKind::kField,
-            .set_by_owner = {kSetOfField.begin(), kSetOfField.end()}})
+           {.required = true, .plugin = PluginKind::kField, .set_by_owner = kSetOfField})
       .add("signed", &S::is_signed, "true, false, or both in a list; left out: as the field is.")
       .add("published", &S::published, "Name of the entry of `published` to compare with.");
 }

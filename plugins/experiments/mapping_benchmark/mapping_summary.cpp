@@ -5,8 +5,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include <sidestep/core/format.hpp>
-#include <sidestep/results/statistics.hpp>
 #include <sidestep/results/summary.hpp>
 
 namespace sidestep {
@@ -41,17 +39,6 @@ Json quarters_json(const Updates& updates) {
                         {"memory_mib", memory_mib(part)}});
   }
   return quarters;
-}
-
-const CaseRecord* reference_of(const CaseRecord& record, const MappingBenchmarkSettings& settings,
-                               std::span<const CaseRecord> cases) {
-  for (const CaseRecord& other : cases) {
-    if (other.what.name == settings.reference && other.is_signed == record.is_signed &&
-        std::abs(other.what.resolution_m - record.what.resolution_m) < kSameResolution) {
-      return &other;
-    }
-  }
-  return nullptr;
 }
 
 const ClockRecord* timed(const CaseRecord& record) {
@@ -132,8 +119,11 @@ auto of_updates(double UpdateRecord::*time) {
 /// By what factor an update takes longer than the reference's; null where nothing can be compared.
 auto ratio_of(double Statistics::*statistic) {
   return [statistic](const SystemRow& row) -> Json {
-    const CaseRecord* reference = reference_of(row.record, row.settings, row.cases);
-    const ClockRecord* other = reference != nullptr ? timed(*reference) : nullptr;
+    const auto reference = std::ranges::find_if(row.cases, [&](const CaseRecord& other) {
+      return other.what.name == row.settings.reference && other.is_signed == row.record.is_signed &&
+             std::abs(other.what.resolution_m - row.record.what.resolution_m) < kSameResolution;
+    });
+    const ClockRecord* other = reference != row.cases.end() ? timed(*reference) : nullptr;
     if (row.clock == nullptr || other == nullptr) return nullptr;
     const double theirs = statistics_of(frame_times(other->updates)).*statistic;
     if (row.clock->updates.empty() || !(theirs > 0.0)) return nullptr;
@@ -149,11 +139,6 @@ auto of_accuracy(auto value) {
   };
 }
 
-Json collision_recall(const TruthRecord& truth) {
-  const auto recall = truth.collision_recall();
-  return recall ? Json(*recall) : Json(nullptr);
-}
-
 double dropped_share(const ClockRecord& clock) {
   const auto lost = static_cast<double>(clock.dropped + clock.bad_frames);
   const double arrived = static_cast<double>(clock.updates.size()) + lost;
@@ -167,9 +152,10 @@ double rate_hz(const ClockRecord& clock) {
 
 const std::vector<std::string> kAllStatistics = {"mean", "sd", "p50", "p95", "max"};
 
-void add_times(report::ResultColumnsOf<SystemRow>& columns) {
+void add_times_and_errors(report::ResultColumnsOf<SystemRow>& columns) {
   using R = SystemRow;
   using U = UpdateRecord;
+  using A = FieldAccuracy;
   const auto clock = &R::clock;
   columns
       .table("Time of an update",
@@ -210,24 +196,19 @@ void add_times(report::ResultColumnsOf<SystemRow>& columns) {
              return r.record.what.published_ms ? Json(*r.record.what.published_ms) : Json(nullptr);
            },
            "What was published of the same, as the configuration says.",
-           {.heading = "published", .pattern = "%g ms"});
-}
-
-void add_accuracy(report::ResultColumnsOf<SystemRow>& columns) {
-  using A = FieldAccuracy;
-  columns.table("Fields against the exact transform of their own maps; memory")
+           {.heading = "published", .pattern = "%g ms"})
+      .table("Fields against the exact transform of their own maps; memory")
       .add("max_error_m", of_accuracy(&A::max_error_m), "Largest error of the field.",
            {.heading = "max error", .pattern = "%.4f m", .compared = true})
       .add("mean_error_m", of_accuracy(&A::mean_error_m), "Mean error of the field.",
            {.heading = "mean error", .pattern = "%.2g m", .compared = true})
-      .add("accuracy_checks", of_part(&SystemRow::clock, &ClockRecord::accuracy_checks),
+      .add("accuracy_checks", of_part(clock, &ClockRecord::accuracy_checks),
            "Fields that were compared.")
       .add("compared_vox", of_accuracy(&A::compared_vox), "Voxels that were compared.",
            {.heading = "voxels compared", .pattern = "%.0f"})
       .add("differing_vox", of_accuracy(&A::differing_vox), "Voxels that differ.",
            {.heading = "that differ", .pattern = "%.0f"})
-      .add("memory_mib",
-           of_part(&SystemRow::clock, [](const ClockRecord& c) { return memory_mib(c.updates); }),
+      .add("memory_mib", of_part(clock, [](const ClockRecord& c) { return memory_mib(c.updates); }),
            "Most memory of the process, beyond what it had before the system was made.",
            {.heading = "memory", .pattern = "%.0f MiB", .compared = true});
 }
@@ -241,7 +222,12 @@ void add_truth(report::ResultColumnsOf<SystemRow>& columns) {
                 {.heading = heading, .pattern = "%.0f"});
   };
   columns.table("Maps against the true scene")
-      .add("truth.collision_recall", of_part(truth, &collision_recall),
+      .add("truth.collision_recall",
+           of_part(truth,
+                   [](const T& t) {
+                     const auto recall = t.collision_recall();
+                     return recall ? Json(*recall) : Json(nullptr);
+                   }),
            "Share of the surface voxels seen that have an occupied voxel no farther than one away.",
            {.heading = "recall", .pattern = "%.4f"});
   count("surface_vox", &T::surface_vox, "Voxels in which the camera saw a surface.");
@@ -313,8 +299,7 @@ const report::ResultColumnsOf<SystemRow>& mapping_systems() {
         .add(
             "error", [](const R& r) { return r.record.error; }, "Why it could not be measured.")
         .add("unmet", &R::unmet, "What it does not do of `experiment.expect`.");
-    add_times(columns);
-    add_accuracy(columns);
+    add_times_and_errors(columns);
     add_truth(columns);
     add_real_time(columns);
     return columns;
@@ -335,11 +320,6 @@ Json system_json(const SystemRow& row) {
   return json;
 }
 
-std::string label_of(const CaseRecord& record) {
-  return record.what.name + (record.is_signed ? ", signed" : "") + " at " +
-         format("%g m", record.what.resolution_m);
-}
-
 std::string verdict_text(const MappingBenchmarkSettings& settings,
                          const MappingBenchmarkRecord& record) {
   const std::string measured = std::to_string(record.cases.size()) + " of " +
@@ -351,7 +331,8 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
     const std::string unmet = unmet_expectations(one, settings.expect);
     if (one.error.empty() && unmet.empty()) continue;
     ++failed;
-    failures += " " + label_of(one) + ": " + (one.error.empty() ? unmet : one.error) + ".";
+    failures +=
+        " " + one.what.label(one.is_signed) + ": " + (one.error.empty() ? unmet : one.error) + ".";
   }
   if (failed > 0) {
     return "Failed: " + std::to_string(failed) + " of " + std::to_string(record.cases.size()) +
@@ -361,7 +342,7 @@ std::string verdict_text(const MappingBenchmarkSettings& settings,
   for (const CaseRecord& one : record.cases) {
     const ClockRecord* clock = timed(one);
     if (one.what.name != settings.reference || clock == nullptr) continue;
-    text += "; " + label_of(one) + " takes " +
+    text += "; " + one.what.label(one.is_signed) + " takes " +
             format("%.1f ms", statistics_of(frame_times(clock->updates)).p50) + " (p50)";
   }
   return text + ".";
