@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
+#include <set>
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/worker_pool.hpp>
@@ -17,63 +18,25 @@ namespace {
 /// Problems, at least, between two commits: what a run that is killed loses.
 constexpr std::int64_t kProblemsInBatch = 512;
 
-bool in_shard(const Shard& shard, std::size_t robot, int scene, int scenes) {
-  const auto unit = static_cast<std::int64_t>(robot) * scenes + scene;
-  return unit % shard.count == shard.index;
-}
-
 /// One robot at work: everything that its problems share. Fields are attached to its map.
 struct RobotStudy {
   const StudyRobot& settings;
   std::shared_ptr<const RobotModel> robot;
   std::vector<Eigen::VectorXd> states;
+  std::vector<int> scenes = {};  ///< Of the shard.
   FieldChecks checks{robot};
   BoxMap map{settings.grid};
   std::vector<PluginPtr<FieldBuilder>> builders = {};  ///< By kind of field.
   std::vector<StudySolver> solvers = {};               ///< By thread.
 };
 
-Result<std::unique_ptr<RobotStudy>> make_robot(const FieldStudy& study, std::size_t index,
-                                               ExperimentContext& context) {
-  const StudyRobot& settings = study.robots[index];
-  std::shared_ptr<const RobotModel> model =
-      SIDESTEP_TRY(context.host.create<RobotModel>(settings.entry.robot));
-  auto states = SIDESTEP_TRY(draw_states(settings, model, study.settings.states, context.seed));
-  std::unique_ptr<RobotStudy> robot(new RobotStudy{settings, model, std::move(states)});
-  const Node& field = block_of(context.configuration, "field");
-  for (const char* is_signed : {"false", "true"}) {
-    const Node block = with_entry(field, "signed", plain_scalar(is_signed, field.mark()));
-    auto builder = SIDESTEP_TRY(context.host.create<FieldBuilder>(block, model));
-    SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->attach(robot->map); }));
-    robot->builders.push_back(std::move(builder));
-  }
-  return robot;
-}
-
-/// Which states keep the margin to the boxes.
-std::vector<char> free_states(const RobotStudy& robot,
-                              const std::shared_ptr<const DistanceField>& truth, double margin_m) {
-  std::vector<char> free;
-  for (const Eigen::VectorXd& q : robot.states) {
-    const auto collision =
-        robot.checks.state_violation(truth, {Space::kFree, Space::kOccupied}, margin_m, as_span(q));
-    free.push_back(collision ? 0 : 1);
-  }
-  return free;
-}
-
-struct PreparedScene {
-  StudyScene scene;
-  SceneRow row;
-};
-
 /// Draws a scene and makes both its fields.
-Result<PreparedScene> make_scene(RobotStudy& robot, const FieldStudy& study, int scene,
-                                 std::uint64_t seed) {
+Result<StudyScene> make_scene(RobotStudy& robot, const FieldStudy& study, int scene,
+                              std::uint64_t seed) {
   const StudyRobotEntry& entry = robot.settings.entry;
   const auto boxes = draw_boxes(entry, study.settings.boxes_per_scene, scene, seed);
-  PreparedScene prepared;
-  prepared.scene.scene = scene;
+  StudyScene prepared;
+  prepared.scene = scene;
   prepared.row.scene = scene;
   prepared.row.mean_side_m = mean_side_m(entry, boxes);
   const MapUpdate update = robot.map.set_boxes(boxes);
@@ -83,14 +46,18 @@ Result<PreparedScene> make_scene(RobotStudy& robot, const FieldStudy& study, int
     auto field =
         SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->update(update); }));
     prepared.row.field_ms[kind] = watch.elapsed_ms();
-    prepared.scene.fields[kind] = std::move(field);
+    prepared.fields[kind] = std::move(field);
   }
   const auto truth = true_field(boxes);
-  prepared.scene.state_free = free_states(robot, truth, study.check.margin_m);
-  prepared.scene.check = robot.checks.make(truth, {Space::kFree, Space::kOccupied},
-                                           {.margin_m = study.check.margin_m,
-                                            .max_step_m = study.check.max_step_m,
-                                            .obstacles_only = true});
+  for (const Eigen::VectorXd& q : robot.states) {
+    const auto collision = robot.checks.state_violation(truth, {Space::kFree, Space::kOccupied},
+                                                        study.check.margin_m, as_span(q));
+    prepared.state_free.push_back(collision ? 0 : 1);
+  }
+  prepared.check = robot.checks.make(truth, {Space::kFree, Space::kOccupied},
+                                     {.margin_m = study.check.margin_m,
+                                      .max_step_m = study.check.max_step_m,
+                                      .obstacles_only = true});
   return prepared;
 }
 
@@ -100,51 +67,13 @@ struct WorkItem {
   std::int64_t pair = 0;
 };
 
-/// The problems of a batch of scenes on all threads. What is not solved when the run is
-/// interrupted is missing from the outcomes.
-Result<std::vector<ProblemOutcome>> solve_all(const std::vector<WorkItem>& items, RobotStudy& robot,
-                                              WorkerPool& workers, const ExperimentContext& context,
-                                              std::int64_t& done, std::int64_t total) {
-  std::vector<std::optional<ProblemOutcome>> outcomes(items.size());
-  std::optional<Error> fault;
-  std::atomic<std::size_t> next = 0;
-  std::atomic<bool> stopped = false;
-  std::mutex mutex;  // guards fault, done and the progress callback
-  const Deadline deadline(context.stop);
-  workers.run(workers.thread_count(), [&](int thread) {
-    StudySolver& solver = robot.solvers[idx(thread)];
-    while (!stopped) {
-      const std::size_t i = next++;
-      if (i >= items.size()) return;
-      auto solved = solver.solve(*items[i].scene, items[i].pair, deadline);
-      const std::lock_guard lock(mutex);
-      if (!solved) {
-        stopped = true;
-        if (solved.error().code != ErrorCode::kCancelled) fault = std::move(solved.error());
-        return;
-      }
-      outcomes[i] = std::move(*solved);
-      ++done;
-      if (context.progress) context.progress(done, total, robot.settings.entry.name);
-    }
-  });
-  if (fault) return tl::make_unexpected(std::move(*fault));
-  std::vector<ProblemOutcome> solved;
-  for (std::optional<ProblemOutcome>& outcome : outcomes) {
-    if (outcome) solved.push_back(std::move(*outcome));
-  }
-  return solved;
-}
-
-/// Problems of one robot that a store holds already.
-using DoneProblems = std::set<std::int64_t>;
-
 /// A run of a study: the scenes of its shard that are not done yet.
 struct StudyRun {
   const FieldStudy& study;
   ExperimentContext& context;
   Recorder& recorder;
-  std::vector<DoneProblems> done;  ///< By robot.
+  std::vector<std::set<std::int64_t>> done;  ///< By robot: problems that the store holds already.
+  std::int64_t session;                      ///< Index of this one.
   WorkerPool workers{context.threads};
   SessionClock clock{workers.thread_count()};
   std::vector<std::unique_ptr<RobotStudy>> robots = {};
@@ -153,41 +82,58 @@ struct StudyRun {
 
   /// What is known of the robots before any problem is solved.
   Result<std::vector<StudyRobotRows>> prepare();
-  Result<void> solve(std::int64_t session);
-  Result<void> solve_robot(std::size_t robot, std::int64_t session);
-  Result<void> solve_batch(std::size_t robot, const std::vector<int>& scenes, std::int64_t session);
+  Result<void> solve();
+  Result<void> solve_robot(std::size_t robot);
+  Result<void> solve_batch(std::size_t robot, std::span<const int> scenes);
+  /// The problems of a batch of scenes on all threads. What is not solved when the run is
+  /// interrupted has no outcome.
+  Result<std::vector<std::optional<ProblemOutcome>>> solve_all(const std::vector<WorkItem>& items,
+                                                               RobotStudy& robot);
 };
 
 Result<std::vector<StudyRobotRows>> StudyRun::prepare() {
   std::vector<StudyRobotRows> rows;
   const FieldStudySettings& settings = study.settings;
+  const Node& field = block_of(context.configuration, "field");
   for (std::size_t r = 0; r < study.robots.size(); ++r) {
-    auto robot = SIDESTEP_TRY(make_robot(study, r, context));
+    const StudyRobot& one = study.robots[r];
+    std::shared_ptr<const RobotModel> model =
+        SIDESTEP_TRY(context.host.create<RobotModel>(one.entry.robot));
+    auto states = SIDESTEP_TRY(draw_states(one, model, settings.states, context.seed));
+    std::unique_ptr<RobotStudy> robot(new RobotStudy{one, model, std::move(states)});
+    for (const char* is_signed : {"false", "true"}) {
+      const Node block = with_entry(field, "signed", plain_scalar(is_signed, field.mark()));
+      auto builder = SIDESTEP_TRY(context.host.create<FieldBuilder>(block, model));
+      SIDESTEP_TRY(call_stage(plugin_of(builder), [&] { return builder->attach(robot->map); }));
+      robot->builders.push_back(std::move(builder));
+    }
     StudyRobotRows row;
-    row.name = study.robots[r].entry.name;
-    row.dof = robot->robot->description().dof();
-    row.spheres = static_cast<int>(robot->robot->description().spheres.size());
+    row.name = one.entry.name;
+    row.dof = model->description().dof();
+    row.spheres = static_cast<int>(model->description().spheres.size());
     row.states = settings.states;
     row.scenes = settings.scenes;
     row.boxes_per_scene = settings.boxes_per_scene;
-    row.resolution_m = study.robots[r].grid.resolution_m;
+    row.resolution_m = one.grid.resolution_m;
     row.drawn_states = robot->states;
-    row.published = study.robots[r].entry.published;
+    row.published = one.entry.published;
     for (int scene = 0; scene < settings.scenes; ++scene) {
-      if (in_shard(context.shard, r, scene, settings.scenes)) row.planned += settings.pairs();
+      const auto unit = static_cast<std::int64_t>(r) * settings.scenes + scene;
+      if (unit % context.shard.count == context.shard.index) robot->scenes.push_back(scene);
     }
+    row.planned = std::ssize(robot->scenes) * settings.pairs();
     total += row.planned;
-    solved += static_cast<std::int64_t>(done[r].size());
+    solved += std::ssize(done[r]);
     rows.push_back(std::move(row));
     robots.push_back(std::move(robot));
   }
   return rows;
 }
 
-Result<void> StudyRun::solve(std::int64_t session) {
+Result<void> StudyRun::solve() {
   for (std::size_t r = 0; r < robots.size(); ++r) {
     if (context.stop.stop_requested()) break;
-    auto ended = solve_robot(r, session);
+    auto ended = solve_robot(r);
     robots[r].reset();  // its fields and optimisers
     if (!ended) return ended;
   }
@@ -195,55 +141,100 @@ Result<void> StudyRun::solve(std::int64_t session) {
   return recorder.commit();
 }
 
-Result<void> StudyRun::solve_robot(std::size_t robot, std::int64_t session) {
-  const FieldStudySettings& settings = study.settings;
-  const std::int64_t pairs = settings.pairs();
-  std::vector<int> scenes;
-  for (int scene = 0; scene < settings.scenes; ++scene) {
-    if (!in_shard(context.shard, robot, scene, settings.scenes)) continue;
+Result<void> StudyRun::solve_robot(std::size_t robot) {
+  const std::int64_t pairs = study.settings.pairs();
+  RobotStudy& at_work = *robots[robot];
+  std::vector<int>& scenes = at_work.scenes;
+  std::erase_if(scenes, [&](int scene) {
     const auto first = done[robot].lower_bound(scene * pairs);
     const auto last = done[robot].lower_bound((scene + 1) * pairs);
-    if (std::distance(first, last) < pairs) scenes.push_back(scene);
-  }
+    return std::distance(first, last) == pairs;
+  });
   if (scenes.empty()) return {};
-  RobotStudy& at_work = *robots[robot];
   for (int t = 0; t < workers.thread_count(); ++t) {
     auto optimiser = SIDESTEP_TRY(context.host.create<Optimiser>(
         block_of(context.configuration, "optimiser"), at_work.robot));
     at_work.solvers.push_back({at_work.settings, at_work.robot, at_work.states,
-                               std::move(optimiser), settings.skips_collisions()});
+                               std::move(optimiser), study.settings.skips_collisions()});
   }
-  const auto in_batch = static_cast<std::size_t>((kProblemsInBatch + pairs - 1) / pairs);
-  for (std::size_t first = 0; first < scenes.size(); first += in_batch) {
-    if (context.stop.stop_requested()) return {};
-    const auto begin = scenes.begin() + static_cast<std::ptrdiff_t>(first);
-    const auto count = std::min(in_batch, scenes.size() - first);
-    SIDESTEP_TRY(solve_batch(robot, {begin, begin + static_cast<std::ptrdiff_t>(count)}, session));
+  const std::size_t in_batch = idx((kProblemsInBatch + pairs - 1) / pairs);
+  for (std::span<const int> left = scenes; !left.empty() && !context.stop.stop_requested();) {
+    const std::size_t count = std::min(in_batch, left.size());
+    SIDESTEP_TRY(solve_batch(robot, left.first(count)));
+    left = left.subspan(count);
   }
   return {};
 }
 
-Result<void> StudyRun::solve_batch(std::size_t robot, const std::vector<int>& scenes,
-                                   std::int64_t session) {
+Result<void> StudyRun::solve_batch(std::size_t robot, std::span<const int> scenes) {
   const std::int64_t pairs = study.settings.pairs();
-  std::vector<PreparedScene> prepared;
+  std::vector<StudyScene> prepared;
   for (const int scene : scenes) {
     auto made = SIDESTEP_TRY(make_scene(*robots[robot], study, scene, context.seed));
     record_scene(made.row, robot, recorder);
     prepared.push_back(std::move(made));
   }
   std::vector<WorkItem> items;
-  for (const PreparedScene& one : prepared) {
+  for (const StudyScene& one : prepared) {
     for (std::int64_t pair = 0; pair < pairs; ++pair) {
-      if (done[robot].contains(one.scene.scene * pairs + pair)) continue;
-      items.push_back({&one.scene, pair});
+      if (done[robot].contains(one.scene * pairs + pair)) continue;
+      items.push_back({&one, pair});
     }
   }
-  const auto outcomes =
-      SIDESTEP_TRY(solve_all(items, *robots[robot], workers, context, solved, total));
-  for (const ProblemOutcome& outcome : outcomes) record_problem(outcome, robot, recorder);
-  record_session(clock.after(std::ssize(outcomes)), session, recorder);
+  const std::int64_t before = solved;
+  const auto outcomes = SIDESTEP_TRY(solve_all(items, *robots[robot]));
+  for (const auto& outcome : outcomes) {
+    if (outcome) record_problem(*outcome, robot, recorder);
+  }
+  record_session(clock.after(solved - before), session, recorder);
   return recorder.commit();
+}
+
+Result<std::vector<std::optional<ProblemOutcome>>> StudyRun::solve_all(
+    const std::vector<WorkItem>& items, RobotStudy& robot) {
+  std::vector<std::optional<ProblemOutcome>> outcomes(items.size());
+  std::optional<Error> fault;
+  std::atomic<std::size_t> next = 0;
+  std::atomic<bool> stopped = false;
+  std::mutex mutex;  // guards fault, solved and the progress callback
+  const Deadline deadline(context.stop);
+  workers.run(workers.thread_count(), [&](int thread) {
+    StudySolver& solver = robot.solvers[idx(thread)];
+    while (!stopped) {
+      const std::size_t i = next++;
+      if (i >= items.size()) return;
+      auto outcome = solver.solve(*items[i].scene, items[i].pair, deadline);
+      const std::lock_guard lock(mutex);
+      if (!outcome) {
+        stopped = true;
+        if (outcome.error().code != ErrorCode::kCancelled) fault = std::move(outcome.error());
+        return;
+      }
+      outcomes[i] = std::move(*outcome);
+      ++solved;
+      if (context.progress) context.progress(solved, total, robot.settings.entry.name);
+    }
+  });
+  if (fault) return tl::make_unexpected(std::move(*fault));
+  return outcomes;
+}
+
+/// Moves what a part has found into the whole.
+void absorb_study(StudyRecord& whole, StudyRecord part) {
+  for (std::size_t r = 0; r < whole.robots.size(); ++r) {
+    std::ranges::copy(part.robots[r].drawn, std::back_inserter(whole.robots[r].drawn));
+    std::ranges::copy(part.robots[r].problems, std::back_inserter(whole.robots[r].problems));
+  }
+}
+
+void record_whole_study(const StudyRecord& study, Recorder& recorder) {
+  record_study(study, recorder);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    for (const SceneRow& scene : study.robots[r].drawn) record_scene(scene, r, recorder);
+    for (const ProblemOutcome& problem : study.robots[r].problems) {
+      record_problem(problem, r, recorder);
+    }
+  }
 }
 
 class FieldStudyExperiment final : public Experiment {
@@ -251,7 +242,7 @@ class FieldStudyExperiment final : public Experiment {
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"field", "optimiser", "planning"},
             .optional_blocks = {"check"},
-            .unused_of_planning = unused_of_study_planning(),
+            .unused_of_planning = kUnusedOfStudyPlanning,
             .is_divisible = true};
   }
   [[nodiscard]] const report::RunReport& report() const override { return study_report(); }
@@ -271,18 +262,18 @@ class FieldStudyExperiment final : public Experiment {
                       std::to_string(context.shard.count) + " shards",
                   context.configuration.file.string());
     }
-    StudyRecord record{divided_run_of(context)};
-    record.confidence = study.settings.confidence;
-    record.bootstrap_samples = study.settings.bootstrap_samples;
-    record.published_as = study.settings.published_as;
-
-    std::vector<DoneProblems> done(study.robots.size());
+    StudyRecord record{divided_run_of(context),
+                       study.settings.confidence,
+                       study.settings.bootstrap_samples,
+                       study.settings.published_as,
+                       {}};
+    std::vector<std::set<std::int64_t>> done(study.robots.size());
     std::int64_t session = 0;
     if (context.resume) {
       const auto file = context.out / "results.sqlite";
       const auto earlier = SIDESTEP_TRY(read_study(file));
       SIDESTEP_TRY(check_same_run(earlier, record, file.string()));
-      session = static_cast<std::int64_t>(earlier.sessions.size());
+      session = std::ssize(earlier.sessions);
       for (std::size_t r = 0; r < done.size(); ++r) {
         for (const ProblemOutcome& problem : earlier.robots[r].problems) {
           done[r].insert(done[r].end(), problem.problem);
@@ -291,11 +282,11 @@ class FieldStudyExperiment final : public Experiment {
     }
     auto store = SIDESTEP_TRY(open_store(context, record.provenance));
     Recorder recorder(*store);
-    StudyRun run{study, context, recorder, std::move(done)};
+    StudyRun run{study, context, recorder, std::move(done), session};
     record.robots = SIDESTEP_TRY(run.prepare());
     if (!context.resume) record_study(record, recorder);
     SIDESTEP_TRY(recorder.commit());
-    auto solved = run.solve(session);
+    auto solved = run.solve();
     store.reset();
     if (context.progress) context.progress(0, 0, "summing up");
     return conclude_study(context.out, context.stop.stop_requested(),
@@ -303,7 +294,9 @@ class FieldStudyExperiment final : public Experiment {
   }
   [[nodiscard]] Result<ExperimentOutcome> merge(const std::vector<std::filesystem::path>& shards,
                                                 const std::filesystem::path& out) const override {
-    return merge_study(shards, out);
+    auto study = SIDESTEP_TRY(merged_record(shards, &read_study, &absorb_study));
+    for (StudyRobotRows& robot : study.robots) robot.planned = robot.pairs() * robot.scenes;
+    return conclude_whole(study, out, &record_whole_study, &conclude_study);
   }
 };
 

@@ -106,23 +106,13 @@ struct FieldStudy {
 
 /// Keys of a `planning` block that have no effect in a study: every problem is solved once, from a
 /// straight line, until the optimiser ends, and its trajectory is judged as it is.
-[[nodiscard]] std::vector<std::string> unused_of_study_planning();
+inline const std::vector<std::string> kUnusedOfStudyPlanning = {
+    "max_unknown_share", "retime", "time_limit_s", "attempts", "epsilon_moving_m"};
 
 /// Reads a configuration; appends what no schema can know: names, ranges, regions, blocks that do
 /// not fit. What does not fit its schema has been reported, and is passed over.
 [[nodiscard]] FieldStudy read_field_study(const Configuration& configuration,
                                           std::vector<Error>& errors);
-
-/// The joint ranges that states are drawn from: `state_ranges`, else the joints' limits. Appends an
-/// error for each unknown joint, empty range, value beyond a limit, and joint without limits that
-/// has no range.
-struct JointRange {
-  double lower = 0.0;
-  double upper = 0.0;
-};
-[[nodiscard]] std::vector<JointRange> read_state_ranges(const StudyRobotEntry& entry,
-                                                        const RobotDescription& robot,
-                                                        std::vector<Error>& errors);
 
 /// Everything that can be wrong with a configuration of a field study.
 void check_field_study(const Configuration& configuration, Host& host, std::vector<Error>& errors);
@@ -166,7 +156,7 @@ class BoxMap final : public Mapper, public OccupancyView {
   [[nodiscard]] VoxelBits known() const noexcept override { return {known_, words_per_row_}; }
 
  private:
-  void fill(const StudyBox& box);
+  void fill(const StudyBox& box, std::vector<std::uint64_t>& bits) const;
 
   GridSpec grid_;
   int words_per_row_ = 0;
@@ -211,12 +201,20 @@ struct ProblemOutcome {
   }
 };
 
+/// What a results store holds of a scene.
+struct SceneRow {
+  std::int64_t scene = 0;
+  double mean_side_m = 0.0;
+  std::array<double, 2> field_ms{};  ///< Time to make each kind of field.
+};
+
 /// What all problems of one scene share. Immutable; any thread.
 struct StudyScene {
   int scene = 0;
   std::array<std::shared_ptr<const DistanceField>, 2> fields;
   std::shared_ptr<const ValidityCheck> check;  ///< Against the true scene, obstacles alone.
   std::vector<char> state_free;                ///< By state.
+  SceneRow row;
 };
 
 /// The states of a pair: 0 is (0, 1), then (0, 2), ....
@@ -240,12 +238,6 @@ struct StudySolver {
 };
 
 // Rows of the store.
-
-struct SceneRow {
-  std::int64_t scene = 0;
-  double mean_side_m = 0.0;
-  std::array<double, 2> field_ms{};  ///< Time to make each kind of field.
-};
 
 /// What a results store holds of one robot.
 struct StudyRobotRows {
@@ -306,10 +298,6 @@ void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& 
 [[nodiscard]] Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run,
                                                        bool interrupted,
                                                        const std::optional<Error>& fault);
-
-/// Puts shards of one run together in the folder `out`.
-[[nodiscard]] Result<ExperimentOutcome> merge_study(const std::vector<std::filesystem::path>& runs,
-                                                    const std::filesystem::path& out);
 
 /// Fills in the tables of terminal and spreadsheet, made of what summary.json tells.
 void show_study(const nlohmann::ordered_json& summary, ExperimentOutcome& outcome);

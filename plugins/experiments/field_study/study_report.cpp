@@ -64,14 +64,14 @@ struct SizeBin {
 };
 
 std::vector<SizeBin> size_bins(const StudyRobotRows& robot) {
-  Range range{0.0, 0.0};
+  double largest_m = 1e-9;
   std::map<std::int64_t, double> size_of;
   for (const SceneRow& scene : robot.drawn) {
     size_of[scene.scene] = scene.mean_side_m;
-    range.include(scene.mean_side_m);
+    largest_m = std::max(largest_m, scene.mean_side_m);
   }
   std::vector<SizeBin> bins(kSizeBins);
-  const double width = std::max(range.upper, 1e-9) / kSizeBins;
+  const double width = largest_m / kSizeBins;
   for (int b = 0; b < kSizeBins; ++b) bins[idx(b)].size_m = (b + 0.5) * width;
   for (const ProblemOutcome& problem : robot.problems) {
     if (!problem.is_solvable()) continue;
@@ -332,16 +332,18 @@ std::string interval_cell(const Json& robot, const std::string& part, const Quan
   return lower == "-" ? "-" : "[" + lower + ", " + cell(at(ci, "/1"), what.pattern) + "]";
 }
 
-/// One quantity of one robot: printed figures, then ours, each with its interval, and the
-/// difference.
-Row quantity_row(const Json& robot, const Quantity& what) {
+/// One quantity of one robot: printed figures, then ours, each with its interval, in one cell or in
+/// two, and the difference.
+Row quantity_row(const Json& robot, const Quantity& what, bool in_one_cell) {
   Row row{cell(at(robot, "/name")), what.name};
   for (const char* part : {"published/unsigned", "published/signed"}) {
     row.push_back(value_cell(robot, part, what, "%g"));
   }
   for (const char* part : {"unsigned", "signed", "difference"}) {
     row.push_back(value_cell(robot, part, what, what.pattern));
-    row.push_back(interval_cell(robot, part, what));
+    const std::string interval = interval_cell(robot, part, what);
+    if (!in_one_cell) row.push_back(interval);
+    if (in_one_cell && interval != "-") row.back() += " " + interval;
   }
   return row;
 }
@@ -357,7 +359,7 @@ std::string outcomes_section(const Json& summary) {
           Quantity{"iterations", "iterations", "%.2f", true},
           Quantity{"iterations, solvable problems", "iterations_solvable", "%.2f", true},
           Quantity{"valid cost", "valid_cost", "%.4g", true}}) {
-      rows.push_back(quantity_row(robot, what));
+      rows.push_back(quantity_row(robot, what, false));
     }
   }
   return "<h2>Unsigned against signed fields</h2>\n" +
@@ -401,13 +403,7 @@ void show_study(const Json& summary, ExperimentOutcome& outcome) {
     for (const Quantity& what : {Quantity{"failures, %", "failure_percent", "%.3f", false},
                                  Quantity{"iterations", "iterations", "%.2f", true},
                                  Quantity{"valid cost", "valid_cost", "%.4g", true}}) {
-      Row row = quantity_row(robot, what);
-      for (std::size_t c = 4; c < row.size(); ++c) {  // a value and its interval share a column
-        const std::string bounds = row[c + 1] == "-" ? "" : " " + row[c + 1];
-        row[c] += bounds;
-        row.erase(row.begin() + static_cast<std::ptrdiff_t>(c) + 1);
-      }
-      table.add(std::move(row));
+      table.add(quantity_row(robot, what, true));
     }
   }
   const Json fields = study_fields(summary);

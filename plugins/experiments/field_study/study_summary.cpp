@@ -14,6 +14,131 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr double kSkipped = -1.0;
+
+std::string of_robot(const char* series, std::size_t robot) {
+  return std::string(series) + "/" + std::to_string(robot);
+}
+
+StoredRow<StudyRecord> stored_study() {
+  return StoredRow<StudyRecord>()
+      .add("confidence", &StudyRecord::confidence)
+      .add("bootstrap_samples", &StudyRecord::bootstrap_samples)
+      .add("published_as", &StudyRecord::published_as)
+      .add(
+          "robots", [](const StudyRecord& study) { return study.robots.size(); },
+          [](StudyRecord& study, std::size_t count) { study.robots.resize(count); });
+}
+
+StoredRow<PublishedOutcome> stored_published(const std::string& kind) {
+  const std::string prefix = "published." + kind + ".";
+  return StoredRow<PublishedOutcome>()
+      .add(prefix + "failure_percent", &PublishedOutcome::failure_percent)
+      .add(prefix + "iterations_mean", &PublishedOutcome::iterations_mean)
+      .add(prefix + "iterations_sd", &PublishedOutcome::iterations_sd)
+      .add(prefix + "cost_mean", &PublishedOutcome::cost_mean)
+      .add(prefix + "cost_sd", &PublishedOutcome::cost_sd);
+}
+
+StoredRow<StudyRobotRows> stored_robot() {
+  using Rows = StudyRobotRows;
+  return StoredRow<Rows>()
+      .add("name", &Rows::name)
+      .add("dof", &Rows::dof)
+      .add("spheres", &Rows::spheres)
+      .add("states", &Rows::states)
+      .add("scenes", &Rows::scenes)
+      .add("boxes_per_scene", &Rows::boxes_per_scene)
+      .add("resolution_m", &Rows::resolution_m)
+      .add("planned", &Rows::planned)
+      .add(
+          "has_published", [](const Rows& rows) { return rows.published.has_value(); },
+          [](Rows& rows, bool has) {
+            if (has) rows.published.emplace();
+          });
+}
+
+StoredRow<Eigen::VectorXd> stored_state(int dof) {
+  StoredRow<Eigen::VectorXd> state;
+  for (int j = 0; j < dof; ++j) {
+    state.add(
+        "q." + std::to_string(j), [j](const Eigen::VectorXd& q) { return q[j]; },
+        [j, dof](Eigen::VectorXd& q, double value) {
+          q.conservativeResize(dof);
+          q[j] = value;
+        });
+  }
+  return state;
+}
+
+StoredRow<SceneRow> stored_scene() {
+  return StoredRow<SceneRow>()
+      .add("scene", &SceneRow::scene)
+      .add("mean_side_m", &SceneRow::mean_side_m)
+      .add(
+          "unsigned.field_ms", [](auto& row) -> auto& { return row.field_ms[kUnsigned]; })
+      .add(
+          "signed.field_ms", [](auto& row) -> auto& { return row.field_ms[kSigned]; });
+}
+
+const StoredRow<ProblemOutcome>& stored_problem() {
+  static const auto kProblem = [] {
+    using Field = FieldOutcome;
+    StoredRow<ProblemOutcome> stored;
+    stored.add("problem", &ProblemOutcome::problem)
+        .add("start_free", &ProblemOutcome::start_free)
+        .add("goal_free", &ProblemOutcome::goal_free);
+    for (const std::size_t kind : {kUnsigned, kSigned}) {
+      const auto add = [&](const char* key, auto member) {
+        stored.add(
+            std::string(kFieldNames[kind]) + "." + key,
+            [ kind, member ](auto& row) -> auto& { return row.fields[kind].*member; });
+      };
+      stored.add(
+          std::string(kFieldNames[kind]) + ".status",
+          [kind](const ProblemOutcome& row) {
+            const Field& field = row.fields[kind];
+            return field.attempted ? static_cast<double>(field.status) : kSkipped;
+          },
+          [kind](ProblemOutcome& row, double status) {
+            row.fields[kind].attempted = status != kSkipped;
+            if (status != kSkipped) {
+              row.fields[kind].status = static_cast<SolveStatus>(static_cast<int>(status));
+            }
+          });
+      add("collision_free", &Field::collision_free);
+      add("iterations", &Field::iterations);
+      add("steps", &Field::steps);
+      add("cost", &Field::cost);
+      add("clearance_m", &Field::clearance_m);
+      add("solve_ms", &Field::solve_ms);
+      add("check_ms", &Field::check_ms);
+    }
+    return stored;
+  }();
+  return kProblem;
+}
+
+Result<StudyRobotRows> read_robot(ResultsReader& reader, std::size_t robot,
+                                  const std::string& file) {
+  const auto item = static_cast<std::int64_t>(robot);
+  auto rows = SIDESTEP_TRY(stored_robot().read(reader, "robot", item, file));
+  if (rows.published) {
+    auto plain = SIDESTEP_TRY(stored_published("unsigned").read(reader, "robot", item, file));
+    auto with_sign = SIDESTEP_TRY(stored_published("signed").read(reader, "robot", item, file));
+    rows.published = PublishedComparison{plain, with_sign};
+  }
+  const auto read_series = [&](auto& into, const auto& stored, const char* series) -> Result<void> {
+    auto read = SIDESTEP_TRY(stored.read_all(reader, of_robot(series, robot), file));
+    for (auto& numbered : read) into.push_back(std::move(numbered.second));
+    return {};
+  };
+  SIDESTEP_TRY(read_series(rows.drawn_states, stored_state(rows.dof), "state"));
+  SIDESTEP_TRY(read_series(rows.drawn, stored_scene(), "scene"));
+  SIDESTEP_TRY(read_series(rows.problems, stored_problem(), "problem"));
+  return rows;
+}
+
 constexpr std::array<SolveStatus, 5> kStatuses = {
     SolveStatus::kConverged, SolveStatus::kIterationLimit, SolveStatus::kDeadline,
     SolveStatus::kNoPath, SolveStatus::kFailed};
@@ -53,12 +178,6 @@ Json interval_json(const Interval& interval, double scale = 1.0) {
   return Json::array({scale * interval.lower, scale * interval.upper});
 }
 
-/// Null where there are none to be a part of.
-Json percent_of(std::int64_t part, std::int64_t all) {
-  if (all == 0) return nullptr;
-  return 100.0 * (static_cast<double>(part) / static_cast<double>(all));
-}
-
 Json mean_json(const MeanWithInterval& mean) {
   if (mean.count == 0) {
     return {{"count", 0},    {"mean", nullptr}, {"sd", nullptr},
@@ -67,10 +186,6 @@ Json mean_json(const MeanWithInterval& mean) {
   return {{"count", mean.count},        {"mean", mean.statistics.mean},
           {"sd", mean.statistics.sd},   {"ci", interval_json(mean.interval)},
           {"p50", mean.statistics.p50}, {"p95", mean.statistics.p95}};
-}
-
-Json times_json(const Statistics& times) {
-  return {{"mean", times.mean}, {"p50", times.p50}, {"p95", times.p95}, {"max", times.max}};
 }
 
 /// One field over all problems of a robot. Its failures are the solvable problems that are not
@@ -85,6 +200,7 @@ Json field_json(const StudyRecord& study, const StudyRobotRows& robot, std::size
   };
   const auto solvable = std::ranges::count_if(attempted, &P::is_solvable);
   const auto failures = solvable - with(&F::collision_free, true);
+  const double share = static_cast<double>(failures) / static_cast<double>(solvable);
   const Interval interval = wilson_interval(failures, solvable, study.confidence);
   Json ended = Json::object();
   for (const SolveStatus status : kStatuses) {
@@ -95,14 +211,15 @@ Json field_json(const StudyRecord& study, const StudyRobotRows& robot, std::size
       return static_cast<double>(problem.fields[kind].*member);
     }));
   };
-  const auto times = [&](auto member) {
-    return times_json(statistics_of(
-        values_of(attempted, [=](const P& problem) { return problem.fields[kind].*member; })));
+  const auto times = [&](auto member) -> Json {
+    const Statistics all = statistics_of(
+        values_of(attempted, [=](const P& problem) { return problem.fields[kind].*member; }));
+    return {{"mean", all.mean}, {"p50", all.p50}, {"p95", all.p95}, {"max", all.max}};
   };
   return {{"attempted", attempted.size()},
           {"collision_free", with(&F::collision_free, true)},
           {"failures", failures},
-          {"failure_percent", percent_of(failures, solvable)},
+          {"failure_percent", solvable > 0 ? Json(100.0 * share) : Json(nullptr)},
           {"failure_percent_ci", interval_json(interval, 100.0)},
           {"ended", ended},
           {"iterations", mean("iterations", &F::iterations, &P::is_attempted)},
@@ -185,25 +302,41 @@ std::string verdict_text(const StudyRecord& study, const Json& robots, bool inte
   return text + ".";
 }
 
-/// Moves what a part has found into the whole.
-void absorb_study(StudyRecord& whole, StudyRecord part) {
-  for (std::size_t r = 0; r < whole.robots.size(); ++r) {
-    std::ranges::copy(part.robots[r].drawn, std::back_inserter(whole.robots[r].drawn));
-    std::ranges::copy(part.robots[r].problems, std::back_inserter(whole.robots[r].problems));
-  }
-}
-
-void record_whole_study(const StudyRecord& study, Recorder& recorder) {
-  record_study(study, recorder);
-  for (std::size_t r = 0; r < study.robots.size(); ++r) {
-    for (const SceneRow& scene : study.robots[r].drawn) record_scene(scene, r, recorder);
-    for (const ProblemOutcome& problem : study.robots[r].problems) {
-      record_problem(problem, r, recorder);
-    }
-  }
-}
-
 }  // namespace
+
+void record_study(const StudyRecord& study, Recorder& recorder) {
+  record_run_head(study, "study", recorder);
+  stored_study().record(study, "study", 0, recorder);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    const StudyRobotRows& robot = study.robots[r];
+    const auto item = static_cast<std::int64_t>(r);
+    stored_robot().record(robot, "robot", item, recorder);
+    stored_state(robot.dof).record_all(robot.drawn_states, of_robot("state", r), recorder);
+    if (!robot.published) continue;
+    stored_published("unsigned").record(robot.published->unsigned_field, "robot", item, recorder);
+    stored_published("signed").record(robot.published->signed_field, "robot", item, recorder);
+  }
+}
+
+void record_scene(const SceneRow& scene, std::size_t robot, Recorder& recorder) {
+  stored_scene().record(scene, of_robot("scene", robot), scene.scene, recorder);
+}
+
+void record_problem(const ProblemOutcome& problem, std::size_t robot, Recorder& recorder) {
+  stored_problem().record(problem, of_robot("problem", robot), problem.problem, recorder);
+}
+
+Result<StudyRecord> read_study(const std::filesystem::path& path) {
+  auto reader = SIDESTEP_TRY(ResultsReader::open(path));
+  const std::string file = path.string();
+  auto head = SIDESTEP_TRY(read_run_head(*reader, "study", file));
+  auto study = SIDESTEP_TRY(stored_study().read(*reader, "study", 0, file));
+  static_cast<DividedRun&>(study) = std::move(head);
+  for (std::size_t r = 0; r < study.robots.size(); ++r) {
+    study.robots[r] = SIDESTEP_TRY(read_robot(*reader, r, file));
+  }
+  return study;
+}
 
 Json compare_fields(const StudyRecord& study, const StudyRobotRows& robot) {
   using P = ProblemOutcome;
@@ -269,13 +402,6 @@ Result<ExperimentOutcome> conclude_study(const std::filesystem::path& run, bool 
   show_study(particulars, outcome);
   outcome.summary_json = summary_text(study.provenance, "field_study", outcome, particulars);
   return outcome;
-}
-
-Result<ExperimentOutcome> merge_study(const std::vector<std::filesystem::path>& runs,
-                                      const std::filesystem::path& out) {
-  auto study = SIDESTEP_TRY(merged_record(runs, &read_study, &absorb_study));
-  for (StudyRobotRows& robot : study.robots) robot.planned = robot.pairs() * robot.scenes;
-  return conclude_whole(study, out, &record_whole_study, &conclude_study);
 }
 
 }  // namespace sidestep
