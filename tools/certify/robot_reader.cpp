@@ -1,5 +1,3 @@
-#include <tinyxml.h>
-
 #include <algorithm>
 #include <set>
 
@@ -8,6 +6,7 @@
 
 #include "inputs.hpp"
 #include "load_robot.hpp"
+#include "srdf_file.hpp"
 
 namespace sidestep {
 namespace {
@@ -48,33 +47,14 @@ std::vector<std::pair<int, int>> pairs_but(const KinematicTree& robot, const Lin
 /// may be missing.
 Result<LinkPairs> disabled_pairs(const std::filesystem::path& file, const RobotDescription& robot,
                                  bool is_whole) {
-  TiXmlDocument document;
-  if (!document.LoadFile(file.string())) {
-    const bool is_read = document.ErrorRow() > 0;
-    return fail(is_read ? ErrorCode::kConfig : ErrorCode::kIo,
-                is_read ? document.ErrorDesc() : "cannot be read",
-                is_read ? format("%s:%d", file.c_str(), document.ErrorRow()) : file.string());
-  }
-  const TiXmlElement* const root = document.RootElement();
-  if (root == nullptr || root->ValueStr() != "robot" ||
-      root->FirstChildElement("link") != nullptr) {
-    return fail(ErrorCode::kConfig, "expected an SRDF", file.string());
-  }
   LinkPairs pairs;
-  for (const TiXmlElement* element = root->FirstChildElement("disable_collisions");
-       element != nullptr; element = element->NextSiblingElement("disable_collisions")) {
-    const char* const first = element->Attribute("link1");
-    const char* const second = element->Attribute("link2");
-    if (first == nullptr || second == nullptr) {
-      return fail(ErrorCode::kConfig, "disable_collisions names two links, link1 and link2",
-                  format("%s:%d", file.c_str(), element->Row()));
-    }
-    const auto a = robot.link_index(first), b = robot.link_index(second);
+  for (const urdf_robot::Srdf::DisabledPair& one :
+       SIDESTEP_TRY(urdf_robot::read_srdf(file)).disabled) {
+    const auto a = robot.link_index(one.a), b = robot.link_index(one.b);
     if (a && b) pairs.insert(std::minmax(*a, *b));
     if (is_whole && !(a && b)) {
-      return fail(ErrorCode::kConfig,
-                  std::string("the robot has no link '") + (a ? second : first) + "'",
-                  format("%s:%d", file.c_str(), element->Row()));
+      return fail(ErrorCode::kConfig, "the robot has no link '" + (a ? one.b : one.a) + "'",
+                  one.mark.to_string());
     }
   }
   if (!pairs.empty()) return pairs;

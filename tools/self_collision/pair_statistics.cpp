@@ -158,8 +158,8 @@ std::vector<PairStatistics> movable_pairs(const KinematicTree& tree, const Bodie
 
 }  // namespace
 
-std::vector<PairStatistics> sample_pairs(const KinematicTree& tree,
-                                         const SamplingOptions& options) {
+std::vector<PairStatistics> sample_pairs(const KinematicTree& tree, const SamplingOptions& options,
+                                         const std::function<bool(int sample)>& goes_on) {
   const RobotDescription& robot = tree.description();
   Bodies bodies(tree, 0.5 * options.margin_m);
   std::vector<PairStatistics> pairs = movable_pairs(tree, bodies);
@@ -171,6 +171,7 @@ std::vector<PairStatistics> sample_pairs(const KinematicTree& tree,
   std::vector<Eigen::Vector3d> centres(robot.spheres.size());
   Scratch scratch;
   for (int i = 0; i < options.samples; ++i) {
+    if (goes_on && !goes_on(i)) break;
     const std::vector<double> q = random_configuration(robot, generator);
     bodies.move_to(q);
     tree.sphere_centres(q, centres, scratch);

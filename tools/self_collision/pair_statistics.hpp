@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,8 +34,10 @@ struct SamplingOptions {
 
 /// Samples configurations within the limits and tells every pair of links that have shapes (or,
 /// lacking shapes, spheres) and can move against each other apart. FCL on the URDF's own shapes.
-[[nodiscard]] std::vector<PairStatistics> sample_pairs(const KinematicTree& tree,
-                                                       const SamplingOptions& options);
+/// `goes_on` is asked before each of them, whether there are to be more.
+[[nodiscard]] std::vector<PairStatistics> sample_pairs(
+    const KinematicTree& tree, const SamplingOptions& options,
+    const std::function<bool(int sample)>& goes_on = {});
 
 /// Pairs of links whose shapes, unpadded, touch in one configuration.
 [[nodiscard]] std::vector<std::pair<int, int>> touching_pairs(const KinematicTree& tree,

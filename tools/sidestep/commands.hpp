@@ -18,6 +18,7 @@
 #include <sidestep/runtime/session.hpp>
 
 #include "inputs.hpp"
+#include "new_robot.hpp"
 #include "view_server.hpp"
 
 namespace sidestep {
@@ -177,6 +178,9 @@ struct RobotOptions {
 /// Says what a robot profile has, fits spheres to it, serves the sphere editor until a signal
 /// comes, or holds the profile against a URDF.
 [[nodiscard]] ExitCode robot_command(const RobotOptions& options);
+
+/// Makes a profile of a URDF.
+[[nodiscard]] ExitCode new_robot_command(const NewRobotOptions& options);
 
 struct CertifyOptions {
   std::vector<std::filesystem::path> motions;

@@ -30,6 +30,7 @@ struct CommandLine {
   std::filesystem::path merged = "merged";
   std::filesystem::path recording;
   RobotOptions robot;
+  NewRobotOptions new_robot;
   CertifyOptions certify;
 };
 
@@ -128,13 +129,44 @@ void add_view_options(CLI::App& command, ViewOptions& view) {
   command.add_flag("--open", view.open, "Open the viewer in a browser");
 }
 
+void add_new_robot_command(CLI::App& robot, NewRobotOptions& options) {
+  CLI::App* command = robot.add_subcommand(
+      "new", "Make a profile of a URDF: spheres, pairs of links, poses, joints that are planned");
+  command->add_option("URDF", options.urdf, "The robot's URDF, expanded where it is xacro")
+      ->required();
+  command->add_option("--out", options.out, "Folder for the profile; its name is the robot's")
+      ->type_name("DIR")
+      ->required();
+  CLI::Option* const srdf =
+      command
+          ->add_option("--srdf", options.srdf,
+                       "MoveIt's SRDF of it, for groups, poses and pairs that are not checked")
+          ->type_name("FILE");
+  command->add_option("--group", options.group, "Plan the joints of this group of the SRDF alone")
+      ->type_name("NAME")
+      ->needs(srdf);
+  command
+      ->add_option("--package-path", options.package_paths,
+                   "A folder with the packages of its meshes; may be repeated")
+      ->type_name("DIR")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+      ->allow_extra_args(false);
+  command
+      ->add_option("--protrusion_m", options.protrusion_m,
+                   "How far spheres may stand out from the shapes")
+      ->type_name("M")
+      ->check(number_range(FitGoal::kLeastProtrusion_m, FitGoal::kMostProtrusion_m))
+      ->capture_default_str();
+}
+
 void add_robot_command(CLI::App& app, RobotOptions& robot) {
   CLI::App* command = app.add_subcommand(
       "robot",
       "Show a robot profile; fit or edit the spheres that cover its shapes; hold it against "
       "the robot's own URDF");
-  command->add_option("PROFILE", robot.profile, "The robot's name, or its profile's folder or file")
-      ->required();
+  command->add_option("PROFILE", robot.profile,
+                      "The robot's name, its profile's folder or file, or a URDF");
   command->add_flag("--spheres", robot.edit, "Edit the spheres in a browser");
   add_view_options(*command, robot.view);
   for (const char* option : {"--view-port", "--view-bind", "--open"}) {
@@ -234,6 +266,7 @@ void add_commands(CLI::App& app, CommandLine& line) {
   add_view_options(*view, line.run.view);
 
   add_robot_command(app, line.robot);
+  add_new_robot_command(*app.get_subcommand("robot"), line.new_robot);
   add_certify_command(app, line.certify);
 
   CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
@@ -278,7 +311,10 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
   if (app.got_subcommand("report")) {
     return report_command(line.report_runs, line.comparison, line.merged);
   }
-  if (app.got_subcommand("robot")) return robot_command(line.robot);
+  if (app.got_subcommand("robot")) {
+    const bool is_new = app.get_subcommand("robot")->got_subcommand("new");
+    return is_new ? new_robot_command(line.new_robot) : robot_command(line.robot);
+  }
   if (app.got_subcommand("certify")) return certify_command(line.certify);
   if (app.got_subcommand("view")) return view_command(line.recording, line.run.view);
   std::printf("%s", app.help().c_str());

@@ -10,6 +10,7 @@
 
 #include "commands.hpp"
 #include "cover_fit.hpp"
+#include "load_robot.hpp"
 #include "sphere_cover.hpp"
 #include "sphere_desk.hpp"
 #include "urdf_comparison.hpp"
@@ -236,11 +237,55 @@ ExitCode against_command(const RobotOptions& options, const KinematicTree& robot
   return comparison->findings.empty() ? ExitCode::kSuccess : ExitCode::kTaskFailed;
 }
 
+/// A URDF as it is, its shapes covered by spheres.
+ExitCode show_urdf(const RobotOptions& options, const HostContext& context) {
+  if (options.fit || options.edit || options.against) {
+    return refused({ErrorCode::kConfig, "this is for profiles, and here is a URDF", options.profile,
+                    "`sidestep robot new` makes a profile of it", nullptr});
+  }
+  urdf_robot::Options urdf;
+  urdf.urdf = options.profile;
+  const auto robot = urdf_robot::load_robot(urdf, context);
+  if (!robot) return refused(robot.error());
+  const RobotDescription& description = (*robot)->description();
+  tell(options, description, measure_cover(rigid_bodies(**robot), description.spheres));
+  return ExitCode::kSuccess;
+}
+
 }  // namespace
+
+ExitCode new_robot_command(const NewRobotOptions& options) {
+  const StopOnSignal stop;
+  Console console;
+  const SteadyWallClock clock;
+  WorkerPool workers(1);
+  const YamlDocumentReader documents;
+  const HostContext context{console, clock, workers, documents, 0, {install_layout().robots},
+                            {},      {}};
+  const auto progress = [&](std::size_t done, std::size_t total, std::string_view what) {
+    console.progress(static_cast<std::int64_t>(done), static_cast<std::int64_t>(total), what);
+  };
+  const auto made = make_robot_profile(options, context, progress, stop.token());
+  console.end_progress();
+  if (!made) return refused(made.error());
+  const RobotDescription& robot = made->robot->description();
+  print_joints(robot);
+  print_cover(robot, measure_cover(rigid_bodies(*made->robot), robot.spheres));
+  std::printf("\n%zu pairs of links are held against each other\n",
+              robot.self_collision_pairs.size());
+  for (const std::string& joint : made->held) std::printf("not planned: %s\n", joint.c_str());
+  for (const std::string& note : made->notes) std::printf("note: %s\n", note.c_str());
+  std::printf("written: %s\n", made->profile.c_str());
+  return ExitCode::kSuccess;
+}
 
 ExitCode robot_command(const RobotOptions& options) {
   const StopOnSignal stop;
   Console console;
+  if (options.profile.empty()) {
+    return refused({ErrorCode::kConfig, "PROFILE is required", "robot",
+                    "a name, a folder, a profile or a URDF; `robot new` makes a profile", nullptr});
+  }
   if (options.out && !options.fit && !options.edit) {
     return refused({ErrorCode::kConfig, "there is nothing to save",
                     "--out " + options.out->string(), "add --fit or --spheres", nullptr});
@@ -250,6 +295,9 @@ ExitCode robot_command(const RobotOptions& options) {
   const YamlDocumentReader documents;
   const HostContext context{console, clock, workers, documents, 0, {install_layout().robots},
                             {},      {}};
+  if (std::filesystem::path(options.profile).extension() == ".urdf") {
+    return show_urdf(options, context);
+  }
   auto profile = SphereProfile::open(options.profile, options.out, context);
   if (!profile) return refused(profile.error());
   if (options.against) return against_command(options, *profile->robot());
