@@ -115,6 +115,16 @@ TEST_F(NewRobotTest, TakesGroupPosesAndPairsOfAnSrdf) {
   EXPECT_EQ(run({"robot", out_}).exit_code, 0);
 }
 
+TEST_F(NewRobotTest, FindsAPackageUnderAnotherName) {
+  std::filesystem::rename(folder_.path() / "robot/arm_meshes", folder_.path() / "elsewhere");
+  EXPECT_EQ(make().exit_code, 2);
+  const Finished made =
+      make({"--package-path", "arm_meshes=" + (folder_.path() / "elsewhere").string()});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  EXPECT_THAT(profile(), HasSubstr("package_paths:\n  - {arm_meshes: \"../../elsewhere\"}\n"));
+  EXPECT_EQ(run({"robot", out_}).exit_code, 0);
+}
+
 TEST_F(NewRobotTest, SaysWhatIsWrongAndLeavesNothing) {
   const auto refused = [&](const std::vector<std::string>& more) {
     const Finished made = make(more);

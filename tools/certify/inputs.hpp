@@ -16,8 +16,8 @@ namespace sidestep {
 struct RobotInput {
   std::string robot;  ///< A profile, by its name or file, or a URDF.
   std::optional<std::filesystem::path> srdf;
-  std::vector<std::string> fixed;                    ///< JOINT=VALUE: joints that stay there.
-  std::vector<std::filesystem::path> package_paths;  ///< Folders for package://NAME/... of a URDF.
+  std::vector<std::string> fixed;          ///< JOINT=VALUE: joints that stay there.
+  std::vector<std::string> package_paths;  ///< FOLDER or NAME=FOLDER, for package:// of a URDF.
 };
 /// Reads a robot. Which links are held against each other: those of the profile; with an SRDF all
 /// that it does not disable; of a URDF alone all that two joints or more move against each other.

@@ -4,6 +4,7 @@
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 
+#include "build_robot.hpp"
 #include "inputs.hpp"
 #include "load_robot.hpp"
 #include "srdf_file.hpp"
@@ -115,7 +116,11 @@ Result<std::shared_ptr<const KinematicTree>> read_certified_robot(const RobotInp
         {text.substr(0, equals), mark, Node(Node::Scalar{text.substr(equals + 1), false}, mark)});
   }
   Node::List packages;
-  for (const auto& folder : input.package_paths) packages.push_back(said(folder.string()));
+  for (const auto& [name, folder] : urdf_robot::package_paths_of(input.package_paths)) {
+    const Node path = said(folder.string());
+    packages.push_back(name.empty() ? path
+                                    : Node(Node::Map{{name, path.mark(), path}}, path.mark()));
+  }
   if (!packages.empty()) {
     options.package_paths = Node(std::move(packages), SourceMark{"command line"});
   }

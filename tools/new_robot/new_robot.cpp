@@ -11,6 +11,7 @@
 #include <sidestep/core/format.hpp>
 #include <sidestep/core/index.hpp>
 
+#include "build_robot.hpp"
 #include "cover_fit.hpp"
 #include "load_robot.hpp"
 #include "pair_statistics.hpp"
@@ -313,7 +314,10 @@ class ProfileMaker {
                       "name: " + quoted(model_.name) +
                       "\nurdf: " + path_from(folder, options_.urdf);
     if (!options_.package_paths.empty()) out += "\npackage_paths:";
-    for (const fs::path& path : options_.package_paths) out += "\n  - " + path_from(folder, path);
+    for (const auto& [name, path] : urdf_robot::package_paths_of(options_.package_paths)) {
+      const std::string there = path_from(folder, path);
+      out += "\n  - " + (name.empty() ? there : "{" + quoted(name) + ": " + there + "}");
+    }
 
     out +=
         "\n\n# The order of q. What the URDF does not say, as max_acceleration, joint_limits "

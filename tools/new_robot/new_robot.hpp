@@ -17,7 +17,7 @@ namespace sidestep {
 struct NewRobotOptions {
   std::filesystem::path urdf;
   std::optional<std::filesystem::path> srdf;
-  std::vector<std::filesystem::path> package_paths;
+  std::vector<std::string> package_paths;  ///< FOLDER or NAME=FOLDER.
   std::string group;          ///< Of the SRDF, whose joints are planned; empty: all that can be.
   std::filesystem::path out;  ///< The profile's folder, which is made.
   double protrusion_m = 0.04;

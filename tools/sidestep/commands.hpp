@@ -167,11 +167,11 @@ struct RobotOptions {
   bool edit = false;  ///< In a browser.
   bool fit = false;
   double protrusion_m = 0.04;
-  std::optional<int> spheres;                        ///< Instead: how many.
-  bool write = false;                                ///< What was fitted, into the profile.
-  std::optional<std::filesystem::path> out;          ///< Instead, into this new file.
-  std::optional<std::filesystem::path> against;      ///< A URDF to hold the profile against.
-  std::vector<std::filesystem::path> package_paths;  ///< For that URDF's meshes.
+  std::optional<int> spheres;                    ///< Instead: how many.
+  bool write = false;                            ///< What was fitted, into the profile.
+  std::optional<std::filesystem::path> out;      ///< Instead, into this new file.
+  std::optional<std::filesystem::path> against;  ///< A URDF to hold the profile against.
+  std::vector<std::string> package_paths;        ///< For that URDF's meshes.
   bool json = false;
   ViewOptions view;
 };

@@ -70,8 +70,7 @@ void add_certify_command(CLI::App& app, CertifyOptions& certify) {
       ->allow_extra_args(false);
   command
       ->add_option("--package-path", certify.robot.package_paths,
-                   "A folder for package://NAME/... of a URDF")
-      ->check(CLI::ExistingDirectory)
+                   "A folder for package://NAME/... of a URDF, or NAME=FOLDER")
       ->type_name("FOLDER")
       ->allow_extra_args(false);
   command
@@ -147,7 +146,7 @@ void add_new_robot_command(CLI::App& robot, NewRobotOptions& options) {
       ->needs(srdf);
   command
       ->add_option("--package-path", options.package_paths,
-                   "A folder with the packages of its meshes; may be repeated")
+                   "A folder with the packages of its meshes, or NAME=DIR; may be repeated")
       ->type_name("DIR")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
@@ -208,7 +207,7 @@ void add_robot_command(CLI::App& app, RobotOptions& robot) {
   }
   command
       ->add_option("--package-path", robot.package_paths,
-                   "A folder with the packages of that URDF's meshes; may be repeated")
+                   "A folder with the packages of that URDF's meshes, or NAME=DIR; may be repeated")
       ->type_name("DIR")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)

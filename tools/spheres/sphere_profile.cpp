@@ -385,7 +385,10 @@ Result<std::string> SphereProfile::text_with(const std::vector<CollisionSphere>&
   const auto moved = SIDESTEP_TRY(parse_yaml(text, source_.string(), errors));
   std::vector<const Node*> paths;
   if (const Node* const packages = moved.find("package_paths")) {
-    for (const Node& item : packages->items()) paths.push_back(&item);
+    for (const Node& item : packages->items()) {
+      if (!item.is_map()) paths.push_back(&item);
+      for (const Node::Entry& entry : item.entries()) paths.push_back(&entry.value);
+    }
   }
   if (const Node* const urdf = moved.find("urdf")) paths.push_back(urdf);
   std::ranges::sort(paths, std::ranges::greater{}, [](const Node* node) {

@@ -133,8 +133,8 @@ Error mesh_error(Error error, const UrdfLink& link) {
 }
 
 /// Reads the meshes that the shapes name.
-Result<void> load_meshes(UrdfModel& urdf, const std::vector<fs::path>& package_paths) {
-  const urdf_robot::MeshFinder finder(urdf.file, package_paths);
+Result<void> load_meshes(UrdfModel& urdf, const std::vector<std::string>& package_paths) {
+  const urdf_robot::MeshFinder finder(urdf.file, urdf_robot::package_paths_of(package_paths));
   std::vector<Error> errors;
   for (UrdfLink& link : urdf.links) {
     for (urdf_robot::UrdfShape& shape : link.shapes) {
@@ -449,7 +449,7 @@ class Comparer {
 }  // namespace
 
 Result<UrdfComparison> compare_with_urdf(const KinematicTree& robot, const fs::path& urdf,
-                                         const std::vector<fs::path>& package_paths) {
+                                         const std::vector<std::string>& package_paths) {
   std::vector<Error> errors;
   auto model = urdf_robot::read_urdf(urdf, errors);
   if (!model) return tl::make_unexpected(urdf_robot::all_of(std::move(errors), "the URDF"));

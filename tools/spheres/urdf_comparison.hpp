@@ -52,6 +52,6 @@ struct UrdfComparison {
 /// where the URDF or one of its meshes cannot be read. Seconds. [any]; allocates.
 [[nodiscard]] Result<UrdfComparison> compare_with_urdf(
     const KinematicTree& robot, const std::filesystem::path& urdf,
-    const std::vector<std::filesystem::path>& package_paths);
+    const std::vector<std::string>& package_paths);
 
 }  // namespace sidestep

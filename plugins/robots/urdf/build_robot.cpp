@@ -10,6 +10,19 @@
 
 namespace sidestep::urdf_robot {
 
+std::vector<PackagePath> package_paths_of(const std::vector<std::string>& texts) {
+  std::vector<PackagePath> paths;
+  for (const std::string& text : texts) {
+    const auto equals = text.find('=');
+    if (equals == std::string::npos) {
+      paths.push_back({{}, text});
+    } else {
+      paths.push_back({text.substr(0, equals), text.substr(equals + 1)});
+    }
+  }
+  return paths;
+}
+
 std::vector<std::filesystem::path> MeshFinder::candidates(const std::string& uri) const {
   const auto scheme_end = uri.find("://");
   if (scheme_end == std::string::npos) return {urdf_.parent_path() / uri};
@@ -25,7 +38,10 @@ std::vector<std::filesystem::path> MeshFinder::candidates(const std::string& uri
     files.push_back(folder / rest);
     if (folder.filename() == package) files.push_back(folder / inside);
   };
-  for (const std::filesystem::path& folder : package_paths_) add(folder);
+  for (const PackagePath& path : package_paths_) {
+    if (path.name.empty()) add(path.folder);
+    if (path.name == package) files.push_back(path.folder / inside);
+  }
   std::error_code ignored;
   std::filesystem::path above = std::filesystem::absolute(urdf_, ignored).lexically_normal();
   while (above.has_relative_path()) {
@@ -163,18 +179,23 @@ class RobotBuilder {
                        "to collide with, set 'shapes_from' to spheres"});
   }
 
-  std::vector<std::filesystem::path> package_paths() {
-    std::vector<std::filesystem::path> paths;
+  std::vector<PackagePath> package_paths() {
+    std::vector<PackagePath> paths;
     const Node& node = profile_.package_paths;
     if (!node.is_list() && !node.is_null())
-      errors_.push_back(node.error("'package_paths' is a list of folders, found " + node.kind()));
-    for (const Node& item : node.items()) {
-      auto path = item.as_path();
+      errors_.push_back(node.error(
+          "'package_paths' is a list of folders and of {NAME: FOLDER}, found " + node.kind()));
+    const auto add = [&](const std::string& name, const Node& folder) {
+      auto path = folder.as_path();
       if (path) {
-        paths.push_back(std::move(*path));
+        paths.push_back({name, std::move(*path)});
       } else {
         errors_.push_back(std::move(path.error()));
       }
+    };
+    for (const Node& item : node.items()) {
+      if (!item.is_map()) add({}, item);
+      for (const Node::Entry& entry : item.entries()) add(entry.key, entry.value);
     }
     return paths;
   }

@@ -15,12 +15,21 @@
 
 namespace sidestep::urdf_robot {
 
+/// Where packages are.
+struct PackagePath {
+  std::string name;  ///< Of the package that the folder is; empty: packages are in it.
+  std::filesystem::path folder;
+};
+/// Of a command line: FOLDER, or NAME=FOLDER.
+[[nodiscard]] std::vector<PackagePath> package_paths_of(const std::vector<std::string>& texts);
+
 /// Finds and reads the meshes that a URDF names: package://NAME/PATH (and model://), file://,
 /// absolute, or relative to the URDF. A package is looked for in `package_paths` (as
-/// FOLDER/NAME, or FOLDER itself if it is called NAME) and among the folders above the URDF.
+/// FOLDER/NAME, or FOLDER itself if it is called NAME, or said to be it) and among the folders
+/// above the URDF.
 class MeshFinder {
  public:
-  MeshFinder(std::filesystem::path urdf, std::vector<std::filesystem::path> package_paths)
+  MeshFinder(std::filesystem::path urdf, std::vector<PackagePath> package_paths)
       : urdf_(std::move(urdf)), package_paths_(std::move(package_paths)) {}
 
   /// Fails with kNotFound at `mark`, listing the places tried, or as read_mesh() does.
@@ -32,7 +41,7 @@ class MeshFinder {
   [[nodiscard]] std::vector<std::filesystem::path> candidates(const std::string& uri) const;
 
   std::filesystem::path urdf_;
-  std::vector<std::filesystem::path> package_paths_;
+  std::vector<PackagePath> package_paths_;
 };
 
 /// Puts a URDF and a profile together. Appends every mistake to `errors` and returns null then.

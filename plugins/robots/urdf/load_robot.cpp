@@ -317,7 +317,8 @@ Parameters<Options> Options::parameters() {
            "A map from joints that are not planned to where they stay, in m or rad; over the "
            "profile's.")
       .add("package_paths", &T::package_paths,
-           "Folders in which package://NAME/... is looked for as NAME/....")
+           "Folders in which package://NAME/... is looked for as NAME/...; {NAME: FOLDER} is that "
+           "package itself.")
       .add("sphere_protrusion_m", &T::sphere_protrusion_m,
            "With 'urdf': how far the spheres may stand out from the shapes.",
            {.unit = "m", .min = 0.001, .max = 1.0});

@@ -192,10 +192,14 @@ TEST(ForeignUrdf, FindsMeshesOfPackages) {
       write_file(folder / "other/r.urdf", mesh_robot("package://my_robot/meshes/body.obj"));
   const auto relative =
       write_file(folder / "other/s.urdf", mesh_robot("../my_robot/meshes/body.obj"));
+  const auto renamed =
+      write_file(folder / "other/t.urdf", mesh_robot("package://their_robot/meshes/body.obj"));
   for (const std::string& block :
        {"{urdf: " + beside + "}", "{urdf: " + relative + "}",
         "{urdf: " + elsewhere + ", package_paths: [" + folder.string() + "]}",
-        "{urdf: " + elsewhere + ", package_paths: [" + (folder / "my_robot").string() + "]}"}) {
+        "{urdf: " + elsewhere + ", package_paths: [" + (folder / "my_robot").string() + "]}",
+        "{urdf: " + renamed + ", package_paths: [{other_robot: " + folder.string() +
+            ", their_robot: " + (folder / "my_robot").string() + "}]}"}) {
     const auto robot = loader.load_or_fail(block);
     ASSERT_NE(robot, nullptr) << block;
     const auto& mesh =
