@@ -95,11 +95,12 @@ class Bodies {
     Transform T_link_shape;
   };
 
-  void add(int link, std::shared_ptr<fcl::CollisionGeometryd> geometry,
+  void add(int link, const std::shared_ptr<fcl::CollisionGeometryd>& geometry,
            const Transform& T_link_shape) {
     if (geometry == nullptr) return;
-    parts_[idx(link)].push_back(
-        {std::make_unique<fcl::CollisionObjectd>(std::move(geometry)), T_link_shape});
+    Part& part = parts_[idx(link)].emplace_back();
+    part.object = std::make_unique<fcl::CollisionObjectd>(geometry);
+    part.T_link_shape = T_link_shape;
   }
 
   const KinematicTree& tree_;
