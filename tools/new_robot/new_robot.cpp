@@ -15,6 +15,7 @@
 #include "cover_fit.hpp"
 #include "load_robot.hpp"
 #include "pair_statistics.hpp"
+#include "sphere_profile.hpp"
 #include "srdf_file.hpp"
 #include "urdf_file.hpp"
 
@@ -170,7 +171,11 @@ class ProfileMaker {
         }
         positions[name] = value;
       }
-      if (!positions.empty() && !poses_.contains(pose.name)) poses_[pose.name] = positions;
+      for (const auto& [joint, at] : positions) {  // of all groups that have a pose of this name
+        if (poses_[pose.name].emplace(joint, at).second) continue;
+        made_.notes.push_back("pose '" + pose.name + "' of the SRDF has " + joint +
+                              " twice: the first is taken");
+      }
     }
     if (!poses_.empty()) return {};
     for (const Joint& joint : robot.joints) {
@@ -236,8 +241,6 @@ class ProfileMaker {
   [[nodiscard]] Result<bool> fit_closer() {
     const KinematicTree& robot = *made_.robot;
     const RobotDescription& description = robot.description();
-    std::vector<Eigen::Vector3d> centres(description.spheres.size());
-    Scratch scratch;
     std::set<int> links;
     for (const auto& [name, positions] : poses_) {
       std::vector<double> q(description.joints.size(), 0.0);
@@ -246,11 +249,9 @@ class ProfileMaker {
         const auto at = positions.find(joint.name);
         q[j] = at != positions.end() ? at->second : std::clamp(0.0, joint.lower, joint.upper);
       }
-      robot.sphere_centres(q, centres, scratch);
       const auto touching = touching_pairs(robot, q);
-      for (const auto& pair : pairs_) {
-        if (std::ranges::count(touching, pair) > 0) continue;
-        if (spheres_touch(description, centres, pair)) links.insert({pair.first, pair.second});
+      for (const auto& pair : touching_spheres(robot, pairs_, q)) {
+        if (std::ranges::count(touching, pair) == 0) links.insert({pair.first, pair.second});
       }
     }
     const auto bodies = rigid_bodies(robot);
@@ -267,20 +268,6 @@ class ProfileMaker {
     }
     return is_any;
   }
-  [[nodiscard]] static bool spheres_touch(const RobotDescription& robot,
-                                          const std::vector<Eigen::Vector3d>& centres,
-                                          const std::pair<int, int>& pair) {
-    for (std::size_t s = 0; s < centres.size(); ++s) {
-      if (robot.spheres[s].link != pair.first) continue;
-      for (std::size_t t = 0; t < centres.size(); ++t) {
-        if (robot.spheres[t].link != pair.second) continue;
-        const double apart_m = robot.spheres[s].radius_m + robot.spheres[t].radius_m;
-        if ((centres[s] - centres[t]).norm() < apart_m) return true;
-      }
-    }
-    return false;
-  }
-
   /// As it is so far, read back from a file that is gone afterwards.
   [[nodiscard]] Result<std::shared_ptr<const KinematicTree>> load() const {
     std::string folder = (fs::temp_directory_path() / "sidestep-robot-XXXXXX").string();
@@ -342,10 +329,7 @@ class ProfileMaker {
     out += pairs_.empty() ? " []" : "";
     out += "\n\nspheres:\n";
     for (const CollisionSphere& sphere : spheres_) {
-      const Eigen::Vector3d p = sphere.centre_link_m.array() + 0.0;  // no -0
-      out += "  - {link: " + quoted(name_of(sphere.link)) + ", centre_m: [" + number_text(p.x()) +
-             ", " + number_text(p.y()) + ", " + number_text(p.z()) +
-             "], radius_m: " + number_text(sphere.radius_m) + "}\n";
+      out += "  " + sphere_item(sphere, made_.robot->description().links) + "\n";
     }
     if (spheres_.empty()) {  // none are fitted yet, and some have to be there
       out += "  - {link: " + quoted(model_.links.front().name) +

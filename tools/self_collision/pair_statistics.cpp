@@ -119,10 +119,17 @@ int planned_joints_between(const KinematicTree& tree, int a, int b) {
   return count;
 }
 
+std::vector<std::vector<int>> spheres_on_links(const RobotDescription& robot) {
+  std::vector<std::vector<int>> on_link(robot.links.size());
+  for (std::size_t s = 0; s < robot.spheres.size(); ++s)
+    on_link[idx(robot.spheres[s].link)].push_back(static_cast<int>(s));
+  return on_link;
+}
+
 bool spheres_touch(const RobotDescription& robot, const std::vector<std::vector<int>>& on_link,
-                   const std::vector<Eigen::Vector3d>& centres, const PairStatistics& pair) {
-  for (const int s : on_link[idx(pair.a)]) {
-    for (const int t : on_link[idx(pair.b)]) {
+                   const std::vector<Eigen::Vector3d>& centres, int a, int b) {
+  for (const int s : on_link[idx(a)]) {
+    for (const int t : on_link[idx(b)]) {
       const double reach = robot.spheres[idx(s)].radius_m + robot.spheres[idx(t)].radius_m;
       if ((centres[idx(s)] - centres[idx(t)]).squaredNorm() < reach * reach) return true;
     }
@@ -164,9 +171,7 @@ std::vector<PairStatistics> sample_pairs(const KinematicTree& tree, const Sampli
   const RobotDescription& robot = tree.description();
   Bodies bodies(tree, 0.5 * options.margin_m);
   std::vector<PairStatistics> pairs = movable_pairs(tree, bodies);
-  std::vector<std::vector<int>> on_link(robot.links.size());
-  for (std::size_t s = 0; s < robot.spheres.size(); ++s)
-    on_link[idx(robot.spheres[s].link)].push_back(static_cast<int>(s));
+  const auto on_link = spheres_on_links(robot);
 
   std::mt19937_64 generator(options.seed);
   std::vector<Eigen::Vector3d> centres(robot.spheres.size());
@@ -178,7 +183,7 @@ std::vector<PairStatistics> sample_pairs(const KinematicTree& tree, const Sampli
     tree.sphere_centres(q, centres, scratch);
     for (PairStatistics& pair : pairs) {
       if (bodies.touch(pair.a, pair.b)) ++pair.shapes_touch;
-      if (spheres_touch(robot, on_link, centres, pair)) ++pair.spheres_touch;
+      if (spheres_touch(robot, on_link, centres, pair.a, pair.b)) ++pair.spheres_touch;
     }
   }
   for (PairStatistics& pair : pairs) {
@@ -199,6 +204,21 @@ std::vector<std::pair<int, int>> touching_pairs(const KinematicTree& tree,
   std::vector<std::pair<int, int>> touching;
   for (const PairStatistics& pair : movable_pairs(tree, bodies)) {
     if (bodies.touch(pair.a, pair.b)) touching.emplace_back(pair.a, pair.b);
+  }
+  return touching;
+}
+
+std::vector<std::pair<int, int>> touching_spheres(const KinematicTree& tree,
+                                                  std::span<const std::pair<int, int>> pairs,
+                                                  std::span<const double> q) {
+  const RobotDescription& robot = tree.description();
+  const auto on_link = spheres_on_links(robot);
+  std::vector<Eigen::Vector3d> centres(robot.spheres.size());
+  Scratch scratch;
+  tree.sphere_centres(q, centres, scratch);
+  std::vector<std::pair<int, int>> touching;
+  for (const auto& [a, b] : pairs) {
+    if (spheres_touch(robot, on_link, centres, a, b)) touching.emplace_back(a, b);
   }
   return touching;
 }

@@ -43,6 +43,11 @@ struct SamplingOptions {
 [[nodiscard]] std::vector<std::pair<int, int>> touching_pairs(const KinematicTree& tree,
                                                               std::span<const double> q);
 
+/// Of these pairs of links those whose spheres touch in one configuration.
+[[nodiscard]] std::vector<std::pair<int, int>> touching_spheres(
+    const KinematicTree& tree, std::span<const std::pair<int, int>> pairs,
+    std::span<const double> q);
+
 /// The profile's `self_collision` block that checks these pairs.
 [[nodiscard]] std::string self_collision_block(const RobotDescription& robot,
                                                const std::vector<PairStatistics>& pairs,

@@ -174,13 +174,12 @@ struct RobotOptions {
   std::vector<std::string> package_paths;        ///< For that URDF's meshes.
   bool json = false;
   ViewOptions view;
+  bool is_new = false;  ///< Instead of all that: makes a profile, as `new_profile` has it.
+  NewRobotOptions new_profile;
 };
 /// Says what a robot profile has, fits spheres to it, serves the sphere editor until a signal
-/// comes, or holds the profile against a URDF.
+/// comes, holds the profile against a URDF, or makes one.
 [[nodiscard]] ExitCode robot_command(const RobotOptions& options);
-
-/// Makes a profile of a URDF.
-[[nodiscard]] ExitCode new_robot_command(const NewRobotOptions& options);
 
 struct CertifyOptions {
   std::vector<std::filesystem::path> motions;

@@ -30,7 +30,6 @@ struct CommandLine {
   std::filesystem::path merged = "merged";
   std::filesystem::path recording;
   RobotOptions robot;
-  NewRobotOptions new_robot;
   CertifyOptions certify;
 };
 
@@ -265,7 +264,7 @@ void add_commands(CLI::App& app, CommandLine& line) {
   add_view_options(*view, line.run.view);
 
   add_robot_command(app, line.robot);
-  add_new_robot_command(*app.get_subcommand("robot"), line.new_robot);
+  add_new_robot_command(*app.get_subcommand("robot"), line.robot.new_profile);
   add_certify_command(app, line.certify);
 
   CLI::App* check = app.add_subcommand("check", "Validate configurations without running them");
@@ -311,8 +310,8 @@ ExitCode dispatch(const CLI::App& app, CommandLine& line) {
     return report_command(line.report_runs, line.comparison, line.merged);
   }
   if (app.got_subcommand("robot")) {
-    const bool is_new = app.get_subcommand("robot")->got_subcommand("new");
-    return is_new ? new_robot_command(line.new_robot) : robot_command(line.robot);
+    line.robot.is_new = app.get_subcommand("robot")->got_subcommand("new");
+    return robot_command(line.robot);
   }
   if (app.got_subcommand("certify")) return certify_command(line.certify);
   if (app.got_subcommand("view")) return view_command(line.recording, line.run.view);

@@ -252,20 +252,12 @@ ExitCode show_urdf(const RobotOptions& options, const HostContext& context) {
   return ExitCode::kSuccess;
 }
 
-}  // namespace
-
-ExitCode new_robot_command(const NewRobotOptions& options) {
-  const StopOnSignal stop;
-  Console console;
-  const SteadyWallClock clock;
-  WorkerPool workers(1);
-  const YamlDocumentReader documents;
-  const HostContext context{console, clock, workers, documents, 0, {install_layout().robots},
-                            {},      {}};
+ExitCode make_profile(const NewRobotOptions& options, const HostContext& context, Console& console,
+                      const std::stop_token& stop) {
   const auto progress = [&](std::size_t done, std::size_t total, std::string_view what) {
     console.progress(static_cast<std::int64_t>(done), static_cast<std::int64_t>(total), what);
   };
-  const auto made = make_robot_profile(options, context, progress, stop.token());
+  const auto made = make_robot_profile(options, context, progress, stop);
   console.end_progress();
   if (!made) return refused(made.error());
   const RobotDescription& robot = made->robot->description();
@@ -279,10 +271,12 @@ ExitCode new_robot_command(const NewRobotOptions& options) {
   return ExitCode::kSuccess;
 }
 
+}  // namespace
+
 ExitCode robot_command(const RobotOptions& options) {
   const StopOnSignal stop;
   Console console;
-  if (options.profile.empty()) {
+  if (options.profile.empty() && !options.is_new) {
     return refused({ErrorCode::kConfig, "PROFILE is required", "robot",
                     "a name, a folder, a profile or a URDF; `robot new` makes a profile", nullptr});
   }
@@ -295,6 +289,7 @@ ExitCode robot_command(const RobotOptions& options) {
   const YamlDocumentReader documents;
   const HostContext context{console, clock, workers, documents, 0, {install_layout().robots},
                             {},      {}};
+  if (options.is_new) return make_profile(options.new_profile, context, console, stop.token());
   if (std::filesystem::path(options.profile).extension() == ".urdf") {
     return show_urdf(options, context);
   }

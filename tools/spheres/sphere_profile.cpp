@@ -49,12 +49,6 @@ bool says_nothing(const std::string& line) {
 /// As short as it can be read back from, and no -0.
 std::string number(double value) { return detail::number_text(value + 0.0); }
 
-std::string item_text(const CollisionSphere& sphere, const std::vector<Link>& links) {
-  const Eigen::Vector3d& c = sphere.centre_link_m;
-  return "- {link: " + links[idx(sphere.link)].name + ", centre_m: [" + number(c.x()) + ", " +
-         number(c.y()) + ", " + number(c.z()) + "], radius_m: " + number(sphere.radius_m) + "}";
-}
-
 /// A sphere that the profile lists, and its lines: from 0, the last one beyond.
 struct Item {
   std::string link;
@@ -168,7 +162,7 @@ Lines edited(const Lines& lines, const Block& block, const std::vector<Link>& li
     for (const std::size_t s : matching.fresh) {
       const std::string& name = links[idx(spheres[s].link)].name;
       const bool is_due = link == nullptr ? !last_of_link.contains(name) : name == *link;
-      if (is_due) out.push_back(indent + item_text(spheres[s], links));
+      if (is_due) out.push_back(indent + sphere_item(spheres[s], links));
     }
   };
   for (std::size_t i = 0; i < block.items.size(); ++i) {
@@ -180,7 +174,7 @@ Lines edited(const Lines& lines, const Block& block, const std::vector<Link>& li
     if (matching.is_same[i]) {
       out.insert(out.end(), at(item.first), at(item.last));
     } else if (sphere != -1) {
-      out.push_back(indent + item_text(spheres[idx(sphere)], links) +
+      out.push_back(indent + sphere_item(spheres[idx(sphere)], links) +
                     comment_of(lines[item.first]));
     }
     if (last_of_link.at(item.link) == i) add_fresh(&item.link);
@@ -297,6 +291,12 @@ class FreshFile {
 
 }  // namespace
 
+std::string sphere_item(const CollisionSphere& sphere, const std::vector<Link>& links) {
+  const Eigen::Vector3d& c = sphere.centre_link_m;
+  return "- {link: " + links[idx(sphere.link)].name + ", centre_m: [" + number(c.x()) + ", " +
+         number(c.y()) + ", " + number(c.z()) + "], radius_m: " + number(sphere.radius_m) + "}";
+}
+
 std::string with_spheres(const std::string& text, const Node& document,
                          const std::vector<Link>& links,
                          const std::vector<CollisionSphere>& spheres) {
@@ -304,7 +304,7 @@ std::string with_spheres(const std::string& text, const Node& document,
   const auto block = find_block(lines, document);
   if (block && block->has_lines) return text_of(edited(lines, *block, links, spheres));
   Lines fresh{"spheres:"};
-  for (const CollisionSphere& sphere : spheres) fresh.push_back("  " + item_text(sphere, links));
+  for (const CollisionSphere& sphere : spheres) fresh.push_back("  " + sphere_item(sphere, links));
   if (!block) {
     if (!lines.empty() && !lines.back().empty()) lines.emplace_back();
     lines.insert(lines.end(), fresh.begin(), fresh.end());

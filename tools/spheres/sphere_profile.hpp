@@ -57,6 +57,10 @@ class SphereProfile {
   std::shared_ptr<const KinematicTree> robot_;
 };
 
+/// A sphere as an item of a profile's list: `- {link: ..., centre_m: [...], radius_m: ...}`.
+[[nodiscard]] std::string sphere_item(const CollisionSphere& sphere,
+                                      const std::vector<Link>& links);
+
 /// A profile's text with these spheres in its list `spheres`. Lines of spheres that stay, comments
 /// and everything else are left as they are; a sphere that was changed stands where it stood, a new
 /// one behind the last of its link. `document` is what `text` says. [any]; allocates.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <unordered_map>
+#include <utility>
 
 #include <Eigen/Geometry>
 
