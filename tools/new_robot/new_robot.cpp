@@ -214,12 +214,6 @@ class ProfileMaker {
 
   [[nodiscard]] Result<void> find_pairs() {
     const KinematicTree& robot = *made_.robot;  // with the spheres: a link without has no shapes
-    if (!disabled_.empty()) {
-      for (const PairStatistics& pair : sample_pairs(robot, {.samples = 0})) {
-        if (!disabled_.contains({pair.a, pair.b})) pairs_.emplace_back(pair.a, pair.b);
-      }
-      return {};
-    }
     SamplingOptions sampling;
     sampling.samples = kSamples;
     const auto sampled = sample_pairs(robot, sampling, [&](int done) {
@@ -228,8 +222,14 @@ class ProfileMaker {
     });
     if (is_stopped()) return stopped();
     for (const PairStatistics& pair : sampled) {
-      if (pair.verdict == PairStatistics::Verdict::kChecked) pairs_.emplace_back(pair.a, pair.b);
-      if (pair.verdict != PairStatistics::Verdict::kAlways) continue;
+      if (disabled_.contains({pair.a, pair.b})) continue;
+      using Verdict = PairStatistics::Verdict;
+      // What an SRDF does not disable is checked, whether or not a sample touched.
+      if (pair.verdict == Verdict::kChecked ||
+          (!disabled_.empty() && pair.verdict != Verdict::kAlways)) {
+        pairs_.emplace_back(pair.a, pair.b);
+      }
+      if (pair.verdict != Verdict::kAlways) continue;
       made_.notes.push_back(name_of(pair.a) + " and " + name_of(pair.b) +
                             " touch wherever the joints are, and are not held against each other");
     }

@@ -23,6 +23,12 @@ constexpr std::size_t kMostEdgeParts = std::size_t{1} << 16;
 
 std::uint64_t bit_of(std::size_t number) { return std::uint64_t{1} << (number % 64); }
 
+unsigned bits_of(const double (&is_set)[kLanes]) {
+  unsigned bits = 0;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) bits |= (is_set[lane] != 0.0 ? 1u : 0u) << lane;
+  return bits;
+}
+
 Eigen::Vector3d point(const PointLanes& points_m, std::size_t lane) {
   return {points_m.x[lane], points_m.y[lane], points_m.z[lane]};
 }
@@ -122,6 +128,90 @@ bool EdgeProver::is_clear(std::span<const double> q_from, std::span<const double
   spare_m_ = spare_m;
   measure_edge();
   return prove(resolution_m);
+}
+
+unsigned EdgeProver::find_blocked(std::span<const double> q) {
+  const unsigned all = (1u << (q.size() / variation_.size())) - 1u;
+  unsigned open = all;
+  for (std::size_t i = 0; i < q.size(); ++i) {
+    if (!std::isfinite(q[i])) open &= ~(1u << (i / variation_.size()));
+  }
+  spare_m_ = 0.0;
+  robot_->sphere_centre_lanes(q, centres_, scratch_);
+  for (std::size_t i = 0; i < balls_.size() && open != 0; ++i) {
+    const std::size_t ball = order_[i];
+    const unsigned blocked = find_blocked(ball, open);
+    if (blocked == 0) continue;
+    open &= ~blocked;
+    std::rotate(order_.begin(), order_.begin() + i, order_.begin() + i + 1);
+  }
+  for (std::size_t pair = 0; pair < pairs_.size() && open != 0; ++pair) {
+    open &= ~find_touching(pair, open);
+  }
+  return all & ~open;
+}
+
+/// Which of the open lanes have a sphere of a ball in the way.
+unsigned EdgeProver::find_blocked(std::size_t number, unsigned open) {
+  Ball& ball = balls_[number];
+  alignas(64) double limits_m[kLanes], is_hit[kLanes] = {};
+  std::ranges::fill(limits_m, ball.radius_m + margin_m_);
+  const std::size_t near = field_->find_within(field_->shapes(), centres_[idx(ball.centre)],
+                                               limits_m, shapes_.data(), is_hit);
+  if (!is_bounded_) open &= bits_of(is_hit);
+  if (open == 0) return 0;
+  std::ranges::fill(is_hit, 0.0);
+  unsigned blocked = 0;
+  for (int& sphere : ball.spheres) {
+    const PointLanes& centre_m = centres_[idx(sphere)];
+    std::ranges::fill(limits_m, radius_m_[idx(sphere)] + margin_m_);
+    (void)field_->find_within(std::span(shapes_).first(near), centre_m, limits_m, nearer_.data(),
+                              is_hit);
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      if ((open >> lane & 1u) == 0) continue;
+      bool is_blocked = is_hit[lane] != 0.0;
+      if (is_bounded_ || is_blocked) {
+        const Eigen::Vector3d p_m = point(centre_m, lane);
+        const double inside_m = field_->info().grid.inside_m(p_m);
+        if (space_.outside == Space::kFree && inside_m < 0.0) is_blocked = false;
+        is_blocked |= above_floor_(idx(sphere), p_m) < margin_m_ ||
+                      (space_.outside == Space::kOccupied && inside_m < 0.0);
+      }
+      if (is_blocked) blocked |= 1u << lane;
+    }
+    if ((open & ~blocked) == 0) {
+      std::swap(sphere, ball.spheres.front());
+      break;
+    }
+  }
+  return blocked;
+}
+
+unsigned EdgeProver::find_touching(std::size_t number, unsigned open) const {
+  const BallPair& pair = pairs_[number];
+  const Ball &first = balls_[pair.a], &second = balls_[pair.b];
+  alignas(64) double is_hit[kLanes] = {};
+  const PointLanes& middle_m = centres_[idx(second.centre)];
+  if (!SIDESTEP_DISPATCH(find_close)(centres_[idx(first.centre)], middle_m,
+                                     first.radius_m + second.radius_m, is_hit)) {
+    return 0;
+  }
+  open &= bits_of(is_hit);
+  std::ranges::fill(is_hit, 0.0);
+  for (const int a : first.spheres) {
+    if ((open & ~bits_of(is_hit)) == 0) break;
+    const double a_m = radius_m_[idx(a)];
+    alignas(64) double ignored[kLanes] = {};
+    if (!SIDESTEP_DISPATCH(find_close)(centres_[idx(a)], middle_m, a_m + second.radius_m,
+                                       ignored)) {
+      continue;
+    }
+    for (const int b : second.spheres) {
+      (void)SIDESTEP_DISPATCH(find_close)(centres_[idx(a)], centres_[idx(b)],
+                                          a_m + radius_m_[idx(b)], is_hit);
+    }
+  }
+  return open & bits_of(is_hit);
 }
 
 void EdgeProver::measure_edge() {

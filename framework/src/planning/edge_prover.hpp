@@ -41,6 +41,9 @@ class EdgeProver {
   void look_at(std::shared_ptr<const SceneField> field, const SpacePolicy& space, double margin_m);
 
   [[nodiscard]] bool is_clear(std::span<const double> q);
+  /// Of at most kLanes configurations, one after the other in `q`, those that are not clear: bit i
+  /// for configuration i.
+  [[nodiscard]] unsigned find_blocked(std::span<const double> q);
   [[nodiscard]] bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
                               double resolution_m) {
     return is_clear(q_from, q_to, resolution_m, 0.0);
@@ -75,6 +78,8 @@ class EdgeProver {
   [[nodiscard]] bool prove(double resolution_m);
   [[nodiscard]] bool look(std::span<const Part> parts, double half, double resolution_m);
   [[nodiscard]] bool look_at_ball(std::size_t number, Look& look);
+  [[nodiscard]] unsigned find_blocked(std::size_t ball, unsigned open);
+  [[nodiscard]] unsigned find_touching(std::size_t pair, unsigned open) const;
   [[nodiscard]] bool is_well_inside(std::size_t number, const Look& look) const;
   [[nodiscard]] bool look_at_sphere(std::size_t number, int sphere,
                                     std::span<const std::uint32_t> shapes, Look& look);

@@ -115,6 +115,16 @@ bool MotionCheck::is_clear(std::span<const double> q) {
   return impl_->is_among_shapes ? impl_->edges->is_clear(q) : impl_->voxels->is_clear(q);
 }
 
+unsigned MotionCheck::find_blocked(std::span<const double> q) {
+  if (impl_->is_among_shapes) return impl_->edges->find_blocked(q);
+  const std::size_t dof = impl_->robot->description().joints.size();
+  unsigned blocked = 0;
+  for (std::size_t i = 0; i < q.size() / dof; ++i) {
+    if (!impl_->voxels->is_clear(q.subspan(i * dof, dof))) blocked |= 1u << i;
+  }
+  return blocked;
+}
+
 bool MotionCheck::is_clear(std::span<const double> q_from, std::span<const double> q_to,
                            double resolution_m) {
   return impl_->is_among_shapes ? impl_->edges->is_clear(q_from, q_to, resolution_m)

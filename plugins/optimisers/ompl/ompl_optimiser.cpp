@@ -23,7 +23,7 @@
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
-#include "checker.hpp"
+#include "path_planner.hpp"
 #include "planners.hpp"
 #include "search.hpp"
 
@@ -32,6 +32,9 @@ namespace {
 
 namespace ob = ::ompl::base;
 namespace og = ::ompl::geometric;
+
+using joint_paths::no_path;
+using joint_paths::PathPlanner;
 
 constexpr double kTieBreak = 1e-3;
 
@@ -177,72 +180,30 @@ void drop_vertices(og::PathGeometric& path) {
   }
 }
 
-Solution no_path(std::string reason) {
-  Solution solution;
-  solution.status = SolveStatus::kNoPath;
-  solution.reason = std::move(reason);
-  return solution;
-}
-
-std::string why_blocked(const char* which, const Violation& violation) {
-  const bool is_limit = violation.kind == Violation::Kind::kPositionLimit;
-  return std::string(which) +
-         (is_limit                                            ? " breaks a joint limit: "
-          : violation.kind == Violation::Kind::kSelfCollision ? " is in self-collision: "
-                                                              : " is in collision: ") +
-         violation.what();
-}
-
-std::string why_not_free(const Problem& problem) {
-  return "the goal configuration is left to costs (" + goal_cost_names(problem) +
-         "), and sampling planners know of none: give a goal configuration alone, or use an "
-         "optimiser that minimises costs, such as gp_chain";
-}
-
-class OmplOptimiser final : public Optimiser {
+class OmplOptimiser final : public PathPlanner {
  public:
   OmplOptimiser(const Options& options, std::uint64_t seed, Log& log)
-      : options_(options), seed_(seed), log_(log), checker_(make_checker(options.checker)) {}
-
-  [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory&,
-                                       const Deadline& deadline) override {
-    const Stopwatch stopwatch;
-    SIDESTEP_TRY(problem.validate());
-    if (!problem.field) {
-      return invalid("a sampling planner needs a distance field");
-    }
-    Solution solution;
-    SIDESTEP_TRY(check_weights(options_.joint_metric(), problem.robot->description()));
-    SIDESTEP_TRY(checker_->look_at(problem));
-    const auto blocked = [&](const RobotState& state) -> std::optional<Violation> {
-      const std::span<const double> q = as_span(state.q);
-      if (checker_->is_clear(q)) return std::nullopt;
-      return checker_->violation(q);
-    };
-    if (is_goal_free(problem)) {
-      solution = no_path(why_not_free(problem));
-    } else if (const auto violation = blocked(problem.start)) {
-      solution = no_path(why_blocked("start", *violation));
-    } else if (const auto at_goal = blocked(problem.goal)) {
-      solution = no_path(why_blocked("goal", *at_goal));
-    } else {
-      warn_of_moving_ends(problem);
-      try {
-        solution = search(problem, deadline);
-      } catch (const ::ompl::Exception& error) {
-        solution.status = SolveStatus::kFailed;
-        solution.reason = std::string("OMPL: ") + error.what();
-      }
-    }
-    solution.solve_ms = stopwatch.elapsed_ms();
-    return solution;
-  }
+      : PathPlanner(options.checker, log), options_(options), seed_(seed) {}
 
  private:
-  [[nodiscard]] Solution search(const Problem& problem, const Deadline& deadline) {
-    const Session session(seed_, log_);
-    Search search(JointSpace(problem, options_.joint_metric(), options_.any_turn), *checker_,
-                  deadline.capped_s(options_.max_time_s));
+  [[nodiscard]] Result<Solution> search(const Problem& problem, Checker& checker,
+                                        const Deadline& deadline) override {
+    SIDESTEP_TRY(check_weights(options_.joint_metric(), problem.robot->description()));
+    try {
+      return search_by_ompl(problem, checker, deadline);
+    } catch (const ::ompl::Exception& error) {
+      Solution solution;
+      solution.reason = std::string("OMPL: ") + error.what();
+      return solution;
+    }
+  }
+
+  [[nodiscard]] Solution search_by_ompl(const Problem& problem, Checker& checker,
+                                        const Deadline& deadline) {
+    const Session session(seed_, log());
+    Search search(
+        JointSpace(problem, weights_of(problem, options_.joint_metric()), options_.any_turn),
+        checker, deadline.capped_s(options_.max_time_s));
     const bool is_connect = options_.planner == "RRTConnect";
     const auto information = make_information(search, {.resolution_m = options_.resolution_m,
                                                        .is_projected = !is_connect,
@@ -303,23 +264,15 @@ class OmplOptimiser final : public Optimiser {
     return planner;
   }
 
-  [[nodiscard]] Solution timed(const Problem& problem, const Search& search,
-                               const og::PathGeometric& path) const {
-    Solution solution;
+  [[nodiscard]] static Solution timed(const Problem& problem, const Search& search,
+                                      const og::PathGeometric& path) {
+    Solution solution = joint_paths::timed(problem, configurations(problem, search, path));
     solution.cost = path.length();
-    auto trajectory = time_path(problem.robot->description(), configurations(problem, search, path),
-                                problem.speed_fraction);
-    if (!trajectory) {
-      solution.reason = trajectory.error().describe();
-      return solution;
-    }
-    solution.status = SolveStatus::kConverged;
-    solution.trajectory = std::move(*trajectory);
     return solution;
   }
 
   [[nodiscard]] Solution nothing_found(const Deadline& deadline, int iterations) const {
-    Solution solution = no_path(options_.planner + " found no path to the goal in " +
+    Solution solution = no_path(options_.planner + ": no path to the goal in " +
                                 std::to_string(iterations) + " iterations");
     solution.iterations = iterations;
     if (deadline.expired()) {
@@ -349,16 +302,8 @@ class OmplOptimiser final : public Optimiser {
     }
   }
 
-  void warn_of_moving_ends(const Problem& problem) const {
-    if (problem.start.qdot.isZero(1e-9) && problem.goal.qdot.isZero(1e-9)) return;
-    log_.warn(
-        "the ompl optimiser plans from rest to rest; the velocities of start and goal are ignored");
-  }
-
   Options options_;
   std::uint64_t seed_;
-  Log& log_;
-  std::unique_ptr<Checker> checker_;
 };
 
 }  // namespace

@@ -5,26 +5,20 @@
 #include <string>
 #include <vector>
 
-#include <sidestep/core/log.hpp>
-#include <sidestep/planning/optimiser.hpp>
-#include <sidestep/plugin/parameters.hpp>
-
+#include "path_planner.hpp"
 #include "search.hpp"
 
 namespace sidestep::ompl_optimiser {
 
-struct Options {
+struct Options : joint_paths::PathOptions {
+  Options() = default;  // g++ 12 warns of aggregates with a base
   std::string planner = "RRTConnect";
   Node planner_parameters;
-  std::string checker = "field";
   std::string metric = "time";
   Node weights;
-  bool any_turn = false;
-  double max_time_s = 5.0;
   int max_iterations = 200000;
   int optimise_iterations = 2000;
   double range_s = 0.0;
-  double resolution_m = 0.005;
   bool simplify = true;
   int simplify_rounds = 3;
   int simplify_tries = 30;

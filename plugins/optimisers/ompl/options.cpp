@@ -9,16 +9,11 @@
 namespace sidestep::ompl_optimiser {
 
 Parameters<Options> Options::parameters() {
-  return Parameters<Options>()
+  return joint_paths::path_parameters<Options>()
       .add("planner", &Options::planner, "The planner of OMPL that searches.",
            {.choices = planner_names()})
       .add("parameters", &Options::planner_parameters,
            "Parameters of the planner by OMPL's own names, as {samples_per_batch: 200}.")
-      .add("checker", &Options::checker,
-           "What says whether a motion is clear: the robot's spheres against the distance `field`; "
-           "FCL on the shapes of its URDF against a scene's `primitives` and meshes; or against an "
-           "octree of a map's occupied voxels (`octomap`).",
-           {.choices = {"field", "primitives", "octomap"}})
       .add("metric", &Options::metric,
            "How far apart configurations are, joint by joint: by the `time` that it takes at full "
            "speed, or by the `motion` of the robot's farthest point at its fastest.",
@@ -26,12 +21,6 @@ Parameters<Options> Options::parameters() {
       .add("weights", &Options::weights,
            "Weights of joints in place of those of the metric, as {odom_t: 0.5}, in s per m or "
            "rad.")
-      .add("any_turn", &Options::any_turn,
-           "Joints that turn without limits may end any whole number of turns from the goal. For "
-           "plans that are driven as they are: as a start of gp_chain they would end elsewhere.")
-      .add("max_time_s", &Options::max_time_s,
-           "Gives up after this long, or at the caller's deadline if that is sooner.",
-           {.unit = "s", .min = 0.001})
       .add("max_iterations", &Options::max_iterations,
            "Gives up after this many iterations of the planner.", {.min = 1})
       .add("optimise_iterations", &Options::optimise_iterations,
@@ -41,10 +30,6 @@ Parameters<Options> Options::parameters() {
       .add("range_s", &Options::range_s,
            "Longest extension of a tree, as the time it takes at full speed; 0 lets OMPL choose.",
            {.unit = "s", .min = 0.0})
-      .add("resolution_m", &Options::resolution_m,
-           "A motion that is not shown clear before no sphere (or shape) moves more than this "
-           "between two checks counts as blocked.",
-           {.unit = "m", .min = 1e-4})
       .add("simplify", &Options::simplify, "Shorten the path before it is timed.")
       .add("simplify_rounds", &Options::simplify_rounds,
            "Rounds of shortening, at most; it ends where one has changed nothing.", {.min = 1})

@@ -1,10 +1,7 @@
 #include "search.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <memory>
-#include <numbers>
 #include <utility>
 
 #include <ompl/base/MotionValidator.h>
@@ -14,125 +11,20 @@
 namespace sidestep::ompl_optimiser {
 namespace {
 
-constexpr double kTurn_rad = 2.0 * std::numbers::pi;
-constexpr double kTurnBeyond_rad = 1.5 * std::numbers::pi;
 constexpr double kLeastLever_m = 0.02;  // per rad
 
-struct Range {
-  double lower;
-  double upper;
-};
-
-/// Where a joint that shifts the robot along d (per unit) leaves at least one sphere's centre
-/// inside the field, all other joints as at the start.
-Range inside_field(const Problem& problem, std::size_t joint) {
-  const RobotDescription& robot = problem.robot->description();
-  const std::size_t dof = robot.joints.size();
-  const std::size_t spheres = robot.spheres.size();
-  const GridSpec& grid = problem.field->info().grid;
-  std::vector<Eigen::Vector3d> centres(spheres);
-  std::vector<Eigen::Vector3d> jacobians(spheres * dof);
-  Scratch scratch;
-  problem.robot->sphere_jacobians({problem.start.q.data(), dof}, centres, jacobians, scratch);
-  const double reach_m = (grid.upper_m() - grid.origin_m).norm();
-  const double now = problem.start.q[static_cast<Eigen::Index>(joint)];
-  Range range{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-  for (std::size_t s = 0; s < spheres; ++s) {
-    const Eigen::Vector3d d = jacobians[s * dof + joint];
-    Range of_sphere{now - reach_m, now + reach_m};
-    for (int axis = 0; axis < 3; ++axis) {
-      if (std::abs(d[axis]) < 1e-6) continue;
-      const double a = now + (grid.origin_m[axis] - centres[s][axis]) / d[axis];
-      const double b = now + (grid.upper_m()[axis] - centres[s][axis]) / d[axis];
-      of_sphere.lower = std::max(of_sphere.lower, std::min(a, b));
-      of_sphere.upper = std::min(of_sphere.upper, std::max(a, b));
-    }
-    range.lower = std::min(range.lower, of_sphere.lower);
-    range.upper = std::max(range.upper, of_sphere.upper);
-  }
-  return spheres == 0 ? Range{now - reach_m, now + reach_m} : range;
-}
-
-bool turns_freely(const Joint& joint) {
-  return joint.type != Joint::Type::kPrismatic && !std::isfinite(joint.lower) &&
-         !std::isfinite(joint.upper);
-}
-
-/// The goal, or with `any_turn` two equivalents of each joint that turns freely: the nearest to the
-/// start and the next the other way round, in all combinations, fewest of the latter first.
-std::vector<Eigen::VectorXd> goals_of(const Problem& problem, bool any_turn) {
-  const std::vector<Joint>& joints = problem.robot->description().joints;
-  std::vector<Eigen::VectorXd> goals{problem.goal.q};
-  for (std::size_t j = 0; any_turn && j < joints.size(); ++j) {
-    if (!turns_freely(joints[j])) continue;
-    const auto at = static_cast<Eigen::Index>(j);
-    const double start = problem.start.q[at];
-    const double turn_rad = std::remainder(problem.goal.q[at] - start, kTurn_rad);
-    const std::size_t count = goals.size();
-    for (std::size_t i = 0; i < count; ++i) {
-      goals[i][at] = start + turn_rad;
-      goals.push_back(goals[i]);
-      goals.back()[at] -= std::copysign(kTurn_rad, turn_rad);
-    }
-  }
-  return goals;
-}
-
-Range bounds_of(const Problem& problem, std::size_t joint, bool any_turn) {
-  const Joint& limits = problem.robot->description().joints[joint];
-  const double start = problem.start.q[static_cast<Eigen::Index>(joint)];
-  const double goal = problem.goal.q[static_cast<Eigen::Index>(joint)];
-  if (any_turn && turns_freely(limits)) return {start - kTurn_rad, start + kTurn_rad};
-  Range range{limits.lower, limits.upper};
-  if (limits.type == Joint::Type::kPrismatic) {
-    if (!std::isfinite(limits.upper - limits.lower) || limits.upper - limits.lower > 5.0) {
-      const Range inside = inside_field(problem, joint);
-      range = {std::max(range.lower, inside.lower), std::min(range.upper, inside.upper)};
-    }
-  } else {
-    range.lower = std::max(range.lower, std::min(start, goal) - kTurnBeyond_rad);
-    range.upper = std::min(range.upper, std::max(start, goal) + kTurnBeyond_rad);
-  }
-  return {std::min({range.lower, start, goal}), std::max({range.upper, start, goal})};
-}
-
-/// How far a unit of each joint moves the sphere that it moves farthest, at the start or the goal.
-std::vector<double> ways_per_unit(const Problem& problem) {
-  const RobotDescription& robot = problem.robot->description();
-  const std::size_t dof = robot.joints.size();
-  const std::size_t spheres = robot.spheres.size();
-  std::vector<Eigen::Vector3d> centres(spheres);
-  std::vector<Eigen::Vector3d> jacobians(spheres * dof);
-  std::vector<double> ways(dof, 0.0);
-  Scratch scratch;
-  for (const RobotState* state : {&problem.start, &problem.goal}) {
-    problem.robot->sphere_jacobians({state->q.data(), dof}, centres, jacobians, scratch);
-    for (std::size_t i = 0; i < jacobians.size(); ++i) {
-      ways[i % dof] = std::max(ways[i % dof], jacobians[i].norm());
-    }
-  }
-  return ways;
-}
-
-/// Weights of `motion`. A joint that moves no centre, as the last of a wrist, weighs what it takes
-/// to move one by kLeastLever_m a radian.
-std::vector<double> motion_weights(const Problem& problem) {
-  const std::vector<Joint>& joints = problem.robot->description().joints;
-  std::vector<double> weights = ways_per_unit(problem);
-  double fastest = 0.0;
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    weights[j] = std::max(weights[j], kLeastLever_m);
-    fastest = std::max(fastest, weights[j] * joints[j].max_velocity);
-  }
-  for (double& weight : weights) weight /= fastest;
-  return weights;
-}
+}  // namespace
 
 std::vector<double> weights_of(const Problem& problem, const JointMetric& metric) {
   const std::vector<Joint>& joints = problem.robot->description().joints;
   std::vector<double> weights;
   if (metric.name == "motion") {
-    weights = motion_weights(problem);
+    weights = joint_paths::motion_weights(problem, kLeastLever_m);
+    double fastest = 0.0;
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      fastest = std::max(fastest, weights[j] * joints[j].max_velocity);
+    }
+    for (double& weight : weights) weight /= fastest;
   } else {
     for (const Joint& joint : joints) weights.push_back(1.0 / joint.max_velocity);
   }
@@ -143,8 +35,6 @@ std::vector<double> weights_of(const Problem& problem, const JointMetric& metric
   }
   return weights;
 }
-
-}  // namespace
 
 Result<void> check_weights(const JointMetric& metric, const RobotDescription& robot) {
   if (!metric.weights.is_map()) return {};
@@ -157,15 +47,6 @@ Result<void> check_weights(const JointMetric& metric, const RobotDescription& ro
                 did_you_mean(entry.key, names));
   }
   return {};
-}
-
-JointSpace::JointSpace(const Problem& problem, const JointMetric& metric, bool any_turn)
-    : goals_(goals_of(problem, any_turn)), weight_(weights_of(problem, metric)) {
-  for (std::size_t j = 0; j < weight_.size(); ++j) {
-    const Range range = bounds_of(problem, j, any_turn);
-    lower_.push_back(range.lower * weight_[j]);
-    upper_.push_back(range.upper * weight_[j]);
-  }
 }
 
 namespace ob = ::ompl::base;

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include <ompl/base/SpaceInformation.h>
-#include <Eigen/Core>
 
 #include <sidestep/core/error.hpp>
 #include <sidestep/core/node.hpp>
@@ -14,8 +13,12 @@
 #include <sidestep/planning/problem.hpp>
 
 #include "checker.hpp"
+#include "joint_space.hpp"
 
 namespace sidestep::ompl_optimiser {
+
+using joint_paths::Checker;
+using joint_paths::JointSpace;
 
 /// How far apart configurations are: the Euclidean norm of each joint's way times its weight, in s.
 struct JointMetric {
@@ -29,39 +32,8 @@ struct JointMetric {
 /// Fails with kInvalidArgument for a weight of a joint that the robot has not.
 [[nodiscard]] Result<void> check_weights(const JointMetric& metric, const RobotDescription& robot);
 
-/// The space that is searched: each joint's position times its weight, so that distances are
-/// (Euclidean) times, and the bounds within which samples fall.
-///
-/// Bounds are the joints' limits. A prismatic joint without limits (a base) is bounded by where
-/// the robot's spheres still lie inside the field; a joint that turns without limits, by one and
-/// a half half-turns beyond start and goal. It is a real line, so that trajectories never jump.
-/// Without `any_turn` a goal one turn away is one turn away. With it the robot may end a whole
-/// number of turns from the goal in such joints: in the nearest equivalent of its angle or the
-/// next one the other way round, and the bounds are one turn either way.
-class JointSpace {
- public:
-  JointSpace(const Problem& problem, const JointMetric& metric, bool any_turn);
-
-  /// Where the robot may end, the nearest first: at least one configuration of dof() values.
-  [[nodiscard]] const std::vector<Eigen::VectorXd>& goals() const noexcept { return goals_; }
-
-  [[nodiscard]] std::size_t dof() const noexcept { return weight_.size(); }
-  [[nodiscard]] double lower(std::size_t joint) const noexcept { return lower_[joint]; }
-  [[nodiscard]] double upper(std::size_t joint) const noexcept { return upper_[joint]; }
-
-  void to_joints(std::span<const double> u, std::span<double> q) const noexcept {
-    for (std::size_t j = 0; j < weight_.size(); ++j) q[j] = u[j] / weight_[j];
-  }
-  void from_joints(std::span<const double> q, std::span<double> u) const noexcept {
-    for (std::size_t j = 0; j < weight_.size(); ++j) u[j] = q[j] * weight_[j];
-  }
-
- private:
-  std::vector<Eigen::VectorXd> goals_;
-  std::vector<double> weight_;  // s per unit
-  std::vector<double> lower_;   // scaled
-  std::vector<double> upper_;
-};
+/// The weights of a metric, joint by joint, in s per unit.
+[[nodiscard]] std::vector<double> weights_of(const Problem& problem, const JointMetric& metric);
 
 /// One search: a problem in OMPL's terms. Planners with threads of their own check one at a time.
 class Search {

@@ -30,6 +30,10 @@ class SIDESTEP_EXPORT MotionCheck {
   /// True if one configuration (dof values) is clear. Limits are the caller's affair.
   [[nodiscard]] bool is_clear(std::span<const double> q);
 
+  /// Of at most kLanes configurations, one after the other in `q`, those that are not clear: bit i
+  /// for configuration i. Among shapes hardly slower than for one.
+  [[nodiscard]] unsigned find_blocked(std::span<const double> q);
+
   /// True if the straight line between two configurations is shown to be clear, ends included.
   /// A motion that cannot be shown clear before no sphere moves more than `resolution_m`
   /// between checks counts as blocked, so nothing is ever called clear that is not.

@@ -14,6 +14,7 @@
 namespace sidestep::ompl_optimiser {
 namespace {
 
+using joint_paths::make_checker;
 using testing::HasSubstr;
 using testing_support::HsrRoom;
 

@@ -49,16 +49,20 @@ double weight(const JointSpace& space, std::size_t joint) {
   return u[joint];
 }
 
+JointSpace space_of(const Problem& problem, const JointMetric& metric, bool any_turn) {
+  return JointSpace(problem, weights_of(problem, metric), any_turn);
+}
+
 TEST(JointSpace, WeighsByTimeOrByMotionOrAsTold) {
   const Problem problem = in_hall(0.0, 1.0);
   const std::vector<Joint>& joints = problem.robot->description().joints;
-  const JointSpace by_time(problem, {}, false);
+  const JointSpace by_time = space_of(problem, {}, false);
   for (std::size_t j = 0; j < joints.size(); ++j) {
     EXPECT_NEAR(weight(by_time, j) * joints[j].max_velocity, 1.0, 1e-12) << joints[j].name;
   }
   // By motion a metre weighs the same in each direction of the base, and the lift's metre as much;
   // no joint's full speed counts for more than a second per second.
-  const JointSpace by_motion(problem, {.name = "motion"}, false);
+  const JointSpace by_motion = space_of(problem, {.name = "motion"}, false);
   EXPECT_NEAR(weight(by_motion, 0), weight(by_motion, 1), 1e-12);
   EXPECT_NEAR(weight(by_motion, 0), weight(by_motion, 3), 1e-12);
   double most = 0.0;
@@ -75,7 +79,7 @@ TEST(JointSpace, WeighsByTimeOrByMotionOrAsTold) {
     lever_m = std::max(lever_m, centre.head<2>().norm());
   EXPECT_NEAR(weight(by_motion, 2) / weight(by_motion, 0), lever_m, 1e-9);
 
-  const JointSpace told(problem, {.weights = one_weight("odom_t", "0.25")}, false);
+  const JointSpace told = space_of(problem, {.weights = one_weight("odom_t", "0.25")}, false);
   EXPECT_EQ(weight(told, 2), 0.25);
   EXPECT_EQ(weight(told, 0), weight(by_time, 0));
 }
@@ -93,7 +97,7 @@ TEST(JointSpace, RefusesWeightsOfJointsThatDoNotExist) {
 TEST(JointSpace, EndsInTheNearestEquivalentOfAFreeTurn) {
   for (const double turns : {0.0, 1.0, -3.0}) {
     const Problem problem = in_hall(3.0, -3.0 + turns * kTurn_rad);
-    const JointSpace space(problem, {}, true);
+    const JointSpace space = space_of(problem, {}, true);
     ASSERT_EQ(space.goals().size(), 2u);  // one joint turns freely
     EXPECT_NEAR(space.goals()[0][2], -3.0 + kTurn_rad, 1e-9);
     EXPECT_NEAR(space.goals()[1][2], -3.0, 1e-9);
@@ -102,14 +106,14 @@ TEST(JointSpace, EndsInTheNearestEquivalentOfAFreeTurn) {
       EXPECT_LE(space.lower(2), u);
       EXPECT_GE(space.upper(2), u);
     }
-    EXPECT_EQ(JointSpace(problem, {}, false).goals().front(), problem.goal.q);
+    EXPECT_EQ(space_of(problem, {}, false).goals().front(), problem.goal.q);
   }
 }
 
 TEST(JointSpace, NeverWrapsAJointWithLimits) {
   Problem problem = in_hall(0.0, 0.0);
   problem.start.q[4] = -2.5;  // arm_flex_joint
-  const JointSpace space(problem, {}, true);
+  const JointSpace space = space_of(problem, {}, true);
   for (const Eigen::VectorXd& goal : space.goals()) EXPECT_EQ(goal[4], problem.goal.q[4]);
 }
 

@@ -8,7 +8,7 @@
 
 #include "shape_paths.hpp"
 
-namespace sidestep::ompl_optimiser {
+namespace sidestep::joint_paths {
 namespace {
 
 /// Clearance kept beyond the problem's margin, so that whatever is shown clear here can be
@@ -35,6 +35,7 @@ class FieldChecker final : public Checker {
     return {};
   }
   bool is_clear(std::span<const double> q) override { return check_->is_clear(q); }
+  unsigned find_blocked(std::span<const double> q) override { return check_->find_blocked(q); }
   bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
                 double resolution_m) override {
     return check_->is_clear(q_from, q_to, resolution_m);
@@ -102,6 +103,14 @@ class ShapeChecker final : public Checker {
     return {};
   }
   bool is_clear(std::span<const double> q) override { return paths_->is_clear(q); }
+  unsigned find_blocked(std::span<const double> q) override {
+    const std::size_t dof = robot_->description().joints.size();
+    unsigned blocked = 0;
+    for (std::size_t i = 0; i < q.size() / dof; ++i) {
+      if (!is_clear(q.subspan(i * dof, dof))) blocked |= 1u << i;
+    }
+    return blocked;
+  }
   bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
                 double resolution_m) override {
     return paths_->is_clear(q_from, q_to, resolution_m);
@@ -156,4 +165,4 @@ std::unique_ptr<Checker> make_checker(const std::string& name) {
   return std::make_unique<ShapeChecker>(name == "octomap");
 }
 
-}  // namespace sidestep::ompl_optimiser
+}  // namespace sidestep::joint_paths

@@ -11,11 +11,10 @@
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
-#include "conformance/test_host.hpp"
-#include "ompl_optimiser.hpp"
+#include "support.hpp"
 #include "support/hsr.hpp"
 
-namespace sidestep::ompl_optimiser {
+namespace sidestep::joint_paths {
 namespace {
 
 constexpr int kScenes = 12;
@@ -108,19 +107,14 @@ class RandomScenes : public testing::TestWithParam<Case> {
 };
 
 TEST_P(RandomScenes, AreCrossedOnPathsThatFclCallsValid) {
-  Options options;
-  options.planner = GetParam().planner;
-  options.checker = GetParam().checker;
-  options.max_time_s = 60.0;
-  options.max_iterations = 5000;
-  options.optimise_iterations = 300;
   conformance::RecordingLog log;
   double took_ms = 0.0;
   int solved = 0;
   int searched = 0;
   for (int i = 0; i < kScenes; ++i) {
     const Problem problem = draw_problem();
-    const auto optimiser = make_ompl_optimiser(options, static_cast<std::uint64_t>(i), log);
+    const auto optimiser =
+        make_planner(GetParam().planner, GetParam().checker, static_cast<std::uint64_t>(i), log);
     const auto solution = optimiser->solve(problem, Trajectory{}, Deadline());
     ASSERT_TRUE(solution) << solution.error().describe();
     took_ms += solution->solve_ms;
@@ -138,16 +132,20 @@ TEST_P(RandomScenes, AreCrossedOnPathsThatFclCallsValid) {
   EXPECT_GE(searched, kScenes / 4);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Ompl, RandomScenes,
-    testing::Values(Case{"panda", "RRTConnect", "field"}, Case{"panda", "BITstar", "field"},
-                    Case{"hsr", "RRTConnect", "field"}, Case{"hsr", "BITstar", "field"},
-                    Case{"panda", "RRTConnect", "primitives"},
-                    Case{"panda", "BITstar", "primitives"}, Case{"hsr", "RRTConnect", "primitives"},
-                    Case{"hsr", "BITstar", "primitives"}),
-    [](const auto& test) {
-      return std::string(test.param.robot) + test.param.planner + "By" + test.param.checker;
-    });
+std::vector<Case> cases() {
+  std::vector<Case> cases;
+  for (const char* robot : {"panda", "hsr"}) {
+    for (const char* planner : {"rrt_connect", "RRTConnect", "BITstar"}) {
+      for (const char* checker : {"field", "primitives"})
+        cases.push_back({robot, planner, checker});
+    }
+  }
+  return cases;
+}
+
+INSTANTIATE_TEST_SUITE_P(Planners, RandomScenes, testing::ValuesIn(cases()), [](const auto& test) {
+  return std::string(test.param.robot) + test.param.planner + "By" + test.param.checker;
+});
 
 }  // namespace
-}  // namespace sidestep::ompl_optimiser
+}  // namespace sidestep::joint_paths

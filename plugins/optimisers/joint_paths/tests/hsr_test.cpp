@@ -3,10 +3,10 @@
 #include <sidestep/planning/validity_check.hpp>
 #include <sidestep/runtime/shape_check.hpp>
 
-#include "ompl_optimiser.hpp"
+#include "support.hpp"
 #include "support/hsr_room.hpp"
 
-namespace sidestep::ompl_optimiser {
+namespace sidestep::joint_paths {
 namespace {
 
 using testing_support::HsrRoom;
@@ -18,13 +18,9 @@ TEST_P(HsrPlan, PassesBothChecks) {
   const HsrRoom room(0.05);
   Problem problem = room.problem();
   problem.collision_margin_m = 0.05;  // more than half a voxel's diagonal
-  Options options;
-  options.planner = GetParam();
-  options.max_time_s = 300.0;
-  options.optimise_iterations = 200;
   conformance::RecordingLog log;
   const auto solution =
-      make_ompl_optimiser(options, 3, log)->solve(problem, Trajectory{}, Deadline());
+      make_planner(GetParam(), "field", 3, log)->solve(problem, Trajectory{}, Deadline());
   ASSERT_TRUE(solution) << solution.error().describe();
   ASSERT_EQ(solution->status, SolveStatus::kConverged) << solution->reason;
 
@@ -48,7 +44,8 @@ TEST_P(HsrPlan, PassesBothChecks) {
             valid->min_clearance_m - 0.5 * std::sqrt(3.0) * room.resolution_m() - 1e-5);
 }
 
-INSTANTIATE_TEST_SUITE_P(Ompl, HsrPlan, testing::Values("RRTConnect", "RRTstar", "BITstar", "PRM"));
+INSTANTIATE_TEST_SUITE_P(Planners, HsrPlan,
+                         testing::Values("rrt_connect", "RRTConnect", "RRTstar", "BITstar", "PRM"));
 
 }  // namespace
-}  // namespace sidestep::ompl_optimiser
+}  // namespace sidestep::joint_paths

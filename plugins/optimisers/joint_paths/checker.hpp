@@ -9,7 +9,7 @@
 #include <sidestep/planning/problem.hpp>
 #include <sidestep/planning/validity_check.hpp>
 
-namespace sidestep::ompl_optimiser {
+namespace sidestep::joint_paths {
 
 /// What shows configurations and straight motions in joint space clear. One thread at a time.
 class Checker {
@@ -22,6 +22,9 @@ class Checker {
 
   /// True if a configuration is clear. Limits are the caller's affair.
   [[nodiscard]] virtual bool is_clear(std::span<const double> q) = 0;
+  /// Of at most kLanes finite configurations, one after the other in `q`, those that are not clear:
+  /// bit i for configuration i.
+  [[nodiscard]] virtual unsigned find_blocked(std::span<const double> q) = 0;
   /// True if the straight line between two is shown clear, ends included; what is not before
   /// nothing moves more than `resolution_m` between two looks counts as blocked.
   [[nodiscard]] virtual bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
@@ -33,4 +36,4 @@ class Checker {
 /// By the name of `checker`: `field`, `primitives` or `octomap`.
 [[nodiscard]] std::unique_ptr<Checker> make_checker(const std::string& name);
 
-}  // namespace sidestep::ompl_optimiser
+}  // namespace sidestep::joint_paths

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+
+#include <sidestep/core/log.hpp>
+#include <sidestep/planning/optimiser.hpp>
+#include <sidestep/plugin/parameters.hpp>
+
+#include "checker.hpp"
+
+namespace sidestep::joint_paths {
+
+struct PathOptions {
+  std::string checker = "field";
+  bool any_turn = false;
+  double max_time_s = 5.0;
+  double resolution_m = 0.005;
+};
+
+/// The declarations of PathOptions, from which `Options` derives.
+template <class Options>
+[[nodiscard]] Parameters<Options> path_parameters() {
+  return Parameters<Options>()
+      .add("checker", &PathOptions::checker,
+           "What says whether a motion is clear: the robot's spheres against the distance `field`; "
+           "FCL on the shapes of its URDF against a scene's `primitives` and meshes; or against an "
+           "octree of a map's occupied voxels (`octomap`).",
+           {.choices = {"field", "primitives", "octomap"}})
+      .add("any_turn", &PathOptions::any_turn,
+           "Joints that turn without limits may end any whole number of turns from the goal. For "
+           "plans that are driven as they are: as a start of gp_chain they would end elsewhere.")
+      .add("max_time_s", &PathOptions::max_time_s,
+           "Gives up after this long, or at the caller's deadline if that is sooner.",
+           {.unit = "s", .min = 0.001})
+      .add("resolution_m", &PathOptions::resolution_m,
+           "A motion that is not shown clear before no sphere (or shape) moves more than this "
+           "between two checks counts as blocked.",
+           {.unit = "m", .min = 1e-4});
+}
+
+/// A planner of paths in joint space, from rest to rest at corners: what such planners do around
+/// their search. `log` must outlive it. [planning]
+class PathPlanner : public Optimiser {
+ public:
+  /// `checker`: a name that make_checker() knows.
+  PathPlanner(const std::string& checker, Log& log) : log_(log), checker_(make_checker(checker)) {}
+
+  [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
+                                       const Deadline& deadline) final;
+
+ protected:
+  [[nodiscard]] Log& log() const noexcept { return log_; }
+
+ private:
+  /// Of a problem whose start and goal `checker`, which looks at it, calls clear.
+  [[nodiscard]] virtual Result<Solution> search(const Problem& problem, Checker& checker,
+                                                const Deadline& deadline) = 0;
+
+  Log& log_;
+  std::unique_ptr<Checker> checker_;
+};
+
+/// A path of dof values a vertex, timed from rest to rest; a failure where that cannot be.
+[[nodiscard]] Solution timed(const Problem& problem, std::span<const double> path);
+
+[[nodiscard]] Solution no_path(std::string reason);
+
+}  // namespace sidestep::joint_paths

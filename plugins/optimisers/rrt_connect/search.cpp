@@ -1,0 +1,163 @@
+#include "search.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <sidestep/core/index.hpp>
+
+namespace sidestep::rrt_connect {
+namespace {
+
+constexpr double kDomainChange = 1e-4;
+constexpr int kMostDraws = 256;  ///< In a round: most samples may be outside the domains.
+
+double distance(std::span<const double> a, std::span<const double> b) {
+  double squares = 0.0;
+  for (std::size_t j = 0; j < a.size(); ++j) squares += (a[j] - b[j]) * (a[j] - b[j]);
+  return std::sqrt(squares);
+}
+
+void interpolate(std::span<const double> from, std::span<const double> to, double part,
+                 std::span<double> between) {
+  for (std::size_t j = 0; j < between.size(); ++j) {
+    between[j] = part == 1.0 ? to[j] : from[j] + part * (to[j] - from[j]);
+  }
+}
+
+bool holds(unsigned bits, std::size_t number) { return (bits >> number & 1u) != 0; }
+
+}  // namespace
+
+std::size_t Search::Side::add(std::span<const double> u, std::size_t parent) {
+  domain_m.push_back(kInfinity);
+  return tree.add(u, parent);
+}
+
+Search::Search(const joint_paths::JointSpace& space, std::span<const double> start,
+               joint_paths::Checker& checker, const SearchSettings& settings, std::uint64_t seed)
+    : space_(space),
+      checker_(checker),
+      settings_(settings),
+      dof_(space.dof()),
+      start_(start.begin(), start.end()),
+      random_(seed),
+      sides_(2, Side{Tree(dof_)}),
+      sample_(dof_),
+      drawn_(kLanes * dof_),
+      drawn_from_(kLanes),
+      steps_(kLanes * dof_),
+      origin_(dof_),
+      q_(kLanes * dof_),
+      q_to_(dof_) {
+  space.from_joints(start, sample_);
+  (void)sides_[0].add(sample_, Tree::kNone);
+  for (const Eigen::VectorXd& goal : space.goals()) {
+    space.from_joints(as_span(goal), sample_);
+    (void)sides_[1].add(sample_, Tree::kNone);
+  }
+}
+
+std::optional<std::vector<double>> Search::grow() {
+  const std::size_t sizes[] = {sides_[0].tree.size(), sides_[1].tree.size()};
+  turn_ = sizes[0] == sizes[1] ? 1 - turn_ : sizes[0] < sizes[1] ? 0 : 1;
+  Side& side = sides_[turn_];
+  const std::size_t count = draw(side);
+  const unsigned blocked = find_blocked(std::span(drawn_).first(count * dof_));
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::span<const double> u = std::span(drawn_).subspan(i * dof_, dof_);
+    const auto added = extend(side, drawn_from_[i], u, holds(blocked, i));
+    if (!added) continue;
+    if (const auto met = connect(sides_[1 - turn_], u)) {
+      return turn_ == 0 ? path(*added, *met) : path(*met, *added);
+    }
+  }
+  return std::nullopt;
+}
+
+/// Fills drawn_ and drawn_from_; how many.
+std::size_t Search::draw(const Side& side) {
+  std::size_t count = 0;
+  for (int draws = 0; count < kLanes && draws < kMostDraws; ++draws) {
+    ++samples_;
+    for (std::size_t j = 0; j < dof_; ++j) {
+      sample_[j] = space_.lower(j) + random_.unit() * (space_.upper(j) - space_.lower(j));
+    }
+    const Tree::Found near = side.tree.nearest(sample_);
+    if (near.distance > side.domain_m[near.number] || near.distance == 0.0) continue;
+    interpolate(side.tree.point(near.number), sample_,
+                std::min(1.0, settings_.range_m / near.distance),
+                std::span(drawn_).subspan(count * dof_, dof_));
+    drawn_from_[count++] = near.number;
+  }
+  return count;
+}
+
+/// Grows a tree straight towards u in steps, as far as that is clear; the number of u in it.
+std::optional<std::size_t> Search::connect(Side& side, std::span<const double> u) {
+  std::size_t last = side.tree.nearest(u).number;
+  std::ranges::copy(side.tree.point(last), origin_.begin());
+  const double way_m = distance(origin_, u);
+  const auto steps = static_cast<std::size_t>(std::max(1.0, std::ceil(way_m / settings_.range_m)));
+  for (std::size_t first = 1; first <= steps; first += kLanes) {
+    const std::size_t count = std::min(kLanes, steps + 1 - first);
+    for (std::size_t i = 0; i < count; ++i) {
+      interpolate(origin_, u, static_cast<double>(first + i) / static_cast<double>(steps),
+                  std::span(steps_).subspan(i * dof_, dof_));
+    }
+    const unsigned blocked = find_blocked(std::span(steps_).first(count * dof_));
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto added =
+          extend(side, last, std::span(steps_).subspan(i * dof_, dof_), holds(blocked, i));
+      if (!added) return std::nullopt;
+      last = *added;
+    }
+  }
+  return last;
+}
+
+/// The number of u, if the straight motion to it is clear.
+std::optional<std::size_t> Search::extend(Side& side, std::size_t from, std::span<const double> u,
+                                          bool is_blocked) {
+  double& domain_m = side.domain_m[from];
+  const std::span<double> q_from = std::span(q_).first(dof_);
+  space_.to_joints(side.tree.point(from), q_from);
+  space_.to_joints(u, q_to_);
+  if (is_blocked || !checker_.is_clear(q_from, q_to_, settings_.resolution_m)) {
+    domain_m = std::max(settings_.range_m, std::min(domain_m * (1.0 - kDomainChange),
+                                                    settings_.domain * settings_.range_m));
+    return std::nullopt;
+  }
+  domain_m *= 1.0 + kDomainChange;
+  return side.add(u, from);
+}
+
+unsigned Search::find_blocked(std::span<const double> u) {
+  for (std::size_t i = 0; i < u.size(); i += dof_) {
+    space_.to_joints(u.subspan(i, dof_), std::span(q_).subspan(i, dof_));
+  }
+  return u.empty() ? 0 : checker_.find_blocked(std::span<const double>(q_).first(u.size()));
+}
+
+std::vector<double> Search::path(std::size_t from_start, std::size_t from_goal) const {
+  std::vector<std::span<const double>> vertices;
+  std::size_t goal = from_goal;
+  for (std::size_t at = from_start; at != Tree::kNone; at = sides_[0].tree.parent(at)) {
+    vertices.push_back(sides_[0].tree.point(at));
+  }
+  std::ranges::reverse(vertices);
+  for (std::size_t at = sides_[1].tree.parent(from_goal); at != Tree::kNone;
+       at = sides_[1].tree.parent(at)) {
+    vertices.push_back(sides_[1].tree.point(at));
+    goal = at;
+  }
+  std::vector<double> path(vertices.size() * dof_);
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    space_.to_joints(vertices[i], std::span(path).subspan(i * dof_, dof_));
+  }
+  // Exactly, not up to the rounding of the space.
+  std::ranges::copy(start_, path.begin());
+  std::ranges::copy(as_span(space_.goals()[goal]), path.end() - static_cast<std::ptrdiff_t>(dof_));
+  return path;
+}
+
+}  // namespace sidestep::rrt_connect
