@@ -214,24 +214,28 @@ class ProfileMaker {
 
   [[nodiscard]] Result<void> find_pairs() {
     const KinematicTree& robot = *made_.robot;  // with the spheres: a link without has no shapes
+    const bool is_told = !disabled_.empty();
     SamplingOptions sampling;
     sampling.samples = kSamples;
+    if (is_told) sampling.margin_m = 0.0;
     const auto sampled = sample_pairs(robot, sampling, [&](int done) {
       progress_(idx(done), idx(kSamples), "holding links against each other");
       return !is_stopped();
     });
     if (is_stopped()) return stopped();
+    using Verdict = PairStatistics::Verdict;
     for (const PairStatistics& pair : sampled) {
       if (disabled_.contains({pair.a, pair.b})) continue;
-      using Verdict = PairStatistics::Verdict;
-      // What an SRDF does not disable is checked, whether or not a sample touched.
-      if (pair.verdict == Verdict::kChecked ||
-          (!disabled_.empty() && pair.verdict != Verdict::kAlways)) {
+      // What an SRDF does not disable is checked, unless nothing could ever be valid then.
+      const bool is_always =
+          is_told ? pair.shapes_touch == kSamples : pair.verdict == Verdict::kAlways;
+      if (is_always) {
+        made_.notes.push_back(
+            name_of(pair.a) + " and " + name_of(pair.b) +
+            " touch wherever the joints are, and are not held against each other");
+      } else if (is_told || pair.verdict == Verdict::kChecked) {
         pairs_.emplace_back(pair.a, pair.b);
       }
-      if (pair.verdict != Verdict::kAlways) continue;
-      made_.notes.push_back(name_of(pair.a) + " and " + name_of(pair.b) +
-                            " touch wherever the joints are, and are not held against each other");
     }
     return {};
   }

@@ -24,6 +24,7 @@ struct PlannerEntry {
   std::vector<std::string> seeds = {"straight"};
   Node optimiser;
   Node sampler;
+  PlannerExpectation expect;  ///< Read again from PlannerRecord::settings, where it is judged.
 
   static Parameters<PlannerEntry> parameters() {
     using E = PlannerEntry;
@@ -36,7 +37,8 @@ struct PlannerEntry {
         .add("optimiser", &E::optimiser, "The block of the optimiser.",
              {.plugin = PluginKind::kOptimiser})
         .add("sampler", &E::sampler, "The block of the sampling planner, for the seed `sampled`.",
-             {.plugin = PluginKind::kOptimiser});
+             {.plugin = PluginKind::kOptimiser})
+        .add("expect", &E::expect, "What it must reach for the run to be a success.");
   }
 };
 

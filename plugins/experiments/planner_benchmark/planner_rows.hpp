@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include <sidestep/plugin/parameters.hpp>
 #include <sidestep/report/canvas.hpp>
 #include <sidestep/results/divided_run.hpp>
 #include <sidestep/runtime/experiment.hpp>
@@ -53,6 +54,17 @@ struct SetSolve : ProblemName {
   [[nodiscard]] double first_ms() const noexcept;
   /// Until the first answer as smooth as the last one; what came after is polish.
   [[nodiscard]] double time_ms() const noexcept;
+};
+
+/// `expect` of a planner: what it must reach for the run to be a success. A planner that solves
+/// nothing never does.
+struct PlannerExpectation {
+  std::optional<double> solved_share_1s;
+  std::optional<double> solved_share_5s;
+  std::optional<double> first_p50_ms;
+  std::optional<double> first_p95_ms;
+
+  static Parameters<PlannerExpectation> parameters();
 };
 
 struct PlannerRecord {

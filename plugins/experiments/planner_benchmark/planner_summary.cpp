@@ -3,10 +3,12 @@
 #include <cmath>
 #include <set>
 
+#include <sidestep/core/format.hpp>
 #include <sidestep/report/chart.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/report/result_columns.hpp>
 #include <sidestep/results/summary.hpp>
+#include <sidestep/runtime/yaml_document.hpp>
 #include "planner_rows.hpp"
 
 namespace sidestep {
@@ -135,8 +137,35 @@ Json family_rows(const PlannerBenchmarkRecord& record) {
   return rows;
 }
 
+/// What a planner does not reach of what its entry expects of it, by its row of the summary; empty
+/// where it does.
+std::string unmet_expectation(const PlannerRecord& planner, const Json& row) {
+  std::vector<Error> errors;
+  PlannerExpectation expect;
+  const auto entry = parse_yaml(planner.settings, planner.name, errors);
+  const Node* block = entry && entry->is_map() ? entry->find("expect") : nullptr;
+  if (block != nullptr) PlannerExpectation::parameters().read(*block, expect, errors);
+  if (row["first_valid_ms"]["p50"].is_null()) return planner.name + " solves nothing";
+  const auto complaint = [&](const char* key, const char* part, std::optional<double> bound,
+                             bool is_least) -> std::string {
+    const double value = row[key][part].get<double>();
+    if (!bound || (is_least ? value >= *bound : value <= *bound)) return "";
+    return planner.name + ": " + key + "." + part + format(" is %.4g", value) +
+           (is_least ? " (at least " : " (at most ") + format("%.4g was expected)", *bound);
+  };
+  for (const std::string& unmet :
+       {complaint("solved_share", "s1", expect.solved_share_1s, true),
+        complaint("solved_share", "s5", expect.solved_share_5s, true),
+        complaint("first_valid_ms", "p50", expect.first_p50_ms, false),
+        complaint("first_valid_ms", "p95", expect.first_p95_ms, false)}) {
+    if (!unmet.empty()) return unmet;
+  }
+  return "";
+}
+
 std::string verdict_text(const PlannerBenchmarkRecord& record, bool interrupted,
-                         std::ptrdiff_t refused, const std::optional<Error>& fault) {
+                         std::ptrdiff_t refused, const std::string& unmet,
+                         const std::optional<Error>& fault) {
   const std::string of = " answers to the problems of " + record.problems;
   const std::string count =
       std::to_string(record.solved()) + " of " + std::to_string(record.planned()) + of;
@@ -151,6 +180,7 @@ std::string verdict_text(const PlannerBenchmarkRecord& record, bool interrupted,
            count + ".";
   }
   if (record.solved() < record.planned()) return part + "Incomplete: " + count + ".";
+  if (!unmet.empty()) return part + "Failed: " + unmet + ".";
   return part + "Success: " + std::to_string(record.solved()) + of +
          ", none refused by the independent check.";
 }
@@ -241,21 +271,39 @@ Result<std::string> planners_body(const Json& summary, ResultsReader&,
 
 }  // namespace
 
+Parameters<PlannerExpectation> PlannerExpectation::parameters() {
+  using E = PlannerExpectation;
+  return Parameters<E>()
+      .add("solved_share_1s", &E::solved_share_1s,
+           "Least share of the problems that it solves within 1 s, by the independent check.",
+           {.min = 0.0, .max = 1.0})
+      .add("solved_share_5s", &E::solved_share_5s, "The same within 5 s.", {.min = 0.0, .max = 1.0})
+      .add("first_p50_ms", &E::first_p50_ms,
+           "Most that the median of the times until the first answer may be.",
+           {.unit = "ms", .min = 0.0})
+      .add("first_p95_ms", &E::first_p95_ms,
+           "Most that 95 % of the times until the first answer may be.",
+           {.unit = "ms", .min = 0.0});
+}
+
 ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool interrupted,
                                      const std::optional<Error>& fault) {
   Json planners = Json::array();
   std::ptrdiff_t refused = 0;
+  std::string unmet;
   for (const PlannerRecord& planner : record.planners) {
     planners.push_back(planner_rows().row({planner, "all", planner.solves}));
     refused += planners.back()["refused_by_check"].get<std::ptrdiff_t>();
+    const std::string its = unmet_expectation(planner, planners.back());
+    if (!its.empty()) unmet += (unmet.empty() ? "" : "; ") + its;
   }
   const Json families = family_rows(record);
   const bool complete = record.solved() == record.planned();
   ExperimentOutcome outcome;
   outcome.fault = fault;
   outcome.interrupted = interrupted && !complete;
-  outcome.success = complete && !fault && refused == 0;
-  outcome.verdict = verdict_text(record, outcome.interrupted, refused, fault);
+  outcome.success = complete && !fault && refused == 0 && unmet.empty();
+  outcome.verdict = verdict_text(record, outcome.interrupted, refused, unmet, fault);
   Json rows = planners;
   for (const Json& family : families) rows.push_back(family);
   outcome.table = planner_rows().text(rows);
@@ -273,6 +321,7 @@ ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool 
       {{"fault", fault ? Json(fault->describe()) : Json(nullptr)},
        {"complete", complete},
        {"shard", shard},
+       {"unmet", unmet},
        {"problems_file", record.problems},
        {"robot", record.robot},
        {"deadline_s", record.deadline_s},

@@ -34,12 +34,15 @@ Parameters<Options> Options::parameters() {
            "many ranges.",
            {.min = 1.0, .max = 1e6})
       .add("shorten_tries", &Options::shorten_tries,
-           "Stretches of the path that are tried to be drawn straight; vertices that are not "
-           "needed are left out besides.",
+           "Stretches of the path that are tried to be drawn straight, at most: fewer where the "
+           "search was short, so that shortening takes no longer. Vertices that are not needed "
+           "are left out besides.",
            {.min = 0, .max = 1e6});
 }
 
 namespace {
+
+constexpr std::int64_t kLooksPerTry = 10;
 
 class RrtConnect final : public joint_paths::PathPlanner {
  public:
@@ -64,7 +67,9 @@ class RrtConnect final : public joint_paths::PathPlanner {
       if (!found) return nothing_found(whole, search.samples());
       path = *std::move(found);
     }
-    const Shortening how{times_per_unit(problem), options_.resolution_m, options_.shorten_tries};
+    const auto tries =
+        std::min<std::int64_t>(options_.shorten_tries, search.looks() / kLooksPerTry);
+    const Shortening how{times_per_unit(problem), options_.resolution_m, static_cast<int>(tries)};
     const double found_s = path_length(path, how.weights);
     if (path.size() > 2 * space.dof()) {
       shorten(path, how, checker, derive_seed(seed_, "shorten"), deadline);

@@ -12,7 +12,7 @@ struct Options : joint_paths::PathOptions {
   double range_m = 0.3;
   double least_lever_m = 0.1;
   double domain = 8.0;
-  int shorten_tries = 30;
+  int shorten_tries = 60;
 
   static Parameters<Options> parameters();
 };

@@ -9,7 +9,9 @@ namespace sidestep::rrt_connect {
 namespace {
 
 constexpr double kDomainChange = 1e-4;
-constexpr int kMostDraws = 256;  ///< In a round: most samples may be outside the domains.
+/// In a round, from everywhere; most of them may be outside the domains.
+constexpr int kWideDraws = 128;
+constexpr int kMostDraws = kWideDraws + 64;
 
 double distance(std::span<const double> a, std::span<const double> b) {
   double squares = 0.0;
@@ -79,9 +81,7 @@ std::size_t Search::draw(const Side& side) {
   std::size_t count = 0;
   for (int draws = 0; count < kLanes && draws < kMostDraws; ++draws) {
     ++samples_;
-    for (std::size_t j = 0; j < dof_; ++j) {
-      sample_[j] = space_.lower(j) + random_.unit() * (space_.upper(j) - space_.lower(j));
-    }
+    draw_sample(side, draws < kWideDraws);
     const Tree::Found near = side.tree.nearest(sample_);
     if (near.distance > side.domain_m[near.number] || near.distance == 0.0) continue;
     interpolate(side.tree.point(near.number), sample_,
@@ -90,6 +90,21 @@ std::size_t Search::draw(const Side& side) {
     drawn_from_[count++] = near.number;
   }
   return count;
+}
+
+/// From everywhere, or from the domain of one of the tree's configurations: where all of them are
+/// hemmed in, hardly a sample from everywhere is in any.
+void Search::draw_sample(const Side& side, bool is_wide) {
+  const auto number =
+      static_cast<std::size_t>(random_.unit() * static_cast<double>(side.tree.size()));
+  const double reach_m = std::min(side.domain_m[number], settings_.domain * settings_.range_m) /
+                         std::sqrt(static_cast<double>(dof_));
+  for (std::size_t j = 0; j < dof_; ++j) {
+    const double lower = space_.lower(j), upper = space_.upper(j), part = random_.unit();
+    sample_[j] = is_wide ? lower + part * (upper - lower)
+                         : std::clamp(side.tree.point(number)[j] + (2.0 * part - 1.0) * reach_m,
+                                      lower, upper);
+  }
 }
 
 /// Grows a tree straight towards u in steps, as far as that is clear; the number of u in it.
@@ -122,6 +137,7 @@ std::optional<std::size_t> Search::extend(Side& side, std::size_t from, std::spa
   const std::span<double> q_from = std::span(q_).first(dof_);
   space_.to_joints(side.tree.point(from), q_from);
   space_.to_joints(u, q_to_);
+  if (!is_blocked) ++looks_;
   if (is_blocked || !checker_.is_clear(q_from, q_to_, settings_.resolution_m)) {
     domain_m = std::max(settings_.range_m, std::min(domain_m * (1.0 - kDomainChange),
                                                     settings_.domain * settings_.range_m));
@@ -135,6 +151,7 @@ unsigned Search::find_blocked(std::span<const double> u) {
   for (std::size_t i = 0; i < u.size(); i += dof_) {
     space_.to_joints(u.subspan(i, dof_), std::span(q_).subspan(i, dof_));
   }
+  ++looks_;
   return u.empty() ? 0 : checker_.find_blocked(std::span<const double>(q_).first(u.size()));
 }
 

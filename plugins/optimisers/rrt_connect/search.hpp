@@ -35,6 +35,8 @@ class Search {
 
   /// Drawn so far.
   [[nodiscard]] std::int64_t samples() const noexcept { return samples_; }
+  /// What it cost so far: how often the checker was asked.
+  [[nodiscard]] std::int64_t looks() const noexcept { return looks_; }
 
  private:
   struct Side {
@@ -45,6 +47,7 @@ class Search {
   };
 
   [[nodiscard]] std::size_t draw(const Side& side);
+  void draw_sample(const Side& side, bool is_wide);
   [[nodiscard]] std::optional<std::size_t> connect(Side& side, std::span<const double> u);
   [[nodiscard]] std::optional<std::size_t> extend(Side& side, std::size_t from,
                                                   std::span<const double> u, bool is_blocked);
@@ -60,6 +63,7 @@ class Search {
   std::vector<Side> sides_;  ///< Of the start, of the goals.
   std::size_t turn_ = 1;
   std::int64_t samples_ = 0;
+  std::int64_t looks_ = 0;
   std::vector<double> sample_;
   std::vector<double> drawn_;  ///< Ends of extensions, and where they begin.
   std::vector<std::size_t> drawn_from_;
