@@ -115,6 +115,20 @@ TEST_F(NewRobotTest, TakesGroupPosesAndPairsOfAnSrdf) {
   EXPECT_EQ(run({"robot", out_}).exit_code, 0);
 }
 
+/// With a base as high as the shoulder, in which the upper arm stands.
+TEST_F(NewRobotTest, LeavesOutAPairThatNoPoseParts) {
+  std::string urdf = kUrdf;
+  urdf.replace(urdf.find("0.4 0.4 0.2"), 11, "0.4 0.4 0.9");
+  folder_.write("robot/arm.urdf", urdf);
+  const auto srdf = folder_.write("arm.srdf", R"(<robot name="arm">
+<disable_collisions link1="upper" link2="hand"/>
+</robot>)");
+  const Finished made = make({"--srdf", srdf.string()});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  EXPECT_THAT(made.out, HasSubstr("note: base and upper touch wherever the joints are"));
+  EXPECT_THAT(profile(), HasSubstr("  pairs:\n    - [base, hand]\n\n"));
+}
+
 TEST_F(NewRobotTest, FindsAPackageUnderAnotherName) {
   std::filesystem::rename(folder_.path() / "robot/arm_meshes", folder_.path() / "elsewhere");
   EXPECT_EQ(make().exit_code, 2);

@@ -127,6 +127,40 @@ TEST_F(PlannerBenchmarkTest, TellsWhoSolvesWhat) {
   EXPECT_THAT(read_file(out_ / "report.html"), HasSubstr("raced"));
 }
 
+/// Two of three problems have answers.
+TEST_F(PlannerBenchmarkTest, FailsWhereAPlannerDoesNotDoWhatIsExpected) {
+  const auto with = [&](const char* expect, const char* out) {
+    const std::string planner =
+        "experiment.planners=[{name: sampling, seeds: [sampled], sampler: "
+        "{plugin: rrt_connect, max_samples: 2000}, expect: {";
+    return run(
+        arguments(written(problems()), {"--set", planner + expect + "}}]", "--out", at(out)}));
+  };
+  const Finished met = with("solved_share_5s: 0.6, first_p95_ms: 5000", "met");
+  EXPECT_EQ(met.exit_code, 0) << met.error;
+  EXPECT_EQ(summary("met")["unmet"], "");
+  const Finished few = with("solved_share_5s: 0.7", "few");
+  EXPECT_EQ(few.exit_code, 1) << few.error;
+  EXPECT_THAT(few.out, HasSubstr("Failed: sampling: solved_share.s5 is 0.6667 (at least 0.7 was "
+                                 "expected)"));
+  EXPECT_EQ(summary("few")["success"], false);
+  const Finished slow = with("first_p50_ms: 1e-6", "slow");
+  EXPECT_EQ(slow.exit_code, 1) << slow.error;
+  EXPECT_THAT(slow.out, HasSubstr("first_valid_ms.p50 is "));
+  const Finished wrong = with("solved: 1", "wrong");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.error, HasSubstr("solved_share_1s"));
+}
+
+TEST_F(PlannerBenchmarkTest, IsNoSuccessWhereNothingIsSolved) {
+  Json walled_in = problems();
+  walled_in["problems"].erase(1);
+  walled_in["problems"].erase(0);
+  const Finished finished = run_it(walled_in, {"--set", "experiment.deadline_s=0.3"});
+  EXPECT_EQ(finished.exit_code, 1) << finished.error;
+  EXPECT_THAT(finished.out, HasSubstr("Failed: raced solves nothing; sampling solves nothing"));
+}
+
 TEST_F(PlannerBenchmarkTest, LeavesCertificatesOfItsAnswers) {
   EXPECT_TRUE(run_it(problems()).exit_code == 0 && planner("line")["certified_share"].is_null());
   const Finished finished = run_it(problems(), {"--set", "check.certificate=file"});

@@ -133,9 +133,6 @@ bool EdgeProver::is_clear(std::span<const double> q_from, std::span<const double
 unsigned EdgeProver::find_blocked(std::span<const double> q) {
   const unsigned all = (1u << (q.size() / variation_.size())) - 1u;
   unsigned open = all;
-  for (std::size_t i = 0; i < q.size(); ++i) {
-    if (!std::isfinite(q[i])) open &= ~(1u << (i / variation_.size()));
-  }
   spare_m_ = 0.0;
   robot_->sphere_centre_lanes(q, centres_, scratch_);
   for (std::size_t i = 0; i < balls_.size() && open != 0; ++i) {

@@ -41,8 +41,8 @@ class EdgeProver {
   void look_at(std::shared_ptr<const SceneField> field, const SpacePolicy& space, double margin_m);
 
   [[nodiscard]] bool is_clear(std::span<const double> q);
-  /// Of at most kLanes configurations, one after the other in `q`, those that are not clear: bit i
-  /// for configuration i.
+  /// Of at most kLanes finite configurations, one after the other in `q`, those that are not clear:
+  /// bit i for configuration i.
   [[nodiscard]] unsigned find_blocked(std::span<const double> q);
   [[nodiscard]] bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
                               double resolution_m) {

@@ -1,5 +1,6 @@
 #include <sidestep/planning/motion_check.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -116,11 +117,12 @@ bool MotionCheck::is_clear(std::span<const double> q) {
 }
 
 unsigned MotionCheck::find_blocked(std::span<const double> q) {
-  if (impl_->is_among_shapes) return impl_->edges->find_blocked(q);
+  const bool is_finite = std::ranges::all_of(q, [](double value) { return std::isfinite(value); });
+  if (impl_->is_among_shapes && is_finite) return impl_->edges->find_blocked(q);
   const std::size_t dof = impl_->robot->description().joints.size();
   unsigned blocked = 0;
   for (std::size_t i = 0; i < q.size() / dof; ++i) {
-    if (!impl_->voxels->is_clear(q.subspan(i * dof, dof))) blocked |= 1u << i;
+    if (!is_clear(q.subspan(i * dof, dof))) blocked |= 1u << i;
   }
   return blocked;
 }

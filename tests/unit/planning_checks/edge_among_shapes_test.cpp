@@ -179,6 +179,36 @@ TEST_P(EdgeAmongShapes, IsClearWhereDenseSamplingSaysSo) {
   EXPECT_LE(wrongly_blocked, GetParam().space.outside == Space::kFree ? 8 : 2);
 }
 
+TEST_P(EdgeAmongShapes, BlocksWhatTheDefinitionsBlockEightAtOnce) {
+  const Eigen::AlignedBox3d bounds(Eigen::Vector3d(-1.3, -1.3, -0.5),
+                                   Eigen::Vector3d(1.3, 1.3, 1.6));
+  const auto dof = static_cast<std::size_t>(robot_->description().dof());
+  int clear = 0, blocked = 0;
+  for (int w = 0; w < 6; ++w) {
+    const Scene scene = edge_scene(random_);
+    const auto field = std::make_shared<const SceneField>(scene, Stamp(), bounds);
+    MotionCheck check(robot_, field, GetParam().space, kEdgeMargin_m);
+    EdgeOracle oracle{*robot_, scene, bounds, GetParam().space};
+    for (std::size_t i = 0; i < 80; ++i) {
+      const std::size_t count = 1 + i % kLanes;
+      std::vector<double> q;
+      for (std::size_t k = 0; k < count; ++k) {
+        const Eigen::VectorXd any = any_configuration();
+        q.insert(q.end(), any.data(), any.data() + any.size());
+      }
+      const unsigned found = check.find_blocked(q);
+      EXPECT_EQ(found >> count, 0u);
+      for (std::size_t k = 0; k < count; ++k) {
+        const double least_m = oracle.least_m(std::span<const double>(q).subspan(k * dof, dof));
+        EXPECT_EQ((found >> k & 1u) != 0, least_m < 0.0) << least_m;
+        ++(least_m < 0.0 ? blocked : clear);
+      }
+    }
+  }
+  EXPECT_GE(clear, 100);
+  EXPECT_GE(blocked, 100);
+}
+
 /// A check that is only asked whether all is well goes along chords, and agrees with one that
 /// tells.
 TEST_P(EdgeAmongShapes, AndTrajectoriesAreValidWhereTheFullCheckSaysSo) {
@@ -252,6 +282,9 @@ TEST(MotionCheckAmongShapes, IsNeverClearWithoutNumbers) {
   other[3] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(check.is_clear(other));
   EXPECT_FALSE(check.is_clear(q, other, 0.01));
+  std::vector<double> both = q;
+  both.insert(both.end(), other.begin(), other.end());
+  EXPECT_EQ(check.find_blocked(both), 2u);
 }
 
 }  // namespace
