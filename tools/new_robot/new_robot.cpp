@@ -31,6 +31,7 @@ using urdf_robot::UrdfModel;
 constexpr int kCloserFits = 3;
 /// Meshes are slow to hold against each other.
 constexpr int kSamples = 4000;
+constexpr int kSamplesOfTold = 200;  ///< Where an SRDF says which pairs matter.
 
 /// As YAML reads it back as a string: plain where it can be.
 std::string quoted(const std::string& text) {
@@ -216,10 +217,10 @@ class ProfileMaker {
     const KinematicTree& robot = *made_.robot;  // with the spheres: a link without has no shapes
     const bool is_told = !disabled_.empty();
     SamplingOptions sampling;
-    sampling.samples = kSamples;
+    sampling.samples = is_told ? kSamplesOfTold : kSamples;
     if (is_told) sampling.margin_m = 0.0;
     const auto sampled = sample_pairs(robot, sampling, [&](int done) {
-      progress_(idx(done), idx(kSamples), "holding links against each other");
+      progress_(idx(done), idx(sampling.samples), "holding links against each other");
       return !is_stopped();
     });
     if (is_stopped()) return stopped();
@@ -228,7 +229,7 @@ class ProfileMaker {
       if (disabled_.contains({pair.a, pair.b})) continue;
       // What an SRDF does not disable is checked, unless nothing could ever be valid then.
       const bool is_always =
-          is_told ? pair.shapes_touch == kSamples : pair.verdict == Verdict::kAlways;
+          is_told ? pair.shapes_touch == sampling.samples : pair.verdict == Verdict::kAlways;
       if (is_always) {
         made_.notes.push_back(
             name_of(pair.a) + " and " + name_of(pair.b) +

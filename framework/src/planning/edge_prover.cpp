@@ -155,7 +155,11 @@ unsigned EdgeProver::find_blocked(std::size_t number, unsigned open) {
   std::ranges::fill(limits_m, ball.radius_m + margin_m_);
   const std::size_t near = field_->find_within(field_->shapes(), centres_[idx(ball.centre)],
                                                limits_m, shapes_.data(), is_hit);
-  if (!is_bounded_) open &= bits_of(is_hit);
+  unsigned close = bits_of(is_hit);
+  for (std::size_t lane = 0; is_bounded_ && lane < kLanes; ++lane) {
+    if ((open & ~close) >> lane & 1u && !is_well_inside(ball, lane, 0.0)) close |= 1u << lane;
+  }
+  open &= close;
   if (open == 0) return 0;
   std::ranges::fill(is_hit, 0.0);
   unsigned blocked = 0;
@@ -289,7 +293,11 @@ bool EdgeProver::look_at_ball(std::size_t number, Look& look) {
   const PointLanes& centre_m = centres_[idx(ball.centre)];
   const std::size_t near =
       field_->find_within(field_->shapes(), centre_m, limits_m, shapes_.data(), is_near);
-  const bool is_on_edge = is_bounded_ && !is_well_inside(number, look);
+  const double way_m = ball_way_m(number) * look.half + spare_m_;
+  bool is_on_edge = false;
+  for (std::size_t lane = 0; is_bounded_ && !is_on_edge && lane < look.parts.size(); ++lane) {
+    is_on_edge = !is_well_inside(ball, lane, way_m);
+  }
   if (near == 0 && !is_on_edge) return true;
   for (int& sphere : ball.spheres) {
     if (look_at_sphere(number, sphere, std::span(shapes_).first(near), look)) continue;
@@ -300,17 +308,12 @@ bool EdgeProver::look_at_ball(std::size_t number, Look& look) {
 }
 
 /// Whether the whole ball keeps away from the floor and the field's bounds, as far as they matter.
-bool EdgeProver::is_well_inside(std::size_t number, const Look& look) const {
-  const Ball& ball = balls_[number];
-  const double way_m = ball_way_m(number) * look.half + spare_m_;
+bool EdgeProver::is_well_inside(const Ball& ball, std::size_t lane, double way_m) const {
+  const Eigen::Vector3d p_m = point(centres_[idx(ball.centre)], lane);
   const double beyond_m = ball.radius_m - radius_m_[idx(ball.centre)];
-  for (std::size_t lane = 0; lane < look.parts.size(); ++lane) {
-    const Eigen::Vector3d p_m = point(centres_[idx(ball.centre)], lane);
-    if (above_floor_(idx(ball.centre), p_m) - beyond_m - way_m < margin_m_) return false;
-    if (space_.outside == Space::kFree) continue;
-    if (field_->info().grid.inside_m(p_m) < ball.radius_m + way_m) return false;
-  }
-  return true;
+  if (above_floor_(idx(ball.centre), p_m) - beyond_m - way_m < margin_m_) return false;
+  return space_.outside == Space::kFree ||
+         field_->info().grid.inside_m(p_m) >= ball.radius_m + way_m;
 }
 
 bool EdgeProver::look_at_sphere(std::size_t number, int sphere,

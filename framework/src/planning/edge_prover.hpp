@@ -80,7 +80,7 @@ class EdgeProver {
   [[nodiscard]] bool look_at_ball(std::size_t number, Look& look);
   [[nodiscard]] unsigned find_blocked(std::size_t ball, unsigned open);
   [[nodiscard]] unsigned find_touching(std::size_t pair, unsigned open) const;
-  [[nodiscard]] bool is_well_inside(std::size_t number, const Look& look) const;
+  [[nodiscard]] bool is_well_inside(const Ball& ball, std::size_t lane, double way_m) const;
   [[nodiscard]] bool look_at_sphere(std::size_t number, int sphere,
                                     std::span<const std::uint32_t> shapes, Look& look);
   [[nodiscard]] bool look_at_pair(std::size_t number, Look& look) const;

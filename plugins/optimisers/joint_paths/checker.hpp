@@ -22,8 +22,8 @@ class Checker {
 
   /// True if a configuration is clear. Limits are the caller's affair.
   [[nodiscard]] virtual bool is_clear(std::span<const double> q) = 0;
-  /// Of at most kLanes finite configurations, one after the other in `q`, those that are not clear:
-  /// bit i for configuration i.
+  /// Of at most kLanes finite configurations, one after the other in `q`, those that it finds
+  /// blocked faster than by is_clear(), which may be none: bit i for configuration i.
   [[nodiscard]] virtual unsigned find_blocked(std::span<const double> q) = 0;
   /// True if the straight line between two is shown clear, ends included; what is not before
   /// nothing moves more than `resolution_m` between two looks counts as blocked.

@@ -45,6 +45,7 @@ Result<Solution> PathPlanner::solve(const Problem& problem, const Trajectory&,
   if (!problem.field) {
     return fail(ErrorCode::kInvalidArgument, "a sampling planner needs a distance field");
   }
+  SIDESTEP_TRY(check(problem));
   SIDESTEP_TRY(checker_->look_at(problem));
   Solution solution;
   if (auto reason = objection(problem, *checker_)) {

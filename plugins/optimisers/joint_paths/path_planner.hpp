@@ -54,6 +54,8 @@ class PathPlanner : public Optimiser {
   [[nodiscard]] Log& log() const noexcept { return log_; }
 
  private:
+  /// Whether the options suit the problem.
+  [[nodiscard]] virtual Result<void> check(const Problem&) { return {}; }
   /// Of a problem whose start and goal `checker`, which looks at it, calls clear.
   [[nodiscard]] virtual Result<Solution> search(const Problem& problem, Checker& checker,
                                                 const Deadline& deadline) = 0;

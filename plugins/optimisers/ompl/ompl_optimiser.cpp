@@ -186,9 +186,11 @@ class OmplOptimiser final : public PathPlanner {
       : PathPlanner(options.checker, log), options_(options), seed_(seed) {}
 
  private:
+  [[nodiscard]] Result<void> check(const Problem& problem) override {
+    return check_weights(options_.joint_metric(), problem.robot->description());
+  }
   [[nodiscard]] Result<Solution> search(const Problem& problem, Checker& checker,
                                         const Deadline& deadline) override {
-    SIDESTEP_TRY(check_weights(options_.joint_metric(), problem.robot->description()));
     try {
       return search_by_ompl(problem, checker, deadline);
     } catch (const ::ompl::Exception& error) {

@@ -56,7 +56,7 @@ class RrtConnect final : public joint_paths::PathPlanner {
     const JointSpace space(problem, joint_paths::motion_weights(problem, options_.least_lever_m),
                            options_.any_turn);
     Search search(space, as_span(problem.start.q), checker,
-                  {options_.range_m, options_.domain, options_.resolution_m}, seed_);
+                  {options_.range_m, options_.domain, options_.resolution_m}, seed_, deadline);
     std::vector<double> path = straight(problem, space);
     const std::span<const double> ends(path);
     if (!checker.is_clear(ends.first(space.dof()), ends.last(space.dof()), options_.resolution_m)) {

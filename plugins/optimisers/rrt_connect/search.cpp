@@ -36,10 +36,12 @@ std::size_t Search::Side::add(std::span<const double> u, std::size_t parent) {
 }
 
 Search::Search(const joint_paths::JointSpace& space, std::span<const double> start,
-               joint_paths::Checker& checker, const SearchSettings& settings, std::uint64_t seed)
+               joint_paths::Checker& checker, const SearchSettings& settings, std::uint64_t seed,
+               const Deadline& deadline)
     : space_(space),
       checker_(checker),
       settings_(settings),
+      deadline_(deadline),
       dof_(space.dof()),
       start_(start.begin(), start.end()),
       random_(seed),
@@ -81,7 +83,11 @@ std::size_t Search::draw(const Side& side) {
   std::size_t count = 0;
   for (int draws = 0; count < kLanes && draws < kMostDraws; ++draws) {
     ++samples_;
-    draw_sample(side, draws < kWideDraws);
+    if (draws < kWideDraws) {
+      sample_space();
+    } else {
+      sample_domain(side);
+    }
     const Tree::Found near = side.tree.nearest(sample_);
     if (near.distance > side.domain_m[near.number] || near.distance == 0.0) continue;
     interpolate(side.tree.point(near.number), sample_,
@@ -92,18 +98,22 @@ std::size_t Search::draw(const Side& side) {
   return count;
 }
 
-/// From everywhere, or from the domain of one of the tree's configurations: where all of them are
-/// hemmed in, hardly a sample from everywhere is in any.
-void Search::draw_sample(const Side& side, bool is_wide) {
+void Search::sample_space() {
+  for (std::size_t j = 0; j < dof_; ++j) {
+    sample_[j] = space_.lower(j) + random_.unit() * (space_.upper(j) - space_.lower(j));
+  }
+}
+
+/// From the domain of one of the tree's configurations: where all of them are hemmed in, hardly a
+/// sample of the whole space is in any.
+void Search::sample_domain(const Side& side) {
   const auto number =
       static_cast<std::size_t>(random_.unit() * static_cast<double>(side.tree.size()));
   const double reach_m = std::min(side.domain_m[number], settings_.domain * settings_.range_m) /
                          std::sqrt(static_cast<double>(dof_));
   for (std::size_t j = 0; j < dof_; ++j) {
-    const double lower = space_.lower(j), upper = space_.upper(j), part = random_.unit();
-    sample_[j] = is_wide ? lower + part * (upper - lower)
-                         : std::clamp(side.tree.point(number)[j] + (2.0 * part - 1.0) * reach_m,
-                                      lower, upper);
+    sample_[j] = std::clamp(side.tree.point(number)[j] + (2.0 * random_.unit() - 1.0) * reach_m,
+                            space_.lower(j), space_.upper(j));
   }
 }
 
@@ -138,7 +148,8 @@ std::optional<std::size_t> Search::extend(Side& side, std::size_t from, std::spa
   space_.to_joints(side.tree.point(from), q_from);
   space_.to_joints(u, q_to_);
   if (!is_blocked) ++looks_;
-  if (is_blocked || !checker_.is_clear(q_from, q_to_, settings_.resolution_m)) {
+  if (is_blocked || deadline_.expired() ||
+      !checker_.is_clear(q_from, q_to_, settings_.resolution_m)) {
     domain_m = std::max(settings_.range_m, std::min(domain_m * (1.0 - kDomainChange),
                                                     settings_.domain * settings_.range_m));
     return std::nullopt;
@@ -151,8 +162,9 @@ unsigned Search::find_blocked(std::span<const double> u) {
   for (std::size_t i = 0; i < u.size(); i += dof_) {
     space_.to_joints(u.subspan(i, dof_), std::span(q_).subspan(i, dof_));
   }
+  if (u.empty()) return 0;
   ++looks_;
-  return u.empty() ? 0 : checker_.find_blocked(std::span<const double>(q_).first(u.size()));
+  return checker_.find_blocked(std::span<const double>(q_).first(u.size()));
 }
 
 std::vector<double> Search::path(std::size_t from_start, std::size_t from_goal) const {

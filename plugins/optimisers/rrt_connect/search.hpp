@@ -5,6 +5,8 @@
 #include <span>
 #include <vector>
 
+#include <sidestep/core/time.hpp>
+
 #include "checker.hpp"
 #include "joint_space.hpp"
 #include "random.hpp"
@@ -21,13 +23,14 @@ struct SearchSettings {
 /// RRT-Connect: two trees, from the start and from the goals, grow towards each other (Kuffner and
 /// LaValle, ICRA 2000). The smaller tree grows. A configuration that could not be extended draws
 /// only samples within its domain, a ball that each further failure makes smaller and each success
-/// larger (Jaillet et al., IROS 2005). Extensions are looked at eight at once where they end, which
-/// finds out most of those that are blocked; those that are left, over all of their length.
+/// larger (Jaillet et al., IROS 2005). Extensions are looked at where they end, eight at once,
+/// which finds out most of those that are blocked; those that are left, over all of their length.
 class Search {
  public:
-  /// `space` and `checker` must outlive it.
+  /// `space`, `checker` and `deadline`, after which nothing is clear, must outlive it.
   Search(const joint_paths::JointSpace& space, std::span<const double> start,
-         joint_paths::Checker& checker, const SearchSettings& settings, std::uint64_t seed);
+         joint_paths::Checker& checker, const SearchSettings& settings, std::uint64_t seed,
+         const Deadline& deadline);
 
   /// One round: extends a tree by up to eight samples; a path of dof values a vertex, from the
   /// start to a goal, if the trees have met. Allocates.
@@ -47,7 +50,8 @@ class Search {
   };
 
   [[nodiscard]] std::size_t draw(const Side& side);
-  void draw_sample(const Side& side, bool is_wide);
+  void sample_space();
+  void sample_domain(const Side& side);
   [[nodiscard]] std::optional<std::size_t> connect(Side& side, std::span<const double> u);
   [[nodiscard]] std::optional<std::size_t> extend(Side& side, std::size_t from,
                                                   std::span<const double> u, bool is_blocked);
@@ -57,6 +61,7 @@ class Search {
   const joint_paths::JointSpace& space_;
   joint_paths::Checker& checker_;
   SearchSettings settings_;
+  const Deadline& deadline_;
   std::size_t dof_;
   std::vector<double> start_;
   Random random_;

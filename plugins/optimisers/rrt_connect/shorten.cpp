@@ -15,8 +15,13 @@ constexpr double kWorthwhile = 0.999;  ///< Of a stretch's length.
 class Shortener {
  public:
   Shortener(std::vector<double>& path, const Shortening& how, joint_paths::Checker& checker,
-            std::uint64_t seed)
-      : path_(path), how_(how), dof_(how.weights.size()), checker_(checker), random_(seed) {}
+            std::uint64_t seed, const Deadline& deadline)
+      : path_(path),
+        how_(how),
+        dof_(how.weights.size()),
+        checker_(checker),
+        random_(seed),
+        deadline_(deadline) {}
 
   /// From each vertex on, straight to the last that can be reached so.
   void leave_out() {
@@ -58,7 +63,7 @@ class Shortener {
     return path_length(path, how_.weights);
   }
   [[nodiscard]] bool is_clear(std::span<const double> from, std::span<const double> to) {
-    return checker_.is_clear(from, to, how_.resolution_m);
+    return !deadline_.expired() && checker_.is_clear(from, to, how_.resolution_m);
   }
   std::vector<double>::iterator erase(std::size_t from, std::size_t to) {
     return path_.erase(path_.begin() + static_cast<std::ptrdiff_t>(from * dof_),
@@ -96,6 +101,7 @@ class Shortener {
   void cut_joint(const Place& a, const Place& b, std::size_t joint) {
     const std::vector<double> before = stretch(a, b, true);
     const double whole = length(before);
+    if (whole == 0.0) return;
     std::vector<double> after = before;
     for (std::size_t i = dof_; i < after.size(); i += dof_) {
       const double part = length(std::span(before).first(i + dof_)) / whole;
@@ -118,6 +124,7 @@ class Shortener {
   std::size_t dof_;
   joint_paths::Checker& checker_;
   Random random_;
+  const Deadline& deadline_;
 };
 
 }  // namespace
@@ -137,7 +144,7 @@ double path_length(std::span<const double> path, std::span<const double> weights
 
 void shorten(std::vector<double>& path, const Shortening& how, joint_paths::Checker& checker,
              std::uint64_t seed, const Deadline& deadline) {
-  Shortener shortener(path, how, checker, seed);
+  Shortener shortener(path, how, checker, seed, deadline);
   shortener.leave_out();
   for (int i = 0; i < how.tries && !deadline.expired(); ++i) shortener.cut();
   shortener.leave_out();

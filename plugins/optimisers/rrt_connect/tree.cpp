@@ -15,12 +15,6 @@ constexpr float kFar = 1e18f;
 
 }  // namespace
 
-void Tree::clear() noexcept {
-  points_.clear();
-  parents_.clear();
-  blocks_.clear();
-}
-
 std::size_t Tree::add(std::span<const double> point, std::size_t parent) {
   const std::size_t number = parents_.size();
   if (number % kFloatLanes == 0) {

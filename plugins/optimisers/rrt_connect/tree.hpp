@@ -21,7 +21,6 @@ class Tree {
 
   explicit Tree(std::size_t dof) : dof_(dof) {}
 
-  void clear() noexcept;
   /// Returns the number of the new point. `parent`: kNone for a root.
   std::size_t add(std::span<const double> point, std::size_t parent);
   [[nodiscard]] std::size_t size() const noexcept { return parents_.size(); }

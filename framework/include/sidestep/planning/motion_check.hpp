@@ -30,8 +30,8 @@ class SIDESTEP_EXPORT MotionCheck {
   /// True if one configuration (dof values) is clear. Limits are the caller's affair.
   [[nodiscard]] bool is_clear(std::span<const double> q);
 
-  /// Of at most kLanes configurations, one after the other in `q`, those that are not clear: bit i
-  /// for configuration i. Among shapes hardly slower than for one.
+  /// Of at most kLanes configurations, one after the other in `q` (n x dof values), those that are
+  /// not clear: bit i for configuration i. What is not finite is not clear. Among shapes in lanes.
   [[nodiscard]] unsigned find_blocked(std::span<const double> q);
 
   /// True if the straight line between two configurations is shown to be clear, ends included.
