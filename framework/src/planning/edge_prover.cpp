@@ -171,6 +171,7 @@ unsigned EdgeProver::find_blocked(std::size_t number, unsigned open) {
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       if ((open >> lane & 1u) == 0) continue;
       bool is_blocked = is_hit[lane] != 0.0;
+      is_hit[lane] = 0.0;
       if (is_bounded_ || is_blocked) {
         const Eigen::Vector3d p_m = point(centre_m, lane);
         const double inside_m = field_->info().grid.inside_m(p_m);
