@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <vector>
 
@@ -9,37 +8,11 @@
 #include <ompl/datastructures/NearestNeighbors.h>
 #include <ompl/util/Exception.h>
 
-#include <sidestep/core/lanes.hpp>
+#include "flat_points.hpp"
 
 namespace sidestep::ompl_optimiser {
 
-/// Points of a vector space, looked through in lanes: up to some ten thousand of them, the nearest
-/// is found sooner so than by a tree that asks for distances one by one.
-class FlatPoints {
- public:
-  explicit FlatPoints(std::size_t dof) : dof_(dof) {}
-
-  void clear() noexcept;
-  void add(const double* point);
-  /// Puts the last in its place.
-  void remove(std::size_t number);
-  [[nodiscard]] std::size_t size() const noexcept { return size_; }
-  /// The number of the nearest, in the order of add(); of several, the first of its lane. There
-  /// must be one.
-  [[nodiscard]] std::size_t nearest(const double* point) const noexcept;
-
- private:
-  [[nodiscard]] double& at(std::size_t number, std::size_t joint) noexcept {
-    return blocks_[(number / kLanes * dof_ + joint) * kLanes + number % kLanes];
-  }
-
-  std::size_t dof_;
-  std::size_t size_ = 0;
-  std::vector<double>
-      blocks_;  ///< kLanes points each, joint by joint; infinite where there is none.
-};
-
-/// The same as OMPL wants it, of motions with a `state`.
+/// FlatPoints as OMPL wants them, of motions with a `state`.
 template <class Motion>
 class FlatNearest final : public ::ompl::NearestNeighbors<Motion> {
  public:
@@ -88,7 +61,7 @@ class FlatNearest final : public ::ompl::NearestNeighbors<Motion> {
   }
 
   std::vector<Motion> motions_;
-  FlatPoints points_;
+  joint_paths::FlatPoints points_;
 };
 
 }  // namespace sidestep::ompl_optimiser

@@ -1,13 +1,13 @@
 #ifndef SIDESTEP_KERNELS
-#include "flat_nearest.hpp"
+#include "flat_points.hpp"
 
 #include <limits>
 
-#define SIDESTEP_KERNELS "flat_nearest.cpp"
+#define SIDESTEP_KERNELS "flat_points.cpp"
 #include <sidestep/core/each_target.hpp>
 #include <sidestep/core/index.hpp>
 
-namespace sidestep::ompl_optimiser {
+namespace sidestep::joint_paths {
 
 void FlatPoints::clear() noexcept {
   size_ = 0;
@@ -38,7 +38,7 @@ std::size_t FlatPoints::nearest(const double* point) const noexcept {
   return static_cast<std::size_t>(blocks[lane]) * kLanes + lane;
 }
 
-}  // namespace sidestep::ompl_optimiser
+}  // namespace sidestep::joint_paths
 
 #else
 

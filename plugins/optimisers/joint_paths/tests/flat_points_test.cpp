@@ -1,10 +1,10 @@
-#include "flat_nearest.hpp"
+#include "flat_points.hpp"
 
 #include <gtest/gtest.h>
 
 #include <random>
 
-namespace sidestep::ompl_optimiser {
+namespace sidestep::joint_paths {
 namespace {
 
 TEST(FlatPoints, FindsTheNearestOfThoseThatAreLeft) {
@@ -46,4 +46,4 @@ TEST(FlatPoints, FindsTheNearestOfThoseThatAreLeft) {
 }
 
 }  // namespace
-}  // namespace sidestep::ompl_optimiser
+}  // namespace sidestep::joint_paths
