@@ -25,7 +25,9 @@ std::uint64_t bit_of(std::size_t number) { return std::uint64_t{1} << (number % 
 
 unsigned bits_of(const double (&is_set)[kLanes]) {
   unsigned bits = 0;
-  for (std::size_t lane = 0; lane < kLanes; ++lane) bits |= (is_set[lane] != 0.0 ? 1u : 0u) << lane;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    if (is_set[lane] != 0.0) bits |= 1u << lane;
+  }
   return bits;
 }
 
