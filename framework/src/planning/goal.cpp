@@ -13,11 +13,6 @@
 namespace sidestep {
 namespace {
 
-/// Of where the robot ends, not of how fast.
-bool decides_goal(const CostTerm& term) {
-  return term.cost && term.placement == Placement::kGoal && !term.cost->depends_on_velocity();
-}
-
 bool is_goal_prior(const CostTerm& term) {
   return term.cost && term.placement == Placement::kGoal && term.cost->name() == "goal";
 }
@@ -57,6 +52,10 @@ std::string configuration_miss(const RobotDescription& robot, std::span<const do
            " off";
   }
   return "";
+}
+
+bool decides_goal(const CostTerm& term) noexcept {
+  return term.cost && term.placement == Placement::kGoal && !term.cost->depends_on_velocity();
 }
 
 bool is_goal_free(const Problem& problem) noexcept {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Geometry>
 
@@ -75,15 +76,16 @@ double inverse_jacobian_factor(double angle) {
   return (1.0 - 0.5 * angle / std::tan(0.5 * angle)) / square;
 }
 
-/// Position, rotation, or both, of a link against a target.
+/// Position, rotation, or both, of a link against the nearest of some targets.
 class PoseCost final : public LinkCost, public HasCostForm {
  public:
   PoseCost(std::string name, std::shared_ptr<const RobotModel> robot, int link,
-           const Transform& target, std::optional<double> sigma_position,
-           std::optional<double> sigma_rotation)
+           const Transform& target, const PoseFreedom& freedom,
+           std::optional<double> sigma_position, std::optional<double> sigma_rotation)
       : LinkCost(std::move(name), std::move(robot), link),
-        R_world_target_(target.linear()),
-        p_world_target_(target.translation()) {
+        targets_(freedom.alternatives),
+        within_m_(freedom.within_m) {
+    targets_.insert(targets_.begin(), target);
     if (sigma_position) position_weight_ = 1.0 / *sigma_position;
     if (sigma_rotation) rotation_weight_ = 1.0 / *sigma_rotation;
   }
@@ -94,59 +96,94 @@ class PoseCost final : public LinkCost, public HasCostForm {
   [[nodiscard]] CostForm form() const override {
     return LinkPoseForm{robot(),
                         link(),
-                        R_world_target_,
-                        p_world_target_,
+                        targets_,
+                        within_m_,
                         position_weight_.value_or(0.0),
                         rotation_weight_.value_or(0.0)};
   }
 
   [[nodiscard]] ResidualName residual_name(int residual) const override {
     const std::string axis(1, "xyz"[residual % 3]);
+    const std::string target = targets_.size() == 1 ? "its target" : "the nearest of its targets";
     if (position_weight_ && residual < 3) {
-      return {"position of " + link_name(), "along " + axis, "its target", "m",
-              1.0 / *position_weight_};
+      return {"position of " + link_name(), "along " + axis, target, "m", 1.0 / *position_weight_};
     }
-    return {"orientation of " + link_name(), "about the target's " + axis, "its target", "rad",
+    return {"orientation of " + link_name(), "about the target's " + axis, target, "rad",
             1.0 / *rotation_weight_};
   }
 
  private:
   void measure(const Transform& T_world_link, std::span<double> residuals,
                std::span<LinkForce> derivatives) const noexcept override {
+    const Transform* nearest = &targets_.front();
+    if (targets_.size() > 1) {
+      nearest = &*std::ranges::min_element(
+          targets_, {}, [&](const Transform& target) { return squares(T_world_link, target); });
+    }
     if (position_weight_) {
       const Eigen::Vector3d p = T_world_link.translation();
+      const Eigen::Vector3d off = beyond_m(T_world_link, *nearest);
       for (int k = 0; k < 3; ++k) {
         const auto row = idx(k);
-        residuals[row] = *position_weight_ * (p[k] - p_world_target_[k]);
-        derivatives[row].force = *position_weight_ * Eigen::Vector3d::Unit(k);
+        const bool is_inside = off[k] == 0.0 && within_m_[k] > 0.0;
+        residuals[row] = *position_weight_ * off[k];
+        derivatives[row].force = (is_inside ? 0.0 : *position_weight_) * Eigen::Vector3d::Unit(k);
         derivatives[row].moment = p.cross(derivatives[row].force);
       }
     }
     if (rotation_weight_) {
       const std::size_t first = position_weight_ ? 3 : 0;
-      measure_rotation(T_world_link.linear(), residuals.subspan(first), derivatives.subspan(first));
+      measure_rotation(T_world_link.linear(), nearest->linear(), residuals.subspan(first),
+                       derivatives.subspan(first));
     }
+  }
+
+  /// How far a link is outside the region about a target.
+  [[nodiscard]] Eigen::Vector3d beyond_m(const Transform& T_world_link,
+                                         const Transform& target) const noexcept {
+    const Eigen::Vector3d off = T_world_link.translation() - target.translation();
+    return off - off.cwiseMax(-within_m_).cwiseMin(within_m_);
+  }
+
+  [[nodiscard]] double squares(const Transform& T_world_link,
+                               const Transform& target) const noexcept {
+    double sum = 0.0;
+    if (position_weight_) {
+      sum += (*position_weight_ * beyond_m(T_world_link, target)).squaredNorm();
+    }
+    if (rotation_weight_) {
+      const double v = turn_between(target.linear(), T_world_link.linear()).norm();
+      sum += *rotation_weight_ * v * *rotation_weight_ * v;
+    }
+    return sum;
+  }
+
+  /// log(R_target^T R).
+  [[nodiscard]] static Eigen::Vector3d turn_between(const Eigen::Matrix3d& R_target,
+                                                    const Eigen::Matrix3d& R) noexcept {
+    const Eigen::AngleAxisd turn(Eigen::Quaterniond(R_target.transpose() * R).normalized());
+    return turn.angle() * turn.axis();
   }
 
   /// With v = log(R_target^T R), turning the link by a small w (world frame) adds J^-1 R_target^T w
   /// to v, J the left Jacobian of SO(3) at v.
-  void measure_rotation(const Eigen::Matrix3d& R, std::span<double> residuals,
+  void measure_rotation(const Eigen::Matrix3d& R, const Eigen::Matrix3d& R_target,
+                        std::span<double> residuals,
                         std::span<LinkForce> derivatives) const noexcept {
-    const Eigen::AngleAxisd turn(Eigen::Quaterniond(R_world_target_.transpose() * R).normalized());
-    const Eigen::Vector3d v = turn.angle() * turn.axis();
-    const double factor = inverse_jacobian_factor(turn.angle());
+    const Eigen::Vector3d v = turn_between(R_target, R);
+    const double factor = inverse_jacobian_factor(v.norm());
     for (int k = 0; k < 3; ++k) {
       const auto row = idx(k);
       const Eigen::Vector3d unit = Eigen::Vector3d::Unit(k);
       const Eigen::Vector3d column = unit + 0.5 * v.cross(unit) + factor * v.cross(v.cross(unit));
       residuals[row] = *rotation_weight_ * v[k];
       derivatives[row].force.setZero();
-      derivatives[row].moment = *rotation_weight_ * (R_world_target_ * column);
+      derivatives[row].moment = *rotation_weight_ * (R_target * column);
     }
   }
 
-  Eigen::Matrix3d R_world_target_;
-  Eigen::Vector3d p_world_target_;
+  std::vector<Transform> targets_;
+  Eigen::Vector3d within_m_;
   std::optional<double> position_weight_, rotation_weight_;
 };
 
@@ -224,23 +261,33 @@ Result<void> check_rotation(const Eigen::Matrix3d& R, const std::string& link) {
   return invalid("the orientation wanted of link '" + link + "' is not a rotation");
 }
 
+Result<void> check_target(const Transform& target, const std::string& link, bool has_position,
+                          bool has_rotation) {
+  if (has_position && !target.translation().allFinite()) {
+    return invalid("the position wanted of link '" + link + "' is not finite");
+  }
+  return has_rotation ? check_rotation(target.linear(), link) : Result<void>();
+}
+
 Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
                                              std::shared_ptr<const RobotModel> robot,
                                              const std::string& link, const Transform& target,
+                                             const PoseFreedom& freedom,
                                              std::optional<double> sigma_position,
                                              std::optional<double> sigma_rotation) {
   const auto index = SIDESTEP_TRY(find_link(robot->description(), link));
-  if (sigma_position) {
-    SIDESTEP_TRY(check_sigma(*sigma_position, "position of link '" + link + "'"));
-    if (!target.translation().allFinite()) {
-      return invalid("the position wanted of link '" + link + "' is not finite");
-    }
+  if (sigma_position) SIDESTEP_TRY(check_sigma(*sigma_position, "position of link '" + link + "'"));
+  if (sigma_rotation) SIDESTEP_TRY(check_sigma(*sigma_rotation, "rotation of link '" + link + "'"));
+  SIDESTEP_TRY(check_target(target, link, sigma_position.has_value(), sigma_rotation.has_value()));
+  for (const Transform& other : freedom.alternatives) {
+    SIDESTEP_TRY(check_target(other, link, sigma_position.has_value(), sigma_rotation.has_value()));
   }
-  if (sigma_rotation) {
-    SIDESTEP_TRY(check_sigma(*sigma_rotation, "rotation of link '" + link + "'"));
-    SIDESTEP_TRY(check_rotation(target.linear(), link));
+  if (!freedom.within_m.allFinite() || freedom.within_m.minCoeff() < 0.0) {
+    return invalid("the region wanted of link '" + link +
+                   "' has an edge that is negative or no "
+                   "number");
   }
-  return std::make_unique<PoseCost>(kind + "_" + link, std::move(robot), index, target,
+  return std::make_unique<PoseCost>(kind + "_" + link, std::move(robot), index, target, freedom,
                                     sigma_position, sigma_rotation);
 }
 
@@ -249,18 +296,17 @@ Result<std::unique_ptr<StateCost>> make_cost(const std::string& kind,
 Result<std::unique_ptr<StateCost>> make_link_position_cost(std::shared_ptr<const RobotModel> robot,
                                                            const std::string& link,
                                                            const Eigen::Vector3d& p_world_m,
-                                                           double sigma_m) {
+                                                           double sigma_m,
+                                                           const PoseFreedom& freedom) {
   Transform target = Transform::Identity();
   target.translation() = p_world_m;
-  return make_cost("position", std::move(robot), link, target, sigma_m, std::nullopt);
+  return make_cost("position", std::move(robot), link, target, freedom, sigma_m, std::nullopt);
 }
 
-Result<std::unique_ptr<StateCost>> make_link_pose_cost(std::shared_ptr<const RobotModel> robot,
-                                                       const std::string& link,
-                                                       const Transform& T_world_link,
-                                                       double sigma_position_m,
-                                                       double sigma_rotation_rad) {
-  return make_cost("pose", std::move(robot), link, T_world_link, sigma_position_m,
+Result<std::unique_ptr<StateCost>> make_link_pose_cost(
+    std::shared_ptr<const RobotModel> robot, const std::string& link, const Transform& T_world_link,
+    double sigma_position_m, double sigma_rotation_rad, const PoseFreedom& freedom) {
+  return make_cost("pose", std::move(robot), link, T_world_link, freedom, sigma_position_m,
                    sigma_rotation_rad);
 }
 
@@ -269,7 +315,7 @@ Result<std::unique_ptr<StateCost>> make_link_orientation_cost(
     const Eigen::Matrix3d& R_world_link, double sigma_rad) {
   Transform target = Transform::Identity();
   target.linear() = R_world_link;
-  return make_cost("orientation", std::move(robot), link, target, std::nullopt, sigma_rad);
+  return make_cost("orientation", std::move(robot), link, target, {}, std::nullopt, sigma_rad);
 }
 
 Result<std::unique_ptr<StateCost>> make_link_axis_cost(std::shared_ptr<const RobotModel> robot,

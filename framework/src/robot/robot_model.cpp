@@ -122,7 +122,10 @@ Result<std::unique_ptr<KinematicTree>> attach_object(const RobotModel& robot,
   for (const auto& shape : object.shapes) {
     description.shapes.push_back({link, shape.shape, shape.T_object_shape});
   }
-  for (const int other : avoid) description.self_collision_pairs.emplace_back(other, link);
+  const bool has_extent = !object.spheres.empty() || !object.shapes.empty();
+  for (const int other : has_extent ? avoid : std::vector<int>{}) {
+    description.self_collision_pairs.emplace_back(other, link);
+  }
 
   std::vector<TreeJoint> joints = tree->tree_joints();
   joints.emplace_back();

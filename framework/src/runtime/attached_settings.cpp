@@ -110,6 +110,9 @@ Parameters<AttachedEntry> AttachedEntry::parameters() {
       .add("protrusion_m", &E::protrusion_m,
            "Planning sees boxes and cylinders as spheres that stand out by this much at most.",
            {.unit = "m", .min = 1e-4, .max = 1.0})
+      .add("frame_only", &E::frame_only,
+           "It has no extent: a frame alone, e.g. the point of a tool for `end_effector`, of which "
+           "the robot has the shapes already.")
       .add("touch_links", &E::touch_links,
            "Links that may touch it, such as fingers; the one that holds it, and what is rigidly "
            "attached to that, always may.");
@@ -127,9 +130,13 @@ std::shared_ptr<const RobotModel> read_attached(const Node& plan,
     check_names(block, entry, robot->description(), errors);
     const std::size_t fitted = errors.size();
     const AttachedObject object = object_of(block, entry, errors);
-    if (object.spheres.empty() && errors.size() == fitted) {
-      errors.push_back(block.error("object '" + entry.name + "' has no extent",
-                                   "give it spheres, boxes or cylinders"));
+    if (object.spheres.empty() != entry.frame_only && errors.size() == fitted) {
+      errors.push_back(
+          entry.frame_only
+              ? block.error("object '" + entry.name + "' is a frame alone, and has an extent",
+                            "leave `frame_only` out")
+              : block.error("object '" + entry.name + "' has no extent",
+                            "give it spheres, boxes or cylinders, or `frame_only: true`"));
     }
     if (errors.size() != before) continue;
     auto carrying = attach_object(*robot, object);

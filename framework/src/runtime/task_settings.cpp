@@ -23,15 +23,21 @@ class TaskReader {
   void read_end_effector(const Node* block) {
     EndEffectorEntry entry;
     if (block == nullptr || !read_entry(*block, entry) || !has_link(*block)) return;
-    const Transform target =
-        transform_from_xyz_rpy(entry.position_m, entry.rpy_rad.value_or(Eigen::Vector3d::Zero()));
+    if (!agrees(*block, entry)) return;
+    PoseFreedom freedom{.within_m = entry.within_m};
+    for (const auto& other : entry.alternatives) freedom.alternatives.push_back(other.pose());
     task_.frees_goal = true;
     task_.target = entry;
     add(*block, Placement::kGoal,
-        entry.rpy_rad ? make_link_pose_cost(robot_, entry.link, target, entry.sigma_position_m,
-                                            entry.sigma_rotation_rad)
-                      : make_link_position_cost(robot_, entry.link, entry.position_m,
-                                                entry.sigma_position_m));
+        entry.rpy_rad
+            ? make_link_pose_cost(robot_, entry.link, entry.pose(), entry.sigma_position_m,
+                                  entry.sigma_rotation_rad, freedom)
+            : make_link_position_cost(robot_, entry.link, entry.position_m, entry.sigma_position_m,
+                                      freedom));
+    if (!entry.axis_link) return;
+    add(*block, Placement::kGoal,
+        make_link_axis_cost(robot_, entry.link, *entry.axis_link, entry.axis_world,
+                            entry.sigma_rotation_rad));
   }
 
   void read_orientation(const Node& block) {
@@ -81,6 +87,31 @@ class TaskReader {
   }
 
  private:
+  /// Whether what a goal says of the link's orientation is one thing.
+  bool agrees(const Node& block, const EndEffectorEntry& entry) {
+    const std::size_t before = errors_.size();
+    if (entry.axis_link && entry.rpy_rad) {
+      errors_.push_back(
+          block.find("axis_link")
+              ->error("`rpy_rad` says already how the link is turned", "leave one of the two out"));
+    }
+    if (!entry.axis_link && block.find("axis_world") != nullptr) {
+      errors_.push_back(block.find("axis_world")
+                            ->error("there is no `axis_link` that is to have this direction"));
+    }
+    for (std::size_t i = 0; i < entry.alternatives.size(); ++i) {
+      if (entry.alternatives[i].rpy_rad.has_value() == entry.rpy_rad.has_value()) continue;
+      errors_.push_back(
+          block.find("alternatives")
+              ->items()[i]
+              .error(entry.rpy_rad
+                         ? "this alternative has no `rpy_rad`, as the goal itself has"
+                         : "this alternative has an `rpy_rad`, and the goal itself has none",
+                     "give it to all of them or to none"));
+    }
+    return errors_.size() == before;
+  }
+
   bool has_link(const Node& block) {
     return sidestep::has_link(description_, *block.find("link"), errors_);
   }
@@ -101,15 +132,41 @@ class TaskReader {
 
 }  // namespace
 
+namespace {
+
+template <class Entry>
+Parameters<Entry> declare_pose(Parameters<Entry> parameters) {
+  return std::move(parameters)
+      .add("position_m", &Entry::position_m, "Position of the link's origin, world frame.",
+           {.unit = "m", .min = -kFarthest_m, .max = kFarthest_m, .required = true})
+      .add("rpy_rad", &Entry::rpy_rad,
+           "Its roll, pitch and yaw about the world's axes; if absent, any orientation will do.",
+           {.unit = "rad"});
+}
+
+}  // namespace
+
+Parameters<AlternativeEntry> AlternativeEntry::parameters() {
+  return declare_pose(Parameters<AlternativeEntry>());
+}
+
 Parameters<EndEffectorEntry> EndEffectorEntry::parameters() {
   using E = EndEffectorEntry;
-  return Parameters<E>()
-      .add("link", &E::link, "The link that is to be somewhere.", {.required = true})
-      .add("position_m", &E::position_m, "Position of the link's origin, world frame.",
-           {.unit = "m", .min = -kFarthest_m, .max = kFarthest_m, .required = true})
-      .add("rpy_rad", &E::rpy_rad,
-           "Its roll, pitch and yaw about the world's axes; if absent, any orientation will do.",
-           {.unit = "rad"})
+  return declare_pose(Parameters<E>().add("link", &E::link,
+                                          "The link that is to be somewhere; also the name of "
+                                          "something attached, e.g. a tool's frame.",
+                                          {.required = true}))
+      .add("within_m", &E::within_m,
+           "Half the edges, along the world's axes, of a box about the position anywhere in which "
+           "will do.",
+           {.unit = "m", .min = 0.0, .max = kFarthest_m})
+      .add("axis_link", &E::axis_link,
+           "In place of `rpy_rad`: an axis in the link's frame that is to have the direction "
+           "`axis_world`, however the link is turned about it.")
+      .add("axis_world", &E::axis_world, "That direction, world frame.")
+      .add("alternatives", &E::alternatives,
+           "Other places that will do as well, with `rpy_rad` if the goal itself has one: the "
+           "nearest counts.")
       .add("sigma_position_m", &E::sigma_position_m,
            "Standard deviation of the position; a plan that ends further than three of them away "
            "fails.",
@@ -164,7 +221,11 @@ Task read_task(const Node& plan, const std::shared_ptr<const RobotModel>& robot,
 
 std::string target_below_floor(const Task& task, const std::optional<FloorEntry>& floor) {
   if (!floor || !task.target) return "";
-  const double below_m = floor->height_m - task.target->position_m.z();
+  double highest_m = task.target->position_m.z();
+  for (const auto& other : task.target->alternatives) {
+    highest_m = std::max(highest_m, other.position_m.z());
+  }
+  const double below_m = floor->height_m - highest_m - task.target->within_m.z();
   const auto& excepted = floor->except_links;
   if (below_m <= 0.0 || std::ranges::find(excepted, task.target->link) != excepted.end()) return "";
   return task.target->link + " is to be " + format("%.3f m", below_m) + " below the floor";

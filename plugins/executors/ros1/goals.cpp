@@ -145,17 +145,6 @@ class WishWriter {
   SourceMark mark_;
 };
 
-/// As transform_from_xyz_rpy() takes them: R = Rz(yaw) Ry(pitch) Rx(roll).
-Eigen::Vector3d rpy_of(const Eigen::Matrix3d& R) {
-  const double pitch = std::atan2(-R(2, 0), std::hypot(R(2, 1), R(2, 2)));
-  constexpr double kUpright = 1e-9;
-  if (std::hypot(R(2, 1), R(2, 2)) < kUpright) {
-    // Roll and yaw are about one axis: all of it is yaw.
-    return {0.0, pitch, std::atan2(-R(0, 1), R(1, 1))};
-  }
-  return {std::atan2(R(2, 1), R(2, 2)), pitch, std::atan2(R(1, 0), R(0, 0))};
-}
-
 using ros1_node::ros_now;
 using State = GoalReport::State;
 using ros_messages::GoalStatus;

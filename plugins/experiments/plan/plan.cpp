@@ -5,7 +5,9 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/seed.hpp>
 #include <sidestep/measures/source_facts.hpp>
+#include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/initial_guess.hpp>
+#include <sidestep/planning/inverse_kinematics.hpp>
 #include <sidestep/report/report_parts.hpp>
 #include <sidestep/results/summary.hpp>
 #include <sidestep/runtime/attached_settings.hpp>
@@ -27,7 +29,7 @@ namespace {
 struct PlanEntry : TaskEntry {
   std::string name;
   RobotStateEntry start;
-  RobotStateEntry goal;
+  std::optional<RobotStateEntry> goal;
   std::vector<AttachedEntry> attached;
   std::vector<PluginCostEntry> costs;
 
@@ -37,14 +39,12 @@ struct PlanEntry : TaskEntry {
             .add("name", &PlanEntry::name, "Name of the plan in results.", {.required = true})
             .add("start", &PlanEntry::start, "Where the robot starts.", {.required = true})
             .add("goal", &PlanEntry::goal,
-                 "Where the robot is to be; with `end_effector`, where the search for that begins.",
-                 {.required = true})
+                 "Where the robot is to be; with `end_effector`, where the search for that begins, "
+                 "which is the start if it is left out.")
             .add("attached", &PlanEntry::attached,
                  "What the robot carries, fixed to its links: costs, checks and pictures have it.");
-    return declare_task(
-               std::move(parameters),
-               "Where a link is to be at the end, whatever the configuration; for optimisers that "
-               "minimise costs.")
+    return declare_task(std::move(parameters),
+                        "Where a link is to be at the end, whatever the configuration.")
         .add("costs", &PlanEntry::costs, "Costs that plugins make.");
   }
 };
@@ -89,8 +89,10 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
     const Node* name = entry.find("name");
     const Node* start = entry.find("start");
     const Node* goal = entry.find("goal");
+    if (goal != nullptr && goal->is_null()) goal = nullptr;
     const auto is_map = [](const Node* node) { return node != nullptr && node->is_map(); };
-    if (name == nullptr || !is_map(start) || !is_map(goal)) continue;  // its schema told
+    if (name == nullptr || !is_map(start) || (goal != nullptr && !is_map(goal)))
+      continue;  // its schema told
     plan.name = name->text();
     take_name(*name, "a plan", names, errors);
     plan.robot = read_attached(entry, robot, errors);
@@ -99,9 +101,15 @@ std::vector<PlanRecord> read_plans(const Configuration& configuration,
       plan.attached.push_back(links[i].name);
     }
     plan.q_start = read_robot_state(*start, robot->description(), errors);
-    plan.q_goal = read_robot_state(*goal, robot->description(), errors);
+    plan.q_goal =
+        goal != nullptr ? read_robot_state(*goal, robot->description(), errors) : plan.q_start;
+    const std::size_t before = errors.size();
     plan.task = read_task(entry, plan.robot, errors);
     read_plugin_costs(entry, plan.robot, host, plan.task, errors);
+    if (goal == nullptr && !plan.task.frees_goal && errors.size() == before) {
+      errors.push_back(entry.error("plan '" + plan.name + "' says nowhere where the robot is to be",
+                                   "give it a `goal` or an `end_effector`"));
+    }
     plans.push_back(std::move(plan));
   }
   if (list->is_list() && list->items().empty())
@@ -125,6 +133,7 @@ struct Parts {
   PluginPtr<Mapper> mapper;
   PluginPtr<FieldBuilder> field_builder;
   PluginPtr<Optimiser> optimiser;
+  PluginPtr<Optimiser> sampler;              ///< Null where there is none.
   const OccupancyView* occupancy = nullptr;  ///< Of the mapper.
   std::shared_ptr<const Scene> scene;        ///< Behind the source's frames; null where not known.
 };
@@ -142,6 +151,9 @@ Result<Parts> make_parts(ExperimentContext& context) {
   SIDESTEP_TRY(make("mapper", parts.mapper));
   SIDESTEP_TRY(make("field", parts.field_builder));
   SIDESTEP_TRY(make("optimiser", parts.optimiser));
+  if (!block_of(configuration, "sampler").is_null()) {
+    SIDESTEP_TRY(make("sampler", parts.sampler));
+  }
   parts.occupancy = dynamic_cast<const OccupancyView*>(parts.mapper.get());
   if (parts.occupancy == nullptr) {
     return fail(ErrorCode::kUnsupported,
@@ -264,84 +276,188 @@ void tell_hindrances(const PlanRecord& plan, Log& log) {
   }
 }
 
-/// One attempt: pose the problem, solve it, check the solution.
-Result<void> attempt_plan(const PlanningContext& context, const PluginPtr<Optimiser>& optimiser,
-                          std::uint64_t seed, PlanRecord& plan, Log& log, std::stop_token stop) {
-  const int attempt = plan.attempts++;
-  PlanningSettings planning = context.planning;
-  planning.hold_goal = !plan.task.frees_goal;
-  Problem problem = make_problem(context.robot, context.field, planning, plan.q_start, plan.q_goal,
-                                 std::pow(kSlowerEachAttempt, attempt));
-  problem.terms.insert(problem.terms.end(), plan.task.terms.begin(), plan.task.terms.end());
-  if (auto sound = problem.validate(); !sound) {
-    plan.reason = "the problem makes no sense: " + sound.error().describe();
+/// Makes one plan, attempt by attempt.
+class PlanAttempts {
+ public:
+  PlanAttempts(const PlanningContext& context, const Parts& parts, std::uint64_t seed, Log& log,
+               std::stop_token stop, PlanRecord& plan)
+      : context_(context),
+        parts_(parts),
+        seed_(derive_seed(seed, "plan/" + plan.name)),
+        log_(log),
+        stop_(std::move(stop)),
+        plan_(plan) {}
+
+  /// A plan that fails is a record with a reason; an error is a fault of the optimiser's or of a
+  /// check's.
+  Result<void> run() {
+    if (is_refused()) return {};
+    const int most = context_.planning.attempts + (parts_.sampler ? kSampled : 0);
+    do {
+      if (auto done = attempt(); !done) {
+        if (!stop_.stop_requested()) return done;
+      }
+      if (stop_.stop_requested()) {
+        plan_.interrupted = true;
+        if (plan_.reason.empty()) plan_.reason = "interrupted";
+        return {};
+      }
+      if (!plan_.success()) {
+        log_.warn("plan '" + plan_.name + "', attempt " + std::to_string(plan_.attempts) + " of " +
+                  std::to_string(most) + ": " + plan_.reason);
+      }
+      tell_hindrances(plan_, log_);
+    } while (!plan_.success() && plan_.attempts < most);
+    if (!plan_.success() && plan_.task.frees_goal) tell_unreachable();
     return {};
   }
-  const double spent_ms = plan.solution.solve_ms;
-  const MotionLimits limits = context.planning.limits(context.robot->description());
-  auto planned = SIDESTEP_TRY(plan_motion(optimiser, problem, initial_guess(problem, attempt, seed),
-                                          {.limits = context.planning.retime ? &limits : nullptr},
-                                          Deadline::after_s(context.planning.time_limit_s, stop)));
-  plan.solution = std::move(planned.solution);
-  plan.solution.solve_ms += spent_ms;
-  plan.field_verdict = plan.voxel_verdict = plan.scene_verdict = std::nullopt;
-  plan.retiming.reset();
-  plan.reason = std::move(planned.failure);
-  if (!plan.has_trajectory()) return {};
-  const Trajectory optimised = plan.solution.trajectory;
-  if (planned.deviation) {
-    plan.retiming = RetimingRecord{optimised.duration_s(), *planned.deviation, planned.retime_ms};
-  }
-  if (planned.trajectory.size() > 0) {
-    plan.solution.trajectory = std::move(planned.trajectory);
-    SIDESTEP_TRY(check_plan(context, plan, Deadline(stop)));
-  }
-  if (!plan.success() || plan.solution.status != SolveStatus::kConverged) {
-    take_explanation(explain(problem, optimised), plan, log);
-  }
-  return {};
-}
 
-/// Solves and checks one plan, from other first guesses where the settings ask for it, until
-/// an attempt passes both checks. A plan that fails is a record with a reason; an error is a
-/// fault of the optimiser's or of a check's.
-Result<PlanRecord> make_plan(const PlanningContext& context, const PluginPtr<Optimiser>& optimiser,
-                             PlanRecord plan, std::uint64_t seed, Log& log, std::stop_token stop) {
-  if (const auto below = target_below_floor(plan.task, context.planning.floor); !below.empty()) {
-    plan.reason = "the goal is not valid: " + below;
-    return plan;
+ private:
+  static constexpr int kSampled = 2;  ///< Attempts that a sampler has.
+
+  /// Where start or goal cannot be.
+  bool is_refused() {
+    if (auto below = target_below_floor(plan_.task, context_.planning.floor); !below.empty()) {
+      plan_.reason = "the goal is not valid: " + below;
+      return true;
+    }
+    if (is_blocked(plan_.q_start, "the start is not valid")) return true;
+    return !plan_.task.frees_goal && is_blocked(plan_.q_goal, "the goal is not valid");
   }
-  const auto refused = [&](const Eigen::VectorXd& q, const std::string& what) {
-    const auto violation = state_violation(context.robot, context.field, context.planning.space(),
-                                           context.check.margin_m, as_span(q));
+
+  bool is_blocked(const Eigen::VectorXd& q, const std::string& what) {
+    const auto violation = violation_at(as_span(q));
     if (!violation) return false;
-    plan.reason = what + ": " + violation->what();
-    const Problem problem =
-        make_problem(context.robot, context.field, context.planning, plan.q_start, plan.q_goal);
-    take_explanation(explain_state(problem, as_span(q)), plan, log);
-    tell_hindrances(plan, log);
+    plan_.reason = what + ": " + violation->what();
+    take_explanation(explain_state(posed(plan_.q_goal, 1.0), as_span(q)), plan_, log_);
+    tell_hindrances(plan_, log_);
     return true;
-  };
-  if (refused(plan.q_start, "the start is not valid")) return plan;
-  if (!plan.task.frees_goal && refused(plan.q_goal, "the goal is not valid")) return plan;
-  const std::uint64_t plan_seed = derive_seed(seed, "plan/" + plan.name);
-  do {
-    if (auto done = attempt_plan(context, optimiser, plan_seed, plan, log, stop); !done) {
-      if (!stop.stop_requested()) return error_of(done);
+  }
+
+  [[nodiscard]] std::optional<Violation> violation_at(std::span<const double> q) const {
+    return state_violation(context_.robot, context_.field, context_.planning.space(),
+                           context_.check.margin_m, q);
+  }
+
+  [[nodiscard]] Problem posed(const Eigen::VectorXd& q_goal, double time_scale) const {
+    PlanningSettings planning = context_.planning;
+    planning.hold_goal = !plan_.task.frees_goal;
+    Problem problem =
+        make_problem(context_.robot, context_.field, planning, plan_.q_start, q_goal, time_scale);
+    problem.terms.insert(problem.terms.end(), plan_.task.terms.begin(), plan_.task.terms.end());
+    return problem;
+  }
+
+  /// Poses the problem, solves it, checks the solution. The first guess is a straight line; then,
+  /// where there is a sampler, its path, and that path is tried as it is; then lines to
+  /// configurations that reach a free goal; then lines that are bent.
+  Result<void> attempt() {
+    const int attempt = plan_.attempts++;
+    const double time_scale = std::pow(kSlowerEachAttempt, attempt);
+    int line = attempt;
+    const bool is_sampled = parts_.sampler && attempt > 0 && attempt <= kSampled;
+    if (parts_.sampler && attempt > kSampled) line -= kSampled;
+    int bend = line;
+    const Eigen::VectorXd* q_goal = &plan_.q_goal;
+    const int given = plan_.q_goal == plan_.q_start ? 0 : 1;  // lines to where that begins
+    if (plan_.task.frees_goal && line >= given && !is_sampled && !goals().q.empty()) {
+      const int count = static_cast<int>(goals().q.size());
+      q_goal = &goals().q[idx((line - given) % count)];
+      bend = (line - given) / count;
     }
-    if (stop.stop_requested()) {
-      plan.interrupted = true;
-      if (plan.reason.empty()) plan.reason = "interrupted";
-      return plan;
+    const Problem problem = posed(*q_goal, time_scale);
+    if (auto sound = problem.validate(); !sound) {
+      plan_.reason = "the problem makes no sense: " + sound.error().describe();
+      return {};
     }
-    if (!plan.success()) {
-      log.warn("plan '" + plan.name + "', attempt " + std::to_string(plan.attempts) + " of " +
-               std::to_string(context.planning.attempts) + ": " + plan.reason);
+    const Deadline deadline = Deadline::after_s(context_.planning.time_limit_s, stop_);
+    if (!is_sampled) {
+      return solve(parts_.optimiser, problem, initial_guess(problem, bend, seed_), deadline);
     }
-    tell_hindrances(plan, log);
-  } while (!plan.success() && plan.attempts < context.planning.attempts);
-  return plan;
-}
+    if (attempt == kSampled) {
+      return solve(parts_.sampler, problem, straight_line(problem), deadline);
+    }
+    auto path = SIDESTEP_TRY(propose_motion(*parts_.sampler, plugin_of(parts_.sampler), problem,
+                                            straight_line(problem), deadline));
+    if (!path.failure.empty()) {
+      plan_.reason = "the sampler " + path.failure;
+      return {};
+    }
+    const Trajectory guess =
+        refit(path.solution.trajectory, 0.0, problem.support_states, problem.dt_s);
+    return solve(parts_.optimiser, problem, guess, deadline);
+  }
+
+  Result<void> solve(const PluginPtr<Optimiser>& optimiser, const Problem& problem,
+                     const Trajectory& guess, const Deadline& deadline) {
+    const double spent_ms = plan_.solution.solve_ms;
+    const MotionLimits limits = context_.planning.limits(context_.robot->description());
+    auto planned = SIDESTEP_TRY(
+        plan_motion(optimiser, problem, guess,
+                    {.limits = context_.planning.retime ? &limits : nullptr}, deadline));
+    plan_.solution = std::move(planned.solution);
+    plan_.solution.solve_ms += spent_ms;
+    plan_.field_verdict = plan_.voxel_verdict = plan_.scene_verdict = std::nullopt;
+    plan_.retiming.reset();
+    plan_.reason = std::move(planned.failure);
+    if (!plan_.has_trajectory()) return {};
+    const Trajectory optimised = plan_.solution.trajectory;
+    if (planned.deviation) {
+      plan_.retiming =
+          RetimingRecord{optimised.duration_s(), *planned.deviation, planned.retime_ms};
+    }
+    if (planned.trajectory.size() > 0) {
+      plan_.solution.trajectory = std::move(planned.trajectory);
+      SIDESTEP_TRY(check_plan(context_, plan_, Deadline(stop_)));
+    }
+    if (!plan_.success() || plan_.solution.status != SolveStatus::kConverged) {
+      take_explanation(explain(problem, optimised), plan_, log_);
+    }
+    return {};
+  }
+
+  /// Configurations that reach a free goal.
+  const GoalConfigurations& goals() {
+    if (!goals_) {
+      const auto blocked = [&](std::span<const double> q) -> std::string {
+        const auto violation = violation_at(q);
+        return violation ? "is not valid: " + violation->what() : "";
+      };
+      goals_ = find_goals(posed(plan_.q_goal, 1.0), {}, seed_, blocked, Deadline(stop_));
+    }
+    return *goals_;
+  }
+
+  /// Adds to the reason how near the goal the robot can be, where it cannot be there.
+  void tell_unreachable() {
+    if (!goals().q.empty() || stop_.stop_requested()) return;
+    if (plan_.reason.find(goals().reason) == std::string::npos) {
+      plan_.reason += "; " + goals().reason;
+    }
+    if (!plan_.task.target || goals().nearest.size() == 0) return;
+    const RobotDescription& robot = context_.robot->description();
+    std::vector<Transform> poses(robot.links.size());
+    Scratch scratch;
+    context_.robot->link_poses(as_span(goals().nearest), poses, scratch);
+    const Transform& there = poses[idx(robot.link_index(plan_.task.target->link).value_or(0))];
+    const auto numbers = [](const Eigen::Vector3d& v) {
+      std::vector<std::string> texts;
+      for (const double value : v)
+        texts.push_back(format("%.4g", std::round(value * 1e4) / 1e4 + 0.0));
+      return "[" + joined(texts, ", ") + "]";
+    };
+    plan_.reason += ": position_m: " + numbers(there.translation()) +
+                    ", rpy_rad: " + numbers(rpy_of(there.linear()));
+  }
+
+  const PlanningContext& context_;
+  const Parts& parts_;
+  std::uint64_t seed_;
+  Log& log_;
+  std::stop_token stop_;
+  PlanRecord& plan_;
+  std::optional<GoalConfigurations> goals_;
+};
 
 /// Plans through a finished map, recording each plan as soon as it is there in `plans`.
 Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanRecord> requests,
@@ -360,8 +476,8 @@ Result<void> make_plans(Parts& parts, const MapRecord& map, std::vector<PlanReco
       shared = std::make_unique<const PlanningContext>(
           SIDESTEP_TRY(make_planning_context(request.robot, map, parts, settings)));
     }
-    auto made = SIDESTEP_TRY(make_plan(*shared, parts.optimiser, std::move(request), context.seed,
-                                       context.log, context.stop));
+    PlanRecord made = std::move(request);
+    SIDESTEP_TRY(PlanAttempts(*shared, parts, context.seed, context.log, context.stop, made).run());
     if (settings.check.wants_certificate() && made.success()) {
       made.certified = name_of(SIDESTEP_TRY(
           leave_certificate(*shared->robot, shared->obstacles, shared->allowed,
@@ -380,7 +496,7 @@ class PlanExperiment final : public Experiment {
  public:
   [[nodiscard]] ExperimentFacts facts() const override {
     return {.blocks = {"robot", "source", "mapper", "field", "optimiser", "planning"},
-            .optional_blocks = {"check"},
+            .optional_blocks = {"check", "sampler"},
             .unused_of_planning = {"epsilon_moving_m"}};
   }
   [[nodiscard]] const report::RunReport& report() const override { return plan_report(); }

@@ -149,11 +149,14 @@ class TermReader {
 
   Result<void> put(const LinkPoseForm& form) {
     SIDESTEP_TRY(check_robot(form.robot));
+    if (form.targets.size() > 1 || !form.within_m.isZero()) {
+      return unknown("alternatives and regions of an end effector's goal are not known to it");
+    }
     const TreeLink link = tree_.link_in_body(form.link);
     term_.kind = Term::Kind::kLinkPose;
     term_.body = link.body;
-    add(form.R_world_target);
-    add(form.p_world_target);
+    add(Eigen::Matrix3d(form.targets.front().linear()));
+    add(Eigen::Vector3d(form.targets.front().translation()));
     add(link.R_body_link);
     add(link.p_body_link);
     add(std::vector{form.position_weight, form.rotation_weight});

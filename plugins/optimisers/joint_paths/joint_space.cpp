@@ -52,16 +52,16 @@ bool turns_freely(const Joint& joint) {
          !std::isfinite(joint.upper);
 }
 
-/// The goal, or with `any_turn` two equivalents of each joint that turns freely: the nearest to the
-/// start and the next the other way round, in all combinations, fewest of the latter first.
-std::vector<Eigen::VectorXd> goals_of(const Problem& problem, bool any_turn) {
+/// Two equivalents of each joint that turns freely: the nearest to the start and the next the other
+/// way round, in all combinations, fewest of the latter first.
+std::vector<Eigen::VectorXd> turned(const Problem& problem, const Eigen::VectorXd& goal) {
   const std::vector<Joint>& joints = problem.robot->description().joints;
-  std::vector<Eigen::VectorXd> goals{problem.goal.q};
-  for (std::size_t j = 0; any_turn && j < joints.size(); ++j) {
+  std::vector<Eigen::VectorXd> goals{goal};
+  for (std::size_t j = 0; j < joints.size(); ++j) {
     if (!turns_freely(joints[j])) continue;
     const auto at = static_cast<Eigen::Index>(j);
     const double start = problem.start.q[at];
-    const double turn_rad = std::remainder(problem.goal.q[at] - start, kTurn_rad);
+    const double turn_rad = std::remainder(goal[at] - start, kTurn_rad);
     const std::size_t count = goals.size();
     for (std::size_t i = 0; i < count; ++i) {
       goals[i][at] = start + turn_rad;
@@ -72,11 +72,16 @@ std::vector<Eigen::VectorXd> goals_of(const Problem& problem, bool any_turn) {
   return goals;
 }
 
-Range bounds_of(const Problem& problem, std::size_t joint, bool any_turn) {
+Range bounds_of(const Problem& problem, std::span<const Eigen::VectorXd> goals, std::size_t joint,
+                bool any_turn) {
   const Joint& limits = problem.robot->description().joints[joint];
-  const double start = problem.start.q[static_cast<Eigen::Index>(joint)];
-  const double goal = problem.goal.q[static_cast<Eigen::Index>(joint)];
+  const auto at = static_cast<Eigen::Index>(joint);
+  const double start = problem.start.q[at];
   if (any_turn && turns_freely(limits)) return {start - kTurn_rad, start + kTurn_rad};
+  Range ends{start, start};
+  for (const Eigen::VectorXd& goal : goals) {
+    ends = {std::min(ends.lower, goal[at]), std::max(ends.upper, goal[at])};
+  }
   Range range{limits.lower, limits.upper};
   if (limits.type == Joint::Type::kPrismatic) {
     if (!std::isfinite(limits.upper - limits.lower) || limits.upper - limits.lower > 5.0) {
@@ -84,10 +89,10 @@ Range bounds_of(const Problem& problem, std::size_t joint, bool any_turn) {
       range = {std::max(range.lower, inside.lower), std::min(range.upper, inside.upper)};
     }
   } else {
-    range.lower = std::max(range.lower, std::min(start, goal) - kTurnBeyond_rad);
-    range.upper = std::min(range.upper, std::max(start, goal) + kTurnBeyond_rad);
+    range.lower = std::max(range.lower, ends.lower - kTurnBeyond_rad);
+    range.upper = std::min(range.upper, ends.upper + kTurnBeyond_rad);
   }
-  return {std::min({range.lower, start, goal}), std::max({range.upper, start, goal})};
+  return {std::min(range.lower, ends.lower), std::max(range.upper, ends.upper)};
 }
 
 }  // namespace
@@ -109,10 +114,17 @@ std::vector<double> motion_weights(const Problem& problem, double least_m) {
   return ways;
 }
 
-JointSpace::JointSpace(const Problem& problem, std::vector<double> weights, bool any_turn)
-    : goals_(goals_of(problem, any_turn)), weight_(std::move(weights)) {
+JointSpace::JointSpace(const Problem& problem, std::span<const Eigen::VectorXd> goals,
+                       std::vector<double> weights, bool any_turn)
+    : goals_(goals.begin(), goals.end()), weight_(std::move(weights)) {
+  if (any_turn) {
+    goals_.clear();
+    for (const Eigen::VectorXd& goal : goals) {
+      for (Eigen::VectorXd& end : turned(problem, goal)) goals_.push_back(std::move(end));
+    }
+  }
   for (std::size_t j = 0; j < weight_.size(); ++j) {
-    const Range range = bounds_of(problem, j, any_turn);
+    const Range range = bounds_of(problem, goals, j, any_turn);
     lower_.push_back(range.lower * weight_[j]);
     upper_.push_back(range.upper * weight_[j]);
   }

@@ -19,16 +19,17 @@ namespace sidestep::joint_paths {
 ///
 /// Bounds are the joints' limits. A prismatic joint without limits (a base) is bounded by where
 /// the robot's spheres still lie inside the field; a joint that turns without limits, by one and
-/// a half half-turns beyond start and goal. It is a real line, so that trajectories never jump.
+/// a half half-turns beyond start and goals. It is a real line, so that trajectories never jump.
 /// Without `any_turn` a goal one turn away is one turn away. With it the robot may end a whole
 /// number of turns from the goal in such joints: in the nearest equivalent of its angle or the
 /// next one the other way round, and the bounds are one turn either way.
 class JointSpace {
  public:
-  /// `weights`: of each joint, greater than 0.
-  JointSpace(const Problem& problem, std::vector<double> weights, bool any_turn);
+  /// `goals`: where the robot may end, at least one. `weights`: of each joint, greater than 0.
+  JointSpace(const Problem& problem, std::span<const Eigen::VectorXd> goals,
+             std::vector<double> weights, bool any_turn);
 
-  /// Where the robot may end, the nearest first: at least one configuration of dof() values.
+  /// Where the robot may end, in the order given: at least one configuration of dof() values.
   [[nodiscard]] const std::vector<Eigen::VectorXd>& goals() const noexcept { return goals_; }
 
   [[nodiscard]] std::size_t dof() const noexcept { return weight_.size(); }

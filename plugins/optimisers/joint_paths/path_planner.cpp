@@ -5,35 +5,33 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/inverse_kinematics.hpp>
 
 namespace sidestep::joint_paths {
 namespace {
 
-std::string why_blocked(const char* which, const Violation& violation) {
-  const bool is_limit = violation.kind == Violation::Kind::kPositionLimit;
-  return std::string(which) +
-         (is_limit                                            ? " breaks a joint limit: "
-          : violation.kind == Violation::Kind::kSelfCollision ? " is in self-collision: "
-                                                              : " is in collision: ") +
-         violation.what();
+/// E.g. "is in collision: ..."; empty where the checker has nothing to say.
+std::string why_blocked(Checker& checker, std::span<const double> q) {
+  if (checker.is_clear(q)) return "";
+  const auto violation = checker.violation(q);
+  if (!violation) return "";
+  const bool is_limit = violation->kind == Violation::Kind::kPositionLimit;
+  return std::string(is_limit                                             ? "breaks a joint limit: "
+                     : violation->kind == Violation::Kind::kSelfCollision ? "is in self-collision: "
+                                                                          : "is in collision: ") +
+         violation->what();
 }
 
-std::string why_not_free(const Problem& problem) {
-  return "the goal configuration is left to costs (" + goal_cost_names(problem) +
-         "), and sampling planners know of none: give a goal configuration alone, or use an "
-         "optimiser that minimises costs, such as gp_chain";
-}
-
-/// Why there is nothing to search for, if so.
-std::optional<std::string> objection(const Problem& problem, Checker& checker) {
-  if (is_goal_free(problem)) return why_not_free(problem);
-  for (const RobotState* state : {&problem.start, &problem.goal}) {
-    const std::span<const double> q = as_span(state->q);
-    if (checker.is_clear(q)) continue;
-    const auto violation = checker.violation(q);
-    if (violation) return why_blocked(state == &problem.start ? "start" : "goal", *violation);
+/// Where the robot may end; a reason why nowhere.
+GoalConfigurations goals_of(const Problem& problem, std::size_t wanted, std::uint64_t seed,
+                            Checker& checker, const Deadline& deadline) {
+  const auto blocked = [&](std::span<const double> q) { return why_blocked(checker, q); };
+  if (is_goal_free(problem)) {
+    return find_goals(problem, {.wanted = wanted}, seed, blocked, deadline);
   }
-  return std::nullopt;
+  std::string why = blocked(as_span(problem.goal.q));
+  if (!why.empty()) return {.q = {}, .reason = "goal " + why};
+  return {.q = {problem.goal.q}, .reason = {}};
 }
 
 }  // namespace
@@ -48,14 +46,23 @@ Result<Solution> PathPlanner::solve(const Problem& problem, const Trajectory&,
   SIDESTEP_TRY(check(problem));
   SIDESTEP_TRY(checker_->look_at(problem));
   Solution solution;
-  if (auto reason = objection(problem, *checker_)) {
-    solution = no_path(*std::move(reason));
+  GoalConfigurations goals;
+  const std::string start_blocked = why_blocked(*checker_, as_span(problem.start.q));
+  if (start_blocked.empty()) {
+    goals = goals_of(problem, goal_configurations_, seed_, *checker_, deadline);
+  } else {
+    goals.reason = "start " + start_blocked;
+  }
+  if (goals.q.empty()) {
+    solution = no_path(std::move(goals.reason));
   } else {
     if (!problem.start.qdot.isZero(1e-9) || !problem.goal.qdot.isZero(1e-9)) {
       log_.warn(
           "paths are planned from rest to rest; the velocities of start and goal are ignored");
     }
-    solution = SIDESTEP_TRY(search(problem, *checker_, deadline));
+    Problem task = problem;
+    task.goal.q = goals.q.front();
+    solution = SIDESTEP_TRY(search(task, goals.q, *checker_, deadline));
   }
   solution.solve_ms = stopwatch.elapsed_ms();
   return solution;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
@@ -15,6 +16,7 @@ namespace sidestep::joint_paths {
 struct PathOptions {
   std::string checker = "field";
   bool any_turn = false;
+  int goal_configurations = 8;
   double max_time_s = 5.0;
   double resolution_m = 0.005;
 };
@@ -31,6 +33,11 @@ template <class Options>
       .add("any_turn", &PathOptions::any_turn,
            "Joints that turn without limits may end any whole number of turns from the goal. For "
            "plans that are driven as they are: as a start of gp_chain they would end elsewhere.")
+      .add(
+          "goal_configurations", &PathOptions::goal_configurations,
+          "Where a goal is left to costs, as to `end_effector`: the search ends at the first of so "
+          "many configurations that reach it, found by inverse kinematics.",
+          {.min = 1, .max = 1000})
       .add("max_time_s", &PathOptions::max_time_s,
            "Gives up after this long, or at the caller's deadline if that is sooner.",
            {.unit = "s", .min = 0.001})
@@ -44,24 +51,32 @@ template <class Options>
 /// their search. `log` must outlive it. [planning]
 class PathPlanner : public Optimiser {
  public:
-  /// `checker`: a name that make_checker() knows.
-  PathPlanner(const std::string& checker, Log& log) : log_(log), checker_(make_checker(checker)) {}
+  PathPlanner(const PathOptions& options, std::uint64_t seed, Log& log)
+      : log_(log),
+        checker_(make_checker(options.checker)),
+        goal_configurations_(static_cast<std::size_t>(options.goal_configurations)),
+        seed_(seed) {}
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
                                        const Deadline& deadline) final;
 
  protected:
+  [[nodiscard]] std::uint64_t seed() const noexcept { return seed_; }
   [[nodiscard]] Log& log() const noexcept { return log_; }
 
  private:
   /// Whether the options suit the problem.
   [[nodiscard]] virtual Result<void> check(const Problem&) { return {}; }
-  /// Of a problem whose start and goal `checker`, which looks at it, calls clear.
-  [[nodiscard]] virtual Result<Solution> search(const Problem& problem, Checker& checker,
-                                                const Deadline& deadline) = 0;
+  /// A path to any of `goals`, of which the problem's is the first; `checker`, which looks at the
+  /// problem, calls its start and them clear.
+  [[nodiscard]] virtual Result<Solution> search(const Problem& problem,
+                                                std::span<const Eigen::VectorXd> goals,
+                                                Checker& checker, const Deadline& deadline) = 0;
 
   Log& log_;
   std::unique_ptr<Checker> checker_;
+  std::size_t goal_configurations_;
+  std::uint64_t seed_;
 };
 
 /// A path of dof values a vertex, timed from rest to rest; a failure where that cannot be.

@@ -183,16 +183,17 @@ void drop_vertices(og::PathGeometric& path) {
 class OmplOptimiser final : public PathPlanner {
  public:
   OmplOptimiser(const Options& options, std::uint64_t seed, Log& log)
-      : PathPlanner(options.checker, log), options_(options), seed_(seed) {}
+      : PathPlanner(options, seed, log), options_(options) {}
 
  private:
   [[nodiscard]] Result<void> check(const Problem& problem) override {
     return check_weights(options_.joint_metric(), problem.robot->description());
   }
-  [[nodiscard]] Result<Solution> search(const Problem& problem, Checker& checker,
+  [[nodiscard]] Result<Solution> search(const Problem& problem,
+                                        std::span<const Eigen::VectorXd> goals, Checker& checker,
                                         const Deadline& deadline) override {
     try {
-      return search_by_ompl(problem, checker, deadline);
+      return search_by_ompl(problem, goals, checker, deadline);
     } catch (const ::ompl::Exception& error) {
       Solution solution;
       solution.reason = std::string("OMPL: ") + error.what();
@@ -200,11 +201,12 @@ class OmplOptimiser final : public PathPlanner {
     }
   }
 
-  [[nodiscard]] Solution search_by_ompl(const Problem& problem, Checker& checker,
+  [[nodiscard]] Solution search_by_ompl(const Problem& problem,
+                                        std::span<const Eigen::VectorXd> goals, Checker& checker,
                                         const Deadline& deadline) {
-    const Session session(seed_, log());
+    const Session session(seed(), log());
     Search search(
-        JointSpace(problem, weights_of(problem, options_.joint_metric()), options_.any_turn),
+        JointSpace(problem, goals, weights_of(problem, options_.joint_metric()), options_.any_turn),
         checker, deadline.capped_s(options_.max_time_s));
     const bool is_connect = options_.planner == "RRTConnect";
     const auto information = make_information(search, {.resolution_m = options_.resolution_m,
@@ -305,7 +307,6 @@ class OmplOptimiser final : public PathPlanner {
   }
 
   Options options_;
-  std::uint64_t seed_;
 };
 
 }  // namespace

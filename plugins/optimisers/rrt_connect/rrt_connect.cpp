@@ -47,16 +47,18 @@ constexpr std::int64_t kLooksPerTry = 10;
 class RrtConnect final : public joint_paths::PathPlanner {
  public:
   RrtConnect(const Options& options, std::uint64_t seed, Log& log)
-      : PathPlanner(options.checker, log), options_(options), seed_(seed) {}
+      : PathPlanner(options, seed, log), options_(options) {}
 
  private:
-  [[nodiscard]] Result<Solution> search(const Problem& problem, Checker& checker,
+  [[nodiscard]] Result<Solution> search(const Problem& problem,
+                                        std::span<const Eigen::VectorXd> goals, Checker& checker,
                                         const Deadline& whole) override {
     const Deadline deadline = whole.capped_s(options_.max_time_s);
-    const JointSpace space(problem, joint_paths::motion_weights(problem, options_.least_lever_m),
+    const JointSpace space(problem, goals,
+                           joint_paths::motion_weights(problem, options_.least_lever_m),
                            options_.any_turn);
     Search search(space, as_span(problem.start.q), checker,
-                  {options_.range_m, options_.domain, options_.resolution_m}, seed_, deadline);
+                  {options_.range_m, options_.domain, options_.resolution_m}, seed(), deadline);
     std::vector<double> path = straight(problem, space);
     const std::span<const double> ends(path);
     if (!checker.is_clear(ends.first(space.dof()), ends.last(space.dof()), options_.resolution_m)) {
@@ -72,7 +74,7 @@ class RrtConnect final : public joint_paths::PathPlanner {
     const Shortening how{times_per_unit(problem), options_.resolution_m, static_cast<int>(tries)};
     const double found_s = path_length(path, how.weights);
     if (path.size() > 2 * space.dof()) {
-      shorten(path, how, checker, derive_seed(seed_, "shorten"), deadline);
+      shorten(path, how, checker, derive_seed(seed(), "shorten"), deadline);
     }
     Solution solution = joint_paths::timed(problem, path);
     solution.iterations = static_cast<int>(search.samples());
@@ -114,7 +116,6 @@ class RrtConnect final : public joint_paths::PathPlanner {
   }
 
   Options options_;
-  std::uint64_t seed_;
 };
 
 }  // namespace

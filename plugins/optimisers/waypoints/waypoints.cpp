@@ -9,6 +9,8 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/planning/inverse_kinematics.hpp>
+#include <sidestep/planning/validity_check.hpp>
 
 namespace sidestep {
 namespace {
@@ -377,6 +379,16 @@ Solution without_trajectory(SolveStatus status, std::string reason) {
   return solution;
 }
 
+/// The same trajectory, led to another end: the further on a state is, the more it is moved.
+Trajectory ending_in(Trajectory trajectory, const Eigen::VectorXd& q_end) {
+  const int last = trajectory.size() - 1;
+  for (Eigen::Index j = 0; j < q_end.size(); ++j) {
+    const double off = q_end[j] - trajectory.q(last)[idx(j)];
+    for (int i = 0; i <= last; ++i) trajectory.q(i)[idx(j)] += off * i / last;
+  }
+  return trajectory;
+}
+
 class WaypointOptimiser final : public Optimiser {
  public:
   explicit WaypointOptimiser(WaypointMethod method) : method_(std::move(method)) {}
@@ -386,14 +398,33 @@ class WaypointOptimiser final : public Optimiser {
     const Stopwatch watch;
     SIDESTEP_TRY(problem.validate());
     SIDESTEP_TRY(check_initial(problem, initial));
-    if (is_goal_free(problem)) {
-      return without_trajectory(
-          SolveStatus::kNoPath,
-          "the goal configuration is left to costs (" + goal_cost_names(problem) + "), and " +
-              method_.name +
-              " moves the waypoints between two fixed ends: give a goal configuration, or use "
-              "gp_chain");
+    Solution solution = is_goal_free(problem)
+                            ? solve_for_a_configuration(problem, initial, deadline)
+                            : solve_between_ends(problem, initial, deadline);
+    solution.solve_ms = watch.elapsed_ms();
+    return solution;
+  }
+
+ private:
+  /// Of a goal that is left to costs, for the configuration that reaches it soonest.
+  [[nodiscard]] Solution solve_for_a_configuration(Problem problem, const Trajectory& initial,
+                                                   const Deadline& deadline) const {
+    const auto blocked = [&](std::span<const double> q) -> std::string {
+      if (!problem.field) return "";
+      const auto violation = state_violation(problem.robot, problem.field, problem.space,
+                                             problem.collision_margin_m, q);
+      return violation ? "is not valid: " + violation->what() : "";
+    };
+    GoalConfigurations goals = find_goals(problem, {}, 0, blocked, deadline);
+    if (goals.q.empty()) {
+      return without_trajectory(SolveStatus::kNoPath, std::move(goals.reason));
     }
+    problem.goal.q = std::move(goals.q.front());
+    return solve_between_ends(problem, ending_in(initial, problem.goal.q), deadline);
+  }
+
+  [[nodiscard]] Solution solve_between_ends(const Problem& problem, const Trajectory& initial,
+                                            const Deadline& deadline) const {
     const DifferenceMetric metric(problem, method_.smoothness);
     if (!metric.is_usable()) {
       return without_trajectory(SolveStatus::kFailed,
@@ -401,12 +432,9 @@ class WaypointOptimiser final : public Optimiser {
                                     std::to_string(problem.support_states) +
                                     " states is singular in double precision");
     }
-    Solution solution = find(problem, initial, deadline, metric);
-    solution.solve_ms = watch.elapsed_ms();
-    return solution;
+    return find(problem, initial, deadline, metric);
   }
 
- private:
   [[nodiscard]] Solution find(const Problem& problem, const Trajectory& initial,
                               const Deadline& deadline, const DifferenceMetric& metric) const {
     WaypointStates states(problem);

@@ -128,6 +128,19 @@ TEST_F(AttachedSettings, HoldOneObjectByAnother) {
   EXPECT_EQ(carrying->description().links.back().parent, 2);
 }
 
+TEST_F(AttachedSettings, BecomeAFrameWhereTheyAreToBe) {
+  const auto carrying =
+      read("attached: [{name: tip, link: hand, position_m: [0, 0, 0.2], frame_only: true}]");
+  ASSERT_THAT(errors_, IsEmpty());
+  const RobotDescription& description = carrying->description();
+  EXPECT_EQ(description.links.back().name, "tip");
+  EXPECT_EQ(description.spheres.size(), robot_->description().spheres.size());
+  EXPECT_EQ(description.self_collision_pairs, robot_->description().self_collision_pairs);
+  (void)read("attached: [{link: hand, frame_only: true, spheres: [{radius_m: 0.1}]}]");
+  ASSERT_EQ(errors_.size(), 1u);
+  EXPECT_THAT(errors_[0], HasSubstr("is a frame alone, and has an extent"));
+}
+
 TEST_F(AttachedSettings, SayWhereAnObjectIsWrong) {
   const auto carrying = read(
       "attached:\n"

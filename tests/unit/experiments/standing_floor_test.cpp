@@ -170,12 +170,12 @@ TEST(StandingFloor, RefusesATargetBelowIt) {
   std::optional<FloorEntry> floor;
   floor.emplace().except_links = {"base"};
   EXPECT_EQ(target_below_floor(task, floor), "");
-  task.target = EndEffectorEntry{.link = "hand", .position_m = {1.0, 1.0, -0.03}};
+  task.target = EndEffectorEntry{{.position_m = {1.0, 1.0, -0.03}}, "hand"};
   EXPECT_EQ(target_below_floor(task, floor), "hand is to be 0.030 m below the floor");
   EXPECT_EQ(target_below_floor(task, std::nullopt), "");
   task.target->link = "base";
   EXPECT_EQ(target_below_floor(task, floor), "");
-  task.target = EndEffectorEntry{.link = "hand", .position_m = {1.0, 1.0, 0.03}};
+  task.target = EndEffectorEntry{{.position_m = {1.0, 1.0, 0.03}}, "hand"};
   EXPECT_EQ(target_below_floor(task, floor), "");
 }
 

@@ -54,6 +54,30 @@ TEST_F(TaskSettings, BecomeCostTerms) {
   EXPECT_TRUE(read("name: nothing").terms.empty());
 }
 
+TEST_F(TaskSettings, LeaveATargetOpen) {
+  const Task task = read(
+      "end_effector: {link: hand, position_m: [1, 0, 0.5], within_m: [0.2, 0, 0.1],\n"
+      "  axis_link: [0, 0, 1], axis_world: [0, 0, -1], alternatives: [{position_m: [0, 1, 0.5]}]}");
+  EXPECT_THAT(errors_, ElementsAre());
+  ASSERT_EQ(task.terms.size(), 2u);
+  EXPECT_EQ(task.terms[0].cost->name(), "position_hand");
+  EXPECT_EQ(task.terms[1].cost->name(), "axis_hand");
+  EXPECT_EQ(task.terms[1].placement, Placement::kGoal);
+  EXPECT_EQ(task.target.value().within_m, Eigen::Vector3d(0.2, 0.0, 0.1));
+}
+
+TEST_F(TaskSettings, SayWhereATargetContradictsItself) {
+  const auto error_of = [&](const std::string& rest) {
+    (void)read("end_effector: {link: hand, position_m: [1, 0, 0],\n " + rest + "}");
+    return errors_.size() == 1 ? errors_[0] : std::to_string(errors_.size()) + " errors";
+  };
+  EXPECT_THAT(error_of("rpy_rad: [0, 0, 0], axis_link: [1, 0, 0]"),
+              HasSubstr("`rpy_rad` says already how the link is turned"));
+  EXPECT_THAT(error_of("axis_world: [1, 0, 0]"), HasSubstr("there is no `axis_link`"));
+  EXPECT_THAT(error_of("rpy_rad: [0, 0, 0], alternatives: [{position_m: [1, 0, 1]}]"),
+              AllOf(HasSubstr("task.yaml:2:37"), HasSubstr("this alternative has no `rpy_rad`")));
+}
+
 TEST_F(TaskSettings, SayWhereANameIsWrong) {
   (void)read(
       "end_effector: {link: hnd, position_m: [1, 0, 0.5]}\n"

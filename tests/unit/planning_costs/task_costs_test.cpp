@@ -1,4 +1,5 @@
 #include <sidestep/planning/costs.hpp>
+#include <sidestep/planning/residual_names.hpp>
 
 #include <cmath>
 #include <limits>
@@ -80,6 +81,47 @@ TEST_F(TaskCosts, ConformNextToTheTarget) {
   for (const double residual : evaluate(*upright, near.one(0)).residuals) {
     EXPECT_NEAR(residual, 0.0, 1e-12);
   }
+}
+
+TEST_F(TaskCosts, MeasureHowFarALinkIsOutsideARegion) {
+  const States one = states_.one(3);
+  const Eigen::Vector3d hand_m = hand_at(one, 0).translation();
+  // Inside along x, at 0.2 m beyond along y, at 0.1 m short of it along z.
+  const Eigen::Vector3d centre_m = hand_m + Eigen::Vector3d(0.05, -0.5, 0.4);
+  const PoseFreedom region{.within_m = {0.1, 0.3, 0.3}};
+  const auto cost =
+      make_link_position_cost(robot_, "hand", centre_m, 0.01, region).value_or(nullptr);
+  ASSERT_NE(cost, nullptr);
+  const Evaluation at = evaluate(*cost, one);
+  EXPECT_EQ(at.residuals[0], 0.0);
+  EXPECT_NEAR(at.residuals[1], 20.0, 1e-9);
+  EXPECT_NEAR(at.residuals[2], -10.0, 1e-9);
+  EXPECT_GT(expect_jacobians_match_differences(*cost, one), 0);
+  expect_conforms(*cost, states_);
+}
+
+TEST_F(TaskCosts, MeasureAgainstTheNearestOfSeveralTargets) {
+  const States one = states_.one(3);
+  const Transform hand = hand_at(one, 0);
+  const auto moved = [&](const Eigen::Vector3d& by_m, double turn_rad) {
+    Transform target = hand;
+    target.translation() += by_m;
+    target.rotate(Eigen::AngleAxisd(turn_rad, Eigen::Vector3d::UnitZ()));
+    return target;
+  };
+  // Near but turned, farther and turned less, far.
+  const PoseFreedom others{.alternatives = {moved({0.03, 0.0, 0.0}, 0.1), moved({1, 0, 0}, 0.0)}};
+  const auto cost =
+      make_link_pose_cost(robot_, "hand", moved({0.0, 0.01, 0.0}, 0.9), 0.01, 0.1, others)
+          .value_or(nullptr);
+  ASSERT_NE(cost, nullptr);
+  const Evaluation at = evaluate(*cost, one);
+  EXPECT_NEAR(at.residuals[0], -3.0, 1e-9);
+  EXPECT_NEAR(at.residuals[5], -1.0, 1e-9);
+  EXPECT_GT(expect_jacobians_match_differences(*cost, one), 0);
+  const auto* named = dynamic_cast<const NamesResiduals*>(cost.get());
+  ASSERT_NE(named, nullptr);
+  EXPECT_EQ(named->residual_name(0).target, "the nearest of its targets");
 }
 
 TEST_F(TaskCosts, RotationIsTheAngleFarFromTheTarget) {

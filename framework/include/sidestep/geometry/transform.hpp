@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 #include <Eigen/Geometry>
 
 namespace sidestep {
@@ -16,6 +18,16 @@ using Transform = Eigen::Isometry3d;
                    Eigen::AngleAxisd(rpy_rad.y(), Eigen::Vector3d::UnitY()) *
                    Eigen::AngleAxisd(rpy_rad.x(), Eigen::Vector3d::UnitX()));
   return transform;
+}
+
+/// As transform_from_xyz_rpy() takes them; where roll and yaw are about one axis, all of it is yaw.
+[[nodiscard]] inline Eigen::Vector3d rpy_of(const Eigen::Matrix3d& R) {
+  const double pitch = std::atan2(-R(2, 0), std::hypot(R(2, 1), R(2, 2)));
+  constexpr double kUpright = 1e-9;
+  if (std::hypot(R(2, 1), R(2, 2)) < kUpright) {
+    return {0.0, pitch, std::atan2(-R(0, 1), R(1, 1))};
+  }
+  return {std::atan2(R(2, 1), R(2, 2)), pitch, std::atan2(R(1, 0), R(0, 0))};
 }
 
 }  // namespace sidestep

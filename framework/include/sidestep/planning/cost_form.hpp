@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <variant>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -52,13 +53,14 @@ struct TargetForm {
   Eigen::VectorXd qdot, qdot_weights;
 };
 
-/// make_link_position_cost(), make_link_pose_cost(), make_link_orientation_cost(): position and
-/// rotation vector against the target, times weights; a weight of 0 leaves that part out.
+/// make_link_position_cost(), make_link_pose_cost(), make_link_orientation_cost(): position, beyond
+/// the region about it, and rotation vector against the nearest target, times weights; a weight of
+/// 0 leaves that part out.
 struct LinkPoseForm {
   std::shared_ptr<const RobotModel> robot;
   int link;
-  Eigen::Matrix3d R_world_target;
-  Eigen::Vector3d p_world_target;
+  std::vector<Transform> targets;  ///< At least one.
+  Eigen::Vector3d within_m;
   double position_weight;
   double rotation_weight;
 };

@@ -100,17 +100,26 @@ class FloorClearance {
 // they hold along the way. Named after their link, e.g. "pose_hand". All fail with kInvalidArgument
 // where the robot has no such link, a sigma is not positive, or the target is not finite.
 
+/// What a target leaves open.
+struct PoseFreedom {
+  /// Half the edges, along the world's axes, of a box about the target in which every position will
+  /// do: residuals are how far the link is outside.
+  Eigen::Vector3d within_m = Eigen::Vector3d::Zero();
+  /// Other targets that will do as well: the nearest counts, by the sum of squares.
+  std::vector<Transform> alternatives = {};
+};
+
 /// Three residuals: the position of the link's origin against the target, over sigma.
 [[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_position_cost(
     std::shared_ptr<const RobotModel> robot, const std::string& link,
-    const Eigen::Vector3d& p_world_m, double sigma_m);
+    const Eigen::Vector3d& p_world_m, double sigma_m, const PoseFreedom& freedom = {});
 
 /// Six residuals: the position, and the rotation vector log(R_target^T R) in rad over its sigma.
 /// That vector's length is the angle to the target, at most pi; half a turn away it may point
 /// either way, and jumps, while the cost does not.
 [[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_pose_cost(
     std::shared_ptr<const RobotModel> robot, const std::string& link, const Transform& T_world_link,
-    double sigma_position_m, double sigma_rotation_rad);
+    double sigma_position_m, double sigma_rotation_rad, const PoseFreedom& freedom = {});
 
 /// Three residuals: the rotation vector alone.
 [[nodiscard]] Result<std::unique_ptr<StateCost>> make_link_orientation_cost(

@@ -16,6 +16,9 @@ inline constexpr double kGoalToleranceSigmas = 3.0;  ///< Of what a cost at kGoa
                                              std::span<const double> q,
                                              const Eigen::VectorXd& wanted);
 
+/// True of a cost at kGoal that measures where the robot ends, not how fast.
+[[nodiscard]] bool decides_goal(const CostTerm& term) noexcept;
+
 /// True if terms at kGoal, none of which is the goal prior of standard_terms(), say where the robot
 /// ends: problem.goal is then only where guesses head for. [any]
 [[nodiscard]] bool is_goal_free(const Problem& problem) noexcept;

@@ -46,6 +46,7 @@ struct AttachedEntry {
   std::vector<AttachedBoxEntry> boxes;
   std::vector<AttachedCylinderEntry> cylinders;
   double protrusion_m = 0.02;
+  bool frame_only = false;
   std::vector<std::string> touch_links;
 
   static Parameters<AttachedEntry> parameters();
@@ -53,8 +54,8 @@ struct AttachedEntry {
 
 /// The robot with all that an item of `experiment.plans` has it carry, or the robot itself where
 /// that is nothing. Appends a kConfig error for each name that is no link of the robot, each name
-/// of an object that a link has already, and each object without extent; passes over what its
-/// schema refuses.
+/// of an object that a link has already, and each object without extent that is not a frame alone;
+/// passes over what its schema refuses.
 [[nodiscard]] std::shared_ptr<const RobotModel> read_attached(
     const Node& plan, std::shared_ptr<const RobotModel> robot, std::vector<Error>& errors);
 

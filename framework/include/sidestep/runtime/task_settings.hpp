@@ -12,11 +12,24 @@
 
 namespace sidestep {
 
-/// `end_effector` of a plan.
-struct EndEffectorEntry {
-  std::string link;
+/// An item of `alternatives` of an end effector's goal.
+struct AlternativeEntry {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   std::optional<Eigen::Vector3d> rpy_rad;
+
+  [[nodiscard]] Transform pose() const {
+    return transform_from_xyz_rpy(position_m, rpy_rad.value_or(Eigen::Vector3d::Zero()));
+  }
+  static Parameters<AlternativeEntry> parameters();
+};
+
+/// `end_effector` of a plan.
+struct EndEffectorEntry : AlternativeEntry {
+  std::string link;
+  Eigen::Vector3d within_m = Eigen::Vector3d::Zero();
+  std::optional<Eigen::Vector3d> axis_link;
+  Eigen::Vector3d axis_world = Eigen::Vector3d::UnitZ();
+  std::vector<AlternativeEntry> alternatives;
   double sigma_position_m = 1e-3;
   double sigma_rotation_rad = 5e-3;
 

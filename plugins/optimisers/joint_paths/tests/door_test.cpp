@@ -137,15 +137,29 @@ TEST_P(EveryPlanner, NamesTheLinksOfAGoalInSelfCollision) {
   EXPECT_NE(solution.reason.find("inside mast"), std::string::npos) << solution.reason;
 }
 
-TEST_P(EveryPlanner, RefusesAGoalThatOnlyCostsKnow) {
-  auto there = make_link_position_cost(robot_, "hand", {1.0, 0.2, 0.9}, 1e-3);
-  ASSERT_TRUE(there) << there.error().describe();
-  problem_.terms.push_back({std::move(*there), Placement::kGoal});
+TEST_P(EveryPlanner, ReachesAGoalThatOnlyCostsKnow) {
+  const auto aim = [&](const Eigen::Vector3d& place_m) {
+    auto there = make_link_position_cost(robot_, "hand", place_m, 1e-3);
+    ASSERT_TRUE(there) << there.error().describe();
+    problem_.terms = {{std::move(*there), Placement::kGoal}};
+  };
+  const Eigen::Vector3d place_m(1.0, 0.2, 0.9);
+  aim(place_m);
+  problem_.goal = problem_.start;  // on this side of the wall
   const Solution solution = solve();
-  EXPECT_EQ(solution.status, SolveStatus::kNoPath);
-  EXPECT_EQ(solution.trajectory.size(), 0);
-  EXPECT_NE(solution.reason.find("left to costs ('position_hand')"), std::string::npos)
-      << solution.reason;
+  ASSERT_EQ(solution.status, SolveStatus::kConverged) << solution.reason;
+  std::vector<Transform> poses(robot_->description().links.size());
+  Scratch scratch;
+  robot_->link_poses(solution.trajectory.q(solution.trajectory.size() - 1), poses, scratch);
+  EXPECT_LE((poses.back().translation() - place_m).norm(), 3e-3);
+  const Verdict its = verdict(solution.trajectory);
+  EXPECT_TRUE(its.valid()) << its.describe();
+
+  aim({0.0, 1.0, 0.9});  // in the wall
+  const Solution none = solve();
+  EXPECT_EQ(none.status, SolveStatus::kNoPath);
+  EXPECT_NE(none.reason.find("the last that reaches it is in collision: "), std::string::npos)
+      << none.reason;
 }
 
 TEST_P(EveryPlanner, DoesNotShortenATurnOfAContinuousJoint) {

@@ -50,7 +50,7 @@ double weight(const JointSpace& space, std::size_t joint) {
 }
 
 JointSpace space_of(const Problem& problem, const JointMetric& metric, bool any_turn) {
-  return JointSpace(problem, weights_of(problem, metric), any_turn);
+  return JointSpace(problem, {&problem.goal.q, 1}, weights_of(problem, metric), any_turn);
 }
 
 TEST(JointSpace, WeighsByTimeOrByMotionOrAsTold) {
