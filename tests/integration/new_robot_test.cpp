@@ -115,6 +115,18 @@ TEST_F(NewRobotTest, TakesGroupPosesAndPairsOfAnSrdf) {
   EXPECT_EQ(run({"robot", out_}).exit_code, 0);
 }
 
+TEST_F(NewRobotTest, KeepsTheGroupsOfAnSrdf) {
+  const auto srdf = folder_.write("arm.srdf", R"(<robot name="arm">
+<group name="lower"><chain base_link="base" tip_link="upper"/></group>
+<group name="whole"><chain base_link="base" tip_link="hand"/></group>
+<group name="odd"><chain base_link="base" tip_link="uper"/></group>
+</robot>)");
+  const Finished made = make({"--srdf", srdf.string()});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  EXPECT_THAT(profile(), HasSubstr("groups:\n  lower:\n    - shoulder\n\nfixed_joints:"));
+  EXPECT_THAT(made.out, HasSubstr("note: group 'odd' of the SRDF is left out: "));
+}
+
 /// With a base as high as the shoulder, in which the upper arm stands.
 TEST_F(NewRobotTest, LeavesOutAPairThatNoPoseParts) {
   std::string urdf = kUrdf;

@@ -59,6 +59,7 @@ class ProfileMaker {
     model_ = std::move(*model);
     if (options_.srdf) srdf_ = SIDESTEP_TRY(urdf_robot::read_srdf(*options_.srdf));
     SIDESTEP_TRY(choose_joints());
+    find_groups();
 
     made_.robot = SIDESTEP_TRY(load());
     SIDESTEP_TRY(find_poses());
@@ -148,6 +149,24 @@ class ProfileMaker {
                     (made_.held.empty() ? "none moves" : made_.held.front() + ", and so on"),
                 options_.urdf.string(),
                 "a joint needs <limit lower= upper= velocity=>; give what is missing in the URDF");
+  }
+
+  /// Of the SRDF those that have some of the planned joints, but not all.
+  void find_groups() {
+    for (const Srdf::Group& group : srdf_.groups) {
+      std::set<std::string> joints, seen;
+      if (const auto found = add_group(group.name, joints, seen); !found) {
+        made_.notes.push_back("group '" + group.name +
+                              "' of the SRDF is left out: " + found.error().describe());
+        continue;
+      }
+      std::vector<std::string> planned;
+      for (const std::string& joint : joints_) {
+        if (joints.contains(joint)) planned.push_back(joint);
+      }
+      if (planned.empty() || planned.size() == joints_.size()) continue;
+      groups_.emplace_back(group.name, std::move(planned));
+    }
   }
 
   /// Of the SRDF those that the planned joints have; else one at rest.
@@ -315,7 +334,12 @@ class ProfileMaker {
         "\n\n# The order of q. What the URDF does not say, as max_acceleration, joint_limits "
         "adds.\njoints:";
     for (const std::string& joint : joints_) out += "\n  - " + quoted(joint);
-    if (!held_.empty()) out += "\nfixed_joints:";
+    if (!groups_.empty()) out += "\n\ngroups:";
+    for (const auto& [name, joints] : groups_) {
+      out += "\n  " + quoted(name) + ":";
+      for (const std::string& joint : joints) out += "\n    - " + quoted(joint);
+    }
+    if (!held_.empty()) out += "\n\nfixed_joints:";
     for (const Held& one : held_) {
       out += "\n  " + quoted(one.joint) + ": " + number_text(one.rest) + "  # " + one.reason;
     }
@@ -356,6 +380,7 @@ class ProfileMaker {
   UrdfModel model_;
   Srdf srdf_;
   std::vector<std::string> joints_;
+  std::vector<std::pair<std::string, std::vector<std::string>>> groups_;
   std::vector<Held> held_;
   std::map<std::string, std::map<std::string, double>> poses_;
   std::set<std::pair<int, int>> disabled_;  ///< By the SRDF.

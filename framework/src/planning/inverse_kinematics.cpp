@@ -79,6 +79,15 @@ InverseKinematics::InverseKinematics(const Problem& problem, std::uint64_t seed)
 
 Eigen::VectorXd InverseKinematics::next() {
   draw();
+  return finish();
+}
+
+Eigen::VectorXd InverseKinematics::from(const Eigen::VectorXd& seed) {
+  q_ = seed.cwiseMax(lower_).cwiseMin(upper_);
+  return finish();
+}
+
+Eigen::VectorXd InverseKinematics::finish() {
   descend();
   ++tried_;
   const double cost = measure(q_, false);

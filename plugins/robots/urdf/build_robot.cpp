@@ -92,7 +92,7 @@ class RobotBuilder {
     add_links(joints);
     add_shapes();
     add_spheres();
-    add_poses();
+    add_poses(joints.of_profile());
     if (profile_.head) add_head(*profile_.head, joints);
     if (profile_.self_collision.pairs.is_null()) {
       if (errors_.empty()) guess_pairs();
@@ -129,7 +129,11 @@ class RobotBuilder {
   }
 
   void add_links(const JointTable& joints) {
-    const bool drives = profile_.base.type == "holonomic" && robot_.joints.size() >= kBaseJoints;
+    const bool drives = joints.drives();
+    if (drives && profile_.mount) {
+      errors_.push_back({ErrorCode::kConfig, "a robot that drives has no 'mount'", "robot",
+                         "plan a `group` without its base, or leave it out"});
+    }
     if (drives) add_base_links();
     first_link_ = static_cast<int>(robot_.links.size());
     for (const UrdfLink& link : model_.links) {
@@ -140,6 +144,7 @@ class RobotBuilder {
         continue;
       }
       TreeJoint root{"root"};
+      if (!drives) root.T_parent_joint = joints.T_world_root();
       if (drives) {
         root.name = robot_.joints[2].name;
         root.motion = TreeJoint::Motion::kRotation;
@@ -366,16 +371,17 @@ class RobotBuilder {
     return carried == link;
   }
 
-  void add_poses() {
+  /// `joints`: those that the profile plans, of which the robot may have a group only.
+  void add_poses(const std::vector<std::string>& joints) {
     const Node& poses = profile_.poses;
     if (!poses.is_map() && !poses.is_null())
       errors_.push_back(poses.error("'poses' is a map from names to poses, found " + poses.kind()));
     for (const Node::Entry& entry : poses.entries()) {
       NamedPose pose{entry.key, std::vector<std::optional<double>>(robot_.joints.size())};
       if (entry.value.is_list()) {
-        read_pose_list(entry.value, pose);
+        read_pose_list(entry.value, joints, pose);
       } else if (entry.value.is_map()) {
-        read_pose_map(entry.value, pose);
+        read_pose_map(entry.value, joints, pose);
       } else {
         errors_.push_back(entry.value.error(
             "a pose is a map from joints to positions or a list, found " + entry.value.kind()));
@@ -384,28 +390,30 @@ class RobotBuilder {
     }
   }
 
-  void read_pose_list(const Node& list, NamedPose& pose) {
-    if (list.items().size() != robot_.joints.size()) {
+  void read_pose_list(const Node& list, const std::vector<std::string>& joints, NamedPose& pose) {
+    if (list.items().size() != joints.size()) {
       errors_.push_back(list.error("pose '" + pose.name + "' has " +
                                    std::to_string(list.items().size()) + " positions for " +
-                                   std::to_string(robot_.joints.size()) + " planned joints"));
+                                   std::to_string(joints.size()) + " planned joints"));
       return;
     }
-    for (std::size_t j = 0; j < list.items().size(); ++j) set_position(list.items()[j], j, pose);
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const auto joint = robot_.joint_index(joints[j]);
+      if (joint) set_position(list.items()[j], idx(*joint), pose);
+    }
   }
 
-  void read_pose_map(const Node& map, NamedPose& pose) {
+  void read_pose_map(const Node& map, const std::vector<std::string>& joints, NamedPose& pose) {
     for (const Node::Entry& entry : map.entries()) {
       if (const auto joint = robot_.joint_index(entry.key)) {
         set_position(entry.value, idx(*joint), pose);
         continue;
       }
-      std::vector<std::string> names;
-      for (const Joint& joint : robot_.joints) names.push_back(joint.name);
+      if (std::ranges::count(joints, entry.key) > 0) continue;  // not of the group
       const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
       errors_.push_back(
           key.error("pose '" + pose.name + "' names '" + entry.key + "', which is no planned joint",
-                    did_you_mean(entry.key, names)));
+                    did_you_mean(entry.key, joints)));
     }
   }
 

@@ -25,10 +25,13 @@ JointTable::JointTable(const UrdfModel& model, const Profile& profile, std::vect
   read_limits();
   read_fixed();
   choose_planned();
+  for (const Joint& joint : planned_) of_profile_.push_back(joint.name);
+  if (!profile.group.is_null()) choose_group();
 }
 
 void JointTable::add_base(const BaseOptions& base) {
   if (base.joints.size() != 3 || base.lower_m.size() != 2 || base.upper_m.size() != 2) return;
+  drives_ = true;
   for (std::size_t i = 0; i < 2; ++i) {
     planned_.push_back({base.joints[i], Joint::Type::kPrismatic, base.lower_m[i], base.upper_m[i],
                         base.max_velocity_mps, base.max_acceleration_mps2.value_or(kInfinity),
@@ -106,11 +109,12 @@ void JointTable::read_fixed() {
   for (const Node::Entry& entry : node.entries()) {
     const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
     const UrdfJoint* joint = model_.find_joint(entry.key);
-    if (joint == nullptr || joint->type == UrdfJoint::Type::kFixed) {
+    const bool is_base = is_of_base(entry.key) && !profile_.group.is_null();
+    if (!is_base && (joint == nullptr || joint->type == UrdfJoint::Type::kFixed)) {
       errors_.push_back(unknown_joint(key, entry.key));
       continue;
     }
-    if (joint->mimic) {
+    if (!is_base && joint->mimic) {
       errors_.push_back(key.error("joint '" + entry.key + "' cannot be fixed: it mimics '" +
                                   joint->mimic->joint + "'"));
       continue;
@@ -120,7 +124,8 @@ void JointTable::read_fixed() {
       errors_.push_back(value.error());
       continue;
     }
-    const auto [lower, upper] = position_limits(*joint);
+    const auto [lower, upper] =
+        is_base ? std::pair(-kInfinity, kInfinity) : position_limits(*joint);
     if (*value < lower || *value > upper) {
       errors_.push_back(
           entry.value.error("joint '" + entry.key + "' would be fixed outside of its limits, " +
@@ -181,7 +186,7 @@ void JointTable::choose_planned() {
       errors_.push_back(where.error(
           "joint '" + names[i] + "' cannot be planned: it mimics '" + joint->mimic->joint + "'",
           "plan '" + joint->mimic->joint + "' instead"));
-    } else if (fixed_.contains(names[i])) {
+    } else if (fixed_.contains(names[i]) && profile_.group.is_null()) {
       errors_.push_back(where.error("joint '" + names[i] + "' is both planned and fixed"));
     } else if (std::ranges::find(planned_, names[i], &Joint::name) != planned_.end()) {
       errors_.push_back(where.error("joint '" + names[i] + "' is planned twice"));
@@ -193,6 +198,85 @@ void JointTable::choose_planned() {
     errors_.push_back(
         {ErrorCode::kConfig, "the robot has no joint that could be planned", model_.file.string()});
   }
+}
+
+bool JointTable::is_of_base(const std::string& name) const {
+  return profile_.base.type == "holonomic" && std::ranges::count(profile_.base.joints, name) > 0;
+}
+
+void JointTable::choose_group() {
+  std::vector<std::string> names;
+  for (const Node::Entry& entry : profile_.groups.entries()) names.push_back(entry.key);
+  const Node* list = profile_.groups.find(profile_.group.text());
+  if (list == nullptr) {
+    errors_.push_back(
+        profile_.group.error("the robot profile has no group '" + profile_.group.text() + "'",
+                             did_you_mean(profile_.group.text(), names)));
+    return;
+  }
+  if (!list->is_list() || list->items().empty()) {
+    errors_.push_back(list->error("a group is a list of joints, found " + list->kind()));
+    return;
+  }
+  std::set<std::string> group;
+  std::size_t of_base = 0;
+  for (const Node& item : list->items()) {
+    if (std::ranges::count(of_profile_, item.text()) == 0) {
+      errors_.push_back(item.error("the robot plans no joint '" + item.text() + "'",
+                                   did_you_mean(item.text(), of_profile_)));
+    } else if (!group.insert(item.text()).second) {
+      errors_.push_back(item.error("joint '" + item.text() + "' is in the group twice"));
+    } else if (is_of_base(item.text())) {
+      ++of_base;
+    } else if (fixed_.contains(item.text())) {
+      errors_.push_back(item.error("joint '" + item.text() + "' is both planned and fixed"));
+    }
+  }
+  if (of_base != 0 && of_base != profile_.base.joints.size()) {
+    errors_.push_back(list->error("a group has all joints of the base, or none of them"));
+  }
+  if (!errors_.empty()) return;
+  drives_ = of_base != 0;
+  hold(group);
+}
+
+void JointTable::hold(const std::set<std::string>& group) {
+  const Node none;
+  const Node* pose = &none;
+  if (!profile_.held.is_null()) {
+    pose = profile_.poses.find(profile_.held.text());
+    std::vector<std::string> names;
+    for (const Node::Entry& entry : profile_.poses.entries()) names.push_back(entry.key);
+    if (pose == nullptr) {
+      errors_.push_back(
+          profile_.held.error("the robot profile has no pose '" + profile_.held.text() + "'",
+                              did_you_mean(profile_.held.text(), names)));
+      return;
+    }
+  }
+  for (std::size_t j = 0; j < of_profile_.size(); ++j) {
+    const std::string& name = of_profile_[j];
+    if (group.contains(name) || fixed_.contains(name)) continue;
+    const bool is_in_list = pose->is_list() && j < pose->items().size();
+    const Node* at = is_in_list ? &pose->items()[j] : pose->find(name);
+    const auto value = at != nullptr ? at->as_double() : Result<double>(0.0);
+    // What is wrong with it is told where poses are read.
+    if (at != nullptr && value) fixed_[name] = *value;
+  }
+  std::erase_if(planned_, [&](const Joint& joint) { return !group.contains(joint.name); });
+}
+
+Transform JointTable::T_world_root() const {
+  const MountOptions mount = profile_.mount.value_or(MountOptions{});
+  Transform T = transform_from_xyz_rpy(mount.position_m, mount.rpy_rad);
+  if (drives_ || profile_.base.type != "holonomic" || profile_.base.joints.size() != 3) return T;
+  const auto at = [&](std::size_t joint) {
+    const auto held = fixed_.find(profile_.base.joints[joint]);
+    return held != fixed_.end() ? held->second : 0.0;
+  };
+  T.translate(Eigen::Vector3d(at(0), at(1), 0.0));
+  T.rotate(Eigen::AngleAxisd(at(2), Eigen::Vector3d::UnitZ()));
+  return T;
 }
 
 std::optional<Joint> JointTable::head_joint(const std::string& name, const Node& where) {

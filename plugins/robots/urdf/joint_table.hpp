@@ -22,6 +22,12 @@ class JointTable {
 
   /// The planned joints: the base's, then the URDF's.
   [[nodiscard]] const std::vector<Joint>& planned() const noexcept { return planned_; }
+  /// The same before a group was chosen from them.
+  [[nodiscard]] const std::vector<std::string>& of_profile() const noexcept { return of_profile_; }
+  /// Whether the base's joints are planned.
+  [[nodiscard]] bool drives() const noexcept { return drives_; }
+  /// Where a base is that does not drive.
+  [[nodiscard]] Transform T_world_root() const;
 
   /// How a joint of the URDF moves its link, with mimicry resolved to the planned joint or to
   /// the fixed value behind it.
@@ -38,6 +44,10 @@ class JointTable {
   void limit_base(const JointLimitOptions& own, const Node& where, Joint& joint);
   void read_fixed();
   void choose_planned();
+  /// Leaves the joints of the profile's group, and holds the others.
+  void choose_group();
+  void hold(const std::set<std::string>& group);
+  [[nodiscard]] bool is_of_base(const std::string& name) const;
   /// With its limits; what they lack is told at `where`, or where the URDF has the joint.
   [[nodiscard]] Joint with_limits(const UrdfJoint& joint, const Node* where);
   [[nodiscard]] std::vector<std::string> default_joints() const;
@@ -50,6 +60,8 @@ class JointTable {
   const Profile& profile_;
   std::vector<Error>& errors_;
   std::vector<Joint> planned_;
+  std::vector<std::string> of_profile_;
+  bool drives_ = false;
   std::map<std::string, JointLimitOptions> limits_;
   std::map<std::string, double> fixed_;
 };

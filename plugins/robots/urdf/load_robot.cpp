@@ -94,6 +94,14 @@ Parameters<BaseOptions> BaseOptions::parameters() {
            {.unit = "rad/s^2", .min = 1e-6});
 }
 
+Parameters<MountOptions> MountOptions::parameters() {
+  using T = MountOptions;
+  return Parameters<T>()
+      .add("position_m", &T::position_m, "Of the root link's origin, world frame.", {.unit = "m"})
+      .add("rpy_rad", &T::rpy_rad, "Its roll, pitch and yaw about the world's axes.",
+           {.unit = "rad"});
+}
+
 Parameters<JointLimitOptions> JointLimitOptions::parameters() {
   using T = JointLimitOptions;
   return Parameters<T>()
@@ -108,6 +116,14 @@ Parameters<JointLimitOptions> JointLimitOptions::parameters() {
           "The deceleration where the robot is to stop, in m/s^2 or rad/s^2; 'max_acceleration' if "
           "absent.",
           {.min = 1e-6});
+}
+
+Parameters<CoupledJointOptions> CoupledJointOptions::parameters() {
+  using T = CoupledJointOptions;
+  return Parameters<T>()
+      .add("joint", &T::joint, "The joint that it follows.", {.required = true})
+      .add("multiplier", &T::multiplier, "Of that joint's position.")
+      .add("offset", &T::offset, "Added to it, in m or rad.");
 }
 
 Parameters<SphereOptions> SphereOptions::parameters() {
@@ -150,12 +166,20 @@ Parameters<Profile> Profile::parameters() {
            "Without 'joints': plans the joints between the root and this link.")
       .add("joints", &T::joints,
            "The planned joints in the order of q, after the base's; all that move if empty.")
+      .add("groups", &T::groups,
+           "A map from names to lists of planned joints, of which a configuration's `group` plans "
+           "one. A group with the base's joints has all three.")
       .add("base", &T::base, "How the root link moves in the world.")
+      .add("mount", &T::mount, "Where the root link is if it does not move; the origin if absent.")
       .add("joint_limits", &T::joint_limits,
            "A map from joints to what replaces the URDF's limits: lower, upper, max_velocity, "
            "max_acceleration, max_braking.")
       .add("fixed_joints", &T::fixed_joints,
            "A map from moving joints that are not planned to where they stay; 0 if absent.")
+      .add(
+          "coupled_joints", &T::coupled_joints,
+          "A map from joints to {joint, multiplier, offset}: each follows another, as <mimic> says "
+          "where the URDF has it. A telescope's stages, say.")
       .add("head", &T::head,
            "The head that turns a camera: two joints that are not planned. Where it rests, "
            "'fixed_joints' says, how fast it turns, the URDF and 'joint_limits'.")
@@ -285,8 +309,57 @@ UrdfModel subtree(const UrdfModel& model, int root) {
   return out;
 }
 
+bool moves(const UrdfJoint& joint) { return joint.type != UrdfJoint::Type::kFixed; }
+
+/// Whether a joint follows `name`, itself or through others.
+bool follows(const UrdfModel& model, const UrdfJoint& joint, const std::string& name) {
+  const UrdfJoint* at = &joint;
+  for (std::size_t i = 0; i <= model.links.size() && at != nullptr; ++i) {
+    if (at->name == name) return true;
+    at = at->mimic ? model.find_joint(at->mimic->joint) : nullptr;
+  }
+  return false;
+}
+
+/// Lays the profile's couplings over the URDF's.
+void couple(const Node& couplings, UrdfModel& model, std::vector<Error>& errors) {
+  if (!couplings.is_map() && !couplings.is_null()) {
+    errors.push_back(
+        couplings.error("'coupled_joints' is a map from joints to what they follow, "
+                        "found " +
+                        couplings.kind()));
+  }
+  const Parameters<CoupledJointOptions> fields = CoupledJointOptions::parameters();
+  const auto unknown = [&](const Node& where, const std::string& name) {
+    errors.push_back(where.error("the URDF has no moving joint '" + name + "'",
+                                 did_you_mean(name, model.joint_names())));
+  };
+  for (const Node::Entry& entry : couplings.entries()) {
+    const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
+    const std::size_t before = errors.size();
+    check_against_schema(entry.value, fields.schema(), {}, errors);
+    if (errors.size() != before) continue;
+    CoupledJointOptions coupling;
+    fields.read(entry.value, coupling, errors);
+    const auto link = std::ranges::find_if(model.links, [&](const UrdfLink& one) {
+      return one.joint && one.joint->name == entry.key && moves(*one.joint);
+    });
+    const UrdfJoint* other = model.find_joint(coupling.joint);
+    if (link == model.links.end()) {
+      unknown(key, entry.key);
+    } else if (other == nullptr || !moves(*other)) {
+      unknown(*entry.value.find("joint"), coupling.joint);
+    } else if (follows(model, *other, entry.key)) {
+      errors.push_back(key.error("joint '" + entry.key + "' would follow itself"));
+    } else {
+      link->joint->mimic = UrdfMimic{coupling.joint, coupling.multiplier, coupling.offset};
+    }
+  }
+}
+
 std::optional<UrdfModel> read_model(const Profile& profile, std::vector<Error>& errors) {
   auto model = read_urdf(profile.urdf, errors);
+  if (model) couple(profile.coupled_joints, *model, errors);
   if (!model || profile.root_link.empty()) return model;
   if (const auto root = model->link_index(profile.root_link)) return subtree(*model, *root);
   errors.push_back({ErrorCode::kConfig, "the URDF has no link '" + profile.root_link + "'",
@@ -301,6 +374,14 @@ Parameters<Options> Options::parameters() {
   return Parameters<T>()
       .add("profile", &T::profile,
            "The robot's profile: its name, its folder, or its file. Either this or 'urdf'.")
+      .add("group", &T::group,
+           "With 'profile': plans the joints of this group of it alone; the others are held.")
+      .add("held", &T::held,
+           "With 'group': the pose of the profile in which the others are held. Those that it says "
+           "nothing of stay as 'fixed_joints' says, else at 0, or the limit nearest to it.")
+      .add("mount", &T::mount,
+           "Where the root link of a robot that does not drive is: "
+           "over the profile's.")
       .add("urdf", &T::urdf, "A URDF to be used as it is, its collision shapes covered by spheres.")
       .add("base", &T::base, "With 'urdf': whether the root link is fixed or drives in its plane.",
            {.choices = {"fixed", "holonomic"}})
@@ -325,11 +406,15 @@ Parameters<Options> Options::parameters() {
 }
 
 std::vector<OptionMistake> Options::check() const {
-  if (profile.is_null()) {
-    if (!urdf.empty()) return {};
-    return {{{}, "the robot needs either 'profile' or 'urdf'", {}}};
-  }
   std::vector<OptionMistake> mistakes;
+  if (group.is_null() && !held.is_null()) {
+    mistakes.push_back({{"held"}, "stands without 'group', and all joints are planned", {}});
+  }
+  if (profile.is_null()) {
+    if (urdf.empty()) return {{{}, "the robot needs either 'profile' or 'urdf'", {}}};
+    if (group.is_null()) return mistakes;
+    return {{{"group"}, "stands without 'profile', which has the groups", "name 'joints'"}};
+  }
   for (const auto& [name, is_set] :
        {std::pair("urdf", !urdf.empty()), std::pair("base", base.has_value()),
         std::pair("root_link", !root_link.empty()), std::pair("tip_link", !tip_link.empty()),
@@ -355,7 +440,13 @@ Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
     profile.joint_limits = merged(profile.joint_limits, options.joint_limits);
     profile.fixed_joints = merged(profile.fixed_joints, options.fixed_joints);
     if (!options.package_paths.is_null()) profile.package_paths = options.package_paths;
+    for (const Node* name : {&options.group, &options.held}) {
+      if (!name->is_null()) SIDESTEP_TRY(name->as_string());
+    }
+    profile.group = options.group;
+    profile.held = options.held;
   }
+  if (options.mount) profile.mount = options.mount;
   if (!profile.urdf.empty()) {
     if (const auto model = read_model(profile, errors)) {
       auto robot = build_robot(*model, profile, errors);

@@ -27,6 +27,13 @@ struct BaseOptions {
   static Parameters<BaseOptions> parameters();
 };
 
+/// Where the root link of a robot that does not drive is.
+struct MountOptions {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rpy_rad = Eigen::Vector3d::Zero();
+  static Parameters<MountOptions> parameters();
+};
+
 /// Replaces what the URDF says of a joint. In m or rad, per second, per second squared.
 struct JointLimitOptions {
   std::optional<double> lower;
@@ -35,6 +42,14 @@ struct JointLimitOptions {
   std::optional<double> max_acceleration;
   std::optional<double> max_braking;
   static Parameters<JointLimitOptions> parameters();
+};
+
+/// Couples a joint to another, as <mimic> does.
+struct CoupledJointOptions {
+  std::string joint;
+  double multiplier = 1.0;
+  double offset = 0.0;
+  static Parameters<CoupledJointOptions> parameters();
 };
 
 struct SphereOptions {
@@ -69,9 +84,12 @@ struct Profile {
   std::string root_link;
   std::string tip_link;
   std::vector<std::string> joints;
+  Node groups;
   BaseOptions base;
+  std::optional<MountOptions> mount;
   Node joint_limits;
   Node fixed_joints;
+  Node coupled_joints;
   std::optional<HeadOptions> head;
   std::vector<SphereOptions> spheres;
   std::string spheres_from = "profile";
@@ -83,6 +101,8 @@ struct Profile {
   static Parameters<Profile> parameters();
 
   Node document;  ///< The whole file, for positions; null without a file.
+  Node group;     ///< The name of the group that is planned; null for all joints.
+  Node held;      ///< The name of the pose in which the others are; null for none.
 
   /// Where something of the profile stands, e.g. mark("spheres", 3); the robot's if nowhere.
   [[nodiscard]] const Node* item(std::string_view key, std::size_t index) const noexcept;
@@ -100,6 +120,9 @@ struct Profile {
 /// What a configuration says of its robot.
 struct Options {
   Node profile;
+  Node group;
+  Node held;
+  std::optional<MountOptions> mount;
   std::filesystem::path urdf;
   std::optional<std::string> base;
   std::string root_link;

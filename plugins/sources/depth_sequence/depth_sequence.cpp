@@ -121,14 +121,29 @@ Result<ImageSize> image_size(const std::vector<SequenceEntry>& entries, const Op
   return size;
 }
 
-/// From the options, else camera-intrinsics.txt, else what the layout's VGA cameras have.
+/// From camera-intrinsics.txt, a 3x3 matrix, or Open3D's camera_intrinsic.json, the same by
+/// columns; fails with kNotFound where there is neither.
+Result<Eigen::MatrixXd> written_matrix(const std::filesystem::path& folder,
+                                       const DocumentReader& documents) {
+  const auto json = folder / "camera_intrinsic.json";
+  auto matrix = read_matrix(folder / "camera-intrinsics.txt", 3, 3, ErrorCode::kConfig);
+  const bool is_there = matrix || matrix.error().code != ErrorCode::kNotFound;
+  if (is_there || !std::filesystem::exists(json)) return matrix;
+  const auto document = SIDESTEP_TRY(documents.read(json));
+  const Node* values = document.find("intrinsic_matrix");
+  if (values == nullptr) return tl::make_unexpected(document.error("there is no intrinsic_matrix"));
+  const auto numbers = SIDESTEP_TRY(values->as_doubles(9));
+  return Eigen::MatrixXd(Eigen::Map<const Eigen::Matrix3d>(numbers.data()));
+}
+
+/// From the options, else from a file of the sequence, else what the layout's VGA cameras have.
 Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& size,
-                                    const Options& options, Log& log) {
+                                    const Options& options, const DocumentReader& documents,
+                                    Log& log) {
   CameraIntrinsics camera{size.width_px, size.height_px};
-  const auto file = options.path / "camera-intrinsics.txt";
   const CameraOptions& given = options.camera;
   const bool all_given = given.fx_px && given.fy_px && given.cx_px && given.cy_px;
-  const auto matrix = read_matrix(file, 3, 3, ErrorCode::kConfig);
+  const auto matrix = written_matrix(options.path, documents);
   if (matrix) {
     camera.fx_px = (*matrix)(0, 0);
     camera.fy_px = (*matrix)(1, 1);
@@ -152,7 +167,7 @@ Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& s
   camera.fy_px = given.fy_px.value_or(camera.fy_px);
   camera.cx_px = given.cx_px.value_or(camera.cx_px);
   camera.cy_px = given.cy_px.value_or(camera.cy_px);
-  const std::string where = matrix ? file.string() : options.path.string();
+  const std::string where = options.path.string();
   if (!(camera.fx_px > 0.0 && camera.fy_px > 0.0 && std::isfinite(camera.fx_px) &&
         std::isfinite(camera.fy_px))) {
     return fail(ErrorCode::kConfig, "the focal lengths must be greater than 0", where);
@@ -178,7 +193,7 @@ Result<std::unique_ptr<Source>> create_source(const Options& options, Log& log,
              " frames, as first_frame, stride and max_frames say");
   }
   const auto size = SIDESTEP_TRY(image_size(selected, options));
-  const auto camera = SIDESTEP_TRY(intrinsics(*sequence, size, options, log));
+  const auto camera = SIDESTEP_TRY(intrinsics(*sequence, size, options, documents, log));
 
   Settings settings;
   settings.camera = camera;

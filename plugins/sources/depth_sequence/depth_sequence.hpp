@@ -58,14 +58,15 @@ struct Options {
     return Parameters<O>()
         .add("path", &O::path, "Folder of the sequence.", {.required = true})
         .add("format", &O::format, "Layout of the folder; auto: told from the files in it.",
-             {.choices = {"auto", "seven_scenes", "tum"}})
+             {.choices = {"auto", "seven_scenes", "tum", "open3d"}})
         .add("depth_scale", &O::depth_scale,
-             "Raw units in a metre; null: the layout's own, 1000 for seven_scenes, 5000 for tum.",
+             "Raw units in a metre; null: the layout's own, 1000 for seven_scenes and open3d, 5000 "
+             "for tum.",
              {.unit = "1/m", .min = 1e-6})
         .add("first_frame", &O::first_frame, "Frames left out at the beginning.", {.min = 0})
         .add("max_frames", &O::max_frames, "Frames handed out at most; 0: all.", {.min = 0})
         .add("stride", &O::stride, "Every how many frames one is handed out.", {.min = 1})
-        .add("rate_hz", &O::rate_hz, "Frames a second, for the stamps of seven_scenes.",
+        .add("rate_hz", &O::rate_hz, "Frames a second, for the stamps of seven_scenes and open3d.",
              {.unit = "Hz", .min = 1e-3})
         .add("use_world", &O::use_world,
              "Whether T_world_sequence of the folder's world.yaml, if there is one, is applied.")

@@ -180,6 +180,78 @@ class Tum final : public Sequence {
   double max_gap_s_;
 };
 
+class Open3d final : public Sequence {
+ public:
+  /// `poses`: of the entries, as far as there are any.
+  Open3d(std::vector<SequenceEntry> entries, std::vector<Eigen::Matrix4d> poses,
+         std::string pose_file)
+      : entries_(std::move(entries)), poses_(std::move(poses)), pose_file_(std::move(pose_file)) {}
+
+  [[nodiscard]] std::string_view layout() const override { return "open3d"; }
+  [[nodiscard]] LayoutDefaults defaults() const override {
+    return {.depth_scale = 1000.0, .focal_px = 525.0, .cx_px = 319.5, .cy_px = 239.5};
+  }
+  [[nodiscard]] const std::vector<SequenceEntry>& entries() const override { return entries_; }
+
+  [[nodiscard]] Result<Transform> T_sequence_camera(const SequenceEntry& entry) const override {
+    const auto number = static_cast<std::size_t>(entry.number);
+    if (number >= poses_.size()) {
+      return fail(ErrorCode::kBadFrame,
+                  "there are only " + std::to_string(poses_.size()) + " poses", pose_file_);
+    }
+    return rigid_transform(poses_[number], ErrorCode::kBadFrame, pose_file_);
+  }
+
+ private:
+  std::vector<SequenceEntry> entries_;
+  std::vector<Eigen::Matrix4d> poses_;
+  std::string pose_file_;
+};
+
+/// Blocks of a line of three whole numbers and a 4x4 matrix.
+Result<std::vector<Eigen::Matrix4d>> read_trajectory_log(const std::filesystem::path& file) {
+  constexpr std::size_t kLines = 5;
+  std::vector<Eigen::Matrix4d> poses;
+  std::size_t line = 0;
+  SIDESTEP_TRY(recorded_frames::for_each_line(
+      file, [&](const std::vector<std::string>& words, const std::string& where) -> Result<void> {
+        const std::size_t of_block = line++ % kLines;
+        if (of_block == 0) poses.emplace_back(Eigen::Matrix4d::Zero());
+        const std::size_t expected = of_block == 0 ? 3 : 4;
+        if (words.size() != expected) {
+          return fail(ErrorCode::kConfig,
+                      of_block == 0 ? "expected the three numbers of a pose"
+                                    : "expected a row of four numbers",
+                      where);
+        }
+        for (std::size_t k = 0; k < words.size(); ++k) {
+          const double value = SIDESTEP_TRY(number(words[k], where));
+          if (of_block > 0)
+            poses.back()(static_cast<int>(of_block) - 1, static_cast<int>(k)) = value;
+        }
+        return {};
+      }));
+  if (line % kLines != 0) {
+    return fail(ErrorCode::kConfig, "the last pose is cut off", file.string());
+  }
+  return poses;
+}
+
+/// The images of a folder, by their names.
+Result<std::vector<std::filesystem::path>> png_files(const std::filesystem::path& folder) {
+  std::vector<std::filesystem::path> files;
+  std::error_code error;
+  for (auto file = std::filesystem::directory_iterator(folder, error);
+       !error && file != std::filesystem::directory_iterator(); file.increment(error)) {
+    if (file->path().extension() == ".png") files.push_back(file->path());
+  }
+  if (error) {
+    return fail(ErrorCode::kIo, "the folder cannot be read: " + error.message(), folder.string());
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Sequence>> open_sequence(const Options& options, Log& log) {
@@ -189,21 +261,21 @@ Result<std::unique_ptr<Sequence>> open_sequence(const Options& options, Log& log
     return fail(ErrorCode::kNotFound, "there is no such folder of a depth sequence", folder,
                 "set source.path");
   }
-  if (options.format != "tum") {
-    auto sequence = open_seven_scenes(options, log);
-    if (!sequence || *sequence != nullptr) return sequence;
-  }
-  if (options.format != "seven_scenes") {
-    auto sequence = open_tum(options, log);
-    if (!sequence || *sequence != nullptr) return sequence;
-  }
   const bool any = options.format == "auto";
+  for (const auto& [name, open] :
+       {std::pair("seven_scenes", &open_seven_scenes), std::pair("tum", &open_tum),
+        std::pair("open3d", &open_open3d)}) {
+    if (!any && options.format != name) continue;
+    auto sequence = open(options, log);
+    if (!sequence || *sequence != nullptr) return sequence;
+  }
   return fail(ErrorCode::kNotFound,
               any ? "the folder holds no depth sequence"
                   : "the folder holds no depth sequence of the layout '" + options.format + "'",
               folder,
-              "understood are seven_scenes (frame-000000.depth.png with frame-000000.pose.txt) "
-              "and tum (depth.txt, groundtruth.txt and the images they name)");
+              "understood are seven_scenes (frame-000000.depth.png with frame-000000.pose.txt), "
+              "tum (depth.txt, groundtruth.txt and the images they name) and open3d "
+              "(trajectory.log, or scene/trajectory.log, and images in depth)");
 }
 
 Result<Transform> rigid_transform(const Eigen::Matrix4d& matrix, ErrorCode code,
@@ -320,6 +392,33 @@ Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log&) {
   auto poses = SIDESTEP_TRY(read_poses(pose_file));
   return std::unique_ptr<Sequence>(std::make_unique<Tum>(
       std::move(entries), std::move(poses), pose_file.string(), options.max_pose_gap_s));
+}
+
+Result<std::unique_ptr<Sequence>> open_open3d(const Options& options, Log& log) {
+  std::error_code ignored;
+  auto pose_file = options.path / "trajectory.log";
+  if (!std::filesystem::is_regular_file(pose_file, ignored)) {
+    pose_file = options.path / "scene" / "trajectory.log";
+  }
+  const auto folder = options.path / "depth";
+  if (!std::filesystem::is_regular_file(pose_file, ignored) ||
+      !std::filesystem::is_directory(folder, ignored)) {
+    return std::unique_ptr<Sequence>();
+  }
+  auto poses = SIDESTEP_TRY(read_trajectory_log(pose_file));
+  const auto files = SIDESTEP_TRY(png_files(folder));
+  if (files.empty()) return std::unique_ptr<Sequence>();
+  if (files.size() != poses.size()) {
+    log.warn(pose_file.string() + " has " + std::to_string(poses.size()) + " poses for " +
+             std::to_string(files.size()) + " images: they are taken in order");
+  }
+  std::vector<SequenceEntry> entries;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    entries.push_back({static_cast<std::int64_t>(i),
+                       Stamp::from_seconds(static_cast<double>(i) / options.rate_hz), files[i]});
+  }
+  return std::unique_ptr<Sequence>(
+      std::make_unique<Open3d>(std::move(entries), std::move(poses), pose_file.string()));
 }
 
 }  // namespace sidestep::depth_sequence

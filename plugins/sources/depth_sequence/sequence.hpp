@@ -48,9 +48,10 @@ class Sequence {
 /// of the layouts in it.
 [[nodiscard]] Result<std::unique_ptr<Sequence>> open_sequence(const Options& options, Log& log);
 
-/// The two layouts; null where the folder does not have it.
+/// The three layouts; null where the folder does not have it.
 [[nodiscard]] Result<std::unique_ptr<Sequence>> open_seven_scenes(const Options& options, Log& log);
 [[nodiscard]] Result<std::unique_ptr<Sequence>> open_tum(const Options& options, Log& log);
+[[nodiscard]] Result<std::unique_ptr<Sequence>> open_open3d(const Options& options, Log& log);
 
 /// How far a written rotation may be from orthonormal, element by element of R^T R - I, before
 /// it is refused. Poses of real recordings are off by about 1e-3.

@@ -154,6 +154,108 @@ joint_limits:
   }
 }
 
+/// Poses of links in a configuration are those of the whole robot, with what is held where it is.
+TEST_F(ProfileFile, PlansAGroupAndHoldsTheOtherJoints) {
+  const auto whole = loader_.load("{profile: hsr}");
+  const auto arm = loader_.load(
+      "{profile: hsr, group: arm, fixed_joints: {odom_x: 0.7, odom_y: -0.4, odom_t: 1.1}}");
+  const auto base = loader_.load("{profile: hsr, group: base, held: reach_table}");
+  ASSERT_TRUE(whole) << whole.error().describe();
+  ASSERT_TRUE(arm) << arm.error().describe();
+  ASSERT_TRUE(base) << base.error().describe();
+  EXPECT_EQ((*arm)->description().dof(), 5);
+  EXPECT_EQ((*arm)->description().joints[0].name, "arm_lift_joint");
+  EXPECT_EQ((*base)->description().dof(), 3);
+  EXPECT_TRUE((*base)->description().planar_base());
+  EXPECT_EQ((*arm)->description().spheres.size(), (*whole)->description().spheres.size());
+  const auto hand = [](const KinematicTree& robot, const std::vector<double>& q) {
+    return testing_robot::link_pose(robot, q, "hand_palm_link");
+  };
+  EXPECT_TRUE(hand(**arm, {0.2, -0.5, 0.3, -0.8, 0.1})
+                  .isApprox(hand(**whole, {0.7, -0.4, 1.1, 0.2, -0.5, 0.3, -0.8, 0.1}), 1e-12));
+  EXPECT_TRUE(hand(**base, {0.7, -0.4, 1.1})
+                  .isApprox(hand(**whole, {0.7, -0.4, 1.1, 0.34, -0.9, 0.0, -0.67, 0.0}), 1e-12));
+  const NamedPose* go = (*arm)->description().find_pose("go");
+  ASSERT_NE(go, nullptr);
+  EXPECT_EQ(go->positions[2], -1.57);
+}
+
+/// A pose that lists positions lists them of all joints of the profile.
+TEST_F(ProfileFile, TakesFromAPosesListWhatTheGroupHas) {
+  write_file(folder_ / "arm/profile.yaml", std::string(kGood) + "groups: {last: [shoulder]}\n");
+  const std::string profile = "profile: " + (folder_ / "arm/profile.yaml").string();
+  const auto robot = loader_.load("{" + profile + ", group: last, held: all}");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  const RobotDescription& is = (*robot)->description();
+  ASSERT_EQ(is.dof(), 1);
+  EXPECT_EQ(is.find_pose("all")->positions[0], 0.2);
+  // The elbow, about y, is held at 0.1.
+  const Transform lower = testing_robot::link_pose(**robot, {0.0}, "lower");
+  EXPECT_NEAR(lower.linear()(0, 0), std::cos(0.1), 1e-12);
+}
+
+TEST_F(ProfileFile, SaysWhatIsWrongWithAGroup) {
+  write_file(folder_ / "arm/profile.yaml",
+             std::string(kGood) + "groups: {last: [shoulder], odd: [sholder, grip], none: []}\n");
+  const std::string arm = "profile: " + (folder_ / "arm/profile.yaml").string();
+  for (const auto& [options, expected] : std::vector<std::pair<std::string, std::string>>{
+           {arm + ", group: lats", "has no group 'lats' (did you mean 'last'?)"},
+           {arm + ", group: last, held: bend", "has no pose 'bend' (did you mean 'bent'?)"},
+           {arm + ", group: odd", "the robot plans no joint 'sholder' (did you mean 'shoulder'?)"},
+           {arm + ", group: odd", "the robot plans no joint 'grip'"},
+           {arm + ", group: none", "a group is a list of joints"},
+           {"profile: hsr, group: arm, fixed_joints: {arm_lift_joint: 0.1}",
+            "'arm_lift_joint' is both planned and fixed"}}) {
+    const auto robot = loader_.load("{" + options + "}");
+    ASSERT_FALSE(robot) << options;
+    EXPECT_NE(robot.error().describe().find(expected), std::string::npos)
+        << robot.error().describe();
+  }
+}
+
+TEST_F(ProfileFile, CouplesJointsThatTheUrdfDoesNot) {
+  const std::string free =
+      "name: arm\nurdf: arm.urdf\nshapes_from: spheres\nspheres: "
+      "[{link: lower, centre_m: [0, 0, 0], radius_m: 0.1}]\n";
+  const auto robot = load(free +
+                          "coupled_joints: {elbow: {joint: shoulder, multiplier: -2, "
+                          "offset: 0.1}}\n");
+  ASSERT_TRUE(robot) << robot.error().describe();
+  ASSERT_EQ((*robot)->description().dof(), 2);
+  EXPECT_EQ((*robot)->description().joints[1].name, "grip");
+  // About z by 0.3, then about y by 0.1 - 0.6.
+  const Eigen::Matrix3d expected = (Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitZ()) *
+                                    Eigen::AngleAxisd(-0.5, Eigen::Vector3d::UnitY()))
+                                       .toRotationMatrix();
+  EXPECT_TRUE(testing_robot::link_pose(**robot, {0.3, 0.0}, "lower").linear().isApprox(expected));
+  for (const auto& [coupling, expected_text] : std::vector<std::pair<std::string, std::string>>{
+           {"{elbow: {joint: sholder}}", "no moving joint 'sholder' (did you mean 'shoulder'?)"},
+           {"{elbw: {joint: shoulder}}", "no moving joint 'elbw' (did you mean 'elbow'?)"},
+           {"{grip: {joint: grip_too}}", "joint 'grip' would follow itself"},
+           {"{elbow: {joint: elbow}}", "joint 'elbow' would follow itself"}}) {
+    const auto refused = load(free + "coupled_joints: " + coupling + "\n");
+    ASSERT_FALSE(refused) << coupling;
+    EXPECT_NE(refused.error().describe().find(expected_text), std::string::npos)
+        << refused.error().describe();
+  }
+}
+
+TEST_F(ProfileFile, StandsWhereItIsMounted) {
+  const std::string mount = "mount: {position_m: [1, 2, 0.7], rpy_rad: [0, 0, 1.2]}";
+  const auto plain = loader_.load("{profile: panda}");
+  const auto mounted = loader_.load("{profile: panda, " + mount + "}");
+  ASSERT_TRUE(mounted) << mounted.error().describe();
+  const std::vector<double> q{0.1, -0.3, 0.2, -2.0, 0.3, 1.9, 0.5};
+  const Transform T_world_root = transform_from_xyz_rpy({1.0, 2.0, 0.7}, {0.0, 0.0, 1.2});
+  EXPECT_TRUE(
+      testing_robot::link_pose(**mounted, q, "panda_hand")
+          .isApprox(T_world_root * testing_robot::link_pose(**plain, q, "panda_hand"), 1e-12));
+  const auto driving = loader_.load("{profile: hsr, " + mount + "}");
+  ASSERT_FALSE(driving);
+  EXPECT_NE(driving.error().describe().find("a robot that drives has no 'mount'"),
+            std::string::npos);
+}
+
 TEST_F(ProfileFile, TellsAllItsMistakesInOnePass) {
   const auto robot = load(R"(name: arm
 urdf: arm.urdf

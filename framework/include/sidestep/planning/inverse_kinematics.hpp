@@ -30,6 +30,8 @@ class InverseKinematics {
   /// limits within half a turn of the start, if that reaches the goal; else an empty one.
   /// Allocates.
   [[nodiscard]] Eigen::VectorXd next();
+  /// The same from a configuration of the caller's (dof values).
+  [[nodiscard]] Eigen::VectorXd from(const Eigen::VectorXd& seed);
   /// Of what was found so far, the configuration that comes nearest to the goal, whether it reaches
   /// it or not; empty before the first.
   [[nodiscard]] const Eigen::VectorXd& nearest() const noexcept { return nearest_; }
@@ -41,6 +43,7 @@ class InverseKinematics {
     std::vector<std::vector<Eigen::Index>> groups;  ///< Rows of what goal_miss() judges by length.
   };
   void draw();
+  [[nodiscard]] Eigen::VectorXd finish();
   void descend();
   double measure(const Eigen::VectorXd& q, bool with_jacobian);
   [[nodiscard]] double worst_sigmas() const;
