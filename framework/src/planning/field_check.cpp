@@ -199,6 +199,10 @@ class VerdictBuilder final : public ClearanceProver::Listener {
     std::int64_t all = 0;
     std::int64_t unknown = 0;
 
+    void add(const Looks& others) noexcept {
+      all += others.all;
+      unknown += others.unknown;
+    }
     [[nodiscard]] double unknown_share() const noexcept {
       return all > 0 ? static_cast<double>(unknown) / static_cast<double>(all) : 0.0;
     }
@@ -207,15 +211,15 @@ class VerdictBuilder final : public ClearanceProver::Listener {
   void tell_unknown(Verdict& verdict) const {
     const RobotDescription& robot = prover_.robot().description();
     Looks whole;
+    for (const Looks& looks : looks_) whole.add(looks);
+    verdict.unknown_share = whole.unknown_share();
+    if (whole.unknown == 0) return;
+    // Where something of the robot stands that no joint moves, no camera need look.
+    const std::vector<bool> fixed = fixed_spheres(prover_.robot());
     std::vector<Looks> of_link(robot.links.size());
     for (std::size_t s = 0; s < looks_.size(); ++s) {
-      const auto link = idx(robot.spheres[s].link);
-      for (Looks* sum : {&whole, &of_link[link]}) {
-        sum->all += looks_[s].all;
-        sum->unknown += looks_[s].unknown;
-      }
+      if (!fixed[s]) of_link[idx(robot.spheres[s].link)].add(looks_[s]);
     }
-    verdict.unknown_share = whole.unknown_share();
     for (std::size_t link = 0; link < of_link.size(); ++link) {
       const double share = of_link[link].unknown_share();
       if (share <= verdict.most_unknown_share) continue;

@@ -125,6 +125,21 @@ TEST_F(FieldCheckTest, TellsTheLinkThatIsUnseenTheMost) {
   EXPECT_EQ(verdict.most_unknown_link, "hand");
 }
 
+TEST_F(FieldCheckTest, LeavesWhatNoJointMovesToStandWhereNobodyLooked) {
+  world_.unknown = {Aabb{{0.0, 1.3, -1.0}, {2.0, 2.0, 1.0}}};
+  space_.unknown = Space::kFree;
+  RobotDescription& robot = robot_->description();
+  robot.links.push_back({"foot", -1});
+  robot_->steps().push_back({{0.5, 1.6, 0.0}});
+  robot.spheres.push_back(
+      {static_cast<int>(robot.links.size()) - 1, Eigen::Vector3d::Zero(), 0.05});
+  const Verdict verdict =
+      check(rest_to_rest(Eigen::Vector3d(0.3, 0.9, 0), Eigen::Vector3d(0.7, 0.9, 0), 2.0));
+  EXPECT_GT(verdict.unknown_share, 0.0);
+  EXPECT_EQ(verdict.most_unknown_share, 0.0);
+  EXPECT_EQ(verdict.most_unknown_link, "");
+}
+
 /// From x = -1 to 1 in 2 s at y = 1, through what nobody has seen between x = 0.5 and 0.7.
 class ObservedSpaceTest : public FieldCheckTest {
  protected:

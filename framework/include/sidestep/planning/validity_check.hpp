@@ -59,7 +59,8 @@ struct Verdict {
   double min_clearance_time_s = 0.0;
   double min_self_clearance_m = 0.0;
   double unknown_share = 0.0;  ///< Share of sphere checks in space never seen or outside the map.
-  double most_unknown_share = 0.0;    ///< That share of the link of which it is largest.
+  /// That share of the link of which it is largest, of spheres that some joint moves.
+  double most_unknown_share = 0.0;
   std::string most_unknown_link;      ///< Empty where no check is in such space.
   std::vector<Violation> violations;  ///< The worst of each subject and kind, worst first.
   /// When the first violation that was looked at is; infinity where there is none. One before it
