@@ -89,7 +89,6 @@ Eigen::VectorXd InverseKinematics::from(const Eigen::VectorXd& seed) {
 
 Eigen::VectorXd InverseKinematics::finish() {
   descend();
-  ++tried_;
   const double cost = measure(q_, false);
   if (cost < nearest_cost_) {
     nearest_cost_ = cost;
@@ -105,8 +104,9 @@ Eigen::VectorXd InverseKinematics::finish() {
 }
 
 void InverseKinematics::draw() {
-  if (tried_ < 2) {
-    q_ = (tried_ == 0 ? goal_ : start_).cwiseMax(lower_).cwiseMin(upper_);
+  const int seed = seeds_++;
+  if (seed < 2) {
+    q_ = (seed == 0 ? goal_ : start_).cwiseMax(lower_).cwiseMin(upper_);
     return;
   }
   const std::vector<Joint>& joints = robot_->description().joints;
@@ -197,7 +197,7 @@ GoalConfigurations find_goals(const Problem& problem, const GoalSearch& how, std
     });
   };
   while (found.q.size() < how.wanted && !deadline.expired() &&
-         kinematics.tried() < (found.q.empty() ? how.most_seeds : how.seeds)) {
+         kinematics.seeds() < (found.q.empty() ? how.most_seeds : how.seeds)) {
     const Eigen::VectorXd q = kinematics.next();
     if (q.size() == 0 || is_known(q)) continue;
     std::string why = blocked(as_span(q));
@@ -212,15 +212,16 @@ GoalConfigurations find_goals(const Problem& problem, const GoalSearch& how, std
   });
   found.nearest = kinematics.nearest();
   if (!found.q.empty()) return found;
-  const std::string seeds = "of " + std::to_string(kinematics.tried()) + " searches ";
+  const std::string when = deadline.expired() ? "when time ran out, of " : "of ";
+  const std::string seeds =
+      when + std::to_string(kinematics.seeds()) + " searches within the joints' limits none ";
   if (!why_blocked.empty()) {
     found.reason = seeds +
-                   "within the joints' limits none ends in a configuration that reaches the "
-                   "goal and is free; the last that reaches it " +
+                   "ends in a configuration that reaches the goal and is free; the last that "
+                   "reaches it " +
                    why_blocked;
   } else if (kinematics.nearest().size() > 0) {
-    found.reason = seeds +
-                   "within the joints' limits none reaches the goal; the nearest ends with " +
+    found.reason = seeds + "reaches the goal; the nearest ends with " +
                    goal_miss(problem, as_span(kinematics.nearest()));
   } else {
     found.reason = "there was no time to look for a configuration that reaches the goal";

@@ -32,11 +32,15 @@ Level child_of(const Level& parent, const TreeJoint& joint) {
   level.up_link = joint.T_parent_joint.linear().transpose() * parent.up_link;
   const bool rotates = joint.motion == TreeJoint::Motion::kRotation;
   if (joint.motion == TreeJoint::Motion::kFixed) return level;
-  if (joint.joint < 0) {
+  const bool is_vertical = joint.axis.cross(level.up_link).norm() < kParallel;
+  if (joint.joint < 0) {  // held, as a base may be that a plan leaves where it is
+    level.turns |= rotates && is_vertical;
+    if (!rotates && std::abs(joint.axis.dot(level.up_link)) < kParallel) {
+      level.slides.insert(-1 - static_cast<int>(level.slides.size()));
+    }
     if (rotates) level.up_link = Eigen::AngleAxisd(-joint.offset, joint.axis) * level.up_link;
     return level;
   }
-  const bool is_vertical = joint.axis.cross(level.up_link).norm() < kParallel;
   if (rotates) {
     level.holds &= is_vertical;
     level.is_upright &= is_vertical;

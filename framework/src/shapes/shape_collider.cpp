@@ -229,8 +229,13 @@ bool on_gap(Object* a, Object* b, void* data, double& distance_m) {
 }  // namespace
 
 struct ShapeCollider::Impl {
+  /// Two links with shapes.
+  struct Pair {
+    int first, second;  // links
+    std::vector<std::size_t> of_first, of_second;
+  };
   std::vector<RobotShape> shapes;
-  std::vector<std::pair<int, int>> pairs;  // of shapes
+  std::vector<Pair> pairs;
   std::shared_ptr<const Scene> scene;
   std::vector<Geometry> scene_geometry;  // per scene object; null for half-spaces
   std::vector<std::unique_ptr<Object>> fixed;
@@ -249,14 +254,16 @@ struct ShapeCollider::Impl {
           {shape.link, shape.shape, shape.T_link_shape, std::visit(ToGeometry{}, shape.shape), {}});
     }
     for (const auto& [first, second] : robot.self_collision_pairs) {
-      for (std::size_t a = 0; a < shapes.size(); ++a) {
-        for (std::size_t b = 0; b < shapes.size(); ++b) {
-          if (shapes[a].link == first && shapes[b].link == second) {
-            pairs.emplace_back(static_cast<int>(a), static_cast<int>(b));
-          }
-        }
-      }
+      Pair pair{first, second, shapes_of(first), shapes_of(second)};
+      if (!pair.of_first.empty() && !pair.of_second.empty()) pairs.push_back(std::move(pair));
     }
+  }
+  [[nodiscard]] std::vector<std::size_t> shapes_of(int link) const {
+    std::vector<std::size_t> found;
+    for (std::size_t s = 0; s < shapes.size(); ++s) {
+      if (shapes[s].link == link) found.push_back(s);
+    }
+    return found;
   }
 
   void add_voxels(const ShapeObstacles& obstacles) {
@@ -327,6 +334,11 @@ struct ShapeCollider::Impl {
     }
   }
 
+  /// The smallest that `measure` finds of two shapes of a pair of links, given the smallest so far,
+  /// which is `bound_m` at first.
+  template <class Measure>
+  [[nodiscard]] double least_of_pair(int number, const Pose& pose, double bound_m,
+                                     const Measure& measure) const;
   /// Floor and half-spaces, which FCL cannot measure distances to.
   void hear_planes(int shape, const Pose& pose, Nearest& nearest) const;
   [[nodiscard]] std::string name(int owner) const {
@@ -338,9 +350,26 @@ struct ShapeCollider::Impl {
 class ShapeCollider::Pose {
  public:
   std::vector<Object> shapes;
-  std::vector<Object> moving;  // in Impl::moving's order
+  std::vector<fcl::AABBd> boxes;  // about all shapes of a link, by link
+  std::vector<Object> moving;     // in Impl::moving's order
   std::vector<Transform> T_half_space_world;
 };
+template <class Measure>
+double ShapeCollider::Impl::least_of_pair(int number, const Pose& pose, double bound_m,
+                                          const Measure& measure) const {
+  const Pair& pair = pairs[idx(number)];
+  const double apart_m = pose.boxes[idx(pair.first)].distance(pose.boxes[idx(pair.second)]);
+  // Boxes that touch say nothing of shapes that do.
+  if (apart_m > 0.0 && apart_m >= bound_m) return bound_m;
+  double least_m = bound_m;
+  for (const std::size_t a : pair.of_first) {
+    for (const std::size_t b : pair.of_second) {
+      least_m = std::min(least_m, measure(pose.shapes[a], pose.shapes[b], std::max(0.0, least_m)));
+    }
+  }
+  return least_m;
+}
+
 void ShapeCollider::Impl::hear_planes(int shape, const Pose& pose, Nearest& nearest) const {
   const RobotShape& of = shapes[idx(shape)];
   const Object& object = pose.shapes[idx(shape)];
@@ -386,9 +415,11 @@ ShapeCollider::PosePtr ShapeCollider::make_pose() const {
 
 void ShapeCollider::place(Pose& pose, std::span<const Transform> T_world_link,
                           double scene_time_s) const {
+  pose.boxes.assign(T_world_link.size(), fcl::AABBd());
   for (std::size_t i = 0; i < impl_->shapes.size(); ++i) {
     const RobotShape& shape = impl_->shapes[i];
     move(pose.shapes[i], T_world_link[idx(shape.link)] * shape.T_link_shape);
+    pose.boxes[idx(shape.link)] += pose.shapes[i].getAABB();
   }
   for (std::size_t i = 0; i < impl_->moving.size(); ++i) {
     const SceneObject& object = impl_->scene->objects()[idx(impl_->moving[i])];
@@ -403,8 +434,7 @@ void ShapeCollider::place(Pose& pose, std::span<const Transform> T_world_link,
 int ShapeCollider::shape_count() const noexcept { return static_cast<int>(impl_->shapes.size()); }
 int ShapeCollider::pair_count() const noexcept { return static_cast<int>(impl_->pairs.size()); }
 std::pair<int, int> ShapeCollider::pair_links(int pair) const noexcept {
-  const auto [a, b] = impl_->pairs[idx(pair)];
-  return {impl_->shapes[idx(a)].link, impl_->shapes[idx(b)].link};
+  return {impl_->pairs[idx(pair)].first, impl_->pairs[idx(pair)].second};
 }
 
 ShapeCollider::Proximity ShapeCollider::to_obstacles(int shape, const Pose& pose,
@@ -441,13 +471,14 @@ double ShapeCollider::gap_to_obstacles_m(int shape, const Pose& pose, double bou
 }
 
 double ShapeCollider::gap_between_pair_m(int pair, const Pose& pose, double bound_m) const {
-  const auto [a, b] = impl_->pairs[idx(pair)];
-  return separation_m(pose.shapes[idx(a)], pose.shapes[idx(b)], bound_m, kGapTolerance_m);
+  return impl_->least_of_pair(pair, pose, bound_m,
+                              [](const Object& a, const Object& b, double least_m) {
+                                return separation_m(a, b, least_m, kGapTolerance_m);
+                              });
 }
 
 double ShapeCollider::between_pair(int pair, const Pose& pose, double bound_m) const {
-  const auto [a, b] = impl_->pairs[idx(pair)];
-  return proximity_m(pose.shapes[idx(a)], pose.shapes[idx(b)], bound_m);
+  return impl_->least_of_pair(pair, pose, bound_m, proximity_m);
 }
 
 }  // namespace sidestep

@@ -33,7 +33,7 @@ class ShapeCollider {
 
   [[nodiscard]] int shape_count() const noexcept;
   [[nodiscard]] int pair_count() const noexcept;
-  /// The two links of a pair of shapes that are checked against each other.
+  /// The two links of a pair that are checked against each other, each with shapes.
   [[nodiscard]] std::pair<int, int> pair_links(int pair) const noexcept;
 
   struct Proximity {
@@ -45,7 +45,7 @@ class ShapeCollider {
   /// The clearance alone, up to 5e-5 m too large, and 0 where they overlap: sooner told.
   [[nodiscard]] double gap_to_obstacles_m(int shape, const Pose& pose, double bound_m) const;
   [[nodiscard]] double gap_between_pair_m(int pair, const Pose& pose, double bound_m) const;
-  /// The two shapes of a pair, if they are nearer than `bound_m`.
+  /// The shapes of the two links of a pair, if any are nearer than `bound_m`.
   [[nodiscard]] double between_pair(int pair, const Pose& pose, double bound_m) const;
 
  private:

@@ -329,7 +329,7 @@ class PlanAttempts {
     const auto violation = violation_at(as_span(q));
     if (!violation) return false;
     plan_.reason = what + ": " + violation->what();
-    take_explanation(explain_state(posed(plan_.q_goal, 1.0), as_span(q)), plan_, log_);
+    take_explanation(explain_state(posed(plan_.q_goal), as_span(q)), plan_, log_);
     tell_hindrances(plan_, log_);
     return true;
   }
@@ -339,11 +339,15 @@ class PlanAttempts {
                            context_.check.margin_m, q);
   }
 
-  [[nodiscard]] Problem posed(const Eigen::VectorXd& q_goal, double time_scale) const {
+  [[nodiscard]] Deadline time_limit() const {
+    return Deadline::after_s(context_.planning.time_limit_s, stop_);
+  }
+
+  [[nodiscard]] Problem posed(const Eigen::VectorXd& q_goal) const {
     PlanningSettings planning = context_.planning;
     planning.hold_goal = !plan_.task.frees_goal;
     Problem problem =
-        make_problem(context_.robot, context_.field, planning, plan_.q_start, q_goal, time_scale);
+        make_problem(context_.robot, context_.field, planning, plan_.q_start, q_goal, time_scale_);
     problem.terms.insert(problem.terms.end(), plan_.task.terms.begin(), plan_.task.terms.end());
     return problem;
   }
@@ -353,39 +357,55 @@ class PlanAttempts {
   /// configurations that reach a free goal; then lines that are bent.
   Result<void> attempt() {
     const int attempt = plan_.attempts++;
-    const double time_scale = std::pow(kSlowerEachAttempt, attempt);
-    int line = attempt;
     const bool is_sampled = parts_.sampler && attempt > 0 && attempt <= kSampled;
-    if (parts_.sampler && attempt > kSampled) line -= kSampled;
-    int bend = line;
-    const Eigen::VectorXd* q_goal = &plan_.q_goal;
+    const int line = parts_.sampler && attempt > kSampled ? attempt - kSampled : attempt;
+    int bend = is_sampled ? 0 : line;
+    Eigen::VectorXd q_goal = plan_.q_goal;
     const int given = plan_.q_goal == plan_.q_start ? 0 : 1;  // lines to where that begins
-    if (plan_.task.frees_goal && line >= given && !is_sampled && !goals().q.empty()) {
+    if (plan_.task.frees_goal && line >= given && !goals().q.empty()) {
+      const int number = is_sampled ? 0 : line - given;
       const int count = static_cast<int>(goals().q.size());
-      q_goal = &goals().q[idx((line - given) % count)];
-      bend = (line - given) / count;
+      q_goal = goals().q[idx(number % count)];
+      bend = number / count;
     }
-    const Problem problem = posed(*q_goal, time_scale);
+    time_scale_ = std::pow(kSlowerEachAttempt, attempt);
+    const Problem problem = posed(q_goal);
     if (auto sound = problem.validate(); !sound) {
       plan_.reason = "the problem makes no sense: " + sound.error().describe();
       return {};
     }
-    const Deadline deadline = Deadline::after_s(context_.planning.time_limit_s, stop_);
+    const Deadline deadline = time_limit();
     if (!is_sampled) {
       return solve(parts_.optimiser, problem, initial_guess(problem, bend, seed_), deadline);
     }
     if (attempt == kSampled) {
       return solve(parts_.sampler, problem, straight_line(problem), deadline);
     }
+    return solve_from_sampled(problem, deadline);
+  }
+
+  Result<void> solve_from_sampled(const Problem& problem, const Deadline& deadline) {
     auto path = SIDESTEP_TRY(propose_motion(*parts_.sampler, plugin_of(parts_.sampler), problem,
                                             straight_line(problem), deadline));
+    plan_.solution.solve_ms += path.solution.solve_ms;
     if (!path.failure.empty()) {
+      forget_attempt();
+      plan_.solution.trajectory = {};
       plan_.reason = "the sampler " + path.failure;
       return {};
     }
-    const Trajectory guess =
-        refit(path.solution.trajectory, 0.0, problem.support_states, problem.dt_s);
-    return solve(parts_.optimiser, problem, guess, deadline);
+    const Trajectory& sampled = path.solution.trajectory;
+    Eigen::VectorXd q_end = problem.goal.q;
+    if (plan_.task.frees_goal) std::ranges::copy(sampled.q(sampled.size() - 1), q_end.begin());
+    const Problem from_there = posed(q_end);
+    return solve(parts_.optimiser, from_there,
+                 refit(sampled, 0.0, from_there.support_states, from_there.dt_s), deadline);
+  }
+
+  /// What was found of the last one.
+  void forget_attempt() {
+    plan_.field_verdict = plan_.voxel_verdict = plan_.scene_verdict = std::nullopt;
+    plan_.retiming.reset();
   }
 
   Result<void> solve(const PluginPtr<Optimiser>& optimiser, const Problem& problem,
@@ -397,8 +417,7 @@ class PlanAttempts {
                     {.limits = context_.planning.retime ? &limits : nullptr}, deadline));
     plan_.solution = std::move(planned.solution);
     plan_.solution.solve_ms += spent_ms;
-    plan_.field_verdict = plan_.voxel_verdict = plan_.scene_verdict = std::nullopt;
-    plan_.retiming.reset();
+    forget_attempt();
     plan_.reason = std::move(planned.failure);
     if (!plan_.has_trajectory()) return {};
     const Trajectory optimised = plan_.solution.trajectory;
@@ -423,7 +442,9 @@ class PlanAttempts {
         const auto violation = violation_at(q);
         return violation ? "is not valid: " + violation->what() : "";
       };
-      goals_ = find_goals(posed(plan_.q_goal, 1.0), {}, seed_, blocked, Deadline(stop_));
+      const Stopwatch watch;
+      goals_ = find_goals(posed(plan_.q_goal), {}, seed_, blocked, time_limit());
+      plan_.solution.solve_ms += watch.elapsed_ms();
     }
     return *goals_;
   }
@@ -431,14 +452,15 @@ class PlanAttempts {
   /// Adds to the reason how near the goal the robot can be, where it cannot be there.
   void tell_unreachable() {
     if (!goals().q.empty() || stop_.stop_requested()) return;
-    if (plan_.reason.find(goals().reason) == std::string::npos) {
-      plan_.reason += "; " + goals().reason;
-    }
-    if (!plan_.task.target || goals().nearest.size() == 0) return;
+    const bool is_told = plan_.reason.find("the joints' limits none") != std::string::npos;
+    if (!is_told) plan_.reason += "; " + goals().reason;
+    const Eigen::VectorXd& nearest = goals().nearest;
+    if (!plan_.task.target || nearest.size() == 0) return;
+    if (goal_miss(posed(plan_.q_goal), as_span(nearest)).empty()) return;  // reached, but blocked
     const RobotDescription& robot = context_.robot->description();
     std::vector<Transform> poses(robot.links.size());
     Scratch scratch;
-    context_.robot->link_poses(as_span(goals().nearest), poses, scratch);
+    context_.robot->link_poses(as_span(nearest), poses, scratch);
     const Transform& there = poses[idx(robot.link_index(plan_.task.target->link).value_or(0))];
     const auto numbers = [](const Eigen::Vector3d& v) {
       std::vector<std::string> texts;
@@ -456,6 +478,7 @@ class PlanAttempts {
   Log& log_;
   std::stop_token stop_;
   PlanRecord& plan_;
+  double time_scale_ = 1.0;  ///< Of the attempt.
   std::optional<GoalConfigurations> goals_;
 };
 

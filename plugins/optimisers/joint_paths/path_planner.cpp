@@ -49,12 +49,14 @@ Result<Solution> PathPlanner::solve(const Problem& problem, const Trajectory&,
   GoalConfigurations goals;
   const std::string start_blocked = why_blocked(*checker_, as_span(problem.start.q));
   if (start_blocked.empty()) {
-    goals = goals_of(problem, goal_configurations_, seed_, *checker_, deadline);
+    goals =
+        goals_of(problem, goal_configurations_, seed_, *checker_, deadline.capped_s(max_time_s_));
   } else {
     goals.reason = "start " + start_blocked;
   }
   if (goals.q.empty()) {
     solution = no_path(std::move(goals.reason));
+    if (deadline.expired()) solution.status = SolveStatus::kDeadline;
   } else {
     if (!problem.start.qdot.isZero(1e-9) || !problem.goal.qdot.isZero(1e-9)) {
       log_.warn(

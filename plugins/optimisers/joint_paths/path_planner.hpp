@@ -55,6 +55,7 @@ class PathPlanner : public Optimiser {
       : log_(log),
         checker_(make_checker(options.checker)),
         goal_configurations_(static_cast<std::size_t>(options.goal_configurations)),
+        max_time_s_(options.max_time_s),
         seed_(seed) {}
 
   [[nodiscard]] Result<Solution> solve(const Problem& problem, const Trajectory& initial,
@@ -76,6 +77,7 @@ class PathPlanner : public Optimiser {
   Log& log_;
   std::unique_ptr<Checker> checker_;
   std::size_t goal_configurations_;
+  double max_time_s_;
   std::uint64_t seed_;
 };
 

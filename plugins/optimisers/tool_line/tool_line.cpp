@@ -156,6 +156,7 @@ class ToolLine final : public Optimiser {
       auto there = SIDESTEP_TRY(make_link_pose_cost(problem.robot, robot.links[idx(link)].name,
                                                     line.at(share), kSigma_m, kSigma_rad));
       at.terms = {{std::move(there), Placement::kGoal}};
+      at.start.q = q;  // joints that turn without limits stay within half a turn of it
       InverseKinematics kinematics(at, 0);
       const Eigen::VectorXd next = kinematics.from(q);
       if (next.size() == 0) {

@@ -406,7 +406,8 @@ class WaypointOptimiser final : public Optimiser {
   }
 
  private:
-  /// Of a goal that is left to costs, for the configuration that reaches it soonest.
+  /// Of a goal that is left to costs: for the end of the guess or the configuration that guesses
+  /// head for, if that reaches it, else for the one that is found to reach it soonest.
   [[nodiscard]] Solution solve_for_a_configuration(Problem problem, const Trajectory& initial,
                                                    const Deadline& deadline) const {
     const auto blocked = [&](std::span<const double> q) -> std::string {
@@ -415,11 +416,21 @@ class WaypointOptimiser final : public Optimiser {
                                              problem.collision_margin_m, q);
       return violation ? "is not valid: " + violation->what() : "";
     };
-    GoalConfigurations goals = find_goals(problem, {}, 0, blocked, deadline);
-    if (goals.q.empty()) {
-      return without_trajectory(SolveStatus::kNoPath, std::move(goals.reason));
+    const auto suits = [&](std::span<const double> q) {
+      return goal_miss(problem, q).empty() && blocked(q).empty();
+    };
+    const std::span<const double> end = initial.q(initial.size() - 1);
+    if (suits(end)) {
+      std::ranges::copy(end, problem.goal.q.begin());
+    } else if (!suits(as_span(problem.goal.q))) {
+      GoalConfigurations goals = find_goals(problem, {}, 0, blocked, deadline);
+      if (goals.q.empty()) {
+        return without_trajectory(
+            deadline.expired() ? SolveStatus::kDeadline : SolveStatus::kNoPath,
+            std::move(goals.reason));
+      }
+      problem.goal.q = std::move(goals.q.front());
     }
-    problem.goal.q = std::move(goals.q.front());
     return solve_between_ends(problem, ending_in(initial, problem.goal.q), deadline);
   }
 

@@ -78,6 +78,7 @@ namespace {
 
 constexpr const char* kBaseRoot = "world";  // a URDF's root link hangs on "root" where it stands
 constexpr std::size_t kBaseJoints = 3;
+constexpr double kHeld = 1e-6;  ///< m or rad: as good as where a joint is held.
 
 /// Builds the description part by part; what is wrong goes to errors.
 class RobotBuilder {
@@ -92,7 +93,7 @@ class RobotBuilder {
     add_links(joints);
     add_shapes();
     add_spheres();
-    add_poses(joints.of_profile());
+    add_poses(joints);
     if (profile_.head) add_head(*profile_.head, joints);
     if (profile_.self_collision.pairs.is_null()) {
       if (errors_.empty()) guess_pairs();
@@ -114,27 +115,27 @@ class RobotBuilder {
     return name;
   }
 
-  void add_base_links() {
+  void add_base_links(const JointTable& joints) {
     const auto add = [&](const std::string& name, TreeJoint joint) {
       robot_.links.push_back({free_name(name), static_cast<int>(robot_.links.size()) - 1});
       tree_joints_.push_back(std::move(joint));
     };
     add(kBaseRoot, TreeJoint{kBaseRoot});
     for (int i = 0; i < 2; ++i) {
-      TreeJoint joint{robot_.joints[idx(i)].name, TreeJoint::Motion::kTranslation};
+      TreeJoint joint = joints.base_joint(idx(i));
       joint.axis = Eigen::Vector3d::Unit(i);
-      joint.joint = i;
       add(i == 0 ? "base_x" : "base_y", joint);
     }
   }
 
   void add_links(const JointTable& joints) {
-    const bool drives = joints.drives();
-    if (drives && profile_.mount) {
-      errors_.push_back({ErrorCode::kConfig, "a robot that drives has no 'mount'", "robot",
-                         "plan a `group` without its base, or leave it out"});
+    const bool has_base = joints.has_base();
+    if (has_base && !profile_.mount.is_null()) {
+      errors_.push_back(profile_.mount.error("a robot with a base that drives has no 'mount'",
+                                             "plan a `group` without its base's joints, and say "
+                                             "where these are in 'fixed_joints'"));
     }
-    if (drives) add_base_links();
+    if (has_base) add_base_links(joints);
     first_link_ = static_cast<int>(robot_.links.size());
     for (const UrdfLink& link : model_.links) {
       robot_.links.push_back(
@@ -144,14 +145,24 @@ class RobotBuilder {
         continue;
       }
       TreeJoint root{"root"};
-      if (!drives) root.T_parent_joint = joints.T_world_root();
-      if (drives) {
-        root.name = robot_.joints[2].name;
-        root.motion = TreeJoint::Motion::kRotation;
-        root.joint = 2;
+      if (has_base) {
+        root = joints.base_joint(2);
+      } else {
+        root.T_parent_joint = mount();
       }
       tree_joints_.push_back(std::move(root));
     }
+  }
+
+  /// Where the root link is that does not drive.
+  [[nodiscard]] Transform mount() const {
+    MountOptions mount;
+    if (profile_.mount.is_null()) return Transform::Identity();
+    const auto fields = MountOptions::parameters();
+    const std::size_t before = errors_.size();
+    check_against_schema(profile_.mount, fields.schema(), {}, errors_);
+    if (errors_.size() == before) fields.read(profile_.mount, mount, errors_);
+    return transform_from_xyz_rpy(mount.position_m, mount.rpy_rad);
   }
 
   [[nodiscard]] bool spheres_are_shapes() const { return profile_.shapes_from == "spheres"; }
@@ -371,13 +382,14 @@ class RobotBuilder {
     return carried == link;
   }
 
-  /// `joints`: those that the profile plans, of which the robot may have a group only.
-  void add_poses(const std::vector<std::string>& joints) {
+  /// Those in which what is held is where it is.
+  void add_poses(const JointTable& joints) {
     const Node& poses = profile_.poses;
     if (!poses.is_map() && !poses.is_null())
       errors_.push_back(poses.error("'poses' is a map from names to poses, found " + poses.kind()));
     for (const Node::Entry& entry : poses.entries()) {
       NamedPose pose{entry.key, std::vector<std::optional<double>>(robot_.joints.size())};
+      is_held_elsewhere_ = false;
       if (entry.value.is_list()) {
         read_pose_list(entry.value, joints, pose);
       } else if (entry.value.is_map()) {
@@ -386,11 +398,13 @@ class RobotBuilder {
         errors_.push_back(entry.value.error(
             "a pose is a map from joints to positions or a list, found " + entry.value.kind()));
       }
+      if (is_held_elsewhere_) continue;
       robot_.poses.push_back(std::move(pose));
     }
   }
 
-  void read_pose_list(const Node& list, const std::vector<std::string>& joints, NamedPose& pose) {
+  void read_pose_list(const Node& list, const JointTable& table, NamedPose& pose) {
+    const std::vector<Joint>& joints = table.of_profile();
     if (list.items().size() != joints.size()) {
       errors_.push_back(list.error("pose '" + pose.name + "' has " +
                                    std::to_string(list.items().size()) + " positions for " +
@@ -398,39 +412,45 @@ class RobotBuilder {
       return;
     }
     for (std::size_t j = 0; j < joints.size(); ++j) {
-      const auto joint = robot_.joint_index(joints[j]);
-      if (joint) set_position(list.items()[j], idx(*joint), pose);
+      set_position(list.items()[j], joints[j], table, pose);
     }
   }
 
-  void read_pose_map(const Node& map, const std::vector<std::string>& joints, NamedPose& pose) {
+  void read_pose_map(const Node& map, const JointTable& table, NamedPose& pose) {
+    const std::vector<Joint>& joints = table.of_profile();
     for (const Node::Entry& entry : map.entries()) {
-      if (const auto joint = robot_.joint_index(entry.key)) {
-        set_position(entry.value, idx(*joint), pose);
+      const auto joint = std::ranges::find(joints, entry.key, &Joint::name);
+      if (joint != joints.end()) {
+        set_position(entry.value, *joint, table, pose);
         continue;
       }
-      if (std::ranges::count(joints, entry.key) > 0) continue;  // not of the group
+      std::vector<std::string> names;
+      for (const Joint& one : joints) names.push_back(one.name);
       const Node key(Node::Scalar{entry.key, false}, entry.key_mark);
       errors_.push_back(
           key.error("pose '" + pose.name + "' names '" + entry.key + "', which is no planned joint",
-                    did_you_mean(entry.key, joints)));
+                    did_you_mean(entry.key, names)));
     }
   }
 
-  void set_position(const Node& node, std::size_t index, NamedPose& pose) {
+  void set_position(const Node& node, const Joint& joint, const JointTable& table,
+                    NamedPose& pose) {
     const auto value = node.as_double();
     if (!value) {
       errors_.push_back(value.error());
       return;
     }
-    const Joint& joint = robot_.joints[index];
     if (*value < joint.lower || *value > joint.upper) {
       errors_.push_back(node.error("pose '" + pose.name + "' has joint '" + joint.name +
                                    "' outside of its limits, " + detail::number_text(joint.lower) +
                                    " to " + detail::number_text(joint.upper)));
       return;
     }
-    pose.positions[index] = *value;
+    if (const auto index = robot_.joint_index(joint.name)) {
+      pose.positions[idx(*index)] = *value;
+    } else {
+      is_held_elsewhere_ |= std::abs(table.held_at(joint.name) - *value) > kHeld;
+    }
   }
 
   const UrdfModel& model_;
@@ -438,8 +458,9 @@ class RobotBuilder {
   std::vector<Error>& errors_;
   RobotDescription robot_;
   std::vector<TreeJoint> tree_joints_;
-  std::vector<SourceMark> marks_;  // of the shapes
-  int first_link_ = 0;             // of the URDF's own
+  std::vector<SourceMark> marks_;   // of the shapes
+  int first_link_ = 0;              // of the URDF's own
+  bool is_held_elsewhere_ = false;  // the pose being read has a joint that is held, otherwise
 };
 
 }  // namespace

@@ -25,13 +25,14 @@ JointTable::JointTable(const UrdfModel& model, const Profile& profile, std::vect
   read_limits();
   read_fixed();
   choose_planned();
-  for (const Joint& joint : planned_) of_profile_.push_back(joint.name);
-  if (!profile.group.is_null()) choose_group();
+  of_profile_ = planned_;
+  const auto groups = read_groups();
+  if (!profile.group.is_null()) choose_group(groups);
 }
 
 void JointTable::add_base(const BaseOptions& base) {
   if (base.joints.size() != 3 || base.lower_m.size() != 2 || base.upper_m.size() != 2) return;
-  drives_ = true;
+  has_base_ = true;
   for (std::size_t i = 0; i < 2; ++i) {
     planned_.push_back({base.joints[i], Joint::Type::kPrismatic, base.lower_m[i], base.upper_m[i],
                         base.max_velocity_mps, base.max_acceleration_mps2.value_or(kInfinity),
@@ -124,8 +125,7 @@ void JointTable::read_fixed() {
       errors_.push_back(value.error());
       continue;
     }
-    const auto [lower, upper] =
-        is_base ? std::pair(-kInfinity, kInfinity) : position_limits(*joint);
+    const auto [lower, upper] = is_base ? base_limits(entry.key) : position_limits(*joint);
     if (*value < lower || *value > upper) {
       errors_.push_back(
           entry.value.error("joint '" + entry.key + "' would be fixed outside of its limits, " +
@@ -149,12 +149,17 @@ std::pair<double, double> JointTable::position_limits(const UrdfJoint& joint) co
 }
 
 std::vector<std::string> JointTable::default_joints() const {
+  // Where a group is planned, others may be fixed that the profile plans, by the configuration.
+  const auto is_fixed = [&](const std::string& name) {
+    return fixed_.contains(name) &&
+           (profile_.group.is_null() || profile_.fixed_by_profile.contains(name));
+  };
   std::vector<std::string> names;
   if (profile_.tip_link.empty()) {
     for (const UrdfLink& link : model_.links) {
       const auto& joint = link.joint;
       if (joint && joint->type != UrdfJoint::Type::kFixed && !joint->mimic &&
-          !fixed_.contains(joint->name))
+          !is_fixed(joint->name))
         names.push_back(joint->name);
     }
     return names;
@@ -162,7 +167,7 @@ std::vector<std::string> JointTable::default_joints() const {
   for (int link = model_.link_index(profile_.tip_link).value_or(0); link > 0;
        link = model_.links[idx(link)].parent) {
     const auto& joint = model_.links[idx(link)].joint;
-    if (joint->type != UrdfJoint::Type::kFixed && !joint->mimic && !fixed_.contains(joint->name))
+    if (joint->type != UrdfJoint::Type::kFixed && !joint->mimic && !is_fixed(joint->name))
       names.insert(names.begin(), joint->name);
   }
   return names;
@@ -200,44 +205,66 @@ void JointTable::choose_planned() {
   }
 }
 
+std::pair<double, double> JointTable::base_limits(const std::string& name) const {
+  const auto joint = std::ranges::find(planned_, name, &Joint::name);
+  if (joint == planned_.end()) return {-kInfinity, kInfinity};
+  return {joint->lower, joint->upper};
+}
+
 bool JointTable::is_of_base(const std::string& name) const {
   return profile_.base.type == "holonomic" && std::ranges::count(profile_.base.joints, name) > 0;
 }
 
-void JointTable::choose_group() {
-  std::vector<std::string> names;
-  for (const Node::Entry& entry : profile_.groups.entries()) names.push_back(entry.key);
-  const Node* list = profile_.groups.find(profile_.group.text());
-  if (list == nullptr) {
+std::map<std::string, std::set<std::string>> JointTable::read_groups() {
+  const Node& node = profile_.groups;
+  if (!node.is_map() && !node.is_null()) {
     errors_.push_back(
-        profile_.group.error("the robot profile has no group '" + profile_.group.text() + "'",
-                             did_you_mean(profile_.group.text(), names)));
-    return;
+        node.error("'groups' is a map from names to lists of joints, found " + node.kind()));
   }
-  if (!list->is_list() || list->items().empty()) {
-    errors_.push_back(list->error("a group is a list of joints, found " + list->kind()));
-    return;
-  }
-  std::set<std::string> group;
-  std::size_t of_base = 0;
-  for (const Node& item : list->items()) {
-    if (std::ranges::count(of_profile_, item.text()) == 0) {
-      errors_.push_back(item.error("the robot plans no joint '" + item.text() + "'",
-                                   did_you_mean(item.text(), of_profile_)));
-    } else if (!group.insert(item.text()).second) {
-      errors_.push_back(item.error("joint '" + item.text() + "' is in the group twice"));
-    } else if (is_of_base(item.text())) {
-      ++of_base;
-    } else if (fixed_.contains(item.text())) {
-      errors_.push_back(item.error("joint '" + item.text() + "' is both planned and fixed"));
+  std::vector<std::string> names;
+  for (const Joint& joint : of_profile_) names.push_back(joint.name);
+  std::map<std::string, std::set<std::string>> groups;
+  for (const Node::Entry& entry : node.entries()) {
+    if (!entry.value.is_list() || entry.value.items().empty()) {
+      errors_.push_back(
+          entry.value.error("a group is a list of joints, found " + entry.value.kind()));
+      continue;
+    }
+    std::set<std::string>& group = groups[entry.key];
+    std::size_t of_base = 0;
+    for (const Node& item : entry.value.items()) {
+      if (std::ranges::count(names, item.text()) == 0) {
+        errors_.push_back(item.error("the robot plans no joint '" + item.text() + "'",
+                                     did_you_mean(item.text(), names)));
+      } else if (!group.insert(item.text()).second) {
+        errors_.push_back(item.error("joint '" + item.text() + "' is in the group twice"));
+      } else {
+        of_base += is_of_base(item.text()) ? 1 : 0;
+      }
+    }
+    if (of_base != 0 && of_base != profile_.base.joints.size()) {
+      errors_.push_back(entry.value.error("a group has all joints of the base, or none of them"));
     }
   }
-  if (of_base != 0 && of_base != profile_.base.joints.size()) {
-    errors_.push_back(list->error("a group has all joints of the base, or none of them"));
+  return groups;
+}
+
+void JointTable::choose_group(const std::map<std::string, std::set<std::string>>& groups) {
+  const std::string& name = profile_.group.text();
+  const auto group = groups.find(name);
+  if (group == groups.end()) {
+    std::vector<std::string> names;
+    for (const auto& [known, joints] : groups) names.push_back(known);
+    errors_.push_back(profile_.group.error("the robot profile has no group '" + name + "'",
+                                           did_you_mean(name, names)));
+    return;
   }
-  if (!errors_.empty()) return;
-  drives_ = of_base != 0;
-  hold(group);
+  for (const std::string& joint : group->second) {
+    if (!fixed_.contains(joint)) continue;
+    errors_.push_back(
+        profile_.fixed_joints.error("joint '" + joint + "' is both planned and fixed"));
+  }
+  hold(group->second);
 }
 
 void JointTable::hold(const std::set<std::string>& group) {
@@ -245,9 +272,9 @@ void JointTable::hold(const std::set<std::string>& group) {
   const Node* pose = &none;
   if (!profile_.held.is_null()) {
     pose = profile_.poses.find(profile_.held.text());
-    std::vector<std::string> names;
-    for (const Node::Entry& entry : profile_.poses.entries()) names.push_back(entry.key);
     if (pose == nullptr) {
+      std::vector<std::string> names;
+      for (const Node::Entry& entry : profile_.poses.entries()) names.push_back(entry.key);
       errors_.push_back(
           profile_.held.error("the robot profile has no pose '" + profile_.held.text() + "'",
                               did_you_mean(profile_.held.text(), names)));
@@ -255,28 +282,33 @@ void JointTable::hold(const std::set<std::string>& group) {
     }
   }
   for (std::size_t j = 0; j < of_profile_.size(); ++j) {
-    const std::string& name = of_profile_[j];
+    const std::string& name = of_profile_[j].name;
     if (group.contains(name) || fixed_.contains(name)) continue;
     const bool is_in_list = pose->is_list() && j < pose->items().size();
     const Node* at = is_in_list ? &pose->items()[j] : pose->find(name);
     const auto value = at != nullptr ? at->as_double() : Result<double>(0.0);
-    // What is wrong with it is told where poses are read.
+    // What is wrong with it is told where poses are read, of all joints of the profile.
     if (at != nullptr && value) fixed_[name] = *value;
   }
   std::erase_if(planned_, [&](const Joint& joint) { return !group.contains(joint.name); });
 }
 
-Transform JointTable::T_world_root() const {
-  const MountOptions mount = profile_.mount.value_or(MountOptions{});
-  Transform T = transform_from_xyz_rpy(mount.position_m, mount.rpy_rad);
-  if (drives_ || profile_.base.type != "holonomic" || profile_.base.joints.size() != 3) return T;
-  const auto at = [&](std::size_t joint) {
-    const auto held = fixed_.find(profile_.base.joints[joint]);
-    return held != fixed_.end() ? held->second : 0.0;
-  };
-  T.translate(Eigen::Vector3d(at(0), at(1), 0.0));
-  T.rotate(Eigen::AngleAxisd(at(2), Eigen::Vector3d::UnitZ()));
-  return T;
+double JointTable::held_at(const std::string& name) const {
+  if (const auto it = fixed_.find(name); it != fixed_.end()) return it->second;
+  const UrdfJoint* joint = model_.find_joint(name);
+  return joint != nullptr ? rest_value(*joint) : 0.0;
+}
+
+TreeJoint JointTable::base_joint(std::size_t number) const {
+  TreeJoint joint{profile_.base.joints[number],
+                  number == 2 ? TreeJoint::Motion::kRotation : TreeJoint::Motion::kTranslation};
+  const auto it = std::ranges::find(planned_, joint.name, &Joint::name);
+  if (it != planned_.end()) {
+    joint.joint = static_cast<int>(it - planned_.begin());
+  } else {
+    joint.offset = held_at(joint.name);
+  }
+  return joint;
 }
 
 std::optional<Joint> JointTable::head_joint(const std::string& name, const Node& where) {

@@ -23,11 +23,13 @@ class JointTable {
   /// The planned joints: the base's, then the URDF's.
   [[nodiscard]] const std::vector<Joint>& planned() const noexcept { return planned_; }
   /// The same before a group was chosen from them.
-  [[nodiscard]] const std::vector<std::string>& of_profile() const noexcept { return of_profile_; }
-  /// Whether the base's joints are planned.
-  [[nodiscard]] bool drives() const noexcept { return drives_; }
-  /// Where a base is that does not drive.
-  [[nodiscard]] Transform T_world_root() const;
+  [[nodiscard]] const std::vector<Joint>& of_profile() const noexcept { return of_profile_; }
+  /// Whether there is a base that drives, planned or held.
+  [[nodiscard]] bool has_base() const noexcept { return has_base_; }
+  /// How its x, y or heading, 0 to 2, moves its link.
+  [[nodiscard]] TreeJoint base_joint(std::size_t number) const;
+  /// Where a joint is that is not of the group.
+  [[nodiscard]] double held_at(const std::string& name) const;
 
   /// How a joint of the URDF moves its link, with mimicry resolved to the planned joint or to
   /// the fixed value behind it.
@@ -44,9 +46,12 @@ class JointTable {
   void limit_base(const JointLimitOptions& own, const Node& where, Joint& joint);
   void read_fixed();
   void choose_planned();
-  /// Leaves the joints of the profile's group, and holds the others.
-  void choose_group();
+  /// The groups of the profile, as far as they make sense.
+  [[nodiscard]] std::map<std::string, std::set<std::string>> read_groups();
+  /// Leaves the joints of a group, and holds the others.
+  void choose_group(const std::map<std::string, std::set<std::string>>& groups);
   void hold(const std::set<std::string>& group);
+  [[nodiscard]] std::pair<double, double> base_limits(const std::string& name) const;
   [[nodiscard]] bool is_of_base(const std::string& name) const;
   /// With its limits; what they lack is told at `where`, or where the URDF has the joint.
   [[nodiscard]] Joint with_limits(const UrdfJoint& joint, const Node* where);
@@ -60,8 +65,8 @@ class JointTable {
   const Profile& profile_;
   std::vector<Error>& errors_;
   std::vector<Joint> planned_;
-  std::vector<std::string> of_profile_;
-  bool drives_ = false;
+  std::vector<Joint> of_profile_;
+  bool has_base_ = false;
   std::map<std::string, JointLimitOptions> limits_;
   std::map<std::string, double> fixed_;
 };

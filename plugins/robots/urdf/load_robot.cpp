@@ -1,6 +1,7 @@
 #include "load_robot.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "build_robot.hpp"
 #include "urdf_file.hpp"
@@ -170,7 +171,9 @@ Parameters<Profile> Profile::parameters() {
            "A map from names to lists of planned joints, of which a configuration's `group` plans "
            "one. A group with the base's joints has all three.")
       .add("base", &T::base, "How the root link moves in the world.")
-      .add("mount", &T::mount, "Where the root link is if it does not move; the origin if absent.")
+      .add("mount", &T::mount,
+           "Where the root link is of a robot without a base that drives: {position_m, rpy_rad}, "
+           "world frame; the origin if absent.")
       .add("joint_limits", &T::joint_limits,
            "A map from joints to what replaces the URDF's limits: lower, upper, max_velocity, "
            "max_acceleration, max_braking.")
@@ -377,11 +380,12 @@ Parameters<Options> Options::parameters() {
       .add("group", &T::group,
            "With 'profile': plans the joints of this group of it alone; the others are held.")
       .add("held", &T::held,
-           "With 'group': the pose of the profile in which the others are held. Those that it says "
-           "nothing of stay as 'fixed_joints' says, else at 0, or the limit nearest to it.")
+           "With 'group': the pose of the profile in which the others are held, but for those that "
+           "'fixed_joints' names. Where neither says anything of a joint, it is at 0, or the limit "
+           "nearest to it. Poses in which a held joint is elsewhere are left out.")
       .add("mount", &T::mount,
-           "Where the root link of a robot that does not drive is: "
-           "over the profile's.")
+           "Where the root link is of a robot without a base that drives: {position_m, rpy_rad}, "
+           "world frame; in place of the profile's.")
       .add("urdf", &T::urdf, "A URDF to be used as it is, its collision shapes covered by spheres.")
       .add("base", &T::base, "With 'urdf': whether the root link is fixed or drives in its plane.",
            {.choices = {"fixed", "holonomic"}})
@@ -438,6 +442,9 @@ Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
     what = "the robot profile";
     profile = read_profile(file, context.documents, errors);
     profile.joint_limits = merged(profile.joint_limits, options.joint_limits);
+    for (const auto& entry : std::as_const(profile.fixed_joints).entries()) {
+      profile.fixed_by_profile.insert(entry.key);
+    }
     profile.fixed_joints = merged(profile.fixed_joints, options.fixed_joints);
     if (!options.package_paths.is_null()) profile.package_paths = options.package_paths;
     for (const Node* name : {&options.group, &options.held}) {
@@ -446,7 +453,7 @@ Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
     profile.group = options.group;
     profile.held = options.held;
   }
-  if (options.mount) profile.mount = options.mount;
+  if (!options.mount.is_null()) profile.mount = options.mount;
   if (!profile.urdf.empty()) {
     if (const auto model = read_model(profile, errors)) {
       auto robot = build_robot(*model, profile, errors);

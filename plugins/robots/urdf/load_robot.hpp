@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -86,7 +87,7 @@ struct Profile {
   std::vector<std::string> joints;
   Node groups;
   BaseOptions base;
-  std::optional<MountOptions> mount;
+  Node mount;  ///< MountOptions.
   Node joint_limits;
   Node fixed_joints;
   Node coupled_joints;
@@ -103,6 +104,8 @@ struct Profile {
   Node document;  ///< The whole file, for positions; null without a file.
   Node group;     ///< The name of the group that is planned; null for all joints.
   Node held;      ///< The name of the pose in which the others are; null for none.
+  /// Those of `fixed_joints` that the profile has itself.
+  std::set<std::string> fixed_by_profile;
 
   /// Where something of the profile stands, e.g. mark("spheres", 3); the robot's if nowhere.
   [[nodiscard]] const Node* item(std::string_view key, std::size_t index) const noexcept;
@@ -122,7 +125,7 @@ struct Options {
   Node profile;
   Node group;
   Node held;
-  std::optional<MountOptions> mount;
+  Node mount;
   std::filesystem::path urdf;
   std::optional<std::string> base;
   std::string root_link;

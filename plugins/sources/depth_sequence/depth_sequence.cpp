@@ -121,15 +121,29 @@ Result<ImageSize> image_size(const std::vector<SequenceEntry>& entries, const Op
   return size;
 }
 
-/// From camera-intrinsics.txt, a 3x3 matrix, or Open3D's camera_intrinsic.json, the same by
-/// columns; fails with kNotFound where there is neither.
-Result<Eigen::MatrixXd> written_matrix(const std::filesystem::path& folder,
-                                       const DocumentReader& documents) {
-  const auto json = folder / "camera_intrinsic.json";
-  auto matrix = read_matrix(folder / "camera-intrinsics.txt", 3, 3, ErrorCode::kConfig);
+constexpr const char* kMatrixFile = "camera-intrinsics.txt";  ///< A 3x3 matrix.
+constexpr const char* kOpen3dFile = "camera_intrinsic.json";  ///< The same by columns, and sizes.
+
+/// From one of the files, which `file` is then; fails with kNotFound where there is neither.
+Result<Eigen::MatrixXd> written_matrix(const Options& options, const ImageSize& size,
+                                       const DocumentReader& documents,
+                                       std::filesystem::path& file) {
+  std::error_code ignored;
+  auto matrix = read_matrix(options.path / kMatrixFile, 3, 3, ErrorCode::kConfig);
   const bool is_there = matrix || matrix.error().code != ErrorCode::kNotFound;
-  if (is_there || !std::filesystem::exists(json)) return matrix;
-  const auto document = SIDESTEP_TRY(documents.read(json));
+  file = options.path / (is_there ? kMatrixFile : kOpen3dFile);
+  if (is_there || !std::filesystem::exists(file, ignored)) return matrix;
+  const auto document = SIDESTEP_TRY(documents.read(file));
+  for (const auto& [key, pixels] :
+       {std::pair("width", size.width_px), std::pair("height", size.height_px)}) {
+    const Node* node = document.find(key);
+    if (node == nullptr) continue;
+    const auto value = SIDESTEP_TRY(node->as_double());
+    if (value != pixels) {
+      return tl::make_unexpected(node->error(
+          "these are the intrinsics of other images: theirs have " + size_text(size) + " pixels"));
+    }
+  }
   const Node* values = document.find("intrinsic_matrix");
   if (values == nullptr) return tl::make_unexpected(document.error("there is no intrinsic_matrix"));
   const auto numbers = SIDESTEP_TRY(values->as_doubles(9));
@@ -143,7 +157,8 @@ Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& s
   CameraIntrinsics camera{size.width_px, size.height_px};
   const CameraOptions& given = options.camera;
   const bool all_given = given.fx_px && given.fy_px && given.cx_px && given.cy_px;
-  const auto matrix = written_matrix(options.path, documents);
+  std::filesystem::path file;
+  const auto matrix = written_matrix(options, size, documents, file);
   if (matrix) {
     camera.fx_px = (*matrix)(0, 0);
     camera.fy_px = (*matrix)(1, 1);
@@ -167,7 +182,7 @@ Result<CameraIntrinsics> intrinsics(const Sequence& sequence, const ImageSize& s
   camera.fy_px = given.fy_px.value_or(camera.fy_px);
   camera.cx_px = given.cx_px.value_or(camera.cx_px);
   camera.cy_px = given.cy_px.value_or(camera.cy_px);
-  const std::string where = options.path.string();
+  const std::string where = matrix ? file.string() : options.path.string();
   if (!(camera.fx_px > 0.0 && camera.fy_px > 0.0 && std::isfinite(camera.fx_px) &&
         std::isfinite(camera.fy_px))) {
     return fail(ErrorCode::kConfig, "the focal lengths must be greater than 0", where);

@@ -208,7 +208,7 @@ class Open3d final : public Sequence {
   std::string pose_file_;
 };
 
-/// Blocks of a line of three whole numbers and a 4x4 matrix.
+/// Blocks of a line of three whole numbers, of which the first counts, and a 4x4 matrix.
 Result<std::vector<Eigen::Matrix4d>> read_trajectory_log(const std::filesystem::path& file) {
   constexpr std::size_t kLines = 5;
   std::vector<Eigen::Matrix4d> poses;
@@ -226,6 +226,12 @@ Result<std::vector<Eigen::Matrix4d>> read_trajectory_log(const std::filesystem::
         }
         for (std::size_t k = 0; k < words.size(); ++k) {
           const double value = SIDESTEP_TRY(number(words[k], where));
+          if (of_block == 0 && k == 0 && value != static_cast<double>(poses.size() - 1)) {
+            return fail(
+                ErrorCode::kConfig,
+                "this is pose " + words[0] + ", expected " + std::to_string(poses.size() - 1),
+                where, "every image of the folder has a pose, from 0 on");
+          }
           if (of_block > 0)
             poses.back()(static_cast<int>(of_block) - 1, static_cast<int>(k)) = value;
         }
@@ -237,7 +243,7 @@ Result<std::vector<Eigen::Matrix4d>> read_trajectory_log(const std::filesystem::
   return poses;
 }
 
-/// The images of a folder, by their names.
+/// The images of a folder by the numbers that are their names, padded or not.
 Result<std::vector<std::filesystem::path>> png_files(const std::filesystem::path& folder) {
   std::vector<std::filesystem::path> files;
   std::error_code error;
@@ -248,7 +254,11 @@ Result<std::vector<std::filesystem::path>> png_files(const std::filesystem::path
   if (error) {
     return fail(ErrorCode::kIo, "the folder cannot be read: " + error.message(), folder.string());
   }
-  std::ranges::sort(files);
+  std::ranges::sort(files, {}, [](const std::filesystem::path& file) {
+    std::string name = file.stem().string();
+    name.erase(0, std::min(name.find_first_not_of('0'), name.size()));
+    return std::pair(name.size(), name);
+  });
   return files;
 }
 

@@ -165,6 +165,24 @@ TEST(StandingFloor, GivesWayToTheOneThatIsGiven) {
   EXPECT_EQ(planning.floor->height_m, 0.0);
 }
 
+/// A base that a plan leaves where it is stands on the floor, too.
+TEST(StandingFloor, IsUnderABaseThatIsHeld) {
+  ChainMaker held;
+  held.add("world", TreeJoint::Motion::kFixed, kUp);
+  for (const int axis : {0, 1, 2}) {
+    TreeJoint joint{"base_" + std::to_string(axis)};
+    joint.motion = axis == 2 ? TreeJoint::Motion::kRotation : TreeJoint::Motion::kTranslation;
+    joint.axis = Eigen::Vector3d::Unit(axis);
+    joint.offset = 0.3;
+    held.add(joint);
+  }
+  const auto robot =
+      held.add("arm", TreeJoint::Motion::kRotation, Eigen::Vector3d::UnitY()).robot();
+  const auto floor = standing_floor(*robot);
+  ASSERT_TRUE(floor);
+  EXPECT_THAT(floor->except_links, ElementsAre("world", "base_0", "base_1", "base_2"));
+}
+
 TEST(StandingFloor, RefusesATargetBelowIt) {
   Task task;
   std::optional<FloorEntry> floor;

@@ -195,15 +195,16 @@ TEST_F(ProfileFile, TakesFromAPosesListWhatTheGroupHas) {
 }
 
 TEST_F(ProfileFile, SaysWhatIsWrongWithAGroup) {
-  write_file(folder_ / "arm/profile.yaml",
-             std::string(kGood) + "groups: {last: [shoulder], odd: [sholder, grip], none: []}\n");
+  write_file(folder_ / "arm/profile.yaml", std::string(kGood) + "groups: {last: [shoulder]}\n");
   const std::string arm = "profile: " + (folder_ / "arm/profile.yaml").string();
   for (const auto& [options, expected] : std::vector<std::pair<std::string, std::string>>{
            {arm + ", group: lats", "has no group 'lats' (did you mean 'last'?)"},
            {arm + ", group: last, held: bend", "has no pose 'bend' (did you mean 'bent'?)"},
-           {arm + ", group: odd", "the robot plans no joint 'sholder' (did you mean 'shoulder'?)"},
-           {arm + ", group: odd", "the robot plans no joint 'grip'"},
-           {arm + ", group: none", "a group is a list of joints"},
+           {arm + ", held: bent", "stands without 'group'"},
+           {"profile: hsr, group: arm, fixed_joints: {odom_x: 11}",
+            "'odom_x' would be fixed outside of its limits"},
+           {"profile: hsr, group: base, fixed_joints: {odom_x: 1}",
+            "'odom_x' is both planned and fixed"},
            {"profile: hsr, group: arm, fixed_joints: {arm_lift_joint: 0.1}",
             "'arm_lift_joint' is both planned and fixed"}}) {
     const auto robot = loader_.load("{" + options + "}");
@@ -211,6 +212,42 @@ TEST_F(ProfileFile, SaysWhatIsWrongWithAGroup) {
     EXPECT_NE(robot.error().describe().find(expected), std::string::npos)
         << robot.error().describe();
   }
+}
+
+/// Whether or not one of them is planned.
+TEST_F(ProfileFile, SaysWhatIsWrongWithItsGroups) {
+  for (const auto& [groups, expected] : std::vector<std::pair<std::string, std::string>>{
+           {"3", "'groups' is a map from names to lists of joints"},
+           {"{odd: [sholder]}", "the robot plans no joint 'sholder' (did you mean 'shoulder'?)"},
+           {"{odd: [grip]}", "the robot plans no joint 'grip'"},
+           {"{odd: [elbow, elbow]}", "joint 'elbow' is in the group twice"},
+           {"{odd: []}", "a group is a list of joints"},
+           {"{odd: elbow}", "a group is a list of joints"}}) {
+    const auto robot = load(std::string(kGood) + "groups: " + groups + "\n");
+    ASSERT_FALSE(robot) << groups;
+    EXPECT_NE(robot.error().describe().find(expected), std::string::npos)
+        << robot.error().describe();
+  }
+}
+
+/// A pose is checked as a whole, whatever of it is planned; it is none of a robot that holds a
+/// joint elsewhere.
+TEST_F(ProfileFile, HoldsWhatItsPosesMaySay) {
+  const std::string more = "groups: {last: [shoulder]}\n";
+  const auto options = [&] {
+    return "{profile: " + (folder_ / "arm/profile.yaml").string() + ", group: last, held: bent}";
+  };
+  for (const std::string elbow : {"9.0", "abc"}) {
+    std::string bad = kGood + more;
+    bad.replace(bad.find("elbow: 1.0"), 10, "elbow: " + elbow);
+    write_file(folder_ / "arm/profile.yaml", bad);
+    EXPECT_FALSE(loader_.load(options())) << elbow;
+  }
+  write_file(folder_ / "arm/profile.yaml", kGood + more);
+  const auto robot = loader_.load(options());
+  ASSERT_TRUE(robot) << robot.error().describe();
+  EXPECT_NE((*robot)->description().find_pose("bent"), nullptr);
+  EXPECT_EQ((*robot)->description().find_pose("all"), nullptr);  // its elbow is at 0.1
 }
 
 TEST_F(ProfileFile, CouplesJointsThatTheUrdfDoesNot) {
@@ -252,7 +289,7 @@ TEST_F(ProfileFile, StandsWhereItIsMounted) {
           .isApprox(T_world_root * testing_robot::link_pose(**plain, q, "panda_hand"), 1e-12));
   const auto driving = loader_.load("{profile: hsr, " + mount + "}");
   ASSERT_FALSE(driving);
-  EXPECT_NE(driving.error().describe().find("a robot that drives has no 'mount'"),
+  EXPECT_NE(driving.error().describe().find("a robot with a base that drives has no 'mount'"),
             std::string::npos);
 }
 

@@ -26,16 +26,16 @@ class InverseKinematics {
  public:
   InverseKinematics(const Problem& problem, std::uint64_t seed);
 
-  /// Goes on with the next seed; the configuration that it leads to, joints that turn without
+  /// Descends from the next seed; the configuration that it leads to, joints that turn without
   /// limits within half a turn of the start, if that reaches the goal; else an empty one.
   /// Allocates.
   [[nodiscard]] Eigen::VectorXd next();
-  /// The same from a configuration of the caller's (dof values).
+  /// The same from a configuration of the caller's (dof values), which counts as no seed.
   [[nodiscard]] Eigen::VectorXd from(const Eigen::VectorXd& seed);
   /// Of what was found so far, the configuration that comes nearest to the goal, whether it reaches
   /// it or not; empty before the first.
   [[nodiscard]] const Eigen::VectorXd& nearest() const noexcept { return nearest_; }
-  [[nodiscard]] int tried() const noexcept { return tried_; }
+  [[nodiscard]] int seeds() const noexcept { return seeds_; }
 
  private:
   struct Term {
@@ -52,7 +52,7 @@ class InverseKinematics {
   Eigen::VectorXd start_, goal_, lower_, upper_;
   std::vector<Term> terms_;
   std::mt19937_64 random_;
-  int tried_ = 0;
+  int seeds_ = 0;  ///< Drawn so far.
   Eigen::VectorXd q_, candidate_, gradient_, at_rest_, nearest_;
   double nearest_cost_ = 0.0;
   Eigen::VectorXd residuals_;
@@ -73,8 +73,9 @@ struct GoalSearch {
 struct GoalConfigurations {
   std::vector<Eigen::VectorXd> q;  ///< By the time that their way from the start takes.
   Eigen::VectorXd nearest = {};    ///< InverseKinematics::nearest().
-  /// Why there are none: "no configuration was found within the joints' limits that reaches the
-  /// goal: the nearest has the position of hand 0.14 m off its target", or what `blocked` says.
+  /// Why there are none: "of 2000 searches within the joints' limits none reaches the goal; the
+  /// nearest ends with the position of hand 0.14 m off its target", or what `blocked` says of the
+  /// last that does.
   std::string reason;
 };
 

@@ -129,13 +129,63 @@ TEST_F(ToolLines, SayHowFarTheyLead) {
 }
 
 TEST_F(ToolLines, LeadToOnePoseAlone) {
-  EXPECT_THAT(solve().reason, HasSubstr("give an `end_effector`"));  // a goal configuration
   const Transform from = hand_at_start();
-  auto several =
-      make_link_pose_cost(problem_.robot, "panda_hand", from, 1e-3, 5e-3, {.alternatives = {from}});
-  ASSERT_TRUE(several);
-  problem_.terms = {{std::move(*several), Placement::kGoal}};
-  EXPECT_THAT(solve().reason, HasSubstr("without alternatives"));
+  const auto is_refused = [&] {
+    const Solution solution = solve();
+    return solution.status == SolveStatus::kNoPath &&
+           solution.reason.find("leads to one pose or position of it") != std::string::npos;
+  };
+  const auto place = [&] {
+    return CostTerm{
+        make_link_position_cost(problem_.robot, "panda_hand", from.translation(), 1e-3).value(),
+        Placement::kGoal};
+  };
+  EXPECT_TRUE(is_refused());  // a goal configuration
+  problem_.terms = {
+      {make_link_axis_cost(problem_.robot, "panda_hand", {0, 0, 1}, {0, 0, -1}, 0.01).value(),
+       Placement::kGoal}};
+  EXPECT_TRUE(is_refused());
+  problem_.terms = {place(), place()};
+  EXPECT_TRUE(is_refused());
+  problem_.terms = {
+      {make_link_pose_cost(problem_.robot, "panda_hand", from, 1e-3, 5e-3, {.alternatives = {from}})
+           .value(),
+       Placement::kGoal}};
+  EXPECT_TRUE(is_refused());
+  problem_.terms = {place()};
+  EXPECT_FALSE(is_refused());
+}
+
+/// A gripper that turns by most of a turn, about a joint that has no limits, half a turn and more
+/// away from where it started.
+TEST_F(ToolLines, FollowJointsThatTurnWithoutLimits) {
+  problem_.robot = testing_support::load_profile("fetch");
+  const RobotDescription& robot = problem_.robot->description();
+  const NamedPose* ready = robot.find_pose("reach_table");
+  ASSERT_NE(ready, nullptr);
+  problem_.start = {Eigen::VectorXd::Zero(8), Eigen::VectorXd::Zero(8)};
+  for (int j = 0; j < 8; ++j) {
+    problem_.start.q[j] = ready->positions[static_cast<std::size_t>(j)].value_or(0.0);
+  }
+  problem_.goal = problem_.start;
+  problem_.qc = Eigen::VectorXd::Ones(8);
+  const auto gripper = static_cast<std::size_t>(robot.link_index("gripper_link").value());
+  const auto wrist = static_cast<Eigen::Index>(robot.joint_index("wrist_roll_joint").value());
+  for (int turn = 0; turn < 2; ++turn) {
+    std::vector<Transform> poses(robot.links.size());
+    Scratch scratch;
+    problem_.robot->link_poses({problem_.start.q.data(), 8}, poses, scratch);
+    Transform to = poses[gripper];
+    to.rotate(Eigen::AngleAxisd(0.98 * M_PI, Eigen::Vector3d::UnitX()));
+    auto there = make_link_pose_cost(problem_.robot, "gripper_link", to, 1e-3, 5e-3);
+    ASSERT_TRUE(there);
+    problem_.terms = {{std::move(*there), Placement::kGoal}};
+    const Solution solution = solve();
+    ASSERT_EQ(solution.status, SolveStatus::kConverged) << solution.reason;
+    const auto end = solution.trajectory.q(solution.trajectory.size() - 1);
+    EXPECT_GT(std::abs(end[static_cast<std::size_t>(wrist)] - problem_.start.q[wrist]), 2.5);
+    std::ranges::copy(end, problem_.start.q.begin());
+  }
 }
 
 TEST_F(ToolLines, StopAtTheDeadline) {

@@ -53,10 +53,10 @@ void poses_of(benchmark::State& state, const std::string& profile, const std::st
     const Stopwatch watch;
     InverseKinematics kinematics(problems[next % kPoses], next);
     bool is_found = false;
-    while (!is_found && kinematics.tried() < kMostSeeds) is_found = kinematics.next().size() > 0;
+    while (!is_found && kinematics.seeds() < kMostSeeds) is_found = kinematics.next().size() > 0;
     times_ms.push_back(watch.elapsed_ms());
     found += is_found;
-    seeds += kinematics.tried();
+    seeds += kinematics.seeds();
     ++next;
   }
   std::ranges::sort(times_ms);

@@ -57,6 +57,41 @@ TEST_F(Open3d, ReadsImagesPosesAndTheCamera) {
   EXPECT_TRUE(ahead.isApprox(Eigen::Vector3d(0.5, 0.75, 2.0), 1e-12));
 }
 
+/// Names without zeros in front are in the order of their numbers, too.
+TEST_F(Open3d, OrdersImagesByTheirNumbers) {
+  std::string log;
+  for (int i = 0; i < 12; ++i) {
+    const std::string name = std::to_string(i);
+    testing::write_png(folder_.path() / "plain" / "depth" / (name + ".png"), 320, 240,
+                       std::vector<std::uint16_t>(320 * 240, static_cast<std::uint16_t>(1000 + i)));
+    log += name + " " + name + " 1\n1 0 0 " + name + "\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+  }
+  folder_.write("plain/trajectory.log", log);
+  std::filesystem::copy(folder_.path() / "camera_intrinsic.json",
+                        folder_.path() / "plain" / "camera_intrinsic.json");
+  options_.path = folder_.path() / "plain";
+  const auto source = create_source(options_, log_, documents_);
+  ASSERT_TRUE(source) << source.error().describe();
+  const auto frames = testing_support::read_frames(**source, 20);
+  ASSERT_EQ(frames.size(), 12U);
+  for (int i = 0; i < 12; ++i) {
+    const auto& frame = frames[static_cast<std::size_t>(i)];
+    ASSERT_TRUE(frame) << frame.error().describe();
+    EXPECT_NEAR(std::get<DepthImage>(frame->measurement).at(5, 5), 1.0 + 0.001 * i, 1e-6);
+    EXPECT_EQ(frame->T_world_camera.translation().x(), i);
+  }
+}
+
+TEST_F(Open3d, RefusesIntrinsicsOfOtherImages) {
+  folder_.write("camera_intrinsic.json",
+                "{\"width\": 640, \"height\": 480, \"intrinsic_matrix\": "
+                "[525.0, 0, 0, 0, 525.0, 0, 159.5, 119.5, 1]}");
+  const auto source = create_source(options_, log_, documents_);
+  ASSERT_FALSE(source);
+  EXPECT_THAT(source.error().describe(), HasSubstr("camera_intrinsic.json:1:11"));
+  EXPECT_THAT(source.error().describe(), HasSubstr("the intrinsics of other images"));
+}
+
 TEST_F(Open3d, SaysWhichPoseIsMissingOrWrong) {
   folder_.write("scene/trajectory.log",
                 "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
@@ -77,6 +112,8 @@ TEST_F(Open3d, RefusesALogThatIsNone) {
            {"0 0 1\n1 0 0 0\n0 1 0 0\n", "the last pose is cut off"},
            {"0 0 1\n1 0 0\n", "trajectory.log:2: expected a row of four numbers"},
            {"0 0 1\n1 0 zero 0\n", "expected a number, found 'zero'"},
+           {"0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n2 2 3\n",
+            "trajectory.log:6: this is pose 2, expected 1"},
            {"1 0 0 0\n", "expected the three numbers of a pose"}}) {
     folder_.write("scene/trajectory.log", text);
     const auto source = create_source(options_, log_, documents_);
