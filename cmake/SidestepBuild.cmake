@@ -36,7 +36,7 @@ function(sidestep_warnings target)
     target_compile_options(${target} PRIVATE -Wno-restrict -Wno-subobject-linkage)
     if(SIDESTEP_SANITIZE)
       # What sanitizers add makes g++ warn of variables that are set (see -fsanitize in its manual).
-      target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized)
+      target_compile_options(${target} PRIVATE -Wno-maybe-uninitialized -Wno-uninitialized)
     endif()
   endif()
 endfunction()
