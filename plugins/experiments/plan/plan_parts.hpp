@@ -150,6 +150,18 @@ struct PlanningContext {
   std::vector<AllowedContact> allowed = {};
 };
 
+/// Who plans.
+struct Planners {
+  PluginPtr<Optimiser> optimiser;
+  PluginPtr<Optimiser> sampler;  ///< Null where there is none.
+};
+
+/// Makes one plan, attempt by attempt. One that fails is a record with a reason; an error is a
+/// fault of a planner's or of a check's.
+[[nodiscard]] Result<void> make_plan(const PlanningContext& context, const Planners& planners,
+                                     std::uint64_t seed, Log& log, std::stop_token stop,
+                                     PlanRecord& plan);
+
 /// The certificate of a plan, from the run's folder on.
 [[nodiscard]] std::string certificate_of(const std::string& plan);
 
