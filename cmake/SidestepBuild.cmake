@@ -17,6 +17,11 @@ set(SIDESTEP_SANITIZE "" CACHE STRING "Sanitizers for -fsanitize=, e.g. address,
 if(SIDESTEP_SANITIZE)
   add_compile_options(-fsanitize=${SIDESTEP_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${SIDESTEP_SANITIZE})
+  if(SIDESTEP_SANITIZE MATCHES thread)
+    # Else a library may find what the standard library has inline, as a shared_ptr's release, in a library of the
+    # system, whose atomic operations ThreadSanitizer does not see.
+    add_link_options(-Wl,-Bsymbolic-functions)
+  endif()
 endif()
 
 # Kernels compute with vectors of 64 bytes. Where the processor's are shorter, g++ 12 keeps them in memory and by
