@@ -10,6 +10,7 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/planning/validity_check.hpp>
+#include <sidestep/trajectory/rolling.hpp>
 #include <sidestep/trajectory/trajectory.hpp>
 
 #include "clearance_prover.hpp"
@@ -271,6 +272,7 @@ class FieldCheck final : public ValidityCheck {
     SIDESTEP_TRY(validate(trajectory, from_s));
     const double begin_s = std::clamp(from_s, 0.0, trajectory.duration_s());
     VerdictBuilder builder(prover_, settings_.first_violation_only);
+    check_rolling(trajectory, begin_s, builder.ledger());
     ClearanceProver::WorkspacePtr workspace;
     const auto prove = [&](const Motion& motion, double from, double to) {
       const ClearanceProver::Request request{motion,
@@ -384,6 +386,28 @@ class FieldCheck final : public ValidityCheck {
       ledger.check_position(joints[j], settings_.limit_tolerance, trajectory.q(state)[j], time_s);
       check_velocity(j, trajectory.qdot(state)[j], time_s, ledger);
     }
+  }
+
+  void check_rolling(const Trajectory& trajectory, double from_s, ViolationLedger& ledger) const {
+    const RobotDescription& robot = robot_->description();
+    if (settings_.obstacles_only || !robot.rolling) return;
+    const RollingExtremes most =
+        rolling_extremes(*robot.rolling, trajectory, from_s, trajectory.duration_s());
+    if (most.left_mps > kSlipTolerance_mps) {
+      ledger.add({.kind = Violation::Kind::kSideways,
+                  .subject = kBaseName,
+                  .other = {},
+                  .time_s = most.left_at_s,
+                  .amount = most.left_mps});
+    }
+    const Joint& limits = robot.joints[idx(robot.rolling->x)];
+    const double limit = settings_.speed_fraction * limits.max_velocity;
+    if (most.ahead_mps <= limit + settings_.limit_tolerance) return;
+    ledger.add({.kind = Violation::Kind::kVelocityLimit,
+                .subject = kBaseName,
+                .other = limit_name(limits, "velocity limit", limit, "/s"),
+                .time_s = most.ahead_at_s,
+                .amount = most.ahead_mps - limit});
   }
 
   void check_velocity(std::size_t joint, double velocity, double time_s,

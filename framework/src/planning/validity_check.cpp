@@ -41,6 +41,7 @@ std::string_view to_string(Violation::Kind kind) noexcept {
     case Violation::Kind::kPositionLimit: return "position_limit";
     case Violation::Kind::kVelocityLimit: return "velocity_limit";
     case Violation::Kind::kAccelerationLimit: return "acceleration_limit";
+    case Violation::Kind::kSideways: return "sideways";
     case Violation::Kind::kUnproven: return "unproven";
   }
   return "unproven";
@@ -66,6 +67,8 @@ std::string Violation::what() const {
     case Kind::kAccelerationLimit:
       return subject + " is " + format("%.3g", amount) + " beyond " +
              (other.empty() ? "its limit" : other);
+    case Kind::kSideways:
+      return subject + " moves across its wheels at " + format("%.3g m/s", amount);
     case Kind::kUnproven:
       return subject + " could not be shown clear of " + (other.empty() ? "obstacles" : other);
   }

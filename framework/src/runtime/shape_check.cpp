@@ -1,5 +1,6 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/runtime/shape_check.hpp>
+#include <sidestep/trajectory/rolling.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -88,6 +89,7 @@ class ShapeCheck::Run {
 
  private:
   void check_limits(int segment, double from, double to);
+  void check_heading(int segment, double from, double to);
   void add_limit(Violation::Kind kind, std::size_t joint, const BezierJoint::Excess& excess,
                  const std::string& what, double begin_s, double h_s);
   Instant inspect(double time_s);
@@ -137,6 +139,7 @@ Result<Verdict> ShapeCheck::Run::check(double from_s, const Deadline& deadline) 
   Instant now = inspect(from_s);
   if (from_s >= trajectory_.duration_s()) {
     check_limits(segment, 1.0, 1.0);
+    check_heading(segment, 1.0, 1.0);
     finish();
     return std::move(verdict_);
   }
@@ -144,6 +147,7 @@ Result<Verdict> ShapeCheck::Run::check(double from_s, const Deadline& deadline) 
     const double begin_s = times[idx(segment)];
     const double end_s = times[idx(segment) + 1];
     check_limits(segment, (time_s - begin_s) / (end_s - begin_s), 1.0);
+    check_heading(segment, (time_s - begin_s) / (end_s - begin_s), 1.0);
     while (time_s < end_s) {
       if (deadline.expired()) {
         return fail(ErrorCode::kDeadlineExceeded,
@@ -210,6 +214,38 @@ void ShapeCheck::Run::check_limits(int segment, double from, double to) {
               "its acceleration limit", begin_s, h_s);
     add_limit(Kind::kAccelerationLimit, j, above(negated(curve.acceleration), most),
               "its acceleration limit", begin_s, h_s);
+  }
+}
+
+/// What moves along the heading, at five instants of a segment.
+void ShapeCheck::Run::check_heading(int segment, double from, double to) {
+  if (!robot_.rolling) return;
+  const auto [x, y, yaw] = *robot_.rolling;
+  const double begin_s = trajectory_.times_s[idx(segment)];
+  const double limit = its_.settings_.speed_fraction * robot_.joints[idx(x)].max_velocity;
+  std::vector<double> qdot(idx(trajectory_.dof));
+  for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    const double time_s = begin_s + (from + share * (to - from)) * duration_s(segment);
+    trajectory_.sample(time_s, q_, qdot);
+    const double speed = std::hypot(qdot[idx(x)], qdot[idx(y)]);
+    const double off = std::atan2(qdot[idx(y)], qdot[idx(x)]) - q_[idx(yaw)];
+    const double across = std::abs(speed * std::sin(off));
+    const double along = std::abs(speed * std::cos(off));
+    using Kind = Violation::Kind;
+    if (across > kSlipTolerance_mps) {
+      report({.kind = Kind::kSideways,
+              .subject = kBaseName,
+              .other = {},
+              .time_s = time_s,
+              .amount = across});
+    }
+    if (along > limit + its_.settings_.limit_tolerance) {
+      report({.kind = Kind::kVelocityLimit,
+              .subject = kBaseName,
+              .other = "its velocity limit",
+              .time_s = time_s,
+              .amount = along - limit});
+    }
   }
 }
 

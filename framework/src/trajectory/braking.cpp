@@ -10,6 +10,7 @@
 #include <sidestep/trajectory/splice.hpp>
 
 #include "path_stages.hpp"
+#include "rolling_way.hpp"
 
 namespace sidestep {
 namespace {
@@ -79,10 +80,38 @@ Result<Trajectory> stop_within(const Trajectory& trajectory, double from_s, doub
   return std::move(stop.trajectory);
 }
 
+/// All joints slow down evenly; the base's heading and way, rather than its x and y.
+Trajectory brake_on_arc(const RobotState& state, const RollingBase& base, double duration_s) {
+  constexpr double kTurnOfPiece_rad = 0.02;
+  const double turn = 0.5 * std::abs(state.qdot[base.yaw]) * duration_s;
+  const int pieces = std::max(1, static_cast<int>(std::ceil(2.0 * turn / kTurnOfPiece_rad)));
+  Trajectory out =
+      make_trajectory(static_cast<int>(state.q.size()), pieces + 1, duration_s / pieces);
+  const double ahead = base_speed(base, as_span(state.q), as_span(state.qdot)).ahead_mps;
+  for (int i = 0; i <= pieces; ++i) {
+    const double share = static_cast<double>(i) / pieces, left = 1.0 - share;
+    for (Eigen::Index j = 0; j < state.q.size(); ++j) {
+      out.q(i)[idx(j)] = state.q[j] + state.qdot[j] * duration_s * share * (1.0 - 0.5 * share);
+      out.qdot(i)[idx(j)] = state.qdot[j] * left;
+    }
+    const double heading = out.q(i)[idx(base.yaw)];
+    out.qdot(i)[idx(base.x)] = left * ahead * std::cos(heading);
+    out.qdot(i)[idx(base.y)] = left * ahead * std::sin(heading);
+  }
+  roll_freely(base, out);
+  return out;
+}
+
 }  // namespace
 
 Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const MotionLimits& limits) {
   SIDESTEP_TRY(check(trajectory, from_s, limits));
+  if (limits.rolling) {
+    const RollingBase base = *limits.rolling;
+    const Trajectory stop =
+        SIDESTEP_TRY(brake(detail::with_way(trajectory, base), from_s, detail::with_way(limits)));
+    return detail::without_way(stop, base);
+  }
   const double from = std::clamp(from_s, 0.0, trajectory.duration_s());
   const double left_s = first_rest_s(trajectory, from) - from;
   const RobotState state = state_at(trajectory, from);
@@ -130,13 +159,17 @@ Result<Trajectory> brake_straight(const RobotState& state, const MotionLimits& l
   }
   double duration_s = 0.0;
   for (std::size_t j = 0; j < dof; ++j) {
-    const double speed = std::abs(state.qdot[j]);
+    const bool is_ahead = limits.rolling && j == idx(limits.rolling->x);
+    const double speed =
+        is_ahead ? base_speed(*limits.rolling, as_span(state.q), as_span(state.qdot)).length()
+                 : std::abs(state.qdot[j]);
     if (speed == 0.0) continue;
     if (!(braking[j] > 0.0)) {
       return invalid(limits.joint_name(j) + " moves, but its limit of acceleration is zero");
     }
     duration_s = std::max(duration_s, speed / (braking[j] * (1.0 - kKeptFree)));
   }
+  if (limits.rolling) return brake_on_arc(state, *limits.rolling, std::max(duration_s, kRest_s));
   Trajectory out = resting(as_span(state.q), std::max(duration_s, kRest_s));
   for (std::size_t j = 0; j < dof; ++j) {
     const double velocity = state.qdot[j];

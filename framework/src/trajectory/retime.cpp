@@ -13,6 +13,7 @@
 #include <sidestep/trajectory/splice.hpp>
 
 #include "path_stages.hpp"
+#include "rolling_way.hpp"
 
 namespace sidestep {
 namespace {
@@ -411,6 +412,13 @@ class Retimer {
 Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
                         const RetimeSettings& settings) {
   SIDESTEP_TRY(check(path, limits, settings));
+  if (limits.rolling) {
+    const RollingBase base = *limits.rolling;
+    auto timed =
+        SIDESTEP_TRY(retime(detail::with_way(path, base), detail::with_way(limits), settings));
+    timed.trajectory = detail::without_way(timed.trajectory, base);
+    return timed;
+  }
   auto motion = stop_and_go(path, limits, kInside, PathStages::kSameDirection);
   if (motion) return Retiming{std::move(*motion), 0.0};
   return Retimer(path, limits, settings).run();

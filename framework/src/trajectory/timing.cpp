@@ -149,6 +149,7 @@ MotionLimits motion_limits(const RobotDescription& robot, const LimitShares& sha
     }
     limits.names.push_back(joint.name);
   }
+  limits.rolling = robot.rolling;
   return limits;
 }
 

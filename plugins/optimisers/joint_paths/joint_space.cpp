@@ -116,7 +116,9 @@ std::vector<double> motion_weights(const Problem& problem, double least_m) {
 
 JointSpace::JointSpace(const Problem& problem, std::span<const Eigen::VectorXd> goals,
                        std::vector<double> weights, bool any_turn)
-    : goals_(goals.begin(), goals.end()), weight_(std::move(weights)) {
+    : goals_(goals.begin(), goals.end()),
+      weight_(std::move(weights)),
+      steering_(problem.robot->description(), weight_) {
   if (any_turn) {
     goals_.clear();
     for (const Eigen::VectorXd& goal : goals) {

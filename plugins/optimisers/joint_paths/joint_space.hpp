@@ -7,6 +7,8 @@
 
 #include <sidestep/planning/problem.hpp>
 
+#include "steering.hpp"
+
 namespace sidestep::joint_paths {
 
 /// How far a unit of each joint moves the sphere's centre that it moves farthest, at the start or
@@ -32,6 +34,9 @@ class JointSpace {
   /// Where the robot may end, in the order given: at least one configuration of dof() values.
   [[nodiscard]] const std::vector<Eigen::VectorXd>& goals() const noexcept { return goals_; }
 
+  /// How the robot moves in it.
+  [[nodiscard]] const Steering& steering() const noexcept { return steering_; }
+
   [[nodiscard]] std::size_t dof() const noexcept { return weight_.size(); }
   [[nodiscard]] double lower(std::size_t joint) const noexcept { return lower_[joint]; }
   [[nodiscard]] double upper(std::size_t joint) const noexcept { return upper_[joint]; }
@@ -46,7 +51,8 @@ class JointSpace {
  private:
   std::vector<Eigen::VectorXd> goals_;
   std::vector<double> weight_;  // per unit
-  std::vector<double> lower_;   // scaled
+  Steering steering_;
+  std::vector<double> lower_;  // scaled
   std::vector<double> upper_;
 };
 

@@ -7,6 +7,8 @@
 #include <sidestep/planning/goal.hpp>
 #include <sidestep/planning/inverse_kinematics.hpp>
 
+#include "steering.hpp"
+
 namespace sidestep::joint_paths {
 namespace {
 
@@ -70,9 +72,12 @@ Result<Solution> PathPlanner::solve(const Problem& problem, const Trajectory&,
   return solution;
 }
 
-Solution timed(const Problem& problem, std::span<const double> path) {
+Solution timed(const Problem& problem, std::span<const double> path, Checker& checker,
+               double resolution_m, const Deadline& deadline) {
   Solution solution;
-  auto trajectory = time_path(problem.robot->description(), path, problem.speed_fraction);
+  const RobotDescription& robot = problem.robot->description();
+  auto trajectory = robot.rolling ? drive(problem, path, checker, resolution_m, deadline)
+                                  : time_path(robot, path, problem.speed_fraction);
   if (!trajectory) {
     solution.reason = trajectory.error().describe();
     return solution;

@@ -81,8 +81,10 @@ class PathPlanner : public Optimiser {
   std::uint64_t seed_;
 };
 
-/// A path of dof values a vertex, timed from rest to rest; a failure where that cannot be.
-[[nodiscard]] Solution timed(const Problem& problem, std::span<const double> path);
+/// A path of dof values a vertex, timed from rest to rest, on a rolling base by drive() (for which
+/// the rest is); a failure where that cannot be.
+[[nodiscard]] Solution timed(const Problem& problem, std::span<const double> path, Checker& checker,
+                             double resolution_m, const Deadline& deadline);
 
 [[nodiscard]] Solution no_path(std::string reason);
 

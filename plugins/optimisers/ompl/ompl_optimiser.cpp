@@ -222,7 +222,7 @@ class OmplOptimiser final : public PathPlanner {
     if (options_.objective == "length" &&
         search.is_clear(ends[0].get(), ends[1].get(), options_.resolution_m)) {
       og::PathGeometric straight(information, ends[0].get(), ends[1].get());
-      Solution solution = timed(problem, search, straight);
+      Solution solution = timed(problem, search, checker, straight);
       solution.initial_cost = solution.cost;
       return solution;
     }
@@ -246,7 +246,7 @@ class OmplOptimiser final : public PathPlanner {
     og::PathGeometric path = *definition->getSolutionPath()->as<og::PathGeometric>();
     const double found_length = path.length();
     if (options_.simplify) simplify(*objective, search.deadline(), path);
-    Solution solution = timed(problem, search, path);
+    Solution solution = timed(problem, search, checker, path);
     solution.iterations = iterations;
     solution.initial_cost = found_length;
     if (is_cut && solution.status == SolveStatus::kConverged) {
@@ -268,9 +268,10 @@ class OmplOptimiser final : public PathPlanner {
     return planner;
   }
 
-  [[nodiscard]] static Solution timed(const Problem& problem, const Search& search,
-                                      const og::PathGeometric& path) {
-    Solution solution = joint_paths::timed(problem, configurations(problem, search, path));
+  [[nodiscard]] Solution timed(const Problem& problem, const Search& search, Checker& checker,
+                               const og::PathGeometric& path) const {
+    Solution solution = joint_paths::timed(problem, configurations(problem, search, path), checker,
+                                           options_.resolution_m, search.deadline());
     solution.cost = path.length();
     return solution;
   }

@@ -138,8 +138,10 @@ class FlatRrtConnect final : public og::RRTConnect {
  public:
   using og::RRTConnect::RRTConnect;
   void setup() override {
-    if (!tStart_) tStart_ = std::make_shared<FlatNearest<Motion*>>(si_->getStateDimension());
-    if (!tGoal_) tGoal_ = std::make_shared<FlatNearest<Motion*>>(si_->getStateDimension());
+    if (si_->getStateSpace()->isMetricSpace()) {  // else its distances are not Euclidean
+      if (!tStart_) tStart_ = std::make_shared<FlatNearest<Motion*>>(si_->getStateDimension());
+      if (!tGoal_) tGoal_ = std::make_shared<FlatNearest<Motion*>>(si_->getStateDimension());
+    }
     og::RRTConnect::setup();
   }
 };

@@ -67,14 +67,23 @@ bool Search::is_clear(const ob::State* state) {
 bool Search::is_clear(const ob::State* from, const ob::State* to, double resolution_m) {
   if (deadline_.expired()) return false;  // nothing more is to be found
   const std::scoped_lock lock(mutex_);
-  to_joints(from, q_from_);
-  to_joints(to, q_to_);
-  return checker_.is_clear(q_from_, q_to_, resolution_m);
+  way_.look(space_.steering(), values(from), values(to));
+  const std::size_t dof = space_.dof();
+  space_.to_joints(way_.vertices().first(dof), q_from_);
+  for (std::size_t i = dof; i < way_.vertices().size(); i += dof) {
+    space_.to_joints(way_.vertices().subspan(i, dof), q_to_);
+    if (!checker_.is_clear(q_from_, q_to_, resolution_m)) return false;
+    std::swap(q_from_, q_to_);
+  }
+  return true;
+}
+
+std::span<const double> Search::values(const ob::State* state) const {
+  return {state->as<ob::RealVectorStateSpace::StateType>()->values, space_.dof()};
 }
 
 void Search::to_joints(const ob::State* state, std::span<double> q) const {
-  const double* u = state->as<ob::RealVectorStateSpace::StateType>()->values;
-  space_.to_joints({u, space_.dof()}, q);
+  space_.to_joints(values(state), q);
 }
 
 void Search::from_joints(std::span<const double> q, ob::State* state) const {
@@ -87,22 +96,48 @@ namespace {
 constexpr int kLastValidHalvings = 6;
 
 /// A vector space without projections, if possible: making them takes longer than many a search.
+/// What is between two states is where the robot gets from one to the other.
 class JointStates final : public ob::RealVectorStateSpace {
  public:
-  JointStates(unsigned dof, bool is_projected)
-      : ob::RealVectorStateSpace(dof), is_projected_(is_projected) {}
+  JointStates(const joint_paths::JointSpace& joints, bool is_projected)
+      : ob::RealVectorStateSpace(static_cast<unsigned>(joints.dof())),
+        steering_(joints.steering()),
+        is_projected_(is_projected) {}
   void registerProjections() override {
     if (is_projected_) ob::RealVectorStateSpace::registerProjections();
   }
-  /// The same number as the base's, without waiting for each joint's sum.
+  /// The length of the way; of a straight one the same number as the base's, without waiting for
+  /// each joint's sum. Planners that extend a tree step by step want what is nearer to be so along
+  /// the way.
   double distance(const ob::State* a, const ob::State* b) const override {
+    if (!steering_.is_straight()) return way_between(a, b).length();
     const auto count = static_cast<Eigen::Index>(dimension_);
     const Eigen::Map<const Eigen::VectorXd> from(a->as<StateType>()->values, count);
     const Eigen::Map<const Eigen::VectorXd> to(b->as<StateType>()->values, count);
     return (to - from).norm();
   }
 
+  void interpolate(const ob::State* from, const ob::State* to, double part,
+                   ob::State* between) const override {
+    if (steering_.is_straight()) {
+      return ob::RealVectorStateSpace::interpolate(from, to, part, between);
+    }
+    way_between(from, to).at(part, values(between));
+  }
+  /// The way round by another state may be shorter.
+  bool isMetricSpace() const override { return steering_.is_straight(); }
+
  private:
+  [[nodiscard]] std::span<double> values(const ob::State* state) const {
+    return {state->as<StateType>()->values, dimension_};
+  }
+  [[nodiscard]] joint_paths::Way way_between(const ob::State* from, const ob::State* to) const {
+    joint_paths::Way way;
+    way.look(steering_, values(from), values(to));
+    return way;
+  }
+
+  joint_paths::Steering steering_;
   bool is_projected_;
 };
 
@@ -160,8 +195,7 @@ class ClearMotions final : public ob::MotionValidator {
 
 ob::SpaceInformationPtr make_information(Search& search, const SearchSettings& settings) {
   const JointSpace& joints = search.space();
-  auto space =
-      std::make_shared<JointStates>(static_cast<unsigned>(joints.dof()), settings.is_projected);
+  auto space = std::make_shared<JointStates>(joints, settings.is_projected);
   ob::RealVectorBounds bounds(static_cast<unsigned>(joints.dof()));
   for (std::size_t j = 0; j < joints.dof(); ++j) {
     // A joint whose range is a point still needs a little width for OMPL.

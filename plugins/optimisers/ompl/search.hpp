@@ -47,6 +47,7 @@ class Search {
   [[nodiscard]] bool is_clear(const ::ompl::base::State* state);
   [[nodiscard]] bool is_clear(const ::ompl::base::State* from, const ::ompl::base::State* to,
                               double resolution_m);
+  [[nodiscard]] std::span<const double> values(const ::ompl::base::State* state) const;
   void to_joints(const ::ompl::base::State* state, std::span<double> q) const;
   void from_joints(std::span<const double> q, ::ompl::base::State* state) const;
 
@@ -55,6 +56,7 @@ class Search {
   Checker& checker_;
   Deadline deadline_;
   std::mutex mutex_;  ///< Of checker_ and what follows.
+  joint_paths::Way way_;
   std::vector<double> q_from_;
   std::vector<double> q_to_;
 };

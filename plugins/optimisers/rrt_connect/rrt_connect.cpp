@@ -18,6 +18,7 @@ namespace sidestep::rrt_connect {
 using joint_paths::Checker;
 using joint_paths::JointSpace;
 using joint_paths::no_path;
+using joint_paths::Steering;
 
 Parameters<Options> Options::parameters() {
   return joint_paths::path_parameters<Options>()
@@ -59,9 +60,10 @@ class RrtConnect final : public joint_paths::PathPlanner {
                            options_.any_turn);
     Search search(space, as_span(problem.start.q), checker,
                   {options_.range_m, options_.domain, options_.resolution_m}, seed(), deadline);
-    std::vector<double> path = straight(problem, space);
-    const std::span<const double> ends(path);
-    if (!checker.is_clear(ends.first(space.dof()), ends.last(space.dof()), options_.resolution_m)) {
+    std::vector<double> path(as_span(problem.start.q).begin(), as_span(problem.start.q).end());
+    const Steering steering(problem.robot->description(), std::vector<double>(space.dof(), 1.0));
+    steering.append(as_span(problem.start.q), as_span(space.goals().front()), path);
+    if (!is_clear(path, space.dof(), checker)) {
       std::optional<std::vector<double>> found;
       while (!found && search.samples() < options_.max_samples && !deadline.expired()) {
         found = search.grow();
@@ -71,26 +73,28 @@ class RrtConnect final : public joint_paths::PathPlanner {
     }
     const auto tries =
         std::min<std::int64_t>(options_.shorten_tries, search.looks() / kLooksPerTry);
-    const Shortening how{times_per_unit(problem), options_.resolution_m, static_cast<int>(tries)};
+    const Shortening how{times_per_unit(problem), options_.resolution_m, static_cast<int>(tries),
+                         steering};
     const double found_s = path_length(path, how.weights);
     if (path.size() > 2 * space.dof()) {
       shorten(path, how, checker, derive_seed(seed(), "shorten"), deadline);
     }
-    Solution solution = joint_paths::timed(problem, path);
+    Solution solution = joint_paths::timed(problem, path, checker, options_.resolution_m, deadline);
     solution.iterations = static_cast<int>(search.samples());
     solution.initial_cost = found_s;
     solution.cost = path_length(path, how.weights);
     return solution;
   }
 
-  /// To the nearest goal.
-  [[nodiscard]] static std::vector<double> straight(const Problem& problem,
-                                                    const JointSpace& space) {
-    std::vector<double> path;
-    for (const Eigen::VectorXd* end : {&problem.start.q, &space.goals().front()}) {
-      path.insert(path.end(), end->data(), end->data() + end->size());
+  [[nodiscard]] bool is_clear(std::span<const double> path, std::size_t dof,
+                              Checker& checker) const {
+    for (std::size_t i = dof; i < path.size(); i += dof) {
+      if (!checker.is_clear(path.subspan(i - dof, dof), path.subspan(i, dof),
+                            options_.resolution_m)) {
+        return false;
+      }
     }
-    return path;
+    return true;
   }
 
   /// Of each joint, at full speed.

@@ -13,19 +13,6 @@ constexpr double kDomainChange = 1e-4;
 constexpr int kWideDraws = 128;
 constexpr int kMostDraws = kWideDraws + 64;
 
-double distance(std::span<const double> a, std::span<const double> b) {
-  double squares = 0.0;
-  for (std::size_t j = 0; j < a.size(); ++j) squares += (a[j] - b[j]) * (a[j] - b[j]);
-  return std::sqrt(squares);
-}
-
-void interpolate(std::span<const double> from, std::span<const double> to, double part,
-                 std::span<double> between) {
-  for (std::size_t j = 0; j < between.size(); ++j) {
-    between[j] = part == 1.0 ? to[j] : from[j] + part * (to[j] - from[j]);
-  }
-}
-
 bool holds(unsigned bits, std::size_t number) { return (bits >> number & 1u) != 0; }
 
 }  // namespace
@@ -50,7 +37,6 @@ Search::Search(const joint_paths::JointSpace& space, std::span<const double> sta
       drawn_(kLanes * dof_),
       drawn_from_(kLanes),
       steps_(kLanes * dof_),
-      origin_(dof_),
       q_(kLanes * dof_),
       q_to_(dof_) {
   space.from_joints(start, sample_);
@@ -90,9 +76,9 @@ std::size_t Search::draw(const Side& side) {
     }
     const Tree::Found near = side.tree.nearest(sample_);
     if (near.distance > side.domain_m[near.number] || near.distance == 0.0) continue;
-    interpolate(side.tree.point(near.number), sample_,
-                std::min(1.0, settings_.range_m / near.distance),
-                std::span(drawn_).subspan(count * dof_, dof_));
+    way_.look(space_.steering(), side.tree.point(near.number), sample_);
+    way_.at(std::min(1.0, settings_.range_m / way_.length()),
+            std::span(drawn_).subspan(count * dof_, dof_));
     drawn_from_[count++] = near.number;
   }
   return count;
@@ -120,14 +106,14 @@ void Search::sample_domain(const Side& side) {
 /// Grows a tree straight towards u in steps, as far as that is clear; the number of u in it.
 std::optional<std::size_t> Search::connect(Side& side, std::span<const double> u) {
   std::size_t last = side.tree.nearest(u).number;
-  std::ranges::copy(side.tree.point(last), origin_.begin());
-  const double way_m = distance(origin_, u);
-  const auto steps = static_cast<std::size_t>(std::max(1.0, std::ceil(way_m / settings_.range_m)));
+  way_.look(space_.steering(), side.tree.point(last), u);
+  const auto steps =
+      static_cast<std::size_t>(std::max(1.0, std::ceil(way_.length() / settings_.range_m)));
   for (std::size_t first = 1; first <= steps; first += kLanes) {
     const std::size_t count = std::min(kLanes, steps + 1 - first);
     for (std::size_t i = 0; i < count; ++i) {
-      interpolate(origin_, u, static_cast<double>(first + i) / static_cast<double>(steps),
-                  std::span(steps_).subspan(i * dof_, dof_));
+      way_.at(static_cast<double>(first + i) / static_cast<double>(steps),
+              std::span(steps_).subspan(i * dof_, dof_));
     }
     const unsigned blocked = find_blocked(std::span(steps_).first(count * dof_));
     for (std::size_t i = 0; i < count; ++i) {
@@ -140,22 +126,33 @@ std::optional<std::size_t> Search::connect(Side& side, std::span<const double> u
   return last;
 }
 
-/// The number of u, if the straight motion to it is clear.
+/// The number of u, if the motion to it is clear.
 std::optional<std::size_t> Search::extend(Side& side, std::size_t from, std::span<const double> u,
                                           bool is_blocked) {
-  double& domain_m = side.domain_m[from];
-  const std::span<double> q_from = std::span(q_).first(dof_);
-  space_.to_joints(side.tree.point(from), q_from);
-  space_.to_joints(u, q_to_);
   if (!is_blocked) ++looks_;
-  if (is_blocked || deadline_.expired() ||
-      !checker_.is_clear(q_from, q_to_, settings_.resolution_m)) {
+  edge_.look(space_.steering(), side.tree.point(from), u);
+  if (is_blocked || deadline_.expired() || !is_clear(edge_)) {
+    double& domain_m = side.domain_m[from];
     domain_m = std::max(settings_.range_m, std::min(domain_m * (1.0 - kDomainChange),
                                                     settings_.domain * settings_.range_m));
     return std::nullopt;
   }
-  domain_m *= 1.0 + kDomainChange;
-  return side.add(u, from);
+  side.domain_m[from] *= 1.0 + kDomainChange;
+  for (std::size_t i = dof_; i < edge_.vertices().size(); i += dof_) {
+    from = side.add(edge_.vertices().subspan(i, dof_), from);
+  }
+  return from;
+}
+
+bool Search::is_clear(const joint_paths::Way& way) {
+  const std::span<double> q_from = std::span(q_).first(dof_);
+  space_.to_joints(way.vertices().first(dof_), q_from);
+  for (std::size_t i = dof_; i < way.vertices().size(); i += dof_) {
+    space_.to_joints(way.vertices().subspan(i, dof_), q_to_);
+    if (!checker_.is_clear(q_from, q_to_, settings_.resolution_m)) return false;
+    std::ranges::copy(q_to_, q_from.begin());
+  }
+  return true;
 }
 
 unsigned Search::find_blocked(std::span<const double> u) {

@@ -25,6 +25,7 @@ struct SearchSettings {
 /// only samples within its domain, a ball that each further failure makes smaller and each success
 /// larger (Jaillet et al., IROS 2005). Extensions are looked at where they end, eight at once,
 /// which finds out most of those that are blocked; those that are left, over all of their length.
+/// Extensions are such as the space's steering makes them.
 class Search {
  public:
   /// `space`, `checker` and `deadline`, after which nothing is clear, must outlive it.
@@ -56,6 +57,7 @@ class Search {
   [[nodiscard]] std::optional<std::size_t> extend(Side& side, std::size_t from,
                                                   std::span<const double> u, bool is_blocked);
   [[nodiscard]] unsigned find_blocked(std::span<const double> u);
+  [[nodiscard]] bool is_clear(const joint_paths::Way& way);
   [[nodiscard]] std::vector<double> path(std::size_t from_start, std::size_t from_goal) const;
 
   const joint_paths::JointSpace& space_;
@@ -73,7 +75,8 @@ class Search {
   std::vector<double> drawn_;  ///< Ends of extensions, and where they begin.
   std::vector<std::size_t> drawn_from_;
   std::vector<double> steps_;  ///< Of connect().
-  std::vector<double> origin_;
+  joint_paths::Way way_;       ///< That draw() and connect() go along.
+  joint_paths::Way edge_;      ///< Of extend().
   std::vector<double> q_;
   std::vector<double> q_to_;
 };

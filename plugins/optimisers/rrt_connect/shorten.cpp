@@ -27,8 +27,9 @@ class Shortener {
   void leave_out() {
     for (std::size_t from = 0; from + 2 < size(); ++from) {
       for (std::size_t to = size() - 1; to > from + 1; --to) {
-        if (!is_clear(vertices(from, 1), vertices(to, 1))) continue;
-        (void)erase(from + 1, to);
+        const auto way = way_between(vertices(from, 1), vertices(to, 1));
+        if (!is_better(way, vertices(from, to - from + 1)) || !is_clear(way)) continue;
+        path_.insert(erase(from, to + 1), way.begin(), way.end());
         break;
       }
     }
@@ -41,10 +42,13 @@ class Shortener {
     if (to < from) std::swap(from, to);
     const Place a = place_at(from), b = place_at(to);
     if (a.edge == b.edge) return;
-    if (random_.unit() < kShareOfAll) {
+    const bool of_all = random_.unit() < kShareOfAll;
+    const auto joint =
+        of_all ? dof_ : static_cast<std::size_t>(random_.unit() * static_cast<double>(dof_));
+    if (of_all || !how_.steering.is_free(joint)) {
       cut_all(a, b);
     } else {
-      cut_joint(a, b, static_cast<std::size_t>(random_.unit() * static_cast<double>(dof_)));
+      cut_joint(a, b, joint);
     }
   }
 
@@ -62,8 +66,24 @@ class Shortener {
   [[nodiscard]] double length(std::span<const double> path) const {
     return path_length(path, how_.weights);
   }
-  [[nodiscard]] bool is_clear(std::span<const double> from, std::span<const double> to) {
-    return !deadline_.expired() && checker_.is_clear(from, to, how_.resolution_m);
+  [[nodiscard]] bool is_clear(std::span<const double> way) {
+    for (std::size_t i = dof_; i < way.size(); i += dof_) {
+      if (deadline_.expired() || !checker_.is_clear(way.subspan(i - dof_, dof_),
+                                                    way.subspan(i, dof_), how_.resolution_m)) {
+        return false;
+      }
+    }
+    return true;
+  }
+  [[nodiscard]] std::vector<double> way_between(std::span<const double> from,
+                                                std::span<const double> to) const {
+    std::vector<double> way(from.begin(), from.end());
+    how_.steering.append(from, to, way);
+    return way;
+  }
+  /// A straight line always is.
+  [[nodiscard]] bool is_better(std::span<const double> way, std::span<const double> before) const {
+    return how_.steering.is_straight() || length(way) < kWorthwhile * length(before);
   }
   std::vector<double>::iterator erase(std::size_t from, std::size_t to) {
     return path_.erase(path_.begin() + static_cast<std::ptrdiff_t>(from * dof_),
@@ -84,22 +104,23 @@ class Shortener {
     return place;
   }
 
-  /// A place, the vertices between the two if so, and the other place.
-  [[nodiscard]] std::vector<double> stretch(const Place& a, const Place& b, bool with_vertices) {
+  /// A place, the vertices between the two, and the other place.
+  [[nodiscard]] std::vector<double> stretch(const Place& a, const Place& b) const {
     std::vector<double> stretch(a.q);
-    const auto between = vertices(a.edge + 1, with_vertices ? b.edge - a.edge : 0);
+    const auto between = vertices(a.edge + 1, b.edge - a.edge);
     stretch.insert(stretch.end(), between.begin(), between.end());
     stretch.insert(stretch.end(), b.q.begin(), b.q.end());
     return stretch;
   }
 
   void cut_all(const Place& a, const Place& b) {
-    if (is_clear(a.q, b.q)) replace(a, b, stretch(a, b, false));
+    const std::vector<double> way = way_between(a.q, b.q);
+    if (is_better(way, stretch(a, b)) && is_clear(way)) replace(a, b, way);
   }
 
   /// One joint goes evenly from one place to the other, all others as before.
   void cut_joint(const Place& a, const Place& b, std::size_t joint) {
-    const std::vector<double> before = stretch(a, b, true);
+    const std::vector<double> before = stretch(a, b);
     const double whole = length(before);
     if (whole == 0.0) return;
     std::vector<double> after = before;
@@ -108,11 +129,7 @@ class Shortener {
       after[i + joint] = a.q[joint] + part * (b.q[joint] - a.q[joint]);
     }
     if (length(after) > kWorthwhile * whole) return;
-    const std::span<const double> way(after);
-    for (std::size_t i = dof_; i < way.size(); i += dof_) {
-      if (!is_clear(way.subspan(i - dof_, dof_), way.subspan(i, dof_))) return;
-    }
-    replace(a, b, after);
+    if (is_clear(after)) replace(a, b, after);
   }
 
   void replace(const Place& a, const Place& b, const std::vector<double>& stretch) {

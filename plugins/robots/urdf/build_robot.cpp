@@ -136,6 +136,7 @@ class RobotBuilder {
                                              "where these are in 'fixed_joints'"));
     }
     if (has_base) add_base_links(joints);
+    robot_.rolling = joints.rolling();
     first_link_ = static_cast<int>(robot_.links.size());
     for (const UrdfLink& link : model_.links) {
       robot_.links.push_back(

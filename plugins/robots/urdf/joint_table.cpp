@@ -21,7 +21,7 @@ Joint::Type planned_type(UrdfJoint::Type type) {
 
 JointTable::JointTable(const UrdfModel& model, const Profile& profile, std::vector<Error>& errors)
     : model_(model), profile_(profile), errors_(errors) {
-  if (profile.base.type == "holonomic") add_base(profile.base);
+  if (profile.base.drives()) add_base(profile.base);
   read_limits();
   read_fixed();
   choose_planned();
@@ -212,7 +212,18 @@ std::pair<double, double> JointTable::base_limits(const std::string& name) const
 }
 
 bool JointTable::is_of_base(const std::string& name) const {
-  return profile_.base.type == "holonomic" && std::ranges::count(profile_.base.joints, name) > 0;
+  return profile_.base.drives() && std::ranges::count(profile_.base.joints, name) > 0;
+}
+
+std::optional<RollingBase> JointTable::rolling() const {
+  if (profile_.base.type != "differential") return {};
+  RollingBase base;
+  for (const auto& [joint, number] : {std::pair(&base.x, 0), {&base.y, 1}, {&base.yaw, 2}}) {
+    const auto at = std::ranges::find(planned_, base_joint(idx(number)).name, &Joint::name);
+    if (at == planned_.end()) return {};  // held
+    *joint = static_cast<int>(at - planned_.begin());
+  }
+  return base;
 }
 
 std::map<std::string, std::set<std::string>> JointTable::read_groups() {

@@ -28,6 +28,8 @@ class JointTable {
   [[nodiscard]] bool has_base() const noexcept { return has_base_; }
   /// How its x, y or heading, 0 to 2, moves its link.
   [[nodiscard]] TreeJoint base_joint(std::size_t number) const;
+  /// The base where it is planned and cannot go sideways.
+  [[nodiscard]] std::optional<RollingBase> rolling() const;
   /// Where a joint is that is not of the group.
   [[nodiscard]] double held_at(const std::string& name) const;
 

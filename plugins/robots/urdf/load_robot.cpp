@@ -72,8 +72,11 @@ void check_braking(const Node& limits, std::string_view braking, std::string_vie
 Parameters<BaseOptions> BaseOptions::parameters() {
   using T = BaseOptions;
   return Parameters<T>()
-      .add("type", &T::type, "Whether the root link is fixed in the world or drives in its plane.",
-           {.choices = {"fixed", "holonomic"}})
+      .add("type", &T::type,
+           "Whether the root link is fixed in the world or drives in its plane: any way, or on two "
+           "driven wheels, ahead and back along its x axis, turning about its origin, which lies "
+           "between them (`differential`).",
+           {.choices = {"fixed", "holonomic", "differential"}})
       .add("joints", &T::joints, "Names of the base's joints: x, y, heading.")
       .add("lower_m", &T::lower_m, "Lowest x and y of the base in the world.", {.unit = "m"})
       .add("upper_m", &T::upper_m, "Highest x and y of the base in the world.", {.unit = "m"})
@@ -170,6 +173,8 @@ Parameters<Profile> Profile::parameters() {
       .add("groups", &T::groups,
            "A map from names to lists of planned joints, of which a configuration's `group` plans "
            "one. A group with the base's joints has all three.")
+      .add("group", &T::group,
+           "The group that is planned where a configuration names none; all joints if absent.")
       .add("base", &T::base, "How the root link moves in the world.")
       .add("mount", &T::mount,
            "Where the root link is of a robot without a base that drives: {position_m, rpy_rad}, "
@@ -388,7 +393,7 @@ Parameters<Options> Options::parameters() {
            "world frame; in place of the profile's.")
       .add("urdf", &T::urdf, "A URDF to be used as it is, its collision shapes covered by spheres.")
       .add("base", &T::base, "With 'urdf': whether the root link is fixed or drives in its plane.",
-           {.choices = {"fixed", "holonomic"}})
+           {.choices = {"fixed", "holonomic", "differential"}})
       .add("root_link", &T::root_link, "With 'urdf': takes only the part from this link on.")
       .add("tip_link", &T::tip_link,
            "With 'urdf', without 'joints': plans the joints between the root and this link.")
@@ -450,7 +455,7 @@ Result<std::unique_ptr<KinematicTree>> load_robot(const Options& options,
     for (const Node* name : {&options.group, &options.held}) {
       if (!name->is_null()) SIDESTEP_TRY(name->as_string());
     }
-    profile.group = options.group;
+    if (!options.group.is_null()) profile.group = options.group;
     profile.held = options.held;
   }
   if (!options.mount.is_null()) profile.mount = options.mount;

@@ -25,6 +25,7 @@ struct BaseOptions {
   std::optional<double> max_turn_acceleration_radps2;
   std::optional<double> max_braking_mps2;
   std::optional<double> max_turn_braking_radps2;
+  [[nodiscard]] bool drives() const noexcept { return type != "fixed"; }
   static Parameters<BaseOptions> parameters();
 };
 
@@ -86,6 +87,7 @@ struct Profile {
   std::string tip_link;
   std::vector<std::string> joints;
   Node groups;
+  Node group;  ///< The name of the one that is planned; null for all joints.
   BaseOptions base;
   Node mount;  ///< MountOptions.
   Node joint_limits;
@@ -102,7 +104,6 @@ struct Profile {
   static Parameters<Profile> parameters();
 
   Node document;  ///< The whole file, for positions; null without a file.
-  Node group;     ///< The name of the group that is planned; null for all joints.
   Node held;      ///< The name of the pose in which the others are; null for none.
   /// Those of `fixed_joints` that the profile has itself.
   std::set<std::string> fixed_by_profile;

@@ -110,7 +110,8 @@ class Outliner {
     if (joint.name.empty() || joint.type.empty()) return;
     if (joint.type == "planar" || joint.type == "floating") {
       report(joint.mark, "joint '" + joint.name + "' is " + joint.type + ", which is not supported",
-             "for a mobile base set 'base' to holonomic and let the URDF begin at the base's link");
+             "for a mobile base set 'base' to holonomic or differential and let the URDF begin at "
+             "the base's link");
     } else if (joint.type != "fixed" && joint.type != "revolute" && joint.type != "continuous" &&
                joint.type != "prismatic") {
       report(joint.mark, "joint '" + joint.name + "' has the unknown type '" + joint.type + "'",

@@ -20,6 +20,8 @@ namespace sidestep {
 
 /// What a check calls the floor that a robot stands on.
 inline constexpr const char* kFloorName = "the floor";
+/// And a rolling base.
+inline constexpr const char* kBaseName = "the base";
 
 struct Violation {
   enum class Kind {
@@ -28,6 +30,7 @@ struct Violation {
     kPositionLimit,
     kVelocityLimit,
     kAccelerationLimit,
+    kSideways,  ///< A rolling base moves across its wheels (RollingBase).
     kUnproven
   };
   Kind kind = Kind::kCollision;
@@ -35,7 +38,7 @@ struct Violation {
   std::string other;    ///< What it hits or breaks: a link, "an obstacle", "the floor", "its upper
                         ///< limit of ...".
   double time_s = 0.0;  ///< Where it is worst.
-  double amount = 0.0;  ///< By how much: penetration in m, or beyond the limit in its unit.
+  double amount = 0.0;  ///< By how much: penetration in m, beyond the limit in its unit, or m/s.
 
   /// E.g. "arm_roll_link is 0.013 m inside an obstacle".
   [[nodiscard]] std::string what() const;
@@ -103,7 +106,8 @@ struct FieldCheckSettings {
 
 /// The check on one pinned snapshot: the robot's spheres against the distance field, and
 /// against each other, with bisection until the motion between two checks is proven clear
-/// (numerics: continuous-time validity); limits from the extrema of the cubic interpolant.
+/// (numerics: continuous-time validity); limits from the extrema of the cubic interpolant; a
+/// rolling base's speed, along its wheels and across them, at nine instants of each of its pieces.
 ///
 /// A sphere's clearance is the field's value at its centre minus its radius, or the height of its
 /// lowest point above the policy's floor where that is less. The field measures

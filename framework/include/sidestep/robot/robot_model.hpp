@@ -75,6 +75,14 @@ struct HeadDescription {
   int camera_link = 0;  ///< Carried by the tilt joint; its frame is the camera's optical one.
 };
 
+/// A base on wheels that do not slip: it drives ahead and back along the x axis of the link that
+/// its heading turns, and turns on the spot about that link's origin, but does not move sideways.
+/// Its speed along that axis is at most the velocity limit of `x`, which `y` has, too. Plain data.
+struct RollingBase {
+  int x = 0, y = 1;  ///< Joints along the world's x and y.
+  int yaw = 2;       ///< The joint of the heading, 0 along the world's x.
+};
+
 /// All that is constant about a robot. Plain data.
 struct RobotDescription {
   std::string name;
@@ -87,6 +95,7 @@ struct RobotDescription {
   std::vector<std::pair<int, int>> self_collision_pairs;
   std::vector<NamedPose> poses;
   std::optional<HeadDescription> head;  ///< Nothing: no camera turns.
+  std::optional<RollingBase> rolling;   ///< Nothing: joints move as they like.
 
   [[nodiscard]] int dof() const noexcept { return static_cast<int>(joints.size()); }
   [[nodiscard]] std::optional<int> joint_index(std::string_view joint_name) const noexcept;

@@ -20,7 +20,8 @@ namespace sidestep {
 [[nodiscard]] Result<Trajectory> brake(const Trajectory& trajectory, double from_s,
                                        const MotionLimits& limits);
 
-/// Comes to rest along a straight line in joint space, all joints slowing down evenly and together:
+/// Comes to rest along a straight line in joint space (the base of a rolling robot on an arc, all
+/// but), all joints slowing down evenly and together:
 /// max |v| / a, with the limits of stops, is the time it takes, and half of that time's way at full
 /// speed is its length. Fails with kInvalidArgument where sizes disagree, a value is not finite, or
 /// a joint that moves may not be slowed down. [any]; allocates.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,6 +18,9 @@ struct MotionLimits {
   /// How fast joints may lose speed where the robot is to stop (braking.hpp), no less than
   /// `acceleration`, which motions keep; empty: that.
   std::vector<double> braking = {};
+  /// Motions along paths on which this base rolls let it roll, and are no faster along its wheels
+  /// than along x.
+  std::optional<RollingBase> rolling = {};
 
   /// By what joints lose speed in stops. [any]
   [[nodiscard]] const std::vector<double>& while_stopping() const noexcept {
