@@ -11,6 +11,7 @@
 #include <sidestep/planning/costs.hpp>
 #include <sidestep/planning/residual_names.hpp>
 #include <sidestep/planning/state_normals.hpp>
+#include <sidestep/trajectory/rolling.hpp>
 
 namespace sidestep {
 namespace {
@@ -151,6 +152,36 @@ class TargetPrior : public StateCost, public HasCostForm {
   TargetForm target_;  ///< Weights are 0 for a joint that may be anywhere.
 };
 
+/// How fast a rolling base moves across its wheels.
+class Sideways final : public StateCost {
+ public:
+  Sideways(const RollingBase& base, double sigma_mps) : base_(base), weight_(1.0 / sigma_mps) {}
+
+  [[nodiscard]] std::string_view name() const noexcept override { return "sideways"; }
+  [[nodiscard]] int residual_count() const noexcept override { return 1; }
+  [[nodiscard]] bool depends_on_velocity() const noexcept override { return true; }
+
+  void evaluate(const StateBatch& states, const CostBatch& out, Scratch&) const override {
+    std::ranges::fill(out.jacobian_q, 0.0);
+    std::ranges::fill(out.jacobian_qdot, 0.0);
+    const std::size_t d = idx(states.dof);
+    const std::size_t x = idx(base_.x), y = idx(base_.y), yaw = idx(base_.yaw);
+    for (std::size_t i = 0; i < idx(states.count); ++i) {
+      const auto q = states.q.subspan(i * d, d), qdot = states.qdot.subspan(i * d, d);
+      const BaseSpeed speed = base_speed(base_, q, qdot);
+      if (!out.residuals.empty()) out.residuals[i] = weight_ * speed.left_mps;
+      if (!out.jacobian_q.empty()) out.jacobian_q[i * d + yaw] = -weight_ * speed.ahead_mps;
+      if (out.jacobian_qdot.empty()) continue;
+      out.jacobian_qdot[i * d + x] = -weight_ * std::sin(q[yaw]);
+      out.jacobian_qdot[i * d + y] = weight_ * std::cos(q[yaw]);
+    }
+  }
+
+ private:
+  RollingBase base_;
+  double weight_;
+};
+
 class Posture final : public TargetPrior, public NamesResiduals {
  public:
   Posture(const RobotDescription& robot, const Eigen::VectorXd& q, const Eigen::VectorXd& sigmas)
@@ -190,6 +221,15 @@ Result<std::unique_ptr<StateCost>> make_posture_cost(const RobotDescription& rob
     }
   }
   return std::make_unique<Posture>(robot, q, sigmas);
+}
+
+Result<std::unique_ptr<StateCost>> make_sideways_cost(const RobotDescription& robot,
+                                                      double sigma_mps) {
+  if (!robot.rolling) return invalid(robot.name + " has no base that rolls");
+  if (!(sigma_mps > 0.0)) {
+    return invalid("the standard deviation of the speed across the wheels must be positive");
+  }
+  return std::make_unique<Sideways>(*robot.rolling, sigma_mps);
 }
 
 std::unique_ptr<StateCost> make_velocity_prior(std::string name, Eigen::VectorXd qdot,

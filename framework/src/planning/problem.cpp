@@ -173,6 +173,10 @@ std::vector<CostTerm> standard_terms(const Problem& problem, const CostSettings&
                                  settings.sigma_velocity_limit),
         everywhere);
   }
+  if (const RobotDescription& robot = problem.robot->description();
+      robot.rolling && settings.sigma_sideways_mps > 0.0) {
+    add(make_sideways_cost(robot, settings.sigma_sideways_mps).value(), everywhere);
+  }
   return terms;
 }
 

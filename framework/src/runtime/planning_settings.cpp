@@ -188,6 +188,10 @@ Parameters<PlanningSettings> PlanningSettings::parameters() {
       .add("sigma_velocity_limit", &S::sigma_velocity_limit,
            "Standard deviation of the velocity limit cost (m/s, rad/s); 0 leaves it out.",
            {.min = 0.0})
+      .add("sigma_sideways_mps", &S::sigma_sideways_mps,
+           "Standard deviation of the speed of a differential base across its wheels; 0 leaves it "
+           "out.",
+           {.unit = "m/s", .min = 0.0})
       .add("sigma_endpoint", &S::sigma_endpoint, "Standard deviation of start and goal.",
            {.min = 1e-9});
 }

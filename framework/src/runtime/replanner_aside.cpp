@@ -21,9 +21,18 @@ constexpr double kSpare_s = 1.0;  ///< Between the end of the motion and the pre
 /// stands.
 constexpr double kWorth_s = 1.0;
 
-/// Unit vectors all around, the one towards the goal first, then on either side of it.
-std::array<Eigen::Vector2d, kDirections> directions_from(const Eigen::Vector2d& way_m) {
-  std::array<Eigen::Vector2d, kDirections> directions;
+/// Unit vectors along which the base can move from `q`: all around, the one towards the goal first,
+/// then on either side of it; ahead and back, if it rolls.
+std::vector<Eigen::Vector2d> directions_from(const Eigen::Vector2d& way_m,
+                                             std::span<const double> q,
+                                             const std::optional<RollingBase>& rolling) {
+  if (rolling) {
+    const double yaw = q[idx(rolling->yaw)];
+    const Eigen::Vector2d ahead(std::cos(yaw), std::sin(yaw));
+    if (ahead.dot(way_m) < 0.0) return {-ahead, ahead};
+    return {ahead, -ahead};
+  }
+  std::vector<Eigen::Vector2d> directions(kDirections);
   for (int k = 0; k < kDirections; ++k) {
     const int turn = (k % 2 == 0 ? -1 : 1) * ((k + 1) / 2);
     const double angle =
@@ -75,7 +84,8 @@ std::optional<detail::FoundPlan> Replanner::Impl::find_aside(
   const auto place = [&](std::span<const double> at) {
     return Eigen::Vector2d(at[idx((*base)[0])], at[idx((*base)[1])]);
   };
-  const auto directions = directions_from(place(as_span(parts.goal.q)) - place(q));
+  const auto directions = directions_from(place(as_span(parts.goal.q)) - place(q), q,
+                                          parts.robot->description().rolling);
   const double brake_s = lead.duration_s() + settings.replan_period_s + settings.search_s();
   std::optional<detail::FoundPlan> best;
   double clear_s = standing.time_s + kWorth_s;

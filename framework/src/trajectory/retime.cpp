@@ -414,8 +414,10 @@ Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
   SIDESTEP_TRY(check(path, limits, settings));
   if (limits.rolling) {
     const RollingBase base = *limits.rolling;
+    RetimeSettings finer = settings;
+    finer.least_stages = std::max(settings.least_stages, detail::stages_to_roll(path, base));
     auto timed =
-        SIDESTEP_TRY(retime(detail::with_way(path, base), detail::with_way(limits), settings));
+        SIDESTEP_TRY(retime(detail::with_way(path, base), detail::with_way(limits), finer));
     timed.trajectory = detail::without_way(timed.trajectory, base);
     return timed;
   }

@@ -188,6 +188,16 @@ MotionLimits with_way(MotionLimits limits) {
   return limits;
 }
 
+int stages_to_roll(const Trajectory& path, const RollingBase& base) {
+  constexpr double kTurnOfStage_rad = 0.02;
+  constexpr double kMost = 100'000.0;
+  double turn = 0.0;
+  for (int state = 0; state + 1 < path.size(); ++state) {
+    turn += std::abs(path.q(state + 1)[idx(base.yaw)] - path.q(state)[idx(base.yaw)]);
+  }
+  return 1 + static_cast<int>(std::min(kMost, turn / kTurnOfStage_rad));
+}
+
 Trajectory without_way(const Trajectory& with, const RollingBase& base) {
   Trajectory out;
   out.dof = with.dof - 1;

@@ -80,7 +80,8 @@ using CostForm = std::variant<ObstacleForm, FloorForm, SelfCollisionForm, LimitF
                               LinkPoseForm, LinkAxisForm>;
 
 /// Optional interface of a StateCost: its parameters, for optimisers that evaluate costs by other
-/// means than evaluate(), e.g. on a GPU. All of costs.hpp implement it but that of what moves.
+/// means than evaluate(), e.g. on a GPU. All of costs.hpp implement it but those of what moves and
+/// of a rolling base.
 class SIDESTEP_EXPORT HasCostForm {
  public:
   virtual ~HasCostForm() = default;

@@ -79,6 +79,11 @@ class FloorClearance {
 [[nodiscard]] std::unique_ptr<StateCost> make_velocity_limit_cost(
     std::shared_ptr<const RobotModel> robot, double speed_fraction, double sigma);
 
+/// One residual: the speed of the robot's rolling base across its wheels over sigma, in m/s. A
+/// robot without one has none: kInvalidArgument.
+[[nodiscard]] Result<std::unique_ptr<StateCost>> make_sideways_cost(const RobotDescription& robot,
+                                                                    double sigma_mps);
+
 /// 2 d residuals: (q - target.q) / sigma, (qdot - target.qdot) / sigma. `name`: "start", "goal".
 [[nodiscard]] std::unique_ptr<StateCost> make_state_prior(std::string name, RobotState target,
                                                           double sigma);

@@ -116,6 +116,7 @@ struct CostSettings {
   double sigma_position_limit = 0.01;   ///< m, rad; 0 leaves the term out.
   double position_limit_margin = 0.01;  ///< m, rad
   double sigma_velocity_limit = 0.05;   ///< m/s, rad/s; 0 leaves the term out.
+  double sigma_sideways_mps = 0.005;    ///< Of a rolling base, across its wheels; 0 leaves it out.
   double sigma_endpoint = 1e-4;         ///< Of start and goal, position and velocity.
   /// False leaves the goal configuration to terms to be added at kGoal, and holds only the goal's
   /// velocity ("goal_velocity").
@@ -128,7 +129,7 @@ void add_moving_term(const CostSettings& settings, Problem& problem);
 
 /// The standard terms for problem.robot, space, field, prediction, start and goal: obstacle, floor
 /// (where there is one), moving (where something may be), self-collision, position limits, velocity
-/// limits (scaled by speed_fraction), start, goal.
+/// limits (scaled by speed_fraction), a rolling base's speed across its wheels, start, goal.
 [[nodiscard]] std::vector<CostTerm> standard_terms(const Problem& problem,
                                                    const CostSettings& settings);
 
