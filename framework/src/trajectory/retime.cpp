@@ -414,10 +414,11 @@ Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
   SIDESTEP_TRY(check(path, limits, settings));
   if (limits.rolling) {
     const RollingBase base = *limits.rolling;
-    RetimeSettings finer = settings;
-    finer.least_stages = std::max(settings.least_stages, detail::stages_to_roll(path, base));
+    // What slips a little, as trajectories that costs make roll, is made to roll first.
+    Trajectory rolling = path;
+    (void)roll(base, rolling);
     auto timed =
-        SIDESTEP_TRY(retime(detail::with_way(path, base), detail::with_way(limits), finer));
+        SIDESTEP_TRY(retime(detail::with_way(rolling, base), detail::with_way(limits), settings));
     timed.trajectory = detail::without_way(timed.trajectory, base);
     return timed;
   }

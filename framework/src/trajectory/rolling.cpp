@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -121,31 +122,98 @@ void write(const RollingBase& base, const BaseWay& way, double turn, double push
 
 }  // namespace
 
-bool roll(const RollingBase& base, Trajectory& trajectory) {
+namespace {
+
+/// A turn and a push with which the base ends where the trajectory does.
+std::optional<Eigen::Vector2d> aim(const RollingBase& base, const BaseWay& way,
+                                   const Trajectory& trajectory) {
   constexpr double kThere_m = 1e-12;
-  constexpr int kMaxRounds = 20;
+  constexpr int kMostSteps = 20;
   constexpr double kMostTurn_rad = 0.5;
-  if (trajectory.size() < 2) return true;
-  const BaseWay way(base, trajectory, false);
-  const int last = trajectory.size() - 1;
-  const Eigen::Vector2d goal_m(trajectory.q(last)[idx(base.x)], trajectory.q(last)[idx(base.y)]);
-  double turn = 0.0, push = 0.0;
+  const auto goal = trajectory.q(trajectory.size() - 1);
+  const Eigen::Vector2d goal_m(goal[idx(base.x)], goal[idx(base.y)]);
   const auto ignore = [](int, const Eigen::Vector2d&) {};
-  for (int round = 0; round < kMaxRounds; ++round) {
-    const BaseWay::End end = way.follow(turn, push, ignore);
+  Eigen::Vector2d change = Eigen::Vector2d::Zero();
+  for (int round = 0; round < kMostSteps; ++round) {
+    const BaseWay::End end = way.follow(change.x(), change.y(), ignore);
     const Eigen::Vector2d off_m = goal_m - end.at_m;
-    if (off_m.norm() < kThere_m) {
-      write(base, way, turn, push, trajectory);
-      trajectory.q(last)[idx(base.x)] = goal_m.x();
-      trajectory.q(last)[idx(base.y)] = goal_m.y();
+    if (off_m.norm() < kThere_m) return change;
+    change += end.derivative.completeOrthogonalDecomposition().solve(off_m);
+    if (!(std::abs(change.x()) < kMostTurn_rad && change.allFinite())) return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+/// Into how many parts each piece has to be cut to keep to the tolerance; empty: all do.
+std::vector<int> parts_to_roll(const RollingBase& base, const Trajectory& trajectory) {
+  constexpr double kWanted_mps = 0.2 * kSlipTolerance_mps;
+  std::vector<int> parts;
+  bool is_any = false;
+  std::vector<double> q(idx(trajectory.dof)), qdot(idx(trajectory.dof));
+  for (int state = 0; state + 1 < trajectory.size(); ++state) {
+    const double begin_s = trajectory.times_s[idx(state)];
+    const double h = trajectory.times_s[idx(state) + 1] - begin_s;
+    double slip_mps = 0.0;
+    for (const double share : {0.2, 0.5, 0.8}) {
+      trajectory.sample(begin_s + share * h, q, qdot);
+      slip_mps = std::max(slip_mps, std::abs(base_speed(base, q, qdot).left_mps));
+    }
+    // It falls with the third power of their length.
+    constexpr int kMost = 8;
+    const double wanted = std::ceil(std::cbrt(slip_mps / kWanted_mps));
+    parts.push_back(std::clamp(static_cast<int>(std::min(wanted, 1e3)), 1, kMost));
+    is_any |= parts.back() > 1;
+  }
+  if (!is_any) parts.clear();
+  return parts;
+}
+
+/// The same motion with more states.
+Trajectory cut_into(const Trajectory& trajectory, const std::vector<int>& parts) {
+  Trajectory out;
+  out.dof = trajectory.dof;
+  std::vector<double> q(idx(trajectory.dof)), qdot(idx(trajectory.dof));
+  const auto append = [&](double time_s, std::span<const double> at, std::span<const double> rate) {
+    out.times_s.push_back(time_s);
+    out.positions.insert(out.positions.end(), at.begin(), at.end());
+    out.velocities.insert(out.velocities.end(), rate.begin(), rate.end());
+  };
+  for (int state = 0; state < trajectory.size(); ++state) {
+    append(trajectory.times_s[idx(state)], trajectory.q(state), trajectory.qdot(state));
+    if (state + 1 == trajectory.size()) break;
+    const double begin_s = trajectory.times_s[idx(state)];
+    const double h = trajectory.times_s[idx(state) + 1] - begin_s;
+    for (int part = 1; part < parts[idx(state)]; ++part) {
+      const double time_s = begin_s + h * part / parts[idx(state)];
+      trajectory.sample(time_s, q, qdot);
+      append(time_s, q, qdot);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+bool roll(const RollingBase& base, Trajectory& trajectory) {
+  constexpr int kMaxRounds = 4;
+  if (trajectory.size() < 2) return true;
+  Trajectory slipping = trajectory;
+  for (int round = 0;; ++round) {
+    const BaseWay way(base, slipping, false);
+    const auto change = aim(base, way, slipping);
+    if (!change) return false;
+    Trajectory rolling = slipping;
+    write(base, way, change->x(), change->y(), rolling);
+    for (const int joint : {base.x, base.y}) {
+      rolling.q(rolling.size() - 1)[idx(joint)] = slipping.q(slipping.size() - 1)[idx(joint)];
+    }
+    const std::vector<int> parts = parts_to_roll(base, rolling);
+    if (parts.empty() || round == kMaxRounds) {
+      trajectory = std::move(rolling);
       return true;
     }
-    const Eigen::Vector2d step = end.derivative.completeOrthogonalDecomposition().solve(off_m);
-    turn += step.x();
-    push += step.y();
-    if (!(std::abs(turn) < kMostTurn_rad && std::isfinite(push))) return false;
+    slipping = cut_into(slipping, parts);
   }
-  return false;
 }
 
 void roll_freely(const RollingBase& base, Trajectory& trajectory) {
@@ -179,23 +247,20 @@ Trajectory with_way(const Trajectory& path, const RollingBase& base) {
 }
 
 MotionLimits with_way(MotionLimits limits) {
-  const std::size_t x = idx(limits.rolling->x);
+  constexpr double kKeptFree = 5e-4;  // of accelerations, which roll() moves by less
+  const RollingBase base = *limits.rolling;
+  for (auto* values : {&limits.acceleration, &limits.braking}) {
+    for (const int joint : {base.x, base.y, base.yaw}) {
+      if (!values->empty()) (*values)[idx(joint)] *= 1.0 - kKeptFree;
+    }
+  }
+  const std::size_t x = idx(base.x);
   for (auto* values : {&limits.velocity, &limits.acceleration, &limits.braking}) {
     if (x < values->size()) values->push_back(double((*values)[x]));
   }
   if (!limits.names.empty()) limits.names.emplace_back("the base's way");
   limits.rolling.reset();
   return limits;
-}
-
-int stages_to_roll(const Trajectory& path, const RollingBase& base) {
-  constexpr double kTurnOfStage_rad = 0.02;
-  constexpr double kMost = 100'000.0;
-  double turn = 0.0;
-  for (int state = 0; state + 1 < path.size(); ++state) {
-    turn += std::abs(path.q(state + 1)[idx(base.yaw)] - path.q(state)[idx(base.yaw)]);
-  }
-  return 1 + static_cast<int>(std::min(kMost, turn / kTurnOfStage_rad));
 }
 
 Trajectory without_way(const Trajectory& with, const RollingBase& base) {

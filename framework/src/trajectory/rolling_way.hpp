@@ -11,8 +11,6 @@ namespace sidestep::detail {
 [[nodiscard]] Trajectory with_way(const Trajectory& path, const RollingBase& base);
 /// The limits of the joints of such a path: the last one's are those of `rolling`'s x.
 [[nodiscard]] MotionLimits with_way(MotionLimits limits);
-/// Into how many stages such a path has to be cut at least, to roll when retimed.
-[[nodiscard]] int stages_to_roll(const Trajectory& path, const RollingBase& base);
 /// Without that joint, and rolling.
 [[nodiscard]] Trajectory without_way(const Trajectory& with, const RollingBase& base);
 

@@ -35,10 +35,9 @@ struct RollingExtremes {
                                                                double from_s, double to_s);
 
 /// Makes the base of a trajectory roll: its heading and its speed ahead stay, all but a little, and
-/// its positions become what they lead to, so that it still ends where it did. Between states that
-/// turn by 0.03 rad or less what is left across the wheels is 1e-6 of the speed at most. False, and
-/// nothing is changed, where that does not bring it to its end: where it slips too much. [any];
-/// allocates.
+/// its positions become what they lead to, so that it still ends where it did; it gets as many more
+/// states as it takes to keep to kSlipTolerance_mps between them. False, and nothing is changed,
+/// where that does not bring it to its end: where it slips too much. [any]; allocates.
 [[nodiscard]] SIDESTEP_EXPORT bool roll(const RollingBase& base, Trajectory& trajectory);
 
 /// As roll(), with the speeds that states have, even between them; it ends wherever that leads to.
