@@ -1,6 +1,7 @@
 #include <sidestep/planning/costs.hpp>
 
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -123,6 +124,21 @@ TEST(VelocityLimitCost, BeginsAtTheShareOfTheLimit) {
   EXPECT_TRUE(cost->depends_on_velocity());
   expect_conforms(*make_velocity_limit_cost(arm(2, true), 0.5, 0.1),
                   random_states(4, 30, 1.0, 3.0));
+}
+
+TEST(SidewaysCost, IsTheSpeedAcrossTheWheels) {
+  RobotDescription robot;
+  robot.name = "cart";
+  EXPECT_FALSE(make_sideways_cost(robot, 0.01));
+  robot.rolling = RollingBase{1, 2, 0};
+  EXPECT_FALSE(make_sideways_cost(robot, 0.0));
+  const auto cost = make_sideways_cost(robot, 0.01);
+  ASSERT_TRUE(cost) << cost.error().describe();
+  States moving = still({0.5 * std::numbers::pi, 3.0, 4.0});  // it looks along y
+  moving.qdot = {1.0, 0.2, 0.7};
+  EXPECT_NEAR(evaluate(**cost, moving).residuals[0], -0.2 / 0.01, 1e-12);
+  EXPECT_TRUE((*cost)->depends_on_velocity());
+  expect_conforms(**cost, random_states(3, 50, 3.0, 2.0));
 }
 
 TEST(StatePrior, IsTheWhitenedDifference) {

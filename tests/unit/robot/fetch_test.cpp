@@ -1,3 +1,5 @@
+#include <sidestep/robot/base_joints.hpp>
+
 #include "conformance/robot_conformance.hpp"
 #include "robot_testing.hpp"
 
@@ -105,6 +107,25 @@ TEST_F(Fetch, ReachPosesReachWhatTheirNamesSay) {
   EXPECT_LT((down.linear().col(0) + Eigen::Vector3d::UnitZ()).norm(), 0.1);
   EXPECT_NEAR(down.translation().x(), 0.77, 0.01);
   EXPECT_NEAR(down.translation().z(), 0.68, 0.01);
+}
+
+TEST_F(Fetch, DrivesOnTwoWheelsAsAWholeBody) {
+  const auto whole = loader_.load_or_fail("{profile: fetch, group: whole_body}");
+  ASSERT_NE(whole, nullptr);
+  conformance::check_robot(*whole);
+  const RobotDescription& robot = whole->description();
+  EXPECT_EQ(robot.dof(), 11);
+  ASSERT_TRUE(robot.rolling);
+  EXPECT_EQ(robot.joints[static_cast<std::size_t>(robot.rolling->yaw)].name, "odom_t");
+  std::vector<double> q(11, 0.0);
+  q[0] = 1.5;
+  q[1] = -0.5;
+  q[2] = 1.0;
+  const Transform base = link_pose(*whole, q, "base_link");
+  EXPECT_LT((base.translation() - Eigen::Vector3d(1.5, -0.5, 0.0)).norm(), 1e-12);
+  EXPECT_NEAR(yaw_of(base), 1.0, 1e-12);
+  // Standing, it is held where it is: nothing rolls.
+  EXPECT_FALSE(robot_->description().rolling);
 }
 
 }  // namespace
