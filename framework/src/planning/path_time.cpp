@@ -10,6 +10,7 @@
 
 #include <sidestep/core/index.hpp>
 #include <sidestep/core/scratch.hpp>
+#include <sidestep/trajectory/rolling.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
 #include "cubic_motion.hpp"
@@ -347,6 +348,7 @@ std::optional<Trajectory> retime_among(const Trajectory& trajectory, double from
     const std::vector<PlaneNode> nodes = search.run(starts_at_rest, required_m);
     if (nodes.empty()) continue;
     Trajectory motion = motion_of(nodes, trajectory, path, limits, step_s);
+    if (limits.rolling && !roll(*limits.rolling, motion)) continue;
     if (from_s > 0.0) motion = joined(cut(trajectory, 0.0, from_s), motion);
     if (!check.first_conflict(motion, 0.0, predicted)) return motion;
   }

@@ -45,6 +45,7 @@ std::vector<Eigen::Vector2d> directions_from(const Eigen::Vector2d& way_m,
 /// Limits under which the base is no faster along a line than the slower of its two joints.
 MotionLimits limits_along(MotionLimits limits, const std::array<int, 2>& base,
                           const Eigen::Vector2d& direction) {
+  if (limits.rolling) return limits;  // its speed along its wheels is limited anyway
   for (auto* values : {&limits.velocity, &limits.acceleration}) {
     const double least = std::min((*values)[idx(base[0])], (*values)[idx(base[1])]);
     for (const int axis : {0, 1}) {

@@ -217,14 +217,21 @@ void ShapeCheck::Run::check_limits(int segment, double from, double to) {
   }
 }
 
-/// What moves along the heading, at five instants of a segment.
+/// What moves along the heading, at five instants of a segment, or one for each 0.1 rad.
 void ShapeCheck::Run::check_heading(int segment, double from, double to) {
   if (!robot_.rolling) return;
   const auto [x, y, yaw] = *robot_.rolling;
   const double begin_s = trajectory_.times_s[idx(segment)];
   const double limit = its_.settings_.speed_fraction * robot_.joints[idx(x)].max_velocity;
   std::vector<double> qdot(idx(trajectory_.dof));
-  for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+  const BezierJoint& heading = joints_[idx(yaw)];
+  double turn = 0.0;  // along the control points: at least that of the curve
+  for (std::size_t c = 1; c < heading.position.size(); ++c) {
+    turn += std::abs(heading.position[c] - heading.position[c - 1]);
+  }
+  const int looks = 4 + static_cast<int>(std::min(1e4, turn / 0.1));
+  for (int look = 0; look <= looks; ++look) {
+    const double share = static_cast<double>(look) / looks;
     const double time_s = begin_s + (from + share * (to - from)) * duration_s(segment);
     trajectory_.sample(time_s, q_, qdot);
     const double speed = std::hypot(qdot[idx(x)], qdot[idx(y)]);

@@ -108,9 +108,10 @@ Result<Trajectory> brake(const Trajectory& trajectory, double from_s, const Moti
   SIDESTEP_TRY(check(trajectory, from_s, limits));
   if (limits.rolling) {
     const RollingBase base = *limits.rolling;
-    const Trajectory stop =
-        SIDESTEP_TRY(brake(detail::with_way(trajectory, base), from_s, detail::with_way(limits)));
-    return detail::without_way(stop, base);
+    Trajectory stop = detail::without_way(
+        SIDESTEP_TRY(brake(detail::with_way(trajectory, base), from_s, detail::with_way(limits))));
+    if (!roll(base, stop)) return invalid("the base does not roll on the trajectory");
+    return stop;
   }
   const double from = std::clamp(from_s, 0.0, trajectory.duration_s());
   const double left_s = first_rest_s(trajectory, from) - from;

@@ -66,9 +66,7 @@ PathStages::PathStages(const Trajectory& path, int least_stages)
   if (pieces <= 0) return;
   cubics_.assign_zeros(idx(pieces) * CubicLanes::kRows * width_);
   for (int p = 0; p < pieces; ++p) length_ += take_piece(p, p);
-  // What has been cut into stages before need not be cut again.
-  const int parts =
-      pieces > 2 * least_stages ? 1 : std::max(4, (least_stages + pieces - 1) / pieces);
+  const int parts = std::max(4, (least_stages + pieces - 1) / pieces);
   const std::size_t expected = idx(parts) * idx(pieces) * 5 / 4;
   stages_.reserve(expected);
   rows_.reserve(expected * kRows * width_);

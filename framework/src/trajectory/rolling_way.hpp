@@ -11,7 +11,7 @@ namespace sidestep::detail {
 [[nodiscard]] Trajectory with_way(const Trajectory& path, const RollingBase& base);
 /// The limits of the joints of such a path: the last one's are those of `rolling`'s x.
 [[nodiscard]] MotionLimits with_way(MotionLimits limits);
-/// Without that joint, and rolling.
-[[nodiscard]] Trajectory without_way(const Trajectory& with, const RollingBase& base);
+/// Without that joint.
+[[nodiscard]] Trajectory without_way(const Trajectory& with);
 
 }  // namespace sidestep::detail

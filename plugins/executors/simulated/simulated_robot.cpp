@@ -5,6 +5,9 @@
 #include <span>
 #include <utility>
 
+#include <sidestep/core/index.hpp>
+#include <sidestep/trajectory/rolling.hpp>
+
 namespace sidestep::simulated {
 namespace {
 
@@ -114,13 +117,30 @@ void SimulatedRobot::track_joint(Eigen::Index joint, double reference_q, const R
 }
 
 void SimulatedRobot::brake_joints() {
+  if (limits_.rolling) roll_to_rest();
   for (Eigen::Index joint = 0; joint < state_.q.size(); ++joint) {
+    if (limits_.rolling && (joint == limits_.rolling->x || joint == limits_.rolling->y)) continue;
     const double change = limits_.while_stopping()[static_cast<std::size_t>(joint)] * kStep_s;
     double& velocity = state_.qdot[joint];
     const double reached = velocity - std::clamp(velocity, -change, change);
     state_.q[joint] += 0.5 * (velocity + reached) * kStep_s;
     velocity = reached;
   }
+}
+
+/// What wheels make of it when all joints lose speed: none across them, and ahead as along x.
+void SimulatedRobot::roll_to_rest() {
+  const auto [x, y, yaw] = *limits_.rolling;
+  const auto speed = base_speed(*limits_.rolling, as_span(state_.q), as_span(state_.qdot));
+  const double change = limits_.while_stopping()[idx(x)] * kStep_s;
+  const double ahead = speed.ahead_mps - std::clamp(speed.ahead_mps, -change, change);
+  const double turn = state_.qdot[yaw] * kStep_s;
+  const double middle = state_.q[yaw] + 0.5 * turn, end = state_.q[yaw] + turn;
+  const double way_m = 0.5 * (speed.ahead_mps + ahead) * kStep_s;
+  state_.q[x] += way_m * std::cos(middle);
+  state_.q[y] += way_m * std::sin(middle);
+  state_.qdot[x] = ahead * std::cos(end);
+  state_.qdot[y] = ahead * std::sin(end);
 }
 
 bool SimulatedRobot::is_settled() const {

@@ -55,6 +55,7 @@ class SimulatedRobot {
   void track();
   void track_joint(Eigen::Index joint, double reference_q, const Reference& next);
   void brake_joints();
+  void roll_to_rest();
   [[nodiscard]] bool is_settled() const;
 
   MotionLimits limits_;

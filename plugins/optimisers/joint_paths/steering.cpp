@@ -31,7 +31,10 @@ void Steering::append(std::span<const double> from, std::span<const double> to,
     if (distance_m > kLeast) {
       const double begin = from[yaw] / scale_[yaw], end = to[yaw] / scale_[yaw];
       const double middle = 0.5 * (begin + end);
-      const double heading = middle + std::remainder(std::atan2(dy, dx) - middle, std::numbers::pi);
+      double turn = std::remainder(std::atan2(dy, dx) - middle, std::numbers::pi);
+      // Beside each other, either way turns as far: not rounding chooses, but the left does.
+      if (turn < kLeast - 0.5 * std::numbers::pi) turn += std::numbers::pi;
+      const double heading = middle + turn;
       const double before = std::abs(heading - begin), behind = std::abs(end - heading);
       const double whole = before + distance_m + behind;
       const auto add = [&](std::span<const double> base, double part) {
