@@ -123,10 +123,6 @@ void write(const RollingBase& base, const BaseWay& way, double turn, double push
   trajectory = std::move(rolled);
 }
 
-}  // namespace
-
-namespace {
-
 /// A turn and a push with which the base ends where the trajectory does.
 std::optional<Eigen::Vector2d> aim(const RollingBase& base, const BaseWay& way,
                                    const Trajectory& trajectory) {

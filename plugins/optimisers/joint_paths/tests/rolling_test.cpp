@@ -171,13 +171,38 @@ TEST_F(RollingArm, KeepsToATightBend) {
       make_field_check(task.robot, task.field, task.space, {})->check(*driven, 0.0, Deadline());
   ASSERT_TRUE(verdict) << verdict.error().describe();
   EXPECT_TRUE(verdict->valid()) << verdict->describe();
-  // What there is room for is a short curve, on which it is slow.
-  double least_mps = 1.0;
-  for (int i = 0; i < driven->size(); ++i) {
-    if (std::hypot(driven->q(i)[0], driven->q(i)[1]) > 0.3) continue;
-    least_mps = std::min(least_mps, std::hypot(driven->qdot(i)[0], driven->qdot(i)[1]));
+}
+
+/// Calls everything clear but what drives and turns at once.
+class NoCurves final : public Checker {
+ public:
+  Result<void> look_at(const Problem&) override { return {}; }
+  bool is_clear(std::span<const double>) override { return true; }
+  unsigned find_blocked(std::span<const double>) override { return 0; }
+  bool is_clear(std::span<const double> from, std::span<const double> to, double) override {
+    return from[2] == to[2] || (from[0] == to[0] && from[1] == to[1]);
   }
-  EXPECT_LT(least_mps, 0.4);
+  std::optional<Violation> violation(std::span<const double>) override { return std::nullopt; }
+};
+
+TEST_F(RollingArm, StopsToTurnWhereNoCurveIsClear) {
+  NoCurves checker;
+  const std::vector<double> path = {-2, 0, 0,       0, 0, 0, 0,  //
+                                    0,  0, 0,       0, 0, 0, 0,  //
+                                    0,  2, kPi / 2, 0, 0, 0, 0};
+  const auto driven = drive(problem({}), path, checker, 0.01, Deadline());
+  ASSERT_TRUE(driven) << driven.error().describe();
+  expect_rolls(*driven);
+  // It is in the corner with one heading and with the other, and at rest with both.
+  int rests = 0;
+  for (int i = 1; i + 1 < driven->size(); ++i) {
+    if (std::hypot(driven->q(i)[0], driven->q(i)[1]) > 1e-9) continue;
+    const double turned = driven->q(i)[2];
+    if (turned > 1e-9 && turned < 0.5 * kPi - 1e-9) continue;
+    ++rests;
+    for (const double rate : driven->qdot(i)) EXPECT_NEAR(rate, 0.0, 1e-9);
+  }
+  EXPECT_EQ(rests, 2);
 }
 
 class RollingPlanner : public RollingArm, public testing::WithParamInterface<const char*> {};
