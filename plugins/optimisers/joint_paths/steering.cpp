@@ -8,6 +8,7 @@
 #include <sidestep/core/index.hpp>
 #include <sidestep/trajectory/motion_limits.hpp>
 #include <sidestep/trajectory/retime.hpp>
+#include <sidestep/trajectory/rolling.hpp>
 
 namespace sidestep::joint_paths {
 namespace {
@@ -166,9 +167,10 @@ class Driver {
       is_moving = curve.leg_m > 0.0;
       taken_m = curve.leg_m;
       if (!is_moving) continue;
-      const auto stride = static_cast<std::size_t>(curve.chords);
-      for (std::size_t s = stride; s < curve.states.size(); s += stride) {
-        writer.append(curve.step, curve.states[s], curve.rates[s]);
+      for (int state = curve.chords; state < curve.path.size(); state += curve.chords) {
+        writer.append(
+            curve.path.times_s[idx(state)] - curve.path.times_s[idx(state - curve.chords)],
+            curve.path.q(state), curve.path.qdot(state));
       }
       i = next - 1;
     }
@@ -178,10 +180,9 @@ class Driver {
  private:
   /// From one drive into the next, with both its ends.
   struct Curve {
-    double leg_m = 0.0;   ///< Of each of the drives; 0: there is none.
-    double step = 0.0;    ///< Of a cubic, m.
-    double chords = 1.0;  ///< In each of which it is looked at.
-    std::vector<std::vector<double>> states, rates;
+    double leg_m = 0.0;  ///< Of each of the drives; 0: there is none.
+    int chords = 1;      ///< As many of its pieces are a cubic of the path.
+    Trajectory path;     ///< By its way, in m.
   };
 
   static double direction(const Straight& motion) noexcept {
@@ -289,16 +290,6 @@ class Driver {
     const double yaw = before.from[idx(base_.yaw)];
     const auto share = [](double u) { return u * u * (3.0 - 2.0 * u); };
     const auto slope = [](double u) { return 6.0 * u * (1.0 - u); };
-    // How far it leads along the line between its ends, for a way of 1.
-    const auto chord = [&](double a, double b) {
-      return integral(a, b, [&](double u) { return std::cos(turn * (share(u) - 0.5)); });
-    };
-    constexpr int kParts = 16;
-    double reach = 0.0;
-    for (int i = 0; i < kParts; ++i) {
-      reach += chord(static_cast<double>(i) / kParts, static_cast<double>(i + 1) / kParts);
-    }
-    const double length_m = 2.0 * leg_m * std::cos(0.5 * turn) / reach;
     // The velocity of a cubic between states h apart is off by at most sqrt(3)/216 h^3 times the
     // fourth derivative, which here is 12 t + 27 t^2 + 3.4 t^3 by the way, at most, of a turn t.
     const double t = std::abs(turn);
@@ -307,69 +298,51 @@ class Driver {
     const double chords = std::ceil(1.5 * t / kTurnOfChord_rad / cubics);  // in a cubic
     const double pieces = cubics * std::max(1.0, chords);
     const double sign = direction(before);
-    Curve curve{leg_m, length_m / cubics, std::max(1.0, chords), {}, {}};
-    std::vector<double> q = at(before, 1.0 - leg_m / std::abs(before.way_m));
-    const std::vector<double> from = q, to = at(behind, leg_m / std::abs(behind.way_m));
-    const std::vector<double> rates_from = rates_of(before), rates_to = rates_of(behind);
-    for (int i = 0; i <= static_cast<int>(pieces); ++i) {
-      const double u = i / pieces;
-      std::vector<double> rates(dof_);
-      // The other joints: Hermite's cubic from drive to drive.
-      for (std::size_t j = 0; j < dof_; ++j) {
-        const double v0 = rates_from[j] * length_m, v1 = rates_to[j] * length_m;
-        const double d = to[j] - from[j];
-        const double c2 = 3.0 * d - 2.0 * v0 - v1, c3 = v0 + v1 - 2.0 * d;
-        q[j] = from[j] + u * (v0 + u * (c2 + u * c3));
-        rates[j] = (v0 + u * (2.0 * c2 + u * 3.0 * c3)) / length_m;
+    // Along a way of so many metres, from the first drive's cut on.
+    const auto along = [&](double length_m) {
+      Trajectory curve =
+          make_trajectory(robot_.dof(), static_cast<int>(pieces) + 1, length_m / pieces);
+      const std::vector<double> from = at(before, 1.0 - leg_m / std::abs(before.way_m));
+      const std::vector<double> to = at(behind, leg_m / std::abs(behind.way_m));
+      const std::vector<double> rates_from = rates_of(before), rates_to = rates_of(behind);
+      for (int i = 0; i < curve.size(); ++i) {
+        const double u = i / pieces;
+        const auto q = curve.q(i), rates = curve.qdot(i);
+        // The other joints: Hermite's cubic from drive to drive.
+        for (std::size_t j = 0; j < dof_; ++j) {
+          const double v0 = rates_from[j] * length_m, v1 = rates_to[j] * length_m;
+          const double d = to[j] - from[j];
+          const double c2 = 3.0 * d - 2.0 * v0 - v1, c3 = v0 + v1 - 2.0 * d;
+          q[j] = from[j] + u * (v0 + u * (c2 + u * c3));
+          rates[j] = (v0 + u * (2.0 * c2 + u * 3.0 * c3)) / length_m;
+        }
+        const double heading = yaw + turn * share(u);
+        q[idx(base_.yaw)] = heading;
+        rates[idx(base_.yaw)] = turn * slope(u) / length_m;
+        rates[idx(base_.x)] = sign * std::cos(heading);
+        rates[idx(base_.y)] = sign * std::sin(heading);
       }
-      const double heading = yaw + turn * share(u);
-      q[idx(base_.yaw)] = heading;
-      rates[idx(base_.yaw)] = turn * slope(u) / length_m;
-      rates[idx(base_.x)] = sign * std::cos(heading);
-      rates[idx(base_.y)] = sign * std::sin(heading);
-      if (i == 0) {
-        q[idx(base_.x)] = from[idx(base_.x)];
-        q[idx(base_.y)] = from[idx(base_.y)];
-      } else {
-        const double u_before = (i - 1) / pieces;
-        const auto& last = curve.states.back();
-        const auto step_m = [&](auto function) {
-          return sign * length_m *
-                 integral(u_before, u, [&](double v) { return function(yaw + turn * share(v)); });
-        };
-        q[idx(base_.x)] = last[idx(base_.x)] + step_m([](double a) { return std::cos(a); });
-        q[idx(base_.y)] = last[idx(base_.y)] + step_m([](double a) { return std::sin(a); });
-      }
-      curve.states.push_back(q);
-      curve.rates.push_back(std::move(rates));
-    }
-    curve.states.back() = to;  // up to rounding it is there
-    return curve;
-  }
-
-  /// By Gauss and Legendre, five points.
-  template <class Function>
-  static double integral(double a, double b, const Function& function) {
-    constexpr std::pair<double, double> kPoints[] = {{0.0, 128.0 / 225.0},
-                                                     {0.5384693101056831, 0.47862867049936647},
-                                                     {0.9061798459386640, 0.23692688505618908}};
-    const double middle = 0.5 * (a + b), half = 0.5 * (b - a);
-    double sum = kPoints[0].second * function(middle);
-    for (const auto& [point, weight] : {kPoints[1], kPoints[2]}) {
-      sum += weight * (function(middle - half * point) + function(middle + half * point));
-    }
-    return half * sum;
+      roll_freely(base_, curve);
+      return curve;
+    };
+    const Trajectory unit = along(1.0);
+    const auto begin = unit.q(0), end = unit.q(unit.size() - 1);
+    const double reach = std::hypot(end[idx(base_.x)] - begin[idx(base_.x)],
+                                    end[idx(base_.y)] - begin[idx(base_.y)]);
+    const double length_m = 2.0 * leg_m * std::cos(0.5 * turn) / reach;
+    return {leg_m, std::max(1, static_cast<int>(chords)), along(length_m)};
   }
 
   [[nodiscard]] bool is_clear(const Curve& curve) {
-    for (const std::vector<double>& q : curve.states) {
+    for (int state = 0; state < curve.path.size(); ++state) {
+      const auto q = curve.path.q(state);
       for (std::size_t j = 0; j < dof_; ++j) {
         if (q[j] < robot_.joints[j].lower || q[j] > robot_.joints[j].upper) return false;
       }
-    }
-    for (std::size_t s = 1; s < curve.states.size(); ++s) {
-      if (deadline_.expired()) return false;
-      if (!checker_.is_clear(curve.states[s - 1], curve.states[s], resolution_m_)) return false;
+      if (state == 0) continue;
+      if (deadline_.expired() || !checker_.is_clear(curve.path.q(state - 1), q, resolution_m_)) {
+        return false;
+      }
     }
     return true;
   }
