@@ -276,9 +276,10 @@ class Driver {
     if (std::abs(turn) > kMostTurn_rad) return {};
     double leg_m =
         std::min({kMostLeg_m, 0.5 * std::abs(before.way_m), 0.5 * std::abs(behind.way_m)});
-    for (; leg_m >= kLeastLeg_m; leg_m *= 0.5) {
+    while (leg_m >= kLeastLeg_m) {
       Curve curve = make_curve(before, behind, turn, leg_m);
       if (is_clear(curve)) return curve;
+      leg_m *= 0.5;
     }
     return {};
   }
