@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numbers>
 #include <queue>
 #include <utility>
 
@@ -26,10 +27,82 @@ constexpr double kOpen_m = 0.3;  ///< Clearance from which on more is worth noth
 /// Within so many cells of a position nobody looked at, or that is too near to obstacles, one is
 /// looked for that has a way.
 constexpr int kBeside = 4;
+constexpr double kFullTurn_rad = 2.0 * std::numbers::pi;
+constexpr double kChord_m = 0.3;  ///< Half of one.
 
 double price(double clearance_m) {
   const double lacks = std::clamp((kOpen_m - clearance_m) / kOpen_m, 0.0, 1.0);
   return 1.0 + (kTightness - 1.0) * lacks;
+}
+
+/// What is driven along, in m from its beginning; before that and after its end it stands.
+class Polyline {
+ public:
+  explicit Polyline(std::vector<Eigen::Vector2d> points_m) : points_m_(std::move(points_m)) {
+    for (std::size_t i = 1; i < points_m_.size(); ++i) {
+      gone_m_.push_back(gone_m_.back() + (points_m_[i] - points_m_[i - 1]).norm());
+    }
+  }
+
+  [[nodiscard]] double length_m() const noexcept { return gone_m_.back(); }
+
+  [[nodiscard]] Eigen::Vector2d at(double at_m) const {
+    const auto after = std::ranges::upper_bound(gone_m_, at_m);
+    const auto to = static_cast<std::size_t>(after - gone_m_.begin());
+    if (to == 0) return points_m_.front();
+    if (to == gone_m_.size()) return points_m_.back();
+    const double share = (at_m - gone_m_[to - 1]) / (gone_m_[to] - gone_m_[to - 1]);
+    return points_m_[to - 1] + share * (points_m_[to] - points_m_[to - 1]);
+  }
+
+  /// By how much the heading turns from the beginning to the end.
+  [[nodiscard]] double winding() const {
+    double turned = 0.0, before = heading(0.0);
+    for (std::size_t i = 1; i < gone_m_.size(); ++i) {
+      const double here = heading(gone_m_[i]);
+      turned += std::remainder(here - before, kFullTurn_rad);
+      before = here;
+    }
+    return turned;
+  }
+
+  /// Of the chord around a place: neighbours on the grid lie in eight directions only.
+  [[nodiscard]] double heading(double at_m) const {
+    const Eigen::Vector2d chord_m = at(at_m + kChord_m) - at(at_m - kChord_m);
+    return std::atan2(chord_m.y(), chord_m.x());
+  }
+
+ private:
+  std::vector<Eigen::Vector2d> points_m_;
+  std::vector<double> gone_m_{0.0};
+};
+
+/// How a rolling base's heading goes with its way.
+struct Headings {
+  double first = 0.0, last = 0.0;        ///< Where the way begins and ends.
+  double turned = 0.0;                   ///< Half a turn where it drives back.
+  double before_m = 0.0, after_m = 0.0;  ///< What it could drive while it turns there.
+};
+
+/// It drives ahead, or back where the turns that this saves take longer than the way: its sensors
+/// look ahead.
+Headings headings_along(const Polyline& way, const Problem& problem, const RollingBase& base) {
+  const std::vector<Joint>& joints = problem.robot->description().joints;
+  const double radius_m = joints[idx(base.x)].max_velocity / joints[idx(base.yaw)].max_velocity;
+  const double begin = problem.start.q[base.yaw], end = problem.goal.q[base.yaw];
+  const double turned_along = way.winding();
+  const auto driving = [&](double turned) {
+    Headings headings;
+    headings.turned = turned;
+    headings.first = begin + std::remainder(way.heading(0.0) + turned - begin, kFullTurn_rad);
+    headings.last = headings.first + turned_along;
+    headings.before_m = radius_m * std::abs(headings.first - begin);
+    headings.after_m = radius_m * std::abs(end - headings.last);
+    return headings;
+  };
+  const Headings ahead = driving(0.0), back = driving(std::numbers::pi);
+  const double saved_m = ahead.before_m + ahead.after_m - back.before_m - back.after_m;
+  return saved_m > way.length_m() ? back : ahead;
 }
 
 }  // namespace
@@ -207,31 +280,40 @@ std::optional<double> BaseWays::length_m(std::span<const double> q) const {
 }
 
 Trajectory BaseWays::first_guess(const Problem& problem) const {
-  std::vector<Eigen::Vector2d> way_m{at(as_span(problem.start.q))};
+  std::vector<Eigen::Vector2d> points_m{at(as_span(problem.start.q))};
   for (std::int32_t node = first_; node >= 0; node = positions_[idx(node)].next) {
-    way_m.push_back(position_m(node));
+    points_m.push_back(position_m(node));
   }
-  std::vector<double> gone_m{0.0};
-  for (std::size_t i = 1; i < way_m.size(); ++i) {
-    gone_m.push_back(gone_m.back() + (way_m[i] - way_m[i - 1]).norm());
-  }
-  const double straight_m = (way_m.back() - way_m.front()).norm();
-  const double longer = straight_m > 0.0 ? std::max(1.0, gone_m.back() / straight_m) : 1.0;
+  const Polyline way(std::move(points_m));
+  const auto& rolling = problem.robot->description().rolling;
+  const Headings headings = rolling ? headings_along(way, problem, *rolling) : Headings{};
+  const double before_m = headings.before_m,
+               length_m = before_m + way.length_m() + headings.after_m;
+  const double straight_m = (way.at(way.length_m()) - way.at(0.0)).norm();
+  const double longer = straight_m > 0.0 ? std::max(1.0, length_m / straight_m) : 1.0;
   const int last = static_cast<int>(std::ceil(longer * (problem.support_states - 1) - 1e-9));
   Trajectory guess = straight_line(problem.start, problem.goal, last + 1, problem.dt_s);
+  std::vector<std::size_t> joints{idx(x_), idx(y_)};
+  if (rolling) joints.push_back(idx(rolling->yaw));
   for (int i = 1; i < last; ++i) {
-    const double at_m = gone_m.back() * i / last;
-    const auto after = std::ranges::upper_bound(gone_m, at_m);
-    const auto k = std::clamp<std::ptrdiff_t>(after - gone_m.begin(), 1, std::ssize(gone_m) - 1);
-    const std::size_t to = static_cast<std::size_t>(k), from = to - 1;
-    const double length_m = gone_m[to] - gone_m[from];
-    const double share = length_m > 0.0 ? (at_m - gone_m[from]) / length_m : 1.0;
-    const Eigen::Vector2d p_m = way_m[from] + share * (way_m[to] - way_m[from]);
+    const double at_m = length_m * i / last - before_m;
+    const Eigen::Vector2d p_m = way.at(at_m);
     guess.q(i)[idx(x_)] = p_m.x();
     guess.q(i)[idx(y_)] = p_m.y();
+    if (!rolling) continue;
+    const double begin = problem.start.q[rolling->yaw], end = problem.goal.q[rolling->yaw];
+    double& yaw = guess.q(i)[joints.back()];
+    if (at_m < 0.0) {
+      yaw = headings.first + (begin - headings.first) * (-at_m / before_m);
+    } else if (at_m > way.length_m()) {
+      yaw = headings.last + (end - headings.last) * (at_m - way.length_m()) / headings.after_m;
+    } else {
+      const double before = i > 1 ? guess.q(i - 1)[joints.back()] : begin;
+      yaw = before + std::remainder(way.heading(at_m) + headings.turned - before, kFullTurn_rad);
+    }
   }
   for (int i = 1; i < last; ++i) {
-    for (const std::size_t j : {idx(x_), idx(y_)}) {
+    for (const std::size_t j : joints) {
       guess.qdot(i)[j] = (guess.q(i + 1)[j] - guess.q(i - 1)[j]) / (2.0 * problem.dt_s);
     }
   }

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
@@ -147,6 +148,67 @@ TEST_F(BaseWaysTest, AreEmptyWhereThereIsNone) {
   EXPECT_TRUE(BaseWays(mapless, {}).empty());
   EXPECT_TRUE(BaseWays(among({}), Deadline::after_s(-1.0)).empty());
   EXPECT_FALSE(BaseWays(among({}), {}).empty());
+}
+
+/// A ball on two wheels in the open: its third joint is its heading.
+class RollingBall : public testing_support::BallRobot {
+ public:
+  RollingBall() : BallRobot(kBall_m) {
+    description_.joints[2].type = Joint::Type::kContinuous;
+    description_.rolling = RollingBase{0, 1, 2};
+  }
+  void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                      Scratch&) const override {
+    for (std::size_t b = 0; b < centres_m.size(); ++b) {
+      centres_m[b] = {q[3 * b], q[3 * b + 1], 0.0};
+    }
+  }
+};
+
+/// From the origin.
+class RollingWays : public BaseWaysTest {
+ protected:
+  [[nodiscard]] static Trajectory to(const Eigen::Vector3d& goal) {
+    Problem problem = among({});
+    problem.robot = std::make_shared<RollingBall>();
+    problem.goal.q = goal;
+    return BaseWays(problem, {}).first_guess(problem);
+  }
+};
+
+TEST_F(RollingWays, TurnDriveAndTurn) {
+  constexpr double kDiagonal = 0.25 * std::numbers::pi;
+  const Trajectory guess = to({2.0, 2.0, 0.5});
+  // The way begins within a cell of the start; a chord that ends with it is 0.3 m long.
+  constexpr double kCell_m = 0.05, kAside = kCell_m / 0.3;
+  int turning = 0, driving = 0;
+  for (int i = 1; i + 1 < guess.size(); ++i) {
+    const auto q = guess.q(i);
+    EXPECT_NEAR(q[0], q[1], kCell_m + 1e-9) << i;
+    if (q[0] > 1e-9 && q[0] < 2.0 - 1e-9) {
+      EXPECT_NEAR(q[2], kDiagonal, kAside) << i;
+      ++driving;
+    } else {
+      EXPECT_GT(q[2], q[0] > 1.0 ? 0.5 : 0.0) << i;
+      EXPECT_LT(q[2], kDiagonal + kAside) << i;
+      ++turning;
+    }
+  }
+  // Its speeds' limits are 1 m/s and 1 rad/s.
+  const double share = (2.0 * kDiagonal - 0.5) / (2.0 * kDiagonal - 0.5 + std::hypot(2.0, 2.0));
+  EXPECT_NEAR(turning, share * (guess.size() - 1), 2.0);
+  EXPECT_GT(driving, 15);
+  EXPECT_EQ(guess.q(guess.size() - 1)[2], 0.5);
+}
+
+TEST_F(RollingWays, DriveBackWhereItIsNear) {
+  const Trajectory near = to({-0.6, 0.0, 0.0});
+  for (int i = 0; i < near.size(); ++i) EXPECT_NEAR(near.q(i)[2], 0.0, 1e-9) << i;
+  // Driving back, it would turn by 1.94 rad less, which are worth 1.94 m; the way is longer.
+  const Trajectory far = to({-1.9, 3.6, 0.0});
+  double highest = 0.0;
+  for (int i = 0; i < far.size(); ++i) highest = std::max(highest, far.q(i)[2]);
+  EXPECT_NEAR(highest, std::atan2(3.6, -1.9), 0.5);
 }
 
 }  // namespace
