@@ -28,6 +28,9 @@ constexpr double kOpen_m = 0.3;  ///< Clearance from which on more is worth noth
 /// looked for that has a way.
 constexpr int kBeside = 4;
 constexpr double kFullTurn_rad = 2.0 * std::numbers::pi;
+constexpr int kTurns = 16;          ///< Headings that are looked at where it turns on the spot,
+constexpr int kMostCellsBack = 30;  ///< and cells that it goes, or ahead, for that.
+constexpr double kRounding_m = 1e-9;
 constexpr double kChord_m = 0.3;  ///< Half of one.
 
 double price(double clearance_m) {
@@ -35,74 +38,75 @@ double price(double clearance_m) {
   return 1.0 + (kTightness - 1.0) * lacks;
 }
 
-/// What is driven along, in m from its beginning; before that and after its end it stands.
-class Polyline {
+/// Where a base goes: x, y and, where it rolls, its heading; and what it has gone by then, in m.
+class Places {
  public:
-  explicit Polyline(std::vector<Eigen::Vector2d> points_m) : points_m_(std::move(points_m)) {
-    for (std::size_t i = 1; i < points_m_.size(); ++i) {
-      gone_m_.push_back(gone_m_.back() + (points_m_[i] - points_m_[i - 1]).norm());
-    }
+  void add(const Eigen::Vector3d& place, double step_m) {
+    places_.push_back(place);
+    gone_m_.push_back(length_m() + step_m);
   }
+  [[nodiscard]] std::size_t size() const noexcept { return places_.size(); }
+  [[nodiscard]] const Eigen::Vector3d& operator[](std::size_t i) const { return places_[i]; }
+  [[nodiscard]] double length_m() const noexcept { return gone_m_.empty() ? 0.0 : gone_m_.back(); }
+  [[nodiscard]] double gone_m(std::size_t i) const { return gone_m_[i]; }
 
-  [[nodiscard]] double length_m() const noexcept { return gone_m_.back(); }
-
-  [[nodiscard]] Eigen::Vector2d at(double at_m) const {
+  /// Between them, evenly; beyond its ends, there.
+  [[nodiscard]] Eigen::Vector3d at(double at_m) const {
     const auto after = std::ranges::upper_bound(gone_m_, at_m);
     const auto to = static_cast<std::size_t>(after - gone_m_.begin());
-    if (to == 0) return points_m_.front();
-    if (to == gone_m_.size()) return points_m_.back();
+    if (to == 0) return places_.front();
+    if (to == places_.size()) return places_.back();
     const double share = (at_m - gone_m_[to - 1]) / (gone_m_[to] - gone_m_[to - 1]);
-    return points_m_[to - 1] + share * (points_m_[to] - points_m_[to - 1]);
-  }
-
-  /// By how much the heading turns from the beginning to the end.
-  [[nodiscard]] double winding() const {
-    double turned = 0.0, before = heading(0.0);
-    for (std::size_t i = 1; i < gone_m_.size(); ++i) {
-      const double here = heading(gone_m_[i]);
-      turned += std::remainder(here - before, kFullTurn_rad);
-      before = here;
-    }
-    return turned;
-  }
-
-  /// Of the chord around a place: neighbours on the grid lie in eight directions only.
-  [[nodiscard]] double heading(double at_m) const {
-    const Eigen::Vector2d chord_m = at(at_m + kChord_m) - at(at_m - kChord_m);
-    return std::atan2(chord_m.y(), chord_m.x());
+    return places_[to - 1] + share * (places_[to] - places_[to - 1]);
   }
 
  private:
-  std::vector<Eigen::Vector2d> points_m_;
-  std::vector<double> gone_m_{0.0};
+  std::vector<Eigen::Vector3d> places_;
+  std::vector<double> gone_m_;
 };
 
-/// How a rolling base's heading goes with its way.
-struct Headings {
-  double first = 0.0, last = 0.0;        ///< Where the way begins and ends.
-  double turned = 0.0;                   ///< Half a turn where it drives back.
-  double before_m = 0.0, after_m = 0.0;  ///< What it could drive while it turns there.
-};
+Places along(std::span<const Eigen::Vector2d> points_m) {
+  Places way;
+  for (std::size_t i = 0; i < points_m.size(); ++i) {
+    const double step_m = i > 0 ? (points_m[i] - points_m[i - 1]).norm() : 0.0;
+    way.add({points_m[i].x(), points_m[i].y(), 0.0}, step_m);
+  }
+  return way;
+}
 
+/// A rolling base's way from start to goal, whose positions from where it turns first are `way`.
 /// It drives ahead, or back where the turns that this saves take longer than the way: its sensors
 /// look ahead.
-Headings headings_along(const Polyline& way, const Problem& problem, const RollingBase& base) {
+Places rolled(const Places& way, const Problem& problem, const RollingBase& base) {
   const std::vector<Joint>& joints = problem.robot->description().joints;
   const double radius_m = joints[idx(base.x)].max_velocity / joints[idx(base.yaw)].max_velocity;
-  const double begin = problem.start.q[base.yaw], end = problem.goal.q[base.yaw];
-  const double turned_along = way.winding();
-  const auto driving = [&](double turned) {
-    Headings headings;
-    headings.turned = turned;
-    headings.first = begin + std::remainder(way.heading(0.0) + turned - begin, kFullTurn_rad);
-    headings.last = headings.first + turned_along;
-    headings.before_m = radius_m * std::abs(headings.first - begin);
-    headings.after_m = radius_m * std::abs(end - headings.last);
-    return headings;
+  const auto place_of = [&](const Eigen::VectorXd& q) {
+    return Eigen::Vector3d(q[base.x], q[base.y], q[base.yaw]);
   };
-  const Headings ahead = driving(0.0), back = driving(std::numbers::pi);
-  const double saved_m = ahead.before_m + ahead.after_m - back.before_m - back.after_m;
-  return saved_m > way.length_m() ? back : ahead;
+  const Eigen::Vector3d start = place_of(problem.start.q), goal = place_of(problem.goal.q);
+  const auto driving = [&](double turned) {
+    Places all;
+    all.add(start, 0.0);
+    Eigen::Vector3d last{way[0].x(), way[0].y(), start.z()};
+    all.add(last, (last - start).norm());
+    const auto add = [&](const Eigen::Vector3d& place) {
+      const double step_m = (place - last).head<2>().norm();
+      all.add(place, std::max(step_m, radius_m * std::abs(place.z() - last.z())));
+      last = place;
+    };
+    for (std::size_t i = 0; i < way.size(); ++i) {
+      // By chords: neighbours on the grid lie in eight directions only.
+      const double at_m = way.gone_m(i);
+      const Eigen::Vector3d chord_m = way.at(at_m + kChord_m) - way.at(at_m - kChord_m);
+      const double heading = std::atan2(chord_m.y(), chord_m.x()) + turned;
+      const double turn = std::remainder(heading - last.z(), kFullTurn_rad);
+      add({way[i].x(), way[i].y(), last.z() + turn});
+    }
+    add(goal);
+    return all;
+  };
+  Places ahead = driving(0.0), back = driving(std::numbers::pi);
+  return back.length_m() + way.length_m() < ahead.length_m() ? back : ahead;
 }
 
 }  // namespace
@@ -117,8 +121,15 @@ class BaseWays::Search {
         clearances_m_(ways.positions_.size(), std::numeric_limits<double>::quiet_NaN()) {}
 
   void run(const Deadline& deadline) {
-    const double start_m = clearances_of(problem_.start.q).front();
-    const double margin_m = std::min(problem_.collision_margin_m, start_m);
+    double margin_m =
+        std::min(problem_.collision_margin_m, clearances_of(problem_.start.q).front());
+    if (const auto& rolling = problem_.robot->description().rolling) {
+      if (const auto way_m = way_to_turn_m(*rolling, margin_m)) {
+        ways_.to_turn_m_ = *way_m;
+        start_m_ += *way_m;
+        margin_m = problem_.collision_margin_m;
+      }
+    }
     for (const double short_m : {0.0, 0.5 * ways_.cell_m_}) {
       spread(margin_m - short_m, deadline);
       if (!ways_.empty()) return;
@@ -164,6 +175,36 @@ class BaseWays::Search {
         open.emplace(cost_m, next);
       }
     }
+  }
+
+  /// How far a rolling base goes ahead or back to the nearest place where it can turn all around,
+  /// no nearer to obstacles on the way there than `least_m`. Nothing where there is none.
+  [[nodiscard]] std::optional<Eigen::Vector2d> way_to_turn_m(const RollingBase& base,
+                                                             double least_m) {
+    const double yaw = problem_.start.q[base.yaw];
+    std::array directions{-1.0, 1.0};
+    for (int step = 0; step <= kMostCellsBack; ++step) {
+      for (double& direction : directions) {
+        const Eigen::Vector2d way_m =
+            direction * step * ways_.cell_m_ * Eigen::Vector2d(std::cos(yaw), std::sin(yaw));
+        if (direction == 0.0) continue;
+        q_.clear();
+        for (int k = 0; k < kTurns; ++k) {
+          Eigen::VectorXd q = problem_.start.q;
+          q[base.x] += way_m.x();
+          q[base.y] += way_m.y();
+          q[base.yaw] += kFullTurn_rad * k / kTurns;
+          q_.insert(q_.end(), q.begin(), q.end());
+        }
+        const std::vector<double>& found_m = clearances_of(q_);
+        if (!(found_m.front() >= least_m - kRounding_m)) {
+          direction = 0.0;
+        } else if (std::ranges::min(found_m) >= problem_.collision_margin_m) {
+          return way_m;
+        }
+      }
+    }
+    return std::nullopt;
   }
 
   void find_neighbours(std::int32_t node, std::vector<std::int32_t>& around) const {
@@ -280,40 +321,36 @@ std::optional<double> BaseWays::length_m(std::span<const double> q) const {
 }
 
 Trajectory BaseWays::first_guess(const Problem& problem) const {
-  std::vector<Eigen::Vector2d> points_m{at(as_span(problem.start.q))};
+  std::vector<Eigen::Vector2d> points_m{at(as_span(problem.start.q)) + to_turn_m_};
   for (std::int32_t node = first_; node >= 0; node = positions_[idx(node)].next) {
     points_m.push_back(position_m(node));
   }
-  const Polyline way(std::move(points_m));
-  const auto& rolling = problem.robot->description().rolling;
-  const Headings headings = rolling ? headings_along(way, problem, *rolling) : Headings{};
-  const double before_m = headings.before_m,
-               length_m = before_m + way.length_m() + headings.after_m;
-  const double straight_m = (way.at(way.length_m()) - way.at(0.0)).norm();
-  const double longer = straight_m > 0.0 ? std::max(1.0, length_m / straight_m) : 1.0;
+  Places way = along(points_m);
+  // All other joints wait until it can turn.
+  const double aside_m = to_turn_m_.norm();
+  std::vector<std::size_t> joints{idx(x_), idx(y_)};
+  if (const auto& rolling = problem.robot->description().rolling) {
+    way = rolled(way, problem, *rolling);
+    joints.push_back(idx(rolling->yaw));
+  }
+  const double straight_m = (goal_m_ - at(as_span(problem.start.q))).norm();
+  const double longer = straight_m > 0.0 ? std::max(1.0, way.length_m() / straight_m) : 1.0;
   const int last = static_cast<int>(std::ceil(longer * (problem.support_states - 1) - 1e-9));
   Trajectory guess = straight_line(problem.start, problem.goal, last + 1, problem.dt_s);
-  std::vector<std::size_t> joints{idx(x_), idx(y_)};
-  if (rolling) joints.push_back(idx(rolling->yaw));
   for (int i = 1; i < last; ++i) {
-    const double at_m = length_m * i / last - before_m;
-    const Eigen::Vector2d p_m = way.at(at_m);
-    guess.q(i)[idx(x_)] = p_m.x();
-    guess.q(i)[idx(y_)] = p_m.y();
-    if (!rolling) continue;
-    const double begin = problem.start.q[rolling->yaw], end = problem.goal.q[rolling->yaw];
-    double& yaw = guess.q(i)[joints.back()];
-    if (at_m < 0.0) {
-      yaw = headings.first + (begin - headings.first) * (-at_m / before_m);
-    } else if (at_m > way.length_m()) {
-      yaw = headings.last + (end - headings.last) * (at_m - way.length_m()) / headings.after_m;
-    } else {
-      const double before = i > 1 ? guess.q(i - 1)[joints.back()] : begin;
-      yaw = before + std::remainder(way.heading(at_m) + headings.turned - before, kFullTurn_rad);
+    const double gone_m = way.length_m() * i / last;
+    const Eigen::Vector3d place = way.at(gone_m);
+    if (aside_m > 0.0) {
+      const double share = std::max(0.0, gone_m - aside_m) / (way.length_m() - aside_m);
+      Eigen::Map<Eigen::VectorXd>(guess.q(i).data(), guess.dof) =
+          problem.start.q + share * (problem.goal.q - problem.start.q);
+    }
+    for (std::size_t k = 0; k < joints.size(); ++k) {
+      guess.q(i)[joints[k]] = place[static_cast<int>(k)];
     }
   }
   for (int i = 1; i < last; ++i) {
-    for (const std::size_t j : joints) {
+    for (std::size_t j = 0; j < idx(guess.dof); ++j) {
       guess.qdot(i)[j] = (guess.q(i + 1)[j] - guess.q(i - 1)[j]) / (2.0 * problem.dt_s);
     }
   }

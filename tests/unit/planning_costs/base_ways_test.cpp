@@ -211,5 +211,47 @@ TEST_F(RollingWays, DriveBackWhereItIsNear) {
   EXPECT_NEAR(highest, std::atan2(3.6, -1.9), 0.5);
 }
 
+/// As RollingBall, with an arm ahead: a second ball.
+class RollingArm : public RollingBall {
+ public:
+  RollingArm() { description_.spheres.push_back({0, kArm_m * Eigen::Vector3d::UnitX(), 0.1}); }
+  void sphere_centres(std::span<const double> q, std::span<Eigen::Vector3d> centres_m,
+                      Scratch&) const override {
+    for (std::size_t b = 0; b < centres_m.size() / 2; ++b) {
+      const double* joints = q.data() + 3 * b;
+      centres_m[2 * b] = {joints[0], joints[1], 0.0};
+      centres_m[2 * b + 1] =
+          centres_m[2 * b] + kArm_m * Eigen::Vector3d(std::cos(joints[2]), std::sin(joints[2]), 0);
+    }
+  }
+  static constexpr double kArm_m = 0.6;
+};
+
+TEST_F(RollingWays, GoBackToWhereTheArmCanTurn) {
+  // It reaches in between two posts; its way leads to where it came from.
+  const std::vector<Wall> posts{{{0.3, 0.2}, {0.7, 0.4}}, {{0.3, -0.4}, {0.7, -0.2}}};
+  Problem problem = among(posts);
+  problem.robot = std::make_shared<RollingArm>();
+  problem.goal.q = Eigen::Vector3d(-1.5, 2.5, 0.5 * std::numbers::pi);
+  const BaseWays ways(problem, {});
+  ASSERT_FALSE(ways.empty());
+  const Trajectory guess = ways.first_guess(problem);
+  double back_m = 0.0;
+  for (int i = 1; i < guess.size() && std::abs(guess.q(i)[2]) < 1e-9; ++i) {
+    EXPECT_NEAR(guess.q(i)[1], 0.0, 1e-9) << i;
+    back_m = -guess.q(i)[0];
+  }
+  // The corners of the posts are then out of the arm's reach.
+  const double reach_m = RollingArm::kArm_m + 0.1 + kApart_m;
+  EXPECT_GE(back_m + 0.15, std::sqrt(reach_m * reach_m - 0.2 * 0.2) - 0.3);
+  EXPECT_LT(back_m, 0.6);
+  Scratch scratch;
+  std::vector<Eigen::Vector3d> centres_m(2);
+  for (int i = 0; i < guess.size(); ++i) {
+    problem.robot->sphere_centres(guess.q(i), centres_m, scratch);
+    for (const Wall& post : posts) EXPECT_GT(post.distance_m(centres_m[1].head<2>()), 0.1) << i;
+  }
+}
+
 }  // namespace
 }  // namespace sidestep

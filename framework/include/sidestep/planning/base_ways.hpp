@@ -28,8 +28,9 @@ class BaseWays {
   [[nodiscard]] bool empty() const noexcept { return first_ < 0; }
 
   /// From the start to the goal, with the problem's dt_s, and as many more support states as the
-  /// way is longer than the straight one. A rolling base turns on the spot, drives along the way,
-  /// and turns to the goal's heading. Not for empty ones.
+  /// way is longer than the straight one. A rolling base goes ahead or back
+  /// to where it can turn, turns on the spot, drives along the way, and turns to the goal's
+  /// heading. Not for empty ones.
   [[nodiscard]] Trajectory first_guess(const Problem& problem) const;
 
   /// The length of the way from where the base is in a configuration, tight places counting for up
@@ -52,7 +53,8 @@ class BaseWays {
   Eigen::Vector2d goal_m_ = Eigen::Vector2d::Zero();
   Eigen::Vector2i half_ = Eigen::Vector2i::Zero();  ///< Positions on either side of the goal.
   std::vector<Position> positions_;
-  std::int32_t first_ = -1;  ///< Of the way from the start.
+  std::int32_t first_ = -1;  ///< Of the way from the start, or from where a rolling base turns,
+  Eigen::Vector2d to_turn_m_ = Eigen::Vector2d::Zero();  ///< so far from it.
 };
 
 }  // namespace sidestep
