@@ -29,9 +29,9 @@ constexpr double kOpen_m = 0.3;  ///< Clearance from which on more is worth noth
 constexpr int kBeside = 4;
 constexpr double kFullTurn_rad = 2.0 * std::numbers::pi;
 constexpr int kTurns = 16;          ///< Headings that are looked at where it turns on the spot,
-constexpr int kMostCellsBack = 30;  ///< and cells that it goes, or ahead, for that.
+constexpr int kMostCellsBack = 30;  ///< and cells that it goes back or ahead for that.
 constexpr double kRounding_m = 1e-9;
-constexpr double kChord_m = 0.3;  ///< Half of one.
+constexpr double kChord_m = 0.3;  ///< Half of a chord that a heading is taken from.
 
 double price(double clearance_m) {
   const double lacks = std::clamp((kOpen_m - clearance_m) / kOpen_m, 0.0, 1.0);
@@ -105,7 +105,7 @@ Places rolled(const Places& way, const Problem& problem, const RollingBase& base
     add(goal);
     return all;
   };
-  Places ahead = driving(0.0), back = driving(std::numbers::pi);
+  const Places ahead = driving(0.0), back = driving(std::numbers::pi);
   return back.length_m() + way.length_m() < ahead.length_m() ? back : ahead;
 }
 
@@ -182,12 +182,12 @@ class BaseWays::Search {
   [[nodiscard]] std::optional<Eigen::Vector2d> way_to_turn_m(const RollingBase& base,
                                                              double least_m) {
     const double yaw = problem_.start.q[base.yaw];
-    std::array directions{-1.0, 1.0};
+    std::array directions{-1.0, 1.0};  // 0: not any farther
     for (int step = 0; step <= kMostCellsBack; ++step) {
       for (double& direction : directions) {
+        if (direction == 0.0) continue;
         const Eigen::Vector2d way_m =
             direction * step * ways_.cell_m_ * Eigen::Vector2d(std::cos(yaw), std::sin(yaw));
-        if (direction == 0.0) continue;
         q_.clear();
         for (int k = 0; k < kTurns; ++k) {
           Eigen::VectorXd q = problem_.start.q;

@@ -28,9 +28,8 @@ class BaseWays {
   [[nodiscard]] bool empty() const noexcept { return first_ < 0; }
 
   /// From the start to the goal, with the problem's dt_s, and as many more support states as the
-  /// way is longer than the straight one. A rolling base goes ahead or back
-  /// to where it can turn, turns on the spot, drives along the way, and turns to the goal's
-  /// heading. Not for empty ones.
+  /// way is longer than the straight one. A rolling base goes ahead or back to where it can turn,
+  /// turns on the spot, drives along the way, and turns to the goal's heading. Not for empty ones.
   [[nodiscard]] Trajectory first_guess(const Problem& problem) const;
 
   /// The length of the way from where the base is in a configuration, tight places counting for up
