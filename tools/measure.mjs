@@ -82,9 +82,9 @@ function systems(...settings) {
     share(one.truth?.collision_recall), share(one.real_time?.dropped_share), `${number(one.real_time?.rate_hz)} Hz`]);
 }
 
-function recorded(file, optimiser) {
+function recorded(file, optimiser, ...set) {
   const { runs } = run("configs/peers/gpmp2.yaml", `experiment.problems=${need(join(data, "gpmp2", file))}`,
-    `optimiser.plugin=${optimiser}`);
+    `optimiser.plugin=${optimiser}`, ...set);
   return runs.map((one) => [file.replace("problems_", "").replace(".json", ""), one.label, one.field,
     `\`${optimiser}\``, ms(one.solve_ms.p50), ms(one.solve_ms.p95), ms(one.peer.solve_ms.p50),
     share(one.cost.share_within_1pct), `${share(one.free_ends.share)} (${share(one.free_ends.peer_share)})`]);
@@ -126,7 +126,9 @@ const areas = {
   recorded: () => table(["problems", "rules", "field", "optimiser", "p50", "p95", "GPMP2 p50", "within 1 % of its cost",
     "free where ends are (GPMP2)"], [
     ...recorded("problems_panda_single.json", "gp_chain"), ...recorded("problems_panda_clutter.json", "gp_chain"),
-    ...recorded("problems_hsr_clutter.json", "gp_chain"), ...recorded("problems_panda_clutter.json", "gp_ceres")]),
+    ...recorded("problems_hsr_single.json", "gp_chain", "optimiser.base_prior=body"),
+    ...recorded("problems_hsr_clutter.json", "gp_chain", "optimiser.base_prior=body"),
+    ...recorded("problems_panda_clutter.json", "gp_ceres")]),
 
   planners: () => table(["robot", "planner", "problems", "within 1 s", "within 5 s", "first answer p50", "p95",
     "smooth answer p50", "path p50, rad", "refused by the check"], [...planners("panda"), ...planners("fetch")]),

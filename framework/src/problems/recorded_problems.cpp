@@ -74,6 +74,17 @@ void put_base_on_arc(Trajectory& trajectory) {
   }
 }
 
+/// An angle as poses of the peer have it, in [-pi, pi].
+double in_half_turns(double angle_rad) { return std::remainder(angle_rad, 2.0 * std::numbers::pi); }
+
+/// Turns the velocity of a base from its own frame into the world's.
+void turn_into_world(std::span<const double> q, std::span<double> qdot) {
+  const std::complex<double> in_world =
+      std::polar(1.0, q[kHeading]) * std::complex<double>(qdot[0], qdot[1]);
+  qdot[0] = in_world.real();
+  qdot[1] = in_world.imag();
+}
+
 }  // namespace
 
 std::shared_ptr<const DistanceField> recorded_field(const RecordedProblems& problems, int scene,
@@ -110,8 +121,7 @@ Problem recorded_problem(const RecordedProblems& problems,
   problem.goal = at_rest(goal);
   if (problems.has_base) {
     const double turn = problem.goal.q[kHeading] - problem.start.q[kHeading];
-    problem.goal.q[kHeading] =
-        problem.start.q[kHeading] + std::remainder(turn, 2.0 * std::numbers::pi);
+    problem.goal.q[kHeading] = problem.start.q[kHeading] + in_half_turns(turn);
   }
   problem.support_states = settings.support_states;
   problem.dt_s = settings.dt_s;
@@ -128,9 +138,17 @@ Problem recorded_problem(const RecordedProblems& problems,
 
 Trajectory recorded_initial(const RecordedProblems& problems, const Problem& problem) {
   Trajectory out = straight_line(problem);
-  const Eigen::VectorXd step = (problem.goal.q - problem.start.q) / (problem.support_states - 1);
-  for (int i = 0; i < out.size(); ++i) std::copy_n(step.data(), step.size(), out.qdot(i).begin());
-  if (problems.has_base) put_base_on_arc(out);
+  Eigen::VectorXd step = (problem.goal.q - problem.start.q) / (problem.support_states - 1);
+  if (problems.has_base) {
+    put_base_on_arc(out);
+    step[kHeading] =
+        (in_half_turns(problem.goal.q[kHeading]) - in_half_turns(problem.start.q[kHeading])) /
+        (problem.support_states - 1);
+  }
+  for (int i = 0; i < out.size(); ++i) {
+    std::ranges::copy(step, out.qdot(i).begin());
+    if (problems.has_base) turn_into_world(out.q(i), out.qdot(i));
+  }
   return out;
 }
 

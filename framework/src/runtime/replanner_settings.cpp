@@ -11,7 +11,8 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
       .add("takeover_s", &S::takeover_s, "From a replan's begin to when its trajectory takes over.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
       .add("solve_limit_s", &S::solve_limit_s,
-           "For all attempts of one replan; less than takeover_s. At rest, a robot takes four fifths "
+           "For all attempts of one replan; less than takeover_s. At rest, a robot takes four "
+           "fifths "
            "of that, if it is more.",
            {.unit = "s", .min = 1e-4, .max = 60.0})
       .add(

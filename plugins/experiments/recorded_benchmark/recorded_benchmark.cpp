@@ -247,13 +247,20 @@ const ResultColumnsOf<RunRow>& recorded_runs() {
   return kColumns;
 }
 
+/// The peer's state is a Lie group where there is a base.
+bool are_costs_comparable(const RecordedStart& start) {
+  return !start.problems.has_base || start.has_body_prior;
+}
+
 std::string verdict_text(const RecordedStart& start, const SolveCount& count) {
   const std::string solves = "solves by " + start.optimiser;
   const std::string failure = count.failure(solves);
   if (count.interrupted) return failure;
-  const std::string note = start.problems.has_base
-                               ? " The peer's state is a Lie group here: costs are not comparable."
-                               : "";
+  const std::string note =
+      are_costs_comparable(start)
+          ? ""
+          : " The peer's state is a Lie group here, the optimiser's is not: costs are not "
+            "comparable.";
   if (!failure.empty()) return failure + note;
   return "Success: " + std::to_string(count.problems) + " " + solves + " on the problems of " +
          start.problems.file.filename().string() + ", each with a trajectory." + note;
@@ -363,7 +370,9 @@ Result<std::string> recorded_body(const Json& summary, ResultsReader& results,
   const bool costs_comparable = at(summary, "/costs_comparable") != Json(false);
   std::string html = sentence_of(summary) + ".</p>\n" + recorded_runs().html(runs);
   if (!costs_comparable) {
-    html += "<p>The peer's state is a Lie group here: its costs are no measure of ours.</p>\n";
+    html +=
+        "<p>The peer's state is a Lie group here, the optimiser's is not: its costs are no measure "
+        "of ours.</p>\n";
   }
   std::vector<Figure> figures;
   if (!series.empty() && costs_comparable) figures.push_back(cost_figure(series));
@@ -376,7 +385,7 @@ ExperimentOutcome summarise_recorded(const RecordedStart& start,
                                      const RecordedBenchmarkSettings& settings,
                                      const std::vector<RecordedRunRecord>& records,
                                      SolveCount count) {
-  const bool costs_comparable = !start.problems.has_base;
+  const bool costs_comparable = are_costs_comparable(start);
   Json runs = Json::array();
   std::size_t problems = 0;
   for (const RecordedRunRecord& run : records) {

@@ -99,8 +99,10 @@ Result<RecordedStart> start_recorded(const ExperimentContext& context,
   if (!errors.empty()) return tl::make_unexpected(std::move(errors.front()));
   const RunProvenance provenance = provenance_of(context);
   auto store = SIDESTEP_TRY(ResultsStore::open(context.out / "results.sqlite", provenance));
-  const Node& optimiser = *block_of(context.configuration, "optimiser").find("plugin");
-  return RecordedStart{std::move(problems), optimiser.text(), provenance, std::move(store)};
+  const Node& optimiser = block_of(context.configuration, "optimiser");
+  const Node* const prior = optimiser.find("base_prior");
+  return RecordedStart{std::move(problems), optimiser.find("plugin")->text(),
+                       prior != nullptr && prior->text() == "body", provenance, std::move(store)};
 }
 
 TimedSolve solve_timed(PluginPtr<Optimiser>& optimiser, const Problem& problem,

@@ -121,7 +121,8 @@ void record_solve(const RecordedSolve& solve, std::string_view series, std::int6
 /// What an experiment on recorded problems begins with.
 struct RecordedStart {
   RecordedProblems problems;
-  std::string optimiser;  ///< Name of the plugin.
+  std::string optimiser;        ///< Name of the plugin.
+  bool has_body_prior = false;  ///< Its prior of a planar base is on the body's velocities.
   RunProvenance provenance;
   std::unique_ptr<ResultsStore> store;
 };

@@ -21,12 +21,16 @@ StateBatch ChainCosts::States::batch(int first, int count, int dof) const noexce
           std::span(times_s).subspan(idx(first), idx(count))};
 }
 
-bool ChainCosts::reset(const Problem& problem) {
+bool ChainCosts::reset(const Problem& problem, const std::optional<BodyChain::Base>& body) {
   problem_ = &problem;
   const bool is_resized = dof_ != problem.robot->description().dof() ||
                           checks_ != problem.interpolated_checks ||
                           intervals_ != problem.support_states - 1;
-  const bool is_other_prior = prior_.reset(problem.qc, problem.dt_s);
+  const auto apart = body ? std::span<const int>(*body) : std::span<const int>();
+  bool is_other_prior = prior_.reset(problem.qc, problem.dt_s, apart);
+  is_other_prior |= body != (body_ ? std::optional(body_->base()) : std::nullopt);
+  if (is_other_prior) body_.reset();
+  if (body && !body_) body_.emplace(*body, problem.qc, problem.dt_s);
   if (!is_resized && !is_other_prior) return false;
   dof_ = problem.robot->description().dof();
   checks_ = problem.interpolated_checks;
@@ -52,6 +56,10 @@ void ChainCosts::evaluate(ChainEvaluation& evaluation, double normals_wanted_bel
   interpolate(evaluation.support);
   evaluation.normals.clear();
   evaluation.terms[0] = prior_.cost(evaluation.support);
+  for (int i = 0; body_ && i < intervals_; ++i) {
+    const double* const a = evaluation.support.data() + idx(i) * 2 * idx(dof_);
+    evaluation.terms[0] += body_->cost(a, a + 2 * dof_);
+  }
   evaluation.cost = evaluation.terms[0];
   for (std::size_t t = 0; t < problem_->terms.size(); ++t) {
     evaluation.normals.want_rows_below(normals_wanted_below - evaluation.cost);
@@ -117,6 +125,9 @@ void ChainCosts::interpolate(std::span<const double> support) {
       interpolate_between(ends_.data(), padded(d), interpolations_[k],
                           all_.q.data() + (first + k + 1) * d,
                           all_.qdot.data() + (first + k + 1) * d);
+      if (!body_) continue;
+      body_->interpolate(a, a + 2 * d, interpolations_[k], all_.q.data() + (first + k + 1) * d,
+                         all_.qdot.data() + (first + k + 1) * d);
     }
   }
 }
@@ -129,12 +140,24 @@ void ChainCosts::prepare(ChainSystem& system) const {
 
 void ChainCosts::assemble(const ChainEvaluation& evaluation, ChainSystem& system) {
   prior_.add_rhs(system, evaluation.support);
+  if (body_) body_->add_prior(system, evaluation.support);
   const std::size_t step = idx(checks_ + 1);
   for (int i = 0; i <= intervals_; ++i) {
     add_support_state(evaluation.normals, idx(i) * step, system, i);
     if (i == intervals_) break;
-    add_interval(evaluation.normals, idx(i) * step + 1, interpolations_, system, i);
+    if (body_) {
+      body_->add_interval(evaluation.normals, idx(i) * step + 1, interpolations_,
+                          evaluation.support, system, i);
+    } else {
+      add_interval(evaluation.normals, idx(i) * step + 1, interpolations_, system, i);
+    }
   }
+  if (body_) body_->turn_into_body(system, evaluation.support);
+}
+
+void ChainCosts::finish_step(std::span<const double> support,
+                             std::span<double> moved) const noexcept {
+  if (body_) body_->turn_into_world(support, moved);
 }
 
 }  // namespace sidestep

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include <sidestep/planning/state_normals.hpp>
 #include <sidestep/trajectory/gp_prior.hpp>
 
+#include "body_chain.hpp"
 #include "chain_system.hpp"
 #include "prior_chain.hpp"
 
@@ -26,9 +28,11 @@ struct ChainEvaluation {
 /// all its states in one batch.
 class ChainCosts {
  public:
-  /// Takes up a problem, which must outlive what follows. Returns whether its chain is another one
-  /// than before: its size, its times or its prior; a system that was prepared must be so again.
-  bool reset(const Problem& problem);
+  /// Takes up a problem, which must outlive what follows; `body`: the planar
+  /// base whose body has the prior (BodyChain); nothing: all joints have. Returns
+  /// whether its chain is another one than before: its size, its times or its prior; a system that
+  /// was prepared must be so again.
+  bool reset(const Problem& problem, const std::optional<BodyChain::Base>& body);
 
   [[nodiscard]] int states() const noexcept { return intervals_ + 1; }
   [[nodiscard]] int dof() const noexcept { return dof_; }
@@ -52,6 +56,10 @@ class ChainCosts {
   /// Adds the rest of the normal equations at an evaluated trajectory: b = -gradient.
   void assemble(const ChainEvaluation& evaluation, ChainSystem& system);
 
+  /// `moved`: support states at which a system was assembled, plus a step; becomes what such a step
+  /// leads to.
+  void finish_step(std::span<const double> support, std::span<double> moved) const noexcept;
+
  private:
   struct States {
     std::vector<double> q, qdot;  ///< Reach kLanes beyond the last state.
@@ -70,6 +78,7 @@ class ChainCosts {
   int checks_ = 0;
   int intervals_ = 0;
   PriorChain prior_;
+  std::optional<BodyChain> body_;
   std::vector<GpPrior::Interpolation> interpolations_;  ///< Of the checks of every interval.
   States support_, all_;
   AlignedArray ends_;  ///< Of an interval: positions and velocities of both, in whole lanes.

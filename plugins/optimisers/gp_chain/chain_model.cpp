@@ -51,10 +51,11 @@ void put(const RobotState& state, double* to) {
 
 }  // namespace
 
-void ChainModel::reset(const Problem& problem, const Trajectory& initial) {
+void ChainModel::reset(const Problem& problem, const Trajectory& initial,
+                       const std::optional<BodyChain::Base>& body) {
   is_kept_ = false;
   unchanged_ = 0;
-  if (costs_.reset(problem)) costs_.prepare(system_);
+  if (costs_.reset(problem, body)) costs_.prepare(system_);
   costs_.resize(current_);
   costs_.resize(trial_);
   hold_start_ = !is_held(problem, Placement::kStart);
@@ -141,6 +142,7 @@ double ChainModel::try_step(std::span<const double> step, double linearised_belo
   for (std::size_t i = 0; i < step.size(); ++i) {
     trial_.support[i] = current_.support[i] + step[i];
   }
+  costs_.finish_step(current_.support, trial_.support);
   costs_.evaluate(trial_, linearised_below);
   return trial_.cost;
 }

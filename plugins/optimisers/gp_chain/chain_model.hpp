@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -45,7 +46,9 @@ class ProblemMemory {
 class ChainModel {
  public:
   /// Takes up a problem, which must outlive what follows, and evaluates the initial trajectory.
-  void reset(const Problem& problem, const Trajectory& initial);
+  /// `body`: the planar base whose body has the prior, of this problem and those that resume.
+  void reset(const Problem& problem, const Trajectory& initial,
+             const std::optional<BodyChain::Base>& body = {});
 
   /// Takes up a problem after a minimisation that went well, where it leads on from there: with the
   /// same robot, sizes, times and prior, terms at the same places, and as its initial trajectory

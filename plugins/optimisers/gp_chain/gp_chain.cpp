@@ -10,6 +10,7 @@
 #include <vector>
 
 #include <sidestep/planning/goal.hpp>
+#include <sidestep/robot/base_joints.hpp>
 
 #include "minimise.hpp"
 #include "prior_chain.hpp"
@@ -100,6 +101,7 @@ class GpChain final : public Optimiser {
     const Stopwatch watch;
     SIDESTEP_TRY(problem.validate());
     SIDESTEP_TRY(check_initial(problem, initial));
+    SIDESTEP_TRY(find_body(problem));
     if (settings_.incremental && starts_.front().model.resume(problem, initial)) {
       minimise_warm_started(starts_.front(), deadline);
     } else {
@@ -122,9 +124,19 @@ class GpChain final : public Optimiser {
   }
 
  private:
+  /// Fails with kUnsupported where the robot has no planar base, and the prior is to be on its
+  /// body.
+  [[nodiscard]] Result<void> find_body(const Problem& problem) {
+    if (settings_.base_prior != "body" || robot_ == problem.robot) return {};
+    const auto base = SIDESTEP_TRY(BaseJoints::of(*problem.robot));
+    body_ = {base.x(), base.y(), base.yaw()};
+    robot_ = problem.robot;
+    return {};
+  }
+
   void minimise_from(Candidate& start, const Problem& problem, const Trajectory& initial,
                      const Deadline& deadline) const {
-    start.model.reset(problem, initial);
+    start.model.reset(problem, initial, body_);
     begin(start);
     if (start.is_finite) start.end = minimise(start.model, *start.rule, stop_, deadline);
   }
@@ -227,8 +239,10 @@ class GpChain final : public Optimiser {
   StoppingRules stop_;
   WorkerPool* workers_;
   std::vector<Candidate> starts_;
-  std::optional<FieldChecks> checks_;  ///< Of the last problem's robot; for several starts.
-  std::vector<double> step_;           ///< Of an incremental solve.
+  std::shared_ptr<const RobotModel> robot_;  ///< Of the last problem; where `body_` counts.
+  std::optional<BodyChain::Base> body_;      ///< Nothing: the prior is on joints alone.
+  std::optional<FieldChecks> checks_;        ///< Of the last problem's robot; for several starts.
+  std::vector<double> step_;                 ///< Of an incremental solve.
   PriorSampler sampler_;
   std::vector<double> samples_;  ///< Of one start after the other; nothing for the first.
 };

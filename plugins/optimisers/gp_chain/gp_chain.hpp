@@ -29,6 +29,7 @@ struct GpChainSettings {
   double spread = 1.0;                ///< What the samples are multiplied with.
   std::string accept = "best_valid";  ///< Or "first_valid", of several starts.
   bool incremental = false;           ///< A solve leads on from the last one where it can.
+  std::string base_prior = "world";   ///< Or "body": which velocities of a planar base it is on.
 
   [[nodiscard]] std::vector<OptionMistake> check() const;
 

@@ -42,19 +42,6 @@ std::array<double, 4> chain(const GpPrior::Interpolation& at, Eigen::Index row) 
   return {at.lambda(row, 0), at.lambda(row, 1), at.psi(row, 0), at.psi(row, 1)};
 }
 
-/// The block of H with the rows of z_m and the columns of z_n, m >= n.
-double* block_of(ChainSystem& system, int interval, std::size_t m, std::size_t n,
-                 std::size_t dof) noexcept {
-  double* panel = n >= 2   ? system.own_block(interval + 1)
-                  : m >= 2 ? system.coupling(interval)
-                           : system.own_block(interval);
-  return panel + (n % 2) * dof * system.stride() + (m % 2) * dof;
-}
-
-double* rhs_of(ChainSystem& system, int interval, std::size_t m, std::size_t dof) noexcept {
-  return system.rhs(interval + static_cast<int>(m / 2)) + (m % 2) * dof;
-}
-
 /// A state whose costs depend on its velocity too: all four combinations, entry by entry.
 void add_full_state(const StateNormals& normals, std::size_t state,
                     const GpPrior::Interpolation& at, ChainSystem& system, int interval) {
@@ -63,12 +50,12 @@ void add_full_state(const StateNormals& normals, std::size_t state,
   const StateNormals::Block block = normals.full(state);
   const auto by_q = chain(at, 0), by_qdot = chain(at, 1);
   for (std::size_t m = 0; m < 4; ++m) {
-    double* rhs = rhs_of(system, interval, m, dof);
+    double* rhs = interval_rhs(system, interval, m, dof);
     for (std::size_t j = 0; j < dof; ++j) {
       rhs[j] -= by_q[m] * block.gradient[j] + by_qdot[m] * block.gradient[dof + j];
     }
     for (std::size_t n = 0; n <= m; ++n) {
-      double* to = block_of(system, interval, m, n, dof);
+      double* to = interval_block(system, interval, m, n, dof);
       for (std::size_t c = 0; c < dof; ++c) {
         const double* q_column = block.hessian + c * stride;
         const double* qdot_column = block.hessian + (dof + c) * stride;
@@ -83,6 +70,18 @@ void add_full_state(const StateNormals& normals, std::size_t state,
 }
 
 }  // namespace
+
+double* interval_block(ChainSystem& system, int interval, std::size_t m, std::size_t n,
+                       std::size_t dof) noexcept {
+  double* panel = n >= 2   ? system.own_block(interval + 1)
+                  : m >= 2 ? system.coupling(interval)
+                           : system.own_block(interval);
+  return panel + (n % 2) * dof * system.stride() + (m % 2) * dof;
+}
+
+double* interval_rhs(ChainSystem& system, int interval, std::size_t m, std::size_t dof) noexcept {
+  return system.rhs(interval + static_cast<int>(m / 2)) + (m % 2) * dof;
+}
 
 void add_support_state(const StateNormals& normals, std::size_t state, ChainSystem& system,
                        int support) {
@@ -104,9 +103,9 @@ void add_interval(const StateNormals& normals, std::size_t first,
   const auto add = [&] {
     if (sums.count == 0) return;
     for (std::size_t pair = 0; pair < kPairs; ++pair) {
-      sums.blocks[pair] = block_of(system, interval, kRowOf[pair], kColumnOf[pair], dof);
+      sums.blocks[pair] = interval_block(system, interval, kRowOf[pair], kColumnOf[pair], dof);
     }
-    for (std::size_t m = 0; m < 4; ++m) sums.rhs[m] = rhs_of(system, interval, m, dof);
+    for (std::size_t m = 0; m < 4; ++m) sums.rhs[m] = interval_rhs(system, interval, m, dof);
     sums.stride = system.stride();
     SIDESTEP_DISPATCH(add_sums)(sums, dof);
     sums.count = 0;

@@ -22,6 +22,13 @@ void add_interval(const StateNormals& normals, std::size_t first,
                   std::span<const GpPrior::Interpolation> checks, ChainSystem& system,
                   int interval);
 
+/// The block of H with the rows of z_m and the columns of z_n, m >= n, stride() apart.
+[[nodiscard]] double* interval_block(ChainSystem& system, int interval, std::size_t m,
+                                     std::size_t n, std::size_t dof) noexcept;
+/// The part of b of z_m.
+[[nodiscard]] double* interval_rhs(ChainSystem& system, int interval, std::size_t m,
+                                   std::size_t dof) noexcept;
+
 /// One interpolated state from the two support states around it: their positions and velocities,
 /// four rows of whole lanes. Writes whole lanes too.
 void interpolate_between(const double* ends, std::size_t stride,

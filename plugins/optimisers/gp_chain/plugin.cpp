@@ -16,7 +16,12 @@ Parameters<GpChainSettings> GpChainSettings::parameters() {
            "Radius of the first trust region of dogleg, in the units of the states.",
            {.min = 1e-6, .max = 1e6})
       .add("incremental", &S::incremental,
-           "A solve that begins with the trajectory found last re-uses what is known of it.");
+           "A solve that begins with the trajectory found last re-uses what is known of it.")
+      .add("base_prior", &S::base_prior,
+           "Which velocities of a planar base the GP prior wants even: those along the world's "
+           "axes, "
+           "or those of its body in its own frame (SE(2), as GPMP2), for which an arc is straight.",
+           {.choices = {"world", "body"}});
 }
 
 namespace {

@@ -4,6 +4,8 @@
 #include <random>
 #include <vector>
 
+#include <sidestep/core/index.hpp>
+
 namespace sidestep {
 namespace {
 
@@ -25,14 +27,18 @@ void add_block(double* block, const Eigen::Matrix2d& values, std::size_t joint, 
 
 }  // namespace
 
-bool PriorChain::reset(const Eigen::VectorXd& qc, double dt_s) {
-  const auto is_inverse = [](double inverse, double value) { return inverse == 1.0 / value; };
-  if (dt_s == dt_s_ && std::ranges::equal(inverse_qc_, qc, is_inverse)) return false;
+bool PriorChain::reset(const Eigen::VectorXd& qc, double dt_s, std::span<const int> apart) {
+  const auto inverse_of = [&](int joint) {
+    return std::ranges::find(apart, joint) == apart.end() ? 1.0 / qc[joint] : 0.0;
+  };
+  bool is_same = dt_s == dt_s_ && std::ssize(inverse_qc_) == qc.size();
+  for (int j = 0; is_same && j < qc.size(); ++j) is_same = inverse_qc_[idx(j)] == inverse_of(j);
+  if (is_same) return false;
   dt_s_ = dt_s;
   information_ << 12.0 / (dt_s * dt_s * dt_s), -6.0 / (dt_s * dt_s),  //
       -6.0 / (dt_s * dt_s), 4.0 / dt_s;
   inverse_qc_.clear();
-  for (const double value : qc) inverse_qc_.push_back(1.0 / value);
+  for (int j = 0; j < qc.size(); ++j) inverse_qc_.push_back(inverse_of(j));
   return true;
 }
 

@@ -17,9 +17,9 @@ namespace sidestep {
 /// blocks up to a factor, so that nothing is ever built dense.
 class PriorChain {
  public:
-  /// `qc`: one positive value per joint. Allocates only for more joints than ever before.
-  /// Returns whether the prior is another one than before.
-  bool reset(const Eigen::VectorXd& qc, double dt_s);
+  /// `qc`: one positive value per joint. `apart`: joints that it leaves out. Allocates only for
+  /// more joints than ever before. Returns whether the prior is another one than before.
+  bool reset(const Eigen::VectorXd& qc, double dt_s, std::span<const int> apart = {});
 
   /// `support`: [q; qdot] of each support state, one after the other.
   [[nodiscard]] double cost(std::span<const double> support) const noexcept;
@@ -31,8 +31,8 @@ class PriorChain {
 
  private:
   double dt_s_ = 0.0;
-  Eigen::Matrix2d information_;  ///< Q(dt)^-1 for Qc = 1.
-  std::vector<double> inverse_qc_;
+  Eigen::Matrix2d information_;     ///< Q(dt)^-1 for Qc = 1.
+  std::vector<double> inverse_qc_;  ///< 0 of a joint that is left out.
 };
 
 /// Draws how far a motion strays from another one between the same two states: samples of a

@@ -13,12 +13,13 @@ namespace {
 
 class WarmSolve : public testing::TestWithParam<std::string> {
  protected:
-  static void expect_no_allocation(const Problem& problem, int least_tried) {
+  static void expect_no_allocation(const Problem& problem, int least_tried,
+                                   const std::optional<BodyChain::Base>& body = {}) {
     const Trajectory initial = conformance::straight_line_of(problem);
     const auto rule = make_step_rule({.method = GetParam()});
     ChainModel model;
     const auto solve = [&] {
-      model.reset(problem, initial);
+      model.reset(problem, initial, body);
       return minimise(model, *rule, {}, Deadline());
     };
     ASSERT_GE(solve().tried, least_tried);
@@ -36,6 +37,10 @@ TEST_P(WarmSolve, TakesNothingFromTheHeap) {
 TEST_P(WarmSolve, TakesNothingFromTheHeapWithEveryCost) {
   // Gauss-Newton gives up after one step.
   expect_no_allocation(testing_support::problem_of_every_cost(), 1);
+}
+
+TEST_P(WarmSolve, TakesNothingFromTheHeapWithThePriorOfABody) {
+  expect_no_allocation(testing_support::problem_of_every_cost(), 1, BodyChain::Base{0, 1, 2});
 }
 
 /// The second goal change leads on from the first, whose goal term it takes the place of.

@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 #include <Eigen/Cholesky>
+#include <unsupported/Eigen/MatrixFunctions>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/costs.hpp>
 
 #include "conformance/analytic_models.hpp"
@@ -40,6 +42,86 @@ class ChainModelTest : public testing::Test {
     initial_.velocities = random.qdot;
   }
 
+  /// e of the prior of a joint: position, then velocity.
+  static Eigen::Vector2d prior_error(const Trajectory& trajectory, int i, double dt_s,
+                                     std::size_t joint) {
+    return {trajectory.q(i)[joint] + dt_s * trajectory.qdot(i)[joint] - trajectory.q(i + 1)[joint],
+            trajectory.qdot(i)[joint] - trajectory.qdot(i + 1)[joint]};
+  }
+
+  // Of the body, by logarithms and exponentials of matrices.
+
+  Eigen::Vector3d of_base(std::span<const double> values) const {
+    return {values[idx((*body_)[0])], values[idx((*body_)[1])], values[idx((*body_)[2])]};
+  }
+  Eigen::Matrix3d pose(std::span<const double> q) const {
+    Eigen::Matrix3d T = Eigen::Matrix3d::Identity();
+    T.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(of_base(q)[2]).toRotationMatrix();
+    T.topRightCorner<2, 1>() = of_base(q).head<2>();
+    return T;
+  }
+  Eigen::Vector3d twist(std::span<const double> q, std::span<const double> qdot) const {
+    Eigen::Vector3d twist = of_base(qdot);
+    twist.head<2>() = Eigen::Rotation2Dd(-of_base(q)[2]) * twist.head<2>();
+    return twist;
+  }
+  Eigen::Vector3d way(const Trajectory& trajectory, int i) const {
+    const Eigen::Matrix3d log = (pose(trajectory.q(i)).inverse() * pose(trajectory.q(i + 1))).log();
+    return {log(0, 2), log(1, 2), log(1, 0)};
+  }
+  Eigen::Vector3d twist(const Trajectory& trajectory, int i) const {
+    return twist(trajectory.q(i), trajectory.qdot(i));
+  }
+
+  std::array<Eigen::Vector2d, 3> body_errors(const Trajectory& trajectory, int i,
+                                             double dt_s) const {
+    const Eigen::Vector3d place = dt_s * twist(trajectory, i) - way(trajectory, i),
+                          speed = twist(trajectory, i) - twist(trajectory, i + 1);
+    return {Eigen::Vector2d(place[0], speed[0]), Eigen::Vector2d(place[1], speed[1]),
+            Eigen::Vector2d(place[2], speed[2])};
+  }
+
+  /// Between states i and i + 1.
+  void put_base_between(const Trajectory& trajectory, int i, double fraction,
+                        conformance::States& at) const {
+    const auto [lambda, psi] = GpPrior({}, problem_.dt_s).interpolation(fraction);
+    const auto mixed = [&](Eigen::Index row) -> Eigen::Vector3d {
+      return lambda(row, 1) * twist(trajectory, i) + psi(row, 0) * way(trajectory, i) +
+             psi(row, 1) * twist(trajectory, i + 1);
+    };
+    const Eigen::Vector3d moved = mixed(0), speed = mixed(1);
+    Eigen::Matrix3d hat = Eigen::Matrix3d::Zero();
+    hat(1, 0) = moved[2];
+    hat(0, 1) = -moved[2];
+    hat.topRightCorner<2, 1>() = moved.head<2>();
+    const Eigen::Matrix3d T = pose(trajectory.q(i)) * hat.exp();
+    const Eigen::Vector2d in_world = T.topLeftCorner<2, 2>() * speed.head<2>();
+    for (std::size_t axis : {0, 1}) {
+      at.q[idx((*body_)[axis])] = T(static_cast<Eigen::Index>(axis), 2);
+      at.qdot[idx((*body_)[axis])] = in_world[static_cast<Eigen::Index>(axis)];
+    }
+    at.q[idx((*body_)[2])] = of_base(trajectory.q(i))[2] + moved[2];
+    at.qdot[idx((*body_)[2])] = speed[2];
+  }
+
+  /// A state plus a step of one variable, velocities of a body being in its own frame.
+  Eigen::VectorXd stepped(Eigen::VectorXd x, Eigen::Index variable, double step) const {
+    const Eigen::VectorXd before = x;
+    x[variable] += step;
+    if (!body_) return x;
+    const Eigen::Index first = variable / (2 * kDof) * 2 * kDof;
+    const auto of = [&](const Eigen::VectorXd& values, Eigen::Index part) {
+      return std::span(values.data() + first + part * kDof, kDof);
+    };
+    Eigen::Vector3d speed = twist(of(before, 0), of(before, 1));
+    speed += of_base(of(x, 1)) - of_base(of(before, 1));
+    speed.head<2>() = Eigen::Rotation2Dd(of_base(of(x, 0))[2]) * speed.head<2>();
+    for (std::size_t axis : {0, 1, 2}) {
+      x[first + kDof + (*body_)[axis]] = speed[static_cast<Eigen::Index>(axis)];
+    }
+    return x;
+  }
+
   /// All residuals of the problem, the prior's from Q written out, the states between support
   /// states from Trajectory's cubic.
   Eigen::VectorXd residuals(const Eigen::VectorXd& x) const {
@@ -50,14 +132,14 @@ class ChainModelTest : public testing::Test {
     }
     std::vector<double> all;
     const double dt = problem_.dt_s;
+    Eigen::Matrix2d q;
+    q << dt * dt * dt / 3.0, dt * dt / 2.0, dt * dt / 2.0, dt;
     for (int i = 0; i + 1 < kStates; ++i) {
       for (int j = 0; j < kDof; ++j) {
-        const auto at = static_cast<std::size_t>(j);
-        Eigen::Matrix2d q;
-        q << dt * dt * dt / 3.0, dt * dt / 2.0, dt * dt / 2.0, dt;
-        const Eigen::Vector2d e(
-            trajectory.q(i)[at] + dt * trajectory.qdot(i)[at] - trajectory.q(i + 1)[at],
-            trajectory.qdot(i)[at] - trajectory.qdot(i + 1)[at]);
+        Eigen::Vector2d e = prior_error(trajectory, i, dt, idx(j));
+        for (std::size_t axis = 0; body_ && axis < 3; ++axis) {
+          if ((*body_)[axis] == j) e = body_errors(trajectory, i, dt)[axis];
+        }
         const Eigen::Vector2d white = (q * problem_.qc[j]).llt().matrixL().solve(e);
         all.insert(all.end(), {white[0], white[1]});
       }
@@ -71,6 +153,10 @@ class ChainModelTest : public testing::Test {
         if (term.placement == Placement::kSupport && !support) continue;
         conformance::States at{kDof, std::vector<double>(kDof), std::vector<double>(kDof), {0.0}};
         trajectory.sample(s * dt / (kChecks + 1), at.q, at.qdot);
+        if (body_ && !support) {
+          put_base_between(trajectory, s / (kChecks + 1), (s % (kChecks + 1)) / (kChecks + 1.0),
+                           at);
+        }
         const auto evaluation = conformance::evaluate(*term.cost, at, false);
         all.insert(all.end(), evaluation.residuals.begin(), evaluation.residuals.end());
       }
@@ -82,21 +168,37 @@ class ChainModelTest : public testing::Test {
     constexpr double kStep = 1e-6;
     Eigen::MatrixXd jacobian(residuals(x).size(), x.size());
     for (Eigen::Index i = 0; i < x.size(); ++i) {
-      Eigen::VectorXd above = x, below = x;
-      above[i] += kStep;
-      below[i] -= kStep;
-      jacobian.col(i) = (residuals(above) - residuals(below)) / (2.0 * kStep);
+      jacobian.col(i) =
+          (residuals(stepped(x, i, kStep)) - residuals(stepped(x, i, -kStep))) / (2.0 * kStep);
     }
     return jacobian;
   }
 
+  void expect_normal_equations_of_residuals() const;
+
   Problem problem_;
   Trajectory initial_;
+  std::optional<BodyChain::Base> body_;  ///< Whose body has the prior.
 };
 
 TEST_F(ChainModelTest, HasTheNormalEquationsOfItsResiduals) {
+  expect_normal_equations_of_residuals();
+}
+
+TEST_F(ChainModelTest, HasThoseOfABodysPrior) {
+  body_ = {3, 1, 4};
+  expect_normal_equations_of_residuals();
+}
+
+TEST_F(ChainModelTest, HasThoseOfABodysPriorThatTurnsByNextToNothing) {
+  body_ = {0, 1, 2};
+  for (int i = 0; i < kStates; ++i) initial_.q(i)[2] = 0.7 + 3e-4 * i;
+  expect_normal_equations_of_residuals();
+}
+
+void ChainModelTest::expect_normal_equations_of_residuals() const {
   ChainModel model;
-  model.reset(problem_, initial_);
+  model.reset(problem_, initial_, body_);
   model.linearise();
   const auto& support = model.current().support;
   const Eigen::VectorXd x =
@@ -126,6 +228,41 @@ TEST_F(ChainModelTest, HasTheNormalEquationsOfItsResiduals) {
     system.product({unit.data(), n}, {ours.col(i).data(), n});
   }
   EXPECT_LT((ours - h).norm(), 1e-5 * h.norm());
+}
+
+TEST_F(ChainModelTest, CostsNoPriorOfABodyThatDrivesAnArc) {
+  body_ = {0, 1, 2};
+  constexpr double kSpeed_mps = 0.8, kTurn_radps = 1.5, kRadius_m = kSpeed_mps / kTurn_radps;
+  for (int i = 0; i < kStates; ++i) {
+    const double yaw = 0.4 + kTurn_radps * i * problem_.dt_s;
+    const std::array q{kRadius_m * std::sin(yaw), -kRadius_m * std::cos(yaw), yaw, 0.1, 0.2};
+    const std::array qdot{kSpeed_mps * std::cos(yaw), kSpeed_mps * std::sin(yaw), kTurn_radps, 0.0,
+                          0.0};
+    std::ranges::copy(q, initial_.q(i).begin());
+    std::ranges::copy(qdot, initial_.qdot(i).begin());
+  }
+  ChainModel model;
+  model.reset(problem_, initial_, body_);
+  EXPECT_LT(model.current().terms.front(), 1e-20);
+  model.reset(problem_, initial_);
+  EXPECT_GT(model.current().terms.front(), 1.0);
+}
+
+TEST_F(ChainModelTest, TakesStepsOfABodyInItsFrame) {
+  body_ = {3, 1, 4};
+  ChainModel model;
+  model.reset(problem_, initial_, body_);
+  const Eigen::VectorXd x =
+      Eigen::Map<const Eigen::VectorXd>(model.current().support.data(), 2 * kDof * kStates);
+  for (Eigen::Index variable = 0; variable < x.size(); ++variable) {
+    std::vector<double> step(idx(x.size()), 0.0);
+    step[idx(variable)] = 0.3;
+    model.reset(problem_, initial_, body_);
+    (void)model.try_step(step);
+    model.accept();
+    const Eigen::Map<const Eigen::VectorXd> after(model.current().support.data(), x.size());
+    EXPECT_LT((after - stepped(x, variable, 0.3)).norm(), 1e-12) << variable;
+  }
 }
 
 TEST_F(ChainModelTest, EvaluatesAStepWithoutTakingIt) {

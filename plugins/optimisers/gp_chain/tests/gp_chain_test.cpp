@@ -2,8 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <sidestep/core/index.hpp>
 #include <sidestep/planning/costs.hpp>
 
+#include "conformance/analytic_models.hpp"
+#include "conformance/localiser_conformance.hpp"
 #include "conformance/optimiser_conformance.hpp"
 #include "support/joint_cost.hpp"
 
@@ -60,6 +63,40 @@ TEST_P(GpChainMethods, HoldsAnEndThatNoTermHolds) {
   }
 }
 
+/// Ends between which a base can drive an arc at even speeds: to its body's prior nothing is
+/// better, whatever the first guess.
+TEST_P(GpChainMethods, DrivesTheArcWhereThePriorIsOnTheBody) {
+  constexpr double kSpeed_mps = 0.5, kTurn_radps = 0.6, kRadius_m = kSpeed_mps / kTurn_radps;
+  Problem problem;
+  problem.robot = conformance::turning_robot();
+  problem.field = std::make_shared<conformance::BallField>(std::vector<conformance::Ball>{});
+  problem.support_states = 6;
+  problem.dt_s = 0.5;
+  problem.qc = Eigen::Vector3d(1.0, 0.5, 2.0);
+  const auto at = [&](double time_s) {
+    const double yaw = -0.3 + kTurn_radps * time_s;
+    return RobotState{
+        Eigen::Vector3d(kRadius_m * std::sin(yaw), -kRadius_m * std::cos(yaw), yaw),
+        Eigen::Vector3d(kSpeed_mps * std::cos(yaw), kSpeed_mps * std::sin(yaw), kTurn_radps)};
+  };
+  problem.start = at(0.0);
+  problem.goal = at((problem.support_states - 1) * problem.dt_s);
+  const auto optimiser = make_gp_chain({.method = GetParam(),
+                                        .relative_tolerance = 0.0,
+                                        .absolute_tolerance = 1e-14,
+                                        .base_prior = "body"});
+  const auto solution = optimiser->solve(problem, straight_line_of(problem), Deadline());
+  ASSERT_TRUE(solution.has_value()) << solution.error().describe();
+  EXPECT_LT(solution->cost, 1e-12);
+  for (int i = 0; i < problem.support_states; ++i) {
+    const RobotState arc = at(i * problem.dt_s);
+    for (Eigen::Index j = 0; j < 3; ++j) {
+      EXPECT_NEAR(solution->trajectory.q(i)[idx(j)], arc.q[j], 1e-6) << "state " << i;
+      EXPECT_NEAR(solution->trajectory.qdot(i)[idx(j)], arc.qdot[j], 1e-6) << "state " << i;
+    }
+  }
+}
+
 TEST_P(GpChainMethods, SaysThatItRanOutOfIterations) {
   const Problem problem = reference_problem();
   const auto solution = make_gp_chain({.method = GetParam(), .max_iterations = 1})
@@ -88,6 +125,16 @@ TEST_F(GpChainDegenerate, TwoStatesAreRefused) {
   const auto solution = solve(problem);
   ASSERT_FALSE(solution.has_value());
   EXPECT_EQ(solution.error().code, ErrorCode::kInvalidArgument);
+}
+
+TEST_F(GpChainDegenerate, APriorOnTheBodyOfNoBaseIsRefused) {
+  Problem problem = reference_problem();
+  problem.robot =
+      std::make_shared<conformance::PlanarRobot>(conformance::PlanarRobot::Shape{4, false, 4});
+  const auto solution =
+      make_gp_chain({.base_prior = "body"})->solve(problem, straight_line_of(problem), Deadline());
+  ASSERT_FALSE(solution.has_value());
+  EXPECT_EQ(solution.error().code, ErrorCode::kUnsupported);
 }
 
 TEST_F(GpChainDegenerate, ASingularQcIsRefused) {

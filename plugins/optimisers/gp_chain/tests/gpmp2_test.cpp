@@ -34,8 +34,9 @@ class ChainAgainstGpmp2 : public testing::TestWithParam<std::string> {
   }
 
   Outcomes solve_all(const RecordedRun& run) const {
-    const auto optimiser = make_gp_chain(
-        {.relative_tolerance = run.relative_tolerance, .max_iterations = run.max_iterations});
+    const auto optimiser = make_gp_chain({.relative_tolerance = run.relative_tolerance,
+                                          .max_iterations = run.max_iterations,
+                                          .base_prior = problems_.has_base ? "body" : "world"});
     Outcomes outcomes;
     for (const RecordedOutcome& peer : run.outcomes) {
       const auto scene = static_cast<std::size_t>(peer.scene);
@@ -99,7 +100,7 @@ TEST_P(ChainAgainstGpmp2, FindsCostsAsLowAndIsFreeAsOften) {
 
 INSTANTIATE_TEST_SUITE_P(Recorded, ChainAgainstGpmp2,
                          testing::Values("panda_single", "panda_clutter", "wam_single",
-                                         "wam_clutter"),
+                                         "wam_clutter", "hsr_single", "hsr_clutter"),
                          [](const auto& of) { return of.param; });
 
 }  // namespace
