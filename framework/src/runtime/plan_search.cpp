@@ -217,7 +217,8 @@ std::optional<Trajectory> PlanSearch::first_guess(std::string_view name, Task& t
     if (!parts_.robot->description().planar_base()) return std::nullopt;
     if (task.request.to_beat) return std::nullopt;  // of what is posed, in as much time
     if (base_ways(task).empty()) {
-      task.failure = "it finds no way for the base";
+      task.failure = task.deadline.expired() ? "there was no time to find the base a way"
+                                             : "it finds no way for the base";
       return std::nullopt;
     }
     task.sampled = base_ways(task).first_guess(problem);
