@@ -98,7 +98,7 @@ Vector way_between(const Eigen::Matrix<double, 6, 1>& a, const Eigen::Matrix<dou
 }  // namespace
 
 BodyChain::BodyChain(const Base& base, const Eigen::VectorXd& qc, double dt_s)
-    : base_(base), dof_(idx(qc.size())), dt_s_(dt_s) {
+    : base_(base), qc_(qc), dof_(idx(qc.size())), dt_s_(dt_s) {
   whitening_.setZero();
   for (const Eigen::Index axis : {0, 1, 2}) {
     const Eigen::Matrix2d joint = GpPrior({}, dt_s).whitening() / std::sqrt(qc[base[idx(axis)]]);

@@ -25,7 +25,10 @@ class BodyChain {
   /// `qc`: one positive value per joint.
   BodyChain(const Base& base, const Eigen::VectorXd& qc, double dt_s);
 
-  [[nodiscard]] const Base& base() const noexcept { return base_; }
+  /// Whether it was made of these.
+  [[nodiscard]] bool is_of(const Base& base, const Eigen::VectorXd& qc, double dt_s) const {
+    return base == base_ && dt_s == dt_s_ && qc.size() == qc_.size() && qc == qc_;
+  }
 
   /// Of the prior between two states, [q; qdot] each.
   [[nodiscard]] double cost(const double* a, const double* b) const noexcept;
@@ -75,6 +78,7 @@ class BodyChain {
   };
 
   Base base_;
+  Eigen::VectorXd qc_;
   std::size_t dof_;
   double dt_s_;
   Eigen::Matrix<double, 6, 6> whitening_;

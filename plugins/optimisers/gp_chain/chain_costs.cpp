@@ -28,9 +28,13 @@ bool ChainCosts::reset(const Problem& problem, const std::optional<BodyChain::Ba
                           intervals_ != problem.support_states - 1;
   const auto apart = body ? std::span<const int>(*body) : std::span<const int>();
   bool is_other_prior = prior_.reset(problem.qc, problem.dt_s, apart);
-  is_other_prior |= body != (body_ ? std::optional(body_->base()) : std::nullopt);
-  if (is_other_prior) body_.reset();
-  if (body && !body_) body_.emplace(*body, problem.qc, problem.dt_s);
+  const bool is_same_body =
+      body ? body_ && body_->is_of(*body, problem.qc, problem.dt_s) : !body_.has_value();
+  if (!is_same_body) {
+    is_other_prior = true;
+    body_.reset();
+    if (body) body_.emplace(*body, problem.qc, problem.dt_s);
+  }
   if (!is_resized && !is_other_prior) return false;
   dof_ = problem.robot->description().dof();
   checks_ = problem.interpolated_checks;
