@@ -30,9 +30,9 @@ constexpr std::string_view kRetimed = "retimed";
 constexpr std::string_view kBasePath = "base_path";
 constexpr int kStages = 200;   ///< Of a new motion's timing: within 1 % of the fastest.
 constexpr int kMostBends = 8;  ///< Waves grow with each try; then they begin anew, with others.
-/// Of the time until it is to set out, what a robot at rest, which need not stop for anything
-/// meanwhile, may spend on a search.
-constexpr double kShareAtRest = 0.8;
+/// Of the time until it is to set out, what a robot at rest may spend on a search: it need not stop
+/// for anything meanwhile, but may have to step aside after it.
+constexpr double kShareAtRest = 0.5;
 
 double largest_difference(std::span<const double> a, std::span<const double> b) {
   double largest = 0.0;
@@ -74,8 +74,7 @@ struct PlanSearch::Task {
   RobotState start = {};  ///< The end of its lead.
   Problem problem = {};
   bool is_posed_anew = false;  ///< Not as the request's departure has it.
-  double limit_s = 0.0;        ///< Of the whole search, by the wall's clock,
-  Deadline deadline = {};      ///< which ends then.
+  Deadline deadline = {};
   Stopwatch watch = {};
   SearchResult result = {};
   bool is_rest = false;      ///< The guess being tried is the rest of the departure's `unfinished`,
@@ -103,11 +102,10 @@ PlanSearch::PlanSearch(const Replanner::Parts& parts, const ReplannerSettings& s
 
 SearchResult PlanSearch::run(const Request& request) {
   Task task{request};
-  task.limit_s = settings_.solve_limit_s;
-  if (!request.departure.is_moving) {
-    task.limit_s = std::max(task.limit_s, kShareAtRest * settings_.takeover_s);
-  }
-  if (settings_.limit_wall_time) task.deadline = Deadline::after_s(task.limit_s);
+  const bool is_at_rest = request.departure.followed == nullptr;
+  const double limit_s =
+      std::max(settings_.solve_limit_s, is_at_rest ? kShareAtRest * settings_.takeover_s : 0.0);
+  if (settings_.limit_wall_time) task.deadline = Deadline::after_s(limit_s);
   if (!depart(request.departure, task)) {
     task.result.failure = std::move(task.failure);
     return std::move(task.result);
@@ -280,7 +278,7 @@ std::optional<Trajectory> PlanSearch::solve(Optimiser& optimiser, const std::str
   auto proposal = propose_motion(optimiser, name, task.problem, guess, task.deadline);
   const double took_ms = watch.elapsed_ms();
   task.result.solve_ms += took_ms;
-  const double grace_s = std::max(0.0, settings_.takeover_s - task.limit_s);
+  const double grace_s = std::max(0.0, settings_.takeover_s - settings_.solve_limit_s);
   if (settings_.limit_wall_time && took_ms * 1e-3 > limit_s + grace_s) {
     task.result.fault = "plugin " + name + " took " + format("%.3f", took_ms * 1e-3) + " s of " +
                         format("%.3f s", limit_s) + " that it had";

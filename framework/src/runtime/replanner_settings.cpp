@@ -11,9 +11,8 @@ Parameters<ReplannerSettings> ReplannerSettings::parameters() {
       .add("takeover_s", &S::takeover_s, "From a replan's begin to when its trajectory takes over.",
            {.unit = "s", .min = 1e-3, .max = 60.0})
       .add("solve_limit_s", &S::solve_limit_s,
-           "For all attempts of one replan; less than takeover_s. At rest, a robot takes four "
-           "fifths "
-           "of that, if it is more.",
+           "For all attempts of one replan; less than takeover_s. A robot at rest takes half of "
+           "takeover_s, if that is more.",
            {.unit = "s", .min = 1e-4, .max = 60.0})
       .add(
           "horizon_s", &S::horizon_s,

@@ -247,7 +247,7 @@ const ResultColumnsOf<RunRow>& recorded_runs() {
   return kColumns;
 }
 
-/// The peer's state is a Lie group where there is a base.
+/// Whether the optimiser's prior is the peer's, whose state is a Lie group where there is a base.
 bool are_costs_comparable(const RecordedStart& start) {
   return !start.problems.has_base || start.has_body_prior;
 }

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
+
+#include <unsupported/Eigen/AutoDiff>
 
 #include <sidestep/core/index.hpp>
 
@@ -11,136 +12,121 @@
 namespace sidestep {
 namespace {
 
-/// Vectors of the plane are complex numbers: those of world and body differ by a factor.
-using Complex = std::complex<double>;
-constexpr Complex kI(0.0, 1.0);
+// Of the base: x, y and heading, then their velocities. T is a number, or one with its derivatives.
+template <class T>
+using State = Eigen::Matrix<T, 6, 1>;
+template <class T>
+using Twist = Eigen::Matrix<T, 3, 1>;
+using Derivatives = Eigen::AutoDiffScalar<Eigen::Matrix<double, 12, 1>>;
+
 /// Below it, rad, series stand for what loses its digits.
 constexpr double kSmallTurn = 1e-3;
 
-struct Factor {
-  Complex value;
-  Complex by_turn;
-};
-
-/// Of a motion that is even in its own frame and turns by `turn`: its way in that frame over its
-/// chord, the inverse of SE(2)'s V.
-Factor way_of_chord(double turn) noexcept {
-  const double half = 0.5 * turn, squared = turn * turn;
-  if (std::abs(turn) < kSmallTurn) {
-    return {{1.0 - squared / 12.0, -half}, {-turn / 6.0, -0.5}};
-  }
-  const double sine = std::sin(half), cotangent = std::cos(half) / sine;
-  return {{half * cotangent, -half}, {0.5 * (cotangent - half / (sine * sine)), -0.5}};
+/// Its first two values turned, the rest as it is.
+template <class T, int n>
+Eigen::Matrix<T, n, 1> rotated(Eigen::Matrix<T, n, 1> vector, const T& angle) {
+  using std::cos, std::sin;
+  const T c = cos(angle), s = sin(angle);
+  const T x = c * vector[0] - s * vector[1];
+  vector[1] = s * vector[0] + c * vector[1];
+  vector[0] = x;
+  return vector;
 }
 
-/// Its chord over its way: V.
-Factor chord_of_way(double turn) noexcept {
-  const double squared = turn * turn;
-  if (std::abs(turn) < kSmallTurn) {
-    return {{1.0 - squared / 6.0, 0.5 * turn}, {-turn / 3.0, 0.5 - squared / 8.0}};
-  }
-  const Complex rotation = std::polar(1.0, turn);
-  return {(rotation - 1.0) / (kI * turn), (turn * rotation + kI * (rotation - 1.0)) / squared};
+/// The velocity of the body in its own frame.
+template <class T>
+Twist<T> twist_of(const State<T>& state) {
+  return rotated<T, 3>(state.template tail<3>(), -state[2]);
 }
 
-Complex vector_of(const auto& values, Eigen::Index first) {
-  return {values[first], values[first + 1]};
-}
-
-void set_vector(auto&& values, Eigen::Index first, const Complex& vector) {
-  values[first] = vector.real();
-  values[first + 1] = vector.imag();
-}
-
-/// A vector of the plane that follows from two states, and its derivatives by both.
-struct Vector {
-  Complex value;
-  std::array<Complex, 12> by_states{};
-
-  friend Vector operator*(const Complex& factor, Vector vector) {
-    vector.value *= factor;
-    for (Complex& derivative : vector.by_states) derivative *= factor;
-    return vector;
-  }
-  friend Vector operator+(Vector a, const Vector& b) {
-    a.value += b.value;
-    for (std::size_t k = 0; k < 12; ++k) a.by_states[k] += b.by_states[k];
-    return a;
-  }
-};
-
-/// The velocity of a state's body in its own frame; its derivatives begin at `first`.
-Vector body_velocity(const Eigen::Matrix<double, 6, 1>& state, std::size_t first) {
-  const Complex into_body = std::polar(1.0, -state[2]);
-  Vector speed{into_body * vector_of(state, 3)};
-  speed.by_states[first + 2] = -kI * speed.value;
-  speed.by_states[first + 3] = into_body;
-  speed.by_states[first + 4] = into_body * kI;
-  return speed;
-}
-
-/// The place in log(T_a^-1 T_b), along the body's axes.
-Vector way_between(const Eigen::Matrix<double, 6, 1>& a, const Eigen::Matrix<double, 6, 1>& b) {
-  const Complex into_body = std::polar(1.0, -a[2]);
-  const Complex chord = into_body * (vector_of(b, 0) - vector_of(a, 0));
-  const Factor factor = way_of_chord(b[2] - a[2]);
-  Vector way{factor.value * chord};
-  const Complex by_x = factor.value * into_body;
-  way.by_states[0] = -by_x;
-  way.by_states[1] = -kI * by_x;
-  way.by_states[2] = -kI * way.value - factor.by_turn * chord;
-  way.by_states[6] = by_x;
-  way.by_states[7] = kI * by_x;
-  way.by_states[8] = factor.by_turn * chord;
+/// log(T_a^-1 T_b).
+template <class T>
+Twist<T> log_between(const State<T>& a, const State<T>& b) {
+  using std::abs, std::cos, std::sin;
+  Twist<T> way = rotated<T, 3>(b.template head<3>() - a.template head<3>(), -a[2]);
+  const T turn = way[2], half = 0.5 * turn;
+  const T along =
+      abs(turn) < kSmallTurn ? T(1.0 - turn * turn / 12.0) : T(half * cos(half) / sin(half));
+  const T x = along * way[0] + half * way[1];
+  way[1] = along * way[1] - half * way[0];
+  way[0] = x;
   return way;
+}
+
+/// The place and heading of exp(way).
+template <class T>
+Twist<T> exp_of(const Twist<T>& way) {
+  using std::abs, std::sin;
+  const T turn = way[2], squared = turn * turn;
+  T along = 1.0 - squared / 6.0, across = turn * (0.5 - squared / 24.0);
+  if (abs(turn) >= kSmallTurn) {
+    const T half_sine = sin(T(0.5 * turn));
+    along = sin(turn) / turn;
+    across = 2.0 * half_sine * half_sine / turn;
+  }
+  return {along * way[0] - across * way[1], across * way[0] + along * way[1], turn};
+}
+
+/// e = (dt xi_a - log(T_a^-1 T_b), xi_a - xi_b).
+template <class T>
+State<T> prior_error(const State<T>& a, const State<T>& b, double dt_s) {
+  const Twist<T> speed_a = twist_of(a);
+  State<T> error;
+  error << T(dt_s) * speed_a - log_between(a, b), speed_a - twist_of(b);
+  return error;
+}
+
+/// T = T_a exp(w), w = Lambda12 xi_a + Psi11 log(T_a^-1 T_b) + Psi12 xi_b; its velocity that of
+/// the second rows.
+template <class T>
+State<T> between(const State<T>& a, const State<T>& b, const GpPrior::Interpolation& at) {
+  const Twist<T> speed_a = twist_of(a), whole = log_between(a, b), speed_b = twist_of(b);
+  const auto mixed = [&](Eigen::Index row) -> Twist<T> {
+    return T(at.lambda(row, 1)) * speed_a + T(at.psi(row, 0)) * whole + T(at.psi(row, 1)) * speed_b;
+  };
+  const Twist<T> place = a.template head<3>() + rotated<T, 3>(exp_of(mixed(0)), a[2]);
+  State<T> state;
+  state << place, rotated<T, 3>(mixed(1), place[2]);
+  return state;
+}
+
+/// A state whose derivatives begin at `first`.
+State<Derivatives> with_derivatives(const State<double>& values, Eigen::Index first) {
+  State<Derivatives> state;
+  for (Eigen::Index k = 0; k < 6; ++k) state[k] = Derivatives(values[k], 12, first + k);
+  return state;
+}
+
+/// The derivatives of a function of two states, row by row.
+Eigen::Matrix<double, 6, 12> derivatives_of(const State<Derivatives>& state) {
+  Eigen::Matrix<double, 6, 12> by_states;
+  for (Eigen::Index k = 0; k < 6; ++k) by_states.row(k) = state[k].derivatives().transpose();
+  return by_states;
 }
 
 }  // namespace
 
 BodyChain::BodyChain(const Base& base, const Eigen::VectorXd& qc, double dt_s)
-    : base_(base), qc_(qc), dof_(idx(qc.size())), dt_s_(dt_s) {
+    : base_(base), qc_(qc), dof_(idx(qc.size())), dt_s_(dt_s), chain_(4 * dof_) {
+  const Eigen::Matrix2d whitening = GpPrior({}, dt_s).whitening();
   whitening_.setZero();
   for (const Eigen::Index axis : {0, 1, 2}) {
-    const Eigen::Matrix2d joint = GpPrior({}, dt_s).whitening() / std::sqrt(qc[base[idx(axis)]]);
-    whitening_(Eigen::seqN(axis, Eigen::fix<2>, Eigen::fix<3>),
-               Eigen::seqN(axis, Eigen::fix<2>, Eigen::fix<3>)) = joint;
+    const auto rows = Eigen::seqN(axis, Eigen::fix<2>, Eigen::fix<3>);
+    whitening_(rows, rows) = whitening / std::sqrt(qc[base[idx(axis)]]);
+    variables_[idx(axis)] = idx(base[idx(axis)]);
+    variables_[idx(axis) + 3] = dof_ + idx(base[idx(axis)]);
   }
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    variables_[axis] = idx(base[axis]);
-    variables_[axis + 3] = dof_ + idx(base[axis]);
-  }
+  product_.reserve(2 * dof_ * dof_);
 }
 
-BodyChain::State BodyChain::state_of(const double* values) const noexcept {
-  State state;
+Eigen::Matrix<double, 6, 1> BodyChain::state_of(const double* values) const noexcept {
+  State<double> state;
   for (Eigen::Index k = 0; k < 6; ++k) state[k] = values[variables_[idx(k)]];
   return state;
 }
 
-/// e = (dt xi_a - log(T_a^-1 T_b), xi_a - xi_b), xi the velocity of the body in its own frame;
-/// whitened.
-BodyChain::Derived BodyChain::residual(const double* a, const double* b) const noexcept {
-  const State from = state_of(a), to = state_of(b);
-  const Vector speed = body_velocity(from, 0);
-  const Vector place = dt_s_ * speed + -1.0 * way_between(from, to);
-  const Vector change = speed + -1.0 * body_velocity(to, 6);
-  Derived e;
-  set_vector(e.value, 0, place.value);
-  set_vector(e.value, 3, change.value);
-  e.value[2] = dt_s_ * from[5] - (to[2] - from[2]);
-  e.value[5] = from[5] - to[5];
-  for (Eigen::Index k = 0; k < 12; ++k) {
-    set_vector(e.by_states.col(k), 0, place.by_states[idx(k)]);
-    set_vector(e.by_states.col(k), 3, change.by_states[idx(k)]);
-  }
-  e.by_states(2, 2) = e.by_states(5, 5) = 1.0;
-  e.by_states(2, 5) = dt_s_;
-  e.by_states(2, 8) = e.by_states(5, 11) = -1.0;
-  return {whitening_ * e.value, whitening_ * e.by_states};
-}
-
 double BodyChain::cost(const double* a, const double* b) const noexcept {
-  return 0.5 * residual(a, b).value.squaredNorm();
+  return 0.5 * (whitening_ * prior_error(state_of(a), state_of(b), dt_s_)).squaredNorm();
 }
 
 void BodyChain::add_prior(ChainSystem& system, std::span<const double> support) const noexcept {
@@ -154,13 +140,17 @@ void BodyChain::add_prior(ChainSystem& system, std::span<const double> support) 
   };
   for (int i = 0; i + 1 < system.states(); ++i) {
     const double* const a = support.data() + idx(i) * 2 * dof_;
-    const Derived r = residual(a, a + 2 * dof_);
-    const Eigen::Matrix<double, 6, 6> by_a = r.by_states.leftCols<6>();
-    const Eigen::Matrix<double, 6, 6> by_b = r.by_states.rightCols<6>();
+    const State<double> from = state_of(a), to = state_of(a + 2 * dof_);
+    const State<double> r = whitening_ * prior_error(from, to, dt_s_);
+    const Eigen::Matrix<double, 6, 12> by_states =
+        whitening_ *
+        derivatives_of(prior_error(with_derivatives(from, 0), with_derivatives(to, 6), dt_s_));
+    const Eigen::Matrix<double, 6, 6> by_a = by_states.leftCols<6>();
+    const Eigen::Matrix<double, 6, 6> by_b = by_states.rightCols<6>();
     add(system.own_block(i), by_a.transpose() * by_a);
     add(system.coupling(i), by_b.transpose() * by_a);
     add(system.own_block(i + 1), by_b.transpose() * by_b);
-    const State force_a = by_a.transpose() * r.value, force_b = by_b.transpose() * r.value;
+    const State<double> force_a = by_a.transpose() * r, force_b = by_b.transpose() * r;
     for (std::size_t k = 0; k < 6; ++k) {
       system.rhs(i)[variables_[k]] -= force_a.data()[k];
       system.rhs(i + 1)[variables_[k]] -= force_b.data()[k];
@@ -168,83 +158,28 @@ void BodyChain::add_prior(ChainSystem& system, std::span<const double> support) 
   }
 }
 
-/// T = T_a exp(w), w = Lambda12 xi_a + Psi11 log(T_a^-1 T_b) + Psi12 xi_b; its velocity that of
-/// the second rows.
-BodyChain::Derived BodyChain::between(const double* a, const double* b,
-                                      const GpPrior::Interpolation& at) const noexcept {
-  const State from = state_of(a), to = state_of(b);
-  const Vector speed_a = body_velocity(from, 0), speed_b = body_velocity(to, 6);
-  const Vector whole = way_between(from, to);
-  const auto mix = [&](Eigen::Index row) {
-    return at.lambda(row, 1) * speed_a + at.psi(row, 0) * whole + at.psi(row, 1) * speed_b;
-  };
-  const Vector way = mix(0), speed = mix(1);
-  Derived state;
-  std::array<double, 12> turn_by{};
-  for (const Eigen::Index row : {0, 1}) {
-    Eigen::Matrix<double, 1, 12> by = Eigen::Matrix<double, 1, 12>::Zero();
-    by[2] = -at.psi(row, 0);
-    by[5] = at.lambda(row, 1);
-    by[8] = at.psi(row, 0);
-    by[11] = at.psi(row, 1);
-    const double value =
-        at.lambda(row, 1) * from[5] + at.psi(row, 0) * (to[2] - from[2]) + at.psi(row, 1) * to[5];
-    if (row == 0) std::copy_n(by.data(), 12, turn_by.begin());
-    state.value[2 + 3 * row] = value;
-    state.by_states.row(2 + 3 * row) = by;
-  }
-  const Factor chord = chord_of_way(state.value[2]);
-  const Complex into_world = std::polar(1.0, from[2]);
-  const Complex moved = into_world * chord.value * way.value;
-  const Complex out = into_world * std::polar(1.0, state.value[2]);
-  set_vector(state.value, 0, vector_of(from, 0) + moved);
-  set_vector(state.value, 3, out * speed.value);
-  for (Eigen::Index k = 0; k < 12; ++k) {
-    const double by_turn = turn_by[idx(k)], by_heading = k == 2 ? 1.0 : 0.0;
-    Complex place =
-        into_world * (chord.value * way.by_states[idx(k)] + chord.by_turn * by_turn * way.value) +
-        kI * by_heading * moved;
-    if (k == 0) place += 1.0;
-    if (k == 1) place += kI;
-    set_vector(state.by_states.col(k), 0, place);
-    set_vector(state.by_states.col(k), 3,
-               out * (speed.by_states[idx(k)] + kI * (by_turn + by_heading) * speed.value));
-  }
-  state.value[2] += from[2];
-  state.by_states(2, 2) += 1.0;
-  return state;
-}
-
 void BodyChain::interpolate(const double* a, const double* b, const GpPrior::Interpolation& at,
                             double* q, double* qdot) const noexcept {
-  const Derived state = between(a, b, at);
-  for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    q[base_[idx(axis)]] = state.value[axis];
-    qdot[base_[idx(axis)]] = state.value[axis + 3];
+  const State<double> state = between(state_of(a), state_of(b), at);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    q[base_[axis]] = state.data()[axis];
+    qdot[base_[axis]] = state.data()[axis + 3];
   }
 }
 
-void BodyChain::set_chain(const Derived& between, const GpPrior::Interpolation& at) {
-  chain_.resize(4 * dof_);
+void BodyChain::set_chain(const Eigen::Matrix<double, 6, 12>& by_states,
+                          const GpPrior::Interpolation& at) {
   for (std::size_t m = 0; m < 4; ++m) {
     const Eigen::Matrix2d& part = m < 2 ? at.lambda : at.psi;
     const auto side = static_cast<Eigen::Index>(m % 2);
     for (std::size_t j = 0; j < dof_; ++j) {
-      Column& column = chain_[m * dof_ + j];
-      column.rows[0] = j;
-      column.rows[1] = dof_ + j;
-      column.weights[0] = part(0, side);
-      column.weights[1] = part(1, side);
-      column.positions = 1;
-      column.count = 2;
+      chain_[m * dof_ + j] = {{j, dof_ + j}, {part(0, side), part(1, side)}, 1, 2};
     }
     for (std::size_t axis = 0; axis < 3; ++axis) {
       Column& column = chain_[m * dof_ + variables_[axis]];
-      const auto by = between.by_states.col(static_cast<Eigen::Index>(3 * m + axis));
-      column.rows = variables_;
-      std::copy_n(by.data(), 6, column.weights.begin());
-      column.positions = 3;
-      column.count = 6;
+      column = {variables_, {}, 3, 6};
+      std::copy_n(by_states.col(static_cast<Eigen::Index>(3 * m + axis)).data(), 6,
+                  column.weights.begin());
     }
   }
 }
@@ -290,10 +225,12 @@ void BodyChain::add_interval(const StateNormals& normals, std::size_t first,
                              std::span<const GpPrior::Interpolation> checks,
                              std::span<const double> support, ChainSystem& system, int interval) {
   const double* const a = support.data() + idx(interval) * 2 * dof_;
+  const auto from = with_derivatives(state_of(a), 0);
+  const auto to = with_derivatives(state_of(a + 2 * dof_), 6);
   for (std::size_t k = 0; k < checks.size(); ++k) {
     const std::size_t state = first + k;
     if (!normals.has_position(state) && !normals.has_full(state)) continue;
-    set_chain(between(a, a + 2 * dof_, checks[k]), checks[k]);
+    set_chain(derivatives_of(between(from, to, checks[k])), checks[k]);
     if (normals.has_position(state)) {
       add_state(normals.position(state), padded(dof_), dof_, system, interval);
     }
@@ -306,16 +243,15 @@ void BodyChain::add_interval(const StateNormals& normals, std::size_t first,
 /// By T' H T and T' b, T = d[q; qdot] / d[q; xi]: xi = R' qdot of the base.
 void BodyChain::turn_into_body(ChainSystem& system,
                                std::span<const double> support) const noexcept {
-  const auto [x, y, yaw, vx, vy, rate] = variables_;
-  /// Turns three values, `stride` apart, by T'.
+  const std::size_t yaw = variables_[2], vx = variables_[3], vy = variables_[4];
+  // Turns three values, `stride` apart, by T'.
   const auto turn = [&](double* values, std::size_t stride, int state) {
-    const State at = state_of(support.data() + idx(state) * 2 * dof_);
-    const double sin = std::sin(at[2]), cos = std::cos(at[2]);
+    const State<double> at = state_of(support.data() + idx(state) * 2 * dof_);
     double &by_yaw = values[yaw * stride], &by_x = values[vx * stride], &by_y = values[vy * stride];
     by_yaw += at[3] * by_y - at[4] * by_x;
-    const double along = cos * by_x + sin * by_y;
-    by_y = cos * by_y - sin * by_x;
-    by_x = along;
+    const Eigen::Vector2d in_body = rotated<double, 2>({by_x, by_y}, -at[2]);
+    by_x = in_body.x();
+    by_y = in_body.y();
   };
   const auto width = idx(system.width());
   for (int i = 0; i < system.states(); ++i) {
@@ -342,11 +278,13 @@ void BodyChain::turn_into_body(ChainSystem& system,
 void BodyChain::turn_into_world(std::span<const double> support,
                                 std::span<double> moved) const noexcept {
   for (std::size_t at = 0; at < moved.size(); at += 2 * dof_) {
-    const State from = state_of(support.data() + at), to = state_of(moved.data() + at);
-    const Complex before = vector_of(from, 3), step = vector_of(to, 3) - before;
-    const Complex speed = std::polar(1.0, to[2]) * (std::polar(1.0, -from[2]) * before + step);
-    moved[at + variables_[3]] = speed.real();
-    moved[at + variables_[4]] = speed.imag();
+    // A step of nothing leaves what it was, to the bit.
+    const State<double> from = state_of(support.data() + at), to = state_of(moved.data() + at);
+    const Eigen::Vector2d before = from.segment<2>(3), step = to.segment<2>(3) - before;
+    const Eigen::Vector2d speed =
+        rotated<double, 2>(before, to[2] - from[2]) + rotated<double, 2>(step, to[2]);
+    moved[at + variables_[3]] = speed.x();
+    moved[at + variables_[4]] = speed.y();
   }
 }
 

@@ -39,7 +39,7 @@ class BodyChain {
   void interpolate(const double* a, const double* b, const GpPrior::Interpolation& at, double* q,
                    double* qdot) const noexcept;
   /// Adds the normal equations of the states interpolated between support states i = `interval`
-  /// and i + 1: add_interval(), by how the base follows from these two. Allocates the first time.
+  /// and i + 1: add_interval(), by how the base follows from these two.
   void add_interval(const StateNormals& normals, std::size_t first,
                     std::span<const GpPrior::Interpolation> checks, std::span<const double> support,
                     ChainSystem& system, int interval);
@@ -51,21 +51,10 @@ class BodyChain {
   void turn_into_world(std::span<const double> support, std::span<double> moved) const noexcept;
 
  private:
-  /// Of the base alone, x, y and heading, then their velocities.
-  using State = Eigen::Matrix<double, 6, 1>;
-  using ByStates = Eigen::Matrix<double, 6, 12>;  ///< By two of them.
-
-  /// Values that follow from two states, and their derivatives.
-  struct Derived {
-    State value;
-    ByStates by_states = ByStates::Zero();
-  };
-
-  [[nodiscard]] State state_of(const double* values) const noexcept;
-  [[nodiscard]] Derived residual(const double* a, const double* b) const noexcept;
-  [[nodiscard]] Derived between(const double* a, const double* b,
-                                const GpPrior::Interpolation& at) const noexcept;
-  void set_chain(const Derived& between, const GpPrior::Interpolation& at);
+  /// Of the base alone: x, y and heading, then their velocities.
+  [[nodiscard]] Eigen::Matrix<double, 6, 1> state_of(const double* values) const noexcept;
+  /// `by_states`: the derivatives of an interpolated state of the base by those at its sides.
+  void set_chain(const Eigen::Matrix<double, 6, 12>& by_states, const GpPrior::Interpolation& at);
   void add_state(const StateNormals::Block& block, std::size_t stride, std::size_t width,
                  ChainSystem& system, int interval);
 

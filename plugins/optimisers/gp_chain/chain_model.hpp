@@ -70,7 +70,8 @@ class ChainModel {
   /// Those of the last linearise().
   [[nodiscard]] ChainSystem& system() noexcept { return system_; }
 
-  /// The cost at the current trajectory plus `step`; states x width values. If it is more than
+  /// The cost at the current trajectory plus `step`; states x width values, those of a body's
+  /// velocities in its own frame, as in system(). If it is more than
   /// `linearised_below`, the step is not going to be accepted, or no other is to follow:
   /// linearise() then takes longer.
   [[nodiscard]] double try_step(std::span<const double> step,

@@ -20,10 +20,10 @@ struct ChainPanel;
 /// the rows, eliminating a state also substitutes forward, and what is left of it updates the next
 /// panel at once.
 ///
-/// Where nothing but the GP prior is felt no joint is coupled with another one, and a state is
-/// eliminated joint by joint, all of them side by side (panel_kernels.hpp). Such states at the
-/// beginning of the chain are eliminated forwards, those at its end backwards, and the panels
-/// between them one after the other.
+/// Where nothing but a GP prior of single joints is felt no joint is coupled with another one, and
+/// a state is eliminated joint by joint, all of them side by side (panel_kernels.hpp). Such states
+/// at the beginning of the chain are eliminated forwards, those at its end backwards, and the
+/// panels between them one after the other.
 class ChainSystem {
  public:
   /// `states` blocks of `width` variables [q; qdot], an even number. Allocates only where it was

@@ -127,10 +127,10 @@ class GpChain final : public Optimiser {
   /// Fails with kUnsupported where the robot has no planar base, and the prior is to be on its
   /// body.
   [[nodiscard]] Result<void> find_body(const Problem& problem) {
-    if (settings_.base_prior != "body" || robot_ == problem.robot) return {};
+    if (settings_.base_prior != "body" || body_of_ == problem.robot) return {};
     const auto base = SIDESTEP_TRY(BaseJoints::of(*problem.robot));
     body_ = {base.x(), base.y(), base.yaw()};
-    robot_ = problem.robot;
+    body_of_ = problem.robot;
     return {};
   }
 
@@ -239,10 +239,10 @@ class GpChain final : public Optimiser {
   StoppingRules stop_;
   WorkerPool* workers_;
   std::vector<Candidate> starts_;
-  std::shared_ptr<const RobotModel> robot_;  ///< Of the last problem; where `body_` counts.
-  std::optional<BodyChain::Base> body_;      ///< Nothing: the prior is on joints alone.
-  std::optional<FieldChecks> checks_;        ///< Of the last problem's robot; for several starts.
-  std::vector<double> step_;                 ///< Of an incremental solve.
+  std::optional<BodyChain::Base> body_;        ///< Nothing: all joints have the prior.
+  std::shared_ptr<const RobotModel> body_of_;  ///< Null without a body.
+  std::optional<FieldChecks> checks_;          ///< Of the last problem's robot; for several starts.
+  std::vector<double> step_;                   ///< Of an incremental solve.
   PriorSampler sampler_;
   std::vector<double> samples_;  ///< Of one start after the other; nothing for the first.
 };

@@ -22,7 +22,8 @@ void add_interval(const StateNormals& normals, std::size_t first,
                   std::span<const GpPrior::Interpolation> checks, ChainSystem& system,
                   int interval);
 
-/// The block of H with the rows of z_m and the columns of z_n, m >= n, stride() apart.
+/// The block of H with the rows of z_m and the columns of z_n, m >= n; columns
+/// stride() apart.
 [[nodiscard]] double* interval_block(ChainSystem& system, int interval, std::size_t m,
                                      std::size_t n, std::size_t dof) noexcept;
 /// The part of b of z_m.

@@ -19,8 +19,8 @@ Parameters<GpChainSettings> GpChainSettings::parameters() {
            "A solve that begins with the trajectory found last re-uses what is known of it.")
       .add("base_prior", &S::base_prior,
            "Which velocities of a planar base the GP prior wants even: those along the world's "
-           "axes, "
-           "or those of its body in its own frame (SE(2), as GPMP2), for which an arc is straight.",
+           "axes, or those of its body in its own frame (SE(2), as GPMP2), so that arcs cost "
+           "nothing.",
            {.choices = {"world", "body"}});
 }
 

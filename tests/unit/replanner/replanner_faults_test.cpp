@@ -314,6 +314,28 @@ TEST(ReplannerFaults, AnOptimiserPastItsDeadlineStopsTheRobot) {
   EXPECT_EQ(loop.executor.follows, 0);
 }
 
+TEST(ReplannerFaults, ASearchAtRestLastsLongerThanOneOnTheMove) {
+  ReplannerSettings settings = ClosedLoop::defaults();
+  settings.limit_wall_time = true;
+  settings.solve_limit_s = 0.02;
+  settings.takeover_s = 0.4;
+  ClosedLoop loop(settings);
+  double most_at_rest_s = 0.0, most_moving_s = 0.0;
+  loop.planner.misbehave = [&](const Problem& problem, const Trajectory&,
+                               const Deadline& deadline) -> std::optional<Result<Solution>> {
+    double& most_s = problem.start.qdot.isZero() ? most_at_rest_s : most_moving_s;
+    most_s = std::max(most_s, deadline.remaining_s());
+    return std::nullopt;
+  };
+  loop.run(1.0);
+  loop.obstacles = {{{3.0, 0.0, 0.0}, 0.3}};
+  loop.run(3.0);
+  EXPECT_GT(most_at_rest_s, 0.1);
+  EXPECT_LE(most_at_rest_s, 0.2);
+  EXPECT_GT(most_moving_s, 0.0);
+  EXPECT_LE(most_moving_s, 0.02);
+}
+
 TEST(ReplannerFaults, WhatThrowsElsewhereStopsTheRobotToo) {
   ClosedLoop loop;
   const auto pose = loop.pose;

@@ -192,7 +192,10 @@ TEST_F(ChainModelTest, HasThoseOfABodysPrior) {
 
 TEST_F(ChainModelTest, HasThoseOfABodysPriorThatTurnsByNextToNothing) {
   body_ = {0, 1, 2};
-  for (int i = 0; i < kStates; ++i) initial_.q(i)[2] = 0.7 + 3e-4 * i;
+  for (int i = 0; i < kStates; ++i) {
+    initial_.q(i)[2] = 0.7 + 3e-4 * i;
+    initial_.qdot(i)[2] = 1e-4 * i;
+  }
   expect_normal_equations_of_residuals();
 }
 
@@ -263,6 +266,27 @@ TEST_F(ChainModelTest, TakesStepsOfABodyInItsFrame) {
     const Eigen::Map<const Eigen::VectorXd> after(model.current().support.data(), x.size());
     EXPECT_LT((after - stepped(x, variable, 0.3)).norm(), 1e-12) << variable;
   }
+}
+
+TEST_F(ChainModelTest, LeavesABodyThatDoesNotStepWhereItWas) {
+  ChainModel model;
+  model.reset(problem_, initial_, BodyChain::Base{3, 1, 4});
+  const std::vector<double> before = model.current().support;
+  (void)model.try_step(std::vector<double>(before.size(), 0.0));
+  model.accept();
+  EXPECT_EQ(model.current().support, before);
+}
+
+TEST_F(ChainModelTest, HasAnotherPriorWhereOnlyTheQcOfABodyIsAnother) {
+  const BodyChain::Base body{3, 1, 4};
+  ChainModel model, anew;
+  model.reset(problem_, initial_, body);
+  const double before = model.current().cost;
+  problem_.qc[body[0]] *= 4.0;
+  model.reset(problem_, initial_, body);
+  anew.reset(problem_, initial_, body);
+  EXPECT_EQ(model.current().cost, anew.current().cost);
+  EXPECT_LT(model.current().cost, before);
 }
 
 TEST_F(ChainModelTest, EvaluatesAStepWithoutTakingIt) {
