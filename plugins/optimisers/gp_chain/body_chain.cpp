@@ -44,7 +44,8 @@ template <class T>
 Twist<T> log_between(const State<T>& a, const State<T>& b) {
   using std::abs, std::cos, std::sin;
   Twist<T> way = rotated<T, 3>(b.template head<3>() - a.template head<3>(), -a[2]);
-  const T turn = way[2], half = 0.5 * turn;
+  const T& turn = way[2];
+  const T half = 0.5 * turn;
   const T along =
       abs(turn) < kSmallTurn ? T(1.0 - turn * turn / 12.0) : T(half * cos(half) / sin(half));
   const T x = along * way[0] + half * way[1];
@@ -57,7 +58,8 @@ Twist<T> log_between(const State<T>& a, const State<T>& b) {
 template <class T>
 Twist<T> exp_of(const Twist<T>& way) {
   using std::abs, std::sin;
-  const T turn = way[2], squared = turn * turn;
+  const T& turn = way[2];
+  const T squared = turn * turn;
   T along = 1.0 - squared / 6.0, across = turn * (0.5 - squared / 24.0);
   if (abs(turn) >= kSmallTurn) {
     const T half_sine = sin(T(0.5 * turn));
