@@ -32,6 +32,15 @@ if(SIDESTEP_HAS_MOVE_MAX)
   add_compile_options($<$<COMPILE_LANGUAGE:CXX>:-mmove-max=256> $<$<COMPILE_LANGUAGE:CXX>:-mstore-max=256>)
 endif()
 
+# g++ looks for garbage of its own from 128 MB on. With memory for all that it makes of a source, up to 2 GB, it need
+# not: a tenth less time to compile.
+cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
+cmake_host_system_information(RESULT memory_mb QUERY TOTAL_PHYSICAL_MEMORY)
+math(EXPR memory_per_core_mb "${memory_mb} / ${cores}")
+if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND memory_per_core_mb GREATER 4000)
+  add_compile_options($<$<COMPILE_LANGUAGE:CXX>:--param=ggc-min-heapsize=4000000>)
+endif()
+
 # Warnings are errors for our own code only. -Wrestrict is wrong about std::string in g++ 12
 # (GCC bug 105329). Sources that are compiled together are headers to g++, in which it wants no anonymous namespaces.
 function(sidestep_warnings target)
