@@ -3,32 +3,41 @@
 #
 #   tools/test.sh [CTEST OPTIONS]      e.g. tools/test.sh -R edt
 #
-# SIDESTEP_SANITIZERS=core runs first, in builds of their own: under AddressSanitizer and
+# SIDESTEP_SANITIZERS=core runs some of them under sanitizers first, in builds of their own: under AddressSanitizer and
 # UndefinedBehaviorSanitizer the tests of what decides whether a robot may move and of what reads files, under
 # ThreadSanitizer the unit tests that use threads. SIDESTEP_SANITIZERS=all: every unit test under the former.
+# SIDESTEP_SANITIZERS_UNTIL=SECONDS: those whose build would begin later than this, in seconds since 1970, are left
+# out, and a line says so.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 case "${SIDESTEP_SANITIZERS:-}" in
-  "") ;;
-  core)
-    tools/build.sh asan sidestep_safety_tests
-    # Without what is compared with dense sampling, which takes minutes.
-    ctest --preset asan -j2 --no-tests=error -L safety -E DenseSampling
-    ;;&
-  all)
-    tools/build.sh asan
-    ctest --preset asan -j2 --no-tests=error -E '^(benchmark|consumer|style|layers)\.'
-    ;;&
-  core | all)
-    tools/build.sh tsan sidestep_threads_tests
-    # Without the long sequences, which take twenty times as long and say nothing more of threads.
-    ctest --preset tsan -j2 --no-tests=error -L threads -E 'Kitchen|TsdfIntegrators|Thousands|Increments|EqualsAFull|BruteForceWhile'
-    ;;
+  "" | core | all) ;;
   *)
     echo "test.sh: SIDESTEP_SANITIZERS is core or all, not '$SIDESTEP_SANITIZERS'" >&2
     exit 2
     ;;
 esac
+
+# run_sanitized PRESET TARGET CTEST_OPTION...
+run_sanitized() {
+  if (($(date +%s) > ${SIDESTEP_SANITIZERS_UNTIL:-$(date +%s)})); then
+    echo "test.sh: no time is left for the tests under $1" >&2
+    return
+  fi
+  tools/build.sh "$1" "$2"
+  ctest --preset "$1" -j2 --no-tests=error "${@:3}"
+}
+
 tools/build.sh release
+case "${SIDESTEP_SANITIZERS:-}" in
+  # Without what is compared with dense sampling, which takes minutes.
+  core) run_sanitized asan sidestep_safety_tests -L safety -E DenseSampling ;;&
+  all) run_sanitized asan all -E '^(benchmark|consumer|style|layers)\.' ;;&
+  core | all)
+    # Without the long sequences, which take twenty times as long and say nothing more of threads.
+    run_sanitized tsan sidestep_threads_tests -L threads \
+      -E 'Kitchen|TsdfIntegrators|Thousands|Increments|EqualsAFull|BruteForceWhile'
+    ;;
+esac
 ctest --preset release -j2 "$@"
