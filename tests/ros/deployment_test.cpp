@@ -4,10 +4,13 @@
 
 #include <chrono>
 #include <csignal>
+#include <fstream>
+#include <iterator>
 
 #include <gtest/gtest.h>
 
 #include "ros_world.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace sidestep::testing {
 namespace {
@@ -142,6 +145,71 @@ TEST_F(Deployment, ComesToRestByItselfWhenNobodyCommandsItAnyMore) {
   EXPECT_LT(truth["speed_at_end"].get<double>(), 1e-3);
   std::printf("sidestep killed: at rest after %.2f s\n", stopped_s);
 }
+
+/// The HSR's base by speeds in place of its controller, as it is and on two wheels.
+class BaseDrivenByTwists : public Deployment, public ::testing::WithParamInterface<const char*> {
+ protected:
+  /// A run with these, of the robot whose base is of the type that the test is of.
+  void start(const std::vector<std::string>& set) {
+    std::ifstream in(SIDESTEP_SOURCE_DIR "/robots/hsr/profile.yaml");
+    std::string profile(std::istreambuf_iterator<char>(in), {});
+    const auto replace = [&](const std::string& from, const std::string& to) {
+      const auto at = profile.find(from);
+      ASSERT_NE(at, std::string::npos) << from;
+      profile.replace(at, from.size(), to);
+    };
+    replace("type: holonomic", std::string("type: ") + GetParam());
+    replace("urdf: robot.urdf", "urdf: " SIDESTEP_SOURCE_DIR "/robots/hsr/robot.urdf");
+    const std::string file = folder_.path() / "profile.yaml";
+    std::ofstream(file) << profile;
+    std::vector<std::string> all{
+        "robot.profile=" + file, "executor.twist.topic=/hsrb/command_velocity",
+        "executor.controllers=[{command_topic: /hsrb/arm_trajectory_controller/command, joints: "
+        "[arm_lift_joint, arm_flex_joint, arm_roll_joint, wrist_flex_joint, wrist_roll_joint]}, "
+        "{command_topic: /hsrb/head_trajectory_controller/command, joints: "
+        "[head_pan_joint, head_tilt_joint]}]"};
+    all.insert(all.end(), set.begin(), set.end());
+    world_.start("hsr_deploy", kHall, {"--profile", file}, all);
+  }
+
+  testing_support::TemporaryFolder folder_;
+};
+
+TEST_P(BaseDrivenByTwists, ReachesAGoalToTheSide) {
+  start({"experiment.duration_s=60", "experiment.goal.joints.odom_y=-0.5",
+         "experiment.goal.joints.odom_t=-0.6"});
+  EXPECT_EQ(world_.run().wait(kLongestRun_s), 0) << world_.run().log();
+  const auto truth = world_.end_fake();
+  ASSERT_TRUE(truth.is_object());
+  EXPECT_EQ(truth["collisions_true"], 0);
+  EXPECT_EQ(truth["commands"]["omni_base_controller"], 0);
+  EXPECT_GT(truth["commands"]["command_velocity"], 100);
+  EXPECT_LT(truth["speed_at_end"].get<double>(), 0.02);
+  const auto summary = world_.run_summary();
+  std::printf("%s: %.1f s, %d stops\n", GetParam(), truth["duration_s"].get<double>(),
+              summary["stops"].get<int>());
+}
+
+TEST_P(BaseDrivenByTwists, ComesToRestWhenNobodyDrivesItAnyMore) {
+  start({"experiment.duration_s=40"});
+  ASSERT_TRUE(world_.fake().says("motion 1 begins", 30.0)) << world_.run().log();
+  (void)world_.run().wait(4.0);
+  ASSERT_FALSE(world_.run().poll()) << world_.run().log();
+  world_.run().send(SIGKILL);
+  const double killed_s = unix_now_s();
+  (void)world_.run().wait(5.0);
+  constexpr double kTwistPatience_s = 0.25;  // the fake's
+  (void)world_.master().wait(kBraking_s + 2.0 * kGrace_s);
+  const auto truth = world_.end_fake();
+  ASSERT_TRUE(truth.is_object());
+  const double stopped_s = truth["last_moved_unix_s"].get<double>() - killed_s;
+  EXPECT_GT(stopped_s, 0.0) << "it did not move when the run was killed";
+  EXPECT_LE(stopped_s, kTwistPatience_s + kBraking_s + kGrace_s);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfEachType, BaseDrivenByTwists,
+                         ::testing::Values("holonomic", "differential"),
+                         [](const auto& tested) { return std::string(tested.param); });
 
 TEST_F(Deployment, WithoutAMasterSaysWhereItLooked) {
   world_.start_run("hsr_deploy", {"source.connect_wait_s=0.5"});

@@ -126,7 +126,7 @@ FakeHsr::FakeHsr(const Settings& settings, std::shared_ptr<const KinematicTree> 
     controllers_.push_back(std::unique_ptr<Controller>(
         new Controller{name, JointGroup(description, joints, q, begin_, delay_s, lag_s), {}, {}}));
   };
-  add("omni_base_controller", kBaseJoints);
+  add("omni_base_controller", kBaseJoints);  // the first: on_twist()
   add("arm_trajectory_controller", kArmJoints);
   add("head_trajectory_controller", kHeadJoints);
 }
@@ -135,6 +135,11 @@ void FakeHsr::connect() {
   const std::string& prefix = settings_.prefix;
   using ros_messages::JointTrajectory;
   using Pointer = boost::shared_ptr<const JointTrajectory>;
+  const boost::function<void(const boost::shared_ptr<const ros_messages::Twist>&)> drive(
+      [this](const auto& message) { on_twist(*message); });
+  twist_ = node_.subscribe<ros_messages::Twist>(prefix + "/command_velocity", kQueueLength, drive,
+                                                ::ros::VoidConstPtr(),
+                                                ::ros::TransportHints().tcpNoDelay());
   for (const auto& controller : controllers_) {
     const std::string topic = prefix + "/" + controller->name;
     controller->state = node_.advertise<ControllerState>(topic + "/state", 1);
@@ -170,6 +175,14 @@ void FakeHsr::on_command(Controller& controller, const ros_messages::JointTrajec
     return;
   }
   ++controller.commands;
+  if (first_command_ns_ == 0) first_command_ns_ = now.ns;
+}
+
+void FakeHsr::on_twist(const ros_messages::Twist& message) {
+  if (is_part_silent("controller")) return;
+  const Stamp now = ros_now();
+  controllers_.front()->group.drive(message, robot_->description().rolling.has_value(), now);
+  ++twists_;
   if (first_command_ns_ == 0) first_command_ns_ = now.ns;
 }
 
@@ -377,6 +390,7 @@ Result<std::string> FakeHsr::summary() const {
   for (const auto& controller : controllers_) {
     json["commands"][controller->name] = controller->commands;
   }
+  json["commands"]["command_velocity"] = twists_;
   json["commands_refused"] = refused_commands_;
   json["contacts"] = nlohmann::json::array();
   for (const TrueContact& contact : truth.contacts) {

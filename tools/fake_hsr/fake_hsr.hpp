@@ -47,6 +47,7 @@ class FakeHsr {
 
   void connect();
   void on_command(Controller& controller, const ros_messages::JointTrajectory& message);
+  void on_twist(const ros_messages::Twist& message);
   void advance(Stamp now);
   /// Says when it begins to move, and when it stands again.
   void note_motion(bool is_moving, Stamp stamp);
@@ -82,6 +83,8 @@ class FakeHsr {
   std::int64_t refused_commands_ = 0;
   ::ros::CallbackQueue queue_;
   ::ros::NodeHandle node_;
+  ::ros::Subscriber twist_;
+  std::int64_t twists_ = 0;
   std::vector<std::unique_ptr<Controller>> controllers_;
   std::map<std::string, ::ros::Publisher> publishers_;
   std::vector<Transform> T_world_link_;

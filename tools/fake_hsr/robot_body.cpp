@@ -107,6 +107,24 @@ Result<void> JointGroup::follow(const ros_messages::JointTrajectory& message, St
   return {};
 }
 
+void JointGroup::drive(const ros_messages::Twist& twist, bool rolls, Stamp now) {
+  constexpr double kStep_s = 0.025;
+  constexpr int kSteps = 10;
+  const Stamp start = later(now);
+  Eigen::VectorXd q = robot_.told_position(start);
+  const Eigen::Vector2d v_base(twist.linear.x, rolls ? 0.0 : twist.linear.y);
+  const double turn_radps = twist.angular.z;
+  Trajectory arc = make_trajectory(3, kSteps + 1, kStep_s);
+  for (int i = 0; i <= kSteps; ++i) {
+    const Eigen::Vector2d v_world = Eigen::Rotation2Dd(q[2]) * v_base;
+    std::ranges::copy(q, arc.q(i).begin());
+    std::ranges::copy(Eigen::Vector3d(v_world.x(), v_world.y(), turn_radps), arc.qdot(i).begin());
+    q.head<2>() += kStep_s * (Eigen::Rotation2Dd(q[2] + 0.5 * kStep_s * turn_radps) * v_base);
+    q[2] += kStep_s * turn_radps;
+  }
+  robot_.follow(std::make_shared<const Trajectory>(std::move(arc)), start, start);
+}
+
 void JointGroup::advance(Stamp now, RobotState& into) {
   while (robot_.time().ns + simulated::SimulatedRobot::kStep_ns <= now.ns) robot_.step();
   for (std::size_t i = 0; i < indices_.size(); ++i) {

@@ -9,6 +9,7 @@
 #include <sidestep/trajectory/braking.hpp>
 #include <sidestep/trajectory/splice.hpp>
 
+#include "base_drive.hpp"
 #include "conversions.hpp"
 
 namespace sidestep::ros1_executor {
@@ -76,6 +77,14 @@ Result<CommandWriter> CommandWriter::create(const RobotDescription& robot, const
   CommandWriter writer;
   writer.rate_hz_ = options.command_rate_hz;
   std::vector<bool> is_moved(robot.joints.size(), false);
+  if (options.twist) {
+    for (const auto& name :
+         {options.odometry->x_joint, options.odometry->y_joint, options.odometry->yaw_joint}) {
+      if (const auto index = robot.joint_index(name)) {
+        is_moved[static_cast<std::size_t>(*index)] = true;
+      }
+    }
+  }
   for (const ControllerEntry& entry : options.controllers) {
     Controller controller{entry.joints, {}};
     for (const std::string& name : entry.joints) {
@@ -197,13 +206,27 @@ Result<std::vector<ros_messages::JointTrajectory>> CommandWriter::turn_head(
 }
 
 CommandStream::CommandStream(const Options& options, MotionLimits limits, CommandWriter writer,
-                             RobotLink& link)
+                             RobotLink& link, std::unique_ptr<BaseDrive> drive)
     : is_shadow_(options.mode == "shadow"),
       horizon_s_(options.command_horizon_s),
       renewal_ns_(Stamp::from_seconds(options.command_renewal_s).ns),
       limits_(std::move(limits)),
       writer_(std::move(writer)),
-      link_(link) {}
+      link_(link),
+      drive_(std::move(drive)) {}
+
+CommandStream::~CommandStream() = default;
+
+std::vector<std::string> CommandStream::deaf_topics() const {
+  std::vector<std::string> deaf = link_.deaf_controllers();
+  if (auto topic = drive_ ? drive_->deaf_topic() : std::nullopt) deaf.push_back(std::move(*topic));
+  return deaf;
+}
+
+void CommandStream::command(const Trajectory& motion, Stamp ros_stamp) {
+  link_.command(writer_.write(motion, ros_stamp));
+  if (drive_) drive_->follow(motion, ros_stamp);
+}
 
 void CommandStream::begin() {
   sent_whole_ = false;
@@ -217,18 +240,19 @@ void CommandStream::send(const CommandedMotion& told, Stamp now, const ros1_node
   constexpr double kShortest_s = 1e-3;
   if (from_s + kShortest_s >= duration_s) return;
   sent_whole_ = horizon_s_ <= 0.0 || from_s + horizon_s_ >= duration_s;
-  const Trajectory window = command_window(told.trajectory(), from_s, horizon_s_, limits_);
-  link_.command(writer_.write(window, time.to_ros(from)));
+  command(command_window(told.trajectory(), from_s, horizon_s_, limits_), time.to_ros(from));
   sent_ = now;
 }
 
 void CommandStream::send_whole(const Trajectory& motion, Stamp ros_stamp) {
-  if (!is_shadow_) link_.command(writer_.write(motion, ros_stamp));
+  if (!is_shadow_) command(motion, ros_stamp);
   sent_whole_ = true;
 }
 
 void CommandStream::hold(Stamp ros_stamp) {
-  if (!is_shadow_) link_.command(writer_.write_hold(ros_stamp));
+  if (is_shadow_) return;
+  link_.command(writer_.write_hold(ros_stamp));
+  if (drive_) drive_->hold();
 }
 
 Result<void> CommandStream::turn_head(const HeadDescription& head, const HeadAngles& from,

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <sidestep/core/error.hpp>
@@ -18,6 +20,8 @@
 #include "ros1_executor.hpp"
 
 namespace sidestep::ros1_executor {
+
+class BaseDrive;
 
 /// What the robot has been told to do: a trajectory, whose time 0 is at a stamp of the run's clock.
 /// Kept once it has ended, for the robot is still held there. One thread at a time.
@@ -65,7 +69,7 @@ class CommandedMotion {
 class CommandWriter {
  public:
   /// Fails with kConfig for a joint that is neither the robot's nor held, and for one of the
-  /// robot's that no controller moves.
+  /// robot's that neither a controller nor `twist` moves.
   [[nodiscard]] static Result<CommandWriter> create(const RobotDescription& robot,
                                                     const Options& options);
 
@@ -104,12 +108,18 @@ class CommandWriter {
   std::vector<Controller> controllers_;
 };
 
-/// Sends controllers what the robot was told, stretch by stretch; in mode `shadow` nothing. One
-/// thread at a time.
+/// Sends controllers, and the drive of the base if there is one, what the robot was told, stretch
+/// by stretch; in mode `shadow` nothing. One thread at a time.
 class CommandStream {
  public:
-  /// `link` outlives this.
-  CommandStream(const Options& options, MotionLimits limits, CommandWriter writer, RobotLink& link);
+  /// `link` outlives this; `drive` may be null.
+  CommandStream(const Options& options, MotionLimits limits, CommandWriter writer, RobotLink& link,
+                std::unique_ptr<BaseDrive> drive);
+  /// The base comes to the end of what it was told before.
+  ~CommandStream();
+
+  /// The topics on which nobody listens.
+  [[nodiscard]] std::vector<std::string> deaf_topics() const;
 
   /// Another motion is to be sent, from its beginning.
   void begin();
@@ -125,6 +135,8 @@ class CommandStream {
                                        const HeadAngles& to, Stamp ros_stamp);
 
  private:
+  void command(const Trajectory& motion, Stamp ros_stamp);
+
   static constexpr Stamp kLongAgo{std::numeric_limits<std::int64_t>::min() / 2};
 
   bool is_shadow_;
@@ -133,6 +145,7 @@ class CommandStream {
   MotionLimits limits_;
   CommandWriter writer_;
   RobotLink& link_;
+  std::unique_ptr<BaseDrive> drive_;
   Stamp sent_ = kLongAgo;
   bool sent_whole_ = false;
 };

@@ -26,6 +26,18 @@ Parameters<ControllerEntry> ControllerEntry::parameters() {
            {.required = true});
 }
 
+Parameters<TwistOptions> TwistOptions::parameters() {
+  using T = TwistOptions;
+  return Parameters<T>()
+      .add("topic", &T::topic, "Takes geometry_msgs/Twist: speeds in the base's own frame.")
+      .add("rate_hz", &T::rate_hz,
+           "How often one is sent, while the base is told to move and for half a second after.",
+           {.unit = "Hz", .min = 5.0, .max = 500.0})
+      .add("gain_per_s", &T::gain_per_s,
+           "With which the base is brought back, by odometry, to where it is told to be; 0: not.",
+           {.unit = "1/s", .min = 0.0, .max = 20.0});
+}
+
 Parameters<HeldJoint> HeldJoint::parameters() {
   using H = HeldJoint;
   return Parameters<H>()
@@ -136,6 +148,10 @@ Parameters<Options> Options::parameters() {
       .add("joint_state_topics", &O::joint_state_topics, "sensor_msgs/JointState.")
       .add("odometry", &O::odometry, "Where the base is; absent: all joints are in joint states.")
       .add("controllers", &O::controllers, "Who moves which joints.")
+      .add(
+          "twist", &O::twist,
+          "Drives the base, the joints of `odometry`, by speeds, in place of a controller; absent: "
+          "not.")
       .add("hold", &O::hold, "Joints that controllers move but plans do not.")
       .add("command_rate_hz", &O::command_rate_hz,
            "Points of a command a second; controllers go between them by cubics, as plans do.",
@@ -172,14 +188,19 @@ Parameters<Options> Options::parameters() {
 std::vector<OptionMistake> Options::check() const {
   std::vector<OptionMistake> mistakes;
   if (joint_state_topics.empty()) mistakes.push_back({{"joint_state_topics"}, "is empty", {}});
-  if (mode != "shadow" && controllers.empty()) {
+  if (mode != "shadow" && controllers.empty() && !twist) {
     mistakes.push_back({{"mode", "controllers"}, "needs controllers, and there are none", {}});
   }
+  if (twist && !odometry) {
+    mistakes.push_back({{"twist", "odometry"}, "needs odometry, whose joints it moves", {}});
+  }
   std::set<std::string> moved;
+  if (twist && odometry) moved = {odometry->x_joint, odometry->y_joint, odometry->yaw_joint};
   for (const ControllerEntry& controller : controllers) {
     for (const std::string& joint : controller.joints) {
       if (moved.insert(joint).second) continue;
-      mistakes.push_back({{"controllers"}, "move joint '" + joint + "' twice", {}});
+      mistakes.push_back(
+          {{"controllers"}, "move joint '" + joint + "', which something else moves, too", {}});
     }
   }
   for (const HeldJoint& held : hold) {

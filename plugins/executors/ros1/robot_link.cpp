@@ -35,6 +35,19 @@ constexpr std::uint32_t kQueueLength = 50;
 
 }  // namespace
 
+std::optional<PlanarMotion> planar_motion_of(const ros_messages::Odometry& message,
+                                             bool is_twist_in_base) {
+  const auto pose = ros_messages::pose_of(message);
+  if (!pose) return {};
+  const Eigen::Matrix3d R = pose->rotation.toRotationMatrix();
+  const double yaw = std::atan2(R(1, 0), R(0, 0));
+  const auto& twist = message.twist.twist;
+  Eigen::Vector2d velocity(twist.linear.x, twist.linear.y);
+  if (is_twist_in_base) velocity = Eigen::Rotation2Dd(yaw) * velocity;
+  return PlanarMotion{{pose->translation_m.x(), pose->translation_m.y(), yaw},
+                      {velocity.x(), velocity.y(), twist.angular.z}};
+}
+
 Result<JointFeed> JointFeed::create(const RobotDescription& robot, const Options& options) {
   JointFeed feed;
   feed.clock_tolerance_s_ = options.watch.clock_tolerance_s;
@@ -97,18 +110,14 @@ void JointFeed::add(const ros_messages::JointState& message, Stamp received) {
 
 void JointFeed::add(const ros_messages::Odometry& message, Stamp received) {
   if (x_ < 0) return;
-  const auto pose = ros_messages::pose_of(message);
-  if (!pose) return;
+  const auto motion = planar_motion_of(message, is_twist_in_base_);
+  if (!motion) return;
   const Stamp stamp = ros_messages::to_stamp(message.header.stamp);
-  const Eigen::Matrix3d R = pose->rotation.toRotationMatrix();
-  const double yaw = std::atan2(R(1, 0), R(0, 0));
-  const auto& twist = message.twist.twist;
-  Eigen::Vector2d velocity(twist.linear.x, twist.linear.y);
-  if (is_twist_in_base_) velocity = Eigen::Rotation2Dd(yaw) * velocity;
-  const auto channel = [&](int index) -> Channel& { return channels_[idx(index)]; };
-  add(channel(x_), stamp, pose->translation_m.x(), velocity.x());
-  add(channel(y_), stamp, pose->translation_m.y(), velocity.y());
-  add(channel(yaw_), stamp, yaw, twist.angular.z);
+  Eigen::Index i = 0;
+  for (const int joint : {x_, y_, yaw_}) {
+    add(channels_[idx(joint)], stamp, motion->pose[i], motion->velocity[i]);
+    ++i;
+  }
   odometry_.received = received;
 }
 

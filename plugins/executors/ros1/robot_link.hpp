@@ -21,6 +21,17 @@
 
 namespace sidestep::ros1_executor {
 
+/// Of a base in its plane: x and y in m, yaw in rad, and how fast they change, in the world's
+/// frame.
+struct PlanarMotion {
+  Eigen::Vector3d pose;
+  Eigen::Vector3d velocity;
+};
+/// Nothing where the message's figures are no rigid transform. `is_twist_in_base`: its twist is in
+/// the base's frame, not the world's. [any]
+[[nodiscard]] std::optional<PlanarMotion> planar_motion_of(const ros_messages::Odometry& message,
+                                                           bool is_twist_in_base);
+
 /// A robot's state, from messages that tell of some joints each, at stamps of their own. All stamps
 /// are ROS's. One thread at a time.
 class JointFeed {

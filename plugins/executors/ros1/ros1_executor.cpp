@@ -16,6 +16,7 @@
 #include <sidestep/planning/map_display.hpp>
 #include <sidestep/trajectory/robot_motion.hpp>
 
+#include "base_drive.hpp"
 #include "commands.hpp"
 #include "conversions.hpp"
 #include "goals.hpp"
@@ -33,6 +34,7 @@ struct Parts {
   JointFeed feed;
   CommandWriter writer;
   MarkerPainter painter;
+  std::unique_ptr<BaseDrive> drive;  ///< Null: there is none.
 };
 
 /// A robot behind ROS 1: its state as topics tell it, motions to its controllers, what RViz shows.
@@ -107,7 +109,7 @@ RobotExecutor::RobotExecutor(const Options& options, const HostContext& context,
       time_(options.watch.clock_tolerance_s),
       painter_(std::move(parts.painter)),
       link_(options, std::move(parts.feed), std::move(parts.master)),
-      commands_(options, limits_, std::move(parts.writer), link_),
+      commands_(options, limits_, std::move(parts.writer), link_, std::move(parts.drive)),
       map_view_(options.markers.map, options.world_frame),
       confirmation_(options, context.log) {}
 
@@ -125,7 +127,7 @@ Result<void> RobotExecutor::connect() {
     link_.serve();
     SIDESTEP_TRY(ros1_node::update(time_, clock_));
     trouble = link_.trouble(ros1_node::ros_now());
-    const auto deaf = link_.deaf_controllers();
+    const auto deaf = commands_.deaf_topics();
     if (!trouble && !deaf.empty()) trouble = "no controller listens on " + deaf.front();
     if (!trouble && measured()) {
       compare_held();
@@ -328,9 +330,13 @@ Result<std::unique_ptr<Executor>> create_executor(const Options& options,
   auto painter = SIDESTEP_TRY(
       MarkerPainter::create(context.robot, options.markers.link.value_or(""), options.world_frame));
   auto master = SIDESTEP_TRY(ros1_node::join_ros(options.connect_wait_s, kMasterPeriod_s));
-  auto executor = SIDESTEP_TRY(
-      make_executor(options, context,
-                    {std::move(master), std::move(feed), std::move(writer), std::move(painter)}));
+  std::unique_ptr<BaseDrive> drive;
+  if (options.twist && options.mode != "shadow") {
+    drive = SIDESTEP_TRY(BaseDrive::create(robot, options));
+  }
+  auto executor = SIDESTEP_TRY(make_executor(options, context,
+                                             {std::move(master), std::move(feed), std::move(writer),
+                                              std::move(painter), std::move(drive)}));
   SIDESTEP_TRY(executor->connect());
   return std::unique_ptr<Executor>(std::move(executor));
 }

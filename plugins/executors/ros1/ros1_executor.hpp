@@ -13,7 +13,7 @@
 
 namespace sidestep::ros1_executor {
 
-/// Where the holonomic base is, of nav_msgs/Odometry.
+/// Where the base is, of nav_msgs/Odometry.
 struct OdometryOptions : ros_messages::BaseJoints {
   std::string topic = "/hsrb/odom";
   std::string twist_in = "base";
@@ -26,6 +26,14 @@ struct ControllerEntry {
   std::optional<std::string> state_topic;
   std::vector<std::string> joints;
   static Parameters<ControllerEntry> parameters();
+};
+
+/// Who drives the base where no controller moves its joints.
+struct TwistOptions {
+  std::string topic = "/cmd_vel";
+  double rate_hz = 50.0;
+  double gain_per_s = 1.5;
+  static Parameters<TwistOptions> parameters();
 };
 
 /// A joint that is not planned, and is kept where the robot's profile has it.
@@ -100,6 +108,7 @@ struct Options {
   std::vector<std::string> joint_state_topics{"/hsrb/joint_states"};
   std::optional<OdometryOptions> odometry;
   std::vector<ControllerEntry> controllers;
+  std::optional<TwistOptions> twist;
   std::vector<HeldJoint> hold;
   double command_rate_hz = 20.0;
   double command_horizon_s = 1.0;

@@ -233,6 +233,12 @@ TEST(CommandWriter, RefusesJointsNobodyKnowsAndJointsNobodyMoves) {
   EXPECT_THAT(also_refused.error().message, HasSubstr("no controller moves joint 'x'"));
   unmoved.mode = "shadow";
   EXPECT_TRUE(CommandWriter::create(robot_of_three(), unmoved));
+  unmoved.mode = "drive";
+  unmoved.odometry = OdometryOptions{};
+  unmoved.odometry->x_joint = "x";
+  unmoved.odometry->y_joint = "y";
+  unmoved.twist = TwistOptions{};
+  EXPECT_TRUE(CommandWriter::create(robot_of_three(), unmoved));
 }
 
 /// Against the motion sampled so finely that little is missed between two samples.
@@ -294,6 +300,12 @@ TEST(ExecutorOptions, AreCheckedTogether) {
   options = {};
   options.mode = "drive";
   EXPECT_THAT(names(options), ElementsAre("mode"));
+  options.twist = TwistOptions{};
+  EXPECT_THAT(names(options), ElementsAre("twist"));  // without odometry
+  options.odometry = OdometryOptions{};
+  EXPECT_THAT(names(options), ElementsAre());
+  options.controllers = {{"/base", {}, {options.odometry->yaw_joint}}};
+  EXPECT_THAT(names(options), ElementsAre("controllers"));
 }
 
 }  // namespace
