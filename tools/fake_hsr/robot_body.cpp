@@ -122,7 +122,9 @@ void JointGroup::drive(const ros_messages::Twist& twist, bool rolls, Stamp now) 
     q.head<2>() += kStep_s * (Eigen::Rotation2Dd(q[2] + 0.5 * kStep_s * turn_radps) * v_base);
     q[2] += kStep_s * turn_radps;
   }
+  const Stamp end{start.ns + Stamp::from_seconds(arc.duration_s()).ns};
   robot_.follow(std::make_shared<const Trajectory>(std::move(arc)), start, start);
+  robot_.brake(end);
 }
 
 void JointGroup::advance(Stamp now, RobotState& into) {

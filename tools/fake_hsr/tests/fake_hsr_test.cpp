@@ -108,6 +108,56 @@ TEST_F(Group, StopsWithinItsLimitsAtACommandWithoutPoints) {
   EXPECT_NEAR(state_.q[1] - q, 0.5 * speed * speed / 2.0, 2e-3);  // v^2 / 2a
 }
 
+/// A base along x and y and about z.
+TEST(BaseGroup, FollowsSpeedsInItsOwnFrameForAQuarterOfASecondAndThenBrakes) {
+  RobotDescription robot;
+  robot.name = "base";
+  for (const char* name : {"x", "y", "yaw"}) {
+    robot.joints.push_back({name, Joint::Type::kPrismatic, -10.0, 10.0, 1.0, 4.0});
+  }
+  constexpr double kYaw_rad = 0.7;
+  for (const bool rolls : {false, true}) {
+    RobotState state{Eigen::Vector3d(0.0, 0.0, kYaw_rad), Eigen::Vector3d::Zero()};
+    JointGroup group(robot, {"x", "y", "yaw"}, state.q, at_s(100.0));
+    ros_messages::Twist twist;
+    twist.linear.x = 0.4;
+    twist.linear.y = 0.2;
+    for (int i = 0; i < 50; ++i) {
+      group.drive(twist, rolls, at_s(100.0 + 0.02 * i));
+      group.advance(at_s(100.0 + 0.02 * i), state);
+    }
+    const Eigen::Vector2d v =
+        Eigen::Rotation2Dd(kYaw_rad) * Eigen::Vector2d(0.4, rolls ? 0.0 : 0.2);
+    EXPECT_LT((state.qdot.head<2>() - v).norm(), 0.01) << rolls;
+    EXPECT_LT((state.q.head<2>() - 0.98 * v).norm(), 0.02) << rolls;
+    group.advance(at_s(102.0), state);  // long after the last
+    EXPECT_EQ(state.qdot, Eigen::Vector3d::Zero());
+    // A quarter of a second at speed, and v^2 / 2a of each joint.
+    const Eigen::Vector2d stop = v.cwiseProduct(v.cwiseAbs()) / 8.0;
+    EXPECT_LT((state.q.head<2>() - (0.98 + 0.25) * v - stop).norm(), 0.02) << rolls;
+  }
+}
+
+TEST(BaseGroup, TurnsOnAnArc) {
+  RobotDescription robot;
+  robot.name = "base";
+  for (const char* name : {"x", "y", "yaw"}) {
+    robot.joints.push_back({name, Joint::Type::kPrismatic, -10.0, 10.0, 1.0, 40.0});
+  }
+  RobotState state{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  JointGroup group(robot, {"x", "y", "yaw"}, state.q, at_s(100.0));
+  ros_messages::Twist twist;  // a circle of half a metre
+  twist.linear.x = 0.4;
+  twist.angular.z = 0.8;
+  for (int i = 0; i <= 100; ++i) {
+    group.drive(twist, true, at_s(100.0 + 0.02 * i));
+    group.advance(at_s(100.0 + 0.02 * i), state);
+  }
+  EXPECT_NEAR(state.q[2], 1.6, 0.02);
+  EXPECT_NEAR(state.q[0], 0.5 * std::sin(state.q[2]), 0.01);
+  EXPECT_NEAR(state.q[1], 0.5 * (1.0 - std::cos(state.q[2])), 0.01);
+}
+
 TEST_F(Group, RefusesWhatAControllerWould) {
   JointGroup group(robot_, {"a", "b"}, state_.q, at_s(100.0));
   auto message = command(0.8);
