@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
 #include <utility>
 
@@ -68,7 +69,8 @@ Result<std::unique_ptr<BaseDrive>> BaseDrive::create(const RobotDescription& rob
   return std::unique_ptr<BaseDrive>(new BaseDrive(options, joints, tracking));
 }
 
-BaseDrive::BaseDrive(const Options& options, std::array<int, 3> joints, BaseTracking tracking)
+BaseDrive::BaseDrive(const Options& options, std::array<int, 3> joints,
+                     const BaseTracking& tracking)
     : joints_(joints),
       tracking_(tracking),
       rate_hz_(options.twist->rate_hz),
@@ -117,11 +119,13 @@ std::optional<BaseSpeeds> BaseDrive::speeds_at(Stamp now) {
     if (!next_.is_empty() && now >= next_.start()) {
       told_ = std::exchange(next_, {});
     }
-    const bool is_over = told_.is_empty() || !told_.is_under_way(now);
+    // Before its start, a clock was set back: it is not driven back to where that was.
+    const bool is_over =
+        told_.is_empty() || !told_.is_under_way(now) || told_.since_start_s(now) < 0.0;
     if (holds_ || !is_over) ended_ = now;
     holds_ = false;
     if (is_over) {
-      if (now.ns - ended_.ns > kStanding_ns) return {};
+      if (std::abs(now.ns - ended_.ns) > kStanding_ns) return {};
       return BaseSpeeds::Zero();
     }
     state = told_.at(now);

@@ -63,7 +63,7 @@ class BaseDrive {
   [[nodiscard]] std::optional<std::string> deaf_topic() const;
 
  private:
-  BaseDrive(const Options& options, std::array<int, 3> joints, BaseTracking tracking);
+  BaseDrive(const Options& options, std::array<int, 3> joints, const BaseTracking& tracking);
   void run(const std::stop_token& stop);
   /// What to send; nothing where all has ended.
   [[nodiscard]] std::optional<BaseSpeeds> speeds_at(Stamp now);
